@@ -1,0 +1,127 @@
+// Where fields are rendered and trained. One interface; the reference engine says what is right, the others are fast.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "GaussianField.h"
+#include "Loss.h"
+#include "SlicePlane.h"
+#include "Sweep.h"
+
+namespace bigus
+{
+
+/// Derivatives of the loss, in world frame and natural units.
+struct FieldGradient
+{
+  std::vector<Eigen::Vector3d> means;      ///< [N] dL/dmu, per mm
+  std::vector<Eigen::Vector3d> logScales;  ///< [N] dL/d ln s
+  std::vector<Eigen::Vector3d> rotations;  ///< [N] dL/d omega, R <- R exp([omega]x): turn about local axes, radian
+  std::vector<double> reflectivities;      ///< [N] dL/dr
+};
+
+/// Adam's step sizes; each in the unit of its parameter. Zero freezes the group.
+struct LearningRates
+{
+  double mean = 0;          ///< mm
+  double logScale = 0;      ///< natural logarithm of mm
+  double rotation = 0;      ///< radian
+  double reflectivity = 0;  ///< dimensionless
+};
+
+/// Bounds that hold after every step.
+struct ParameterLimits
+{
+  double minimumScale = 1e-6;  ///< mm
+  double maximumScale = 1e6;   ///< mm
+  bool positiveReflectivity = false;  ///< clamp r at 0 (the ablation of signed reflectivity)
+};
+
+/// How much of each Gaussian is evaluated. A splat's contribution to S that is dropped at any pixel is at most
+/// `tolerance` in absolute value; 0 evaluates everything. Reference engines always use 0.
+struct Truncation
+{
+  double tolerance = 1e-4;  ///< on S; multiply by gamma for a bound on I
+};
+
+/// Numbers a view can hold.
+enum class ViewOutput
+{
+  Intensity,  ///< I in [0, 1)
+  Scattering  ///< S, signed
+};
+
+/// Everything lives where the engine computes: frames, field, gradients and optimizer state. Only scalars come back
+/// from a training step; arrays come back when asked for. Results do not depend on the number of threads.
+/// Errors are thrown as bigus::Error. An engine is used by one thread at a time.
+class Engine
+{
+public:
+  virtual ~Engine() = default;
+
+  /// "auto" (the fastest present), "cpu", "reference", or a name added by a plug-in. Throws Error listing the names.
+  static std::unique_ptr<Engine> Create(const std::string& name = "auto");
+  /// Makes an engine available by name; `preferred` puts it first for "auto".
+  using Factory = std::function<std::unique_ptr<Engine>()>;
+  static void Register(const std::string& name, Factory factory, bool preferred);
+  static std::vector<std::string> Names();
+
+  /// Name of what computes, for reports: "CPU (AVX2, 2 threads)".
+  virtual std::string Device() const = 0;
+
+  /// Uploads a field. `parents[i]` is the index in the present field whose optimizer state Gaussian i inherits, or -1
+  /// for a fresh one; null resets all state.
+  virtual void SetField(const GaussianField& field, const std::vector<int>* parents = nullptr) = 0;
+  virtual GaussianField GetField() const = 0;
+  virtual std::size_t FieldSize() const = 0;
+
+  virtual void SetTruncation(const Truncation& truncation) = 0;
+
+  /// Renders plane pixels [firstRow, firstRow + rows) x [firstColumn, firstColumn + columns) of a view.
+  struct Window
+  {
+    int firstColumn = 0, firstRow = 0, columns = 0, rows = 0;
+  };
+  /// `image` gets rows * columns floats. `coverage`, if not null, gets as many: the sum over Gaussians of
+  /// w_i(p) (each footprint's weight, reflectivity left out), which falls to 0 where no Gaussian was ever seen.
+  virtual void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
+                      float* coverage) = 0;
+  void Render(const SlicePlane& plane, ViewOutput output, float* image, float* coverage = nullptr)
+  {
+    Render(plane, { 0, 0, plane.width, plane.height }, output, image, coverage);
+  }
+
+  /// Uploads the frames to train on. Masked pixels are trained as they are (black) unless ignoreMasked.
+  virtual void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) = 0;
+
+  /// Renders the frames, and adds up the loss (mean over the batch's pixels of weight * loss), its gradient with
+  /// respect to every parameter, and eq 14's error scores. Replaces the previous gradient; scores accumulate.
+  virtual double Backpropagate(const std::vector<int>& frames, LossKind loss) = 0;
+
+  /// One Adam step (beta 0.9, 0.999) along the gradient of the last Backpropagate.
+  virtual void Step(const LearningRates& rates, const ParameterLimits& limits) = 0;
+
+  /// Weighted least squares for all reflectivities with the geometry fixed (S is linear in r): conjugate gradients on
+  /// sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. Returns the relative residual.
+  virtual double SolveReflectivities(const std::vector<int>& frames, int iterations) = 0;
+
+  /// For tests and densification; not part of a step.
+  virtual FieldGradient GetGradient() const = 0;
+
+  /// Per Gaussian, summed since the last ResetScores.
+  struct Scores
+  {
+    std::vector<double> error;               ///< E_i of eq 14: sum_p |dL/dS| w_i
+    std::vector<Eigen::Vector3d> descent;    ///< sum of -dL/dmu
+    std::vector<double> visits;              ///< frames that saw the Gaussian
+  };
+  virtual Scores GetScores() const = 0;
+  virtual void ResetScores() = 0;
+};
+
+}  // namespace bigus
