@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "SlicePlane.h"
@@ -45,14 +46,15 @@ struct Sweep
 
   /// Box-averages n x n pixels (a partial block at the right or lower edge is dropped); poses follow, so that the new
   /// pixel (0, 0) lies at the centre of the first block. Pixels become float: no second rounding. n >= 1.
-  /// A reduced pixel counts as lit when any of its pixels was.
+  /// A reduced pixel counts as lit when any of its pixels was. n = 1 gives the sweep as it is, pixels shared.
+  /// Throws Error when the block does not fit the frame.
   Sweep Reduced(int n) const;
 
-  /// The frames named, in that order. Pixels are copied.
+  /// The frames named, in that order. Pixels are copied. Throws Error for a frame that is not there.
   Sweep Subset(const std::vector<int>& frames) const;
 
-  /// Throws Error unless there is at least one frame and every size, pose and float pixel is sound (float pixels must
-  /// lie in [0, 1]; poses must pass SlicePlane::Validate).
+  /// Throws Error unless there is at least one frame and every size, pose, weight and float pixel is sound (float
+  /// pixels must lie in [0, 1]; poses must be affine and pass SlicePlane::Validate; weights must not be negative).
   void Validate() const;
 };
 
