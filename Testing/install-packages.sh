@@ -1,0 +1,34 @@
+#!/bin/bash
+# Installs what building, testing and drawing need on Debian 12; asks apt only for what is missing.
+set -euo pipefail
+
+packages=(
+  g++ cmake ninja-build
+  libeigen3-dev libtbb-dev libhwy-dev libopencv-dev  # Core
+  libvtk9-dev python3-vtk9                           # filters, readers and their Python wrapping
+  libcli11-dev nlohmann-json3-dev                    # the bigus command
+  python3 python3-numpy python3-matplotlib           # the Python package; panels and curves
+  libgtest-dev xvfb libgl1-mesa-dri                  # tests
+)
+
+missing=()
+for package in "${packages[@]}"; do
+  status=$(dpkg-query -W -f '${Status}' "$package" 2>/dev/null || true)
+  [[ $status == "install ok installed" ]] || missing+=("$package")
+done
+((${#missing[@]})) || exit 0
+
+as_root=()
+if ((EUID != 0)); then
+  if ! command -v sudo >/dev/null; then
+    echo "These Debian packages are missing: ${missing[*]}" >&2
+    echo "Run this script as root, or install sudo, or ask an administrator to install them." >&2
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+
+echo "Installing: ${missing[*]}"
+"${as_root[@]}" apt-get -qq update
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+  apt-get -qq -y --no-install-recommends -o Dpkg::Use-Pty=0 install "${missing[@]}" >/dev/null

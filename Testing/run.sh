@@ -1,0 +1,28 @@
+#!/bin/bash
+# Builds everything in build/ and runs every test. Arguments go to ctest: Testing/run.sh -L unit
+set -euo pipefail
+
+source_folder=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+build_folder=$source_folder/build
+cd "$source_folder"
+
+Testing/install-packages.sh
+
+generator=()
+[[ -e $build_folder/CMakeCache.txt ]] || generator=(-G Ninja -DCMAKE_BUILD_TYPE=Release)
+cmake -S "$source_folder" -B "$build_folder" "${generator[@]}" -DBUILD_TESTING=ON
+cmake --build "$build_folder" --parallel "$(nproc)"
+
+# Rendering needs an X server even off screen. One serves the whole run: it picks a free display number itself and
+# writes it to its standard output, which is our end of the coprocess's pipe.
+server_log=$(mktemp)
+coproc server { exec Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2>"$server_log"; }
+server_pid=$server_PID
+trap 'kill "$server_pid" 2>/dev/null || true; rm -f "$server_log"' EXIT
+if ! read -r -t 60 -u "${server[0]}" display; then
+  echo "The virtual X server did not start:" >&2
+  cat "$server_log" >&2
+  exit 1
+fi
+
+DISPLAY=:$display ctest --test-dir "$build_folder" --output-on-failure --parallel "$(nproc)" "$@"
