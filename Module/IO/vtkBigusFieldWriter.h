@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusFieldWriter
+ * @brief   writes a field of signed 3-D Gaussians (.vtp, .ply)
+ *
+ * The input is a field as vtkBigusFieldReader and vtkBigusTrainer make it; it is checked first, and its cells are
+ * not looked at. The name's ending chooses the format:
+ *
+ * - `.vtp`: native and exact: every value in double, appended binary data compressed with zlib.
+ * - `.ply`: binary little-endian, for viewers of 3-D Gaussian splats: x, y, z, normals (0), f_dc_0..2, opacity,
+ *   scale_0..2 (natural logarithm) and rot_0..3 (w, x, y, z) as float, which show |r|, and an own property
+ *   `reflectivity` (double, signed). Gamma, the elevation sigma, the format version and the provenance are comment
+ *   lines. Read back, reflectivity, gamma and elevation sigma are exact, the rest has float precision.
+ *
+ * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an earlier
+ * file of that name as it was.
+ */
+#ifndef vtkBigusFieldWriter_h
+#define vtkBigusFieldWriter_h
+
+#include "vtkBigusIOModule.h"
+#include "vtkWriter.h"
+
+class vtkPolyData;
+
+class VTKBIGUSIO_EXPORT vtkBigusFieldWriter : public vtkWriter
+{
+public:
+  static vtkBigusFieldWriter* New();
+  vtkTypeMacro(vtkBigusFieldWriter, vtkWriter);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * The file to write, ending in .vtp or .ply. No default.
+   */
+  vtkSetFilePathMacro(FileName);
+  vtkGetFilePathMacro(FileName);
+  ///@}
+
+  vtkPolyData* GetInput();
+
+protected:
+  vtkBigusFieldWriter();
+  ~vtkBigusFieldWriter() override;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  void WriteData() override;
+
+  char* FileName;
+
+private:
+  vtkBigusFieldWriter(const vtkBigusFieldWriter&) = delete;
+  void operator=(const vtkBigusFieldWriter&) = delete;
+};
+
+#endif

@@ -1,0 +1,261 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusSequenceReader
+ * @brief   reads a tracked ultrasound sweep
+ *
+ * The output is a stack of frames, extent (0, W-1, 0, H-1, 0, N-1), spacing 1 and origin 0, whose third axis
+ * counts frames: it has no place in space of its own. Where the frames lie is in the field data:
+ *
+ * - `ImageToReference`: double, 16 components row-major, N tuples. Maps a 0-based pixel index (i, j, 0, 1) to mm.
+ * - `Timestamp`: double, N tuples, seconds. Only when every frame has one.
+ * - `Status`: unsigned char, N tuples. 1 = usable, 0 = rejected (see KeepRejectedFrames).
+ * - `SourceFrame`: int, N tuples. The frame's 0-based index in the file.
+ * - `Mask`: unsigned char, W * H tuples. 0 = never lit or clipped away. Only when AutoMask or a clip is on.
+ *
+ * Formats: MetaImage sequences as written by Plus, IGSIO and 3D Slicer (`.igs.mha`, `.mha`, `.mhd`), NRRD
+ * sequences with the same per-frame fields (`.nrrd`, `.seq.nrrd`, `.nhdr`), and a CSV of poses with PNG images.
+ * Scalars are one component of unsigned char, unsigned short or float. Pixels are brought to the marked-far (MF)
+ * order whatever the file's orientation flag says, as Plus does, because the transforms of a sequence refer to
+ * that order. See README.md beside this file for the details and for what is not supported.
+ *
+ * A frame is rejected, not repaired, when a transform it needs is absent, has a status other than OK, or gives a
+ * pose that is not finite, singular, not affine or reflected. The report says how many and why. When no frame is
+ * left the reader fails.
+ *
+ * The whole sweep is always produced, whatever extent is asked for. What the report below returns is valid after
+ * UpdateInformation(), also when that failed because all frames were rejected.
+ */
+#ifndef vtkBigusSequenceReader_h
+#define vtkBigusSequenceReader_h
+
+#include "vtkBigusIOModule.h"
+#include "vtkImageAlgorithm.h"
+
+class VTKBIGUSIO_EXPORT vtkBigusSequenceReader : public vtkImageAlgorithm
+{
+public:
+  static vtkBigusSequenceReader* New();
+  vtkTypeMacro(vtkBigusSequenceReader, vtkImageAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  /**
+   * 1 when the file opens and begins like a format this class reads; looks at its first 4 KiB only.
+   */
+  virtual int CanReadFile(VTK_FILEPATH const char* fileName);
+
+  ///@{
+  /**
+   * The sequence, or its header when the pixels are in a file of their own. No default.
+   */
+  vtkSetFilePathMacro(FileName);
+  vtkGetFilePathMacro(FileName);
+  ///@}
+
+  ///@{
+  /**
+   * A Plus configuration (XML) whose `CoordinateDefinitions` give transforms that the sequence lacks, such as
+   * ImageToProbe. A transform that the sequence has itself takes precedence. Default: none.
+   */
+  vtkSetFilePathMacro(ConfigFileName);
+  vtkGetFilePathMacro(ConfigFileName);
+  ///@}
+
+  ///@{
+  /**
+   * The coordinate frames that the poses lead from and to, by their names in the file. The shortest chain of
+   * transforms and inverses between them is used. Defaults: Image, Reference.
+   */
+  vtkSetStringMacro(FromFrame);
+  vtkGetStringMacro(FromFrame);
+  vtkSetStringMacro(ToFrame);
+  vtkGetStringMacro(ToFrame);
+  ///@}
+
+  ///@{
+  /**
+   * Accept a transform that has no status field. Plus writes one with every transform and refuses those without;
+   * other programs may not write any. Default: off.
+   */
+  vtkSetMacro(AssumeMissingStatusOK, vtkTypeBool);
+  vtkGetMacro(AssumeMissingStatusOK, vtkTypeBool);
+  vtkBooleanMacro(AssumeMissingStatusOK, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Accept poses with a negative determinant. In a sweep of equal frames a reflection is nearly always a
+   * calibration or orientation mistake. Default: off.
+   */
+  vtkSetMacro(AllowReflectedPoses, vtkTypeBool);
+  vtkGetMacro(AllowReflectedPoses, vtkTypeBool);
+  vtkBooleanMacro(AllowReflectedPoses, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Put rejected frames into the output too, with `Status` 0 and, where there is no pose, NaN. Default: off.
+   */
+  vtkSetMacro(KeepRejectedFrames, vtkTypeBool);
+  vtkGetMacro(KeepRejectedFrames, vtkTypeBool);
+  vtkBooleanMacro(KeepRejectedFrames, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Mark pixels that are 0 in every accepted frame as outside the image, in `Mask`. Default: on.
+   */
+  vtkSetMacro(AutoMask, vtkTypeBool);
+  vtkGetMacro(AutoMask, vtkTypeBool);
+  vtkBooleanMacro(AutoMask, vtkTypeBool);
+  ///@}
+
+  enum ClipModeType
+  {
+    CLIP_NONE = 0,
+    CLIP_RECTANGLE = 1,
+    CLIP_FAN = 2
+  };
+
+  ///@{
+  /**
+   * Pixels outside the clip shape become 0 and are marked in `Mask`. Default: none.
+   */
+  vtkSetClampMacro(ClipMode, int, CLIP_NONE, CLIP_FAN);
+  vtkGetMacro(ClipMode, int);
+  void SetClipModeToNone() { this->SetClipMode(CLIP_NONE); }
+  void SetClipModeToRectangle() { this->SetClipMode(CLIP_RECTANGLE); }
+  void SetClipModeToFan() { this->SetClipMode(CLIP_FAN); }
+  ///@}
+
+  ///@{
+  /**
+   * The clip rectangle, pixels: first column, first row (0-based), number of columns, number of rows, in MF order.
+   * A part outside the image is ignored; an empty intersection is an error. Default: 0, 0, 0, 0.
+   */
+  vtkSetVector4Macro(ClipRectangle, int);
+  vtkGetVector4Macro(ClipRectangle, int);
+  ///@}
+
+  ///@{
+  /**
+   * The clip fan, in MF order: its apex (i, j) in pixels (may lie outside the image), inner and outer radius in
+   * pixels, and first and last angle in degrees, measured from +j (away from the probe) towards +i.
+   * Needs 0 <= inner < outer and -180 <= first < last <= 180. Defaults: (0, 0), (0, 0), (-180, 180).
+   */
+  vtkSetVector2Macro(FanApex, double);
+  vtkGetVector2Macro(FanApex, double);
+  vtkSetVector2Macro(FanRadii, double);
+  vtkGetVector2Macro(FanRadii, double);
+  vtkSetVector2Macro(FanAngles, double);
+  vtkGetVector2Macro(FanAngles, double);
+  ///@}
+
+  ///@{
+  /**
+   * For a CSV of poses: the folder with the PNG images. Default: the CSV's own folder. Names in the `image` column
+   * are relative to it and must not leave it. Without that column and without ImagePattern the folder's PNG files
+   * are taken in the order of their names, and must be as many as the rows; then the folder has to be given.
+   */
+  vtkSetFilePathMacro(ImageFolder);
+  vtkGetFilePathMacro(ImageFolder);
+  ///@}
+
+  ///@{
+  /**
+   * For a CSV of poses: the image of 0-based row n, by a pattern with one %d or %0Nd in which n replaces the
+   * conversion, such as frame_%04d.png, relative to ImageFolder. Takes precedence over the `image` column.
+   * Default: none.
+   */
+  vtkSetFilePathMacro(ImagePattern);
+  vtkGetFilePathMacro(ImagePattern);
+  ///@}
+
+  /**
+   * How many frames the file holds, and how many of them were accepted and rejected.
+   */
+  int GetNumberOfFramesInFile();
+  int GetNumberOfAcceptedFrames();
+  int GetNumberOfRejectedFrames();
+
+  /**
+   * Why frames were rejected: the reasons, how many frames each took, and one line naming them all, such as
+   * "3 of 21 frames rejected: 2 for ProbeToTracker status INVALID (frames 4, 5), 1 for a pose that is not finite
+   * (frame 7)"; empty when there was none.
+   */
+  int GetNumberOfRejectionReasons();
+  const char* GetRejectionReason(int index);
+  int GetRejectionCount(int index);
+  const char* GetRejectionSummary();
+
+  /**
+   * The transforms there are, such as "ProbeToTracker", and where each comes from: "frames" (one per frame),
+   * "header" or "config".
+   */
+  int GetNumberOfTransforms();
+  const char* GetTransformName(int index);
+  const char* GetTransformSource(int index);
+
+  /**
+   * The chain used, such as "Image -> Probe -> Tracker -> Reference"; empty when there is none.
+   */
+  const char* GetTransformChain();
+
+  /**
+   * What the file says of its pixels: format, encoding (raw, zlib, gzip, png), element type (unsigned char,
+   * unsigned short, float), orientation flag as in the file, and frame size in pixels.
+   */
+  const char* GetFormat();
+  const char* GetEncoding();
+  const char* GetElementType();
+  const char* GetOrientation();
+  void GetFrameSize(int size[2]);
+
+  /**
+   * Geometry of the accepted frames, mm: pixel size along i and j (mean over frames), distance between the centres
+   * of successive frames (minimum, median, maximum; 0 for one frame), its sum, and the box of all frame corners
+   * (xmin, xmax, ymin, ymax, zmin, zmax).
+   */
+  void GetPixelSize(double size[2]);
+  void GetPlaneSpacing(double spacing[3]);
+  double GetPathLength();
+  void GetBounds(double bounds[6]);
+
+  /**
+   * Whether every accepted frame has a timestamp, and the seconds from the first to the last.
+   */
+  bool GetHasTimestamps();
+  double GetDuration();
+
+protected:
+  vtkBigusSequenceReader();
+  ~vtkBigusSequenceReader() override;
+
+  int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  char* FileName;
+  char* ConfigFileName;
+  char* FromFrame;
+  char* ToFrame;
+  char* ImageFolder;
+  char* ImagePattern;
+  vtkTypeBool AssumeMissingStatusOK;
+  vtkTypeBool AllowReflectedPoses;
+  vtkTypeBool KeepRejectedFrames;
+  vtkTypeBool AutoMask;
+  int ClipMode;
+  int ClipRectangle[4];
+  double FanApex[2];
+  double FanRadii[2];
+  double FanAngles[2];
+
+private:
+  vtkBigusSequenceReader(const vtkBigusSequenceReader&) = delete;
+  void operator=(const vtkBigusSequenceReader&) = delete;
+
+  class vtkInternals;
+  vtkInternals* Internals;
+};
+
+#endif
