@@ -1,0 +1,295 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class vtkBigusPhantomSource
+ * @brief a synthetic tracked ultrasound sweep, with the exact image of any other plane
+ *
+ * A world of sub-resolution scatterers (parenchyma, vessels, a cyst, a tumour, a bone with its bright boundary and
+ * shadow) is seen by a probe with a complex point-spread function: axial carrier and Gaussian envelope, Gaussian
+ * lateral and elevation profiles. Echoes add up coherently; the envelope is compressed to 8 bits.
+ *
+ * The output is a sweep: a stack (column, row, frame) of unsigned char with origin 0 and spacing 1, and the field
+ * data `ImageToReference` (16 components, row-major, one tuple a frame: pixel (i, j, 0, 1) to millimetres as recorded
+ * by the tracker), `TrueImageToReference` (the same without tracking noise), `Timestamp` (seconds) and, for convex
+ * and sector probes, `Mask` (0 = outside the fan). Asked for some frames only, it makes only those; the field data
+ * always describe all.
+ *
+ * ComputeTruth() gives the exact image of any plane: the very function that makes the frames.
+ *
+ * In the world, x points to the right, y into the body (the skin is y = 0) and z along an unrotated sweep, whose
+ * middle is the origin; millimetres. The same seed gives the same bits for any number of threads. An option out of
+ * range is reported when the source executes.
+ */
+#ifndef vtkBigusPhantomSource_h
+#define vtkBigusPhantomSource_h
+
+#include "vtkBigusFiltersModule.h" // For export macro
+#include "vtkImageAlgorithm.h"
+
+class vtkImageData;
+class vtkMatrix4x4;
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusPhantomSource : public vtkImageAlgorithm
+{
+public:
+  static vtkBigusPhantomSource* New();
+  vtkTypeMacro(vtkBigusPhantomSource, vtkImageAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  enum Probes
+  {
+    LINEAR = 0,
+    CONVEX = 1,
+    SECTOR = 2
+  };
+
+  enum Scenes
+  {
+    ORGAN = 0,
+    SPECKLE = 1,
+    POINTS = 2
+  };
+
+  ///@{
+  /**
+   * The shape of the image: LINEAR (parallel lines, everything lit), CONVEX (lines from an arc of large radius) or
+   * SECTOR (lines from an arc of small radius). Default: LINEAR.
+   */
+  vtkSetClampMacro(Probe, int, LINEAR, SECTOR);
+  vtkGetMacro(Probe, int);
+  void SetProbeToLinear() { this->SetProbe(LINEAR); }
+  void SetProbeToConvex() { this->SetProbe(CONVEX); }
+  void SetProbeToSector() { this->SetProbe(SECTOR); }
+  const char* GetProbeAsString();
+  ///@}
+
+  ///@{
+  /**
+   * What the probe looks at: ORGAN, SPECKLE (homogeneous parenchyma) or POINTS (point targets 10 mm apart in empty
+   * space, at (10 a, 10 b + 5, 10 c) mm). Default: ORGAN.
+   */
+  vtkSetClampMacro(Scene, int, ORGAN, POINTS);
+  vtkGetMacro(Scene, int);
+  void SetSceneToOrgan() { this->SetScene(ORGAN); }
+  void SetSceneToSpeckle() { this->SetScene(SPECKLE); }
+  void SetSceneToPoints() { this->SetScene(POINTS); }
+  const char* GetSceneAsString();
+  ///@}
+
+  ///@{
+  /**
+   * Places the scatterers, moves the hand and draws the tracker's noise; the anatomy stays. Any value. Default: 1.
+   */
+  vtkSetMacro(Seed, vtkTypeUInt64);
+  vtkGetMacro(Seed, vtkTypeUInt64);
+  ///@}
+
+  ///@{
+  /**
+   * Number of frames, 1 to 100000. Default: 64.
+   */
+  vtkSetMacro(NumberOfFrames, int);
+  vtkGetMacro(NumberOfFrames, int);
+  ///@}
+
+  ///@{
+  /**
+   * Width and height of a frame in pixels, each 8 to 8192; a width of 0 means 256 for a linear probe and 384 for the
+   * others. Default: 0, 256.
+   */
+  vtkSetVector2Macro(FrameSize, int);
+  vtkGetVector2Macro(FrameSize, int);
+  ///@}
+
+  ///@{
+  /**
+   * Side of a (square) pixel in mm, 0.01 to 5. Default: 0.2.
+   */
+  vtkSetMacro(PixelSize, double);
+  vtkGetMacro(PixelSize, double);
+  ///@}
+
+  ///@{
+  /**
+   * Radius in mm of the arc from which the lines of a convex or sector probe start, 2 to 500; 0 means 25 (convex) or
+   * 4 (sector). Default: 0.
+   */
+  vtkSetMacro(ProbeRadius, double);
+  vtkGetMacro(ProbeRadius, double);
+  ///@}
+
+  ///@{
+  /**
+   * Degrees to each side that a convex or sector probe reaches, 1 to 80; 0 means 32 (convex) or 44 (sector).
+   * Default: 0.
+   */
+  vtkSetMacro(HalfAngle, double);
+  vtkGetMacro(HalfAngle, double);
+  ///@}
+
+  ///@{
+  /**
+   * Carrier frequency in MHz (at 1540 m/s), 0.5 to 50. Default: 5.
+   */
+  vtkSetMacro(Frequency, double);
+  vtkGetMacro(Frequency, double);
+  ///@}
+
+  ///@{
+  /**
+   * Standard deviations in mm of the two-way amplitude point-spread function along the beam and across it (in the
+   * plane), the same at every depth; each 0.02 to 5. Default: 0.2 and 0.4.
+   */
+  vtkSetMacro(AxialSigma, double);
+  vtkGetMacro(AxialSigma, double);
+  vtkSetMacro(LateralSigma, double);
+  vtkGetMacro(LateralSigma, double);
+  ///@}
+
+  ///@{
+  /**
+   * The known slice thickness: standard deviation in mm of the two-way amplitude profile out of plane, the same at
+   * every depth; 0.05 to 10. A point target's envelope fades as exp(-z^2 / (2 ElevationSigma^2)) when the plane
+   * moves z away. Default: 0.8.
+   */
+  vtkSetMacro(ElevationSigma, double);
+  vtkGetMacro(ElevationSigma, double);
+  ///@}
+
+  ///@{
+  /**
+   * Scatterers in a cubic millimetre of parenchyma, 1 to 1000. Fully developed speckle needs 10 or more in a
+   * resolution cell of (2 pi)^(3/2) AxialSigma LateralSigma ElevationSigma. Default: 40.
+   */
+  vtkSetMacro(ScattererDensity, double);
+  vtkGetMacro(ScattererDensity, double);
+  ///@}
+
+  ///@{
+  /**
+   * Attenuation of parenchyma in dB / (cm MHz), one way, 0 to 3. Time gain compensates parenchyma exactly, so fluid
+   * brightens what lies behind it. Default: 0.5.
+   */
+  vtkSetMacro(Attenuation, double);
+  vtkGetMacro(Attenuation, double);
+  ///@}
+
+  ///@{
+  /**
+   * Decibels between black and white, 10 to 120. Default: 50.
+   */
+  vtkSetMacro(DynamicRange, double);
+  vtkGetMacro(DynamicRange, double);
+  ///@}
+
+  ///@{
+  /**
+   * The echo shown white, in dB above the root-mean-square echo of parenchyma, -40 to 100. Default: 24.
+   */
+  vtkSetMacro(WhiteLevel, double);
+  vtkGetMacro(WhiteLevel, double);
+  ///@}
+
+  ///@{
+  /**
+   * Mean travel between frames in mm, 0 to 20. Default: 0.5.
+   */
+  vtkSetMacro(FrameSpacing, double);
+  vtkGetMacro(FrameSpacing, double);
+  ///@}
+
+  ///@{
+  /**
+   * Uneven speed: the spacing varies smoothly by at most this share of its mean, 0 to 0.95. Default: 0.4.
+   */
+  vtkSetMacro(SpeedVariation, double);
+  vtkGetMacro(SpeedVariation, double);
+  ///@}
+
+  ///@{
+  /**
+   * Freehand motion: bound in degrees (0 to 45) within which each of the probe's three angles wanders, and bound in
+   * mm (0 to 20) within which it wanders sideways and in depth. Default: 3 and 0.5.
+   */
+  vtkSetMacro(Tilt, double);
+  vtkGetMacro(Tilt, double);
+  vtkSetMacro(Wander, double);
+  vtkGetMacro(Wander, double);
+  ///@}
+
+  ///@{
+  /**
+   * Turns probe and travel about the depth axis, in degrees, -360 to 360. Two sources that differ only in this make
+   * crossing sweeps of one world. Default: 0.
+   */
+  vtkSetMacro(SweepAngle, double);
+  vtkGetMacro(SweepAngle, double);
+  ///@}
+
+  ///@{
+  /**
+   * Frames a second, 0.1 to 10000; sets the timestamps. Default: 20.
+   */
+  vtkSetMacro(FrameRate, double);
+  vtkGetMacro(FrameRate, double);
+  ///@}
+
+  ///@{
+  /**
+   * Tracking noise: standard deviations of the recorded position in mm (0 to 10) and rotation in degrees (0 to 20),
+   * for each axis, about the middle of the image's first row. Frames stay where they truly were. Default: 0 and 0.
+   */
+  vtkSetMacro(TrackingNoise, double);
+  vtkGetMacro(TrackingNoise, double);
+  vtkSetMacro(TrackingRotationNoise, double);
+  vtkGetMacro(TrackingRotationNoise, double);
+  ///@}
+
+  /**
+   * Writes into `truth` the exact image of the plane whose pixel (i, j) lies at `imageToReference` (i, j, 0, 1), in
+   * mm: one frame in the form of the output (a sweep of one, with its pose and mask). The columns of the matrix must
+   * be orthogonal: the second is the direction of the beams, and the probe's face is centred on the first row. A
+   * linear probe is as wide and deep as the plane; a fan keeps its size. Returns false after reporting an error.
+   */
+  bool ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* truth);
+
+protected:
+  vtkBigusPhantomSource();
+  ~vtkBigusPhantomSource() override;
+
+  int RequestInformation(vtkInformation* request, vtkInformationVector** inputVector,
+    vtkInformationVector* outputVector) override;
+  int RequestData(vtkInformation* request, vtkInformationVector** inputVector,
+    vtkInformationVector* outputVector) override;
+
+  int Probe;
+  int Scene;
+  vtkTypeUInt64 Seed;
+  int NumberOfFrames;
+  int FrameSize[2];
+  double PixelSize;
+  double ProbeRadius;
+  double HalfAngle;
+  double Frequency;
+  double AxialSigma;
+  double LateralSigma;
+  double ElevationSigma;
+  double ScattererDensity;
+  double Attenuation;
+  double DynamicRange;
+  double WhiteLevel;
+  double FrameSpacing;
+  double SpeedVariation;
+  double Tilt;
+  double Wander;
+  double SweepAngle;
+  double FrameRate;
+  double TrackingNoise;
+  double TrackingRotationNoise;
+
+private:
+  vtkBigusPhantomSource(const vtkBigusPhantomSource&) = delete;
+  void operator=(const vtkBigusPhantomSource&) = delete;
+};
+
+#endif
