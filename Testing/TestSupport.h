@@ -55,9 +55,9 @@ private:
 }  // namespace bigus::test
 
 /// Skips the test, naming the file, when a real data file is not there; else `path` is its name.
-#define BIGUS_REQUIRE_DATA(path, name)                                                     \
-  const std::string path = (::bigus::test::DataFolder() / (name)).string();               \
-  if (!std::filesystem::exists(path))                                                      \
-  {                                                                                        \
+#define BIGUS_REQUIRE_DATA(path, name)                                                       \
+  const std::string path = (::bigus::test::DataFolder() / (name)).string();                  \
+  if (!std::filesystem::exists(path))                                                        \
+  {                                                                                          \
     GTEST_SKIP() << "no " << path << " (set BIGUS_DATA to the folder that holds real data)"; \
   }
