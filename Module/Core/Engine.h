@@ -42,11 +42,15 @@ struct ParameterLimits
   bool positiveReflectivity = false;  ///< clamp r at 0 (the ablation of signed reflectivity)
 };
 
-/// How much of each Gaussian is evaluated. A splat's contribution to S that is dropped at any pixel is at most
-/// `tolerance` in absolute value; 0 evaluates everything. Reference engines always use 0.
+/// How much of each Gaussian is evaluated: the knob of speed against error. Footprints end where a contribution
+/// |r| w to S falls below a bound that follows from `tolerance`; 0 evaluates everything. The reference engine always
+/// evaluates everything.
 struct Truncation
 {
-  double tolerance = 1e-4;  ///< on S; multiply by gamma for a bound on I
+  double tolerance = 1e-4;  ///< on S, >= 0. An error of dS in S is an error of at most gamma dS in I.
+  /// false: all that is dropped at any one pixel adds up to at most `tolerance` (guaranteed, float rounding apart).
+  /// true: each splat drops at most `tolerance`; the sum is not bounded, and training is faster for it.
+  bool perSplat = false;
 };
 
 /// Numbers a view can hold.
