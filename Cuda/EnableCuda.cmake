@@ -4,7 +4,7 @@ if(BIGUS_WITH_CUDA STREQUAL "OFF")
 endif()
 
 if(NOT CMAKE_CUDA_COMPILER AND NOT DEFINED ENV{CUDACXX})
-  find_program(BIGUS_NVCC nvcc HINTS "$ENV{CUDA_HOME}/bin" "$ENV{CUDA_PATH}/bin" /usr/local/cuda/bin
+  find_program(BIGUS_NVCC nvcc PATHS "$ENV{CUDA_HOME}/bin" "$ENV{CUDA_PATH}/bin" /usr/local/cuda/bin
     DOC "The CUDA compiler")
   mark_as_advanced(BIGUS_NVCC)
   if(BIGUS_NVCC)

@@ -1,0 +1,6 @@
+# Installs BUILD_FOLDER into PREFIX by way of another folder, so that a tree that only works where it was installed
+# first is noticed.
+file(REMOVE_RECURSE "${PREFIX}" "${PREFIX}.first")
+execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD_FOLDER}" --prefix "${PREFIX}.first"
+  OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+file(RENAME "${PREFIX}.first" "${PREFIX}")
