@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusImageMetrics
+ * @brief   How close an ultrasound image is to the truth: PSNR, SSIM and speckle
+ *
+ * Input 0 is the image, input 1 the truth, of equal dimensions; both with one component, unsigned char
+ * (divided by 255) or float in [0, 1]. The output is a table with one row for each z slice and the columns
+ *
+ * | column | meaning |
+ * |---|---|
+ * | Slice | index along z |
+ * | PSNR | 10 log10(1 / mean squared error), dB; infinite for equal slices |
+ * | SSIM | mean structural similarity, Gaussian window of 11 x 11 pixels; slices must be at least that large
+ * | | BFS | backscatter fidelity, 0.4 MeanContrast + 0.4 ContrastDistribution + 0.2 Rayleigh | |
+ * MeanContrast, ContrastDistribution, Rayleigh | its three terms, 0 to 1 |
+ *
+ * The getters give mean and, for PSNR and SSIM, standard deviation over slices (0 for one slice).
+ */
+#ifndef vtkBigusImageMetrics_h
+#define vtkBigusImageMetrics_h
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkTableAlgorithm.h"
+
+class vtkAlgorithmOutput;
+class vtkDataObject;
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusImageMetrics : public vtkTableAlgorithm
+{
+public:
+  static vtkBigusImageMetrics* New();
+  vtkTypeMacro(vtkBigusImageMetrics, vtkTableAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * The truth (input 1).
+   */
+  void SetTruthConnection(vtkAlgorithmOutput* port) { this->SetInputConnection(1, port); }
+  void SetTruthData(vtkDataObject* image) { this->SetInputData(1, image); }
+  ///@}
+
+  ///@{
+  /**
+   * Results of the last update: mean and standard deviation over slices.
+   */
+  vtkGetMacro(PSNR, double);
+  vtkGetMacro(PSNRStandardDeviation, double);
+  vtkGetMacro(SSIM, double);
+  vtkGetMacro(SSIMStandardDeviation, double);
+  vtkGetMacro(BFS, double);
+  vtkGetMacro(MeanContrast, double);
+  vtkGetMacro(ContrastDistribution, double);
+  vtkGetMacro(Rayleigh, double);
+  ///@}
+
+protected:
+  vtkBigusImageMetrics();
+  ~vtkBigusImageMetrics() override = default;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  double PSNR = 0;
+  double PSNRStandardDeviation = 0;
+  double SSIM = 0;
+  double SSIMStandardDeviation = 0;
+  double BFS = 0;
+  double MeanContrast = 0;
+  double ContrastDistribution = 0;
+  double Rayleigh = 0;
+
+private:
+  vtkBigusImageMetrics(const vtkBigusImageMetrics&) = delete;
+  void operator=(const vtkBigusImageMetrics&) = delete;
+};
+
+#endif

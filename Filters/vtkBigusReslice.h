@@ -1,0 +1,308 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusReslice
+ * @brief   The ultrasound image that a Gaussian field predicts at any plane
+ *
+ * The input is a field: a vtkPolyData whose points are Gaussians (see vtkBigusTrainer for its arrays). The
+ * output is what the probe would have shown with its image plane there: every pixel is the sum of all
+ * Gaussians seen through the beam's elevation profile, passed through the transfer function of the display.
+ * The plane is placed exactly as in vtkImageReslice, whose names are kept where the meaning is the same, so
+ * this filter can stand in its place. For an output index (i, j, k)
+ *
+ *     x = ResliceTransform( ResliceAxes * (OutputOrigin + OutputSpacing * (i, j, k)) )
+ *
+ * is its place in the field's frame, mm. A 3-D output is a stack of planes, each seen through the beam on its
+ * own.
+ *
+ * Output 0 is the image, output 1 the coverage (float): the summed weight of all footprints at the pixel with
+ * reflectivity left out. It falls to 0 where the sweep never looked, so a viewer can grey that out. Output 2,
+ * filled when GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds
+ * CoverageThreshold.
+ *
+ * Any part of the output may be asked for, whole or streamed: each pixel comes out with the same bits.
+ * A plane that misses the field, and a field without Gaussians, give a background image. The uploaded field
+ * is kept between updates, so moving the plane is cheap; it is uploaded again when the input changes.
+ *
+ * @sa vtkBigusVoxelizer vtkImageReslice
+ */
+#ifndef vtkBigusReslice_h
+#define vtkBigusReslice_h
+
+#include <memory>  // for the renderer
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkImageAlgorithm.h"
+
+namespace bigus
+{
+class FieldRenderer;
+}
+class vtkAbstractTransform;
+class vtkAlgorithmOutput;
+class vtkImageStencilData;
+class vtkMatrix4x4;
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusReslice : public vtkImageAlgorithm
+{
+public:
+  static vtkBigusReslice* New();
+  vtkTypeMacro(vtkBigusReslice, vtkImageAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * The plane's pose: columns 0 and 1 are the directions of the output's x and y axes, column 2 the direction
+   * in which the slices of a 3-D output follow each other, column 3 their origin, mm. Null (default) is the
+   * identity. The matrix is used by reference: a change to it is seen at the next update.
+   */
+  virtual void SetResliceAxes(vtkMatrix4x4* axes);
+  vtkMatrix4x4* GetResliceAxes() const { return this->ResliceAxes; }
+  ///@}
+
+  ///@{
+  /**
+   * The first three columns of ResliceAxes: the x, y and z axes of the output in the field's frame. Makes the
+   * matrix when there is none.
+   */
+  void SetResliceAxesDirectionCosines(double x0, double x1, double x2, double y0, double y1, double y2,
+                                      double z0, double z1, double z2);
+  void SetResliceAxesDirectionCosines(const double x[3], const double y[3], const double z[3]);
+  void SetResliceAxesDirectionCosines(const double xyz[9]);
+  void GetResliceAxesDirectionCosines(double x[3], double y[3], double z[3]);
+  void GetResliceAxesDirectionCosines(double xyz[9]);
+  ///@}
+
+  ///@{
+  /**
+   * The last column of ResliceAxes: where the output's coordinate (0, 0, 0) lies in the field's frame, mm.
+   * Makes the matrix when there is none.
+   */
+  void SetResliceAxesOrigin(double x, double y, double z);
+  void SetResliceAxesOrigin(const double origin[3]);
+  void GetResliceAxesOrigin(double origin[3]);
+  ///@}
+
+  ///@{
+  /**
+   * A transform from resliced coordinates to the field's frame, applied after ResliceAxes. Null (default) is
+   * none. It must keep planes flat and evenly spaced (vtkTransform, vtkMatrixToLinearTransform, ...): with a
+   * perspective or a nonlinear transform the update fails with an error.
+   */
+  virtual void SetResliceTransform(vtkAbstractTransform* transform);
+  vtkAbstractTransform* GetResliceTransform() const { return this->ResliceTransform; }
+  ///@}
+
+  ///@{
+  /**
+   * An image from which the default OutputSpacing, OutputOrigin and OutputExtent are derived, turned to the
+   * output's axes as in vtkImageReslice. Null (default): a grid over the field's bounds stands in for it,
+   * with cubic voxels, 256 along the longest side. The field's bounds hold every Gaussian to 3 standard
+   * deviations. Using that grid updates the input when the output information is asked for.
+   */
+  virtual void SetInformationInput(vtkImageData* image);
+  vtkImageData* GetInformationInput() const { return this->InformationInput; }
+  ///@}
+
+  ///@{
+  /**
+   * Size of a pixel and distance between slices, in units of the axes (mm). Default: from InformationInput.
+   * Pixels must measure 1e-6 to 1e6 mm.
+   */
+  virtual void SetOutputSpacing(double x, double y, double z);
+  virtual void SetOutputSpacing(const double spacing[3]);
+  vtkGetVector3Macro(OutputSpacing, double);
+  void SetOutputSpacingToDefault();
+  ///@}
+
+  ///@{
+  /**
+   * Coordinate of pixel (0, 0, 0) along the axes, mm. Default: centred on InformationInput.
+   */
+  virtual void SetOutputOrigin(double x, double y, double z);
+  virtual void SetOutputOrigin(const double origin[3]);
+  vtkGetVector3Macro(OutputOrigin, double);
+  void SetOutputOriginToDefault();
+  ///@}
+
+  ///@{
+  /**
+   * First and last index along each axis. Default: from InformationInput.
+   */
+  virtual void SetOutputExtent(int x0, int x1, int y0, int y1, int z0, int z1);
+  virtual void SetOutputExtent(const int extent[6]);
+  vtkGetVector6Macro(OutputExtent, int);
+  void SetOutputExtentToDefault();
+  ///@}
+
+  ///@{
+  /**
+   * Number of axes along which the output has an extent, 0 to 3, default 3. As in vtkImageReslice the
+   * remaining ones get extent (0, 0) and origin 0: with 2 the output is the single slice at z = 0 of the
+   * axes.
+   */
+  vtkSetClampMacro(OutputDimensionality, int, 0, 3);
+  vtkGetMacro(OutputDimensionality, int);
+  ///@}
+
+  /** What a pixel holds. */
+  enum
+  {
+    Intensity = 0,       ///< displayed grey I in [0, 1); 0 to 255 for 8-bit output
+    ScatteringField = 1  ///< S before the transfer function: signed, linear in reflectivity
+  };
+
+  ///@{
+  /**
+   * What a pixel holds, default Intensity. ScatteringField needs float output.
+   */
+  vtkSetClampMacro(OutputMode, int, Intensity, ScatteringField);
+  vtkGetMacro(OutputMode, int);
+  void SetOutputModeToIntensity() { this->SetOutputMode(Intensity); }
+  void SetOutputModeToScatteringField() { this->SetOutputMode(ScatteringField); }
+  ///@}
+
+  ///@{
+  /**
+   * VTK_FLOAT (default) or VTK_UNSIGNED_CHAR: round(255 I). The coverage is always float.
+   */
+  vtkSetMacro(OutputScalarType, int);
+  vtkGetMacro(OutputScalarType, int);
+  void SetOutputScalarTypeToFloat() { this->SetOutputScalarType(VTK_FLOAT); }
+  void SetOutputScalarTypeToUnsignedChar() { this->SetOutputScalarType(VTK_UNSIGNED_CHAR); }
+  ///@}
+
+  ///@{
+  /**
+   * Standard deviation of the elevation profile, mm: how thick a slice is seen. 0 is an infinitely thin
+   * plane. Negative (default -1): the one the field was trained under. It is measured in the field's frame
+   * along the plane's normal, whatever the axes scale.
+   */
+  vtkSetMacro(ElevationSigma, double);
+  vtkGetMacro(ElevationSigma, double);
+  ///@}
+
+  ///@{
+  /**
+   * How much of one Gaussian may be left out of a pixel's intensity to save time, 0 to 1, default 1e-4 (a
+   * fortieth of a grey level of 255). 0 evaluates every Gaussian at every pixel.
+   */
+  vtkSetMacro(Tolerance, double);
+  vtkGetMacro(Tolerance, double);
+  ///@}
+
+  ///@{
+  /**
+   * A pixel counts as seen where its coverage exceeds this, at least 0, default 0. Pixels not seen get
+   * BackgroundLevel and are left out of the stencil. At 0 the border lies where Tolerance ends the outermost
+   * Gaussians; a few hundredths of a typical coverage give a border that means more.
+   */
+  vtkSetMacro(CoverageThreshold, double);
+  vtkGetMacro(CoverageThreshold, double);
+  ///@}
+
+  ///@{
+  /**
+   * Value of pixels not seen, in units of the output scalars (0 to 255 for 8-bit output). Default 0.
+   */
+  vtkSetMacro(BackgroundLevel, double);
+  vtkGetMacro(BackgroundLevel, double);
+  ///@}
+
+  ///@{
+  /**
+   * Whether output 1 is filled, default on. Off saves about half the work; output 1 is then empty.
+   */
+  vtkSetMacro(GenerateCoverageOutput, vtkTypeBool);
+  vtkGetMacro(GenerateCoverageOutput, vtkTypeBool);
+  vtkBooleanMacro(GenerateCoverageOutput, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Whether output 2, the stencil of seen pixels, is filled. Default off.
+   */
+  vtkSetMacro(GenerateStencilOutput, vtkTypeBool);
+  vtkGetMacro(GenerateStencilOutput, vtkTypeBool);
+  vtkBooleanMacro(GenerateStencilOutput, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * The most pixels one update may ask for; more is an error before anything is allocated. Default 2^29 (2
+   * GiB of float), at least 1. A larger output can be streamed.
+   */
+  vtkSetClampMacro(MaximumOutputPixels, vtkIdType, 1, VTK_ID_MAX);
+  vtkGetMacro(MaximumOutputPixels, vtkIdType);
+  ///@}
+
+  ///@{
+  /**
+   * Which engine renders: "auto" (default, the fastest present), "cpu", "reference" (double precision, every
+   * Gaussian at every pixel, slow), or the name of a plug-in.
+   */
+  vtkSetStringMacro(Engine);
+  vtkGetStringMacro(Engine);
+  ///@}
+
+  /** What rendered the last output, for example "CPU (AVX2, 2 threads)"; empty before. */
+  const char* GetDevice() const;
+
+  ///@{
+  /**
+   * The coverage, float.
+   */
+  vtkAlgorithmOutput* GetCoverageOutputPort() { return this->GetOutputPort(1); }
+  vtkImageData* GetCoverageOutput();
+  ///@}
+
+  ///@{
+  /**
+   * The stencil of seen pixels.
+   */
+  vtkAlgorithmOutput* GetStencilOutputPort() { return this->GetOutputPort(2); }
+  vtkImageStencilData* GetStencilOutput();
+  ///@}
+
+  /** Follows ResliceAxes, ResliceTransform and InformationInput. */
+  vtkMTimeType GetMTime() override;
+
+protected:
+  vtkBigusReslice();
+  ~vtkBigusReslice() override;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int FillOutputPortInformation(int port, vtkInformation* info) override;
+  int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  vtkMatrix4x4* ResliceAxes = nullptr;
+  vtkAbstractTransform* ResliceTransform = nullptr;
+  vtkImageData* InformationInput = nullptr;
+  double OutputSpacing[3] = {1, 1, 1};
+  double OutputOrigin[3] = {0, 0, 0};
+  int OutputExtent[6] = {0, 0, 0, 0, 0, 0};
+  bool ComputeOutputSpacing = true;
+  bool ComputeOutputOrigin = true;
+  bool ComputeOutputExtent = true;
+  int OutputDimensionality = 3;
+  int OutputMode = Intensity;
+  int OutputScalarType = VTK_FLOAT;
+  double ElevationSigma = -1;
+  double Tolerance = 1e-4;
+  double CoverageThreshold = 0;
+  double BackgroundLevel = 0;
+  vtkTypeBool GenerateCoverageOutput = 1;
+  vtkTypeBool GenerateStencilOutput = 0;
+  vtkIdType MaximumOutputPixels = vtkIdType(1) << 29;
+  char* Engine = nullptr;
+
+private:
+  vtkBigusReslice(const vtkBigusReslice&) = delete;
+  void operator=(const vtkBigusReslice&) = delete;
+
+  std::unique_ptr<bigus::FieldRenderer> Renderer;
+};
+
+#endif

@@ -1,0 +1,395 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusTrainer
+ * @brief   Learns a Gaussian field from a tracked ultrasound sweep
+ *
+ * Input 0 is the sweep, as vtkBigusSequenceReader and vtkBigusPhantomSource give it: an image stack (x, y,
+ * frame) with the field data `ImageToReference`, 16 components row by row for each frame, that takes pixel
+ * indices (i, j, 0, 1) to mm. `Status` (0 = frame rejected) is honoured; `Mask` marks pixels never lit.
+ * Pixels are unsigned char, unsigned short or float in [0, 1].
+ *
+ * Output 0 is the field, a vtkPolyData with one point (mm, the sweep's reference frame) for each Gaussian and
+ *
+ * | array | where | meaning |
+ * |---|---|---|
+ * | `Scale` [3] | points | standard deviations along the Gaussian's own axes, mm |
+ * | `Rotation` [4] | points | quaternion w, x, y, z that turns these axes into the reference frame |
+ * | `Reflectivity` [1] | points, active scalars | signed, dimensionless |
+ * | `Gamma` [1] | field data | display compression: I = 1 - exp(-Gamma max(S, 0)) |
+ * | `ElevationSigma` [1] | field data | standard deviation of the elevation profile trained under, mm |
+ * | `FormatVersion` [1] | field data | 1 |
+ * | `Provenance` | field data | strings key=value: how the field came about |
+ *
+ * Output 1 is the training log, a vtkTable with the columns Iteration, Seconds, Loss, ValidationPSNR (dB, NaN
+ * where not measured), Gaussians and Rate (share of the first learning rate).
+ *
+ * Input 1, optional, is a field to continue from instead of seeding a new one; its Gamma stays.
+ *
+ * Training reports progress, with a line of text in GetProgressText(), and stops soon after AbortExecute is
+ * set; the output is then the best field so far and GetAborted() is true. The same sweep, options and Seed
+ * give the same field on the same machine with any number of threads, unless TimeLimit cuts it short.
+ */
+#ifndef vtkBigusTrainer_h
+#define vtkBigusTrainer_h
+
+#include <string>  // for the device
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkPolyDataAlgorithm.h"
+#include "vtkSmartPointer.h"  // for the lists of frames
+
+class vtkIntArray;
+class vtkTable;
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusTrainer : public vtkPolyDataAlgorithm
+{
+public:
+  static vtkBigusTrainer* New();
+  vtkTypeMacro(vtkBigusTrainer, vtkPolyDataAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * The field to continue from (input 1). None (default): seed a new one.
+   */
+  void SetInitialFieldConnection(vtkAlgorithmOutput* port) { this->SetInputConnection(1, port); }
+  void SetInitialFieldData(vtkDataObject* field) { this->SetInputData(1, field); }
+  ///@}
+
+  ///@{
+  /**
+   * Which engine trains: "auto" (default, the fastest present), "cpu", "reference" (double precision, for
+   * tests), or the name of a plug-in.
+   */
+  vtkSetStringMacro(Engine);
+  vtkGetStringMacro(Engine);
+  ///@}
+
+  /** Where the first Gaussians are put. */
+  enum
+  {
+    Harris = 0,          ///< more at corners of the image (Harris response)
+    IntensityBased = 1,  ///< more where the image is bright, evenly spread
+    Random = 2           ///< uniformly in the swept volume
+  };
+
+  ///@{
+  /**
+   * Where the first Gaussians are put, default IntensityBased. Without effect when continuing from a field.
+   */
+  vtkSetClampMacro(Seeding, int, Harris, Random);
+  vtkGetMacro(Seeding, int);
+  void SetSeedingToHarris() { this->SetSeeding(Harris); }
+  void SetSeedingToIntensityBased() { this->SetSeeding(IntensityBased); }
+  void SetSeedingToRandom() { this->SetSeeding(Random); }
+  ///@}
+
+  ///@{
+  /**
+   * Gaussians to seed, 1 to 2^26, default 100000. Without effect when continuing from a field.
+   */
+  vtkSetMacro(NumberOfGaussians, vtkIdType);
+  vtkGetMacro(NumberOfGaussians, vtkIdType);
+  ///@}
+
+  ///@{
+  /**
+   * Standard deviation of the probe's elevation profile, mm. 0 is an infinitely thin plane. Negative (default
+   * -1): automatic, 0.3 mm, or 0.8 mm when planes lie more than 1 mm apart; when continuing, the field's own.
+   */
+  vtkSetMacro(ElevationSigma, double);
+  vtkGetMacro(ElevationSigma, double);
+  void SetElevationSigmaToAutomatic() { this->SetElevationSigma(-1); }
+  ///@}
+
+  ///@{
+  /**
+   * Every HoldOut-th frame, those with index % HoldOut == HoldOut / 2, is kept out of training to score the
+   * field with; 0 (default) keeps none, 1 is refused. Indices count the frames that are not rejected.
+   */
+  vtkSetMacro(HoldOut, int);
+  vtkGetMacro(HoldOut, int);
+  ///@}
+
+  ///@{
+  /**
+   * Of the remaining frames every Validation-th, by the same rule, decides when to stop; 0 (default) keeps
+   * none and training runs to its end, 1 is refused.
+   */
+  vtkSetMacro(Validation, int);
+  vtkGetMacro(Validation, int);
+  ///@}
+
+  ///@{
+  /**
+   * Evaluations on the validation frames without a better PSNR before training stops, at least 1, default 10.
+   */
+  vtkSetMacro(Patience, int);
+  vtkGetMacro(Patience, int);
+  ///@}
+
+  ///@{
+  /**
+   * Optimizer steps, 0 (seeding only) to 10^7, default 1000.
+   */
+  vtkSetMacro(Iterations, int);
+  vtkGetMacro(Iterations, int);
+  ///@}
+
+  ///@{
+  /**
+   * Seconds of training, 0 (default) for no limit. The schedule of learning rates is fitted to it.
+   */
+  vtkSetMacro(TimeLimit, double);
+  vtkGetMacro(TimeLimit, double);
+  ///@}
+
+  ///@{
+  /**
+   * Frames in one optimizer step, 1 to 4096, default 8.
+   */
+  vtkSetMacro(Batch, int);
+  vtkGetMacro(Batch, int);
+  ///@}
+
+  ///@{
+  /**
+   * Seed of everything random, default 1.
+   */
+  vtkSetMacro(Seed, vtkTypeUInt64);
+  vtkGetMacro(Seed, vtkTypeUInt64);
+  ///@}
+
+  /** How a pixel's error is counted. */
+  enum
+  {
+    L1 = 0,  ///< absolute difference of intensities
+    L2 = 1   ///< squared difference
+  };
+
+  ///@{
+  /**
+   * How a pixel's error is counted, default L1.
+   */
+  vtkSetClampMacro(Loss, int, L1, L2);
+  vtkGetMacro(Loss, int);
+  void SetLossToL1() { this->SetLoss(L1); }
+  void SetLossToL2() { this->SetLoss(L2); }
+  ///@}
+
+  ///@{
+  /**
+   * Whether a Gaussian may have negative reflectivity and so darken others, default on.
+   */
+  vtkSetMacro(SignedReflectivity, vtkTypeBool);
+  vtkGetMacro(SignedReflectivity, vtkTypeBool);
+  vtkBooleanMacro(SignedReflectivity, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Whether pixels that the sweep's Mask marks as never lit are left out of the loss. Default off: they are
+   * learned as black.
+   */
+  vtkSetMacro(IgnoreMasked, vtkTypeBool);
+  vtkGetMacro(IgnoreMasked, vtkTypeBool);
+  vtkBooleanMacro(IgnoreMasked, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * How much of one Gaussian may be left out of a pixel's scattering S during training, 0 to 1, default 1e-3.
+   */
+  vtkSetMacro(Tolerance, double);
+  vtkGetMacro(Tolerance, double);
+  ///@}
+
+  ///@{
+  /**
+   * First step size of the Gaussians' centres, in pixels, at least 0, default 0.6. 0 freezes them.
+   */
+  vtkSetMacro(MeanRate, double);
+  vtkGetMacro(MeanRate, double);
+  ///@}
+
+  ///@{
+  /**
+   * First step size of the logarithm of the scales and of the rotation (radian), at least 0, default 0.08.
+   */
+  vtkSetMacro(ShapeRate, double);
+  vtkGetMacro(ShapeRate, double);
+  ///@}
+
+  ///@{
+  /**
+   * First step size of the reflectivities, in units of their mean magnitude, at least 0, default 0.15.
+   */
+  vtkSetMacro(ReflectivityRate, double);
+  vtkGetMacro(ReflectivityRate, double);
+  ///@}
+
+  ///@{
+  /**
+   * The share of the step sizes that is left at the end of training, above 0 to 1, default 0.05.
+   */
+  vtkSetMacro(FinalRate, double);
+  vtkGetMacro(FinalRate, double);
+  ///@}
+
+  ///@{
+  /**
+   * Conjugate-gradient steps on the reflectivities before training. Negative (default -1): automatic, 8, or 0
+   * when planes lie more than 1 mm apart.
+   */
+  vtkSetMacro(SolveIterations, int);
+  vtkGetMacro(SolveIterations, int);
+  ///@}
+
+  ///@{
+  /**
+   * Bounds of the scales, mm. Negative (default -1): automatic, 0.25 and 48 pixels.
+   */
+  vtkSetMacro(MinimumScale, double);
+  vtkGetMacro(MinimumScale, double);
+  vtkSetMacro(MaximumScale, double);
+  vtkGetMacro(MaximumScale, double);
+  ///@}
+
+  ///@{
+  /**
+   * Iterations between restructurings of the field, which add Gaussians where the error stays and remove idle
+   * ones; 0 (default) never.
+   */
+  vtkSetMacro(DensificationInterval, int);
+  vtkGetMacro(DensificationInterval, int);
+  ///@}
+
+  ///@{
+  /**
+   * Gaussians whose error score lies above this percentile are densified, 0 to 100, default 95.
+   */
+  vtkSetMacro(DensificationPercentile, double);
+  vtkGetMacro(DensificationPercentile, double);
+  ///@}
+
+  ///@{
+  /**
+   * No growth beyond this many Gaussians; 0 (default) is twice the first number.
+   */
+  vtkSetMacro(DensificationCap, vtkIdType);
+  vtkGetMacro(DensificationCap, vtkIdType);
+  ///@}
+
+  ///@{
+  /**
+   * First and last restructuring as shares of the training, 0 to 1, default 0.1 and 0.6.
+   */
+  vtkSetMacro(DensificationStart, double);
+  vtkGetMacro(DensificationStart, double);
+  vtkSetMacro(DensificationStop, double);
+  vtkGetMacro(DensificationStop, double);
+  ///@}
+
+  ///@{
+  /**
+   * A Gaussian whose largest scale exceeds this many pixels is split in two, a smaller one cloned. Default 2.
+   */
+  vtkSetMacro(SplitScale, double);
+  vtkGetMacro(SplitScale, double);
+  ///@}
+
+  ///@{
+  /**
+   * The share of its reflectivity that each of a cloned pair gets, above 0 to 1, default 0.5.
+   */
+  vtkSetMacro(CloneReflectivity, double);
+  vtkGetMacro(CloneReflectivity, double);
+  ///@}
+
+  ///@{
+  /**
+   * A Gaussian with less than this share of the mean magnitude of reflectivity is removed, 0 to 1, default
+   * 0.01.
+   */
+  vtkSetMacro(PruneReflectivity, double);
+  vtkGetMacro(PruneReflectivity, double);
+  ///@}
+
+  ///@{
+  /**
+   * What the last training did: optimizer steps, seconds, what computed, and whether it was stopped from
+   * outside.
+   */
+  vtkGetMacro(IterationsDone, int);
+  vtkGetMacro(Seconds, double);
+  const char* GetDevice() const { return this->Device.c_str(); }
+  vtkGetMacro(Aborted, bool);
+  ///@}
+
+  ///@{
+  /**
+   * Frames of the last training, by index in the image's third axis.
+   */
+  vtkIntArray* GetTrainingFrames();
+  vtkIntArray* GetValidationFrames();
+  vtkIntArray* GetHeldOutFrames();
+  ///@}
+
+  /** Output 1, the training log. */
+  vtkTable* GetLog();
+
+protected:
+  vtkBigusTrainer();
+  ~vtkBigusTrainer() override;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int FillOutputPortInformation(int port, vtkInformation* info) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  char* Engine = nullptr;
+  int Seeding = IntensityBased;
+  vtkIdType NumberOfGaussians = 100000;
+  double ElevationSigma = -1;
+  int HoldOut = 0;
+  int Validation = 0;
+  int Patience = 10;
+  int Iterations = 1000;
+  double TimeLimit = 0;
+  int Batch = 8;
+  vtkTypeUInt64 Seed = 1;
+  int Loss = L1;
+  vtkTypeBool SignedReflectivity = 1;
+  vtkTypeBool IgnoreMasked = 0;
+  double Tolerance = 1e-3;
+  double MeanRate = 0.6;
+  double ShapeRate = 0.08;
+  double ReflectivityRate = 0.15;
+  double FinalRate = 0.05;
+  int SolveIterations = -1;
+  double MinimumScale = -1;
+  double MaximumScale = -1;
+  int DensificationInterval = 0;
+  double DensificationPercentile = 95;
+  vtkIdType DensificationCap = 0;
+  double DensificationStart = 0.1;
+  double DensificationStop = 0.6;
+  double SplitScale = 2;
+  double CloneReflectivity = 0.5;
+  double PruneReflectivity = 0.01;
+
+  int IterationsDone = 0;
+  double Seconds = 0;
+  std::string Device;
+  bool Aborted = false;
+  vtkSmartPointer<vtkIntArray> TrainingFrames;
+  vtkSmartPointer<vtkIntArray> ValidationFrames;
+  vtkSmartPointer<vtkIntArray> HeldOutFrames;
+
+private:
+  vtkBigusTrainer(const vtkBigusTrainer&) = delete;
+  void operator=(const vtkBigusTrainer&) = delete;
+};
+
+#endif
