@@ -1,0 +1,32 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tracked B-mode ultrasound as signed 3-D Gaussians.
+
+A sweep of tracked frames trains a field of Gaussians; the field predicts the image at any plane::
+
+    import bigus
+
+    sweep = bigus.read("sweep.igs.mha")
+    field, log = bigus.train(sweep, Gaussians=50000, HoldOut=8)
+    image = bigus.reslice(field, bigus.poses(sweep)[4])
+    print(bigus.metrics(image, bigus.frames(sweep)[4]))
+
+Sweeps are vtkImageData, fields vtkPolyData, and the classes (vtkBigusTrainer, vtkBigusReslice, ...) are ordinary VTK
+classes, so everything mixes with any VTK pipeline. Lengths are millimetres, intensities lie in [0, 1] (0 to 255 in
+8-bit arrays), matrices are row-major as numpy has them.
+"""
+
+# VTK's own wrapped classes must be there before the classes derived from them.
+import vtkmodules.vtkCommonDataModel  # noqa: F401
+import vtkmodules.vtkCommonExecutionModel  # noqa: F401
+import vtkmodules.vtkIOCore  # noqa: F401
+
+from .vtkBigusFilters import *  # noqa: F401,F403
+from .vtkBigusIO import *  # noqa: F401,F403
+
+from .arrays import frames, image, poses, sweep
+from .pipeline import update
+from .tasks import metrics, read, reslice, train, write
+
+__all__ = ["frames", "image", "metrics", "poses", "read", "reslice", "sweep", "train", "update", "write"]
+__all__ += [name for name in globals() if name.startswith("vtkBigus")]

@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Running VTK algorithms the Python way: properties by name, errors as exceptions."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import Any, Callable
+
+from vtkmodules.vtkCommonCore import VTK_STRING
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
+
+# What VTK puts before a message: "ERROR: In file.cxx, line 12\nvtkClass (0x55d0): "
+_PREFIX = re.compile(r"^(?:ERROR|Warning): In [^\n]*, line \d+\n(?:\w+ \([^)]*\): )?")
+
+
+def set_properties(algorithm: vtkAlgorithm, properties: dict[str, Any]) -> None:
+    """Calls Set<Name>(value) for each property."""
+    for name, value in properties.items():
+        setter = getattr(algorithm, "Set" + name, None)
+        if setter is None:
+            known = sorted(method[3:] for method in dir(algorithm) if method.startswith("Set"))
+            close = [k for k in known if k.lower() == name.replace("_", "").lower()]
+            hint = f"; did you mean {close[0]}?" if close else ""
+            raise TypeError(f"{algorithm.GetClassName()} has no property {name}{hint}")
+        try:
+            setter(value)
+        except TypeError as error:
+            raise TypeError(f"{algorithm.GetClassName()}.{name} = {value!r}: {error}") from None
+
+
+def _run(algorithm: vtkAlgorithm, action: Callable[[], Any]) -> None:
+    errors: list[str] = []
+    consequences: list[str] = []
+
+    def collect(messages: list[str]) -> Callable[..., None]:
+        def on_message(caller: Any, event: str, text: str) -> None:
+            messages.append(_PREFIX.sub("", text).strip())
+
+        on_message.CallDataType = VTK_STRING
+        return on_message
+
+    def on_warning(caller: Any, event: str, text: str) -> None:
+        warnings.warn(_PREFIX.sub("", text).strip(), RuntimeWarning, stacklevel=5)
+
+    on_warning.CallDataType = VTK_STRING
+
+    # An observed message is not printed. The executive only reports that the algorithm failed, not why.
+    executive = algorithm.GetExecutive()
+    observed = [
+        (algorithm, algorithm.AddObserver("ErrorEvent", collect(errors))),
+        (algorithm, algorithm.AddObserver("WarningEvent", on_warning)),
+        (executive, executive.AddObserver("ErrorEvent", collect(consequences))),
+    ]
+    try:
+        action()
+    finally:
+        for subject, tag in observed:
+            subject.RemoveObserver(tag)
+    messages = errors or consequences
+    if messages:
+        raise RuntimeError("\n".join(messages))
+    if algorithm.GetErrorCode():
+        raise RuntimeError(f"{algorithm.GetClassName()} failed with VTK error code {algorithm.GetErrorCode()}")
+
+
+def update(algorithm: vtkAlgorithm) -> vtkAlgorithm:
+    """Updates an algorithm (a writer writes); its VTK errors become RuntimeError, its warnings RuntimeWarning."""
+    _run(algorithm, algorithm.Write if hasattr(algorithm, "Write") else algorithm.Update)
+    return algorithm

@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Read, train, reslice, score, write: one call each."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Callable, Optional, Union
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkTable
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+from .arrays import _pixels, image
+from .pipeline import set_properties, update
+from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusReslice, vtkBigusTrainer
+from .vtkBigusIO import (
+    vtkBigusFieldReader,
+    vtkBigusFieldWriter,
+    vtkBigusSequenceReader,
+    vtkBigusSequenceWriter,
+)
+
+FIELD_EXTENSIONS = (".vtp", ".ply")
+
+
+def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData, vtkPolyData]:
+    """Reads a field (.vtp, .ply: vtkPolyData) or else a tracked sweep (vtkImageData).
+
+    properties are those of vtkBigusFieldReader or vtkBigusSequenceReader, by their VTK names:
+    ``read("sweep.igs.mha", ToFrame="Tracker")``. Raises RuntimeError when the file cannot be read.
+    """
+    name = os.fspath(path)
+    is_field = name.lower().endswith(FIELD_EXTENSIONS)
+    reader = vtkBigusFieldReader() if is_field else vtkBigusSequenceReader()
+    reader.SetFileName(name)
+    set_properties(reader, properties)
+    return update(reader).GetOutput()
+
+
+def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike], **properties: Any) -> None:
+    """Writes a field (vtkPolyData, to .vtp or .ply) or a tracked sweep (vtkImageData, to .igs.mha).
+
+    properties are those of vtkBigusFieldWriter or vtkBigusSequenceWriter. Raises RuntimeError on failure, and then
+    leaves no file behind.
+    """
+    writer = vtkBigusFieldWriter() if isinstance(data, vtkPolyData) else vtkBigusSequenceWriter()
+    writer.SetFileName(os.fspath(path))
+    writer.SetInputDataObject(data)
+    set_properties(writer, properties)
+    update(writer)
+
+
+def train(
+    sweep: vtkImageData,
+    progress: Optional[Callable[[float, str], Optional[bool]]] = None,
+    start: Optional[vtkPolyData] = None,
+    **properties: Any,
+) -> tuple[vtkPolyData, vtkTable]:
+    """Trains a field on a sweep; gives the field and the training log.
+
+    progress(fraction, text) is called now and then; when it returns False training stops there and gives the best
+    field so far. start is a field to continue from. properties are those of vtkBigusTrainer by their VTK names.
+    """
+    trainer = vtkBigusTrainer()
+    trainer.SetInputDataObject(0, sweep)
+    if start is not None:
+        trainer.SetInputDataObject(1, start)
+    set_properties(trainer, properties)
+
+    failure: list[BaseException] = []
+
+    def on_progress(caller: Any, event: str) -> None:
+        if failure:
+            return
+        try:
+            go_on = progress(trainer.GetProgress(), trainer.GetProgressText() or "")
+        except BaseException as error:  # VTK would print it and go on; it belongs to our caller
+            failure.append(error)
+            go_on = False
+        if go_on is False:
+            trainer.SetAbortExecute(1)
+
+    if progress is not None:
+        trainer.AddObserver("ProgressEvent", on_progress)
+    update(trainer)
+    if failure:
+        raise failure[0]
+    return trainer.GetOutputDataObject(0), trainer.GetOutputDataObject(1)
+
+
+def _matrix(plane: Union[np.ndarray, vtkMatrix4x4]) -> np.ndarray:
+    if isinstance(plane, vtkMatrix4x4):
+        return np.array([[plane.GetElement(row, column) for column in range(4)] for row in range(4)])
+    matrix = np.asarray(plane, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        raise ValueError(f"a plane is a 4 x 4 matrix, not of shape {matrix.shape}")
+    return matrix
+
+
+def _size_of_view(field: vtkPolyData, matrix: np.ndarray) -> tuple[int, int]:
+    """(width, height) of the image that starts at pixel (0, 0) and reaches the field's last Gaussian either way."""
+    advice = "give size=(width, height)"
+    if field.GetNumberOfPoints() == 0:
+        raise ValueError(f"the field is empty, so there is nothing to size the image by; {advice}")
+    points = vtk_to_numpy(field.GetPoints().GetData())
+    pixels = (points - matrix[:3, 3]) @ np.linalg.pinv(matrix[:3, :2]).T
+    width, height = (int(n) for n in np.ceil(pixels.max(axis=0)) + 1)
+    if width < 1 or height < 1:
+        raise ValueError(f"the whole field lies before pixel (0, 0) of this plane; {advice}")
+    return width, height
+
+
+def reslice(
+    field: vtkPolyData,
+    plane: Union[np.ndarray, vtkMatrix4x4],
+    size: Optional[tuple[int, int]] = None,
+    spacing: Union[None, float, tuple[float, float]] = None,
+    **properties: Any,
+) -> np.ndarray:
+    """The image that the field predicts at a plane: float32 [height, width] in [0, 1).
+
+    plane: 4 x 4 ImageToReference: pixel (i, j, 0, 1) to mm, as in ``poses(sweep)``.
+    size: (width, height) in pixels; by default the image starts at pixel (0, 0) and reaches to the field's far end.
+    spacing: pixel size, mm, one number or (along i, along j); by default the length of the matrix's columns.
+    properties: those of vtkBigusReslice by their VTK names, such as ``ElevationSigma=0``,
+    ``OutputMode=vtkBigusReslice.ScatteringField`` (then signed values) or ``OutputScalarType=VTK_UNSIGNED_CHAR``.
+
+    For many planes of one field, and for the coverage, use a vtkBigusReslice: it uploads the field only once.
+    """
+    matrix = _matrix(plane).copy()
+    if not np.isfinite(matrix).all() or np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])) == 0:
+        raise ValueError("the first two columns of the plane's matrix must be finite and span a plane")
+    if spacing is not None:
+        matrix[:3, :2] *= np.broadcast_to(spacing, 2) / np.linalg.norm(matrix[:3, :2], axis=0)
+    width, height = size if size is not None else _size_of_view(field, matrix)
+    if width < 1 or height < 1:
+        raise ValueError(f"the size must be positive, not {width} x {height}")
+
+    # The image is one slice: the third column only has to make the matrix regular.
+    normal = np.cross(matrix[:3, 0], matrix[:3, 1])
+    matrix[:3, 2] = normal / np.linalg.norm(normal)
+    matrix[3] = (0, 0, 0, 1)
+    axes = vtkMatrix4x4()
+    axes.DeepCopy(matrix.ravel())
+
+    filter = vtkBigusReslice()
+    filter.SetInputDataObject(field)
+    filter.SetResliceAxes(axes)
+    filter.SetOutputDimensionality(2)
+    filter.SetOutputOrigin(0, 0, 0)
+    filter.SetOutputSpacing(1, 1, 1)
+    filter.SetOutputExtent(0, int(width) - 1, 0, int(height) - 1, 0, 0)
+    filter.GenerateCoverageOutputOff()
+    set_properties(filter, properties)
+    return _pixels(update(filter).GetOutput())[0]
+
+
+def metrics(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> dict[str, float]:
+    """How close image a is to the truth b: both [height, width] or [frames, height, width], or vtkImageData.
+
+    uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
+    terms of bfs: mean_contrast, contrast_distribution, rayleigh; each the mean over frames.
+    """
+    filter = vtkBigusImageMetrics()
+    filter.SetInputDataObject(0, a if isinstance(a, vtkImageData) else image(a))
+    filter.SetInputDataObject(1, b if isinstance(b, vtkImageData) else image(b))
+    update(filter)
+    return {
+        "psnr": filter.GetPSNR(),
+        "ssim": filter.GetSSIM(),
+        "bfs": filter.GetBFS(),
+        "mean_contrast": filter.GetMeanContrast(),
+        "contrast_distribution": filter.GetContrastDistribution(),
+        "rayleigh": filter.GetRayleigh(),
+    }
