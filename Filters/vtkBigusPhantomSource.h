@@ -4,30 +4,36 @@
  * @class vtkBigusPhantomSource
  * @brief a synthetic tracked ultrasound sweep, with the exact image of any other plane
  *
- * A world of sub-resolution scatterers (parenchyma, vessels, a cyst, a tumour, a bone with its bright boundary and
- * shadow) is seen by a probe with a complex point-spread function: axial carrier and Gaussian envelope, Gaussian
- * lateral and elevation profiles. Echoes add up coherently; the envelope is compressed to 8 bits.
+ * A world of sub-resolution scatterers (parenchyma, vessels, a cyst, a tumour, a bone with its bright
+ * boundary and shadow) is seen by a probe with a complex point-spread function: axial carrier and Gaussian
+ * envelope, Gaussian lateral and elevation profiles. Echoes add up coherently; the envelope is compressed to
+ * 8 bits.
  *
- * The output is a sweep: a stack (column, row, frame) of unsigned char with origin 0 and spacing 1, and the field
- * data `ImageToReference` (16 components, row-major, one tuple a frame: pixel (i, j, 0, 1) to millimetres as recorded
- * by the tracker), `TrueImageToReference` (the same without tracking noise), `Timestamp` (seconds) and, for convex
- * and sector probes, `Mask` (0 = outside the fan). Asked for some frames only, it makes only those; the field data
- * always describe all.
+ * The output is a sweep: a stack (column, row, frame) of unsigned char with origin 0 and spacing 1, and the
+ * field data `ImageToReference` (16 components, row-major, one tuple a frame: pixel (i, j, 0, 1) to
+ * millimetres as recorded by the tracker), `TrueImageToReference` (the same without tracking noise),
+ * `Timestamp` (seconds) and, for convex and sector probes, `Mask` (0 = outside the fan). The whole sweep is
+ * made, whatever part of it is asked for.
  *
  * ComputeTruth() gives the exact image of any plane: the very function that makes the frames.
  *
- * In the world, x points to the right, y into the body (the skin is y = 0) and z along an unrotated sweep, whose
- * middle is the origin; millimetres. The same seed gives the same bits for any number of threads. An option out of
- * range is reported when the source executes.
+ * In the world, x points to the right, y into the body (the skin is y = 0) and z along an unrotated sweep,
+ * whose middle is the origin; millimetres. The same seed gives the same bits for any number of threads. An
+ * option out of range is reported when the source executes.
  */
 #ifndef vtkBigusPhantomSource_h
 #define vtkBigusPhantomSource_h
 
-#include "vtkBigusFiltersModule.h" // For export macro
+#include "vtkBigusFiltersModule.h"  // For export macro
 #include "vtkImageAlgorithm.h"
 
 class vtkImageData;
 class vtkMatrix4x4;
+
+namespace bigus
+{
+struct PhantomOptions;
+}
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusPhantomSource : public vtkImageAlgorithm
 {
@@ -52,8 +58,8 @@ public:
 
   ///@{
   /**
-   * The shape of the image: LINEAR (parallel lines, everything lit), CONVEX (lines from an arc of large radius) or
-   * SECTOR (lines from an arc of small radius). Default: LINEAR.
+   * The shape of the image: LINEAR (parallel lines, everything lit), CONVEX (lines from an arc of large
+   * radius) or SECTOR (lines from an arc of small radius). Default: LINEAR.
    */
   vtkSetClampMacro(Probe, int, LINEAR, SECTOR);
   vtkGetMacro(Probe, int);
@@ -65,8 +71,8 @@ public:
 
   ///@{
   /**
-   * What the probe looks at: ORGAN, SPECKLE (homogeneous parenchyma) or POINTS (point targets 10 mm apart in empty
-   * space, at (10 a, 10 b + 5, 10 c) mm). Default: ORGAN.
+   * What the probe looks at: ORGAN, SPECKLE (homogeneous parenchyma) or POINTS (point targets 10 mm apart in
+   * empty space, at (10 a, 10 b + 5, 10 c) mm). Default: ORGAN.
    */
   vtkSetClampMacro(Scene, int, ORGAN, POINTS);
   vtkGetMacro(Scene, int);
@@ -78,7 +84,8 @@ public:
 
   ///@{
   /**
-   * Places the scatterers, moves the hand and draws the tracker's noise; the anatomy stays. Any value. Default: 1.
+   * Places the scatterers, moves the hand and draws the tracker's noise; the anatomy stays. Any value.
+   * Default: 1.
    */
   vtkSetMacro(Seed, vtkTypeUInt64);
   vtkGetMacro(Seed, vtkTypeUInt64);
@@ -94,8 +101,8 @@ public:
 
   ///@{
   /**
-   * Width and height of a frame in pixels, each 8 to 8192; a width of 0 means 256 for a linear probe and 384 for the
-   * others. Default: 0, 256.
+   * Width and height of a frame in pixels, each 8 to 8192; a width of 0 means 256 for a linear probe and 384
+   * for the others. Default: 0, 256.
    */
   vtkSetVector2Macro(FrameSize, int);
   vtkGetVector2Macro(FrameSize, int);
@@ -111,8 +118,8 @@ public:
 
   ///@{
   /**
-   * Radius in mm of the arc from which the lines of a convex or sector probe start, 2 to 500; 0 means 25 (convex) or
-   * 4 (sector). Default: 0.
+   * Radius in mm of the arc from which the lines of a convex or sector probe start, 2 to 500; 0 means 25
+   * (convex) or 4 (sector). Default: 0.
    */
   vtkSetMacro(ProbeRadius, double);
   vtkGetMacro(ProbeRadius, double);
@@ -137,8 +144,8 @@ public:
 
   ///@{
   /**
-   * Standard deviations in mm of the two-way amplitude point-spread function along the beam and across it (in the
-   * plane), the same at every depth; each 0.02 to 5. Default: 0.2 and 0.4.
+   * Standard deviations in mm of the two-way amplitude point-spread function along the beam and across it (in
+   * the plane), the same at every depth; each 0.02 to 5. Default: 0.2 and 0.4.
    */
   vtkSetMacro(AxialSigma, double);
   vtkGetMacro(AxialSigma, double);
@@ -148,9 +155,9 @@ public:
 
   ///@{
   /**
-   * The known slice thickness: standard deviation in mm of the two-way amplitude profile out of plane, the same at
-   * every depth; 0.05 to 10. A point target's envelope fades as exp(-z^2 / (2 ElevationSigma^2)) when the plane
-   * moves z away. Default: 0.8.
+   * The known slice thickness: standard deviation in mm of the two-way amplitude profile out of plane, the
+   * same at every depth; 0.05 to 10. A point target's envelope fades as exp(-z^2 / (2 ElevationSigma^2)) when
+   * the plane moves z away. Default: 0.8.
    */
   vtkSetMacro(ElevationSigma, double);
   vtkGetMacro(ElevationSigma, double);
@@ -167,8 +174,8 @@ public:
 
   ///@{
   /**
-   * Attenuation of parenchyma in dB / (cm MHz), one way, 0 to 3. Time gain compensates parenchyma exactly, so fluid
-   * brightens what lies behind it. Default: 0.5.
+   * Attenuation of parenchyma in dB / (cm MHz), one way, 0 to 3. Time gain compensates parenchyma exactly, so
+   * fluid brightens what lies behind it. Default: 0.5.
    */
   vtkSetMacro(Attenuation, double);
   vtkGetMacro(Attenuation, double);
@@ -208,8 +215,8 @@ public:
 
   ///@{
   /**
-   * Freehand motion: bound in degrees (0 to 45) within which each of the probe's three angles wanders, and bound in
-   * mm (0 to 20) within which it wanders sideways and in depth. Default: 3 and 0.5.
+   * Freehand motion: bound in degrees (0 to 45) within which each of the probe's three angles wanders, and
+   * bound in mm (0 to 20) within which it wanders sideways and in depth. Default: 3 and 0.5.
    */
   vtkSetMacro(Tilt, double);
   vtkGetMacro(Tilt, double);
@@ -219,8 +226,8 @@ public:
 
   ///@{
   /**
-   * Turns probe and travel about the depth axis, in degrees, -360 to 360. Two sources that differ only in this make
-   * crossing sweeps of one world. Default: 0.
+   * Turns probe and travel about the depth axis, in degrees, -360 to 360. Two sources that differ only in
+   * this make crossing sweeps of one world. Default: 0.
    */
   vtkSetMacro(SweepAngle, double);
   vtkGetMacro(SweepAngle, double);
@@ -236,8 +243,9 @@ public:
 
   ///@{
   /**
-   * Tracking noise: standard deviations of the recorded position in mm (0 to 10) and rotation in degrees (0 to 20),
-   * for each axis, about the middle of the image's first row. Frames stay where they truly were. Default: 0 and 0.
+   * Tracking noise: standard deviations of the recorded position in mm (0 to 10) and rotation in degrees (0
+   * to 20), for each axis, about the middle of the image's first row. Frames stay where they truly were.
+   * Default: 0 and 0.
    */
   vtkSetMacro(TrackingNoise, double);
   vtkGetMacro(TrackingNoise, double);
@@ -246,10 +254,11 @@ public:
   ///@}
 
   /**
-   * Writes into `truth` the exact image of the plane whose pixel (i, j) lies at `imageToReference` (i, j, 0, 1), in
-   * mm: one frame in the form of the output (a sweep of one, with its pose and mask). The columns of the matrix must
-   * be orthogonal: the second is the direction of the beams, and the probe's face is centred on the first row. A
-   * linear probe is as wide and deep as the plane; a fan keeps its size. Returns false after reporting an error.
+   * Writes into `truth` the exact image of the plane whose pixel (i, j) lies at `imageToReference` (i, j, 0,
+   * 1), in mm: one frame in the form of the output (a sweep of one, with its pose and mask). The columns of
+   * the matrix must be orthogonal: the second is the direction of the beams, and the probe's face is centred
+   * on the first row. A linear probe is as wide and deep as the plane; a fan keeps its size. Returns false
+   * after reporting an error.
    */
   bool ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* truth);
 
@@ -258,10 +267,11 @@ protected:
   ~vtkBigusPhantomSource() override;
 
   int RequestInformation(vtkInformation* request, vtkInformationVector** inputVector,
-    vtkInformationVector* outputVector) override;
+                         vtkInformationVector* outputVector) override;
   int RequestData(vtkInformation* request, vtkInformationVector** inputVector,
-    vtkInformationVector* outputVector) override;
+                  vtkInformationVector* outputVector) override;
 
+  // Defaults are those of bigus::PhantomOptions.
   int Probe;
   int Scene;
   vtkTypeUInt64 Seed;
@@ -288,6 +298,8 @@ protected:
   double TrackingRotationNoise;
 
 private:
+  bigus::PhantomOptions GetOptions();
+
   vtkBigusPhantomSource(const vtkBigusPhantomSource&) = delete;
   void operator=(const vtkBigusPhantomSource&) = delete;
 };

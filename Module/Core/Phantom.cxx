@@ -1,7 +1,6 @@
 #include "Phantom.h"
 
 #include <tbb/parallel_for.h>
-#include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
 #include <Eigen/Geometry>
@@ -79,12 +78,12 @@ struct TissueProperties
 };
 
 constexpr TissueProperties Properties[] = {
-    {1.0, 1.0, 1.0},   // Parenchyma
-    {1.0, 0.06, 0.3},  // Vessel: -24 dB
-    {0.0, 0.0, 0.0},   // Cyst
-    {1.0, 10.0, 5.0},  // Boundary: +20 dB
-    {0.3, 0.3, 12.0},  // Bone
-    {0.6, 2.4, 0.9},   // Tumour: coarser and brighter, +5.4 dB
+    {1.0, 1.0, 1.0},    // Parenchyma
+    {1.0, 0.06, 0.3},   // Vessel: -24 dB
+    {0.0, 0.0, 0.0},    // Cyst
+    {1.0, 10.0, 20.0},  // Boundary: +20 dB
+    {0.3, 0.3, 30.0},   // Bone
+    {0.6, 2.8, 0.9},    // Tumour: coarser and brighter, +6.7 dB
 };
 
 const TissueProperties& PropertiesOf(Tissue tissue)
@@ -157,6 +156,12 @@ Tissue OrganAt(const Eigen::Vector3d& p)
     }
   }
   return Tissue::Parenchyma;
+}
+
+/// Parenchyma is not uniform: its echoes rise and fall by at most 2 dB over centimetres.
+double ParenchymaTexture(const Eigen::Vector3d& p)
+{
+  return 1 + 0.23 * std::sin(0.33 * p[0] + 0.5) * std::sin(0.29 * p[1]) * std::sin(0.24 * p[2] + 1.1);
 }
 
 // ---- the probe, attached to a plane ----
@@ -389,6 +394,24 @@ void ForEachCell(const Aperture& aperture, const Slab& slab, double cell, Visit&
   }
 }
 
+/// Amplitude, relative to parenchyma's root mean square, of the scatterer that 64 random bits may have put at
+/// a point; 0 when there is none. `share` is the probability of one in parenchyma.
+double AmplitudeAt(const PhantomOptions& options, const Eigen::Vector3d& point, double share,
+                   std::uint64_t chance)
+{
+  const bool organ = options.scene == PhantomScene::Organ;
+  const Tissue kind = organ ? OrganAt(point) : Tissue::Parenchyma;
+  const TissueProperties& tissue = PropertiesOf(kind);
+  if (Uniform(static_cast<std::uint32_t>(chance >> 32)) >= share * tissue.density)
+  {
+    return 0;
+  }
+  // a^2 is exponential: <a^2> = 1 and <a^4> = 2 give the intensity the contrast of fully developed speckle
+  // even where scatterers are few.
+  const double texture = organ && kind == Tissue::Parenchyma ? ParenchymaTexture(point) : 1;
+  return texture * tissue.amplitude * std::sqrt(-std::log(Uniform(static_cast<std::uint32_t>(chance))));
+}
+
 /// Calls visit(Scatterer) for every scatterer that can reach the image, in an order that depends on the plane
 /// only. The world is not stored: a hash of the seed and the cell places each cell's scatterers.
 template <class Visit>
@@ -449,22 +472,8 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture, c
           const auto inside = [&](int shift) { return ((place >> shift & 0x1fffff) + 0.5) / 2097152.0; };
           const Eigen::Vector3d point =
               Eigen::Vector3d(c[0] + inside(0), c[1] + inside(21), c[2] + inside(42)) * cell;
-          offer(
-              point,
-              [&]
-              {
-                const TissueProperties& tissue =
-                    PropertiesOf(options.scene == PhantomScene::Organ ? OrganAt(point) : Tissue::Parenchyma);
-                const std::uint64_t chance = Mix(hash + 2 * k + 1);
-                if (Uniform(static_cast<std::uint32_t>(chance >> 32)) * perCell >= expected * tissue.density)
-                {
-                  return 0.0;
-                }
-                // a^2 is exponential: <a^2> = 1 and <a^4> = 2 make the intensity's contrast that of fully
-                // developed speckle already at second order.
-                return unit * tissue.amplitude *
-                       std::sqrt(-std::log(Uniform(static_cast<std::uint32_t>(chance))));
-              });
+          const std::uint64_t chance = Mix(hash + 2 * k + 1);
+          offer(point, [&] { return unit * AmplitudeAt(options, point, expected / perCell, chance); });
         }
       });
 }
@@ -829,55 +838,37 @@ std::vector<std::uint8_t> Phantom::Mask(const SlicePlane& plane) const
   return mask;
 }
 
-bool Phantom::MakeFrames(int first, int count, std::uint8_t* pixels,
-                         const std::function<bool(double)>& progress) const
-{
-  if (first < 0 || count < 0 || first > options_.frames - count)
-  {
-    throw Error("phantom: frames " + std::to_string(first) + " to " + std::to_string(first + count - 1) +
-                " asked for, but the sweep has " + std::to_string(options_.frames) + ".");
-  }
-  // Frames are independent, so any grouping gives the same bits. Groups as large as the pool keep progress on
-  // the calling thread.
-  const int group = std::max(1, tbb::this_task_arena::max_concurrency());
-  const std::size_t frameSize = static_cast<std::size_t>(options_.width) * options_.height;
-  for (int done = 0; done < count; done += group)
-  {
-    if (progress && !progress(static_cast<double>(done) / count))
-    {
-      return false;
-    }
-    tbb::parallel_for(
-        tbb::blocked_range<int>(done, std::min(done + group, count), 1),
-        [&](const tbb::blocked_range<int>& range)
-        {
-          for (int k = range.begin(); k < range.end(); ++k)
-          {
-            Frame(TruePlane(first + k), pixels + k * frameSize);
-          }
-        },
-        tbb::simple_partitioner());
-  }
-  return !progress || progress(1.0);
-}
-
 Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
 {
-  const std::size_t size = static_cast<std::size_t>(options_.width) * options_.height * options_.frames;
+  const std::size_t frameSize = static_cast<std::size_t>(options_.width) * options_.height;
   std::shared_ptr<std::vector<std::uint8_t>> pixels;
   try
   {
-    pixels = std::make_shared<std::vector<std::uint8_t>>(size);
+    pixels = std::make_shared<std::vector<std::uint8_t>>(frameSize * options_.frames);
   }
   catch (const std::bad_alloc&)
   {
-    throw Error("phantom: no memory for " + std::to_string(size) +
+    throw Error("phantom: no memory for " + std::to_string(frameSize * options_.frames) +
                 " pixels; ask for fewer or smaller frames.");
   }
-  if (!MakeFrames(0, options_.frames, pixels->data(), progress))
+
+  // Frames are independent, so any grouping gives the same bits. Groups as large as the pool keep progress on
+  // the calling thread.
+  const int group = std::max(1, tbb::this_task_arena::max_concurrency());
+  for (int first = 0; first < options_.frames; first += group)
+  {
+    if (progress && !progress(static_cast<double>(first) / options_.frames))
+    {
+      return {};
+    }
+    tbb::parallel_for(first, std::min(first + group, options_.frames),
+                      [&](int k) { Frame(TruePlane(k), pixels->data() + k * frameSize); });
+  }
+  if (progress && !progress(1.0))
   {
     return {};
   }
+
   Sweep sweep;
   sweep.width = options_.width;
   sweep.height = options_.height;
@@ -890,6 +881,23 @@ Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
   if (options_.probe != ProbeKind::Linear)
   {
     sweep.mask = std::make_shared<const std::vector<std::uint8_t>>(Mask(TruePlane(0)));
+  }
+  return sweep;
+}
+
+Sweep Phantom::MakeTruth(const SlicePlane& plane) const
+{
+  Aperture(options_, plane);  // throws before anything is allocated
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(plane.NumberOfPixels());
+  Frame(plane, pixels->data());
+  Sweep sweep;
+  sweep.width = plane.width;
+  sweep.height = plane.height;
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  sweep.imageToReference = {plane.ImageToReference()};
+  if (options_.probe != ProbeKind::Linear)
+  {
+    sweep.mask = std::make_shared<const std::vector<std::uint8_t>>(Mask(plane));
   }
   return sweep;
 }

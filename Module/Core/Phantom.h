@@ -130,10 +130,8 @@ public:
   /// share and may return false to stop: the result is then empty. It is called by the calling thread.
   Sweep MakeSweep(const std::function<bool(double)>& progress = {}) const;
 
-  /// Frames [first, first + count) alone, into count * height * width pixels. False when `progress` stopped
-  /// it.
-  bool MakeFrames(int first, int count, std::uint8_t* pixels,
-                  const std::function<bool(double)>& progress = {}) const;
+  /// A sweep of the one frame at `plane`, with its pose and (convex, sector) mask.
+  Sweep MakeTruth(const SlicePlane& plane) const;
 
   /// What is at a point of the world.
   Tissue TissueAt(const Eigen::Vector3d& point) const;

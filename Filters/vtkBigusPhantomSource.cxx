@@ -1,0 +1,214 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusPhantomSource.h"
+
+#include "Core/Error.h"
+#include "Core/Phantom.h"
+#include "vtkBigusConvert.h"
+#include "vtkDoubleArray.h"
+#include "vtkErrorCode.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkMatrix4x4.h"
+#include "vtkNew.h"
+#include "vtkObjectFactory.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+
+vtkStandardNewMacro(vtkBigusPhantomSource);
+
+vtkBigusPhantomSource::vtkBigusPhantomSource()
+{
+  const bigus::PhantomOptions defaults;
+  this->Probe = static_cast<int>(defaults.probe);
+  this->Scene = static_cast<int>(defaults.scene);
+  this->Seed = defaults.seed;
+  this->NumberOfFrames = defaults.frames;
+  this->FrameSize[0] = defaults.width;
+  this->FrameSize[1] = defaults.height;
+  this->PixelSize = defaults.pixelSize;
+  this->ProbeRadius = defaults.probeRadius;
+  this->HalfAngle = defaults.halfAngle;
+  this->Frequency = defaults.frequency;
+  this->AxialSigma = defaults.axialSigma;
+  this->LateralSigma = defaults.lateralSigma;
+  this->ElevationSigma = defaults.elevationSigma;
+  this->ScattererDensity = defaults.scattererDensity;
+  this->Attenuation = defaults.attenuation;
+  this->DynamicRange = defaults.dynamicRange;
+  this->WhiteLevel = defaults.whiteLevel;
+  this->FrameSpacing = defaults.frameSpacing;
+  this->SpeedVariation = defaults.speedVariation;
+  this->Tilt = defaults.tilt;
+  this->Wander = defaults.wander;
+  this->SweepAngle = defaults.sweepAngle;
+  this->FrameRate = defaults.frameRate;
+  this->TrackingNoise = defaults.trackingNoise;
+  this->TrackingRotationNoise = defaults.trackingRotationNoise;
+  this->SetNumberOfInputPorts(0);
+}
+
+vtkBigusPhantomSource::~vtkBigusPhantomSource() = default;
+
+const char* vtkBigusPhantomSource::GetProbeAsString()
+{
+  constexpr const char* names[] = {"Linear", "Convex", "Sector"};
+  return names[this->Probe];
+}
+
+const char* vtkBigusPhantomSource::GetSceneAsString()
+{
+  constexpr const char* names[] = {"Organ", "Speckle", "Points"};
+  return names[this->Scene];
+}
+
+void vtkBigusPhantomSource::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "Probe: " << this->GetProbeAsString() << "\n";
+  os << indent << "Scene: " << this->GetSceneAsString() << "\n";
+  os << indent << "Seed: " << this->Seed << "\n";
+  os << indent << "NumberOfFrames: " << this->NumberOfFrames << "\n";
+  os << indent << "FrameSize: " << this->FrameSize[0] << " " << this->FrameSize[1] << "\n";
+  os << indent << "PixelSize: " << this->PixelSize << "\n";
+  os << indent << "ProbeRadius: " << this->ProbeRadius << "\n";
+  os << indent << "HalfAngle: " << this->HalfAngle << "\n";
+  os << indent << "Frequency: " << this->Frequency << "\n";
+  os << indent << "AxialSigma: " << this->AxialSigma << "\n";
+  os << indent << "LateralSigma: " << this->LateralSigma << "\n";
+  os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
+  os << indent << "ScattererDensity: " << this->ScattererDensity << "\n";
+  os << indent << "Attenuation: " << this->Attenuation << "\n";
+  os << indent << "DynamicRange: " << this->DynamicRange << "\n";
+  os << indent << "WhiteLevel: " << this->WhiteLevel << "\n";
+  os << indent << "FrameSpacing: " << this->FrameSpacing << "\n";
+  os << indent << "SpeedVariation: " << this->SpeedVariation << "\n";
+  os << indent << "Tilt: " << this->Tilt << "\n";
+  os << indent << "Wander: " << this->Wander << "\n";
+  os << indent << "SweepAngle: " << this->SweepAngle << "\n";
+  os << indent << "FrameRate: " << this->FrameRate << "\n";
+  os << indent << "TrackingNoise: " << this->TrackingNoise << "\n";
+  os << indent << "TrackingRotationNoise: " << this->TrackingRotationNoise << "\n";
+}
+
+bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
+{
+  bigus::PhantomOptions options;
+  options.probe = static_cast<bigus::ProbeKind>(this->Probe);
+  options.scene = static_cast<bigus::PhantomScene>(this->Scene);
+  options.seed = this->Seed;
+  options.frames = this->NumberOfFrames;
+  options.width = this->FrameSize[0];
+  options.height = this->FrameSize[1];
+  options.pixelSize = this->PixelSize;
+  options.probeRadius = this->ProbeRadius;
+  options.halfAngle = this->HalfAngle;
+  options.frequency = this->Frequency;
+  options.axialSigma = this->AxialSigma;
+  options.lateralSigma = this->LateralSigma;
+  options.elevationSigma = this->ElevationSigma;
+  options.scattererDensity = this->ScattererDensity;
+  options.attenuation = this->Attenuation;
+  options.dynamicRange = this->DynamicRange;
+  options.whiteLevel = this->WhiteLevel;
+  options.frameSpacing = this->FrameSpacing;
+  options.speedVariation = this->SpeedVariation;
+  options.tilt = this->Tilt;
+  options.wander = this->Wander;
+  options.sweepAngle = this->SweepAngle;
+  options.frameRate = this->FrameRate;
+  options.trackingNoise = this->TrackingNoise;
+  options.trackingRotationNoise = this->TrackingRotationNoise;
+  return options;
+}
+
+int vtkBigusPhantomSource::RequestInformation(vtkInformation*, vtkInformationVector**,
+                                              vtkInformationVector* outputs)
+{
+  vtkInformation* info = outputs->GetInformationObject(0);
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    const bigus::PhantomOptions options = bigus::Phantom(this->GetOptions()).Options();
+    const int extent[6] = {0, options.width - 1, 0, options.height - 1, 0, options.frames - 1};
+    const double origin[3] = {0, 0, 0};
+    const double spacing[3] = {1, 1, 1};
+    info->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), extent, 6);
+    info->Set(vtkDataObject::ORIGIN(), origin, 3);
+    info->Set(vtkDataObject::SPACING(), spacing, 3);
+    vtkDataObject::SetPointDataActiveScalarInfo(info, VTK_UNSIGNED_CHAR, 1);
+    return 1;
+  }
+  catch (const bigus::Error& error)
+  {
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UnknownError);
+    return 0;
+  }
+}
+
+int vtkBigusPhantomSource::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+{
+  vtkImageData* output = vtkImageData::GetData(outputs);
+  try
+  {
+    const bigus::Phantom phantom(this->GetOptions());
+    const bigus::Sweep sweep = phantom.MakeSweep(
+        [this](double share)
+        {
+          this->UpdateProgress(share);
+          return !this->GetAbortExecute();
+        });
+    output->Initialize();
+    if (sweep.NumberOfFrames() == 0)
+    {
+      return 1;  // aborted: an empty output is not an error
+    }
+    bigus::SweepToImage(sweep, output);
+
+    vtkNew<vtkDoubleArray> truth;
+    truth->SetName("TrueImageToReference");
+    truth->SetNumberOfComponents(16);
+    truth->SetNumberOfTuples(sweep.NumberOfFrames());
+    for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+    {
+      const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = phantom.TruePlane(k).ImageToReference();
+      truth->SetTypedTuple(k, pose.data());
+    }
+    output->GetFieldData()->AddArray(truth);
+    return 1;
+  }
+  catch (const bigus::Error& error)
+  {
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UnknownError);
+    output->Initialize();
+    return 0;
+  }
+}
+
+bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height,
+                                         vtkImageData* truth)
+{
+  if (!imageToReference || !truth)
+  {
+    vtkErrorMacro("ComputeTruth: the matrix and the image to write must both be given.");
+    this->SetErrorCode(vtkErrorCode::UnknownError);
+    return false;
+  }
+  truth->Initialize();
+  try
+  {
+    const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> pose(imageToReference->GetData());
+    const bigus::SlicePlane plane = bigus::SlicePlane::FromImageToReference(pose, width, height);
+    bigus::SweepToImage(bigus::Phantom(this->GetOptions()).MakeTruth(plane), truth);
+    return true;
+  }
+  catch (const bigus::Error& error)
+  {
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UnknownError);
+    return false;
+  }
+}
