@@ -364,7 +364,7 @@ private:
       {
         sum += std::abs(gaussian.reflectivity);
       }
-      common = static_cast<float>(sum / static_cast<double>(std::max<std::size_t>(gaussians_.size(), 1)));
+      common = sum > 0 ? static_cast<float>(sum / static_cast<double>(gaussians_.size())) : 1.0f;
     }
     ForChunks(
       [&](std::size_t c)

@@ -1,0 +1,355 @@
+// Gradients against central differences, and the CPU engine against the reference engine.
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "Core/Engine.h"
+#include "Core/Error.h"
+#include "Gradient/RandomField.h"
+
+namespace
+{
+
+using bigus::test::Random;
+
+/// Eight Gaussians and a broad bright one, so that S > 0 everywhere and the loss is smooth.
+struct SmallProblem
+{
+  bigus::GaussianField field;
+  std::shared_ptr<bigus::Sweep> sweep;
+
+  explicit SmallProblem(std::uint64_t seed, double elevationSigma)
+  {
+    Random random(seed);
+    field = bigus::test::RandomField(random, 9, 3.0, 0.4, 2.0, elevationSigma);
+    field.means[8] = { 0.3, -0.2, 0.1 };
+    field.scales[8] = { 9, 7, 8 };
+    field.reflectivities[8] = 3.0;
+    std::vector<bigus::SlicePlane> planes;
+    for (int i = 0; i < 3; ++i)
+    {
+      planes.push_back(bigus::test::RandomPlane(random, random.Vector(0.5), 0.5, 14, 12));
+    }
+    sweep = bigus::test::RandomSweep(random, planes, 0.1, 0.9);
+    sweep->weights = { 1.0f, 0.5f, 2.0f };
+  }
+};
+
+double LossOf(const bigus::GaussianField& field, const std::shared_ptr<bigus::Sweep>& sweep)
+{
+  const auto engine = bigus::Engine::Create("reference");
+  engine->SetFrames(sweep, false);
+  engine->SetField(field);
+  return engine->Backpropagate({ 0, 1, 2 }, bigus::LossKind::L2);
+}
+
+/// Fourth-order central difference of the loss along a change of the field.
+template <class Change>
+double Difference(const SmallProblem& problem, double h, Change&& change)
+{
+  const auto at = [&](double step)
+  {
+    bigus::GaussianField field = problem.field;
+    change(field, step);
+    return LossOf(field, problem.sweep);
+  };
+  return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h);
+}
+
+void Compare(const std::vector<double>& analytic, const std::vector<double>& numeric, const char* group)
+{
+  double largest = 0;
+  for (double value : numeric)
+  {
+    largest = std::max(largest, std::abs(value));
+  }
+  for (std::size_t i = 0; i < numeric.size(); ++i)
+  {
+    // Relative to the value itself, or to a thousandth of the group's largest where the value is smaller still.
+    EXPECT_NEAR(analytic[i], numeric[i], 1e-6 * std::max(std::abs(numeric[i]), 1e-3 * largest))
+      << group << " component " << i;
+  }
+}
+
+class GradientTest : public testing::TestWithParam<double>
+{
+};
+
+TEST_P(GradientTest, EqualsCentralDifferences)
+{
+  const SmallProblem problem(7, GetParam());
+  const auto engine = bigus::Engine::Create("reference");
+  engine->SetFrames(problem.sweep, false);
+  engine->SetField(problem.field);
+  engine->Backpropagate({ 0, 1, 2 }, bigus::LossKind::L2);
+  const bigus::FieldGradient gradient = engine->GetGradient();
+  const double h = 2e-3;
+  std::vector<double> analytic[4], numeric[4];
+  for (std::size_t i = 0; i < problem.field.Size(); ++i)
+  {
+    for (int k = 0; k < 3; ++k)
+    {
+      analytic[0].push_back(gradient.means[i][k]);
+      numeric[0].push_back(
+        Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.means[i][k] += step; }));
+      analytic[1].push_back(gradient.logScales[i][k]);
+      numeric[1].push_back(
+        Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
+      analytic[2].push_back(gradient.rotations[i][k]);
+      numeric[2].push_back(Difference(problem, h,
+                                      [=](bigus::GaussianField& f, double step)
+                                      {
+                                        const Eigen::Matrix3d turn =
+                                          Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(k)).toRotationMatrix();
+                                        f.rotations[i] =
+                                          bigus::Quaternion(bigus::RotationMatrix(f.rotations[i]) * turn);
+                                      }));
+    }
+    analytic[3].push_back(gradient.reflectivities[i]);
+    numeric[3].push_back(
+      Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.reflectivities[i] += step; }));
+  }
+  const char* names[4] = { "mean", "log-scale", "rotation", "reflectivity" };
+  for (int group = 0; group < 4; ++group)
+  {
+    Compare(analytic[group], numeric[group], names[group]);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Beams, GradientTest, testing::Values(0.0, 0.3, 1.0, 5.0));
+
+/// A problem large enough to use several chunks, bands and batches.
+struct LargeProblem
+{
+  bigus::GaussianField field;
+  std::shared_ptr<bigus::Sweep> sweep;
+
+  LargeProblem()
+  {
+    Random random(11);
+    field = bigus::test::RandomField(random, 3000, 12.0, 0.2, 2.0, 0.5);
+    std::vector<bigus::SlicePlane> planes;
+    for (int i = 0; i < 4; ++i)
+    {
+      planes.push_back(bigus::test::RandomPlane(random, random.Vector(3), 0.3, 90, 71));
+    }
+    sweep = bigus::test::RandomSweep(random, planes, 0.0, 1.0);
+  }
+};
+
+std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
+{
+  std::vector<double> flat;
+  for (const Eigen::Vector3d& v : values)
+  {
+    flat.insert(flat.end(), { v[0], v[1], v[2] });
+  }
+  return flat;
+}
+
+TEST(CpuEngine, GradientEqualsTheReference)
+{
+  const LargeProblem problem;
+  bigus::FieldGradient gradients[2];
+  double losses[2];
+  const char* names[2] = { "reference", "cpu" };
+  for (int e = 0; e < 2; ++e)
+  {
+    const auto engine = bigus::Engine::Create(names[e]);
+    engine->SetTruncation({ 0.0, true });
+    engine->SetFrames(problem.sweep, false);
+    engine->SetField(problem.field);
+    losses[e] = engine->Backpropagate({ 0, 1, 2, 3 }, bigus::LossKind::L2);
+    gradients[e] = engine->GetGradient();
+  }
+  EXPECT_NEAR(losses[1], losses[0], 1e-5 * losses[0]);
+  const auto check = [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
+  {
+    double dot = 0, a = 0, b = 0, difference = 0;
+    for (std::size_t i = 0; i < reference.size(); ++i)
+    {
+      dot += reference[i] * value[i];
+      a += reference[i] * reference[i];
+      b += value[i] * value[i];
+      difference += (reference[i] - value[i]) * (reference[i] - value[i]);
+    }
+    EXPECT_LT(std::sqrt(difference / a), 1e-4) << group;
+    EXPECT_GT(dot / std::sqrt(a * b), 0.99999) << group;
+    std::cout << group << ": relative error " << std::sqrt(difference / a) << '\n';
+  };
+  check(Flat(gradients[0].means), Flat(gradients[1].means), "mean");
+  check(Flat(gradients[0].logScales), Flat(gradients[1].logScales), "log-scale");
+  check(Flat(gradients[0].rotations), Flat(gradients[1].rotations), "rotation");
+  check(gradients[0].reflectivities, gradients[1].reflectivities, "reflectivity");
+}
+
+TEST(CpuEngine, DropsNoMoreThanTheTolerance)
+{
+  const LargeProblem problem;
+  const bigus::SlicePlane plane = problem.sweep->Plane(0);
+  std::vector<float> expected(plane.NumberOfPixels()), image(plane.NumberOfPixels());
+  const auto reference = bigus::Engine::Create("reference");
+  reference->SetField(problem.field);
+  reference->Render(plane, bigus::ViewOutput::Intensity, expected.data());
+  const auto engine = bigus::Engine::Create("cpu");
+  engine->SetField(problem.field);
+  for (double tolerance : { 1e-1, 1e-2, 1e-3, 1e-4, 1e-5 })
+  {
+    engine->SetTruncation({ tolerance / problem.field.transfer.gamma, false });
+    engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
+    double worst = 0;
+    for (std::size_t i = 0; i < image.size(); ++i)
+    {
+      worst = std::max(worst, std::abs(static_cast<double>(image[i]) - expected[i]));
+    }
+    // Float sums of some hundred terms of order one round to about 1e-6.
+    EXPECT_LT(worst, tolerance + 2e-6);
+    std::cout << "tolerance " << tolerance << ": max |dI| " << worst << '\n';
+  }
+}
+
+/// Three training steps and a reflectivity solve, then all parameters as bytes.
+std::vector<double> TrainBriefly(int threads)
+{
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+  const LargeProblem problem;
+  const auto engine = bigus::Engine::Create("cpu");
+  engine->SetFrames(problem.sweep, false);
+  engine->SetField(problem.field);
+  engine->SolveReflectivities({ 0, 1, 2, 3 }, 3);
+  for (int i = 0; i < 3; ++i)
+  {
+    engine->Backpropagate({ i, i + 1 }, bigus::LossKind::L1);
+    engine->Step({ 0.1, 0.05, 0.05, 0.02 }, {});
+  }
+  const bigus::GaussianField field = engine->GetField();
+  std::vector<double> all = Flat(field.means);
+  const std::vector<double> scales = Flat(field.scales);
+  all.insert(all.end(), scales.begin(), scales.end());
+  all.insert(all.end(), field.reflectivities.begin(), field.reflectivities.end());
+  std::vector<float> image(90 * 71), coverage(90 * 71);
+  engine->Render(problem.sweep->Plane(0), bigus::ViewOutput::Intensity, image.data(), coverage.data());
+  all.insert(all.end(), image.begin(), image.end());
+  all.insert(all.end(), coverage.begin(), coverage.end());
+  return all;
+}
+
+TEST(CpuEngine, BitsDoNotDependOnTheNumberOfThreads)
+{
+  const std::vector<double> one = TrainBriefly(1);
+  for (int threads : { 2, 5 })
+  {
+    const std::vector<double> many = TrainBriefly(threads);
+    ASSERT_EQ(one.size(), many.size());
+    EXPECT_EQ(0, std::memcmp(one.data(), many.data(), one.size() * sizeof(double))) << threads << " threads";
+  }
+}
+
+TEST(CpuEngine, AWindowHoldsTheBitsOfTheWhole)
+{
+  const LargeProblem problem;
+  const bigus::SlicePlane plane = problem.sweep->Plane(1);
+  const auto engine = bigus::Engine::Create("cpu");
+  engine->SetField(problem.field);
+  std::vector<float> whole(plane.NumberOfPixels());
+  engine->Render(plane, bigus::ViewOutput::Scattering, whole.data());
+  const bigus::Engine::Window window{ 13, 29, 51, 37 };
+  std::vector<float> part(51 * 37);
+  engine->Render(plane, window, bigus::ViewOutput::Scattering, part.data(), nullptr);
+  for (int row = 0; row < window.rows; ++row)
+  {
+    for (int column = 0; column < window.columns; ++column)
+    {
+      ASSERT_EQ(part[row * 51 + column], whole[(row + 29) * 90 + column + 13]) << column << ", " << row;
+    }
+  }
+  EXPECT_THROW(engine->Render(plane, { 80, 0, 20, 10 }, bigus::ViewOutput::Scattering, part.data(), nullptr),
+               bigus::Error);
+}
+
+TEST(Engine, SolvesForReflectivities)
+{
+  // Frames rendered from a known field: solving from zero must find its reflectivities where frames see them.
+  for (const char* name : { "reference", "cpu" })
+  {
+    Random random(5);
+    bigus::GaussianField field = bigus::test::RandomField(random, 20, 4.0, 0.6, 1.2, 0.4);
+    for (double& r : field.reflectivities)
+    {
+      r = std::abs(r) + 0.1;
+    }
+    std::vector<bigus::SlicePlane> planes;
+    for (int i = -4; i <= 4; ++i)
+    {
+      bigus::SlicePlane plane;
+      plane.columnStep = { 0.5, 0, 0 };
+      plane.rowStep = { 0, 0.5, 0 };
+      plane.width = plane.height = 24;
+      plane.origin = { -6, -6, 1.0 * i };
+      planes.push_back(plane);
+    }
+    auto sweep = bigus::test::RandomSweep(random, planes, 0, 1);
+    const auto engine = bigus::Engine::Create(name);
+    engine->SetTruncation({ 0.0, true });
+    engine->SetField(field);
+    auto pixels = std::make_shared<std::vector<float>>(9 * 24 * 24);
+    for (int i = 0; i < 9; ++i)
+    {
+      engine->Render(planes[i], bigus::ViewOutput::Intensity, pixels->data() + i * 24 * 24);
+    }
+    sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+    bigus::GaussianField blank = field;
+    for (double& r : blank.reflectivities)
+    {
+      r = 0;
+    }
+    engine->SetFrames(sweep, false);
+    engine->SetField(blank);
+    engine->SetTruncation({ 0.0, true });
+    const double residual = engine->SolveReflectivities({ 0, 1, 2, 3, 4, 5, 6, 7, 8 }, 60);
+    EXPECT_LT(residual, 1e-3) << name;
+    const bigus::GaussianField solved = engine->GetField();
+    for (std::size_t i = 0; i < field.Size(); ++i)
+    {
+      EXPECT_NEAR(solved.reflectivities[i], field.reflectivities[i], 0.02) << name << " Gaussian " << i;
+    }
+  }
+}
+
+TEST(Engine, RefusesWhatItCannotDo)
+{
+  EXPECT_THROW(bigus::Engine::Create("no such engine"), bigus::Error);
+  for (const char* name : { "reference", "cpu" })
+  {
+    const auto engine = bigus::Engine::Create(name);
+    EXPECT_THROW(engine->Backpropagate({ 0 }, bigus::LossKind::L1), bigus::Error);  // no frames
+    const LargeProblem problem;
+    engine->SetFrames(problem.sweep, false);
+    EXPECT_THROW(engine->Backpropagate({}, bigus::LossKind::L1), bigus::Error);
+    EXPECT_THROW(engine->Backpropagate({ 4 }, bigus::LossKind::L1), bigus::Error);
+    bigus::GaussianField bad = problem.field;
+    bad.scales[7][1] = -1;
+    EXPECT_THROW(engine->SetField(bad), bigus::Error);
+  }
+}
+
+TEST(Engine, AnEmptyFieldIsBlack)
+{
+  for (const char* name : { "reference", "cpu" })
+  {
+    const auto engine = bigus::Engine::Create(name);
+    engine->SetField({});
+    bigus::SlicePlane plane;
+    plane.width = 5;
+    plane.height = 3;
+    std::vector<float> image(15, 7.0f), coverage(15, 7.0f);
+    engine->Render(plane, bigus::ViewOutput::Intensity, image.data(), coverage.data());
+    EXPECT_EQ(image, std::vector<float>(15, 0.0f));
+    EXPECT_EQ(coverage, std::vector<float>(15, 0.0f));
+  }
+}
+
+}  // namespace
