@@ -1,0 +1,53 @@
+// What the command says and where: answers on stdout, messages and progress on stderr, one JSON object for machines.
+#pragma once
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace bigus::command
+{
+
+/// Keys keep the order they were written in. Numbers that are not finite become null.
+using Json = nlohmann::ordered_json;
+
+class Console
+{
+public:
+  enum class Bar
+  {
+    WhenTerminal,  ///< when stderr is a terminal
+    Always,
+    Never
+  };
+  bool json = false;             ///< --json: stdout carries one JSON object and nothing else
+  Bar bar = Bar::WhenTerminal;   ///< --progress, --no-progress
+
+  /// A line of the answer for people, on stdout; nothing with --json.
+  void Print(const std::string& line);
+  /// A line about what is going on, on stderr.
+  void Note(const std::string& line);
+  /// The answer for machines; printed only with --json.
+  void Report(const Json& object);
+
+  /// Draws a bar, at most ten times a second. `secondsLeft` < 0: estimated from the time since the job's start.
+  void Progress(const std::string& job, double fraction, const std::string& rate = "", double secondsLeft = -1);
+  /// Ends the bar's line. Note and Print do it themselves.
+  void EndProgress();
+
+private:
+  using Clock = std::chrono::steady_clock;
+  bool ShowsBar() const;
+
+  std::string job_;
+  Clock::time_point start_, drawn_;
+  bool open_ = false;
+};
+
+/// "0:07", "12:34", "1:02:03".
+std::string FormatDuration(double seconds);
+
+/// Fixed number of decimals whatever the locale; "-" for a number that is not finite.
+std::string FormatNumber(double value, int decimals);
+
+}  // namespace bigus::command

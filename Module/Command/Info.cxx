@@ -1,0 +1,282 @@
+// bigus info: what is in a sequence or a field, and what can compute here.
+#include <algorithm>
+#include <memory>
+
+#include "Command.h"
+#include "Core/Engine.h"
+#include "Core/GaussianField.h"
+#include "Inputs.h"
+#include "Pipeline.h"
+#include "vtkBigusConvert.h"
+#include "vtkBigusFieldReader.h"
+#include "vtkBigusSequenceReader.h"
+#include "vtkFieldData.h"
+#include "vtkNew.h"
+#include "vtkPolyData.h"
+#include "vtkStringArray.h"
+#ifdef BIGUS_HAVE_CUDA
+#include "Cuda/CudaDevices.h"
+#endif
+
+namespace bigus::command
+{
+
+namespace
+{
+
+struct Options
+{
+  SequenceOptions sequence;
+  bool devices = false;
+};
+
+/// A name and its value, in columns.
+std::string Line(const std::string& name, const std::string& value)
+{
+  return name + std::string(name.size() < 18 ? 18 - name.size() : 1, ' ') + value;
+}
+
+std::string Box(const double* bounds)
+{
+  std::string text;
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    text += std::string(axis ? ", " : "") + "xyz"[axis] + " " + FormatNumber(bounds[2 * axis], 1) + " to " +
+            FormatNumber(bounds[2 * axis + 1], 1);
+  }
+  return text + " mm";
+}
+
+ExitCode ShowDevices(Console& console)
+{
+  Json engines = Json::array(), graphics = Json::array();
+  console.Print("Engines (--engine NAME; auto takes the fastest)");
+  for (const std::string& name : Engine::Names())
+  {
+    std::string device;
+    try
+    {
+      device = Engine::Create(name)->Device();
+    }
+    catch (const Error& error)
+    {
+      device = std::string("not usable: ") + error.what();
+    }
+    engines.push_back({ { "name", name }, { "device", device } });
+    console.Print("  " + Line(name, device));
+  }
+#ifdef BIGUS_HAVE_CUDA
+  const std::vector<CudaDevice> devices = CudaDevices();
+  console.Print(devices.empty() ? "CUDA devices: none" : "CUDA devices");
+  for (const CudaDevice& device : devices)
+  {
+    graphics.push_back({ { "name", device.name },
+                         { "compute_capability", device.computeCapability },
+                         { "memory_bytes", device.memoryBytes } });
+    console.Print("  " + Line(device.name, FormatNumber(device.memoryBytes / 1073741824.0, 1) + " GiB"));
+  }
+#endif
+  console.Report({ { "kind", "devices" }, { "engines", engines }, { "cuda_devices", graphics } });
+  return Success;
+}
+
+ExitCode ShowField(Console& console, const std::string& path)
+{
+  const vtkSmartPointer<vtkPolyData> data = ReadFieldData(path, console);
+  const GaussianField field = FieldFromPolyData(data);
+  const std::size_t n = field.Size();
+
+  double bounds[6] = {};
+  if (n > 0)
+  {
+    data->GetBounds(bounds);
+  }
+  std::vector<double> sizes;  // the middle one of each Gaussian's three standard deviations
+  std::size_t negative = 0;
+  double low = 0, high = 0, total = 0;
+  for (std::size_t i = 0; i < n; ++i)
+  {
+    std::array<double, 3> scale = { field.scales[i][0], field.scales[i][1], field.scales[i][2] };
+    std::sort(scale.begin(), scale.end());
+    sizes.push_back(scale[1]);
+    const double r = field.reflectivities[i];
+    low = std::min(low, r);
+    high = std::max(high, r);
+    negative += r < 0;
+    total += std::abs(r);
+  }
+  const auto percentile = [&sizes](double share)
+  {
+    if (sizes.empty())
+    {
+      return 0.0;
+    }
+    const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(share * (sizes.size() - 1));
+    std::nth_element(sizes.begin(), at, sizes.end());
+    return *at;
+  };
+  const double small = percentile(0.05), middle = percentile(0.5), large = percentile(0.95);
+
+  Json provenance = Json::object();
+  if (auto* lines = vtkStringArray::SafeDownCast(data->GetFieldData()->GetAbstractArray("Provenance")))
+  {
+    for (vtkIdType i = 0; i < lines->GetNumberOfValues(); ++i)
+    {
+      const std::string line = lines->GetValue(i);
+      const std::size_t mark = line.find('=');
+      provenance[line.substr(0, mark)] = mark == std::string::npos ? "" : line.substr(mark + 1);
+    }
+  }
+
+  console.Print(Line("Field", path));
+  console.Print(Line("Gaussians", std::to_string(n)));
+  console.Print(Line("Centres", n ? Box(bounds) : "-"));
+  console.Print(Line("Scale", FormatNumber(middle, 3) + " mm (5 to 95 %: " + FormatNumber(small, 3) + " to " +
+                                FormatNumber(large, 3) + "; the middle of three axes)"));
+  console.Print(Line("Reflectivity", FormatNumber(low, 3) + " to " + FormatNumber(high, 3) + ", " +
+                                       FormatNumber(n ? 100.0 * negative / n : 0, 1) + " % negative"));
+  console.Print(Line("Gamma", FormatNumber(field.transfer.gamma, 4)));
+  console.Print(Line("Beam thickness", FormatNumber(field.beam.elevationSigma, 3) + " mm (standard deviation)"));
+  for (const auto& [key, value] : provenance.items())
+  {
+    console.Print(Line(key == provenance.begin().key() ? "Made by" : "", key + " = " + value.get<std::string>()));
+  }
+  console.Report({ { "kind", "field" },
+                   { "gaussians", n },
+                   { "bounds", { bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5] } },
+                   { "scale_percentiles", { { "5", small }, { "50", middle }, { "95", large } } },
+                   { "reflectivity", { { "minimum", low }, { "maximum", high }, { "mean_magnitude", n ? total / n : 0 },
+                                       { "negative_share", n ? double(negative) / n : 0 } } },
+                   { "gamma", field.transfer.gamma },
+                   { "elevation_sigma", field.beam.elevationSigma },
+                   { "provenance", provenance } });
+  return Success;
+}
+
+ExitCode ShowSequence(Console& console, const SequenceOptions& options)
+{
+  const auto reader = NewSequenceReader(options);
+  std::string fault;  // when no frame is usable the report says why
+  try
+  {
+    UpdateInformation(reader);
+  }
+  catch (const Error& error)
+  {
+    fault = error.what();
+    if (reader->GetNumberOfFramesInFile() == 0)
+    {
+      throw;
+    }
+  }
+
+  const int inFile = reader->GetNumberOfFramesInFile(), accepted = reader->GetNumberOfAcceptedFrames();
+  int size[2];
+  double pixel[2], spacing[3], bounds[6];
+  reader->GetFrameSize(size);
+  reader->GetPixelSize(pixel);
+  reader->GetPlaneSpacing(spacing);
+  reader->GetBounds(bounds);
+
+  Json transforms = Json::array(), rejected = Json::array();
+  console.Print(Line("Sequence", options.path));
+  console.Print(Line("Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " +
+                                 reader->GetElementType()));
+  console.Print(Line("Frames", std::to_string(inFile) + " of " + std::to_string(size[0]) + " x " +
+                                 std::to_string(size[1]) + " pixels, " + std::to_string(accepted) + " usable"));
+  console.Print(Line("Orientation", reader->GetOrientation()));
+  for (int i = 0; i < reader->GetNumberOfTransforms(); ++i)
+  {
+    transforms.push_back({ { "name", reader->GetTransformName(i) }, { "source", reader->GetTransformSource(i) } });
+    console.Print(Line(i ? "" : "Transforms", std::string(reader->GetTransformName(i)) + " (" +
+                                                reader->GetTransformSource(i) + ")"));
+  }
+  const std::string chain = reader->GetTransformChain() ? reader->GetTransformChain() : "";
+  console.Print(Line("Chain used", chain.empty() ? "none" : chain));
+  if (accepted > 0)
+  {
+    console.Print(Line("Pixel", FormatNumber(pixel[0], 4) + " x " + FormatNumber(pixel[1], 4) + " mm"));
+    console.Print(Line("Plane spacing", FormatNumber(spacing[1], 3) + " mm (" + FormatNumber(spacing[0], 3) + " to " +
+                                          FormatNumber(spacing[2], 3) + "), path " +
+                                          FormatNumber(reader->GetPathLength(), 1) + " mm"));
+    console.Print(Line("Extent", Box(bounds)));
+    if (reader->GetHasTimestamps())
+    {
+      console.Print(Line("Duration", FormatNumber(reader->GetDuration(), 2) + " s"));
+    }
+  }
+  for (int i = 0; i < reader->GetNumberOfRejectionReasons(); ++i)
+  {
+    rejected.push_back({ { "reason", reader->GetRejectionReason(i) }, { "frames", reader->GetRejectionCount(i) } });
+  }
+  if (reader->GetNumberOfRejectedFrames() > 0)
+  {
+    console.Print(Line("Rejected", reader->GetRejectionSummary()));
+  }
+
+  Json answer = { { "kind", "sequence" },
+                  { "format", reader->GetFormat() },
+                  { "encoding", reader->GetEncoding() },
+                  { "element_type", reader->GetElementType() },
+                  { "orientation", reader->GetOrientation() },
+                  { "frames_in_file", inFile },
+                  { "frames", accepted },
+                  { "width", size[0] },
+                  { "height", size[1] },
+                  { "transforms", transforms },
+                  { "chain", chain },
+                  { "pixel_size", { pixel[0], pixel[1] } },
+                  { "plane_spacing", { { "minimum", spacing[0] }, { "median", spacing[1] }, { "maximum", spacing[2] } } },
+                  { "path_length", reader->GetPathLength() },
+                  { "bounds", { bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5] } },
+                  { "duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr) },
+                  { "rejected", rejected } };
+  if (!fault.empty())
+  {
+    answer["error"] = fault;
+    console.Note("bigus: " + fault);
+  }
+  console.Report(answer);
+  return fault.empty() ? Success : InputFault;
+}
+
+ExitCode Show(Console& console, const Options& options)
+{
+  const std::string& path = options.sequence.path;
+  if (options.devices)
+  {
+    return ShowDevices(console);
+  }
+  RequireFile(path);
+  vtkNew<vtkBigusFieldReader> fieldReader;
+  return fieldReader->CanReadFile(path.c_str()) ? ShowField(console, path) : ShowSequence(console, options.sequence);
+}
+
+}  // namespace
+
+void AddInfo(Program& program)
+{
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.app.add_subcommand("info",
+                                             "Say what is in a sequence or a field\n"
+                                             "  bigus info sweep.igs.mha\n"
+                                             "  bigus info plus.mha --config Plus.xml\n"
+                                             "  bigus info field.vtp --json\n"
+                                             "  bigus info --devices                   what can compute here");
+  AddSequenceOptions(*app, options->sequence, "FILE", "Sequence (.mha .mhd .nrrd .csv) or field (.vtp .ply)");
+  CLI::Option* file = app->get_option("FILE")->required(false);
+  app->add_flag("--devices", options->devices, "List engines and CUDA devices")->excludes(file);
+
+  Console& console = program.console;
+  app->callback(
+    [&program, &console, options]
+    {
+      if (options->sequence.path.empty() && !options->devices)
+      {
+        throw CLI::RequiredError("FILE or --devices");
+      }
+      program.job = [&console, options] { return Show(console, *options); };
+    });
+}
+
+}  // namespace bigus::command

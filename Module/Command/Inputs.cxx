@@ -1,0 +1,390 @@
+#include "Inputs.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "Command.h"
+#include "Files.h"
+#include "Pipeline.h"
+#include "vtkBigusConvert.h"
+#include "vtkBigusFieldReader.h"
+#include "vtkBigusFieldWriter.h"
+#include "vtkBigusPoseReader.h"
+#include "vtkBigusSequenceReader.h"
+#include "vtkDataArray.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkPolyData.h"
+#include "vtkTable.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+const char* const sequenceGroup = "How the sequence is read";
+const char* const planeGroup = "Which planes";
+
+void AddChainOptions(CLI::App& app, PoseChain& chain, const char* group)
+{
+  app.add_option("--config", chain.config, "Plus configuration with transforms the sequence lacks (ImageToProbe)")
+    ->type_name("PLUS.xml")
+    ->group(group);
+  app.add_option("--image-to", chain.to, "Coordinate frame the poses lead to")
+    ->type_name("NAME")
+    ->capture_default_str()
+    ->group(group);
+  app.add_option("--image-from", chain.from, "Coordinate frame the poses lead from")
+    ->type_name("NAME")
+    ->capture_default_str()
+    ->group(group);
+  app.add_flag("--assume-status", chain.assumeStatus, "Accept transforms that carry no status")->group(group);
+}
+
+/// "0,4,10-20" to indices below `count`, in the order given.
+std::vector<int> ParseFrames(const std::string& list, int count)
+{
+  const auto fault = [&list, count]() -> Error
+  {
+    return Error("--frames '" + list + "': expected numbers and ranges such as 0,4,10-20, from 0 to " +
+                 std::to_string(count - 1) + ".");
+  };
+  std::vector<int> frames;
+  const char* at = list.data();
+  const char* end = at + list.size();
+  while (true)
+  {
+    int first = 0;
+    auto [stop, error] = std::from_chars(at, end, first);
+    int last = first;
+    if (error == std::errc() && stop != end && *stop == '-')
+    {
+      const auto upper = std::from_chars(stop + 1, end, last);
+      stop = upper.ptr;
+      error = upper.ec;
+    }
+    if (error != std::errc() || first < 0 || last < first || last >= count)
+    {
+      throw fault();
+    }
+    for (int frame = first; frame <= last; ++frame)
+    {
+      frames.push_back(frame);
+    }
+    if (stop == end)
+    {
+      return frames;
+    }
+    if (*stop != ',')
+    {
+      throw fault();
+    }
+    at = stop + 1;
+  }
+}
+
+/// Square pixels of another size on the same plane, its upper left corner kept.
+SlicePlane WithSteps(SlicePlane plane, const Eigen::Vector3d& columnStep, const Eigen::Vector3d& rowStep)
+{
+  plane.origin += 0.5 * (columnStep - plane.columnStep + rowStep - plane.rowStep);
+  plane.columnStep = columnStep;
+  plane.rowStep = rowStep;
+  return plane;
+}
+
+SlicePlane Adapted(SlicePlane plane, const PlaneOptions& options)
+{
+  const bool known = plane.width > 0 && plane.height > 0;
+  if (options.spacing > 0)
+  {
+    const double columnSide = plane.columnStep.norm(), rowSide = plane.rowStep.norm();
+    const auto pixels = [&options](int count, double side)
+    { return static_cast<int>(std::min(std::max(std::round(count * side / options.spacing), 1.0), 1e6)); };
+    if (known)
+    {
+      plane.width = pixels(plane.width, columnSide);
+      plane.height = pixels(plane.height, rowSide);
+    }
+    plane = WithSteps(plane, plane.columnStep * (options.spacing / columnSide),
+                      plane.rowStep * (options.spacing / rowSide));
+  }
+  if (options.reduce > 1)
+  {
+    plane.width /= options.reduce;
+    plane.height /= options.reduce;
+    plane = WithSteps(plane, plane.columnStep * options.reduce, plane.rowStep * options.reduce);
+    if (known && (plane.width < 1 || plane.height < 1))
+    {
+      throw Error("--reduce " + std::to_string(options.reduce) + " leaves no pixel of the planes.");
+    }
+  }
+  if (!options.size.empty())
+  {
+    plane.width = options.size[0];
+    plane.height = options.size[1];
+  }
+  else if (!known)
+  {
+    throw Error(options.poses + " does not say how large the planes are: give --size WIDTH HEIGHT.");
+  }
+  return plane;
+}
+
+}  // namespace
+
+std::string FileName(const std::string& path)
+{
+  return std::filesystem::path(path).filename().string();
+}
+
+void RequireFile(const std::string& path)
+{
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored))
+  {
+    throw Error("There is no file '" + path + "'.");
+  }
+  if (std::filesystem::is_directory(path, ignored))
+  {
+    throw Error("'" + path + "' is a folder; name a file.");
+  }
+}
+
+void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help)
+{
+  app.add_option(name, options.path, help)->required()->type_name("");
+  AddChainOptions(app, options.chain, sequenceGroup);
+  app.add_option("--image-folder", options.imageFolder, "Where the PNG images of a CSV are; default: beside it")
+    ->type_name("FOLDER")
+    ->group(sequenceGroup);
+  app.add_option("--image-pattern", options.imagePattern, "Their names when the CSV has none, such as frame_%04d.png")
+    ->type_name("PATTERN")
+    ->group(sequenceGroup);
+  CLI::Option* rectangle =
+    app.add_option("--clip-rectangle", options.clipRectangle, "Blacken what is outside: column, row, columns, rows")
+      ->expected(4)
+      ->type_name("I J W H")
+      ->group(sequenceGroup);
+  app
+    .add_option("--clip-fan", options.clipFan,
+                "Blacken what is outside: apex i j, inner and outer radius (pixels), first and last angle (degrees "
+                "from +j towards +i)")
+    ->expected(6)
+    ->check(NumberIn(-1e6, 1e6))
+    ->type_name("I J R0 R1 A0 A1")
+    ->excludes(rectangle)
+    ->group(sequenceGroup);
+}
+
+void AddReduceOption(CLI::App& app, int& reduce)
+{
+  app.add_option("--reduce", reduce, "Average N x N pixels first; poses follow")
+    ->check(NumberIn(1, 256))
+    ->type_name("N")
+    ->capture_default_str();
+}
+
+vtkSmartPointer<vtkBigusSequenceReader> NewSequenceReader(const SequenceOptions& options)
+{
+  RequireFile(options.path);
+  auto reader = vtkSmartPointer<vtkBigusSequenceReader>::New();
+  reader->SetFileName(options.path.c_str());
+  reader->SetFromFrame(options.chain.from.c_str());
+  reader->SetToFrame(options.chain.to.c_str());
+  reader->SetAssumeMissingStatusOK(options.chain.assumeStatus);
+  if (!options.chain.config.empty())
+  {
+    RequireFile(options.chain.config);
+    reader->SetConfigFileName(options.chain.config.c_str());
+  }
+  if (!options.imageFolder.empty())
+  {
+    reader->SetImageFolder(options.imageFolder.c_str());
+  }
+  if (!options.imagePattern.empty())
+  {
+    reader->SetImagePattern(options.imagePattern.c_str());
+  }
+  // The automatic mask looks at every frame: with it, held-out frames would have a say in training.
+  reader->AutoMaskOff();
+  if (!options.clipRectangle.empty())
+  {
+    reader->SetClipModeToRectangle();
+    reader->SetClipRectangle(options.clipRectangle[0], options.clipRectangle[1], options.clipRectangle[2],
+                             options.clipRectangle[3]);
+  }
+  if (!options.clipFan.empty())
+  {
+    reader->SetClipModeToFan();
+    reader->SetFanApex(options.clipFan[0], options.clipFan[1]);
+    reader->SetFanRadii(options.clipFan[2], options.clipFan[3]);
+    reader->SetFanAngles(options.clipFan[4], options.clipFan[5]);
+  }
+  return reader;
+}
+
+vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Console& console)
+{
+  const auto reader = NewSequenceReader(options);
+  Update(reader, console, "Reading");
+  if (reader->GetNumberOfRejectedFrames() > 0)
+  {
+    console.Note(options.path + ": " + reader->GetRejectionSummary());
+  }
+  return reader->GetOutput();
+}
+
+std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& console)
+{
+  const vtkSmartPointer<vtkImageData> image = ReadSequence(options, console);
+  const std::shared_ptr<const Sweep> sweep = SweepFromImage(image).sweep;
+  return options.reduce > 1 ? std::make_shared<const Sweep>(sweep->Reduced(options.reduce)) : sweep;
+}
+
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& help,
+                     bool required)
+{
+  app.add_option(name, options.poses, help)
+    ->required(required)
+    ->type_name("SEQUENCE|CSV|MARKUP.mrk.json")
+    ->group(planeGroup);
+  app.add_option("--frames", options.frames, "Only these, counted from 0 among the usable ones: 0,4,10-20")
+    ->type_name("LIST")
+    ->group(planeGroup);
+  app.add_option("--size", options.size, "Pixels across and down; needed when the file does not say")
+    ->expected(2)
+    ->check(NumberIn(1, 65536))
+    ->type_name("W H")
+    ->group(planeGroup);
+  app.add_option("--spacing", options.spacing, "Side of a (square) pixel; default: as in the file, 0.5 for markups")
+    ->check(PositiveNumber())
+    ->type_name("MM")
+    ->group(planeGroup);
+  app.add_option("--reduce", options.reduce, "Pixels N times as large, as after 'train --reduce N'")
+    ->check(NumberIn(1, 256))
+    ->type_name("N")
+    ->capture_default_str()
+    ->group(planeGroup);
+  app
+    .add_option("--markup-system", options.markupSystem,
+                "For markups: the patient system that the field's world stands for, ras or lps")
+    ->check(CLI::IsMember({ "ras", "lps" }, CLI::ignore_case).description(""))
+    ->type_name("SYSTEM")
+    ->capture_default_str()
+    ->group(planeGroup);
+  AddChainOptions(app, options.chain, planeGroup);
+}
+
+Planes ReadPlanes(const PlaneOptions& options, Console& console)
+{
+  RequireFile(options.poses);
+  vtkNew<vtkBigusPoseReader> reader;
+  reader->SetFileName(options.poses.c_str());
+  reader->SetFromFrame(options.chain.from.c_str());
+  reader->SetToFrame(options.chain.to.c_str());
+  reader->SetAssumeMissingStatusOK(options.chain.assumeStatus);
+  if (!options.chain.config.empty())
+  {
+    RequireFile(options.chain.config);
+    reader->SetConfigFileName(options.chain.config.c_str());
+  }
+  if (options.spacing > 0)
+  {
+    reader->SetPixelSpacing(options.spacing);
+  }
+  if (options.markupSystem == "lps")
+  {
+    reader->SetWorldCoordinateSystemToLPS();
+  }
+  Update(reader, console, "Reading");
+
+  vtkTable* table = reader->GetOutput();
+  auto column = [table](const char* name) { return vtkDataArray::SafeDownCast(table->GetColumnByName(name)); };
+  vtkDataArray* poses = column("ImageToReference");
+  vtkDataArray* sizes = column("Size");
+  vtkDataArray* sources = column("SourceFrame");
+  vtkDataArray* times = column("Timestamp");
+
+  const int count = static_cast<int>(table->GetNumberOfRows());
+  std::vector<int> chosen(count);
+  for (int i = 0; i < count; ++i)
+  {
+    chosen[i] = i;
+  }
+  if (!options.frames.empty())
+  {
+    chosen = ParseFrames(options.frames, count);
+  }
+
+  if (chosen.empty())
+  {
+    throw Error(options.poses + " holds no plane.");
+  }
+  Planes result;
+  std::size_t pixels = 0;
+  for (const int i : chosen)
+  {
+    double row[16];
+    poses->GetTuple(i, row);
+    const Eigen::Matrix4d pose = Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(row);
+    const SlicePlane plane =
+      Adapted(SlicePlane::FromImageToReference(pose, static_cast<int>(sizes->GetComponent(i, 0)),
+                                               static_cast<int>(sizes->GetComponent(i, 1))),
+              options);
+    plane.Validate(options.poses + ", plane " + std::to_string(i));
+    if (!result.planes.empty() &&
+        (plane.width != result.planes[0].width || plane.height != result.planes[0].height))
+    {
+      throw Error(options.poses + ": planes 0 and " + std::to_string(i) +
+                  " differ in size; give --size WIDTH HEIGHT, or pick some with --frames.");
+    }
+    pixels += plane.NumberOfPixels();
+    if (pixels > (std::size_t(1) << 31))
+    {
+      throw Error("The planes have more than 2^31 pixels: choose fewer with --frames, or a smaller --size.");
+    }
+    result.planes.push_back(plane);
+    result.frames.push_back(static_cast<int>(sources->GetTuple1(i)));
+    if (times)
+    {
+      result.timestamps.push_back(times->GetTuple1(i));
+    }
+  }
+  return result;
+}
+
+void RequireFieldName(const std::string& path)
+{
+  if (!HasSuffix(path, ".vtp") && !HasSuffix(path, ".ply"))
+  {
+    throw OutputError("Cannot write '" + path + "': the name of a field must end in .vtp or .ply.");
+  }
+}
+
+vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& console)
+{
+  RequireFile(path);
+  vtkNew<vtkBigusFieldReader> reader;
+  reader->SetFileName(path.c_str());
+  Update(reader, console, "Reading");
+  return reader->GetOutput();
+}
+
+GaussianField ReadField(const std::string& path, Console& console)
+{
+  return FieldFromPolyData(ReadFieldData(path, console));
+}
+
+void WriteFieldData(vtkPolyData* field, const std::string& path, Console& console)
+{
+  vtkNew<vtkBigusFieldWriter> writer;
+  writer->SetInputData(field);
+  writer->SetFileName(path.c_str());
+  Write(writer, console, "Writing");
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,93 @@
+// What subcommands read, and the options that say how: tracked sequences, slice planes, fields.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Core/GaussianField.h"
+#include "Core/SlicePlane.h"
+#include "Core/Sweep.h"
+#include "vtkSmartPointer.h"
+
+class vtkBigusSequenceReader;
+class vtkImageData;
+class vtkPolyData;
+
+namespace CLI
+{
+class App;
+}
+
+namespace bigus::command
+{
+
+class Console;
+
+/// The last part of a path.
+std::string FileName(const std::string& path);
+
+/// How a sequence's poses are found.
+struct PoseChain
+{
+  std::string config;  ///< Plus XML with transforms the sequence lacks
+  std::string from = "Image", to = "Reference";
+  bool assumeStatus = false;  ///< accept transforms without a status field
+};
+
+struct SequenceOptions
+{
+  std::string path;
+  PoseChain chain;
+  std::string imageFolder, imagePattern;  ///< where a CSV's PNG images are
+  std::vector<int> clipRectangle;         ///< column, row, columns, rows
+  std::vector<double> clipFan;            ///< apex i, j, inner and outer radius in pixels, first and last angle
+  int reduce = 1;                         ///< box-average so many pixels squared
+};
+/// Adds the positional argument `name` and the options above, but for --reduce.
+void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help);
+void AddReduceOption(CLI::App& app, int& reduce);
+
+/// A reader with everything in `options` set but the mask, which is off.
+vtkSmartPointer<vtkBigusSequenceReader> NewSequenceReader(const SequenceOptions& options);
+
+/// Reads a sequence as the image stack all filters take; says on stderr which frames were rejected.
+vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Console& console);
+/// The same as a sweep, reduced.
+std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& console);
+
+struct PlaneOptions
+{
+  std::string poses;  ///< sequence, CSV or markup planes
+  PoseChain chain;
+  std::vector<int> size;    ///< width, height; empty = what the file says
+  double spacing = 0;       ///< mm per pixel; 0 = what the file says
+  std::string frames;       ///< "0,4,10-20"; empty = all
+  int reduce = 1;
+  std::string markupSystem = "ras";
+};
+/// Adds `--poses` (under the name given) and the options above.
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& help,
+                     bool required);
+
+/// The planes asked for, all of one size. A plane's upper left corner stays where it is whatever --size, --spacing
+/// and --reduce say.
+struct Planes
+{
+  std::vector<SlicePlane> planes;
+  std::vector<int> frames;         ///< 0-based index in the file
+  std::vector<double> timestamps;  ///< seconds, or empty
+};
+Planes ReadPlanes(const PlaneOptions& options, Console& console);
+
+/// Throws OutputError unless the name ends in .vtp or .ply.
+void RequireFieldName(const std::string& path);
+vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& console);
+GaussianField ReadField(const std::string& path, Console& console);
+void WriteFieldData(vtkPolyData* field, const std::string& path, Console& console);
+
+/// Throws Error when there is no file at `path`.
+void RequireFile(const std::string& path);
+
+}  // namespace bigus::command

@@ -1,0 +1,196 @@
+// bigus metrics: how alike two images, sequences or volumes are.
+#include <memory>
+
+#include "Command.h"
+#include "Files.h"
+#include "Inputs.h"
+#include "Pipeline.h"
+#include "vtkBigusImageMetrics.h"
+#include "vtkBigusSequenceReader.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkImageReader2.h"
+#include "vtkMetaImageReader.h"
+#include "vtkNew.h"
+#include "vtkNrrdReader.h"
+#include "vtkPNGReader.h"
+#include "vtkPointData.h"
+#include "vtkXMLImageDataReader.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+struct Options
+{
+  std::string image, truth;
+};
+
+/// The pixels of a tracked sequence, or null when the file is none.
+vtkSmartPointer<vtkImageData> ReadFrames(const std::string& path, Console& console)
+{
+  SequenceOptions options;
+  options.path = path;
+  options.chain.assumeStatus = true;
+  const auto reader = NewSequenceReader(options);
+  if (!reader->CanReadFile(path.c_str()))
+  {
+    return nullptr;
+  }
+  try
+  {
+    Update(reader, console, "Reading");
+  }
+  catch (const Error&)
+  {
+    if (reader->GetNumberOfTransforms() > 0)
+    {
+      throw;
+    }
+    return nullptr;  // a plain image in a sequence's format
+  }
+  return reader->GetOutput();
+}
+
+/// 16-bit pixels become float in [0, 1], which the metrics take.
+void UnpackShorts(vtkImageData* image)
+{
+  if (image->GetScalarType() != VTK_UNSIGNED_SHORT)
+  {
+    return;
+  }
+  vtkDataArray* shorts = image->GetPointData()->GetScalars();
+  vtkNew<vtkFloatArray> floats;
+  floats->SetName("Intensity");
+  floats->SetNumberOfComponents(shorts->GetNumberOfComponents());
+  floats->SetNumberOfTuples(shorts->GetNumberOfTuples());
+  const auto* values = static_cast<const unsigned short*>(shorts->GetVoidPointer(0));
+  for (vtkIdType i = 0; i < floats->GetNumberOfValues(); ++i)
+  {
+    floats->SetValue(i, values[i] / 65535.0f);
+  }
+  image->GetPointData()->SetScalars(floats);
+}
+
+/// Any image the command writes, and plain ones. Poses are ignored.
+vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, Console& console)
+{
+  RequireFile(path);
+  vtkSmartPointer<vtkImageData> image;
+  if (HasSuffix(path, ".vti"))
+  {
+    vtkNew<vtkXMLImageDataReader> reader;
+    reader->SetFileName(path.c_str());
+    Update(reader, console, "Reading");
+    image = reader->GetOutput();
+  }
+  else
+  {
+    vtkSmartPointer<vtkImageReader2> plain;
+    if (HasSuffix(path, ".png"))
+    {
+      plain = vtkSmartPointer<vtkPNGReader>::New();
+    }
+    else
+    {
+      image = ReadFrames(path, console);
+      if (HasSuffix(path, ".nrrd") || HasSuffix(path, ".nhdr"))
+      {
+        plain = vtkSmartPointer<vtkNrrdReader>::New();
+      }
+      else
+      {
+        plain = vtkSmartPointer<vtkMetaImageReader>::New();
+      }
+    }
+    if (!image)
+    {
+      if (!plain->CanReadFile(path.c_str()))
+      {
+        throw Error("'" + path + "' is not an image this command reads: .png, .mha, .mhd, .nrrd, .vti or a CSV.");
+      }
+      plain->SetFileName(path.c_str());
+      Update(plain, console, "Reading");
+      image = plain->GetOutput();
+    }
+  }
+  if (!image || !image->GetPointData()->GetScalars() || image->GetNumberOfPoints() == 0)
+  {
+    throw Error("'" + path + "' holds no pixels.");
+  }
+  if (image->GetNumberOfScalarComponents() != 1)
+  {
+    throw Error("'" + path + "' has " + std::to_string(image->GetNumberOfScalarComponents()) +
+                " values a pixel; convert it to grey first.");
+  }
+  UnpackShorts(image);
+  return image;
+}
+
+ExitCode Measure(Console& console, const Options& options)
+{
+  const vtkSmartPointer<vtkImageData> image = ReadImage(options.image, console);
+  const vtkSmartPointer<vtkImageData> truth = ReadImage(options.truth, console);
+  int size[3], truthSize[3];
+  image->GetDimensions(size);
+  truth->GetDimensions(truthSize);
+  if (!std::equal(size, size + 3, truthSize))
+  {
+    const auto text = [](const int* s)
+    { return std::to_string(s[0]) + " x " + std::to_string(s[1]) + " x " + std::to_string(s[2]); };
+    throw Error("'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " +
+                text(truthSize) + ": only images of equal size compare.");
+  }
+
+  vtkNew<vtkBigusImageMetrics> metrics;
+  metrics->SetInputData(image);
+  metrics->SetTruthData(truth);
+  Update(metrics, console, "Comparing");
+
+  const int slices = size[2];
+  console.Print(std::to_string(slices) + (slices == 1 ? " image" : " images") + " of " + std::to_string(size[0]) +
+                " x " + std::to_string(size[1]) + " pixels (mean, standard deviation)");
+  console.Print("  PSNR  " + FormatNumber(metrics->GetPSNR(), 3) + " dB, " +
+                FormatNumber(metrics->GetPSNRStandardDeviation(), 3));
+  console.Print("  SSIM  " + FormatNumber(metrics->GetSSIM(), 5) + ", " +
+                FormatNumber(metrics->GetSSIMStandardDeviation(), 5));
+  console.Print("  BFS   " + FormatNumber(metrics->GetBFS(), 4) + "  (mean contrast " +
+                FormatNumber(metrics->GetMeanContrast(), 4) + ", contrast distribution " +
+                FormatNumber(metrics->GetContrastDistribution(), 4) + ", Rayleigh " +
+                FormatNumber(metrics->GetRayleigh(), 4) + ")");
+  console.Report({ { "images", slices },
+                   { "psnr", metrics->GetPSNR() },
+                   { "psnr_std", metrics->GetPSNRStandardDeviation() },
+                   { "ssim", metrics->GetSSIM() },
+                   { "ssim_std", metrics->GetSSIMStandardDeviation() },
+                   { "bfs", metrics->GetBFS() },
+                   { "mean_contrast", metrics->GetMeanContrast() },
+                   { "contrast_distribution", metrics->GetContrastDistribution() },
+                   { "rayleigh", metrics->GetRayleigh() } });
+  return Success;
+}
+
+}  // namespace
+
+void AddMetrics(Program& program)
+{
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.app.add_subcommand(
+    "metrics",
+    "Compare images, sequences or volumes, frame by frame\n"
+    "  bigus metrics again.igs.mha sweep.igs.mha\n"
+    "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 x 11 windows), and BFS, the speckle\n"
+    "score, which looks at B for what is right: give the truth second.");
+  app->add_option("A", options->image, "Image to judge: .png .mha .mhd .nrrd .vti or a CSV of poses")
+    ->required()
+    ->type_name("");
+  app->add_option("B", options->truth, "The truth, of the same size")->required()->type_name("");
+
+  Console& console = program.console;
+  app->callback([&program, &console, options]
+                { program.job = [&console, options] { return Measure(console, *options); }; });
+}
+
+}  // namespace bigus::command

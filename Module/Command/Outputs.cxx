@@ -1,0 +1,276 @@
+#include "Outputs.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <limits>
+#include <ostream>
+#include <utility>
+
+#include "Command.h"
+#include "Files.h"
+#include "Pipeline.h"
+#include "vtkBigusSequenceWriter.h"
+#include "vtkDataArray.h"
+#include "vtkDoubleArray.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkImageFlip.h"
+#include "vtkMatrix3x3.h"
+#include "vtkNew.h"
+#include "vtkPNGWriter.h"
+#include "vtkPointData.h"
+#include "vtkUnsignedCharArray.h"
+#include "vtkXMLImageDataWriter.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+/// Raw little-endian pixels, as they lie in memory.
+void WritePixels(std::ostream& file, vtkImageData* image)
+{
+  vtkDataArray* scalars = image->GetPointData()->GetScalars();
+  file.write(static_cast<const char*>(scalars->GetVoidPointer(0)),
+             static_cast<std::streamsize>(scalars->GetNumberOfValues()) * scalars->GetDataTypeSize());
+}
+
+/// "uint8" or "MET_UCHAR" and their like.
+const char* PixelTypeName(vtkImageData* image, bool nrrd)
+{
+  switch (image->GetScalarType())
+  {
+    case VTK_UNSIGNED_CHAR: return nrrd ? "uint8" : "MET_UCHAR";
+    case VTK_UNSIGNED_SHORT: return nrrd ? "uint16" : "MET_USHORT";
+    case VTK_FLOAT: return nrrd ? "float" : "MET_FLOAT";
+    default: throw OutputError(std::string("Pixels of type ") + image->GetScalarTypeAsString() + " cannot be written.");
+  }
+}
+
+/// Axis `k` of a volume in space, a unit vector.
+std::array<double, 3> Axis(vtkImageData* volume, int k)
+{
+  const double* direction = volume->GetDirectionMatrix()->GetData();
+  return { direction[k], direction[3 + k], direction[6 + k] };
+}
+
+std::array<double, 3> FirstVoxel(vtkImageData* volume)
+{
+  std::array<double, 3> place;
+  int extent[6];
+  volume->GetExtent(extent);
+  volume->TransformIndexToPhysicalPoint(extent[0], extent[2], extent[4], place.data());
+  return place;
+}
+
+void BeginNrrd(std::ostream& file, vtkImageData* image)
+{
+  int size[3];
+  image->GetDimensions(size);
+  file.precision(17);
+  file << "NRRD0005\n"
+       << "type: " << PixelTypeName(image, true) << "\ndimension: 3\nsizes: " << size[0] << ' ' << size[1] << ' '
+       << size[2] << "\nencoding: raw\nendian: little\n";
+}
+
+void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
+{
+  WriteAtomically(path,
+                  [stack](std::ostream& file)
+                  {
+                    BeginNrrd(file, stack);
+                    file << "kinds: domain domain list\nUltrasoundImageOrientation:=MF\n"
+                         << "UltrasoundImageType:=BRIGHTNESS\n";
+                    vtkFieldData* data = stack->GetFieldData();
+                    vtkDataArray* poses = data->GetArray("ImageToReference");
+                    vtkDataArray* times = data->GetArray("Timestamp");
+                    for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
+                    {
+                      char frame[32];
+                      std::snprintf(frame, sizeof frame, "Seq_Frame%04lld_", static_cast<long long>(k));
+                      file << frame << "ImageToReferenceTransform:=";
+                      for (int c = 0; c < 16; ++c)
+                      {
+                        file << (c ? " " : "") << poses->GetComponent(k, c);
+                      }
+                      file << '\n' << frame << "ImageToReferenceTransformStatus:=OK\n" << frame << "ImageStatus:=OK\n";
+                      if (times)
+                      {
+                        file << frame << "Timestamp:=" << times->GetTuple1(k) << '\n';
+                      }
+                    }
+                    file << '\n';
+                    WritePixels(file, stack);
+                  });
+}
+
+void WriteNrrdVolume(vtkImageData* volume, const std::string& path)
+{
+  WriteAtomically(path,
+                  [volume](std::ostream& file)
+                  {
+                    BeginNrrd(file, volume);
+                    file << "kinds: domain domain domain\nspace dimension: 3\nspace directions:";
+                    for (int k = 0; k < 3; ++k)
+                    {
+                      const std::array<double, 3> axis = Axis(volume, k);
+                      const double side = volume->GetSpacing()[k];
+                      file << " (" << axis[0] * side << ',' << axis[1] * side << ',' << axis[2] * side << ')';
+                    }
+                    const std::array<double, 3> first = FirstVoxel(volume);
+                    file << "\nspace origin: (" << first[0] << ',' << first[1] << ',' << first[2] << ")\n\n";
+                    WritePixels(file, volume);
+                  });
+}
+
+void WriteMetaVolume(vtkImageData* volume, const std::string& path)
+{
+  WriteAtomically(path,
+                  [volume](std::ostream& file)
+                  {
+                    int size[3];
+                    volume->GetDimensions(size);
+                    const double* spacing = volume->GetSpacing();
+                    const std::array<double, 3> first = FirstVoxel(volume);
+                    file.precision(17);
+                    file << "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+                         << "CompressedData = False\nTransformMatrix =";
+                    for (int k = 0; k < 3; ++k)
+                    {
+                      const std::array<double, 3> axis = Axis(volume, k);
+                      file << ' ' << axis[0] << ' ' << axis[1] << ' ' << axis[2];
+                    }
+                    file << "\nOffset = " << first[0] << ' ' << first[1] << ' ' << first[2]
+                         << "\nCenterOfRotation = 0 0 0\nElementSpacing = " << spacing[0] << ' ' << spacing[1] << ' '
+                         << spacing[2] << "\nDimSize = " << size[0] << ' ' << size[1] << ' ' << size[2]
+                         << "\nElementType = " << PixelTypeName(volume, false) << "\nElementDataFile = LOCAL\n";
+                    WritePixels(file, volume);
+                  });
+}
+
+void WritePng(vtkImageData* stack, int slice, const std::string& path)
+{
+  int extent[6];
+  stack->GetExtent(extent);
+  vtkNew<vtkImageData> image;
+  image->SetExtent(extent[0], extent[1], extent[2], extent[3], 0, 0);
+  image->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  const vtkIdType pixels = image->GetNumberOfPoints();
+  const auto* bytes = static_cast<const unsigned char*>(stack->GetScalarPointer());
+  std::copy_n(bytes + slice * pixels, pixels, static_cast<unsigned char*>(image->GetScalarPointer()));
+
+  vtkNew<vtkImageFlip> flip;  // VTK writes its last row first, and our first row belongs on top
+  flip->SetInputData(image);
+  flip->SetFilteredAxis(1);
+  vtkNew<vtkPNGWriter> writer;
+  writer->SetInputConnection(flip->GetOutputPort());
+  writer->WriteToMemoryOn();
+  writer->Write();
+  vtkUnsignedCharArray* png = writer->GetResult();
+  WriteAtomically(path,
+                  [png](std::ostream& file)
+                  { file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues()); });
+}
+
+}  // namespace
+
+vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes, const std::vector<double>& timestamps,
+                                       bool bytes)
+{
+  auto stack = vtkSmartPointer<vtkImageData>::New();
+  const int count = static_cast<int>(planes.size());
+  stack->SetExtent(0, planes.front().width - 1, 0, planes.front().height - 1, 0, count - 1);
+  stack->AllocateScalars(bytes ? VTK_UNSIGNED_CHAR : VTK_FLOAT, 1);
+
+  const auto newArray = [&stack, count](const char* name, int components)
+  {
+    auto array = vtkSmartPointer<vtkDoubleArray>::New();
+    array->SetName(name);
+    array->SetNumberOfComponents(components);
+    array->SetNumberOfTuples(count);
+    stack->GetFieldData()->AddArray(array);
+    return array;
+  };
+  const auto poses = newArray("ImageToReference", 16);
+  for (int k = 0; k < count; ++k)
+  {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = planes[k].ImageToReference();
+    poses->SetTypedTuple(k, pose.data());
+  }
+  if (!timestamps.empty())
+  {
+    const auto times = newArray("Timestamp", 1);
+    std::copy(timestamps.begin(), timestamps.end(), times->GetPointer(0));
+  }
+  return stack;
+}
+
+void RequireStackName(const std::string& path)
+{
+  if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".png"))
+  {
+    throw OutputError("Cannot write '" + path + "': the name must end in .mha (.igs.mha), .nrrd or .png.");
+  }
+}
+
+std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path, const std::vector<int>& numbers,
+                                    Console& console)
+{
+  if (HasSuffix(path, ".png"))
+  {
+    const int count = stack->GetDimensions()[2];
+    const int last = *std::max_element(numbers.begin(), numbers.end());
+    std::vector<std::string> names;
+    for (int k = 0; k < count; ++k)
+    {
+      names.push_back(count == 1 ? path : NumberedPath(path, numbers[k], last + 1));
+      WritePng(stack, k, names.back());
+      console.Progress("Writing", (k + 1.0) / count);
+    }
+    console.EndProgress();
+    return names;
+  }
+  if (HasSuffix(path, ".nrrd"))
+  {
+    WriteNrrdSequence(stack, path);
+    return { path };
+  }
+  vtkNew<vtkBigusSequenceWriter> writer;
+  writer->SetInputData(stack);
+  writer->SetFileName(path.c_str());
+  Write(writer, console, "Writing");
+  return { path };
+}
+
+void RequireVolumeName(const std::string& path)
+{
+  if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".vti"))
+  {
+    throw OutputError("Cannot write '" + path + "': the name of a volume must end in .mha, .nrrd or .vti.");
+  }
+}
+
+void WriteVolume(vtkImageData* volume, const std::string& path, Console& console)
+{
+  if (HasSuffix(path, ".nrrd"))
+  {
+    WriteNrrdVolume(volume, path);
+  }
+  else if (HasSuffix(path, ".mha"))
+  {
+    WriteMetaVolume(volume, path);
+  }
+  else
+  {
+    vtkNew<vtkXMLImageDataWriter> writer;
+    writer->SetInputData(volume);
+    writer->WriteToOutputStringOn();
+    Write(writer, console, "Writing");
+    const std::string text = writer->GetOutputString();
+    WriteAtomically(path, [&text](std::ostream& file) { file << text; });
+  }
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,144 @@
+#include "Pipeline.h"
+
+#include <vtkAlgorithm.h>
+#include <vtkCallbackCommand.h>
+#include <vtkCommand.h>
+#include <vtkNew.h>
+#include <vtkObjectFactory.h>
+#include <vtkOutputWindow.h>
+#include <vtkSmartPointer.h>
+
+#include <vector>
+
+#include "Command.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+/// "ERROR: In file.cxx, line 12\nvtkClass (0x...): what happened\n\n" to "what happened".
+std::string Essence(const char* text)
+{
+  std::string message = text ? text : "";
+  const std::size_t mark = message.find("): ");
+  if (message.compare(0, 5, "ERROR") == 0 || message.compare(0, 7, "Warning") == 0 || message.find("vtk") == 0)
+  {
+    if (mark != std::string::npos)
+    {
+      message.erase(0, mark + 3);
+    }
+  }
+  message.erase(message.find_last_not_of(" \n\r\t") + 1);
+  return message;
+}
+
+/// Takes VTK's messages instead of the terminal.
+class MessageWindow : public vtkOutputWindow
+{
+public:
+  vtkTypeMacro(MessageWindow, vtkOutputWindow);
+  static MessageWindow* New();
+
+  void DisplayErrorText(const char* text) override { errors.push_back(Essence(text)); }
+  void DisplayText(const char*) override {}
+  void DisplayDebugText(const char*) override {}
+  void DisplayWarningText(const char* text) override { Warn(text); }
+  void DisplayGenericWarningText(const char* text) override { Warn(text); }
+
+  Console* console = nullptr;
+  std::vector<std::string> errors;
+
+private:
+  void Warn(const char* text)
+  {
+    if (console)
+    {
+      console->Note("bigus: warning: " + Essence(text));
+    }
+  }
+};
+vtkStandardNewMacro(MessageWindow);
+
+MessageWindow* Messages()
+{
+  static vtkNew<MessageWindow> window;
+  return window;
+}
+
+struct Watch
+{
+  Console* console;
+  const std::string* job;
+};
+
+void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
+{
+  const Watch* watch = static_cast<Watch*>(clientData);
+  auto* algorithm = static_cast<vtkAlgorithm*>(caller);
+  watch->console->Progress(*watch->job, algorithm->GetProgress());
+  if (IsInterrupted())
+  {
+    algorithm->SetAbortExecute(1);
+  }
+}
+
+/// Returns the first error, or nothing.
+std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string& job)
+{
+  Messages()->errors.clear();
+  Watch watch{ &console, &job };
+  vtkNew<vtkCallbackCommand> command;
+  command->SetCallback(OnProgress);
+  command->SetClientData(&watch);
+  const unsigned long tag = algorithm->AddObserver(vtkCommand::ProgressEvent, command);
+  algorithm->Update();
+  algorithm->RemoveObserver(tag);
+  console.EndProgress();
+  if (IsInterrupted())
+  {
+    throw Interrupted();
+  }
+  if (!Messages()->errors.empty())
+  {
+    return Messages()->errors.front();
+  }
+  return algorithm->GetErrorCode() ? "The job failed without saying why." : "";
+}
+
+}  // namespace
+
+void CatchVtkMessages(Console& console)
+{
+  Messages()->console = &console;
+  vtkOutputWindow::SetInstance(Messages());
+}
+
+void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job)
+{
+  if (const std::string fault = Execute(algorithm, console, job); !fault.empty())
+  {
+    throw Error(fault);
+  }
+}
+
+void UpdateInformation(vtkAlgorithm* algorithm)
+{
+  Messages()->errors.clear();
+  algorithm->UpdateInformation();
+  if (!Messages()->errors.empty())
+  {
+    throw Error(Messages()->errors.front());
+  }
+}
+
+void Write(vtkAlgorithm* writer, Console& console, const std::string& job)
+{
+  if (const std::string fault = Execute(writer, console, job); !fault.empty())
+  {
+    throw OutputError(fault);
+  }
+}
+
+}  // namespace bigus::command

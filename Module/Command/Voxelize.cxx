@@ -1,0 +1,116 @@
+// bigus voxelize: the field as a plain volume.
+#include <memory>
+
+#include "Command.h"
+#include "Files.h"
+#include "Inputs.h"
+#include "Outputs.h"
+#include "Pipeline.h"
+#include "vtkBigusVoxelizer.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkPolyData.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+struct Options
+{
+  std::string field, output, mode = "intensity", type = "uchar", engine = "auto";
+  double spacing = 0, elevationSigma = 0;
+  std::vector<double> origin;
+  std::vector<int> size;
+};
+
+ExitCode Voxelize(Console& console, const Options& options)
+{
+  RequireVolumeName(options.output);
+  RequireWritable(options.output);
+  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.field, console);
+
+  vtkNew<vtkBigusVoxelizer> voxelizer;
+  voxelizer->SetInputData(field);
+  voxelizer->SetEngine(options.engine.c_str());
+  voxelizer->SetElevationSigma(options.elevationSigma);
+  if (options.spacing > 0)
+  {
+    voxelizer->SetOutputSpacing(options.spacing, options.spacing, options.spacing);
+  }
+  if (!options.origin.empty())
+  {
+    voxelizer->SetOutputOrigin(options.origin.data());
+  }
+  if (!options.size.empty())
+  {
+    voxelizer->SetOutputDimensions(options.size.data());
+  }
+  const bool scattering = options.mode == "scattering";
+  voxelizer->SetOutputMode(scattering ? vtkBigusVoxelizer::ScatteringField : vtkBigusVoxelizer::Intensity);
+  voxelizer->SetOutputScalarType(options.type == "uchar" && !scattering ? VTK_UNSIGNED_CHAR : VTK_FLOAT);
+  const auto start = std::chrono::steady_clock::now();
+  Update(voxelizer, console, "Sampling");
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  vtkImageData* volume = voxelizer->GetOutput();
+  WriteVolume(volume, options.output, console);
+
+  const int* size = volume->GetDimensions();
+  const double* spacing = volume->GetSpacing();
+  const double* origin = volume->GetOrigin();
+  console.Print(options.output + ": " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
+                std::to_string(size[2]) + " voxels of " + FormatNumber(spacing[0], 3) + " mm, " +
+                FormatNumber(seconds, 1) + " s on " + voxelizer->GetDevice());
+  console.Report({ { "output", options.output },
+                   { "size", { size[0], size[1], size[2] } },
+                   { "spacing", { spacing[0], spacing[1], spacing[2] } },
+                   { "origin", { origin[0], origin[1], origin[2] } },
+                   { "seconds", seconds },
+                   { "device", voxelizer->GetDevice() } });
+  return Success;
+}
+
+}  // namespace
+
+void AddVoxelize(Program& program)
+{
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.app.add_subcommand(
+    "voxelize",
+    "Turn a field into a plain volume\n"
+    "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
+    "Without --origin and --size the volume holds the whole field.");
+  app->add_option("field", options->field, "Field: .vtp or .ply")->required()->type_name("FIELD");
+  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")->required()->type_name("OUT");
+  app->add_option("--spacing", options->spacing, "Side of a voxel; default: 256 voxels along the longest side")
+    ->check(PositiveNumber())
+    ->type_name("MM");
+  app->add_option("--origin", options->origin, "Centre of the first voxel")
+    ->expected(3)
+    ->check(NumberIn(-1e6, 1e6))
+    ->type_name("X Y Z");
+  app->add_option("--size", options->size, "Voxels along each axis")
+    ->expected(3)
+    ->check(NumberIn(1, 65536))
+    ->type_name("I J K");
+  app->add_option("--elevation-sigma", options->elevationSigma,
+                  "Beam thickness along z; 0 (default) samples the field itself")
+    ->check(NumberIn(0, 100))
+    ->type_name("MM");
+  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
+    ->check(CLI::IsMember({ "intensity", "scattering" }).description(""))
+    ->type_name("MODE");
+  app->add_option("--type", options->type, "Voxels of intensity: uchar (default, 0 to 255) or float (0 to 1)")
+    ->check(CLI::IsMember({ "uchar", "float" }).description(""))
+    ->type_name("TYPE");
+  app->add_option("--engine", options->engine, "What computes: auto, or a name from 'bigus info --devices'")
+    ->type_name("NAME")
+    ->capture_default_str();
+
+  Console& console = program.console;
+  app->callback([&program, &console, options]
+                { program.job = [&console, options] { return Voxelize(console, *options); }; });
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,185 @@
+// bigus: tracked ultrasound sweeps to Gaussian fields, and slices of them at any plane, from the shell.
+#include <tbb/global_control.h>
+
+#include <charconv>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <iostream>
+#include <memory>
+#include <new>
+
+#include "Command.h"
+#include "Pipeline.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+volatile std::sig_atomic_t interrupted = 0;
+
+extern "C" void OnSignal(int number)
+{
+  interrupted = 1;
+  std::signal(number, SIG_DFL);
+}
+
+const char* const description =
+  "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
+  "\n"
+  "A first tour, without any data:\n"
+  "  bigus phantom -o sweep.igs.mha                                  a made-up sweep with known truth\n"
+  "  bigus info sweep.igs.mha                                        what is in it\n"
+  "  bigus train sweep.igs.mha -o field.vtp --hold-out 8             frames to a Gaussian field\n"
+  "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha    the field at the sweep's planes\n"
+  "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
+  "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
+  "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
+  "\n"
+  "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
+  "intensities lie in [0, 1].";
+
+const char* const footer =
+  "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted.\n"
+  "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
+
+/// Says what went wrong, to people or to machines.
+ExitCode Fail(Console& console, ExitCode code, const std::string& message)
+{
+  console.Note("bigus: " + message);
+  console.Report({ { "error", message }, { "exit_code", static_cast<int>(code) } });
+  return code;
+}
+
+ExitCode Run(int argumentCount, char** arguments)
+{
+  Program program;
+  CLI::App& app = program.app;
+  Console& console = program.console;
+  // A wrong command line is reported in JSON too, however early parsing stops.
+  for (int i = 1; i < argumentCount; ++i)
+  {
+    console.json = console.json || std::strcmp(arguments[i], "--json") == 0;
+  }
+
+  app.name("bigus");
+  app.description(description);
+  app.footer(footer);
+  app.set_version_flag("--version", std::string("bigus ") + BIGUS_VERSION);
+  app.require_subcommand(1);
+  app.fallthrough();  // --json and the like are understood after the subcommand, too
+  app.get_formatter()->column_width(34);
+
+  app.add_flag("--json", "Print one JSON object on stdout, nothing else");
+  bool withBar = false, withoutBar = false;
+  CLI::Option* barOption = app.add_flag("--progress", withBar, "Draw the progress bar even if stderr is no terminal");
+  app.add_flag("--no-progress", withoutBar, "Draw no progress bar")->excludes(barOption);
+  int threads = 0;
+  app.add_option("--threads", threads, "Threads to use; 0 takes all cores. Results do not depend on it")
+    ->check(NumberIn(0, 4096));
+
+  AddInfo(program);
+  AddPhantom(program);
+  AddTrain(program);
+  AddSlice(program);
+  AddVoxelize(program);
+  AddMetrics(program);
+  AddConvert(program);
+
+  try
+  {
+    app.parse(argumentCount, arguments);
+  }
+  catch (const CLI::Success& request)  // --help, --version
+  {
+    app.exit(request);
+    return Success;
+  }
+  catch (const CLI::ParseError& error)
+  {
+    return Fail(console, UsageFault, std::string(error.what()) + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
+  }
+  console.bar = withBar ? Console::Bar::Always : withoutBar ? Console::Bar::Never : Console::Bar::WhenTerminal;
+
+  std::unique_ptr<tbb::global_control> limit;
+  if (threads > 0)
+  {
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+  }
+  std::signal(SIGINT, OnSignal);
+  std::signal(SIGTERM, OnSignal);
+
+  try
+  {
+    return program.job();
+  }
+  catch (const Interrupted&)
+  {
+    return Fail(console, Stopped, "Interrupted: nothing was written.");
+  }
+  catch (const OutputError& error)
+  {
+    return Fail(console, OutputFault, error.what());
+  }
+  catch (const Error& error)
+  {
+    return Fail(console, InputFault, error.what());
+  }
+  catch (const std::bad_alloc&)
+  {
+    return Fail(console, InputFault, "Not enough memory for this job: use --reduce, fewer Gaussians or a smaller output.");
+  }
+}
+
+}  // namespace
+
+bool IsInterrupted()
+{
+  return interrupted != 0;
+}
+
+bool ParseNumber(const std::string& text, double& value)
+{
+  const char* end = text.data() + text.size();
+  const auto [stop, fault] = std::from_chars(text.data(), end, value);
+  return fault == std::errc() && stop == end && std::isfinite(value);
+}
+
+CLI::Validator NumberIn(double low, double high)
+{
+  const auto check = [low, high](const std::string& text) -> std::string
+  {
+    double value = 0;
+    if (ParseNumber(text, value) && value >= low && value <= high)
+    {
+      return {};
+    }
+    std::ostringstream message;
+    message << "'" << text << "' is not a number from " << low << " to " << high;
+    return message.str();
+  };
+  return CLI::Validator(check, "");
+}
+
+CLI::Validator PositiveNumber()
+{
+  const auto check = [](const std::string& text) -> std::string
+  {
+    double value = 0;
+    if (ParseNumber(text, value) && value > 0 && value <= 1e6)
+    {
+      return {};
+    }
+    return "'" + text + "' is not a number above 0 (and at most 1e6)";
+  };
+  return CLI::Validator(check, "");
+}
+
+}  // namespace bigus::command
+
+int main(int argumentCount, char** arguments)
+{
+  return bigus::command::Run(argumentCount, arguments);
+}
