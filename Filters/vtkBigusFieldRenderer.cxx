@@ -1,0 +1,250 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusFieldRenderer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "Core/Error.h"
+#include "vtkAlgorithm.h"
+#include "vtkBigusConvert.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkPointData.h"
+#include "vtkPolyData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+#include "vtkUnsignedCharArray.h"
+#include "vtkVersionMacros.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr double firstBandPixels = 16384;
+constexpr double bandSeconds = 0.03;
+
+}  // namespace
+
+bool ReportProgress(vtkAlgorithm* filter, double fraction)
+{
+  filter->UpdateProgress(fraction);
+#if VTK_MAJOR_VERSION > 9 || (VTK_MAJOR_VERSION == 9 && VTK_MINOR_VERSION >= 3)
+  return !filter->CheckAbort();  // hears of an abort further down the pipeline as well
+#else
+  return !filter->GetAbortExecute();
+#endif
+}
+
+FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension)
+{
+  FieldGrid grid;
+  if (field.Size() == 0)
+  {
+    return grid;
+  }
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d high = -low;
+  const Eigen::Matrix3d toGrid = axes.inverse();
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    const Eigen::Vector3d centre = toGrid * field.means[i];
+    // Row norms of R diag(s) are the standard deviations along the axes.
+    const Eigen::Matrix3d spread = toGrid * RotationMatrix(field.rotations[i]) * field.scales[i].asDiagonal();
+    const Eigen::Vector3d reach = 3 * spread.rowwise().norm();
+    low = low.cwiseMin(centre - reach);
+    high = high.cwiseMax(centre + reach);
+  }
+  const Eigen::Vector3d size = high - low;
+  grid.spacing = size.maxCoeff() / (maximumDimension - 1);
+  const Eigen::Vector3d steps = (size / grid.spacing).array().round();
+  grid.dimensions = steps.cast<int>() + Eigen::Vector3i::Ones();
+  grid.origin = 0.5 * (low + high) - 0.5 * grid.spacing * steps;
+  return grid;
+}
+
+vtkPolyData* UpdatedInput(vtkAlgorithm* filter)
+{
+  int port = 0;
+  if (vtkAlgorithm* producer = filter->GetInputAlgorithm(0, 0, port))
+  {
+    producer->Update(port);
+  }
+  return vtkPolyData::SafeDownCast(filter->GetInputDataObject(0, 0));
+}
+
+void RequestWholeInput(vtkInformationVector* connections)
+{
+  for (int i = 0; i < connections->GetNumberOfInformationObjects(); ++i)
+  {
+    vtkInformation* info = connections->GetInformationObject(i);
+    if (info->Has(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT()))
+    {
+      int whole[6];
+      info->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), whole);
+      info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_EXTENT(), whole, 6);
+    }
+    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_PIECE_NUMBER(), 0);
+    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES(), 1);
+    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_GHOST_LEVELS(), 0);
+  }
+}
+
+void CheckPixelFormat(ViewOutput output, int scalarType)
+{
+  if (scalarType != VTK_FLOAT && scalarType != VTK_UNSIGNED_CHAR)
+  {
+    throw Error(std::string("OutputScalarType is ") + vtkImageScalarTypeNameMacro(scalarType) +
+                "; float and unsigned char are possible.");
+  }
+  if (output == ViewOutput::Scattering && scalarType != VTK_FLOAT)
+  {
+    throw Error("The scattering field is signed and unbounded; set OutputScalarType to float.");
+  }
+}
+
+double ExtentSize(const int extent[6])
+{
+  double size = 1;
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    size *= std::max(0.0, static_cast<double>(extent[2 * axis + 1]) - extent[2 * axis] + 1);
+  }
+  return size;
+}
+
+void CheckOutputSize(const int extent[6], vtkIdType maximum)
+{
+  if (ExtentSize(extent) > static_cast<double>(maximum))
+  {
+    throw Error("The output asked for is " + std::to_string(extent[1] - extent[0] + 1) + " x " +
+                std::to_string(extent[3] - extent[2] + 1) + " x " +
+                std::to_string(extent[5] - extent[4] + 1) + " pixels, more than MaximumOutputPixels (" +
+                std::to_string(maximum) +
+                "). Make it smaller or its spacing larger, or stream it in pieces.");
+  }
+}
+
+void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, const char* name)
+{
+  image->SetExtent(const_cast<int*>(extent));
+  image->AllocateScalars(scalarType, 1);
+  image->GetPointData()->GetScalars()->SetName(name);
+  image->GetPointData()->GetScalars()->Fill(0);
+}
+
+void StorePixels(const float* values, vtkIdType first, vtkIdType count, vtkImageData* image)
+{
+  vtkDataArray* scalars = image->GetPointData()->GetScalars();
+  if (auto* bytes = vtkUnsignedCharArray::SafeDownCast(scalars))
+  {
+    std::transform(values, values + count, bytes->GetPointer(first),
+                   [](float value) -> unsigned char {
+                     return value > 0 ? static_cast<unsigned char>(std::min(255 * value + 0.5f, 255.0f)) : 0;
+                   });
+  }
+  else
+  {
+    std::copy_n(values, count, vtkFloatArray::SafeDownCast(scalars)->GetPointer(first));
+  }
+}
+
+const GaussianField& FieldRenderer::Load(vtkPolyData* input)
+{
+  if (!input_ || input_ != input || inputTime_ != input->GetMTime())
+  {
+    input_ = nullptr;  // should the next line throw, nothing valid is held
+    field_ = FieldFromPolyData(input);
+    uploadedSigma_.reset();
+    pixelsPerBand_ = firstBandPixels;
+    input_ = input;
+    inputTime_ = input->GetMTime();
+  }
+  return field_;
+}
+
+void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
+{
+  if (!(settings.tolerance >= 0 && settings.tolerance <= 1))
+  {
+    throw Error("The tolerance is " + std::to_string(settings.tolerance) + "; it must lie between 0 and 1.");
+  }
+  if (!std::isfinite(settings.elevationSigma))
+  {
+    throw Error(
+        "The elevation sigma is not finite; give mm, 0 for a thin plane, or a negative number for the "
+        "field's.");
+  }
+  Load(input);
+  if (!engine_ || engineName_ != settings.engine)
+  {
+    engine_ = Engine::Create(settings.engine);
+    engineName_ = settings.engine;
+    device_ = engine_->Device();
+    uploadedSigma_.reset();
+  }
+  const double trainedSigma = field_.beam.elevationSigma;
+  const double sigma = settings.elevationSigma < 0 ? trainedSigma : settings.elevationSigma;
+  if (uploadedSigma_ != sigma)
+  {
+    field_.beam.elevationSigma = sigma;
+    engine_->SetField(field_);
+    field_.beam.elevationSigma = trainedSigma;
+    uploadedSigma_ = sigma;
+  }
+  // |dI/dS| <= gamma turns the bound on I into one on S.
+  engine_->SetTruncation({settings.tolerance / field_.transfer.gamma});
+}
+
+bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6],
+                           ViewOutput output, bool coverage, const std::function<bool(const Band&)>& receive)
+{
+  const int columns = extent[1] - extent[0] + 1;
+  const double total = ExtentSize(extent);
+  std::vector<float> image, covered;
+  vtkIdType first = 0;
+  for (int k = extent[4]; k <= extent[5]; ++k)
+  {
+    const Eigen::Vector4d start = indexToWorld * Eigen::Vector4d(whole[0], whole[2], k, 1);
+    SlicePlane plane;
+    plane.origin = start.head<3>();
+    plane.columnStep = indexToWorld.block<3, 1>(0, 0);
+    plane.rowStep = indexToWorld.block<3, 1>(0, 1);
+    plane.width = whole[1] - whole[0] + 1;
+    plane.height = whole[3] - whole[2] + 1;
+    plane.Validate("Output slice " + std::to_string(k));
+
+    for (int row = extent[2]; row <= extent[3];)
+    {
+      const int wantedRows = static_cast<int>(std::min(1e9, pixelsPerBand_ / columns));
+      const int rows = std::clamp(wantedRows, 1, extent[3] - row + 1);
+      const std::size_t count = static_cast<std::size_t>(rows) * columns;
+      image.resize(count);
+      covered.resize(coverage ? count : 0);
+
+      const auto before = std::chrono::steady_clock::now();
+      engine_->Render(plane, {extent[0] - whole[0], row - whole[2], columns, rows}, output, image.data(),
+                      coverage ? covered.data() : nullptr);
+      const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+      // Aim at bandSeconds from what this band took; a plane that is nearly free says little about the next.
+      pixelsPerBand_ =
+          std::clamp(count * std::clamp(bandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
+
+      const vtkIdType pixels = static_cast<vtkIdType>(count);
+      const double fraction = (static_cast<double>(first) + pixels) / total;
+      if (!receive({first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction}))
+      {
+        return false;
+      }
+      first += pixels;
+      row += rows;
+    }
+  }
+  return true;
+}
+
+}  // namespace bigus

@@ -1,0 +1,219 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusImageMetrics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "Core/Error.h"
+#include "Core/Metrics.h"
+#include "vtkBigusFieldRenderer.h"
+#include "vtkDoubleArray.h"
+#include "vtkErrorCode.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkIntArray.h"
+#include "vtkNew.h"
+#include "vtkObjectFactory.h"
+#include "vtkPointData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+#include "vtkTable.h"
+#include "vtkUnsignedCharArray.h"
+
+vtkStandardNewMacro(vtkBigusImageMetrics);
+
+namespace
+{
+
+vtkDataArray* Pixels(vtkImageData* image, const std::string& name)
+{
+  vtkDataArray* scalars = image ? image->GetPointData()->GetScalars() : nullptr;
+  if (!scalars || image->GetNumberOfPoints() == 0 ||
+      scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
+  {
+    throw bigus::Error(name + " has no pixels.");
+  }
+  if (scalars->GetNumberOfComponents() != 1)
+  {
+    throw bigus::Error(name + " has " + std::to_string(scalars->GetNumberOfComponents()) +
+                       " components; grey images with one are compared. Convert colour to grey first.");
+  }
+  if (!vtkUnsignedCharArray::SafeDownCast(scalars) && !vtkFloatArray::SafeDownCast(scalars))
+  {
+    throw bigus::Error(name + " holds " + scalars->GetDataTypeAsString() +
+                       "; unsigned char, or float in [0, 1], is expected.");
+  }
+  return scalars;
+}
+
+// Intensities in [0, 1] of one slice.
+std::vector<float> SliceIntensities(vtkDataArray* scalars, vtkIdType first, vtkIdType count,
+                                    const std::string& name)
+{
+  std::vector<float> values(count);
+  if (auto* bytes = vtkUnsignedCharArray::SafeDownCast(scalars))
+  {
+    const unsigned char* pixels = bytes->GetPointer(first);
+    std::transform(pixels, pixels + count, values.begin(),
+                   [](unsigned char value) { return static_cast<float>(value / 255.0); });
+    return values;
+  }
+  std::copy_n(vtkFloatArray::SafeDownCast(scalars)->GetPointer(first), count, values.begin());
+  const auto bad = std::find_if(values.begin(), values.end(), [](float v) { return !(v >= 0 && v <= 1); });
+  if (bad != values.end())
+  {
+    throw bigus::Error(name + " holds the value " + std::to_string(*bad) +
+                       "; float intensities must lie in [0, 1]. Use vtkImageShiftScale to scale them.");
+  }
+  return values;
+}
+
+double Mean(const std::vector<double>& values)
+{
+  double sum = 0;
+  for (double value : values)
+  {
+    sum += value;
+  }
+  return sum / static_cast<double>(values.size());
+}
+
+// Of the population: one slice has 0. Equal slices of infinite PSNR do not spread either.
+double StandardDeviation(const std::vector<double>& values)
+{
+  if (std::all_of(values.begin(), values.end(), [&](double value) { return value == values[0]; }))
+  {
+    return 0;
+  }
+  const double mean = Mean(values);
+  double sum = 0;
+  for (double value : values)
+  {
+    sum += (value - mean) * (value - mean);
+  }
+  return std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+void AddColumn(vtkTable* table, const char* name, const std::vector<double>& values)
+{
+  vtkNew<vtkDoubleArray> column;
+  column->SetName(name);
+  for (double value : values)
+  {
+    column->InsertNextValue(value);
+  }
+  table->AddColumn(column);
+}
+
+}  // namespace
+
+vtkBigusImageMetrics::vtkBigusImageMetrics()
+{
+  this->SetNumberOfInputPorts(2);
+}
+
+void vtkBigusImageMetrics::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "PSNR: " << this->PSNR << "\n";
+  os << indent << "PSNRStandardDeviation: " << this->PSNRStandardDeviation << "\n";
+  os << indent << "SSIM: " << this->SSIM << "\n";
+  os << indent << "SSIMStandardDeviation: " << this->SSIMStandardDeviation << "\n";
+  os << indent << "BFS: " << this->BFS << "\n";
+  os << indent << "MeanContrast: " << this->MeanContrast << "\n";
+  os << indent << "ContrastDistribution: " << this->ContrastDistribution << "\n";
+  os << indent << "Rayleigh: " << this->Rayleigh << "\n";
+}
+
+int vtkBigusImageMetrics::FillInputPortInformation(int, vtkInformation* info)
+{
+  info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), "vtkImageData");
+  return 1;
+}
+
+int vtkBigusImageMetrics::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
+                                              vtkInformationVector*)
+{
+  bigus::RequestWholeInput(inputs[0]);
+  bigus::RequestWholeInput(inputs[1]);
+  return 1;
+}
+
+int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** inputs,
+                                      vtkInformationVector* outputs)
+{
+  vtkTable* table = vtkTable::GetData(outputs);
+  table->Initialize();
+  this->PSNR = this->PSNRStandardDeviation = this->SSIM = this->SSIMStandardDeviation = 0;
+  this->BFS = this->MeanContrast = this->ContrastDistribution = this->Rayleigh = 0;
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    vtkImageData* image = vtkImageData::GetData(inputs[0]);
+    vtkImageData* truth = vtkImageData::GetData(inputs[1]);
+    vtkDataArray* imageScalars = Pixels(image, "The image");
+    vtkDataArray* truthScalars = Pixels(truth, "The truth");
+    int size[3], truthSize[3];
+    image->GetDimensions(size);
+    truth->GetDimensions(truthSize);
+    if (!std::equal(size, size + 3, truthSize))
+    {
+      throw bigus::Error("The image is " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
+                         std::to_string(size[2]) + " pixels, the truth " + std::to_string(truthSize[0]) +
+                         " x " + std::to_string(truthSize[1]) + " x " + std::to_string(truthSize[2]) +
+                         "; they must be equal.");
+    }
+
+    int extent[6];
+    image->GetExtent(extent);
+    const vtkIdType count = static_cast<vtkIdType>(size[0]) * size[1];
+    std::vector<double> psnr, ssim, bfs, meanContrast, contrastDistribution, rayleigh;
+    vtkNew<vtkIntArray> slices;
+    slices->SetName("Slice");
+    for (int k = 0; k < size[2]; ++k)
+    {
+      const std::vector<float> a = SliceIntensities(imageScalars, k * count, count, "The image");
+      const std::vector<float> b = SliceIntensities(truthScalars, k * count, count, "The truth");
+      const bigus::BackscatterFidelity fidelity = bigus::Bfs(a.data(), b.data(), size[0], size[1]);
+      psnr.push_back(bigus::Psnr(a.data(), b.data(), a.size()));
+      ssim.push_back(bigus::Ssim(a.data(), b.data(), size[0], size[1]));
+      bfs.push_back(fidelity.score);
+      meanContrast.push_back(fidelity.meanContrast);
+      contrastDistribution.push_back(fidelity.contrastDistribution);
+      rayleigh.push_back(fidelity.rayleigh);
+      slices->InsertNextValue(extent[4] + k);
+      if (!bigus::ReportProgress(this, (k + 1.0) / size[2]))
+      {
+        break;  // what was measured so far is the result
+      }
+    }
+
+    table->AddColumn(slices);
+    AddColumn(table, "PSNR", psnr);
+    AddColumn(table, "SSIM", ssim);
+    AddColumn(table, "BFS", bfs);
+    AddColumn(table, "MeanContrast", meanContrast);
+    AddColumn(table, "ContrastDistribution", contrastDistribution);
+    AddColumn(table, "Rayleigh", rayleigh);
+    this->PSNR = Mean(psnr);
+    this->PSNRStandardDeviation = StandardDeviation(psnr);
+    this->SSIM = Mean(ssim);
+    this->SSIMStandardDeviation = StandardDeviation(ssim);
+    this->BFS = Mean(bfs);
+    this->MeanContrast = Mean(meanContrast);
+    this->ContrastDistribution = Mean(contrastDistribution);
+    this->Rayleigh = Mean(rayleigh);
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    table->Initialize();
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+}

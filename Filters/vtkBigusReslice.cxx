@@ -1,0 +1,597 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusReslice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "Core/Error.h"
+#include "vtkBigusFieldRenderer.h"
+#include "vtkErrorCode.h"
+#include "vtkHomogeneousTransform.h"
+#include "vtkImageData.h"
+#include "vtkImageStencilData.h"
+#include "vtkInformation.h"
+#include "vtkInformationExecutivePortVectorKey.h"
+#include "vtkInformationVector.h"
+#include "vtkMath.h"
+#include "vtkMatrix4x4.h"
+#include "vtkObjectFactory.h"
+#include "vtkPointData.h"
+#include "vtkPolyData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+
+vtkStandardNewMacro(vtkBigusReslice);
+vtkCxxSetObjectMacro(vtkBigusReslice, ResliceAxes, vtkMatrix4x4);
+vtkCxxSetObjectMacro(vtkBigusReslice, ResliceTransform, vtkAbstractTransform);
+vtkCxxSetObjectMacro(vtkBigusReslice, InformationInput, vtkImageData);
+
+namespace
+{
+
+using RowMajorMatrix = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+
+Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
+{
+  return Eigen::Map<const RowMajorMatrix>(matrix->GetData());
+}
+
+bigus::ViewOutput ToViewOutput(int mode)
+{
+  return mode == vtkBigusReslice::ScatteringField ? bigus::ViewOutput::Scattering
+                                                  : bigus::ViewOutput::Intensity;
+}
+
+// Resliced coordinates to the field's frame: affine, or Error.
+Eigen::Matrix4d OutputToWorld(vtkMatrix4x4* axes, vtkAbstractTransform* transform)
+{
+  Eigen::Matrix4d matrix = axes ? ToEigen(axes) : Eigen::Matrix4d::Identity();
+  if (transform)
+  {
+    auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(transform);
+    if (!homogeneous)
+    {
+      throw bigus::Error(std::string("ResliceTransform is a ") + transform->GetClassName() +
+                         ", which may bend planes; give a linear transform, for example a vtkTransform.");
+    }
+    homogeneous->Update();
+    matrix = ToEigen(homogeneous->GetMatrix()) * matrix;
+  }
+  if (!matrix.allFinite())
+  {
+    throw bigus::Error("ResliceAxes or ResliceTransform holds a value that is not finite.");
+  }
+  const Eigen::RowVector4d last = matrix.row(3);
+  if (last[3] == 0 || last.head<3>().cwiseAbs().maxCoeff() > 1e-12 * std::abs(last[3]))
+  {
+    throw bigus::Error(
+        "ResliceAxes and ResliceTransform together are perspective (their last row is not 0 0 0 1); "
+        "a slice must stay evenly spaced.");
+  }
+  return matrix / last[3];
+}
+
+// Adds the runs of seen pixels in a band's rows to the stencil.
+void InsertRuns(const bigus::FieldRenderer::Band& band, float threshold, vtkImageStencilData* stencil)
+{
+  int extent[6];
+  stencil->GetExtent(extent);
+  const vtkIdType columns = extent[1] - extent[0] + 1;
+  const vtkIdType rows = extent[3] - extent[2] + 1;
+  for (vtkIdType start = 0; start < band.count; start += columns)
+  {
+    const vtkIdType line = (band.first + start) / columns;
+    const int y = extent[2] + static_cast<int>(line % rows);
+    const int z = extent[4] + static_cast<int>(line / rows);
+    const float* coverage = band.coverage + start;
+    for (int x = 0; x < columns; ++x)
+    {
+      const int begin = x;
+      while (x < columns && coverage[x] > threshold)
+      {
+        ++x;
+      }
+      if (x > begin)
+      {
+        stencil->InsertNextExtent(extent[0] + begin, extent[0] + x - 1, y, z);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+vtkBigusReslice::vtkBigusReslice() : Renderer(std::make_unique<bigus::FieldRenderer>())
+{
+  this->SetNumberOfOutputPorts(3);
+  this->SetEngine("auto");
+}
+
+vtkBigusReslice::~vtkBigusReslice()
+{
+  this->SetResliceAxes(nullptr);
+  this->SetResliceTransform(nullptr);
+  this->SetInformationInput(nullptr);
+  this->SetEngine(nullptr);
+}
+
+void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "ResliceAxes: " << this->ResliceAxes << "\n";
+  if (this->ResliceAxes)
+  {
+    this->ResliceAxes->PrintSelf(os, indent.GetNextIndent());
+  }
+  os << indent << "ResliceTransform: " << this->ResliceTransform << "\n";
+  os << indent << "InformationInput: " << this->InformationInput << "\n";
+  os << indent << "OutputSpacing: " << this->OutputSpacing[0] << " " << this->OutputSpacing[1] << " "
+     << this->OutputSpacing[2] << (this->ComputeOutputSpacing ? " (default)\n" : "\n");
+  os << indent << "OutputOrigin: " << this->OutputOrigin[0] << " " << this->OutputOrigin[1] << " "
+     << this->OutputOrigin[2] << (this->ComputeOutputOrigin ? " (default)\n" : "\n");
+  os << indent << "OutputExtent:";
+  for (int bound : this->OutputExtent)
+  {
+    os << " " << bound;
+  }
+  os << (this->ComputeOutputExtent ? " (default)\n" : "\n");
+  os << indent << "OutputDimensionality: " << this->OutputDimensionality << "\n";
+  os << indent << "OutputMode: " << (this->OutputMode == Intensity ? "Intensity" : "ScatteringField") << "\n";
+  os << indent << "OutputScalarType: " << vtkImageScalarTypeNameMacro(this->OutputScalarType) << "\n";
+  os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
+  os << indent << "Tolerance: " << this->Tolerance << "\n";
+  os << indent << "CoverageThreshold: " << this->CoverageThreshold << "\n";
+  os << indent << "BackgroundLevel: " << this->BackgroundLevel << "\n";
+  os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
+  os << indent << "GenerateStencilOutput: " << (this->GenerateStencilOutput ? "On\n" : "Off\n");
+  os << indent << "MaximumOutputPixels: " << this->MaximumOutputPixels << "\n";
+  os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
+  os << indent << "Device: " << this->GetDevice() << "\n";
+}
+
+//------------------------------------------------------------------------------
+// Axes
+
+void vtkBigusReslice::SetResliceAxesDirectionCosines(double x0, double x1, double x2, double y0, double y1,
+                                                     double y2, double z0, double z1, double z2)
+{
+  const double cosines[9] = {x0, x1, x2, y0, y1, y2, z0, z1, z2};
+  this->SetResliceAxesDirectionCosines(cosines);
+}
+
+void vtkBigusReslice::SetResliceAxesDirectionCosines(const double x[3], const double y[3], const double z[3])
+{
+  this->SetResliceAxesDirectionCosines(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]);
+}
+
+void vtkBigusReslice::SetResliceAxesDirectionCosines(const double xyz[9])
+{
+  if (!this->ResliceAxes)
+  {
+    this->ResliceAxes = vtkMatrix4x4::New();
+    this->Modified();
+  }
+  for (int column = 0; column < 3; ++column)
+  {
+    for (int row = 0; row < 3; ++row)
+    {
+      this->ResliceAxes->SetElement(row, column, xyz[3 * column + row]);
+    }
+    this->ResliceAxes->SetElement(3, column, 0);
+  }
+}
+
+void vtkBigusReslice::GetResliceAxesDirectionCosines(double x[3], double y[3], double z[3])
+{
+  double xyz[9];
+  this->GetResliceAxesDirectionCosines(xyz);
+  std::copy(xyz, xyz + 3, x);
+  std::copy(xyz + 3, xyz + 6, y);
+  std::copy(xyz + 6, xyz + 9, z);
+}
+
+void vtkBigusReslice::GetResliceAxesDirectionCosines(double xyz[9])
+{
+  for (int column = 0; column < 3; ++column)
+  {
+    for (int row = 0; row < 3; ++row)
+    {
+      xyz[3 * column + row] = this->ResliceAxes ? this->ResliceAxes->GetElement(row, column) : row == column;
+    }
+  }
+}
+
+void vtkBigusReslice::SetResliceAxesOrigin(double x, double y, double z)
+{
+  const double origin[3] = {x, y, z};
+  this->SetResliceAxesOrigin(origin);
+}
+
+void vtkBigusReslice::SetResliceAxesOrigin(const double origin[3])
+{
+  if (!this->ResliceAxes)
+  {
+    this->ResliceAxes = vtkMatrix4x4::New();
+    this->Modified();
+  }
+  for (int row = 0; row < 3; ++row)
+  {
+    this->ResliceAxes->SetElement(row, 3, origin[row]);
+  }
+  this->ResliceAxes->SetElement(3, 3, 1);
+}
+
+void vtkBigusReslice::GetResliceAxesOrigin(double origin[3])
+{
+  for (int row = 0; row < 3; ++row)
+  {
+    origin[row] = this->ResliceAxes ? this->ResliceAxes->GetElement(row, 3) : 0;
+  }
+}
+
+//------------------------------------------------------------------------------
+// Output geometry
+
+void vtkBigusReslice::SetOutputSpacing(double x, double y, double z)
+{
+  const double spacing[3] = {x, y, z};
+  this->SetOutputSpacing(spacing);
+}
+
+void vtkBigusReslice::SetOutputSpacing(const double spacing[3])
+{
+  if (this->ComputeOutputSpacing || !std::equal(spacing, spacing + 3, this->OutputSpacing))
+  {
+    std::copy(spacing, spacing + 3, this->OutputSpacing);
+    this->ComputeOutputSpacing = false;
+    this->Modified();
+  }
+}
+
+void vtkBigusReslice::SetOutputSpacingToDefault()
+{
+  if (!this->ComputeOutputSpacing)
+  {
+    std::fill_n(this->OutputSpacing, 3, 1.0);
+    this->ComputeOutputSpacing = true;
+    this->Modified();
+  }
+}
+
+void vtkBigusReslice::SetOutputOrigin(double x, double y, double z)
+{
+  const double origin[3] = {x, y, z};
+  this->SetOutputOrigin(origin);
+}
+
+void vtkBigusReslice::SetOutputOrigin(const double origin[3])
+{
+  if (this->ComputeOutputOrigin || !std::equal(origin, origin + 3, this->OutputOrigin))
+  {
+    std::copy(origin, origin + 3, this->OutputOrigin);
+    this->ComputeOutputOrigin = false;
+    this->Modified();
+  }
+}
+
+void vtkBigusReslice::SetOutputOriginToDefault()
+{
+  if (!this->ComputeOutputOrigin)
+  {
+    std::fill_n(this->OutputOrigin, 3, 0.0);
+    this->ComputeOutputOrigin = true;
+    this->Modified();
+  }
+}
+
+void vtkBigusReslice::SetOutputExtent(int x0, int x1, int y0, int y1, int z0, int z1)
+{
+  const int extent[6] = {x0, x1, y0, y1, z0, z1};
+  this->SetOutputExtent(extent);
+}
+
+void vtkBigusReslice::SetOutputExtent(const int extent[6])
+{
+  if (this->ComputeOutputExtent || !std::equal(extent, extent + 6, this->OutputExtent))
+  {
+    std::copy(extent, extent + 6, this->OutputExtent);
+    this->ComputeOutputExtent = false;
+    this->Modified();
+  }
+}
+
+void vtkBigusReslice::SetOutputExtentToDefault()
+{
+  if (!this->ComputeOutputExtent)
+  {
+    std::fill_n(this->OutputExtent, 6, 0);
+    this->ComputeOutputExtent = true;
+    this->Modified();
+  }
+}
+
+vtkMTimeType vtkBigusReslice::GetMTime()
+{
+  vtkMTimeType time = this->Superclass::GetMTime();
+  for (vtkObject* part :
+       {static_cast<vtkObject*>(this->ResliceAxes), static_cast<vtkObject*>(this->ResliceTransform),
+        static_cast<vtkObject*>(this->InformationInput)})
+  {
+    time = part ? std::max(time, part->GetMTime()) : time;
+  }
+  return time;
+}
+
+const char* vtkBigusReslice::GetDevice() const
+{
+  return this->Renderer->Device().c_str();
+}
+
+vtkImageData* vtkBigusReslice::GetCoverageOutput()
+{
+  return vtkImageData::SafeDownCast(this->GetOutputDataObject(1));
+}
+
+vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
+{
+  return vtkImageStencilData::SafeDownCast(this->GetOutputDataObject(2));
+}
+
+//------------------------------------------------------------------------------
+// Pipeline
+
+int vtkBigusReslice::FillInputPortInformation(int, vtkInformation* info)
+{
+  info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), "vtkPolyData");
+  return 1;
+}
+
+int vtkBigusReslice::FillOutputPortInformation(int port, vtkInformation* info)
+{
+  info->Set(vtkDataObject::DATA_TYPE_NAME(), port == 2 ? "vtkImageStencilData" : "vtkImageData");
+  return 1;
+}
+
+int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
+                                        vtkInformationVector* outputs)
+{
+  this->SetErrorCode(vtkErrorCode::NoError);
+  double spacing[3], origin[3];
+  int extent[6];
+  std::copy_n(this->OutputSpacing, 3, spacing);
+  std::copy_n(this->OutputOrigin, 3, origin);
+  std::copy_n(this->OutputExtent, 6, extent);
+  try
+  {
+    if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
+    {
+      Eigen::Vector3d inSpacing, inOrigin;
+      int inExtent[6];
+      if (this->InformationInput)
+      {
+        this->InformationInput->GetSpacing(inSpacing.data());
+        this->InformationInput->GetOrigin(inOrigin.data());
+        this->InformationInput->GetExtent(inExtent);
+      }
+      else
+      {
+        const bigus::FieldGrid grid = bigus::GridOver(this->Renderer->Load(bigus::UpdatedInput(this)),
+                                                      Eigen::Matrix3d::Identity(), 256);
+        inSpacing.setConstant(grid.spacing);
+        inOrigin = grid.origin;
+        for (int axis = 0; axis < 3; ++axis)
+        {
+          inExtent[2 * axis] = 0;
+          inExtent[2 * axis + 1] = grid.dimensions[axis] - 1;
+        }
+      }
+
+      // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with
+      // the squares of the direction cosines as weights, and the centre is kept.
+      const Eigen::Matrix4d axes =
+          this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
+      const Eigen::Matrix4d toOutput = axes.inverse();
+      Eigen::Vector3d inCentre;
+      for (int j = 0; j < 3; ++j)
+      {
+        inCentre[j] = inOrigin[j] + 0.5 * (inExtent[2 * j] + inExtent[2 * j + 1]) * inSpacing[j];
+      }
+      const Eigen::Vector4d centre = toOutput * inCentre.homogeneous();
+      if (!centre.allFinite())
+      {
+        throw bigus::Error(
+            "ResliceAxes cannot be inverted, so there is no default output geometry; set "
+            "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
+      }
+      for (int i = 0; i < 3; ++i)
+      {
+        const Eigen::Array3d weight = axes.block<3, 1>(0, i).array().square();
+        const double sum = weight.sum();
+        double length = 0, first = 0;
+        for (int j = 0; j < 3; ++j)
+        {
+          length += weight[j] * (inExtent[2 * j + 1] - inExtent[2 * j]) * std::abs(inSpacing[j]);
+          first += weight[j] * inExtent[2 * j];
+        }
+        length /= sum * std::sqrt(sum);
+        if (this->ComputeOutputSpacing)
+        {
+          spacing[i] = (weight * inSpacing.array().abs()).sum() / sum;
+        }
+        if (this->ComputeOutputExtent)
+        {
+          const double steps = std::min(std::abs(length / spacing[i]), 1e9);
+          extent[2 * i] = vtkMath::Round(first / sum);
+          extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + steps);
+        }
+        if (this->ComputeOutputOrigin)
+        {
+          origin[i] = centre[i] - 0.5 * (extent[2 * i] + extent[2 * i + 1]) * spacing[i];
+        }
+      }
+    }
+    for (int axis = this->OutputDimensionality; axis < 3; ++axis)
+    {
+      extent[2 * axis] = extent[2 * axis + 1] = 0;
+      origin[axis] = 0;
+    }
+
+    bigus::CheckPixelFormat(ToViewOutput(this->OutputMode), this->OutputScalarType);
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      if (static_cast<double>(extent[2 * axis + 1]) - extent[2 * axis] + 1 > std::numeric_limits<int>::max())
+      {
+        throw bigus::Error("OutputExtent runs from " + std::to_string(extent[2 * axis]) + " to " +
+                           std::to_string(extent[2 * axis + 1]) + " along axis " + std::to_string(axis) +
+                           "; an axis can have at most 2^31 - 1 pixels.");
+      }
+    }
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+
+  for (int port = 0; port < 3; ++port)
+  {
+    vtkInformation* info = outputs->GetInformationObject(port);
+    info->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), extent, 6);
+    info->Set(vtkDataObject::SPACING(), spacing, 3);
+    info->Set(vtkDataObject::ORIGIN(), origin, 3);
+    info->Set(vtkAlgorithm::CAN_PRODUCE_SUB_EXTENT(), 1);
+  }
+  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(0), this->OutputScalarType, 1);
+  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(1), VTK_FLOAT, 1);
+  return 1;
+}
+
+int vtkBigusReslice::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
+                                         vtkInformationVector*)
+{
+  bigus::RequestWholeInput(inputs[0]);
+  return 1;
+}
+
+int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector** inputs,
+                                 vtkInformationVector* outputs)
+{
+  vtkImageData* image = vtkImageData::GetData(outputs, 0);
+  vtkImageData* coverage = vtkImageData::GetData(outputs, 1);
+  auto* stencil =
+      vtkImageStencilData::SafeDownCast(outputs->GetInformationObject(2)->Get(vtkDataObject::DATA_OBJECT()));
+  const auto clear = [&]
+  {
+    image->Initialize();
+    coverage->Initialize();
+    stencil->Initialize();
+  };
+  clear();
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    // All outputs cover what the asking port wants and what the consumers of the others want, so that a
+    // filter connected to two of them finds both.
+    vtkInformation* info = outputs->GetInformationObject(0);
+    const int asking = std::max(0, request->Get(vtkExecutive::FROM_OUTPUT_PORT()));
+    int whole[6], extent[6];
+    info->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), whole);
+    vtkStreamingDemandDrivenPipeline::GetUpdateExtent(outputs->GetInformationObject(asking), extent);
+    for (int port = 0; port < 3; ++port)
+    {
+      vtkInformation* other = outputs->GetInformationObject(port);
+      int wanted[6];
+      vtkStreamingDemandDrivenPipeline::GetUpdateExtent(other, wanted);
+      if (vtkExecutive::CONSUMERS()->Length(other) > 0 && bigus::ExtentSize(wanted) > 0)
+      {
+        for (int axis = 0; axis < 3; ++axis)
+        {
+          extent[2 * axis] = std::min(extent[2 * axis], std::max(wanted[2 * axis], whole[2 * axis]));
+          extent[2 * axis + 1] =
+              std::max(extent[2 * axis + 1], std::min(wanted[2 * axis + 1], whole[2 * axis + 1]));
+        }
+      }
+    }
+    bigus::CheckOutputSize(extent, this->MaximumOutputPixels);
+    if (!(this->CoverageThreshold >= 0))
+    {
+      throw bigus::Error("CoverageThreshold is " + std::to_string(this->CoverageThreshold) +
+                         "; it must be at least 0.");
+    }
+    if (!this->Engine)
+    {
+      throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
+    }
+
+    this->Renderer->Upload(vtkPolyData::GetData(inputs[0]),
+                           {this->Engine, this->ElevationSigma, this->Tolerance});
+    const Eigen::Map<const Eigen::Vector3d> spacing(info->Get(vtkDataObject::SPACING()));
+    const Eigen::Map<const Eigen::Vector3d> origin(info->Get(vtkDataObject::ORIGIN()));
+    Eigen::Matrix4d indexToOutput = Eigen::Matrix4d::Identity();
+    indexToOutput.diagonal().head<3>() = spacing;
+    indexToOutput.col(3).head<3>() = origin;
+    const Eigen::Matrix4d indexToWorld =
+        OutputToWorld(this->ResliceAxes, this->ResliceTransform) * indexToOutput;
+
+    for (vtkImageData* data : {image, coverage})
+    {
+      data->SetOrigin(origin.data());
+      data->SetSpacing(spacing.data());
+    }
+    const bool bytes = this->OutputScalarType == VTK_UNSIGNED_CHAR;
+    const bigus::ViewOutput output = ToViewOutput(this->OutputMode);
+    bigus::AllocatePixels(image, extent, this->OutputScalarType,
+                          output == bigus::ViewOutput::Scattering ? "ScatteringField" : "Intensity");
+    if (this->GenerateCoverageOutput)
+    {
+      bigus::AllocatePixels(coverage, extent, VTK_FLOAT, "Coverage");
+    }
+    if (this->GenerateStencilOutput)
+    {
+      stencil->SetOrigin(origin.data());
+      stencil->SetSpacing(spacing.data());
+      stencil->SetExtent(extent);
+      stencil->AllocateExtents();
+    }
+
+    // Where nothing is seen S and I are 0 already.
+    const bool fillBackground = this->BackgroundLevel != 0 || this->CoverageThreshold > 0;
+    const float threshold = static_cast<float>(this->CoverageThreshold);
+    const float background = static_cast<float>(bytes ? this->BackgroundLevel / 255 : this->BackgroundLevel);
+    const bool finished = this->Renderer->Render(
+        indexToWorld, whole, extent, output,
+        fillBackground || this->GenerateCoverageOutput || this->GenerateStencilOutput,
+        [&](const bigus::FieldRenderer::Band& band)
+        {
+          for (vtkIdType pixel = 0; fillBackground && pixel < band.count; ++pixel)
+          {
+            band.image[pixel] = band.coverage[pixel] > threshold ? band.image[pixel] : background;
+          }
+          bigus::StorePixels(band.image, band.first, band.count, image);
+          if (this->GenerateCoverageOutput)
+          {
+            bigus::StorePixels(band.coverage, band.first, band.count, coverage);
+          }
+          if (this->GenerateStencilOutput)
+          {
+            InsertRuns(band, threshold, stencil);
+          }
+          return bigus::ReportProgress(this, band.fraction);
+        });
+    if (!finished)
+    {
+      clear();  // an empty output is made anew at the next update
+    }
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    clear();
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+}

@@ -1,0 +1,360 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusTrainer.h"
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <sstream>
+
+#include "Core/Error.h"
+#include "Core/Trainer.h"
+#include "vtkBigusConvert.h"
+#include "vtkBigusFieldRenderer.h"
+#include "vtkDoubleArray.h"
+#include "vtkErrorCode.h"
+#include "vtkFieldData.h"
+#include "vtkIdTypeArray.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkIntArray.h"
+#include "vtkNew.h"
+#include "vtkObjectFactory.h"
+#include "vtkPolyData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+#include "vtkStringArray.h"
+#include "vtkTable.h"
+
+vtkStandardNewMacro(vtkBigusTrainer);
+
+namespace
+{
+
+template <class Number>
+std::optional<Number> UnlessNegative(Number value)
+{
+  return value < 0 ? std::nullopt : std::optional<Number>(value);
+}
+
+// Core counts in std::size_t: a negative number must not become a huge one.
+std::size_t Count(vtkIdType value, const char* name)
+{
+  if (value < 0)
+  {
+    throw bigus::Error(std::string(name) + " is " + std::to_string(value) + "; it must not be negative.");
+  }
+  return static_cast<std::size_t>(value);
+}
+
+const char* SeedingName(int seeding)
+{
+  return seeding == vtkBigusTrainer::Harris   ? "Harris"
+         : seeding == vtkBigusTrainer::Random ? "Random"
+                                              : "IntensityBased";
+}
+
+bigus::SeedPlacement ToPlacement(int seeding)
+{
+  return seeding == vtkBigusTrainer::Harris   ? bigus::SeedPlacement::Harris
+         : seeding == vtkBigusTrainer::Random ? bigus::SeedPlacement::Random
+                                              : bigus::SeedPlacement::Intensity;
+}
+
+vtkSmartPointer<vtkIntArray> NewFrameList(const char* name)
+{
+  auto list = vtkSmartPointer<vtkIntArray>::New();
+  list->SetName(name);
+  return list;
+}
+
+// Frames are numbered by the trainer as it got them; the caller knows them by index in the image.
+void FillFrameList(vtkIntArray* list, const std::vector<int>& frames, const std::vector<int>& imageIndices)
+{
+  list->SetNumberOfValues(static_cast<vtkIdType>(frames.size()));
+  for (std::size_t i = 0; i < frames.size(); ++i)
+  {
+    list->SetValue(static_cast<vtkIdType>(i), imageIndices[frames[i]]);
+  }
+}
+
+std::string ProgressLine(const bigus::TrainingProgress& progress)
+{
+  using Phase = bigus::TrainingProgress::Phase;
+  if (progress.phase != Phase::Training)
+  {
+    return progress.phase == Phase::Seeding ? "seeding" : "solving for reflectivities";
+  }
+  std::ostringstream line;
+  line.imbue(std::locale::classic());
+  line << "iteration " << progress.record.iteration << ", loss " << progress.record.loss;
+  if (progress.record.validationPsnr)
+  {
+    line << ", validation " << *progress.record.validationPsnr << " dB";
+  }
+  if (progress.secondsLeft > 0)
+  {
+    line << ", " << std::lround(progress.secondsLeft) << " s left";
+  }
+  return line.str();
+}
+
+template <class Array>
+Array* AddColumn(vtkTable* table, const char* name, std::size_t rows)
+{
+  vtkNew<Array> column;
+  column->SetName(name);
+  column->SetNumberOfValues(static_cast<vtkIdType>(rows));
+  table->AddColumn(column);
+  return column;
+}
+
+void FillLog(const std::vector<bigus::TrainingRecord>& log, vtkTable* table)
+{
+  table->Initialize();
+  auto* iterations = AddColumn<vtkIntArray>(table, "Iteration", log.size());
+  auto* seconds = AddColumn<vtkDoubleArray>(table, "Seconds", log.size());
+  auto* losses = AddColumn<vtkDoubleArray>(table, "Loss", log.size());
+  auto* validations = AddColumn<vtkDoubleArray>(table, "ValidationPSNR", log.size());
+  auto* gaussians = AddColumn<vtkIdTypeArray>(table, "Gaussians", log.size());
+  auto* rates = AddColumn<vtkDoubleArray>(table, "Rate", log.size());
+  for (std::size_t i = 0; i < log.size(); ++i)
+  {
+    const vtkIdType row = static_cast<vtkIdType>(i);
+    iterations->SetValue(row, log[i].iteration);
+    seconds->SetValue(row, log[i].seconds);
+    losses->SetValue(row, log[i].loss);
+    validations->SetValue(row, log[i].validationPsnr.value_or(std::numeric_limits<double>::quiet_NaN()));
+    gaussians->SetValue(row, static_cast<vtkIdType>(log[i].gaussians));
+    rates->SetValue(row, log[i].rate);
+  }
+}
+
+std::string ToText(double value)
+{
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << value;
+  return text.str();
+}
+
+std::string ToText(vtkIntArray* list)
+{
+  std::string text;
+  for (vtkIdType i = 0; i < list->GetNumberOfValues(); ++i)
+  {
+    text += (i ? " " : "") + std::to_string(list->GetValue(i));
+  }
+  return text;
+}
+
+}  // namespace
+
+vtkBigusTrainer::vtkBigusTrainer()
+    : TrainingFrames(NewFrameList("TrainingFrames")),
+      ValidationFrames(NewFrameList("ValidationFrames")),
+      HeldOutFrames(NewFrameList("HeldOutFrames"))
+{
+  this->SetNumberOfInputPorts(2);
+  this->SetNumberOfOutputPorts(2);
+  this->SetEngine("auto");
+}
+
+vtkBigusTrainer::~vtkBigusTrainer()
+{
+  this->SetEngine(nullptr);
+}
+
+void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
+  os << indent << "Seeding: " << SeedingName(this->Seeding) << "\n";
+  os << indent << "NumberOfGaussians: " << this->NumberOfGaussians << "\n";
+  os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
+  os << indent << "HoldOut: " << this->HoldOut << "\n";
+  os << indent << "Validation: " << this->Validation << "\n";
+  os << indent << "Patience: " << this->Patience << "\n";
+  os << indent << "Iterations: " << this->Iterations << "\n";
+  os << indent << "TimeLimit: " << this->TimeLimit << "\n";
+  os << indent << "Batch: " << this->Batch << "\n";
+  os << indent << "Seed: " << this->Seed << "\n";
+  os << indent << "Loss: " << (this->Loss == L1 ? "L1" : "L2") << "\n";
+  os << indent << "SignedReflectivity: " << (this->SignedReflectivity ? "On\n" : "Off\n");
+  os << indent << "IgnoreMasked: " << (this->IgnoreMasked ? "On\n" : "Off\n");
+  os << indent << "Tolerance: " << this->Tolerance << "\n";
+  os << indent << "MeanRate: " << this->MeanRate << "\n";
+  os << indent << "ShapeRate: " << this->ShapeRate << "\n";
+  os << indent << "ReflectivityRate: " << this->ReflectivityRate << "\n";
+  os << indent << "FinalRate: " << this->FinalRate << "\n";
+  os << indent << "SolveIterations: " << this->SolveIterations << "\n";
+  os << indent << "MinimumScale: " << this->MinimumScale << "\n";
+  os << indent << "MaximumScale: " << this->MaximumScale << "\n";
+  os << indent << "DensificationInterval: " << this->DensificationInterval << "\n";
+  os << indent << "DensificationPercentile: " << this->DensificationPercentile << "\n";
+  os << indent << "DensificationCap: " << this->DensificationCap << "\n";
+  os << indent << "DensificationStart: " << this->DensificationStart << "\n";
+  os << indent << "DensificationStop: " << this->DensificationStop << "\n";
+  os << indent << "SplitScale: " << this->SplitScale << "\n";
+  os << indent << "CloneReflectivity: " << this->CloneReflectivity << "\n";
+  os << indent << "PruneReflectivity: " << this->PruneReflectivity << "\n";
+  os << indent << "IterationsDone: " << this->IterationsDone << "\n";
+  os << indent << "Seconds: " << this->Seconds << "\n";
+  os << indent << "Device: " << this->Device << "\n";
+  os << indent << "Aborted: " << (this->Aborted ? "yes\n" : "no\n");
+  os << indent << "TrainingFrames: " << ToText(this->TrainingFrames) << "\n";
+  os << indent << "ValidationFrames: " << ToText(this->ValidationFrames) << "\n";
+  os << indent << "HeldOutFrames: " << ToText(this->HeldOutFrames) << "\n";
+}
+
+vtkIntArray* vtkBigusTrainer::GetTrainingFrames()
+{
+  return this->TrainingFrames;
+}
+vtkIntArray* vtkBigusTrainer::GetValidationFrames()
+{
+  return this->ValidationFrames;
+}
+vtkIntArray* vtkBigusTrainer::GetHeldOutFrames()
+{
+  return this->HeldOutFrames;
+}
+
+vtkTable* vtkBigusTrainer::GetLog()
+{
+  return vtkTable::SafeDownCast(this->GetOutputDataObject(1));
+}
+
+int vtkBigusTrainer::FillInputPortInformation(int port, vtkInformation* info)
+{
+  info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), port == 0 ? "vtkImageData" : "vtkPolyData");
+  if (port == 1)
+  {
+    info->Set(vtkAlgorithm::INPUT_IS_OPTIONAL(), 1);
+  }
+  return 1;
+}
+
+int vtkBigusTrainer::FillOutputPortInformation(int port, vtkInformation* info)
+{
+  info->Set(vtkDataObject::DATA_TYPE_NAME(), port == 0 ? "vtkPolyData" : "vtkTable");
+  return 1;
+}
+
+int vtkBigusTrainer::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
+                                         vtkInformationVector*)
+{
+  bigus::RequestWholeInput(inputs[0]);
+  bigus::RequestWholeInput(inputs[1]);
+  return 1;
+}
+
+int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
+                                 vtkInformationVector* outputs)
+{
+  vtkPolyData* output = vtkPolyData::GetData(outputs, 0);
+  vtkTable* log = vtkTable::GetData(outputs, 1);
+  output->Initialize();
+  log->Initialize();
+  this->IterationsDone = 0;
+  this->Seconds = 0;
+  this->Device.clear();
+  this->Aborted = false;
+  this->TrainingFrames->Initialize();
+  this->ValidationFrames->Initialize();
+  this->HeldOutFrames->Initialize();
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    if (!this->Engine)
+    {
+      throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
+    }
+    bigus::TrainerOptions options;
+    options.engine = this->Engine;
+    options.seeding = ToPlacement(this->Seeding);
+    options.gaussians = Count(this->NumberOfGaussians, "NumberOfGaussians");
+    options.elevationSigma = UnlessNegative(this->ElevationSigma);
+    options.holdOut = this->HoldOut;
+    options.validation = this->Validation;
+    options.patience = this->Patience;
+    options.iterations = this->Iterations;
+    options.timeLimit = this->TimeLimit;
+    options.batch = this->Batch;
+    options.seed = this->Seed;
+    options.loss = this->Loss == L1 ? bigus::LossKind::L1 : bigus::LossKind::L2;
+    options.signedReflectivity = this->SignedReflectivity != 0;
+    options.ignoreMasked = this->IgnoreMasked != 0;
+    options.tolerance = this->Tolerance;
+    options.meanRate = this->MeanRate;
+    options.shapeRate = this->ShapeRate;
+    options.reflectivityRate = this->ReflectivityRate;
+    options.finalRate = this->FinalRate;
+    options.solveIterations = UnlessNegative(this->SolveIterations);
+    options.minimumScale = UnlessNegative(this->MinimumScale);
+    options.maximumScale = UnlessNegative(this->MaximumScale);
+    options.densification.interval = this->DensificationInterval;
+    options.densification.percentile = this->DensificationPercentile;
+    options.densification.cap = Count(this->DensificationCap, "DensificationCap");
+    options.densification.start = this->DensificationStart;
+    options.densification.stop = this->DensificationStop;
+    options.densification.splitScale = this->SplitScale;
+    options.densification.cloneReflectivity = this->CloneReflectivity;
+    options.densification.pruneReflectivity = this->PruneReflectivity;
+    options.Validate();
+
+    vtkImageData* image = vtkImageData::GetData(inputs[0]);
+    const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
+    std::optional<bigus::GaussianField> start;
+    if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
+    {
+      start = bigus::FieldFromPolyData(initial);
+    }
+
+    const auto progress = [this](const bigus::TrainingProgress& now)
+    {
+      this->SetProgressText(ProgressLine(now).c_str());
+      return bigus::ReportProgress(this, now.fraction);
+    };
+    const bigus::TrainingResult result =
+        bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress);
+
+    this->IterationsDone = result.iterations;
+    this->Seconds = result.seconds;
+    this->Device = result.device;
+    this->Aborted = result.aborted;
+    FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
+    FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
+    FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
+    FillLog(result.log, log);
+
+    // Nothing that differs between two equal runs, such as the time, goes in here: equal runs write equal
+    // files.
+    bigus::FieldToPolyData(result.field, output);
+    if (auto* history = vtkStringArray::SafeDownCast(image->GetFieldData()->GetAbstractArray("Provenance")))
+    {
+      output->GetFieldData()->AddArray(history);  // where the sweep came from
+    }
+    bigus::SetProvenance(output, "filter", "vtkBigusTrainer");
+    bigus::SetProvenance(output, "device", result.device);
+    bigus::SetProvenance(output, "seeding", start ? "continued" : SeedingName(this->Seeding));
+    bigus::SetProvenance(output, "seed", std::to_string(this->Seed));
+    bigus::SetProvenance(output, "iterations", std::to_string(result.iterations));
+    bigus::SetProvenance(output, "aborted", result.aborted ? "yes" : "no");
+    bigus::SetProvenance(output, "loss", this->Loss == L1 ? "L1" : "L2");
+    bigus::SetProvenance(output, "signedReflectivity", this->SignedReflectivity ? "yes" : "no");
+    bigus::SetProvenance(output, "elevationSigma", ToText(result.field.beam.elevationSigma));
+    bigus::SetProvenance(output, "trainingFrames", ToText(this->TrainingFrames));
+    bigus::SetProvenance(output, "validationFrames", ToText(this->ValidationFrames));
+    bigus::SetProvenance(output, "heldOutFrames", ToText(this->HeldOutFrames));
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    output->Initialize();
+    log->Initialize();
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+}
