@@ -1,0 +1,300 @@
+"""The Python package as its users see it: numpy in, numpy out, errors as exceptions, nothing printed."""
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+import bigus
+
+GAMMA = 0.7
+
+
+def make_field(means, scales, reflectivities, elevation_sigma=0.0):
+    """A field of axis-parallel Gaussians, made by hand."""
+    count = len(means)
+    field = vtkPolyData()
+    points = vtkPoints()
+    points.SetDataTypeToDouble()
+    for mean in means:
+        points.InsertNextPoint(*mean)
+    field.SetPoints(points)
+
+    def add(attributes, name, values, dtype=np.float64):
+        array = numpy_to_vtk(np.ascontiguousarray(values, dtype=dtype), deep=True)
+        array.SetName(name)
+        attributes.AddArray(array)
+
+    add(field.GetPointData(), "Scale", scales)
+    add(field.GetPointData(), "Rotation", [(1, 0, 0, 0)] * count)
+    add(field.GetPointData(), "Reflectivity", reflectivities)
+    field.GetPointData().SetActiveScalars("Reflectivity")
+    add(field.GetFieldData(), "Gamma", [GAMMA])
+    add(field.GetFieldData(), "ElevationSigma", [elevation_sigma])
+    add(field.GetFieldData(), "FormatVersion", [1], np.int32)
+    return field
+
+
+def two_blobs():
+    return make_field([(3, 2, 1), (5, 4, 1.5)], [(1, 1, 1), (0.8, 0.8, 0.8)], [1.5, 2.0])
+
+
+def expected_image(matrix, width, height):
+    """What an infinitely thin slice of two_blobs shows, by the model's formula."""
+    j, i = np.mgrid[:height, :width]
+    pixels = np.stack([i, j, np.zeros_like(i), np.ones_like(i)], axis=-1)
+    x = (pixels @ np.asarray(matrix, dtype=float).T)[..., :3]
+    s = 1.5 * np.exp(-0.5 * ((x - (3, 2, 1)) ** 2).sum(-1))
+    s += 2.0 * np.exp(-0.5 * ((x - (5, 4, 1.5)) ** 2).sum(-1) / 0.64)
+    return 1 - np.exp(-GAMMA * s)
+
+
+def pose(z=1.0, pixel=0.25):
+    return np.array([[pixel, 0, 0, 0], [0, pixel, 0, 0], [0, 0, 1, z], [0, 0, 0, 1.0]])
+
+
+def small_sweep(count=9, width=36, height=28):
+    poses = np.array([pose(z) for z in np.linspace(0, 2.4, count)])
+    images = np.array([expected_image(p, width, height) for p in poses])
+    return bigus.sweep(np.round(images * 255).astype(np.uint8), poses, timestamps=np.arange(count) / 25)
+
+
+class Arrays(unittest.TestCase):
+    def test_frames_and_poses_are_views_of_the_sweep(self):
+        sweep = small_sweep()
+        self.assertEqual(bigus.frames(sweep).shape, (9, 28, 36))
+        self.assertEqual(bigus.frames(sweep).dtype, np.uint8)
+        self.assertEqual(bigus.poses(sweep).shape, (9, 4, 4))
+        bigus.frames(sweep)[2, 5, 7] = 123
+        self.assertEqual(sweep.GetScalarComponentAsDouble(7, 5, 2, 0), 123)
+        bigus.poses(sweep)[3, 0, 1] = 0.5
+        self.assertEqual(sweep.GetFieldData().GetArray("ImageToReference").GetComponent(3, 1), 0.5)
+
+    def test_sweep_shares_the_memory_it_is_given(self):
+        pixels = np.zeros((2, 3, 4), np.uint8)
+        sweep = bigus.sweep(pixels, [np.eye(4)] * 2)
+        pixels[1, 2, 3] = 9
+        self.assertTrue(np.shares_memory(pixels, bigus.frames(sweep)))
+        self.assertEqual(sweep.GetScalarComponentAsDouble(3, 2, 1, 0), 9)
+
+    def test_views_outlive_the_sweep(self):
+        view = bigus.frames(small_sweep())
+        total = int(view.sum())
+        _ = [np.zeros(view.size) for _ in range(8)]
+        self.assertEqual(int(view.sum()), total)
+
+    def test_wrong_shapes_are_named(self):
+        with self.assertRaisesRegex(ValueError, r"poses of shape \(2, 4, 4\), not \(3, 4, 4\)"):
+            bigus.sweep(np.zeros((2, 3, 4), np.uint8), [np.eye(4)] * 3)
+        with self.assertRaisesRegex(ValueError, "Timestamp has 1 values; 2"):
+            bigus.sweep(np.zeros((2, 3, 4), np.uint8), [np.eye(4)] * 2, timestamps=[0.0])
+        with self.assertRaisesRegex(ValueError, "ImageToReference"):
+            bigus.poses(bigus.image(np.zeros((3, 4), np.uint8)))
+        with self.assertRaisesRegex(ValueError, r"\(4,\)"):
+            bigus.image(np.zeros(4))
+
+
+class Files(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+
+    def test_a_sweep_comes_back_as_written(self):
+        sweep = small_sweep()
+        path = os.path.join(self.folder, "sweep.igs.mha")
+        bigus.write(sweep, path)
+        # Off, the reader would add the mask of pixels that no frame lights, and nothing else changes.
+        again = bigus.read(path, AutoMask=False)
+        np.testing.assert_array_equal(bigus.frames(again), bigus.frames(sweep))
+        np.testing.assert_array_equal(bigus.poses(again), bigus.poses(sweep))
+
+    def test_a_field_comes_back_as_written(self):
+        field = two_blobs()
+        for extension in (".vtp", ".ply"):
+            path = os.path.join(self.folder, "field" + extension)
+            bigus.write(field, path)
+            again = bigus.read(path)
+            np.testing.assert_allclose(
+                bigus.reslice(again, pose(), (36, 28)), bigus.reslice(field, pose(), (36, 28)), atol=1e-5)
+
+    def test_failures_are_exceptions_that_name_the_file(self):
+        with self.assertRaisesRegex(RuntimeError, "no-such-sweep.mha"):
+            bigus.read(os.path.join(self.folder, "no-such-sweep.mha"))
+        with self.assertRaisesRegex(RuntimeError, "no-such-field.vtp"):
+            bigus.read(os.path.join(self.folder, "no-such-field.vtp"))
+        with self.assertRaisesRegex(RuntimeError, "no-such-folder"):
+            bigus.write(small_sweep(), os.path.join(self.folder, "no-such-folder", "a.igs.mha"))
+
+    def test_an_error_is_raised_and_not_printed(self):
+        script = "import bigus\ntry:\n  bigus.read('/no/such/sweep.mha')\nexcept RuntimeError as error:\n  print(error)"
+        run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        self.assertEqual(run.stderr, "")
+        self.assertEqual(run.stdout.count("/no/such/sweep.mha"), 1, run.stdout)
+        self.assertNotIn("0x", run.stdout)
+
+    def test_properties_are_those_of_the_class(self):
+        with self.assertRaisesRegex(TypeError, "no property auto_mask; did you mean AutoMask"):
+            bigus.read("sweep.mha", auto_mask=False)
+        with self.assertRaisesRegex(TypeError, "AutoMask = 'yes'"):
+            bigus.read("sweep.mha", AutoMask="yes")
+
+
+class Reslice(unittest.TestCase):
+    def test_equals_the_model(self):
+        tilted = pose()
+        angle = 0.4
+        tilted[:3, 0] = 0.25 * np.array([math.cos(angle), 0, math.sin(angle)])
+        tilted[:3, 1] = (0, 0.3, 0)
+        for matrix in (pose(), tilted):
+            image = bigus.reslice(two_blobs(), matrix, (36, 28), Tolerance=1e-6)
+            self.assertEqual((image.shape, image.dtype), ((28, 36), np.float32))
+            np.testing.assert_allclose(image, expected_image(matrix, 36, 28), atol=2e-5)
+
+    def test_takes_vtk_matrices(self):
+        matrix = vtkMatrix4x4()
+        matrix.DeepCopy(pose().ravel())
+        np.testing.assert_array_equal(
+            bigus.reslice(two_blobs(), matrix, (36, 28)), bigus.reslice(two_blobs(), pose(), (36, 28)))
+
+    def test_the_third_column_and_the_callers_matrix_do_not_matter(self):
+        flat = pose()
+        flat[:, 2] = 0
+        before = flat.copy()
+        np.testing.assert_array_equal(
+            bigus.reslice(two_blobs(), flat, (36, 28)), bigus.reslice(two_blobs(), pose(), (36, 28)))
+        np.testing.assert_array_equal(flat, before)
+
+    def test_spacing_replaces_the_pixel_size(self):
+        np.testing.assert_array_equal(
+            bigus.reslice(two_blobs(), pose(pixel=7), (36, 28), spacing=(0.25, 0.5)),
+            bigus.reslice(two_blobs(), pose() @ np.diag([1, 2, 1, 1.0]), (36, 28)))
+
+    def test_default_size_reaches_the_last_gaussian(self):
+        # The farthest mean is at (5, 4) mm: pixel (20, 16), so 21 x 17 pixels.
+        self.assertEqual(bigus.reslice(two_blobs(), pose()).shape, (17, 21))
+
+    def test_properties_reach_the_filter(self):
+        field = two_blobs()
+        thick = bigus.reslice(field, pose(), (36, 28), ElevationSigma=2.0)
+        self.assertLess(thick.max(), bigus.reslice(field, pose(), (36, 28)).max())
+        bytes_ = bigus.reslice(field, pose(), (36, 28), OutputScalarType=VTK_UNSIGNED_CHAR)
+        self.assertEqual(bytes_.dtype, np.uint8)
+        scattering = bigus.reslice(field, pose(), (36, 28), OutputMode=bigus.vtkBigusReslice.ScatteringField)
+        np.testing.assert_allclose(1 - np.exp(-GAMMA * scattering), expected_image(pose(), 36, 28), atol=2e-3)
+
+    def test_bad_planes_are_named(self):
+        with self.assertRaisesRegex(ValueError, "4 x 4"):
+            bigus.reslice(two_blobs(), np.eye(3), (4, 4))
+        with self.assertRaisesRegex(ValueError, "span a plane"):
+            bigus.reslice(two_blobs(), np.zeros((4, 4)), (4, 4))
+        with self.assertRaisesRegex(ValueError, "span a plane"):
+            bigus.reslice(two_blobs(), pose() * np.nan, (4, 4))
+        with self.assertRaisesRegex(ValueError, "size"):
+            bigus.reslice(two_blobs(), pose(), (0, 4))
+        with self.assertRaisesRegex(ValueError, r"size=\(width, height\)"):
+            bigus.reslice(make_field(np.empty((0, 3)), np.empty((0, 3)), np.empty(0)), pose())
+
+    def test_a_broken_field_is_an_exception(self):
+        field = two_blobs()
+        field.GetPointData().RemoveArray("Scale")
+        with self.assertRaisesRegex(RuntimeError, "Scale"):
+            bigus.reslice(field, pose(), (4, 4))
+
+
+class Train(unittest.TestCase):
+    def test_learns_a_small_sweep(self):
+        sweep = small_sweep()
+        seen = []
+        field, log = bigus.train(
+            sweep, progress=lambda fraction, text: seen.append(fraction), NumberOfGaussians=300, Iterations=60, Batch=4,
+            HoldOut=4)
+        self.assertGreater(field.GetNumberOfPoints(), 0)
+        self.assertGreater(log.GetNumberOfRows(), 0)
+        self.assertTrue(seen)
+        self.assertEqual(seen, sorted(seen))
+        self.assertTrue(0 <= seen[0] and seen[-1] <= 1)
+        held_out = 2
+        image = bigus.reslice(field, bigus.poses(sweep)[held_out], (36, 28))
+        scores = bigus.metrics(image, bigus.frames(sweep)[held_out])
+        black = bigus.metrics(np.zeros_like(image), bigus.frames(sweep)[held_out])
+        self.assertGreater(scores["psnr"], black["psnr"] + 6)
+
+    def test_progress_can_stop_it(self):
+        calls = []
+
+        def progress(fraction, text):
+            calls.append(fraction)
+            return fraction < 0.05
+
+        field, _ = bigus.train(small_sweep(), progress, NumberOfGaussians=300, Iterations=1000000)
+        self.assertGreater(field.GetNumberOfPoints(), 0)
+        self.assertLess(calls[-1], 0.5)
+
+    def test_an_exception_in_progress_is_the_callers(self):
+        def progress(fraction, text):
+            raise KeyError("mine")
+
+        with self.assertRaisesRegex(KeyError, "mine"):
+            bigus.train(small_sweep(), progress, NumberOfGaussians=300, Iterations=1000000)
+
+    def test_continues_from_a_field(self):
+        sweep = small_sweep()
+        field, _ = bigus.train(sweep, NumberOfGaussians=300, Iterations=0)
+        again, _ = bigus.train(sweep, start=field, Iterations=0)
+        self.assertEqual(again.GetNumberOfPoints(), field.GetNumberOfPoints())
+
+    def test_bad_input_is_an_exception(self):
+        with self.assertRaisesRegex(RuntimeError, "ImageToReference"):
+            bigus.train(bigus.image(np.ones((3, 16, 16), np.uint8)))
+        with self.assertRaisesRegex(RuntimeError, "(?i)hold"):
+            bigus.train(small_sweep(), HoldOut=1)
+
+
+class Metrics(unittest.TestCase):
+    def test_known_values(self):
+        rng = np.random.default_rng(1)
+        truth = rng.uniform(0.2, 0.7, (2, 32, 40)).astype(np.float32)
+        same = bigus.metrics(truth, truth)
+        self.assertEqual((same["psnr"], same["ssim"], same["bfs"]), (math.inf, 1.0, 1.0))
+        self.assertAlmostEqual(bigus.metrics(truth + np.float32(0.1), truth)["psnr"], 20, places=4)
+
+    def test_bytes_and_floats_compare(self):
+        pixels = np.random.default_rng(2).integers(0, 256, (32, 40), dtype=np.uint8)
+        scores = bigus.metrics(pixels / 255.0, pixels)
+        self.assertGreater(scores["psnr"], 120)
+        self.assertEqual(
+            sorted(scores), ["bfs", "contrast_distribution", "mean_contrast", "psnr", "rayleigh", "ssim"])
+
+    def test_sizes_must_agree(self):
+        with self.assertRaises(RuntimeError):
+            bigus.metrics(np.zeros((20, 20), np.uint8), np.zeros((20, 21), np.uint8))
+
+
+class Package(unittest.TestCase):
+    def test_has_the_wrapped_classes(self):
+        for name in ("SequenceReader", "SequenceWriter", "FieldReader", "FieldWriter", "Trainer", "Reslice",
+                     "Voxelizer", "ImageMetrics", "PhantomSource"):
+            with self.subTest(name):
+                instance = getattr(bigus, "vtkBigus" + name)()
+                self.assertTrue(instance.IsA("vtkAlgorithm"))
+                self.assertIn("vtkBigus" + name, str(instance))
+                self.assertIn("vtkBigus" + name, bigus.__all__)
+
+    def test_is_the_package_under_test(self):
+        expected = os.environ.get("BIGUS_EXPECTED_PACKAGE")
+        if not expected:
+            self.skipTest("BIGUS_EXPECTED_PACKAGE says where the package should come from; it is not set")
+        self.assertEqual(os.path.realpath(os.path.dirname(bigus.__file__)), os.path.realpath(expected))
+
+
+if __name__ == "__main__":
+    unittest.main()
