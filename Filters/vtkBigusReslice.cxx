@@ -106,6 +106,8 @@ void InsertRuns(const bigus::FieldRenderer::Band& band, float threshold, vtkImag
 vtkBigusReslice::vtkBigusReslice() : Renderer(std::make_unique<bigus::FieldRenderer>())
 {
   this->SetNumberOfOutputPorts(3);
+  // VTK's executive cannot make stencils by name.
+  this->GetExecutive()->SetOutputData(2, vtkSmartPointer<vtkImageStencilData>::New());
   this->SetEngine("auto");
 }
 
