@@ -9,9 +9,9 @@ int main()
 {
   bigus::GaussianField field;
   field.Resize(1);
-  field.means[0] = { 4, 3, 0 };
-  field.scales[0] = { 1, 1, 1 };
-  field.rotations[0] = { 1, 0, 0, 0 };
+  field.means[0] = {4, 3, 0};
+  field.scales[0] = {1, 1, 1};
+  field.rotations[0] = {1, 0, 0, 0};
   field.reflectivities[0] = 2;
   field.beam.elevationSigma = 0;
   field.transfer.gamma = 0.5;
