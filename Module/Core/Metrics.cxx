@@ -1,0 +1,266 @@
+#include "Metrics.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "Error.h"
+
+namespace bigus
+{
+namespace
+{
+
+// Sums are kept per block or row and added in order, so that they do not depend on which thread did what.
+double InOrder(const std::vector<double>& parts)
+{
+  double sum = 0;
+  for (double part : parts)
+  {
+    sum += part;
+  }
+  return sum;
+}
+
+double Mean(const std::vector<double>& values)
+{
+  return InOrder(values) / static_cast<double>(values.size());
+}
+
+void CheckSize(const char* metric, int width, int height)
+{
+  if (width < 1 || height < 1)
+  {
+    throw Error(std::string(metric) + ": the images are " + std::to_string(width) + " x " +
+                std::to_string(height) + " pixels; both sides must be at least 1.");
+  }
+}
+
+constexpr int ssimRadius = 5;
+constexpr int ssimTaps = 2 * ssimRadius + 1;
+
+std::array<double, ssimTaps> SsimKernel()
+{
+  std::array<double, ssimTaps> kernel;
+  double sum = 0;
+  for (int t = 0; t < ssimTaps; ++t)
+  {
+    const double d = t - ssimRadius;
+    kernel[t] = std::exp(-d * d / (2 * 1.5 * 1.5));
+    sum += kernel[t];
+  }
+  for (double& k : kernel)
+  {
+    k /= sum;
+  }
+  return kernel;
+}
+
+constexpr int patchSide = 7;
+constexpr int patchStride = 3;
+constexpr double darkestPatch = 0.02;        // mean intensity
+constexpr double rayleighContrast = 0.5227;  // std / mean of a Rayleigh distribution: sqrt(4 / pi - 1)
+constexpr double rayleighWidth = 0.1;
+
+struct PatchStatistics
+{
+  double mean, contrast;
+};
+
+PatchStatistics MeasurePatch(const float* image, int width, int x, int y)
+{
+  constexpr double n = patchSide * patchSide;
+  const float* corner = image + static_cast<std::size_t>(y) * width + x;
+  double sum = 0;
+  for (int dy = 0; dy < patchSide; ++dy)
+  {
+    for (int dx = 0; dx < patchSide; ++dx)
+    {
+      sum += corner[static_cast<std::size_t>(dy) * width + dx];
+    }
+  }
+  const double mean = sum / n;
+  double squares = 0;
+  for (int dy = 0; dy < patchSide; ++dy)
+  {
+    for (int dx = 0; dx < patchSide; ++dx)
+    {
+      const double d = corner[static_cast<std::size_t>(dy) * width + dx] - mean;
+      squares += d * d;
+    }
+  }
+  return {mean, std::sqrt(squares / n) / std::max(mean, 1e-6)};
+}
+
+/// A difference as a share of `scale`; where that is 0, any difference is infinite.
+double Share(double difference, double scale)
+{
+  if (scale > 0)
+  {
+    return difference / scale;
+  }
+  return difference == 0 ? 0 : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+double Psnr(const float* image, const float* truth, std::size_t numberOfPixels)
+{
+  if (numberOfPixels == 0)
+  {
+    throw Error("PSNR: the images have no pixels.");
+  }
+  constexpr std::size_t block = 4096;
+  std::vector<double> parts((numberOfPixels + block - 1) / block);
+  tbb::parallel_for(std::size_t(0), parts.size(),
+                    [&](std::size_t b)
+                    {
+                      const std::size_t end = std::min(numberOfPixels, (b + 1) * block);
+                      double sum = 0;
+                      for (std::size_t p = b * block; p < end; ++p)
+                      {
+                        const double d = static_cast<double>(image[p]) - truth[p];
+                        sum += d * d;
+                      }
+                      parts[b] = sum;
+                    });
+  return -10 * std::log10(InOrder(parts) / static_cast<double>(numberOfPixels));
+}
+
+double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows)
+{
+  CheckSize("SSIM", width, height);
+  const bool valid = windows == SsimWindows::Valid;
+  if (valid && (width < ssimTaps || height < ssimTaps))
+  {
+    throw Error("SSIM: the images are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels, less than one window of 11 x 11; use larger images or windows of the same size.");
+  }
+  const std::array<double, ssimTaps> kernel = SsimKernel();
+  constexpr double c1 = 0.01 * 0.01;
+  constexpr double c2 = 0.03 * 0.03;
+  const int margin = valid ? ssimRadius : 0;  // of window centres, from the edge
+  std::vector<double> rows(height - 2 * margin);
+
+  tbb::parallel_for(0, static_cast<int>(rows.size()),
+                    [&](int row)
+                    {
+                      // The window is separable: first down the columns, for the weighted sums of x, y, x^2,
+                      // y^2 and xy ...
+                      constexpr int moments = 5;
+                      const std::size_t padded = static_cast<std::size_t>(width) + 2 * ssimRadius;
+                      std::vector<double> columns(moments * padded,
+                                                  0.0);  // zero beyond the image's left and right edges
+                      const int centre = row + margin;
+                      for (int t = 0; t < ssimTaps; ++t)
+                      {
+                        const int y = centre + t - ssimRadius;
+                        if (y < 0 || y >= height)
+                        {
+                          continue;
+                        }
+                        const float* a = image + static_cast<std::size_t>(y) * width;
+                        const float* b = truth + static_cast<std::size_t>(y) * width;
+                        const double w = kernel[t];
+                        double* out = columns.data() + ssimRadius;
+                        for (int x = 0; x < width; ++x)
+                        {
+                          const double ax = a[x], bx = b[x];
+                          out[x] += w * ax;
+                          out[x + padded] += w * bx;
+                          out[x + 2 * padded] += w * (ax * ax);
+                          out[x + 3 * padded] += w * (bx * bx);
+                          out[x + 4 * padded] += w * (ax * bx);
+                        }
+                      }
+                      // ... then along the row.
+                      double sum = 0;
+                      for (int x = margin; x < width - margin; ++x)
+                      {
+                        double m[moments] = {};
+                        for (int k = 0; k < moments; ++k)
+                        {
+                          for (int t = 0; t < ssimTaps; ++t)
+                          {
+                            m[k] += kernel[t] * columns[k * padded + x + t];
+                          }
+                        }
+                        const double varianceA = m[2] - m[0] * m[0];
+                        const double varianceB = m[3] - m[1] * m[1];
+                        const double covariance = m[4] - m[0] * m[1];
+                        sum += (2 * m[0] * m[1] + c1) * (2 * covariance + c2) /
+                               ((m[0] * m[0] + m[1] * m[1] + c1) * (varianceA + varianceB + c2));
+                      }
+                      rows[row] = sum;
+                    });
+  return Mean(rows) / (width - 2 * margin);
+}
+
+BackscatterFidelity Bfs(const float* image, const float* truth, int width, int height)
+{
+  CheckSize("BFS", width, height);
+  const int down = height < patchSide ? 0 : (height - patchSide) / patchStride + 1;
+  const int across = width < patchSide ? 0 : (width - patchSide) / patchStride + 1;
+  std::vector<std::vector<std::array<double, 2>>> rows(down);  // contrasts of image and truth, patch by patch
+  tbb::parallel_for(0, down,
+                    [&](int row)
+                    {
+                      for (int column = 0; column < across; ++column)
+                      {
+                        const int x = column * patchStride;
+                        const int y = row * patchStride;
+                        const PatchStatistics t = MeasurePatch(truth, width, x, y);
+                        if (t.mean >= darkestPatch)
+                        {
+                          rows[row].push_back({MeasurePatch(image, width, x, y).contrast, t.contrast});
+                        }
+                      }
+                    });
+
+  std::vector<double> found, expected;                  // contrasts of all patches
+  std::vector<double> foundRayleigh, expectedRayleigh;  // of those where the truth is fully developed speckle
+  for (const auto& row : rows)
+  {
+    for (const auto& [c, ct] : row)
+    {
+      found.push_back(c);
+      expected.push_back(ct);
+      if (std::abs(ct - rayleighContrast) < rayleighWidth)
+      {
+        foundRayleigh.push_back(c);
+        expectedRayleigh.push_back(ct);
+      }
+    }
+  }
+  BackscatterFidelity out{1, 1, 1, 1};
+  if (found.empty())
+  {
+    return out;
+  }
+  const double mean = Mean(expected);
+  out.meanContrast = std::max(0.0, 1 - Share(std::abs(Mean(found) - mean), mean));
+  if (!foundRayleigh.empty())
+  {
+    out.rayleigh = std::exp(-std::abs(Mean(foundRayleigh) - Mean(expectedRayleigh)) / rayleighContrast);
+  }
+
+  // Of two samples of equal size, the Wasserstein-1 distance is the mean difference in order of size.
+  std::sort(found.begin(), found.end());
+  std::sort(expected.begin(), expected.end());
+  double distance = 0, variance = 0;
+  for (std::size_t k = 0; k < found.size(); ++k)
+  {
+    distance += std::abs(found[k] - expected[k]) / static_cast<double>(found.size());
+    variance += (expected[k] - mean) * (expected[k] - mean) / static_cast<double>(found.size());
+  }
+  out.contrastDistribution = std::exp(-Share(distance, std::sqrt(variance)));
+  out.score = 0.4 * out.meanContrast + 0.4 * out.contrastDistribution + 0.2 * out.rayleigh;
+  return out;
+}
+
+}  // namespace bigus
