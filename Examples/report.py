@@ -1,0 +1,210 @@
+#!/usr/bin/env python3
+"""Draws the quickstart's panel and training curve and writes its report, from the files that 'bigus' made.
+
+    report.py FOLDER --frame HELD_OUT_FRAME --reduce N
+"""
+import argparse
+import csv
+import json
+import pathlib
+
+import matplotlib
+import numpy as np
+
+import bigus
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+FIELD_COLOUR, ORTHOGONAL_COLOUR, OBLIQUE_COLOUR = "#1668b0", "#d1690e", "#2b8a3e"
+METHODS = (("nearest", "nearest frame"), ("neighbour_average", "neighbour average"),
+           ("pose_interpolation", "pose interpolation"), ("compounding", "voxel compounding"))
+
+
+def read_png(path):
+    pixels = plt.imread(path)  # 8-bit grey becomes float in [0, 1]
+    return pixels if pixels.ndim == 2 else pixels[..., 0]
+
+
+def reduced(image, n):
+    """Box average of n x n pixels, as --reduce does it."""
+    height, width = (size // n for size in image.shape)
+    return image[:height * n, :width * n].reshape(height, n, width, n).mean(axis=(1, 3))
+
+
+def read_planes(path):
+    """[(matrix, width, height)] of a CSV of poses."""
+    with open(path, newline="") as file:
+        return [(np.array([float(row[f"m{i}{j}"]) for i in range(4) for j in range(4)]).reshape(4, 4),
+                 int(row["width"]), int(row["height"])) for row in csv.DictReader(file)]
+
+
+def outline(matrix, width, height):
+    """The corners of an image in space, closed: [5, 3] mm."""
+    corners = np.array([(0, 0), (width - 1, 0), (width - 1, height - 1), (0, height - 1), (0, 0)])
+    return corners @ matrix[:3, :2].T + matrix[:3, 3]
+
+
+def scale_bar(axes, extent):
+    """A white bar of a round number of millimetres, lower right."""
+    wide, deep = extent
+    length = max(step for step in (1, 2, 5, 10, 20, 50) if step <= max(wide / 3, 1))
+    x, y = wide * 0.96 - length, deep * 0.94
+    axes.plot([x, x + length], [y, y], color="white", linewidth=3, solid_capstyle="butt")
+    axes.text(x + length / 2, y - 0.02 * deep, f"{length} mm", color="white", ha="center", va="bottom", fontsize=8)
+
+
+def show(axes, image, matrix, title, colour="black", **style):
+    """An image with its axes in millimetres."""
+    side = np.linalg.norm(matrix[:3, :2], axis=0)
+    extent = image.shape[1] * side[0], image.shape[0] * side[1]
+    picture = axes.imshow(image, extent=(0, extent[0], extent[1], 0), interpolation="nearest",
+                          **{"cmap": "gray", "vmin": 0, "vmax": 1, **style})
+    axes.set_title(title, fontsize=10, color=colour)
+    axes.tick_params(labelsize=7)
+    axes.set_xlabel("mm", fontsize=7, labelpad=1)
+    for spine in axes.spines.values():
+        spine.set_color(colour)
+        spine.set_linewidth(0.8 if colour == "black" else 2)
+    scale_bar(axes, extent)
+    return picture
+
+
+def show_scores(axes, answer):
+    """Held-out PSNR of the field above that of the plain methods."""
+    names = ["this field"] + [name for _, name in METHODS]
+    scores = [answer["held_out"]] + [answer["baselines"][key] for key, _ in METHODS]
+    values = [score["psnr"] for score in scores]
+    places = np.arange(len(names))[::-1]
+    axes.barh(places, values, color=[FIELD_COLOUR] + ["#b5b9be"] * len(METHODS), height=0.72)
+    for place, name, score in zip(places, names, scores):
+        axes.text(0.4, place, name, va="center", fontsize=8, color="white" if name == "this field" else "black")
+        axes.text(score["psnr"] + 0.3, place, f"{score['psnr']:.2f} dB\nSSIM {score['ssim']:.3f}", va="center",
+                  fontsize=7)
+    axes.set_xlim(0, max(values) * 1.33)
+    axes.set_yticks([])
+    axes.tick_params(labelsize=7)
+    axes.set_xlabel("PSNR, dB (longer is better)", fontsize=7, labelpad=1)
+    axes.set_title(f"All {answer['held_out']['frames']} held-out frames", fontsize=10)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+
+
+def show_places(axes, sweep, frame, planes):
+    """The sweep's frames and the planes shown, in space."""
+    count, height, width = bigus.frames(sweep).shape
+    poses = bigus.poses(sweep)
+    for k in range(0, count, max(count // 16, 1)):
+        axes.plot(*outline(poses[k], width, height).T, color="#9aa0a6", linewidth=0.6)
+    for (matrix, wide, deep), colour in (((poses[frame], width, height), FIELD_COLOUR),
+                                         (planes[0], ORTHOGONAL_COLOUR), (planes[1], OBLIQUE_COLOUR)):
+        axes.plot(*outline(matrix, wide, deep).T, color=colour, linewidth=2)
+    # Seen from the side, with the depth of the middle frame pointing down.
+    points = np.concatenate([outline(pose, width, height) for pose in poses])
+    axes.set_box_aspect(np.maximum(np.ptp(points, axis=0), 1))
+    depth = poses[frame, :3, 1]
+    vertical = int(np.argmax(np.abs(depth)))
+    axes.view_init(elev=22 if depth[vertical] < 0 else -158, azim=-52, vertical_axis="xyz"[vertical])
+    axes.tick_params(labelsize=6, pad=-2)
+    axes.set_title("Where: frames grey, in mm", fontsize=10)
+
+
+def draw_panel(folder, sweep, frame, n, answer):
+    planes = read_planes(folder / "planes.csv")
+    pose = bigus.poses(sweep)[frame].copy()
+    pose[:3, :2] *= n
+    pixels = bigus.frames(sweep)[frame]
+    white = 65535.0 if pixels.dtype == np.uint16 else 255.0 if pixels.dtype == np.uint8 else 1.0
+    truth = reduced(pixels / white, n)
+    prediction = read_png(folder / "held-out.png")
+    error = prediction - truth
+    known = (folder / "orthogonal-truth.png").exists()
+
+    figure = plt.figure(figsize=(15, 11.5 if known else 8), constrained_layout=True)
+    grid = figure.add_gridspec(3 if known else 2, 4)
+    show(figure.add_subplot(grid[0, 0]), truth, pose, f"Truth: frame {frame}, never trained on", FIELD_COLOUR)
+    mse = np.mean(error ** 2)
+    quality = f"{-10 * np.log10(mse):.1f} dB" if mse > 0 else "exact"
+    show(figure.add_subplot(grid[0, 1]), prediction, pose, f"Prediction from the field, {quality}", FIELD_COLOUR)
+    axes = figure.add_subplot(grid[0, 2])
+    picture = show(axes, error, pose, "Error: prediction - truth", FIELD_COLOUR, cmap="RdBu_r", vmin=-0.5, vmax=0.5)
+    bar = figure.colorbar(picture, ax=axes, shrink=0.8)
+    bar.ax.tick_params(labelsize=7)
+    bar.set_label("too dark   (share of white)   too bright", fontsize=7)
+    show_scores(figure.add_subplot(grid[0, 3]), answer)
+
+    show_places(figure.add_subplot(grid[1, 0], projection="3d"), sweep, frame, planes)
+    for column, (name, (matrix, _, _), colour) in enumerate((("orthogonal", planes[0], ORTHOGONAL_COLOUR),
+                                                             ("oblique", planes[1], OBLIQUE_COLOUR))):
+        place = grid[1, 1 + column]
+        show(figure.add_subplot(place), read_png(folder / f"{name}.png"), matrix, f"Field, {name} plane", colour)
+        if known:
+            show(figure.add_subplot(grid[2, 1 + column]), read_png(folder / f"{name}-truth.png"), matrix,
+                 f"Truth, {name} plane", colour)
+    figure.suptitle(f"BIGUS: {answer['training_frames']} frames as {answer['gaussians']:,} Gaussians, trained in "
+                    f"{answer['seconds']:.0f} s on {answer['device']}", fontsize=12)
+    figure.savefig(folder / "panel.png", dpi=100)
+    plt.close(figure)
+
+
+def draw_curve(folder):
+    with open(folder / "training.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    seconds = [float(row["seconds"]) for row in rows]
+    figure, axes = plt.subplots(figsize=(8, 4.5), constrained_layout=True)
+    axes.plot(seconds, [float(row["loss"]) for row in rows], color=FIELD_COLOUR)
+    axes.set_yscale("log")
+    axes.set_xlabel("seconds")
+    axes.set_ylabel("training loss (mean absolute difference, share of white)")
+    axes.grid(True, which="both", alpha=0.25)
+    validated = [(t, float(row["validation_psnr"])) for t, row in zip(seconds, rows) if row["validation_psnr"]]
+    if validated:
+        other = axes.twinx()
+        other.plot(*zip(*validated), color=ORTHOGONAL_COLOUR)
+        other.set_ylabel("PSNR on validation frames, dB", color=ORTHOGONAL_COLOUR)
+    if rows:
+        axes.set_title(f"Training: {rows[-1]['iteration']} steps, {rows[-1]['gaussians']} Gaussians at the end")
+    figure.savefig(folder / "training-curve.png", dpi=100)
+    plt.close(figure)
+
+
+def write_report(folder, sweep, n, answer):
+    count = len(bigus.frames(sweep))
+    held_out = answer["held_out"]
+    lines = [f"Sweep            {count} frames, {answer['width']} x {answer['height']} pixels"
+             + (f" after averaging {n} x {n}" if n > 1 else ""),
+             f"Trained on       {answer['training_frames']} frames; {held_out['frames']} held out",
+             f"Gaussians        {answer['gaussians']}",
+             f"Beam thickness   {answer['elevation_sigma']:.2f} mm (standard deviation)",
+             f"Training         {answer['iterations']} steps in {answer['seconds']:.1f} s on {answer['device']}",
+             f"Peak memory      {answer['peak_memory_bytes'] / 2 ** 20:.0f} MiB",
+             f"Seed             {answer['seed']}",
+             "",
+             "Held-out frames, mean       PSNR dB     SSIM",
+             f"  {'this field':<22}{held_out['psnr']:>11.2f}{held_out['ssim']:>9.4f}"
+             f"   (PSNR varies by {held_out['psnr_std']:.2f} between frames; BFS {held_out['bfs']:.3f})"]
+    for key, name in METHODS:
+        score = answer["baselines"][key]
+        lines.append(f"  {name:<22}{score['psnr']:>11.2f}{score['ssim']:>9.4f}")
+    lines += ["", "The held-out frames took no part in training. The four methods below the field need no model: the",
+              "nearest frame as it is, the mean of the two neighbouring frames, these two weighted by distance along",
+              "their poses, and a voxel volume compounded from all training frames."]
+    (folder / "report.txt").write_text("\n".join(lines) + "\n")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--frame", type=int, required=True)
+    parser.add_argument("--reduce", type=int, default=1)
+    options = parser.parse_args()
+
+    answer = json.loads((options.folder / "training.json").read_text())
+    sweep = bigus.read(options.folder / "sweep.igs.mha")
+    draw_panel(options.folder, sweep, options.frame, options.reduce, answer)
+    draw_curve(options.folder)
+    write_report(options.folder, sweep, options.reduce, answer)
+
+
+if __name__ == "__main__":
+    main()
