@@ -178,9 +178,13 @@ public:
       });
   }
 
-  double SolveReflectivities(const std::vector<int>& frames, int iterations) override
+  double SolveReflectivities(const std::vector<int>& frames, int iterations,
+                             const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
+    // One pass over the frames for the right-hand side and one for each iteration.
+    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
+    double done = 0;
     std::vector<float> r(gaussians_.size());
     for (std::size_t i = 0; i < r.size(); ++i)
     {
@@ -218,6 +222,11 @@ public:
                 }
               }
             });
+          done += static_cast<double>(batch.size());
+          if (progress && !progress(done / steps))
+          {
+            return std::vector<float>();
+          }
         }
         return out;
       });

@@ -111,8 +111,10 @@ public:
   virtual void Step(const LearningRates& rates, const ParameterLimits& limits) = 0;
 
   /// Weighted least squares for all reflectivities with the geometry fixed (S is linear in r): conjugate gradients on
-  /// sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. Returns the relative residual.
-  virtual double SolveReflectivities(const std::vector<int>& frames, int iterations) = 0;
+  /// sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. `progress` (may be empty) gets the fraction
+  /// done; when it returns false the solve stops and keeps what it has. Returns the relative residual.
+  virtual double SolveReflectivities(const std::vector<int>& frames, int iterations,
+                                     const std::function<bool(double)>& progress = {}) = 0;
 
   /// For tests and densification; not part of a step.
   virtual FieldGradient GetGradient() const = 0;

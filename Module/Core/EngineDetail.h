@@ -154,7 +154,8 @@ inline void CheckWindow(const SlicePlane& plane, int firstColumn, int firstRow, 
 
 /// Reduces the squared weighted residual sum_p (1 - I_gt)^2 (S - S_gt)^2 by conjugate gradients on its normal
 /// equations. `product(x, target)` returns sum_p omega w_i (sum_j w_j x_j - [target] S_gt) for every i: a forward and a
-/// zeroth-moment backward pass. Returns |gradient| at the end over |gradient| at the start.
+/// zeroth-moment backward pass; an empty result means: stop here. Returns |gradient| at the end over |gradient| at the
+/// start.
 template <class Real, class Product>
 double ConjugateGradients(std::vector<Real>& x, int iterations, Product&& product)
 {
@@ -168,6 +169,10 @@ double ConjugateGradients(std::vector<Real>& x, int iterations, Product&& produc
     return sum;
   };
   std::vector<Real> residual = product(x, true);
+  if (residual.empty())
+  {
+    return 1.0;
+  }
   for (Real& value : residual)
   {
     value = -value;
@@ -178,7 +183,7 @@ double ConjugateGradients(std::vector<Real>& x, int iterations, Product&& produc
   for (int iteration = 0; iteration < iterations && now > 0; ++iteration)
   {
     const std::vector<Real> image = product(direction, false);
-    const double curvature = dot(direction, image);
+    const double curvature = image.empty() ? 0.0 : dot(direction, image);
     if (!(curvature > 0))
     {
       break;

@@ -126,9 +126,13 @@ public:
     }
   }
 
-  double SolveReflectivities(const std::vector<int>& frames, int iterations) override
+  double SolveReflectivities(const std::vector<int>& frames, int iterations,
+                             const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
+    // One pass over the frames for the right-hand side and one for each iteration.
+    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
+    double done = 0;
     std::vector<double> r = Reflectivities();
     const double residual = ConjugateGradients(
       r, iterations,
@@ -149,6 +153,10 @@ public:
           }
           tbb::parallel_for(std::size_t(0), x.size(),
                             [&](std::size_t i) { out[i] += GatherMoments(projections[i].splat, image).m0; });
+          if (progress && !progress(++done / steps))
+          {
+            return std::vector<double>();
+          }
         }
         return out;
       });

@@ -41,6 +41,7 @@ struct TrainerOptions
   double reflectivityRate = 0.15;         ///< Adam step for r, in units of mean |r|
   double finalRate = 0.05;                ///< rates decay to this share
   std::optional<int> solveIterations;     ///< conjugate-gradient steps on r at the start; default 8, or 0 when sparse
+  std::optional<int> virtualPlanes;       ///< planes added in every gap, 0 to 8; default 1 when sparse, else 0
   std::optional<double> minimumScale;     ///< mm; default 0.25 pixel
   std::optional<double> maximumScale;     ///< mm; default 48 pixels
   DensificationOptions densification;
