@@ -1,7 +1,8 @@
-// What one can do without a field: four plain ways to predict a frame from other tracked frames.
+// What one can do without a field: four plain ways to predict a plane from other tracked frames.
 #pragma once
 
 #include <Eigen/Dense>
+#include <cstddef>
 #include <vector>
 
 #include "SlicePlane.h"
@@ -10,36 +11,57 @@
 namespace bigus
 {
 
-/// Each predictor sees only `training` frames of the sweep and writes width * height intensities in [0, 1].
-/// Distances between planes are those of their image centres along the target's normal.
+/// Each predictor sees only the `training` frames of the sweep (indices in ascending order, at least one) and
+/// writes an intensity in [0, 1] for every pixel of the plane, row by row. Errors are thrown as bigus::Error.
 
-/// The training frame whose centre lies nearest to the plane's, pixel for pixel.
-void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, float* image);
+/// The training frame that lies nearest, pixel for pixel: the plane must be of the frames' size. Nearest is
+/// the root mean square distance, mm, between the corners of the two images; of equals the first.
+void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
+                    float* image);
 
-/// Mean of the training frames before and after index `frame` in the sequence, pixel for pixel (poses ignored).
-/// At an end of the sweep the single neighbour.
+/// Mean of the training frames before and after index `frame` in the sequence, pixel for pixel (poses
+/// ignored). At an end of the sweep the single neighbour.
 void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& training, int frame, float* image);
 
-/// Pose-aware two-frame interpolation: every pixel's point is projected along the normal onto the nearest training
-/// plane on either side, both frames sampled bilinearly there and mixed by inverse distance. Pixels with one side
-/// only take that side; with none they are 0.
+/// Pose-aware interpolation between the training frames before and after index `frame` in the sequence (at an
+/// end, the one there is): from every pixel's point a line along the mean of their normals meets both planes;
+/// the frames are sampled there bilinearly and mixed linearly, each weighing as much as the point's distance
+/// from the other. Where the line misses one of the images (by more than half a pixel) the other is taken,
+/// where it misses both 0.
+void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image);
+
+/// The same at any plane, which has no place in the sequence: for every pixel, of the consecutive training
+/// frames that have its point between them, the two with the smallest sum of distances. A point between none
+/// takes the sample of the nearest plane it projects onto at right angles, if any.
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image);
 
-/// Voxel compounding: trilinear paste of every training pixel into an axis-aligned grid, mean, holes filled from
-/// filled neighbours within three voxels, trilinear reslice.
+/// Voxel compounding: trilinear paste of every training pixel into an axis-aligned grid, weighted mean, holes
+/// filled with the mean of the nearest shell of filled voxels up to three voxels away, trilinear reslice.
+/// Empty voxels are 0.
 class Compounding
 {
 public:
-  /// voxelSize in mm; 0 chooses the larger of twice the pixel size and the median plane spacing. Throws Error when
-  /// the grid would exceed maximumVoxels.
+  /// voxelSize in mm; 0 chooses the geometric mean of the pixel size and the median plane spacing, but not
+  /// less than the pixel size, and not so small that the grid would exceed maximumVoxels (4 bytes each).
+  /// Throws Error when a given size makes it exceed them.
   Compounding(const Sweep& sweep, const std::vector<int>& training, double voxelSize = 0,
-              std::size_t maximumVoxels = std::size_t(1) << 30);
+              std::size_t maximumVoxels = std::size_t(1) << 28);
+
   void Predict(const SlicePlane& plane, float* image) const;
+
   double VoxelSize() const { return voxelSize_; }
+  std::size_t NumberOfVoxels() const { return voxels_.size(); }
 
 private:
-  Eigen::Vector3d origin_;
+  std::size_t Index(int x, int y, int z) const
+  {
+    return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x;
+  }
+  std::vector<unsigned char> Paste(const Sweep& sweep, const std::vector<int>& training);
+  void FillHoles(const std::vector<unsigned char>& filled);
+
+  Eigen::Vector3d origin_;  // centre of voxel (0, 0, 0), mm
   Eigen::Vector3i size_;
   double voxelSize_;
   std::vector<float> voxels_;

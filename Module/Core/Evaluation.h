@@ -12,16 +12,19 @@
 namespace bigus
 {
 
-/// Scores over a set of frames: each metric per frame, then mean and standard deviation over frames.
+/// Scores over a set of frames: each metric per frame, then mean and (population) standard deviation over
+/// frames. A frame met exactly makes the mean PSNR infinite; its standard deviation is then given as 0.
 struct FrameScores
 {
   std::vector<int> frames;
-  double psnr = 0, psnrStd = 0;
-  double ssim = 0, ssimStd = 0;
-  BackscatterFidelity bfs;  ///< term by term, mean over frames
+  double psnr = 0, psnrStd = 0;  ///< dB
+  double ssim = 0, ssimStd = 0;  ///< valid windows
+  BackscatterFidelity bfs;       ///< term by term, mean over frames
 };
 
-/// Scores what `predict(frame, image)` writes against the frames themselves (whole frames, intensities in [0, 1]).
+/// Scores what `predict(frame, image)` writes against the frames themselves (whole frames, masked pixels
+/// too). It is called for one frame after another. Throws Error when there is no frame to score, or frames
+/// are below 11 x 11.
 FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
                         const std::function<void(int, float*)>& predict);
 
@@ -29,6 +32,8 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
 FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
                        const std::string& engine = "auto");
 
+/// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the
+/// held-out pose; neighbour average and pose interpolation the held-out frame's place in the sequence.
 struct BaselineScores
 {
   FrameScores nearest, neighbourAverage, poseInterpolation, compounding;

@@ -1,0 +1,526 @@
+#include "Baselines.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "Error.h"
+#include "Seeding.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr int none = -1;
+
+/// Checks what every predictor relies on.
+void CheckTraining(const Sweep& sweep, const std::vector<int>& training)
+{
+  if (training.empty())
+  {
+    throw Error("Baselines: there is no training frame to predict from.");
+  }
+  for (std::size_t k = 0; k < training.size(); ++k)
+  {
+    if (training[k] < 0 || training[k] >= sweep.NumberOfFrames() || (k > 0 && training[k] <= training[k - 1]))
+    {
+      throw Error("Baselines: training frame " + std::to_string(training[k]) +
+                  " is out of order or not one of the " + std::to_string(sweep.NumberOfFrames()) +
+                  " frames.");
+    }
+  }
+}
+
+/// One frame as a function in space.
+class FrameInSpace
+{
+public:
+  FrameInSpace(const Sweep& sweep, int frame)
+      : width_(sweep.width),
+        height_(sweep.height),
+        first_(static_cast<std::size_t>(frame) * sweep.PixelsPerFrame()),
+        bytes_(sweep.pixelType == Sweep::PixelType::UInt8
+                   ? static_cast<const std::uint8_t*>(sweep.pixels.get())
+                   : nullptr),
+        floats_(static_cast<const float*>(sweep.pixels.get())),
+        plane_(sweep.Plane(frame)),
+        toSlice_(plane_.WorldToSlice())
+  {
+  }
+
+  const SlicePlane& Plane() const { return plane_; }
+
+  float Pixel(int i, int j) const
+  {
+    const std::size_t p = first_ + static_cast<std::size_t>(j) * width_ + i;
+    return bytes_ ? static_cast<float>(bytes_[p]) / 255.0f : floats_[p];
+  }
+
+  /// (i, j, z) of a point: pixel coordinates of its foot on the plane, and its signed distance in mm.
+  Eigen::Vector3d Project(const Eigen::Vector3d& point) const { return toSlice_ * (point - plane_.origin); }
+
+  /// (i, j, z) of a vector in mm.
+  Eigen::Vector3d Direction(const Eigen::Vector3d& vector) const { return toSlice_ * vector; }
+
+  bool Contains(const Eigen::Vector3d& ijz) const
+  {
+    return ijz[0] >= -0.5 && ijz[0] <= width_ - 0.5 && ijz[1] >= -0.5 && ijz[1] <= height_ - 0.5;
+  }
+
+  /// Bilinear; the outermost half pixel repeats the edge.
+  double Sample(const Eigen::Vector3d& ijz) const
+  {
+    const double u = std::clamp(ijz[0], 0.0, width_ - 1.0);
+    const double v = std::clamp(ijz[1], 0.0, height_ - 1.0);
+    const int i = static_cast<int>(u), j = static_cast<int>(v);
+    const int iNext = std::min(i + 1, width_ - 1), jNext = std::min(j + 1, height_ - 1);
+    const double fu = u - i, fv = v - j;
+    return (1 - fv) * ((1 - fu) * Pixel(i, j) + fu * Pixel(iNext, j)) +
+           fv * ((1 - fu) * Pixel(i, jNext) + fu * Pixel(iNext, jNext));
+  }
+
+private:
+  int width_, height_;
+  std::size_t first_;
+  const std::uint8_t* bytes_;
+  const float* floats_;
+  SlicePlane plane_;
+  Eigen::Matrix3d toSlice_;
+};
+
+/// Linear interpolation between two frames, along the mean of their normals: exact where intensity is linear
+/// in space, however the frames are tilted.
+class FramePair
+{
+public:
+  FramePair(const FrameInSpace& a, const FrameInSpace& b) : a_(a), b_(b)
+  {
+    const Eigen::Vector3d na = a.Plane().Normal(), nb = b.Plane().Normal();
+    const Eigen::Vector3d direction = na.dot(nb) < 0 ? Eigen::Vector3d(na - nb) : Eigen::Vector3d(na + nb);
+    alongA_ = a.Direction(direction.normalized());
+    alongB_ = b.Direction(direction.normalized());
+  }
+
+  /// Where the line through a point meets the two planes.
+  struct Feet
+  {
+    Eigen::Vector3d a, b;  // (i, j, 0) on each
+    double toA, toB;       // mm along the line, signed
+    bool inA, inB;         // whether that is inside the image
+    double Gap() const { return std::abs(toA) + std::abs(toB); }
+    bool IsBetween() const { return toA * toB <= 0; }
+  };
+
+  Feet Find(const Eigen::Vector3d& point) const
+  {
+    Feet feet;
+    const Eigen::Vector3d p = a_.Project(point), q = b_.Project(point);
+    feet.toA = -p[2] / alongA_[2];
+    feet.toB = -q[2] / alongB_[2];
+    feet.a = p + feet.toA * alongA_;
+    feet.b = q + feet.toB * alongB_;
+    feet.inA = a_.Contains(feet.a);
+    feet.inB = b_.Contains(feet.b);
+    return feet;
+  }
+
+  double Mix(const Feet& feet) const
+  {
+    if (!feet.inA || !feet.inB)
+    {
+      return feet.inA ? a_.Sample(feet.a) : feet.inB ? b_.Sample(feet.b) : 0.0;
+    }
+    const double share = feet.Gap() > 0 ? std::abs(feet.toA) / feet.Gap() : 0.5;
+    return (1 - share) * a_.Sample(feet.a) + share * b_.Sample(feet.b);
+  }
+
+private:
+  FrameInSpace a_, b_;
+  Eigen::Vector3d alongA_, alongB_;  // 1 mm along the line, in each frame's (i, j, z)
+};
+
+/// The training frames next to index `frame`, none where there is none.
+std::pair<int, int> Neighbours(const std::vector<int>& training, int frame)
+{
+  const auto after = std::upper_bound(training.begin(), training.end(), frame);
+  const auto before = std::lower_bound(training.begin(), training.end(), frame);
+  return {before == training.begin() ? none : *(before - 1), after == training.end() ? none : *after};
+}
+
+template <class Function>
+void ForEachPixel(const SlicePlane& plane, float* image, Function intensity)
+{
+  tbb::parallel_for(0, plane.height,
+                    [&](int j)
+                    {
+                      for (int i = 0; i < plane.width; ++i)
+                      {
+                        image[static_cast<std::size_t>(j) * plane.width + i] =
+                            static_cast<float>(intensity(plane.Point(i, j)));
+                      }
+                    });
+}
+
+}  // namespace
+
+void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
+                    float* image)
+{
+  CheckTraining(sweep, training);
+  if (plane.width != sweep.width || plane.height != sweep.height)
+  {
+    throw Error("Nearest frame: the plane has " + std::to_string(plane.width) + " x " +
+                std::to_string(plane.height) + " pixels, but the frames have " + std::to_string(sweep.width) +
+                " x " + std::to_string(sweep.height) + "; a frame can only be copied pixel for pixel.");
+  }
+  int nearest = none;
+  double smallest = std::numeric_limits<double>::infinity();
+  for (int frame : training)
+  {
+    const SlicePlane other = sweep.Plane(frame);
+    double squares = 0;
+    for (int corner = 0; corner < 4; ++corner)
+    {
+      const double i = corner % 2 * (plane.width - 1.0), j = corner / 2 * (plane.height - 1.0);
+      squares += (other.Point(i, j) - plane.Point(i, j)).squaredNorm();
+    }
+    if (nearest == none || squares < smallest)
+    {
+      smallest = squares;
+      nearest = frame;
+    }
+  }
+  sweep.CopyFrame(nearest, image);
+}
+
+void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
+{
+  CheckTraining(sweep, training);
+  const auto [before, after] = Neighbours(training, frame);
+  sweep.CopyFrame(before == none ? after : before, image);
+  if (before != none && after != none)
+  {
+    std::vector<float> other(sweep.PixelsPerFrame());
+    sweep.CopyFrame(after, other.data());
+    std::transform(other.begin(), other.end(), image, image, [](float a, float b) { return 0.5f * (a + b); });
+  }
+}
+
+void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
+{
+  CheckTraining(sweep, training);
+  const auto [before, after] = Neighbours(training, frame);
+  const FramePair pair(FrameInSpace(sweep, before == none ? after : before),
+                       FrameInSpace(sweep, after == none ? before : after));
+  ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return pair.Mix(pair.Find(x)); });
+}
+
+void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
+                              float* image)
+{
+  CheckTraining(sweep, training);
+  std::vector<FrameInSpace> frames;
+  std::vector<FramePair> pairs;
+  for (int frame : training)
+  {
+    frames.emplace_back(sweep, frame);
+    if (frames.size() > 1)
+    {
+      pairs.emplace_back(frames[frames.size() - 2], frames.back());
+    }
+  }
+  ForEachPixel(plane, image,
+               [&](const Eigen::Vector3d& x)
+               {
+                 double smallest = std::numeric_limits<double>::infinity();
+                 double intensity = 0;
+                 for (const FramePair& pair : pairs)
+                 {
+                   const FramePair::Feet feet = pair.Find(x);
+                   if (feet.IsBetween() && feet.Gap() < smallest && (feet.inA || feet.inB))
+                   {
+                     smallest = feet.Gap();
+                     intensity = pair.Mix(feet);
+                   }
+                 }
+                 if (std::isfinite(smallest))
+                 {
+                   return intensity;
+                 }
+                 for (const FrameInSpace& frame : frames)
+                 {
+                   const Eigen::Vector3d p = frame.Project(x);
+                   if (std::abs(p[2]) < smallest && frame.Contains(p))
+                   {
+                     smallest = std::abs(p[2]);
+                     intensity = frame.Sample(p);
+                   }
+                 }
+                 return intensity;
+               });
+}
+
+Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, double voxelSize,
+                         std::size_t maximumVoxels)
+{
+  CheckTraining(sweep, training);
+  if (!(voxelSize >= 0 && std::isfinite(voxelSize)))
+  {
+    throw Error("Compounding: the voxel size is " + std::to_string(voxelSize) +
+                " mm; it must be positive, or 0 to choose one.");
+  }
+  Eigen::Vector3d lowest = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d highest = -lowest;
+  for (int frame : training)
+  {
+    const SlicePlane plane = sweep.Plane(frame);
+    for (int corner = 0; corner < 4; ++corner)
+    {
+      const Eigen::Vector3d x =
+          plane.Point(corner % 2 * (sweep.width - 1.0), corner / 2 * (sweep.height - 1.0));
+      lowest = lowest.cwiseMin(x);
+      highest = highest.cwiseMax(x);
+    }
+  }
+  // In double: sizes of hostile poses fit no integer. One voxel more than the floor, and one for the
+  // trilinear corner.
+  const auto sizeFor = [&](double size) -> Eigen::Vector3d
+  { return ((highest - lowest) / size).array().floor() + 2; };
+  const double limit = static_cast<double>(maximumVoxels);
+  voxelSize_ = voxelSize;
+  if (voxelSize == 0)
+  {
+    const SweepGeometry geometry = MeasureGeometry(sweep, training);
+    voxelSize_ = std::max(geometry.pixelSize, std::sqrt(geometry.pixelSize * geometry.medianSpacing));
+    while (sizeFor(voxelSize_).prod() > limit && sizeFor(voxelSize_).maxCoeff() > 2)
+    {
+      voxelSize_ *= 1.25;
+    }
+  }
+  const Eigen::Vector3d size = sizeFor(voxelSize_);
+  if (!(size.prod() <= limit) || size.maxCoeff() > std::numeric_limits<int>::max())
+  {
+    throw Error("Compounding: voxels of " + std::to_string(voxelSize_) + " mm make a grid of " +
+                std::to_string(size.prod()) + " voxels, but " + std::to_string(maximumVoxels) +
+                " are allowed; choose larger voxels.");
+  }
+  origin_ = lowest;
+  size_ = size.cast<int>();
+  voxels_.assign(static_cast<std::size_t>(size.prod()), 0.0f);
+  FillHoles(Paste(sweep, training));
+}
+
+/// Which voxels got a value. Each thread owns a slab of layers, whose voxels add up pixels in order of frame
+/// and row.
+std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
+{
+  struct Frame
+  {
+    FrameInSpace pixels;
+    Eigen::Vector3d origin, columnStep, rowStep;  // in voxels
+  };
+  std::vector<Frame> frames;
+  for (int frame : training)
+  {
+    const SlicePlane plane = sweep.Plane(frame);
+    frames.push_back({FrameInSpace(sweep, frame), (plane.origin - origin_) / voxelSize_,
+                      plane.columnStep / voxelSize_, plane.rowStep / voxelSize_});
+  }
+  std::vector<unsigned char> filled(voxels_.size(), 0);
+  const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
+  const int layers = static_cast<int>(std::clamp<std::size_t>((std::size_t(1) << 20) / layer, 1, size_[2]));
+  const int slabs = (size_[2] + layers - 1) / layers;
+  tbb::parallel_for(
+      0, slabs,
+      [&](int slab)
+      {
+        const int begin = slab * layers;
+        const int end = std::min(begin + layers, size_[2]);
+        struct Accumulator
+        {
+          double sum = 0, weight = 0;
+        };
+        std::vector<Accumulator> accumulators(layer * (end - begin));
+        for (const Frame& frame : frames)
+        {
+          for (int j = 0; j < sweep.height; ++j)
+          {
+            // Pixels that touch the slab are those with begin - 1 < z < end: an interval of the row, found a
+            // pixel too wide on either side.
+            const Eigen::Vector3d start = frame.origin + j * frame.rowStep;
+            double first = 0, last = sweep.width - 1.0;
+            const double dz = frame.columnStep[2];
+            if (dz != 0)
+            {
+              const double low = (begin - 1 - start[2]) / dz, high = (end - start[2]) / dz;
+              first = std::max(first, std::floor(std::min(low, high)) - 1);
+              last = std::min(last, std::ceil(std::max(low, high)) + 1);
+            }
+            else if (start[2] <= begin - 1 || start[2] >= end)
+            {
+              continue;
+            }
+            for (int i = static_cast<int>(std::min<double>(first, sweep.width)); i <= last; ++i)
+            {
+              // The frames' own bounds made the grid: rounding alone can leave it.
+              const Eigen::Vector3d p = (start + i * frame.columnStep).cwiseMax(0.0);
+              const int x = std::min(static_cast<int>(p[0]), size_[0] - 2);
+              const int y = std::min(static_cast<int>(p[1]), size_[1] - 2);
+              const int z = std::min(static_cast<int>(p[2]), size_[2] - 2);
+              if (z + 1 < begin || z >= end)
+              {
+                continue;
+              }
+              const double value = frame.pixels.Pixel(i, j);
+              const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
+              for (int dz01 = 0; dz01 < 2; ++dz01)
+              {
+                if (z + dz01 < begin || z + dz01 >= end)
+                {
+                  continue;
+                }
+                const double wz = dz01 ? fz : 1 - fz;
+                Accumulator* row =
+                    &accumulators[(static_cast<std::size_t>(z + dz01 - begin) * size_[1] + y) * size_[0] + x];
+                const auto add = [value](Accumulator& to, double weight)
+                {
+                  to.sum += weight * value;
+                  to.weight += weight;
+                };
+                add(row[0], wz * (1 - fy) * (1 - fx));
+                add(row[1], wz * (1 - fy) * fx);
+                add(row[size_[0]], wz * fy * (1 - fx));
+                add(row[size_[0] + 1], wz * fy * fx);
+              }
+            }
+          }
+        }
+        for (std::size_t k = 0; k < accumulators.size(); ++k)
+        {
+          if (accumulators[k].weight > 1e-6)
+          {
+            filled[layer * begin + k] = 1;
+            voxels_[layer * begin + k] = static_cast<float>(accumulators[k].sum / accumulators[k].weight);
+          }
+        }
+      });
+  return filled;
+}
+
+void Compounding::FillHoles(const std::vector<unsigned char>& filled)
+{
+  constexpr int reach = 3;
+  const int nx = size_[0], ny = size_[1], nz = size_[2];
+
+  // Most of the box lies outside the sweep: hole filling looks only near each row's filled voxels.
+  struct Interval
+  {
+    int first = std::numeric_limits<int>::max(), last = -1;
+  };
+  std::vector<Interval> rows(static_cast<std::size_t>(ny) * nz);
+  tbb::parallel_for(0, nz,
+                    [&](int z)
+                    {
+                      for (int y = 0; y < ny; ++y)
+                      {
+                        const unsigned char* row = &filled[Index(0, y, z)];
+                        const unsigned char* first = std::find(row, row + nx, 1);
+                        if (first != row + nx)
+                        {
+                          int last = nx - 1;
+                          while (!row[last])
+                          {
+                            --last;
+                          }
+                          rows[static_cast<std::size_t>(z) * ny + y] = {static_cast<int>(first - row), last};
+                        }
+                      }
+                    });
+
+  // Reads only voxels that were pasted and writes only the others, so the order does not matter.
+  tbb::parallel_for(
+      0, nz,
+      [&](int z)
+      {
+        for (int y = 0; y < ny; ++y)
+        {
+          Interval near;
+          for (int v = std::max(0, z - reach); v <= std::min(nz - 1, z + reach); ++v)
+          {
+            for (int u = std::max(0, y - reach); u <= std::min(ny - 1, y + reach); ++u)
+            {
+              const Interval& row = rows[static_cast<std::size_t>(v) * ny + u];
+              near.first = std::min(near.first, row.first);
+              near.last = std::max(near.last, row.last);
+            }
+          }
+          if (near.last < 0)
+          {
+            continue;
+          }
+          for (int x = std::max(0, near.first - reach); x <= std::min(nx - 1, near.last + reach); ++x)
+          {
+            if (filled[Index(x, y, z)])
+            {
+              continue;
+            }
+            double sum = 0;
+            int count = 0;
+            for (int r = 1; r <= reach && count == 0; ++r)
+            {
+              for (int v = std::max(0, z - r); v <= std::min(nz - 1, z + r); ++v)
+              {
+                for (int u = std::max(0, y - r); u <= std::min(ny - 1, y + r); ++u)
+                {
+                  const bool face =
+                      std::abs(v - z) == r || std::abs(u - y) == r;  // else only the two ends of the row
+                  for (int t = x - r; t <= x + r; t += face ? 1 : 2 * r)
+                  {
+                    if (t >= 0 && t < nx && filled[Index(t, u, v)])
+                    {
+                      sum += voxels_[Index(t, u, v)];
+                      ++count;
+                    }
+                  }
+                }
+              }
+            }
+            if (count > 0)
+            {
+              voxels_[Index(x, y, z)] = static_cast<float>(sum / count);
+            }
+          }
+        }
+      });
+}
+
+void Compounding::Predict(const SlicePlane& plane, float* image) const
+{
+  const Eigen::Vector3d last = (size_.array() - 1).cast<double>();
+  ForEachPixel(plane, image,
+               [&](const Eigen::Vector3d& point)
+               {
+                 const Eigen::Vector3d p = (point - origin_) / voxelSize_;
+                 if (!((p.array() >= 0).all() && (p.array() <= last.array()).all()))
+                 {
+                   return 0.0;
+                 }
+                 const int x = std::min(static_cast<int>(p[0]), size_[0] - 2);
+                 const int y = std::min(static_cast<int>(p[1]), size_[1] - 2);
+                 const int z = std::min(static_cast<int>(p[2]), size_[2] - 2);
+                 const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
+                 const auto along = [&](int dy, int dz)
+                 {
+                   const float* v = &voxels_[Index(x, y + dy, z + dz)];
+                   return (1 - fx) * v[0] + fx * v[1];
+                 };
+                 return (1 - fz) * ((1 - fy) * along(0, 0) + fy * along(1, 0)) +
+                        fz * ((1 - fy) * along(0, 1) + fy * along(1, 1));
+               });
+}
+
+}  // namespace bigus

@@ -1,0 +1,504 @@
+// The plain predictors on synthetic sweeps whose intensity is known everywhere.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "Core/Baselines.h"
+#include "Core/Error.h"
+
+using bigus::Compounding;
+using bigus::Error;
+using bigus::SlicePlane;
+using bigus::Sweep;
+
+namespace
+{
+
+using Function = std::function<double(const Eigen::Vector3d&)>;
+
+/// Linear in space, within [0, 1] over the sweeps below.
+const Eigen::Vector3d slope(0.004, -0.003, 0.006);
+double Linear(const Eigen::Vector3d& x)
+{
+  return 0.5 + slope.dot(x);
+}
+
+/// A frame of 0.5 mm pixels around `centre`, turned by `rotation`.
+Eigen::Matrix4d Pose(const Eigen::Vector3d& centre, const Eigen::Matrix3d& rotation, int width, int height)
+{
+  SlicePlane plane;
+  plane.columnStep = 0.5 * rotation.col(0);
+  plane.rowStep = 0.5 * rotation.col(1);
+  plane.origin = centre - 0.5 * (width - 1) * plane.columnStep - 0.5 * (height - 1) * plane.rowStep;
+  return plane.ImageToReference();
+}
+
+Sweep MakeSweep(int width, int height, const std::vector<Eigen::Matrix4d>& poses, const Function& intensity)
+{
+  Sweep sweep;
+  sweep.width = width;
+  sweep.height = height;
+  sweep.pixelType = Sweep::PixelType::Float32;
+  sweep.imageToReference = poses;
+  auto pixels = std::make_shared<std::vector<float>>();
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    for (int j = 0; j < height; ++j)
+    {
+      for (int i = 0; i < width; ++i)
+      {
+        pixels->push_back(static_cast<float>(intensity(sweep.Plane(k).Point(i, j))));
+      }
+    }
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  sweep.Validate();
+  return sweep;
+}
+
+const Eigen::Matrix3d oblique =
+    Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, -2, 3).normalized()).toRotationMatrix();
+
+/// Parallel planes, unevenly spaced, in an oblique direction.
+Sweep Parallel(const Function& intensity, int width = 41, int height = 33)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  for (double z : {0.0, 0.6, 1.0, 1.9, 2.3, 3.3, 3.5})
+  {
+    poses.push_back(Pose(z * oblique.col(2), oblique, width, height));
+  }
+  return MakeSweep(width, height, poses, intensity);
+}
+
+/// A fan: planes turned 3 degrees from one to the next about an axis beside the images.
+Sweep Fan(const Function& intensity, int width = 41, int height = 33)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  for (int k = -4; k <= 4; ++k)
+  {
+    const Eigen::AngleAxisd turn(k * 0.05, Eigen::Vector3d::UnitX());
+    poses.push_back(Pose(turn * Eigen::Vector3d(0, 15, 0), turn.toRotationMatrix(), width, height));
+  }
+  return MakeSweep(width, height, poses, intensity);
+}
+
+std::vector<int> AllBut(const Sweep& sweep, int frame)
+{
+  std::vector<int> frames;
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    if (k != frame)
+    {
+      frames.push_back(k);
+    }
+  }
+  return frames;
+}
+
+std::vector<int> All(const Sweep& sweep)
+{
+  return AllBut(sweep, -1);
+}
+
+std::vector<float> Frame(const Sweep& sweep, int frame)
+{
+  std::vector<float> image(sweep.PixelsPerFrame());
+  sweep.CopyFrame(frame, image.data());
+  return image;
+}
+
+std::vector<float> Nearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane)
+{
+  std::vector<float> image(plane.NumberOfPixels(), -1.0f);
+  bigus::PredictNearest(sweep, training, plane, image.data());
+  return image;
+}
+
+std::vector<float> Average(const Sweep& sweep, const std::vector<int>& training, int frame)
+{
+  std::vector<float> image(sweep.PixelsPerFrame(), -1.0f);
+  bigus::PredictNeighbourAverage(sweep, training, frame, image.data());
+  return image;
+}
+
+std::vector<float> Interpolated(const Sweep& sweep, const std::vector<int>& training, int frame)
+{
+  std::vector<float> image(sweep.PixelsPerFrame(), -1.0f);
+  bigus::PredictPoseInterpolation(sweep, training, frame, image.data());
+  return image;
+}
+
+std::vector<float> Interpolated(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane)
+{
+  std::vector<float> image(plane.NumberOfPixels(), -1.0f);
+  bigus::PredictPoseInterpolation(sweep, training, plane, image.data());
+  return image;
+}
+
+std::vector<float> Resliced(const Compounding& volume, const SlicePlane& plane)
+{
+  std::vector<float> image(plane.NumberOfPixels(), -1.0f);
+  volume.Predict(plane, image.data());
+  return image;
+}
+
+/// The largest difference from `intensity` over the plane's pixels, leaving out `margin` of them at every
+/// edge.
+double LargestError(const std::vector<float>& image, const SlicePlane& plane, const Function& intensity,
+                    int margin = 0)
+{
+  double largest = 0;
+  for (int j = margin; j < plane.height - margin; ++j)
+  {
+    for (int i = margin; i < plane.width - margin; ++i)
+    {
+      const double found = image[static_cast<std::size_t>(j) * plane.width + i];
+      largest = std::max(largest, std::abs(found - intensity(plane.Point(i, j))));
+    }
+  }
+  return largest;
+}
+
+/// A plane at right angles to the planes of Parallel(), wholly between its first and last.
+SlicePlane Crossing()
+{
+  SlicePlane plane;
+  plane.columnStep = 0.25 * oblique.col(0);
+  plane.rowStep = 0.25 * oblique.col(2);
+  plane.origin = -4 * oblique.col(0) + 0.1 * oblique.col(2);
+  plane.width = 33;
+  plane.height = 13;
+  return plane;
+}
+
+template <class Action>
+std::string Message(Action action)
+{
+  try
+  {
+    action();
+  }
+  catch (const Error& error)
+  {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST(NearestFrame, IsTheOneWithTheNearestPose)
+{
+  const Sweep sweep = Parallel(Linear);
+  EXPECT_EQ(Nearest(sweep, All(sweep), sweep.Plane(3)), Frame(sweep, 3));
+  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 1), sweep.Plane(1)),
+            Frame(sweep, 2));  // 0.4 mm away; frame 0 is 0.6
+  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 3), sweep.Plane(3)), Frame(sweep, 4));
+  EXPECT_EQ(Nearest(sweep, {0, 6}, sweep.Plane(3)), Frame(sweep, 6));
+  EXPECT_EQ(Nearest(sweep, {5}, sweep.Plane(0)), Frame(sweep, 5));
+
+  const Sweep fan = Fan(Linear);
+  EXPECT_EQ(Nearest(fan, {0, 1, 7}, fan.Plane(5)), Frame(fan, 7));
+  SlicePlane outside = fan.Plane(8);
+  outside.origin += 100 * outside.Normal();
+  EXPECT_EQ(Nearest(fan, All(fan), outside), Frame(fan, 8));
+}
+
+TEST(NearestFrame, NeedsAPlaneOfTheSameSize)
+{
+  const Sweep sweep = Parallel(Linear);
+  SlicePlane plane = sweep.Plane(0);
+  plane.width = 40;
+  EXPECT_NE(Message([&] { Nearest(sweep, All(sweep), plane); }).find("40 x 33"), std::string::npos);
+}
+
+TEST(NeighbourAverage, IsTheMeanOfTheFramesBeforeAndAfter)
+{
+  const Sweep sweep = Parallel([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(x.sum()); });
+  const auto mean = [&](int a, int b)
+  {
+    std::vector<float> m = Frame(sweep, a);
+    const std::vector<float> other = Frame(sweep, b);
+    for (std::size_t p = 0; p < m.size(); ++p)
+    {
+      m[p] = (m[p] + other[p]) / 2;
+    }
+    return m;
+  };
+  EXPECT_EQ(Average(sweep, AllBut(sweep, 3), 3), mean(2, 4));
+  EXPECT_EQ(Average(sweep, All(sweep), 3), mean(2, 4));  // never the frame itself
+  EXPECT_EQ(Average(sweep, {0, 1, 6}, 3), mean(1, 6));
+  EXPECT_EQ(Average(sweep, AllBut(sweep, 0), 0), Frame(sweep, 1));
+  EXPECT_EQ(Average(sweep, AllBut(sweep, 6), 6), Frame(sweep, 5));
+  EXPECT_EQ(Average(sweep, {2}, 5), Frame(sweep, 2));
+}
+
+TEST(PoseInterpolation, IsExactWhereIntensityIsLinear)
+{
+  for (const Sweep& sweep : {Parallel(Linear), Fan(Linear)})
+  {
+    for (int frame = 1; frame + 1 < sweep.NumberOfFrames(); ++frame)
+    {
+      // At the edges the line to a tilted neighbour misses its image by a pixel or so.
+      EXPECT_LT(LargestError(Interpolated(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), Linear, 2),
+                1e-6);
+      EXPECT_LT(LargestError(Interpolated(sweep, AllBut(sweep, frame), sweep.Plane(frame)),
+                             sweep.Plane(frame), Linear, 2),
+                1e-6);
+    }
+  }
+  const Sweep sweep = Parallel(Linear);
+  EXPECT_LT(LargestError(Interpolated(sweep, All(sweep), Crossing()), Crossing(), Linear), 1e-6);
+}
+
+TEST(PoseInterpolation, DoesNotMindReflectedFrames)
+{
+  const Sweep sweep = Fan(Linear);
+  // Every other frame has its rows stored from the bottom up: another normal, the same picture in space.
+  std::vector<Eigen::Matrix4d> poses = sweep.imageToReference;
+  for (std::size_t k = 0; k < poses.size(); k += 2)
+  {
+    poses[k].col(3) += (sweep.height - 1) * poses[k].col(1);
+    poses[k].col(1) *= -1;
+  }
+  const Sweep reflected = MakeSweep(sweep.width, sweep.height, poses, Linear);
+  for (int frame : {3, 4})
+  {
+    EXPECT_LT(LargestError(Interpolated(reflected, AllBut(reflected, frame), frame), reflected.Plane(frame),
+                           Linear, 2),
+              1e-6);
+    EXPECT_LT(LargestError(Interpolated(reflected, AllBut(reflected, frame), reflected.Plane(frame)),
+                           reflected.Plane(frame), Linear, 2),
+              1e-6);
+  }
+}
+
+TEST(PoseInterpolation, ReproducesATrainingFrameAtItsOwnPlane)
+{
+  const Sweep sweep = Parallel([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(9 * x.sum()); });
+  const std::vector<float> truth = Frame(sweep, 3);
+  const std::vector<float> image = Interpolated(sweep, All(sweep), sweep.Plane(3));
+  for (std::size_t p = 0; p < truth.size(); ++p)
+  {
+    EXPECT_NEAR(image[p], truth[p], 1e-6);
+  }
+}
+
+TEST(PoseInterpolation, TakesTheFrameThatSeesThePointWhenTheOtherDoesNot)
+{
+  // Frame 1 is shifted half its width sideways, so only half of it lies beside both neighbours' images.
+  std::vector<Eigen::Matrix4d> poses = {Pose({0, 0, 0}, Eigen::Matrix3d::Identity(), 20, 10),
+                                        Pose({5, 0, 1}, Eigen::Matrix3d::Identity(), 20, 10),
+                                        Pose({10, 0, 2}, Eigen::Matrix3d::Identity(), 20, 10)};
+  const Sweep sweep = MakeSweep(20, 10, poses, [](const Eigen::Vector3d& x) { return x[2] / 2; });
+  for (const std::vector<float>& image :
+       {Interpolated(sweep, {0, 2}, 1), Interpolated(sweep, {0, 2}, sweep.Plane(1))})
+  {
+    EXPECT_FLOAT_EQ(image[0], 0.0f);   // seen by frame 0 only
+    EXPECT_FLOAT_EQ(image[19], 1.0f);  // by frame 2 only
+  }
+  poses[2](0, 3) += 100;
+  poses[0](0, 3) -= 100;
+  const Sweep apart = MakeSweep(20, 10, poses, [](const Eigen::Vector3d&) { return 0.7; });
+  EXPECT_EQ(Interpolated(apart, {0, 2}, 1), std::vector<float>(200, 0.0f));
+  EXPECT_EQ(Interpolated(apart, {0, 2}, apart.Plane(1)), std::vector<float>(200, 0.0f));
+}
+
+TEST(PoseInterpolation, BeyondTheSweepTakesTheNearestFrame)
+{
+  const Sweep sweep = Parallel([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(x.sum()); });
+  SlicePlane beyond = sweep.Plane(6);
+  beyond.origin += 3 * beyond.Normal();
+  const std::vector<float> last = Frame(sweep, 6);
+  const std::vector<float> image = Interpolated(sweep, All(sweep), beyond);
+  const std::vector<float> end = Interpolated(sweep, AllBut(sweep, 6), 6);
+  const std::vector<float> single = Interpolated(sweep, {5}, sweep.Plane(0));
+  for (std::size_t p = 0; p < last.size(); ++p)
+  {
+    EXPECT_NEAR(image[p], last[p], 1e-6);
+    EXPECT_NEAR(end[p], Frame(sweep, 5)[p], 1e-6);
+    EXPECT_NEAR(single[p], Frame(sweep, 5)[p], 1e-6);
+  }
+  SlicePlane aside = sweep.Plane(3);
+  aside.origin += 100 * aside.columnStep;
+  EXPECT_EQ(Interpolated(sweep, All(sweep), aside), std::vector<float>(aside.NumberOfPixels(), 0.0f));
+}
+
+TEST(Compounding, OfAConstantIsThatConstantWithoutHoles)
+{
+  const Function constant = [](const Eigen::Vector3d&) { return 0.375; };
+  for (const Sweep& sweep : {Parallel(constant), Fan(constant)})
+  {
+    for (double voxel : {0.0, 0.3, 0.5, 0.9})
+    {
+      const Compounding volume(sweep, All(sweep), voxel);
+      for (int frame = 0; frame < sweep.NumberOfFrames(); ++frame)
+      {
+        EXPECT_LT(LargestError(Resliced(volume, sweep.Plane(frame)), sweep.Plane(frame), constant, 1), 1e-6);
+      }
+      const Compounding without(sweep, AllBut(sweep, 3), voxel);
+      EXPECT_LT(LargestError(Resliced(without, sweep.Plane(3)), sweep.Plane(3), constant, 4), 1e-6);
+    }
+  }
+  const Sweep sweep = Parallel(constant);
+  const Compounding volume(sweep, All(sweep), 0.4);
+  EXPECT_LT(LargestError(Resliced(volume, Crossing()), Crossing(), constant), 1e-6);
+}
+
+TEST(Compounding, OfALinearFunctionIsRightToAVoxel)
+{
+  for (const Sweep& sweep : {Parallel(Linear), Fan(Linear)})
+  {
+    for (double voxel : {0.3, 0.5, 0.9})
+    {
+      const Compounding volume(sweep, AllBut(sweep, 3), voxel);
+      const SlicePlane plane = sweep.Plane(3);
+      const std::vector<float> image = Resliced(volume, plane);
+      EXPECT_LT(LargestError(image, plane, Linear, 4), 2 * voxel * slope.norm());
+    }
+    // With every frame there, and voxels below the spacing, nothing is shifted to one side.
+    const Compounding volume(sweep, All(sweep), 0.4);
+    const SlicePlane plane = sweep.Plane(3);
+    const std::vector<float> image = Resliced(volume, plane);
+    double bias = 0;
+    int count = 0;
+    for (int j = 6; j < plane.height - 6; ++j)
+    {
+      for (int i = 6; i < plane.width - 6; ++i, ++count)
+      {
+        bias += image[static_cast<std::size_t>(j) * plane.width + i] - Linear(plane.Point(i, j));
+      }
+    }
+    EXPECT_LT(std::abs(bias / count), 0.15 * 0.4 * slope.norm());
+  }
+}
+
+TEST(Compounding, PutsAPointWhereItIs)
+{
+  // One bright pixel: its centre of mass in the volume is its place in space.
+  const Sweep empty = Parallel([](const Eigen::Vector3d&) { return 0.0; });
+  auto pixels = std::make_shared<std::vector<float>>(7 * empty.PixelsPerFrame(), 0.0f);
+  (*pixels)[3 * empty.PixelsPerFrame() + 14 * 41 + 25] = 1.0f;
+  Sweep sweep = empty;
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const Eigen::Vector3d place = sweep.Plane(3).Point(25, 14);
+  const Compounding volume(sweep, All(sweep), 0.25);
+  double sum = 0;
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();
+  for (int k = -20; k <= 20; ++k)
+  {
+    SlicePlane plane;
+    plane.origin = place + Eigen::Vector3d(-2, -2, 0.1 * k);
+    plane.columnStep *= 0.1;
+    plane.rowStep *= 0.1;
+    plane.width = plane.height = 41;
+    const std::vector<float> image = Resliced(volume, plane);
+    for (int p = 0; p < 41 * 41; ++p)
+    {
+      sum += image[p];
+      moment += image[p] * plane.Point(p % 41, p / 41);
+    }
+  }
+  ASSERT_GT(sum, 0);
+  // The oblique grid, and across the planes the neighbours' unequal distances, shift it by less than a voxel.
+  const Eigen::Vector3d shift = oblique.transpose() * (moment / sum - place);
+  EXPECT_LT(shift.head<2>().norm(), 0.1);
+  EXPECT_LT(std::abs(shift[2]), 0.25);
+}
+
+TEST(Compounding, FillsHolesUpToThreeVoxelsWide)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  for (double z : {0.0, 3.0})
+  {
+    poses.push_back(Pose({0, 0, z}, Eigen::Matrix3d::Identity(), 21, 21));
+  }
+  const Sweep sweep = MakeSweep(21, 21, poses, [](const Eigen::Vector3d& x) { return 0.2 + 0.1 * x[2]; });
+  SlicePlane middle = sweep.Plane(0);
+  const auto centre = [&](double voxel, double z)
+  {
+    middle.origin[2] = z;
+    return Resliced(Compounding(sweep, {0, 1}, voxel), middle)[10 * 21 + 10];
+  };
+  EXPECT_NEAR(centre(0.5, 1.5), 0.35, 1e-6);  // layers 0 and 6 are pasted; layer 3 is as far from either
+  EXPECT_NEAR(centre(0.5, 1.0), 0.2, 1e-6);   // layer 2 has layer 0 nearest
+  EXPECT_NEAR(centre(0.25, 0.75), 0.2, 1e-6);
+  EXPECT_EQ(centre(0.25, 1.5), 0.0f);  // layer 6 of 12 is out of reach
+}
+
+TEST(Compounding, OfASingleFrameReproducesIt)
+{
+  const Sweep sweep = Parallel(Linear);
+  const Compounding volume(sweep, {2});
+  EXPECT_NEAR(volume.VoxelSize(), 0.5, 1e-12);  // no spacing: the pixel size
+  EXPECT_LT(LargestError(Resliced(volume, sweep.Plane(2)), sweep.Plane(2), Linear, 1), 1.0 * slope.norm());
+}
+
+TEST(Compounding, IsBlackWhereThePlaneMissesTheVolume)
+{
+  const Sweep sweep = Parallel([](const Eigen::Vector3d&) { return 1.0; });
+  const Compounding volume(sweep, All(sweep));
+  SlicePlane plane = sweep.Plane(3);
+  plane.origin += Eigen::Vector3d(0, 0, 200);
+  EXPECT_EQ(Resliced(volume, plane), std::vector<float>(plane.NumberOfPixels(), 0.0f));
+  plane.origin = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(Resliced(volume, plane), std::vector<float>(plane.NumberOfPixels(), 0.0f));
+}
+
+TEST(Compounding, KeepsToItsMemory)
+{
+  const Sweep sweep = Parallel(Linear);
+  const std::string message = Message([&] { Compounding(sweep, All(sweep), 0.01); });
+  EXPECT_NE(message.find("0.01"), std::string::npos) << message;
+  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 1e-30); }).find("choose larger"), std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 0.5, 1000); }).find("1000 are allowed"),
+            std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), -1); }).find("-1"), std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), std::numeric_limits<double>::quiet_NaN()); }), "");
+
+  // A size of its own choice grows until it fits.
+  const Compounding coarse(sweep, All(sweep), 0, 1000);
+  EXPECT_LE(coarse.NumberOfVoxels(), 1000u);
+  EXPECT_GT(coarse.VoxelSize(), 1.0);
+  Sweep strayed = sweep;
+  strayed.imageToReference[6](0, 3) += 1e9;
+  EXPECT_LE(Compounding(strayed, All(strayed), 0, 100000).NumberOfVoxels(), 100000u);
+}
+
+TEST(Compounding, DoesNotDependOnTheNumberOfThreads)
+{
+  // Large enough for several slabs.
+  const Sweep sweep = Fan([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(7 * x.sum()); }, 81, 65);
+  const auto predict = [&]
+  {
+    const Compounding volume(sweep, AllBut(sweep, 3), 0.16);
+    EXPECT_GT(volume.NumberOfVoxels(), std::size_t(3) << 20);
+    return Resliced(volume, sweep.Plane(3));
+  };
+  std::vector<float> one;
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    one = predict();
+  }
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 5);
+  EXPECT_EQ(predict(), one);
+}
+
+TEST(Baselines, RefuseTrainingFramesThatAreNone)
+{
+  const Sweep sweep = Parallel(Linear);
+  for (const std::vector<int>& training : {std::vector<int>{}, {0, 7}, {-1, 2}, {2, 1}, {2, 2}})
+  {
+    EXPECT_THROW(Nearest(sweep, training, sweep.Plane(0)), Error);
+    EXPECT_THROW(Average(sweep, training, 3), Error);
+    EXPECT_THROW(Interpolated(sweep, training, 3), Error);
+    EXPECT_THROW(Interpolated(sweep, training, sweep.Plane(3)), Error);
+    EXPECT_THROW(Compounding(sweep, training), Error);
+  }
+}
