@@ -5,17 +5,18 @@
  * @brief   reads a field of signed 3-D Gaussians (.vtp, .ply)
  *
  * The output is points in mm (double) with point data `Scale` [3] (standard deviations, mm), `Rotation` [4]
- * (quaternion w, x, y, z) and `Reflectivity` [1] (signed, active scalars), one vertex cell a point, and field data
- * `Gamma` [1], `ElevationSigma` [1] mm, `FormatVersion` [1] and, where the file has it, `Provenance` (strings
- * key=value). A field without any Gaussian is valid.
+ * (quaternion w, x, y, z) and `Reflectivity` [1] (signed, active scalars), one vertex cell a point, and field
+ * data `Gamma` [1], `ElevationSigma` [1] mm, `FormatVersion` [1] and, where the file has it, `Provenance`
+ * (strings key=value). A field without any Gaussian is valid.
  *
  * `.vtp` is the native format. `.ply` (ascii or binary) is read both as written by vtkBigusFieldWriter and as
- * 3-D Gaussian splatting programs write it; in the latter case the reflectivity is taken from opacity and colour:
- * r = sigmoid(opacity) * clamp(luminance, 0, 1), where the luminance is that of the colour 0.5 + 0.2821 f_dc with
- * weights 0.2126, 0.7152, 0.0722, Gamma is 1 and ElevationSigma 0. Spherical harmonics above order 0 are ignored.
+ * 3-D Gaussian splatting programs write it; in the latter case the reflectivity is taken from opacity and
+ * colour: r = sigmoid(opacity) * clamp(luminance, 0, 1), where the luminance is that of the colour 0.5 +
+ * 0.2821 f_dc with weights 0.2126, 0.7152, 0.0722, Gamma is 1 and ElevationSigma 0. Spherical harmonics above
+ * order 0 are ignored.
  *
- * Arrays that are missing, of the wrong shape or hold a value that is not allowed (not finite, scale <= 0, zero
- * quaternion) are an error that names the file, the array, the index and the value.
+ * Arrays that are missing, of the wrong shape or hold a value that is not allowed (not finite, scale <= 0,
+ * zero quaternion) are an error that names the file, the array, the index and the value.
  */
 #ifndef vtkBigusFieldReader_h
 #define vtkBigusFieldReader_h

@@ -4,17 +4,18 @@
  * @class   vtkBigusFieldWriter
  * @brief   writes a field of signed 3-D Gaussians (.vtp, .ply)
  *
- * The input is a field as vtkBigusFieldReader and vtkBigusTrainer make it; it is checked first, and its cells are
- * not looked at. The name's ending chooses the format:
+ * The input is a field as vtkBigusFieldReader and vtkBigusTrainer make it; it is checked first, and its cells
+ * are not looked at. The name's ending chooses the format:
  *
  * - `.vtp`: native and exact: every value in double, appended binary data compressed with zlib.
- * - `.ply`: binary little-endian, for viewers of 3-D Gaussian splats: x, y, z, normals (0), f_dc_0..2, opacity,
- *   scale_0..2 (natural logarithm) and rot_0..3 (w, x, y, z) as float, which show |r|, and an own property
- *   `reflectivity` (double, signed). Gamma, the elevation sigma, the format version and the provenance are comment
- *   lines. Read back, reflectivity, gamma and elevation sigma are exact, the rest has float precision.
+ * - `.ply`: binary little-endian, for viewers of 3-D Gaussian splats: x, y, z, normals (0), f_dc_0..2,
+ * opacity, scale_0..2 (natural logarithm) and rot_0..3 (w, x, y, z) as float, which show |r|, and an own
+ * property `reflectivity` (double, signed). Gamma, the elevation sigma, the format version and the provenance
+ * are comment lines. Read back, reflectivity, gamma and elevation sigma are exact, the rest has float
+ * precision.
  *
- * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an earlier
- * file of that name as it was.
+ * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an
+ * earlier file of that name as it was.
  */
 #ifndef vtkBigusFieldWriter_h
 #define vtkBigusFieldWriter_h

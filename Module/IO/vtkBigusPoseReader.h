@@ -12,10 +12,11 @@
  * - `SourceFrame`: int: 0-based index in the file.
  * - `Timestamp`: double, seconds. Only when every plane has one.
  *
- * A sequence and a CSV are read as by vtkBigusSequenceReader (same rules, same rejections) but without pixels; a
- * CSV takes sizes from optional columns `width` and `height`, else from the PNG images named in `image`. Markups
- * (.mrk.json) give one plane for each markup of type Plane: columns run along the plane's x axis, rows along its
- * y axis, PixelSpacing mm apart, centred on the plane's centre and covering its size.
+ * A sequence and a CSV are read as by vtkBigusSequenceReader (same rules, same rejections) but without
+ * pixels; a CSV takes sizes from optional columns `width` and `height`, else from the PNG images named in
+ * `image`. Markups
+ * (.mrk.json) give one plane for each markup of type Plane: columns run along the plane's x axis, rows along
+ * its y axis, PixelSpacing mm apart, centred on the plane's centre and covering its size.
  *
  * 3D Slicer's files carry their own coordinate system (LPS by default), while the coordinates of a tracked
  * sequence, as Slicer shows them, are RAS. WorldCoordinateSystem says which of the two the field is in.
@@ -75,8 +76,8 @@ public:
 
   ///@{
   /**
-   * For markups: the patient coordinate system that the field's world stands for. Default: RAS, which is how 3D
-   * Slicer places a tracked sequence.
+   * For markups: the patient coordinate system that the field's world stands for. Default: RAS, which is how
+   * 3D Slicer places a tracked sequence.
    */
   vtkSetClampMacro(WorldCoordinateSystem, int, RAS, LPS);
   vtkGetMacro(WorldCoordinateSystem, int);
@@ -88,7 +89,6 @@ protected:
   vtkBigusPoseReader();
   ~vtkBigusPoseReader() override;
 
-  int FillInputPortInformation(int port, vtkInformation* info) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
   char* FileName;

@@ -7,24 +7,25 @@
  * The output is a stack of frames, extent (0, W-1, 0, H-1, 0, N-1), spacing 1 and origin 0, whose third axis
  * counts frames: it has no place in space of its own. Where the frames lie is in the field data:
  *
- * - `ImageToReference`: double, 16 components row-major, N tuples. Maps a 0-based pixel index (i, j, 0, 1) to mm.
+ * - `ImageToReference`: double, 16 components row-major, N tuples. Maps a 0-based pixel index (i, j, 0, 1) to
+ * mm.
  * - `Timestamp`: double, N tuples, seconds. Only when every frame has one.
  * - `Status`: unsigned char, N tuples. 1 = usable, 0 = rejected (see KeepRejectedFrames).
  * - `SourceFrame`: int, N tuples. The frame's 0-based index in the file.
  * - `Mask`: unsigned char, W * H tuples. 0 = never lit or clipped away. Only when AutoMask or a clip is on.
  *
  * Formats: MetaImage sequences as written by Plus, IGSIO and 3D Slicer (`.igs.mha`, `.mha`, `.mhd`), NRRD
- * sequences with the same per-frame fields (`.nrrd`, `.seq.nrrd`, `.nhdr`), and a CSV of poses with PNG images.
- * Scalars are one component of unsigned char, unsigned short or float. Pixels are brought to the marked-far (MF)
- * order whatever the file's orientation flag says, as Plus does, because the transforms of a sequence refer to
- * that order. See README.md beside this file for the details and for what is not supported.
+ * sequences with the same per-frame fields (`.nrrd`, `.seq.nrrd`, `.nhdr`), and a CSV of poses with PNG
+ * images. Scalars are one component of unsigned char, unsigned short or float. Pixels are brought to the
+ * marked-far (MF) order whatever the file's orientation flag says, as Plus does, because the transforms of a
+ * sequence refer to that order. See README.md beside this file for the details and for what is not supported.
  *
- * A frame is rejected, not repaired, when a transform it needs is absent, has a status other than OK, or gives a
- * pose that is not finite, singular, not affine or reflected. The report says how many and why. When no frame is
- * left the reader fails.
+ * A frame is rejected, not repaired, when a transform it needs is absent, has a status other than OK, or
+ * gives a pose that is not finite, singular, not affine or reflected. The report says how many and why. When
+ * no frame is left the reader fails.
  *
- * The whole sweep is always produced, whatever extent is asked for. What the report below returns is valid after
- * UpdateInformation(), also when that failed because all frames were rejected.
+ * The whole sweep is always produced, whatever extent is asked for. What the report below returns is valid
+ * after UpdateInformation(), also when that failed because all frames were rejected.
  */
 #ifndef vtkBigusSequenceReader_h
 #define vtkBigusSequenceReader_h
@@ -74,8 +75,8 @@ public:
 
   ///@{
   /**
-   * Accept a transform that has no status field. Plus writes one with every transform and refuses those without;
-   * other programs may not write any. Default: off.
+   * Accept a transform that has no status field. Plus writes one with every transform and refuses those
+   * without; other programs may not write any. Default: off.
    */
   vtkSetMacro(AssumeMissingStatusOK, vtkTypeBool);
   vtkGetMacro(AssumeMissingStatusOK, vtkTypeBool);
@@ -130,8 +131,8 @@ public:
 
   ///@{
   /**
-   * The clip rectangle, pixels: first column, first row (0-based), number of columns, number of rows, in MF order.
-   * A part outside the image is ignored; an empty intersection is an error. Default: 0, 0, 0, 0.
+   * The clip rectangle, pixels: first column, first row (0-based), number of columns, number of rows, in MF
+   * order. A part outside the image is ignored; an empty intersection is an error. Default: 0, 0, 0, 0.
    */
   vtkSetVector4Macro(ClipRectangle, int);
   vtkGetVector4Macro(ClipRectangle, int);
@@ -139,9 +140,9 @@ public:
 
   ///@{
   /**
-   * The clip fan, in MF order: its apex (i, j) in pixels (may lie outside the image), inner and outer radius in
-   * pixels, and first and last angle in degrees, measured from +j (away from the probe) towards +i.
-   * Needs 0 <= inner < outer and -180 <= first < last <= 180. Defaults: (0, 0), (0, 0), (-180, 180).
+   * The clip fan, in MF order: its apex (i, j) in pixels (may lie outside the image), inner and outer radius
+   * in pixels, and first and last angle in degrees, measured from +j (away from the probe) towards +i. Needs
+   * 0 <= inner < outer and -180 <= first < last <= 180. Defaults: (0, 0), (0, 0), (-180, 180).
    */
   vtkSetVector2Macro(FanApex, double);
   vtkGetVector2Macro(FanApex, double);
@@ -153,9 +154,10 @@ public:
 
   ///@{
   /**
-   * For a CSV of poses: the folder with the PNG images. Default: the CSV's own folder. Names in the `image` column
-   * are relative to it and must not leave it. Without that column and without ImagePattern the folder's PNG files
-   * are taken in the order of their names, and must be as many as the rows; then the folder has to be given.
+   * For a CSV of poses: the folder with the PNG images. Default: the CSV's own folder. Names in the `image`
+   * column are relative to it and must not leave it. Without that column and without ImagePattern the
+   * folder's PNG files are taken in the order of their names, and must be as many as the rows; then the
+   * folder has to be given.
    */
   vtkSetFilePathMacro(ImageFolder);
   vtkGetFilePathMacro(ImageFolder);
@@ -180,8 +182,8 @@ public:
 
   /**
    * Why frames were rejected: the reasons, how many frames each took, and one line naming them all, such as
-   * "3 of 21 frames rejected: 2 for ProbeToTracker status INVALID (frames 4, 5), 1 for a pose that is not finite
-   * (frame 7)"; empty when there was none.
+   * "3 of 21 frames rejected: 2 for ProbeToTracker status INVALID (frames 4, 5), 1 for a pose that is not
+   * finite (frame 7)"; empty when there was none.
    */
   int GetNumberOfRejectionReasons();
   const char* GetRejectionReason(int index);
@@ -212,9 +214,9 @@ public:
   void GetFrameSize(int size[2]);
 
   /**
-   * Geometry of the accepted frames, mm: pixel size along i and j (mean over frames), distance between the centres
-   * of successive frames (minimum, median, maximum; 0 for one frame), its sum, and the box of all frame corners
-   * (xmin, xmax, ymin, ymax, zmin, zmax).
+   * Geometry of the accepted frames, mm: pixel size along i and j (mean over frames), distance between the
+   * centres of successive frames (minimum, median, maximum; 0 for one frame), its sum, and the box of all
+   * frame corners (xmin, xmax, ymin, ymax, zmin, zmax).
    */
   void GetPixelSize(double size[2]);
   void GetPlaneSpacing(double spacing[3]);

@@ -5,11 +5,12 @@
  * @brief   writes a tracked ultrasound sweep as a MetaImage sequence (.igs.mha, .mha)
  *
  * The input is a sweep as vtkBigusSequenceReader makes it: an image stack of unsigned char, unsigned short or
- * float scalars with field data `ImageToReference`, and optionally `Timestamp` and `Status`. Pixels are written in
- * marked-far (MF) order. Reading the file back gives the same pixels, poses and timestamps to the last bit.
+ * float scalars with field data `ImageToReference`, and optionally `Timestamp` and `Status`. Pixels are
+ * written in marked-far (MF) order. Reading the file back gives the same pixels, poses and timestamps to the
+ * last bit.
  *
- * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an earlier
- * file of that name as it was.
+ * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an
+ * earlier file of that name as it was.
  */
 #ifndef vtkBigusSequenceWriter_h
 #define vtkBigusSequenceWriter_h

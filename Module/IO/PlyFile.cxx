@@ -1,0 +1,444 @@
+// The PLY side of FieldData.h.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+
+#include "FieldData.h"
+#include "FileError.h"
+#include "Text.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr double sphericalHarmonic0 = 0.28209479177387814;  // 1 / (2 sqrt(pi)): colour = 0.5 + this * f_dc
+constexpr std::uint64_t longestHeader = 1u << 20;
+constexpr std::size_t mostProperties = 1000;
+constexpr std::int64_t mostVertices = 1000000000;
+
+enum class Layout
+{
+  Ascii,
+  Little,
+  Big
+};
+
+struct Property
+{
+  std::string name;
+  char kind;  // 'i' signed, 'u' unsigned, 'f' floating
+  std::size_t bytes;
+};
+
+struct PlyHeader
+{
+  Layout layout = Layout::Ascii;
+  std::int64_t vertices = -1;
+  std::vector<Property> properties;  // of a vertex
+  std::size_t stride = 0;            // bytes of a binary vertex
+  std::vector<std::string> comments;
+};
+
+bool ParseType(const std::string& text, Property& property)
+{
+  static const std::map<std::string, std::pair<char, std::size_t>> types = {
+      {"char", {'i', 1}},  {"int8", {'i', 1}},    {"uchar", {'u', 1}},  {"uint8", {'u', 1}},
+      {"short", {'i', 2}}, {"int16", {'i', 2}},   {"ushort", {'u', 2}}, {"uint16", {'u', 2}},
+      {"int", {'i', 4}},   {"int32", {'i', 4}},   {"uint", {'u', 4}},   {"uint32", {'u', 4}},
+      {"float", {'f', 4}}, {"float32", {'f', 4}}, {"double", {'f', 8}}, {"float64", {'f', 8}}};
+  const auto found = types.find(text);
+  if (found != types.end())
+  {
+    property.kind = found->second.first;
+    property.bytes = found->second.second;
+  }
+  return found != types.end();
+}
+
+PlyHeader ReadHeader(InputFile& input)
+{
+  const auto refuse = [&input](const std::string& message)
+  { return FormatError(input.Name() + ": " + message); };
+  PlyHeader header;
+  std::string line;
+  if (!input.ReadLine(line) || line != "ply")
+  {
+    throw refuse("does not begin with the line \"ply\"");
+  }
+  bool haveFormat = false;
+  bool inVertex = false;
+  while (input.ReadLine(line))
+  {
+    if (input.Position() > longestHeader)
+    {
+      throw refuse("the header is longer than 1 MiB");
+    }
+    const auto words = Words(line);
+    const std::string keyword = words.empty() ? "" : std::string(words[0]);
+    if (keyword == "end_header")
+    {
+      if (!haveFormat || header.vertices < 0)
+      {
+        throw refuse("the header has no format or no vertex element");
+      }
+      return header;
+    }
+    if (keyword == "comment" || keyword == "obj_info")
+    {
+      header.comments.emplace_back(Trimmed(std::string_view(line).substr(keyword.size())));
+    }
+    else if (keyword == "format" && words.size() == 3 && words[2] == "1.0" &&
+             (words[1] == "ascii" || words[1] == "binary_little_endian" || words[1] == "binary_big_endian"))
+    {
+      header.layout = words[1] == "ascii"                  ? Layout::Ascii
+                      : words[1] == "binary_little_endian" ? Layout::Little
+                                                           : Layout::Big;
+      haveFormat = true;
+    }
+    else if (keyword == "element" && words.size() == 3)
+    {
+      inVertex = words[1] == "vertex";
+      if (!inVertex && header.vertices < 0)
+      {
+        throw refuse("element " + Quoted(words[1]) +
+                     " comes before vertex; vertex must be the first element");
+      }
+      std::int64_t count = -1;
+      if (inVertex &&
+          (!ParseNumber(words[2], count) || count < 0 || count > mostVertices || header.vertices >= 0))
+      {
+        throw refuse("header line " + Quoted(line) + "; one vertex element with 0 to " +
+                     std::to_string(mostVertices) + " vertices is expected");
+      }
+      header.vertices = inVertex ? count : header.vertices;
+    }
+    else if (keyword == "property")
+    {
+      Property property;
+      if (inVertex && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
+                       header.properties.size() >= mostProperties))
+      {
+        throw refuse("header line " + Quoted(line) + "; a vertex has up to " +
+                     std::to_string(mostProperties) + " properties of a number type and no lists");
+      }
+      if (inVertex)
+      {
+        property.name = words[2];
+        header.stride += property.bytes;
+        header.properties.push_back(property);
+      }
+    }
+    else
+    {
+      throw refuse("header line " + Quoted(line) + " is not PLY 1.0");
+    }
+  }
+  throw TruncationError(input.Name() + ": the header ends before end_header; the file is truncated");
+}
+
+template <class Number>
+double As(const unsigned char* bytes)
+{
+  Number number;
+  std::memcpy(&number, bytes, sizeof(number));
+  return static_cast<double>(number);
+}
+
+// A number of a binary vertex, its bytes already in this machine's order.
+double Decode(const Property& property, const unsigned char* bytes)
+{
+  switch (property.kind)
+  {
+    case 'i':
+      return property.bytes == 1   ? As<std::int8_t>(bytes)
+             : property.bytes == 2 ? As<std::int16_t>(bytes)
+                                   : As<std::int32_t>(bytes);
+    case 'u':
+      return property.bytes == 1   ? As<std::uint8_t>(bytes)
+             : property.bytes == 2 ? As<std::uint16_t>(bytes)
+                                   : As<std::uint32_t>(bytes);
+    default:
+      return property.bytes == 4 ? As<float>(bytes) : As<double>(bytes);
+  }
+}
+
+bool ThisMachineIsBigEndian()
+{
+  const std::uint16_t one = 1;
+  unsigned char first = 0;
+  std::memcpy(&first, &one, 1);
+  return first == 0;
+}
+
+// Reads vertex after vertex into `values`, [properties].
+class VertexReader
+{
+public:
+  VertexReader(InputFile& input, const PlyHeader& header)
+      : input_(input), header_(header), bytes_(header.stride)
+  {
+    // The least room a vertex takes: its bytes, or a digit and a blank for each number.
+    const std::uint64_t least = header.layout == Layout::Ascii ? 2 * header.properties.size() : header.stride;
+    const auto vertices = static_cast<std::uint64_t>(header.vertices);
+    if (vertices > 0 && (least == 0 || (input.Remaining() + 1) / least < vertices))
+    {
+      throw TruncationError(input.Name() + ": claims " + std::to_string(header.vertices) +
+                            " vertices, but only " + std::to_string(input.Remaining()) +
+                            " bytes follow; the file is truncated");
+    }
+  }
+
+  void Read(std::vector<double>& values)
+  {
+    values.resize(header_.properties.size());
+    if (header_.layout == Layout::Ascii)
+    {
+      if (!input_.ReadLine(line_))
+      {
+        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) +
+                              " vertices; it is truncated");
+      }
+      if (!ParseNumbers(line_, values.size(), values.data()))
+      {
+        throw FormatError(input_.Name() + ": vertex " + std::to_string(done_) + " is not " +
+                          std::to_string(values.size()) + " numbers");
+      }
+    }
+    else
+    {
+      if (input_.Read(bytes_.data(), bytes_.size()) != bytes_.size())
+      {
+        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) +
+                              " vertices; it is truncated");
+      }
+      const bool swap = ThisMachineIsBigEndian() != (header_.layout == Layout::Big);
+      unsigned char* at = bytes_.data();
+      for (std::size_t p = 0; p < values.size(); ++p)
+      {
+        const Property& property = header_.properties[p];
+        if (swap)
+        {
+          std::reverse(at, at + property.bytes);
+        }
+        values[p] = Decode(property, at);
+        at += property.bytes;
+      }
+    }
+    ++done_;
+  }
+
+private:
+  InputFile& input_;
+  const PlyHeader& header_;
+  std::vector<unsigned char> bytes_;
+  std::string line_;
+  std::int64_t done_ = 0;
+};
+
+// Our own comment lines: "bigus.<key> <value>".
+bool OwnComment(const std::string& comment, const std::string& key, std::string& value)
+{
+  const std::string start = "bigus." + key + " ";
+  if (comment.compare(0, start.size(), start) != 0)
+  {
+    return false;
+  }
+  value = comment.substr(start.size());
+  return true;
+}
+
+void ReadComments(const std::string& fileName, const PlyHeader& header, StoredField& stored)
+{
+  std::string value;
+  for (const std::string& comment : header.comments)
+  {
+    const auto number = [&]
+    {
+      double parsed = 0;
+      if (!ParseNumber(value, parsed))
+      {
+        throw FormatError(fileName + ": the comment " + Quoted(comment) + " does not end in a number");
+      }
+      return parsed;
+    };
+    if (OwnComment(comment, "format_version", value) && number() != 1)
+    {
+      throw FormatError(fileName + ": format version " + Quoted(value) + "; this program reads 1");
+    }
+    if (OwnComment(comment, "gamma", value))
+    {
+      stored.field.transfer.gamma = number();
+    }
+    if (OwnComment(comment, "elevation_sigma", value))
+    {
+      stored.field.beam.elevationSigma = number();
+    }
+    if (OwnComment(comment, "provenance", value))
+    {
+      stored.provenance.push_back(value);
+    }
+  }
+}
+
+}  // namespace
+
+StoredField ReadPly(const std::string& fileName)
+{
+  InputFile input(fileName);
+  const PlyHeader header = ReadHeader(input);
+  StoredField stored;
+  GaussianField& field = stored.field;
+  field.transfer.gamma = 1.0;
+  field.beam.elevationSigma = 0.0;
+  ReadComments(fileName, header, stored);
+
+  std::map<std::string, std::size_t> columns;
+  for (std::size_t p = 0; p < header.properties.size(); ++p)
+  {
+    columns.emplace(header.properties[p].name, p);
+  }
+  const auto column = [&](const char* name)
+  {
+    const auto found = columns.find(name);
+    if (found == columns.end())
+    {
+      throw FormatError(fileName + ": the vertex property " + name +
+                        " is missing; this is not a Gaussian field");
+    }
+    return found->second;
+  };
+  if (header.vertices > 0)
+  {
+    const std::size_t mean[3] = {column("x"), column("y"), column("z")};
+    const std::size_t scale[3] = {column("scale_0"), column("scale_1"), column("scale_2")};
+    const std::size_t rotation[4] = {column("rot_0"), column("rot_1"), column("rot_2"), column("rot_3")};
+    const bool own = columns.count("reflectivity") != 0;
+    const std::size_t reflectivity = own ? column("reflectivity") : column("opacity");
+    std::size_t colour[3] = {0, 0, 0};
+    for (int c = 0; !own && c < 3; ++c)
+    {
+      colour[c] = column(("f_dc_" + std::to_string(c)).c_str());
+    }
+
+    VertexReader reader(input, header);
+    field.Resize(static_cast<std::size_t>(header.vertices));
+    std::vector<double> values;
+    for (std::size_t i = 0; i < field.Size(); ++i)
+    {
+      reader.Read(values);
+      for (int axis = 0; axis < 3; ++axis)
+      {
+        field.means[i][axis] = values[mean[axis]];
+        field.scales[i][axis] = std::exp(values[scale[axis]]);
+      }
+      for (int c = 0; c < 4; ++c)
+      {
+        field.rotations[i][c] = values[rotation[c]];
+      }
+      if (own)
+      {
+        field.reflectivities[i] = values[reflectivity];
+      }
+      else
+      {
+        const double luminance =
+            0.5 + sphericalHarmonic0 *
+                      (0.2126 * values[colour[0]] + 0.7152 * values[colour[1]] + 0.0722 * values[colour[2]]);
+        const double alpha = 1.0 / (1.0 + std::exp(-values[reflectivity]));
+        // Written so that NaN stays NaN and is refused below.
+        field.reflectivities[i] = alpha * (luminance < 0 ? 0 : luminance > 1 ? 1 : luminance);
+      }
+    }
+  }
+  try
+  {
+    field.Validate();
+  }
+  catch (const Error& error)
+  {
+    throw FormatError(fileName + ": " + error.what());
+  }
+  return stored;
+}
+
+void WritePly(const StoredField& stored, AtomicFile& file)
+{
+  const GaussianField& field = stored.field;
+  std::string header = "ply\nformat binary_little_endian 1.0\n";
+  header += "comment Signed 3-D Gaussians of an ultrasound sweep, positions and scales in mm\n";
+  header += "comment bigus.format_version 1\n";
+  header += "comment bigus.gamma " + FormatNumber(field.transfer.gamma) + "\n";
+  header += "comment bigus.elevation_sigma " + FormatNumber(field.beam.elevationSigma) + "\n";
+  for (std::string line : stored.provenance)
+  {
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+    header += "comment bigus.provenance " + line + "\n";
+  }
+  header += "element vertex " + std::to_string(field.Size()) + "\n";
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
+                           "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+  {
+    header += std::string("property float ") + name + "\n";
+  }
+  header += "property double reflectivity\nend_header\n";
+  file.Write(header);
+
+  // What viewers show: grey and opacity grow with |r|, the strongest being white and nearly opaque.
+  double strongest = 0;
+  for (const double r : field.reflectivities)
+  {
+    strongest = std::max(strongest, std::abs(r));
+  }
+  const auto put = [](unsigned char*& at, auto number)
+  {
+    std::memcpy(at, &number, sizeof(number));
+    if (ThisMachineIsBigEndian())
+    {
+      std::reverse(at, at + sizeof(number));
+    }
+    at += sizeof(number);
+  };
+  unsigned char vertex[17 * sizeof(float) + sizeof(double)];
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    const double grey = strongest > 0 ? std::abs(field.reflectivities[i]) / strongest : 0;
+    const double alpha = std::min(std::max(grey, 0.01), 0.99);
+    const Eigen::Vector4d rotation = field.rotations[i].stableNormalized();
+    unsigned char* at = vertex;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      const auto position = static_cast<float>(field.means[i][axis]);
+      if (!std::isfinite(position))
+      {
+        throw FileError(vtkErrorCode::UserError,
+                        "point " + std::to_string(i) + " lies at " + FormatNumber(field.means[i][axis]) +
+                            " mm, which is more than a PLY file for viewers can hold");
+      }
+      put(at, position);
+    }
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      put(at, 0.0f);
+    }
+    for (int c = 0; c < 3; ++c)
+    {
+      put(at, static_cast<float>((grey - 0.5) / sphericalHarmonic0));
+    }
+    put(at, static_cast<float>(std::log(alpha / (1 - alpha))));
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      put(at, static_cast<float>(std::log(field.scales[i][axis])));
+    }
+    for (int c = 0; c < 4; ++c)
+    {
+      put(at, static_cast<float>(rotation[c]));
+    }
+    put(at, field.reflectivities[i]);
+    file.Write(vertex, sizeof(vertex));
+  }
+}
+
+}  // namespace bigus

@@ -1,0 +1,395 @@
+#include "Poses.h"
+
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "Core/SlicePlane.h"
+#include "FileError.h"
+#include "Text.h"
+#include "vtk_pugixml.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::uint64_t largestConfig = 16u << 20;
+
+// Sine of the angle below which three axes count as lying in a plane.
+constexpr double flattest = 1e-9;
+
+struct Link
+{
+  TransformName name;
+  std::string field;                                     ///< of each frame, or of the header
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();  ///< of the header or the configuration
+  std::string problem;                                   ///< why `matrix` will not do; empty: it does
+};
+
+struct Step
+{
+  const Link* link;
+  bool inverse;
+};
+
+// "ProbeToTracker" -> Probe, Tracker. As in Plus there must be exactly one "To" that is followed by a letter
+// that is not lowercase ("ToolToTracker" splits at the second).
+bool SplitName(const std::string& name, TransformName& result)
+{
+  std::size_t split = std::string::npos;
+  for (std::size_t at = name.find("To", 1); at != std::string::npos; at = name.find("To", at + 1))
+  {
+    if (at + 2 < name.size() && !(name[at + 2] >= 'a' && name[at + 2] <= 'z'))
+    {
+      if (split != std::string::npos)
+      {
+        return false;
+      }
+      split = at;
+    }
+  }
+  if (split == std::string::npos)
+  {
+    return false;
+  }
+  result.from = name.substr(0, split);
+  result.to = name.substr(split + 2);
+  return true;
+}
+
+bool EndsWith(const std::string& text, const std::string& end)
+{
+  return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+// Reads an affine, invertible matrix; else says what is wrong with it.
+std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
+{
+  double numbers[16];
+  if (!ParseNumbers(text, 16, numbers))
+  {
+    return "is not 16 numbers";
+  }
+  matrix = Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers);
+  if (!matrix.allFinite())
+  {
+    return "has a value that is not finite";
+  }
+  if (matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
+  {
+    return "is not affine (its last row is not 0 0 0 1)";
+  }
+  const Eigen::Matrix3d axes = matrix.topLeftCorner<3, 3>();
+  const double volume = axes.col(0).norm() * axes.col(1).norm() * axes.col(2).norm();
+  if (!(std::abs(axes.determinant()) > flattest * volume))
+  {
+    return "is singular";
+  }
+  return {};
+}
+
+std::vector<Link> ReadConfig(const std::string& fileName)
+{
+  const std::string text = ReadTextFile(fileName, largestConfig);
+  pugi::xml_document document;
+  const auto parsed = document.load_buffer(text.data(), text.size());
+  if (!parsed)
+  {
+    throw FormatError(fileName + ": not a Plus configuration: " + parsed.description() + " at byte " +
+                      std::to_string(parsed.offset));
+  }
+  const auto definitions = document.document_element().child("CoordinateDefinitions");
+  if (!definitions)
+  {
+    throw FormatError(fileName +
+                      ": has no element CoordinateDefinitions; a Plus configuration with its transforms is "
+                      "expected");
+  }
+  std::vector<Link> links;
+  for (const auto& element : definitions.children("Transform"))
+  {
+    Link link;
+    link.name.from = element.attribute("From").value();
+    link.name.to = element.attribute("To").value();
+    link.name.source = "config";
+    if (link.name.from.empty() || link.name.to.empty() || !element.attribute("Matrix"))
+    {
+      throw FormatError(fileName + ": a Transform lacks From, To or Matrix");
+    }
+    link.problem = ParseMatrix(element.attribute("Matrix").value(), link.matrix);
+    links.push_back(std::move(link));
+  }
+  return links;
+}
+
+// Every transform there is. One that the frames have hides one of the same ends in the header, and that one
+// in the configuration.
+std::vector<Link> CollectLinks(const SequenceFile& file, const PoseOptions& options)
+{
+  const std::string ending = "Transform";
+  std::vector<Link> links;
+  std::set<std::pair<std::string, std::string>> known;
+  const auto add = [&](Link link)
+  {
+    if (known.emplace(link.name.from, link.name.to).second)
+    {
+      links.push_back(std::move(link));
+    }
+  };
+  std::set<std::string> seen;
+  for (const Fields& fields : file.frames)
+  {
+    for (const auto& field : fields)
+    {
+      Link link;
+      if (EndsWith(field.first, ending) && seen.insert(field.first).second &&
+          SplitName(field.first.substr(0, field.first.size() - ending.size()), link.name))
+      {
+        link.name.source = "frames";
+        link.field = field.first;
+        add(std::move(link));
+      }
+    }
+  }
+  for (const auto& field : file.fields)
+  {
+    Link link;
+    if (EndsWith(field.first, ending) &&
+        SplitName(field.first.substr(0, field.first.size() - ending.size()), link.name))
+    {
+      link.name.source = "header";
+      link.problem = ParseMatrix(field.second, link.matrix);
+      add(std::move(link));
+    }
+  }
+  if (!options.configFileName.empty())
+  {
+    for (Link& link : ReadConfig(options.configFileName))
+    {
+      add(std::move(link));
+    }
+  }
+  return links;
+}
+
+// The shortest chain, breadth first. Empty, with `reached` filled, when there is none.
+std::vector<Step> FindChain(const std::vector<Link>& links, const std::string& from, const std::string& to,
+                            std::vector<std::string>& reached)
+{
+  std::map<std::string, Step> cameBy;
+  std::set<std::string> seen = {from};
+  std::deque<std::string> queue = {from};
+  reached = {from};
+  while (!queue.empty() && !seen.count(to))
+  {
+    const std::string here = queue.front();
+    queue.pop_front();
+    for (const Link& link : links)
+    {
+      for (const bool inverse : {false, true})
+      {
+        const std::string& start = inverse ? link.name.to : link.name.from;
+        const std::string& end = inverse ? link.name.from : link.name.to;
+        if (start == here && seen.insert(end).second)
+        {
+          cameBy[end] = {&link, inverse};
+          queue.push_back(end);
+          reached.push_back(end);
+        }
+      }
+    }
+  }
+  std::deque<Step> chain;
+  for (std::string at = to; seen.count(to) && at != from;)
+  {
+    const Step step = cameBy.at(at);
+    chain.push_front(step);
+    at = step.inverse ? step.link->name.to : step.link->name.from;
+  }
+  return {chain.begin(), chain.end()};
+}
+
+std::string Listed(const std::vector<std::string>& names)
+{
+  constexpr std::size_t most = 30;
+  std::string text;
+  for (std::size_t i = 0; i < names.size() && i < most; ++i)
+  {
+    text += (i ? ", " : "") + names[i];
+  }
+  return names.empty() ? "none" : names.size() > most ? text + ", ..." : text;
+}
+
+const std::string* Find(const Fields& fields, const std::string& name)
+{
+  const auto found = fields.find(name);
+  return found == fields.end() ? nullptr : &found->second;
+}
+
+// The frame's pose, or why it has none.
+std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, const PoseOptions& options,
+                        const SequenceFile& file, Eigen::Matrix4d& pose)
+{
+  if (const std::string* status = Find(fields, "ImageStatus"); status && *status != "OK")
+  {
+    return "image status " + Quoted(*status);
+  }
+  bool first = true;
+  for (const Step& step : chain)
+  {
+    const Link& link = *step.link;
+    const std::string name = link.name.Name();
+    Eigen::Matrix4d matrix = link.matrix;
+    std::string problem = link.problem;
+    if (!link.field.empty())
+    {
+      const std::string* text = Find(fields, link.field);
+      if (!text)
+      {
+        return name + " absent";
+      }
+      const std::string* status = Find(fields, link.field + "Status");
+      if (!status && !options.assumeMissingStatusOK)
+      {
+        return name + " without a status";
+      }
+      if (status && *status != "OK")
+      {
+        return name + " status " + Quoted(*status);
+      }
+      problem = ParseMatrix(*text, matrix);
+    }
+    if (!problem.empty())
+    {
+      return name + " that " + problem;
+    }
+    if (step.inverse)
+    {
+      matrix = Eigen::Matrix4d(Eigen::Affine3d(matrix).inverse().matrix());
+    }
+    pose = first ? matrix
+                 : Eigen::Matrix4d(matrix * pose);  // a single forward link stays as it is, to the last bit
+    first = false;
+  }
+  if (!pose.allFinite())
+  {
+    return "a pose that is not finite";
+  }
+  if (!options.allowReflectedPoses && pose.topLeftCorner<3, 3>().determinant() < 0)
+  {
+    return "a reflected pose (negative determinant)";
+  }
+  try
+  {
+    SlicePlane::FromImageToReference(pose, std::max(file.width, 1), std::max(file.height, 1)).Validate("");
+  }
+  catch (const Error&)
+  {
+    return "a pose whose pixel steps span no plane or are not between 1e-6 and 1e6 mm";
+  }
+  return {};
+}
+
+}  // namespace
+
+int PoseTable::NumberOfAcceptedFrames() const
+{
+  int accepted = 0;
+  for (const FramePose& frame : frames)
+  {
+    accepted += frame.accepted;
+  }
+  return accepted;
+}
+
+std::string PoseTable::RejectionSummary() const
+{
+  if (rejections.empty())
+  {
+    return {};
+  }
+  std::size_t rejected = 0;
+  std::string details;
+  for (std::size_t i = 0; i < rejections.size(); ++i)
+  {
+    std::vector<std::string> numbers;
+    for (const int frame : rejections[i].frames)
+    {
+      numbers.push_back(std::to_string(frame));
+    }
+    rejected += numbers.size();
+    if (i < 10)
+    {
+      details += (i ? ", " : "") + std::to_string(numbers.size()) + " for " + rejections[i].reason +
+                 " (frame" + (numbers.size() > 1 ? "s " : " ") + Listed(numbers) + ")";
+    }
+  }
+  return std::to_string(rejected) + " of " + std::to_string(frames.size()) + " frames rejected: " + details +
+         (rejections.size() > 10 ? ", and further reasons" : "");
+}
+
+void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTable& table)
+{
+  table = PoseTable();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<Link> links = CollectLinks(file, options);
+  std::vector<std::string> names;
+  for (const Link& link : links)
+  {
+    table.transforms.push_back(link.name);
+    names.push_back(link.name.Name());
+  }
+
+  if (options.fromFrame.empty() || options.toFrame.empty() || options.fromFrame == options.toFrame)
+  {
+    throw FileError(vtkErrorCode::UserError,
+                    file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
+                        Quoted(options.toFrame) + "; name two different coordinate frames");
+  }
+  std::vector<std::string> reached;
+  const std::vector<Step> chain = FindChain(links, options.fromFrame, options.toFrame, reached);
+  if (chain.empty())
+  {
+    throw FormatError(
+        file.fileName + ": no way from " + options.fromFrame + " to " + options.toFrame +
+        ". Transforms there are: " + Listed(names) + ". Reached from " + options.fromFrame + ": " +
+        Listed({reached.begin() + 1, reached.end()}) +
+        ". Name other coordinate frames, or give a Plus configuration that has the missing transform");
+  }
+  table.chain = options.fromFrame;
+  for (const Step& step : chain)
+  {
+    table.chain += " -> " + (step.inverse ? step.link->name.from : step.link->name.to);
+  }
+
+  std::map<std::string, std::size_t> reasons;
+  table.frames.resize(file.frames.size());
+  table.timestamps.assign(file.frames.size(), nan);
+  for (std::size_t i = 0; i < file.frames.size(); ++i)
+  {
+    const Fields& fields = file.frames[i];
+    FramePose& frame = table.frames[i];
+    const std::string reason = ComputePose(fields, chain, options, file, frame.imageToReference);
+    frame.accepted = reason.empty();
+    if (!frame.accepted)
+    {
+      frame.imageToReference.setConstant(nan);
+      const auto place = reasons.emplace(reason, table.rejections.size());
+      if (place.second)
+      {
+        table.rejections.push_back({reason, {}});
+      }
+      table.rejections[place.first->second].frames.push_back(static_cast<int>(i));
+    }
+    if (const std::string* timestamp = Find(fields, "Timestamp"))
+    {
+      ParseNumber(*timestamp, table.timestamps[i]);
+    }
+  }
+}
+
+}  // namespace bigus

@@ -1,0 +1,63 @@
+// From the transforms of a sequence to one pose a frame.
+#pragma once
+
+#include <Eigen/Dense>
+#include <string>
+#include <vector>
+
+#include "SequenceFile.h"
+
+namespace bigus
+{
+
+struct PoseOptions
+{
+  std::string fromFrame = "Image";
+  std::string toFrame = "Reference";
+  std::string configFileName;  ///< Plus XML with further transforms; empty: none
+  bool assumeMissingStatusOK = false;
+  bool allowReflectedPoses = false;
+};
+
+struct FramePose
+{
+  Eigen::Matrix4d imageToReference;  ///< NaN where there is none
+  bool accepted = false;
+};
+
+struct TransformName
+{
+  std::string from;
+  std::string to;
+  std::string source;  ///< "frames", "header" or "config"
+
+  std::string Name() const { return from + "To" + to; }
+};
+
+struct Rejection
+{
+  std::string reason;
+  std::vector<int> frames;
+};
+
+struct PoseTable
+{
+  std::vector<TransformName> transforms;  ///< all there are, per-frame ones first
+  std::string chain;                      ///< such as "Image -> Probe -> Tracker -> Reference"
+  std::vector<FramePose> frames;          ///< [frames]
+  std::vector<double> timestamps;         ///< [frames], NaN where there is none
+  std::vector<Rejection> rejections;      ///< in the order of their first frames
+
+  int NumberOfAcceptedFrames() const;
+
+  /// Such as "3 of 21 frames rejected: 2 for ProbeToTracker status INVALID (frames 4, 5), 1 for ..."; empty
+  /// for none.
+  std::string RejectionSummary() const;
+};
+
+/// Fills `table` as far as it gets. Throws FileError when there is no way from one frame to the other, naming
+/// the transforms there are and the coordinate frames that can be reached, and when the configuration cannot
+/// be read. A frame whose own transforms will not do is rejected, not an error.
+void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTable& table);
+
+}  // namespace bigus

@@ -1,0 +1,116 @@
+// What the header of a tracked sequence says, whichever format it is in, and its pixels as a stream.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace bigus
+{
+
+enum class ElementType
+{
+  UInt8,
+  UInt16,
+  Float32
+};
+
+enum class Encoding
+{
+  Raw,
+  Zlib,
+  Gzip,
+  Png  ///< one PNG file a frame
+};
+
+std::size_t BytesPerElement(ElementType type);
+const char* NameOf(ElementType type);
+const char* NameOf(Encoding encoding);
+
+using Fields = std::map<std::string, std::string>;
+
+/// Everything but the pixels.
+struct SequenceFile
+{
+  std::string fileName;
+  std::string format;
+  int width = 0;
+  int height = 0;
+  int numberOfFrames = 0;
+  ElementType elementType = ElementType::UInt8;
+  bool bigEndian = false;
+  bool framesFastest = false;  ///< the list axis comes first: a pixel's values in all frames lie side by side
+
+  std::string orientation;   ///< the flag as in the file
+  bool flipColumns = false;  ///< to reach marked-far order
+  bool flipRows = false;
+
+  Encoding encoding = Encoding::Raw;
+  std::string dataFile;                   ///< raw, zlib, gzip
+  std::uint64_t dataOffset = 0;           ///< bytes into dataFile
+  std::uint64_t dataBytes = 0;            ///< encoded bytes there are
+  std::vector<std::string> images;        ///< png: [frames]
+  std::vector<std::array<int, 2>> sizes;  ///< CSV only: [frames] width and height where stated, else 0, 0
+
+  Fields fields;               ///< of the whole file, by name
+  std::vector<Fields> frames;  ///< [frames] of each frame, by name without the Seq_FrameNNNN_ prefix
+
+  std::uint64_t FrameBytes() const
+  {
+    return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
+           BytesPerElement(elementType);
+  }
+};
+
+/// Where a CSV of poses finds its images.
+struct ImageOptions
+{
+  bool wanted = true;   ///< false: poses only, images are looked at for their size at most
+  std::string folder;   ///< empty: the CSV's folder
+  std::string pattern;  ///< with one %d; empty: the `image` column, or all PNG files of `folder`
+};
+
+/// Whether a file that begins with these bytes is worth handing to ReadSequenceFile.
+bool LooksLikeSequence(const std::string& beginning);
+
+/// Throws FileError naming the file, the field, what was found and what to do. Checks that the file can hold
+/// the pixels that its header claims before anything of that size is allocated.
+SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& images);
+
+/// The decoded pixel bytes of a raw, zlib or gzip sequence, in file order and this machine's byte order.
+class PixelStream
+{
+public:
+  explicit PixelStream(const SequenceFile& file);
+  ~PixelStream();
+
+  /// Exactly `count` bytes (whole elements), or FileError.
+  void Read(void* bytes, std::size_t count);
+
+  /// Throws FileError unless all pixels have been read, the stream ends there and its checksum is right.
+  void Finish();
+
+private:
+  class Decoder;
+  std::unique_ptr<Decoder> decoder_;
+  const SequenceFile& file_;
+};
+
+struct PngHeader
+{
+  int width = 0;
+  int height = 0;
+  ElementType elementType = ElementType::UInt8;
+};
+
+/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG that can hold the pixels it claims.
+PngHeader ReadPngHeader(const std::string& fileName);
+
+/// Reads one image of a PNG sequence, top row first. `pixels` has file.FrameBytes() bytes.
+void ReadPngFrame(const SequenceFile& file, int frame, void* pixels);
+
+}  // namespace bigus

@@ -1,0 +1,206 @@
+// The pixels of a tracked sequence, decoded into buffers whose size the caller has checked.
+#include <algorithm>
+#include <cstring>
+
+#include "FileError.h"
+#include "SequenceFile.h"
+#include "Text.h"
+#include "vtkCallbackCommand.h"
+#include "vtkExecutive.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkPNGReader.h"
+#include "vtk_zlib.h"
+
+namespace bigus
+{
+namespace
+{
+
+bool ThisMachineIsBigEndian()
+{
+  const std::uint16_t one = 1;
+  unsigned char first = 0;
+  std::memcpy(&first, &one, 1);
+  return first == 0;
+}
+
+void SwapBytes(unsigned char* bytes, std::size_t count, std::size_t elementBytes)
+{
+  for (std::size_t i = 0; i + elementBytes <= count; i += elementBytes)
+  {
+    std::reverse(bytes + i, bytes + i + elementBytes);
+  }
+}
+
+}  // namespace
+
+class PixelStream::Decoder
+{
+public:
+  explicit Decoder(const SequenceFile& file)
+      : name_(file.fileName),
+        input_(file.dataFile),
+        left_(file.dataBytes),
+        compressed_(file.encoding != Encoding::Raw)
+  {
+    input_.Seek(file.dataOffset);
+    // 15 + 32: the largest window, and zlib or gzip as the first bytes say.
+    if (compressed_ && inflateInit2(&zlib_, 15 + 32) != Z_OK)
+    {
+      throw FileError(vtkErrorCode::UnknownError, name_ + ": zlib cannot be started");
+    }
+  }
+
+  ~Decoder()
+  {
+    if (compressed_)
+    {
+      inflateEnd(&zlib_);
+    }
+  }
+
+  /// Returns fewer bytes than asked for at the end of the data.
+  std::size_t Read(unsigned char* bytes, std::size_t count)
+  {
+    if (!compressed_)
+    {
+      const std::size_t got =
+          input_.Read(bytes, static_cast<std::size_t>(std::min<std::uint64_t>(count, left_)));
+      left_ -= got;
+      return got;
+    }
+    std::size_t done = 0;
+    while (done < count && !ended_)
+    {
+      Fill();
+      const auto room = static_cast<uInt>(std::min<std::size_t>(count - done, 1u << 30));
+      zlib_.next_out = bytes + done;
+      zlib_.avail_out = room;
+      const int result = inflate(&zlib_, Z_NO_FLUSH);
+      done += room - zlib_.avail_out;
+      if (result == Z_STREAM_END)
+      {
+        ended_ = true;
+      }
+      else if (result == Z_BUF_ERROR && left_ == 0 && zlib_.avail_in == 0)
+      {
+        return done;
+      }
+      else if (result != Z_OK && result != Z_BUF_ERROR)
+      {
+        throw FormatError(name_ + ": the compressed pixels are damaged (" +
+                          (zlib_.msg ? zlib_.msg : "zlib error " + std::to_string(result)) + ")");
+      }
+    }
+    return done;
+  }
+
+  /// Whether the stream has come to its proper end.
+  bool AtEnd()
+  {
+    unsigned char extra = 0;
+    const bool more = Read(&extra, 1) != 0;
+    return !more && (!compressed_ || ended_);
+  }
+
+private:
+  void Fill()
+  {
+    if (zlib_.avail_in == 0 && left_ > 0)
+    {
+      const std::size_t got =
+          input_.Read(buffer_, static_cast<std::size_t>(std::min<std::uint64_t>(sizeof(buffer_), left_)));
+      left_ = got == 0 ? 0 : left_ - got;
+      zlib_.next_in = buffer_;
+      zlib_.avail_in = static_cast<uInt>(got);
+    }
+  }
+
+  std::string name_;
+  InputFile input_;
+  std::uint64_t left_;
+  bool compressed_;
+  bool ended_ = false;
+  z_stream zlib_ = {};
+  unsigned char buffer_[64 * 1024];
+};
+
+PixelStream::PixelStream(const SequenceFile& file) : decoder_(std::make_unique<Decoder>(file)), file_(file) {}
+
+PixelStream::~PixelStream() = default;
+
+void PixelStream::Read(void* bytes, std::size_t count)
+{
+  auto* const out = static_cast<unsigned char*>(bytes);
+  if (decoder_->Read(out, count) != count)
+  {
+    throw TruncationError(file_.fileName +
+                          ": the pixels end early; the file is truncated or its sizes are wrong");
+  }
+  const std::size_t elementBytes = BytesPerElement(file_.elementType);
+  if (elementBytes > 1 && file_.bigEndian != ThisMachineIsBigEndian())
+  {
+    SwapBytes(out, count, elementBytes);
+  }
+}
+
+void PixelStream::Finish()
+{
+  if (!decoder_->AtEnd())
+  {
+    throw FormatError(
+        file_.fileName +
+        ": the pixel data do not end where the header says; they are damaged or the sizes are wrong");
+  }
+}
+
+void ReadPngFrame(const SequenceFile& file, int frame, void* pixels)
+{
+  const std::string& name = file.images[static_cast<std::size_t>(frame)];
+  const PngHeader header = ReadPngHeader(name);
+  if (header.width != file.width || header.height != file.height || header.elementType != file.elementType)
+  {
+    throw FormatError(name + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) +
+                      " " + NameOf(header.elementType) + ", unlike the first image (" +
+                      std::to_string(file.width) + " x " + std::to_string(file.height) + " " +
+                      NameOf(file.elementType) + ")");
+  }
+
+  std::string problem;
+  vtkNew<vtkCallbackCommand> keepProblem;
+  keepProblem->SetClientData(&problem);
+  keepProblem->SetCallback(
+      [](vtkObject*, unsigned long, void* target, void* text)
+      {
+        if (text)
+        {
+          *static_cast<std::string*>(target) = static_cast<const char*>(text);
+        }
+      });
+
+  vtkNew<vtkPNGReader> reader;
+  reader->AddObserver(vtkCommand::ErrorEvent, keepProblem);
+  reader->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, keepProblem);
+  reader->SetFileName(name.c_str());
+  reader->Update();
+
+  vtkImageData* const image = reader->GetOutput();
+  int size[3];
+  image->GetDimensions(size);
+  const std::size_t rowBytes = static_cast<std::size_t>(file.width) * BytesPerElement(file.elementType);
+  if (!problem.empty() || size[0] != file.width || size[1] != file.height ||
+      image->GetNumberOfScalarComponents() != 1 ||
+      static_cast<std::size_t>(image->GetScalarSize()) != BytesPerElement(file.elementType))
+  {
+    throw FormatError(name + ": the PNG image cannot be read; it is damaged or truncated");
+  }
+  // VTK puts the bottom row first.
+  for (int row = 0; row < file.height; ++row)
+  {
+    std::memcpy(static_cast<unsigned char*>(pixels) + static_cast<std::size_t>(row) * rowBytes,
+                image->GetScalarPointer(0, file.height - 1 - row, 0), rowBytes);
+  }
+}
+
+}  // namespace bigus

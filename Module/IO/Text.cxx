@@ -1,0 +1,263 @@
+#include "Text.h"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <filesystem>
+#include <system_error>
+
+#include "FileError.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::size_t longestLine = 64 * 1024;
+
+bool IsBlank(char c)
+{
+  return c == ' ' || c == '\t' || c == '\r' || c == '\n';
+}
+
+template <class Number>
+bool ParseWhole(std::string_view text, Number& value)
+{
+  text = Trimmed(text);
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-')
+  {
+    text.remove_prefix(1);
+  }
+  Number parsed{};
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), parsed);
+  if (text.empty() || result.ec != std::errc() || result.ptr != text.data() + text.size())
+  {
+    return false;
+  }
+  value = parsed;
+  return true;
+}
+
+}  // namespace
+
+std::string_view Trimmed(std::string_view text)
+{
+  while (!text.empty() && IsBlank(text.front()))
+  {
+    text.remove_prefix(1);
+  }
+  while (!text.empty() && IsBlank(text.back()))
+  {
+    text.remove_suffix(1);
+  }
+  return text;
+}
+
+std::string Lowercase(std::string_view text)
+{
+  std::string lower(text);
+  for (char& c : lower)
+  {
+    if (c >= 'A' && c <= 'Z')
+    {
+      c = static_cast<char>(c - 'A' + 'a');
+    }
+  }
+  return lower;
+}
+
+std::vector<std::string_view> Words(std::string_view text)
+{
+  std::vector<std::string_view> words;
+  std::size_t i = 0;
+  while (i < text.size())
+  {
+    while (i < text.size() && IsBlank(text[i]))
+    {
+      ++i;
+    }
+    const std::size_t begin = i;
+    while (i < text.size() && !IsBlank(text[i]))
+    {
+      ++i;
+    }
+    if (i > begin)
+    {
+      words.push_back(text.substr(begin, i - begin));
+    }
+  }
+  return words;
+}
+
+std::string Quoted(std::string_view text)
+{
+  constexpr std::size_t longest = 60;
+  std::string quoted = "\"";
+  for (const char c : text.substr(0, longest))
+  {
+    quoted += static_cast<unsigned char>(c) < 32 || c == 127 ? '?' : c;
+  }
+  return quoted + (text.size() > longest ? "...\"" : "\"");
+}
+
+bool ParseNumber(std::string_view text, double& value)
+{
+  return ParseWhole(text, value);
+}
+
+bool ParseNumber(std::string_view text, std::int64_t& value)
+{
+  return ParseWhole(text, value);
+}
+
+bool ParseNumbers(std::string_view text, std::size_t count, double* values)
+{
+  const auto words = Words(text);
+  if (words.size() != count)
+  {
+    return false;
+  }
+  for (std::size_t i = 0; i < count; ++i)
+  {
+    if (!ParseNumber(words[i], values[i]))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+std::string FormatNumber(double value)
+{
+  char text[40];
+  const auto result = std::to_chars(text, text + sizeof(text), value);
+  return std::string(text, result.ptr);
+}
+
+InputFile::InputFile(const std::string& fileName) : name_(fileName)
+{
+  std::error_code error;
+  const auto status = std::filesystem::status(fileName, error);
+  if (!std::filesystem::exists(status))
+  {
+    throw FileError(vtkErrorCode::FileNotFoundError, fileName + ": there is no such file");
+  }
+  if (!std::filesystem::is_regular_file(status))
+  {
+    throw FileError(vtkErrorCode::CannotOpenFileError, fileName + ": not a regular file");
+  }
+  size_ = std::filesystem::file_size(fileName, error);
+  stream_.open(fileName, std::ios::binary);
+  if (error || !stream_)
+  {
+    throw FileError(vtkErrorCode::CannotOpenFileError, fileName + ": cannot be opened for reading");
+  }
+}
+
+void InputFile::Seek(std::uint64_t position)
+{
+  position_ = std::min(position, size_);
+  stream_.clear();
+  stream_.seekg(static_cast<std::streamoff>(position_));
+}
+
+std::size_t InputFile::Read(void* bytes, std::size_t count)
+{
+  stream_.read(static_cast<char*>(bytes), static_cast<std::streamsize>(count));
+  const auto got = static_cast<std::size_t>(stream_.gcount());
+  position_ = std::min(position_ + got, size_);
+  return got;
+}
+
+bool InputFile::ReadLine(std::string& line)
+{
+  line.clear();
+  std::streambuf* buffer = stream_.rdbuf();
+  bool any = false;
+  for (;;)
+  {
+    const int c = buffer->sbumpc();
+    if (c == std::char_traits<char>::eof())
+    {
+      break;
+    }
+    any = true;
+    position_ = std::min(position_ + 1, size_);
+    if (c == '\n')
+    {
+      break;
+    }
+    if (line.size() >= longestLine)
+    {
+      throw FormatError(name_ + ": the header has a line longer than 64 KiB; this is not a text header");
+    }
+    line += static_cast<char>(c);
+  }
+  if (!line.empty() && line.back() == '\r')
+  {
+    line.pop_back();
+  }
+  return any;
+}
+
+std::string FileBeginning(const std::string& fileName, std::size_t count)
+{
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(fileName, error))
+  {
+    return {};
+  }
+  std::ifstream stream(fileName, std::ios::binary);
+  std::string beginning(count, '\0');
+  stream.read(beginning.data(), static_cast<std::streamsize>(count));
+  beginning.resize(static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
+  return beginning;
+}
+
+std::string ReadTextFile(const std::string& fileName, std::uint64_t limit)
+{
+  InputFile file(fileName);
+  if (file.Size() > limit)
+  {
+    throw FormatError(fileName + ": " + std::to_string(file.Size()) + " bytes, more than the " +
+                      std::to_string(limit) + " such a file may have");
+  }
+  std::string text(file.Size(), '\0');
+  text.resize(file.Read(text.data(), text.size()));
+  return text;
+}
+
+std::string CompanionFile(const std::string& owner, const std::string& folder, const std::string& relative)
+{
+  namespace fs = std::filesystem;
+  const auto refuse = [&](const std::string& why) -> FileError
+  {
+    return FormatError(owner + ": names the file " + Quoted(relative) + ", " + why +
+                       "; companion files must lie in " + folder);
+  };
+  const fs::path name(relative);
+  if (relative.empty() || name.is_absolute() || relative.find('\0') != std::string::npos)
+  {
+    throw refuse("which is not a relative name");
+  }
+  if (std::find(name.begin(), name.end(), fs::path("..")) != name.end())
+  {
+    throw refuse("which leads out of its folder");
+  }
+  std::error_code error;
+  const fs::path root = fs::weakly_canonical(folder, error);
+  const fs::path real = error ? fs::path() : fs::weakly_canonical(fs::path(folder) / name, error);
+  if (error || std::mismatch(root.begin(), root.end(), real.begin(), real.end()).first != root.end())
+  {
+    throw refuse("which leads out of its folder");
+  }
+  return (fs::path(folder) / name).string();
+}
+
+std::string FolderOf(const std::string& fileName)
+{
+  const std::string folder = std::filesystem::path(fileName).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
+}  // namespace bigus

@@ -1,0 +1,75 @@
+// Text as files hold it: numbers that do not depend on the locale, and lines of bounded length.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bigus
+{
+
+std::string_view Trimmed(std::string_view text);
+std::string Lowercase(std::string_view text);
+
+/// The words between blanks.
+std::vector<std::string_view> Words(std::string_view text);
+
+/// Text from a file made fit for a message: at most 60 characters, none of them unprintable.
+std::string Quoted(std::string_view text);
+
+/// Whole-text conversions; blanks around the number are ignored. "nan" and "inf" are numbers. False, with
+/// `value` unchanged, when the text is anything else or out of range.
+bool ParseNumber(std::string_view text, double& value);
+bool ParseNumber(std::string_view text, std::int64_t& value);
+
+/// Exactly `count` numbers between blanks.
+bool ParseNumbers(std::string_view text, std::size_t count, double* values);
+
+/// The shortest text that reads back as the same bits.
+std::string FormatNumber(double value);
+
+/// An opened regular file. Throws FileError naming the file when it cannot be opened or is no regular file.
+class InputFile
+{
+public:
+  explicit InputFile(const std::string& fileName);
+
+  const std::string& Name() const { return name_; }
+  std::uint64_t Size() const { return size_; }
+  std::uint64_t Position() const { return position_; }
+  std::uint64_t Remaining() const { return size_ - position_; }
+
+  void Seek(std::uint64_t position);
+
+  /// Reads up to `count` bytes and returns how many there were.
+  std::size_t Read(void* bytes, std::size_t count);
+
+  /// The next line without its end (LF or CR LF); false at the end of the file. Throws FileError when the
+  /// line is longer than 64 KiB, which no text header's is.
+  bool ReadLine(std::string& line);
+
+private:
+  std::string name_;
+  std::ifstream stream_;
+  std::uint64_t size_ = 0;
+  std::uint64_t position_ = 0;
+};
+
+/// The first bytes of a file, at most `count`; empty when it cannot be read.
+std::string FileBeginning(const std::string& fileName, std::size_t count);
+
+/// The whole of a small text file. Throws FileError when it is larger than `limit` bytes.
+std::string ReadTextFile(const std::string& fileName, std::uint64_t limit);
+
+/// The path of a companion file that `owner` names as `relative`: inside `folder`, or FileError. Absolute
+/// names, ".." and links that lead out of the folder are refused, so that a header cannot make us read other
+/// files.
+std::string CompanionFile(const std::string& owner, const std::string& folder, const std::string& relative);
+
+/// The folder that a file lies in; "." when the name has none.
+std::string FolderOf(const std::string& fileName);
+
+}  // namespace bigus

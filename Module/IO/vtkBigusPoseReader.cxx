@@ -1,0 +1,187 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusPoseReader.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "FileError.h"
+#include "Markups.h"
+#include "Poses.h"
+#include "SequenceFile.h"
+#include "Text.h"
+#include "vtkDataObject.h"
+#include "vtkDoubleArray.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkIntArray.h"
+#include "vtkNew.h"
+#include "vtkObjectFactory.h"
+#include "vtkTable.h"
+
+vtkStandardNewMacro(vtkBigusPoseReader);
+
+namespace
+{
+
+struct Plane
+{
+  Eigen::Matrix4d imageToReference;
+  int width;
+  int height;
+  int sourceFrame;
+  double timestamp;
+};
+
+std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::PoseOptions& options)
+{
+  bigus::ImageOptions images;
+  images.wanted = false;
+  const bigus::SequenceFile file = bigus::ReadSequenceFile(fileName, images);
+  bigus::PoseTable table;
+  bigus::ResolvePoses(file, options, table);
+  std::vector<Plane> planes;
+  for (std::size_t i = 0; i < table.frames.size(); ++i)
+  {
+    if (table.frames[i].accepted)
+    {
+      const int width = file.sizes.empty() ? file.width : file.sizes[i][0];
+      const int height = file.sizes.empty() ? file.height : file.sizes[i][1];
+      planes.push_back(
+          {table.frames[i].imageToReference, width, height, static_cast<int>(i), table.timestamps[i]});
+    }
+  }
+  if (planes.empty())
+  {
+    throw bigus::FormatError(fileName + ": no pose is left: " + table.RejectionSummary());
+  }
+  return planes;
+}
+
+std::vector<Plane> PlanesOfMarkups(const std::string& fileName, double spacing, bool worldIsLps)
+{
+  if (!(spacing > 0 && std::isfinite(spacing)))
+  {
+    throw bigus::FileError(vtkErrorCode::UserError,
+                           "PixelSpacing is " + bigus::FormatNumber(spacing) + " mm; it must be positive");
+  }
+  std::vector<Plane> planes;
+  for (const auto& plane : bigus::ReadMarkupPlanes(fileName, spacing, worldIsLps))
+  {
+    planes.push_back({plane.imageToReference, plane.width, plane.height, static_cast<int>(planes.size()),
+                      std::numeric_limits<double>::quiet_NaN()});
+  }
+  return planes;
+}
+
+}  // namespace
+
+vtkBigusPoseReader::vtkBigusPoseReader()
+    : FileName(nullptr),
+      ConfigFileName(nullptr),
+      FromFrame(nullptr),
+      ToFrame(nullptr),
+      AssumeMissingStatusOK(0),
+      AllowReflectedPoses(0),
+      PixelSpacing(0.5),
+      WorldCoordinateSystem(RAS)
+{
+  this->SetFromFrame("Image");
+  this->SetToFrame("Reference");
+  this->SetNumberOfInputPorts(0);
+}
+
+vtkBigusPoseReader::~vtkBigusPoseReader()
+{
+  this->SetFileName(nullptr);
+  this->SetConfigFileName(nullptr);
+  this->SetFromFrame(nullptr);
+  this->SetToFrame(nullptr);
+}
+
+int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**,
+                                    vtkInformationVector* outputVector)
+{
+  vtkTable* const output = vtkTable::GetData(outputVector, 0);
+  output->Initialize();
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    if (!this->FileName || !*this->FileName)
+    {
+      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
+    }
+    const std::string beginning = bigus::FileBeginning(this->FileName, 4096);
+    const bool json = !bigus::Trimmed(beginning).empty() && bigus::Trimmed(beginning).front() == '{';
+    bigus::PoseOptions options;
+    options.fromFrame = this->FromFrame ? this->FromFrame : "";
+    options.toFrame = this->ToFrame ? this->ToFrame : "";
+    options.configFileName = this->ConfigFileName ? this->ConfigFileName : "";
+    options.assumeMissingStatusOK = this->AssumeMissingStatusOK != 0;
+    options.allowReflectedPoses = this->AllowReflectedPoses != 0;
+    const std::vector<Plane> planes =
+        json ? PlanesOfMarkups(this->FileName, this->PixelSpacing, this->WorldCoordinateSystem == LPS)
+             : PlanesOfSequence(this->FileName, options);
+
+    const auto count = static_cast<vtkIdType>(planes.size());
+    vtkNew<vtkDoubleArray> imageToReference;
+    imageToReference->SetName("ImageToReference");
+    imageToReference->SetNumberOfComponents(16);
+    imageToReference->SetNumberOfTuples(count);
+    vtkNew<vtkIntArray> size;
+    size->SetName("Size");
+    size->SetNumberOfComponents(2);
+    size->SetNumberOfTuples(count);
+    vtkNew<vtkIntArray> sourceFrame;
+    sourceFrame->SetName("SourceFrame");
+    sourceFrame->SetNumberOfTuples(count);
+    vtkNew<vtkDoubleArray> timestamp;
+    timestamp->SetName("Timestamp");
+    timestamp->SetNumberOfTuples(count);
+    bool allTimed = true;
+    for (vtkIdType i = 0; i < count; ++i)
+    {
+      const Plane& plane = planes[static_cast<std::size_t>(i)];
+      for (int c = 0; c < 16; ++c)
+      {
+        imageToReference->SetComponent(i, c, plane.imageToReference(c / 4, c % 4));
+      }
+      size->SetComponent(i, 0, plane.width);
+      size->SetComponent(i, 1, plane.height);
+      sourceFrame->SetValue(i, plane.sourceFrame);
+      timestamp->SetValue(i, plane.timestamp);
+      allTimed = allTimed && std::isfinite(plane.timestamp);
+    }
+    output->AddColumn(imageToReference);
+    output->AddColumn(size);
+    output->AddColumn(sourceFrame);
+    if (allTimed)
+    {
+      output->AddColumn(timestamp);
+    }
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< bigus::MessageOf(error));
+    this->SetErrorCode(bigus::ErrorCodeOf(error));
+    output->Initialize();
+    return 0;
+  }
+  return 1;
+}
+
+void vtkBigusPoseReader::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  const auto name = [](const char* text) { return text ? text : "(none)"; };
+  os << indent << "FileName: " << name(this->FileName) << "\n";
+  os << indent << "ConfigFileName: " << name(this->ConfigFileName) << "\n";
+  os << indent << "FromFrame: " << name(this->FromFrame) << "\n";
+  os << indent << "ToFrame: " << name(this->ToFrame) << "\n";
+  os << indent << "AssumeMissingStatusOK: " << this->AssumeMissingStatusOK << "\n";
+  os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
+  os << indent << "PixelSpacing: " << this->PixelSpacing << "\n";
+  os << indent << "WorldCoordinateSystem: " << (this->WorldCoordinateSystem == LPS ? "LPS" : "RAS") << "\n";
+}

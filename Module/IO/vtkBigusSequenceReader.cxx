@@ -1,0 +1,663 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusSequenceReader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Core/SlicePlane.h"
+#include "FileError.h"
+#include "Poses.h"
+#include "SequenceFile.h"
+#include "Text.h"
+#include "vtkDataArray.h"
+#include "vtkDoubleArray.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkIntArray.h"
+#include "vtkObjectFactory.h"
+#include "vtkPointData.h"
+#include "vtkSmartPointer.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+#include "vtkUnsignedCharArray.h"
+
+vtkStandardNewMacro(vtkBigusSequenceReader);
+
+namespace
+{
+
+std::string Text(const char* text)
+{
+  return text ? text : "";
+}
+
+int VtkType(bigus::ElementType type)
+{
+  return type == bigus::ElementType::UInt8    ? VTK_UNSIGNED_CHAR
+         : type == bigus::ElementType::UInt16 ? VTK_UNSIGNED_SHORT
+                                              : VTK_FLOAT;
+}
+
+// Where the accepted frames lie, mm.
+struct SweepGeometry
+{
+  double pixelSize[2] = {0, 0};
+  double spacing[3] = {0, 0, 0};  // minimum, median, maximum
+  double pathLength = 0;
+  double bounds[6] = {0, 0, 0, 0, 0, 0};
+};
+
+SweepGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::FramePose>& frames)
+{
+  SweepGeometry geometry;
+  Eigen::AlignedBox3d box;
+  std::vector<double> distances;
+  Eigen::Vector3d previous = Eigen::Vector3d::Zero();
+  int accepted = 0;
+  for (const bigus::FramePose& frame : frames)
+  {
+    if (!frame.accepted)
+    {
+      continue;
+    }
+    const auto plane =
+        bigus::SlicePlane::FromImageToReference(frame.imageToReference, file.width, file.height);
+    geometry.pixelSize[0] += plane.columnStep.norm();
+    geometry.pixelSize[1] += plane.rowStep.norm();
+    for (const double i : {0.0, file.width - 1.0})
+    {
+      for (const double j : {0.0, file.height - 1.0})
+      {
+        box.extend(plane.Point(i, j));
+      }
+    }
+    const Eigen::Vector3d centre = plane.Point(0.5 * (file.width - 1), 0.5 * (file.height - 1));
+    if (accepted > 0)
+    {
+      distances.push_back((centre - previous).norm());
+      geometry.pathLength += distances.back();
+    }
+    previous = centre;
+    ++accepted;
+  }
+  if (accepted > 0)
+  {
+    geometry.pixelSize[0] /= accepted;
+    geometry.pixelSize[1] /= accepted;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      geometry.bounds[2 * axis] = box.min()[axis];
+      geometry.bounds[2 * axis + 1] = box.max()[axis];
+    }
+  }
+  if (!distances.empty())
+  {
+    std::sort(distances.begin(), distances.end());
+    const std::size_t n = distances.size();
+    geometry.spacing[0] = distances.front();
+    geometry.spacing[1] = 0.5 * (distances[(n - 1) / 2] + distances[n / 2]);
+    geometry.spacing[2] = distances.back();
+  }
+  return geometry;
+}
+
+// [rows][columns] 1 inside the clip shape. Angles in degrees from +j towards +i.
+std::vector<unsigned char> FanMask(int width, int height, const double apex[2], const double radii[2],
+                                   const double angles[2])
+{
+  std::vector<unsigned char> mask(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  const double degrees = 180.0 / std::acos(-1.0);
+  for (int j = 0; j < height; ++j)
+  {
+    for (int i = 0; i < width; ++i)
+    {
+      const double di = i - apex[0];
+      const double dj = j - apex[1];
+      const double radius = std::hypot(di, dj);
+      const double angle = std::atan2(di, dj) * degrees;
+      mask[static_cast<std::size_t>(j) * static_cast<std::size_t>(width) + static_cast<std::size_t>(i)] =
+          radius >= radii[0] && radius <= radii[1] && angle >= angles[0] && angle <= angles[1];
+    }
+  }
+  return mask;
+}
+
+std::vector<unsigned char> RectangleMask(int width, int height, const int rectangle[4])
+{
+  std::vector<unsigned char> mask(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (std::int64_t j = 0; j < height; ++j)
+  {
+    for (std::int64_t i = 0; i < width; ++i)
+    {
+      mask[static_cast<std::size_t>(j * width + i)] = i >= rectangle[0] && i - rectangle[0] < rectangle[2] &&
+                                                      j >= rectangle[1] && j - rectangle[1] < rectangle[3];
+    }
+  }
+  return mask;
+}
+
+// One frame from the file's pixel order to marked-far order.
+void Reorder(const bigus::SequenceFile& file, const unsigned char* from, unsigned char* to)
+{
+  const std::size_t bytes = bigus::BytesPerElement(file.elementType);
+  const auto width = static_cast<std::size_t>(file.width);
+  const auto height = static_cast<std::size_t>(file.height);
+  for (std::size_t j = 0; j < height; ++j)
+  {
+    const unsigned char* row = from + (file.flipRows ? height - 1 - j : j) * width * bytes;
+    unsigned char* out = to + j * width * bytes;
+    if (!file.flipColumns)
+    {
+      std::memcpy(out, row, width * bytes);
+      continue;
+    }
+    for (std::size_t i = 0; i < width; ++i)
+    {
+      std::memcpy(out + i * bytes, row + (width - 1 - i) * bytes, bytes);
+    }
+  }
+}
+
+// Blackens what the mask leaves out and notes what is lit. A float pixel of any sign of zero is black.
+void ClipAndNote(const bigus::SequenceFile& file, const std::vector<unsigned char>& clip,
+                 unsigned char* frame, unsigned char* lit)
+{
+  const std::size_t bytes = bigus::BytesPerElement(file.elementType);
+  const std::size_t pixels = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
+  for (std::size_t p = 0; p < pixels; ++p)
+  {
+    unsigned char* const pixel = frame + p * bytes;
+    if (!clip.empty() && !clip[p])
+    {
+      std::memset(pixel, 0, bytes);
+    }
+    else if (file.elementType == bigus::ElementType::Float32)
+    {
+      float value;
+      std::memcpy(&value, pixel, sizeof(value));
+      lit[p] |= value != 0.0f;
+    }
+    else
+    {
+      lit[p] |= pixel[0] != 0 || (bytes == 2 && pixel[1] != 0);
+    }
+  }
+}
+
+}  // namespace
+
+class vtkBigusSequenceReader::vtkInternals
+{
+public:
+  bigus::SequenceFile file;
+  bigus::PoseTable poses;
+  SweepGeometry geometry;
+  std::string summary;
+  std::vector<std::string> transformNames;
+  bool hasTimestamps = false;
+  double duration = 0;
+
+  // The frames that the output holds, by their index in the file.
+  std::vector<int> OutputFrames(bool keepRejected) const
+  {
+    std::vector<int> frames;
+    for (std::size_t i = 0; i < this->poses.frames.size(); ++i)
+    {
+      if (keepRejected || this->poses.frames[i].accepted)
+      {
+        frames.push_back(static_cast<int>(i));
+      }
+    }
+    return frames;
+  }
+
+  void Load(const std::string& fileName, const bigus::ImageOptions& images, const bigus::PoseOptions& options)
+  {
+    *this = vtkInternals();
+    this->file = bigus::ReadSequenceFile(fileName, images);
+    try
+    {
+      bigus::ResolvePoses(this->file, options, this->poses);
+    }
+    catch (...)
+    {
+      this->Summarize();
+      throw;
+    }
+    this->Summarize();
+    if (this->poses.NumberOfAcceptedFrames() == 0)
+    {
+      throw bigus::FormatError(fileName + ": no frame is left: " + this->summary);
+    }
+  }
+
+private:
+  void Summarize()
+  {
+    this->summary = this->poses.RejectionSummary();
+    for (const auto& transform : this->poses.transforms)
+    {
+      this->transformNames.push_back(transform.Name());
+    }
+    this->geometry = Measure(this->file, this->poses.frames);
+
+    double first = 0;
+    double last = 0;
+    int accepted = 0;
+    this->hasTimestamps = true;
+    for (std::size_t i = 0; i < this->poses.frames.size(); ++i)
+    {
+      if (this->poses.frames[i].accepted)
+      {
+        last = this->poses.timestamps[i];
+        first = accepted++ == 0 ? last : first;
+        this->hasTimestamps = this->hasTimestamps && std::isfinite(last);
+      }
+    }
+    this->hasTimestamps = this->hasTimestamps && accepted > 0;
+    this->duration = this->hasTimestamps ? last - first : 0;
+  }
+};
+
+vtkBigusSequenceReader::vtkBigusSequenceReader()
+    : FileName(nullptr),
+      ConfigFileName(nullptr),
+      FromFrame(nullptr),
+      ToFrame(nullptr),
+      ImageFolder(nullptr),
+      ImagePattern(nullptr),
+      AssumeMissingStatusOK(0),
+      AllowReflectedPoses(0),
+      KeepRejectedFrames(0),
+      AutoMask(1),
+      ClipMode(CLIP_NONE),
+      ClipRectangle{0, 0, 0, 0},
+      FanApex{0.0, 0.0},
+      FanRadii{0.0, 0.0},
+      FanAngles{-180.0, 180.0},
+      Internals(new vtkInternals)
+{
+  this->SetFromFrame("Image");
+  this->SetToFrame("Reference");
+  this->SetNumberOfInputPorts(0);
+}
+
+vtkBigusSequenceReader::~vtkBigusSequenceReader()
+{
+  this->SetFileName(nullptr);
+  this->SetConfigFileName(nullptr);
+  this->SetFromFrame(nullptr);
+  this->SetToFrame(nullptr);
+  this->SetImageFolder(nullptr);
+  this->SetImagePattern(nullptr);
+  delete this->Internals;
+}
+
+int vtkBigusSequenceReader::CanReadFile(const char* fileName)
+{
+  return fileName && bigus::LooksLikeSequence(bigus::FileBeginning(fileName, 4096)) ? 1 : 0;
+}
+
+int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVector**,
+                                               vtkInformationVector* outputVector)
+{
+  this->SetErrorCode(vtkErrorCode::NoError);
+  *this->Internals = vtkInternals();
+  try
+  {
+    if (!this->FileName || !*this->FileName)
+    {
+      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
+    }
+    bigus::ImageOptions images;
+    images.folder = Text(this->ImageFolder);
+    images.pattern = Text(this->ImagePattern);
+    bigus::PoseOptions options;
+    options.fromFrame = Text(this->FromFrame);
+    options.toFrame = Text(this->ToFrame);
+    options.configFileName = Text(this->ConfigFileName);
+    options.assumeMissingStatusOK = this->AssumeMissingStatusOK != 0;
+    options.allowReflectedPoses = this->AllowReflectedPoses != 0;
+    this->Internals->Load(this->FileName, images, options);
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< bigus::MessageOf(error));
+    this->SetErrorCode(bigus::ErrorCodeOf(error));
+    this->GetOutput()->Initialize();
+    return 0;
+  }
+
+  const bigus::SequenceFile& file = this->Internals->file;
+  const auto frames = static_cast<int>(this->Internals->OutputFrames(this->KeepRejectedFrames != 0).size());
+  const int extent[6] = {0, file.width - 1, 0, file.height - 1, 0, frames - 1};
+  const double ones[3] = {1, 1, 1};
+  const double zeros[3] = {0, 0, 0};
+  vtkInformation* const info = outputVector->GetInformationObject(0);
+  info->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), extent, 6);
+  info->Set(vtkDataObject::SPACING(), ones, 3);
+  info->Set(vtkDataObject::ORIGIN(), zeros, 3);
+  vtkDataObject::SetPointDataActiveScalarInfo(info, VtkType(file.elementType), 1);
+  return 1;
+}
+
+int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
+                                        vtkInformationVector* outputVector)
+{
+  vtkImageData* const output = vtkImageData::GetData(outputVector, 0);
+  const bigus::SequenceFile& file = this->Internals->file;
+  const bigus::PoseTable& poses = this->Internals->poses;
+  output->Initialize();
+  try
+  {
+    std::vector<unsigned char> clip;
+    if (this->ClipMode == CLIP_RECTANGLE)
+    {
+      clip = RectangleMask(file.width, file.height, this->ClipRectangle);
+    }
+    else if (this->ClipMode == CLIP_FAN)
+    {
+      if (!(this->FanRadii[0] >= 0 && this->FanRadii[0] < this->FanRadii[1] && this->FanAngles[0] >= -180 &&
+            this->FanAngles[0] < this->FanAngles[1] && this->FanAngles[1] <= 180))
+      {
+        throw bigus::FileError(
+            vtkErrorCode::UserError,
+            "the clip fan needs 0 <= inner < outer radius and -180 <= first < last <= 180 degrees");
+      }
+      clip = FanMask(file.width, file.height, this->FanApex, this->FanRadii, this->FanAngles);
+    }
+    if (!clip.empty() && std::find(clip.begin(), clip.end(), 1) == clip.end())
+    {
+      throw bigus::FileError(vtkErrorCode::UserError, "the clip shape leaves no pixel of the " +
+                                                          std::to_string(file.width) + " x " +
+                                                          std::to_string(file.height) + " image");
+    }
+
+    const std::vector<int> frames = this->Internals->OutputFrames(this->KeepRejectedFrames != 0);
+    const auto count = static_cast<vtkIdType>(frames.size());
+    const auto pixelsPerFrame = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
+    const auto frameBytes = static_cast<std::size_t>(file.FrameBytes());
+
+    output->SetExtent(0, file.width - 1, 0, file.height - 1, 0, static_cast<int>(count) - 1);
+    output->SetOrigin(0, 0, 0);
+    output->SetSpacing(1, 1, 1);
+    auto scalars =
+        vtkSmartPointer<vtkDataArray>::Take(vtkDataArray::CreateDataArray(VtkType(file.elementType)));
+    scalars->SetName("Intensity");
+    scalars->SetNumberOfTuples(static_cast<vtkIdType>(pixelsPerFrame) * count);
+    auto* const pixels = static_cast<unsigned char*>(scalars->GetVoidPointer(0));
+    std::vector<unsigned char> lit(pixelsPerFrame, 0);
+
+    // Where a frame of the file goes in the output, or -1.
+    std::vector<int> place(poses.frames.size(), -1);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+    {
+      place[static_cast<std::size_t>(frames[i])] = static_cast<int>(i);
+    }
+
+    if (file.framesFastest)
+    {
+      const std::size_t bytes = bigus::BytesPerElement(file.elementType);
+      const std::size_t all = poses.frames.size();
+      const auto width = static_cast<std::size_t>(file.width);
+      bigus::PixelStream stream(file);
+      std::vector<unsigned char> row(all * width * bytes);
+      for (std::size_t j = 0; j < static_cast<std::size_t>(file.height); ++j)
+      {
+        stream.Read(row.data(), row.size());
+        for (std::size_t frame = 0; frame < all; ++frame)
+        {
+          for (std::size_t i = 0; place[frame] >= 0 && i < width; ++i)
+          {
+            std::memcpy(
+                pixels + static_cast<std::size_t>(place[frame]) * frameBytes + (j * width + i) * bytes,
+                &row[(i * all + frame) * bytes], bytes);
+          }
+        }
+      }
+      stream.Finish();
+    }
+
+    std::vector<unsigned char> buffer(frameBytes);
+    const bool streamed = file.encoding != bigus::Encoding::Png && !file.framesFastest;
+    std::unique_ptr<bigus::PixelStream> stream(streamed ? new bigus::PixelStream(file) : nullptr);
+    for (std::size_t i = 0; i < place.size(); ++i)
+    {
+      unsigned char* const target =
+          place[i] < 0 ? nullptr : pixels + static_cast<std::size_t>(place[i]) * frameBytes;
+      if (streamed)
+      {
+        stream->Read(buffer.data(), frameBytes);
+      }
+      if (target)
+      {
+        if (file.framesFastest)
+        {
+          std::memcpy(buffer.data(), target, frameBytes);
+        }
+        else if (!streamed)
+        {
+          bigus::ReadPngFrame(file, static_cast<int>(i), buffer.data());
+        }
+        Reorder(file, buffer.data(), target);
+        // Rejected frames are clipped too, but do not light the mask.
+        std::vector<unsigned char> ignored(poses.frames[i].accepted ? 0 : pixelsPerFrame);
+        ClipAndNote(file, clip, target, ignored.empty() ? lit.data() : ignored.data());
+      }
+      this->UpdateProgress(static_cast<double>(i + 1) / static_cast<double>(place.size()));
+      if (this->GetAbortExecute())
+      {
+        output->Initialize();
+        return 1;
+      }
+    }
+    if (stream)
+    {
+      stream->Finish();
+    }
+    output->GetPointData()->SetScalars(scalars);
+
+    vtkNew<vtkDoubleArray> imageToReference;
+    imageToReference->SetName("ImageToReference");
+    imageToReference->SetNumberOfComponents(16);
+    imageToReference->SetNumberOfTuples(count);
+    vtkNew<vtkUnsignedCharArray> status;
+    status->SetName("Status");
+    status->SetNumberOfTuples(count);
+    vtkNew<vtkIntArray> sourceFrame;
+    sourceFrame->SetName("SourceFrame");
+    sourceFrame->SetNumberOfTuples(count);
+    vtkNew<vtkDoubleArray> timestamp;
+    timestamp->SetName("Timestamp");
+    timestamp->SetNumberOfTuples(count);
+    bool allTimed = true;
+    for (vtkIdType i = 0; i < count; ++i)
+    {
+      const auto source = static_cast<std::size_t>(frames[static_cast<std::size_t>(i)]);
+      for (int c = 0; c < 16; ++c)
+      {
+        imageToReference->SetComponent(i, c, poses.frames[source].imageToReference(c / 4, c % 4));
+      }
+      status->SetValue(i, poses.frames[source].accepted);
+      sourceFrame->SetValue(i, static_cast<int>(source));
+      timestamp->SetValue(i, poses.timestamps[source]);
+      allTimed = allTimed && std::isfinite(poses.timestamps[source]);
+    }
+    vtkFieldData* const fields = output->GetFieldData();
+    fields->AddArray(imageToReference);
+    fields->AddArray(status);
+    fields->AddArray(sourceFrame);
+    if (allTimed)
+    {
+      fields->AddArray(timestamp);
+    }
+    if (this->AutoMask || !clip.empty())
+    {
+      vtkNew<vtkUnsignedCharArray> mask;
+      mask->SetName("Mask");
+      mask->SetNumberOfTuples(static_cast<vtkIdType>(pixelsPerFrame));
+      const std::vector<unsigned char>& values = this->AutoMask ? lit : clip;
+      std::copy(values.begin(), values.end(), mask->GetPointer(0));
+      fields->AddArray(mask);
+    }
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< bigus::MessageOf(error));
+    this->SetErrorCode(bigus::ErrorCodeOf(error));
+    output->Initialize();
+    return 0;
+  }
+  return 1;
+}
+
+int vtkBigusSequenceReader::GetNumberOfFramesInFile()
+{
+  return this->Internals->file.numberOfFrames;
+}
+
+int vtkBigusSequenceReader::GetNumberOfAcceptedFrames()
+{
+  return this->Internals->poses.NumberOfAcceptedFrames();
+}
+
+int vtkBigusSequenceReader::GetNumberOfRejectedFrames()
+{
+  return static_cast<int>(this->Internals->poses.frames.size()) - this->GetNumberOfAcceptedFrames();
+}
+
+int vtkBigusSequenceReader::GetNumberOfRejectionReasons()
+{
+  return static_cast<int>(this->Internals->poses.rejections.size());
+}
+
+const char* vtkBigusSequenceReader::GetRejectionReason(int index)
+{
+  return index >= 0 && index < this->GetNumberOfRejectionReasons()
+             ? this->Internals->poses.rejections[static_cast<std::size_t>(index)].reason.c_str()
+             : nullptr;
+}
+
+int vtkBigusSequenceReader::GetRejectionCount(int index)
+{
+  return index >= 0 && index < this->GetNumberOfRejectionReasons()
+             ? static_cast<int>(
+                   this->Internals->poses.rejections[static_cast<std::size_t>(index)].frames.size())
+             : 0;
+}
+
+const char* vtkBigusSequenceReader::GetRejectionSummary()
+{
+  return this->Internals->summary.c_str();
+}
+
+int vtkBigusSequenceReader::GetNumberOfTransforms()
+{
+  return static_cast<int>(this->Internals->poses.transforms.size());
+}
+
+const char* vtkBigusSequenceReader::GetTransformName(int index)
+{
+  return index >= 0 && index < this->GetNumberOfTransforms()
+             ? this->Internals->transformNames[static_cast<std::size_t>(index)].c_str()
+             : nullptr;
+}
+
+const char* vtkBigusSequenceReader::GetTransformSource(int index)
+{
+  return index >= 0 && index < this->GetNumberOfTransforms()
+             ? this->Internals->poses.transforms[static_cast<std::size_t>(index)].source.c_str()
+             : nullptr;
+}
+
+const char* vtkBigusSequenceReader::GetTransformChain()
+{
+  return this->Internals->poses.chain.c_str();
+}
+
+const char* vtkBigusSequenceReader::GetFormat()
+{
+  return this->Internals->file.format.c_str();
+}
+
+const char* vtkBigusSequenceReader::GetEncoding()
+{
+  return bigus::NameOf(this->Internals->file.encoding);
+}
+
+const char* vtkBigusSequenceReader::GetElementType()
+{
+  return bigus::NameOf(this->Internals->file.elementType);
+}
+
+const char* vtkBigusSequenceReader::GetOrientation()
+{
+  return this->Internals->file.orientation.c_str();
+}
+
+void vtkBigusSequenceReader::GetFrameSize(int size[2])
+{
+  size[0] = this->Internals->file.width;
+  size[1] = this->Internals->file.height;
+}
+
+void vtkBigusSequenceReader::GetPixelSize(double size[2])
+{
+  std::copy_n(this->Internals->geometry.pixelSize, 2, size);
+}
+
+void vtkBigusSequenceReader::GetPlaneSpacing(double spacing[3])
+{
+  std::copy_n(this->Internals->geometry.spacing, 3, spacing);
+}
+
+double vtkBigusSequenceReader::GetPathLength()
+{
+  return this->Internals->geometry.pathLength;
+}
+
+void vtkBigusSequenceReader::GetBounds(double bounds[6])
+{
+  std::copy_n(this->Internals->geometry.bounds, 6, bounds);
+}
+
+bool vtkBigusSequenceReader::GetHasTimestamps()
+{
+  return this->Internals->hasTimestamps;
+}
+
+double vtkBigusSequenceReader::GetDuration()
+{
+  return this->Internals->duration;
+}
+
+void vtkBigusSequenceReader::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  const auto name = [](const char* text) { return text ? text : "(none)"; };
+  os << indent << "FileName: " << name(this->FileName) << "\n";
+  os << indent << "ConfigFileName: " << name(this->ConfigFileName) << "\n";
+  os << indent << "FromFrame: " << name(this->FromFrame) << "\n";
+  os << indent << "ToFrame: " << name(this->ToFrame) << "\n";
+  os << indent << "AssumeMissingStatusOK: " << this->AssumeMissingStatusOK << "\n";
+  os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
+  os << indent << "KeepRejectedFrames: " << this->KeepRejectedFrames << "\n";
+  os << indent << "AutoMask: " << this->AutoMask << "\n";
+  os << indent << "ClipMode: " << this->ClipMode << "\n";
+  os << indent << "ClipRectangle: " << this->ClipRectangle[0] << " " << this->ClipRectangle[1] << " "
+     << this->ClipRectangle[2] << " " << this->ClipRectangle[3] << "\n";
+  os << indent << "FanApex: " << this->FanApex[0] << " " << this->FanApex[1] << "\n";
+  os << indent << "FanRadii: " << this->FanRadii[0] << " " << this->FanRadii[1] << "\n";
+  os << indent << "FanAngles: " << this->FanAngles[0] << " " << this->FanAngles[1] << "\n";
+  os << indent << "ImageFolder: " << name(this->ImageFolder) << "\n";
+  os << indent << "ImagePattern: " << name(this->ImagePattern) << "\n";
+  os << indent << "TransformChain: " << this->GetTransformChain() << "\n";
+  os << indent << "RejectionSummary: " << this->GetRejectionSummary() << "\n";
+}
