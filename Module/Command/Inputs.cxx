@@ -245,14 +245,14 @@ std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& 
   return options.reduce > 1 ? std::make_shared<const Sweep>(sweep->Reduced(options.reduce)) : sweep;
 }
 
-void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& help,
-                     bool required)
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
+                     const std::string& help, bool required)
 {
   app.add_option(name, options.poses, help)
     ->required(required)
     ->type_name("SEQUENCE|CSV|MARKUP.mrk.json")
     ->group(planeGroup);
-  app.add_option("--frames", options.frames, "Only these, counted from 0 among the usable ones: 0,4,10-20")
+  app.add_option(framesName, options.frames, "Only these, counted from 0 among the usable ones: 0,4,10-20")
     ->type_name("LIST")
     ->group(planeGroup);
   app.add_option("--size", options.size, "Pixels across and down; needed when the file does not say")

@@ -67,9 +67,9 @@ struct PlaneOptions
   int reduce = 1;
   std::string markupSystem = "ras";
 };
-/// Adds `--poses` (under the name given) and the options above.
-void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& help,
-                     bool required);
+/// Adds `--poses` and `--frames`, under the names given, and the other options above.
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
+                     const std::string& help, bool required);
 
 /// The planes asked for, all of one size. A plane's upper left corner stays where it is whatever --size, --spacing
 /// and --reduce say.

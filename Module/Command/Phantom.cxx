@@ -166,7 +166,7 @@ void AddPhantom(Program& program)
   app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
     ->group(hand);
 
-  AddPlaneOptions(*app, options->truth, "--truth", "Image these planes instead of making a sweep", false);
+  AddPlaneOptions(*app, options->truth, "--truth", "--truth-frames", "Image these planes instead of making a sweep", false);
 
   Console& console = program.console;
   app->callback([&program, &console, options]

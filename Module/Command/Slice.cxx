@@ -117,7 +117,7 @@ void AddSlice(Program& program)
   app->add_option("-o,--output", options->output, "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
     ->required()
     ->type_name("OUT");
-  AddPlaneOptions(*app, options->planes, "--poses", "Planes: those of a sequence, a CSV of poses, markup planes", true);
+  AddPlaneOptions(*app, options->planes, "--poses", "--frames", "Planes: those of a sequence, a CSV of poses, markup planes", true);
   app->add_option("--elevation-sigma", options->elevationSigma,
                   "Beam thickness, standard deviation; 0 an infinitely thin plane; default: the field's")
     ->check(NumberIn(0, 100))

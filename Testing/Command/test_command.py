@@ -1,0 +1,668 @@
+#!/usr/bin/env python3
+"""The bigus program as a user's shell sees it: exit codes, JSON, files, and nothing half-written.
+
+    test_command.py PATH_TO_BIGUS [unittest arguments]
+"""
+import csv
+import json
+import math
+import os
+import pathlib
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import zlib
+
+BIGUS = None
+SUCCESS, USAGE, BAD_INPUT, CANNOT_WRITE, INTERRUPTED = 0, 1, 2, 3, 130
+
+PHANTOM = ["--frames", "9", "--width", "48", "--height", "40", "--pixel-size", "0.6", "--frame-spacing", "0.8"]
+TINY = ["--gaussians", "400", "--iterations", "12", "--batch", "2"]
+IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+
+
+def run(*arguments, threads=None):
+    extra = ["--threads", str(threads)] if threads else []
+    return subprocess.run([BIGUS, *map(str, arguments), *extra], capture_output=True, text=True, timeout=120)
+
+
+def read_sequence(path):
+    """(header text, pixels, offset of the pixels) of an uncompressed or zlib .mha, by other means than bigus."""
+    data = pathlib.Path(path).read_bytes()
+    mark = b"ElementDataFile = LOCAL\n"
+    offset = data.index(mark) + len(mark)
+    header = data[:offset].decode()
+    compressed = "CompressedData = True" in header
+    return header, zlib.decompress(data[offset:]) if compressed else data[offset:], offset
+
+
+def write_sequence(path, header, pixels):
+    """The same sequence with other pixels."""
+    packed = zlib.compress(bytes(pixels)) if "CompressedData = True" in header else bytes(pixels)
+    header = re.sub(r"CompressedDataSize = \d+", f"CompressedDataSize = {len(packed)}", header)
+    pathlib.Path(path).write_bytes(header.encode() + packed)
+
+
+def read_png(path):
+    """(width, height, rows of 8-bit grey) of a PNG without interlacing."""
+    data = pathlib.Path(path).read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, packed = 8, b""
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at:at + 8])
+        body = data[at + 8:at + 8 + size]
+        if kind == b"IHDR":
+            width, height, depth, colour = struct.unpack(">IIBB", body[:10])
+            assert (depth, colour) == (8, 0)
+        if kind == b"IDAT":
+            packed += body
+        at += 12 + size
+    raw, rows, above = zlib.decompress(packed), [], bytes(width)
+    for y in range(height):
+        method, line = raw[y * (width + 1)], bytearray(raw[y * (width + 1) + 1:(y + 1) * (width + 1)])
+        for x in range(width):
+            left, corner = (line[x - 1], above[x - 1]) if x else (0, 0)
+            up = above[x]
+            guess = left + up - corner
+            paeth = min((left, up, corner), key=lambda v: abs(guess - v))
+            line[x] = (line[x] + (0, left, up, (left + up) // 2, paeth)[method]) & 255
+        above = bytes(line)
+        rows.append(above)
+    return width, height, b"".join(rows)
+
+
+class CommandTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.shared = pathlib.Path(tempfile.mkdtemp(prefix="bigus-command-"))
+        cls.sweep = cls.shared / "sweep.igs.mha"
+        made = run("phantom", "-o", cls.sweep, *PHANTOM)
+        assert made.returncode == SUCCESS, made.stderr
+        cls.field = cls.shared / "field.vtp"
+        made = run("train", cls.sweep, "-o", cls.field, *TINY)
+        assert made.returncode == SUCCESS, made.stderr
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.shared)
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="bigus-command-"))
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def expect(self, code, *arguments, says=""):
+        """Runs with --json: stdout must hold one object and nothing else. Gives the object."""
+        result = run(*arguments, "--json")
+        self.assertEqual(result.returncode, code, f"{arguments}\n{result.stderr}")
+        answer = json.loads(result.stdout)
+        self.assertIsInstance(answer, dict)
+        if code not in (SUCCESS, INTERRUPTED):
+            self.assertTrue(answer["error"])
+            self.assertIn(says, answer["error"])
+            self.assertIn(says, result.stderr)
+            self.assertNotIn("0x", answer["error"], "an address is not for users")
+        return answer
+
+    def assertNothingIn(self, folder):
+        self.assertEqual(sorted(os.listdir(folder)), [])
+
+    def poses_csv(self, *matrices, extra=()):
+        path = self.folder / "planes.csv"
+        with open(path, "w", newline="") as file:
+            table = csv.writer(file)
+            table.writerow([f"m{i}{j}" for i in range(4) for j in range(4)] + [name for name, _ in extra])
+            for matrix in matrices:
+                table.writerow(list(matrix) + [value for _, value in extra])
+        return path
+
+
+class Help(CommandTest):
+    def test_every_subcommand_teaches(self):
+        top = run("--help")
+        self.assertEqual(top.returncode, SUCCESS)
+        for name in ("info", "phantom", "train", "slice", "voxelize", "metrics", "convert"):
+            with self.subTest(name):
+                self.assertIn(f"bigus {name} ", top.stdout)
+                own = run(name, "--help")
+                self.assertEqual(own.returncode, SUCCESS)
+                self.assertIn(f"  bigus {name} ", own.stdout, "an example")
+        for code in ("1 wrong usage", "2 bad input", "3 output", "130 interrupted"):
+            self.assertIn(code, top.stdout)
+
+    def test_train_has_every_promised_option(self):
+        text = run("train", "--help").stdout
+        for option in ("--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
+                       "--time-limit", "--seed", "--config", "--image-to", "--log"):
+            self.assertIn(option, text)
+
+    def test_version(self):
+        self.assertRegex(run("--version").stdout, r"^bigus \d+\.\d+\.\d+\n$")
+
+
+class Usage(CommandTest):
+    def test_wrong_command_lines(self):
+        for arguments in ([], ["fly"], ["train"], ["train", self.sweep], ["info"], ["slice", self.field, "-o", "x.png"],
+                          ["info", self.sweep, "--devices"], ["train", self.sweep, "-o", "x.vtp", "--no-such-option"]):
+            with self.subTest(arguments):
+                self.expect(USAGE, *arguments)
+
+    def test_bad_numbers(self):
+        bad = {"--gaussians": ["0", "-5", "1e99", "many", "", "2.5", "nan"],
+               "--hold-out": ["1", "-1", "4.5", "x"],
+               "--reduce": ["0", "-1", "1e9", "two"],
+               "--elevation-sigma": ["-1", "nan", "inf", "thick"],
+               "--iterations": ["-1", "1e12", "x"],
+               "--time-limit": ["-1", "nan", "soon"],
+               "--seed": ["-1", "x", "1.5"],
+               "--batch": ["0", "-1"],
+               "--validation": ["1"],
+               "--threads": ["-1", "x"],
+               "--seeding": ["nowhere"],
+               "--loss": ["l3"]}
+        for option, values in bad.items():
+            for value in values:
+                with self.subTest(option=option, value=value):
+                    self.expect(USAGE, "train", self.sweep, "-o", self.folder / "x.vtp", f"{option}={value}")
+        self.assertNothingIn(self.folder)
+        for arguments in (["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--spacing=0"],
+                          ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--size", "0", "5"],
+                          ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--elevation-sigma=-1"],
+                          ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--mode=colour"],
+                          ["voxelize", self.field, "-o", "x.mha", "--spacing=nan"],
+                          ["phantom", "-o", "x.mha", "--frames=0"],
+                          ["phantom", "-o", "x.mha", "--tilt=90"],
+                          ["phantom", "-o", "x.mha", "--probe=round"]):
+            with self.subTest(arguments):
+                self.expect(USAGE, *arguments)
+
+
+class Phantom(CommandTest):
+    def test_json_and_file(self):
+        out = self.folder / "p.igs.mha"
+        answer = self.expect(SUCCESS, "phantom", "-o", out, *PHANTOM)
+        self.assertEqual((answer["frames"], answer["width"], answer["height"]), (9, 48, 40))
+        header, pixels, _ = read_sequence(out)
+        self.assertEqual(len(pixels), 9 * 48 * 40)
+        self.assertIn("Seq_Frame0008_ImageToReferenceTransform", header)
+        self.assertGreater(max(pixels), 100)
+
+    def test_seed_and_threads(self):
+        files = []
+        for name, seed, threads in (("a", 1, 1), ("b", 1, 2), ("c", 2, 2)):
+            path = self.folder / f"{name}.mha"
+            self.assertEqual(run("phantom", "-o", path, *PHANTOM, "--seed", seed, threads=threads).returncode, SUCCESS)
+            files.append(path.read_bytes())
+        self.assertEqual(files[0], files[1])
+        self.assertNotEqual(files[0], files[2])
+
+    def test_truth_at_the_sweeps_own_planes_is_the_sweep(self):
+        truth = self.folder / "truth.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", truth, *PHANTOM, "--truth", self.sweep)
+        self.assertEqual(read_sequence(truth)[1], read_sequence(self.sweep)[1])
+
+    def test_noise_moves_recorded_poses_only(self):
+        noisy, true = self.folder / "noisy.mha", self.folder / "true.mha"
+        noise = [*PHANTOM, "--tracking-noise", "0.5"]
+        self.expect(SUCCESS, "phantom", "-o", noisy, *noise)
+        self.expect(SUCCESS, "phantom", "-o", true, *noise, "--true-poses")
+        self.assertEqual(read_sequence(noisy)[1], read_sequence(true)[1])
+        self.assertNotEqual(read_sequence(noisy)[0], read_sequence(true)[0])
+        self.assertEqual(read_sequence(true)[0], read_sequence(self.sweep)[0])
+
+
+class Info(CommandTest):
+    def test_sequence(self):
+        answer = self.expect(SUCCESS, "info", self.sweep)
+        self.assertEqual(answer["kind"], "sequence")
+        self.assertEqual((answer["frames"], answer["width"], answer["height"]), (9, 48, 40))
+        self.assertAlmostEqual(answer["pixel_size"][0], 0.6, places=9)
+        self.assertIn("Image", answer["chain"])
+        self.assertIn("ImageToReference", [transform["name"] for transform in answer["transforms"]])
+        self.assertGreater(answer["plane_spacing"]["median"], 0.1)
+        self.assertEqual(answer["rejected"], [])
+        text = run("info", self.sweep).stdout
+        for word in ("Frames", "Transforms", "Chain used", "Pixel", "Plane spacing", "Extent", "Orientation"):
+            self.assertIn(word, text)
+
+    def test_rejected_frames_are_named(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        some = self.folder / "some.mha"
+        write_sequence(some, header.replace("Seq_Frame0003_ImageToReferenceTransformStatus = OK",
+                                            "Seq_Frame0003_ImageToReferenceTransformStatus = INVALID"), pixels)
+        answer = self.expect(SUCCESS, "info", some)
+        self.assertEqual((answer["frames_in_file"], answer["frames"]), (9, 8))
+        self.assertEqual(answer["rejected"][0]["frames"], 1)
+        self.assertIn("INVALID", answer["rejected"][0]["reason"])
+        self.assertIn("Rejected", run("info", some).stdout)
+
+        none = self.folder / "none.mha"
+        write_sequence(none, header.replace("TransformStatus = OK", "TransformStatus = INVALID"), pixels)
+        answer = self.expect(BAD_INPUT, "info", none)
+        self.assertEqual(answer["rejected"][0]["frames"], 9)
+        self.expect(BAD_INPUT, "train", none, "-o", self.folder / "x.vtp")
+
+    def test_field(self):
+        answer = self.expect(SUCCESS, "info", self.field)
+        self.assertEqual(answer["kind"], "field")
+        self.assertEqual(answer["gaussians"], 400)
+        self.assertGreater(answer["gamma"], 0)
+        self.assertEqual(answer["provenance"]["seed"], "1")
+        self.assertEqual(answer["provenance"]["sequence"], "sweep.igs.mha")
+
+    def test_devices(self):
+        answer = self.expect(SUCCESS, "info", "--devices")
+        names = [engine["name"] for engine in answer["engines"]]
+        self.assertIn("cpu", names)
+        self.assertIn("reference", names)
+
+    def test_bad_files(self):
+        self.expect(BAD_INPUT, "info", self.folder / "absent.mha", says="absent.mha")
+        self.expect(BAD_INPUT, "info", self.folder, says="folder")
+        empty = self.folder / "empty.mha"
+        empty.write_bytes(b"")
+        self.expect(BAD_INPUT, "info", empty, says="empty.mha")
+        header, pixels, offset = read_sequence(self.sweep)
+        cut = self.folder / "cut.mha"
+        cut.write_bytes(self.sweep.read_bytes()[:offset // 2])
+        self.expect(BAD_INPUT, "info", cut, says="cut.mha")
+        self.expect(BAD_INPUT, "info", self.sweep, "--image-to", "Moon", says="Moon")
+
+
+class Train(CommandTest):
+    def test_json_keys(self):
+        log = self.folder / "log.csv"
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4,
+                             "--log", log, "--seed", 7)
+        self.assertEqual(answer["gaussians"], 400)
+        self.assertEqual(answer["iterations"], 12)
+        self.assertEqual(answer["seed"], 7)
+        self.assertIsInstance(answer["seconds"], float)
+        self.assertIsInstance(answer["device"], str)
+        self.assertGreater(answer["peak_memory_bytes"], 1 << 20)
+        self.assertIs(answer["interrupted"], False)
+        held_out = answer["held_out"]
+        self.assertEqual(held_out["frames"], 2, "frames 2 and 6 of 9")
+        self.assertEqual(answer["training_frames"], 7)
+        for key in ("psnr", "psnr_std", "ssim", "bfs"):
+            self.assertTrue(math.isfinite(held_out[key]), key)
+        self.assertEqual(set(answer["baselines"]), {"nearest", "neighbour_average", "pose_interpolation", "compounding"})
+        for name, scores in answer["baselines"].items():
+            for key in ("psnr", "ssim"):
+                self.assertTrue(math.isfinite(scores[key]), (name, key))
+        with open(log, newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual(int(rows[-1]["iteration"]), 12)
+        self.assertGreater(float(rows[-1]["loss"]), 0)
+
+    def test_without_hold_out_there_is_no_score(self):
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.ply", *TINY)
+        self.assertIsNone(answer["held_out"])
+        self.assertIsNone(answer["baselines"])
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4,
+                             "--no-baselines")
+        self.assertIsNotNone(answer["held_out"])
+        self.assertIsNone(answer["baselines"])
+
+    def test_training_predicts_better_than_its_seeds(self):
+        scores = []
+        for iterations in (0, 120):
+            answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--gaussians", 2000,
+                                 "--iterations", iterations, "--hold-out", 4, "--no-baselines", "--batch", 4)
+            scores.append(answer["held_out"]["psnr"])
+        self.assertGreater(scores[1], scores[0])
+
+    def test_same_bits_for_any_number_of_threads(self):
+        fields = []
+        for threads in (1, 2, 7):
+            folder = self.folder / str(threads)
+            folder.mkdir()
+            path = folder / "f.vtp"
+            self.assertEqual(run("train", self.sweep, "-o", path, *TINY, threads=threads).returncode, SUCCESS)
+            fields.append(path.read_bytes())
+        self.assertEqual(fields[0], fields[1])
+        self.assertEqual(fields[0], fields[2])
+        self.assertEqual(run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--seed", 2).returncode, SUCCESS)
+        self.assertNotEqual(fields[0], (self.folder / "f.vtp").read_bytes())
+
+    def test_held_out_pixels_never_reach_training(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        frame = 48 * 40
+        for hold_out, held in ((4, (2, 6)), (3, (1, 4, 7))):
+            poisoned = bytearray(pixels)
+            for k in held:
+                poisoned[k * frame:(k + 1) * frame] = bytes(255 - value for value in poisoned[k * frame:(k + 1) * frame])
+            spoiled = bytearray(pixels)
+            spoiled[0:frame] = bytes(255 - value for value in spoiled[0:frame])
+            fields = []
+            for name, data in (("clean", pixels), ("poisoned", poisoned), ("spoiled", spoiled)):
+                folder = self.folder / f"{name}{hold_out}"
+                folder.mkdir()
+                sequence = folder / "s.igs.mha"
+                write_sequence(sequence, header, data)
+                result = run("train", sequence, "-o", folder / "f.vtp", *TINY, "--hold-out", hold_out)
+                self.assertEqual(result.returncode, SUCCESS, result.stderr)
+                fields.append((folder / "f.vtp").read_bytes())
+            self.assertEqual(fields[0], fields[1], f"held-out frames {held} took part in training")
+            self.assertNotEqual(fields[0], fields[2], "a training frame did not")
+
+    def test_reduce(self):
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--reduce", 2)
+        self.assertEqual((answer["width"], answer["height"]), (24, 20))
+        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "g.vtp", *TINY, "--reduce", 50)
+
+    def test_elevation_sigma(self):
+        for given, expected in (("0", 0), ("0.55", 0.55), ("auto", None)):
+            answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY,
+                                 "--elevation-sigma", given)
+            if expected is None:
+                self.assertGreater(answer["elevation_sigma"], 0)
+            else:
+                self.assertAlmostEqual(answer["elevation_sigma"], expected, places=12)
+
+    def test_positive_only(self):
+        path = self.folder / "f.vtp"
+        self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, "--positive-only")
+        self.assertGreaterEqual(self.expect(SUCCESS, "info", path)["reflectivity"]["minimum"], 0)
+
+    def test_continue_from_a_field(self):
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--continue", self.field,
+                             "--iterations", 3)
+        self.assertEqual(answer["gaussians"], 400)
+
+    def test_time_limit(self):
+        start = time.monotonic()
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--gaussians", 5000,
+                             "--iterations", 10000000, "--time-limit", 1)
+        self.assertLess(time.monotonic() - start, 30)
+        self.assertLess(answer["iterations"], 10000000)
+
+    def test_unwritable_output_is_found_before_training(self):
+        start = time.monotonic()
+        long = ["--iterations", "10000000"]
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "no" / "f.vtp", *long, says="f.vtp")
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder, *long)
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "f.txt", *long, says=".vtp or .ply")
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "f.vtp", *long, "--log",
+                    self.folder / "no" / "log.csv", says="log.csv")
+        self.assertLess(time.monotonic() - start, 30)
+        self.assertNothingIn(self.folder)
+
+    def test_bad_sequences(self):
+        header, pixels, offset = read_sequence(self.sweep)
+        whole = self.sweep.read_bytes()
+        cases = {"truncated.mha": whole[:offset + 100],
+                 "empty.mha": b"",
+                 "text.mha": b"hello\n",
+                 "nan.mha": re.sub(rb"(ImageToReferenceTransform =) \S+", rb"\1 nan", whole),
+                 "singular.mha": re.sub(rb"(ImageToReferenceTransform =)[^\n]*", rb"\1" + b" 0" * 16, whole)}
+        for name, data in cases.items():
+            path = self.folder / name
+            path.write_bytes(data)
+            with self.subTest(name):
+                self.expect(BAD_INPUT, "train", path, "-o", self.folder / "f.vtp", *TINY, says=name)
+        black = self.folder / "black.mha"
+        write_sequence(black, header, bytes(len(pixels)))
+        self.expect(BAD_INPUT, "train", black, "-o", self.folder / "f.vtp", *TINY)
+        self.expect(BAD_INPUT, "train", self.folder / "absent.mha", "-o", self.folder / "f.vtp", says="absent.mha")
+        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--config", self.folder / "no.xml",
+                    says="no.xml")
+        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--engine", "steam", says="steam")
+        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--image-to", "Moon", says="Moon")
+        self.assertFalse((self.folder / "f.vtp").exists())
+
+    def test_interrupt_saves_the_best_so_far(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(number):
+                path = self.folder / "f.vtp"
+                process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--gaussians", "2000",
+                                            "--iterations", "10000000", "--hold-out", "4", "--json", "--progress"],
+                                           stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                seen = b""
+                while b"Training [" not in seen:  # the bar of the training phase
+                    chunk = os.read(process.stderr.fileno(), 4096)
+                    self.assertTrue(chunk, seen)
+                    seen += chunk
+                time.sleep(0.5)
+                process.send_signal(number)
+                stdout, _ = process.communicate(timeout=60)
+                self.assertEqual(process.returncode, INTERRUPTED)
+                answer = json.loads(stdout)
+                self.assertIs(answer["interrupted"], True)
+                self.assertGreater(answer["iterations"], 0)
+                self.assertEqual(self.expect(SUCCESS, "info", path)["gaussians"], 2000)
+                self.assertEqual(os.listdir(self.folder), ["f.vtp"])
+                path.unlink()
+
+    def test_messages_and_bar_keep_off_stdout(self):
+        result = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--progress", "--json")
+        json.loads(result.stdout)
+        self.assertIn("100 %", result.stderr)
+        quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
+        self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
+        self.assertIn("400 Gaussians", quiet.stdout)
+
+
+class Slice(CommandTest):
+    def test_at_the_sweeps_planes(self):
+        out = self.folder / "again.igs.mha"
+        answer = self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", out)
+        self.assertEqual((answer["slices"], answer["width"], answer["height"]), (9, 48, 40))
+        mine, theirs = (re.findall(r"ImageToReferenceTransform = (.*)", read_sequence(path)[0])
+                        for path in (out, self.sweep))
+        for a, b in zip(mine, theirs):
+            for x, y in zip(a.split(), b.split()):
+                self.assertAlmostEqual(float(x), float(y), places=9)
+        self.assertGreater(self.expect(SUCCESS, "metrics", out, self.sweep)["psnr"], 10)
+
+    def test_png_is_the_same_picture(self):
+        out, png = self.folder / "one.mha", self.folder / "one.png"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 3, "-o", out)
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 3, "-o", png)
+        self.assertEqual(read_png(png), (48, 40, read_sequence(out)[1]))
+
+    def test_many_pngs_are_numbered_by_frame(self):
+        answer = self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", "1,4-5", "-o",
+                             self.folder / "s.png")
+        names = ["s_001.png", "s_004.png", "s_005.png"]
+        self.assertEqual(sorted(os.listdir(self.folder)), names)
+        self.assertEqual([pathlib.Path(name).name for name in answer["output"]], names)
+
+    def test_nrrd_reads_back(self):
+        mha, nrrd = self.folder / "s.mha", self.folder / "s.nrrd"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", mha)
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", nrrd)
+        self.assertEqual(self.expect(SUCCESS, "info", nrrd)["bounds"], self.expect(SUCCESS, "info", mha)["bounds"])
+        self.assertIsNone(self.expect(SUCCESS, "metrics", nrrd, mha)["psnr"], "infinite, so null")
+
+    def test_float_rounds_to_bytes(self):
+        byte, real = self.folder / "b.mha", self.folder / "r.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", byte)
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", real, "--type", "float")
+        pixels, raw = read_sequence(byte)[1], read_sequence(real)[1]
+        values = struct.unpack(f"<{len(raw) // 4}f", raw)
+        self.assertLess(max(abs(255 * v - p) for v, p in zip(values, pixels)), 0.5 + 1e-4)
+
+    def test_scattering_relates_to_intensity(self):
+        real, s = self.folder / "r.mha", self.folder / "s.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", real, "--type", "float", "--frames", 2)
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", s, "--mode", "scattering", "--frames", 2)
+        gamma = self.expect(SUCCESS, "info", self.field)["gamma"]
+        for i, scattering in zip(struct.iter_unpack("<f", read_sequence(real)[1]),
+                                 struct.iter_unpack("<f", read_sequence(s)[1])):
+            self.assertAlmostEqual(i[0], 1 - math.exp(-gamma * max(scattering[0], 0)), delta=2e-5)
+
+    def test_planes_from_csv(self):
+        plane = self.poses_csv(IDENTITY)
+        self.expect(BAD_INPUT, "slice", self.field, "--poses", plane, "-o", self.folder / "x.png", says="--size")
+        answer = self.expect(SUCCESS, "slice", self.field, "--poses", plane, "--size", 30, 20, "-o",
+                             self.folder / "x.png")
+        self.assertEqual((answer["width"], answer["height"]), (30, 20))
+
+    def test_planes_from_markup(self):
+        markup = {"@schema": "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/"
+                             "Schema/markups-schema-v1.0.3.json#",
+                  "markups": [{"type": "Plane", "coordinateSystem": "RAS", "coordinateUnits": "mm",
+                               "center": [0, 12, 0], "normal": [0, 0, 1], "size": [20, 10],
+                               "objectToBase": IDENTITY, "baseToNode": IDENTITY, "orientation": IDENTITY[:3]
+                               + IDENTITY[4:7] + IDENTITY[8:11],
+                               "controlPoints": [{"id": "1", "position": [0, 12, 0]}]}]}
+        path = self.folder / "plane.mrk.json"
+        path.write_text(json.dumps(markup))
+        answer = self.expect(SUCCESS, "slice", self.field, "--poses", path, "--spacing", 0.5, "-o",
+                             self.folder / "x.png")
+        self.assertEqual(answer["slices"], 1)
+        self.assertAlmostEqual(answer["width"], 40, delta=1)
+        self.assertAlmostEqual(answer["height"], 20, delta=1)
+
+    def test_reduce_and_spacing_keep_the_upper_left_corner(self):
+        def first_and_step(*options):
+            out = self.folder / "s.mha"
+            self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 4, "-o", out, *options)
+            row = re.search(r"ImageToReferenceTransform = (.*)", read_sequence(out)[0]).group(1)
+            m = [float(value) for value in row.split()]
+            size = re.search(r"DimSize = (\d+) (\d+)", read_sequence(out)[0]).groups()
+            return [m[3], m[7], m[11]], [m[0], m[4], m[8]], [m[1], m[5], m[9]], tuple(map(int, size))
+
+        origin, columns, rows, _ = first_and_step()
+        for options, factor, size in ((["--reduce", 2], 2, (24, 20)), (["--spacing", 0.3], 0.5, (96, 80))):
+            new_origin, new_columns, new_rows, new_size = first_and_step(*options)
+            self.assertEqual(new_size, size)
+            for k in range(3):
+                self.assertAlmostEqual(new_columns[k], factor * columns[k], places=9)
+                corner = origin[k] - 0.5 * (columns[k] + rows[k])
+                self.assertAlmostEqual(new_origin[k] - 0.5 * (new_columns[k] + new_rows[k]), corner, places=9)
+
+    def test_a_plane_that_misses_is_black(self):
+        far = list(IDENTITY)
+        far[11] = 5000
+        out, coverage = self.folder / "x.mha", self.folder / "c.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.poses_csv(far), "--size", 30, 20, "-o", out,
+                    "--coverage", coverage)
+        self.assertEqual(read_sequence(out)[1], bytes(600))
+        self.assertEqual(read_sequence(coverage)[1], bytes(2400))
+
+    def test_coverage_is_there_where_the_sweep_was(self):
+        coverage = self.folder / "c.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "x.mha", "--frames", 4,
+                    "--coverage", coverage)
+        values = [v[0] for v in struct.iter_unpack("<f", read_sequence(coverage)[1])]
+        self.assertGreater(sum(v > 0 for v in values) / len(values), 0.9)
+        self.assertGreaterEqual(min(values), 0)
+
+    def test_bad_input(self):
+        out = self.folder / "x.mha"
+        poses = ["--poses", self.sweep]
+        self.expect(BAD_INPUT, "slice", self.folder / "no.vtp", *poses, "-o", out, says="no.vtp")
+        self.expect(BAD_INPUT, "slice", self.sweep, *poses, "-o", out)
+        self.expect(BAD_INPUT, "slice", self.field, "--poses", self.folder / "no.csv", "-o", out, says="no.csv")
+        self.expect(BAD_INPUT, "slice", self.field, *poses, "-o", out, "--frames", "99", says="--frames")
+        self.expect(BAD_INPUT, "slice", self.field, *poses, "-o", out, "--frames", "3-1", says="--frames")
+        self.expect(BAD_INPUT, "slice", self.field, *poses, "-o", out, "--frames", "1;2", says="--frames")
+        self.expect(BAD_INPUT, "slice", self.field, *poses, "-o", out, "--size", 65536, 65536, says="pixels")
+        self.expect(BAD_INPUT, "slice", self.field, *poses, "-o", out, "--reduce", 200)
+        text = self.field.read_text(errors="replace").replace('Name="Scale"', 'Name="Size_"')
+        (self.folder / "broken.vtp").write_text(text)
+        self.expect(BAD_INPUT, "slice", self.folder / "broken.vtp", *poses, "-o", out)
+        self.assertFalse(out.exists())
+
+    def test_unwritable(self):
+        poses = ["--poses", self.sweep]
+        self.expect(CANNOT_WRITE, "slice", self.field, *poses, "-o", self.folder / "no" / "x.mha")
+        self.expect(CANNOT_WRITE, "slice", self.field, *poses, "-o", self.folder / "x.bmp", says=".png")
+        self.expect(CANNOT_WRITE, "slice", self.field, *poses, "-o", self.folder / "x.png", "--type", "float")
+        self.assertNothingIn(self.folder)
+
+
+class Voxelize(CommandTest):
+    def test_formats_agree(self):
+        answers = {}
+        for ending in ("mha", "nrrd", "vti"):
+            path = self.folder / f"v.{ending}"
+            answers[ending] = self.expect(SUCCESS, "voxelize", self.field, "-o", path, "--spacing", 1.5)
+            self.assertEqual(answers[ending]["spacing"], [1.5, 1.5, 1.5])
+        self.assertEqual(answers["mha"]["size"], answers["vti"]["size"])
+        for ending in ("nrrd", "vti"):
+            self.assertIsNone(self.expect(SUCCESS, "metrics", self.folder / f"v.{ending}",
+                                          self.folder / "v.mha")["psnr"], "equal")
+        header, pixels, _ = read_sequence(self.folder / "v.mha")
+        nx, ny, nz = answers["mha"]["size"]
+        self.assertIn(f"DimSize = {nx} {ny} {nz}\n", header)
+        self.assertEqual(len(pixels), nx * ny * nz)
+        offset = [float(v) for v in re.search(r"Offset = (.*)", header).group(1).split()]
+        for a, b in zip(offset, answers["mha"]["origin"]):
+            self.assertAlmostEqual(a, b, places=9)
+
+    def test_errors(self):
+        self.expect(BAD_INPUT, "voxelize", self.folder / "no.vtp", "-o", self.folder / "v.mha", says="no.vtp")
+        self.expect(BAD_INPUT, "voxelize", self.field, "-o", self.folder / "v.mha", "--spacing", 1e-5)
+        self.expect(CANNOT_WRITE, "voxelize", self.field, "-o", self.folder / "no" / "v.mha", says="v.mha")
+        self.expect(CANNOT_WRITE, "voxelize", self.field, "-o", self.folder / "v.stl", says=".vti")
+        self.assertNothingIn(self.folder)
+
+
+class Metrics(CommandTest):
+    def test_keys_and_an_exact_number(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        shifted = self.folder / "shifted.mha"
+        write_sequence(shifted, header, bytes(value + 5 if value < 250 else value - 5 for value in pixels))
+        answer = self.expect(SUCCESS, "metrics", shifted, self.sweep)
+        self.assertAlmostEqual(answer["psnr"], 20 * math.log10(255 / 5), places=4)
+        self.assertEqual(answer["images"], 9)
+        for key in ("ssim", "bfs", "mean_contrast", "contrast_distribution", "rayleigh"):
+            self.assertTrue(0 < answer[key] <= 1, key)
+        self.assertAlmostEqual(answer["bfs"], 0.4 * answer["mean_contrast"] + 0.4 * answer["contrast_distribution"]
+                               + 0.2 * answer["rayleigh"], places=9)
+
+    def test_equal_images(self):
+        answer = self.expect(SUCCESS, "metrics", self.sweep, self.sweep)
+        self.assertIsNone(answer["psnr"], "infinity is null in JSON")
+        self.assertAlmostEqual(answer["ssim"], 1, places=6)
+        self.assertAlmostEqual(answer["bfs"], 1, places=6)
+
+    def test_errors(self):
+        other = self.folder / "other.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", "0-2", "-o", other)
+        self.expect(BAD_INPUT, "metrics", other, self.sweep, says="48 x 40 x 9")
+        self.expect(BAD_INPUT, "metrics", self.folder / "no.png", self.sweep, says="no.png")
+        text = self.folder / "text.png"
+        text.write_text("no picture")
+        self.expect(BAD_INPUT, "metrics", text, self.sweep, says="text.png")
+        small = self.folder / "small.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--size", 8, 8, "-o", small)
+        self.expect(BAD_INPUT, "metrics", small, small)
+
+
+class Convert(CommandTest):
+    def test_field_to_ply_and_back(self):
+        ply, vtp = self.folder / "f.ply", self.folder / "f.vtp"
+        self.assertEqual(self.expect(SUCCESS, "convert", self.field, ply)["gaussians"], 400)
+        self.expect(SUCCESS, "convert", ply, vtp)
+        before, after = self.expect(SUCCESS, "info", self.field), self.expect(SUCCESS, "info", vtp)
+        for key in ("gaussians", "gamma", "elevation_sigma"):
+            self.assertEqual(before[key], after[key])
+        for a, b in zip(before["bounds"], after["bounds"]):
+            self.assertAlmostEqual(a, b, places=4)
+
+    def test_sequence(self):
+        nrrd, mha = self.folder / "s.nrrd", self.folder / "s.igs.mha"
+        self.expect(SUCCESS, "convert", self.sweep, nrrd)
+        self.assertEqual(self.expect(SUCCESS, "convert", nrrd, mha)["frames"], 9)
+        self.assertEqual(read_sequence(mha)[1], read_sequence(self.sweep)[1])
+
+    def test_errors(self):
+        self.expect(BAD_INPUT, "convert", self.folder / "no.vtp", self.folder / "f.ply", says="no.vtp")
+        self.expect(CANNOT_WRITE, "convert", self.field, self.folder / "f.mha", says=".ply")
+        self.expect(CANNOT_WRITE, "convert", self.sweep, self.folder / "s.ply", says=".mha")
+        self.expect(CANNOT_WRITE, "convert", self.sweep, self.folder / "no" / "s.mha")
+        self.assertNothingIn(self.folder)
+
+
+if __name__ == "__main__":
+    BIGUS = sys.argv.pop(1)
+    unittest.main()
