@@ -17,7 +17,7 @@ cmake --build "$build_folder" --parallel "$(nproc)"
 # writes it to its standard output, which is our end of the coprocess's pipe.
 server_log=$(mktemp)
 coproc server { exec Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2>"$server_log"; }
-server_pid=$server_PID
+server_pid=$!
 trap 'kill "$server_pid" 2>/dev/null || true; rm -f "$server_log"' EXIT
 if ! read -r -t 60 -u "${server[0]}" display; then
   echo "The virtual X server did not start:" >&2
