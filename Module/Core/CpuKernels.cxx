@@ -25,7 +25,14 @@ struct RowSpan
   float dv, eta2;
 };
 
-static inline RowSpan SpanOf(const VisibleSplat& s, int row)
+/// What SpanOf needs of a splat, with the divisions done once.
+struct Shape
+{
+  float inverseU11, skew;
+  explicit Shape(const VisibleSplat& s) : inverseU11(1.0f / s.splat.u11), skew(s.splat.u12 * inverseU11) {}
+};
+
+static inline RowSpan SpanOf(const VisibleSplat& s, const Shape& shape, int row)
 {
   RowSpan span;
   span.dv = static_cast<float>(row) - s.splat.mv;
@@ -37,8 +44,8 @@ static inline RowSpan SpanOf(const VisibleSplat& s, int row)
     return span;
   }
   // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floats, where infinity is harmless.
-  const float half = std::sqrt(rest) / s.splat.u11;
-  const float centre = s.splat.mu - s.splat.u12 / s.splat.u11 * span.dv;
+  const float half = std::sqrt(rest) * shape.inverseU11;
+  const float centre = s.splat.mu - shape.skew * span.dv;
   const float low = static_cast<float>(s.columnBegin), high = static_cast<float>(s.columnEnd);
   span.begin = static_cast<int>(std::min(std::max(std::ceil(centre - half), low), high));
   span.end = static_cast<int>(std::max(std::min(std::floor(centre + half) + 1.0f, high), low));
@@ -56,12 +63,13 @@ void AddFootprintsImpl(const VisibleSplat* splats, std::size_t count, int rowBeg
   {
     const VisibleSplat& s = splats[i];
     const int begin = std::max(rowBegin, s.rowBegin), end = std::min(rowEnd, s.rowEnd);
+    const Shape shape(s);
     const auto u11 = hn::Set(d, s.splat.u11);
     const auto value = hn::Set(d, s.value);
     const auto mu = hn::Set(d, s.splat.mu);
     for (int row = begin; row < end; ++row)
     {
-      const RowSpan span = SpanOf(s, row);
+      const RowSpan span = SpanOf(s, shape, row);
       const auto shift = hn::Set(d, s.splat.u12 * span.dv);
       const auto constant = hn::Set(d, s.logAmplitude - 0.5f * span.eta2 * span.eta2);
       float* out = scattering.data + (row - scattering.firstRow) * scattering.stride - scattering.firstColumn;
@@ -93,13 +101,14 @@ void GatherMomentsImpl(const VisibleSplat* splats, std::size_t count, const Pixe
   for (std::size_t i = 0; i < count; ++i)
   {
     const VisibleSplat& s = splats[i];
+    const Shape shape(s);
     const auto u11 = hn::Set(d, s.splat.u11);
     const auto mu = hn::Set(d, s.splat.mu);
     auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d), m22 = hn::Zero(d),
          error = hn::Zero(d);
     for (int row = s.rowBegin; row < s.rowEnd; ++row)
     {
-      const RowSpan span = SpanOf(s, row);
+      const RowSpan span = SpanOf(s, shape, row);
       const auto shift = hn::Set(d, s.splat.u12 * span.dv);
       const auto constant = hn::Set(d, s.logAmplitude - 0.5f * span.eta2 * span.eta2);
       const float* in = derivative.data + (row - derivative.firstRow) * derivative.stride - derivative.firstColumn;
