@@ -112,7 +112,6 @@ public:
     double toA, toB;       // mm along the line, signed
     bool inA, inB;         // whether that is inside the image
     double Gap() const { return std::abs(toA) + std::abs(toB); }
-    bool IsBetween() const { return toA * toB <= 0; }
   };
 
   Feet Find(const Eigen::Vector3d& point) const
@@ -224,28 +223,39 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 {
   CheckTraining(sweep, training);
   std::vector<FrameInSpace> frames;
-  std::vector<FramePair> pairs;
+  std::vector<FramePair> pairs;          // pairs[k] are frames k and k + 1
+  std::vector<Eigen::Vector3d> normals;  // all to the same side
   for (int frame : training)
   {
     frames.emplace_back(sweep, frame);
-    if (frames.size() > 1)
+    Eigen::Vector3d normal = frames.back().Plane().Normal();
+    if (!normals.empty())
     {
       pairs.emplace_back(frames[frames.size() - 2], frames.back());
+      normal *= normal.dot(normals.back()) < 0 ? -1.0 : 1.0;
     }
+    normals.push_back(normal);
   }
   ForEachPixel(plane, image,
                [&](const Eigen::Vector3d& x)
                {
                  double smallest = std::numeric_limits<double>::infinity();
                  double intensity = 0;
-                 for (const FramePair& pair : pairs)
+                 double before = 0;  // signed distance from the frame before
+                 for (std::size_t k = 0; k < frames.size(); ++k)
                  {
-                   const FramePair::Feet feet = pair.Find(x);
-                   if (feet.IsBetween() && feet.Gap() < smallest && (feet.inA || feet.inB))
+                   const double distance = normals[k].dot(x - frames[k].Plane().origin);
+                   const double gap = std::abs(before) + std::abs(distance);
+                   if (k > 0 && before * distance <= 0 && gap < smallest)
                    {
-                     smallest = feet.Gap();
-                     intensity = pair.Mix(feet);
+                     const FramePair::Feet feet = pairs[k - 1].Find(x);
+                     if (feet.inA || feet.inB)
+                     {
+                       smallest = gap;
+                       intensity = pairs[k - 1].Mix(feet);
+                     }
                    }
+                   before = distance;
                  }
                  if (std::isfinite(smallest))
                  {
