@@ -94,6 +94,16 @@ void RequestWholeInput(vtkInformationVector* connections)
   }
 }
 
+void ForgetRequests(vtkInformationVector* outputs)
+{
+  const int nothing[6] = {0, -1, 0, -1, 0, -1};
+  for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
+  {
+    outputs->GetInformationObject(port)->Set(vtkStreamingDemandDrivenPipeline::COMBINED_UPDATE_EXTENT(),
+                                             nothing, 6);
+  }
+}
+
 void CheckPixelFormat(ViewOutput output, int scalarType)
 {
   if (scalarType != VTK_FLOAT && scalarType != VTK_UNSIGNED_CHAR)

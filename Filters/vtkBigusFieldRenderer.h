@@ -45,6 +45,10 @@ vtkPolyData* UpdatedInput(vtkAlgorithm* filter);
 /// Asks the connections of an input port for all of their data, whole images and undivided fields.
 void RequestWholeInput(vtkInformationVector* connections);
 
+/// Withdraws what was asked of a filter that failed: VTK keeps it otherwise, and adds it to every later
+/// request.
+void ForgetRequests(vtkInformationVector* outputs);
+
 /// Throws Error unless pixels of this type can hold what is wanted.
 void CheckPixelFormat(ViewOutput output, int scalarType);
 
@@ -67,7 +71,7 @@ public:
   {
     std::string engine = "auto";
     double elevationSigma = -1;  ///< mm; negative: the field's own
-    double tolerance = 1e-4;     ///< on one Gaussian's part in the intensity; 0 evaluates everything
+    double tolerance = 1e-4;     ///< on the intensity of a pixel; 0 leaves nothing out
   };
 
   /// The field of this input, read again only when it changed. Throws Error.

@@ -592,6 +592,7 @@ int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector**
   catch (const std::exception& error)
   {
     clear();
+    bigus::ForgetRequests(outputs);
     vtkErrorMacro(<< error.what());
     this->SetErrorCode(vtkErrorCode::UserError);
     return 0;

@@ -184,8 +184,8 @@ public:
 
   ///@{
   /**
-   * How much of one Gaussian may be left out of a pixel's intensity to save time, 0 to 1, default 1e-4 (a
-   * fortieth of a grey level of 255). 0 evaluates every Gaussian at every pixel.
+   * The most by which a pixel's intensity may be off because Gaussians too faint to matter are left out, 0 to
+   * 1, default 1e-4 (a fortieth of a grey level of 255). 0 evaluates every Gaussian at every pixel.
    */
   vtkSetMacro(Tolerance, double);
   vtkGetMacro(Tolerance, double);

@@ -199,7 +199,8 @@ public:
 
   ///@{
   /**
-   * How much of one Gaussian may be left out of a pixel's scattering S during training, 0 to 1, default 1e-3.
+   * The part of one Gaussian that may be left out of a pixel's scattering S during training, 0 to 1, default
+   * 1e-3.
    */
   vtkSetMacro(Tolerance, double);
   vtkGetMacro(Tolerance, double);

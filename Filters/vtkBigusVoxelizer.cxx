@@ -270,6 +270,7 @@ int vtkBigusVoxelizer::RequestData(vtkInformation*, vtkInformationVector** input
   catch (const std::exception& error)
   {
     image->Initialize();
+    bigus::ForgetRequests(outputs);
     vtkErrorMacro(<< error.what());
     this->SetErrorCode(vtkErrorCode::UserError);
     return 0;

@@ -124,7 +124,8 @@ public:
 
   ///@{
   /**
-   * How much of one Gaussian may be left out of a voxel's intensity to save time, 0 to 1, default 1e-4.
+   * The most by which a voxel's intensity may be off because Gaussians too faint to matter are left out, 0 to
+   * 1, default 1e-4. 0 evaluates every Gaussian at every voxel.
    */
   vtkSetMacro(Tolerance, double);
   vtkGetMacro(Tolerance, double);
