@@ -144,6 +144,10 @@ int vtkBigusPhantomSource::RequestInformation(vtkInformation*, vtkInformationVec
   {
     vtkErrorMacro(<< error.what());
     this->SetErrorCode(vtkErrorCode::UnknownError);
+    if (vtkImageData* output = vtkImageData::GetData(info))
+    {
+      output->Initialize();  // an earlier result is not the answer to these options
+    }
     return 0;
   }
 }
@@ -198,6 +202,7 @@ bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int wid
     return false;
   }
   truth->Initialize();
+  this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
     const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> pose(imageToReference->GetData());

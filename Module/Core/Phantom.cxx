@@ -394,22 +394,20 @@ void ForEachCell(const Aperture& aperture, const Slab& slab, double cell, Visit&
   }
 }
 
-/// Amplitude, relative to parenchyma's root mean square, of the scatterer that 64 random bits may have put at
-/// a point; 0 when there is none. `share` is the probability of one in parenchyma.
+/// Amplitude of the scatterer that 32 random bits may have put at a point, 0 when there is none; parenchyma's
+/// are 1. `share` is the probability of one in parenchyma. Equal amplitudes, a fixed number to a cell, bring
+/// the sum closest to fully developed speckle for a given density.
 double AmplitudeAt(const PhantomOptions& options, const Eigen::Vector3d& point, double share,
-                   std::uint64_t chance)
+                   std::uint32_t chance)
 {
   const bool organ = options.scene == PhantomScene::Organ;
   const Tissue kind = organ ? OrganAt(point) : Tissue::Parenchyma;
   const TissueProperties& tissue = PropertiesOf(kind);
-  if (Uniform(static_cast<std::uint32_t>(chance >> 32)) >= share * tissue.density)
+  if (Uniform(chance) >= share * tissue.density)
   {
     return 0;
   }
-  // a^2 is exponential: <a^2> = 1 and <a^4> = 2 give the intensity the contrast of fully developed speckle
-  // even where scatterers are few.
-  const double texture = organ && kind == Tissue::Parenchyma ? ParenchymaTexture(point) : 1;
-  return texture * tissue.amplitude * std::sqrt(-std::log(Uniform(static_cast<std::uint32_t>(chance))));
+  return tissue.amplitude * (organ && kind == Tissue::Parenchyma ? ParenchymaTexture(point) : 1);
 }
 
 /// Calls visit(Scatterer) for every scatterer that can reach the image, in an order that depends on the plane
@@ -472,7 +470,7 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture, c
           const auto inside = [&](int shift) { return ((place >> shift & 0x1fffff) + 0.5) / 2097152.0; };
           const Eigen::Vector3d point =
               Eigen::Vector3d(c[0] + inside(0), c[1] + inside(21), c[2] + inside(42)) * cell;
-          const std::uint64_t chance = Mix(hash + 2 * k + 1);
+          const std::uint32_t chance = static_cast<std::uint32_t>(Mix(hash + 2 * k + 1));
           offer(point, [&] { return unit * AmplitudeAt(options, point, expected / perCell, chance); });
         }
       });
