@@ -188,6 +188,7 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "ReflectivityRate: " << this->ReflectivityRate << "\n";
   os << indent << "FinalRate: " << this->FinalRate << "\n";
   os << indent << "SolveIterations: " << this->SolveIterations << "\n";
+  os << indent << "VirtualPlanes: " << this->VirtualPlanes << "\n";
   os << indent << "MinimumScale: " << this->MinimumScale << "\n";
   os << indent << "MaximumScale: " << this->MaximumScale << "\n";
   os << indent << "DensificationInterval: " << this->DensificationInterval << "\n";
@@ -291,6 +292,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     options.reflectivityRate = this->ReflectivityRate;
     options.finalRate = this->FinalRate;
     options.solveIterations = UnlessNegative(this->SolveIterations);
+    options.virtualPlanes = UnlessNegative(this->VirtualPlanes);
     options.minimumScale = UnlessNegative(this->MinimumScale);
     options.maximumScale = UnlessNegative(this->MaximumScale);
     options.densification.interval = this->DensificationInterval;

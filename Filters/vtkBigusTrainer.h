@@ -249,6 +249,16 @@ public:
 
   ///@{
   /**
+   * Planes added to the training in every gap between neighbouring frames, with the image interpolated there
+   * from the two along the poses: 0 to 8. Negative (default -1): automatic, 1 when planes lie more than 1 mm
+   * apart, else none.
+   */
+  vtkSetMacro(VirtualPlanes, int);
+  vtkGetMacro(VirtualPlanes, int);
+  ///@}
+
+  ///@{
+  /**
    * Bounds of the scales, mm. Negative (default -1): automatic, 0.25 and 48 pixels.
    */
   vtkSetMacro(MinimumScale, double);
@@ -369,6 +379,7 @@ protected:
   double ReflectivityRate = 0.15;
   double FinalRate = 0.05;
   int SolveIterations = -1;
+  int VirtualPlanes = -1;
   double MinimumScale = -1;
   double MaximumScale = -1;
   int DensificationInterval = 0;
