@@ -1,8 +1,9 @@
-// The CPU engine: float factor form, TBB, slab culling, amplitude-aware truncation, and a backward pass that gathers.
+// The CPU engine: float factor form, TBB, slab culling, amplitude-aware truncation, and a backward pass that
+// gathers.
 //
-// Work is cut into fixed chunks of Gaussians and fixed bands of rows, never by the number of threads; a band adds its
-// splats in the order of the Gaussians, a chunk adds its gradients in the order of the frames. So the bits do not
-// depend on how many threads there are, and nothing needs an atomic.
+// Work is cut into fixed chunks of Gaussians and fixed bands of rows, never by the number of threads; a band
+// adds its splats in the order of the Gaussians, a chunk adds its gradients in the order of the frames. So
+// the bits do not depend on how many threads there are, and nothing needs an atomic.
 
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -22,8 +23,9 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t kChunk = 1024;  // Gaussians projected together: enough work for a task, small enough to balance
-constexpr int kBand = 32;             // rows rendered together: a few of them keep every core busy
+constexpr std::size_t kChunk =
+    1024;                  // Gaussians projected together: enough work for a task, small enough to balance
+constexpr int kBand = 32;  // rows rendered together: a few of them keep every core busy
 constexpr float kNegligible = 1e-37f;  // below this an amplitude would be denormal
 
 class CpuEngine final : public Engine
@@ -66,9 +68,9 @@ public:
   {
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
-    const std::vector<View<float>> views{ MakeView<float>(plane, beam_, origin_) };
-    // The tolerance is shared out over the Gaussians that reach the whole plane's slab, whatever the window: so a
-    // window holds the very bits of the whole.
+    const std::vector<View<float>> views{MakeView<float>(plane, beam_, origin_)};
+    // The tolerance is shared out over the Gaussians that reach the whole plane's slab, whatever the window:
+    // so a window holds the very bits of the whole.
     const float tolerance = SplatTolerance(views[0]);
     FindVisible(views, window, Multiplier::Reflectivity, nullptr, tolerance);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
@@ -78,12 +80,13 @@ public:
                std::vector<float> scattering(stride * (end - begin), 0.0f);
                std::vector<float> support(coverage ? scattering.size() : 0, 0.0f);
                const int firstRow = window.firstRow + begin;
-               const PixelRows rows{ scattering.data(), window.firstColumn, firstRow, stride };
-               const PixelRows supportRows{ coverage ? support.data() : nullptr, window.firstColumn, firstRow, stride };
+               const PixelRows rows{scattering.data(), window.firstColumn, firstRow, stride};
+               const PixelRows supportRows{coverage ? support.data() : nullptr, window.firstColumn, firstRow,
+                                           stride};
                for (const Chunk& chunk : chunks_)
                {
-                 AddFootprints(chunk.visible[0].data(), chunk.visible[0].size(), firstRow, window.firstRow + end, rows,
-                               supportRows);
+                 AddFootprints(chunk.visible[0].data(), chunk.visible[0].size(), firstRow,
+                               window.firstRow + end, rows, supportRows);
                }
                for (int row = begin; row < end; ++row)
                {
@@ -91,7 +94,8 @@ public:
                  float* out = image + static_cast<std::size_t>(row) * window.columns;
                  for (int column = 0; column < window.columns; ++column)
                  {
-                   out[column] = output == ViewOutput::Intensity ? transfer_.Intensity(in[column]) : in[column];
+                   out[column] =
+                       output == ViewOutput::Intensity ? transfer_.Intensity(in[column]) : in[column];
                  }
                  if (coverage)
                  {
@@ -119,43 +123,44 @@ public:
     CheckFrames(sweep_, frames);
     gradient_.assign(gaussians_.size(), {});
     scores_.resize(gaussians_.size());
-    const float share = static_cast<float>(1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) *
-                                                  static_cast<double>(frames.size())));
+    const float share =
+        static_cast<float>(1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) *
+                                  static_cast<double>(frames.size())));
     const double loss = ForwardFrames(frames, Multiplier::Reflectivity, nullptr,
                                       [&](int frame, float scattering, float truth, float& derivative)
                                       {
                                         const PixelLoss<float> value =
-                                          EvaluateLoss<float>(kind, transfer_, scattering, truth);
+                                            EvaluateLoss<float>(kind, transfer_, scattering, truth);
                                         const float weight = share * sweep_->Weight(frame);
                                         derivative = weight * value.derivative;
                                         return static_cast<double>(weight) * value.loss;
                                       });
     ForChunks(
-      [&](std::size_t c)
-      {
-        std::vector<Moments<float>> moments;
-        for (std::size_t f = 0; f < frames.size(); ++f)
+        [&](std::size_t c)
         {
-          const std::vector<VisibleSplat>& visible = chunks_[c].visible[f];
-          moments.resize(visible.size());
-          GatherMoments(visible.data(), visible.size(), FrameRows(f), moments.data());
-          for (std::size_t k = 0; k < visible.size(); ++k)
+          std::vector<Moments<float>> moments;
+          for (std::size_t f = 0; f < frames.size(); ++f)
           {
-            const std::uint32_t i = visible[k].gaussian;
-            // Projecting again costs less than carrying 25 floats a splat through memory.
-            const Projection<float> projection = Project(gaussians_[i], views_[f]);
-            const GaussianGradient<float> g = ProjectAdjoint(gaussians_[i], projection, moments[k]);
-            GaussianGradient<float>& sum = gradient_[i];
-            sum.mean = MultiplyAdd(1.0f, g.mean, sum.mean);
-            sum.logScale = MultiplyAdd(1.0f, g.logScale, sum.logScale);
-            sum.rotation = MultiplyAdd(1.0f, g.rotation, sum.rotation);
-            sum.reflectivity += g.reflectivity;
-            scores_[i].error += moments[k].error;
-            scores_[i].visits += 1.0f;
-            scores_[i].descent = MultiplyAdd(-1.0f, g.mean, scores_[i].descent);
+            const std::vector<VisibleSplat>& visible = chunks_[c].visible[f];
+            moments.resize(visible.size());
+            GatherMoments(visible.data(), visible.size(), FrameRows(f), moments.data());
+            for (std::size_t k = 0; k < visible.size(); ++k)
+            {
+              const std::uint32_t i = visible[k].gaussian;
+              // Projecting again costs less than carrying 25 floats a splat through memory.
+              const Projection<float> projection = Project(gaussians_[i], views_[f]);
+              const GaussianGradient<float> g = ProjectAdjoint(gaussians_[i], projection, moments[k]);
+              GaussianGradient<float>& sum = gradient_[i];
+              sum.mean = MultiplyAdd(1.0f, g.mean, sum.mean);
+              sum.logScale = MultiplyAdd(1.0f, g.logScale, sum.logScale);
+              sum.rotation = MultiplyAdd(1.0f, g.rotation, sum.rotation);
+              sum.reflectivity += g.reflectivity;
+              scores_[i].error += moments[k].error;
+              scores_[i].visits += 1.0f;
+              scores_[i].descent = MultiplyAdd(-1.0f, g.mean, scores_[i].descent);
+            }
           }
-        }
-      });
+        });
     return loss;
   }
 
@@ -168,14 +173,14 @@ public:
     adam_.resize(gaussians_.size());
     const AdamStep<float> step(rates, limits, ++iteration_);
     ForChunks(
-      [&](std::size_t c)
-      {
-        const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
-        for (std::size_t i = c * kChunk; i < end; ++i)
+        [&](std::size_t c)
         {
-          UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step);
-        }
-      });
+          const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
+          for (std::size_t i = c * kChunk; i < end; ++i)
+          {
+            UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step);
+          }
+        });
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
@@ -191,45 +196,45 @@ public:
       r[i] = gaussians_[i].reflectivity;
     }
     const double residual = ConjugateGradients(
-      r, iterations,
-      [&](const std::vector<float>& x, bool withTarget)
-      {
-        std::vector<float> out(x.size(), 0.0f);
-        for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
+        r, iterations,
+        [&](const std::vector<float>& x, bool withTarget)
         {
-          const std::vector<int> batch(frames.begin() + first,
-                                       frames.begin() + std::min(first + kSolveBatch, frames.size()));
-          ForwardFrames(batch, Multiplier::Given, x.data(),
-                        [&](int frame, float scattering, float truth, float& derivative)
-                        {
-                          const float fade = 1.0f - truth;
-                          const float target = withTarget ? transfer_.Scattering(truth) : 0.0f;
-                          derivative = sweep_->Weight(frame) * fade * fade * (scattering - target);
-                          return 0.0;
-                        });
-          ForChunks(
-            [&](std::size_t c)
-            {
-              std::vector<Moments<float>> moments;
-              for (std::size_t f = 0; f < batch.size(); ++f)
-              {
-                const std::vector<VisibleSplat>& visible = chunks_[c].visible[f];
-                moments.resize(visible.size());
-                GatherMoments(visible.data(), visible.size(), FrameRows(f), moments.data());
-                for (std::size_t k = 0; k < visible.size(); ++k)
-                {
-                  out[visible[k].gaussian] += moments[k].m0;
-                }
-              }
-            });
-          done += static_cast<double>(batch.size());
-          if (progress && !progress(done / steps))
+          std::vector<float> out(x.size(), 0.0f);
+          for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
           {
-            return std::vector<float>();
+            const std::vector<int> batch(frames.begin() + first,
+                                         frames.begin() + std::min(first + kSolveBatch, frames.size()));
+            ForwardFrames(batch, Multiplier::Given, x.data(),
+                          [&](int frame, float scattering, float truth, float& derivative)
+                          {
+                            const float fade = 1.0f - truth;
+                            const float target = withTarget ? transfer_.Scattering(truth) : 0.0f;
+                            derivative = sweep_->Weight(frame) * fade * fade * (scattering - target);
+                            return 0.0;
+                          });
+            ForChunks(
+                [&](std::size_t c)
+                {
+                  std::vector<Moments<float>> moments;
+                  for (std::size_t f = 0; f < batch.size(); ++f)
+                  {
+                    const std::vector<VisibleSplat>& visible = chunks_[c].visible[f];
+                    moments.resize(visible.size());
+                    GatherMoments(visible.data(), visible.size(), FrameRows(f), moments.data());
+                    for (std::size_t k = 0; k < visible.size(); ++k)
+                    {
+                      out[visible[k].gaussian] += moments[k].m0;
+                    }
+                  }
+                });
+            done += static_cast<double>(batch.size());
+            if (progress && !progress(done / steps))
+            {
+              return std::vector<float>();
+            }
           }
-        }
-        return out;
-      });
+          return out;
+        });
     for (std::size_t i = 0; i < r.size(); ++i)
     {
       gaussians_[i].reflectivity = r[i];
@@ -280,7 +285,7 @@ private:
   struct Score
   {
     float error = 0, visits = 0;
-    Vector3<float> descent{ 0, 0, 0 };
+    Vector3<float> descent{0, 0, 0};
   };
 
   /// The splats of kChunk neighbouring Gaussians, for each view in hand.
@@ -310,7 +315,8 @@ private:
                       });
   }
 
-  /// ln(|r| amplitude / eps) bounds how far a Gaussian matters; this is the squared number of standard deviations.
+  /// ln(|r| amplitude / eps) bounds how far a Gaussian matters; this is the squared number of standard
+  /// deviations.
   static float CutFor(float magnitude, float tolerance)
   {
     // With no tolerance the footprint ends where float underflows: exp(-k^2 / 2) at k^2 = 180 is 1e-39.
@@ -327,11 +333,13 @@ private:
   float ReachSquared(const Gaussian<float>& gaussian, float magnitude, float tolerance) const
   {
     const float largest =
-      std::exp(2.0f * std::max({ gaussian.logScale.x, gaussian.logScale.y, gaussian.logScale.z }));
-    return CutFor(magnitude, tolerance) * (largest + static_cast<float>(beam_.elevationSigma * beam_.elevationSigma));
+        std::exp(2.0f * std::max({gaussian.logScale.x, gaussian.logScale.y, gaussian.logScale.z}));
+    return CutFor(magnitude, tolerance) *
+           (largest + static_cast<float>(beam_.elevationSigma * beam_.elevationSigma));
   }
 
-  /// The tolerance of one splat. Shared out, so that the sum of all that is dropped at a pixel stays below it.
+  /// The tolerance of one splat. Shared out, so that the sum of all that is dropped at a pixel stays below
+  /// it.
   float SplatTolerance(const View<float>& view) const
   {
     const float tolerance = static_cast<float>(truncation_.tolerance);
@@ -339,20 +347,20 @@ private:
     {
       return tolerance;
     }
-    // A splat whose peak is below tolerance / size is dropped whole; all of them together stay below the tolerance,
-    // so half of it goes to them and half to the tails of the rest.
+    // A splat whose peak is below tolerance / size is dropped whole; all of them together stay below the
+    // tolerance, so half of it goes to them and half to the tails of the rest.
     const float floor = tolerance / (2.0f * static_cast<float>(std::max<std::size_t>(gaussians_.size(), 1)));
     std::vector<std::size_t> counts(chunks_.size(), 0);
     ForChunks(
-      [&](std::size_t c)
-      {
-        const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
-        for (std::size_t i = c * kChunk; i < end; ++i)
+        [&](std::size_t c)
         {
-          const float z = Dot(view.n, MultiplyAdd(-1.0f, view.origin, gaussians_[i].mean));
-          counts[c] += z * z <= ReachSquared(gaussians_[i], std::abs(gaussians_[i].reflectivity), floor);
-        }
-      });
+          const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
+          for (std::size_t i = c * kChunk; i < end; ++i)
+          {
+            const float z = Dot(view.n, MultiplyAdd(-1.0f, view.origin, gaussians_[i].mean));
+            counts[c] += z * z <= ReachSquared(gaussians_[i], std::abs(gaussians_[i].reflectivity), floor);
+          }
+        });
     std::size_t reached = 0;
     for (std::size_t count : counts)
     {
@@ -376,42 +384,42 @@ private:
       common = sum > 0 ? static_cast<float>(sum / static_cast<double>(gaussians_.size())) : 1.0f;
     }
     ForChunks(
-      [&](std::size_t c)
-      {
-        std::vector<std::vector<VisibleSplat>>& visible = chunks_[c].visible;
-        visible.resize(views.size());
-        for (std::vector<VisibleSplat>& list : visible)
+        [&](std::size_t c)
         {
-          list.clear();
-        }
-        const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
-        for (std::size_t i = c * kChunk; i < end; ++i)
-        {
-          const Gaussian<float>& gaussian = gaussians_[i];
-          const float value = given ? given[i] : gaussian.reflectivity;
-          const float magnitude = multiplier == Multiplier::Given ? common : std::abs(value);
-          const float reach = ReachSquared(gaussian, magnitude, tolerance);
-          for (std::size_t f = 0; f < views.size(); ++f)
+          std::vector<std::vector<VisibleSplat>>& visible = chunks_[c].visible;
+          visible.resize(views.size());
+          for (std::vector<VisibleSplat>& list : visible)
           {
-            const float z = Dot(views[f].n, MultiplyAdd(-1.0f, views[f].origin, gaussian.mean));
-            if (z * z > reach)
-            {
-              continue;
-            }
-            VisibleSplat s;
-            s.splat = Project(gaussian, views[f]).splat;
-            s.cut = CutFor(magnitude * s.splat.amplitude, tolerance);
-            if (!(s.splat.amplitude > kNegligible) || !(s.cut > 0) || !Clip(window, s))
-            {
-              continue;
-            }
-            s.value = value;
-            s.logAmplitude = std::log(s.splat.amplitude);
-            s.gaussian = static_cast<std::uint32_t>(i);
-            visible[f].push_back(s);
+            list.clear();
           }
-        }
-      });
+          const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
+          for (std::size_t i = c * kChunk; i < end; ++i)
+          {
+            const Gaussian<float>& gaussian = gaussians_[i];
+            const float value = given ? given[i] : gaussian.reflectivity;
+            const float magnitude = multiplier == Multiplier::Given ? common : std::abs(value);
+            const float reach = ReachSquared(gaussian, magnitude, tolerance);
+            for (std::size_t f = 0; f < views.size(); ++f)
+            {
+              const float z = Dot(views[f].n, MultiplyAdd(-1.0f, views[f].origin, gaussian.mean));
+              if (z * z > reach)
+              {
+                continue;
+              }
+              VisibleSplat s;
+              s.splat = Project(gaussian, views[f]).splat;
+              s.cut = CutFor(magnitude * s.splat.amplitude, tolerance);
+              if (!(s.splat.amplitude > kNegligible) || !(s.cut > 0) || !Clip(window, s))
+              {
+                continue;
+              }
+              s.value = value;
+              s.logAmplitude = std::log(s.splat.amplitude);
+              s.gaussian = static_cast<std::uint32_t>(i);
+              visible[f].push_back(s);
+            }
+          }
+        });
   }
 
   /// Bounds the ellipse |U (p - m)|^2 <= cut by rows and columns of the window; false when nothing is left.
@@ -419,9 +427,13 @@ private:
   {
     const float k = std::sqrt(s.cut);
     const float halfV = k / s.splat.u22;
-    const float halfU = k * std::sqrt(1.0f + (s.splat.u12 / s.splat.u22) * (s.splat.u12 / s.splat.u22)) / s.splat.u11;
+    const float halfU =
+        k * std::sqrt(1.0f + (s.splat.u12 / s.splat.u22) * (s.splat.u12 / s.splat.u22)) / s.splat.u11;
     const auto clamp = [](float value, int first, int count)
-    { return static_cast<int>(std::min(std::max(value, static_cast<float>(first)), static_cast<float>(first + count))); };
+    {
+      return static_cast<int>(
+          std::min(std::max(value, static_cast<float>(first)), static_cast<float>(first + count)));
+    };
     s.columnBegin = clamp(std::ceil(s.splat.mu - halfU), window.firstColumn, window.columns);
     s.columnEnd = clamp(std::floor(s.splat.mu + halfU) + 1.0f, window.firstColumn, window.columns);
     s.rowBegin = clamp(std::ceil(s.splat.mv - halfV), window.firstRow, window.rows);
@@ -432,13 +444,14 @@ private:
   PixelRows FrameRows(std::size_t slot)
   {
     const std::size_t stride = static_cast<std::size_t>(sweep_->width) + kRowPadding;
-    return { images_.data() + slot * stride * sweep_->height, 0, 0, stride };
+    return {images_.data() + slot * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_, then replaces each counted pixel by what pixel(frame, S, truth, out) writes to
-  /// `out` (other pixels become 0) and returns the sum of its results.
+  /// Renders the frames into images_, then replaces each counted pixel by what pixel(frame, S, truth, out)
+  /// writes to `out` (other pixels become 0) and returns the sum of its results.
   template <class Pixel>
-  double ForwardFrames(const std::vector<int>& frames, Multiplier multiplier, const float* given, Pixel&& pixel)
+  double ForwardFrames(const std::vector<int>& frames, Multiplier multiplier, const float* given,
+                       Pixel&& pixel)
   {
     views_.clear();
     for (int frame : frames)
@@ -446,7 +459,7 @@ private:
       views_.push_back(MakeView<float>(sweep_->Plane(frame), beam_, origin_));
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(views_, { 0, 0, width, height }, multiplier, given, static_cast<float>(truncation_.tolerance));
+    FindVisible(views_, {0, 0, width, height}, multiplier, given, static_cast<float>(truncation_.tolerance));
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.assign(frames.size() * stride * height, 0.0f);
     const int bands = (height + kBand - 1) / kBand;
@@ -458,7 +471,7 @@ private:
                for (const Chunk& chunk : chunks_)
                {
                  AddFootprints(chunk.visible[f].data(), chunk.visible[f].size(), begin, end, rows,
-                               { nullptr, 0, 0, 0 });
+                               {nullptr, 0, 0, 0});
                }
                const std::size_t frameStart = frames[f] * sweep_->PixelsPerFrame();
                double sum = 0;
@@ -490,8 +503,8 @@ private:
   float Truth(std::size_t index) const
   {
     return sweep_->pixelType == Sweep::PixelType::UInt8
-             ? static_cast<const std::uint8_t*>(sweep_->pixels.get())[index] * (1.0f / 255.0f)
-             : static_cast<const float*>(sweep_->pixels.get())[index];
+               ? static_cast<const std::uint8_t*>(sweep_->pixels.get())[index] * (1.0f / 255.0f)
+               : static_cast<const float*>(sweep_->pixels.get())[index];
   }
 
   std::vector<Gaussian<float>> gaussians_;
@@ -513,6 +526,9 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Engine> CreateCpuEngine() { return std::make_unique<CpuEngine>(); }
+std::unique_ptr<Engine> CreateCpuEngine()
+{
+  return std::make_unique<CpuEngine>();
+}
 
 }  // namespace bigus

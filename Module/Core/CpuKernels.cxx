@@ -5,10 +5,9 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "Core/CpuKernels.cxx"
+#include <hwy/contrib/math/math-inl.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
-
-#include <hwy/contrib/math/math-inl.h>
 
 HWY_BEFORE_NAMESPACE();
 namespace bigus
@@ -74,7 +73,8 @@ void AddFootprintsImpl(const VisibleSplat* splats, std::size_t count, int rowBeg
       const auto constant = hn::Set(d, s.logAmplitude - 0.5f * span.eta2 * span.eta2);
       float* out = scattering.data + (row - scattering.firstRow) * scattering.stride - scattering.firstColumn;
       float* support =
-        coverage.data ? coverage.data + (row - coverage.firstRow) * coverage.stride - coverage.firstColumn : nullptr;
+          coverage.data ? coverage.data + (row - coverage.firstRow) * coverage.stride - coverage.firstColumn
+                        : nullptr;
       for (int column = span.begin; column < span.end; column += lanes)
       {
         const auto u = hn::Add(hn::Set(d, static_cast<float>(column)), iota);
@@ -104,14 +104,15 @@ void GatherMomentsImpl(const VisibleSplat* splats, std::size_t count, const Pixe
     const Shape shape(s);
     const auto u11 = hn::Set(d, s.splat.u11);
     const auto mu = hn::Set(d, s.splat.mu);
-    auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d), m22 = hn::Zero(d),
-         error = hn::Zero(d);
+    auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d),
+         m22 = hn::Zero(d), error = hn::Zero(d);
     for (int row = s.rowBegin; row < s.rowEnd; ++row)
     {
       const RowSpan span = SpanOf(s, shape, row);
       const auto shift = hn::Set(d, s.splat.u12 * span.dv);
       const auto constant = hn::Set(d, s.logAmplitude - 0.5f * span.eta2 * span.eta2);
-      const float* in = derivative.data + (row - derivative.firstRow) * derivative.stride - derivative.firstColumn;
+      const float* in =
+          derivative.data + (row - derivative.firstRow) * derivative.stride - derivative.firstColumn;
       auto row0 = hn::Zero(d), row1 = hn::Zero(d);
       for (int column = span.begin; column < span.end; column += lanes)
       {
@@ -145,7 +146,10 @@ void GatherMomentsImpl(const VisibleSplat* splats, std::size_t count, const Pixe
   }
 }
 
-const char* SimdNameImpl() { return hwy::TargetName(HWY_TARGET); }
+const char* SimdNameImpl()
+{
+  return hwy::TargetName(HWY_TARGET);
+}
 
 }  // namespace HWY_NAMESPACE
 }  // namespace bigus
@@ -159,18 +163,22 @@ HWY_EXPORT(AddFootprintsImpl);
 HWY_EXPORT(GatherMomentsImpl);
 HWY_EXPORT(SimdNameImpl);
 
-void AddFootprints(const VisibleSplat* splats, std::size_t count, int rowBegin, int rowEnd, const PixelRows& scattering,
-                   const PixelRows& coverage)
+void AddFootprints(const VisibleSplat* splats, std::size_t count, int rowBegin, int rowEnd,
+                   const PixelRows& scattering, const PixelRows& coverage)
 {
   HWY_DYNAMIC_DISPATCH(AddFootprintsImpl)(splats, count, rowBegin, rowEnd, scattering, coverage);
 }
 
-void GatherMoments(const VisibleSplat* splats, std::size_t count, const PixelRows& derivative, Moments<float>* moments)
+void GatherMoments(const VisibleSplat* splats, std::size_t count, const PixelRows& derivative,
+                   Moments<float>* moments)
 {
   HWY_DYNAMIC_DISPATCH(GatherMomentsImpl)(splats, count, derivative, moments);
 }
 
-const char* SimdName() { return HWY_DYNAMIC_DISPATCH(SimdNameImpl)(); }
+const char* SimdName()
+{
+  return HWY_DYNAMIC_DISPATCH(SimdNameImpl)();
+}
 
 }  // namespace bigus
 #endif  // HWY_ONCE

@@ -11,7 +11,8 @@ namespace
 /// Children lie this many standard deviations to either side of a split Gaussian, along the split axis.
 constexpr double kOffset = 0.75;
 
-/// A clone starts this far from its twin, in standard deviations along the descent direction, so that they can part.
+/// A clone starts this far from its twin, in standard deviations along the descent direction, so that they
+/// can part.
 constexpr double kNudge = 0.25;
 
 }  // namespace
@@ -32,7 +33,8 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   std::vector<double> ranked;
   for (std::size_t i = 0; i < n; ++i)
   {
-    keep[i] = scores.visits[i] > 0 && std::abs(field.reflectivities[i]) >= options.pruneReflectivity * meanReflectivity;
+    keep[i] = scores.visits[i] > 0 &&
+              std::abs(field.reflectivities[i]) >= options.pruneReflectivity * meanReflectivity;
     if (keep[i])
     {
       error[i] = scores.error[i] / scores.visits[i];
@@ -43,7 +45,8 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   Restructured out;
   out.field.beam = field.beam;
   out.field.transfer = field.transfer;
-  const auto add = [&](std::size_t i, const Eigen::Vector3d& mean, const Eigen::Vector3d& scale, double r, int parent)
+  const auto add =
+      [&](std::size_t i, const Eigen::Vector3d& mean, const Eigen::Vector3d& scale, double r, int parent)
   {
     out.field.means.push_back(mean);
     out.field.scales.push_back(scale);
@@ -57,7 +60,8 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   const std::size_t kept = ranked.size();
   const std::size_t room = options.cap > kept ? options.cap - kept : 0;
   const std::size_t wanted =
-    std::min(room, static_cast<std::size_t>((1.0 - options.percentile / 100.0) * static_cast<double>(kept)));
+      std::min(room, static_cast<std::size_t>(
+                         std::lround((100.0 - options.percentile) / 100.0 * static_cast<double>(kept))));
   if (wanted > 0)
   {
     std::vector<std::size_t> order;
@@ -70,7 +74,8 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
     }
     const std::size_t count = std::min(wanted, order.size());
     // Ties are broken by index, so that the choice does not depend on the sort.
-    std::partial_sort(order.begin(), order.begin() + count, order.end(), [&error](std::size_t a, std::size_t b)
+    std::partial_sort(order.begin(), order.begin() + count, order.end(),
+                      [&error](std::size_t a, std::size_t b)
                       { return error[a] != error[b] ? error[a] > error[b] : a < b; });
     for (std::size_t k = 0; k < count; ++k)
     {

@@ -18,7 +18,7 @@ using Entry = std::pair<std::string, Engine::Factory>;
 
 std::vector<Entry>& Registry()
 {
-  static std::vector<Entry> entries{ { "cpu", CreateCpuEngine }, { "reference", CreateReferenceEngine } };
+  static std::vector<Entry> entries{{"cpu", CreateCpuEngine}, {"reference", CreateReferenceEngine}};
   return entries;
 }
 
@@ -27,9 +27,10 @@ std::vector<Entry>& Registry()
 std::unique_ptr<Engine> Engine::Create(const std::string& name)
 {
   const std::vector<Entry>& entries = Registry();
-  const auto found = name == "auto" ? entries.begin()
-                                    : std::find_if(entries.begin(), entries.end(),
-                                                   [&name](const Entry& entry) { return entry.first == name; });
+  const auto found = name == "auto"
+                         ? entries.begin()
+                         : std::find_if(entries.begin(), entries.end(),
+                                        [&name](const Entry& entry) { return entry.first == name; });
   if (found == entries.end())
   {
     std::string names = "auto";
@@ -45,7 +46,7 @@ std::unique_ptr<Engine> Engine::Create(const std::string& name)
 void Engine::Register(const std::string& name, Factory factory, bool preferred)
 {
   std::vector<Entry>& entries = Registry();
-  entries.insert(preferred ? entries.begin() : entries.end(), { name, std::move(factory) });
+  entries.insert(preferred ? entries.begin() : entries.end(), {name, std::move(factory)});
 }
 
 std::vector<std::string> Engine::Names()

@@ -1,4 +1,5 @@
-// Where fields are rendered and trained. One interface; the reference engine says what is right, the others are fast.
+// Where fields are rendered and trained. One interface; the reference engine says what is right, the others
+// are fast.
 #pragma once
 
 #include <Eigen/Dense>
@@ -21,8 +22,9 @@ struct FieldGradient
 {
   std::vector<Eigen::Vector3d> means;      ///< [N] dL/dmu, per mm
   std::vector<Eigen::Vector3d> logScales;  ///< [N] dL/d ln s
-  std::vector<Eigen::Vector3d> rotations;  ///< [N] dL/d omega, R <- R exp([omega]x): turn about local axes, radian
-  std::vector<double> reflectivities;      ///< [N] dL/dr
+  std::vector<Eigen::Vector3d>
+      rotations;  ///< [N] dL/d omega, R <- R exp([omega]x): turn about local axes, radian
+  std::vector<double> reflectivities;  ///< [N] dL/dr
 };
 
 /// Adam's step sizes; each in the unit of its parameter. Zero freezes the group.
@@ -37,19 +39,20 @@ struct LearningRates
 /// Bounds that hold after every step.
 struct ParameterLimits
 {
-  double minimumScale = 1e-6;  ///< mm
-  double maximumScale = 1e6;   ///< mm
+  double minimumScale = 1e-6;         ///< mm
+  double maximumScale = 1e6;          ///< mm
   bool positiveReflectivity = false;  ///< clamp r at 0 (the ablation of signed reflectivity)
 };
 
-/// How much of each Gaussian is evaluated: the knob of speed against error. Footprints end where a contribution
-/// |r| w to S falls below a bound that follows from `tolerance`; 0 evaluates everything. The reference engine always
-/// evaluates everything.
+/// How much of each Gaussian is evaluated: the knob of speed against error. Footprints end where a
+/// contribution |r| w to S falls below a bound that follows from `tolerance`; 0 evaluates everything. The
+/// reference engine always evaluates everything.
 struct Truncation
 {
   double tolerance = 1e-4;  ///< on S, >= 0. An error of dS in S is an error of at most gamma dS in I.
-  /// false: all that is dropped at any one pixel adds up to at most `tolerance` (guaranteed, float rounding apart).
-  /// true: each splat drops at most `tolerance`; the sum is not bounded, and training is faster for it.
+  /// false: all that is dropped at any one pixel adds up to at most `tolerance` (guaranteed, float rounding
+  /// apart). true: each splat drops at most `tolerance`; the sum is not bounded, and training is faster for
+  /// it.
   bool perSplat = false;
 };
 
@@ -60,15 +63,16 @@ enum class ViewOutput
   Scattering  ///< S, signed
 };
 
-/// Everything lives where the engine computes: frames, field, gradients and optimizer state. Only scalars come back
-/// from a training step; arrays come back when asked for. Results do not depend on the number of threads.
-/// Errors are thrown as bigus::Error. An engine is used by one thread at a time.
+/// Everything lives where the engine computes: frames, field, gradients and optimizer state. Only scalars
+/// come back from a training step; arrays come back when asked for. Results do not depend on the number of
+/// threads. Errors are thrown as bigus::Error. An engine is used by one thread at a time.
 class Engine
 {
 public:
   virtual ~Engine() = default;
 
-  /// "auto" (the fastest present), "cpu", "reference", or a name added by a plug-in. Throws Error listing the names.
+  /// "auto" (the fastest present), "cpu", "reference", or a name added by a plug-in. Throws Error listing the
+  /// names.
   static std::unique_ptr<Engine> Create(const std::string& name = "auto");
   /// Makes an engine available by name; `preferred` puts it first for "auto".
   using Factory = std::function<std::unique_ptr<Engine>()>;
@@ -78,8 +82,8 @@ public:
   /// Name of what computes, for reports: "CPU (AVX2, 2 threads)".
   virtual std::string Device() const = 0;
 
-  /// Uploads a field. `parents[i]` is the index in the present field whose optimizer state Gaussian i inherits, or -1
-  /// for a fresh one; null resets all state.
+  /// Uploads a field. `parents[i]` is the index in the present field whose optimizer state Gaussian i
+  /// inherits, or -1 for a fresh one; null resets all state.
   virtual void SetField(const GaussianField& field, const std::vector<int>* parents = nullptr) = 0;
   virtual GaussianField GetField() const = 0;
   virtual std::size_t FieldSize() const = 0;
@@ -92,27 +96,30 @@ public:
     int firstColumn = 0, firstRow = 0, columns = 0, rows = 0;
   };
   /// `image` gets rows * columns floats. `coverage`, if not null, gets as many: the sum over Gaussians of
-  /// w_i(p) (each footprint's weight, reflectivity left out), which falls to 0 where no Gaussian was ever seen.
+  /// w_i(p) (each footprint's weight, reflectivity left out), which falls to 0 where no Gaussian was ever
+  /// seen.
   virtual void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
                       float* coverage) = 0;
   void Render(const SlicePlane& plane, ViewOutput output, float* image, float* coverage = nullptr)
   {
-    Render(plane, { 0, 0, plane.width, plane.height }, output, image, coverage);
+    Render(plane, {0, 0, plane.width, plane.height}, output, image, coverage);
   }
 
   /// Uploads the frames to train on. Masked pixels are trained as they are (black) unless ignoreMasked.
   virtual void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) = 0;
 
-  /// Renders the frames, and adds up the loss (mean over the batch's pixels of weight * loss), its gradient with
-  /// respect to every parameter, and eq 14's error scores. Replaces the previous gradient; scores accumulate.
+  /// Renders the frames, and adds up the loss (mean over the batch's pixels of weight * loss), its gradient
+  /// with respect to every parameter, and eq 14's error scores. Replaces the previous gradient; scores
+  /// accumulate.
   virtual double Backpropagate(const std::vector<int>& frames, LossKind loss) = 0;
 
   /// One Adam step (beta 0.9, 0.999) along the gradient of the last Backpropagate.
   virtual void Step(const LearningRates& rates, const ParameterLimits& limits) = 0;
 
-  /// Weighted least squares for all reflectivities with the geometry fixed (S is linear in r): conjugate gradients on
-  /// sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. `progress` (may be empty) gets the fraction
-  /// done; when it returns false the solve stops and keeps what it has. Returns the relative residual.
+  /// Weighted least squares for all reflectivities with the geometry fixed (S is linear in r): conjugate
+  /// gradients on sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. `progress` (may be
+  /// empty) gets the fraction done; when it returns false the solve stops and keeps what it has. Returns the
+  /// relative residual.
   virtual double SolveReflectivities(const std::vector<int>& frames, int iterations,
                                      const std::function<bool(double)>& progress = {}) = 0;
 
@@ -122,9 +129,9 @@ public:
   /// Per Gaussian, summed since the last ResetScores.
   struct Scores
   {
-    std::vector<double> error;               ///< E_i of eq 14: sum_p |dL/dS| w_i
-    std::vector<Eigen::Vector3d> descent;    ///< sum of -dL/dmu
-    std::vector<double> visits;              ///< frames that saw the Gaussian
+    std::vector<double> error;             ///< E_i of eq 14: sum_p |dL/dS| w_i
+    std::vector<Eigen::Vector3d> descent;  ///< sum of -dL/dmu
+    std::vector<double> visits;            ///< frames that saw the Gaussian
   };
   virtual Scores GetScores() const = 0;
   virtual void ResetScores() = 0;

@@ -18,13 +18,13 @@ namespace bigus
 template <class Real>
 Vector3<Real> ToVector3(const Eigen::Vector3d& v)
 {
-  return { static_cast<Real>(v[0]), static_cast<Real>(v[1]), static_cast<Real>(v[2]) };
+  return {static_cast<Real>(v[0]), static_cast<Real>(v[1]), static_cast<Real>(v[2])};
 }
 
 template <class Real>
 Eigen::Vector3d FromVector3(const Vector3<Real>& v)
 {
-  return { static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z) };
+  return {static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
 }
 
 /// Poses are reduced to the engine's origin in double before any kernel sees them.
@@ -99,7 +99,8 @@ inline Eigen::Vector3d MiddleOf(const GaussianField& field)
 
 /// Optimizer state of a restructured field: state[i] of Gaussian i comes from its parent, or is fresh.
 template <class State>
-std::vector<State> InheritState(const std::vector<State>& old, std::size_t size, const std::vector<int>* parents)
+std::vector<State> InheritState(const std::vector<State>& old, std::size_t size,
+                                const std::vector<int>* parents)
 {
   std::vector<State> state(size);
   if (parents)
@@ -146,16 +147,17 @@ inline void CheckWindow(const SlicePlane& plane, int firstColumn, int firstRow, 
   if (firstColumn < 0 || firstRow < 0 || columns < 0 || rows < 0 || columns > plane.width - firstColumn ||
       rows > plane.height - firstRow)
   {
-    throw Error("Engine: the window of " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels at (" +
-                std::to_string(firstColumn) + ", " + std::to_string(firstRow) + ") does not lie inside the plane of " +
-                std::to_string(plane.width) + " x " + std::to_string(plane.height) + ".");
+    throw Error("Engine: the window of " + std::to_string(columns) + " x " + std::to_string(rows) +
+                " pixels at (" + std::to_string(firstColumn) + ", " + std::to_string(firstRow) +
+                ") does not lie inside the plane of " + std::to_string(plane.width) + " x " +
+                std::to_string(plane.height) + ".");
   }
 }
 
 /// Reduces the squared weighted residual sum_p (1 - I_gt)^2 (S - S_gt)^2 by conjugate gradients on its normal
-/// equations. `product(x, target)` returns sum_p omega w_i (sum_j w_j x_j - [target] S_gt) for every i: a forward and a
-/// zeroth-moment backward pass; an empty result means: stop here. Returns |gradient| at the end over |gradient| at the
-/// start.
+/// equations. `product(x, target)` returns sum_p omega w_i (sum_j w_j x_j - [target] S_gt) for every i: a
+/// forward and a zeroth-moment backward pass; an empty result means: stop here. Returns |gradient| at the end
+/// over |gradient| at the start.
 template <class Real, class Product>
 double ConjugateGradients(std::vector<Real>& x, int iterations, Product&& product)
 {

@@ -1,4 +1,5 @@
-// The reference engine: double precision, every Gaussian at every pixel, no shortcut. Slow; what the others must equal.
+// The reference engine: double precision, every Gaussian at every pixel, no shortcut. Slow; what the others
+// must equal.
 
 #include <tbb/parallel_for.h>
 
@@ -44,28 +45,28 @@ public:
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
     const std::vector<Projection<double>> projections = ProjectAll(plane);
-    tbb::parallel_for(0, window.rows,
-                      [&](int row)
-                      {
-                        for (int column = 0; column < window.columns; ++column)
-                        {
-                          double s = 0, support = 0;
-                          for (std::size_t i = 0; i < projections.size(); ++i)
-                          {
-                            const double w = Weight(projections[i].splat, window.firstColumn + column,
-                                                    window.firstRow + row);
-                            s += gaussians_[i].reflectivity * w;
-                            support += w;
-                          }
-                          const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
-                          image[pixel] =
-                            static_cast<float>(output == ViewOutput::Intensity ? transfer_.Intensity(s) : s);
-                          if (coverage)
-                          {
-                            coverage[pixel] = static_cast<float>(support);
-                          }
-                        }
-                      });
+    tbb::parallel_for(
+        0, window.rows,
+        [&](int row)
+        {
+          for (int column = 0; column < window.columns; ++column)
+          {
+            double s = 0, support = 0;
+            for (std::size_t i = 0; i < projections.size(); ++i)
+            {
+              const double w =
+                  Weight(projections[i].splat, window.firstColumn + column, window.firstRow + row);
+              s += gaussians_[i].reflectivity * w;
+              support += w;
+            }
+            const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
+            image[pixel] = static_cast<float>(output == ViewOutput::Intensity ? transfer_.Intensity(s) : s);
+            if (coverage)
+            {
+              coverage[pixel] = static_cast<float>(support);
+            }
+          }
+        });
   }
 
   void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
@@ -96,7 +97,8 @@ public:
       const std::vector<float> truth = Frame(frame);
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
-        const PixelLoss<double> value = EvaluateLoss<double>(kind, transfer_, scattering[pixel], truth[pixel]);
+        const PixelLoss<double> value =
+            EvaluateLoss<double>(kind, transfer_, scattering[pixel], truth[pixel]);
         const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
         loss += weight * value.loss;
         derivative[pixel] = weight * value.derivative;
@@ -135,31 +137,32 @@ public:
     double done = 0;
     std::vector<double> r = Reflectivities();
     const double residual = ConjugateGradients(
-      r, iterations,
-      [&](const std::vector<double>& x, bool withTarget)
-      {
-        std::vector<double> out(x.size(), 0.0);
-        for (int frame : frames)
+        r, iterations,
+        [&](const std::vector<double>& x, bool withTarget)
         {
-          const std::vector<Projection<double>> projections = ProjectAll(sweep_->Plane(frame));
-          std::vector<double> image = Scattering(projections, x);
-          const std::vector<float> truth = Frame(frame);
-          for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
+          std::vector<double> out(x.size(), 0.0);
+          for (int frame : frames)
           {
-            const double fade = 1.0 - truth[pixel];
-            const double weight = Counts(pixel) ? sweep_->Weight(frame) * fade * fade : 0.0;
-            const double target = withTarget ? transfer_.Scattering<double>(truth[pixel]) : 0.0;
-            image[pixel] = weight * (image[pixel] - target);
+            const std::vector<Projection<double>> projections = ProjectAll(sweep_->Plane(frame));
+            std::vector<double> image = Scattering(projections, x);
+            const std::vector<float> truth = Frame(frame);
+            for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
+            {
+              const double fade = 1.0 - truth[pixel];
+              const double weight = Counts(pixel) ? sweep_->Weight(frame) * fade * fade : 0.0;
+              const double target = withTarget ? transfer_.Scattering<double>(truth[pixel]) : 0.0;
+              image[pixel] = weight * (image[pixel] - target);
+            }
+            tbb::parallel_for(std::size_t(0), x.size(),
+                              [&](std::size_t i)
+                              { out[i] += GatherMoments(projections[i].splat, image).m0; });
+            if (progress && !progress(++done / steps))
+            {
+              return std::vector<double>();
+            }
           }
-          tbb::parallel_for(std::size_t(0), x.size(),
-                            [&](std::size_t i) { out[i] += GatherMoments(projections[i].splat, image).m0; });
-          if (progress && !progress(++done / steps))
-          {
-            return std::vector<double>();
-          }
-        }
-        return out;
-      });
+          return out;
+        });
     for (std::size_t i = 0; i < r.size(); ++i)
     {
       gaussians_[i].reflectivity = r[i];
@@ -240,7 +243,8 @@ private:
   bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
 
   /// S of a whole frame for reflectivities x.
-  std::vector<double> Scattering(const std::vector<Projection<double>>& projections, const std::vector<double>& x) const
+  std::vector<double> Scattering(const std::vector<Projection<double>>& projections,
+                                 const std::vector<double>& x) const
   {
     std::vector<double> scattering(sweep_->PixelsPerFrame(), 0.0);
     tbb::parallel_for(0, sweep_->height,
@@ -305,6 +309,9 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Engine> CreateReferenceEngine() { return std::make_unique<ReferenceEngine>(); }
+std::unique_ptr<Engine> CreateReferenceEngine()
+{
+  return std::make_unique<ReferenceEngine>();
+}
 
 }  // namespace bigus

@@ -15,11 +15,15 @@ namespace bigus
 namespace
 {
 
-/// Frames further apart than this many median spacings belong to different strokes: nothing is seeded between them.
+/// Frames further apart than this many median spacings belong to different strokes: nothing is seeded between
+/// them.
 constexpr double kBreak = 4.0;
 
 /// A repeatable number in [0, 1) from the standard engine, the same on every library.
-double Uniform(std::mt19937_64& random) { return static_cast<double>(random() >> 11) * 0x1p-53; }
+double Uniform(std::mt19937_64& random)
+{
+  return static_cast<double>(random() >> 11) * 0x1p-53;
+}
 
 /// Distance along frame f's normal from pixel (i, j) of frame f to the same pixel of frame g, mm.
 double Gap(const Sweep& sweep, int f, int g, double i, double j)
@@ -36,8 +40,9 @@ struct DensityGrid
   std::vector<int> litPixels;  // [rows][columns]
 };
 
-/// Harris corner response det(M) - k tr(M)^2 (block 2, aperture 3, k 0.04), negative values set to 0, normalised to mean
-/// 1 over the frame, plus a uniform floor of a tenth: without it flat speckle would get no seeds.
+/// Harris corner response det(M) - k tr(M)^2 (block 2, aperture 3, k 0.04), negative values set to 0,
+/// normalised to mean 1 over the frame, plus a uniform floor of a tenth: without it flat speckle would get no
+/// seeds.
 void HarrisDensity(const Sweep& sweep, const std::vector<float>& image, std::vector<float>& density)
 {
   const cv::Mat input(sweep.height, sweep.width, CV_32F, const_cast<float*>(image.data()));
@@ -46,7 +51,8 @@ void HarrisDensity(const Sweep& sweep, const std::vector<float>& image, std::vec
   double sum = 0;
   for (std::size_t p = 0; p < density.size(); ++p)
   {
-    // The response is of fourth order in contrast; its square root keeps one bright specular from taking every seed.
+    // The response is of fourth order in contrast; its square root keeps one bright specular from taking
+    // every seed.
     density[p] = std::sqrt(std::max(response.ptr<float>()[p], 0.0f));
     sum += density[p];
   }
@@ -58,7 +64,10 @@ void HarrisDensity(const Sweep& sweep, const std::vector<float>& image, std::vec
 }
 
 /// Density of one pixel where placement follows intensity.
-float IntensityDensity(float intensity) { return 0.3f * intensity + 0.025f; }
+float IntensityDensity(float intensity)
+{
+  return 0.3f * intensity + 0.025f;
+}
 
 DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, const SeedingOptions& options,
                         const std::vector<std::uint8_t>& lit)
@@ -66,8 +75,8 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   const std::size_t litPixels = static_cast<std::size_t>(std::count(lit.begin(), lit.end(), 1));
   DensityGrid grid;
   // About a dozen cells a seed: fine enough to follow structure, coarse enough for millions of seeds.
-  const double pixelsPerSeed =
-    static_cast<double>(litPixels) * static_cast<double>(frames.size()) / static_cast<double>(options.count);
+  const double pixelsPerSeed = static_cast<double>(litPixels) * static_cast<double>(frames.size()) /
+                               static_cast<double>(options.count);
   grid.block = std::clamp(static_cast<int>(std::lround(std::sqrt(pixelsPerSeed / 12.0))), 1, 16);
   grid.columns = (sweep.width + grid.block - 1) / grid.block;
   grid.rows = (sweep.height + grid.block - 1) / grid.block;
@@ -111,9 +120,11 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   return grid;
 }
 
-/// Turns expected numbers of seeds a cell into counts whose local sums stay close to expectation: error diffusion, in
-/// alternating direction along rows, to the next row and to the next frame. This is what makes seeds blue noise.
-std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass, std::mt19937_64& random)
+/// Turns expected numbers of seeds a cell into counts whose local sums stay close to expectation: error
+/// diffusion, in alternating direction along rows, to the next row and to the next frame. This is what makes
+/// seeds blue noise.
+std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass,
+                         std::mt19937_64& random)
 {
   const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
   std::vector<int> counts(cells * frames);
@@ -130,9 +141,10 @@ std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double see
         const std::size_t cell = static_cast<std::size_t>(y) * grid.columns + x;
         const double expected = grid.mass[f * cells + cell] * seedsPerMass;
         const double owed = expected + error[cell];
-        // A threshold that wavers breaks up the regular worms of plain error diffusion. An empty cell gets nothing.
+        // A threshold that wavers breaks up the regular worms of plain error diffusion. An empty cell gets
+        // nothing.
         const int count =
-          expected > 0 ? std::max(0, static_cast<int>(std::floor(owed + 0.3 + 0.4 * Uniform(random)))) : 0;
+            expected > 0 ? std::max(0, static_cast<int>(std::floor(owed + 0.3 + 0.4 * Uniform(random)))) : 0;
         counts[f * cells + cell] = count;
         const double left = owed - count;
         const bool hasSide = x + step >= 0 && x + step < grid.columns, hasBelow = y + 1 < grid.rows;
@@ -163,7 +175,8 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   std::vector<double> spacings;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    spacings.push_back(Gap(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
+    spacings.push_back(
+        Gap(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
   }
   geometry.pixelSize = frames.empty() ? 0.0 : sweep.Plane(frames[0]).PixelSize();
   if (!spacings.empty())
@@ -175,11 +188,13 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   return geometry;
 }
 
-GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
+GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam,
+                   const SeedingOptions& options)
 {
   if (options.count < 1 || options.count > (std::size_t(1) << 26))
   {
-    throw Error("Seeding: " + std::to_string(options.count) + " Gaussians were asked for; give 1 to 67108864.");
+    throw Error("Seeding: " + std::to_string(options.count) +
+                " Gaussians were asked for; give 1 to 67108864.");
   }
   if (frames.empty())
   {
@@ -206,14 +221,15 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   if (std::count(lit.begin(), lit.end(), 1) == 0)
   {
     throw Error("Seeding: all " + std::to_string(frames.size()) +
-                " frames are black inside the mask, so there is nothing to learn. Check the clip region and the file.");
+                " frames are black inside the mask, so there is nothing to learn. Check the clip region and "
+                "the file.");
   }
 
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
   const bool sparse = geometry.IsSparse();
   // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.
   const double usualGap =
-    geometry.medianSpacing > 0 ? geometry.medianSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
+      geometry.medianSpacing > 0 ? geometry.medianSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
 
   std::mt19937_64 random(options.seed);
   const DensityGrid grid = MakeDensity(sweep, frames, options, lit);
@@ -229,8 +245,9 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
     for (std::size_t k = 0; k < options.count; ++k)
     {
       const double at = Uniform(random) * cumulative.back();
-      ++counts[std::min<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
-                                     counts.size() - 1)];
+      ++counts[std::min<std::size_t>(
+          std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
+          counts.size() - 1)];
     }
   }
   else
@@ -278,9 +295,12 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
         int x, y;
         do
         {
-          x = static_cast<int>(cell % grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
-          y = static_cast<int>(cell / grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
-        } while (x >= sweep.width || y >= sweep.height || !lit[static_cast<std::size_t>(y) * sweep.width + x]);
+          x = static_cast<int>(cell % grid.columns) * grid.block +
+              static_cast<int>(Uniform(random) * grid.block);
+          y = static_cast<int>(cell / grid.columns) * grid.block +
+              static_cast<int>(Uniform(random) * grid.block);
+        } while (x >= sweep.width || y >= sweep.height ||
+                 !lit[static_cast<std::size_t>(y) * sweep.width + x]);
         const double i = x + Uniform(random) - 0.5, j = y + Uniform(random) - 0.5;
 
         // Half a gap to either side along the sweep, on the way to the neighbour's pose.
@@ -308,12 +328,12 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
         {
           const double elevation = (sparse ? 0.5 : 1.6) * gap;
           const double inPlane = (sparse ? 1.0 : 0.8) * std::sqrt(0.125 * volume / elevation);
-          field.scales[out] = { inPlane, inPlane, elevation };
+          field.scales[out] = {inPlane, inPlane, elevation};
         }
         field.means[out] = mean3;
         field.rotations[out] = rotation;
         field.reflectivities[out] =
-          field.transfer.Scattering<double>(image[static_cast<std::size_t>(y) * sweep.width + x]);
+            field.transfer.Scattering<double>(image[static_cast<std::size_t>(y) * sweep.width + x]);
       }
     }
   }

@@ -20,7 +20,7 @@ enum class SeedPlacement
 struct SeedingOptions
 {
   SeedPlacement placement = SeedPlacement::Intensity;
-  std::size_t count = 100000;   ///< Gaussians, 1 to 2^26
+  std::size_t count = 100000;  ///< Gaussians, 1 to 2^26
   std::uint64_t seed = 1;
 };
 
@@ -34,8 +34,8 @@ struct SweepGeometry
 };
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames);
 
-/// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function at the
-/// seed; gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
+/// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function
+/// at the seed; gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam,
                    const SeedingOptions& options);
 

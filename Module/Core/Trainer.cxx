@@ -31,12 +31,18 @@ void Require(bool condition, const char* option, double value, const char* range
   }
 }
 
-bool Between(double value, double low, double high) { return value >= low && value <= high; }  // false for NaN
+bool Between(double value, double low, double high)
+{
+  return value >= low && value <= high;
+}  // false for NaN
 
 class Clock
 {
 public:
-  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  double Seconds() const
+  {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
 
 private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -47,7 +53,7 @@ class Batches
 {
 public:
   Batches(std::vector<int> frames, int size, std::uint64_t seed)
-    : frames_(std::move(frames)), size_(std::min<std::size_t>(size, frames_.size())), random_(seed)
+      : frames_(std::move(frames)), size_(std::min<std::size_t>(size, frames_.size())), random_(seed)
   {
   }
 
@@ -58,7 +64,8 @@ public:
     {
       if (at_ == 0)
       {
-        for (std::size_t i = frames_.size(); i > 1; --i)  // Fisher-Yates; std::shuffle differs between libraries
+        for (std::size_t i = frames_.size(); i > 1;
+             --i)  // Fisher-Yates; std::shuffle differs between libraries
         {
           std::swap(frames_[i - 1], frames_[random_() % i]);
         }
@@ -100,9 +107,10 @@ double FieldPsnr(Engine& engine, const Sweep& sweep, const std::vector<int>& fra
   return sum / static_cast<double>(frames.size());
 }
 
-/// Scales all reflectivities by the one factor that brings rendered scattering closest to the frames' (least squares):
-/// neighbouring seeds overlap, so inverting the transfer function at each overshoots.
-void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames, GaussianField& field)
+/// Scales all reflectivities by the one factor that brings rendered scattering closest to the frames' (least
+/// squares): neighbouring seeds overlap, so inverting the transfer function at each overshoots.
+void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames,
+                         GaussianField& field)
 {
   constexpr std::size_t kSamples = 4;
   std::vector<float> scattering(sweep.PixelsPerFrame()), truth(sweep.PixelsPerFrame());
@@ -149,8 +157,8 @@ void TrainerOptions::Validate() const
   Require(Between(finalRate, 1e-6, 1), "final rate", finalRate, "1e-6 to 1");
   Require(!solveIterations || (*solveIterations >= 0 && *solveIterations <= 1000), "solve iterations",
           solveIterations.value_or(0), "0 to 1000");
-  Require(!virtualPlanes || (*virtualPlanes >= 0 && *virtualPlanes <= 8), "virtual planes", virtualPlanes.value_or(0),
-          "0 to 8");
+  Require(!virtualPlanes || (*virtualPlanes >= 0 && *virtualPlanes <= 8), "virtual planes",
+          virtualPlanes.value_or(0), "0 to 8");
   Require(!minimumScale || Between(*minimumScale, 1e-6, 1e6), "minimum scale", minimumScale.value_or(0),
           "1e-6 to 1e6 mm");
   Require(!maximumScale || Between(*maximumScale, minimumScale.value_or(1e-6), 1e6), "maximum scale",
@@ -158,24 +166,26 @@ void TrainerOptions::Validate() const
   Require(densification.interval >= 0, "densification interval", densification.interval, "0 (never) or more");
   Require(Between(densification.percentile, 0, 100), "densification percentile", densification.percentile,
           "0 to 100");
-  Require(Between(densification.start, 0, 1) && Between(densification.stop, 0, 1), "densification start or stop",
-          densification.start, "a fraction, 0 to 1");
-  Require(Between(densification.cloneReflectivity, 1e-6, 1), "clone reflectivity", densification.cloneReflectivity,
-          "above 0, at most 1");
+  Require(Between(densification.start, 0, 1) && Between(densification.stop, 0, 1),
+          "densification start or stop", densification.start, "a fraction, 0 to 1");
+  Require(Between(densification.cloneReflectivity, 1e-6, 1), "clone reflectivity",
+          densification.cloneReflectivity, "above 0, at most 1");
 }
 
-TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
-                     const std::function<bool(const TrainingProgress&)>& progress)
+TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
+                     const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress)
 {
   const Clock clock;
   options.Validate();
   sweep->Validate();
 
   TrainingResult result;
-  std::tie(result.trainingFrames, result.heldOutFrames) = SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
+  std::tie(result.trainingFrames, result.heldOutFrames) =
+      SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
   if (options.validation > 0)
   {
-    const auto [train, validate] = SplitHoldOut(static_cast<int>(result.trainingFrames.size()), options.validation);
+    const auto [train, validate] =
+        SplitHoldOut(static_cast<int>(result.trainingFrames.size()), options.validation);
     std::vector<int> kept;
     for (int k : train)
     {
@@ -190,8 +200,8 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   if (result.trainingFrames.empty())
   {
     throw Error("Trainer: with a hold-out of " + std::to_string(options.holdOut) + " and validation of " +
-                std::to_string(options.validation) + ", none of the " + std::to_string(sweep->NumberOfFrames()) +
-                " frames is left to train on.");
+                std::to_string(options.validation) + ", none of the " +
+                std::to_string(sweep->NumberOfFrames()) + " frames is left to train on.");
   }
   const std::vector<int>& frames = result.trainingFrames;
   const SweepGeometry geometry = MeasureGeometry(*sweep, frames);
@@ -210,7 +220,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   // The field to begin with.
   const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
   result.device = engine->Device();
-  engine->SetTruncation({ options.tolerance, true });
+  engine->SetTruncation({options.tolerance, true});
   proceed(TrainingProgress::Phase::Seeding, 0.0);
 
   // What the engine trains on: the frames themselves, or a sweep of training frames and virtual planes.
@@ -240,14 +250,15 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
   else
   {
-    const Beam beam{ options.elevationSigma.value_or(geometry.IsSparse() ? 0.8 : 0.3) };
-    field = Seed(*sweep, frames, beam, { options.seeding, options.gaussians, options.seed });
+    const Beam beam{options.elevationSigma.value_or(geometry.IsSparse() ? 0.8 : 0.3)};
+    field = Seed(*sweep, frames, beam, {options.seeding, options.gaussians, options.seed});
     engine->SetField(field);
     ScaleReflectivities(*engine, *sweep, frames, field);
     const int solve = options.solveIterations.value_or(geometry.IsSparse() ? 0 : 8);
     if (solve > 0 && !result.aborted)
     {
-      engine->SolveReflectivities(targets, solve, [&](double fraction)
+      engine->SolveReflectivities(targets, solve,
+                                  [&](double fraction)
                                   { return proceed(TrainingProgress::Phase::Solving, 0.1 * fraction); });
     }
     field = engine->GetField();
@@ -289,11 +300,13 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   int sinceBest = 0;
   for (int iteration = 1; iteration <= options.iterations && !result.aborted; ++iteration)
   {
-    // Progress is by iterations or by the clock, whichever is ahead, so that the rates are spent when training ends.
+    // Progress is by iterations or by the clock, whichever is ahead, so that the rates are spent when
+    // training ends.
     double fraction = static_cast<double>(iteration - 1) / options.iterations;
     if (options.timeLimit > 0)
     {
-      fraction = std::max(fraction, (clock.Seconds() - trainingStart) / std::max(options.timeLimit - trainingStart, 1e-3));
+      fraction = std::max(
+          fraction, (clock.Seconds() - trainingStart) / std::max(options.timeLimit - trainingStart, 1e-3));
     }
     if (fraction >= 1.0)
     {
@@ -302,15 +315,16 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     const double decay = std::pow(options.finalRate, fraction);
     lossSum += engine->Backpropagate(batches.Next(), options.loss);
     ++lossCount;
-    engine->Step({ rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay },
-                 limits);
+    engine->Step(
+        {rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay},
+        limits);
     result.iterations = iteration;
 
-    if (densification.interval > 0 && iteration % densification.interval == 0 && fraction >= densification.start &&
-        fraction <= densification.stop)
+    if (densification.interval > 0 && iteration % densification.interval == 0 &&
+        fraction >= densification.start && fraction <= densification.stop)
     {
       const Restructured next =
-        Densify(engine->GetField(), engine->GetScores(), geometry.pixelSize, densification);
+          Densify(engine->GetField(), engine->GetScores(), geometry.pixelSize, densification);
       if (next.field.Size() > 0)
       {
         engine->SetField(next.field, &next.parents);

@@ -12,10 +12,11 @@ namespace bigus
 namespace
 {
 
-constexpr float kWeight = 0.6f;   // measured: between 0.4 and 0.8 held-out error is flat
-constexpr double kBlur = 0.5;     // standard deviation, pixels
+constexpr float kWeight = 0.6f;  // measured: between 0.4 and 0.8 held-out error is flat
+constexpr double kBlur = 0.5;    // standard deviation, pixels
 
-/// The pose a share of the way from one plane to the next: centre and pixel sides linearly, rotation by slerp.
+/// The pose a share of the way from one plane to the next: centre and pixel sides linearly, rotation by
+/// slerp.
 SlicePlane Between(const SlicePlane& from, const SlicePlane& to, double share)
 {
   const auto rotationOf = [](const SlicePlane& plane)
@@ -32,7 +33,8 @@ SlicePlane Between(const SlicePlane& from, const SlicePlane& to, double share)
   SlicePlane plane = from;
   plane.columnStep = mix(from.columnStep.norm(), to.columnStep.norm()) * r.col(0);
   plane.rowStep = mix(from.rowStep.norm(), to.rowStep.norm()) * r.col(1);
-  plane.origin = (1 - share) * from.Point(i, j) + share * to.Point(i, j) - i * plane.columnStep - j * plane.rowStep;
+  plane.origin =
+      (1 - share) * from.Point(i, j) + share * to.Point(i, j) - i * plane.columnStep - j * plane.rowStep;
   return plane;
 }
 

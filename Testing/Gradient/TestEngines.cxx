@@ -25,8 +25,8 @@ struct SmallProblem
   {
     Random random(seed);
     field = bigus::test::RandomField(random, 9, 3.0, 0.4, 2.0, elevationSigma);
-    field.means[8] = { 0.3, -0.2, 0.1 };
-    field.scales[8] = { 9, 7, 8 };
+    field.means[8] = {0.3, -0.2, 0.1};
+    field.scales[8] = {9, 7, 8};
     field.reflectivities[8] = 3.0;
     std::vector<bigus::SlicePlane> planes;
     for (int i = 0; i < 3; ++i)
@@ -34,7 +34,7 @@ struct SmallProblem
       planes.push_back(bigus::test::RandomPlane(random, random.Vector(0.5), 0.5, 14, 12));
     }
     sweep = bigus::test::RandomSweep(random, planes, 0.1, 0.9);
-    sweep->weights = { 1.0f, 0.5f, 2.0f };
+    sweep->weights = {1.0f, 0.5f, 2.0f};
   }
 };
 
@@ -43,7 +43,7 @@ double LossOf(const bigus::GaussianField& field, const std::shared_ptr<bigus::Sw
   const auto engine = bigus::Engine::Create("reference");
   engine->SetFrames(sweep, false);
   engine->SetField(field);
-  return engine->Backpropagate({ 0, 1, 2 }, bigus::LossKind::L2);
+  return engine->Backpropagate({0, 1, 2}, bigus::LossKind::L2);
 }
 
 /// Fourth-order central difference of the loss along a change of the field.
@@ -68,9 +68,10 @@ void Compare(const std::vector<double>& analytic, const std::vector<double>& num
   }
   for (std::size_t i = 0; i < numeric.size(); ++i)
   {
-    // Relative to the value itself, or to a thousandth of the group's largest where the value is smaller still.
+    // Relative to the value itself, or to a thousandth of the group's largest where the value is smaller
+    // still.
     EXPECT_NEAR(analytic[i], numeric[i], 1e-6 * std::max(std::abs(numeric[i]), 1e-3 * largest))
-      << group << " component " << i;
+        << group << " component " << i;
   }
 }
 
@@ -84,7 +85,7 @@ TEST_P(GradientTest, EqualsCentralDifferences)
   const auto engine = bigus::Engine::Create("reference");
   engine->SetFrames(problem.sweep, false);
   engine->SetField(problem.field);
-  engine->Backpropagate({ 0, 1, 2 }, bigus::LossKind::L2);
+  engine->Backpropagate({0, 1, 2}, bigus::LossKind::L2);
   const bigus::FieldGradient gradient = engine->GetGradient();
   const double h = 2e-3;
   std::vector<double> analytic[4], numeric[4];
@@ -94,25 +95,24 @@ TEST_P(GradientTest, EqualsCentralDifferences)
     {
       analytic[0].push_back(gradient.means[i][k]);
       numeric[0].push_back(
-        Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.means[i][k] += step; }));
+          Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.means[i][k] += step; }));
       analytic[1].push_back(gradient.logScales[i][k]);
-      numeric[1].push_back(
-        Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
+      numeric[1].push_back(Difference(
+          problem, h, [=](bigus::GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
       analytic[2].push_back(gradient.rotations[i][k]);
-      numeric[2].push_back(Difference(problem, h,
-                                      [=](bigus::GaussianField& f, double step)
-                                      {
-                                        const Eigen::Matrix3d turn =
-                                          Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(k)).toRotationMatrix();
-                                        f.rotations[i] =
-                                          bigus::Quaternion(bigus::RotationMatrix(f.rotations[i]) * turn);
-                                      }));
+      numeric[2].push_back(Difference(
+          problem, h,
+          [=](bigus::GaussianField& f, double step)
+          {
+            const Eigen::Matrix3d turn = Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(k)).toRotationMatrix();
+            f.rotations[i] = bigus::Quaternion(bigus::RotationMatrix(f.rotations[i]) * turn);
+          }));
     }
     analytic[3].push_back(gradient.reflectivities[i]);
     numeric[3].push_back(
-      Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.reflectivities[i] += step; }));
+        Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.reflectivities[i] += step; }));
   }
-  const char* names[4] = { "mean", "log-scale", "rotation", "reflectivity" };
+  const char* names[4] = {"mean", "log-scale", "rotation", "reflectivity"};
   for (int group = 0; group < 4; ++group)
   {
     Compare(analytic[group], numeric[group], names[group]);
@@ -145,7 +145,7 @@ std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
   std::vector<double> flat;
   for (const Eigen::Vector3d& v : values)
   {
-    flat.insert(flat.end(), { v[0], v[1], v[2] });
+    flat.insert(flat.end(), {v[0], v[1], v[2]});
   }
   return flat;
 }
@@ -155,18 +155,19 @@ TEST(CpuEngine, GradientEqualsTheReference)
   const LargeProblem problem;
   bigus::FieldGradient gradients[2];
   double losses[2];
-  const char* names[2] = { "reference", "cpu" };
+  const char* names[2] = {"reference", "cpu"};
   for (int e = 0; e < 2; ++e)
   {
     const auto engine = bigus::Engine::Create(names[e]);
-    engine->SetTruncation({ 0.0, true });
+    engine->SetTruncation({0.0, true});
     engine->SetFrames(problem.sweep, false);
     engine->SetField(problem.field);
-    losses[e] = engine->Backpropagate({ 0, 1, 2, 3 }, bigus::LossKind::L2);
+    losses[e] = engine->Backpropagate({0, 1, 2, 3}, bigus::LossKind::L2);
     gradients[e] = engine->GetGradient();
   }
   EXPECT_NEAR(losses[1], losses[0], 1e-5 * losses[0]);
-  const auto check = [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
+  const auto check =
+      [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
   {
     double dot = 0, a = 0, b = 0, difference = 0;
     for (std::size_t i = 0; i < reference.size(); ++i)
@@ -196,9 +197,9 @@ TEST(CpuEngine, DropsNoMoreThanTheTolerance)
   reference->Render(plane, bigus::ViewOutput::Intensity, expected.data());
   const auto engine = bigus::Engine::Create("cpu");
   engine->SetField(problem.field);
-  for (double tolerance : { 1e-1, 1e-2, 1e-3, 1e-4, 1e-5 })
+  for (double tolerance : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5})
   {
-    engine->SetTruncation({ tolerance / problem.field.transfer.gamma, false });
+    engine->SetTruncation({tolerance / problem.field.transfer.gamma, false});
     engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
     double worst = 0;
     for (std::size_t i = 0; i < image.size(); ++i)
@@ -219,11 +220,11 @@ std::vector<double> TrainBriefly(int threads)
   const auto engine = bigus::Engine::Create("cpu");
   engine->SetFrames(problem.sweep, false);
   engine->SetField(problem.field);
-  engine->SolveReflectivities({ 0, 1, 2, 3 }, 3);
+  engine->SolveReflectivities({0, 1, 2, 3}, 3);
   for (int i = 0; i < 3; ++i)
   {
-    engine->Backpropagate({ i, i + 1 }, bigus::LossKind::L1);
-    engine->Step({ 0.1, 0.05, 0.05, 0.02 }, {});
+    engine->Backpropagate({i, i + 1}, bigus::LossKind::L1);
+    engine->Step({0.1, 0.05, 0.05, 0.02}, {});
   }
   const bigus::GaussianField field = engine->GetField();
   std::vector<double> all = Flat(field.means);
@@ -240,7 +241,7 @@ std::vector<double> TrainBriefly(int threads)
 TEST(CpuEngine, BitsDoNotDependOnTheNumberOfThreads)
 {
   const std::vector<double> one = TrainBriefly(1);
-  for (int threads : { 2, 5 })
+  for (int threads : {2, 5})
   {
     const std::vector<double> many = TrainBriefly(threads);
     ASSERT_EQ(one.size(), many.size());
@@ -256,7 +257,7 @@ TEST(CpuEngine, AWindowHoldsTheBitsOfTheWhole)
   engine->SetField(problem.field);
   std::vector<float> whole(plane.NumberOfPixels());
   engine->Render(plane, bigus::ViewOutput::Scattering, whole.data());
-  const bigus::Engine::Window window{ 13, 29, 51, 37 };
+  const bigus::Engine::Window window{13, 29, 51, 37};
   std::vector<float> part(51 * 37);
   engine->Render(plane, window, bigus::ViewOutput::Scattering, part.data(), nullptr);
   for (int row = 0; row < window.rows; ++row)
@@ -266,14 +267,14 @@ TEST(CpuEngine, AWindowHoldsTheBitsOfTheWhole)
       ASSERT_EQ(part[row * 51 + column], whole[(row + 29) * 90 + column + 13]) << column << ", " << row;
     }
   }
-  EXPECT_THROW(engine->Render(plane, { 80, 0, 20, 10 }, bigus::ViewOutput::Scattering, part.data(), nullptr),
+  EXPECT_THROW(engine->Render(plane, {80, 0, 20, 10}, bigus::ViewOutput::Scattering, part.data(), nullptr),
                bigus::Error);
 }
 
 TEST(Engine, SolvesForReflectivities)
 {
   // Frames rendered from a known field: solving from zero must find its reflectivities where frames see them.
-  for (const char* name : { "reference", "cpu" })
+  for (const char* name : {"reference", "cpu"})
   {
     Random random(5);
     bigus::GaussianField field = bigus::test::RandomField(random, 20, 4.0, 0.6, 1.2, 0.4);
@@ -285,15 +286,15 @@ TEST(Engine, SolvesForReflectivities)
     for (int i = -4; i <= 4; ++i)
     {
       bigus::SlicePlane plane;
-      plane.columnStep = { 0.5, 0, 0 };
-      plane.rowStep = { 0, 0.5, 0 };
+      plane.columnStep = {0.5, 0, 0};
+      plane.rowStep = {0, 0.5, 0};
       plane.width = plane.height = 24;
-      plane.origin = { -6, -6, 1.0 * i };
+      plane.origin = {-6, -6, 1.0 * i};
       planes.push_back(plane);
     }
     auto sweep = bigus::test::RandomSweep(random, planes, 0, 1);
     const auto engine = bigus::Engine::Create(name);
-    engine->SetTruncation({ 0.0, true });
+    engine->SetTruncation({0.0, true});
     engine->SetField(field);
     auto pixels = std::make_shared<std::vector<float>>(9 * 24 * 24);
     for (int i = 0; i < 9; ++i)
@@ -308,8 +309,8 @@ TEST(Engine, SolvesForReflectivities)
     }
     engine->SetFrames(sweep, false);
     engine->SetField(blank);
-    engine->SetTruncation({ 0.0, true });
-    const double residual = engine->SolveReflectivities({ 0, 1, 2, 3, 4, 5, 6, 7, 8 }, 60);
+    engine->SetTruncation({0.0, true});
+    const double residual = engine->SolveReflectivities({0, 1, 2, 3, 4, 5, 6, 7, 8}, 60);
     EXPECT_LT(residual, 1e-3) << name;
     const bigus::GaussianField solved = engine->GetField();
     for (std::size_t i = 0; i < field.Size(); ++i)
@@ -322,14 +323,14 @@ TEST(Engine, SolvesForReflectivities)
 TEST(Engine, RefusesWhatItCannotDo)
 {
   EXPECT_THROW(bigus::Engine::Create("no such engine"), bigus::Error);
-  for (const char* name : { "reference", "cpu" })
+  for (const char* name : {"reference", "cpu"})
   {
     const auto engine = bigus::Engine::Create(name);
-    EXPECT_THROW(engine->Backpropagate({ 0 }, bigus::LossKind::L1), bigus::Error);  // no frames
+    EXPECT_THROW(engine->Backpropagate({0}, bigus::LossKind::L1), bigus::Error);  // no frames
     const LargeProblem problem;
     engine->SetFrames(problem.sweep, false);
     EXPECT_THROW(engine->Backpropagate({}, bigus::LossKind::L1), bigus::Error);
-    EXPECT_THROW(engine->Backpropagate({ 4 }, bigus::LossKind::L1), bigus::Error);
+    EXPECT_THROW(engine->Backpropagate({4}, bigus::LossKind::L1), bigus::Error);
     bigus::GaussianField bad = problem.field;
     bad.scales[7][1] = -1;
     EXPECT_THROW(engine->SetField(bad), bigus::Error);
@@ -338,7 +339,7 @@ TEST(Engine, RefusesWhatItCannotDo)
 
 TEST(Engine, AnEmptyFieldIsBlack)
 {
-  for (const char* name : { "reference", "cpu" })
+  for (const char* name : {"reference", "cpu"})
   {
     const auto engine = bigus::Engine::Create(name);
     engine->SetField({});

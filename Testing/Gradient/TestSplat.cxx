@@ -26,9 +26,9 @@ struct Case
 Long Exponent(const Case& c, const Eigen::Vector2d& pixel, Long z)
 {
   const Eigen::Matrix<Long, 3, 3> r = bigus::RotationMatrix(c.rotation).cast<Long>();
-  const Eigen::Matrix<Long, 3, 1> x = c.plane.origin.cast<Long>() + Long(pixel[0]) * c.plane.columnStep.cast<Long>() +
-                                      Long(pixel[1]) * c.plane.rowStep.cast<Long>() +
-                                      z * c.plane.Normal().cast<Long>() - c.mean.cast<Long>();
+  const Eigen::Matrix<Long, 3, 1> x =
+      c.plane.origin.cast<Long>() + Long(pixel[0]) * c.plane.columnStep.cast<Long>() +
+      Long(pixel[1]) * c.plane.rowStep.cast<Long>() + z * c.plane.Normal().cast<Long>() - c.mean.cast<Long>();
   const Eigen::Matrix<Long, 3, 1> y = (r.transpose() * x).cwiseQuotient(c.scale.cast<Long>());
   Long exponent = -y.squaredNorm() / 2;
   if (c.elevationSigma > 0)
@@ -116,7 +116,7 @@ bigus::Projection<Real> ProjectCase(const Case& c)
   field.rotations[0] = c.rotation;
   const Eigen::Vector3d origin = c.plane.Point(31.5, 31.5);
   return bigus::Project(bigus::PackField<Real>(field, origin)[0],
-                        bigus::MakeView<Real>(c.plane, bigus::Beam{ c.elevationSigma }, origin));
+                        bigus::MakeView<Real>(c.plane, bigus::Beam{c.elevationSigma}, origin));
 }
 
 TEST(Splat, EqualsTheBeamIntegral)
@@ -127,18 +127,21 @@ TEST(Splat, EqualsTheBeamIntegral)
   {
     const Case c = RandomCase(random);
     const bigus::Projection<double> p = ProjectCase<double>(c);
-    // A pixel position (not rounded: the formula holds anywhere) up to four standard deviations from the centre.
+    // A pixel position (not rounded: the formula holds anywhere) up to four standard deviations from the
+    // centre.
     const double e1 = random.Uniform(-3, 3), e2 = random.Uniform(-3, 3);
     const double v = p.splat.mv + e2 / p.splat.u22;
     const double u = p.splat.mu + (e1 - p.splat.u12 * (v - p.splat.mv)) / p.splat.u11;
     const double eta2 = p.splat.u22 * (v - p.splat.mv);
     const double eta1 = p.splat.u11 * (u - p.splat.mu) + p.splat.u12 * (v - p.splat.mv);
     const double w = p.splat.amplitude * std::exp(-0.5 * (eta1 * eta1 + eta2 * eta2));
-    const Long expected = Quadrature(c, { u, v });
+    const Long expected = Quadrature(c, {u, v});
     const Long error = std::abs(w - expected) / p.splat.amplitude;
     worst = std::max(worst, error);
-    // What is left is the rounding of positions: half an ulp of 32 mm, 4e-15 mm, beside a needle 1e-5 mm thick.
-    ASSERT_LT(error, 1e-10L) << "case " << i << ", scales " << c.scale.transpose() << ", sigma_E " << c.elevationSigma;
+    // What is left is the rounding of positions: half an ulp of 32 mm, 4e-15 mm, beside a needle 1e-5 mm
+    // thick.
+    ASSERT_LT(error, 1e-10L) << "case " << i << ", scales " << c.scale.transpose() << ", sigma_E "
+                             << c.elevationSigma;
   }
   RecordProperty("worst_error", std::to_string(static_cast<double>(worst)));
   std::cout << "worst error / peak: " << static_cast<double>(worst) << '\n';
@@ -152,12 +155,13 @@ TEST(Splat, FloatStaysFiniteAndCloseForNeedlesAndPancakes)
     const Case c = RandomCase(random);
     const bigus::Splat<float> f = ProjectCase<float>(c).splat;
     const bigus::Splat<double> d = ProjectCase<double>(c).splat;
-    for (float value : { f.u11, f.u12, f.u22, f.mu, f.mv, f.amplitude })
+    for (float value : {f.u11, f.u12, f.u22, f.mu, f.mv, f.amplitude})
     {
       ASSERT_TRUE(std::isfinite(value)) << "case " << i;
     }
-    // Float rounding: of the norms, a few 1e-7; of rho^2 / 2, off by rho drho with rho <= 4, where the mean's distance
-    // from the plane sums coordinates up to 64 mm: twelve roundings (six inputs, three products, three sums) of 4e-6 mm.
+    // Float rounding: of the norms, a few 1e-7; of rho^2 / 2, off by rho drho with rho <= 4, where the mean's
+    // distance from the plane sums coordinates up to 64 mm: twelve roundings (six inputs, three products,
+    // three sums) of 4e-6 mm.
     const Eigen::Vector3d normal = bigus::RotationMatrix(c.rotation).transpose() * c.plane.Normal();
     const double t = normal.cwiseProduct(c.scale).squaredNorm() + c.elevationSigma * c.elevationSigma;
     const double rounding = 1e-5 + 4 * 12 * 4e-6 / std::sqrt(t);

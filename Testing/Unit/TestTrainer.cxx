@@ -1,0 +1,241 @@
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <functional>
+
+#include "Core/Error.h"
+#include "Core/Metrics.h"
+#include "Core/Trainer.h"
+#include "Unit/SyntheticSweep.h"
+
+namespace
+{
+
+using bigus::TrainerOptions;
+
+TrainerOptions Small()
+{
+  TrainerOptions options;
+  options.gaussians = 600;
+  options.iterations = 120;
+  options.holdOut = 4;
+  return options;
+}
+
+/// Mean PSNR of a field over frames, by the reference engine.
+double HeldOutPsnr(const bigus::GaussianField& field, const bigus::Sweep& sweep,
+                   const std::vector<int>& frames)
+{
+  const auto engine = bigus::Engine::Create("reference");
+  engine->SetField(field);
+  std::vector<float> image(sweep.PixelsPerFrame()), truth(sweep.PixelsPerFrame());
+  double sum = 0;
+  for (int frame : frames)
+  {
+    engine->Render(sweep.Plane(frame), bigus::ViewOutput::Intensity, image.data());
+    sweep.CopyFrame(frame, truth.data());
+    sum += bigus::Psnr(image.data(), truth.data(), image.size()) / static_cast<double>(frames.size());
+  }
+  return sum;
+}
+
+bool Same(const bigus::GaussianField& a, const bigus::GaussianField& b)
+{
+  return a.means == b.means && a.scales == b.scales && a.rotations == b.rotations &&
+         a.reflectivities == b.reflectivities && a.transfer.gamma == b.transfer.gamma;
+}
+
+TEST(Trainer, LearnsFramesItHasNotSeen)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions options = Small();
+  options.iterations = 0;
+  const bigus::TrainingResult seeds = bigus::Train(sweep, options);
+  options.iterations = 300;
+  const bigus::TrainingResult trained = bigus::Train(sweep, options);
+  EXPECT_EQ(trained.heldOutFrames, (std::vector<int>{2, 6, 10, 14, 18, 22}));
+  EXPECT_EQ(trained.trainingFrames.size(), 18u);
+  EXPECT_EQ(trained.iterations, 300);
+  const double before = HeldOutPsnr(seeds.field, *sweep, trained.heldOutFrames);
+  const double after = HeldOutPsnr(trained.field, *sweep, trained.heldOutFrames);
+  EXPECT_GT(after, before + 5);
+  EXPECT_GT(after, 35);
+  ASSERT_GE(trained.log.size(), 50u);
+  EXPECT_LT(trained.log.back().loss, 0.5 * trained.log.front().loss);
+  EXPECT_EQ(trained.log.back().iteration, 300);
+}
+
+TEST(Trainer, HeldOutAndRefusedFramesLeaveNoTrace)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  const auto poisoned = bigus::test::RenderedSweep();
+  for (int frame : {2, 6, 10, 14, 18, 22})
+  {
+    std::fill_n(bigus::test::Pixels(*poisoned) + frame * poisoned->PixelsPerFrame(),
+                poisoned->PixelsPerFrame(), 1.0f);
+  }
+  EXPECT_TRUE(Same(bigus::Train(sweep, Small()).field, bigus::Train(poisoned, Small()).field));
+}
+
+TEST(Trainer, SameSeedSameBitsForAnyNumberOfThreads)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  const auto train = [&](int threads, std::uint64_t seed)
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    TrainerOptions options = Small();
+    options.seed = seed;
+    options.densification.interval = 20;
+    return bigus::Train(sweep, options).field;
+  };
+  const bigus::GaussianField one = train(1, 1);
+  EXPECT_TRUE(Same(one, train(4, 1)));
+  EXPECT_FALSE(Same(one, train(1, 2)));
+}
+
+TEST(Trainer, ContinuesFromAField)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  const bigus::TrainingResult first = bigus::Train(sweep, Small());
+  const bigus::TrainingResult second = bigus::Train(sweep, Small(), &first.field);
+  EXPECT_EQ(second.field.Size(), first.field.Size());
+  EXPECT_GT(HeldOutPsnr(second.field, *sweep, first.heldOutFrames),
+            HeldOutPsnr(first.field, *sweep, first.heldOutFrames));
+}
+
+TEST(Trainer, StopsWhenToldAndKeepsTheField)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  int calls = 0;
+  double last = -1;
+  const bigus::TrainingResult result = bigus::Train(sweep, Small(), nullptr,
+                                                    [&](const bigus::TrainingProgress& progress)
+                                                    {
+                                                      EXPECT_GE(progress.fraction, last);
+                                                      EXPECT_LE(progress.fraction, 1.0);
+                                                      last = progress.fraction;
+                                                      return ++calls < 60;
+                                                    });
+  EXPECT_TRUE(result.aborted);
+  EXPECT_LT(result.iterations, 120);
+  result.field.Validate();
+  EXPECT_EQ(result.field.Size(), 600u);
+}
+
+TEST(Trainer, ATimeLimitEndsTraining)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions options = Small();
+  options.iterations = 10000000;
+  options.timeLimit = 1.0;
+  const bigus::TrainingResult result = bigus::Train(sweep, options);
+  EXPECT_FALSE(result.aborted);
+  EXPECT_GT(result.iterations, 0);
+  EXPECT_LT(result.iterations, 10000000);
+}
+
+TEST(Trainer, ValidationKeepsTheBestFieldAndStopsEarly)
+{
+  // Frames of noise: nothing carries over to a validation frame, so its score soon falls and training must
+  // stop.
+  bigus::test::Random random(8);
+  auto sweep = bigus::test::BlackSweep(16, 32, 32, 0.4, 0.5);
+  for (std::size_t p = 0; p < 16 * sweep->PixelsPerFrame(); ++p)
+  {
+    bigus::test::Pixels(*sweep)[p] = static_cast<float>(random.Uniform(0.2, 0.8));
+  }
+  TrainerOptions options = Small();
+  options.gaussians = 3000;
+  options.iterations = 400;
+  options.holdOut = 0;
+  options.validation = 4;
+  options.patience = 3;
+  const bigus::TrainingResult result = bigus::Train(sweep, options);
+  EXPECT_EQ(result.validationFrames, (std::vector<int>{2, 6, 10, 14}));
+  EXPECT_LT(result.iterations, 400);
+  double best = -1;
+  for (const bigus::TrainingRecord& record : result.log)
+  {
+    best = std::max(best, record.validationPsnr.value());
+  }
+  EXPECT_NEAR(HeldOutPsnr(result.field, *sweep, result.validationFrames), best, 0.01);
+}
+
+TEST(Trainer, PositiveReflectivityStaysPositive)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions options = Small();
+  const bigus::TrainingResult any = bigus::Train(sweep, options);
+  EXPECT_LT(*std::min_element(any.field.reflectivities.begin(), any.field.reflectivities.end()), 0.0);
+  options.signedReflectivity = false;
+  const bigus::TrainingResult positive = bigus::Train(sweep, options);
+  EXPECT_GE(*std::min_element(positive.field.reflectivities.begin(), positive.field.reflectivities.end()),
+            0.0);
+}
+
+TEST(Trainer, DensificationGrowsUpToTheCap)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions options = Small();
+  options.densification.interval = 10;
+  options.densification.percentile = 80;
+  options.densification.cap = 900;
+  const bigus::TrainingResult result = bigus::Train(sweep, options);
+  EXPECT_GT(result.field.Size(), 700u);
+  EXPECT_LE(result.field.Size(), 900u);
+}
+
+TEST(Trainer, OneFrameTrains)
+{
+  auto sweep = bigus::test::BlackSweep(1, 32, 32, 0.4, 1);
+  for (int p = 0; p < 32 * 32; ++p)
+  {
+    bigus::test::Pixels(*sweep)[p] = 0.3f + 0.2f * std::sin(0.3f * (p % 32)) * std::cos(0.2f * (p / 32));
+  }
+  TrainerOptions options = Small();
+  options.holdOut = 0;
+  const bigus::TrainingResult result = bigus::Train(sweep, options);
+  EXPECT_GT(HeldOutPsnr(result.field, *sweep, {0}), 30);
+}
+
+TEST(Trainer, ConstantFramesTrain)
+{
+  auto sweep = bigus::test::BlackSweep(8, 32, 32, 0.4, 0.5);
+  std::fill_n(bigus::test::Pixels(*sweep), 8 * sweep->PixelsPerFrame(), 1.0f);  // saturated
+  const bigus::TrainingResult result = bigus::Train(sweep, Small());
+  result.field.Validate();
+}
+
+TEST(Trainer, OptionsOutOfRangeAreNamed)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  const auto refused = [&](const char* word, const std::function<void(TrainerOptions&)>& spoil)
+  {
+    TrainerOptions options = Small();
+    spoil(options);
+    try
+    {
+      bigus::Train(sweep, options);
+      ADD_FAILURE() << word << " was accepted";
+    }
+    catch (const bigus::Error& error)
+    {
+      EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << error.what();
+    }
+  };
+  refused("gaussians", [](TrainerOptions& o) { o.gaussians = 0; });
+  refused("elevation sigma", [](TrainerOptions& o) { o.elevationSigma = -1; });
+  refused("elevation sigma", [](TrainerOptions& o) { o.elevationSigma = std::nan(""); });
+  refused("hold-out", [](TrainerOptions& o) { o.holdOut = 1; });
+  refused("validation", [](TrainerOptions& o) { o.validation = 1; });
+  refused("iterations", [](TrainerOptions& o) { o.iterations = -1; });
+  refused("time limit", [](TrainerOptions& o) { o.timeLimit = std::nan(""); });
+  refused("batch", [](TrainerOptions& o) { o.batch = 0; });
+  refused("tolerance", [](TrainerOptions& o) { o.tolerance = -1; });
+  refused("final rate", [](TrainerOptions& o) { o.finalRate = 0; });
+  refused("percentile", [](TrainerOptions& o) { o.densification.percentile = 101; });
+  refused("engine", [](TrainerOptions& o) { o.engine = "abacus"; });
+}
+
+}  // namespace
