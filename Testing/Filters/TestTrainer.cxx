@@ -1,0 +1,338 @@
+// vtkBigusTrainer: a filter around the trainer; what is learned is tested with Core.
+
+#include <chrono>
+
+#include "FilterTestSupport.h"
+#include "vtkBigusImageMetrics.h"
+#include "vtkBigusReslice.h"
+#include "vtkBigusTrainer.h"
+#include "vtkCallbackCommand.h"
+#include "vtkDoubleArray.h"
+#include "vtkFieldData.h"
+#include "vtkIntArray.h"
+#include "vtkTable.h"
+#include "vtkVariant.h"
+
+namespace bigus::test
+{
+namespace
+{
+
+/// Twelve frames of 48 x 40 pixels, 0.4 mm apart, that look at a soft pattern; tilted in the world.
+vtkSmartPointer<vtkImageData> PatternSweep()
+{
+  auto image = vtkSmartPointer<vtkImageData>::New();
+  image->SetDimensions(48, 40, 12);
+  image->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  vtkNew<vtkDoubleArray> poses;
+  poses->SetName("ImageToReference");
+  poses->SetNumberOfComponents(16);
+  const Eigen::Matrix4d tilt = RigidMatrix(Numbers(3).Rotation(), {20, -30, 5});
+  for (int k = 0; k < 12; ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose(0, 0) = pose(1, 1) = 0.3;
+    pose(2, 3) = 0.4 * k;
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> world = tilt * pose;
+    poses->InsertNextTypedTuple(world.data());
+    for (int j = 0; j < 40; ++j)
+    {
+      for (int i = 0; i < 48; ++i)
+      {
+        const double value = 0.4 + 0.2 * std::sin(0.5 * i + 0.3 * k) + 0.15 * std::cos(0.4 * j - 0.2 * k);
+        *static_cast<unsigned char*>(image->GetScalarPointer(i, j, k)) =
+            static_cast<unsigned char>(255 * value);
+      }
+    }
+  }
+  image->GetFieldData()->AddArray(poses);
+  return image;
+}
+
+/// A trainer that takes a moment.
+struct Quick
+{
+  vtkSmartPointer<vtkImageData> sweep = PatternSweep();
+  vtkNew<vtkBigusTrainer> trainer;
+  Quick()
+  {
+    trainer->SetInputData(sweep);
+    trainer->SetNumberOfGaussians(1500);
+    trainer->SetIterations(60);
+    trainer->SetHoldOut(4);
+  }
+};
+
+std::vector<int> Values(vtkIntArray* list)
+{
+  return {list->GetPointer(0), list->GetPointer(0) + list->GetNumberOfValues()};
+}
+
+/// PSNR of the field's image of one frame.
+double PsnrAt(vtkPolyData* field, vtkImageData* sweep, int frame)
+{
+  vtkNew<vtkBigusReslice> reslice;
+  vtkNew<vtkMatrix4x4> axes;
+  axes->DeepCopy(vtkDoubleArray::SafeDownCast(sweep->GetFieldData()->GetArray("ImageToReference"))
+                     ->GetPointer(16 * frame));
+  reslice->SetInputData(field);
+  reslice->SetResliceAxes(axes);
+  reslice->SetOutputSpacing(1, 1, 1);
+  reslice->SetOutputOrigin(0, 0, 0);
+  reslice->SetOutputExtent(0, 47, 0, 39, 0, 0);
+  reslice->Update();
+  vtkNew<vtkImageData> truth;
+  truth->SetDimensions(48, 40, 1);
+  truth->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  std::memcpy(truth->GetScalarPointer(), sweep->GetScalarPointer(0, 0, frame), 48 * 40);
+  vtkNew<vtkBigusImageMetrics> metrics;
+  metrics->SetInputData(reslice->GetOutput());
+  metrics->SetTruthData(truth);
+  metrics->Update();
+  return metrics->GetPSNR();
+}
+
+TEST(Trainer, LearnsAFieldThatPredictsFramesItHasNotSeen)
+{
+  Quick quick;
+  quick.trainer->Update();
+  vtkPolyData* field = quick.trainer->GetOutput();
+  ASSERT_EQ(field->GetNumberOfPoints(), 1500);
+  EXPECT_NO_THROW(FieldFromPolyData(field));
+  EXPECT_EQ(Values(quick.trainer->GetHeldOutFrames()), (std::vector<int>{2, 6, 10}));
+  EXPECT_EQ(Values(quick.trainer->GetTrainingFrames()), (std::vector<int>{0, 1, 3, 4, 5, 7, 8, 9, 11}));
+  EXPECT_EQ(quick.trainer->GetIterationsDone(), 60);
+  EXPECT_GT(quick.trainer->GetSeconds(), 0);
+  EXPECT_NE(std::string(quick.trainer->GetDevice()), "");
+  EXPECT_FALSE(quick.trainer->GetAborted());
+  EXPECT_GT(PsnrAt(field, quick.sweep, 6), 25);
+
+  vtkTable* log = quick.trainer->GetLog();
+  ASSERT_GT(log->GetNumberOfRows(), 2);
+  EXPECT_EQ(log->GetValueByName(log->GetNumberOfRows() - 1, "Iteration").ToInt(), 60);
+  EXPECT_LT(log->GetValueByName(log->GetNumberOfRows() - 1, "Loss").ToDouble(),
+            log->GetValueByName(0, "Loss").ToDouble());
+  EXPECT_TRUE(std::isnan(log->GetValueByName(0, "ValidationPSNR").ToDouble()));
+
+  EXPECT_EQ(GetProvenance(field, "seed"), "1");
+  EXPECT_EQ(GetProvenance(field, "iterations"), "60");
+  EXPECT_EQ(GetProvenance(field, "heldOutFrames"), "2 6 10");
+}
+
+TEST(Trainer, TheSameSeedGivesTheSameField)
+{
+  Quick a, b, c;
+  for (Quick* quick : {&a, &b, &c})
+  {
+    quick->trainer->SetIterations(10);
+  }
+  c.trainer->SetSeed(2);
+  a.trainer->Update();
+  b.trainer->Update();
+  c.trainer->Update();
+  const GaussianField first = FieldFromPolyData(a.trainer->GetOutput());
+  EXPECT_EQ(first.means, FieldFromPolyData(b.trainer->GetOutput()).means);
+  EXPECT_EQ(first.reflectivities, FieldFromPolyData(b.trainer->GetOutput()).reflectivities);
+  EXPECT_NE(first.means, FieldFromPolyData(c.trainer->GetOutput()).means);
+}
+
+TEST(Trainer, HeldOutAndRejectedFramesHaveNoPart)
+{
+  Quick clean;
+  clean.trainer->SetIterations(10);
+  clean.trainer->Update();
+  Quick poisoned;
+  poisoned.trainer->SetIterations(10);
+  std::memset(poisoned.sweep->GetScalarPointer(0, 0, 6), 255, 48 * 40);
+  poisoned.trainer->Update();
+  EXPECT_EQ(FieldFromPolyData(clean.trainer->GetOutput()).means,
+            FieldFromPolyData(poisoned.trainer->GetOutput()).means);
+
+  Quick rejected;
+  rejected.trainer->SetIterations(10);
+  rejected.trainer->SetValidation(3);
+  vtkNew<vtkDoubleArray> status;
+  status->SetName("Status");
+  for (int k = 0; k < 12; ++k)
+  {
+    status->InsertNextValue(k == 1 || k == 4 ? 0 : 1);
+  }
+  rejected.sweep->GetFieldData()->AddArray(status);
+  rejected.trainer->Update();
+  // Of the frames 0 2 3 5 6 7 8 9 10 11 that are left, numbers 2 and 6 are held out: frames 3 and 8.
+  EXPECT_EQ(Values(rejected.trainer->GetHeldOutFrames()), (std::vector<int>{3, 8}));
+  EXPECT_EQ(Values(rejected.trainer->GetValidationFrames()), (std::vector<int>{2, 7}));
+  EXPECT_EQ(Values(rejected.trainer->GetTrainingFrames()), (std::vector<int>{0, 5, 6, 9, 10, 11}));
+  EXPECT_FALSE(std::isnan(rejected.trainer->GetLog()->GetValueByName(0, "ValidationPSNR").ToDouble()));
+}
+
+TEST(Trainer, ContinuesFromAField)
+{
+  Quick first;
+  first.trainer->SetIterations(20);
+  first.trainer->Update();
+  Quick second;
+  second.trainer->SetInitialFieldConnection(first.trainer->GetOutputPort());
+  second.trainer->Update();
+  EXPECT_EQ(second.trainer->GetOutput()->GetNumberOfPoints(), 1500);
+  EXPECT_EQ(GetProvenance(second.trainer->GetOutput(), "seeding"), "continued");
+  EXPECT_GT(PsnrAt(second.trainer->GetOutput(), second.sweep, 5),
+            PsnrAt(first.trainer->GetOutput(), first.sweep, 5));
+
+  second.trainer->SetIterations(0);
+  second.trainer->Update();
+  EXPECT_LT((FieldFromPolyData(second.trainer->GetOutput()).means[7] -
+             FieldFromPolyData(first.trainer->GetOutput()).means[7])
+                .norm(),
+            1e-4);
+}
+
+TEST(Trainer, AnAbortKeepsTheFieldSoFar)
+{
+  Quick quick;
+  quick.trainer->SetIterations(1000000);
+  struct Seen
+  {
+    int reports = 0;
+    bool text = false;
+    std::chrono::steady_clock::time_point asked;
+  } seen;
+  vtkNew<vtkCallbackCommand> stop;
+  stop->SetClientData(&seen);
+  stop->SetCallback(
+      [](vtkObject* caller, unsigned long, void* data, void*)
+      {
+        auto* filter = vtkAlgorithm::SafeDownCast(caller);
+        auto* state = static_cast<Seen*>(data);
+        const char* text = filter->GetProgressText();
+        state->text = state->text || (text && std::strstr(text, "iteration"));
+        if (++state->reports == 40)
+        {
+          state->asked = std::chrono::steady_clock::now();
+          filter->SetAbortExecute(1);
+        }
+      });
+  quick.trainer->AddObserver(vtkCommand::ProgressEvent, stop);
+  ErrorLog errors(quick.trainer);
+  quick.trainer->Update();
+  const double late = std::chrono::duration<double>(std::chrono::steady_clock::now() - seen.asked).count();
+  EXPECT_LT(late, 0.5);  // 0.1 s on a machine that does nothing else
+  EXPECT_TRUE(seen.text);
+  EXPECT_TRUE(quick.trainer->GetAborted());
+  EXPECT_TRUE(errors.Messages().empty());
+  EXPECT_EQ(quick.trainer->GetOutput()->GetNumberOfPoints(), 1500);
+  EXPECT_EQ(GetProvenance(quick.trainer->GetOutput(), "aborted"), "yes");
+}
+
+TEST(Trainer, SignAndThicknessAreAsAsked)
+{
+  Quick quick;
+  quick.trainer->SetIterations(20);
+  quick.trainer->SignedReflectivityOff();
+  quick.trainer->SetElevationSigma(0.7);
+  quick.trainer->Update();
+  const GaussianField field = FieldFromPolyData(quick.trainer->GetOutput());
+  EXPECT_EQ(field.beam.elevationSigma, 0.7);
+  EXPECT_GE(*std::min_element(field.reflectivities.begin(), field.reflectivities.end()), 0);
+  quick.trainer->SetElevationSigmaToAutomatic();
+  quick.trainer->Update();
+  EXPECT_EQ(FieldFromPolyData(quick.trainer->GetOutput()).beam.elevationSigma, 0.3);
+}
+
+TEST(TrainerBadInput, OptionsOutOfRange)
+{
+  const auto expect = [](void (*change)(vtkBigusTrainer*), std::vector<std::string> parts)
+  {
+    Quick quick;
+    change(quick.trainer);
+    ExpectOneError(quick.trainer, parts);
+    EXPECT_EQ(quick.trainer->GetLog()->GetNumberOfRows(), 0);
+  };
+  expect([](vtkBigusTrainer* f) { f->SetNumberOfGaussians(0); }, {"aussians"});
+  expect([](vtkBigusTrainer* f) { f->SetNumberOfGaussians(-5); }, {"NumberOfGaussians", "-5"});
+  expect([](vtkBigusTrainer* f) { f->SetNumberOfGaussians(vtkIdType(1) << 40); }, {"67108864"});
+  expect([](vtkBigusTrainer* f) { f->SetHoldOut(1); }, {"hold-out", "1"});
+  expect([](vtkBigusTrainer* f) { f->SetValidation(-2); }, {"validation", "-2"});
+  expect([](vtkBigusTrainer* f) { f->SetIterations(-1); }, {"iterations", "-1"});
+  expect([](vtkBigusTrainer* f) { f->SetTimeLimit(std::nan("")); }, {"time limit"});
+  expect([](vtkBigusTrainer* f) { f->SetBatch(0); }, {"batch"});
+  expect([](vtkBigusTrainer* f) { f->SetElevationSigma(std::nan("")); }, {"elevation sigma"});
+  expect([](vtkBigusTrainer* f) { f->SetElevationSigma(1e9); }, {"elevation sigma"});
+  expect([](vtkBigusTrainer* f) { f->SetMeanRate(-1); }, {"mean rate"});
+  expect([](vtkBigusTrainer* f) { f->SetVirtualPlanes(9); }, {"virtual planes"});
+  expect([](vtkBigusTrainer* f) { f->SetDensificationCap(-1); }, {"DensificationCap"});
+  expect([](vtkBigusTrainer* f) { f->SetEngine("abacus"); }, {"abacus"});
+  expect([](vtkBigusTrainer* f) { f->SetEngine(nullptr); }, {"Engine"});
+}
+
+TEST(TrainerBadInput, SweepsThatAreNone)
+{
+  {
+    Quick quick;
+    quick.sweep->GetFieldData()->RemoveArray("ImageToReference");
+    ExpectOneError(quick.trainer, {"ImageToReference", "missing"});
+  }
+  {
+    Quick quick;
+    quick.sweep->GetFieldData()->GetArray("ImageToReference")->SetComponent(3, 5, std::nan(""));
+    ExpectOneError(quick.trainer, {"frame 3"});
+  }
+  {
+    Quick quick;  // singular
+    quick.sweep->GetFieldData()->GetArray("ImageToReference")->Fill(0);
+    ExpectOneError(quick.trainer, {"frame 0"});
+  }
+  {
+    Quick quick;
+    quick.sweep->AllocateScalars(VTK_INT, 1);
+    ExpectOneError(quick.trainer, {"int", "unsigned char"});
+  }
+  {
+    Quick quick;  // black from end to end
+    quick.sweep->GetPointData()->GetScalars()->Fill(0);
+    ExpectOneError(quick.trainer, {"lit"});
+  }
+  {
+    Quick quick;  // nothing left to train on
+    quick.sweep->GetFieldData()->GetArray("ImageToReference")->Resize(1);
+    quick.sweep->SetDimensions(48, 40, 1);
+    quick.sweep->GetPointData()->GetScalars()->Resize(48 * 40);
+    quick.trainer->SetHoldOut(0);
+    quick.trainer->Update();
+    EXPECT_EQ(quick.trainer->GetOutput()->GetNumberOfPoints(), 1500) << "one frame is enough for a field";
+  }
+  {
+    vtkNew<vtkPolyData> wrong;
+    vtkNew<vtkBigusTrainer> trainer;
+    ErrorLog quiet(trainer);
+    trainer->SetInputData(wrong);
+    trainer->Update();
+    EXPECT_EQ(trainer->GetOutput()->GetNumberOfPoints(), 0);
+  }
+}
+
+TEST(TrainerBadInput, FieldsThatCannotBeContinued)
+{
+  Quick quick;
+  vtkNew<vtkPolyData> nothing;
+  quick.trainer->SetInitialFieldData(nothing);
+  ExpectOneError(quick.trainer, {"no Gaussian"});
+  const auto field = ToPolyData(RandomField(10, 1));
+  field->GetPointData()->GetArray("Scale")->SetComponent(2, 0, -1);
+  quick.trainer->SetInitialFieldData(field);
+  ExpectOneError(quick.trainer, {"Scale[2]"});
+}
+
+TEST(Trainer, PrintsWhatItIs)
+{
+  Quick quick;
+  std::ostringstream text;
+  quick.trainer->Print(text);
+  for (const char* part : {"NumberOfGaussians: 1500", "Loss: L1", "SolveIterations: -1", "VirtualPlanes: -1"})
+  {
+    EXPECT_NE(text.str().find(part), std::string::npos) << part;
+  }
+}
+
+}  // namespace
+}  // namespace bigus::test
