@@ -5,9 +5,11 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "Core/CpuKernels.cxx"
-#include <hwy/contrib/math/math-inl.h>
+// clang-format off: foreach_target.h has to come first, it compiles the rest once for every instruction set.
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
+#include <hwy/contrib/math/math-inl.h>
+// clang-format on
 
 HWY_BEFORE_NAMESPACE();
 namespace bigus
