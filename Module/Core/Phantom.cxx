@@ -99,12 +99,15 @@ struct Tube
 };
 
 constexpr Tube Vessels[] = {
-    {{8, 15, -40}, {5, 17, -10}, 3.0},                                    // trunk
-    {{5, 17, -10}, {2, 19, 6}, 2.8},    {{2, 19, 6}, {-3, 23, 40}, 2.2},  // its branches
-    {{2, 19, 6}, {13, 16, 17}, 1.9},    {{13, 16, 17}, {26, 14, 40}, 1.6},
-    {{-40, 44, 8}, {-9, 43, -3}, 1.7},  // a long one below
-    {{-9, 43, -3}, {9, 45, -8}, 1.5},   {{9, 45, -8}, {40, 42, 2}, 1.3},
-    {{-9, 43, -3}, {-4, 48, -30}, 1.2},
+    {{8, 15, -40}, {5, 17, -10}, 3.0},   // trunk,
+    {{5, 17, -10}, {2, 19, 6}, 2.8},     // to where it forks
+    {{2, 19, 6}, {-3, 23, 40}, 2.2},     // first branch
+    {{2, 19, 6}, {13, 16, 17}, 1.9},     // second branch,
+    {{13, 16, 17}, {26, 14, 40}, 1.6},   // its end
+    {{-40, 44, 8}, {-9, 43, -3}, 1.7},   // a vessel that crosses below,
+    {{-9, 43, -3}, {9, 45, -8}, 1.5},    // its middle
+    {{9, 45, -8}, {40, 42, 2}, 1.3},     // and end,
+    {{-9, 43, -3}, {-4, 48, -30}, 1.2},  // and a twig of it
 };
 constexpr Tube Rib = {{-19, 15, -60}, {-15, 13, 60}, 4.0};
 constexpr double BoundaryThickness = 0.5;  // mm
@@ -195,7 +198,8 @@ struct Aperture
 
   BeamPoint ToBeam(double x, double y) const
   {
-    return fan ? BeamPoint{std::hypot(x, y + apex), std::atan2(x, y + apex)} : BeamPoint{y, x};
+    return fan ? BeamPoint{std::sqrt(x * x + (y + apex) * (y + apex)), std::atan2(x, y + apex)}
+               : BeamPoint{y, x};
   }
   double MillimetresPerLine(double range) const { return fan ? range * lineStep : lineStep; }
   bool IsLit(const BeamPoint& p) const
@@ -295,7 +299,8 @@ Aperture::Aperture(const PhantomOptions& options, const SlicePlane& plane)
 
 struct Scatterer
 {
-  double x, y, z;  // lateral and axial place from the probe's face, elevation; mm
+  BeamPoint place;
+  double elevation;  // mm out of the plane
   double amplitude;
 };
 
@@ -327,10 +332,9 @@ public:
   const Eigen::Vector3d& High() const { return high_; }
   double Thickness() const { return thickness_; }
 
-  /// Whether a ball of this radius about (x, y) in the plane may reach something lit. Never wrongly false.
-  bool Reaches(double x, double y, double radius) const
+  /// Whether a ball of this radius about a point of the plane may reach something lit. Never wrongly false.
+  bool Reaches(const BeamPoint& p, double radius) const
   {
-    const BeamPoint p = aperture_.ToBeam(x, y);
     if (p.range < aperture_.firstRange - along_ - radius || p.range > aperture_.lastRange + along_ + radius)
     {
       return false;
@@ -385,7 +389,7 @@ void ForEachCell(const Aperture& aperture, const Slab& slab, double cell, Visit&
       {
         const Eigen::Vector3d centre =
             Eigen::Vector3d(index[0] + 0.5, index[1] + 0.5, index[2] + 0.5) * cell - aperture.face;
-        if (slab.Reaches(aperture.lateral.dot(centre), aperture.axial.dot(centre), radius))
+        if (slab.Reaches(aperture.ToBeam(aperture.lateral.dot(centre), aperture.axial.dot(centre)), radius))
         {
           visit(index);
         }
@@ -420,20 +424,25 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture, c
   {
     const Eigen::Vector3d offset = point - aperture.face;
     const double z = aperture.elevation.dot(offset);
-    const double x = aperture.lateral.dot(offset), y = aperture.axial.dot(offset);
-    if (std::abs(z) <= slab.Thickness() && slab.Reaches(x, y, 0))
+    if (std::abs(z) > slab.Thickness())
     {
-      const double value = amplitude();
-      if (value != 0)
-      {
-        visit(Scatterer{x, y, z, value});
-      }
+      return;
+    }
+    const BeamPoint place = aperture.ToBeam(aperture.lateral.dot(offset), aperture.axial.dot(offset));
+    if (!slab.Reaches(place, 0))
+    {
+      return;
+    }
+    const double value = amplitude();
+    if (value != 0)
+    {
+      visit(Scatterer{place, z, value});
     }
   };
 
   if (options.scene == PhantomScene::Points)
   {
-    constexpr double pitch = 10;  // mm: one point in the middle of a cell, shifted to stand at (0, 5, 0)
+    constexpr double pitch = 10;           // mm
     constexpr double pointAmplitude = 10;  // +20 dB
     ForEachCell(aperture, slab, pitch / 2,
                 [&](const std::array<std::int64_t, 3>& c)
@@ -573,7 +582,7 @@ std::vector<Complex> SumEchoes(const PhantomOptions& options, const Aperture& ap
   ForEachScatterer(options, aperture, slab,
                    [&](const Scatterer& s)
                    {
-                     const BeamPoint p = aperture.ToBeam(s.x, s.y);
+                     const BeamPoint& p = s.place;
                      const double r = (p.range - aperture.gridRange) / aperture.rangeStep;
                      const double l = (p.line - aperture.gridLine) / aperture.lineStep;
                      if (!(r >= 0 && l >= 0 && r < aperture.ranges - 1 && l < lines - 1))
@@ -582,7 +591,7 @@ std::vector<Complex> SumEchoes(const PhantomOptions& options, const Aperture& ap
                      }
                      const int ri = static_cast<int>(r), li = static_cast<int>(l);
                      const float rf = static_cast<float>(r - ri), lf = static_cast<float>(l - li);
-                     const double amplitude = s.amplitude * std::exp(elevation * s.z * s.z);
+                     const double amplitude = s.amplitude * std::exp(elevation * s.elevation * s.elevation);
                      const double phase = -twiceWavenumber * p.range;
                      const Complex echo(static_cast<float>(amplitude * std::cos(phase)),
                                         static_cast<float>(amplitude * std::sin(phase)));

@@ -77,8 +77,9 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
   {
     auto source = SmallSource();
     source->SetProbeToConvex();
-    source->SetNumberOfFrames(2);
+    source->SetNumberOfFrames(3);
     source->SetFrameSize(30, 20);
+    source->SetPixelSize(1.5);
     change(source.Get());
     source->Update();
     return source;
@@ -108,7 +109,7 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
   EXPECT_TRUE(differs([](Source* s) { s->SetProbeToSector(); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetSceneToSpeckle(); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetSeed(2); }));
-  EXPECT_TRUE(differs([](Source* s) { s->SetNumberOfFrames(3); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetNumberOfFrames(4); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetFrameSize(31, 20); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetPixelSize(0.7); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetProbeRadius(30); }));
