@@ -5,6 +5,7 @@
 
 #include "Core/SlicePlane.h"
 #include "FileError.h"
+#include "SequenceFile.h"
 #include "Text.h"
 
 namespace bigus
@@ -13,7 +14,6 @@ namespace
 {
 
 constexpr std::uint64_t largestFile = 16u << 20;
-constexpr double largestSide = 32768;  // pixels
 
 using Json = nlohmann::json;
 
@@ -65,7 +65,8 @@ MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacin
   if (!(size.minCoeff() > 0 && size.maxCoeff() / spacing <= largestSide))
   {
     throw FormatError(what + ": size " + FormatNumber(size[0]) + " x " + FormatNumber(size[1]) + " mm at " +
-                      FormatNumber(spacing) + " mm a pixel; up to 32768 pixels a side are possible");
+                      FormatNumber(spacing) + " mm a pixel; up to " + std::to_string(largestSide) +
+                      " pixels a side are possible");
   }
   if ((system == "LPS") != worldIsLps)
   {

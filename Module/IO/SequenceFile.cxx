@@ -1,11 +1,11 @@
 #include "SequenceFile.h"
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 #include <system_error>
 
 #include "FileError.h"
+#include "PngFile.h"
 #include "Text.h"
 
 namespace bigus
@@ -13,14 +13,8 @@ namespace bigus
 namespace
 {
 
-// A header may name at most this much, so that products of sizes stay far below 2^63.
-constexpr std::int64_t largestSide = 32768;
-constexpr std::int64_t mostFrames = 1000000;
 constexpr std::uint64_t longestHeader = 256u << 20;
 constexpr std::size_t mostCsvColumns = 1000;
-
-// Deflate cannot shrink anything by more than 1032 : 1.
-constexpr std::uint64_t deflateLimit = 1032;
 
 [[noreturn]] void Refuse(const SequenceFile& file, const std::string& message)
 {
@@ -625,19 +619,18 @@ void ReadCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
   {
     columns.emplace(Lowercase(names[i]), i);
   }
+  const bool lastRow =
+      columns.count("m30") || columns.count("m31") || columns.count("m32") || columns.count("m33");
   std::vector<std::size_t> matrix;
-  for (int i = 0; i < 16; ++i)
+  for (int i = 0; i < (lastRow ? 16 : 12); ++i)
   {
     const std::string name = "m" + std::to_string(i / 4) + std::to_string(i % 4);
     const auto found = columns.find(name);
-    if (found != columns.end())
-    {
-      matrix.push_back(found->second);
-    }
-    else if (i < 12 || matrix.size() != 12)
+    if (found == columns.end())
     {
       Refuse(file, "has no column " + name + "; a pose takes m00 to m33, or m00 to m23 without the last row");
     }
+    matrix.push_back(found->second);
   }
   const auto cell = [&columns](const std::vector<std::string>& cells, const char* name) -> const std::string*
   {
@@ -669,7 +662,7 @@ void ReadCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
     {
       pose += cells[column] + " ";
     }
-    if (matrix.size() == 12)
+    if (!lastRow)
     {
       pose += "0 0 0 1";
     }
@@ -789,47 +782,6 @@ const char* NameOf(Encoding encoding)
     default:
       return "png";
   }
-}
-
-// https://www.w3.org/TR/png: signature, then the IHDR chunk.
-PngHeader ReadPngHeader(const std::string& fileName)
-{
-  InputFile input(fileName);
-  unsigned char bytes[26] = {};
-  const unsigned char signature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
-  if (input.Read(bytes, sizeof(bytes)) != sizeof(bytes) || std::memcmp(bytes, signature, 8) != 0 ||
-      std::memcmp(bytes + 12, "IHDR", 4) != 0)
-  {
-    throw FormatError(fileName + ": not a PNG image, or truncated");
-  }
-  const auto number = [&](int at)
-  {
-    return static_cast<std::int64_t>(bytes[at]) << 24 | bytes[at + 1] << 16 | bytes[at + 2] << 8 |
-           bytes[at + 3];
-  };
-  const std::int64_t width = number(16);
-  const std::int64_t height = number(20);
-  const int depth = bytes[24];
-  const int colour = bytes[25];
-  if (width < 1 || height < 1 || width > largestSide || height > largestSide)
-  {
-    throw FormatError(fileName + ": claims " + std::to_string(width) + " x " + std::to_string(height) +
-                      " pixels; 1 to " + std::to_string(largestSide) + " a side are read");
-  }
-  if (colour != 0 || (depth != 8 && depth != 16))
-  {
-    throw FormatError(fileName + ": not a grey image of 8 or 16 bits (PNG colour type " +
-                      std::to_string(colour) + ", depth " + std::to_string(depth) + "); convert it to one");
-  }
-  const std::uint64_t needed = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
-                               static_cast<std::uint64_t>(depth / 8);
-  if (needed / deflateLimit > input.Size())
-  {
-    throw TruncationError(fileName + ": claims " + std::to_string(width) + " x " + std::to_string(height) +
-                          " pixels, more than its " + std::to_string(input.Size()) + " bytes can hold");
-  }
-  return {static_cast<int>(width), static_cast<int>(height),
-          depth == 8 ? ElementType::UInt8 : ElementType::UInt16};
 }
 
 bool LooksLikeSequence(const std::string& beginning)

@@ -33,6 +33,10 @@ const char* NameOf(Encoding encoding);
 
 using Fields = std::map<std::string, std::string>;
 
+/// The most pixels a side that are read. With mostFrames it keeps products of sizes far below 2^63.
+constexpr std::int64_t largestSide = 32768;
+constexpr std::int64_t mostFrames = 1000000;
+
 /// Everything but the pixels.
 struct SequenceFile
 {
@@ -99,18 +103,5 @@ private:
   std::unique_ptr<Decoder> decoder_;
   const SequenceFile& file_;
 };
-
-struct PngHeader
-{
-  int width = 0;
-  int height = 0;
-  ElementType elementType = ElementType::UInt8;
-};
-
-/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG that can hold the pixels it claims.
-PngHeader ReadPngHeader(const std::string& fileName);
-
-/// Reads one image of a PNG sequence, top row first. `pixels` has file.FrameBytes() bytes.
-void ReadPngFrame(const SequenceFile& file, int frame, void* pixels);
 
 }  // namespace bigus

@@ -5,11 +5,6 @@
 #include "FileError.h"
 #include "SequenceFile.h"
 #include "Text.h"
-#include "vtkCallbackCommand.h"
-#include "vtkExecutive.h"
-#include "vtkImageData.h"
-#include "vtkNew.h"
-#include "vtkPNGReader.h"
 #include "vtk_zlib.h"
 
 namespace bigus
@@ -152,54 +147,6 @@ void PixelStream::Finish()
     throw FormatError(
         file_.fileName +
         ": the pixel data do not end where the header says; they are damaged or the sizes are wrong");
-  }
-}
-
-void ReadPngFrame(const SequenceFile& file, int frame, void* pixels)
-{
-  const std::string& name = file.images[static_cast<std::size_t>(frame)];
-  const PngHeader header = ReadPngHeader(name);
-  if (header.width != file.width || header.height != file.height || header.elementType != file.elementType)
-  {
-    throw FormatError(name + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                      " " + NameOf(header.elementType) + ", unlike the first image (" +
-                      std::to_string(file.width) + " x " + std::to_string(file.height) + " " +
-                      NameOf(file.elementType) + ")");
-  }
-
-  std::string problem;
-  vtkNew<vtkCallbackCommand> keepProblem;
-  keepProblem->SetClientData(&problem);
-  keepProblem->SetCallback(
-      [](vtkObject*, unsigned long, void* target, void* text)
-      {
-        if (text)
-        {
-          *static_cast<std::string*>(target) = static_cast<const char*>(text);
-        }
-      });
-
-  vtkNew<vtkPNGReader> reader;
-  reader->AddObserver(vtkCommand::ErrorEvent, keepProblem);
-  reader->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, keepProblem);
-  reader->SetFileName(name.c_str());
-  reader->Update();
-
-  vtkImageData* const image = reader->GetOutput();
-  int size[3];
-  image->GetDimensions(size);
-  const std::size_t rowBytes = static_cast<std::size_t>(file.width) * BytesPerElement(file.elementType);
-  if (!problem.empty() || size[0] != file.width || size[1] != file.height ||
-      image->GetNumberOfScalarComponents() != 1 ||
-      static_cast<std::size_t>(image->GetScalarSize()) != BytesPerElement(file.elementType))
-  {
-    throw FormatError(name + ": the PNG image cannot be read; it is damaged or truncated");
-  }
-  // VTK puts the bottom row first.
-  for (int row = 0; row < file.height; ++row)
-  {
-    std::memcpy(static_cast<unsigned char*>(pixels) + static_cast<std::size_t>(row) * rowBytes,
-                image->GetScalarPointer(0, file.height - 1 - row, 0), rowBytes);
   }
 }
 

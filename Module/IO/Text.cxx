@@ -251,7 +251,13 @@ std::string CompanionFile(const std::string& owner, const std::string& folder, c
   {
     throw refuse("which leads out of its folder");
   }
-  return (fs::path(folder) / name).string();
+  const std::string path = (fs::path(folder) / name).string();
+  if (!fs::is_regular_file(path, error))
+  {
+    throw FileError(vtkErrorCode::FileNotFoundError,
+                    owner + ": names the file " + Quoted(relative) + ", but there is none in " + folder);
+  }
+  return path;
 }
 
 std::string FolderOf(const std::string& fileName)

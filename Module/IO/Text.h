@@ -31,6 +31,10 @@ bool ParseNumbers(std::string_view text, std::size_t count, double* values);
 /// The shortest text that reads back as the same bits.
 std::string FormatNumber(double value);
 
+/// Deflate cannot shrink anything by more than this factor: compressed data of n bytes hold at most n times
+/// as many.
+constexpr std::uint64_t deflateLimit = 1032;
+
 /// An opened regular file. Throws FileError naming the file when it cannot be opened or is no regular file.
 class InputFile
 {

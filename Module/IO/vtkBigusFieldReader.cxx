@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusFieldReader.h"
 
+#include <algorithm>
 #include <string>
 
 #include "FieldData.h"
@@ -33,10 +34,17 @@ bool LooksLikeVtp(const std::string& beginning)
 
 // VTK's reader allocates what a piece says it has before it looks for it, so that is checked here: no piece
 // can have more points than its file, unpacked, has bytes.
-void CheckClaims(const std::string& fileName)
+void CheckVtp(const std::string& fileName)
 {
-  constexpr std::uint64_t deflateLimit = 1032;
-  const std::uint64_t most = bigus::InputFile(fileName).Size() * deflateLimit;
+  bigus::InputFile file(fileName);
+  char tail[64] = {};
+  file.Seek(file.Size() - std::min<std::uint64_t>(file.Size(), sizeof(tail)));
+  const std::string ending(tail, file.Read(tail, sizeof(tail)));
+  if (ending.find("</VTKFile>") == std::string::npos)
+  {
+    throw bigus::TruncationError(fileName + ": does not end with </VTKFile>; the file is truncated");
+  }
+  const std::uint64_t most = file.Size() * bigus::deflateLimit;
   const std::string beginning = bigus::FileBeginning(fileName, 64 * 1024);
   for (const char* name : {"NumberOfPoints=\"", "NumberOfVerts=\"", "NumberOfLines=\"", "NumberOfStrips=\"",
                            "NumberOfPolys=\"", "NumberOfTuples=\"", "NumberOfComponents=\""})
@@ -59,7 +67,7 @@ void CheckClaims(const std::string& fileName)
 
 bigus::StoredField ReadVtp(const std::string& fileName)
 {
-  CheckClaims(fileName);
+  CheckVtp(fileName);
   std::string problem;
   vtkNew<vtkCallbackCommand> keepProblem;
   keepProblem->SetClientData(&problem);

@@ -12,6 +12,7 @@
 
 #include "Core/SlicePlane.h"
 #include "FileError.h"
+#include "PngFile.h"
 #include "Poses.h"
 #include "SequenceFile.h"
 #include "Text.h"
@@ -444,7 +445,8 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
         }
         else if (!streamed)
         {
-          bigus::ReadPngFrame(file, static_cast<int>(i), buffer.data());
+          const bigus::PngHeader expected = {file.width, file.height, file.elementType};
+          bigus::ReadPng(file.images[i], expected, buffer.data());
         }
         Reorder(file, buffer.data(), target);
         // Rejected frames are clipped too, but do not light the mask.

@@ -1,0 +1,170 @@
+// Slice planes from sequences, CSV and 3D Slicer's markups.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ErrorObserver.h"
+#include "SmallFiles.h"
+#include "TestSupport.h"
+#include "vtkBigusPoseReader.h"
+#include "vtkDataArray.h"
+#include "vtkErrorCode.h"
+#include "vtkTable.h"
+
+namespace bigus::test
+{
+namespace
+{
+
+vtkDataArray* Column(vtkBigusPoseReader* reader, const char* name)
+{
+  return vtkDataArray::SafeDownCast(reader->GetOutput()->GetColumnByName(name));
+}
+
+void Read(vtkBigusPoseReader* reader, const std::string& fileName)
+{
+  ErrorObserver errors(reader);
+  reader->SetFileName(fileName.c_str());
+  reader->Modified();
+  reader->Update();
+  EXPECT_TRUE(errors.Errors().empty()) << errors.Text();
+}
+
+TEST(Poses, OfASequence)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set(SmallField(1, "ImageToReferenceTransformStatus"), "INVALID");
+  WriteBytes(folder / "small.mha", sequence.Bytes());
+  vtkNew<vtkBigusPoseReader> reader;
+  Read(reader, folder / "small.mha");
+  ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 2);
+  EXPECT_EQ(Column(reader, "SourceFrame")->GetComponent(1, 0), 2);
+  EXPECT_EQ(Column(reader, "Timestamp")->GetComponent(1, 0), 2.25);
+  EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), smallWidth);
+  EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 1), smallHeight);
+  for (int c = 0; c < 16; ++c)
+  {
+    EXPECT_EQ(Column(reader, "ImageToReference")->GetComponent(1, c), SmallPose(c / 4, c % 4, 2));
+  }
+}
+
+TEST(Poses, OfACsv)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "poses.csv", SmallCsv(false));
+  vtkNew<vtkBigusPoseReader> reader;
+  Read(reader, folder / "poses.csv");
+  ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 3);
+  EXPECT_EQ(Column(reader, "ImageToReference")->GetComponent(2, 3), 20);
+  EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 0);  // not stated
+
+  std::string sized =
+      "width,height,m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23\n640,480,1,0,0,0,0,1,0,0,0,0,1,0\n";
+  WriteBytes(folder / "sized.csv", sized);
+  Read(reader, folder / "sized.csv");
+  EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 640);
+  EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 1), 480);
+  EXPECT_EQ(Column(reader, "Timestamp"), nullptr);
+}
+
+// The plane's centre (1, 2, 3) LPS, columns along x, rows along z.
+TEST(Poses, OfAMarkupPlaneInEitherCoordinateSystem)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "plane.mrk.json", SmallMarkup());
+  vtkNew<vtkBigusPoseReader> reader;
+  reader->SetPixelSpacing(0.25);
+  for (const bool lps : {true, false})
+  {
+    lps ? reader->SetWorldCoordinateSystemToLPS() : reader->SetWorldCoordinateSystemToRAS();
+    Read(reader, folder / "plane.mrk.json");
+    ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 1);
+    EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 32);
+    EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 1), 16);
+    const double* m = Column(reader, "ImageToReference")->GetTuple(0);
+    const double sign = lps ? 1 : -1;
+    const double centre[3] = {sign * 1, sign * 2, 3};
+    const double column[3] = {sign * 0.25, 0, 0};
+    const double row[3] = {0, 0, 0.25};
+    for (int r = 0; r < 3; ++r)
+    {
+      EXPECT_NEAR(m[4 * r], column[r], 1e-15);
+      EXPECT_NEAR(m[4 * r + 1], row[r], 1e-15);
+      EXPECT_NEAR(m[4 * r] * 15.5 + m[4 * r + 1] * 7.5 + m[4 * r + 3], centre[r], 1e-12);
+    }
+  }
+  std::string ras = SmallMarkup();
+  ras.replace(ras.find("LPS"), 3, "RAS");
+  WriteBytes(folder / "ras.mrk.json", ras);
+  Read(reader, folder / "ras.mrk.json");
+  EXPECT_NEAR(Column(reader, "ImageToReference")->GetComponent(0, 0), 0.25, 1e-15);
+}
+
+void ExpectRefused(vtkBigusPoseReader* reader, const std::string& fileName, const std::string& part)
+{
+  ErrorObserver errors(reader);
+  reader->SetFileName(fileName.c_str());
+  reader->Modified();
+  reader->Update();
+  ASSERT_EQ(errors.Errors().size(), 1u) << errors.Text();
+  EXPECT_NE(errors.Text().find(part), std::string::npos) << errors.Text();
+  EXPECT_EQ(reader->GetOutput()->GetNumberOfRows(), 0);
+  EXPECT_NE(reader->GetErrorCode(), static_cast<unsigned long>(vtkErrorCode::NoError));
+}
+
+TEST(Poses, RefusesBadMarkups)
+{
+  TemporaryFolder folder;
+  const std::vector<std::tuple<std::string, std::string, std::string>> cases = {
+      {"\"markups\"", "\"makeups\"", "markups"},
+      {"\"Plane\"", "\"Line\"", "type Plane"},
+      {"LPS", "XYZ", "XYZ"},
+      {"\"mm\"", "\"inch\"", "inch"},
+      {"\"center\"", "\"centre\"", "center"},
+      {"[1.0, 2.0, 3.0]", "[1.0, 2.0]", "center"},
+      {"[1.0, 2.0, 3.0]", "[1.0, \"2\", 3.0]", "not a number"},
+      {"[1, 0, 0, 0, 0, -1, 0, 1, 0]", "[0, 0, 0, 0, 0, 0, 0, 0, 0]", "plane"},
+      {"[1, 0, 0, 0, 0, -1, 0, 1, 0]", "[1, 1, 0, 0, 0, -1, 0, 0, 0]", "plane"},
+      {"[8.0, 4.0, 0.0]", "[0.0, 4.0, 0.0]", "size"},
+      {"[8.0, 4.0, 0.0]", "[8.0, -4.0, 0.0]", "size"},
+      {"[8.0, 4.0, 0.0]", "[1e300, 4.0, 0.0]", "size"},
+      {"]}]}", "]}]", "JSON"},
+      {"]}]}", "]}]} trailing", "JSON"},
+  };
+  vtkNew<vtkBigusPoseReader> reader;
+  for (const auto& [from, to, part] : cases)
+  {
+    SCOPED_TRACE(from + " -> " + to);
+    std::string bad = SmallMarkup();
+    bad.replace(bad.rfind(from), from.size(), to);
+    WriteBytes(folder / "bad.mrk.json", bad);
+    ExpectRefused(reader, folder / "bad.mrk.json", part);
+  }
+  WriteBytes(folder / "deep.mrk.json", "{\"markups\": " + std::string(1000000, '['));
+  ExpectRefused(reader, folder / "deep.mrk.json", "JSON");
+  WriteBytes(folder / "good.mrk.json", SmallMarkup());
+  for (const double spacing : {0.0, -1.0, std::nan(""), HUGE_VAL})
+  {
+    reader->SetPixelSpacing(spacing);
+    ExpectRefused(reader, folder / "good.mrk.json", "PixelSpacing");
+  }
+}
+
+TEST(Poses, RefusesWhatSequencesRefuse)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusPoseReader> reader;
+  ExpectRefused(reader, folder / "missing.mha", "no such file");
+  ExpectRefused(reader, "", "FileName");
+  WriteBytes(folder / "empty.mha", "");
+  ExpectRefused(reader, folder / "empty.mha", "empty");
+  WriteBytes(folder / "bad.csv", "m00,m01\n1,2\n");
+  ExpectRefused(reader, folder / "bad.csv", "m02");
+  WriteBytes(folder / "small.mha", SmallSequence().Bytes());
+  reader->SetToFrame("Nowhere");
+  ExpectRefused(reader, folder / "small.mha", "Image to Nowhere");
+}
+
+}  // namespace
+}  // namespace bigus::test

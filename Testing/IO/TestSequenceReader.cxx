@@ -1,0 +1,670 @@
+// Valid sequences in every format and orientation: pixels, poses and report against what was put into the
+// file.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "ErrorObserver.h"
+#include "SmallFiles.h"
+#include "TestSupport.h"
+#include "vtkBigusSequenceReader.h"
+#include "vtkDataArray.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkPNGWriter.h"
+#include "vtkPointData.h"
+
+namespace bigus::test
+{
+namespace
+{
+
+// Every pixel and pose of the output is that of SmallSequence; `frames` says which of its frames are there.
+void ExpectSmall(vtkImageData* image, const std::vector<int>& frames = {0, 1, 2})
+{
+  int size[3];
+  image->GetDimensions(size);
+  ASSERT_EQ(size[0], smallWidth);
+  ASSERT_EQ(size[1], smallHeight);
+  ASSERT_EQ(size[2], static_cast<int>(frames.size()));
+  ASSERT_EQ(image->GetScalarType(), VTK_UNSIGNED_CHAR);
+  vtkDataArray* const poses = image->GetFieldData()->GetArray("ImageToReference");
+  vtkDataArray* const source = image->GetFieldData()->GetArray("SourceFrame");
+  vtkDataArray* const times = image->GetFieldData()->GetArray("Timestamp");
+  ASSERT_TRUE(poses && source && times);
+  for (int k = 0; k < size[2]; ++k)
+  {
+    const int frame = frames[static_cast<std::size_t>(k)];
+    EXPECT_EQ(source->GetComponent(k, 0), frame);
+    EXPECT_EQ(times->GetComponent(k, 0), frame + 0.25);
+    for (int c = 0; c < 16; ++c)
+    {
+      EXPECT_EQ(poses->GetComponent(k, c), SmallPose(c / 4, c % 4, frame))
+          << "frame " << frame << " element " << c;
+    }
+    for (int j = 0; j < size[1]; ++j)
+    {
+      for (int i = 0; i < size[0]; ++i)
+      {
+        EXPECT_EQ(image->GetScalarComponentAsDouble(i, j, k, 0), SmallPixel(i, j, frame))
+            << i << " " << j << " " << k;
+      }
+    }
+  }
+}
+
+// Reads what must be readable.
+vtkImageData* Read(vtkBigusSequenceReader* reader, const std::string& fileName)
+{
+  ErrorObserver errors(reader);
+  reader->SetFileName(fileName.c_str());
+  EXPECT_EQ(reader->CanReadFile(fileName.c_str()), 1);
+  reader->Update();
+  EXPECT_TRUE(errors.Errors().empty()) << errors.Text();
+  EXPECT_EQ(reader->GetErrorCode(), 0u);
+  return reader->GetOutput();
+}
+
+// Pixels of a sequence as the file would hold them under another orientation flag.
+std::string Reordered(bool flipColumns, bool flipRows)
+{
+  std::string pixels;
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    for (int j = 0; j < smallHeight; ++j)
+    {
+      for (int i = 0; i < smallWidth; ++i)
+      {
+        pixels += static_cast<char>(
+            SmallPixel(flipColumns ? smallWidth - 1 - i : i, flipRows ? smallHeight - 1 - j : j, frame));
+      }
+    }
+  }
+  return pixels;
+}
+
+TEST(SequenceReader, ReadsRawMetaImage)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "small.igs.mha", SmallSequence().Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  vtkImageData* const image = Read(reader, folder / "small.igs.mha");
+  ExpectSmall(image);
+  EXPECT_EQ(image->GetFieldData()->GetArray("Status")->GetComponent(2, 0), 1);
+  for (int p = 0; p < smallWidth * smallHeight; ++p)
+  {
+    EXPECT_EQ(image->GetFieldData()->GetArray("Mask")->GetComponent(p, 0), 1);
+  }
+}
+
+TEST(SequenceReader, ReportsWhatTheFileHolds)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "small.mha", SmallSequence().Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetFileName((folder / "small.mha").c_str());
+  reader->UpdateInformation();
+  EXPECT_EQ(reader->GetNumberOfFramesInFile(), 3);
+  EXPECT_EQ(reader->GetNumberOfAcceptedFrames(), 3);
+  EXPECT_EQ(reader->GetNumberOfRejectedFrames(), 0);
+  EXPECT_STREQ(reader->GetRejectionSummary(), "");
+  EXPECT_STREQ(reader->GetFormat(), "MetaImage sequence");
+  EXPECT_STREQ(reader->GetEncoding(), "raw");
+  EXPECT_STREQ(reader->GetElementType(), "unsigned char");
+  EXPECT_STREQ(reader->GetOrientation(), "MF");
+  EXPECT_STREQ(reader->GetTransformChain(), "Image -> Reference");
+  ASSERT_EQ(reader->GetNumberOfTransforms(), 1);
+  EXPECT_STREQ(reader->GetTransformName(0), "ImageToReference");
+  EXPECT_STREQ(reader->GetTransformSource(0), "frames");
+  EXPECT_EQ(reader->GetTransformName(1), nullptr);
+  int size[2];
+  reader->GetFrameSize(size);
+  EXPECT_EQ(size[0], 4);
+  EXPECT_EQ(size[1], 3);
+  double pixel[2], spacing[3], bounds[6];
+  reader->GetPixelSize(pixel);
+  reader->GetPlaneSpacing(spacing);
+  reader->GetBounds(bounds);
+  EXPECT_NEAR(pixel[0], 0.2, 1e-15);
+  EXPECT_NEAR(pixel[1], 0.3, 1e-15);
+  EXPECT_NEAR(spacing[0], 10, 1e-12);
+  EXPECT_NEAR(spacing[1], 10, 1e-12);
+  EXPECT_NEAR(spacing[2], 10, 1e-12);
+  EXPECT_NEAR(reader->GetPathLength(), 20, 1e-12);
+  const double expected[6] = {0, 20.6, 5, 5.6, -7.125, -7.125};
+  for (int i = 0; i < 6; ++i)
+  {
+    EXPECT_NEAR(bounds[i], expected[i], 1e-12) << i;
+  }
+  EXPECT_TRUE(reader->GetHasTimestamps());
+  EXPECT_EQ(reader->GetDuration(), 2.0);
+}
+
+TEST(SequenceReader, ReadsCompressedAndSeparateData)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  const std::string raw = sequence.pixels;
+  vtkNew<vtkBigusSequenceReader> reader;
+
+  sequence.Set("CompressedData", "True");
+  sequence.pixels = Compressed(raw);
+  sequence.Set("CompressedDataSize", std::to_string(sequence.pixels.size()) + "      ");
+  WriteBytes(folder / "zlib.mha", sequence.Bytes() + "trailing bytes that CompressedDataSize leaves out");
+  ExpectSmall(Read(reader, folder / "zlib.mha"));
+  EXPECT_STREQ(reader->GetEncoding(), "zlib");
+
+  sequence.Remove("CompressedDataSize");
+  WriteBytes(folder / "zlib-without-size.mha", sequence.Bytes());
+  ExpectSmall(Read(reader, folder / "zlib-without-size.mha"));
+
+  sequence.Set("ElementDataFile", "data.zraw");
+  WriteBytes(folder / "separate.mhd", sequence.Header());
+  WriteBytes(folder / "data.zraw", sequence.pixels);
+  ExpectSmall(Read(reader, folder / "separate.mhd"));
+
+  sequence.Set("CompressedData", "False");
+  sequence.Set("HeaderSize", "5");
+  sequence.Set("ElementDataFile", "data.raw");
+  WriteBytes(folder / "skip.mhd", sequence.Header());
+  WriteBytes(folder / "data.raw", "12345" + raw);
+  ExpectSmall(Read(reader, folder / "skip.mhd"));
+  sequence.Set("HeaderSize", "-1");
+  WriteBytes(folder / "skip.mhd", sequence.Header());
+  ExpectSmall(Read(reader, folder / "skip.mhd"));
+}
+
+TEST(SequenceReader, ReadsWiderElementsInEitherByteOrder)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  for (const bool big : {false, true})
+  {
+    for (const bool wide : {false, true})
+    {
+      Sequence sequence = SmallSequence();
+      sequence.Set("ElementType", wide ? "MET_FLOAT" : "MET_USHORT");
+      sequence.Set("BinaryDataByteOrderMSB", big ? "True" : "False");
+      sequence.pixels.clear();
+      for (int p = 0; p < smallWidth * smallHeight * smallFrames; ++p)
+      {
+        char bytes[4];
+        const auto number = static_cast<std::uint16_t>(1000 + p);
+        const float real = 0.25f + static_cast<float>(p);
+        const std::size_t count = wide ? 4 : 2;
+        std::memcpy(bytes, wide ? static_cast<const void*>(&real) : &number, count);
+        std::string element(bytes, count);
+        sequence.pixels += big ? std::string(element.rbegin(), element.rend()) : element;
+      }
+      WriteBytes(folder / "wide.mha", sequence.Bytes());
+      reader->Modified();
+      vtkImageData* const image = Read(reader, folder / "wide.mha");
+      ASSERT_EQ(image->GetScalarType(), wide ? VTK_FLOAT : VTK_UNSIGNED_SHORT);
+      for (int p = 0; p < smallWidth * smallHeight * smallFrames; ++p)
+      {
+        EXPECT_EQ(image->GetPointData()->GetScalars()->GetComponent(p, 0), wide ? 0.25 + p : 1000.0 + p);
+      }
+    }
+  }
+}
+
+// Plus reorders pixels to marked-far and leaves transforms as they are.
+TEST(SequenceReader, BringsEveryOrientationToMarkedFar)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  for (const char* side : {"M", "U"})
+  {
+    for (const char* depth : {"F", "N"})
+    {
+      for (const char* slices : {"", "A", "D"})
+      {
+        const std::string flag = std::string(side) + depth + slices;
+        SCOPED_TRACE(flag);
+        Sequence sequence = SmallSequence();
+        sequence.Set("UltrasoundImageOrientation", flag);
+        sequence.pixels = Reordered(flag[0] == 'U', flag[1] == 'N');
+        WriteBytes(folder / (flag + ".mha"), sequence.Bytes());
+        ExpectSmall(Read(reader, folder / (flag + ".mha")));
+        EXPECT_EQ(reader->GetOrientation(), flag);
+      }
+    }
+  }
+  Sequence unflagged = SmallSequence();
+  unflagged.Remove("UltrasoundImageOrientation");
+  WriteBytes(folder / "unflagged.mha", unflagged.Bytes());
+  ExpectSmall(Read(reader, folder / "unflagged.mha"));
+}
+
+TEST(SequenceReader, ReadsNrrd)
+{
+  TemporaryFolder folder;
+  const Sequence sequence = SmallSequence();
+  vtkNew<vtkBigusSequenceReader> reader;
+
+  WriteBytes(folder / "raw.nrrd", sequence.NrrdBytes("4 3 3", "domain domain list", "raw", sequence.pixels));
+  ExpectSmall(Read(reader, folder / "raw.nrrd"));
+  EXPECT_STREQ(reader->GetFormat(), "NRRD sequence");
+
+  WriteBytes(folder / "gzip.seq.nrrd",
+             sequence.NrrdBytes("4 3 3", "domain domain time", "gzip", Compressed(sequence.pixels, true)));
+  ExpectSmall(Read(reader, folder / "gzip.seq.nrrd"));
+  EXPECT_STREQ(reader->GetEncoding(), "gzip");
+
+  // 3D Slicer puts the list axis first.
+  std::string interleaved;
+  for (int j = 0; j < smallHeight; ++j)
+  {
+    for (int i = 0; i < smallWidth; ++i)
+    {
+      for (int frame = 0; frame < smallFrames; ++frame)
+      {
+        interleaved += static_cast<char>(SmallPixel(i, j, frame));
+      }
+    }
+  }
+  WriteBytes(folder / "first.nrrd", sequence.NrrdBytes("3 4 3", "list domain domain", "raw", interleaved));
+  ExpectSmall(Read(reader, folder / "first.nrrd"));
+
+  std::string header = sequence.NrrdBytes("4 3 3", "domain domain list", "raw", "");
+  header.replace(header.find("encoding"), 0, "data file: pixels.raw\n");
+  WriteBytes(folder / "detached.nhdr", header.substr(0, header.size() - 1));
+  WriteBytes(folder / "pixels.raw", sequence.pixels);
+  ExpectSmall(Read(reader, folder / "detached.nhdr"));
+
+  std::string fourAxes = sequence.NrrdBytes("4 3 1 3", "domain domain domain list", "raw", sequence.pixels);
+  fourAxes.replace(fourAxes.find("dimension: 3"), 12, "dimension: 4");
+  WriteBytes(folder / "four.nrrd", fourAxes);
+  ExpectSmall(Read(reader, folder / "four.nrrd"));
+}
+
+// SmallSequence's frames as PNG files, the top row first as in any picture.
+void WritePngs(const TemporaryFolder& folder, const std::string& prefix)
+{
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    vtkNew<vtkImageData> picture;
+    picture->SetDimensions(smallWidth, smallHeight, 1);
+    picture->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+    for (int j = 0; j < smallHeight; ++j)
+    {
+      for (int i = 0; i < smallWidth; ++i)
+      {
+        // VTK's writer takes the last row for the top one.
+        picture->SetScalarComponentFromDouble(i, smallHeight - 1 - j, 0, 0, SmallPixel(i, j, frame));
+      }
+    }
+    vtkNew<vtkPNGWriter> writer;
+    writer->SetFileName((folder / (prefix + std::to_string(frame) + ".png")).c_str());
+    writer->SetInputData(picture);
+    writer->Write();
+  }
+}
+
+TEST(SequenceReader, ReadsCsvWithPngs)
+{
+  TemporaryFolder folder;
+  WritePngs(folder, "frame_");
+  vtkNew<vtkBigusSequenceReader> reader;
+  WriteBytes(folder / "poses.csv", SmallCsv(true));
+  ExpectSmall(Read(reader, folder / "poses.csv"));
+  EXPECT_STREQ(reader->GetFormat(), "CSV of poses");
+  EXPECT_STREQ(reader->GetEncoding(), "png");
+
+  WriteBytes(folder / "bare.csv", SmallCsv(false));
+  reader->SetImagePattern("frame_%d.png");
+  ExpectSmall(Read(reader, folder / "bare.csv"));
+
+  reader->SetImagePattern(nullptr);
+  reader->SetImageFolder(folder.Path().c_str());
+  ExpectSmall(Read(reader, folder / "bare.csv"));
+
+  WritePngs(folder, "padded_00");
+  reader->SetImagePattern("padded_%03d.png");
+  ExpectSmall(Read(reader, folder / "bare.csv"));
+}
+
+TEST(SequenceReader, CsvTakesTwelveColumnsQuotesStatusAndWindowsLineEnds)
+{
+  TemporaryFolder folder;
+  WritePngs(folder, "frame_");
+  std::string csv = "\xef\xbb\xbfimage,status,timestamp";
+  for (int c = 0; c < 12; ++c)
+  {
+    csv += ",M" + std::to_string(c / 4) + std::to_string(c % 4);
+  }
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    csv += "\r\n\"frame_" + std::to_string(frame) + ".png\"," + (frame == 1 ? "INVALID" : "OK") + "," +
+           std::to_string(frame) + ".25,.2,0,0," + std::to_string(10 * frame) + ", 0 ,3e-1,0,+5,0,0,1,-7.125";
+  }
+  WriteBytes(folder / "poses.csv", csv + "\r\n");
+  vtkNew<vtkBigusSequenceReader> reader;
+  ExpectSmall(Read(reader, folder / "poses.csv"), {0, 2});
+  EXPECT_EQ(reader->GetNumberOfRejectedFrames(), 1);
+}
+
+// Image -> Probe from the configuration, ProbeToTracker forward, ReferenceToTracker backward.
+TEST(SequenceReader, ChainsTransformsByName)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    sequence.Remove(SmallField(frame, "ImageToReferenceTransform"));
+    sequence.Remove(SmallField(frame, "ImageToReferenceTransformStatus"));
+    sequence.Set(SmallField(frame, "ProbeToTrackerTransform"),
+                 "1 0 0 " + std::to_string(frame) + " 0 1 0 0 0 0 1 0 0 0 0 1");
+    sequence.Set(SmallField(frame, "ProbeToTrackerTransformStatus"), "OK");
+    sequence.Set(SmallField(frame, "ReferenceToTrackerTransform"), "0 0 1 4 1 0 0 5 0 1 0 6 0 0 0 1");
+    sequence.Set(SmallField(frame, "ReferenceToTrackerTransformStatus"), "OK");
+    sequence.Set(SmallField(frame, "ToolToTrackerTransform"), "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+  }
+  WriteBytes(folder / "plus.mha", sequence.Bytes());
+  WriteBytes(folder / "plus.xml", SmallConfig());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetConfigFileName((folder / "plus.xml").c_str());
+  vtkImageData* const image = Read(reader, folder / "plus.mha");
+  EXPECT_STREQ(reader->GetTransformChain(), "Image -> Probe -> Tracker -> Reference");
+  EXPECT_EQ(reader->GetNumberOfTransforms(), 5);
+
+  // By hand, pixel (1, 1) of frame 2: probe (3, 0, 3), tracker (5, 0, 3), reference: x from tracker y, y from
+  // z, z from x, less the offsets.
+  const double* pose =
+      static_cast<double*>(image->GetFieldData()->GetArray("ImageToReference")->GetVoidPointer(32));
+  const double expected[3] = {0 - 5, 3 - 6, 5 - 4};
+  for (int r = 0; r < 3; ++r)
+  {
+    EXPECT_NEAR(pose[4 * r] + pose[4 * r + 1] + pose[4 * r + 3], expected[r], 1e-12) << r;
+  }
+
+  reader->SetToFrame("Tool");
+  reader->AssumeMissingStatusOKOn();
+  Read(reader, folder / "plus.mha");
+  EXPECT_STREQ(reader->GetTransformChain(), "Image -> Probe -> Tracker -> Tool");
+  reader->SetFromFrame("Reference");
+  reader->SetToFrame("Tracker");
+  reader->SetAllowReflectedPoses(1);
+  Read(reader, folder / "plus.mha");
+  EXPECT_STREQ(reader->GetTransformChain(), "Reference -> Tracker");
+}
+
+TEST(SequenceReader, FilesOwnTransformGoesBeforeTheConfiguration)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set("ImageToProbeTransform", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+  WriteBytes(folder / "own.mha", sequence.Bytes());
+  WriteBytes(folder / "plus.xml", SmallConfig());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetConfigFileName((folder / "plus.xml").c_str());
+  reader->SetToFrame("Probe");
+  vtkImageData* const image = Read(reader, folder / "own.mha");
+  EXPECT_EQ(image->GetFieldData()->GetArray("ImageToReference")->GetComponent(0, 0), 1);
+  EXPECT_STREQ(reader->GetTransformSource(1), "header");
+}
+
+TEST(SequenceReader, RejectsFramesOneByOneAndSaysWhy)
+{
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"nan 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "not finite"},
+      {"1 0 0 inf 0 1 0 0 0 0 1 0 0 0 0 1", "not finite"},
+      {"1 0 0 0 2 0 0 0 0 0 1 0 0 0 0 1", "singular"},
+      {"0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1", "singular"},
+      {"1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1", "reflected"},
+      {"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 2", "not affine"},
+      {"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0", "not 16 numbers"},
+      {"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1,5", "not 16 numbers"},
+      {"1e999 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "not 16 numbers"},
+      {"1e-9 0 0 0 0 1e-9 0 0 0 0 1e-9 0 0 0 0 1", "1e-6"},
+      {"1e90 0 0 0 0 1e90 0 0 0 0 1e90 0 0 0 0 1", "1e6"},
+  };
+  TemporaryFolder folder;
+  for (const auto& [pose, reason] : cases)
+  {
+    SCOPED_TRACE(pose);
+    Sequence sequence = SmallSequence();
+    sequence.Set(SmallField(1, "ImageToReferenceTransform"), pose);
+    WriteBytes(folder / "one.mha", sequence.Bytes());
+    vtkNew<vtkBigusSequenceReader> reader;
+    ExpectSmall(Read(reader, folder / "one.mha"), {0, 2});
+    ASSERT_EQ(reader->GetNumberOfRejectionReasons(), 1);
+    EXPECT_NE(std::string(reader->GetRejectionReason(0)).find(reason), std::string::npos)
+        << reader->GetRejectionReason(0);
+    EXPECT_EQ(reader->GetRejectionCount(0), 1);
+    EXPECT_NE(std::string(reader->GetRejectionSummary()).find("1 of 3 frames rejected"), std::string::npos);
+    EXPECT_NE(std::string(reader->GetRejectionSummary()).find("(frame 1)"), std::string::npos);
+  }
+}
+
+TEST(SequenceReader, HonoursStatuses)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set(SmallField(0, "ImageToReferenceTransformStatus"), "INVALID");
+  sequence.Set(SmallField(1, "ImageStatus"), "INVALID");
+  WriteBytes(folder / "status.mha", sequence.Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  ExpectSmall(Read(reader, folder / "status.mha"), {2});
+  EXPECT_EQ(reader->GetNumberOfRejectionReasons(), 2);
+  EXPECT_EQ(reader->GetDuration(), 0);
+  EXPECT_EQ(reader->GetPathLength(), 0);
+
+  sequence = SmallSequence();
+  sequence.Remove(SmallField(1, "ImageToReferenceTransformStatus"));
+  sequence.Remove(SmallField(2, "ImageToReferenceTransform"));
+  WriteBytes(folder / "absent.mha", sequence.Bytes());
+  ExpectSmall(Read(reader, folder / "absent.mha"), {0});
+  reader->AssumeMissingStatusOKOn();
+  ExpectSmall(Read(reader, folder / "absent.mha"), {0, 1});
+  reader->AssumeMissingStatusOKOff();
+
+  // The status of every link counts.
+  sequence = SmallSequence();
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    sequence.Set(SmallField(frame, "ReferenceToRoomTransform"), "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    sequence.Set(SmallField(frame, "ReferenceToRoomTransformStatus"), frame == 0 ? "OUT_OF_VIEW" : "OK");
+  }
+  WriteBytes(folder / "chain.mha", sequence.Bytes());
+  reader->SetToFrame("Room");
+  ExpectSmall(Read(reader, folder / "chain.mha"), {1, 2});
+}
+
+TEST(SequenceReader, KeepsRejectedFramesWhenAsked)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set(SmallField(1, "ImageToReferenceTransformStatus"), "INVALID");
+  WriteBytes(folder / "one.mha", sequence.Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->KeepRejectedFramesOn();
+  vtkImageData* const image = Read(reader, folder / "one.mha");
+  EXPECT_EQ(image->GetDimensions()[2], 3);
+  EXPECT_EQ(image->GetFieldData()->GetArray("Status")->GetComponent(1, 0), 0);
+  EXPECT_TRUE(std::isnan(image->GetFieldData()->GetArray("ImageToReference")->GetComponent(1, 0)));
+  EXPECT_EQ(image->GetScalarComponentAsDouble(2, 1, 1, 0), SmallPixel(2, 1, 1));
+}
+
+TEST(SequenceReader, AcceptsReflectedPosesWhenAsked)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set(SmallField(1, "ImageToReferenceTransform"), "0.2 0 0 0 0 -0.2 0 0 0 0 0.2 0 0 0 0 1");
+  WriteBytes(folder / "reflected.mha", sequence.Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->AllowReflectedPosesOn();
+  EXPECT_EQ(Read(reader, folder / "reflected.mha")->GetDimensions()[2], 3);
+}
+
+TEST(SequenceReader, ClipsToARectangle)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "small.mha", SmallSequence().Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetClipModeToRectangle();
+  reader->SetClipRectangle(1, 1, 2, 100);
+  vtkImageData* const image = Read(reader, folder / "small.mha");
+  for (int j = 0; j < smallHeight; ++j)
+  {
+    for (int i = 0; i < smallWidth; ++i)
+    {
+      const bool inside = i >= 1 && i < 3 && j >= 1;
+      EXPECT_EQ(image->GetFieldData()->GetArray("Mask")->GetComponent(j * smallWidth + i, 0), inside);
+      EXPECT_EQ(image->GetScalarComponentAsDouble(i, j, 2, 0), inside ? SmallPixel(i, j, 2) : 0);
+    }
+  }
+}
+
+TEST(SequenceReader, ClipsToAFan)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set("DimSize", "41 31 1");
+  sequence.pixels = std::string(41 * 31, '\x7f');
+  for (int frame = 1; frame < smallFrames; ++frame)
+  {
+    for (const char* name :
+         {"ImageToReferenceTransform", "ImageToReferenceTransformStatus", "Timestamp", "ImageStatus"})
+    {
+      sequence.Remove(SmallField(frame, name));
+    }
+  }
+  WriteBytes(folder / "fan.mha", sequence.Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetClipModeToFan();
+  reader->SetFanApex(20, -5);
+  reader->SetFanRadii(10, 30);
+  reader->SetFanAngles(-45, 30);
+  vtkImageData* const image = Read(reader, folder / "fan.mha");
+  const auto lit = [image](int i, int j) { return image->GetScalarComponentAsDouble(i, j, 0, 0) != 0; };
+  EXPECT_TRUE(lit(20, 5));    // on the axis, at the inner radius
+  EXPECT_FALSE(lit(20, 4));   // nearer
+  EXPECT_TRUE(lit(20, 25));   // at the outer radius
+  EXPECT_FALSE(lit(20, 26));  // farther
+  EXPECT_TRUE(lit(8, 7));     // 45 degrees towards -i
+  EXPECT_FALSE(lit(32, 7));   // 45 degrees towards +i, beyond 30
+  EXPECT_TRUE(lit(26, 8));    // 24.8 degrees
+  EXPECT_FALSE(lit(0, 30));   // radius 40
+}
+
+TEST(SequenceReader, MasksPixelsThatAreNeverLit)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    sequence.pixels[static_cast<std::size_t>(12 * frame + 5)] = 0;
+  }
+  sequence.pixels[7] = 0;  // dark in one frame only
+  WriteBytes(folder / "dark.mha", sequence.Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  vtkDataArray* const mask = Read(reader, folder / "dark.mha")->GetFieldData()->GetArray("Mask");
+  for (int p = 0; p < 12; ++p)
+  {
+    EXPECT_EQ(mask->GetComponent(p, 0), p != 5) << p;
+  }
+  reader->AutoMaskOff();
+  EXPECT_EQ(Read(reader, folder / "dark.mha")->GetFieldData()->GetArray("Mask"), nullptr);
+}
+
+TEST(SequenceReader, ReadsOneFrame)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  for (int frame = 1; frame < smallFrames; ++frame)
+  {
+    for (const char* name :
+         {"ImageToReferenceTransform", "ImageToReferenceTransformStatus", "Timestamp", "ImageStatus"})
+    {
+      sequence.Remove(SmallField(frame, name));
+    }
+  }
+  sequence.pixels.resize(12);
+  for (const char* size : {"4 3 1", "4 3"})
+  {
+    sequence.Set("NDims", std::string(size).size() > 3 ? "3" : "2");
+    sequence.Set("DimSize", size);
+    WriteBytes(folder / "one.mha", sequence.Bytes());
+    vtkNew<vtkBigusSequenceReader> reader;
+    ExpectSmall(Read(reader, folder / "one.mha"), {0});
+    EXPECT_EQ(reader->GetPathLength(), 0);
+  }
+}
+
+TEST(SequenceReader, ReadsTheLiverSweep)
+{
+  BIGUS_REQUIRE_DATA(path, "liver-sweep/liver_sweep.igs.mha");
+  vtkNew<vtkBigusSequenceReader> reader;
+  vtkImageData* const image = Read(reader, path);
+  EXPECT_EQ(image->GetDimensions()[0], 739);
+  EXPECT_EQ(image->GetDimensions()[1], 593);
+  EXPECT_EQ(image->GetDimensions()[2], 140);
+  double pixel[2], spacing[3];
+  reader->GetPixelSize(pixel);
+  reader->GetPlaneSpacing(spacing);
+  EXPECT_NEAR(pixel[0], 0.31482, 1e-5);
+  EXPECT_NEAR(pixel[1], 0.31482, 1e-5);
+  EXPECT_NEAR(reader->GetPathLength(), 81, 0.5);
+  EXPECT_GT(spacing[1], 0.3);
+  EXPECT_LT(spacing[1], 0.6);
+  // What is lit is the fan that the data's description gives (with a few stray pixels around it).
+  vtkDataArray* const mask = image->GetFieldData()->GetArray("Mask");
+  double inside[2] = {0, 0};
+  double outside[2] = {0, 0};
+  for (int j = 0; j < 593; ++j)
+  {
+    for (int i = 0; i < 739; ++i)
+    {
+      const double radius = std::hypot(i - 369.0, j + 139.329);
+      const double angle = std::atan2(i - 369.0, j + 139.329) * 180 / std::acos(-1.0);
+      const bool fan = radius > 161.341 && radius < 724.352 && std::abs(angle) < 30.28;
+      (fan ? inside : outside)[mask->GetComponent(j * 739 + i, 0) != 0] += 1;
+    }
+  }
+  EXPECT_GT(inside[1] / (inside[0] + inside[1]), 0.99);
+  EXPECT_LT(outside[1] / (outside[0] + outside[1]), 0.05);
+}
+
+TEST(SequenceReader, ReadsTheBrainSweep)
+{
+  BIGUS_REQUIRE_DATA(path, "brain-sweep/us_brain_sweep.igs.mha");
+  vtkNew<vtkBigusSequenceReader> reader;
+  vtkImageData* const image = Read(reader, path);
+  EXPECT_EQ(image->GetDimensions()[0], 640);
+  EXPECT_EQ(image->GetDimensions()[1], 480);
+  EXPECT_EQ(image->GetDimensions()[2], 40);
+  double pixel[2], spacing[3];
+  reader->GetPixelSize(pixel);
+  reader->GetPlaneSpacing(spacing);
+  EXPECT_NEAR(pixel[0], 0.20610, 1e-5);
+  EXPECT_NEAR(pixel[1], 0.20613, 1e-5);
+  EXPECT_NEAR(spacing[0], 0.5, 0.05);
+  EXPECT_NEAR(spacing[2], 3.7, 0.05);
+  EXPECT_NEAR(reader->GetPathLength(), 65.5, 0.5);
+}
+
+// The Plus toolkit put the corner of its reconstruction where its own poses put the corner of the frames.
+TEST(SequenceReader, PlacesTheSpinePhantomWherePlusDoes)
+{
+  BIGUS_REQUIRE_DATA(path, "spine-phantom/SpinePhantomFreehand.igs.mha");
+  BIGUS_REQUIRE_DATA(config, "spine-phantom/PlusDeviceSet_SpinePhantomFreehandReconstructionOnly.xml");
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetConfigFileName(config.c_str());
+  vtkImageData* const image = Read(reader, path);
+  EXPECT_EQ(image->GetDimensions()[0], 820);
+  EXPECT_EQ(image->GetDimensions()[1], 616);
+  EXPECT_EQ(image->GetDimensions()[2], 21);
+  EXPECT_STREQ(reader->GetOrientation(), "MFA");
+  EXPECT_STREQ(reader->GetTransformChain(), "Image -> Probe -> Tracker -> Reference");
+  double bounds[6];
+  reader->GetBounds(bounds);
+  EXPECT_NEAR(bounds[0], -74.5217, 1e-4);
+  EXPECT_NEAR(bounds[2], 165.573, 1e-3);
+  EXPECT_NEAR(bounds[4], 29.072, 1e-3);
+}
+
+}  // namespace
+}  // namespace bigus::test
