@@ -27,6 +27,8 @@ constexpr std::size_t kChunk =
     1024;                  // Gaussians projected together: enough work for a task, small enough to balance
 constexpr int kBand = 32;  // rows rendered together: a few of them keep every core busy
 constexpr float kNegligible = 1e-37f;  // below this an amplitude would be denormal
+constexpr float kLowestExponent =
+    -85.0f;  // exp(-85) = 1e-37: recurrences stay clear of denormals and of infinity
 
 class CpuEngine final : public Engine
 {
@@ -409,12 +411,16 @@ private:
               VisibleSplat s;
               s.splat = Project(gaussian, views[f]).splat;
               s.cut = CutFor(magnitude * s.splat.amplitude, tolerance);
-              if (!(s.splat.amplitude > kNegligible) || !(s.cut > 0) || !Clip(window, s))
+              if (!(s.splat.amplitude > kNegligible) || !(s.cut > 0))
+              {
+                continue;
+              }
+              s.logAmplitude = std::log(s.splat.amplitude);
+              if (!Clip(window, s))
               {
                 continue;
               }
               s.value = value;
-              s.logAmplitude = std::log(s.splat.amplitude);
               s.gaussian = static_cast<std::uint32_t>(i);
               visible[f].push_back(s);
             }
@@ -423,6 +429,8 @@ private:
   }
 
   /// Bounds the ellipse |U (p - m)|^2 <= cut by rows and columns of the window; false when nothing is left.
+  /// Chooses between recurrence and direct evaluation from the unclipped box, so that the choice is the same
+  /// for any window.
   static bool Clip(const Window& window, VisibleSplat& s)
   {
     const float k = std::sqrt(s.cut);
@@ -438,6 +446,18 @@ private:
     s.columnEnd = clamp(std::floor(s.splat.mu + halfU) + 1.0f, window.firstColumn, window.columns);
     s.rowBegin = clamp(std::ceil(s.splat.mv - halfV), window.firstRow, window.rows);
     s.rowEnd = clamp(std::floor(s.splat.mv + halfV) + 1.0f, window.firstRow, window.rows);
+    constexpr float kFarRow = 1e9f;
+    s.firstRow = static_cast<int>(std::min(std::max(std::ceil(s.splat.mv - halfV), -kFarRow), kFarRow));
+
+    // The lowest exponent in the box is at a corner, |eta1| = largest, |eta2| = k; ln q is linear and largest
+    // there too.
+    const float curvature = s.splat.u12 * s.splat.u12 + s.splat.u22 * s.splat.u22;
+    const float largest = s.splat.u11 * halfU + std::abs(s.splat.u12) * halfV;
+    const float lowest = s.logAmplitude - 0.5f * (largest * largest + s.cut);
+    const float steepest = std::abs(s.splat.u12) * largest + s.splat.u22 * k + 0.5f * curvature;
+    // !(a && b) rather than its inverse, so that a NaN chooses direct.
+    s.direct = !(lowest > kLowestExponent && steepest < -kLowestExponent);
+    s.rowFactor = s.direct ? 0.0f : std::exp(-curvature);
     return s.columnBegin < s.columnEnd && s.rowBegin < s.rowEnd;
   }
 

@@ -19,7 +19,12 @@ struct VisibleSplat
   float cut;  ///< k^2: only pixels with |U (p - m)|^2 <= k^2 are evaluated
   std::uint32_t gaussian;
   std::int32_t columnBegin, columnEnd, rowBegin, rowEnd;  ///< half-open, in pixels of the plane
+  std::int32_t firstRow;  ///< where the footprint itself begins, before clipping
+  float rowFactor;        ///< c, see above
+  bool direct;
 };
+
+constexpr int kRecurrenceRows = 16;
 
 /// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column -
 /// firstColumn]. Each row is followed by kRowPadding floats that kernels may read and write.
@@ -29,6 +34,9 @@ struct PixelRows
   float* data;
   int firstColumn, firstRow;
   std::size_t stride;
+
+  /// Where column 0 of the plane would lie in that row.
+  float* Row(int row) const { return data + (row - firstRow) * stride - firstColumn; }
 };
 
 /// scattering += value * w and, if coverage.data is not null, coverage += w over rows [rowBegin, rowEnd).
