@@ -23,6 +23,9 @@ struct StoredField
 StoredField FieldFromPolyData(vtkPolyData* polyData, const std::string& what);
 void FieldToPolyData(const StoredField& stored, vtkPolyData* polyData);
 
+/// VTK XML PolyData, in any encoding but with the zlib compressor or none. Throws FileError.
+StoredField ReadVtp(const std::string& fileName);
+
 /// 3-D Gaussian splat PLY, https://github.com/graphdeco-inria/gaussian-splatting, with the additions that
 /// README.md lists. Throw FileError.
 StoredField ReadPly(const std::string& fileName);

@@ -27,6 +27,7 @@
 #include "vtkPoints.h"
 #include "vtkPolyData.h"
 #include "vtkStringArray.h"
+#include "vtkXMLPolyDataReader.h"
 #include "vtkXMLPolyDataWriter.h"
 
 namespace bigus::test
@@ -260,26 +261,67 @@ TEST(Field, EmptyFieldIsValid)
   }
 }
 
-// Another program's .vtp: float arrays, ascii, no cells.
-TEST(Field, ReadsOtherNumberTypes)
+// Another program's .vtp: any number type, encoding and header, no cells.
+TEST(Field, ReadsEveryEncodingThatVtkWrites)
 {
   TemporaryFolder folder;
-  const auto field = RandomField(10);
-  for (const char* name : {"Scale", "Rotation", "Reflectivity"})
+  const auto field = RandomField(3000);  // more than one compressed block an array
+  vtkNew<vtkFloatArray> single;
+  single->DeepCopy(field->GetPointData()->GetArray("Reflectivity"));
+  field->GetPointData()->AddArray(single);
+  for (const std::string encoding : {"ascii", "binary", "appended", "base64"})
   {
-    vtkNew<vtkFloatArray> array;
-    array->DeepCopy(field->GetPointData()->GetArray(name));
-    field->GetPointData()->AddArray(array);
+    for (int variant = 0; variant < 8; ++variant)
+    {
+      const bool compressed = variant & 1;
+      const bool wide = variant & 2;
+      const bool big = variant & 4;
+      SCOPED_TRACE(encoding + (compressed ? " zlib" : "") + (wide ? " UInt64" : "") + (big ? " big" : ""));
+      vtkNew<vtkXMLPolyDataWriter> writer;
+      writer->SetFileName((folder / "other.vtp").c_str());
+      writer->SetDataMode(encoding == "ascii"    ? vtkXMLWriter::Ascii
+                          : encoding == "binary" ? vtkXMLWriter::Binary
+                                                 : vtkXMLWriter::Appended);
+      writer->SetEncodeAppendedData(encoding == "base64");
+      writer->SetCompressorType(compressed ? vtkXMLWriter::ZLIB : vtkXMLWriter::NONE);
+      writer->SetHeaderType(wide ? vtkXMLWriter::UInt64 : vtkXMLWriter::UInt32);
+      writer->SetByteOrder(big ? vtkXMLWriter::BigEndian : vtkXMLWriter::LittleEndian);
+      writer->SetInputData(field);
+      ASSERT_EQ(writer->Write(), 1);
+      vtkNew<vtkBigusFieldReader> reader;
+      vtkPolyData* const back = Read(reader, folder / "other.vtp");
+      ASSERT_EQ(back->GetNumberOfPoints(), 3000);
+      EXPECT_EQ(back->GetNumberOfVerts(), 3000);
+      for (vtkIdType i = 0; i < 3000; i += 13)
+      {
+        EXPECT_NEAR(back->GetPoint(i)[1], field->GetPoint(i)[1], encoding == "ascii" ? 1e-8 : 0);
+        const double scale = field->GetPointData()->GetArray("Scale")->GetComponent(i, 2);
+        EXPECT_NEAR(back->GetPointData()->GetArray("Scale")->GetComponent(i, 2), scale,
+                    encoding == "ascii" ? 1e-9 * scale : 0);
+        EXPECT_NEAR(back->GetPointData()->GetArray("Reflectivity")->GetComponent(i, 0), single->GetValue(i),
+                    1e-6);
+      }
+      auto* const provenance =
+          vtkStringArray::SafeDownCast(back->GetFieldData()->GetAbstractArray("Provenance"));
+      ASSERT_TRUE(provenance);
+      EXPECT_EQ(provenance->GetValue(1), "seed=7");
+    }
   }
-  vtkNew<vtkXMLPolyDataWriter> writer;
-  writer->SetFileName((folder / "float.vtp").c_str());
-  writer->SetDataModeToAscii();
-  writer->SetInputData(field);
-  writer->Write();
-  vtkNew<vtkBigusFieldReader> reader;
-  vtkPolyData* const back = Read(reader, folder / "float.vtp");
-  EXPECT_EQ(back->GetNumberOfVerts(), 10);
-  EXPECT_EQ(back->GetPointData()->GetArray("Scale")->GetDataType(), VTK_DOUBLE);
+}
+
+// And VTK's own reader reads ours.
+TEST(Field, VtkReadsTheVtp)
+{
+  TemporaryFolder folder;
+  const auto field = RandomField(100);
+  Write(field, folder / "field.vtp");
+  vtkNew<vtkXMLPolyDataReader> reader;
+  reader->SetFileName((folder / "field.vtp").c_str());
+  reader->Update();
+  ASSERT_EQ(reader->GetOutput()->GetNumberOfPoints(), 100);
+  EXPECT_EQ(reader->GetOutput()->GetNumberOfVerts(), 100);
+  EXPECT_EQ(reader->GetOutput()->GetPointData()->GetArray("Rotation")->GetComponent(99, 3),
+            field->GetPointData()->GetArray("Rotation")->GetComponent(99, 3));
 }
 
 // A field that must not be written, nor read where another program wrote it.
