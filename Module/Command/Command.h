@@ -1,41 +1,16 @@
-// What the subcommands share: how each joins the program, how numbers are checked, and what ends the program.
+// What the subcommands share: how each joins the program, and how numbers are checked.
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <exception>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "Console.h"
-#include "Core/Error.h"
+#include "Exit.h"
 
 namespace bigus::command
 {
-
-/// What the program returns to the shell.
-enum ExitCode
-{
-  Success = 0,
-  UsageFault = 1,   ///< an option that does not exist, or a value out of its range
-  InputFault = 2,   ///< a file that is missing, broken, or unfit for the job
-  OutputFault = 3,  ///< a file that cannot be written
-  Stopped = 130     ///< interrupted (SIGINT or SIGTERM)
-};
-
-/// An output that cannot be written. Every other Error counts as bad input.
-class OutputError : public Error
-{
-public:
-  using Error::Error;
-};
-
-/// Thrown where a job stops because it was interrupted and has nothing to save.
-class Interrupted : public std::exception
-{
-};
-
-/// True once the process got SIGINT or SIGTERM. A second signal ends it at once.
-bool IsInterrupted();
 
 /// One subcommand is chosen by the arguments; it leaves its work in `job`, which main runs.
 struct Program
@@ -53,7 +28,8 @@ void AddVoxelize(Program& program);
 void AddMetrics(Program& program);
 void AddConvert(Program& program);
 
-/// Text to a finite number; the whole text counts, with a point as decimal mark whatever the locale. False otherwise.
+/// Text to a finite number; the whole text counts, with a point as decimal mark whatever the locale. False
+/// otherwise.
 bool ParseNumber(const std::string& text, double& value);
 
 /// An option's value must be a finite number from `low` to `high`, both included.

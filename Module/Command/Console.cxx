@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <iostream>
 #include <locale>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 namespace bigus::command
@@ -86,7 +87,8 @@ void Console::Progress(const std::string& job, double fraction, const std::strin
     drawn_ = {};
   }
   fraction = std::isfinite(fraction) ? std::min(std::max(fraction, 0.0), 1.0) : 0.0;
-  if (now - drawn_ < std::chrono::milliseconds(100) && fraction < 1)
+  const bool brief = bar == Bar::WhenTerminal && !open_ && now - start_ < std::chrono::milliseconds(500);
+  if (brief || (now - drawn_ < std::chrono::milliseconds(100) && fraction < 1))
   {
     return;
   }

@@ -1,8 +1,9 @@
-// What the command says and where: answers on stdout, messages and progress on stderr, one JSON object for machines.
+// What the command says and where: answers on stdout, messages and progress on stderr, one JSON object for
+// machines.
 #pragma once
 
 #include <chrono>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 namespace bigus::command
@@ -20,8 +21,8 @@ public:
     Always,
     Never
   };
-  bool json = false;             ///< --json: stdout carries one JSON object and nothing else
-  Bar bar = Bar::WhenTerminal;   ///< --progress, --no-progress
+  bool json = false;            ///< --json: stdout carries one JSON object and nothing else
+  Bar bar = Bar::WhenTerminal;  ///< --progress, --no-progress
 
   /// A line of the answer for people, on stdout; nothing with --json.
   void Print(const std::string& line);
@@ -30,8 +31,10 @@ public:
   /// The answer for machines; printed only with --json.
   void Report(const Json& object);
 
-  /// Draws a bar, at most ten times a second. `secondsLeft` < 0: estimated from the time since the job's start.
-  void Progress(const std::string& job, double fraction, const std::string& rate = "", double secondsLeft = -1);
+  /// Draws a bar, at most ten times a second; on a terminal only for jobs that take longer than half a
+  /// second. `secondsLeft` < 0: estimated from the time since the job's start.
+  void Progress(const std::string& job, double fraction, const std::string& rate = "",
+                double secondsLeft = -1);
   /// Ends the bar's line. Note and Print do it themselves.
   void EndProgress();
 

@@ -36,7 +36,7 @@ ExitCode Convert(Console& console, const Options& options)
     const vtkSmartPointer<vtkPolyData> field = ReadFieldData(input, console);
     WriteFieldData(field, output, console);
     console.Print(output + ": " + std::to_string(field->GetNumberOfPoints()) + " Gaussians");
-    console.Report({ { "output", output }, { "kind", "field" }, { "gaussians", field->GetNumberOfPoints() } });
+    console.Report({{"output", output}, {"kind", "field"}, {"gaussians", field->GetNumberOfPoints()}});
     return Success;
   }
 
@@ -50,11 +50,12 @@ ExitCode Convert(Console& console, const Options& options)
   }
   if (HasSuffix(output, ".png") && sequence->GetScalarType() != VTK_UNSIGNED_CHAR)
   {
-    throw OutputError("Cannot write '" + output + "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
+    throw OutputError("Cannot write '" + output +
+                      "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
   }
   const std::vector<std::string> files = WriteStack(sequence, output, numbers, console);
   console.Print(output + ": " + std::to_string(frames) + " frames");
-  console.Report({ { "output", files }, { "kind", "sequence" }, { "frames", frames } });
+  console.Report({{"output", files}, {"kind", "sequence"}, {"frames", frames}});
   return Success;
 }
 
@@ -64,15 +65,16 @@ void AddConvert(Program& program)
 {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.app.add_subcommand(
-    "convert",
-    "Rewrite a field or a sequence in another format\n"
-    "  bigus convert field.vtp field.ply                           for viewers of Gaussian splats\n"
-    "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
-    "Rejected frames of a sequence are left out.");
+      "convert",
+      "Rewrite a field or a sequence in another format\n"
+      "  bigus convert field.vtp field.ply                           for viewers of Gaussian splats\n"
+      "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
+      "Rejected frames of a sequence are left out.");
   AddSequenceOptions(*app, options->input, "INPUT", "Field (.vtp .ply) or sequence (.mha .mhd .nrrd .csv)");
-  app->add_option("OUTPUT", options->output, "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
-    ->required()
-    ->type_name("");
+  app->add_option("OUTPUT", options->output,
+                  "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
+      ->required()
+      ->type_name("");
 
   Console& console = program.console;
   app->callback([&program, &console, options]

@@ -9,8 +9,9 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <locale>
 
-#include "Command.h"
+#include "Exit.h"
 
 namespace bigus::command
 {
@@ -29,8 +30,8 @@ std::string TemporaryPath(const std::string& path)
 bool HasSuffix(const std::string& path, const std::string& suffix)
 {
   return path.size() >= suffix.size() &&
-         std::equal(suffix.rbegin(), suffix.rend(), path.rbegin(), [](unsigned char a, unsigned char b)
-                    { return std::tolower(a) == std::tolower(b); });
+         std::equal(suffix.rbegin(), suffix.rend(), path.rbegin(),
+                    [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); });
 }
 
 void RequireWritable(const std::string& path)

@@ -11,12 +11,12 @@ namespace bigus::command
 /// Whether `path` ends in `suffix` (such as ".igs.mha"), upper or lower case.
 bool HasSuffix(const std::string& path, const std::string& suffix);
 
-/// Throws OutputError unless a file can be made at `path`. Nothing is left behind, and a file that is there stays.
-/// Asked before long work, so that an hour of training does not end at a missing folder.
+/// Throws OutputError unless a file can be made at `path`. Nothing is left behind, and a file that is there
+/// stays. Asked before long work, so that an hour of training does not end at a missing folder.
 void RequireWritable(const std::string& path);
 
-/// `write` fills a temporary file in the same folder, which then takes the name `path`. On failure the temporary
-/// file is removed and OutputError thrown.
+/// `write` fills a temporary file in the same folder, which then takes the name `path`. On failure the
+/// temporary file is removed and OutputError thrown.
 void WriteAtomically(const std::string& path, const std::function<void(std::ostream&)>& write);
 
 /// "slice.png" and 7 of 120 to "slice_007.png": one name a frame, as wide as the last number.

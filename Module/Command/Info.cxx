@@ -62,7 +62,7 @@ ExitCode ShowDevices(Console& console)
     {
       device = std::string("not usable: ") + error.what();
     }
-    engines.push_back({ { "name", name }, { "device", device } });
+    engines.push_back({{"name", name}, {"device", device}});
     console.Print("  " + Line(name, device));
   }
 #ifdef BIGUS_HAVE_CUDA
@@ -70,13 +70,13 @@ ExitCode ShowDevices(Console& console)
   console.Print(devices.empty() ? "CUDA devices: none" : "CUDA devices");
   for (const CudaDevice& device : devices)
   {
-    graphics.push_back({ { "name", device.name },
-                         { "compute_capability", device.computeCapability },
-                         { "memory_bytes", device.memoryBytes } });
+    graphics.push_back({{"name", device.name},
+                        {"compute_capability", device.computeCapability},
+                        {"memory_bytes", device.memoryBytes}});
     console.Print("  " + Line(device.name, FormatNumber(device.memoryBytes / 1073741824.0, 1) + " GiB"));
   }
 #endif
-  console.Report({ { "kind", "devices" }, { "engines", engines }, { "cuda_devices", graphics } });
+  console.Report({{"kind", "devices"}, {"engines", engines}, {"cuda_devices", graphics}});
   return Success;
 }
 
@@ -96,7 +96,7 @@ ExitCode ShowField(Console& console, const std::string& path)
   double low = 0, high = 0, total = 0;
   for (std::size_t i = 0; i < n; ++i)
   {
-    std::array<double, 3> scale = { field.scales[i][0], field.scales[i][1], field.scales[i][2] };
+    std::array<double, 3> scale = {field.scales[i][0], field.scales[i][1], field.scales[i][2]};
     std::sort(scale.begin(), scale.end());
     sizes.push_back(scale[1]);
     const double r = field.reflectivities[i];
@@ -132,24 +132,29 @@ ExitCode ShowField(Console& console, const std::string& path)
   console.Print(Line("Gaussians", std::to_string(n)));
   console.Print(Line("Centres", n ? Box(bounds) : "-"));
   console.Print(Line("Scale", FormatNumber(middle, 3) + " mm (5 to 95 %: " + FormatNumber(small, 3) + " to " +
-                                FormatNumber(large, 3) + "; the middle of three axes)"));
+                                  FormatNumber(large, 3) + "; the middle of three axes)"));
   console.Print(Line("Reflectivity", FormatNumber(low, 3) + " to " + FormatNumber(high, 3) + ", " +
-                                       FormatNumber(n ? 100.0 * negative / n : 0, 1) + " % negative"));
+                                         FormatNumber(n ? 100.0 * negative / n : 0, 1) + " % negative"));
   console.Print(Line("Gamma", FormatNumber(field.transfer.gamma, 4)));
-  console.Print(Line("Beam thickness", FormatNumber(field.beam.elevationSigma, 3) + " mm (standard deviation)"));
+  console.Print(
+      Line("Beam thickness", FormatNumber(field.beam.elevationSigma, 3) + " mm (standard deviation)"));
   for (const auto& [key, value] : provenance.items())
   {
-    console.Print(Line(key == provenance.begin().key() ? "Made by" : "", key + " = " + value.get<std::string>()));
+    console.Print(
+        Line(key == provenance.begin().key() ? "Made by" : "", key + " = " + value.get<std::string>()));
   }
-  console.Report({ { "kind", "field" },
-                   { "gaussians", n },
-                   { "bounds", { bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5] } },
-                   { "scale_percentiles", { { "5", small }, { "50", middle }, { "95", large } } },
-                   { "reflectivity", { { "minimum", low }, { "maximum", high }, { "mean_magnitude", n ? total / n : 0 },
-                                       { "negative_share", n ? double(negative) / n : 0 } } },
-                   { "gamma", field.transfer.gamma },
-                   { "elevation_sigma", field.beam.elevationSigma },
-                   { "provenance", provenance } });
+  console.Report({{"kind", "field"},
+                  {"gaussians", n},
+                  {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
+                  {"scale_percentiles", {{"5", small}, {"50", middle}, {"95", large}}},
+                  {"reflectivity",
+                   {{"minimum", low},
+                    {"maximum", high},
+                    {"mean_magnitude", n ? total / n : 0},
+                    {"negative_share", n ? double(negative) / n : 0}}},
+                  {"gamma", field.transfer.gamma},
+                  {"elevation_sigma", field.beam.elevationSigma},
+                  {"provenance", provenance}});
   return Success;
 }
 
@@ -181,24 +186,25 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   Json transforms = Json::array(), rejected = Json::array();
   console.Print(Line("Sequence", options.path));
   console.Print(Line("Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " +
-                                 reader->GetElementType()));
+                                   reader->GetElementType()));
   console.Print(Line("Frames", std::to_string(inFile) + " of " + std::to_string(size[0]) + " x " +
-                                 std::to_string(size[1]) + " pixels, " + std::to_string(accepted) + " usable"));
+                                   std::to_string(size[1]) + " pixels, " + std::to_string(accepted) +
+                                   " usable"));
   console.Print(Line("Orientation", reader->GetOrientation()));
   for (int i = 0; i < reader->GetNumberOfTransforms(); ++i)
   {
-    transforms.push_back({ { "name", reader->GetTransformName(i) }, { "source", reader->GetTransformSource(i) } });
+    transforms.push_back({{"name", reader->GetTransformName(i)}, {"source", reader->GetTransformSource(i)}});
     console.Print(Line(i ? "" : "Transforms", std::string(reader->GetTransformName(i)) + " (" +
-                                                reader->GetTransformSource(i) + ")"));
+                                                  reader->GetTransformSource(i) + ")"));
   }
   const std::string chain = reader->GetTransformChain() ? reader->GetTransformChain() : "";
   console.Print(Line("Chain used", chain.empty() ? "none" : chain));
   if (accepted > 0)
   {
     console.Print(Line("Pixel", FormatNumber(pixel[0], 4) + " x " + FormatNumber(pixel[1], 4) + " mm"));
-    console.Print(Line("Plane spacing", FormatNumber(spacing[1], 3) + " mm (" + FormatNumber(spacing[0], 3) + " to " +
-                                          FormatNumber(spacing[2], 3) + "), path " +
-                                          FormatNumber(reader->GetPathLength(), 1) + " mm"));
+    console.Print(Line("Plane spacing", FormatNumber(spacing[1], 3) + " mm (" + FormatNumber(spacing[0], 3) +
+                                            " to " + FormatNumber(spacing[2], 3) + "), path " +
+                                            FormatNumber(reader->GetPathLength(), 1) + " mm"));
     console.Print(Line("Extent", Box(bounds)));
     if (reader->GetHasTimestamps())
     {
@@ -207,30 +213,31 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   }
   for (int i = 0; i < reader->GetNumberOfRejectionReasons(); ++i)
   {
-    rejected.push_back({ { "reason", reader->GetRejectionReason(i) }, { "frames", reader->GetRejectionCount(i) } });
+    rejected.push_back({{"reason", reader->GetRejectionReason(i)}, {"frames", reader->GetRejectionCount(i)}});
   }
   if (reader->GetNumberOfRejectedFrames() > 0)
   {
     console.Print(Line("Rejected", reader->GetRejectionSummary()));
   }
 
-  Json answer = { { "kind", "sequence" },
-                  { "format", reader->GetFormat() },
-                  { "encoding", reader->GetEncoding() },
-                  { "element_type", reader->GetElementType() },
-                  { "orientation", reader->GetOrientation() },
-                  { "frames_in_file", inFile },
-                  { "frames", accepted },
-                  { "width", size[0] },
-                  { "height", size[1] },
-                  { "transforms", transforms },
-                  { "chain", chain },
-                  { "pixel_size", { pixel[0], pixel[1] } },
-                  { "plane_spacing", { { "minimum", spacing[0] }, { "median", spacing[1] }, { "maximum", spacing[2] } } },
-                  { "path_length", reader->GetPathLength() },
-                  { "bounds", { bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5] } },
-                  { "duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr) },
-                  { "rejected", rejected } };
+  Json answer = {
+      {"kind", "sequence"},
+      {"format", reader->GetFormat()},
+      {"encoding", reader->GetEncoding()},
+      {"element_type", reader->GetElementType()},
+      {"orientation", reader->GetOrientation()},
+      {"frames_in_file", inFile},
+      {"frames", accepted},
+      {"width", size[0]},
+      {"height", size[1]},
+      {"transforms", transforms},
+      {"chain", chain},
+      {"pixel_size", {pixel[0], pixel[1]}},
+      {"plane_spacing", {{"minimum", spacing[0]}, {"median", spacing[1]}, {"maximum", spacing[2]}}},
+      {"path_length", reader->GetPathLength()},
+      {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
+      {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
+      {"rejected", rejected}};
   if (!fault.empty())
   {
     answer["error"] = fault;
@@ -249,7 +256,8 @@ ExitCode Show(Console& console, const Options& options)
   }
   RequireFile(path);
   vtkNew<vtkBigusFieldReader> fieldReader;
-  return fieldReader->CanReadFile(path.c_str()) ? ShowField(console, path) : ShowSequence(console, options.sequence);
+  return fieldReader->CanReadFile(path.c_str()) ? ShowField(console, path)
+                                                : ShowSequence(console, options.sequence);
 }
 
 }  // namespace
@@ -257,26 +265,27 @@ ExitCode Show(Console& console, const Options& options)
 void AddInfo(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.app.add_subcommand("info",
-                                             "Say what is in a sequence or a field\n"
-                                             "  bigus info sweep.igs.mha\n"
-                                             "  bigus info plus.mha --config Plus.xml\n"
-                                             "  bigus info field.vtp --json\n"
-                                             "  bigus info --devices                   what can compute here");
+  CLI::App* app =
+      program.app.add_subcommand("info",
+                                 "Say what is in a sequence or a field\n"
+                                 "  bigus info sweep.igs.mha\n"
+                                 "  bigus info plus.mha --config Plus.xml\n"
+                                 "  bigus info field.vtp --json\n"
+                                 "  bigus info --devices                   what can compute here");
   AddSequenceOptions(*app, options->sequence, "FILE", "Sequence (.mha .mhd .nrrd .csv) or field (.vtp .ply)");
   CLI::Option* file = app->get_option("FILE")->required(false);
   app->add_flag("--devices", options->devices, "List engines and CUDA devices")->excludes(file);
 
   Console& console = program.console;
   app->callback(
-    [&program, &console, options]
-    {
-      if (options->sequence.path.empty() && !options->devices)
+      [&program, &console, options]
       {
-        throw CLI::RequiredError("FILE or --devices");
-      }
-      program.job = [&console, options] { return Show(console, *options); };
-    });
+        if (options->sequence.path.empty() && !options->devices)
+        {
+          throw CLI::RequiredError("FILE or --devices");
+        }
+        program.job = [&console, options] { return Show(console, *options); };
+      });
 }
 
 }  // namespace bigus::command

@@ -42,11 +42,12 @@ struct SequenceOptions
   PoseChain chain;
   std::string imageFolder, imagePattern;  ///< where a CSV's PNG images are
   std::vector<int> clipRectangle;         ///< column, row, columns, rows
-  std::vector<double> clipFan;            ///< apex i, j, inner and outer radius in pixels, first and last angle
-  int reduce = 1;                         ///< box-average so many pixels squared
+  std::vector<double> clipFan;  ///< apex i, j, inner and outer radius in pixels, first and last angle
+  int reduce = 1;               ///< box-average so many pixels squared
 };
 /// Adds the positional argument `name` and the options above, but for --reduce.
-void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help);
+void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name,
+                        const std::string& help);
 void AddReduceOption(CLI::App& app, int& reduce);
 
 /// A reader with everything in `options` set but the mask, which is off.
@@ -61,18 +62,18 @@ struct PlaneOptions
 {
   std::string poses;  ///< sequence, CSV or markup planes
   PoseChain chain;
-  std::vector<int> size;    ///< width, height; empty = what the file says
-  double spacing = 0;       ///< mm per pixel; 0 = what the file says
-  std::string frames;       ///< "0,4,10-20"; empty = all
+  std::vector<int> size;  ///< width, height; empty = what the file says
+  double spacing = 0;     ///< mm per pixel; 0 = what the file says
+  std::string frames;     ///< "0,4,10-20"; empty = all
   int reduce = 1;
   std::string markupSystem = "ras";
 };
 /// Adds `--poses` and `--frames`, under the names given, and the other options above.
-void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
-                     const std::string& help, bool required);
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name,
+                     const std::string& framesName, const std::string& help, bool required);
 
-/// The planes asked for, all of one size. A plane's upper left corner stays where it is whatever --size, --spacing
-/// and --reduce say.
+/// The planes asked for, all of one size. A plane's upper left corner stays where it is whatever --size,
+/// --spacing and --reduce say.
 struct Planes
 {
   std::vector<SlicePlane> planes;

@@ -109,7 +109,8 @@ vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, Console& consol
     {
       if (!plain->CanReadFile(path.c_str()))
       {
-        throw Error("'" + path + "' is not an image this command reads: .png, .mha, .mhd, .nrrd, .vti or a CSV.");
+        throw Error("'" + path +
+                    "' is not an image this command reads: .png, .mha, .mhd, .nrrd, .vti or a CSV.");
       }
       plain->SetFileName(path.c_str());
       Update(plain, console, "Reading");
@@ -150,8 +151,9 @@ ExitCode Measure(Console& console, const Options& options)
   Update(metrics, console, "Comparing");
 
   const int slices = size[2];
-  console.Print(std::to_string(slices) + (slices == 1 ? " image" : " images") + " of " + std::to_string(size[0]) +
-                " x " + std::to_string(size[1]) + " pixels (mean, standard deviation)");
+  console.Print(std::to_string(slices) + (slices == 1 ? " image" : " images") + " of " +
+                std::to_string(size[0]) + " x " + std::to_string(size[1]) +
+                " pixels (mean, standard deviation)");
   console.Print("  PSNR  " + FormatNumber(metrics->GetPSNR(), 3) + " dB, " +
                 FormatNumber(metrics->GetPSNRStandardDeviation(), 3));
   console.Print("  SSIM  " + FormatNumber(metrics->GetSSIM(), 5) + ", " +
@@ -160,15 +162,15 @@ ExitCode Measure(Console& console, const Options& options)
                 FormatNumber(metrics->GetMeanContrast(), 4) + ", contrast distribution " +
                 FormatNumber(metrics->GetContrastDistribution(), 4) + ", Rayleigh " +
                 FormatNumber(metrics->GetRayleigh(), 4) + ")");
-  console.Report({ { "images", slices },
-                   { "psnr", metrics->GetPSNR() },
-                   { "psnr_std", metrics->GetPSNRStandardDeviation() },
-                   { "ssim", metrics->GetSSIM() },
-                   { "ssim_std", metrics->GetSSIMStandardDeviation() },
-                   { "bfs", metrics->GetBFS() },
-                   { "mean_contrast", metrics->GetMeanContrast() },
-                   { "contrast_distribution", metrics->GetContrastDistribution() },
-                   { "rayleigh", metrics->GetRayleigh() } });
+  console.Report({{"images", slices},
+                  {"psnr", metrics->GetPSNR()},
+                  {"psnr_std", metrics->GetPSNRStandardDeviation()},
+                  {"ssim", metrics->GetSSIM()},
+                  {"ssim_std", metrics->GetSSIMStandardDeviation()},
+                  {"bfs", metrics->GetBFS()},
+                  {"mean_contrast", metrics->GetMeanContrast()},
+                  {"contrast_distribution", metrics->GetContrastDistribution()},
+                  {"rayleigh", metrics->GetRayleigh()}});
   return Success;
 }
 
@@ -177,15 +179,16 @@ ExitCode Measure(Console& console, const Options& options)
 void AddMetrics(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.app.add_subcommand(
-    "metrics",
-    "Compare images, sequences or volumes, frame by frame\n"
-    "  bigus metrics again.igs.mha sweep.igs.mha\n"
-    "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 x 11 windows), and BFS, the speckle\n"
-    "score, which looks at B for what is right: give the truth second.");
+  CLI::App* app =
+      program.app.add_subcommand("metrics",
+                                 "Compare images, sequences or volumes, frame by frame\n"
+                                 "  bigus metrics again.igs.mha sweep.igs.mha\n"
+                                 "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
+                                 "x 11 windows), and BFS, the speckle\n"
+                                 "score, which looks at B for what is right: give the truth second.");
   app->add_option("A", options->image, "Image to judge: .png .mha .mhd .nrrd .vti or a CSV of poses")
-    ->required()
-    ->type_name("");
+      ->required()
+      ->type_name("");
   app->add_option("B", options->truth, "The truth, of the same size")->required()->type_name("");
 
   Console& console = program.console;

@@ -3,14 +3,17 @@
 #include <vtkAlgorithm.h>
 #include <vtkCallbackCommand.h>
 #include <vtkCommand.h>
+#include <vtkLogger.h>
 #include <vtkNew.h>
 #include <vtkObjectFactory.h>
 #include <vtkOutputWindow.h>
 #include <vtkSmartPointer.h>
 
+#include <regex>
 #include <vector>
 
-#include "Command.h"
+#include "Console.h"
+#include "Exit.h"
 
 namespace bigus::command
 {
@@ -22,14 +25,11 @@ namespace
 std::string Essence(const char* text)
 {
   std::string message = text ? text : "";
-  const std::size_t mark = message.find("): ");
-  if (message.compare(0, 5, "ERROR") == 0 || message.compare(0, 7, "Warning") == 0 || message.find("vtk") == 0)
-  {
-    if (mark != std::string::npos)
-    {
-      message.erase(0, mark + 3);
-    }
-  }
+  static const std::regex origin(
+      "^((ERROR|Warning|Generic Warning): In [^\\n]*\\n)?(\\w+ \\(0x[0-9a-f]+\\): )?");
+  static const std::regex address(" \\(0x[0-9a-f]+\\)");
+  message = std::regex_replace(message, origin, "", std::regex_constants::format_first_only);
+  message = std::regex_replace(message, address, "");
   message.erase(message.find_last_not_of(" \n\r\t") + 1);
   return message;
 }
@@ -71,6 +71,7 @@ struct Watch
 {
   Console* console;
   const std::string* job;
+  bool stoppable;
 };
 
 void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
@@ -78,17 +79,17 @@ void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
   const Watch* watch = static_cast<Watch*>(clientData);
   auto* algorithm = static_cast<vtkAlgorithm*>(caller);
   watch->console->Progress(*watch->job, algorithm->GetProgress());
-  if (IsInterrupted())
+  if (watch->stoppable && IsInterrupted())
   {
     algorithm->SetAbortExecute(1);
   }
 }
 
 /// Returns the first error, or nothing.
-std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string& job)
+std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string& job, bool stoppable)
 {
   Messages()->errors.clear();
-  Watch watch{ &console, &job };
+  Watch watch{&console, &job, stoppable};
   vtkNew<vtkCallbackCommand> command;
   command->SetCallback(OnProgress);
   command->SetClientData(&watch);
@@ -96,7 +97,7 @@ std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string
   algorithm->Update();
   algorithm->RemoveObserver(tag);
   console.EndProgress();
-  if (IsInterrupted())
+  if (stoppable && IsInterrupted())
   {
     throw Interrupted();
   }
@@ -113,11 +114,12 @@ void CatchVtkMessages(Console& console)
 {
   Messages()->console = &console;
   vtkOutputWindow::SetInstance(Messages());
+  vtkLogger::SetStderrVerbosity(vtkLogger::VERBOSITY_OFF);  // it would print every message once more
 }
 
 void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job)
 {
-  if (const std::string fault = Execute(algorithm, console, job); !fault.empty())
+  if (const std::string fault = Execute(algorithm, console, job, true); !fault.empty())
   {
     throw Error(fault);
   }
@@ -135,7 +137,7 @@ void UpdateInformation(vtkAlgorithm* algorithm)
 
 void Write(vtkAlgorithm* writer, Console& console, const std::string& job)
 {
-  if (const std::string fault = Execute(writer, console, job); !fault.empty())
+  if (const std::string fault = Execute(writer, console, job, false); !fault.empty())
   {
     throw OutputError(fault);
   }

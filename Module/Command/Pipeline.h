@@ -1,5 +1,5 @@
-// Running VTK algorithms from the command line: their errors become exceptions, their progress the bar, and an
-// interruption an abort.
+// Running VTK algorithms from the command line: their errors become exceptions, their progress the bar, and
+// an interruption an abort.
 #pragma once
 
 #include <string>
@@ -14,14 +14,14 @@ class Console;
 /// From here on VTK's error messages are kept for Update, and its warnings become single lines on stderr.
 void CatchVtkMessages(Console& console);
 
-/// Updates `algorithm` and all it depends on, with a bar named `job`. Throws Error with the first message of any
-/// algorithm that failed, Interrupted after SIGINT.
+/// Updates `algorithm` and all it depends on, with a bar named `job`. Throws Error with the first message of
+/// any algorithm that failed, Interrupted after SIGINT.
 void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job);
 
 /// Only what the algorithm says before it makes its output (UpdateInformation).
 void UpdateInformation(vtkAlgorithm* algorithm);
 
-/// As Update, for a writer: failures are OutputErrors.
+/// As Update, for a writer: failures are OutputErrors, and an interruption does not stop it.
 void Write(vtkAlgorithm* writer, Console& console, const std::string& job);
 
 }  // namespace bigus::command

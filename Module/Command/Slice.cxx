@@ -41,7 +41,7 @@ ExitCode Slice(Console& console, Options& options)
     RequireStackName(options.coverage);
     RequireWritable(options.coverage);
   }
-  for (const std::string& path : { options.output, options.coverage })
+  for (const std::string& path : {options.output, options.coverage})
   {
     if (HasSuffix(path, ".png") && (!bytes || path == options.coverage))
     {
@@ -58,12 +58,12 @@ ExitCode Slice(Console& console, Options& options)
   const int count = static_cast<int>(planes.planes.size());
 
   const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
-  engine->SetTruncation({ 1e-4 / field.transfer.gamma });  // a tenth of a thousandth in intensity
+  engine->SetTruncation({1e-4 / field.transfer.gamma, false});  // on intensity: a fortieth of a grey level
   engine->SetField(field);
 
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
   const auto coverage =
-    options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
+      options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
   const std::size_t pixels = planes.planes[0].NumberOfPixels();
   std::vector<float> image(pixels);
   const auto start = std::chrono::steady_clock::now();
@@ -71,7 +71,8 @@ ExitCode Slice(Console& console, Options& options)
   {
     float* covered = coverage ? static_cast<float*>(coverage->GetScalarPointer()) + k * pixels : nullptr;
     float* target = bytes ? image.data() : static_cast<float*>(stack->GetScalarPointer()) + k * pixels;
-    engine->Render(planes.planes[k], scattering ? ViewOutput::Scattering : ViewOutput::Intensity, target, covered);
+    engine->Render(planes.planes[k], scattering ? ViewOutput::Scattering : ViewOutput::Intensity, target,
+                   covered);
     if (bytes)
     {
       ToBytes(image, static_cast<unsigned char*>(stack->GetScalarPointer()) + k * pixels);
@@ -92,13 +93,13 @@ ExitCode Slice(Console& console, Options& options)
   console.Print(options.output + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
                 std::to_string(planes.planes[0].width) + " x " + std::to_string(planes.planes[0].height) +
                 " pixels, " + FormatNumber(1000 * seconds / count, 1) + " ms each on " + engine->Device());
-  console.Report({ { "output", files },
-                   { "slices", count },
-                   { "width", planes.planes[0].width },
-                   { "height", planes.planes[0].height },
-                   { "elevation_sigma", field.beam.elevationSigma },
-                   { "seconds", seconds },
-                   { "device", engine->Device() } });
+  console.Report({{"output", files},
+                  {"slices", count},
+                  {"width", planes.planes[0].width},
+                  {"height", planes.planes[0].height},
+                  {"elevation_sigma", field.beam.elevationSigma},
+                  {"seconds", seconds},
+                  {"device", engine->Device()}});
   return Success;
 }
 
@@ -107,35 +108,40 @@ ExitCode Slice(Console& console, Options& options)
 void AddSlice(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.app.add_subcommand(
-    "slice",
-    "See a field at any planes\n"
-    "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha\n"
-    "  bigus slice field.vtp --poses plane.mrk.json --spacing 0.2 -o slice.png\n"
-    "A plane that misses the field gives a black image.");
+  CLI::App* app =
+      program.app.add_subcommand("slice",
+                                 "See a field at any planes\n"
+                                 "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha\n"
+                                 "  bigus slice field.vtp --poses plane.mrk.json --spacing 0.2 -o slice.png\n"
+                                 "A plane that misses the field gives a black image.");
   app->add_option("field", options->field, "Field: .vtp or .ply")->required()->type_name("FIELD");
-  app->add_option("-o,--output", options->output, "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
-    ->required()
-    ->type_name("OUT");
-  AddPlaneOptions(*app, options->planes, "--poses", "--frames", "Planes: those of a sequence, a CSV of poses, markup planes", true);
+  app->add_option("-o,--output", options->output,
+                  "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
+      ->required()
+      ->type_name("OUT");
+  AddPlaneOptions(*app, options->planes, "--poses", "--frames",
+                  "Planes: those of a sequence, a CSV of poses, markup planes", true);
   app->add_option("--elevation-sigma", options->elevationSigma,
                   "Beam thickness, standard deviation; 0 an infinitely thin plane; default: the field's")
-    ->check(NumberIn(0, 100))
-    ->type_name("MM");
-  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
-    ->check(CLI::IsMember({ "intensity", "scattering" }).description(""))
-    ->type_name("MODE");
+      ->check(NumberIn(0, 100))
+      ->type_name("MM");
+  app->add_option("--mode", options->mode,
+                  "intensity (default), or scattering: signed, before compression, float")
+      ->check(CLI::IsMember({"intensity", "scattering"}).description(""))
+      ->type_name("MODE");
   app->add_option("--type", options->type, "Pixels of intensity: uchar (default, 0 to 255) or float (0 to 1)")
-    ->check(CLI::IsMember({ "uchar", "float" }).description(""))
-    ->type_name("TYPE");
-  app->add_option("--coverage", options->coverage, "Also write the footprints' sum, 0 where no Gaussian is: .mha, .nrrd")
-    ->type_name("OUT");
+      ->check(CLI::IsMember({"uchar", "float"}).description(""))
+      ->type_name("TYPE");
+  app->add_option("--coverage", options->coverage,
+                  "Also write the footprints' sum, 0 where no Gaussian is: .mha, .nrrd")
+      ->type_name("OUT");
   app->add_option("--engine", options->engine, "What computes: auto, or a name from 'bigus info --devices'")
-    ->type_name("NAME")
-    ->capture_default_str();
+      ->type_name("NAME")
+      ->capture_default_str();
 
   Console& console = program.console;
-  app->callback([&program, &console, options] { program.job = [&console, options] { return Slice(console, *options); }; });
+  app->callback([&program, &console, options]
+                { program.job = [&console, options] { return Slice(console, *options); }; });
 }
 
 }  // namespace bigus::command

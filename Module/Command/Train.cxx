@@ -1,6 +1,7 @@
 // bigus train: a tracked sequence to a Gaussian field, with an honest score on frames it never saw.
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <optional>
@@ -56,14 +57,14 @@ void WriteLog(const std::string& path, const std::vector<TrainingRecord>& log)
 
 Json ToJson(const BackscatterFidelity& bfs)
 {
-  return { { "mean_contrast", bfs.meanContrast },
-           { "contrast_distribution", bfs.contrastDistribution },
-           { "rayleigh", bfs.rayleigh } };
+  return {{"mean_contrast", bfs.meanContrast},
+          {"contrast_distribution", bfs.contrastDistribution},
+          {"rayleigh", bfs.rayleigh}};
 }
 
 Json ToJson(const FrameScores& scores)
 {
-  return { { "psnr", scores.psnr }, { "ssim", scores.ssim } };
+  return {{"psnr", scores.psnr}, {"ssim", scores.ssim}};
 }
 
 std::string Row(const std::string& name, const FrameScores& scores)
@@ -72,19 +73,43 @@ std::string Row(const std::string& name, const FrameScores& scores)
          FormatNumber(scores.psnrStd, 2) + "   SSIM " + FormatNumber(scores.ssim, 4);
 }
 
+/// The plain methods on the same frames. One that cannot be had (a volume too large to compound) takes none
+/// of the field's own score with it.
+void ScoreBaselines(const Sweep& sweep, const std::vector<int>& training, const std::vector<int>& heldOut,
+                    Json& answer, Console& console)
+{
+  try
+  {
+    const BaselineScores scores = bigus::ScoreBaselines(sweep, training, heldOut);
+    answer["baselines"] = {{"nearest", ToJson(scores.nearest)},
+                           {"neighbour_average", ToJson(scores.neighbourAverage)},
+                           {"pose_interpolation", ToJson(scores.poseInterpolation)},
+                           {"compounding", ToJson(scores.compounding)}};
+    answer["baselines"]["compounding"]["voxel_size"] = scores.compoundingVoxelSize;
+    console.Print(Row("nearest frame", scores.nearest));
+    console.Print(Row("neighbour average", scores.neighbourAverage));
+    console.Print(Row("pose interpolation", scores.poseInterpolation));
+    console.Print(Row("voxel compounding", scores.compounding));
+  }
+  catch (const Error& error)
+  {
+    console.Note(std::string("bigus: the baselines were not scored: ") + error.what());
+  }
+}
+
 /// Keeps the bar going; false, once interrupted, stops training.
 bool OnProgress(Console& console, const TrainingProgress& progress)
 {
   static const std::map<TrainingProgress::Phase, const char*> names = {
-    { TrainingProgress::Phase::Seeding, "Seeding " },
-    { TrainingProgress::Phase::Solving, "Solving " },
-    { TrainingProgress::Phase::Training, "Training" }
-  };
+      {TrainingProgress::Phase::Seeding, "Seeding "},
+      {TrainingProgress::Phase::Solving, "Solving "},
+      {TrainingProgress::Phase::Training, "Training"}};
   std::string rate;
   const TrainingRecord& record = progress.record;
   if (progress.phase == TrainingProgress::Phase::Training && record.iteration > 0 && record.seconds > 0)
   {
-    rate = FormatNumber(record.iteration / record.seconds, 1) + " iterations/s, loss " + FormatNumber(record.loss, 4);
+    rate = FormatNumber(record.iteration / record.seconds, 1) + " iterations/s, loss " +
+           FormatNumber(record.loss, 4);
   }
   console.Progress(names.at(progress.phase), progress.fraction, rate,
                    progress.secondsLeft > 0 ? progress.secondsLeft : -1);
@@ -108,18 +133,28 @@ ExitCode Train(Console& console, Options& options)
   }
   const std::shared_ptr<const Sweep> sweep = ReadSweep(options.sequence, console);
   const auto [trainingFrames, heldOutFrames] = SplitHoldOut(sweep->NumberOfFrames(), trainer.holdOut);
+  if (trainer.holdOut > 0 && heldOutFrames.empty())
+  {
+    throw Error("--hold-out " + std::to_string(trainer.holdOut) + " keeps none of the " +
+                std::to_string(sweep->NumberOfFrames()) + " usable frames; use a smaller number.");
+  }
+  if (trainer.holdOut > 0 && std::min(sweep->width, sweep->height) < 11)
+  {
+    throw Error("Frames of " + std::to_string(sweep->width) + " x " + std::to_string(sweep->height) +
+                " pixels cannot be scored (11 x 11 are needed); use a smaller --reduce.");
+  }
   std::optional<GaussianField> start;
   if (!options.continueFrom.empty())
   {
     start = ReadField(options.continueFrom, console);
   }
-  console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " + std::to_string(sweep->width) +
-               " x " + std::to_string(sweep->height) + " pixels; " + std::to_string(heldOutFrames.size()) +
-               " held out.");
+  console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " +
+               std::to_string(sweep->width) + " x " + std::to_string(sweep->height) + " pixels; " +
+               std::to_string(heldOutFrames.size()) + " held out.");
 
-  const TrainingResult result = bigus::Train(sweep, trainer, start ? &*start : nullptr,
-                                             [&console](const TrainingProgress& progress)
-                                             { return OnProgress(console, progress); });
+  const TrainingResult result =
+      bigus::Train(sweep, trainer, start ? &*start : nullptr,
+                   [&console](const TrainingProgress& progress) { return OnProgress(console, progress); });
   console.EndProgress();
 
   const bool interrupted = result.aborted || IsInterrupted();
@@ -137,49 +172,38 @@ ExitCode Train(Console& console, Options& options)
     WriteLog(options.log, result.log);
   }
 
-  Json answer = { { "gaussians", result.field.Size() },
-                  { "seconds", result.seconds },
-                  { "iterations", result.iterations },
-                  { "device", result.device },
-                  { "seed", trainer.seed },
-                  { "peak_memory_bytes", 0 },
-                  { "held_out", nullptr },
-                  { "baselines", nullptr },
-                  { "interrupted", interrupted },
-                  { "elevation_sigma", result.field.beam.elevationSigma },
-                  { "training_frames", result.trainingFrames.size() },
-                  { "validation_frames", result.validationFrames.size() },
-                  { "width", sweep->width },
-                  { "height", sweep->height } };
+  Json answer = {{"gaussians", result.field.Size()},
+                 {"seconds", result.seconds},
+                 {"iterations", result.iterations},
+                 {"device", result.device},
+                 {"seed", trainer.seed},
+                 {"peak_memory_bytes", 0},
+                 {"held_out", nullptr},
+                 {"baselines", nullptr},
+                 {"interrupted", interrupted},
+                 {"elevation_sigma", result.field.beam.elevationSigma},
+                 {"training_frames", result.trainingFrames.size()},
+                 {"validation_frames", result.validationFrames.size()},
+                 {"width", sweep->width},
+                 {"height", sweep->height}};
   console.Print(options.output + ": " + std::to_string(result.field.Size()) + " Gaussians, " +
-                std::to_string(result.iterations) + " iterations in " + FormatNumber(result.seconds, 1) + " s on " +
-                result.device + ", beam sigma " + FormatNumber(result.field.beam.elevationSigma, 2) + " mm");
+                std::to_string(result.iterations) + " iterations in " + FormatNumber(result.seconds, 1) +
+                " s on " + result.device + ", beam sigma " +
+                FormatNumber(result.field.beam.elevationSigma, 2) + " mm");
 
   if (!heldOutFrames.empty() && !interrupted)
   {
     console.Note("Scoring " + std::to_string(heldOutFrames.size()) + " held-out frames.");
     const FrameScores scores = ScoreField(result.field, *sweep, heldOutFrames, trainer.engine);
-    answer["held_out"] = { { "frames", scores.frames.size() },
-                           { "psnr", scores.psnr },
-                           { "psnr_std", scores.psnrStd },
-                           { "ssim", scores.ssim },
-                           { "bfs", scores.bfs.score },
-                           { "ssim_std", scores.ssimStd },
-                           { "bfs_terms", ToJson(scores.bfs) } };
+    answer["held_out"] = {{"frames", scores.frames.size()}, {"psnr", scores.psnr},
+                          {"psnr_std", scores.psnrStd},     {"ssim", scores.ssim},
+                          {"bfs", scores.bfs.score},        {"ssim_std", scores.ssimStd},
+                          {"bfs_terms", ToJson(scores.bfs)}};
     console.Print("Held-out frames (" + std::to_string(scores.frames.size()) + ")");
     console.Print(Row("this field", scores) + "   BFS " + FormatNumber(scores.bfs.score, 3));
     if (!options.withoutBaselines)
     {
-      const BaselineScores baselines = ScoreBaselines(*sweep, trainingFrames, heldOutFrames);
-      answer["baselines"] = { { "nearest", ToJson(baselines.nearest) },
-                              { "neighbour_average", ToJson(baselines.neighbourAverage) },
-                              { "pose_interpolation", ToJson(baselines.poseInterpolation) },
-                              { "compounding", ToJson(baselines.compounding) } };
-      answer["baselines"]["compounding"]["voxel_size"] = baselines.compoundingVoxelSize;
-      console.Print(Row("nearest frame", baselines.nearest));
-      console.Print(Row("neighbour average", baselines.neighbourAverage));
-      console.Print(Row("pose interpolation", baselines.poseInterpolation));
-      console.Print(Row("voxel compounding", baselines.compounding));
+      ScoreBaselines(*sweep, trainingFrames, heldOutFrames, answer, console);
     }
   }
   answer["peak_memory_bytes"] = PeakMemory();
@@ -197,108 +221,118 @@ void AddTrain(Program& program)
 {
   auto options = std::make_shared<Options>();
   TrainerOptions& trainer = options->trainer;
-  CLI::App* app = program.app.add_subcommand(
-    "train",
-    "Turn a tracked sequence into a Gaussian field\n"
-    "  bigus train sweep.igs.mha -o field.vtp --hold-out 8\n"
-    "  bigus train plus.mha --config Plus.xml -o field.vtp --gaussians 300000 --time-limit 600 --log curve.csv\n"
-    "Ctrl-C stops early and keeps the best field so far.");
+  CLI::App* app = program.app.add_subcommand("train",
+                                             "Turn a tracked sequence into a Gaussian field\n"
+                                             "  bigus train sweep.igs.mha -o field.vtp --hold-out 8\n"
+                                             "  bigus train plus.mha --config Plus.xml -o field.vtp "
+                                             "--gaussians 300000 --time-limit 600 --log curve.csv\n"
+                                             "Ctrl-C stops early and keeps the best field so far.");
 
-  AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
+  AddSequenceOptions(*app, options->sequence, "SEQUENCE",
+                     "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
   AddReduceOption(*app, options->sequence.reduce);
-  app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")->required()->type_name("FIELD");
+  app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")
+      ->required()
+      ->type_name("FIELD");
   app->add_option("--log", options->log, "Write the training curve: loss and validation PSNR over time")
-    ->type_name("CSV");
+      ->type_name("CSV");
 
   const char* model = "What is fitted";
   app->add_option("--gaussians", trainer.gaussians, "Gaussians to start with, 1 to 67108864")
-    ->check(NumberIn(1, 67108864))
-    ->type_name("N")
-    ->capture_default_str()
-    ->group(model);
-  app
-    ->add_option("--elevation-sigma", options->elevationSigma,
-                 "Beam thickness out of plane, standard deviation in mm; auto follows the plane spacing")
-    ->check(CLI::IsMember({ "auto" }).description("") | NumberIn(0, 100))
-    ->type_name("MM|auto")
-    ->capture_default_str()
-    ->group(model);
+      ->check(NumberIn(1, 67108864))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(model);
+  app->add_option("--elevation-sigma", options->elevationSigma,
+                  "Beam thickness out of plane, standard deviation in mm; auto follows the plane spacing")
+      ->check(CLI::IsMember({"auto"}).description("") | NumberIn(0, 100))
+      ->type_name("MM|auto")
+      ->capture_default_str()
+      ->group(model);
   app->add_flag("--positive-only", options->positiveOnly, "Allow no negative reflectivity")->group(model);
-  static const std::map<std::string, SeedPlacement> placements = { { "intensity", SeedPlacement::Intensity },
-                                                                   { "harris", SeedPlacement::Harris },
-                                                                   { "random", SeedPlacement::Random } };
-  app->add_option("--seeding", trainer.seeding, "Where Gaussians start: intensity (default), harris or random")
-    ->transform(CLI::Transformer(placements, CLI::ignore_case).description(""))
-    ->type_name("PLACEMENT")
-    ->group(model);
+  static const std::map<std::string, SeedPlacement> placements = {{"intensity", SeedPlacement::Intensity},
+                                                                  {"harris", SeedPlacement::Harris},
+                                                                  {"random", SeedPlacement::Random}};
+  app->add_option("--seeding", trainer.seeding,
+                  "Where Gaussians start: intensity (default), harris or random")
+      ->transform(CLI::Transformer(placements, CLI::ignore_case).description(""))
+      ->type_name("PLACEMENT")
+      ->group(model);
   app->add_option("--continue", options->continueFrom, "Start from this field instead of seeding")
-    ->type_name("FIELD")
-    ->group(model);
+      ->type_name("FIELD")
+      ->group(model);
 
   const char* course = "How long and how";
-  app->add_option("--iterations", trainer.iterations, "Optimizer steps; 0 only seeds")
-    ->check(NumberIn(0, 1e7))
-    ->type_name("N")
-    ->capture_default_str()
-    ->group(course);
+  app->add_option("--iterations", trainer.iterations,
+                  "Optimizer steps, 0 only seeds; default: 60 passes over the training frames, at least 200")
+      ->check(NumberIn(0, 1e7))
+      ->type_name("N")
+      ->group(course);
   app->add_option("--time-limit", trainer.timeLimit, "Seconds of training; 0 sets no limit")
-    ->check(NumberIn(0, 1e7))
-    ->type_name("S")
-    ->capture_default_str()
-    ->group(course);
+      ->check(NumberIn(0, 1e7))
+      ->type_name("S")
+      ->capture_default_str()
+      ->group(course);
   app->add_option("--seed", trainer.seed, "Seed of everything random: same seed, same field")
-    ->type_name("S")
-    ->capture_default_str()
-    ->group(course);
+      ->check(NumberIn(0, 18446744073709549568.0))
+      ->type_name("S")
+      ->capture_default_str()
+      ->group(course);
   app->add_option("--batch", trainer.batch, "Frames a step, 1 to 4096")
-    ->check(NumberIn(1, 4096))
-    ->type_name("N")
-    ->capture_default_str()
-    ->group(course);
-  static const std::map<std::string, LossKind> losses = { { "l1", LossKind::L1 }, { "l2", LossKind::L2 } };
+      ->check(NumberIn(1, 4096))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(course);
+  static const std::map<std::string, LossKind> losses = {{"l1", LossKind::L1}, {"l2", LossKind::L2}};
   app->add_option("--loss", trainer.loss, "l1 (default) or l2")
-    ->transform(CLI::Transformer(losses, CLI::ignore_case).description(""))
-    ->type_name("LOSS")
-    ->group(course);
-  app
-    ->add_option("--densify", trainer.densification.interval,
-                 "Steps between restructurings that add Gaussians where error persists; 0 never")
-    ->check(NumberIn(0, 1e7))
-    ->type_name("N")
-    ->capture_default_str()
-    ->group(course);
+      ->transform(CLI::Transformer(losses, CLI::ignore_case).description(""))
+      ->type_name("LOSS")
+      ->group(course);
+  app->add_option("--densify", trainer.densification.interval,
+                  "Steps between restructurings that add Gaussians where error persists; 0 never")
+      ->check(NumberIn(0, 1e7))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(course);
+  app->add_option(
+         "--virtual-planes", trainer.virtualPlanes,
+         "Interpolated planes added in every gap between training frames, 0 to 8; default: 1 when frames are "
+         "more than 1 mm apart, else 0")
+      ->check(NumberIn(0, 8))
+      ->type_name("N")
+      ->group(course);
   app->add_option("--engine", trainer.engine, "What computes: auto, or a name from 'bigus info --devices'")
-    ->type_name("NAME")
-    ->capture_default_str()
-    ->group(course);
+      ->type_name("NAME")
+      ->capture_default_str()
+      ->group(course);
 
   const char* honesty = "How it is judged";
   const auto holdOutRule = [](const std::string& text) -> std::string
   {
     double k = 0;
     return ParseNumber(text, k) && (k == 0 || (k >= 2 && k <= 1e6))
-             ? ""
-             : "'" + text + "' is neither 0 (hold out nothing) nor a number from 2 on";
+               ? ""
+               : "'" + text + "' is neither 0 (hold out nothing) nor a number from 2 on";
   };
-  app
-    ->add_option("--hold-out", trainer.holdOut,
-                 "Keep frames with index % K == K / 2 out of everything but the final score; 0 keeps none")
-    ->check(CLI::Validator(holdOutRule, ""))
-    ->type_name("K")
-    ->capture_default_str()
-    ->group(honesty);
-  app
-    ->add_option("--validation", trainer.validation,
-                 "Of the other frames, keep every K-th to stop early by; 0 keeps none")
-    ->check(CLI::Validator(holdOutRule, ""))
-    ->type_name("K")
-    ->capture_default_str()
-    ->group(honesty);
-  app->add_flag("--no-baselines", options->withoutBaselines, "Do not score the plain methods beside the field")
-    ->group(honesty);
+  app->add_option("--hold-out", trainer.holdOut,
+                  "Keep frames with index % K == K / 2 out of everything but the final score; 0 keeps none")
+      ->check(CLI::Validator(holdOutRule, ""))
+      ->type_name("K")
+      ->capture_default_str()
+      ->group(honesty);
+  app->add_option("--validation", trainer.validation,
+                  "Of the other frames, keep every K-th to stop early by; 0 keeps none")
+      ->check(CLI::Validator(holdOutRule, ""))
+      ->type_name("K")
+      ->capture_default_str()
+      ->group(honesty);
+  app->add_flag("--no-baselines", options->withoutBaselines,
+                "Do not score the plain methods beside the field")
+      ->group(honesty);
 
   Console& console = program.console;
-  app->callback([&program, &console, options] { program.job = [&console, options] { return Train(console, *options); }; });
+  app->callback([&program, &console, options]
+                { program.job = [&console, options] { return Train(console, *options); }; });
 }
 
 }  // namespace bigus::command

@@ -62,12 +62,12 @@ ExitCode Voxelize(Console& console, const Options& options)
   console.Print(options.output + ": " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
                 std::to_string(size[2]) + " voxels of " + FormatNumber(spacing[0], 3) + " mm, " +
                 FormatNumber(seconds, 1) + " s on " + voxelizer->GetDevice());
-  console.Report({ { "output", options.output },
-                   { "size", { size[0], size[1], size[2] } },
-                   { "spacing", { spacing[0], spacing[1], spacing[2] } },
-                   { "origin", { origin[0], origin[1], origin[2] } },
-                   { "seconds", seconds },
-                   { "device", voxelizer->GetDevice() } });
+  console.Report({{"output", options.output},
+                  {"size", {size[0], size[1], size[2]}},
+                  {"spacing", {spacing[0], spacing[1], spacing[2]}},
+                  {"origin", {origin[0], origin[1], origin[2]}},
+                  {"seconds", seconds},
+                  {"device", voxelizer->GetDevice()}});
   return Success;
 }
 
@@ -76,37 +76,40 @@ ExitCode Voxelize(Console& console, const Options& options)
 void AddVoxelize(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.app.add_subcommand(
-    "voxelize",
-    "Turn a field into a plain volume\n"
-    "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
-    "Without --origin and --size the volume holds the whole field.");
+  CLI::App* app = program.app.add_subcommand("voxelize",
+                                             "Turn a field into a plain volume\n"
+                                             "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
+                                             "Without --origin and --size the volume holds the whole field.");
   app->add_option("field", options->field, "Field: .vtp or .ply")->required()->type_name("FIELD");
-  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")->required()->type_name("OUT");
-  app->add_option("--spacing", options->spacing, "Side of a voxel; default: 256 voxels along the longest side")
-    ->check(PositiveNumber())
-    ->type_name("MM");
+  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")
+      ->required()
+      ->type_name("OUT");
+  app->add_option("--spacing", options->spacing,
+                  "Side of a voxel; default: 256 voxels along the longest side")
+      ->check(PositiveNumber())
+      ->type_name("MM");
   app->add_option("--origin", options->origin, "Centre of the first voxel")
-    ->expected(3)
-    ->check(NumberIn(-1e6, 1e6))
-    ->type_name("X Y Z");
+      ->expected(3)
+      ->check(NumberIn(-1e6, 1e6))
+      ->type_name("X Y Z");
   app->add_option("--size", options->size, "Voxels along each axis")
-    ->expected(3)
-    ->check(NumberIn(1, 65536))
-    ->type_name("I J K");
+      ->expected(3)
+      ->check(NumberIn(1, 65536))
+      ->type_name("I J K");
   app->add_option("--elevation-sigma", options->elevationSigma,
                   "Beam thickness along z; 0 (default) samples the field itself")
-    ->check(NumberIn(0, 100))
-    ->type_name("MM");
-  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
-    ->check(CLI::IsMember({ "intensity", "scattering" }).description(""))
-    ->type_name("MODE");
+      ->check(NumberIn(0, 100))
+      ->type_name("MM");
+  app->add_option("--mode", options->mode,
+                  "intensity (default), or scattering: signed, before compression, float")
+      ->check(CLI::IsMember({"intensity", "scattering"}).description(""))
+      ->type_name("MODE");
   app->add_option("--type", options->type, "Voxels of intensity: uchar (default, 0 to 255) or float (0 to 1)")
-    ->check(CLI::IsMember({ "uchar", "float" }).description(""))
-    ->type_name("TYPE");
+      ->check(CLI::IsMember({"uchar", "float"}).description(""))
+      ->type_name("TYPE");
   app->add_option("--engine", options->engine, "What computes: auto, or a name from 'bigus info --devices'")
-    ->type_name("NAME")
-    ->capture_default_str();
+      ->type_name("NAME")
+      ->capture_default_str();
 
   Console& console = program.console;
   app->callback([&program, &console, options]

@@ -27,29 +27,43 @@ extern "C" void OnSignal(int number)
 }
 
 const char* const description =
-  "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
-  "\n"
-  "A first tour, without any data:\n"
-  "  bigus phantom -o sweep.igs.mha                                  a made-up sweep with known truth\n"
-  "  bigus info sweep.igs.mha                                        what is in it\n"
-  "  bigus train sweep.igs.mha -o field.vtp --hold-out 8             frames to a Gaussian field\n"
-  "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha    the field at the sweep's planes\n"
-  "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
-  "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
-  "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
-  "\n"
-  "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
-  "intensities lie in [0, 1].";
+    "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
+    "\n"
+    "A first tour, without any data:\n"
+    "  bigus phantom -o sweep.igs.mha                                  a made-up sweep with known truth\n"
+    "  bigus info sweep.igs.mha                                        what is in it\n"
+    "  bigus train sweep.igs.mha -o field.vtp --hold-out 8             frames to a Gaussian field\n"
+    "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha    the field at the sweep's planes\n"
+    "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
+    "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
+    "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
+    "\n"
+    "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference "
+    "frame;\n"
+    "intensities lie in [0, 1].";
 
 const char* const footer =
-  "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted.\n"
-  "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
+    "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted.\n"
+    "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
+
+/// CLI11's help, but the list of subcommands holds only the first line of each.
+class HelpFormatter : public CLI::Formatter
+{
+public:
+  std::string make_subcommand(const CLI::App* app) const override
+  {
+    const std::string whole = app->get_description();
+    std::ostringstream line;
+    CLI::detail::format_help(line, app->get_name(), whole.substr(0, whole.find('\n')), get_column_width());
+    return line.str();
+  }
+};
 
 /// Says what went wrong, to people or to machines.
 ExitCode Fail(Console& console, ExitCode code, const std::string& message)
 {
   console.Note("bigus: " + message);
-  console.Report({ { "error", message }, { "exit_code", static_cast<int>(code) } });
+  console.Report({{"error", message}, {"exit_code", static_cast<int>(code)}});
   return code;
 }
 
@@ -68,17 +82,21 @@ ExitCode Run(int argumentCount, char** arguments)
   app.description(description);
   app.footer(footer);
   app.set_version_flag("--version", std::string("bigus ") + BIGUS_VERSION);
+  CatchVtkMessages(console);
   app.require_subcommand(1);
   app.fallthrough();  // --json and the like are understood after the subcommand, too
-  app.get_formatter()->column_width(34);
+  const auto formatter = std::make_shared<HelpFormatter>();
+  formatter->column_width(34);
+  app.formatter(formatter);
 
   app.add_flag("--json", "Print one JSON object on stdout, nothing else");
-  bool withBar = false, withoutBar = false;
-  CLI::Option* barOption = app.add_flag("--progress", withBar, "Draw the progress bar even if stderr is no terminal");
-  app.add_flag("--no-progress", withoutBar, "Draw no progress bar")->excludes(barOption);
+  bool wantsBar = false;
+  const CLI::Option* barOption = app.add_flag("--progress,!--no-progress", wantsBar,
+                                              "Draw the progress bar always, or never; else on a terminal");
   int threads = 0;
   app.add_option("--threads", threads, "Threads to use; 0 takes all cores. Results do not depend on it")
-    ->check(NumberIn(0, 4096));
+      ->check(NumberIn(0, 4096))
+      ->type_name("N");
 
   AddInfo(program);
   AddPhantom(program);
@@ -99,9 +117,13 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const CLI::ParseError& error)
   {
-    return Fail(console, UsageFault, std::string(error.what()) + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
+    return Fail(console, UsageFault,
+                std::string(error.what()) + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
   }
-  console.bar = withBar ? Console::Bar::Always : withoutBar ? Console::Bar::Never : Console::Bar::WhenTerminal;
+  if (barOption->count() > 0)
+  {
+    console.bar = wantsBar ? Console::Bar::Always : Console::Bar::Never;
+  }
 
   std::unique_ptr<tbb::global_control> limit;
   if (threads > 0)
@@ -129,7 +151,8 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const std::bad_alloc&)
   {
-    return Fail(console, InputFault, "Not enough memory for this job: use --reduce, fewer Gaussians or a smaller output.");
+    return Fail(console, InputFault,
+                "Not enough memory for this job: use --reduce, fewer Gaussians or a smaller output.");
   }
 }
 

@@ -1,0 +1,36 @@
+// How a run ends: exit codes, and the exceptions that lead to them.
+#pragma once
+
+#include <exception>
+
+#include "Core/Error.h"
+
+namespace bigus::command
+{
+
+/// What the program returns to the shell.
+enum ExitCode
+{
+  Success = 0,
+  UsageFault = 1,   ///< an option that does not exist, or a value out of its range
+  InputFault = 2,   ///< a file that is missing, broken, or unfit for the job
+  OutputFault = 3,  ///< a file that cannot be written
+  Stopped = 130     ///< interrupted (SIGINT or SIGTERM)
+};
+
+/// An output that cannot be written. Every other Error counts as bad input.
+class OutputError : public Error
+{
+public:
+  using Error::Error;
+};
+
+/// Thrown where a job stops because it was interrupted and has nothing to save.
+class Interrupted : public std::exception
+{
+};
+
+/// True once the process got SIGINT or SIGTERM. A second signal ends it at once.
+bool IsInterrupted();
+
+}  // namespace bigus::command
