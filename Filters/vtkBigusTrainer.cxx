@@ -279,7 +279,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     options.holdOut = this->HoldOut;
     options.validation = this->Validation;
     options.patience = this->Patience;
-    options.iterations = this->Iterations;
+    options.iterations = UnlessNegative(this->Iterations);
     options.timeLimit = this->TimeLimit;
     options.batch = this->Batch;
     options.seed = this->Seed;

@@ -131,7 +131,8 @@ public:
 
   ///@{
   /**
-   * Optimizer steps, 0 (seeding only) to 10^7, default 1000.
+   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): automatic, 60 passes over the frames trained
+   * on, at least 200.
    */
   vtkSetMacro(Iterations, int);
   vtkGetMacro(Iterations, int);
@@ -366,7 +367,7 @@ protected:
   int HoldOut = 0;
   int Validation = 0;
   int Patience = 10;
-  int Iterations = 1000;
+  int Iterations = -1;
   double TimeLimit = 0;
   int Batch = 8;
   vtkTypeUInt64 Seed = 1;

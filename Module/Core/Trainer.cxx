@@ -147,7 +147,8 @@ void TrainerOptions::Validate() const
   Require(holdOut == 0 || holdOut >= 2, "hold-out", holdOut, "0 (none), or at least 2");
   Require(validation == 0 || validation >= 2, "validation", validation, "0 (none), or at least 2");
   Require(patience >= 1, "patience", patience, "at least 1");
-  Require(iterations >= 0 && iterations <= 10000000, "iterations", iterations, "0 to 10000000");
+  Require(!iterations || (*iterations >= 0 && *iterations <= 10000000), "iterations", iterations.value_or(0),
+          "0 to 10000000");
   Require(Between(timeLimit, 0, 1e9), "time limit", timeLimit, "0 (none) to 1e9 seconds");
   Require(batch >= 1 && batch <= 4096, "batch", batch, "1 to 4096 frames");
   Require(Between(tolerance, 0, 1), "tolerance", tolerance, "0 to 1");
@@ -291,18 +292,20 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
 
   Batches batches(targets, options.batch, options.seed);
-  const int logInterval = std::max(1, options.iterations / 100);
+  const int passes = static_cast<int>(60 * targets.size() / std::min<std::size_t>(options.batch, targets.size()));
+  const int iterations = options.iterations.value_or(std::max(passes, 200));
+  const int logInterval = std::max(1, iterations / 100);
   const double trainingStart = clock.Seconds();
   double lossSum = 0;
   int lossCount = 0;
   std::optional<GaussianField> best;
   double bestPsnr = 0;
   int sinceBest = 0;
-  for (int iteration = 1; iteration <= options.iterations && !result.aborted; ++iteration)
+  for (int iteration = 1; iteration <= iterations && !result.aborted; ++iteration)
   {
     // Progress is by iterations or by the clock, whichever is ahead, so that the rates are spent when
     // training ends.
-    double fraction = static_cast<double>(iteration - 1) / options.iterations;
+    double fraction = static_cast<double>(iteration - 1) / iterations;
     if (options.timeLimit > 0)
     {
       fraction = std::max(
@@ -336,7 +339,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     report.record.loss = lossSum / lossCount;
     report.record.gaussians = engine->FieldSize();
     report.record.rate = decay;
-    if (iteration % logInterval == 0 || iteration == options.iterations)
+    if (iteration % logInterval == 0 || iteration == iterations)
     {
       report.record.seconds = clock.Seconds();
       report.record.validationPsnr.reset();

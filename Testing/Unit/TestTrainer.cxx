@@ -162,6 +162,17 @@ TEST(Trainer, ValidationKeepsTheBestFieldAndStopsEarly)
   EXPECT_NEAR(HeldOutPsnr(result.field, *sweep, result.validationFrames), best, 0.01);
 }
 
+TEST(Trainer, StepsFollowTheNumberOfFrames)
+{
+  auto sweep = bigus::test::BlackSweep(40, 16, 16, 0.4, 0.5);
+  std::fill_n(bigus::test::Pixels(*sweep), 40 * sweep->PixelsPerFrame(), 0.5f);
+  TrainerOptions options;
+  options.gaussians = 20;
+  EXPECT_EQ(bigus::Train(sweep, options).iterations, 300);  // 60 x 40 / 8
+  options.batch = 16;
+  EXPECT_EQ(bigus::Train(sweep, options).iterations, 200);
+}
+
 TEST(Trainer, PositiveReflectivityStaysPositive)
 {
   const auto sweep = bigus::test::RenderedSweep();
