@@ -211,7 +211,7 @@ public:
 
   ///@{
   /**
-   * Whether output 1 is filled, default on. Off saves about half the work; output 1 is then empty.
+   * Whether output 1 is filled, default on. Off saves some of the time; output 1 is then empty.
    */
   vtkSetMacro(GenerateCoverageOutput, vtkTypeBool);
   vtkGetMacro(GenerateCoverageOutput, vtkTypeBool);
