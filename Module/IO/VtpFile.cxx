@@ -124,9 +124,8 @@ public:
   explicit VtpFile(const std::string& fileName) : name_(fileName), text_(ReadTextFile(fileName, largestFile))
   {
     // What follows <AppendedData ...> _ is not XML.
-    std::size_t xmlSize = text_.size();
     const std::size_t appended = text_.find("<AppendedData");
-    std::string xml = text_;
+    std::string beforeAppended;
     if (text_.find("</VTKFile>", text_.size() - std::min<std::size_t>(text_.size(), 64)) == std::string::npos)
     {
       throw TruncationError(name_ + ": does not end with </VTKFile>; the file is truncated");
@@ -142,9 +141,9 @@ public:
       const std::string_view tag = std::string_view(text_).substr(appended, begin - appended);
       appendedIsRaw_ = tag.find("\"raw\"") != std::string_view::npos;
       appended_ = std::string_view(text_).substr(begin + 1, end - begin - 1);
-      xmlSize = appended;
-      xml = text_.substr(0, xmlSize) + "</VTKFile>";
+      beforeAppended = text_.substr(0, appended) + "</VTKFile>";
     }
+    const std::string& xml = appended != std::string::npos ? beforeAppended : text_;
     const auto parsed = document_.load_buffer(xml.data(), xml.size());
     if (!parsed)
     {

@@ -238,6 +238,7 @@ void vtkBigusSequenceWriter::WriteData()
       this->UpdateProgress((frame + 1.0) / size[2]);
       if (this->GetAbortExecute())
       {
+        this->SetErrorCode(vtkErrorCode::UserError);  // so that Write() does not say it has written
         return;
       }
     }

@@ -594,6 +594,25 @@ TEST(SequenceReader, ReadsOneFrame)
   }
 }
 
+TEST(SequenceReader, StopsWhenAborted)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "small.mha", SmallSequence().Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  ErrorObserver errors(reader);
+  vtkNew<vtkCallbackCommand> abort;
+  abort->SetCallback([](vtkObject* caller, unsigned long, void*, void*)
+                     { static_cast<vtkAlgorithm*>(caller)->SetAbortExecute(1); });
+  const unsigned long tag = reader->AddObserver(vtkCommand::ProgressEvent, abort);
+  reader->SetFileName((folder / "small.mha").c_str());
+  reader->Update();
+  EXPECT_EQ(reader->GetOutput()->GetNumberOfPoints(), 0);
+  EXPECT_TRUE(errors.Errors().empty()) << errors.Text();
+  reader->RemoveObserver(tag);
+  reader->Modified();
+  ExpectSmall(Read(reader, folder / "small.mha"));
+}
+
 TEST(SequenceReader, ReadsTheLiverSweep)
 {
   BIGUS_REQUIRE_DATA(path, "liver-sweep/liver_sweep.igs.mha");

@@ -245,6 +245,20 @@ TEST(SequenceWriter, RefusesWhatItCannotWrite)
   ExpectRefused(untimed, folder / "sweep.mha", "Timestamp");
 }
 
+TEST(SequenceWriter, AbortedWriteLeavesNothing)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceWriter> writer;
+  vtkNew<vtkCallbackCommand> abort;
+  abort->SetCallback([](vtkObject* caller, unsigned long, void*, void*)
+                     { static_cast<vtkAlgorithm*>(caller)->SetAbortExecute(1); });
+  writer->AddObserver(vtkCommand::ProgressEvent, abort);
+  writer->SetFileName((folder / "sweep.mha").c_str());
+  writer->SetInputData(RandomSweep(VTK_UNSIGNED_CHAR, 5, 4, 3));
+  EXPECT_EQ(writer->Write(), 0);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.Path()));
+}
+
 // A full disk, played by a limit on the size of files.
 TEST(SequenceWriter, InterruptedWriteLeavesTheEarlierFile)
 {
