@@ -80,6 +80,7 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
     source->SetNumberOfFrames(3);
     source->SetFrameSize(30, 20);
     source->SetPixelSize(1.5);
+    source->SetScattererDensity(8);  // quick
     change(source.Get());
     source->Update();
     return source;

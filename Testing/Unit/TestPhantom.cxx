@@ -8,6 +8,8 @@
 #include <complex>
 #include <limits>
 #include <map>
+#include <ostream>
+#include <string>
 #include <vector>
 
 #include "Core/Error.h"
@@ -15,6 +17,13 @@
 
 namespace bigus
 {
+
+/// For the names of tests.
+void PrintTo(ProbeKind probe, std::ostream* out)
+{
+  *out << "probe " << static_cast<int>(probe);
+}
+
 namespace
 {
 
@@ -109,7 +118,12 @@ TEST_P(SpeckleStatistics, EnvelopeIsRayleigh)
 }
 
 INSTANTIATE_TEST_SUITE_P(Probes, SpeckleStatistics,
-                         ::testing::Values(ProbeKind::Linear, ProbeKind::Convex, ProbeKind::Sector));
+                         ::testing::Values(ProbeKind::Linear, ProbeKind::Convex, ProbeKind::Sector),
+                         [](const auto& info)
+                         {
+                           const char* names[] = {"Linear", "Convex", "Sector"};
+                           return std::string(names[static_cast<int>(info.param)]);
+                         });
 
 TEST(Phantom, SpeckleDecorrelatesOutOfPlaneAsTheGaussianBeamSays)
 {
