@@ -27,6 +27,7 @@ namespace
 
 constexpr double firstBandPixels = 16384;
 constexpr double bandSeconds = 0.03;
+constexpr double minimumSpacing = 1e-6, maximumSpacing = 1e6;  // mm
 
 }  // namespace
 
@@ -60,8 +61,9 @@ FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int 
     high = high.cwiseMax(centre + reach);
   }
   const Eigen::Vector3d size = high - low;
-  grid.spacing = size.maxCoeff() / (maximumDimension - 1);
-  const Eigen::Vector3d steps = (size / grid.spacing).array().round();
+  // The limits keep numbers of any field inside an int; an absurd grid is refused later, with its size.
+  grid.spacing = std::clamp(size.maxCoeff() / (maximumDimension - 1), minimumSpacing, maximumSpacing);
+  const Eigen::Vector3d steps = (size / grid.spacing).array().round().min(1e9);
   grid.dimensions = steps.cast<int>() + Eigen::Vector3i::Ones();
   grid.origin = 0.5 * (low + high) - 0.5 * grid.spacing * steps;
   return grid;
@@ -114,6 +116,23 @@ void CheckPixelFormat(ViewOutput output, int scalarType)
   if (output == ViewOutput::Scattering && scalarType != VTK_FLOAT)
   {
     throw Error("The scattering field is signed and unbounded; set OutputScalarType to float.");
+  }
+}
+
+void CheckGrid(const double spacing[3], const double origin[3])
+{
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    const double size = std::abs(spacing[axis]);
+    if (!(size >= minimumSpacing && size <= maximumSpacing))
+    {
+      throw Error("OutputSpacing along axis " + std::to_string(axis) + " is " +
+                  std::to_string(spacing[axis]) + " mm; it must lie between 1e-6 and 1e6 mm.");
+    }
+    if (!std::isfinite(origin[axis]))
+    {
+      throw Error("OutputOrigin along axis " + std::to_string(axis) + " is not finite.");
+    }
   }
 }
 

@@ -52,6 +52,9 @@ void ForgetRequests(vtkInformationVector* outputs);
 /// Throws Error unless pixels of this type can hold what is wanted.
 void CheckPixelFormat(ViewOutput output, int scalarType);
 
+/// Throws Error unless a grid's spacing and origin (mm) can be worked with.
+void CheckGrid(const double spacing[3], const double origin[3]);
+
 /// Number of indices in a VTK extent, as a double because that cannot overflow.
 double ExtentSize(const int extent[6]);
 

@@ -367,6 +367,7 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
   std::copy_n(this->OutputExtent, 6, extent);
   try
   {
+    bigus::CheckGrid(spacing, origin);  // defaults in there are sound
     if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
     {
       Eigen::Vector3d inSpacing, inOrigin;
@@ -398,7 +399,8 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
       Eigen::Vector3d inCentre;
       for (int j = 0; j < 3; ++j)
       {
-        inCentre[j] = inOrigin[j] + 0.5 * (inExtent[2 * j] + inExtent[2 * j + 1]) * inSpacing[j];
+        inCentre[j] =
+            inOrigin[j] + 0.5 * (static_cast<double>(inExtent[2 * j]) + inExtent[2 * j + 1]) * inSpacing[j];
       }
       const Eigen::Vector4d centre = toOutput * inCentre.homogeneous();
       if (!centre.allFinite())
@@ -414,7 +416,8 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
         double length = 0, first = 0;
         for (int j = 0; j < 3; ++j)
         {
-          length += weight[j] * (inExtent[2 * j + 1] - inExtent[2 * j]) * std::abs(inSpacing[j]);
+          length += weight[j] * (static_cast<double>(inExtent[2 * j + 1]) - inExtent[2 * j]) *
+                    std::abs(inSpacing[j]);
           first += weight[j] * inExtent[2 * j];
         }
         length /= sum * std::sqrt(sum);
@@ -424,13 +427,13 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
         }
         if (this->ComputeOutputExtent)
         {
-          const double steps = std::min(std::abs(length / spacing[i]), 1e9);
-          extent[2 * i] = vtkMath::Round(first / sum);
-          extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + steps);
+          constexpr double limit = 1e9;  // fits an int; so large an output is refused later
+          extent[2 * i] = vtkMath::Round(std::clamp(first / sum, -limit, limit));
+          extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + std::min(std::abs(length / spacing[i]), limit));
         }
         if (this->ComputeOutputOrigin)
         {
-          origin[i] = centre[i] - 0.5 * (extent[2 * i] + extent[2 * i + 1]) * spacing[i];
+          origin[i] = centre[i] - 0.5 * (static_cast<double>(extent[2 * i]) + extent[2 * i + 1]) * spacing[i];
         }
       }
     }

@@ -144,6 +144,7 @@ int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector*
   Eigen::Vector3i dimensions(this->OutputDimensions);
   try
   {
+    bigus::CheckGrid(spacing.data(), origin.data());  // defaults in there are sound
     const Eigen::Matrix3d direction =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(this->OutputDirection);
     if (!((direction.colwise().norm().array() - 1).abs().maxCoeff() < 1e-6) ||

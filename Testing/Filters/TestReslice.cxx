@@ -522,6 +522,24 @@ TEST(Reslice, ASlowEngineStillReportsProgressOften)
   EXPECT_GT(reports, 3);
 }
 
+TEST(Reslice, FieldsOfExtremeSizeHaveADefaultGeometryOrAnError)
+{
+  for (double size : {1e-300, 1e-9, 1e9, 1e300})
+  {
+    GaussianField field = RandomField(2, 1);
+    field.means[1] = field.means[0];
+    field.scales[0].setConstant(size);
+    field.scales[1].setConstant(size);
+    const auto input = ToPolyData(field);
+    vtkNew<vtkBigusReslice> reslice;
+    reslice->SetInputData(input);
+    reslice->SetOutputDimensionality(2);
+    ErrorLog errors(reslice);
+    reslice->Update();
+    EXPECT_EQ(reslice->GetOutput()->GetNumberOfPoints() > 0, errors.Messages().empty()) << size;
+  }
+}
+
 // Bad input: one clear error each.
 
 TEST(ResliceBadInput, AnAbsurdSizeIsRefusedBeforeAnythingIsAllocated)
@@ -567,10 +585,16 @@ TEST(ResliceBadInput, AxesAndSpacingThatSpanNoPlane)
   const double nan = std::nan("");
   Tilted tilted;
   tilted.reslice->SetOutputSpacing(0, 1, 1);
-  ExpectOneError(tilted.reslice, {"pixel", "mm"});
-  tilted.reslice->SetOutputSpacing(nan, 1, 1);
-  ExpectOneError(tilted.reslice, {"not finite"});
+  ExpectOneError(tilted.reslice, {"OutputSpacing", "axis 0", "mm"});
+  tilted.reslice->SetOutputSpacing(1, nan, 1);
+  ExpectOneError(tilted.reslice, {"OutputSpacing", "axis 1"});
+  tilted.reslice->SetOutputExtentToDefault();
+  ExpectOneError(tilted.reslice, {"OutputSpacing", "axis 1"});
+  tilted.reslice->SetOutputExtent(0, 9, 0, 9, 0, 0);
   tilted.reslice->SetOutputSpacing(1, 1, 1);
+  tilted.reslice->SetOutputOrigin(0, INFINITY, 0);
+  ExpectOneError(tilted.reslice, {"OutputOrigin", "axis 1"});
+  tilted.reslice->SetOutputOrigin(0, 0, 0);
   tilted.reslice->SetResliceAxesDirectionCosines(1, 0, 0, 1, 0, 0, 0, 0, 1);
   ExpectOneError(tilted.reslice, {"parallel"});
   tilted.reslice->SetOutputSpacingToDefault();

@@ -163,8 +163,8 @@ TEST(VoxelizerBadInput, OneErrorEach)
         f->SetOutputSpacing(1e-5, 1e-5, 1e-5);
       },
       {"MaximumOutputPixels"});
-  expect([](vtkBigusVoxelizer* f) { f->SetOutputSpacing(0, 1, 1); }, {"mm"});
-  expect([](vtkBigusVoxelizer* f) { f->SetOutputSpacing(std::nan(""), 1, 1); }, {"not finite"});
+  expect([](vtkBigusVoxelizer* f) { f->SetOutputSpacing(0, 1, 1); }, {"OutputSpacing", "mm"});
+  expect([](vtkBigusVoxelizer* f) { f->SetOutputSpacing(std::nan(""), 1, 1); }, {"OutputSpacing"});
   expect(
       [](vtkBigusVoxelizer* f)
       {
