@@ -18,7 +18,6 @@
 class vtkAlgorithm;
 class vtkImageData;
 class vtkInformationVector;
-class vtkImageData;
 class vtkPolyData;
 
 namespace bigus
