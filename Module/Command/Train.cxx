@@ -116,6 +116,18 @@ bool OnProgress(Console& console, const TrainingProgress& progress)
   return !IsInterrupted();
 }
 
+/// At most `count` of the frames, evenly spread.
+std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
+{
+  count = std::min(count, frames.size());
+  std::vector<int> some;
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    some.push_back(frames[k * frames.size() / count]);
+  }
+  return some;
+}
+
 ExitCode Train(Console& console, Options& options)
 {
   RequireWritable(options.output);
@@ -177,8 +189,9 @@ ExitCode Train(Console& console, Options& options)
                  {"iterations", result.iterations},
                  {"device", result.device},
                  {"seed", trainer.seed},
-                 {"peak_memory_bytes", 0},
+                 {"peak_memory_bytes", PeakMemory()},  // of training; the baselines may need more
                  {"held_out", nullptr},
+                 {"trained", nullptr},
                  {"baselines", nullptr},
                  {"interrupted", interrupted},
                  {"elevation_sigma", result.field.beam.elevationSigma},
@@ -199,6 +212,14 @@ ExitCode Train(Console& console, Options& options)
                           {"psnr_std", scores.psnrStd},     {"ssim", scores.ssim},
                           {"bfs", scores.bfs.score},        {"ssim_std", scores.ssimStd},
                           {"bfs_terms", ToJson(scores.bfs)}};
+    const FrameScores trained =
+        ScoreField(result.field, *sweep, Spread(result.trainingFrames, heldOutFrames.size()), trainer.engine);
+    answer["trained"] = {{"frames", trained.frames.size()},
+                         {"psnr", trained.psnr},
+                         {"ssim", trained.ssim},
+                         {"bfs", trained.bfs.score}};
+    console.Print("Frames it was trained on (" + std::to_string(trained.frames.size()) + " of them)");
+    console.Print(Row("this field", trained) + "   BFS " + FormatNumber(trained.bfs.score, 3));
     console.Print("Held-out frames (" + std::to_string(scores.frames.size()) + ")");
     console.Print(Row("this field", scores) + "   BFS " + FormatNumber(scores.bfs.score, 3));
     if (!options.withoutBaselines)
@@ -206,7 +227,6 @@ ExitCode Train(Console& console, Options& options)
       ScoreBaselines(*sweep, trainingFrames, heldOutFrames, answer, console);
     }
   }
-  answer["peak_memory_bytes"] = PeakMemory();
   if (interrupted)
   {
     console.Note("Interrupted: the best field so far was saved.");
@@ -264,7 +284,7 @@ void AddTrain(Program& program)
 
   const char* course = "How long and how";
   app->add_option("--iterations", trainer.iterations,
-                  "Optimizer steps, 0 only seeds; default: 60 passes over the training frames, at least 200")
+                  "Optimizer steps; 0 only seeds; default: 60 passes over the training frames, at least 200")
       ->check(NumberIn(0, 1e7))
       ->type_name("N")
       ->group(course);
