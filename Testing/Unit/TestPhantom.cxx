@@ -117,13 +117,14 @@ TEST_P(SpeckleStatistics, EnvelopeIsRayleigh)
   EXPECT_NEAR(intensity.Mean(), 1.0, 0.04);  // parenchyma is the unit
 }
 
+std::string NameOf(const ::testing::TestParamInfo<ProbeKind>& probe)
+{
+  constexpr const char* names[] = {"Linear", "Convex", "Sector"};
+  return names[static_cast<int>(probe.param)];
+}
+
 INSTANTIATE_TEST_SUITE_P(Probes, SpeckleStatistics,
-                         ::testing::Values(ProbeKind::Linear, ProbeKind::Convex, ProbeKind::Sector),
-                         [](const auto& info)
-                         {
-                           const char* names[] = {"Linear", "Convex", "Sector"};
-                           return std::string(names[static_cast<int>(info.param)]);
-                         });
+                         ::testing::Values(ProbeKind::Linear, ProbeKind::Convex, ProbeKind::Sector), NameOf);
 
 TEST(Phantom, SpeckleDecorrelatesOutOfPlaneAsTheGaussianBeamSays)
 {
