@@ -37,10 +37,10 @@ sweep=$output/sweep.igs.mha
 if [[ -z $sequence ]]; then
   # A hand-held linear probe over 24 mm: vessels, a cyst, a tumour and a bone, seen through a beam 0.8 mm thick.
   phantom=(--frames 64 --frame-spacing 0.4)
-  training=(--gaussians 40000 --iterations 400 --elevation-sigma 0.8 --time-limit 90)
+  training=(--gaussians 150000 --time-limit 120)
   bigus phantom -o "$sweep" "${phantom[@]}" "$@"
 else
-  training=(--gaussians 60000 --iterations 600 --time-limit 90)
+  training=(--gaussians 150000 --time-limit 120)
   bigus convert "$sequence" "$sweep" "$@"
 fi
 bigus info "$sweep"

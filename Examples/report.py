@@ -45,16 +45,16 @@ def outline(matrix, width, height):
     return corners @ matrix[:3, :2].T + matrix[:3, 3]
 
 
-def scale_bar(axes, extent):
-    """A white bar of a round number of millimetres, lower right."""
+def scale_bar(axes, extent, colour):
+    """A bar of a round number of millimetres, lower right."""
     wide, deep = extent
     length = max(step for step in (1, 2, 5, 10, 20, 50) if step <= max(wide / 3, 1))
     x, y = wide * 0.96 - length, deep * 0.94
-    axes.plot([x, x + length], [y, y], color="white", linewidth=3, solid_capstyle="butt")
-    axes.text(x + length / 2, y - 0.02 * deep, f"{length} mm", color="white", ha="center", va="bottom", fontsize=8)
+    axes.plot([x, x + length], [y, y], color=colour, linewidth=3, solid_capstyle="butt")
+    axes.text(x + length / 2, y - 0.02 * deep, f"{length} mm", color=colour, ha="center", va="bottom", fontsize=8)
 
 
-def show(axes, image, matrix, title, colour="black", **style):
+def show(axes, image, matrix, title, colour, bar="white", **style):
     """An image with its axes in millimetres."""
     side = np.linalg.norm(matrix[:3, :2], axis=0)
     extent = image.shape[1] * side[0], image.shape[0] * side[1]
@@ -65,8 +65,8 @@ def show(axes, image, matrix, title, colour="black", **style):
     axes.set_xlabel("mm", fontsize=7, labelpad=1)
     for spine in axes.spines.values():
         spine.set_color(colour)
-        spine.set_linewidth(0.8 if colour == "black" else 2)
-    scale_bar(axes, extent)
+        spine.set_linewidth(2)
+    scale_bar(axes, extent, bar)
     return picture
 
 
@@ -106,7 +106,7 @@ def show_places(axes, sweep, frame, planes):
     vertical = int(np.argmax(np.abs(depth)))
     axes.view_init(elev=22 if depth[vertical] < 0 else -158, azim=-52, vertical_axis="xyz"[vertical])
     axes.tick_params(labelsize=6, pad=-2)
-    axes.set_title("Where: frames grey, in mm", fontsize=10)
+    axes.set_title("Where these planes lie (sweep in grey)", fontsize=10)
 
 
 def draw_panel(folder, sweep, frame, n, answer):
@@ -120,27 +120,32 @@ def draw_panel(folder, sweep, frame, n, answer):
     error = prediction - truth
     known = (folder / "orthogonal-truth.png").exists()
 
-    figure = plt.figure(figsize=(15, 11.5 if known else 8), constrained_layout=True)
-    grid = figure.add_gridspec(3 if known else 2, 4)
-    show(figure.add_subplot(grid[0, 0]), truth, pose, f"Truth: frame {frame}, never trained on", FIELD_COLOUR)
+    figure = plt.figure(figsize=(15, 8.2), constrained_layout=True)
+    upper, lower = figure.subfigures(2, 1)
+    axes = upper.subplots(1, 4)
+    show(axes[0], truth, pose, f"Truth: frame {frame}, never trained on", FIELD_COLOUR)
     mse = np.mean(error ** 2)
     quality = f"{-10 * np.log10(mse):.1f} dB" if mse > 0 else "exact"
-    show(figure.add_subplot(grid[0, 1]), prediction, pose, f"Prediction from the field, {quality}", FIELD_COLOUR)
-    axes = figure.add_subplot(grid[0, 2])
-    picture = show(axes, error, pose, "Error: prediction - truth", FIELD_COLOUR, cmap="RdBu_r", vmin=-0.5, vmax=0.5)
-    bar = figure.colorbar(picture, ax=axes, shrink=0.8)
+    show(axes[1], prediction, pose, f"Prediction from the field, {quality}", FIELD_COLOUR)
+    picture = show(axes[2], error, pose, "Error: prediction - truth", FIELD_COLOUR, bar="black", cmap="RdBu_r",
+                   vmin=-0.5, vmax=0.5)
+    bar = upper.colorbar(picture, ax=axes[2], shrink=0.8)
     bar.ax.tick_params(labelsize=7)
-    bar.set_label("too dark   (share of white)   too bright", fontsize=7)
-    show_scores(figure.add_subplot(grid[0, 3]), answer)
+    bar.set_label("too dark    (share of white)    too bright", fontsize=7)
+    show_scores(axes[3], answer)
 
-    show_places(figure.add_subplot(grid[1, 0], projection="3d"), sweep, frame, planes)
-    for column, (name, (matrix, _, _), colour) in enumerate((("orthogonal", planes[0], ORTHOGONAL_COLOUR),
-                                                             ("oblique", planes[1], OBLIQUE_COLOUR))):
-        place = grid[1, 1 + column]
-        show(figure.add_subplot(place), read_png(folder / f"{name}.png"), matrix, f"Field, {name} plane", colour)
+    # Below, the planes the probe never took; beside each, where it is known, what is really there.
+    grid = lower.add_gridspec(1, 5 if known else 3, width_ratios=[1.4, 1, 1, 1, 1] if known else [1, 1, 1])
+    show_places(lower.add_subplot(grid[0], projection="3d"), sweep, frame, planes)
+    column = 1
+    for name, (matrix, _, _), colour in (("orthogonal", planes[0], ORTHOGONAL_COLOUR),
+                                         ("oblique", planes[1], OBLIQUE_COLOUR)):
+        show(lower.add_subplot(grid[column]), read_png(folder / f"{name}.png"), matrix, f"Field, {name} plane", colour)
+        column += 1
         if known:
-            show(figure.add_subplot(grid[2, 1 + column]), read_png(folder / f"{name}-truth.png"), matrix,
+            show(lower.add_subplot(grid[column]), read_png(folder / f"{name}-truth.png"), matrix,
                  f"Truth, {name} plane", colour)
+            column += 1
     figure.suptitle(f"BIGUS: {answer['training_frames']} frames as {answer['gaussians']:,} Gaussians, trained in "
                     f"{answer['seconds']:.0f} s on {answer['device']}", fontsize=12)
     figure.savefig(folder / "panel.png", dpi=100)
@@ -155,7 +160,9 @@ def draw_curve(folder):
     axes.plot(seconds, [float(row["loss"]) for row in rows], color=FIELD_COLOUR)
     axes.set_yscale("log")
     axes.set_xlabel("seconds")
-    axes.set_ylabel("training loss (mean absolute difference, share of white)")
+    axes.set_ylabel("training loss: mean |error|, share of white")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     axes.grid(True, which="both", alpha=0.25)
     validated = [(t, float(row["validation_psnr"])) for t, row in zip(seconds, rows) if row["validation_psnr"]]
     if validated:
