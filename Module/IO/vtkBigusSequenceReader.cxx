@@ -28,6 +28,7 @@
 #include "vtkSmartPointer.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
 #include "vtkUnsignedCharArray.h"
+#include "vtkVersionMacros.h"
 
 vtkStandardNewMacro(vtkBigusSequenceReader);
 
@@ -164,6 +165,48 @@ void Reorder(const bigus::SequenceFile& file, const unsigned char* from, unsigne
       std::memcpy(out + i * bytes, row + (width - 1 - i) * bytes, bytes);
     }
   }
+}
+
+// False when the user wants to stop.
+bool ReportProgress(vtkAlgorithm* reader, std::size_t done, std::size_t of)
+{
+  reader->UpdateProgress(static_cast<double>(done) / static_cast<double>(of));
+#if VTK_MAJOR_VERSION > 9 || (VTK_MAJOR_VERSION == 9 && VTK_MINOR_VERSION >= 3)
+  return !reader->CheckAbort();
+#else
+  return !reader->GetAbortExecute();
+#endif
+}
+
+// Reads a sequence whose list axis comes first. `place` says where each frame goes in `pixels`, or -1. False
+// when the user wants to stop.
+bool ReadInterleaved(vtkAlgorithm* reader, const bigus::SequenceFile& file, const std::vector<int>& place,
+                     unsigned char* pixels)
+{
+  const std::size_t bytes = bigus::BytesPerElement(file.elementType);
+  const std::size_t frames = place.size();
+  const auto width = static_cast<std::size_t>(file.width);
+  const auto height = static_cast<std::size_t>(file.height);
+  bigus::PixelStream stream(file);
+  std::vector<unsigned char> row(frames * width * bytes);
+  for (std::size_t j = 0; j < height; ++j)
+  {
+    stream.Read(row.data(), row.size());
+    for (std::size_t frame = 0; frame < frames; ++frame)
+    {
+      for (std::size_t i = 0; place[frame] >= 0 && i < width; ++i)
+      {
+        std::memcpy(pixels + ((static_cast<std::size_t>(place[frame]) * height + j) * width + i) * bytes,
+                    &row[(i * frames + frame) * bytes], bytes);
+      }
+    }
+    if (!ReportProgress(reader, j + 1, 2 * height))  // the other half is for sorting the pixels out
+    {
+      return false;
+    }
+  }
+  stream.Finish();
+  return true;
 }
 
 // Blackens what the mask leaves out and notes what is lit. A float pixel of any sign of zero is black.
@@ -403,27 +446,10 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
       place[static_cast<std::size_t>(frames[i])] = static_cast<int>(i);
     }
 
-    if (file.framesFastest)
+    if (file.framesFastest && !ReadInterleaved(this, file, place, pixels))
     {
-      const std::size_t bytes = bigus::BytesPerElement(file.elementType);
-      const std::size_t all = poses.frames.size();
-      const auto width = static_cast<std::size_t>(file.width);
-      bigus::PixelStream stream(file);
-      std::vector<unsigned char> row(all * width * bytes);
-      for (std::size_t j = 0; j < static_cast<std::size_t>(file.height); ++j)
-      {
-        stream.Read(row.data(), row.size());
-        for (std::size_t frame = 0; frame < all; ++frame)
-        {
-          for (std::size_t i = 0; place[frame] >= 0 && i < width; ++i)
-          {
-            std::memcpy(
-                pixels + static_cast<std::size_t>(place[frame]) * frameBytes + (j * width + i) * bytes,
-                &row[(i * all + frame) * bytes], bytes);
-          }
-        }
-      }
-      stream.Finish();
+      output->Initialize();
+      return 1;
     }
 
     std::vector<unsigned char> buffer(frameBytes);
@@ -453,8 +479,8 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
         std::vector<unsigned char> ignored(poses.frames[i].accepted ? 0 : pixelsPerFrame);
         ClipAndNote(file, clip, target, ignored.empty() ? lit.data() : ignored.data());
       }
-      this->UpdateProgress(static_cast<double>(i + 1) / static_cast<double>(place.size()));
-      if (this->GetAbortExecute())
+      const std::size_t before = file.framesFastest ? place.size() : 0;
+      if (!ReportProgress(this, before + i + 1, before + place.size()))
       {
         output->Initialize();
         return 1;
