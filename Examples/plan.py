@@ -50,11 +50,11 @@ def main():
     along = path_vector - depth * (depth @ path_vector)
     if np.linalg.norm(along) < 1:  # a probe that turns or tilts in place
         along = normal
-    along = unit(along)
+    along = unit(along) if along @ normal >= 0 else -unit(along)
     deep = int(round(height * np.linalg.norm(poses[middle, :3, 1]) / pixel))
     length = max(np.ptp(centres[:, :3] @ along), 10)
 
-    half = turned(along, depth, 40)  # between along the sweep and along a frame ...
+    half = turned(along, depth, -40)  # between along the sweep and along a frame ...
     tilted = turned(depth, half, 15)  # ... and leaning out of the depth axis
     with open(planes_path, "w", newline="") as file:
         table = csv.writer(file)

@@ -36,7 +36,7 @@ sweep=$output/sweep.igs.mha
 
 if [[ -z $sequence ]]; then
   # A hand-held linear probe over 24 mm: vessels, a cyst, a tumour and a bone, seen through a beam 0.8 mm thick.
-  phantom=(--frames 64 --frame-spacing 0.4)
+  phantom=(--frames 64 --frame-spacing 0.4 --width 176 --height 176 --pixel-size 0.3)
   training=(--gaussians 150000 --time-limit 120)
   bigus phantom -o "$sweep" "${phantom[@]}" "$@"
 else

@@ -91,21 +91,27 @@ def show_scores(axes, answer):
 
 
 def show_places(axes, sweep, frame, planes):
-    """The sweep's frames and the planes shown, in space."""
+    """The sweep's frames and the planes shown, in space, as the held-out frame sees them: depth points down."""
     count, height, width = bigus.frames(sweep).shape
     poses = bigus.poses(sweep)
+    across, down = (poses[frame, :3, k] / np.linalg.norm(poses[frame, :3, k]) for k in range(2))
+    axes_of_view = np.stack([across, np.cross(down, across), -down])
+    top = poses[frame] @ ((width - 1) / 2, 0, 0, 1)
+
+    def draw(plane, **style):
+        axes.plot(*((outline(*plane) - top[:3]) @ axes_of_view.T).T, **style)
+
     for k in range(0, count, max(count // 16, 1)):
-        axes.plot(*outline(poses[k], width, height).T, color="#9aa0a6", linewidth=0.6)
-    for (matrix, wide, deep), colour in (((poses[frame], width, height), FIELD_COLOUR),
-                                         (planes[0], ORTHOGONAL_COLOUR), (planes[1], OBLIQUE_COLOUR)):
-        axes.plot(*outline(matrix, wide, deep).T, color=colour, linewidth=2)
-    # Seen from the side, with the depth of the middle frame pointing down.
-    points = np.concatenate([outline(pose, width, height) for pose in poses])
-    axes.set_box_aspect(np.maximum(np.ptp(points, axis=0), 1))
-    depth = poses[frame, :3, 1]
-    vertical = int(np.argmax(np.abs(depth)))
-    axes.view_init(elev=22 if depth[vertical] < 0 else -158, azim=-52, vertical_axis="xyz"[vertical])
+        draw((poses[k], width, height), color="#9aa0a6", linewidth=0.6)
+    for plane, colour in (((poses[frame], width, height), FIELD_COLOUR),
+                          (planes[0], ORTHOGONAL_COLOUR), (planes[1], OBLIQUE_COLOUR)):
+        draw(plane, color=colour, linewidth=2)
+    axes.set_aspect("equal")
+    axes.view_init(elev=22, azim=-55)
+    axes.locator_params(nbins=4)
     axes.tick_params(labelsize=6, pad=-2)
+    for set_label, name in ((axes.set_xlabel, "across"), (axes.set_ylabel, "along"), (axes.set_zlabel, "depth, mm")):
+        set_label(name, fontsize=7, labelpad=-6)
     axes.set_title("Where these planes lie (sweep in grey)", fontsize=10)
 
 
@@ -146,6 +152,11 @@ def draw_panel(folder, sweep, frame, n, answer):
             show(lower.add_subplot(grid[column]), read_png(folder / f"{name}-truth.png"), matrix,
                  f"Truth, {name} plane", colour)
             column += 1
+    note = "Black rims lie outside the sweep."
+    if known:
+        note += ("  A shadow lies where the sweep's probe cast it; the truth beside it is seen by a probe held at that "
+                 "plane, which casts its own.")
+    lower.supxlabel(note, fontsize=8, color="#555555")
     figure.suptitle(f"BIGUS: {answer['training_frames']} frames as {answer['gaussians']:,} Gaussians, trained in "
                     f"{answer['seconds']:.0f} s on {answer['device']}", fontsize=12)
     figure.savefig(folder / "panel.png", dpi=100)

@@ -77,8 +77,9 @@ ExitCode MakePhantom(Console& console, const Options& options)
   WriteStack(stack, options.output, numbers, console);
 
   const int* size = stack->GetDimensions();
-  console.Print(options.output + ": " + std::to_string(size[2]) + " frames of " + std::to_string(size[0]) +
-                " x " + std::to_string(size[1]) + " pixels; beam thickness (standard deviation) " +
+  console.Print(options.output + ": " + std::to_string(size[2]) +
+                (size[2] == 1 ? " frame of " : " frames of ") + std::to_string(size[0]) + " x " +
+                std::to_string(size[1]) + " pixels; beam thickness (standard deviation) " +
                 FormatNumber(options.phantom.elevationSigma, 2) + " mm");
   console.Report({{"output", options.output},
                   {"frames", size[2]},
