@@ -133,8 +133,9 @@ def draw_panel(folder, sweep, frame, n, answer):
     mse = np.mean(error ** 2)
     quality = f"{-10 * np.log10(mse):.1f} dB" if mse > 0 else "exact"
     show(axes[1], prediction, pose, f"Prediction from the field, {quality}", FIELD_COLOUR)
+    limit = next((step for step in (0.02, 0.05, 0.1, 0.2) if np.percentile(np.abs(error), 99) <= step), 0.5)
     picture = show(axes[2], error, pose, "Error: prediction - truth", FIELD_COLOUR, bar="black", cmap="RdBu_r",
-                   vmin=-0.5, vmax=0.5)
+                   vmin=-limit, vmax=limit)
     bar = upper.colorbar(picture, ax=axes[2], shrink=0.8)
     bar.ax.tick_params(labelsize=7)
     bar.set_label("too dark    (share of white)    too bright", fontsize=7)
