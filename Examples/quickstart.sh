@@ -5,7 +5,8 @@
 #
 # SEQUENCE        a tracked sweep (.igs.mha .mha .mhd .nrrd .csv); without one a made-up sweep is used
 # OUTPUT_FOLDER   default: $BIGUS_OUTPUT, else quickstart-output/ in the project
-# OPTIONS         how to read the sequence, such as --config PlusConfig.xml (see 'bigus convert --help')
+# OPTIONS         how to read the sequence, such as --config PlusConfig.xml (see 'bigus convert --help'),
+#                 or what to make up, such as --probe convex (see 'bigus phantom --help')
 set -euo pipefail
 
 source_folder=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -14,7 +15,7 @@ build_folder=$source_folder/build
 positional=()
 while (($#)) && [[ $1 != -- ]]; do
   case $1 in
-    -h | --help) sed -n '2,8s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;;
+    -h | --help) sed -n '2,9s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit ;;
     *) positional+=("$1"); shift ;;
   esac
 done
@@ -58,8 +59,8 @@ slice held-out --poses "$sweep" --frames "$held_out_frame" --reduce "$reduce"
 slice orthogonal --poses "$output/planes.csv" --frames 0
 slice oblique --poses "$output/planes.csv" --frames 1
 if [[ -z $sequence ]]; then  # the phantom knows what is really there
-  bigus phantom --truth "$output/planes.csv" --truth-frames 0 -o "$output/orthogonal-truth.png" "$@"
-  bigus phantom --truth "$output/planes.csv" --truth-frames 1 -o "$output/oblique-truth.png" "$@"
+  bigus phantom --truth "$output/planes.csv" --truth-frames 0 -o "$output/orthogonal-truth.png" "${phantom[@]}" "$@"
+  bigus phantom --truth "$output/planes.csv" --truth-frames 1 -o "$output/oblique-truth.png" "${phantom[@]}" "$@"
 fi
 
 /usr/bin/python3 "$source_folder/Examples/report.py" "$output" --frame "$held_out_frame" --reduce "$reduce"

@@ -37,9 +37,10 @@ bool HasSuffix(const std::string& path, const std::string& suffix)
 void RequireWritable(const std::string& path)
 {
   std::error_code ignored;
-  if (path.empty() || std::filesystem::is_directory(path, ignored))
+  if (path.empty() ||
+      (std::filesystem::exists(path, ignored) && !std::filesystem::is_regular_file(path, ignored)))
   {
-    throw OutputError("Cannot write '" + path + "': it is a folder; name a file in it.");
+    throw OutputError("Cannot write '" + path + "': it is not a plain file but a folder or a device.");
   }
   const std::string temporary = TemporaryPath(path);
   errno = 0;

@@ -291,6 +291,7 @@ class Train(CommandTest):
         self.assertEqual(answer["training_frames"], 7)
         for key in ("psnr", "psnr_std", "ssim", "bfs"):
             self.assertTrue(math.isfinite(held_out[key]), key)
+        self.assertEqual(answer["trained"]["frames"], 2)
         self.assertEqual(set(answer["baselines"]), {"nearest", "neighbour_average", "pose_interpolation", "compounding"})
         for name, scores in answer["baselines"].items():
             for key in ("psnr", "ssim"):
@@ -415,6 +416,31 @@ class Train(CommandTest):
         self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--engine", "steam", says="steam")
         self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--image-to", "Moon", says="Moon")
         self.assertFalse((self.folder / "f.vtp").exists())
+
+    def test_unusual_sequences(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        frame = 48 * 40
+        one = self.folder / "one.mha"
+        lines = [line for line in header.splitlines(keepends=True) if not re.match(r"Seq_Frame000[1-8]_", line)]
+        write_sequence(one, "".join(lines).replace("DimSize = 48 40 9", "DimSize = 48 40 1"), pixels[:frame])
+        self.assertEqual(self.expect(SUCCESS, "info", one)["frames"], 1)
+        self.expect(SUCCESS, "train", one, "-o", self.folder / "f.vtp", *TINY)
+        self.expect(BAD_INPUT, "train", one, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 2, says="--hold-out 2")
+        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 100,
+                    says="--hold-out 100")
+        constant = self.folder / "constant.mha"
+        write_sequence(constant, header, bytes([90]) * len(pixels))
+        self.expect(SUCCESS, "train", constant, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4)
+        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4, "--reduce", 4,
+                    says="11 x 11")
+
+    def test_clip_blackens_what_is_outside(self):
+        clipped = self.folder / "clipped.mha"
+        self.expect(SUCCESS, "convert", self.sweep, clipped, "--clip-rectangle", 10, 5, 20, 30)
+        before, after = read_sequence(self.sweep)[1], read_sequence(clipped)[1]
+        for k, (a, b) in enumerate(zip(before, after)):
+            i, j = k % 48, k // 48 % 40
+            self.assertEqual(b, a if 10 <= i < 30 and 5 <= j < 35 else 0)
 
     def test_interrupt_saves_the_best_so_far(self):
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -546,6 +572,17 @@ class Slice(CommandTest):
                     "--coverage", coverage)
         self.assertEqual(read_sequence(out)[1], bytes(600))
         self.assertEqual(read_sequence(coverage)[1], bytes(2400))
+
+    def test_a_field_without_gaussians_is_black(self):
+        ply = self.folder / "none.ply"
+        names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
+                 "rot_2", "rot_3"]
+        ply.write_text("ply\nformat ascii 1.0\nelement vertex 0\n"
+                       + "".join(f"property float {name}\n" for name in names) + "end_header\n")
+        out = self.folder / "x.mha"
+        self.expect(SUCCESS, "slice", ply, "--poses", self.sweep, "-o", out)
+        self.assertEqual(read_sequence(out)[1], bytes(9 * 48 * 40))
+        self.assertEqual(self.expect(SUCCESS, "info", ply)["gaussians"], 0)
 
     def test_coverage_is_there_where_the_sweep_was(self):
         coverage = self.folder / "c.mha"
