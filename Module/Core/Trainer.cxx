@@ -169,6 +169,9 @@ void TrainerOptions::Validate() const
           "0 to 100");
   Require(Between(densification.start, 0, 1) && Between(densification.stop, 0, 1),
           "densification start or stop", densification.start, "a fraction, 0 to 1");
+  Require(Between(densification.splitScale, 0, 1e6), "split scale", densification.splitScale, "0 to 1e6 pixels");
+  Require(Between(densification.pruneReflectivity, 0, 1), "prune reflectivity", densification.pruneReflectivity,
+          "0 to 1");
   Require(Between(densification.cloneReflectivity, 1e-6, 1), "clone reflectivity",
           densification.cloneReflectivity, "above 0, at most 1");
 }
