@@ -14,7 +14,7 @@ namespace bigus::command
 
 class Console;
 
-/// An image stack as filters and writers take it, black, with the planes' poses; 8-bit or float.
+/// An image stack as filters and writers take it, with the planes' poses, pixels not set yet; 8-bit or float.
 vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes,
                                        const std::vector<double>& timestamps, bool bytes);
 

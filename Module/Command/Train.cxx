@@ -174,6 +174,7 @@ ExitCode Train(Console& console, Options& options)
   FieldToPolyData(result.field, field);
   SetProvenance(field, "program", std::string("bigus ") + BIGUS_VERSION);
   SetProvenance(field, "sequence", FileName(options.sequence.path));
+  SetProvenance(field, "world", options.sequence.chain.to);
   SetProvenance(field, "reduce", std::to_string(options.sequence.reduce));
   SetProvenance(field, "hold_out", std::to_string(trainer.holdOut));
   SetProvenance(field, "seed", std::to_string(trainer.seed));
