@@ -70,13 +70,19 @@ def show(axes, image, matrix, title, colour, bar="white", **style):
     return picture
 
 
+def scored_methods(answer):
+    """[(name, scores)] of the plain methods; none when they could not be scored."""
+    return [(name, answer["baselines"][key]) for key, name in METHODS] if answer["baselines"] else []
+
+
 def show_scores(axes, answer):
     """Held-out PSNR of the field above that of the plain methods."""
-    names = ["this field"] + [name for _, name in METHODS]
-    scores = [answer["held_out"]] + [answer["baselines"][key] for key, _ in METHODS]
+    baselines = scored_methods(answer)
+    names = ["this field"] + [name for name, _ in baselines]
+    scores = [answer["held_out"]] + [score for _, score in baselines]
     values = [score["psnr"] for score in scores]
     places = np.arange(len(names))[::-1]
-    axes.barh(places, values, color=[FIELD_COLOUR] + ["#b5b9be"] * len(METHODS), height=0.72)
+    axes.barh(places, values, color=[FIELD_COLOUR] + ["#b5b9be"] * len(baselines), height=0.72)
     for place, name, score in zip(places, names, scores):
         axes.text(0.4, place, name, va="center", fontsize=8, color="white" if name == "this field" else "black")
         axes.text(score["psnr"] + 0.3, place, f"{score['psnr']:.2f} dB\nSSIM {score['ssim']:.3f}", va="center",
@@ -202,8 +208,7 @@ def write_report(folder, sweep, n, answer):
              "Held-out frames, mean       PSNR dB     SSIM",
              f"  {'this field':<22}{held_out['psnr']:>11.2f}{held_out['ssim']:>9.4f}"
              f"   (PSNR varies by {held_out['psnr_std']:.2f} between frames; BFS {held_out['bfs']:.3f})"]
-    for key, name in METHODS:
-        score = answer["baselines"][key]
+    for name, score in scored_methods(answer):
         lines.append(f"  {name:<22}{score['psnr']:>11.2f}{score['ssim']:>9.4f}")
     lines += ["", "The held-out frames took no part in training. The four methods below the field need no model: the",
               "nearest frame as it is, the mean of the two neighbouring frames, these two weighted by distance along",
