@@ -302,9 +302,9 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   { return ((highest - lowest) / size).array().floor() + 2; };
   const double limit = static_cast<double>(maximumVoxels);
   voxelSize_ = voxelSize;
+  const SweepGeometry geometry = MeasureGeometry(sweep, training);
   if (voxelSize == 0)
   {
-    const SweepGeometry geometry = MeasureGeometry(sweep, training);
     voxelSize_ = std::max(geometry.pixelSize, std::sqrt(geometry.pixelSize * geometry.medianSpacing));
     while (sizeFor(voxelSize_).prod() > limit && sizeFor(voxelSize_).maxCoeff() > 2)
     {
@@ -321,7 +321,12 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   origin_ = lowest;
   size_ = size.cast<int>();
   voxels_.assign(static_cast<std::size_t>(size.prod()), 0.0f);
-  FillHoles(Paste(sweep, training));
+  // As far as half the widest gap between neighbouring planes (a break in the sweep is no gap), at least
+  // three voxels.
+  const double gap = std::min(geometry.largestSpacing, 4 * geometry.medianSpacing);
+  constexpr double atMost = 64;
+  FillHoles(Paste(sweep, training),
+            static_cast<int>(std::clamp(std::ceil(0.5 * gap / voxelSize_), 3.0, atMost)));
 }
 
 /// Which voxels got a value. Each thread owns a slab of layers, whose voxels add up pixels in order of frame
@@ -421,91 +426,91 @@ std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vec
   return filled;
 }
 
-void Compounding::FillHoles(const std::vector<unsigned char>& filled)
+void Compounding::FillHoles(std::vector<unsigned char> filled, int passes)
 {
-  constexpr int reach = 3;
   const int nx = size_[0], ny = size_[1], nz = size_[2];
-
-  // Most of the box lies outside the sweep: hole filling looks only near each row's filled voxels.
   struct Interval
   {
     int first = std::numeric_limits<int>::max(), last = -1;
   };
   std::vector<Interval> rows(static_cast<std::size_t>(ny) * nz);
-  tbb::parallel_for(0, nz,
-                    [&](int z)
-                    {
-                      for (int y = 0; y < ny; ++y)
-                      {
-                        const unsigned char* row = &filled[Index(0, y, z)];
-                        const unsigned char* first = std::find(row, row + nx, 1);
-                        if (first != row + nx)
-                        {
-                          int last = nx - 1;
-                          while (!row[last])
-                          {
-                            --last;
-                          }
-                          rows[static_cast<std::size_t>(z) * ny + y] = {static_cast<int>(first - row), last};
-                        }
-                      }
-                    });
-
-  // Reads only voxels that were pasted and writes only the others, so the order does not matter.
-  tbb::parallel_for(
-      0, nz,
-      [&](int z)
-      {
-        for (int y = 0; y < ny; ++y)
+  for (int pass = 0; pass < passes; ++pass)
+  {
+    // Most of the box lies outside the sweep: look only near each row's filled voxels.
+    tbb::parallel_for(
+        0, nz,
+        [&](int z)
         {
-          Interval near;
-          for (int v = std::max(0, z - reach); v <= std::min(nz - 1, z + reach); ++v)
+          for (int y = 0; y < ny; ++y)
           {
-            for (int u = std::max(0, y - reach); u <= std::min(ny - 1, y + reach); ++u)
+            const unsigned char* row = &filled[Index(0, y, z)];
+            const unsigned char* first = std::find(row, row + nx, 1);
+            if (first != row + nx)
             {
-              const Interval& row = rows[static_cast<std::size_t>(v) * ny + u];
-              near.first = std::min(near.first, row.first);
-              near.last = std::max(near.last, row.last);
-            }
-          }
-          if (near.last < 0)
-          {
-            continue;
-          }
-          for (int x = std::max(0, near.first - reach); x <= std::min(nx - 1, near.last + reach); ++x)
-          {
-            if (filled[Index(x, y, z)])
-            {
-              continue;
-            }
-            double sum = 0;
-            int count = 0;
-            for (int r = 1; r <= reach && count == 0; ++r)
-            {
-              for (int v = std::max(0, z - r); v <= std::min(nz - 1, z + r); ++v)
+              int last = nx - 1;
+              while (!row[last])
               {
-                for (int u = std::max(0, y - r); u <= std::min(ny - 1, y + r); ++u)
-                {
-                  const bool face =
-                      std::abs(v - z) == r || std::abs(u - y) == r;  // else only the two ends of the row
-                  for (int t = x - r; t <= x + r; t += face ? 1 : 2 * r)
-                  {
-                    if (t >= 0 && t < nx && filled[Index(t, u, v)])
-                    {
-                      sum += voxels_[Index(t, u, v)];
-                      ++count;
-                    }
-                  }
-                }
+                --last;
               }
-            }
-            if (count > 0)
-            {
-              voxels_[Index(x, y, z)] = static_cast<float>(sum / count);
+              rows[static_cast<std::size_t>(z) * ny + y] = {static_cast<int>(first - row), last};
             }
           }
+        });
+    // Reads only voxels filled before this pass and writes only the others, so the order does not matter.
+    std::vector<unsigned char> next = filled;
+    tbb::parallel_for(0, nz,
+                      [&](int z)
+                      {
+                        for (int y = 0; y < ny; ++y)
+                        {
+                          Interval near;
+                          for (int v = std::max(0, z - 1); v <= std::min(nz - 1, z + 1); ++v)
+                          {
+                            for (int u = std::max(0, y - 1); u <= std::min(ny - 1, y + 1); ++u)
+                            {
+                              const Interval& row = rows[static_cast<std::size_t>(v) * ny + u];
+                              near.first = std::min(near.first, row.first);
+                              near.last = std::max(near.last, row.last);
+                            }
+                          }
+                          for (int x = std::max(0, near.first - 1);
+                               near.last >= 0 && x <= std::min(nx - 1, near.last + 1); ++x)
+                          {
+                            if (!filled[Index(x, y, z)])
+                            {
+                              next[Index(x, y, z)] = FillVoxel(filled, x, y, z);
+                            }
+                          }
+                        }
+                      });
+    filled.swap(next);
+  }
+}
+
+/// Gives a voxel the mean of its filled neighbours (of 26); false when it has none.
+bool Compounding::FillVoxel(const std::vector<unsigned char>& filled, int x, int y, int z)
+{
+  double sum = 0;
+  int count = 0;
+  for (int v = std::max(0, z - 1); v <= std::min(size_[2] - 1, z + 1); ++v)
+  {
+    for (int u = std::max(0, y - 1); u <= std::min(size_[1] - 1, y + 1); ++u)
+    {
+      for (int t = std::max(0, x - 1); t <= std::min(size_[0] - 1, x + 1); ++t)
+      {
+        if (filled[Index(t, u, v)])
+        {
+          sum += voxels_[Index(t, u, v)];
+          ++count;
         }
-      });
+      }
+    }
+  }
+  if (count > 0)
+  {
+    voxels_[Index(x, y, z)] = static_cast<float>(sum / count);
+  }
+  return count > 0;
 }
 
 void Compounding::Predict(const SlicePlane& plane, float* image) const

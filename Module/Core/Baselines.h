@@ -36,9 +36,10 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image);
 
-/// Voxel compounding: trilinear paste of every training pixel into an axis-aligned grid, weighted mean, holes
-/// filled with the mean of the nearest shell of filled voxels up to three voxels away, trilinear reslice.
-/// Empty voxels are 0.
+/// Voxel compounding: trilinear paste of every training pixel into an axis-aligned grid, weighted mean, hole
+/// filling, trilinear reslice. Holes are filled layer by layer, each voxel with the mean of its filled
+/// neighbours (of 26), as far as half the widest gap between neighbouring planes, 3 to 64 voxels. What is
+/// left empty is 0.
 class Compounding
 {
 public:
@@ -59,7 +60,8 @@ private:
     return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x;
   }
   std::vector<unsigned char> Paste(const Sweep& sweep, const std::vector<int>& training);
-  void FillHoles(const std::vector<unsigned char>& filled);
+  void FillHoles(std::vector<unsigned char> filled, int passes);
+  bool FillVoxel(const std::vector<unsigned char>& filled, int x, int y, int z);
 
   Eigen::Vector3d origin_;  // centre of voxel (0, 0, 0), mm
   Eigen::Vector3i size_;

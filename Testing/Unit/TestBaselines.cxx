@@ -412,24 +412,25 @@ TEST(Compounding, PutsAPointWhereItIs)
   EXPECT_LT(std::abs(shift[2]), 0.25);
 }
 
-TEST(Compounding, FillsHolesUpToThreeVoxelsWide)
+TEST(Compounding, FillsTheGapsBetweenPlanes)
 {
   std::vector<Eigen::Matrix4d> poses;
-  for (double z : {0.0, 3.0})
+  for (double z : {0.0, 3.0, 6.0, 30.0})  // and one beyond a break
   {
     poses.push_back(Pose({0, 0, z}, Eigen::Matrix3d::Identity(), 21, 21));
   }
-  const Sweep sweep = MakeSweep(21, 21, poses, [](const Eigen::Vector3d& x) { return 0.2 + 0.1 * x[2]; });
+  const Sweep sweep = MakeSweep(21, 21, poses, [](const Eigen::Vector3d& x) { return 0.2 + 0.01 * x[2]; });
   SlicePlane middle = sweep.Plane(0);
   const auto centre = [&](double voxel, double z)
   {
     middle.origin[2] = z;
-    return Resliced(Compounding(sweep, {0, 1}, voxel), middle)[10 * 21 + 10];
+    return Resliced(Compounding(sweep, {0, 1, 2, 3}, voxel), middle)[10 * 21 + 10];
   };
-  EXPECT_NEAR(centre(0.5, 1.5), 0.35, 1e-6);  // layers 0 and 6 are pasted; layer 3 is as far from either
-  EXPECT_NEAR(centre(0.5, 1.0), 0.2, 1e-6);   // layer 2 has layer 0 nearest
+  EXPECT_NEAR(centre(0.5, 1.5), 0.215, 1e-6);  // layers 0 and 6 are pasted; layer 3 is as far from either
+  EXPECT_NEAR(centre(0.5, 1.0), 0.2, 1e-6);    // layer 2 has layer 0 nearest
   EXPECT_NEAR(centre(0.25, 0.75), 0.2, 1e-6);
-  EXPECT_EQ(centre(0.25, 1.5), 0.0f);  // layer 6 of 12 is out of reach
+  EXPECT_NEAR(centre(0.25, 1.5), 0.215, 1e-6);  // six layers from either
+  EXPECT_EQ(centre(0.5, 18.0), 0.0f);  // not across the break: 24 mm is more than four median spacings
 }
 
 TEST(Compounding, OfASingleFrameReproducesIt)
