@@ -152,11 +152,7 @@ public:
               // Projecting again costs less than carrying 25 floats a splat through memory.
               const Projection<float> projection = Project(gaussians_[i], views_[f]);
               const GaussianGradient<float> g = ProjectAdjoint(gaussians_[i], projection, moments[k]);
-              GaussianGradient<float>& sum = gradient_[i];
-              sum.mean = MultiplyAdd(1.0f, g.mean, sum.mean);
-              sum.logScale = MultiplyAdd(1.0f, g.logScale, sum.logScale);
-              sum.rotation = MultiplyAdd(1.0f, g.rotation, sum.rotation);
-              sum.reflectivity += g.reflectivity;
+              AddTo(gradient_[i], g);
               scores_[i].error += moments[k].error;
               scores_[i].visits += 1.0f;
               scores_[i].descent = MultiplyAdd(-1.0f, g.mean, scores_[i].descent);
@@ -244,18 +240,7 @@ public:
     return residual;
   }
 
-  FieldGradient GetGradient() const override
-  {
-    FieldGradient out;
-    for (const GaussianGradient<float>& g : gradient_)
-    {
-      out.means.push_back(FromVector3(g.mean));
-      out.logScales.push_back(FromVector3(g.logScale));
-      out.rotations.push_back(FromVector3(g.rotation));
-      out.reflectivities.push_back(g.reflectivity);
-    }
-    return out;
-  }
+  FieldGradient GetGradient() const override { return UnpackGradient(gradient_); }
 
   Scores GetScores() const override
   {

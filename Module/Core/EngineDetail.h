@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "Engine.h"
 #include "Error.h"
 #include "GaussianField.h"
 #include "SlicePlane.h"
@@ -79,6 +80,30 @@ GaussianField UnpackField(const std::vector<Gaussian<Real>>& packed, const Eigen
     field.reflectivities[i] = packed[i].reflectivity;
   }
   return field;
+}
+
+template <class Real>
+FieldGradient UnpackGradient(const std::vector<GaussianGradient<Real>>& packed)
+{
+  FieldGradient gradient;
+  for (const GaussianGradient<Real>& g : packed)
+  {
+    gradient.means.push_back(FromVector3(g.mean));
+    gradient.logScales.push_back(FromVector3(g.logScale));
+    gradient.rotations.push_back(FromVector3(g.rotation));
+    gradient.reflectivities.push_back(g.reflectivity);
+  }
+  return gradient;
+}
+
+/// The sum of two gradients of one Gaussian.
+template <class Real>
+void AddTo(GaussianGradient<Real>& sum, const GaussianGradient<Real>& g)
+{
+  sum.mean = MultiplyAdd(Real(1), g.mean, sum.mean);
+  sum.logScale = MultiplyAdd(Real(1), g.logScale, sum.logScale);
+  sum.rotation = MultiplyAdd(Real(1), g.rotation, sum.rotation);
+  sum.reflectivity += g.reflectivity;
 }
 
 /// The middle of the field's bounding box: float positions relative to it keep micrometres.

@@ -107,7 +107,7 @@ public:
                         [&](std::size_t i)
                         {
                           const Moments<double> moments = GatherMoments(projections[i].splat, derivative);
-                          Accumulate(i, ProjectAdjoint(gaussians_[i], projections[i], moments));
+                          AddTo(gradient_[i], ProjectAdjoint(gaussians_[i], projections[i], moments));
                           scores_[i].error += moments.error;
                           scores_[i].visits += 1;
                         });
@@ -170,18 +170,7 @@ public:
     return residual;
   }
 
-  FieldGradient GetGradient() const override
-  {
-    FieldGradient out;
-    for (const GaussianGradient<double>& g : gradient_)
-    {
-      out.means.push_back(FromVector3(g.mean));
-      out.logScales.push_back(FromVector3(g.logScale));
-      out.rotations.push_back(FromVector3(g.rotation));
-      out.reflectivities.push_back(g.reflectivity);
-    }
-    return out;
-  }
+  FieldGradient GetGradient() const override { return UnpackGradient(gradient_); }
 
   Scores GetScores() const override
   {
@@ -284,15 +273,6 @@ private:
       }
     }
     return m;
-  }
-
-  void Accumulate(std::size_t i, const GaussianGradient<double>& g)
-  {
-    GaussianGradient<double>& sum = gradient_[i];
-    sum.mean = MultiplyAdd(1.0, g.mean, sum.mean);
-    sum.logScale = MultiplyAdd(1.0, g.logScale, sum.logScale);
-    sum.rotation = MultiplyAdd(1.0, g.rotation, sum.rotation);
-    sum.reflectivity += g.reflectivity;
   }
 
   std::vector<Gaussian<double>> gaussians_;
