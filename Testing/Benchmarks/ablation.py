@@ -20,6 +20,7 @@ ELEVATION_SIGMA = 1.0  # mm, of the phantom's amplitude profile
 VARIANTS = {
     "default: signed, beam on, intensity seeds": [],
     "positive only": ["--positive-only"],
+    "beam at half the known thickness": ["--elevation-sigma", str(ELEVATION_SIGMA / 2)],
     "beam off (thin plane)": ["--elevation-sigma", "0"],
     "positive only, beam off": ["--positive-only", "--elevation-sigma", "0"],
     "Harris seeds": ["--seeding", "harris"],
