@@ -131,8 +131,8 @@ public:
 
   ///@{
   /**
-   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): automatic, 60 passes over the frames trained
-   * on, at least 200.
+   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): automatic, 120 passes over the frames trained
+   * on, 60 when planes lie more than 1 mm apart, at least 200.
    */
   vtkSetMacro(Iterations, int);
   vtkGetMacro(Iterations, int);

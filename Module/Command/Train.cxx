@@ -285,7 +285,8 @@ void AddTrain(Program& program)
 
   const char* course = "How long and how";
   app->add_option("--iterations", trainer.iterations,
-                  "Optimizer steps; 0 only seeds; default: 60 passes over the training frames, at least 200")
+                  "Optimizer steps; 0 only seeds; default: 120 passes over the training frames (60 when they are more "
+                  "than 1 mm apart), at least 200")
       ->check(NumberIn(0, 1e7))
       ->type_name("N")
       ->group(course);

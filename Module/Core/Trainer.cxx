@@ -169,9 +169,10 @@ void TrainerOptions::Validate() const
           "0 to 100");
   Require(Between(densification.start, 0, 1) && Between(densification.stop, 0, 1),
           "densification start or stop", densification.start, "a fraction, 0 to 1");
-  Require(Between(densification.splitScale, 0, 1e6), "split scale", densification.splitScale, "0 to 1e6 pixels");
-  Require(Between(densification.pruneReflectivity, 0, 1), "prune reflectivity", densification.pruneReflectivity,
-          "0 to 1");
+  Require(Between(densification.splitScale, 0, 1e6), "split scale", densification.splitScale,
+          "0 to 1e6 pixels");
+  Require(Between(densification.pruneReflectivity, 0, 1), "prune reflectivity",
+          densification.pruneReflectivity, "0 to 1");
   Require(Between(densification.cloneReflectivity, 1e-6, 1), "clone reflectivity",
           densification.cloneReflectivity, "above 0, at most 1");
 }
@@ -295,8 +296,11 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
 
   Batches batches(targets, options.batch, options.seed);
-  const int passes = static_cast<int>(60 * targets.size() / std::min<std::size_t>(options.batch, targets.size()));
-  const int iterations = options.iterations.value_or(std::max(passes, 200));
+  // Sparse sweeps gain nothing from more: what they lack is frames.
+  const std::size_t passes = geometry.IsSparse() ? 60 : 120;
+  const int steps =
+      static_cast<int>(passes * targets.size() / std::min<std::size_t>(options.batch, targets.size()));
+  const int iterations = options.iterations.value_or(std::max(steps, 200));
   const int logInterval = std::max(1, iterations / 100);
   const double trainingStart = clock.Seconds();
   double lossSum = 0;

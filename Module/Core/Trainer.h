@@ -26,14 +26,15 @@ struct TrainerOptions
   SeedPlacement seeding = SeedPlacement::Intensity;
   std::size_t gaussians = 100000;  ///< seeds, 1 to 2^26
   std::optional<double>
-      elevationSigma;     ///< mm, >= 0; default 0.3, or 0.8 when planes are more than 1 mm apart
-  int holdOut = 0;        ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
-  int validation = 0;     ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
-  int patience = 10;      ///< evaluations without a better validation PSNR before stopping, >= 1
-  /// Optimizer steps, 0 (seeding only) to 10^7; default: 60 passes over the frames trained on, at least 200.
+      elevationSigma;  ///< mm, >= 0; default 0.3, or 0.8 when planes are more than 1 mm apart
+  int holdOut = 0;     ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
+  int validation = 0;  ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
+  int patience = 10;   ///< evaluations without a better validation PSNR before stopping, >= 1
+  /// Optimizer steps, 0 (seeding only) to 10^7; default: 120 passes over the frames trained on, 60 when
+  /// sparse, at least 200.
   std::optional<int> iterations;
-  double timeLimit = 0;   ///< seconds of training, 0 = none; the rate schedule is fitted to it
-  int batch = 8;          ///< frames a step, 1 to 4096
+  double timeLimit = 0;  ///< seconds of training, 0 = none; the rate schedule is fitted to it
+  int batch = 8;         ///< frames a step, 1 to 4096
   std::uint64_t seed = 1;
   LossKind loss = LossKind::L1;
   bool signedReflectivity = true;  ///< false: r >= 0

@@ -168,8 +168,8 @@ TEST(Trainer, StepsFollowTheNumberOfFrames)
   std::fill_n(bigus::test::Pixels(*sweep), 40 * sweep->PixelsPerFrame(), 0.5f);
   TrainerOptions options;
   options.gaussians = 20;
-  EXPECT_EQ(bigus::Train(sweep, options).iterations, 300);  // 60 x 40 / 8
-  options.batch = 16;
+  EXPECT_EQ(bigus::Train(sweep, options).iterations, 600);  // 120 x 40 / 8
+  options.batch = 40;
   EXPECT_EQ(bigus::Train(sweep, options).iterations, 200);
 }
 
