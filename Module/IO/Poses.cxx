@@ -239,6 +239,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
     return "image status " + Quoted(*status);
   }
   bool first = true;
+  pose.setIdentity();
   for (const Step& step : chain)
   {
     const Link& link = *step.link;
@@ -352,7 +353,7 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
   }
   std::vector<std::string> reached;
   const std::vector<Step> chain = FindChain(links, options.fromFrame, options.toFrame, reached);
-  if (chain.empty())
+  if (chain.empty() && (options.required || !links.empty()))
   {
     throw FormatError(
         file.fileName + ": no way from " + options.fromFrame + " to " + options.toFrame +
@@ -360,7 +361,7 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
         Listed({reached.begin() + 1, reached.end()}) +
         ". Name other coordinate frames, or give a Plus configuration that has the missing transform");
   }
-  table.chain = options.fromFrame;
+  table.chain = chain.empty() ? "" : options.fromFrame;
   for (const Step& step : chain)
   {
     table.chain += " -> " + (step.inverse ? step.link->name.from : step.link->name.to);

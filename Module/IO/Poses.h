@@ -17,11 +17,12 @@ struct PoseOptions
   std::string configFileName;  ///< Plus XML with further transforms; empty: none
   bool assumeMissingStatusOK = false;
   bool allowReflectedPoses = false;
+  bool required = true;  ///< false: where there is no transform at all, frames are accepted without a pose
 };
 
 struct FramePose
 {
-  Eigen::Matrix4d imageToReference;  ///< NaN where there is none
+  Eigen::Matrix4d imageToReference;  ///< NaN for a rejected frame; means nothing without a chain
   bool accepted = false;
 };
 
@@ -43,10 +44,10 @@ struct Rejection
 struct PoseTable
 {
   std::vector<TransformName> transforms;  ///< all there are, per-frame ones first
-  std::string chain;                      ///< such as "Image -> Probe -> Tracker -> Reference"
-  std::vector<FramePose> frames;          ///< [frames]
-  std::vector<double> timestamps;         ///< [frames], NaN where there is none
-  std::vector<Rejection> rejections;      ///< in the order of their first frames
+  std::string chain;                  ///< such as "Image -> Probe -> Tracker -> Reference"; empty: no poses
+  std::vector<FramePose> frames;      ///< [frames]
+  std::vector<double> timestamps;     ///< [frames], NaN where there is none
+  std::vector<Rejection> rejections;  ///< in the order of their first frames
 
   int NumberOfAcceptedFrames() const;
 

@@ -155,7 +155,13 @@ void CheckDataSize(SequenceFile& file)
 {
   const std::uint64_t size = InputFile(file.dataFile).Size();
   const std::uint64_t available = size > file.dataOffset ? size - file.dataOffset : 0;
-  file.dataBytes = file.dataBytes == 0 ? available : std::min(file.dataBytes, available);
+  if (file.dataBytes > available)
+  {
+    throw TruncationError(file.fileName + ": states CompressedDataSize = " + std::to_string(file.dataBytes) +
+                          ", but only " + std::to_string(available) +
+                          " bytes of pixels follow; the file is truncated or that number is wrong");
+  }
+  file.dataBytes = file.dataBytes == 0 ? available : file.dataBytes;
 
   const std::uint64_t needed = file.FrameBytes() * static_cast<std::uint64_t>(file.numberOfFrames);
   const bool compressed = file.encoding != Encoding::Raw;
@@ -331,7 +337,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
 // -----------------------------------------------------------------------------------------------------
 
 // https://teem.sourceforge.net/nrrd/format.html, with the per-frame fields of IGSIO as key/value pairs.
-void ReadNrrdHeader(SequenceFile& file, InputFile& input)
+void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
 {
   file.format = "NRRD sequence";
   FieldCollector collected;
@@ -395,6 +401,10 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input)
   {
     kinds = {"domain", "domain", "list"};
   }
+  else if (sizes.size() == 2)
+  {
+    kinds = {"domain", "domain"};
+  }
   if (kinds.size() != sizes.size())
   {
     Refuse(file, "kinds must name each of the " + std::to_string(sizes.size()) +
@@ -420,6 +430,11 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input)
       if (plane.size() < 2)
       {
         plane.push_back(sizes[axis]);
+      }
+      else if (plain && lists == 0)
+      {
+        frames = sizes[axis];
+        ++lists;
       }
       else if (sizes[axis] != 1)
       {
@@ -742,6 +757,28 @@ void ReadCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
   }
 }
 
+// --- A plain image
+// ------------------------------------------------------------------------------------------------
+
+void ReadPlainPng(SequenceFile& file)
+{
+  const PngHeader header = ReadPngHeader(file.fileName);
+  file.format = "PNG image";
+  file.orientation = "MF";
+  file.encoding = Encoding::Png;
+  file.width = header.width;
+  file.height = header.height;
+  file.elementType = header.elementType;
+  file.numberOfFrames = 1;
+  file.images = {file.fileName};
+  file.frames.resize(1);
+}
+
+bool LooksLikePng(const std::string& beginning)
+{
+  return beginning.rfind("\x89PNG", 0) == 0;
+}
+
 bool LooksLikeMetaImage(const std::string& beginning)
 {
   const std::string key(Trimmed(std::string_view(beginning).substr(0, beginning.find('='))));
@@ -784,9 +821,10 @@ const char* NameOf(Encoding encoding)
   }
 }
 
-bool LooksLikeSequence(const std::string& beginning)
+bool LooksLikeSequence(const std::string& beginning, bool plain)
 {
-  return LooksLikeMetaImage(beginning) || beginning.rfind("NRRD000", 0) == 0 || LooksLikeCsv(beginning);
+  return LooksLikeMetaImage(beginning) || beginning.rfind("NRRD000", 0) == 0 || LooksLikeCsv(beginning) ||
+         (plain && LooksLikePng(beginning));
 }
 
 SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& images)
@@ -801,7 +839,7 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
   const std::string beginning = FileBeginning(fileName, 4096);
   if (beginning.rfind("NRRD000", 0) == 0)
   {
-    ReadNrrdHeader(file, input);
+    ReadNrrdHeader(file, input, images.plain);
   }
   else if (LooksLikeMetaImage(beginning))
   {
@@ -811,12 +849,18 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
   {
     ReadCsv(file, input, images);
   }
+  else if (images.plain && LooksLikePng(beginning))
+  {
+    ReadPlainPng(file);
+  }
   else
   {
     throw FileError(
         vtkErrorCode::UnrecognizedFileTypeError,
         fileName +
-            ": neither a MetaImage sequence (.igs.mha, .mha, .mhd), an NRRD sequence, nor a CSV of "
+            (images.plain ? ": neither a MetaImage (.mha, .mhd), an NRRD, a PNG image, nor a CSV of "
+                          : ": neither a MetaImage sequence (.igs.mha, .mha, .mhd), an NRRD sequence, "
+                            "nor a CSV of ") +
             "poses with columns m00 to m33");
   }
   return file;

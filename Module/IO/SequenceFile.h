@@ -74,12 +74,13 @@ struct SequenceFile
 struct ImageOptions
 {
   bool wanted = true;   ///< false: poses only, images are looked at for their size at most
+  bool plain = false;   ///< true: a PNG image, and an NRRD volume as a stack of its slices, will do too
   std::string folder;   ///< empty: the CSV's folder
   std::string pattern;  ///< with one %d; empty: the `image` column, or all PNG files of `folder`
 };
 
 /// Whether a file that begins with these bytes is worth handing to ReadSequenceFile.
-bool LooksLikeSequence(const std::string& beginning);
+bool LooksLikeSequence(const std::string& beginning, bool plain);
 
 /// Throws FileError naming the file, the field, what was found and what to do. Checks that the file can hold
 /// the pixels that its header claims before anything of that size is allocated.

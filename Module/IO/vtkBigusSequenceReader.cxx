@@ -290,7 +290,10 @@ private:
     {
       this->transformNames.push_back(transform.Name());
     }
-    this->geometry = Measure(this->file, this->poses.frames);
+    if (!this->poses.chain.empty())
+    {
+      this->geometry = Measure(this->file, this->poses.frames);
+    }
 
     double first = 0;
     double last = 0;
@@ -319,6 +322,7 @@ vtkBigusSequenceReader::vtkBigusSequenceReader()
       ImagePattern(nullptr),
       AssumeMissingStatusOK(0),
       AllowReflectedPoses(0),
+      RequirePoses(1),
       KeepRejectedFrames(0),
       AutoMask(1),
       ClipMode(CLIP_NONE),
@@ -346,7 +350,8 @@ vtkBigusSequenceReader::~vtkBigusSequenceReader()
 
 int vtkBigusSequenceReader::CanReadFile(const char* fileName)
 {
-  return fileName && bigus::LooksLikeSequence(bigus::FileBeginning(fileName, 4096)) ? 1 : 0;
+  const bool plain = !this->RequirePoses;
+  return fileName && bigus::LooksLikeSequence(bigus::FileBeginning(fileName, 4096), plain) ? 1 : 0;
 }
 
 int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVector**,
@@ -363,12 +368,14 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
     bigus::ImageOptions images;
     images.folder = Text(this->ImageFolder);
     images.pattern = Text(this->ImagePattern);
+    images.plain = !this->RequirePoses;
     bigus::PoseOptions options;
     options.fromFrame = Text(this->FromFrame);
     options.toFrame = Text(this->ToFrame);
     options.configFileName = Text(this->ConfigFileName);
     options.assumeMissingStatusOK = this->AssumeMissingStatusOK != 0;
     options.allowReflectedPoses = this->AllowReflectedPoses != 0;
+    options.required = this->RequirePoses != 0;
     this->Internals->Load(this->FileName, images, options);
   }
   catch (const std::exception& error)
@@ -519,7 +526,10 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
       allTimed = allTimed && std::isfinite(poses.timestamps[source]);
     }
     vtkFieldData* const fields = output->GetFieldData();
-    fields->AddArray(imageToReference);
+    if (!poses.chain.empty())
+    {
+      fields->AddArray(imageToReference);
+    }
     fields->AddArray(status);
     fields->AddArray(sourceFrame);
     if (allTimed)
@@ -676,6 +686,7 @@ void vtkBigusSequenceReader::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "ToFrame: " << name(this->ToFrame) << "\n";
   os << indent << "AssumeMissingStatusOK: " << this->AssumeMissingStatusOK << "\n";
   os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
+  os << indent << "RequirePoses: " << this->RequirePoses << "\n";
   os << indent << "KeepRejectedFrames: " << this->KeepRejectedFrames << "\n";
   os << indent << "AutoMask: " << this->AutoMask << "\n";
   os << indent << "ClipMode: " << this->ClipMode << "\n";

@@ -8,7 +8,7 @@
  * counts frames: it has no place in space of its own. Where the frames lie is in the field data:
  *
  * - `ImageToReference`: double, 16 components row-major, N tuples. Maps a 0-based pixel index (i, j, 0, 1) to
- * mm.
+ * mm. Absent only where there are no poses (see RequirePoses).
  * - `Timestamp`: double, N tuples, seconds. Only when every frame has one.
  * - `Status`: unsigned char, N tuples. 1 = usable, 0 = rejected (see KeepRejectedFrames).
  * - `SourceFrame`: int, N tuples. The frame's 0-based index in the file.
@@ -91,6 +91,17 @@ public:
   vtkSetMacro(AllowReflectedPoses, vtkTypeBool);
   vtkGetMacro(AllowReflectedPoses, vtkTypeBool);
   vtkBooleanMacro(AllowReflectedPoses, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Off: a file that holds no transform is read too, without `ImageToReference`: a plain MetaImage or NRRD
+   * image or volume as a stack of its slices, a grey PNG image as a stack of one. A file that holds
+   * transforms is read as ever. Default: on.
+   */
+  vtkSetMacro(RequirePoses, vtkTypeBool);
+  vtkGetMacro(RequirePoses, vtkTypeBool);
+  vtkBooleanMacro(RequirePoses, vtkTypeBool);
   ///@}
 
   ///@{
@@ -244,6 +255,7 @@ protected:
   char* ImagePattern;
   vtkTypeBool AssumeMissingStatusOK;
   vtkTypeBool AllowReflectedPoses;
+  vtkTypeBool RequirePoses;
   vtkTypeBool KeepRejectedFrames;
   vtkTypeBool AutoMask;
   int ClipMode;

@@ -181,6 +181,28 @@ TEST(Mutations, Nrrd)
       sequence.NrrdBytes("3 4 3", "list domain domain", "gzip", Compressed(sequence.pixels, true)), 4);
 }
 
+TEST(Mutations, PlainVolume)
+{
+  TemporaryFolder folder;
+  const Sequence volume = SmallVolume();
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->RequirePosesOff();
+  const auto torture = [&](const std::string& name, const std::string& bytes, std::uint64_t seed)
+  {
+    Torture(
+        folder, reader, name, bytes, seed,
+        [&](const std::string& file) { reader->SetFileName(file.c_str()); },
+        [&]
+        {
+          vtkImageData* const image = reader->GetOutput();
+          ASSERT_GT(image->GetNumberOfPoints(), 0);
+          ASSERT_EQ(image->GetPointData()->GetScalars()->GetNumberOfTuples(), image->GetNumberOfPoints());
+        });
+  };
+  torture("plain.mha", volume.Bytes(), 13);
+  torture("plain.nrrd", volume.NrrdBytes("4 3 3", "domain domain domain", "raw", volume.pixels), 14);
+}
+
 void TorturePoses(const std::string& name, const std::string& bytes, std::uint64_t seed)
 {
   TemporaryFolder folder;

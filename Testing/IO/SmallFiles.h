@@ -160,6 +160,25 @@ inline Sequence SmallSequence()
   return sequence;
 }
 
+/// The pixels of SmallSequence as a volume: no poses.
+inline Sequence SmallVolume()
+{
+  Sequence volume = SmallSequence();
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    for (const char* name :
+         {"ImageToReferenceTransform", "ImageToReferenceTransformStatus", "Timestamp", "ImageStatus"})
+    {
+      volume.Remove(SmallField(frame, name));
+    }
+  }
+  for (const char* name : {"Kinds", "UltrasoundImageOrientation", "UltrasoundImageType"})
+  {
+    volume.Remove(name);
+  }
+  return volume;
+}
+
 /// SmallSequence without pixels as a CSV of poses; `image` names come from the pattern frame_N.png.
 inline std::string SmallCsv(bool images)
 {

@@ -7,10 +7,12 @@
 #include "ErrorObserver.h"
 #include "SmallFiles.h"
 #include "TestSupport.h"
+#include "vtkBigusPoseReader.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkErrorCode.h"
 #include "vtkImageData.h"
 #include "vtkPNGWriter.h"
+#include "vtkTable.h"
 
 namespace bigus::test
 {
@@ -197,6 +199,69 @@ TEST(BadSequence, CompressedDataThatDoNotFit)
     sequence.Set("CompressedDataSize", size);
     WriteBytes(folder / "size.mha", sequence.Bytes());
     ExpectRefused(folder / "size.mha", {"size.mha"});
+  }
+}
+
+// The header alone shows it: whoever asks only for poses or a report must hear of it too.
+TEST(BadSequence, TruncatedCompressedPixelsWithoutReadingThem)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set("CompressedData", "True");
+  sequence.pixels = Compressed(sequence.pixels);
+  sequence.Set("CompressedDataSize", std::to_string(sequence.pixels.size()));
+  WriteBytes(folder / "whole.mha", sequence.Bytes());
+  const std::string whole = ReadBytes(folder / "whole.mha");
+  WriteBytes(folder / "cut.mha", whole.substr(0, whole.size() - 1));
+
+  vtkNew<vtkBigusSequenceReader> frames;
+  vtkNew<vtkBigusPoseReader> poses;
+  const auto look = [&](const std::string& name)
+  {
+    frames->SetFileName((folder / name).c_str());
+    frames->UpdateInformation();
+    poses->SetFileName((folder / name).c_str());
+    poses->Update();
+  };
+  ErrorObserver frameErrors(frames);
+  ErrorObserver poseErrors(poses);
+  look("whole.mha");
+  ASSERT_EQ(frameErrors.Text() + poseErrors.Text(), "");
+  look("cut.mha");
+  for (const std::string& text : {frameErrors.Text(), poseErrors.Text()})
+  {
+    EXPECT_NE(text.find("cut.mha: states CompressedDataSize"), std::string::npos) << text;
+    EXPECT_NE(text.find("truncated"), std::string::npos) << text;
+  }
+  EXPECT_EQ(frames->GetErrorCode(), static_cast<unsigned long>(vtkErrorCode::PrematureEndOfFileError));
+}
+
+// Without poses the same bounds hold.
+TEST(BadSequence, PlainImages)
+{
+  TemporaryFolder folder;
+  Sequence volume = SmallVolume();
+  std::vector<std::pair<std::string, std::string>> files;
+  files.emplace_back("empty.png", "");
+  files.emplace_back("signature.png", "\x89PNG\r\n\x1a\n");
+  files.emplace_back("cut.mha", volume.Bytes().substr(0, volume.Bytes().size() - 1));
+  const std::string nrrd = volume.NrrdBytes("4 3 3", "domain domain domain", "raw", volume.pixels);
+  files.emplace_back("cut.nrrd", nrrd.substr(0, nrrd.size() - 1));
+  files.emplace_back("two.nrrd",
+                     volume.NrrdBytes("2 2 3 3", "domain domain domain list", "raw", volume.pixels));
+  volume.Set("DimSize", "60000 60000 60000");
+  files.emplace_back("huge.mha", volume.Bytes());
+  volume.Set("DimSize", "4 3 3");
+  volume.Set("ElementDataFile", "../../etc/passwd");
+  files.emplace_back("escape.mha", volume.Bytes());
+  files.emplace_back("foreign.vti", "<?xml version=\"1.0\"?><VTKFile type=\"ImageData\"/>");
+  for (const auto& [name, bytes] : files)
+  {
+    SCOPED_TRACE(name);
+    WriteBytes(folder / name, bytes);
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->RequirePosesOff();
+    ExpectRefused(reader, folder / name, {name});
   }
 }
 

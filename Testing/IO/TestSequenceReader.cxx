@@ -594,6 +594,76 @@ TEST(SequenceReader, ReadsOneFrame)
   }
 }
 
+TEST(SequenceReader, ReadsPlainImagesWhenPosesAreNotRequired)
+{
+  TemporaryFolder folder;
+  const Sequence volume = SmallVolume();
+  WriteBytes(folder / "plain.mha", volume.Bytes());
+  WriteBytes(folder / "plain.nrrd",
+             volume.NrrdBytes("4 3 3", "domain domain domain", "gzip", Compressed(volume.pixels, true)));
+  vtkNew<vtkImageData> slice;  // the middle one; VTK writes its last row first
+  slice->SetExtent(0, smallWidth - 1, 0, smallHeight - 1, 0, 0);
+  slice->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  for (int j = 0; j < smallHeight; ++j)
+  {
+    for (int i = 0; i < smallWidth; ++i)
+    {
+      slice->SetScalarComponentFromDouble(i, smallHeight - 1 - j, 0, 0, SmallPixel(i, j, 1));
+    }
+  }
+  vtkNew<vtkPNGWriter> png;
+  png->SetFileName((folder / "plain.png").c_str());
+  png->SetInputData(slice);
+  png->Write();
+
+  for (const char* name : {"plain.mha", "plain.nrrd", "plain.png"})
+  {
+    SCOPED_TRACE(name);
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->RequirePosesOff();
+    vtkImageData* const image = Read(reader, folder / name);
+    const bool one = std::string(name) == "plain.png";
+    int size[3];
+    image->GetDimensions(size);
+    ASSERT_EQ(size[0], smallWidth);
+    ASSERT_EQ(size[1], smallHeight);
+    ASSERT_EQ(size[2], one ? 1 : smallFrames);
+    for (int k = 0; k < size[2]; ++k)
+    {
+      for (int j = 0; j < smallHeight; ++j)
+      {
+        for (int i = 0; i < smallWidth; ++i)
+        {
+          EXPECT_EQ(image->GetScalarComponentAsDouble(i, j, k, 0), SmallPixel(i, j, one ? 1 : k));
+        }
+      }
+    }
+    EXPECT_EQ(image->GetFieldData()->GetArray("ImageToReference"), nullptr);
+    EXPECT_EQ(reader->GetNumberOfAcceptedFrames(), size[2]);
+    EXPECT_STREQ(reader->GetTransformChain(), "");
+    double pixel[2];
+    reader->GetPixelSize(pixel);
+    EXPECT_EQ(pixel[0], 0);  // unknown
+
+    reader->RequirePosesOn();
+    ErrorObserver errors(reader);
+    reader->Update();
+    EXPECT_EQ(errors.Errors().size(), 1u) << errors.Text();
+    EXPECT_EQ(reader->GetOutput()->GetNumberOfPoints(), 0);
+  }
+}
+
+TEST(SequenceReader, TransformsCountWhetherPosesAreRequiredOrNot)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence();
+  sequence.Set(SmallField(1, "ImageToReferenceTransformStatus"), "INVALID");
+  WriteBytes(folder / "tracked.mha", sequence.Bytes());
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->RequirePosesOff();
+  ExpectSmall(Read(reader, folder / "tracked.mha"), {0, 2});
+}
+
 TEST(SequenceReader, StopsWhenAborted)
 {
   TemporaryFolder folder;
