@@ -30,9 +30,13 @@ std::string FormatDuration(double seconds)
 
 std::string FormatNumber(double value, int decimals)
 {
-  if (!std::isfinite(value))
+  if (std::isnan(value))
   {
     return "-";
+  }
+  if (std::isinf(value))
+  {
+    return value > 0 ? "infinite" : "-infinite";
   }
   std::ostringstream text;
   text.imbue(std::locale::classic());

@@ -21,7 +21,7 @@ public:
     Always,
     Never
   };
-  bool json = false;            ///< --json: stdout carries one JSON object and nothing else
+  bool json = false;            ///< --json: stdout carries one JSON object, the answer, and nothing else
   Bar bar = Bar::WhenTerminal;  ///< --progress, --no-progress
 
   /// A line of the answer for people, on stdout; nothing with --json.
@@ -50,7 +50,7 @@ private:
 /// "0:07", "12:34", "1:02:03".
 std::string FormatDuration(double seconds);
 
-/// Fixed number of decimals whatever the locale; "-" for a number that is not finite.
+/// Fixed number of decimals whatever the locale; "infinite" as such, "-" for what is no number.
 std::string FormatNumber(double value, int decimals);
 
 }  // namespace bigus::command

@@ -27,6 +27,7 @@ ExitCode Convert(Console& console, const Options& options)
   const std::string& input = options.input.path;
   const std::string& output = options.output;
   RequireFile(input);
+  RequireDistinct({input, options.input.chain.config}, {output});
   RequireWritable(output);
 
   vtkNew<vtkBigusFieldReader> fieldReader;
@@ -54,7 +55,7 @@ ExitCode Convert(Console& console, const Options& options)
                       "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
   }
   const std::vector<std::string> files = WriteStack(sequence, output, numbers, console);
-  console.Print(output + ": " + std::to_string(frames) + " frames");
+  console.Print(NameOf(files) + ": " + std::to_string(frames) + (frames == 1 ? " frame" : " frames"));
   console.Report({{"output", files}, {"kind", "sequence"}, {"frames", frames}});
   return Success;
 }

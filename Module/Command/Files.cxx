@@ -25,6 +25,22 @@ std::string TemporaryPath(const std::string& path)
   return path + "." + std::to_string(getpid()) + ".part";
 }
 
+/// Whether both paths lead to one file, be it there already or not.
+bool AreSame(const std::string& a, const std::string& b)
+{
+  std::error_code fault;
+  if (std::filesystem::equivalent(a, b, fault))
+  {
+    return true;
+  }
+  const auto whole = [](const std::string& path)
+  {
+    std::error_code ignored;
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored), ignored);
+  };
+  return whole(a) == whole(b);
+}
+
 }  // namespace
 
 bool HasSuffix(const std::string& path, const std::string& suffix)
@@ -51,6 +67,29 @@ void RequireWritable(const std::string& path)
   {
     throw OutputError("Cannot write '" + path + "': " + std::strerror(reason) +
                       ". Check that its folder exists and may be written to.");
+  }
+}
+
+void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs)
+{
+  for (auto output = outputs.begin(); output != outputs.end(); ++output)
+  {
+    const auto refuse = [&output](const std::string& other, const char* role)
+    {
+      if (!output->empty() && !other.empty() && AreSame(*output, other))
+      {
+        throw OutputError("Cannot write '" + *output + "': it is the same file as '" + other +
+                          "', which is " + role + ". Give another name.");
+      }
+    };
+    for (const std::string& input : inputs)
+    {
+      refuse(input, "read");
+    }
+    for (auto other = outputs.begin(); other != output; ++other)
+    {
+      refuse(*other, "written, too");
+    }
   }
 }
 

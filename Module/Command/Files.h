@@ -4,6 +4,7 @@
 #include <functional>
 #include <ostream>
 #include <string>
+#include <vector>
 
 namespace bigus::command
 {
@@ -14,6 +15,10 @@ bool HasSuffix(const std::string& path, const std::string& suffix);
 /// Throws OutputError unless a file can be made at `path`. Nothing is left behind, and a file that is there
 /// stays. Asked before long work, so that an hour of training does not end at a missing folder.
 void RequireWritable(const std::string& path);
+
+/// Throws OutputError when an output is the same file as an input or as another output, through whatever path
+/// or link. Empty paths stand for options not given.
+void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
 
 /// `write` fills a temporary file in the same folder, which then takes the name `path`. On failure the
 /// temporary file is removed and OutputError thrown.

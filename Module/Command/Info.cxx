@@ -187,9 +187,10 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   console.Print(Line("Sequence", options.path));
   console.Print(Line("Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " +
                                    reader->GetElementType()));
+  const std::string chain = reader->GetTransformChain() ? reader->GetTransformChain() : "";
   console.Print(Line("Frames", std::to_string(inFile) + " of " + std::to_string(size[0]) + " x " +
-                                   std::to_string(size[1]) + " pixels, " + std::to_string(accepted) +
-                                   " usable"));
+                                   std::to_string(size[1]) + " pixels, " +
+                                   (chain.empty() ? "poses unknown" : std::to_string(accepted) + " usable")));
   console.Print(Line("Orientation", reader->GetOrientation()));
   for (int i = 0; i < reader->GetNumberOfTransforms(); ++i)
   {
@@ -197,8 +198,9 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
     console.Print(Line(i ? "" : "Transforms", std::string(reader->GetTransformName(i)) + " (" +
                                                   reader->GetTransformSource(i) + ")"));
   }
-  const std::string chain = reader->GetTransformChain() ? reader->GetTransformChain() : "";
-  console.Print(Line("Chain used", chain.empty() ? "none" : chain));
+  console.Print(Line("Chain used", chain.empty() ? "none: the transforms do not lead from " +
+                                                       options.chain.from + " to " + options.chain.to
+                                                 : chain));
   if (accepted > 0)
   {
     console.Print(Line("Pixel", FormatNumber(pixel[0], 4) + " x " + FormatNumber(pixel[1], 4) + " mm"));

@@ -46,6 +46,14 @@ void AddChainOptions(CLI::App& app, PoseChain& chain, const char* group)
   app.add_flag("--assume-status", chain.assumeStatus, "Accept transforms that carry no status")->group(group);
 }
 
+void NoteRejected(vtkBigusSequenceReader* reader, const std::string& path, Console& console)
+{
+  if (reader->GetNumberOfRejectedFrames() > 0)
+  {
+    console.Note(path + ": " + reader->GetRejectionSummary());
+  }
+}
+
 /// "0,4,10-20" to indices below `count`, in the order given.
 std::vector<int> ParseFrames(const std::string& list, int count)
 {
@@ -133,6 +141,30 @@ SlicePlane Adapted(SlicePlane plane, const PlaneOptions& options)
     throw Error(options.poses + " does not say how large the planes are: give --size WIDTH HEIGHT.");
   }
   return plane;
+}
+
+/// How many frames of a sequence were rejected, said on stderr, too. Markups have none; a CSV is asked as far
+/// as it names images, for only a sequence tells.
+int CountRejected(const PlaneOptions& options, Console& console)
+{
+  SequenceOptions sequence;
+  sequence.path = options.poses;
+  sequence.chain = options.chain;
+  const auto reader = NewSequenceReader(sequence);
+  if (!reader->CanReadFile(options.poses.c_str()))
+  {
+    return 0;
+  }
+  try
+  {
+    UpdateInformation(reader);
+  }
+  catch (const Error&)  // no images
+  {
+    return 0;
+  }
+  NoteRejected(reader, options.poses, console);
+  return reader->GetNumberOfRejectedFrames();
 }
 
 }  // namespace
@@ -235,10 +267,7 @@ vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Conso
 {
   const auto reader = NewSequenceReader(options);
   Update(reader, console, "Reading");
-  if (reader->GetNumberOfRejectedFrames() > 0)
-  {
-    console.Note(options.path + ": " + reader->GetRejectionSummary());
-  }
+  NoteRejected(reader, options.path, console);
   return reader->GetOutput();
 }
 
@@ -256,7 +285,9 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
       ->required(required)
       ->type_name("SEQUENCE|CSV|MARKUP.mrk.json")
       ->group(planeGroup);
-  app.add_option(framesName, options.frames, "Only these, counted from 0 among the usable ones: 0,4,10-20")
+  app.add_option(
+         framesName, options.frames,
+         "Only these, counted from 0 among the usable ones: 0,4,10-20; PNG names have the same numbers")
       ->type_name("LIST")
       ->group(planeGroup);
   app.add_option("--size", options.size, "Pixels across and down; needed when the file does not say")
@@ -311,7 +342,6 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
   { return vtkDataArray::SafeDownCast(table->GetColumnByName(name)); };
   vtkDataArray* poses = column("ImageToReference");
   vtkDataArray* sizes = column("Size");
-  vtkDataArray* sources = column("SourceFrame");
   vtkDataArray* times = column("Timestamp");
 
   const int count = static_cast<int>(table->GetNumberOfRows());
@@ -330,6 +360,7 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
     throw Error(options.poses + " holds no plane.");
   }
   Planes result;
+  result.rejected = CountRejected(options, console);
   std::size_t pixels = 0;
   for (const int i : chosen)
   {
@@ -353,7 +384,7 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
       throw Error("The planes have more than 2^31 pixels: choose fewer with --frames, or a smaller --size.");
     }
     result.planes.push_back(plane);
-    result.frames.push_back(static_cast<int>(sources->GetTuple1(i)));
+    result.numbers.push_back(i);
     if (times)
     {
       result.timestamps.push_back(times->GetTuple1(i));

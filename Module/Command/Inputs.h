@@ -77,9 +77,11 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
 struct Planes
 {
   std::vector<SlicePlane> planes;
-  std::vector<int> frames;         ///< 0-based index in the file
+  std::vector<int> numbers;        ///< counted from 0 among the usable ones, as --frames does
   std::vector<double> timestamps;  ///< seconds, or empty
+  int rejected = 0;                ///< frames of the file that have no usable pose
 };
+/// Says on stderr which frames were rejected.
 Planes ReadPlanes(const PlaneOptions& options, Console& console);
 
 /// Throws OutputError unless the name ends in .vtp or .ply.

@@ -252,6 +252,11 @@ std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path
   return {path};
 }
 
+std::string NameOf(const std::vector<std::string>& files)
+{
+  return files.size() == 1 ? files.front() : files.front() + " ... " + files.back();
+}
+
 void RequireVolumeName(const std::string& path)
 {
   if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".vti"))

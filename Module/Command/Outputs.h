@@ -25,6 +25,9 @@ void RequireStackName(const std::string& path);
 std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path,
                                     const std::vector<int>& numbers, Console& console);
 
+/// For messages: the file's name, or the first and last of many.
+std::string NameOf(const std::vector<std::string>& files);
+
 /// Throws OutputError unless the name ends in .mha, .nrrd or .vti.
 void RequireVolumeName(const std::string& path);
 /// A volume with its origin, spacing and direction.

@@ -27,6 +27,7 @@ struct Options
 
 ExitCode MakePhantom(Console& console, const Options& options)
 {
+  RequireDistinct({options.truth.poses, options.truth.chain.config}, {options.output});
   RequireWritable(options.output);
   RequireStackName(options.output);
   const Phantom phantom(options.phantom);
@@ -37,7 +38,7 @@ ExitCode MakePhantom(Console& console, const Options& options)
   if (!options.truth.poses.empty())
   {
     const Planes planes = ReadPlanes(options.truth, console);
-    numbers = planes.frames;
+    numbers = planes.numbers;
     stack = NewStack(planes.planes, planes.timestamps, true);
     const std::size_t pixels = planes.planes[0].NumberOfPixels();
     for (std::size_t k = 0; k < planes.planes.size(); ++k)
@@ -74,14 +75,14 @@ ExitCode MakePhantom(Console& console, const Options& options)
     SweepToImage(sweep, stack);
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  WriteStack(stack, options.output, numbers, console);
+  const std::vector<std::string> files = WriteStack(stack, options.output, numbers, console);
 
   const int* size = stack->GetDimensions();
-  console.Print(options.output + ": " + std::to_string(size[2]) +
+  console.Print(NameOf(files) + ": " + std::to_string(size[2]) +
                 (size[2] == 1 ? " frame of " : " frames of ") + std::to_string(size[0]) + " x " +
                 std::to_string(size[1]) + " pixels; beam thickness (standard deviation) " +
                 FormatNumber(options.phantom.elevationSigma, 2) + " mm");
-  console.Report({{"output", options.output},
+  console.Report({{"output", files},
                   {"frames", size[2]},
                   {"width", size[0]},
                   {"height", size[1]},

@@ -34,6 +34,8 @@ ExitCode Slice(Console& console, Options& options)
 {
   const bool scattering = options.mode == "scattering";
   const bool bytes = options.type == "uchar" && !scattering;
+  RequireDistinct({options.field, options.planes.poses, options.planes.chain.config},
+                  {options.output, options.coverage});
   RequireStackName(options.output);
   RequireWritable(options.output);
   if (!options.coverage.empty())
@@ -49,6 +51,7 @@ ExitCode Slice(Console& console, Options& options)
     }
   }
 
+  const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
   GaussianField field = ReadField(options.field, console);
   if (options.elevationSigma >= 0)
   {
@@ -57,7 +60,6 @@ ExitCode Slice(Console& console, Options& options)
   const Planes planes = ReadPlanes(options.planes, console);
   const int count = static_cast<int>(planes.planes.size());
 
-  const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
   engine->SetTruncation({1e-4 / field.transfer.gamma, false});  // on intensity: a fortieth of a grey level
   engine->SetField(field);
 
@@ -85,16 +87,17 @@ ExitCode Slice(Console& console, Options& options)
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
-  const std::vector<std::string> files = WriteStack(stack, options.output, planes.frames, console);
+  const std::vector<std::string> files = WriteStack(stack, options.output, planes.numbers, console);
   if (coverage)
   {
-    WriteStack(coverage, options.coverage, planes.frames, console);
+    WriteStack(coverage, options.coverage, planes.numbers, console);
   }
-  console.Print(options.output + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
+  console.Print(NameOf(files) + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
                 std::to_string(planes.planes[0].width) + " x " + std::to_string(planes.planes[0].height) +
                 " pixels, " + FormatNumber(1000 * seconds / count, 1) + " ms each on " + engine->Device());
   console.Report({{"output", files},
                   {"slices", count},
+                  {"rejected", planes.rejected},
                   {"width", planes.planes[0].width},
                   {"height", planes.planes[0].height},
                   {"elevation_sigma", field.beam.elevationSigma},
@@ -114,7 +117,7 @@ void AddSlice(Program& program)
                                  "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha\n"
                                  "  bigus slice field.vtp --poses plane.mrk.json --spacing 0.2 -o slice.png\n"
                                  "A plane that misses the field gives a black image.");
-  app->add_option("field", options->field, "Field: .vtp or .ply")->required()->type_name("FIELD");
+  app->add_option("FIELD", options->field, "Field: .vtp or .ply")->required()->type_name("");
   app->add_option("-o,--output", options->output,
                   "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
       ->required()

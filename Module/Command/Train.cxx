@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "Command.h"
+#include "Core/Engine.h"
 #include "Core/Evaluation.h"
 #include "Core/Trainer.h"
 #include "Files.h"
@@ -130,6 +131,8 @@ std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
 
 ExitCode Train(Console& console, Options& options)
 {
+  RequireDistinct({options.sequence.path, options.sequence.chain.config, options.continueFrom},
+                  {options.output, options.log});
   RequireWritable(options.output);
   RequireFieldName(options.output);
   if (!options.log.empty())
@@ -138,6 +141,7 @@ ExitCode Train(Console& console, Options& options)
   }
 
   TrainerOptions& trainer = options.trainer;
+  Engine::Create(trainer.engine);  // an unknown name is said before the sweep is read
   trainer.signedReflectivity = !options.positiveOnly;
   if (double sigma = 0; options.elevationSigma != "auto" && ParseNumber(options.elevationSigma, sigma))
   {
@@ -284,9 +288,10 @@ void AddTrain(Program& program)
       ->group(model);
 
   const char* course = "How long and how";
-  app->add_option("--iterations", trainer.iterations,
-                  "Optimizer steps; 0 only seeds; default: 120 passes over the training frames (60 when they are more "
-                  "than 1 mm apart), at least 200")
+  app->add_option(
+         "--iterations", trainer.iterations,
+         "Optimizer steps; 0 only seeds; default: 120 passes over the training frames (60 when they are more "
+         "than 1 mm apart), at least 200")
       ->check(NumberIn(0, 1e7))
       ->type_name("N")
       ->group(course);

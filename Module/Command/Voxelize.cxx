@@ -28,6 +28,7 @@ struct Options
 ExitCode Voxelize(Console& console, const Options& options)
 {
   RequireVolumeName(options.output);
+  RequireDistinct({options.field}, {options.output});
   RequireWritable(options.output);
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.field, console);
 
@@ -80,7 +81,7 @@ void AddVoxelize(Program& program)
                                              "Turn a field into a plain volume\n"
                                              "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
                                              "Without --origin and --size the volume holds the whole field.");
-  app->add_option("field", options->field, "Field: .vtp or .ply")->required()->type_name("FIELD");
+  app->add_option("FIELD", options->field, "Field: .vtp or .ply")->required()->type_name("");
   app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")
       ->required()
       ->type_name("OUT");

@@ -117,8 +117,11 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const CLI::ParseError& error)
   {
-    return Fail(console, UsageFault,
-                std::string(error.what()) + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
+    const std::vector<std::string> unknown = app.remaining();
+    const std::string message = app.get_subcommands().empty() && !unknown.empty()
+                                    ? "There is no command or option '" + unknown.front() + "'."
+                                    : error.what();
+    return Fail(console, UsageFault, message + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
   }
   if (barOption->count() > 0)
   {
@@ -179,9 +182,8 @@ CLI::Validator NumberIn(double low, double high)
     {
       return {};
     }
-    std::ostringstream message;
-    message << "'" << text << "' is not a number from " << low << " to " << high;
-    return message.str();
+    const auto plain = [](double bound) { return FormatNumber(bound, bound == std::floor(bound) ? 0 : 2); };
+    return "'" + text + "' is not a number from " + plain(low) + " to " + plain(high);
   };
   return CLI::Validator(check, "");
 }

@@ -169,6 +169,14 @@ class Usage(CommandTest):
             for value in values:
                 with self.subTest(option=option, value=value):
                     self.expect(USAGE, "train", self.sweep, "-o", self.folder / "x.vtp", f"{option}={value}")
+    def test_an_unknown_command_is_named(self):
+        self.expect(USAGE, "nosuch", says="'nosuch'")
+        self.expect(USAGE, "nosuch", self.sweep, "-o", "x.mha", says="'nosuch'")
+
+    def test_ranges_are_plain_numbers(self):
+        self.expect(USAGE, "train", self.sweep, "-o", "x.vtp", "--gaussians", "1e9", says="from 1 to 67108864")
+        self.expect(USAGE, "phantom", "-o", "x.mha", "--axial-sigma", "0", says="from 0.02 to 5")
+
         self.assertNothingIn(self.folder)
         for arguments in (["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--spacing=0"],
                           ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--size", "0", "5"],
@@ -199,6 +207,47 @@ class Phantom(CommandTest):
             self.assertEqual(run("phantom", "-o", path, *PHANTOM, "--seed", seed, threads=threads).returncode, SUCCESS)
             files.append(path.read_bytes())
         self.assertEqual(files[0], files[1])
+class Outputs(CommandTest):
+    def test_no_output_replaces_an_input_or_another_output(self):
+        sweep, field = self.folder / "me.igs.mha", self.folder / "me.vtp"
+        shutil.copy(self.sweep, sweep)
+        shutil.copy(self.field, field)
+        link = self.folder / "link.mha"
+        link.symlink_to(sweep)
+        new, detour = self.folder / "new.vtp", self.folder / "." / ".." / self.folder.name / "new.vtp"
+        before = sweep.read_bytes(), field.read_bytes(), sorted(os.listdir(self.folder))
+        for output, other, arguments in (
+                (new, new, ["train", sweep, "-o", new, "--log", new]),
+                (detour, new, ["train", sweep, "-o", new, "--log", detour]),
+                (sweep, sweep, ["train", sweep, "-o", new, "--log", sweep]),
+                (field, field, ["train", sweep, "-o", field, "--continue", field]),
+                (self.folder / "b.mha", self.folder / "b.mha",
+                 ["slice", field, "--poses", sweep, "-o", self.folder / "b.mha", "--coverage", self.folder / "b.mha"]),
+                (sweep, sweep, ["slice", field, "--poses", sweep, "-o", sweep]),
+                (sweep, link, ["slice", field, "--poses", link, "-o", sweep]),
+                (link, sweep, ["slice", field, "--poses", sweep, "-o", link]),
+                (sweep, sweep, ["convert", sweep, sweep]),
+                (field, field, ["convert", field, field]),
+                (sweep, sweep, ["phantom", "--truth", sweep, "-o", sweep])):
+            with self.subTest(arguments):
+                answer = self.expect(CANNOT_WRITE, *arguments, says=str(output))
+                self.assertIn(f"'{other}'", answer["error"])
+        volume = self.folder / "volume.mha"
+        shutil.copy(field, volume)
+        self.expect(CANNOT_WRITE, "voxelize", volume, "-o", volume, says="volume.mha")
+        volume.unlink()
+        self.assertEqual((sweep.read_bytes(), field.read_bytes(), sorted(os.listdir(self.folder))), before)
+
+    def test_messages_name_the_files_there_are(self):
+        png = self.folder / "s.png"
+        for arguments in (["convert", self.sweep, png], ["slice", self.field, "--poses", self.sweep, "-o", png],
+                          ["phantom", "-o", png, *PHANTOM]):
+            with self.subTest(arguments):
+                said = run(*arguments).stdout
+                self.assertIn(f"{self.folder / 's_000.png'} ... {self.folder / 's_008.png'}: 9 ", said)
+                self.assertEqual(len(self.expect(SUCCESS, *arguments)["output"]), 9)
+
+
         self.assertNotEqual(files[0], files[2])
 
     def test_truth_at_the_sweeps_own_planes_is_the_sweep(self):
@@ -264,6 +313,12 @@ class Info(CommandTest):
     def test_bad_files(self):
         self.expect(BAD_INPUT, "info", self.folder / "absent.mha", says="absent.mha")
         self.expect(BAD_INPUT, "info", self.folder, says="folder")
+    def test_without_a_chain_frames_are_not_called_bad(self):
+        self.expect(BAD_INPUT, "info", self.sweep, "--image-to", "Moon", says="Moon")
+        text = run("info", self.sweep, "--image-to", "Moon").stdout
+        self.assertNotIn("0 usable", text)
+        self.assertRegex(text, "Chain used +none: .* from Image to Moon")
+
         empty = self.folder / "empty.mha"
         empty.write_bytes(b"")
         self.expect(BAD_INPUT, "info", empty, says="empty.mha")
@@ -413,7 +468,9 @@ class Train(CommandTest):
         self.expect(BAD_INPUT, "train", self.folder / "absent.mha", "-o", self.folder / "f.vtp", says="absent.mha")
         self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--config", self.folder / "no.xml",
                     says="no.xml")
-        self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--engine", "steam", says="steam")
+        # An engine that does not exist is found before the sweep is read.
+        for sequence in (self.sweep, self.folder / "empty.mha"):
+            self.expect(BAD_INPUT, "train", sequence, "-o", self.folder / "f.vtp", "--engine", "steam", says="steam")
         self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", "--image-to", "Moon", says="Moon")
         self.assertFalse((self.folder / "f.vtp").exists())
 
@@ -526,6 +583,24 @@ class Slice(CommandTest):
     def test_planes_from_csv(self):
         plane = self.poses_csv(IDENTITY)
         self.expect(BAD_INPUT, "slice", self.field, "--poses", plane, "-o", self.folder / "x.png", says="--size")
+    def test_rejected_planes_are_told_and_not_counted(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        some = self.folder / "some.mha"
+        write_sequence(some, header.replace("Seq_Frame0003_ImageToReferenceTransformStatus = OK",
+                                            "Seq_Frame0003_ImageToReferenceTransformStatus = INVALID"), pixels)
+        out = self.folder / "s.png"
+        slicing = ["slice", self.field, "--poses", some, "--frames", "2-3", "-o", out]
+        answer = self.expect(SUCCESS, *slicing)
+        self.assertEqual((answer["slices"], answer["rejected"]), (2, 1))
+        self.assertEqual([pathlib.Path(name).name for name in answer["output"]], ["s_002.png", "s_003.png"])
+        self.assertRegex(run(*slicing).stderr, r"some.mha: 1 of 9 frames rejected: .*frame 3")
+        # Usable frame 3 is frame 4 of the file.
+        whole = self.folder / "w.png"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 4, "-o", whole)
+        self.assertEqual(read_png(self.folder / "s_003.png"), read_png(whole))
+        self.assertEqual(self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o",
+                                     self.folder / "all.mha")["rejected"], 0)
+
         answer = self.expect(SUCCESS, "slice", self.field, "--poses", plane, "--size", 30, 20, "-o",
                              self.folder / "x.png")
         self.assertEqual((answer["width"], answer["height"]), (30, 20))
@@ -691,6 +766,7 @@ class Convert(CommandTest):
 
     def test_sequence(self):
         nrrd, mha = self.folder / "s.nrrd", self.folder / "s.igs.mha"
+        self.assertIn("PSNR  infinite", run("metrics", self.sweep, self.sweep).stdout)
         self.expect(SUCCESS, "convert", self.sweep, nrrd)
         self.assertEqual(self.expect(SUCCESS, "convert", nrrd, mha)["frames"], 9)
         self.assertEqual(read_sequence(mha)[1], read_sequence(self.sweep)[1])
