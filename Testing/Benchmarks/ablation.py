@@ -40,6 +40,7 @@ def main():
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--spacing", type=float, default=0.5, help="mm between frames")
     parser.add_argument("--gaussians", type=int, default=50000)
+    parser.add_argument("--iterations", type=int, default=360, help="the same for every variant")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
 
@@ -56,7 +57,8 @@ def main():
             if not scores.exists():
                 beam = [] if "--elevation-sigma" in change else ["--elevation-sigma", ELEVATION_SIGMA]
                 answer = run([options.bigus, "train", sweep, "-o", f"{stem}.vtp", "--gaussians", options.gaussians,
-                              "--hold-out", 4, "--seed", seed, "--no-baselines", "--json", *beam, *change])
+                              "--hold-out", 4, "--iterations", options.iterations, "--seed", seed,
+                              "--no-baselines", "--json", *beam, *change])
                 scores.write_text(json.dumps(answer))
             results.setdefault(name, []).append(json.loads(scores.read_text()))
 
