@@ -18,7 +18,7 @@ from pathlib import Path
 ELEVATION_SIGMA = 1.0  # mm, of the phantom's amplitude profile
 
 VARIANTS = {
-    "default: signed, beam on, intensity seeds": [],
+    "signed, beam of known thickness, intensity seeds": [],
     "positive only": ["--positive-only"],
     "beam at half the known thickness": ["--elevation-sigma", str(ELEVATION_SIGMA / 2)],
     "beam off (thin plane)": ["--elevation-sigma", "0"],
@@ -51,8 +51,9 @@ def main():
 
     results = {}
     for name, change in VARIANTS.items():
+        file_name = name.replace(" ", "-").replace(",", "")
         for seed in options.seeds:
-            stem = options.output / f"{name.replace(' ', '-').replace(':', '').replace(',', '')}-{seed}"
+            stem = options.output / f"{file_name}-{seed}"
             scores = Path(f"{stem}.json")
             if not scores.exists():
                 beam = [] if "--elevation-sigma" in change else ["--elevation-sigma", ELEVATION_SIGMA]
