@@ -93,7 +93,7 @@ def main():
     options = parser.parse_args()
     data = Path(options.data)
 
-    lines = ["| sweep | frames held out | Gaussians | seconds | peak MB | this field | " +
+    lines = ["| sweep | frames held out | Gaussians | seconds | peak MiB | this field | " +
              " | ".join(method.replace("_", " ") for method in METHODS) + " |",
              "|---" * (6 + len(METHODS)) + "|"]
     notes = []
