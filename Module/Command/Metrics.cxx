@@ -1,21 +1,16 @@
 // bigus metrics: how alike two images, sequences or volumes are.
+#include <algorithm>
 #include <memory>
 
 #include "Command.h"
-#include "Files.h"
 #include "Inputs.h"
 #include "Pipeline.h"
 #include "vtkBigusImageMetrics.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
-#include "vtkImageReader2.h"
-#include "vtkMetaImageReader.h"
 #include "vtkNew.h"
-#include "vtkNrrdReader.h"
-#include "vtkPNGReader.h"
 #include "vtkPointData.h"
-#include "vtkXMLImageDataReader.h"
 
 namespace bigus::command
 {
@@ -27,32 +22,6 @@ struct Options
 {
   std::string image, truth;
 };
-
-/// The pixels of a tracked sequence, or null when the file is none.
-vtkSmartPointer<vtkImageData> ReadFrames(const std::string& path, Console& console)
-{
-  SequenceOptions options;
-  options.path = path;
-  options.chain.assumeStatus = true;
-  const auto reader = NewSequenceReader(options);
-  if (!reader->CanReadFile(path.c_str()))
-  {
-    return nullptr;
-  }
-  try
-  {
-    Update(reader, console, "Reading");
-  }
-  catch (const Error&)
-  {
-    if (reader->GetNumberOfTransforms() > 0)
-    {
-      throw;
-    }
-    return nullptr;  // a plain image in a sequence's format
-  }
-  return reader->GetOutput();
-}
 
 /// 16-bit pixels become float in [0, 1], which the metrics take.
 void UnpackShorts(vtkImageData* image)
@@ -74,58 +43,16 @@ void UnpackShorts(vtkImageData* image)
   image->GetPointData()->SetScalars(floats);
 }
 
-/// Any image the command writes, and plain ones. Poses are ignored.
+/// Tracked or plain, by the same bounded reader: frames that a tracked sequence rejects are left out.
 vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, Console& console)
 {
-  RequireFile(path);
-  vtkSmartPointer<vtkImageData> image;
-  if (HasSuffix(path, ".vti"))
-  {
-    vtkNew<vtkXMLImageDataReader> reader;
-    reader->SetFileName(path.c_str());
-    Update(reader, console, "Reading");
-    image = reader->GetOutput();
-  }
-  else
-  {
-    vtkSmartPointer<vtkImageReader2> plain;
-    if (HasSuffix(path, ".png"))
-    {
-      plain = vtkSmartPointer<vtkPNGReader>::New();
-    }
-    else
-    {
-      image = ReadFrames(path, console);
-      if (HasSuffix(path, ".nrrd") || HasSuffix(path, ".nhdr"))
-      {
-        plain = vtkSmartPointer<vtkNrrdReader>::New();
-      }
-      else
-      {
-        plain = vtkSmartPointer<vtkMetaImageReader>::New();
-      }
-    }
-    if (!image)
-    {
-      if (!plain->CanReadFile(path.c_str()))
-      {
-        throw Error("'" + path +
-                    "' is not an image this command reads: .png, .mha, .mhd, .nrrd, .vti or a CSV.");
-      }
-      plain->SetFileName(path.c_str());
-      Update(plain, console, "Reading");
-      image = plain->GetOutput();
-    }
-  }
-  if (!image || !image->GetPointData()->GetScalars() || image->GetNumberOfPoints() == 0)
-  {
-    throw Error("'" + path + "' holds no pixels.");
-  }
-  if (image->GetNumberOfScalarComponents() != 1)
-  {
-    throw Error("'" + path + "' has " + std::to_string(image->GetNumberOfScalarComponents()) +
-                " values a pixel; convert it to grey first.");
-  }
+  SequenceOptions options;
+  options.path = path;
+  options.chain.assumeStatus = true;
+  const auto reader = NewSequenceReader(options);
+  reader->RequirePosesOff();
+  Update(reader, console, "Reading");
+  vtkImageData* image = reader->GetOutput();
   UnpackShorts(image);
   return image;
 }
@@ -186,7 +113,7 @@ void AddMetrics(Program& program)
                                  "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
                                  "x 11 windows), and BFS, the speckle\n"
                                  "score, which looks at B for what is right: give the truth second.");
-  app->add_option("A", options->image, "Image to judge: .png .mha .mhd .nrrd .vti or a CSV of poses")
+  app->add_option("A", options->image, "Image to judge: .png (grey) .mha .mhd .nrrd or a CSV of poses")
       ->required()
       ->type_name("");
   app->add_option("B", options->truth, "The truth, of the same size")->required()->type_name("");

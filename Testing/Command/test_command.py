@@ -3,6 +3,7 @@
 
     test_command.py PATH_TO_BIGUS [unittest arguments]
 """
+import base64
 import csv
 import json
 import math
@@ -75,6 +76,22 @@ def read_png(path):
         above = bytes(line)
         rows.append(above)
     return width, height, b"".join(rows)
+
+
+def read_vti(path):
+    """The first array of a .vti, which is stored in zlib blocks, in base64, appended."""
+    text = pathlib.Path(path).read_text()
+    assert 'header_type="UInt32"' in text and 'compressor="vtkZLibDataCompressor"' in text
+    data = text[text.index("_", text.index("<AppendedData encoding=\"base64\"")) + 1:].strip()
+    blocks = struct.unpack("<I", base64.b64decode(data[:8])[:4])[0]
+    head = 4 * -(-4 * (3 + blocks) // 3)  # bytes to characters, padded
+    sizes = struct.unpack_from(f"<{blocks}I", base64.b64decode(data[:head]), 12)
+    body = base64.b64decode(data[head:head + 4 * -(-sum(sizes) // 3)])
+    pixels, at = b"", 0
+    for size in sizes:
+        pixels += zlib.decompress(body[at:at + size])
+        at += size
+    return pixels
 
 
 class CommandTest(unittest.TestCase):
@@ -152,6 +169,14 @@ class Usage(CommandTest):
             with self.subTest(arguments):
                 self.expect(USAGE, *arguments)
 
+    def test_an_unknown_command_is_named(self):
+        self.expect(USAGE, "nosuch", says="'nosuch'")
+        self.expect(USAGE, "nosuch", self.sweep, "-o", "x.mha", says="'nosuch'")
+
+    def test_ranges_are_plain_numbers(self):
+        self.expect(USAGE, "train", self.sweep, "-o", "x.vtp", "--gaussians", "1e9", says="from 1 to 67108864")
+        self.expect(USAGE, "phantom", "-o", "x.mha", "--axial-sigma", "0", says="from 0.02 to 5")
+
     def test_bad_numbers(self):
         bad = {"--gaussians": ["0", "-5", "1e99", "many", "", "2.5", "nan"],
                "--hold-out": ["1", "-1", "4.5", "x"],
@@ -169,14 +194,6 @@ class Usage(CommandTest):
             for value in values:
                 with self.subTest(option=option, value=value):
                     self.expect(USAGE, "train", self.sweep, "-o", self.folder / "x.vtp", f"{option}={value}")
-    def test_an_unknown_command_is_named(self):
-        self.expect(USAGE, "nosuch", says="'nosuch'")
-        self.expect(USAGE, "nosuch", self.sweep, "-o", "x.mha", says="'nosuch'")
-
-    def test_ranges_are_plain_numbers(self):
-        self.expect(USAGE, "train", self.sweep, "-o", "x.vtp", "--gaussians", "1e9", says="from 1 to 67108864")
-        self.expect(USAGE, "phantom", "-o", "x.mha", "--axial-sigma", "0", says="from 0.02 to 5")
-
         self.assertNothingIn(self.folder)
         for arguments in (["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--spacing=0"],
                           ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--size", "0", "5"],
@@ -190,23 +207,6 @@ class Usage(CommandTest):
                 self.expect(USAGE, *arguments)
 
 
-class Phantom(CommandTest):
-    def test_json_and_file(self):
-        out = self.folder / "p.igs.mha"
-        answer = self.expect(SUCCESS, "phantom", "-o", out, *PHANTOM)
-        self.assertEqual((answer["frames"], answer["width"], answer["height"]), (9, 48, 40))
-        header, pixels, _ = read_sequence(out)
-        self.assertEqual(len(pixels), 9 * 48 * 40)
-        self.assertIn("Seq_Frame0008_ImageToReferenceTransform", header)
-        self.assertGreater(max(pixels), 100)
-
-    def test_seed_and_threads(self):
-        files = []
-        for name, seed, threads in (("a", 1, 1), ("b", 1, 2), ("c", 2, 2)):
-            path = self.folder / f"{name}.mha"
-            self.assertEqual(run("phantom", "-o", path, *PHANTOM, "--seed", seed, threads=threads).returncode, SUCCESS)
-            files.append(path.read_bytes())
-        self.assertEqual(files[0], files[1])
 class Outputs(CommandTest):
     def test_no_output_replaces_an_input_or_another_output(self):
         sweep, field = self.folder / "me.igs.mha", self.folder / "me.vtp"
@@ -248,6 +248,23 @@ class Outputs(CommandTest):
                 self.assertEqual(len(self.expect(SUCCESS, *arguments)["output"]), 9)
 
 
+class Phantom(CommandTest):
+    def test_json_and_file(self):
+        out = self.folder / "p.igs.mha"
+        answer = self.expect(SUCCESS, "phantom", "-o", out, *PHANTOM)
+        self.assertEqual((answer["frames"], answer["width"], answer["height"]), (9, 48, 40))
+        header, pixels, _ = read_sequence(out)
+        self.assertEqual(len(pixels), 9 * 48 * 40)
+        self.assertIn("Seq_Frame0008_ImageToReferenceTransform", header)
+        self.assertGreater(max(pixels), 100)
+
+    def test_seed_and_threads(self):
+        files = []
+        for name, seed, threads in (("a", 1, 1), ("b", 1, 2), ("c", 2, 2)):
+            path = self.folder / f"{name}.mha"
+            self.assertEqual(run("phantom", "-o", path, *PHANTOM, "--seed", seed, threads=threads).returncode, SUCCESS)
+            files.append(path.read_bytes())
+        self.assertEqual(files[0], files[1])
         self.assertNotEqual(files[0], files[2])
 
     def test_truth_at_the_sweeps_own_planes_is_the_sweep(self):
@@ -296,6 +313,12 @@ class Info(CommandTest):
         self.assertEqual(answer["rejected"][0]["frames"], 9)
         self.expect(BAD_INPUT, "train", none, "-o", self.folder / "x.vtp")
 
+    def test_without_a_chain_frames_are_not_called_bad(self):
+        self.expect(BAD_INPUT, "info", self.sweep, "--image-to", "Moon", says="Moon")
+        text = run("info", self.sweep, "--image-to", "Moon").stdout
+        self.assertNotIn("0 usable", text)
+        self.assertRegex(text, "Chain used +none: .* from Image to Moon")
+
     def test_field(self):
         answer = self.expect(SUCCESS, "info", self.field)
         self.assertEqual(answer["kind"], "field")
@@ -310,15 +333,19 @@ class Info(CommandTest):
         self.assertIn("cpu", names)
         self.assertIn("reference", names)
 
+    def test_truncated_pixels(self):
+        data = self.sweep.read_bytes()
+        self.assertIn(b"CompressedDataSize", data)
+        cut = self.folder / "cut.igs.mha"
+        cut.write_bytes(data[:-10])
+        self.expect(BAD_INPUT, "info", cut, says="truncated")
+        out = self.folder / "x.igs.mha"
+        self.expect(BAD_INPUT, "slice", self.field, "--poses", cut, "-o", out, says="truncated")
+        self.assertFalse(out.exists())
+
     def test_bad_files(self):
         self.expect(BAD_INPUT, "info", self.folder / "absent.mha", says="absent.mha")
         self.expect(BAD_INPUT, "info", self.folder, says="folder")
-    def test_without_a_chain_frames_are_not_called_bad(self):
-        self.expect(BAD_INPUT, "info", self.sweep, "--image-to", "Moon", says="Moon")
-        text = run("info", self.sweep, "--image-to", "Moon").stdout
-        self.assertNotIn("0 usable", text)
-        self.assertRegex(text, "Chain used +none: .* from Image to Moon")
-
         empty = self.folder / "empty.mha"
         empty.write_bytes(b"")
         self.expect(BAD_INPUT, "info", empty, says="empty.mha")
@@ -556,6 +583,24 @@ class Slice(CommandTest):
         self.assertEqual(sorted(os.listdir(self.folder)), names)
         self.assertEqual([pathlib.Path(name).name for name in answer["output"]], names)
 
+    def test_rejected_planes_are_told_and_not_counted(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        some = self.folder / "some.mha"
+        write_sequence(some, header.replace("Seq_Frame0003_ImageToReferenceTransformStatus = OK",
+                                            "Seq_Frame0003_ImageToReferenceTransformStatus = INVALID"), pixels)
+        out = self.folder / "s.png"
+        slicing = ["slice", self.field, "--poses", some, "--frames", "2-3", "-o", out]
+        answer = self.expect(SUCCESS, *slicing)
+        self.assertEqual((answer["slices"], answer["rejected"]), (2, 1))
+        self.assertEqual([pathlib.Path(name).name for name in answer["output"]], ["s_002.png", "s_003.png"])
+        self.assertRegex(run(*slicing).stderr, r"some.mha: 1 of 9 frames rejected: .*frame 3")
+        # Usable frame 3 is frame 4 of the file.
+        whole = self.folder / "w.png"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 4, "-o", whole)
+        self.assertEqual(read_png(self.folder / "s_003.png"), read_png(whole))
+        self.assertEqual(self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o",
+                                     self.folder / "all.mha")["rejected"], 0)
+
     def test_nrrd_reads_back(self):
         mha, nrrd = self.folder / "s.mha", self.folder / "s.nrrd"
         self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", mha)
@@ -583,24 +628,6 @@ class Slice(CommandTest):
     def test_planes_from_csv(self):
         plane = self.poses_csv(IDENTITY)
         self.expect(BAD_INPUT, "slice", self.field, "--poses", plane, "-o", self.folder / "x.png", says="--size")
-    def test_rejected_planes_are_told_and_not_counted(self):
-        header, pixels, _ = read_sequence(self.sweep)
-        some = self.folder / "some.mha"
-        write_sequence(some, header.replace("Seq_Frame0003_ImageToReferenceTransformStatus = OK",
-                                            "Seq_Frame0003_ImageToReferenceTransformStatus = INVALID"), pixels)
-        out = self.folder / "s.png"
-        slicing = ["slice", self.field, "--poses", some, "--frames", "2-3", "-o", out]
-        answer = self.expect(SUCCESS, *slicing)
-        self.assertEqual((answer["slices"], answer["rejected"]), (2, 1))
-        self.assertEqual([pathlib.Path(name).name for name in answer["output"]], ["s_002.png", "s_003.png"])
-        self.assertRegex(run(*slicing).stderr, r"some.mha: 1 of 9 frames rejected: .*frame 3")
-        # Usable frame 3 is frame 4 of the file.
-        whole = self.folder / "w.png"
-        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 4, "-o", whole)
-        self.assertEqual(read_png(self.folder / "s_003.png"), read_png(whole))
-        self.assertEqual(self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o",
-                                     self.folder / "all.mha")["rejected"], 0)
-
         answer = self.expect(SUCCESS, "slice", self.field, "--poses", plane, "--size", 30, 20, "-o",
                              self.folder / "x.png")
         self.assertEqual((answer["width"], answer["height"]), (30, 20))
@@ -702,10 +729,10 @@ class Voxelize(CommandTest):
             answers[ending] = self.expect(SUCCESS, "voxelize", self.field, "-o", path, "--spacing", 1.5)
             self.assertEqual(answers[ending]["spacing"], [1.5, 1.5, 1.5])
         self.assertEqual(answers["mha"]["size"], answers["vti"]["size"])
-        for ending in ("nrrd", "vti"):
-            self.assertIsNone(self.expect(SUCCESS, "metrics", self.folder / f"v.{ending}",
-                                          self.folder / "v.mha")["psnr"], "equal")
+        self.assertIsNone(self.expect(SUCCESS, "metrics", self.folder / "v.nrrd",
+                                      self.folder / "v.mha")["psnr"], "equal")
         header, pixels, _ = read_sequence(self.folder / "v.mha")
+        self.assertEqual(read_vti(self.folder / "v.vti"), pixels)
         nx, ny, nz = answers["mha"]["size"]
         self.assertIn(f"DimSize = {nx} {ny} {nz}\n", header)
         self.assertEqual(len(pixels), nx * ny * nz)
@@ -739,6 +766,7 @@ class Metrics(CommandTest):
         self.assertIsNone(answer["psnr"], "infinity is null in JSON")
         self.assertAlmostEqual(answer["ssim"], 1, places=6)
         self.assertAlmostEqual(answer["bfs"], 1, places=6)
+        self.assertIn("PSNR  infinite", run("metrics", self.sweep, self.sweep).stdout)
 
     def test_errors(self):
         other = self.folder / "other.mha"
@@ -751,6 +779,47 @@ class Metrics(CommandTest):
         small = self.folder / "small.mha"
         self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--size", 8, 8, "-o", small)
         self.expect(BAD_INPUT, "metrics", small, small)
+
+    def test_plain_pictures(self):
+        one, png, real = (self.folder / name for name in ("one.mha", "one.png", "real.mha"))
+        for out, extra in ((one, []), (png, []), (real, ["--type", "float"])):
+            self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 3, "-o", out, *extra)
+        self.assertIsNone(self.expect(SUCCESS, "metrics", png, one)["psnr"], "the same pixels, the same way up")
+        self.assertGreater(self.expect(SUCCESS, "metrics", real, png)["psnr"], 50, "rounded to bytes")
+
+    def test_hostile_files(self):
+        volume, nrrd, png = (self.folder / name for name in ("v.mha", "v.nrrd", "v.png"))
+        self.expect(SUCCESS, "voxelize", self.field, "-o", volume, "--spacing", 1.5)
+        self.expect(SUCCESS, "voxelize", self.field, "-o", nrrd, "--spacing", 1.5)
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 3, "-o", png)
+        bad = self.folder / "bad"
+        bad.mkdir()
+
+        def refused(name, data, says):
+            (bad / name).write_bytes(data)
+            for arguments in ((bad / name, volume), (volume, bad / name)):
+                answer = self.expect(BAD_INPUT, "metrics", *arguments, says=says)
+                self.assertIn(name, answer["error"])
+                self.assertEqual(len(answer["error"].splitlines()), 1, answer["error"])
+
+        for path in (volume, nrrd, png):
+            whole = path.read_bytes()
+            refused("empty" + path.suffix, b"", "the file is empty")
+            for length in (4, 20, 40, len(whole) // 2, len(whole) - 1):
+                refused("cut" + path.suffix, whole[:length], "")
+        header, pixels, _ = read_sequence(volume)
+        for name, field, value, says in (
+                ("huge.mha", "DimSize", "60000 60000 60000", "60000"),
+                ("claims.mha", "DimSize", "30000 30000 30000", "bytes"),
+                ("escape.mha", "ElementDataFile", "../../etc/passwd", "../../etc/passwd"),
+                ("absolute.mha", "ElementDataFile", "/etc/passwd", "/etc/passwd")):
+            refused(name, re.sub(f"{field} = .*", f"{field} = {value}", header).encode() + pixels, says)
+        text = nrrd.read_bytes()
+        refused("huge.nrrd", re.sub(rb"sizes: .*", b"sizes: 60000 60000 60000", text), "60000")
+        refused("escape.nrrd", text.replace(b"\n\n", b"\ndata file: ../v.mha\n\n", 1), "../v.mha")
+        refused("huge.png", png.read_bytes()[:16] + struct.pack(">II", 60000, 60000) + png.read_bytes()[24:], "60000")
+        refused("v.vti", b'<?xml version="1.0"?><VTKFile type="ImageData"><ImageData WholeExtent="0 9999 0 9999 0 9999"/>'
+                         b"</VTKFile>", "neither")
 
 
 class Convert(CommandTest):
@@ -766,7 +835,6 @@ class Convert(CommandTest):
 
     def test_sequence(self):
         nrrd, mha = self.folder / "s.nrrd", self.folder / "s.igs.mha"
-        self.assertIn("PSNR  infinite", run("metrics", self.sweep, self.sweep).stdout)
         self.expect(SUCCESS, "convert", self.sweep, nrrd)
         self.assertEqual(self.expect(SUCCESS, "convert", nrrd, mha)["frames"], 9)
         self.assertEqual(read_sequence(mha)[1], read_sequence(self.sweep)[1])
