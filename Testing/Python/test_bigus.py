@@ -1,10 +1,14 @@
 """The Python package as its users see it: numpy in, numpy out, errors as exceptions, nothing printed."""
 
+import ast
 import math
 import os
+import pathlib
+import re
 import subprocess
 import sys
 import tempfile
+import textwrap
 import unittest
 
 import numpy as np
@@ -203,6 +207,15 @@ class Reslice(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, r"size=\(width, height\)"):
             bigus.reslice(make_field(np.empty((0, 3)), np.empty((0, 3)), np.empty(0)), pose())
 
+    def test_bad_spacings_are_named(self):
+        for spacing in (0, -1, math.nan, math.inf, (0.2, 0)):
+            with self.subTest(spacing), self.assertRaisesRegex(ValueError, "spacing must be positive"):
+                bigus.reslice(two_blobs(), pose(), (4, 4), spacing=spacing)
+
+    def test_only_fields_are_resliced(self):
+        with self.assertRaisesRegex(TypeError, r"field \(vtkPolyData\), not vtkImageData"):
+            bigus.reslice(small_sweep(), pose(), (4, 4))
+
     def test_a_broken_field_is_an_exception(self):
         field = two_blobs()
         field.GetPointData().RemoveArray("Scale")
@@ -255,6 +268,11 @@ class Train(unittest.TestCase):
     def test_bad_input_is_an_exception(self):
         with self.assertRaisesRegex(RuntimeError, "ImageToReference"):
             bigus.train(bigus.image(np.ones((3, 16, 16), np.uint8)))
+        for wrong, kind in ((None, "NoneType"), (two_blobs(), "vtkPolyData")):
+            with self.assertRaisesRegex(TypeError, rf"sweep \(vtkImageData\), not {kind}"):
+                bigus.train(wrong)
+        with self.assertRaisesRegex(TypeError, r"field as start \(vtkPolyData\), not vtkImageData"):
+            bigus.train(small_sweep(), start=small_sweep())
         with self.assertRaisesRegex(RuntimeError, "(?i)hold"):
             bigus.train(small_sweep(), HoldOut=1)
 
@@ -277,6 +295,24 @@ class Metrics(unittest.TestCase):
     def test_sizes_must_agree(self):
         with self.assertRaises(RuntimeError):
             bigus.metrics(np.zeros((20, 20), np.uint8), np.zeros((20, 21), np.uint8))
+
+
+class Documentation(unittest.TestCase):
+    def test_the_examples_run_as_they_stand(self):
+        """The Python block of the README and that of the package, with fewer Gaussians, on a small sweep."""
+        readme = (pathlib.Path(__file__).resolve().parents[2] / "README.md").read_text()
+        blocks = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+        self.assertEqual(len(blocks), 1)
+        indented = re.search(r"::\n\n((?:(?:    .*)?\n)+)", bigus.__doc__).group(1)
+        for block in (blocks[0], textwrap.dedent(indented)):
+            bounded, replaced = re.subn(r"NumberOfGaussians=\d+", "NumberOfGaussians=300", block)
+            self.assertEqual(replaced, 1)
+            with self.subTest(block), tempfile.TemporaryDirectory() as folder:
+                bigus.write(small_sweep(), os.path.join(folder, "sweep.igs.mha"))
+                script = subprocess.run(
+                    [sys.executable, "-c", bounded], cwd=folder, capture_output=True, text=True, timeout=120)
+                self.assertEqual((script.returncode, script.stderr), (0, ""))
+                self.assertGreater(ast.literal_eval(script.stdout)["psnr"], 15)
 
 
 class Package(unittest.TestCase):

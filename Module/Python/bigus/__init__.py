@@ -7,9 +7,10 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
     import bigus
 
     sweep = bigus.read("sweep.igs.mha")
-    field, log = bigus.train(sweep, Gaussians=50000, HoldOut=8)
-    image = bigus.reslice(field, bigus.poses(sweep)[4])
-    print(bigus.metrics(image, bigus.frames(sweep)[4]))
+    field, log = bigus.train(sweep, NumberOfGaussians=50000, HoldOut=8)
+    frames = bigus.frames(sweep)
+    image = bigus.reslice(field, bigus.poses(sweep)[4], size=frames.shape[:0:-1])
+    print(bigus.metrics(image, frames[4]))
 
 Sweeps are vtkImageData, fields vtkPolyData, and the classes (vtkBigusTrainer, vtkBigusReslice, ...) are ordinary VTK
 classes, so everything mixes with any VTK pipeline. Lengths are millimetres, intensities lie in [0, 1] (0 to 255 in

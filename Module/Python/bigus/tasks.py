@@ -25,6 +25,11 @@ from .vtkBigusIO import (
 FIELD_EXTENSIONS = (".vtp", ".ply")
 
 
+def _require(data: Any, kind: type, task: str, noun: str) -> None:
+    if not isinstance(data, kind):
+        raise TypeError(f"{task} takes a {noun} ({kind.__name__}), not {type(data).__name__}")
+
+
 def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData, vtkPolyData]:
     """Reads a field (.vtp, .ply: vtkPolyData) or else a tracked sweep (vtkImageData).
 
@@ -63,6 +68,9 @@ def train(
     progress(fraction, text) is called now and then; when it returns False training stops there and gives the best
     field so far. start is a field to continue from. properties are those of vtkBigusTrainer by their VTK names.
     """
+    _require(sweep, vtkImageData, "train", "sweep")
+    if start is not None:
+        _require(start, vtkPolyData, "train", "field as start")
     trainer = vtkBigusTrainer()
     trainer.SetInputDataObject(0, sweep)
     if start is not None:
@@ -129,10 +137,13 @@ def reslice(
 
     For many planes of one field, and for the coverage, use a vtkBigusReslice: it uploads the field only once.
     """
+    _require(field, vtkPolyData, "reslice", "field")
     matrix = _matrix(plane).copy()
     if not np.isfinite(matrix).all() or np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])) == 0:
         raise ValueError("the first two columns of the plane's matrix must be finite and span a plane")
     if spacing is not None:
+        if not all(0 < side < np.inf for side in np.ravel(spacing)):
+            raise ValueError(f"the spacing must be positive, not {spacing}")
         matrix[:3, :2] *= np.broadcast_to(spacing, 2) / np.linalg.norm(matrix[:3, :2], axis=0)
     width, height = size if size is not None else _size_of_view(field, matrix)
     if width < 1 or height < 1:
