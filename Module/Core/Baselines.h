@@ -52,7 +52,6 @@ public:
   void Predict(const SlicePlane& plane, float* image) const;
 
   double VoxelSize() const { return voxelSize_; }
-  std::size_t NumberOfVoxels() const { return voxels_.size(); }
 
 private:
   std::size_t Index(int x, int y, int z) const

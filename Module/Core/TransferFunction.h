@@ -18,13 +18,6 @@ struct TransferFunction
     return -std::expm1(-static_cast<Real>(gamma) * std::max(s, Real(0)));
   }
 
-  /// dI/dS. At S <= 0 the true derivative is 0; see Loss for what training uses there.
-  template <class Real>
-  Real Derivative(Real s) const
-  {
-    return s > Real(0) ? static_cast<Real>(gamma) * std::exp(-static_cast<Real>(gamma) * s) : Real(0);
-  }
-
   /// S for a given I; I is clamped to [0, 1 - 1/510], half a grey level below white, to stay finite.
   template <class Real>
   Real Scattering(Real intensity) const

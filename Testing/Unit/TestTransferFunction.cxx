@@ -48,19 +48,6 @@ TEST(TransferFunction, RisesWithScattering)
   }
 }
 
-TEST(TransferFunction, DerivativeIsThatOfIntensity)
-{
-  const TransferFunction transfer{1.3};
-  for (double s : {0.01, 0.2, 1.0, 4.0})
-  {
-    const double step = 1e-5;
-    const double slope = (transfer.Intensity(s + step) - transfer.Intensity(s - step)) / (2 * step);
-    EXPECT_NEAR(transfer.Derivative(s), slope, 1e-9);
-  }
-  EXPECT_EQ(transfer.Derivative(0.0), 0);
-  EXPECT_EQ(transfer.Derivative(-3.0), 0);
-}
-
 TEST(TransferFunction, ScatteringInvertsIntensity)
 {
   for (double gamma : {0.05, 0.7, 2.0})
