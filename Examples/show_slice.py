@@ -6,6 +6,8 @@
 With --screenshot the picture is drawn off screen and written instead; this still needs an X server (VTK of Debian 12).
 """
 import argparse
+import os
+import sys
 
 import numpy as np
 import vtkmodules.vtkInteractionStyle  # noqa: F401  the window's mouse
@@ -42,6 +44,8 @@ def main():
     parser.add_argument("--frame", type=int, help="start at this frame's pose; default: the middle one")
     parser.add_argument("--screenshot")
     options = parser.parse_args()
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        sys.exit("show_slice.py: no X server (DISPLAY is not set); without a screen, run it under xvfb-run.")
 
     sweep = bigus.read(options.sweep)
     count, height, width = bigus.frames(sweep).shape

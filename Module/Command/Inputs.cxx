@@ -143,30 +143,6 @@ SlicePlane Adapted(SlicePlane plane, const PlaneOptions& options)
   return plane;
 }
 
-/// How many frames of a sequence were rejected, said on stderr, too. Markups have none; a CSV is asked as far
-/// as it names images, for only a sequence tells.
-int CountRejected(const PlaneOptions& options, Console& console)
-{
-  SequenceOptions sequence;
-  sequence.path = options.poses;
-  sequence.chain = options.chain;
-  const auto reader = NewSequenceReader(sequence);
-  if (!reader->CanReadFile(options.poses.c_str()))
-  {
-    return 0;
-  }
-  try
-  {
-    UpdateInformation(reader);
-  }
-  catch (const Error&)  // no images
-  {
-    return 0;
-  }
-  NoteRejected(reader, options.poses, console);
-  return reader->GetNumberOfRejectedFrames();
-}
-
 }  // namespace
 
 std::string FileName(const std::string& path)
@@ -360,7 +336,11 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
     throw Error(options.poses + " holds no plane.");
   }
   Planes result;
-  result.rejected = CountRejected(options, console);
+  result.rejected = reader->GetNumberOfRejectedPoses();
+  if (result.rejected > 0)
+  {
+    console.Note(options.poses + ": " + reader->GetRejectionSummary());
+  }
   std::size_t pixels = 0;
   for (const int i : chosen)
   {

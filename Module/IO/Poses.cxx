@@ -221,7 +221,9 @@ std::string Listed(const std::vector<std::string>& names)
   {
     text += (i ? ", " : "") + names[i];
   }
-  return names.empty() ? "none" : names.size() > most ? text + ", ..." : text;
+  return names.empty()        ? "none"
+         : names.size() > most ? text + " and " + std::to_string(names.size() - most) + " more"
+                               : text;
 }
 
 const std::string* Find(const Fields& fields, const std::string& name)

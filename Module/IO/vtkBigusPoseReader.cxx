@@ -35,16 +35,20 @@ struct Plane
   double timestamp;
 };
 
-std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::PoseOptions& options)
+/// `rejections` gets the sentence on those left out.
+std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::PoseOptions& options,
+                                    int& rejected, std::string& rejections)
 {
   bigus::ImageOptions images;
   images.wanted = false;
   const bigus::SequenceFile file = bigus::ReadSequenceFile(fileName, images);
   bigus::PoseTable table;
   bigus::ResolvePoses(file, options, table);
+  rejections = table.RejectionSummary();
   std::vector<Plane> planes;
   for (std::size_t i = 0; i < table.frames.size(); ++i)
   {
+    rejected += table.frames[i].accepted ? 0 : 1;
     if (table.frames[i].accepted)
     {
       const int width = file.sizes.empty() ? file.width : file.sizes[i][0];
@@ -55,7 +59,7 @@ std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::Po
   }
   if (planes.empty())
   {
-    throw bigus::FormatError(fileName + ": no pose is left: " + table.RejectionSummary());
+    throw bigus::FormatError(fileName + ": no pose is left: " + rejections);
   }
   return planes;
 }
@@ -107,6 +111,8 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**,
   vtkTable* const output = vtkTable::GetData(outputVector, 0);
   output->Initialize();
   this->SetErrorCode(vtkErrorCode::NoError);
+  this->NumberOfRejectedPoses = 0;
+  this->RejectionSummary.clear();
   try
   {
     if (!this->FileName || !*this->FileName)
@@ -123,7 +129,7 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**,
     options.allowReflectedPoses = this->AllowReflectedPoses != 0;
     const std::vector<Plane> planes =
         json ? PlanesOfMarkups(this->FileName, this->PixelSpacing, this->WorldCoordinateSystem == LPS)
-             : PlanesOfSequence(this->FileName, options);
+             : PlanesOfSequence(this->FileName, options, this->NumberOfRejectedPoses, this->RejectionSummary);
 
     const auto count = static_cast<vtkIdType>(planes.size());
     vtkNew<vtkDoubleArray> imageToReference;
@@ -184,4 +190,6 @@ void vtkBigusPoseReader::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
   os << indent << "PixelSpacing: " << this->PixelSpacing << "\n";
   os << indent << "WorldCoordinateSystem: " << (this->WorldCoordinateSystem == LPS ? "LPS" : "RAS") << "\n";
+  os << indent << "NumberOfRejectedPoses: " << this->NumberOfRejectedPoses << "\n";
+  os << indent << "RejectionSummary: " << this->RejectionSummary << "\n";
 }

@@ -24,6 +24,8 @@
 #ifndef vtkBigusPoseReader_h
 #define vtkBigusPoseReader_h
 
+#include <string>
+
 #include "vtkBigusIOModule.h"
 #include "vtkTableAlgorithm.h"
 
@@ -85,6 +87,15 @@ public:
   void SetWorldCoordinateSystemToLPS() { this->SetWorldCoordinateSystem(LPS); }
   ///@}
 
+  ///@{
+  /**
+   * After an update: how many poses of the file were rejected, and which and why, in a sentence; 0 and an
+   * empty text when none was. Markups are never rejected one by one.
+   */
+  vtkGetMacro(NumberOfRejectedPoses, int);
+  const char* GetRejectionSummary() const { return this->RejectionSummary.c_str(); }
+  ///@}
+
 protected:
   vtkBigusPoseReader();
   ~vtkBigusPoseReader() override;
@@ -99,10 +110,13 @@ protected:
   vtkTypeBool AllowReflectedPoses;
   double PixelSpacing;
   int WorldCoordinateSystem;
+  int NumberOfRejectedPoses = 0;
 
 private:
   vtkBigusPoseReader(const vtkBigusPoseReader&) = delete;
   void operator=(const vtkBigusPoseReader&) = delete;
+
+  std::string RejectionSummary;
 };
 
 #endif

@@ -601,6 +601,14 @@ class Slice(CommandTest):
         self.assertEqual(self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o",
                                      self.folder / "all.mha")["rejected"], 0)
 
+    def test_rejected_rows_of_a_csv_are_told(self):
+        bad = ["nan", *IDENTITY[1:]]
+        slicing = ["slice", self.field, "--poses", self.poses_csv(IDENTITY, bad), "--size", 30, 20,
+                   "-o", self.folder / "s.png"]
+        answer = self.expect(SUCCESS, *slicing)
+        self.assertEqual((answer["slices"], answer["rejected"]), (1, 1))
+        self.assertRegex(run(*slicing).stderr, "1 of 2 frames rejected: .*frame 1")
+
     def test_nrrd_reads_back(self):
         mha, nrrd = self.folder / "s.mha", self.folder / "s.nrrd"
         self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", mha)

@@ -66,6 +66,24 @@ TEST(Poses, OfACsv)
   EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 640);
   EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 1), 480);
   EXPECT_EQ(Column(reader, "Timestamp"), nullptr);
+  EXPECT_EQ(reader->GetNumberOfRejectedPoses(), 0);
+  EXPECT_STREQ(reader->GetRejectionSummary(), "");
+}
+
+TEST(Poses, TellWhichWereRejected)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "poses.csv",
+             "m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23\n"
+             "1,0,0,0,0,1,0,0,0,0,1,0\n"
+             "nan,0,0,0,0,1,0,0,0,0,1,0\n"
+             "1,0,0,0,0,1,0,0,0,0,1,5\n");
+  vtkNew<vtkBigusPoseReader> reader;
+  Read(reader, folder / "poses.csv");
+  ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 2);
+  EXPECT_EQ(reader->GetNumberOfRejectedPoses(), 1);
+  EXPECT_NE(std::string(reader->GetRejectionSummary()).find("(frame 1)"), std::string::npos)
+      << reader->GetRejectionSummary();
 }
 
 // The plane's centre (1, 2, 3) LPS, columns along x, rows along z.
