@@ -140,7 +140,7 @@ public:
 
   ///@{
   /**
-   * Seconds of training, 0 (default) for no limit. The schedule of learning rates is fitted to it.
+   * Seconds, seeding included, 0 (default) for no limit. The schedule of learning rates is fitted to it.
    */
   vtkSetMacro(TimeLimit, double);
   vtkGetMacro(TimeLimit, double);

@@ -33,7 +33,7 @@ struct TrainerOptions
   /// Optimizer steps, 0 (seeding only) to 10^7; default: 120 passes over the frames trained on, 60 when
   /// sparse, at least 200.
   std::optional<int> iterations;
-  double timeLimit = 0;  ///< seconds of training, 0 = none; the rate schedule is fitted to it
+  double timeLimit = 0;  ///< seconds, seeding and solve included, 0 = none; the rate schedule is fitted to it
   int batch = 8;         ///< frames a step, 1 to 4096
   std::uint64_t seed = 1;
   LossKind loss = LossKind::L1;
