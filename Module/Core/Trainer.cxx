@@ -136,6 +136,34 @@ void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<i
   }
 }
 
+/// Refuses what no field can be seeded from: a single plane says nothing about space, equal pixels nothing at
+/// all.
+void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
+{
+  if (frames.size() < 2)
+  {
+    throw Error(
+        "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field "
+        "that "
+        "exists already can be continued with one.)");
+  }
+  std::vector<float> image(sweep.PixelsPerFrame());
+  sweep.CopyFrame(frames[0], image.data());
+  const float level = image[0];
+  for (int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    if (std::any_of(image.begin(), image.end(), [level](float value) { return value != level; }))
+    {
+      return;
+    }
+  }
+  throw Error("Trainer: " +
+              (level == 0 ? std::string("all frames are black")
+                          : "every pixel of all frames is " + std::to_string(level) + " (of 1)") +
+              ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
+}
+
 }  // namespace
 
 void TrainerOptions::Validate() const
@@ -209,6 +237,10 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
                 std::to_string(sweep->NumberOfFrames()) + " frames is left to train on.");
   }
   const std::vector<int>& frames = result.trainingFrames;
+  if (!start)
+  {
+    RequireSomethingToLearn(*sweep, frames);
+  }
   const SweepGeometry geometry = MeasureGeometry(*sweep, frames);
 
   TrainingProgress report;

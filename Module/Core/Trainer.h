@@ -93,7 +93,7 @@ struct TrainingResult
 
 /// `progress` (may be empty) is called at least every 100 ms or once an iteration; returning false stops
 /// training and keeps the best field so far. `start` (may be null) is a field to continue from instead of
-/// seeding.
+/// seeding; without one, fewer than two frames to train on or frames of equal pixels throughout are an Error.
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
                      const GaussianField* start = nullptr,
                      const std::function<bool(const TrainingProgress&)>& progress = {});

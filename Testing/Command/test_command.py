@@ -508,13 +508,14 @@ class Train(CommandTest):
         lines = [line for line in header.splitlines(keepends=True) if not re.match(r"Seq_Frame000[1-8]_", line)]
         write_sequence(one, "".join(lines).replace("DimSize = 48 40 9", "DimSize = 48 40 1"), pixels[:frame])
         self.assertEqual(self.expect(SUCCESS, "info", one)["frames"], 1)
-        self.expect(SUCCESS, "train", one, "-o", self.folder / "f.vtp", *TINY)
+        self.expect(BAD_INPUT, "train", one, "-o", self.folder / "f.vtp", *TINY, says="one frame")
         self.expect(BAD_INPUT, "train", one, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 2, says="--hold-out 2")
         self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 100,
                     says="--hold-out 100")
         constant = self.folder / "constant.mha"
         write_sequence(constant, header, bytes([90]) * len(pixels))
-        self.expect(SUCCESS, "train", constant, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4)
+        self.expect(BAD_INPUT, "train", constant, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4,
+                    says="nothing to learn")
         self.expect(BAD_INPUT, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4, "--reduce", 4,
                     says="11 x 11")
 

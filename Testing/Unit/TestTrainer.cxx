@@ -165,7 +165,7 @@ TEST(Trainer, ValidationKeepsTheBestFieldAndStopsEarly)
 TEST(Trainer, StepsFollowTheNumberOfFrames)
 {
   auto sweep = bigus::test::BlackSweep(40, 16, 16, 0.4, 0.5);
-  std::fill_n(bigus::test::Pixels(*sweep), 40 * sweep->PixelsPerFrame(), 0.5f);
+  std::fill_n(bigus::test::Pixels(*sweep), 40 * sweep->PixelsPerFrame() - 7, 0.5f);
   TrainerOptions options;
   options.gaussians = 20;
   EXPECT_EQ(bigus::Train(sweep, options).iterations, 600);  // 120 x 40 / 8
@@ -197,23 +197,47 @@ TEST(Trainer, DensificationGrowsUpToTheCap)
   EXPECT_LE(result.field.Size(), 900u);
 }
 
-TEST(Trainer, OneFrameTrains)
+/// What Train says when it refuses.
+std::string Refusal(const std::shared_ptr<bigus::Sweep>& sweep, const TrainerOptions& options)
 {
-  auto sweep = bigus::test::BlackSweep(1, 32, 32, 0.4, 1);
-  for (int p = 0; p < 32 * 32; ++p)
+  try
   {
-    bigus::test::Pixels(*sweep)[p] = 0.3f + 0.2f * std::sin(0.3f * (p % 32)) * std::cos(0.2f * (p / 32));
+    bigus::Train(sweep, options);
+    return "";
   }
-  TrainerOptions options = Small();
-  options.holdOut = 0;
-  const bigus::TrainingResult result = bigus::Train(sweep, options);
-  EXPECT_GT(HeldOutPsnr(result.field, *sweep, {0}), 30);
+  catch (const bigus::Error& error)
+  {
+    return error.what();
+  }
 }
 
-TEST(Trainer, ConstantFramesTrain)
+TEST(Trainer, OneFrameContinuesAFieldButMakesNone)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  const auto one = std::make_shared<bigus::Sweep>(sweep->Subset({12}));
+  TrainerOptions options = Small();
+  options.holdOut = 0;
+  EXPECT_NE(Refusal(one, options).find("one frame"), std::string::npos);
+
+  options.holdOut = 4;
+  const bigus::GaussianField field = bigus::Train(sweep, options).field;
+  options.holdOut = 0;
+  const bigus::GaussianField continued = bigus::Train(one, options, &field).field;
+  EXPECT_GT(HeldOutPsnr(continued, *one, {0}), HeldOutPsnr(field, *one, {0}) + 1);
+}
+
+TEST(Trainer, ConstantFramesTeachNothing)
 {
   auto sweep = bigus::test::BlackSweep(8, 32, 32, 0.4, 0.5);
-  std::fill_n(bigus::test::Pixels(*sweep), 8 * sweep->PixelsPerFrame(), 1.0f);  // saturated
+  EXPECT_NE(Refusal(sweep, Small()).find("black"), std::string::npos);
+  std::fill_n(bigus::test::Pixels(*sweep), 8 * sweep->PixelsPerFrame(), 1.0f);
+  EXPECT_NE(Refusal(sweep, Small()).find("nothing to learn"), std::string::npos);
+}
+
+TEST(Trainer, SaturatedFramesTrain)
+{
+  auto sweep = bigus::test::BlackSweep(8, 32, 32, 0.4, 0.5);
+  std::fill_n(bigus::test::Pixels(*sweep), 8 * sweep->PixelsPerFrame() - 7, 1.0f);
   const bigus::TrainingResult result = bigus::Train(sweep, Small());
   result.field.Validate();
 }
