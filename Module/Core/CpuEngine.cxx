@@ -149,7 +149,7 @@ public:
             for (std::size_t k = 0; k < visible.size(); ++k)
             {
               const std::uint32_t i = visible[k].gaussian;
-              // Projecting again costs less than carrying 25 floats a splat through memory.
+              // Projected again rather than carrying 25 floats a splat through memory.
               const Projection<float> projection = Project(gaussians_[i], views_[f]);
               const GaussianGradient<float> g = ProjectAdjoint(gaussians_[i], projection, moments[k]);
               AddTo(gradient_[i], g);
