@@ -225,8 +225,7 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
     field_.beam.elevationSigma = trainedSigma;
     uploadedSigma_ = sigma;
   }
-  // |dI/dS| <= gamma turns the bound on I into one on S.
-  engine_->SetTruncation({settings.tolerance / field_.transfer.gamma});
+  engine_->SetAccuracy({settings.tolerance});
 }
 
 bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6],

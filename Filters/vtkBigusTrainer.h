@@ -200,8 +200,8 @@ public:
 
   ///@{
   /**
-   * The part of one Gaussian that may be left out of a pixel's scattering S during training, 0 to 1, default
-   * 1e-3.
+   * How much cutting off one Gaussian's footprint may change a pixel's intensity during training, 0 to 1, default
+   * 1e-4.
    */
   vtkSetMacro(Tolerance, double);
   vtkGetMacro(Tolerance, double);
@@ -374,7 +374,7 @@ protected:
   int Loss = L1;
   vtkTypeBool SignedReflectivity = 1;
   vtkTypeBool IgnoreMasked = 0;
-  double Tolerance = 1e-3;
+  double Tolerance = 1e-4;
   double MeanRate = 0.6;
   double ShapeRate = 0.08;
   double ReflectivityRate = 0.15;

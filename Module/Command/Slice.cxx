@@ -60,7 +60,7 @@ ExitCode Slice(Console& console, Options& options)
   const Planes planes = ReadPlanes(options.planes, console);
   const int count = static_cast<int>(planes.planes.size());
 
-  engine->SetTruncation({1e-4 / field.transfer.gamma, false});  // on intensity: a fortieth of a grey level
+  engine->SetAccuracy({1e-4});  // on intensity: a fortieth of a grey level
   engine->SetField(field);
 
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);

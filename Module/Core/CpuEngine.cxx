@@ -63,7 +63,7 @@ public:
 
   GaussianField GetField() const override { return UnpackField(gaussians_, origin_, beam_, transfer_); }
   std::size_t FieldSize() const override { return gaussians_.size(); }
-  void SetTruncation(const Truncation& truncation) override { truncation_ = truncation; }
+  void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
               float* coverage) override
@@ -180,6 +180,17 @@ public:
           }
         });
   }
+
+  double TrainStep(const std::vector<int>& frames, LossKind loss, const LearningRates& rates,
+                   const ParameterLimits& limits) override
+  {
+    const double value = Backpropagate(frames, loss);
+    Step(rates, limits);
+    return value;
+  }
+
+  std::uint64_t GuardedUpdates() const override { return 0; }
+  std::size_t MemoryUse() const override { return 0; }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
                              const std::function<bool(double)>& progress) override
@@ -329,8 +340,8 @@ private:
   /// it.
   float SplatTolerance(const View<float>& view) const
   {
-    const float tolerance = static_cast<float>(truncation_.tolerance);
-    if (truncation_.perSplat || tolerance == 0)
+    const float tolerance = static_cast<float>(accuracy_.tolerance / transfer_.gamma);
+    if (accuracy_.perSplat || tolerance == 0)
     {
       return tolerance;
     }
@@ -401,7 +412,7 @@ private:
                 continue;
               }
               s.logAmplitude = std::log(s.splat.amplitude);
-              if (!Clip(window, s))
+              if (!Clip(window, accuracy_.direct, s))
               {
                 continue;
               }
@@ -416,7 +427,7 @@ private:
   /// Bounds the ellipse |U (p - m)|^2 <= cut by rows and columns of the window; false when nothing is left.
   /// Chooses between recurrence and direct evaluation from the unclipped box, so that the choice is the same
   /// for any window.
-  static bool Clip(const Window& window, VisibleSplat& s)
+  static bool Clip(const Window& window, bool direct, VisibleSplat& s)
   {
     const float k = std::sqrt(s.cut);
     const float halfV = k / s.splat.u22;
@@ -441,7 +452,7 @@ private:
     const float lowest = s.logAmplitude - 0.5f * (largest * largest + s.cut);
     const float steepest = std::abs(s.splat.u12) * largest + s.splat.u22 * k + 0.5f * curvature;
     // !(a && b) rather than its inverse, so that a NaN chooses direct.
-    s.direct = !(lowest > kLowestExponent && steepest < -kLowestExponent);
+    s.direct = direct || !(lowest > kLowestExponent && steepest < -kLowestExponent);
     s.rowFactor = s.direct ? 0.0f : std::exp(-curvature);
     return s.columnBegin < s.columnEnd && s.rowBegin < s.rowEnd;
   }
@@ -464,7 +475,7 @@ private:
       views_.push_back(MakeView<float>(sweep_->Plane(frame), beam_, origin_));
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(views_, {0, 0, width, height}, multiplier, given, static_cast<float>(truncation_.tolerance));
+    FindVisible(views_, {0, 0, width, height}, multiplier, given, static_cast<float>(accuracy_.tolerance / transfer_.gamma));
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.assign(frames.size() * stride * height, 0.0f);
     const int bands = (height + kBand - 1) / kBand;
@@ -522,7 +533,7 @@ private:
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
   Beam beam_;
   TransferFunction transfer_;
-  Truncation truncation_;
+  Accuracy accuracy_;
   std::shared_ptr<const Sweep> sweep_;
   bool ignoreMasked_ = false;
   std::size_t countedPixels_ = 0;

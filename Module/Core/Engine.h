@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -44,16 +45,20 @@ struct ParameterLimits
   bool positiveReflectivity = false;  ///< clamp r at 0 (the ablation of signed reflectivity)
 };
 
-/// How much of each Gaussian is evaluated: the knob of speed against error. Footprints end where a
-/// contribution |r| w to S falls below a bound that follows from `tolerance`; 0 evaluates everything. The
-/// reference engine always evaluates everything.
-struct Truncation
+/// How exactly footprints are evaluated: the knob of speed against error. The reference engine always
+/// evaluates everything.
+struct Accuracy
 {
-  double tolerance = 1e-4;  ///< on S, >= 0. An error of dS in S is an error of at most gamma dS in I.
-  /// false: all that is dropped at any one pixel adds up to at most `tolerance` (guaranteed, float rounding
-  /// apart). true: each splat drops at most `tolerance`; the sum is not bounded, and training is faster for
-  /// it.
+  /// On I, >= 0; 0 leaves nothing out. Since dI = gamma (1 - I) dS, footprints end where what they drop could
+  /// change S by more than their share of tolerance / gamma.
+  double tolerance = 1e-4;
+  /// false: all that is dropped at any one pixel changes I by at most `tolerance`, guaranteed (rounding apart,
+  /// see README.md). true: each splat alone changes it by at most that; the sum is not bounded, and training
+  /// is faster for it.
   bool perSplat = false;
+  /// Compute an exponential for every pixel instead of recurrences along the rows: slower; to measure what
+  /// recurrences cost in exactness.
+  bool direct = false;
 };
 
 /// Numbers a view can hold.
@@ -88,7 +93,7 @@ public:
   virtual GaussianField GetField() const = 0;
   virtual std::size_t FieldSize() const = 0;
 
-  virtual void SetTruncation(const Truncation& truncation) = 0;
+  virtual void SetAccuracy(const Accuracy& accuracy) = 0;
 
   /// Renders plane pixels [firstRow, firstRow + rows) x [firstColumn, firstColumn + columns) of a view.
   struct Window
@@ -113,8 +118,22 @@ public:
   /// accumulate.
   virtual double Backpropagate(const std::vector<int>& frames, LossKind loss) = 0;
 
-  /// One Adam step (beta 0.9, 0.999) along the gradient of the last Backpropagate.
+  /// One Adam step (beta 0.9, 0.999) along the gradient of the last Backpropagate, for the Gaussians that its
+  /// frames saw; all others rest, their averages with them.
   virtual void Step(const LearningRates& rates, const ParameterLimits& limits) = 0;
+
+  /// Backpropagate and Step at once, which spares an engine from storing the gradient: what training calls.
+  /// Afterwards there is no gradient to get or to step along. Returns the loss before the step.
+  virtual double TrainStep(const std::vector<int>& frames, LossKind loss, const LearningRates& rates,
+                           const ParameterLimits& limits) = 0;
+
+  /// How many updates of a Gaussian, since the field was set without parents, met a gradient that was not
+  /// finite or beyond 1e15 and were guarded against it: 0 in any sound training.
+  virtual std::uint64_t GuardedUpdates() const = 0;
+
+  /// Bytes the engine holds: field, optimizer state, scores, what the last step needed. Frames are shared
+  /// with their owner and not counted.
+  virtual std::size_t MemoryUse() const = 0;
 
   /// Weighted least squares for all reflectivities with the geometry fixed (S is linear in r): conjugate
   /// gradients on sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. `progress` (may be

@@ -30,6 +30,7 @@ public:
     if (!parents)
     {
       iteration_ = 0;
+      guarded_ = 0;
     }
     gradient_.assign(field.Size(), {});
     ResetScores();
@@ -37,7 +38,7 @@ public:
 
   GaussianField GetField() const override { return UnpackField(gaussians_, origin_, beam_, transfer_); }
   std::size_t FieldSize() const override { return gaussians_.size(); }
-  void SetTruncation(const Truncation&) override {}  // nothing is ever dropped here
+  void SetAccuracy(const Accuracy&) override {}  // nothing is ever dropped here
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
               float* coverage) override
@@ -126,6 +127,22 @@ public:
     {
       UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step);
     }
+  }
+
+  double TrainStep(const std::vector<int>& frames, LossKind loss, const LearningRates& rates,
+                   const ParameterLimits& limits) override
+  {
+    const double value = Backpropagate(frames, loss);
+    Step(rates, limits);
+    return value;
+  }
+
+  std::uint64_t GuardedUpdates() const override { return guarded_; }
+
+  std::size_t MemoryUse() const override
+  {
+    return gaussians_.capacity() * sizeof(gaussians_[0]) + adam_.capacity() * sizeof(adam_[0]) +
+           gradient_.capacity() * sizeof(gradient_[0]) + scores_.capacity() * sizeof(scores_[0]);
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
@@ -285,6 +302,7 @@ private:
   std::shared_ptr<const Sweep> sweep_;
   bool ignoreMasked_ = false;
   std::int64_t iteration_ = 0;
+  std::uint64_t guarded_ = 0;
 };
 
 }  // namespace

@@ -257,7 +257,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   // The field to begin with.
   const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
   result.device = engine->Device();
-  engine->SetTruncation({options.tolerance, true});
+  engine->SetAccuracy({options.tolerance, true});
   proceed(TrainingProgress::Phase::Seeding, 0.0);
 
   // What the engine trains on: the frames themselves, or a sweep of training frames and virtual planes.
@@ -355,11 +355,11 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
       break;
     }
     const double decay = std::pow(options.finalRate, fraction);
-    lossSum += engine->Backpropagate(batches.Next(), options.loss);
-    ++lossCount;
-    engine->Step(
+    lossSum += engine->TrainStep(
+        batches.Next(), options.loss,
         {rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay},
         limits);
+    ++lossCount;
     result.iterations = iteration;
 
     if (densification.interval > 0 && iteration % densification.interval == 0 &&

@@ -39,7 +39,7 @@ struct TrainerOptions
   LossKind loss = LossKind::L1;
   bool signedReflectivity = true;  ///< false: r >= 0
   bool ignoreMasked = false;       ///< true: pixels never lit do not count in the loss
-  double tolerance = 1e-3;         ///< truncation in training, on S
+  double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
   double meanRate = 0.6;           ///< Adam step for means, pixels
   double shapeRate = 0.08;         ///< Adam step for log-scales and rotation (radian)
   double reflectivityRate = 0.15;  ///< Adam step for r, in units of mean |r|

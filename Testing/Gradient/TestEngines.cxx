@@ -164,7 +164,7 @@ TEST_P(CpuGradientTest, EqualsTheReference)
   for (int e = 0; e < 2; ++e)
   {
     const auto engine = bigus::Engine::Create(names[e]);
-    engine->SetTruncation({GetParam(), true});
+    engine->SetAccuracy({GetParam(), true});
     engine->SetFrames(problem.sweep, false);
     engine->SetField(problem.field);
     losses[e] = engine->Backpropagate({0, 1, 2, 3}, bigus::LossKind::L2);
@@ -206,7 +206,7 @@ TEST(CpuEngine, DropsNoMoreThanTheTolerance)
   engine->SetField(problem.field);
   for (double tolerance : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5})
   {
-    engine->SetTruncation({tolerance / problem.field.transfer.gamma, false});
+    engine->SetAccuracy({tolerance});
     engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
     double worst = 0;
     for (std::size_t i = 0; i < image.size(); ++i)
@@ -301,7 +301,7 @@ TEST(Engine, SolvesForReflectivities)
     }
     auto sweep = bigus::test::RandomSweep(random, planes, 0, 1);
     const auto engine = bigus::Engine::Create(name);
-    engine->SetTruncation({0.0, true});
+    engine->SetAccuracy({0.0, true});
     engine->SetField(field);
     auto pixels = std::make_shared<std::vector<float>>(9 * 24 * 24);
     for (int i = 0; i < 9; ++i)
@@ -316,7 +316,7 @@ TEST(Engine, SolvesForReflectivities)
     }
     engine->SetFrames(sweep, false);
     engine->SetField(blank);
-    engine->SetTruncation({0.0, true});
+    engine->SetAccuracy({0.0, true});
     const double residual = engine->SolveReflectivities({0, 1, 2, 3, 4, 5, 6, 7, 8}, 60);
     EXPECT_LT(residual, 1e-3) << name;
     const bigus::GaussianField solved = engine->GetField();

@@ -19,7 +19,7 @@ std::vector<float> Render(const std::string& engine, const bigus::GaussianField&
 {
   std::vector<float> image(plane.NumberOfPixels());
   const auto renderer = bigus::Engine::Create(engine);
-  renderer->SetTruncation({tolerance});
+  renderer->SetAccuracy({tolerance});
   renderer->SetField(field);
   renderer->Render(plane, bigus::ViewOutput::Scattering, image.data());
   return image;
