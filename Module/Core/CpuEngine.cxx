@@ -1,21 +1,23 @@
-// The CPU engine: float factor form, TBB, slab culling, amplitude-aware truncation, and a backward pass that
-// gathers.
+// The CPU engine, in float and in double: blocks of neighbouring Gaussians, projected only where a plane crosses them,
+// footprints cut by an error bound and evaluated by recurrence, and a backward pass that gathers.
 //
-// Work is cut into fixed chunks of Gaussians and fixed bands of rows, never by the number of threads; a band
-// adds its splats in the order of the Gaussians, a chunk adds its gradients in the order of the frames. So
-// the bits do not depend on how many threads there are, and nothing needs an atomic.
+// Work is cut into blocks of Gaussians and bands of rows. A band adds its splats in the order of the blocks, a block
+// adds its gradients in the order of the frames, and what a pixel gets does not depend on its band. So the bits do not
+// depend on the number of threads, and only counts are atomic. A training step passes over memory three times: blocks
+// to splats, splats to images and their derivatives, and images back to gradients that are spent at once.
 
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
-#include <mutex>
 
 #include "CpuKernels.h"
 #include "Engine.h"
 #include "EngineDetail.h"
+#include "MortonOrder.h"
 #include "Optimizer.h"
 
 namespace bigus
@@ -23,19 +25,53 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t kChunk =
-    1024;                  // Gaussians projected together: enough work for a task, small enough to balance
-constexpr int kBand = 32;  // rows rendered together: a few of them keep every core busy
-constexpr float kNegligible = 1e-37f;  // below this an amplitude would be denormal
-constexpr float kLowestExponent =
-    -85.0f;  // exp(-85) = 1e-37: recurrences stay clear of denormals and of infinity
+constexpr int kBand = 64;   // rows rendered together: few footprints lie in two bands, and a few bands feed every core
+constexpr int kTile = 32;   // pixels; finest grid on which overlapping footprints are counted
+constexpr int kTiles = 128; // coarsest: so many along a side
+constexpr double kSmallestScale = 1e-9, kLargestScale = 1e7;  // mm; beyond, squares leave float's range
 
+/// A plane and beam in double, before they are reduced to a block's own coordinates.
+struct Camera
+{
+  Eigen::Vector3d origin, a, b, n, dualA, dualB;
+  double area, variance;
+
+  Camera(const SlicePlane& plane, const Beam& beam)
+      : origin(plane.origin),
+        a(plane.columnStep),
+        b(plane.rowStep),
+        n(plane.Normal()),
+        dualA(plane.WorldToSlice().row(0)),
+        dualB(plane.WorldToSlice().row(1)),
+        area(plane.columnStep.cross(plane.rowStep).norm()),
+        variance(beam.elevationSigma * beam.elevationSigma)
+  {
+  }
+};
+
+/// Where a block is and how far it reaches, for the tests that spare looking into it.
+struct BlockPlace
+{
+  Eigen::Vector3d centre;        // origin of the block's coordinates, mm
+  Eigen::Vector3d middle, half;  // box of its means, mm
+  double variance;               // largest s^2, mm^2
+  double logMagnitude;           // ln of the largest |r|
+  int count;
+};
+
+/// Half-open ranges of pixels.
+struct PixelBox
+{
+  std::int64_t columnBegin, columnEnd, rowBegin, rowEnd;
+};
+
+template <class T>
 class CpuEngine final : public Engine
 {
 public:
   std::string Device() const override
   {
-    return std::string("CPU (") + SimdName() + ", " +
+    return std::string("CPU (") + (sizeof(T) == 8 ? "double, " : "") + kernels_.instructionSet + ", " +
            std::to_string(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)) +
            " threads)";
   }
@@ -47,22 +83,47 @@ public:
     {
       throw Error("CPU engine: " + std::to_string(field.Size()) + " Gaussians are more than 2^32 - 1.");
     }
-    origin_ = MiddleOf(field);
+    std::vector<std::uint32_t> order = MortonOrder(field.means);
+    const std::size_t blocks = (field.Size() + kBlock - 1) / kBlock;
+    InheritAdam(order, blocks, parents);
+    order_ = std::move(order);
     beam_ = field.beam;
     transfer_ = field.transfer;
-    gaussians_ = PackField<float>(field, origin_);
-    chunks_.assign((gaussians_.size() + kChunk - 1) / kChunk, {});
-    adam_ = InheritState(adam_, parents ? field.Size() : 0, parents);
-    if (!parents)
-    {
-      iteration_ = 0;
-    }
-    gradient_.clear();
-    scores_.clear();
+    blocks_.assign(blocks, {});
+    places_.assign(blocks, {});
+    tbb::parallel_for(std::size_t(0), blocks, [&](std::size_t b) { FillBlock(field, b); });
+    gradient_ = {};
+    scores_ = {};
+    keepScores_ = false;
   }
 
-  GaussianField GetField() const override { return UnpackField(gaussians_, origin_, beam_, transfer_); }
-  std::size_t FieldSize() const override { return gaussians_.size(); }
+  GaussianField GetField() const override
+  {
+    GaussianField field;
+    field.beam = beam_;
+    field.transfer = transfer_;
+    field.Resize(order_.size());
+    tbb::parallel_for(std::size_t(0), order_.size(),
+                      [&](std::size_t slot)
+                      {
+                        const GaussianBlock<T>& g = blocks_[slot / kBlock];
+                        const std::size_t k = slot % kBlock, i = order_[slot];
+                        field.means[i] = places_[slot / kBlock].centre +
+                                         Eigen::Vector3d(g.mean[0][k], g.mean[1][k], g.mean[2][k]);
+                        for (int axis = 0; axis < 3; ++axis)
+                        {
+                          field.scales[i][axis] = std::exp(static_cast<double>(g.logScale[axis][k]));
+                        }
+                        for (int part = 0; part < 4; ++part)
+                        {
+                          field.rotations[i][part] = g.rotation[part][k];
+                        }
+                        field.reflectivities[i] = g.reflectivity[k];
+                      });
+    return field;
+  }
+
+  std::size_t FieldSize() const override { return order_.size(); }
   void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
@@ -70,38 +131,36 @@ public:
   {
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
-    const std::vector<View<float>> views{MakeView<float>(plane, beam_, origin_)};
-    // The tolerance is shared out over the Gaussians that reach the whole plane's slab, whatever the window:
-    // so a window holds the very bits of the whole.
-    const float tolerance = SplatTolerance(views[0]);
-    FindVisible(views, window, Multiplier::Reflectivity, nullptr, tolerance);
+    const std::vector<Camera> cameras{Camera(plane, beam_)};
+    FindVisible(cameras, plane.width, plane.height, window, nullptr);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
     ForBands(1, window.rows,
              [&](int, int begin, int end)
              {
-               std::vector<float> scattering(stride * (end - begin), 0.0f);
-               std::vector<float> support(coverage ? scattering.size() : 0, 0.0f);
-               const int firstRow = window.firstRow + begin;
-               const PixelRows rows{scattering.data(), window.firstColumn, firstRow, stride};
-               const PixelRows supportRows{coverage ? support.data() : nullptr, window.firstColumn, firstRow,
-                                           stride};
-               for (const Chunk& chunk : chunks_)
-               {
-                 AddFootprints(chunk.visible[0].data(), chunk.visible[0].size(), firstRow,
-                               window.firstRow + end, rows, supportRows);
-               }
+               const int firstRow = window.firstRow + begin, lastRow = window.firstRow + end;
+               std::vector<T> buffer(stride * (end - begin), T(0));
+               const PixelRows<T> rows{buffer.data(), window.firstColumn, firstRow, stride};
+               AddVisible(0, firstRow, lastRow, rows, false);
                for (int row = begin; row < end; ++row)
                {
-                 const float* in = scattering.data() + (row - begin) * stride;
+                 const T* in = buffer.data() + (row - begin) * stride;
                  float* out = image + static_cast<std::size_t>(row) * window.columns;
-                 for (int column = 0; column < window.columns; ++column)
+                 if (output == ViewOutput::Intensity)
                  {
-                   out[column] =
-                       output == ViewOutput::Intensity ? transfer_.Intensity(in[column]) : in[column];
+                   kernels_.toIntensity(in, window.columns, static_cast<T>(transfer_.gamma), out);
                  }
-                 if (coverage)
+                 else
                  {
-                   std::copy_n(support.data() + (row - begin) * stride, window.columns,
+                   std::copy_n(in, window.columns, out);
+                 }
+               }
+               if (coverage)
+               {
+                 std::fill(buffer.begin(), buffer.end(), T(0));
+                 AddVisible(0, firstRow, lastRow, rows, true);
+                 for (int row = begin; row < end; ++row)
+                 {
+                   std::copy_n(buffer.data() + (row - begin) * stride, window.columns,
                                coverage + static_cast<std::size_t>(row) * window.columns);
                  }
                }
@@ -122,75 +181,43 @@ public:
 
   double Backpropagate(const std::vector<int>& frames, LossKind kind) override
   {
-    CheckFrames(sweep_, frames);
-    gradient_.assign(gaussians_.size(), {});
-    scores_.resize(gaussians_.size());
-    const float share =
-        static_cast<float>(1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) *
-                                  static_cast<double>(frames.size())));
-    const double loss = ForwardFrames(frames, Multiplier::Reflectivity, nullptr,
-                                      [&](int frame, float scattering, float truth, float& derivative)
-                                      {
-                                        const PixelLoss<float> value =
-                                            EvaluateLoss<float>(kind, transfer_, scattering, truth);
-                                        const float weight = share * sweep_->Weight(frame);
-                                        derivative = weight * value.derivative;
-                                        return static_cast<double>(weight) * value.loss;
-                                      });
-    ForChunks(
-        [&](std::size_t c)
-        {
-          std::vector<Moments<float>> moments;
-          for (std::size_t f = 0; f < frames.size(); ++f)
-          {
-            const std::vector<VisibleSplat>& visible = chunks_[c].visible[f];
-            moments.resize(visible.size());
-            GatherMoments(visible.data(), visible.size(), FrameRows(f), moments.data());
-            for (std::size_t k = 0; k < visible.size(); ++k)
-            {
-              const std::uint32_t i = visible[k].gaussian;
-              // Projected again rather than carrying 25 floats a splat through memory.
-              const Projection<float> projection = Project(gaussians_[i], views_[f]);
-              const GaussianGradient<float> g = ProjectAdjoint(gaussians_[i], projection, moments[k]);
-              AddTo(gradient_[i], g);
-              scores_[i].error += moments[k].error;
-              scores_[i].visits += 1.0f;
-              scores_[i].descent = MultiplyAdd(-1.0f, g.mean, scores_[i].descent);
-            }
-          }
-        });
+    const double loss = Forward(frames, kind);
+    gradient_.assign(blocks_.size(), {});
+    Backward([&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; });
     return loss;
   }
 
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
   {
-    if (gradient_.size() != gaussians_.size())
+    if (gradient_.size() != blocks_.size())
     {
       throw Error("CPU engine: Step needs the gradient of a Backpropagate with the present field.");
     }
-    adam_.resize(gaussians_.size());
-    const AdamStep<float> step(rates, limits, ++iteration_);
-    ForChunks(
-        [&](std::size_t c)
-        {
-          const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
-          for (std::size_t i = c * kChunk; i < end; ++i)
-          {
-            UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step);
-          }
-        });
+    adam_.resize(blocks_.size());
+    const AdamStep step(rates, limits);
+    tbb::parallel_for(std::size_t(0), blocks_.size(),
+                      [&](std::size_t b) { Update(b, gradient_[b], step); });
   }
 
-  double TrainStep(const std::vector<int>& frames, LossKind loss, const LearningRates& rates,
+  double TrainStep(const std::vector<int>& frames, LossKind kind, const LearningRates& rates,
                    const ParameterLimits& limits) override
   {
-    const double value = Backpropagate(frames, loss);
-    Step(rates, limits);
-    return value;
+    const double loss = Forward(frames, kind);
+    gradient_ = {};
+    adam_.resize(blocks_.size());
+    const AdamStep step(rates, limits);
+    Backward([&](std::size_t b, const GradientBlock<T>& gradient) { Update(b, gradient, step); });
+    return loss;
   }
 
-  std::uint64_t GuardedUpdates() const override { return 0; }
-  std::size_t MemoryUse() const override { return 0; }
+  std::uint64_t GuardedUpdates() const override { return guarded_; }
+
+  std::size_t MemoryUse() const override
+  {
+    const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
+    return bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(adam_) + bytes(gradient_) + bytes(scores_) +
+           bytes(seenBlocks_) + bytes(seen_) + bytes(images_) + capacity_ * sizeof(VisibleSplat<T>);
+  }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
                              const std::function<bool(double)>& progress) override
@@ -199,105 +226,123 @@ public:
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
     double done = 0;
-    std::vector<float> r(gaussians_.size());
-    for (std::size_t i = 0; i < r.size(); ++i)
+    std::vector<T> r(blocks_.size() * kBlock, T(0));
+    for (std::size_t slot = 0; slot < order_.size(); ++slot)
     {
-      r[i] = gaussians_[i].reflectivity;
+      r[slot] = blocks_[slot / kBlock].reflectivity[slot % kBlock];
     }
     const double residual = ConjugateGradients(
         r, iterations,
-        [&](const std::vector<float>& x, bool withTarget)
+        [&](const std::vector<T>& x, bool withTarget)
         {
-          std::vector<float> out(x.size(), 0.0f);
+          std::vector<T> out(x.size(), T(0));
           for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
           {
             const std::vector<int> batch(frames.begin() + first,
                                          frames.begin() + std::min(first + kSolveBatch, frames.size()));
-            ForwardFrames(batch, Multiplier::Given, x.data(),
-                          [&](int frame, float scattering, float truth, float& derivative)
+            ForwardFrames(batch, x.data(),
+                          [&](int frame, const T* truth, const T* counts, T* line)
                           {
-                            const float fade = 1.0f - truth;
-                            const float target = withTarget ? transfer_.Scattering(truth) : 0.0f;
-                            derivative = sweep_->Weight(frame) * fade * fade * (scattering - target);
+                            for (int column = 0; column < sweep_->width; ++column)
+                            {
+                              const T fade = T(1) - truth[column];
+                              const T target = withTarget ? transfer_.Scattering(truth[column]) : T(0);
+                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade * fade *
+                                             (line[column] - target);
+                            }
                             return 0.0;
                           });
-            ForChunks(
-                [&](std::size_t c)
+            ForSeen(
+                [&](std::size_t slot)
                 {
-                  std::vector<Moments<float>> moments;
+                  MomentBlock<T> moments;
                   for (std::size_t f = 0; f < batch.size(); ++f)
                   {
-                    const std::vector<VisibleSplat>& visible = chunks_[c].visible[f];
-                    moments.resize(visible.size());
-                    GatherMoments(visible.data(), visible.size(), FrameRows(f), moments.data());
-                    for (std::size_t k = 0; k < visible.size(); ++k)
+                    const Seen& list = ListOf(slot, f);
+                    const VisibleSplat<T>* splats = splats_.get() + list.offset;
+                    kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
+                    for (int k = 0; k < list.count; ++k)
                     {
-                      out[visible[k].gaussian] += moments[k].m0;
+                      out[seenBlocks_[slot] * std::size_t(kBlock) + splats[k].gaussian] += moments.values[0][k];
                     }
                   }
                 });
             done += static_cast<double>(batch.size());
             if (progress && !progress(done / steps))
             {
-              return std::vector<float>();
+              return std::vector<T>();
             }
           }
           return out;
         });
-    for (std::size_t i = 0; i < r.size(); ++i)
+    for (std::size_t slot = 0; slot < order_.size(); ++slot)
     {
-      gaussians_[i].reflectivity = r[i];
+      blocks_[slot / kBlock].reflectivity[slot % kBlock] = r[slot];
     }
+    tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
     return residual;
   }
 
-  FieldGradient GetGradient() const override { return UnpackGradient(gradient_); }
+  FieldGradient GetGradient() const override
+  {
+    FieldGradient out;
+    const std::size_t n = gradient_.empty() ? 0 : order_.size();
+    out.means.resize(n);
+    out.logScales.resize(n);
+    out.rotations.resize(n);
+    out.reflectivities.resize(n);
+    for (std::size_t slot = 0; slot < n; ++slot)
+    {
+      const auto value = [&](int k) { return static_cast<double>(gradient_[slot / kBlock].values[k][slot % kBlock]); };
+      const std::size_t i = order_[slot];
+      out.means[i] = {value(0), value(1), value(2)};
+      out.logScales[i] = {value(3), value(4), value(5)};
+      out.rotations[i] = {value(6), value(7), value(8)};
+      out.reflectivities[i] = value(9);
+    }
+    return out;
+  }
 
   Scores GetScores() const override
   {
     Scores out;
-    for (const Score& score : scores_)
+    out.error.resize(order_.size(), 0.0);
+    out.descent.resize(order_.size(), Eigen::Vector3d::Zero());
+    out.visits.resize(order_.size(), 0.0);
+    for (std::size_t slot = 0; slot < (scores_.empty() ? 0 : order_.size()); ++slot)
     {
-      out.error.push_back(score.error);
-      out.descent.push_back(FromVector3(score.descent));
-      out.visits.push_back(score.visits);
+      const ScoreBlock<T>& scores = scores_[slot / kBlock];
+      const std::size_t k = slot % kBlock, i = order_[slot];
+      out.error[i] = scores.error[k];
+      out.descent[i] = {scores.descent[0][k], scores.descent[1][k], scores.descent[2][k]};
+      out.visits[i] = scores.visits[k];
     }
-    out.error.resize(gaussians_.size(), 0.0);
-    out.descent.resize(gaussians_.size(), Eigen::Vector3d::Zero());
-    out.visits.resize(gaussians_.size(), 0.0);
     return out;
   }
 
-  void ResetScores() override { scores_.clear(); }
+  void ResetScores() override
+  {
+    keepScores_ = true;
+    scores_.assign(blocks_.size(), {});
+  }
 
 private:
   static constexpr std::size_t kSolveBatch = 8;  // frames held at once while solving
 
-  /// What a footprint is multiplied with.
-  enum class Multiplier
+  /// What one view sees of one block: splats_[offset, offset + count), all in rows [rowBegin, rowEnd).
+  struct Seen
   {
-    Reflectivity,  ///< the Gaussian's own
-    Given          ///< an array's; footprints are then cut as if every |r| were the field's mean
-  };
-
-  struct Score
-  {
-    float error = 0, visits = 0;
-    Vector3<float> descent{0, 0, 0};
-  };
-
-  /// The splats of kChunk neighbouring Gaussians, for each view in hand.
-  struct Chunk
-  {
-    std::vector<std::vector<VisibleSplat>> visible;
+    std::size_t offset;
+    int count, rowBegin, rowEnd;
   };
 
   bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
+  const Seen& ListOf(std::size_t slot, std::size_t view) const { return seen_[slot * views_ + view]; }
 
   template <class Body>
-  void ForChunks(Body&& body) const
+  void ForSeen(Body&& body) const
   {
-    tbb::parallel_for(std::size_t(0), chunks_.size(), body);
+    tbb::parallel_for(std::size_t(0), seenBlocks_.size(), body);
   }
 
   /// body(image, first row, last row) for every band of every image.
@@ -313,198 +358,387 @@ private:
                       });
   }
 
-  /// ln(|r| amplitude / eps) bounds how far a Gaussian matters; this is the squared number of standard
-  /// deviations.
-  static float CutFor(float magnitude, float tolerance)
-  {
-    // With no tolerance the footprint ends where float underflows: exp(-k^2 / 2) at k^2 = 180 is 1e-39.
-    constexpr float kEverything = 180.0f;
-    if (!(tolerance > 0))
-    {
-      return magnitude > 0 ? kEverything : 0.0f;
-    }
-    return magnitude > tolerance ? std::min(2.0f * std::log(magnitude / tolerance), kEverything) : 0.0f;
-  }
+  // ---- Field -----------------------------------------------------------------------------------------------------
 
-  /// Squared distance (mm^2) from a plane beyond which Gaussian i cannot matter: the exact slab test
-  /// mu_z^2 <= k^2 t with t at its largest, s_max^2 + sigma_E^2.
-  float ReachSquared(const Gaussian<float>& gaussian, float magnitude, float tolerance) const
+  void FillBlock(const GaussianField& field, std::size_t b)
   {
-    const float largest =
-        std::exp(2.0f * std::max({gaussian.logScale.x, gaussian.logScale.y, gaussian.logScale.z}));
-    return CutFor(magnitude, tolerance) *
-           (largest + static_cast<float>(beam_.elevationSigma * beam_.elevationSigma));
-  }
-
-  /// The tolerance of one splat. Shared out, so that the sum of all that is dropped at a pixel stays below
-  /// it.
-  float SplatTolerance(const View<float>& view) const
-  {
-    const float tolerance = static_cast<float>(accuracy_.tolerance / transfer_.gamma);
-    if (accuracy_.perSplat || tolerance == 0)
+    BlockPlace& place = places_[b];
+    const std::size_t first = b * kBlock;
+    place.count = static_cast<int>(std::min<std::size_t>(kBlock, order_.size() - first));
+    Eigen::Vector3d low = field.means[order_[first]], high = low;
+    for (int k = 1; k < place.count; ++k)
     {
-      return tolerance;
+      low = low.cwiseMin(field.means[order_[first + k]]);
+      high = high.cwiseMax(field.means[order_[first + k]]);
     }
-    // A splat whose peak is below tolerance / size is dropped whole; all of them together stay below the
-    // tolerance, so half of it goes to them and half to the tails of the rest.
-    const float floor = tolerance / (2.0f * static_cast<float>(std::max<std::size_t>(gaussians_.size(), 1)));
-    std::vector<std::size_t> counts(chunks_.size(), 0);
-    ForChunks(
-        [&](std::size_t c)
-        {
-          const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
-          for (std::size_t i = c * kChunk; i < end; ++i)
-          {
-            const float z = Dot(view.n, MultiplyAdd(-1.0f, view.origin, gaussians_[i].mean));
-            counts[c] += z * z <= ReachSquared(gaussians_[i], std::abs(gaussians_[i].reflectivity), floor);
-          }
-        });
-    std::size_t reached = 0;
-    for (std::size_t count : counts)
+    place.centre = low + 0.5 * (high - low);
+    GaussianBlock<T>& block = blocks_[b];
+    for (int k = 0; k < place.count; ++k)
     {
-      reached += count;
-    }
-    return 0.5f * tolerance / static_cast<float>(std::max<std::size_t>(reached, 1));
-  }
-
-  /// Fills chunks_[c].visible[view] with what each view sees of each chunk inside the window.
-  void FindVisible(const std::vector<View<float>>& views, const Window& window, Multiplier multiplier,
-                   const float* given, float tolerance)
-  {
-    float common = 0;
-    if (multiplier == Multiplier::Given)
-    {
-      double sum = 0;
-      for (const Gaussian<float>& gaussian : gaussians_)
+      const std::size_t i = order_[first + k];
+      const Eigen::Vector4d q = field.rotations[i].stableNormalized();
+      for (int axis = 0; axis < 3; ++axis)
       {
-        sum += std::abs(gaussian.reflectivity);
+        block.mean[axis][k] = static_cast<T>(field.means[i][axis] - place.centre[axis]);
+        block.logScale[axis][k] =
+            static_cast<T>(std::log(std::clamp(field.scales[i][axis], kSmallestScale, kLargestScale)));
       }
-      common = sum > 0 ? static_cast<float>(sum / static_cast<double>(gaussians_.size())) : 1.0f;
+      for (int part = 0; part < 4; ++part)
+      {
+        block.rotation[part][k] = static_cast<T>(q[part]);
+      }
+      block.reflectivity[k] = static_cast<T>(field.reflectivities[i]);
     }
-    ForChunks(
-        [&](std::size_t c)
-        {
-          std::vector<std::vector<VisibleSplat>>& visible = chunks_[c].visible;
-          visible.resize(views.size());
-          for (std::vector<VisibleSplat>& list : visible)
-          {
-            list.clear();
-          }
-          const std::size_t end = std::min((c + 1) * kChunk, gaussians_.size());
-          for (std::size_t i = c * kChunk; i < end; ++i)
-          {
-            const Gaussian<float>& gaussian = gaussians_[i];
-            const float value = given ? given[i] : gaussian.reflectivity;
-            const float magnitude = multiplier == Multiplier::Given ? common : std::abs(value);
-            const float reach = ReachSquared(gaussian, magnitude, tolerance);
-            for (std::size_t f = 0; f < views.size(); ++f)
-            {
-              const float z = Dot(views[f].n, MultiplyAdd(-1.0f, views[f].origin, gaussian.mean));
-              if (z * z > reach)
-              {
-                continue;
-              }
-              VisibleSplat s;
-              s.splat = Project(gaussian, views[f]).splat;
-              s.cut = CutFor(magnitude * s.splat.amplitude, tolerance);
-              if (!(s.splat.amplitude > kNegligible) || !(s.cut > 0))
-              {
-                continue;
-              }
-              s.logAmplitude = std::log(s.splat.amplitude);
-              if (!Clip(window, accuracy_.direct, s))
-              {
-                continue;
-              }
-              s.value = value;
-              s.gaussian = static_cast<std::uint32_t>(i);
-              visible[f].push_back(s);
-            }
-          }
-        });
-  }
-
-  /// Bounds the ellipse |U (p - m)|^2 <= cut by rows and columns of the window; false when nothing is left.
-  /// Chooses between recurrence and direct evaluation from the unclipped box, so that the choice is the same
-  /// for any window.
-  static bool Clip(const Window& window, bool direct, VisibleSplat& s)
-  {
-    const float k = std::sqrt(s.cut);
-    const float halfV = k / s.splat.u22;
-    const float halfU =
-        k * std::sqrt(1.0f + (s.splat.u12 / s.splat.u22) * (s.splat.u12 / s.splat.u22)) / s.splat.u11;
-    const auto clamp = [](float value, int first, int count)
+    for (int k = place.count; k < kBlock; ++k)
     {
-      return static_cast<int>(
-          std::min(std::max(value, static_cast<float>(first)), static_cast<float>(first + count)));
-    };
-    s.columnBegin = clamp(std::ceil(s.splat.mu - halfU), window.firstColumn, window.columns);
-    s.columnEnd = clamp(std::floor(s.splat.mu + halfU) + 1.0f, window.firstColumn, window.columns);
-    s.rowBegin = clamp(std::ceil(s.splat.mv - halfV), window.firstRow, window.rows);
-    s.rowEnd = clamp(std::floor(s.splat.mv + halfV) + 1.0f, window.firstRow, window.rows);
-    constexpr float kFarRow = 1e9f;
-    s.firstRow = static_cast<int>(std::min(std::max(std::ceil(s.splat.mv - halfV), -kFarRow), kFarRow));
-
-    // The lowest exponent in the box is at a corner, |eta1| = largest, |eta2| = k; ln q is linear and largest
-    // there too.
-    const float curvature = s.splat.u12 * s.splat.u12 + s.splat.u22 * s.splat.u22;
-    const float largest = s.splat.u11 * halfU + std::abs(s.splat.u12) * halfV;
-    const float lowest = s.logAmplitude - 0.5f * (largest * largest + s.cut);
-    const float steepest = std::abs(s.splat.u12) * largest + s.splat.u22 * k + 0.5f * curvature;
-    // !(a && b) rather than its inverse, so that a NaN chooses direct.
-    s.direct = direct || !(lowest > kLowestExponent && steepest < -kLowestExponent);
-    s.rowFactor = s.direct ? 0.0f : std::exp(-curvature);
-    return s.columnBegin < s.columnEnd && s.rowBegin < s.rowEnd;
+      block.rotation[0][k] = T(1);  // a sound Gaussian of no reflectivity
+    }
+    Measure(b);
   }
 
-  PixelRows FrameRows(std::size_t slot)
+  /// Brings a block's place up to date with its Gaussians.
+  void Measure(std::size_t b)
+  {
+    BlockPlace& place = places_[b];
+    const BlockBounds<T> bounds = kernels_.boundsOf(blocks_[b], place.count);
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      const double low = bounds.low[axis], high = bounds.high[axis];
+      place.middle[axis] = place.centre[axis] + 0.5 * (low + high);
+      place.half[axis] = 0.5 * (high - low);
+    }
+    place.variance = std::exp(2.0 * bounds.logScale);
+    place.logMagnitude = std::log(static_cast<double>(bounds.magnitude));  // of 0: -infinity, never seen
+  }
+
+  /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still the old.
+  void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks, const std::vector<int>* parents)
+  {
+    if (!parents)
+    {
+      adam_ = {};
+      guarded_ = 0;
+      return;
+    }
+    if (parents->size() != order.size())
+    {
+      throw Error("Engine: " + std::to_string(parents->size()) + " parents for " + std::to_string(order.size()) +
+                  " Gaussians.");
+    }
+    if (adam_.empty())
+    {
+      return;
+    }
+    std::vector<std::uint32_t> slotOf(order_.size());
+    for (std::size_t slot = 0; slot < order_.size(); ++slot)
+    {
+      slotOf[order_[slot]] = static_cast<std::uint32_t>(slot);
+    }
+    std::vector<AdamBlock<T>> adam(blocks, AdamBlock<T>{});
+    for (std::size_t slot = 0; slot < order.size(); ++slot)
+    {
+      const int parent = (*parents)[order[slot]];
+      if (parent < 0 || static_cast<std::size_t>(parent) >= slotOf.size())
+      {
+        continue;
+      }
+      const AdamBlock<T>& from = adam_[slotOf[parent] / kBlock];
+      AdamBlock<T>& to = adam[slot / kBlock];
+      const std::size_t i = slotOf[parent] % kBlock, k = slot % kBlock;
+      for (int p = 0; p < kParametersPerGaussian; ++p)
+      {
+        to.first[p][k] = from.first[p][i];
+        to.second[p][k] = from.second[p][i];
+      }
+      to.updates[k] = from.updates[i];
+    }
+    adam_ = std::move(adam);
+  }
+
+  void Update(std::size_t b, const GradientBlock<T>& gradient, const AdamStep& step)
+  {
+    const int guarded = kernels_.updateBlock(blocks_[b], adam_[b], gradient, places_[b].count, step);
+    if (guarded > 0)
+    {
+      guarded_ += guarded;
+    }
+    Measure(b);
+  }
+
+  // ---- What is seen ----------------------------------------------------------------------------------------------
+
+  /// Whether a block can reach `tolerance` (given as its logarithm) on the plane, and in which pixels. The region where
+  /// magnitude * w >= tolerance is the slice of an ellipsoid k times the Gaussian's, thickened by the beam along the
+  /// normal: it stays within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across.
+  bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude, double logTolerance,
+               PixelBox* box) const
+  {
+    constexpr double kEverything = sizeof(T) == 4 ? 180 : 1480;
+    const double cut = std::min(2 * (logMagnitude - logTolerance), kEverything) * 1.002;
+    if (!(cut > 0))
+    {
+      return false;
+    }
+    const Eigen::Vector3d offset = place.middle - camera.origin;
+    const double across = camera.n.cwiseAbs().dot(place.half) + std::sqrt(cut * (place.variance + camera.variance));
+    if (!(std::abs(camera.n.dot(offset)) <= across))
+    {
+      return false;
+    }
+    const double along = std::sqrt(cut * place.variance);
+    const auto range = [&](const Eigen::Vector3d& dual, std::int64_t& begin, std::int64_t& end)
+    {
+      const double middle = dual.dot(offset), half = dual.cwiseAbs().dot(place.half) + along * dual.norm();
+      begin = static_cast<std::int64_t>(std::ceil(std::clamp(middle - half, -1e15, 1e15)));
+      end = static_cast<std::int64_t>(std::floor(std::clamp(middle + half, -1e15, 1e15))) + 1;
+    };
+    range(camera.dualA, box->columnBegin, box->columnEnd);
+    range(camera.dualB, box->rowBegin, box->rowEnd);
+    return true;
+  }
+
+  static bool Overlap(const PixelBox& box, const Window& window)
+  {
+    return box.columnEnd > window.firstColumn && box.columnBegin < window.firstColumn + window.columns &&
+           box.rowEnd > window.firstRow && box.rowBegin < window.firstRow + window.rows;
+  }
+
+  /// The view in the block's coordinates, relative to the pixel nearest to the block's centre.
+  View<T> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row) const
+  {
+    const Eigen::Vector3d centre = place.centre - camera.origin;
+    const double u = std::round(std::clamp(camera.dualA.dot(centre), -1e9, 1e9));
+    const double v = std::round(std::clamp(camera.dualB.dot(centre), -1e9, 1e9));
+    column = static_cast<std::int32_t>(u);
+    row = static_cast<std::int32_t>(v);
+    View<T> view;
+    view.origin = ToVector3<T>(u * camera.a + v * camera.b - centre);
+    view.a = ToVector3<T>(camera.a);
+    view.b = ToVector3<T>(camera.b);
+    view.n = ToVector3<T>(camera.n);
+    view.dualA = ToVector3<T>(camera.dualA);
+    view.dualB = ToVector3<T>(camera.dualB);
+    view.area = static_cast<T>(camera.area);
+    view.elevationVariance = static_cast<T>(camera.variance);
+    return view;
+  }
+
+  /// Tolerances on S of the blocks in seenBlocks_, so that all that is dropped at any pixel adds up to at most
+  /// `tolerance`. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half the
+  /// tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel: counted, with a
+  /// block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n overlap.
+  std::vector<T> ShareTolerance(const Camera& camera, int width, int height, double tolerance, double floor)
+  {
+    const int tile = std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles});
+    const int columns = (width + tile - 1) / tile, rows = (height + tile - 1) / tile;
+    std::vector<std::atomic<std::uint32_t>> overlaps(static_cast<std::size_t>(columns) * rows);
+    std::vector<PixelBox> boxes(seenBlocks_.size());
+    const auto forTiles = [&](const PixelBox& box, auto&& body)
+    {
+      for (std::int64_t y = box.rowBegin; y < box.rowEnd; ++y)
+      {
+        for (std::int64_t x = box.columnBegin; x < box.columnEnd; ++x)
+        {
+          body(overlaps[static_cast<std::size_t>(y) * columns + x]);
+        }
+      }
+    };
+    ForSeen(
+        [&](std::size_t slot)
+        {
+          const std::size_t b = seenBlocks_[slot];
+          PixelBox& box = boxes[slot];
+          Reaches(places_[b], camera, places_[b].logMagnitude, std::log(floor), &box);
+          box = {std::max<std::int64_t>(box.columnBegin, 0) / tile,
+                 (std::min<std::int64_t>(box.columnEnd, width) + tile - 1) / tile,
+                 std::max<std::int64_t>(box.rowBegin, 0) / tile,
+                 (std::min<std::int64_t>(box.rowEnd, height) + tile - 1) / tile};
+          std::int32_t column, row;
+          const View<T> view = LocalView(camera, places_[b], column, row);
+          const int count = kernels_.countInSlab(blocks_[b], places_[b].count, view, static_cast<T>(floor));
+          forTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
+        });
+    std::vector<T> shares(seenBlocks_.size());
+    ForSeen(
+        [&](std::size_t slot)
+        {
+          std::uint32_t most = 1;
+          forTiles(boxes[slot], [&most](const std::atomic<std::uint32_t>& n) { most = std::max(most, n.load()); });
+          shares[slot] = static_cast<T>(0.5 * tolerance / most);
+        });
+    return shares;
+  }
+
+  /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height images.
+  /// `values` (by slot, may be null) replaces the reflectivities; footprints are then cut as if every |r| were the
+  /// field's mean.
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, const T* values)
+  {
+    const double tolerance = accuracy_.tolerance / transfer_.gamma;
+    const bool shared = !accuracy_.perSplat && !values && tolerance > 0 && !blocks_.empty();
+    const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
+    const double logFloor = std::log(floor);
+    const double common = values ? MeanMagnitude() : 0.0;
+    const Window whole{0, 0, width, height};
+    views_ = cameras.size();
+
+    std::vector<std::uint8_t> reached(blocks_.size());
+    tbb::parallel_for(std::size_t(0), blocks_.size(),
+                      [&](std::size_t b)
+                      {
+                        const double logMagnitude = values ? std::log(common) : places_[b].logMagnitude;
+                        PixelBox box;
+                        for (const Camera& camera : cameras)
+                        {
+                          if (Reaches(places_[b], camera, logMagnitude, logFloor, &box) && Overlap(box, whole))
+                          {
+                            reached[b] = 1;
+                            break;
+                          }
+                        }
+                      });
+    seenBlocks_.clear();
+    for (std::size_t b = 0; b < blocks_.size(); ++b)
+    {
+      if (reached[b])
+      {
+        seenBlocks_.push_back(static_cast<std::uint32_t>(b));
+      }
+    }
+    const std::vector<T> shares =
+        shared ? ShareTolerance(cameras[0], width, height, tolerance, floor) : std::vector<T>();
+
+    seen_.resize(seenBlocks_.size() * cameras.size());
+    std::atomic<std::size_t> used;
+    do
+    {
+      // Where a list begins depends on the order in which blocks finish; what it holds does not. When room runs out
+      // the pass goes on to learn how much is needed, and is repeated.
+      if (used = 0; needed_ > capacity_)
+      {
+        capacity_ = needed_ + needed_ / 4;
+        splats_.reset();
+        splats_.reset(new VisibleSplat<T>[capacity_]);
+      }
+      ForSeen(
+          [&](std::size_t slot)
+          {
+            const std::size_t b = seenBlocks_[slot];
+            const BlockPlace& place = places_[b];
+            const T share = shared ? shares[slot] : static_cast<T>(tolerance);
+            const double logMagnitude = values ? std::log(common) : place.logMagnitude;
+            VisibleSplat<T> found[kBlock];
+            for (std::size_t f = 0; f < cameras.size(); ++f)
+            {
+              Seen& list = seen_[slot * cameras.size() + f];
+              list = {0, 0, 0, 0};
+              PixelBox box;
+              if (!Reaches(place, cameras[f], logMagnitude, std::log(static_cast<double>(share)), &box) ||
+                  !Overlap(box, window))
+              {
+                continue;
+              }
+              ProjectionTask<T> task;
+              task.view = LocalView(cameras[f], place, task.originColumn, task.originRow);
+              task.columnBegin = window.firstColumn;
+              task.columnEnd = window.firstColumn + window.columns;
+              task.rowBegin = window.firstRow;
+              task.rowEnd = window.firstRow + window.rows;
+              task.tolerance = share;
+              task.commonMagnitude = static_cast<T>(common);
+              task.values = values ? values + b * kBlock : nullptr;
+              task.direct = accuracy_.direct;
+              list.count = kernels_.projectBlock(blocks_[b], place.count, task, found);
+              if (list.count == 0)
+              {
+                continue;
+              }
+              list.offset = used.fetch_add(list.count, std::memory_order_relaxed);
+              list.rowBegin = found[0].rowBegin;
+              list.rowEnd = found[0].rowEnd;
+              for (int k = 1; k < list.count; ++k)
+              {
+                list.rowBegin = std::min(list.rowBegin, found[k].rowBegin);
+                list.rowEnd = std::max(list.rowEnd, found[k].rowEnd);
+              }
+              if (list.offset + list.count <= capacity_)
+              {
+                std::copy_n(found, list.count, splats_.get() + list.offset);
+              }
+            }
+          });
+      needed_ = used;
+    } while (needed_ > capacity_);
+  }
+
+  /// Adds all that a view sees to some rows of its image.
+  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows, bool coverage) const
+  {
+    for (std::size_t slot = 0; slot < seenBlocks_.size(); ++slot)
+    {
+      const Seen& list = ListOf(slot, view);
+      if (list.count > 0 && list.rowBegin < rowEnd && list.rowEnd > rowBegin)
+      {
+        kernels_.addFootprints(splats_.get() + list.offset, list.count, rowBegin, rowEnd, rows, coverage);
+      }
+    }
+  }
+
+  /// For splats of given values that are cut alike.
+  double MeanMagnitude() const
+  {
+    double sum = 0;
+    for (const GaussianBlock<T>& block : blocks_)
+    {
+      for (const T r : block.reflectivity)
+      {
+        sum += std::abs(static_cast<double>(r));
+      }
+    }
+    return sum > 0 ? sum / static_cast<double>(order_.size()) : 1.0;
+  }
+
+  // ---- Training --------------------------------------------------------------------------------------------------
+
+  PixelRows<T> FrameRows(std::size_t f)
   {
     const std::size_t stride = static_cast<std::size_t>(sweep_->width) + kRowPadding;
-    return {images_.data() + slot * stride * sweep_->height, 0, 0, stride};
+    return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_, then replaces each counted pixel by what pixel(frame, S, truth, out)
-  /// writes to `out` (other pixels become 0) and returns the sum of its results.
-  template <class Pixel>
-  double ForwardFrames(const std::vector<int>& frames, Multiplier multiplier, const float* given,
-                       Pixel&& pixel)
+  /// Renders the frames into images_ and calls line(frame, truth, counts, S) for every row, which replaces S by what is
+  /// to be propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns the sum of the results.
+  template <class Line>
+  double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
   {
-    views_.clear();
+    cameras_.clear();
     for (int frame : frames)
     {
-      views_.push_back(MakeView<float>(sweep_->Plane(frame), beam_, origin_));
+      cameras_.emplace_back(sweep_->Plane(frame), beam_);
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(views_, {0, 0, width, height}, multiplier, given, static_cast<float>(accuracy_.tolerance / transfer_.gamma));
+    FindVisible(cameras_, width, height, {0, 0, width, height}, values);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
-    images_.assign(frames.size() * stride * height, 0.0f);
+    images_.resize(frames.size() * stride * height);
     const int bands = (height + kBand - 1) / kBand;
     std::vector<double> sums(frames.size() * bands, 0.0);
     ForBands(static_cast<int>(frames.size()), height,
              [&](int f, int begin, int end)
              {
-               const PixelRows rows = FrameRows(f);
-               for (const Chunk& chunk : chunks_)
-               {
-                 AddFootprints(chunk.visible[f].data(), chunk.visible[f].size(), begin, end, rows,
-                               {nullptr, 0, 0, 0});
-               }
-               const std::size_t frameStart = frames[f] * sweep_->PixelsPerFrame();
+               const PixelRows<T> rows = FrameRows(f);
+               std::fill(rows.Row(begin), rows.Row(end), T(0));
+               AddVisible(f, begin, end, rows, false);
+               std::vector<T> truth(stride, T(0)), counts(stride, T(0));
                double sum = 0;
                for (int row = begin; row < end; ++row)
                {
-                 float* line = rows.data + row * stride;
+                 const std::size_t pixel = static_cast<std::size_t>(row) * width;
+                 ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
                  for (int column = 0; column < width; ++column)
                  {
-                   const std::size_t index = static_cast<std::size_t>(row) * width + column;
-                   float out = 0;
-                   if (Counts(index))
-                   {
-                     sum += pixel(frames[f], line[column], Truth(frameStart + index), out);
-                   }
-                   line[column] = out;
+                   counts[column] = Counts(pixel + column) ? T(1) : T(0);
                  }
-                 std::fill_n(line + width, kRowPadding, 0.0f);
+                 sum += line(frames[f], truth.data(), counts.data(), rows.Row(row));
                }
                sums[f * bands + begin / kBand] = sum;
              });
@@ -516,35 +750,108 @@ private:
     return total;
   }
 
-  float Truth(std::size_t index) const
+  /// images_ of dL/dS, and the loss.
+  double Forward(const std::vector<int>& frames, LossKind kind)
   {
-    return sweep_->pixelType == Sweep::PixelType::UInt8
-               ? static_cast<const std::uint8_t*>(sweep_->pixels.get())[index] * (1.0f / 255.0f)
-               : static_cast<const float*>(sweep_->pixels.get())[index];
+    CheckFrames(sweep_, frames);
+    const double share = 1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) *
+                                static_cast<double>(frames.size()));
+    return ForwardFrames(frames, nullptr,
+                         [&](int frame, const T* truth, T* weights, T* line)
+                         {
+                           const T weight = static_cast<T>(share * sweep_->Weight(frame));
+                           for (int column = 0; column < sweep_->width; ++column)
+                           {
+                             weights[column] *= weight;
+                           }
+                           return kernels_.toDerivative(kind, static_cast<T>(transfer_.gamma), truth, weights,
+                                                        sweep_->width, line);
+                         });
   }
 
-  std::vector<Gaussian<float>> gaussians_;
-  std::vector<AdamState<float>> adam_;
-  std::vector<GaussianGradient<float>> gradient_;
-  std::vector<Score> scores_;
-  std::vector<Chunk> chunks_;
-  std::vector<View<float>> views_;
-  std::vector<float> images_;
-  Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
+  /// spend(block, gradient) for every block that the frames of the last Forward saw.
+  template <class Spend>
+  void Backward(Spend&& spend)
+  {
+    if (keepScores_)
+    {
+      scores_.resize(blocks_.size());
+    }
+    ForSeen(
+        [&](std::size_t slot)
+        {
+          const std::size_t b = seenBlocks_[slot];
+          GradientBlock<T> gradient{};
+          MomentBlock<T> moments;
+          ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;
+          for (std::size_t f = 0; f < views_; ++f)
+          {
+            const Seen& list = ListOf(slot, f);
+            if (list.count == 0)
+            {
+              continue;
+            }
+            const VisibleSplat<T>* splats = splats_.get() + list.offset;
+            kernels_.gatherMoments(splats, list.count, FrameRows(f), keepScores_, moments);
+            std::int32_t column, row;
+            const View<T> view = LocalView(cameras_[f], places_[b], column, row);
+            kernels_.addAdjoints(blocks_[b], view, splats, list.count, moments, gradient, scores);
+          }
+          spend(b, gradient);
+        });
+  }
+
+  void ReadTruth(std::size_t first, T* truth) const
+  {
+    if (sweep_->pixelType == Sweep::PixelType::UInt8)
+    {
+      const auto* pixels = static_cast<const std::uint8_t*>(sweep_->pixels.get()) + first;
+      std::transform(pixels, pixels + sweep_->width, truth,
+                     [](std::uint8_t pixel) { return static_cast<T>(pixel) * (T(1) / T(255)); });
+    }
+    else
+    {
+      std::copy_n(static_cast<const float*>(sweep_->pixels.get()) + first, sweep_->width, truth);
+    }
+  }
+
+  const Kernels<T> kernels_ = KernelsOfThisMachine<T>();
+  std::vector<std::uint32_t> order_;  // slot -> index in the field
+  std::vector<GaussianBlock<T>> blocks_;
+  std::vector<BlockPlace> places_;
+  std::vector<AdamBlock<T>> adam_;          // empty until the first step
+  std::vector<GradientBlock<T>> gradient_;  // empty but after Backpropagate
+  std::vector<ScoreBlock<T>> scores_;
+  bool keepScores_ = false;
+  std::atomic<std::uint64_t> guarded_{0};
   Beam beam_;
   TransferFunction transfer_;
   Accuracy accuracy_;
+
   std::shared_ptr<const Sweep> sweep_;
   bool ignoreMasked_ = false;
   std::size_t countedPixels_ = 0;
-  std::int64_t iteration_ = 0;
+
+  // The last FindVisible and ForwardFrames.
+  std::vector<std::uint32_t> seenBlocks_;
+  std::vector<Seen> seen_;  // [seenBlocks_][views_]
+  std::size_t views_ = 0;
+  std::unique_ptr<VisibleSplat<T>[]> splats_;
+  std::size_t capacity_ = 0, needed_ = 0;
+  std::vector<Camera> cameras_;
+  std::vector<T> images_;
 };
 
 }  // namespace
 
 std::unique_ptr<Engine> CreateCpuEngine()
 {
-  return std::make_unique<CpuEngine>();
+  return std::make_unique<CpuEngine<float>>();
+}
+
+std::unique_ptr<Engine> CreateCpuDoubleEngine()
+{
+  return std::make_unique<CpuEngine<double>>();
 }
 
 }  // namespace bigus

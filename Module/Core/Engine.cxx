@@ -10,6 +10,7 @@ namespace bigus
 
 std::unique_ptr<Engine> CreateReferenceEngine();
 std::unique_ptr<Engine> CreateCpuEngine();
+std::unique_ptr<Engine> CreateCpuDoubleEngine();
 
 namespace
 {
@@ -18,7 +19,7 @@ using Entry = std::pair<std::string, Engine::Factory>;
 
 std::vector<Entry>& Registry()
 {
-  static std::vector<Entry> entries{{"cpu", CreateCpuEngine}, {"reference", CreateReferenceEngine}};
+  static std::vector<Entry> entries{{"cpu", CreateCpuEngine}, {"cpu-double", CreateCpuDoubleEngine}, {"reference", CreateReferenceEngine}};
   return entries;
 }
 

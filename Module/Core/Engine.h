@@ -76,7 +76,8 @@ class Engine
 public:
   virtual ~Engine() = default;
 
-  /// "auto" (the fastest present), "cpu", "reference", or a name added by a plug-in. Throws Error listing the
+  /// "auto" (the fastest present), "cpu" (float), "cpu-double" (the same in double, for tolerances below 1e-5),
+  /// "reference", or a name added by a plug-in. Throws Error listing the
   /// names.
   static std::unique_ptr<Engine> Create(const std::string& name = "auto");
   /// Makes an engine available by name; `preferred` puts it first for "auto".
@@ -153,6 +154,7 @@ public:
     std::vector<double> visits;            ///< frames that saw the Gaussian
   };
   virtual Scores GetScores() const = 0;
+  /// Starts to add up scores, which makes training a little slower: before, and after SetField, none are kept.
   virtual void ResetScores() = 0;
 };
 

@@ -42,9 +42,9 @@ void GaussianField::Validate() const
   }
   for (std::size_t i = 0; i < n; ++i)
   {
-    if (!means[i].allFinite())
+    if (!means[i].allFinite() || means[i].cwiseAbs().maxCoeff() > kLargestCoordinate)
     {
-      throw Error("Gaussian field: " + At("Points", i) + " is not finite.");
+      throw Error("Gaussian field: " + At("Points", i) + " is not finite or farther than 1e12 mm from the origin.");
     }
     if (!scales[i].allFinite() || !(scales[i].minCoeff() > 0))
     {
@@ -57,9 +57,9 @@ void GaussianField::Validate() const
     {
       throw Error("Gaussian field: " + At("Rotation", i) + " is not a quaternion (w, x, y, z) of non-zero length.");
     }
-    if (!std::isfinite(reflectivities[i]))
+    if (!(std::abs(reflectivities[i]) <= kLargestReflectivity))
     {
-      throw Error("Gaussian field: " + At("Reflectivity", i) + " is not finite.");
+      throw Error("Gaussian field: " + At("Reflectivity", i) + " is not finite or larger than 1e20.");
     }
   }
 }

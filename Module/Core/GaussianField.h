@@ -24,11 +24,16 @@ struct GaussianField
   Beam beam;
   TransferFunction transfer;
 
+  /// Engines compute in float; beyond these, squares or sums of many Gaussians might overflow.
+  static constexpr double kLargestReflectivity = 1e20;
+  static constexpr double kLargestCoordinate = 1e12;  ///< mm
+
   std::size_t Size() const { return means.size(); }
   void Resize(std::size_t n);
 
   /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite, scales
-  /// are positive, quaternions are not zero, gamma > 0 and elevationSigma >= 0. An empty field is valid.
+  /// are positive, quaternions are not zero, reflectivities and coordinates
+  /// lie within the limits above, gamma > 0 and elevationSigma >= 0. An empty field is valid.
   void Validate() const;
 };
 

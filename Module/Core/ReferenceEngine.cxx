@@ -29,7 +29,6 @@ public:
     adam_ = InheritState(adam_, field.Size(), parents);
     if (!parents)
     {
-      iteration_ = 0;
       guarded_ = 0;
     }
     gradient_.assign(field.Size(), {});
@@ -99,7 +98,7 @@ public:
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
         const PixelLoss<double> value =
-            EvaluateLoss<double>(kind, transfer_, scattering[pixel], truth[pixel]);
+            EvaluateLoss<double>(kind, transfer_.gamma, scattering[pixel], truth[pixel]);
         const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
         loss += weight * value.loss;
         derivative[pixel] = weight * value.derivative;
@@ -122,10 +121,10 @@ public:
 
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
   {
-    const AdamStep<double> step(rates, limits, ++iteration_);
+    const AdamStep step(rates, limits);
     for (std::size_t i = 0; i < gaussians_.size(); ++i)
     {
-      UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step);
+      guarded_ += UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step) > 0;
     }
   }
 
@@ -271,7 +270,7 @@ private:
 
   Moments<double> GatherMoments(const Splat<double>& splat, const std::vector<double>& derivative) const
   {
-    Moments<double> m;
+    Moments<double> m{};
     for (int row = 0; row < sweep_->height; ++row)
     {
       for (int column = 0; column < sweep_->width; ++column)
@@ -301,7 +300,6 @@ private:
   TransferFunction transfer_;
   std::shared_ptr<const Sweep> sweep_;
   bool ignoreMasked_ = false;
-  std::int64_t iteration_ = 0;
   std::uint64_t guarded_ = 0;
 };
 

@@ -340,6 +340,10 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   std::optional<GaussianField> best;
   double bestPsnr = 0;
   int sinceBest = 0;
+  if (densification.interval > 0)
+  {
+    engine->ResetScores();
+  }
   for (int iteration = 1; iteration <= iterations && !result.aborted; ++iteration)
   {
     // Progress is by iterations or by the clock, whichever is ahead, so that the rates are spent when

@@ -150,7 +150,7 @@ std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
   return flat;
 }
 
-/// With tolerance 0 every exponential is computed; with 1e-7 most footprints use the recurrence.
+/// With tolerance 0 every exponential is computed; with 1e-9 most footprints use the recurrence.
 class CpuGradientTest : public testing::TestWithParam<double>
 {
 };
@@ -192,7 +192,7 @@ TEST_P(CpuGradientTest, EqualsTheReference)
   check(gradients[0].reflectivities, gradients[1].reflectivities, "reflectivity");
 }
 
-INSTANTIATE_TEST_SUITE_P(Tolerances, CpuGradientTest, testing::Values(0.0, 1e-7));
+INSTANTIATE_TEST_SUITE_P(Tolerances, CpuGradientTest, testing::Values(0.0, 1e-9));
 
 TEST(CpuEngine, DropsNoMoreThanTheTolerance)
 {

@@ -97,8 +97,8 @@ TEST(Loss, IsTheErrorsSizeOrSquare)
     for (double truth : {0.0, 0.3, 1.0})
     {
       const double error = transfer.Intensity(s) - truth;
-      EXPECT_NEAR(EvaluateLoss(LossKind::L1, transfer, s, truth).loss, std::abs(error), 1e-15);
-      EXPECT_NEAR(EvaluateLoss(LossKind::L2, transfer, s, truth).loss, error * error, 1e-15);
+      EXPECT_NEAR(EvaluateLoss(LossKind::L1, transfer.gamma, s, truth).loss, std::abs(error), 1e-15);
+      EXPECT_NEAR(EvaluateLoss(LossKind::L2, transfer.gamma, s, truth).loss, error * error, 1e-15);
     }
   }
 }
@@ -113,10 +113,10 @@ TEST(Loss, DerivativeIsExactWhereThePixelIsLit)
     {
       for (double truth : {0.0, 0.25, 0.9, 1.0})
       {
-        const double slope = (EvaluateLoss(kind, transfer, s + step, truth).loss -
-                              EvaluateLoss(kind, transfer, s - step, truth).loss) /
+        const double slope = (EvaluateLoss(kind, transfer.gamma, s + step, truth).loss -
+                              EvaluateLoss(kind, transfer.gamma, s - step, truth).loss) /
                              (2 * step);
-        EXPECT_NEAR(EvaluateLoss(kind, transfer, s, truth).derivative, slope, 1e-8);
+        EXPECT_NEAR(EvaluateLoss(kind, transfer.gamma, s, truth).derivative, slope, 1e-8);
       }
     }
   }
@@ -129,11 +129,11 @@ TEST(Loss, ADarkPixelIsPulledUpWhenItShouldBeLitAndLeftAloneWhenItShouldNot)
   {
     for (double s : {-3.0, -1e-6, 0.0})
     {
-      EXPECT_LT(EvaluateLoss(kind, transfer, s, 0.4).derivative, 0);
+      EXPECT_LT(EvaluateLoss(kind, transfer.gamma, s, 0.4).derivative, 0);
       // The one-sided derivative at S = 0+, however far below zero S is.
-      EXPECT_NEAR(EvaluateLoss(kind, transfer, s, 0.4).derivative,
-                  EvaluateLoss(kind, transfer, 1e-12, 0.4).derivative, 1e-9);
-      EXPECT_EQ(EvaluateLoss(kind, transfer, s, 0.0).derivative, 0);
+      EXPECT_NEAR(EvaluateLoss(kind, transfer.gamma, s, 0.4).derivative,
+                  EvaluateLoss(kind, transfer.gamma, 1e-12, 0.4).derivative, 1e-9);
+      EXPECT_EQ(EvaluateLoss(kind, transfer.gamma, s, 0.0).derivative, 0);
     }
   }
 }
