@@ -14,6 +14,10 @@
 #include <cmath>
 #include <limits>
 
+#if defined(__SSE2__)
+#include <xmmintrin.h>
+#endif
+
 #include "CpuKernels.h"
 #include "Engine.h"
 #include "EngineDetail.h"
@@ -28,7 +32,24 @@ namespace
 constexpr int kBand = 64;   // rows rendered together: few footprints lie in two bands, and a few bands feed every core
 constexpr int kTile = 32;   // pixels; finest grid on which overlapping footprints are counted
 constexpr int kTiles = 128; // coarsest: so many along a side
+constexpr double kSharp = 128;  // aspect ratio from which float parameters lose too much: 1e-7 of the ratio
 constexpr double kSmallestScale = 1e-9, kLargestScale = 1e7;  // mm; beyond, squares leave float's range
+
+/// While it lives, this thread's results too small for a normal number become 0: far out in a footprint they would cost
+/// a hundred times as much as any other on x86. (Other machines do not mind them.)
+class FlushDenormals
+{
+#if defined(__SSE2__)
+public:
+  FlushDenormals() : before_(_mm_getcsr()) { _mm_setcsr(before_ | 0x8040); }
+  ~FlushDenormals() { _mm_setcsr(before_); }
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+
+private:
+  unsigned int before_;
+#endif
+};
 
 /// A plane and beam in double, before they are reduced to a block's own coordinates.
 struct Camera
@@ -91,6 +112,8 @@ public:
     transfer_ = field.transfer;
     blocks_.assign(blocks, {});
     places_.assign(blocks, {});
+    sharp_.clear();
+    sharp_.resize(blocks);
     tbb::parallel_for(std::size_t(0), blocks, [&](std::size_t b) { FillBlock(field, b); });
     gradient_ = {};
     scores_ = {};
@@ -279,7 +302,15 @@ public:
     {
       blocks_[slot / kBlock].reflectivity[slot % kBlock] = r[slot];
     }
-    tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
+    tbb::parallel_for(std::size_t(0), blocks_.size(),
+                      [&](std::size_t b)
+                      {
+                        if (sharp_[b])
+                        {
+                          std::copy_n(blocks_[b].reflectivity, kBlock, sharp_[b]->reflectivity);
+                        }
+                        Measure(b);
+                      });
     return residual;
   }
 
@@ -342,7 +373,12 @@ private:
   template <class Body>
   void ForSeen(Body&& body) const
   {
-    tbb::parallel_for(std::size_t(0), seenBlocks_.size(), body);
+    tbb::parallel_for(std::size_t(0), seenBlocks_.size(),
+                      [&](std::size_t slot)
+                      {
+                        const FlushDenormals flush;
+                        body(slot);
+                      });
   }
 
   /// body(image, first row, last row) for every band of every image.
@@ -353,6 +389,7 @@ private:
     tbb::parallel_for(std::size_t(0), static_cast<std::size_t>(images) * bands,
                       [&](std::size_t task)
                       {
+                        const FlushDenormals flush;
                         const int begin = static_cast<int>(task % bands) * kBand;
                         body(static_cast<int>(task / bands), begin, std::min(begin + kBand, rows));
                       });
@@ -372,28 +409,44 @@ private:
       high = high.cwiseMax(field.means[order_[first + k]]);
     }
     place.centre = low + 0.5 * (high - low);
-    GaussianBlock<T>& block = blocks_[b];
+    bool sharp = false;
+    for (int k = 0; k < place.count; ++k)
+    {
+      const Eigen::Vector3d& scale = field.scales[order_[first + k]];
+      sharp = sharp || scale.maxCoeff() > kSharp * scale.minCoeff();
+    }
+    Pack(field, first, place, blocks_[b]);
+    if (sharp && sizeof(T) < sizeof(double))
+    {
+      sharp_[b].reset(new GaussianBlock<double>{});
+      Pack(field, first, place, *sharp_[b]);
+    }
+    Measure(b);
+  }
+
+  template <class U>
+  void Pack(const GaussianField& field, std::size_t first, const BlockPlace& place, GaussianBlock<U>& block) const
+  {
     for (int k = 0; k < place.count; ++k)
     {
       const std::size_t i = order_[first + k];
       const Eigen::Vector4d q = field.rotations[i].stableNormalized();
       for (int axis = 0; axis < 3; ++axis)
       {
-        block.mean[axis][k] = static_cast<T>(field.means[i][axis] - place.centre[axis]);
+        block.mean[axis][k] = static_cast<U>(field.means[i][axis] - place.centre[axis]);
         block.logScale[axis][k] =
-            static_cast<T>(std::log(std::clamp(field.scales[i][axis], kSmallestScale, kLargestScale)));
+            static_cast<U>(std::log(std::clamp(field.scales[i][axis], kSmallestScale, kLargestScale)));
       }
       for (int part = 0; part < 4; ++part)
       {
-        block.rotation[part][k] = static_cast<T>(q[part]);
+        block.rotation[part][k] = static_cast<U>(q[part]);
       }
-      block.reflectivity[k] = static_cast<T>(field.reflectivities[i]);
+      block.reflectivity[k] = static_cast<U>(field.reflectivities[i]);
     }
     for (int k = place.count; k < kBlock; ++k)
     {
-      block.rotation[0][k] = T(1);  // a sound Gaussian of no reflectivity
+      block.rotation[0][k] = U(1);  // a sound Gaussian of no reflectivity
     }
-    Measure(b);
   }
 
   /// Brings a block's place up to date with its Gaussians.
@@ -462,6 +515,7 @@ private:
     {
       guarded_ += guarded;
     }
+    sharp_[b].reset();  // from now on the block's own parameters are the truth
     Measure(b);
   }
 
@@ -504,23 +558,69 @@ private:
   }
 
   /// The view in the block's coordinates, relative to the pixel nearest to the block's centre.
-  View<T> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row) const
+  template <class U>
+  static View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row)
   {
     const Eigen::Vector3d centre = place.centre - camera.origin;
     const double u = std::round(std::clamp(camera.dualA.dot(centre), -1e9, 1e9));
     const double v = std::round(std::clamp(camera.dualB.dot(centre), -1e9, 1e9));
     column = static_cast<std::int32_t>(u);
     row = static_cast<std::int32_t>(v);
-    View<T> view;
-    view.origin = ToVector3<T>(u * camera.a + v * camera.b - centre);
-    view.a = ToVector3<T>(camera.a);
-    view.b = ToVector3<T>(camera.b);
-    view.n = ToVector3<T>(camera.n);
-    view.dualA = ToVector3<T>(camera.dualA);
-    view.dualB = ToVector3<T>(camera.dualB);
-    view.area = static_cast<T>(camera.area);
-    view.elevationVariance = static_cast<T>(camera.variance);
+    View<U> view;
+    view.origin = ToVector3<U>(u * camera.a + v * camera.b - centre);
+    view.a = ToVector3<U>(camera.a);
+    view.b = ToVector3<U>(camera.b);
+    view.n = ToVector3<U>(camera.n);
+    view.dualA = ToVector3<U>(camera.dualA);
+    view.dualB = ToVector3<U>(camera.dualB);
+    view.area = static_cast<U>(camera.area);
+    view.elevationVariance = static_cast<U>(camera.variance);
     return view;
+  }
+
+  /// Projects a block, in double if it is sharp. Returns how many splats were found.
+  int Project(std::size_t b, const Camera& camera, const Window& window, double tolerance, double commonMagnitude,
+              const T* values, VisibleSplat<T>* found) const
+  {
+    const BlockPlace& place = places_[b];
+    const auto fill = [&](auto& task)
+    {
+      using U = std::decay_t<decltype(task.tolerance)>;
+      task.view = LocalView<U>(camera, place, task.originColumn, task.originRow);
+      task.columnBegin = window.firstColumn;
+      task.columnEnd = window.firstColumn + window.columns;
+      task.rowBegin = window.firstRow;
+      task.rowEnd = window.firstRow + window.rows;
+      task.tolerance = static_cast<U>(tolerance);
+      task.commonMagnitude = static_cast<U>(commonMagnitude);
+      task.values = nullptr;
+      task.direct = accuracy_.direct;
+    };
+    if (!sharp_[b])
+    {
+      ProjectionTask<T> task;
+      fill(task);
+      task.values = values;
+      return kernels_.projectBlock(blocks_[b], place.count, task, found);
+    }
+    ProjectionTask<double> task;
+    fill(task);
+    task.lowestExponent = kLowestExponent<T>;
+    VisibleSplat<double> exact[kBlock];
+    const int count = doubleKernels_.projectBlock(*sharp_[b], place.count, task, exact);
+    for (int k = 0; k < count; ++k)
+    {
+      const VisibleSplat<double>& s = exact[k];
+      const auto t = [](double value) { return static_cast<T>(value); };
+      found[k] = {t(s.u11),   t(s.u12),         t(s.u22), t(s.mu), t(s.mv),       t(s.logAmplitude), t(s.value),
+                  t(s.cut),   t(s.rowFactor),   s.column, s.row,   s.columnBegin, s.columnEnd,       s.rowBegin,
+                  s.rowEnd,   s.gaussian,       s.reach};
+      if (values)
+      {
+        found[k].value = values[s.gaussian];
+      }
+    }
+    return count;
   }
 
   /// Tolerances on S of the blocks in seenBlocks_, so that all that is dropped at any pixel adds up to at most
@@ -554,7 +654,7 @@ private:
                  std::max<std::int64_t>(box.rowBegin, 0) / tile,
                  (std::min<std::int64_t>(box.rowEnd, height) + tile - 1) / tile};
           std::int32_t column, row;
-          const View<T> view = LocalView(camera, places_[b], column, row);
+          const View<T> view = LocalView<T>(camera, places_[b], column, row);
           const int count = kernels_.countInSlab(blocks_[b], places_[b].count, view, static_cast<T>(floor));
           forTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
         });
@@ -638,17 +738,8 @@ private:
               {
                 continue;
               }
-              ProjectionTask<T> task;
-              task.view = LocalView(cameras[f], place, task.originColumn, task.originRow);
-              task.columnBegin = window.firstColumn;
-              task.columnEnd = window.firstColumn + window.columns;
-              task.rowBegin = window.firstRow;
-              task.rowEnd = window.firstRow + window.rows;
-              task.tolerance = share;
-              task.commonMagnitude = static_cast<T>(common);
-              task.values = values ? values + b * kBlock : nullptr;
-              task.direct = accuracy_.direct;
-              list.count = kernels_.projectBlock(blocks_[b], place.count, task, found);
+              list.count =
+                  Project(b, cameras[f], window, share, common, values ? values + b * kBlock : nullptr, found);
               if (list.count == 0)
               {
                 continue;
@@ -794,7 +885,7 @@ private:
             const VisibleSplat<T>* splats = splats_.get() + list.offset;
             kernels_.gatherMoments(splats, list.count, FrameRows(f), keepScores_, moments);
             std::int32_t column, row;
-            const View<T> view = LocalView(cameras_[f], places_[b], column, row);
+            const View<T> view = LocalView<T>(cameras_[f], places_[b], column, row);
             kernels_.addAdjoints(blocks_[b], view, splats, list.count, moments, gradient, scores);
           }
           spend(b, gradient);
@@ -816,9 +907,11 @@ private:
   }
 
   const Kernels<T> kernels_ = KernelsOfThisMachine<T>();
+  const Kernels<double> doubleKernels_ = KernelsOfThisMachine<double>();
   std::vector<std::uint32_t> order_;  // slot -> index in the field
   std::vector<GaussianBlock<T>> blocks_;
   std::vector<BlockPlace> places_;
+  std::vector<std::unique_ptr<GaussianBlock<double>>> sharp_;  // of blocks with needles, as SetField gave them
   std::vector<AdamBlock<T>> adam_;          // empty until the first step
   std::vector<GradientBlock<T>> gradient_;  // empty but after Backpropagate
   std::vector<ScoreBlock<T>> scores_;

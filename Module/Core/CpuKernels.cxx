@@ -83,10 +83,6 @@ static HWY_INLINE View<Lanes<T>> Broadcast(const bigus::View<T>& v)
 // ---------------------------------------------------------------------------------------------------------------
 // Exponents.
 
-/// exp(kLowestExponent) is a little above the smallest normal number: recurrences stay clear of denormals.
-template <class T>
-constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
-
 /// e^x for kLowestExponent <= x <= -kLowestExponent, without the checks a library needs beyond. float: Cody-Waite
 /// reduction and a minimax polynomial of degree 7 on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
 template <class D>
@@ -256,21 +252,22 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     // a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n rows away, ln w there is at
     // least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow.
     const L curvature = s.u12 * s.u12 + s.u22 * s.u22;
-    const L margin = sqrt(max(L(T(2)) * (logAmplitude - L(kLowestExponent<T>)), L(T(0)))) - k;
+    const L lowest(task.lowestExponent);
+    const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), L(T(0)))) - k;
     const L safeRows = margin / sqrt(curvature);
     L reach = L(T(0));
     for (const T rows : {T(4), T(8), T(16)})
     {
       reach = Select(safeRows >= min(L(rows), half), L(rows), reach);
     }
-    const L rowFactor = exp(-min(curvature, L(-kLowestExponent<T>)));
+    const L rowFactor = exp(max(-curvature, lowest));
 
     const auto right = columnEnd > L(static_cast<T>(task.columnBegin) - static_cast<T>(task.originColumn));
     const auto left = columnBegin < L(static_cast<T>(task.columnEnd) - static_cast<T>(task.originColumn));
     const auto below = row + half > L(static_cast<T>(task.rowBegin) - static_cast<T>(task.originRow));
     const auto above = row - half < L(static_cast<T>(task.rowEnd) - static_cast<T>(task.originRow));
     auto visible = hn::And(hn::And(right, left), hn::And(below, above));
-    visible = hn::And(visible, hn::And(cut > L(T(0)), logAmplitude > L(kLowestExponent<T>)));
+    visible = hn::And(visible, hn::And(cut > L(T(0)), logAmplitude > lowest));
     visible = hn::And(visible, hn::FirstN(d, static_cast<std::size_t>(found - first)));
     if (hn::AllFalse(d, visible))
     {
@@ -329,67 +326,50 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
 // ---------------------------------------------------------------------------------------------------------------
 // Footprints by an exponential a pixel.
 
-/// The pixels of one row inside |U (p - m)|^2 <= cut.
-template <class T>
-struct RowSpan
-{
-  int begin, end;
-  T dv, eta2;
-};
-
-template <class T>
-static inline RowSpan<T> SpanOf(const bigus::VisibleSplat<T>& s, int row)
-{
-  RowSpan<T> span;
-  span.dv = static_cast<T>(static_cast<std::int64_t>(row) - s.row) - s.mv;
-  span.eta2 = s.u22 * span.dv;
-  const T rest = s.cut - span.eta2 * span.eta2;
-  if (!(rest > 0))
-  {
-    span.begin = span.end = 0;
-    return span;
-  }
-  // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless.
-  const T half = std::sqrt(rest) / s.u11;
-  const T centre = s.mu - s.u12 / s.u11 * span.dv;
-  const T low = static_cast<T>(static_cast<std::int64_t>(s.columnBegin) - s.column);
-  const T high = static_cast<T>(static_cast<std::int64_t>(s.columnEnd) - s.column);
-  const auto column = [&](T value)
-  {
-    const auto whole = static_cast<std::int64_t>(std::min(std::max(value, low), high));
-    return std::clamp(static_cast<int>(whole + s.column), s.columnBegin, s.columnEnd);
-  };
-  span.begin = column(std::ceil(centre - half));
-  span.end = std::max(span.begin, column(std::floor(centre + half) + 1));
-  return span;
-}
-
-/// w and eta1 of a vector of columns in a row.
+/// A row of a footprint: the pixels inside |U (p - m)|^2 <= cut, and w there. The ridge, where eta1 = 0, is found in
+/// double and kept as a pixel and a fraction: along a needle u11 du and u12 dv are large and cancel.
 template <class T>
 struct DirectRow
 {
-  const hn::ScalableTag<T> d;
-  const bigus::VisibleSplat<T>& s;
-  RowSpan<T> span;
-  T shift, constant;
+  using D = hn::ScalableTag<T>;
+  using V = hn::Vec<D>;
+  int begin = 0, end = 0;
+  std::int64_t ridge = 0;  // pixel
+  T fraction = 0, eta2, u11, constant;
 
-  HWY_INLINE DirectRow(const bigus::VisibleSplat<T>& splat, int row) : s(splat), span(SpanOf(splat, row))
+  HWY_INLINE DirectRow(const bigus::VisibleSplat<T>& s, int row) : u11(s.u11)
   {
-    shift = s.u12 * span.dv;
-    constant = s.logAmplitude - T(0.5) * span.eta2 * span.eta2;
+    const double dv = static_cast<double>(static_cast<std::int64_t>(row) - s.row) - s.mv;
+    eta2 = static_cast<T>(s.u22 * dv);
+    constant = s.logAmplitude - T(0.5) * eta2 * eta2;
+    const T rest = s.cut - eta2 * eta2;
+    if (!(rest > 0))
+    {
+      return;
+    }
+    const double centre = s.column + (s.mu - s.u12 / static_cast<double>(s.u11) * dv);
+    const double bounded = std::min(std::max(centre, -1e15), 1e15);
+    ridge = static_cast<std::int64_t>(std::floor(bounded + 0.5));
+    fraction = static_cast<T>(bounded - static_cast<double>(ridge));
+    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless.
+    const double half = std::sqrt(static_cast<double>(rest)) / s.u11;
+    const auto clip = [&s](double column)
+    { return static_cast<int>(std::min<double>(std::max<double>(column, s.columnBegin), s.columnEnd)); };
+    begin = clip(std::ceil(centre - half));
+    end = std::max(begin, clip(std::floor(centre + half) + 1));
   }
-  HWY_INLINE hn::Vec<hn::ScalableTag<T>> Eta1(int column) const
+  HWY_INLINE V Eta1(int column) const
   {
+    const D d;
     // Whole numbers first: what a pixel gets must not depend on its lane.
-    const T start = static_cast<T>(static_cast<std::int64_t>(column) - s.column);
-    const auto du = hn::Sub(hn::Iota(d, start), hn::Set(d, s.mu));
-    return hn::MulAdd(hn::Set(d, s.u11), du, hn::Set(d, shift));
+    const V whole = hn::Iota(d, static_cast<T>(column - ridge));
+    return hn::Mul(hn::Set(d, u11), hn::Sub(whole, hn::Set(d, fraction)));
   }
-  HWY_INLINE hn::Vec<hn::ScalableTag<T>> Weight(hn::Vec<hn::ScalableTag<T>> eta1, int column) const
+  HWY_INLINE V Weight(V eta1, int column) const
   {
-    const auto w =
-        hn::Exp(d, hn::MulAdd(hn::Mul(hn::Set(d, T(-0.5)), eta1), eta1, hn::Set(d, constant)));
-    return hn::IfThenElseZero(hn::FirstN(d, static_cast<std::size_t>(span.end - column)), w);
+    const D d;
+    const V w = hn::Exp(d, hn::MulAdd(hn::Mul(hn::Set(d, T(-0.5)), eta1), eta1, hn::Set(d, constant)));
+    return hn::IfThenElseZero(hn::FirstN(d, static_cast<std::size_t>(end - column)), w);
   }
 };
 
@@ -402,7 +382,7 @@ static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd,
   {
     const DirectRow<T> line(s, row);
     T* out = image.Row(row);
-    for (int column = line.span.begin; column < line.span.end; column += lanes)
+    for (int column = line.begin; column < line.end; column += lanes)
     {
       const auto w = line.Weight(line.Eta1(column), column);
       hn::StoreU(hn::MulAdd(hn::Set(d, value), w, hn::LoadU(d, out + column)), d, out + column);
@@ -423,7 +403,7 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
     const DirectRow<T> line(s, row);
     const T* in = derivative.Row(row);
     auto row0 = hn::Zero(d), row1 = hn::Zero(d);
-    for (int column = line.span.begin; column < line.span.end; column += lanes)
+    for (int column = line.begin; column < line.end; column += lanes)
     {
       const auto eta1 = line.Eta1(column);
       const auto gw = hn::Mul(line.Weight(eta1, column), hn::LoadU(d, in + column));
@@ -433,7 +413,7 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
       m11 = hn::MulAdd(gw1, eta1, m11);
       error = hn::Add(error, hn::Abs(gw));
     }
-    const auto eta2 = hn::Set(d, line.span.eta2);
+    const auto eta2 = hn::Set(d, line.eta2);
     const auto row2 = hn::Mul(row0, eta2);
     m0 = hn::Add(m0, row0);
     m1 = hn::Add(m1, row1);

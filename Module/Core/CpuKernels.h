@@ -88,6 +88,10 @@ struct PixelRows
   T* Row(int row) const { return data + static_cast<std::ptrdiff_t>(row - firstRow) * stride - firstColumn; }
 };
 
+/// exp of it is a little above T's smallest normal number: footprints keep clear of denormals.
+template <class T>
+constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
+
 /// How a block is to be projected. A footprint ends where magnitude * w < tolerance; tolerance 0 ends it where T would
 /// underflow.
 template <class T>
@@ -100,6 +104,7 @@ struct ProjectionTask
   T commonMagnitude;  // 0: every Gaussian's own |r|
   const T* values;    // [kBlock] what footprints are multiplied with; null: the reflectivities
   bool direct;        // no recurrences
+  T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
 };
 
 template <class T>

@@ -37,7 +37,7 @@ struct LearningRates
   double reflectivity = 0;  ///< dimensionless
 };
 
-/// Bounds that hold after every step.
+/// Bounds on what a step moves: a Gaussian that no frame of the batch saw is left as it is.
 struct ParameterLimits
 {
   double minimumScale = 1e-6;         ///< mm
