@@ -9,6 +9,7 @@ packages=(
   libcli11-dev nlohmann-json3-dev                    # the bigus command
   python3 python3-numpy python3-matplotlib           # the Python package; panels and curves
   libgtest-dev xvfb libgl1-mesa-dri                  # tests
+  libbenchmark-dev                                   # benchmarks
 )
 
 missing=()

@@ -27,6 +27,7 @@ void AddSlice(Program& program);
 void AddVoxelize(Program& program);
 void AddMetrics(Program& program);
 void AddConvert(Program& program);
+void AddBench(Program& program);
 
 /// Text to a finite number; the whole text counts, with a point as decimal mark whatever the locale. False
 /// otherwise.

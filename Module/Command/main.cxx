@@ -37,6 +37,7 @@ const char* const description =
     "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
     "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
     "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
+    "  bigus bench --quick                                             how fast and exact it is here\n"
     "\n"
     "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference "
     "frame;\n"
@@ -105,6 +106,7 @@ ExitCode Run(int argumentCount, char** arguments)
   AddVoxelize(program);
   AddMetrics(program);
   AddConvert(program);
+  AddBench(program);
 
   try
   {

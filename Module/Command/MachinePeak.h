@@ -1,0 +1,26 @@
+// What this machine can do at best, measured: the roof that engines' speeds are held against.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace bigus
+{
+
+/// Names of the instruction sets that Highway can use here, the best first.
+std::vector<std::string> SimdNames();
+
+/// From now on Highway uses no better one than `name`, one of SimdNames(), in the library and in the program.
+void UseSimd(const std::string& name);
+
+struct MachinePeak
+{
+  double multiplyAddsPerSecond = 0;  ///< float, one multiply-add of one lane counts 1
+  double bytesPerSecond = 0;         ///< read and written by a triad of arrays of 64 MiB
+};
+
+/// The best of `repeats` tries with as many threads at once.
+MachinePeak MeasurePeak(int threads, int repeats);
+
+}  // namespace bigus
