@@ -25,7 +25,7 @@ namespace bigus
 namespace
 {
 
-constexpr double firstBandPixels = 16384;
+constexpr double firstBandPixels = 65536;
 constexpr double bandSeconds = 0.03;
 constexpr double minimumSpacing = 1e-6, maximumSpacing = 1e6;  // mm
 

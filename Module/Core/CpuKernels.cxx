@@ -250,7 +250,9 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
 
     // Recurrence (see there): how far it may run. Along a column ln w is a parabola of curvature c = u12^2 + u22^2;
     // a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n rows away, ln w there is at
-    // least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow.
+    // least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow. Nor may the ratio of two rows: where w does
+    // not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln ratio| <= E sqrt(c) + c / 2, which stays below
+    // -lowest for c <= (0.4 E)^2.
     const L curvature = s.u12 * s.u12 + s.u22 * s.u22;
     const L lowest(task.lowestExponent);
     const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), L(T(0)))) - k;
@@ -258,7 +260,8 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     L reach = L(T(0));
     for (const T rows : {T(4), T(8), T(16)})
     {
-      reach = Select(safeRows >= min(L(rows), half), L(rows), reach);
+      const auto safe = hn::And(safeRows >= min(L(rows), half), curvature <= L(T(-0.32)) * lowest);
+      reach = Select(safe, L(rows), reach);
     }
     const L rowFactor = exp(max(-curvature, lowest));
 
