@@ -1,0 +1,124 @@
+// What the hard cases share: engines by name, the exact footprint, splats placed where an image sees them,
+// and the table of results.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "Core/Engine.h"
+#include "Gradient/RandomField.h"
+
+namespace bigus::test
+{
+
+/// Every engine there is but the reference: one more registered engine is one more column of tests.
+std::vector<std::string> FastEngines();
+
+/// For INSTANTIATE_TEST_SUITE_P: "cpu-double" becomes "cpu_double".
+std::string NameOf(const ::testing::TestParamInfo<std::string>& test);
+
+/// Half the distance from 1 to the next number an engine computes with: by convention the name of an engine
+/// of double precision holds "double".
+inline double UnitRoundoff(const std::string& engine)
+{
+  return engine.find("double") == std::string::npos ? std::ldexp(1.0, -24) : std::ldexp(1.0, -53);
+}
+
+/// What any image of floats rounds off a value: half a unit in its last place, relative to the value.
+constexpr double kFloatRounding = 0x1p-24;
+
+using Long = long double;
+using LongVector = Eigen::Matrix<Long, 3, 1>;
+
+/// The beam integral of one Gaussian at one pixel, in long double and without any of Splat.h's algebra. In
+/// whitened coordinates y(z) = S^-1 R^T (x + z n - mu) the integrand is exp(-(|y(z)|^2 + z^2 / sigma_E^2) /
+/// 2), a Gaussian in z. Its peak is at
+///
+///     z* = -sigma_E^2 y.g / N,   g = S^-1 R^T n,   N = 1 + sigma_E^2 |g|^2,
+///
+/// and the integral over a profile of unit area is its peak times 1 / sqrt(N). The exponent is a sum of two
+/// squares, so nothing cancels; sigma_E = 0 is z* = 0.
+class ExactSplat
+{
+public:
+  ExactSplat(const GaussianField& field, std::size_t i, const SlicePlane& plane);
+
+  /// w at a pixel position; reflectivity left out.
+  Long Weight(Long column, Long row) const;
+
+  /// The largest w on the plane (at the footprint's centre, whether or not a pixel lies there), and the
+  /// largest on any plane.
+  Long Peak() const { return peak_; }
+  Long PeakOfAllPlanes() const { return 1 / std::sqrt(n_); }
+
+private:
+  LongVector atOrigin_, perColumn_, perRow_, perMillimetre_;  // y, and what one step adds to it
+  Long variance_, n_, peak_;
+};
+
+/// S of a whole field at one pixel, in long double; sum_i |r_i| w_i(p) beside it.
+struct ExactSum
+{
+  Long scattering = 0, magnitude = 0;
+};
+ExactSum ExactScattering(const std::vector<ExactSplat>& splats, const GaussianField& field, Long column,
+                         Long row);
+std::vector<ExactSplat> ExactSplats(const GaussianField& field, const SlicePlane& plane);
+
+/// Moves Gaussian i so that its footprint's centre lies `eta` of its own standard deviations from pixel
+/// (column, row) (two independent directions), and the Gaussian `rho` of the standard deviations that the
+/// beam sees, sqrt(n^T Sigma n + sigma_E^2), off the plane. So every splat, however thin, meets a pixel where
+/// it is bright.
+void PlaceInView(GaussianField& field, std::size_t i, const SlicePlane& plane, double column, double row,
+                 const Eigen::Vector2d& eta, double rho);
+
+/// What the recurrence along rows may cost, relative to a splat's peak: the precision asked of an engine in
+/// float, and of one in double.
+inline double FlatError(double u)
+{
+  return u > 1e-10 ? 1e-4 : 1e-9;
+}
+
+/// A bound on |dw| of one splat anywhere on the plane that any sound evaluation in arithmetic of the given
+/// unit roundoff u keeps, and that no subtraction of covariances can:
+///
+///     |dw| <= (flat + 32 u k (aspect + (L + sigma_E) / s_min) + 32 2^-53 D / s_min) / sqrt(N),
+///
+/// and never more than 1 / sqrt(N), which is all there is to lose.
+///
+/// Positions (mean, pixel, plane) enter as floats of size up to L, the largest distance between any two of
+/// them and from the engine's origin, and turned by a rounded rotation: they move by a few u L, hence y by a
+/// few u L / s_min, hence exp(-|y|^2 / 2), whose steepest slope is 0.61, by less than that; the beam explores
+/// sigma_E more. N and the shape itself depend on directions rounded to u, which matter `aspect` times. 32
+/// covers the roundings in series: inputs 3, products and sums of a rotation and a change of basis 2 x 5,
+/// logarithm and exponential of a scale (ln s <= 23) 12, norms 4, the exponential's own 2. k = |a| |b| / |a x
+/// b| is 1 for rectangular pixels and what a change of basis loses to sheared ones. D is the coordinates' own
+/// size before the engine subtracts its origin in double. `flat` is what recurrences may cost.
+double SplatErrorBound(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u);
+
+/// Rows of the table printed when the tests end. `worst` is the largest error by the case's own definition,
+/// `bound` what it was held against (NaN: nothing was).
+void Report(const std::string& group, const std::string& name, const std::string& engine, double worst,
+            double bound, std::size_t nonFinite);
+
+/// Counts what is not finite.
+std::size_t CountNonFinite(const std::vector<float>& values);
+std::size_t CountNonFinite(const FieldGradient& gradient);
+std::size_t CountNonFinite(const GaussianField& field);
+
+/// A whole plane rendered by an engine that already holds a field.
+struct Image
+{
+  std::vector<float> values, coverage;
+};
+Image RenderWhole(Engine& engine, const SlicePlane& plane, ViewOutput output);
+
+/// A plane through the origin, z = 0: pixel (0, 0) at its lower left, centre at (0, 0, 0).
+SlicePlane FlatPlane(int width, int height, double columnSpacing, double rowSpacing);
+
+}  // namespace bigus::test

@@ -1,0 +1,246 @@
+// The guarantee of Accuracy: all that is dropped at any one pixel changes I by at most `tolerance`. Measured
+// as |I - I_exact| at every pixel of many fields against the untruncated reference engine, beside what the
+// arithmetic may add:
+//
+//   float    gamma (1 - I) e A(p), A(p) = sum_i |r_i| w_i(p), e = the relative error of a splat inside its
+//            footprint plus N 2^-24 for the sum. For |U (p - m)| <= k and positions off by d standard
+//            deviations that error is exp(k d) - 1 < 2 k d, with k <= 10 (exp(-50) is dropped at any
+//            tolerance here) and d from SplatErrorBound, beside its flat part for the recurrence. Fields are
+//            built so that this stays a fraction of the tolerance: intensities in proportion to it, shapes
+//            that are no needles.
+//   double   1e-9, and nothing else.
+//   both     half a unit in the last place of I in either image of floats.
+
+#include <algorithm>
+#include <limits>
+
+#include "Stability/HardCases.h"
+
+namespace
+{
+
+using namespace bigus;
+using namespace bigus::test;
+
+struct Outcome
+{
+  double error = 0;   ///< largest |dI|
+  double excess = 0;  ///< largest |dI| over what is allowed
+  std::size_t nonFinite = 0;
+};
+
+class Truncation : public ::testing::TestWithParam<std::string>
+{
+protected:
+  std::unique_ptr<Engine> engine_ = Engine::Create(GetParam()), reference_ = Engine::Create("reference");
+  const double unit_ = UnitRoundoff(GetParam());
+
+  /// The relative error of a splat inside its footprint, at worst over the field, and of the sum.
+  double RoundingOf(const GaussianField& field, const SlicePlane& plane) const
+  {
+    double largest = 0;
+    for (std::size_t i = 0; i < field.Size(); ++i)
+    {
+      const double peak = static_cast<double>(ExactSplat(field, i, plane).PeakOfAllPlanes());
+      largest = std::max(largest, SplatErrorBound(field, i, plane, unit_) / peak - FlatError(unit_));
+    }
+    return FlatError(unit_) + 2 * 10 * largest + static_cast<double>(field.Size()) * unit_;
+  }
+
+  void Check(const GaussianField& field, const SlicePlane& plane, const Accuracy& accuracy, Outcome& outcome)
+  {
+    reference_->SetField(field);
+    const std::vector<float> exact = RenderWhole(*reference_, plane, ViewOutput::Intensity).values;
+    GaussianField magnitudes = field;
+    for (double& r : magnitudes.reflectivities)
+    {
+      r = std::abs(r);
+    }
+    reference_->SetField(magnitudes);
+    const std::vector<float> magnitude = RenderWhole(*reference_, plane, ViewOutput::Scattering).values;
+    engine_->SetAccuracy(accuracy);
+    engine_->SetField(field);
+    const Image image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
+    outcome.nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
+    const bool isFloat = unit_ > 1e-10;
+    const double relative = isFloat ? RoundingOf(field, plane) : 0;
+    for (std::size_t p = 0; p < exact.size(); ++p)
+    {
+      const double error = std::abs(static_cast<double>(image.values[p]) - exact[p]);
+      const double arithmetic = isFloat ? field.transfer.gamma * relative * magnitude[p] : 1e-9;
+      const double allowed = accuracy.tolerance + arithmetic + 2 * kFloatRounding * exact[p];
+      outcome.error = std::max(outcome.error, error);
+      outcome.excess = std::max(outcome.excess, std::isfinite(error) ? error / allowed : HUGE_VAL);
+    }
+  }
+
+  void Conclude(const char* name, double tolerance, const Outcome& outcome)
+  {
+    char text[96];
+    std::snprintf(text, sizeof(text), "%s, %g: max dI %.2g, over what is allowed", name, tolerance,
+                  outcome.error);
+    Report("truncation", text, GetParam(), outcome.excess, 1, outcome.nonFinite);
+    EXPECT_EQ(outcome.nonFinite, 0u) << text;
+    EXPECT_LE(outcome.excess, 1.0) << text;
+  }
+};
+
+constexpr double kTolerances[] = {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
+
+SlicePlane SmallPlane(Random& random)
+{
+  return RandomPlane(random, random.Vector(1), 0.3, 40, 32);
+}
+
+/// As wide, of fewer pixels: for fields that the reference engine takes long over.
+SlicePlane CoarsePlane(Random& random)
+{
+  return RandomPlane(random, random.Vector(0.5), 0.5, 15, 13);
+}
+
+/// Reflectivities in proportion to the tolerance: each splat a hundred times it at most, or a share of that.
+void InProportion(GaussianField& field, double tolerance)
+{
+  field.transfer.gamma = 1;
+  for (double& r : field.reflectivities)
+  {
+    r *= std::min(1.0, 100 * tolerance);
+  }
+}
+
+TEST_P(Truncation, RandomFields)
+{
+  for (const double tolerance : kTolerances)
+  {
+    Random random(31);
+    Outcome outcome;
+    for (int k = 0; k < 24; ++k)
+    {
+      // From a few Gaussians to many that overlap, all beams and gammas.
+      const auto count = static_cast<std::size_t>(random.LogUniform(1, 800));
+      GaussianField field = RandomField(random, count, 6, 0.4, 2, k % 4 ? random.LogUniform(0.01, 2) : 0.0);
+      InProportion(field, tolerance);
+      const double gamma = random.LogUniform(0.05, 5);
+      field.transfer.gamma = gamma;
+      for (double& r : field.reflectivities)
+      {
+        r /= gamma;
+      }
+      Accuracy accuracy{tolerance};
+      accuracy.direct = k % 3 == 0;
+      Check(field, SmallPlane(random), accuracy, outcome);
+    }
+    Conclude("random fields", tolerance, outcome);
+  }
+}
+
+TEST_P(Truncation, FieldsAsBrightAsImagesAre)
+{
+  for (const double tolerance : kTolerances)
+  {
+    Random random(32);
+    Outcome outcome;
+    for (int k = 0; k < 8; ++k)
+    {
+      GaussianField field = RandomField(random, 400, 6, 0.4, 2, 0.3);
+      Check(field, SmallPlane(random), {tolerance}, outcome);
+    }
+    Conclude("bright fields", tolerance, outcome);
+  }
+}
+
+TEST_P(Truncation, ThousandsOfFaintGaussiansOnOneSpot)
+{
+  // Each alone is below the tolerance, all together thousands of times above it: whoever judges them one by
+  // one drops the whole image. From far below an equal share of the tolerance, to just below it, to just
+  // above.
+  constexpr std::size_t kCount = 4000;
+  for (const double tolerance : kTolerances)
+  {
+    Random random(33);
+    Outcome outcome;
+    for (const double share : {0.01, 0.4, 0.5, 0.9, 0.999, 1.001, 2.0, 30.0, 1000.0, 0.9 * kCount})
+    {
+      GaussianField field = RandomField(random, kCount, 0.5, 0.6, 2, 0.3);
+      field.transfer.gamma = 1;
+      for (double& r : field.reflectivities)
+      {
+        r = share * tolerance / kCount;
+      }
+      Check(field, CoarsePlane(random), {tolerance}, outcome);
+      // The same among a hundred bright ones, which reach much further.
+      for (std::size_t i = 0; i < 100; ++i)
+      {
+        field.reflectivities[i] = 2 * tolerance * random.Uniform();
+        field.means[i] = random.Vector(5);
+      }
+      Check(field, CoarsePlane(random), {tolerance}, outcome);
+    }
+    Conclude("4000 faint ones", tolerance, outcome);
+  }
+}
+
+TEST_P(Truncation, CancellingPairs)
+{
+  // Pairs of opposite sign, exact and nearly so: what is left is small, what is dropped is a share of |r|.
+  for (const double tolerance : kTolerances)
+  {
+    Random random(34);
+    Outcome outcome;
+    for (int k = 0; k < 12; ++k)
+    {
+      GaussianField field = RandomField(random, 300, 4, 0.5, 2, k % 3 ? 0.3 : 0.0);
+      InProportion(field, tolerance);
+      for (std::size_t i = 1; i < field.Size(); i += 2)
+      {
+        field.means[i] = field.means[i - 1] + random.Vector(k % 2 ? 0.2 : 0.0);
+        field.scales[i] = field.scales[i - 1] * (k % 2 ? random.Uniform(0.9, 1.1) : 1.0);
+        field.rotations[i] = field.rotations[i - 1];
+        field.reflectivities[i] = -field.reflectivities[i - 1];
+      }
+      // On a ground that keeps S positive, where I has a slope and errors of either sign show.
+      field.means[0].setZero();
+      field.scales[0].setConstant(8);
+      field.reflectivities[0] = std::min(1.0, 300 * tolerance);
+      Check(field, SmallPlane(random), {tolerance}, outcome);
+    }
+    Conclude("cancelling pairs", tolerance, outcome);
+  }
+}
+
+TEST_P(Truncation, OneSplatAloneWhenEachIsBoundedAlone)
+{
+  for (const double tolerance : kTolerances)
+  {
+    Random random(35);
+    Outcome outcome;
+    for (int k = 0; k < 60; ++k)
+    {
+      GaussianField field = RandomField(random, 1, 1, 0.4, 4, k % 3 ? 0.3 : 0.0);
+      field.reflectivities[0] = random.LogUniform(0.5, 1000) * tolerance;
+      field.transfer.gamma = 1;
+      const SlicePlane plane = SmallPlane(random);
+      PlaceInView(field, 0, plane, random.Uniform(0, 39), random.Uniform(0, 31), {0, 0},
+                  random.Uniform(-3, 3));
+      Check(field, plane, {tolerance, true}, outcome);
+    }
+    Conclude("one splat, bounded alone", tolerance, outcome);
+  }
+}
+
+TEST_P(Truncation, NothingIsDroppedAtToleranceZero)
+{
+  Random random(36);
+  Outcome outcome;
+  for (int k = 0; k < 24; ++k)
+  {
+    GaussianField field = RandomField(random, 200, 6, 0.4, 2, k % 3 ? 0.3 : 0.0);
+    InProportion(field, random.LogUniform(1e-8, 1e-2));
+    Check(field, SmallPlane(random), {0.0, k % 2 == 0}, outcome);
+  }
+  Conclude("random fields", 0, outcome);
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, Truncation, ::testing::ValuesIn(FastEngines()), NameOf);
+
+}  // namespace
