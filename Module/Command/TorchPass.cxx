@@ -7,7 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmath>
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -106,7 +106,7 @@ void WriteWorkload(const TrainingPass& pass, const std::string& path)
 }
 
 /// Runs a program that reads `input` and puts what it prints into `output`; its stderr goes nowhere. Returns
-/// its exit status, or -1 if it cannot be started.
+/// its exit status, or -1 if it cannot be started. Throws Interrupted, with the program ended.
 int RunProgram(const std::vector<std::string>& arguments, const std::string& input, std::string& output)
 {
   int toChild[2], fromChild[2];
@@ -182,6 +182,10 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
   while (waitpid(child, &status, 0) < 0 && errno == EINTR)
   {
   }
+  if (IsInterrupted())
+  {
+    throw Interrupted();
+  }
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
@@ -216,10 +220,6 @@ TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads)
   const int status =
       RunProgram({python, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
                  kBenchTorchScript, output);
-  if (IsInterrupted())
-  {
-    throw Interrupted();
-  }
   const nlohmann::json answer = nlohmann::json::parse(output, nullptr, false);
   if (status != 0 || !answer.is_object())
   {
