@@ -83,8 +83,26 @@ static HWY_INLINE View<Lanes<T>> Broadcast(const bigus::View<T>& v)
 // ---------------------------------------------------------------------------------------------------------------
 // Exponents.
 
-/// e^x for kLowestExponent <= x <= -kLowestExponent, without the checks a library needs beyond. float: Cody-Waite
-/// reduction and a minimax polynomial of degree 7 on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
+/// e^x = power (1 + q) for |x| <= -kLowestExponent, in float: Cody-Waite reduction by a power of two and a Taylor
+/// polynomial of q on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
+template <class D>
+static HWY_INLINE hn::Vec<D> SplitExp(D d, hn::Vec<D> x, hn::Vec<D>& power)
+{
+  const hn::RebindToSigned<D> di;
+  const auto k = hn::Round(hn::Mul(x, hn::Set(d, 1.44269504f)));
+  auto r = hn::NegMulAdd(k, hn::Set(d, 0.693359375f), x);
+  r = hn::NegMulAdd(k, hn::Set(d, -2.12194440e-4f), r);
+  auto p = hn::Set(d, 1.0f / 5040);
+  p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 720));
+  p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 120));
+  p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 24));
+  p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 6));
+  p = hn::MulAdd(p, r, hn::Set(d, 0.5f));
+  power = hn::BitCast(d, hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, k), hn::Set(di, 127))));
+  return hn::MulAdd(hn::Mul(p, r), r, r);
+}
+
+/// e^x and e^x - 1 for |x| <= -kLowestExponent, without the checks a library needs beyond.
 template <class D>
 static HWY_INLINE hn::Vec<D> BoundedExp(D d, hn::Vec<D> x)
 {
@@ -94,19 +112,23 @@ static HWY_INLINE hn::Vec<D> BoundedExp(D d, hn::Vec<D> x)
   }
   else
   {
-    const hn::RebindToSigned<D> di;
-    const auto k = hn::Round(hn::Mul(x, hn::Set(d, 1.44269504f)));
-    auto r = hn::NegMulAdd(k, hn::Set(d, 0.693359375f), x);
-    r = hn::NegMulAdd(k, hn::Set(d, -2.12194440e-4f), r);
-    auto p = hn::Set(d, 1.0f / 5040);
-    p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 720));
-    p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 120));
-    p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 24));
-    p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 6));
-    p = hn::MulAdd(p, r, hn::Set(d, 0.5f));
-    p = hn::MulAdd(hn::Mul(p, r), r, hn::Add(r, hn::Set(d, 1.0f)));
-    const auto power = hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, k), hn::Set(di, 127)));
-    return hn::Mul(p, hn::BitCast(d, power));
+    hn::Vec<D> power;
+    const auto q = SplitExp(d, x, power);
+    return hn::MulAdd(power, q, power);
+  }
+}
+template <class D>
+static HWY_INLINE hn::Vec<D> BoundedExpm1(D d, hn::Vec<D> x)
+{
+  if constexpr (sizeof(hn::TFromD<D>) == 8)
+  {
+    return hn::Expm1(d, x);
+  }
+  else
+  {
+    hn::Vec<D> power;
+    const auto q = SplitExp(d, x, power);
+    return hn::MulAdd(power, q, hn::Sub(power, hn::Set(d, 1.0f)));
   }
 }
 
@@ -919,15 +941,30 @@ static void ToIntensity(const T* scattering, std::size_t count, T gamma, float* 
 {
   const hn::ScalableTag<T> d;
   const std::size_t lanes = hn::Lanes(d);
-  alignas(64) T last[16];
+  const hn::Rebind<float, hn::ScalableTag<T>> df;
   for (std::size_t i = 0; i < count; i += lanes)
   {
-    const std::size_t n = std::min(lanes, count - i);
     const auto s = hn::Max(hn::LoadU(d, scattering + i), hn::Zero(d));
-    hn::StoreU(hn::Neg(hn::Expm1(d, hn::Mul(hn::Set(d, -gamma), s))), d, last);
-    for (std::size_t k = 0; k < n; ++k)
+    const auto exponent = hn::Max(hn::Mul(hn::Set(d, -gamma), s), hn::Set(d, kLowestExponent<T>));
+    const auto intensity = hn::Neg(BoundedExpm1(d, exponent));
+    hn::Vec<decltype(df)> single;
+    if constexpr (sizeof(T) == sizeof(float))
     {
-      out[i + k] = static_cast<float>(last[k]);
+      single = intensity;
+    }
+    else
+    {
+      single = hn::DemoteTo(df, intensity);
+    }
+    if (i + lanes <= count)
+    {
+      hn::StoreU(single, df, out + i);
+    }
+    else
+    {
+      float last[16];
+      hn::StoreU(single, df, last);
+      std::copy_n(last, count - i, out + i);
     }
   }
 }

@@ -1,10 +1,13 @@
 // Gradients against central differences, and the CPU engine against the reference engine.
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <cmath>
 #include <cstring>
+#include <iostream>
+#include <set>
 
 #include "Core/Engine.h"
 #include "Core/Error.h"
@@ -150,6 +153,18 @@ std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
   return flat;
 }
 
+/// |value - reference| / |reference| of a whole group.
+double RelativeError(const std::vector<double>& reference, const std::vector<double>& value)
+{
+  double squared = 0, difference = 0;
+  for (std::size_t i = 0; i < reference.size(); ++i)
+  {
+    squared += reference[i] * reference[i];
+    difference += (reference[i] - value[i]) * (reference[i] - value[i]);
+  }
+  return std::sqrt(difference / squared);
+}
+
 /// With tolerance 0 every exponential is computed; with 1e-9 most footprints use the recurrence.
 class CpuGradientTest : public testing::TestWithParam<double>
 {
@@ -174,17 +189,9 @@ TEST_P(CpuGradientTest, EqualsTheReference)
   const auto check =
       [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
   {
-    double dot = 0, a = 0, b = 0, difference = 0;
-    for (std::size_t i = 0; i < reference.size(); ++i)
-    {
-      dot += reference[i] * value[i];
-      a += reference[i] * reference[i];
-      b += value[i] * value[i];
-      difference += (reference[i] - value[i]) * (reference[i] - value[i]);
-    }
-    EXPECT_LT(std::sqrt(difference / a), 1e-4) << group;
-    EXPECT_GT(dot / std::sqrt(a * b), 0.99999) << group;
-    std::cout << group << ": relative error " << std::sqrt(difference / a) << '\n';
+    const double error = RelativeError(reference, value);
+    EXPECT_LT(error, 1e-5) << group;
+    std::cout << group << ": relative error " << error << '\n';
   };
   check(Flat(gradients[0].means), Flat(gradients[1].means), "mean");
   check(Flat(gradients[0].logScales), Flat(gradients[1].logScales), "log-scale");
@@ -219,6 +226,60 @@ TEST(CpuEngine, DropsNoMoreThanTheTolerance)
   }
 }
 
+/// Restricts the engines made while it lives to some instruction sets (bits of hwy/targets.h).
+class OnlyTargets
+{
+public:
+  explicit OnlyTargets(std::int64_t targets)
+  {
+    hwy::SetSupportedTargetsForTest(targets);
+    hwy::GetChosenTarget().DeInit();
+  }
+  ~OnlyTargets()
+  {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().DeInit();
+  }
+};
+
+TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
+{
+  const LargeProblem problem;
+  const auto reference = bigus::Engine::Create("reference");
+  reference->SetFrames(problem.sweep, false);
+  reference->SetField(problem.field);
+  reference->Backpropagate({0, 2}, bigus::LossKind::L2);
+  const bigus::FieldGradient expected = reference->GetGradient();
+  std::set<std::string> devices;
+  std::int64_t rest = hwy::SupportedTargets();
+  while (rest != 0)
+  {
+    const OnlyTargets only(rest & -rest);
+    rest &= rest - 1;
+    for (const std::string name : {"cpu", "cpu-double"})
+    {
+      const auto engine = bigus::Engine::Create(name);
+      if (!devices.insert(engine->Device()).second)
+      {
+        continue;  // the library was built without this one and took another
+      }
+      engine->SetAccuracy({1e-11, true});
+      engine->SetFrames(problem.sweep, false);
+      engine->SetField(problem.field);
+      engine->Backpropagate({0, 2}, bigus::LossKind::L2);
+      const bigus::FieldGradient gradient = engine->GetGradient();
+      const double bound = name == "cpu" ? 1e-5 : 1e-6;  // rounding; what the tolerance drops
+      EXPECT_LT(RelativeError(Flat(expected.means), Flat(gradient.means)), bound) << engine->Device();
+      EXPECT_LT(RelativeError(Flat(expected.logScales), Flat(gradient.logScales)), bound) << engine->Device();
+      EXPECT_LT(RelativeError(Flat(expected.rotations), Flat(gradient.rotations)), bound) << engine->Device();
+      EXPECT_LT(RelativeError(expected.reflectivities, gradient.reflectivities), bound) << engine->Device();
+      std::cout << engine->Device() << ": mean "
+                << RelativeError(Flat(expected.means), Flat(gradient.means)) << ", reflectivity "
+                << RelativeError(expected.reflectivities, gradient.reflectivities) << '\n';
+    }
+  }
+}
+
 /// Three training steps and a reflectivity solve, then all parameters as bytes.
 std::vector<double> TrainBriefly(int threads)
 {
@@ -230,8 +291,7 @@ std::vector<double> TrainBriefly(int threads)
   engine->SolveReflectivities({0, 1, 2, 3}, 3);
   for (int i = 0; i < 3; ++i)
   {
-    engine->Backpropagate({i, i + 1}, bigus::LossKind::L1);
-    engine->Step({0.1, 0.05, 0.05, 0.02}, {});
+    engine->TrainStep({i, i + 1}, bigus::LossKind::L1, {0.1, 0.05, 0.05, 0.02}, {});
   }
   const bigus::GaussianField field = engine->GetField();
   std::vector<double> all = Flat(field.means);
@@ -253,6 +313,45 @@ TEST(CpuEngine, BitsDoNotDependOnTheNumberOfThreads)
     const std::vector<double> many = TrainBriefly(threads);
     ASSERT_EQ(one.size(), many.size());
     EXPECT_EQ(0, std::memcmp(one.data(), many.data(), one.size() * sizeof(double))) << threads << " threads";
+  }
+}
+
+TEST(CpuEngine, ATrainStepIsBackpropagateAndStep)
+{
+  const LargeProblem problem;
+  const bigus::LearningRates rates{0.1, 0.05, 0.05, 0.02};
+  std::vector<double> results[2];
+  for (int fused = 0; fused < 2; ++fused)
+  {
+    const auto engine = bigus::Engine::Create("cpu");
+    engine->SetFrames(problem.sweep, false);
+    engine->SetField(problem.field);
+    engine->ResetScores();
+    for (const std::vector<int>& batch : {std::vector<int>{0, 1}, {2, 3}, {1, 2}})
+    {
+      if (fused)
+      {
+        results[fused].push_back(engine->TrainStep(batch, bigus::LossKind::L1, rates, {}));
+      }
+      else
+      {
+        results[fused].push_back(engine->Backpropagate(batch, bigus::LossKind::L1));
+        engine->Step(rates, {});
+      }
+    }
+    const std::vector<double> means = Flat(engine->GetField().means), error = engine->GetScores().error;
+    results[fused].insert(results[fused].end(), means.begin(), means.end());
+    results[fused].insert(results[fused].end(), error.begin(), error.end());
+    if (fused)
+    {
+      EXPECT_TRUE(engine->GetGradient().means.empty());
+      EXPECT_THROW(engine->Step(rates, {}), bigus::Error);
+    }
+  }
+  ASSERT_EQ(results[0].size(), results[1].size());
+  for (std::size_t i = 0; i < results[0].size(); ++i)
+  {
+    ASSERT_EQ(results[0][i], results[1][i]) << "number " << i;
   }
 }
 
@@ -281,7 +380,7 @@ TEST(CpuEngine, AWindowHoldsTheBitsOfTheWhole)
 TEST(Engine, SolvesForReflectivities)
 {
   // Frames rendered from a known field: solving from zero must find its reflectivities where frames see them.
-  for (const char* name : {"reference", "cpu"})
+  for (const std::string& name : bigus::Engine::Names())
   {
     Random random(5);
     bigus::GaussianField field = bigus::test::RandomField(random, 20, 4.0, 0.6, 1.2, 0.4);
@@ -330,7 +429,7 @@ TEST(Engine, SolvesForReflectivities)
 TEST(Engine, RefusesWhatItCannotDo)
 {
   EXPECT_THROW(bigus::Engine::Create("no such engine"), bigus::Error);
-  for (const char* name : {"reference", "cpu"})
+  for (const std::string& name : bigus::Engine::Names())
   {
     const auto engine = bigus::Engine::Create(name);
     EXPECT_THROW(engine->Backpropagate({0}, bigus::LossKind::L1), bigus::Error);  // no frames
@@ -346,7 +445,7 @@ TEST(Engine, RefusesWhatItCannotDo)
 
 TEST(Engine, AnEmptyFieldIsBlack)
 {
-  for (const char* name : {"reference", "cpu"})
+  for (const std::string& name : bigus::Engine::Names())
   {
     const auto engine = bigus::Engine::Create(name);
     engine->SetField({});
