@@ -251,7 +251,8 @@ void PlainRenderer::Render(const SlicePlane& plane, double tolerance, int thread
   OnThreads(threads,
             [&](int t)
             {
-              std::vector<Box>& boxes = boxes_[t];
+              std::vector<Box> boxes;  // its own: neighbours in boxes_ share a cache line
+              boxes.swap(boxes_[t]);
               boxes.clear();
               for (std::size_t i = share(gaussians_.size(), t); i < share(gaussians_.size(), t + 1); ++i)
               {
@@ -269,6 +270,7 @@ void PlainRenderer::Render(const SlicePlane& plane, double tolerance, int thread
                   forTiles(box, [&counts, t](int tile) { ++counts[t][tile]; });
                 }
               }
+              boxes.swap(boxes_[t]);
             });
 
   // The other half is shared out among those that overlap.
