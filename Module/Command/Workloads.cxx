@@ -441,7 +441,14 @@ struct KernelRun::Data
 {
   static constexpr int kWidth = 640, kHeight = 480;
   Kernels<float> kernels = KernelsOfThisMachine<float>();
-  std::vector<VisibleSplat<float>> splats;
+  struct Block
+  {
+    VisibleSplat<float> splats[kBlock];
+    int count;
+    float reflectivity[kBlock];
+  };
+  std::vector<std::unique_ptr<Block>> blocks;
+  std::size_t splats = 0;
   std::size_t pairs = 0;
   std::vector<float> image = std::vector<float>(std::size_t(kWidth + kRowPadding) * kHeight, 0.0f);
 };
@@ -457,6 +464,7 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
   task.columnEnd = plane.width;
   task.rowEnd = plane.height;
   task.commonMagnitude = 1;
+  task.slab = 1;
   task.tolerance = std::exp(-4.5f);  // where w falls below this: three standard deviations
   Random random(5);
   const auto block = std::make_unique<GaussianBlock<float>>();
@@ -492,9 +500,13 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
       data_->pairs +=
           static_cast<std::size_t>(pixels(u, halfU, plane.width) * pixels(v, halfV, plane.height));
     }
-    VisibleSplat<float> found[kBlock];
-    const int visible = data_->kernels.projectBlock(*block, count, task, found);
-    data_->splats.insert(data_->splats.end(), found, found + visible);
+    auto out = std::make_unique<Data::Block>();
+    SplatBuffer<float> found;
+    out->count = data_->kernels.projectBlock(*block, count, task, found);
+    found.Store(out->count, out->splats);
+    std::copy_n(block->reflectivity, kBlock, out->reflectivity);
+    data_->splats += static_cast<std::size_t>(out->count);
+    data_->blocks.push_back(std::move(out));
   }
 }
 
@@ -502,13 +514,16 @@ KernelRun::~KernelRun() = default;
 
 void KernelRun::Run()
 {
-  data_->kernels.addFootprints(data_->splats.data(), data_->splats.size(), 0, Data::kHeight,
-                               {data_->image.data(), 0, 0, std::size_t(Data::kWidth + kRowPadding)}, false);
+  const PixelRows<float> rows{data_->image.data(), 0, 0, std::size_t(Data::kWidth + kRowPadding)};
+  for (const auto& block : data_->blocks)
+  {
+    data_->kernels.addFootprints(block->splats, block->count, block->reflectivity, 0, Data::kHeight, rows);
+  }
 }
 
 std::size_t KernelRun::Splats() const
 {
-  return data_->splats.size();
+  return data_->splats;
 }
 
 std::size_t KernelRun::Pairs() const

@@ -154,8 +154,13 @@ public:
   {
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
+    if (std::max(plane.width, plane.height) > kLargestImage)
+    {
+      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
+                  " pixels is larger than 16777216 along a side.");
+    }
     const std::vector<Camera> cameras{Camera(plane, beam_)};
-    FindVisible(cameras, plane.width, plane.height, window, nullptr);
+    FindVisible(cameras, plane.width, plane.height, window, false);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
     ForBands(1, window.rows,
              [&](int, int begin, int end)
@@ -163,7 +168,7 @@ public:
                const int firstRow = window.firstRow + begin, lastRow = window.firstRow + end;
                std::vector<T> buffer(stride * (end - begin), T(0));
                const PixelRows<T> rows{buffer.data(), window.firstColumn, firstRow, stride};
-               AddVisible(0, firstRow, lastRow, rows, false);
+               AddVisible(0, firstRow, lastRow, rows, [this](std::size_t b) { return blocks_[b].reflectivity; });
                for (int row = begin; row < end; ++row)
                {
                  const T* in = buffer.data() + (row - begin) * stride;
@@ -180,7 +185,7 @@ public:
                if (coverage)
                {
                  std::fill(buffer.begin(), buffer.end(), T(0));
-                 AddVisible(0, firstRow, lastRow, rows, true);
+                 AddVisible(0, firstRow, lastRow, rows, [](std::size_t) -> const T* { return nullptr; });
                  for (int row = begin; row < end; ++row)
                  {
                    std::copy_n(buffer.data() + (row - begin) * stride, window.columns,
@@ -285,12 +290,13 @@ public:
                   MomentBlock<T> moments;
                   for (std::size_t f = 0; f < batch.size(); ++f)
                   {
-                    const Seen& list = ListOf(slot, f);
+                    const Seen& list = SeenBy(slot, f);
                     const VisibleSplat<T>* splats = splats_.get() + list.offset;
                     kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
+                    T* sums = out.data() + seenBlocks_[slot] * std::size_t(kBlock);
                     for (int k = 0; k < list.count; ++k)
                     {
-                      out[seenBlocks_[slot] * std::size_t(kBlock) + splats[k].gaussian] += moments.values[0][k];
+                      sums[static_cast<int>(splats[k].gaussian)] += moments.values[0][k];
                     }
                   }
                 });
@@ -372,7 +378,7 @@ private:
   };
 
   bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
-  const Seen& ListOf(std::size_t slot, std::size_t view) const { return seen_[slot * views_ + view]; }
+  const Seen& SeenBy(std::size_t slot, std::size_t view) const { return seen_[slot * views_ + view]; }
 
   template <class Body>
   void ForSeen(Body&& body) const
@@ -525,11 +531,17 @@ private:
 
   // ---- What is seen ----------------------------------------------------------------------------------------------
 
-  /// Whether a block can reach `tolerance` (given as its logarithm) on the plane, and in which pixels. The region where
-  /// magnitude * w >= tolerance is the slice of an ellipsoid k times the Gaussian's, thickened by the beam along the
-  /// normal: it stays within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across.
-  bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude, double logTolerance,
-               PixelBox* box) const
+  /// Whether a block can reach `tolerance` (given as its logarithm) on the plane, in which pixels, and how far (squared,
+  /// mm^2) its Gaussians may be from the plane. The region where magnitude * w >= tolerance is the slice of an ellipsoid
+  /// k times the Gaussian's, thickened by the beam along the normal: it stays within k s of the mean in the plane and
+  /// within k sqrt(s^2 + sigma_E^2) across.
+  struct Reach
+  {
+    PixelBox box{0, 0, 0, 0};
+    double slab = 0;
+  };
+  static bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude, double logTolerance,
+                      Reach* reach)
   {
     constexpr double kEverything = sizeof(T) == 4 ? 180 : 1480;
     const double cut = std::min(2 * (logMagnitude - logTolerance), kEverything) * 1.002;
@@ -537,8 +549,9 @@ private:
     {
       return false;
     }
+    reach->slab = cut * (place.variance + camera.variance);
     const Eigen::Vector3d offset = place.middle - camera.origin;
-    const double across = camera.n.cwiseAbs().dot(place.half) + std::sqrt(cut * (place.variance + camera.variance));
+    const double across = camera.n.cwiseAbs().dot(place.half) + std::sqrt(reach->slab);
     if (!(std::abs(camera.n.dot(offset)) <= across))
     {
       return false;
@@ -550,8 +563,8 @@ private:
       begin = static_cast<std::int64_t>(std::ceil(std::clamp(middle - half, -1e15, 1e15)));
       end = static_cast<std::int64_t>(std::floor(std::clamp(middle + half, -1e15, 1e15))) + 1;
     };
-    range(camera.dualA, box->columnBegin, box->columnEnd);
-    range(camera.dualB, box->rowBegin, box->rowEnd);
+    range(camera.dualA, reach->box.columnBegin, reach->box.columnEnd);
+    range(camera.dualB, reach->box.rowBegin, reach->box.rowEnd);
     return true;
   }
 
@@ -566,8 +579,9 @@ private:
   static View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row)
   {
     const Eigen::Vector3d centre = place.centre - camera.origin;
-    const double u = std::round(std::clamp(camera.dualA.dot(centre), -1e9, 1e9));
-    const double v = std::round(std::clamp(camera.dualB.dot(centre), -1e9, 1e9));
+    constexpr double kFar = kLargestImage / 4;
+    const double u = std::round(std::clamp(camera.dualA.dot(centre), -kFar, kFar));
+    const double v = std::round(std::clamp(camera.dualB.dot(centre), -kFar, kFar));
     column = static_cast<std::int32_t>(u);
     row = static_cast<std::int32_t>(v);
     View<U> view;
@@ -583,46 +597,35 @@ private:
   }
 
   /// Projects a block, in double if it is sharp. Returns how many splats were found.
-  int Project(std::size_t b, const Camera& camera, const Window& window, double tolerance, double commonMagnitude,
-              const T* values, VisibleSplat<T>* found) const
+  int Project(std::size_t b, const Camera& camera, const Window& window, double slab, double tolerance,
+              double commonMagnitude, SplatBuffer<T>& found) const
   {
     const BlockPlace& place = places_[b];
-    const auto fill = [&](auto& task)
+    const auto task = [&](auto number)
     {
-      using U = std::decay_t<decltype(task.tolerance)>;
-      task.view = LocalView<U>(camera, place, task.originColumn, task.originRow);
-      task.columnBegin = window.firstColumn;
-      task.columnEnd = window.firstColumn + window.columns;
-      task.rowBegin = window.firstRow;
-      task.rowEnd = window.firstRow + window.rows;
-      task.tolerance = static_cast<U>(tolerance);
-      task.commonMagnitude = static_cast<U>(commonMagnitude);
-      task.values = nullptr;
-      task.direct = accuracy_.direct;
+      using U = decltype(number);
+      ProjectionTask<U> out;
+      out.view = LocalView<U>(camera, place, out.originColumn, out.originRow);
+      out.columnBegin = window.firstColumn;
+      out.columnEnd = window.firstColumn + window.columns;
+      out.rowBegin = window.firstRow;
+      out.rowEnd = window.firstRow + window.rows;
+      out.slab = static_cast<U>(std::min(slab, 1e30));
+      out.tolerance = static_cast<U>(tolerance);
+      out.commonMagnitude = static_cast<U>(commonMagnitude);
+      out.direct = accuracy_.direct;
+      out.lowestExponent = kLowestExponent<T>;
+      return out;
     };
     if (!sharp_[b])
     {
-      ProjectionTask<T> task;
-      fill(task);
-      task.values = values;
-      return kernels_.projectBlock(blocks_[b], place.count, task, found);
+      return kernels_.projectBlock(blocks_[b], place.count, task(T()), found);
     }
-    ProjectionTask<double> task;
-    fill(task);
-    task.lowestExponent = kLowestExponent<T>;
-    VisibleSplat<double> exact[kBlock];
-    const int count = doubleKernels_.projectBlock(*sharp_[b], place.count, task, exact);
-    for (int k = 0; k < count; ++k)
+    SplatBuffer<double> exact;
+    const int count = doubleKernels_.projectBlock(*sharp_[b], place.count, task(double()), exact);
+    for (int f = 0; f < kSplatFields; ++f)
     {
-      const VisibleSplat<double>& s = exact[k];
-      const auto t = [](double value) { return static_cast<T>(value); };
-      found[k] = {t(s.u11),   t(s.u12),         t(s.u22), t(s.mu), t(s.mv),       t(s.logAmplitude), t(s.value),
-                  t(s.cut),   t(s.rowFactor),   s.column, s.row,   s.columnBegin, s.columnEnd,       s.rowBegin,
-                  s.rowEnd,   s.gaussian,       s.reach};
-      if (values)
-      {
-        found[k].value = values[s.gaussian];
-      }
+      std::copy_n(exact.fields[f], count, found.fields[f]);
     }
     return count;
   }
@@ -631,7 +634,7 @@ private:
   /// `tolerance`. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half the
   /// tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel: counted, with a
   /// block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n overlap.
-  std::vector<T> ShareTolerance(const Camera& camera, int width, int height, double tolerance, double floor)
+  std::vector<T> ShareTolerance(const Camera& camera, int width, int height, double tolerance, double logFloor)
   {
     const int tile = std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles});
     const int columns = (width + tile - 1) / tile, rows = (height + tile - 1) / tile;
@@ -651,15 +654,16 @@ private:
         [&](std::size_t slot)
         {
           const std::size_t b = seenBlocks_[slot];
-          PixelBox& box = boxes[slot];
-          Reaches(places_[b], camera, places_[b].logMagnitude, std::log(floor), &box);
-          box = {std::max<std::int64_t>(box.columnBegin, 0) / tile,
-                 (std::min<std::int64_t>(box.columnEnd, width) + tile - 1) / tile,
-                 std::max<std::int64_t>(box.rowBegin, 0) / tile,
-                 (std::min<std::int64_t>(box.rowEnd, height) + tile - 1) / tile};
+          Reach reach;
+          Reaches(places_[b], camera, places_[b].logMagnitude, logFloor, &reach);
+          const PixelBox& box = boxes[slot] = {std::max<std::int64_t>(reach.box.columnBegin, 0) / tile,
+                                           (std::min<std::int64_t>(reach.box.columnEnd, width) + tile - 1) / tile,
+                                           std::max<std::int64_t>(reach.box.rowBegin, 0) / tile,
+                                           (std::min<std::int64_t>(reach.box.rowEnd, height) + tile - 1) / tile};
           std::int32_t column, row;
           const View<T> view = LocalView<T>(camera, places_[b], column, row);
-          const int count = kernels_.countInSlab(blocks_[b], places_[b].count, view, static_cast<T>(floor));
+          const T slab = static_cast<T>(std::min(reach.slab, 1e30));
+          const int count = kernels_.countInSlab(blocks_[b], places_[b].count, view, slab);
           forTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
         });
     std::vector<T> shares(seenBlocks_.size());
@@ -674,15 +678,14 @@ private:
   }
 
   /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height images.
-  /// `values` (by slot, may be null) replaces the reflectivities; footprints are then cut as if every |r| were the
-  /// field's mean.
-  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, const T* values)
+  /// With `alike`, footprints are cut as if every |r| were the field's mean.
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, bool alike)
   {
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
-    const bool shared = !accuracy_.perSplat && !values && tolerance > 0 && !blocks_.empty();
+    const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
     const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
     const double logFloor = std::log(floor);
-    const double common = values ? MeanMagnitude() : 0.0;
+    const double common = alike ? MeanMagnitude() : 0.0;
     const Window whole{0, 0, width, height};
     views_ = cameras.size();
 
@@ -690,11 +693,11 @@ private:
     tbb::parallel_for(std::size_t(0), blocks_.size(),
                       [&](std::size_t b)
                       {
-                        const double logMagnitude = values ? std::log(common) : places_[b].logMagnitude;
-                        PixelBox box;
+                        const double logMagnitude = alike ? std::log(common) : places_[b].logMagnitude;
+                        Reach reach;
                         for (const Camera& camera : cameras)
                         {
-                          if (Reaches(places_[b], camera, logMagnitude, logFloor, &box) && Overlap(box, whole))
+                          if (Reaches(places_[b], camera, logMagnitude, logFloor, &reach) && Overlap(reach.box, whole))
                           {
                             reached[b] = 1;
                             break;
@@ -710,7 +713,7 @@ private:
       }
     }
     const std::vector<T> shares =
-        shared ? ShareTolerance(cameras[0], width, height, tolerance, floor) : std::vector<T>();
+        shared ? ShareTolerance(cameras[0], width, height, tolerance, logFloor) : std::vector<T>();
 
     seen_.resize(seenBlocks_.size() * cameras.size());
     std::atomic<std::size_t> used;
@@ -730,35 +733,30 @@ private:
             const std::size_t b = seenBlocks_[slot];
             const BlockPlace& place = places_[b];
             const T share = shared ? shares[slot] : static_cast<T>(tolerance);
-            const double logMagnitude = values ? std::log(common) : place.logMagnitude;
-            VisibleSplat<T> found[kBlock];
+            const double logMagnitude = alike ? std::log(common) : place.logMagnitude;
+            const double logShare = std::log(static_cast<double>(share));
+            SplatBuffer<T> found;
             for (std::size_t f = 0; f < cameras.size(); ++f)
             {
               Seen& list = seen_[slot * cameras.size() + f];
               list = {0, 0, 0, 0};
-              PixelBox box;
-              if (!Reaches(place, cameras[f], logMagnitude, std::log(static_cast<double>(share)), &box) ||
-                  !Overlap(box, window))
+              Reach reach;
+              if (!Reaches(place, cameras[f], logMagnitude, logShare, &reach) || !Overlap(reach.box, window))
               {
                 continue;
               }
-              list.count =
-                  Project(b, cameras[f], window, share, common, values ? values + b * kBlock : nullptr, found);
+              list.count = Project(b, cameras[f], window, reach.slab, share, common, found);
               if (list.count == 0)
               {
                 continue;
               }
+              const T *rowBegin = found.fields[12], *rowEnd = found.fields[13];
+              list.rowBegin = static_cast<int>(*std::min_element(rowBegin, rowBegin + list.count));
+              list.rowEnd = static_cast<int>(*std::max_element(rowEnd, rowEnd + list.count));
               list.offset = used.fetch_add(list.count, std::memory_order_relaxed);
-              list.rowBegin = found[0].rowBegin;
-              list.rowEnd = found[0].rowEnd;
-              for (int k = 1; k < list.count; ++k)
-              {
-                list.rowBegin = std::min(list.rowBegin, found[k].rowBegin);
-                list.rowEnd = std::max(list.rowEnd, found[k].rowEnd);
-              }
               if (list.offset + list.count <= capacity_)
               {
-                std::copy_n(found, list.count, splats_.get() + list.offset);
+                found.Store(list.count, splats_.get() + list.offset);
               }
             }
           });
@@ -766,15 +764,18 @@ private:
     } while (needed_ > capacity_);
   }
 
-  /// Adds all that a view sees to some rows of its image.
-  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows, bool coverage) const
+  /// Adds all that a view sees to some rows of its image: footprints times valuesOf(block), which gives kBlock numbers or
+  /// null for 1.
+  template <class ValuesOf>
+  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows, ValuesOf&& valuesOf) const
   {
     for (std::size_t slot = 0; slot < seenBlocks_.size(); ++slot)
     {
-      const Seen& list = ListOf(slot, view);
+      const Seen& list = SeenBy(slot, view);
       if (list.count > 0 && list.rowBegin < rowEnd && list.rowEnd > rowBegin)
       {
-        kernels_.addFootprints(splats_.get() + list.offset, list.count, rowBegin, rowEnd, rows, coverage);
+        kernels_.addFootprints(splats_.get() + list.offset, list.count, valuesOf(seenBlocks_[slot]), rowBegin, rowEnd,
+                               rows);
       }
     }
   }
@@ -801,7 +802,7 @@ private:
     return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_ and calls line(frame, truth, counts, S) for every row, which replaces S by what is
+  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(frame, truth, counts, S) for every row, which replaces S by what is
   /// to be propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns the sum of the results.
   template <class Line>
   double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
@@ -812,7 +813,7 @@ private:
       cameras_.emplace_back(sweep_->Plane(frame), beam_);
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(cameras_, width, height, {0, 0, width, height}, values);
+    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     const int bands = (height + kBand - 1) / kBand;
@@ -822,7 +823,9 @@ private:
              {
                const PixelRows<T> rows = FrameRows(f);
                std::fill(rows.Row(begin), rows.Row(end), T(0));
-               AddVisible(f, begin, end, rows, false);
+               AddVisible(f, begin, end, rows,
+                          [this, values](std::size_t b)
+                          { return values ? values + b * kBlock : blocks_[b].reflectivity; });
                std::vector<T> truth(stride, T(0)), counts(stride, T(0));
                double sum = 0;
                for (int row = begin; row < end; ++row)
@@ -881,7 +884,7 @@ private:
           ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;
           for (std::size_t f = 0; f < views_; ++f)
           {
-            const Seen& list = ListOf(slot, f);
+            const Seen& list = SeenBy(slot, f);
             if (list.count == 0)
             {
               continue;

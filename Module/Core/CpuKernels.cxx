@@ -89,7 +89,10 @@ template <class D>
 static HWY_INLINE hn::Vec<D> SplitExp(D d, hn::Vec<D> x, hn::Vec<D>& power)
 {
   const hn::RebindToSigned<D> di;
-  const auto k = hn::Round(hn::Mul(x, hn::Set(d, 1.44269504f)));
+  // 1.5 * 2^23 pushes the fraction out of a float: what is left in its last bits is the nearest whole number.
+  const auto shifter = hn::Set(d, 12582912.0f);
+  const auto shifted = hn::MulAdd(x, hn::Set(d, 1.44269504f), shifter);
+  const auto k = hn::Sub(shifted, shifter);
   auto r = hn::NegMulAdd(k, hn::Set(d, 0.693359375f), x);
   r = hn::NegMulAdd(k, hn::Set(d, -2.12194440e-4f), r);
   auto p = hn::Set(d, 1.0f / 5040);
@@ -98,7 +101,7 @@ static HWY_INLINE hn::Vec<D> SplitExp(D d, hn::Vec<D> x, hn::Vec<D>& power)
   p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 24));
   p = hn::MulAdd(p, r, hn::Set(d, 1.0f / 6));
   p = hn::MulAdd(p, r, hn::Set(d, 0.5f));
-  power = hn::BitCast(d, hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, k), hn::Set(di, 127))));
+  power = hn::BitCast(d, hn::Add(hn::ShiftLeft<23>(hn::BitCast(di, shifted)), hn::Set(di, 127 << 23)));
   return hn::MulAdd(hn::Mul(p, r), r, r);
 }
 
@@ -165,42 +168,46 @@ static HWY_INLINE const T (*RowsOf(const GaussianBlock<T>& block))[kBlock]
   return block.mean;
 }
 
-/// The slab test: a Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2.
+/// mu_z^2, mm^2.
 template <class T>
-static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, int count, const bigus::View<T>& view,
-                              Lanes<T> magnitude, T tolerance)
+static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int first, const bigus::View<T>& view)
 {
-  const hn::ScalableTag<T> d;
   const auto offset = [&](int axis, T origin)
   { return Lanes<T>::Load(block.mean[axis] + first) - Lanes<T>(origin); };
   const Lanes<T> z = Lanes<T>(view.n.x) * offset(0, view.origin.x) + Lanes<T>(view.n.y) * offset(1, view.origin.y) +
                      Lanes<T>(view.n.z) * offset(2, view.origin.z);
+  return z * z;
+}
+
+/// The slab test: a Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2.
+template <class T>
+static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance, T elevationVariance,
+                              Lanes<T> magnitude, T tolerance)
+{
   const Lanes<T> scale =
       exp(max(max(Lanes<T>::Load(block.logScale[0] + first), Lanes<T>::Load(block.logScale[1] + first)),
               Lanes<T>::Load(block.logScale[2] + first)));
   // A thousandth more than the bound, so that its own rounding drops nothing.
-  const Lanes<T> reach = CutFor(magnitude, tolerance) * (scale * scale + Lanes<T>(view.elevationVariance)) *
-                         Lanes<T>(T(1.001));
-  const auto inside = hn::And(z * z <= reach, reach > Lanes<T>(T(0)));
-  return hn::And(inside, hn::FirstN(d, static_cast<std::size_t>(std::max(count - first, 0))));
+  const Lanes<T> reach =
+      CutFor(magnitude, tolerance) * (scale * scale + Lanes<T>(elevationVariance)) * Lanes<T>(T(1.001));
+  return hn::And(squaredDistance <= reach, reach > Lanes<T>(T(0)));
 }
 
 template <class T>
-static int CountInSlab(const GaussianBlock<T>& block, int count, const bigus::View<T>& view, T tolerance)
+static int CountInSlab(const GaussianBlock<T>& block, int count, const bigus::View<T>& view, T slab)
 {
   const hn::ScalableTag<T> d;
   std::size_t inside = 0;
   for (int first = 0; first < count; first += Lanes<T>::Count())
   {
-    const Lanes<T> magnitude = abs(Lanes<T>::Load(block.reflectivity + first));
-    inside += hn::CountTrue(d, InSlab(block, first, count, view, magnitude, tolerance));
+    const auto valid = hn::FirstN(d, static_cast<std::size_t>(count - first));
+    inside += hn::CountTrue(d, hn::And(valid, SquaredDistance(block, first, view) <= Lanes<T>(slab)));
   }
   return static_cast<int>(inside);
 }
 
 template <class T>
-static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task,
-                         bigus::VisibleSplat<T>* HWY_RESTRICT out)
+static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out)
 {
   using L = Lanes<T>;
   const hn::ScalableTag<T> d;
@@ -208,52 +215,39 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   const T(*rows)[kBlock] = RowsOf(block);
 
   // Those near the plane, moved together so that no lane is projected in vain.
-  constexpr int kRoom = kBlock + 16;
-  alignas(64) T near[kRows][kBlock + 16];
-  alignas(64) T indices[kRoom], values[kRoom];
-  static_assert(sizeof(near[0]) == kRoom * sizeof(T));
+  alignas(64) T near[kRows + 1][SplatBuffer<T>::kStride];
   int found = 0;
   for (int first = 0; first < count; first += lanes)
   {
-    const L magnitude =
-        task.commonMagnitude > 0 ? L(task.commonMagnitude) : abs(L::Load(block.reflectivity + first));
-    const auto inside = InSlab(block, first, count, task.view, magnitude, task.tolerance);
+    const L squaredDistance = SquaredDistance(block, first, task.view);
+    const auto valid = hn::FirstN(d, static_cast<std::size_t>(count - first));
+    auto inside = hn::And(valid, squaredDistance <= L(task.slab));
     if (hn::AllFalse(d, inside))
     {
       continue;
     }
+    const L magnitude =
+        task.commonMagnitude > 0 ? L(task.commonMagnitude) : abs(L::Load(block.reflectivity + first));
+    inside = hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude,
+                                    task.tolerance));
     for (int row = 0; row < kRows; ++row)
     {
       hn::CompressStore(hn::LoadU(d, rows[row] + first), inside, d, near[row] + found);
     }
-    if (task.values)
-    {
-      hn::CompressStore(hn::LoadU(d, task.values + first), inside, d, values + found);
-    }
-    found += static_cast<int>(hn::CompressStore(hn::Iota(d, static_cast<T>(first)), inside, d, indices + found));
-  }
-  if (!task.values)
-  {
-    std::memcpy(values, near[kRows - 1], found * sizeof(T));
+    found += static_cast<int>(
+        hn::CompressStore(hn::Iota(d, static_cast<T>(first)), inside, d, near[kRows] + found));
   }
 
   const View<L> view = Broadcast(task.view);
-  const auto at = [&](int row, int first) { return L::Load(near[row] + first); };
-  // What is written a splat at a time, lane after lane.
-  enum Output
-  {
-    kU11, kU12, kU22, kMu, kMv, kLogAmplitude, kCut, kRowFactor, kColumn, kRow, kColumnBegin, kColumnEnd, kRows2,
-    kReach, kOutputs
-  };
-  alignas(64) T lane[kOutputs][16];
-  const T far = T(1e9);
+  const L originColumn(static_cast<T>(task.originColumn)), originRow(static_cast<T>(task.originRow));
+  const L firstColumn(static_cast<T>(task.columnBegin)), lastColumn(static_cast<T>(task.columnEnd));
+  const L firstRow(static_cast<T>(task.rowBegin)), lastRow(static_cast<T>(task.rowEnd));
+  const L zero(T(0)), one(T(1)), lowest(task.lowestExponent);
   int kept = 0;
   for (int first = 0; first < found; first += lanes)
   {
-    const Gaussian<L> gaussian{{at(0, first), at(1, first), at(2, first)},
-                               {at(3, first), at(4, first), at(5, first)},
-                               {at(6, first), at(7, first), at(8, first), at(9, first)},
-                               at(10, first)};
+    const auto at = [&](int row) { return L::Load(near[row] + first); };
+    const Gaussian<L> gaussian{{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     const Splat<L> s = Project(gaussian, view).splat;
     const L magnitude = task.commonMagnitude > 0 ? L(task.commonMagnitude) : abs(gaussian.reflectivity);
     const L cut = CutFor(magnitude * s.amplitude, task.tolerance);
@@ -262,13 +256,17 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     // The box of the ellipse |U (p - m)|^2 <= cut, relative to the view's origin pixel.
     const L k = sqrt(cut);
     const L skew = s.u12 / s.u22;
-    const L halfU = k * sqrt(L(T(1)) + skew * skew) / s.u11, halfV = k / s.u22;
-    const auto bounded = [far](L value) { return min(max(value, L(-far)), L(far)); };
+    const L halfU = k * sqrt(one + skew * skew) / s.u11, halfV = k / s.u22;
+    const auto bounded = [](L value) { return min(max(value, L(T(-1e9))), L(T(1e9))); };
     const L column = bounded(floor(s.mu + L(T(0.5)))), row = bounded(ceil(s.mv));
-    const L columnBegin = bounded(ceil(s.mu - halfU)), columnEnd = bounded(floor(s.mu + halfU) + L(T(1)));
-    const L mv = s.mv - row;
+    const L mu = s.mu - column, mv = s.mv - row;
     // As many rows on either side of the centre: recurrences run both ways at once.
-    const L half = bounded(max(floor(mv + halfV) + L(T(1)), floor(halfV - mv)));
+    const L half = bounded(max(floor(mv + halfV) + one, floor(halfV - mv)));
+    const auto clip = [](L value, L low, L high) { return min(max(value, low), high); };
+    const L columnBegin = clip(originColumn + bounded(ceil(s.mu - halfU)), firstColumn, lastColumn);
+    const L columnEnd = clip(originColumn + bounded(floor(s.mu + halfU) + one), firstColumn, lastColumn);
+    const L rowBegin = clip(originRow + (row - half), firstRow, lastRow);
+    const L rowEnd = clip(originRow + (row + half), firstRow, lastRow);
 
     // Recurrence (see there): how far it may run. Along a column ln w is a parabola of curvature c = u12^2 + u22^2;
     // a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n rows away, ln w there is at
@@ -276,74 +274,38 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     // not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln ratio| <= E sqrt(c) + c / 2, which stays below
     // -lowest for c <= (0.4 E)^2.
     const L curvature = s.u12 * s.u12 + s.u22 * s.u22;
-    const L lowest(task.lowestExponent);
-    const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), L(T(0)))) - k;
-    const L safeRows = margin / sqrt(curvature);
-    L reach = L(T(0));
+    const L safeRows = (sqrt(max(L(T(2)) * (logAmplitude - lowest), zero)) - k) / sqrt(curvature);
+    L reach = zero;
     for (const T rows : {T(4), T(8), T(16)})
     {
       const auto safe = hn::And(safeRows >= min(L(rows), half), curvature <= L(T(-0.32)) * lowest);
-      reach = Select(safe, L(rows), reach);
+      reach = Select(safe, L(task.direct ? T(0) : rows), reach);
     }
-    const L rowFactor = exp(max(-curvature, lowest));
 
-    const auto right = columnEnd > L(static_cast<T>(task.columnBegin) - static_cast<T>(task.originColumn));
-    const auto left = columnBegin < L(static_cast<T>(task.columnEnd) - static_cast<T>(task.originColumn));
-    const auto below = row + half > L(static_cast<T>(task.rowBegin) - static_cast<T>(task.originRow));
-    const auto above = row - half < L(static_cast<T>(task.rowEnd) - static_cast<T>(task.originRow));
-    auto visible = hn::And(hn::And(right, left), hn::And(below, above));
-    visible = hn::And(visible, hn::And(cut > L(T(0)), logAmplitude > lowest));
+    auto visible = hn::And(columnBegin < columnEnd, rowBegin < rowEnd);
+    visible = hn::And(visible, hn::And(cut > zero, logAmplitude > lowest));
     visible = hn::And(visible, hn::FirstN(d, static_cast<std::size_t>(found - first)));
-    if (hn::AllFalse(d, visible))
+    const L fields[kSplatFields] = {s.u11,
+                                    s.u12,
+                                    s.u22,
+                                    mu,
+                                    mv,
+                                    logAmplitude,
+                                    cut,
+                                    exp(max(-curvature, lowest)),
+                                    originColumn + column,
+                                    originRow + row,
+                                    columnBegin,
+                                    columnEnd,
+                                    rowBegin,
+                                    rowEnd,
+                                    reach,
+                                    at(kRows)};
+    for (int f = 0; f < kSplatFields; ++f)
     {
-      continue;
+      hn::CompressStore(fields[f].v, visible, d, out.fields[f] + kept);
     }
-    s.u11.Store(lane[kU11]);
-    s.u12.Store(lane[kU12]);
-    s.u22.Store(lane[kU22]);
-    (s.mu - column).Store(lane[kMu]);
-    mv.Store(lane[kMv]);
-    logAmplitude.Store(lane[kLogAmplitude]);
-    cut.Store(lane[kCut]);
-    rowFactor.Store(lane[kRowFactor]);
-    column.Store(lane[kColumn]);
-    row.Store(lane[kRow]);
-    columnBegin.Store(lane[kColumnBegin]);
-    columnEnd.Store(lane[kColumnEnd]);
-    half.Store(lane[kRows2]);
-    reach.Store(lane[kReach]);
-    alignas(64) std::uint8_t bits[8] = {};
-    hn::StoreMaskBits(d, visible, bits);
-    for (int i = 0; i < std::min(lanes, found - first); ++i)
-    {
-      if (!(bits[i / 8] >> (i % 8) & 1))
-      {
-        continue;
-      }
-      const auto whole = [&](Output output) { return static_cast<std::int64_t>(lane[output][i]); };
-      bigus::VisibleSplat<T>& splat = out[kept];
-      splat.u11 = lane[kU11][i];
-      splat.u12 = lane[kU12][i];
-      splat.u22 = lane[kU22][i];
-      splat.mu = lane[kMu][i];
-      splat.mv = lane[kMv][i];
-      splat.logAmplitude = lane[kLogAmplitude][i];
-      splat.value = values[first + i];
-      splat.cut = lane[kCut][i];
-      splat.rowFactor = lane[kRowFactor][i];
-      const std::int64_t centreRow = task.originRow + whole(kRow);
-      splat.column = static_cast<std::int32_t>(task.originColumn + whole(kColumn));
-      splat.row = static_cast<std::int32_t>(centreRow);
-      const auto clip = [](std::int64_t value, int low, int high)
-      { return static_cast<std::int32_t>(std::clamp<std::int64_t>(value, low, high)); };
-      splat.columnBegin = clip(task.originColumn + whole(kColumnBegin), task.columnBegin, task.columnEnd);
-      splat.columnEnd = clip(task.originColumn + whole(kColumnEnd), task.columnBegin, task.columnEnd);
-      splat.rowBegin = clip(centreRow - whole(kRows2), task.rowBegin, task.rowEnd);
-      splat.rowEnd = clip(centreRow + whole(kRows2), task.rowBegin, task.rowEnd);
-      splat.gaussian = static_cast<std::uint16_t>(indices[first + i]);
-      splat.reach = task.direct ? 0 : static_cast<std::uint16_t>(lane[kReach][i]);
-      kept += splat.columnBegin < splat.columnEnd && splat.rowBegin < splat.rowEnd;
-    }
+    kept += static_cast<int>(hn::CountTrue(d, visible));
   }
   return kept;
 }
@@ -364,7 +326,7 @@ struct DirectRow
 
   HWY_INLINE DirectRow(const bigus::VisibleSplat<T>& s, int row) : u11(s.u11)
   {
-    const double dv = static_cast<double>(static_cast<std::int64_t>(row) - s.row) - s.mv;
+    const double dv = static_cast<double>(row) - s.row - s.mv;
     eta2 = static_cast<T>(s.u22 * dv);
     constant = s.logAmplitude - T(0.5) * eta2 * eta2;
     const T rest = s.cut - eta2 * eta2;
@@ -372,7 +334,7 @@ struct DirectRow
     {
       return;
     }
-    const double centre = s.column + (s.mu - s.u12 / static_cast<double>(s.u11) * dv);
+    const double centre = static_cast<double>(s.column) + (s.mu - s.u12 / static_cast<double>(s.u11) * dv);
     const double bounded = std::min(std::max(centre, -1e15), 1e15);
     ridge = static_cast<std::int64_t>(std::floor(bounded + 0.5));
     fraction = static_cast<T>(bounded - static_cast<double>(ridge));
@@ -423,7 +385,7 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
   const int lanes = Lanes<T>::Count();
   auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d),
        m22 = hn::Zero(d), error = hn::Zero(d);
-  for (int row = s.rowBegin; row < s.rowEnd; ++row)
+  for (int row = static_cast<int>(s.rowBegin); row < static_cast<int>(s.rowEnd); ++row)
   {
     const DirectRow<T> line(s, row);
     const T* in = derivative.Row(row);
@@ -475,41 +437,41 @@ struct Stretch
 /// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in all rows that
 /// it might have, so that they too do not depend on which are wanted.
 template <class T>
-static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, std::int64_t start, int begin, int end)
+static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, int start, int begin, int end)
 {
-  Stretch<T> stretch{static_cast<int>(start), begin, end, s.columnBegin, s.columnEnd};
-  const T above = s.u22 * static_cast<T>(s.reach - 1);
+  const int columnBegin = static_cast<int>(s.columnBegin), columnEnd = static_cast<int>(s.columnEnd);
+  const T above = s.u22 * (s.reach - 1);
   if (s.cut < above * above)
   {
-    return stretch;  // the whole footprint
+    return {start, begin, end, columnBegin, columnEnd};  // the whole footprint
   }
-  const T top = static_cast<T>(start - s.reach - s.row) - s.mv;
-  const T bottom = static_cast<T>(start + s.reach - 1 - s.row) - s.mv;
+  const T middle = static_cast<T>(start) - s.row;
+  const T top = middle - s.reach - s.mv, bottom = middle + s.reach - 1 - s.mv;
   const T nearest = s.u22 * (top > 0 ? top : (bottom < 0 ? -bottom : T(0)));
   const T half = std::sqrt(std::max(s.cut - nearest * nearest, T(0))) / s.u11;
   const T slope = -s.u12 / s.u11;
+  const auto column = [&](T offset)
+  { return static_cast<int>(std::min(std::max(s.column + offset, s.columnBegin), s.columnEnd)); };
   const T low = s.mu + std::min(slope * top, slope * bottom) - half;
   const T high = s.mu + std::max(slope * top, slope * bottom) + half;
-  const auto column = [&s](T value)
-  {
-    const auto whole = static_cast<std::int64_t>(std::min(std::max(value, T(-1e9)), T(1e9)));
-    return static_cast<int>(std::clamp<std::int64_t>(whole + s.column, s.columnBegin, s.columnEnd));
-  };
-  stretch.columnBegin = column(std::floor(low));
-  stretch.columnEnd = column(std::ceil(high) + 1);
-  return stretch;
+  return {start, begin, end, column(std::floor(low)), column(std::ceil(high) + 1)};
 }
 
 /// walk(stretch) for every stretch of the footprint in rows [begin, end).
 template <class T, class Walk>
 static HWY_INLINE void ForStretches(const bigus::VisibleSplat<T>& s, int begin, int end, Walk&& walk)
 {
-  const std::int64_t period = 2 * s.reach;
-  const std::int64_t ahead = static_cast<std::int64_t>(begin) - s.row + s.reach;
-  std::int64_t start = s.row + (ahead >= 0 ? ahead / period : -((-ahead + period - 1) / period)) * period;
-  for (int row = begin; row < end; start += period)
+  const int centre = static_cast<int>(s.row), reach = static_cast<int>(s.reach);
+  int start = centre;
+  if (begin < centre - reach || end > centre + reach)
   {
-    const int last = static_cast<int>(std::min<std::int64_t>(start + s.reach, end));
+    // Floor of the quotient: a centre far below the image has stretches of negative number.
+    const int ahead = begin - centre + reach;
+    start += (ahead >= 0 ? ahead / (2 * reach) : -((2 * reach - 1 - ahead) / (2 * reach))) * 2 * reach;
+  }
+  for (int row = begin; row < end; start += 2 * reach)
+  {
+    const int last = std::min(start + reach, end);
     walk(StretchAt(s, start, row, last));
     row = last;
   }
@@ -528,10 +490,10 @@ struct Columns
   {
     const D d;
     const int lanes = Lanes<T>::Count();
-    const T dv = static_cast<T>(static_cast<std::int64_t>(stretch.start) - s.row) - s.mv;
+    const T dv = static_cast<T>(stretch.start) - s.row - s.mv;
     const T eta2 = s.u22 * dv;
     const T curvature = s.u12 * s.u12 + s.u22 * s.u22;
-    const T dx = static_cast<T>(static_cast<std::int64_t>(column) - s.column);
+    const T dx = static_cast<T>(column) - s.column;
     const V shift = hn::Set(d, s.u12 * dv), constant = hn::Set(d, s.logAmplitude - T(0.5) * eta2 * eta2);
     const V step = hn::Set(d, -s.u22 * eta2 - T(0.5) * curvature);
     const V c = hn::Set(d, s.rowFactor), one = hn::Set(d, T(1));
@@ -551,7 +513,16 @@ struct Columns
       }
       const V w = hn::IfThenElseZero(inside, hn::Mul(hn::Set(d, value), BoundedExp(d, exponent)));
       downRatio[k] = hn::IfThenElse(inside, BoundedExp(d, logRatio), one);
-      const V ratio = hn::Div(c, downRatio[k]);
+      V ratio;
+      if constexpr (sizeof(T) == 4)
+      {
+        // c / q, but an exponential is faster than a division.
+        ratio = hn::IfThenElse(inside, BoundedExp(d, hn::Sub(hn::Set(d, -curvature), logRatio)), one);
+      }
+      else
+      {
+        ratio = hn::Div(c, downRatio[k]);
+      }
       down[k] = w;
       up[k] = hn::Mul(w, ratio);
       upRatio[k] = hn::Mul(ratio, c);
@@ -625,26 +596,27 @@ static HWY_INLINE void AddColumns(const bigus::VisibleSplat<T>& s, const Stretch
 }
 
 template <class T>
-static void AddFootprints(const bigus::VisibleSplat<T>* splats, std::size_t count, int rowBegin, int rowEnd,
-                           const PixelRows<T>& image, bool coverage)
+static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
+                          const PixelRows<T>& image)
 {
   const int lanes = Lanes<T>::Count();
-  for (std::size_t i = 0; i < count; ++i)
+  for (int i = 0; i < count; ++i)
   {
     const bigus::VisibleSplat<T>& s = splats[i];
-    const int begin = std::max(rowBegin, s.rowBegin), end = std::min(rowEnd, s.rowEnd);
+    const int begin = std::max(rowBegin, static_cast<int>(s.rowBegin));
+    const int end = std::min(rowEnd, static_cast<int>(s.rowEnd));
     if (begin >= end)
     {
       continue;
     }
-    const T value = coverage ? T(1) : s.value;
+    const T value = values ? values[static_cast<int>(s.gaussian)] : T(1);
     if (s.reach == 0)
     {
       AddDirect(s, begin, end, image, value);
       continue;
     }
     ForStretches(s, begin, end,
-                 [&](const Stretch<T>& stretch)
+                 [&](const Stretch<T>& stretch) HWY_ATTR
                  {
                    // Vectors of columns side by side hide each other's latency.
                    for (int column = stretch.columnBegin; column < stretch.columnEnd;)
@@ -682,13 +654,12 @@ static void GatherRecurrent(const bigus::VisibleSplat<T>& s, const PixelRows<T>&
   V sum0 = hn::Zero(d), sumU = hn::Zero(d), sumV = hn::Zero(d), sumUU = hn::Zero(d), sumUV = hn::Zero(d),
     sumVV = hn::Zero(d), error = hn::Zero(d);
   ForStretches(
-      s, s.rowBegin, s.rowEnd,
+      s, static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
       [&](const Stretch<T>& stretch)
       {
         // Rows are counted from the line between the two middle ones, t = n + 1/2 down and -t up: what a pair of rows
         // gives to odd and even powers are a difference and a sum.
-        const T middle =
-            static_cast<T>(static_cast<std::int64_t>(stretch.start) - s.row) - s.mv - T(0.5);
+        const T middle = static_cast<T>(stretch.start) - s.row - s.mv - T(0.5);
         const int rowsDown = stretch.end - stretch.start, rowsUp = stretch.start - stretch.begin;
         for (int column = stretch.columnBegin; column < stretch.columnEnd; column += lanes)
         {
@@ -767,22 +738,23 @@ static void GatherRecurrent(const bigus::VisibleSplat<T>& s, const PixelRows<T>&
 
 template <class T>
 static void GatherMoments(const bigus::VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
-                           bool withError, MomentBlock<T>& moments)
+                          bool withError, MomentBlock<T>& moments)
 {
   for (int i = 0; i < count; ++i)
   {
+    const bigus::VisibleSplat<T>& s = splats[i];
     T* out = moments.values[0] + i;
-    if (splats[i].reach == 0)
+    if (s.reach == 0)
     {
-      GatherDirect(splats[i], derivative, out);
+      GatherDirect(s, derivative, out);
     }
     else if (withError)
     {
-      GatherRecurrent<T, true>(splats[i], derivative, out);
+      GatherRecurrent<T, true>(s, derivative, out);
     }
     else
     {
-      GatherRecurrent<T, false>(splats[i], derivative, out);
+      GatherRecurrent<T, false>(s, derivative, out);
     }
   }
 }
@@ -792,7 +764,7 @@ static void GatherMoments(const bigus::VisibleSplat<T>* splats, int count, const
 
 template <class T>
 static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& scalarView,
-                         const bigus::VisibleSplat<T>* splats, int count, const MomentBlock<T>& moments,
+                        const bigus::VisibleSplat<T>* splats, int count, const MomentBlock<T>& moments,
                          GradientBlock<T>& gradient, ScoreBlock<T>* scores)
 {
   using L = Lanes<T>;
@@ -808,7 +780,7 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     const int active = std::min(lanes, count - first);
     for (int i = 0; i < active; ++i)
     {
-      indices[i] = splats[first + i].gaussian;
+      indices[i] = static_cast<Index>(splats[first + i].gaussian);
     }
     const auto index = hn::Load(di, indices);
     const auto at = [&](int row) { return L(hn::GatherIndex(d, rows[row], index)); };

@@ -58,21 +58,44 @@ struct BlockBounds
 
 /// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be computed. Its
 /// centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 < mv <= 0: so float loses
-/// nothing in a large image.
+/// nothing in a large image. Whole numbers are kept as T, which holds them exactly up to 2^24.
 template <class T>
 struct VisibleSplat
 {
   T u11, u12, u22;
   T mu, mv;
   T logAmplitude;
-  T value;      // what the footprint is multiplied with: the reflectivity
   T cut;        // k^2: pixels with |U (p - m)|^2 <= k^2 are evaluated, others may be
   T rowFactor;  // exp(-(u12^2 + u22^2)); see Recurrence in CpuKernels.cxx
-  std::int32_t column, row;
-  std::int32_t columnBegin, columnEnd, rowBegin, rowEnd;  // half-open, in pixels of the plane
-  std::uint16_t gaussian;                                 // index in its block
-  std::uint16_t reach;                                    // rows a recurrence may run from its start; 0: direct
+  T column, row;
+  T columnBegin, columnEnd, rowBegin, rowEnd;  // half-open, in pixels of the plane
+  T reach;                                     // rows a recurrence may run from its start; 0: direct
+  T gaussian;                                  // index in its block
 };
+constexpr int kSplatFields = 16;
+static_assert(sizeof(VisibleSplat<float>) == kSplatFields * sizeof(float));
+
+/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write beyond.
+template <class T>
+struct alignas(64) SplatBuffer
+{
+  static constexpr int kStride = kBlock + 16;
+  T fields[kSplatFields][kStride];
+
+  /// One splat after the other, as the walks over footprints want them: a cache line each.
+  void Store(int count, VisibleSplat<T>* out) const
+  {
+    for (int i = 0; i < count; ++i)
+    {
+      out[i] = {fields[0][i],  fields[1][i],  fields[2][i],  fields[3][i],  fields[4][i],  fields[5][i],
+                fields[6][i],  fields[7][i],  fields[8][i],  fields[9][i],  fields[10][i], fields[11][i],
+                fields[12][i], fields[13][i], fields[14][i], fields[15][i]};
+    }
+  }
+};
+
+/// No image has more rows or columns than this: T must count them.
+constexpr int kLargestImage = 1 << 24;
 
 /// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column - firstColumn]. Each row
 /// is followed by kRowPadding numbers that kernels may read and write.
@@ -92,7 +115,8 @@ struct PixelRows
 template <class T>
 constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
 
-/// How a block is to be projected. A footprint ends where magnitude * w < tolerance; tolerance 0 ends it where T would
+/// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so that sums
+/// of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends it where T would
 /// underflow.
 template <class T>
 struct ProjectionTask
@@ -100,9 +124,9 @@ struct ProjectionTask
   View<T> view;                     // origin relative to the block's centre, at pixel (firstColumn, firstRow)
   std::int32_t originColumn, originRow;
   int columnBegin, columnEnd, rowBegin, rowEnd;  // pixels to be computed
+  T slab;             // mm^2: no Gaussian of the block with mu_z^2 beyond matters
   T tolerance;
   T commonMagnitude;  // 0: every Gaussian's own |r|
-  const T* values;    // [kBlock] what footprints are multiplied with; null: the reflectivities
   bool direct;        // no recurrences
   T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
 };
@@ -117,23 +141,22 @@ struct alignas(64) MomentBlock
 template <class T>
 struct Kernels
 {
-  /// How many Gaussians of a block come near enough to a plane to reach `tolerance` there: at least those that
-  /// projectBlock would keep.
-  int (*countInSlab)(const GaussianBlock<T>& block, int count, const View<T>& view, T tolerance);
+  /// How many Gaussians of a block have mu_z^2 <= slab.
+  int (*countInSlab)(const GaussianBlock<T>& block, int count, const View<T>& view, T slab);
 
-  /// The Gaussians of a block that a view sees, in their order; `out` holds kBlock. Returns how many.
-  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, VisibleSplat<T>* out);
+  /// The Gaussians of a block that a view sees, in their order. Returns how many.
+  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out);
 
-  /// image += value * w (or += w, for coverage) over rows [rowBegin, rowEnd).
-  void (*addFootprints)(const VisibleSplat<T>* splats, std::size_t count, int rowBegin, int rowEnd,
-                        const PixelRows<T>& image, bool coverage);
+  /// image += value * w over rows [rowBegin, rowEnd); values[kBlock] by Gaussian, null for 1.
+  void (*addFootprints)(const VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
+                        const PixelRows<T>& image);
 
   /// moments[m][i]: sums over splat i's footprint of derivative * w * powers of eta. The last, sum |derivative| w, only
   /// withError.
   void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative, bool withError,
                         MomentBlock<T>& moments);
 
-  /// Chain rule: adds what `count` splats of one view give to the gradient of their Gaussians, and to the scores if not
+  /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores if not
   /// null.
   void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats, int count,
                       const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores);
