@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
+#include <set>
 
 namespace bigus::test
 {
@@ -27,11 +29,17 @@ Eigen::Vector3d Middle(const GaussianField& field)
   return (low + high) / 2;
 }
 
+struct Result
+{
+  double error, ofBound;
+  std::size_t nonFinite;
+};
+
+/// A line of the table: one case, with a result for each engine.
 struct Row
 {
-  std::string group, name, engine;
-  double worst, bound;
-  std::size_t nonFinite;
+  std::string group, name;
+  std::map<std::string, Result> results;
 };
 
 std::vector<Row>& Rows()
@@ -49,16 +57,38 @@ public:
     {
       return;
     }
-    std::printf("\n| case | | engine | worst error | held below | not finite |\n|---|---|---|---|---|---|\n");
+    std::set<std::string> engines;
     for (const Row& row : Rows())
     {
-      char bound[32] = "";
-      if (!std::isnan(row.bound))
+      for (const auto& [engine, result] : row.results)
       {
-        std::snprintf(bound, sizeof(bound), "%.2g", row.bound);
+        engines.insert(engine);
       }
-      std::printf("| %s | %s | %s | %.2g | %s | %zu |\n", row.group.c_str(), row.name.c_str(),
-                  row.engine.c_str(), row.worst, bound, row.nonFinite);
+    }
+    std::string title = "| | case |", line = "|---|---|";
+    for (const std::string& engine : engines)
+    {
+      title += " " + engine + ": error | of its bound |";
+      line += "---|---|";
+    }
+    std::printf("\n%s not finite |\n%s---|\n", title.c_str(), line.c_str());
+    for (const Row& row : Rows())
+    {
+      std::printf("| %s | %s |", row.group.c_str(), row.name.c_str());
+      std::size_t nonFinite = 0;
+      for (const std::string& engine : engines)
+      {
+        const auto found = row.results.find(engine);
+        if (found == row.results.end())
+        {
+          std::printf(" | |");
+          continue;
+        }
+        nonFinite += found->second.nonFinite;
+        std::printf(" %.2g |", found->second.error);
+        std::printf(std::isnan(found->second.ofBound) ? " |" : " %.2g |", found->second.ofBound);
+      }
+      std::printf(" %zu |\n", nonFinite);
     }
     std::fflush(stdout);
   }
@@ -121,19 +151,6 @@ std::vector<ExactSplat> ExactSplats(const GaussianField& field, const SlicePlane
   return splats;
 }
 
-ExactSum ExactScattering(const std::vector<ExactSplat>& splats, const GaussianField& field, Long column,
-                         Long row)
-{
-  ExactSum sum;
-  for (std::size_t i = 0; i < splats.size(); ++i)
-  {
-    const Long w = splats[i].Weight(column, row);
-    sum.scattering += field.reflectivities[i] * w;
-    sum.magnitude += std::abs(field.reflectivities[i]) * w;
-  }
-  return sum;
-}
-
 void PlaceInView(GaussianField& field, std::size_t i, const SlicePlane& plane, double column, double row,
                  const Eigen::Vector2d& eta, double rho)
 {
@@ -157,7 +174,7 @@ void PlaceInView(GaussianField& field, std::size_t i, const SlicePlane& plane, d
   field.means[i] = (plane.origin.cast<Long>() + basis * centre).cast<double>();
 }
 
-double SplatErrorBound(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u)
+double Displacement(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u)
 {
   const Eigen::Vector3d middle = Middle(field);
   const Eigen::Vector3d corners[4] = {plane.Point(0, 0), plane.Point(plane.width - 1, 0),
@@ -173,15 +190,34 @@ double SplatErrorBound(const GaussianField& field, std::size_t i, const SlicePla
   const double aspect = field.scales[i].maxCoeff() / thinnest;
   const double skew =
       plane.columnStep.norm() * plane.rowStep.norm() / plane.columnStep.cross(plane.rowStep).norm();
-  const double error =
-      FlatError(u) + 32 * u * skew * (aspect + (extent + sigma) / thinnest) + 32 * 0x1p-53 * own / thinnest;
-  return std::min(error, 1.0) * static_cast<double>(ExactSplat(field, i, plane).PeakOfAllPlanes());
+  return 32 * u * skew * (aspect + (extent + sigma) / thinnest) + 32 * 0x1p-53 * own / thinnest;
 }
 
-void Report(const std::string& group, const std::string& name, const std::string& engine, double worst,
-            double bound, std::size_t nonFinite)
+double SplatErrorAt(const ExactSplat& splat, Long w, double displacement, double u)
 {
-  Rows().push_back({group, name, engine, worst, bound, nonFinite});
+  const Long peak = splat.PeakOfAllPlanes();
+  const Long q = std::sqrt(2 * std::log(peak / std::max(w, std::numeric_limits<Long>::min())));
+  const Long nearer = std::max(q - displacement, Long(0));
+  const Long moved = peak * std::exp(-nearer * nearer / 2) - w + (FlatError(u) + displacement) * w;
+  return static_cast<double>(std::min(moved, peak));
+}
+
+double SplatErrorBound(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u)
+{
+  return std::min(FlatError(u) + Displacement(field, i, plane, u), 1.0) *
+         static_cast<double>(ExactSplat(field, i, plane).PeakOfAllPlanes());
+}
+
+void Conclude(const std::string& group, const std::string& name, const std::string& engine, double error,
+              double ofBound, std::size_t nonFinite)
+{
+  const auto found = std::find_if(Rows().begin(), Rows().end(),
+                                  [&](const Row& row) { return row.group == group && row.name == name; });
+  Row& row = found == Rows().end() ? Rows().emplace_back(Row{group, name, {}}) : *found;
+  row.results[engine] = {error, ofBound, nonFinite};
+  EXPECT_EQ(nonFinite, 0u) << group << ", " << name;
+  EXPECT_FALSE(ofBound > 1) << group << ", " << name << ": the error, " << error << ", is " << ofBound
+                            << " times what it may be";
 }
 
 std::size_t CountNonFinite(const std::vector<float>& values)

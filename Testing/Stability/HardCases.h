@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -61,13 +62,7 @@ private:
   Long variance_, n_, peak_;
 };
 
-/// S of a whole field at one pixel, in long double; sum_i |r_i| w_i(p) beside it.
-struct ExactSum
-{
-  Long scattering = 0, magnitude = 0;
-};
-ExactSum ExactScattering(const std::vector<ExactSplat>& splats, const GaussianField& field, Long column,
-                         Long row);
+/// Every Gaussian of a field.
 std::vector<ExactSplat> ExactSplats(const GaussianField& field, const SlicePlane& plane);
 
 /// Moves Gaussian i so that its footprint's centre lies `eta` of its own standard deviations from pixel
@@ -84,27 +79,37 @@ inline double FlatError(double u)
   return u > 1e-10 ? 1e-4 : 1e-9;
 }
 
-/// A bound on |dw| of one splat anywhere on the plane that any sound evaluation in arithmetic of the given
-/// unit roundoff u keeps, and that no subtraction of covariances can:
+/// How far, in standard deviations, any sound evaluation in arithmetic of unit roundoff u may misplace a
+/// splat:
 ///
-///     |dw| <= (flat + 32 u k (aspect + (L + sigma_E) / s_min) + 32 2^-53 D / s_min) / sqrt(N),
-///
-/// and never more than 1 / sqrt(N), which is all there is to lose.
+///     d = 32 u k (aspect + (L + sigma_E) / s_min) + 32 2^-53 D / s_min
 ///
 /// Positions (mean, pixel, plane) enter as floats of size up to L, the largest distance between any two of
-/// them and from the engine's origin, and turned by a rounded rotation: they move by a few u L, hence y by a
-/// few u L / s_min, hence exp(-|y|^2 / 2), whose steepest slope is 0.61, by less than that; the beam explores
-/// sigma_E more. N and the shape itself depend on directions rounded to u, which matter `aspect` times. 32
-/// covers the roundings in series: inputs 3, products and sums of a rotation and a change of basis 2 x 5,
-/// logarithm and exponential of a scale (ln s <= 23) 12, norms 4, the exponential's own 2. k = |a| |b| / |a x
-/// b| is 1 for rectangular pixels and what a change of basis loses to sheared ones. D is the coordinates' own
-/// size before the engine subtracts its origin in double. `flat` is what recurrences may cost.
+/// them and from the engine's origin, and turned by a rounded rotation: they move by a few u L, hence y =
+/// S^-1 R^T (x - mu) by a few u L / s_min; the beam explores sigma_E more. The shape itself depends on
+/// directions rounded to u, which matter `aspect` times. 32 covers the roundings in series: inputs 3,
+/// products and sums of a rotation and a change of basis 2 x 5, logarithm and exponential of a scale (|ln s|
+/// <= 23) 12, norms 4, the exponential's own 2. k = |a| |b| / |a x b| is 1 for rectangular pixels and what a
+/// change of basis loses to sheared ones. D is the coordinates' own size before the engine subtracts its
+/// origin in double. A subtraction of covariances would lose aspect^2 instead, and does not keep this.
+double Displacement(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u);
+
+/// What follows for |dw|, where w = exp(-q^2 / 2) / sqrt(N) and q may be wrong by d:
+///
+///     |dw| <= (exp(-max(q - d, 0)^2 / 2) - exp(-q^2 / 2)) / sqrt(N) + (flat + d) w
+///
+/// and anywhere on the plane at most (flat + d) / sqrt(N), the steepest slope of exp(-q^2 / 2) being 0.61;
+/// never more than 1 / sqrt(N), which is all there is to lose.
+double SplatErrorAt(const ExactSplat& splat, Long w, double displacement, double u);
 double SplatErrorBound(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u);
 
-/// Rows of the table printed when the tests end. `worst` is the largest error by the case's own definition,
-/// `bound` what it was held against (NaN: nothing was).
-void Report(const std::string& group, const std::string& name, const std::string& engine, double worst,
-            double bound, std::size_t nonFinite);
+/// Ends a case: nothing may be other than finite, and no error beyond its bound. `error` is the largest by
+/// the case's own definition, `ofBound` the largest error over what was allowed there (NaN: the error is only
+/// stated). Adds a row to the table that is printed when the tests end.
+void Conclude(const std::string& group, const std::string& name, const std::string& engine, double error,
+              double ofBound, std::size_t nonFinite);
+
+constexpr double kOnlyStated = std::numeric_limits<double>::quiet_NaN();
 
 /// Counts what is not finite.
 std::size_t CountNonFinite(const std::vector<float>& values);

@@ -108,9 +108,8 @@ TEST_P(Training, AThousandStepsFromABadStart)
     // And what it has become still renders.
     const Image image = RenderWhole(*engine_, BadFrames(random, 0, 0)->Plane(0), ViewOutput::Intensity);
     nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
-    EXPECT_EQ(nonFinite, 0u) << start.name;
-    Report("training", std::string("1000 steps: ") + start.name + "; guarded updates", GetParam(),
-           static_cast<double>(engine_->GuardedUpdates()), std::nan(""), nonFinite);
+    Conclude("training", std::string("1000 steps: ") + start.name + ": guarded updates", GetParam(),
+             static_cast<double>(engine_->GuardedUpdates()), kOnlyStated, nonFinite);
   }
 }
 
@@ -140,8 +139,8 @@ TEST_P(Training, AGradientBeyondAnyUseIsGuardedAndCounted)
         std::isfinite(engine_->TrainStep({0}, LossKind::L2, {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
     ASSERT_EQ(CountNonFinite(engine_->GetField()), 0u) << "step " << step;
   }
-  Report("training", "gradients of 1e20; guarded updates", GetParam(),
-         static_cast<double>(engine_->GuardedUpdates()), std::nan(""), 0);
+  Conclude("training", "gradients of 1e20: guarded updates", GetParam(),
+           static_cast<double>(engine_->GuardedUpdates()), kOnlyStated, 0);
   EXPECT_GT(engine_->GuardedUpdates(), 0u);
 }
 
@@ -169,11 +168,11 @@ TEST_P(Training, SoundTrainingIsNeverGuarded)
     const double loss = engine_->TrainStep(batch, LossKind::L1, {0.05, 0.02, 0.02, 0.02}, {0.1, 20, false});
     (step < 10 ? first : last) += step < 10 || step >= 290 ? loss : 0;
   }
-  Report("training", "sound: loss after over before, 300 steps", GetParam(), last / first, 0.5,
-         CountNonFinite(engine_->GetField()));
+  Conclude("training", "sound: loss after 300 steps over before", GetParam(), last / first,
+           last / first / 0.5, CountNonFinite(engine_->GetField()));
+  Conclude("training", "sound: guarded updates", GetParam(), static_cast<double>(engine_->GuardedUpdates()),
+           kOnlyStated, 0);
   EXPECT_EQ(engine_->GuardedUpdates(), 0u);
-  EXPECT_LT(last, 0.5 * first);
-  EXPECT_EQ(CountNonFinite(engine_->GetField()), 0u);
 }
 
 TEST_P(Training, AGaussianThatNoFrameSeesStaysWhereItIs)
@@ -213,8 +212,7 @@ TEST_P(Training, ReflectivitiesSolvedOnBlackAndSaturatedFrames)
     nonFinite +=
         !std::isfinite(engine_->SolveReflectivities({0, 1, 2, 3}, 10)) + CountNonFinite(engine_->GetField());
   }
-  Report("training", "reflectivities solved from a bad start", GetParam(), 0, std::nan(""), nonFinite);
-  EXPECT_EQ(nonFinite, 0u);
+  Conclude("training", "reflectivities solved from a bad start", GetParam(), 0, kOnlyStated, nonFinite);
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, Training, ::testing::ValuesIn(FastEngines()), NameOf);
