@@ -504,6 +504,15 @@ private:
     MeasureSizes();
   }
 
+  static std::unique_ptr<Engine> NewTrainingEngine(const TrainingPass& pass)
+  {
+    auto engine = Engine::Create("cpu");
+    engine->SetFrames(pass.sweep, false);
+    engine->SetAccuracy(pass.accuracy);
+    engine->SetField(pass.field);
+    return engine;
+  }
+
   void MeasureTrainPass()
   {
     const int frames = options_.quick ? 32 : 160, width = 160, batch = 16;
@@ -511,23 +520,21 @@ private:
     console_.Print("train-pass: " + std::to_string(count) + " Gaussians, " + std::to_string(frames) +
                    " slices of 160 x 160 in batches of 16");
     const TrainingPass pass = MakeTrainingPass(count, frames, width, batch);
-    engine_->SetFrames(pass.sweep, false);
-    engine_->SetAccuracy(pass.accuracy);
-    engine_->SetField(pass.field);
-    const std::size_t idle = engine_->MemoryUse();
+    const auto engine = NewTrainingEngine(pass);
+    const std::size_t idle = engine->MemoryUse();
     // A pass starts from the same field each time, with whatever the engine prepares on first use in place.
     std::vector<float> image(pass.sweep->PixelsPerFrame());
     const auto reset = [&]
     {
-      engine_->SetField(pass.field);
-      engine_->Render(pass.sweep->Plane(0), ViewOutput::Intensity, image.data());
+      engine->SetField(pass.field);
+      engine->Render(pass.sweep->Plane(0), ViewOutput::Intensity, image.data());
     };
     std::vector<double> losses(pass.batches.size());
     const auto train = [&]
     {
       for (std::size_t b = 0; b < pass.batches.size(); ++b)
       {
-        losses[b] = engine_->TrainStep(pass.batches[b], LossKind::L1, pass.rates, pass.limits);
+        losses[b] = engine->TrainStep(pass.batches[b], LossKind::L1, pass.rates, pass.limits);
       }
     };
     std::vector<SlicePlane> planes;
@@ -536,10 +543,7 @@ private:
       planes.push_back(pass.sweep->Plane(frame));
     }
     // Forward and backward without a step: another engine, whose field stays as it was.
-    const auto untrained = Engine::Create("cpu");
-    untrained->SetFrames(pass.sweep, false);
-    untrained->SetAccuracy(pass.accuracy);
-    untrained->SetField(pass.field);
+    const auto untrained = NewTrainingEngine(pass);
     Contender one{"train-pass", 1, train, reset}, two{"train-pass", 2, train, reset},
         all{"train-pass", threads_, train, reset};
     Contender forward{"forward: the same frames rendered", 1,
@@ -582,14 +586,11 @@ private:
     }
 
     // Memory: after a pass, and what another frame in a batch adds.
-    engine_->SetField(pass.field);
+    engine->SetField(pass.field);
     train();
-    const std::size_t trained = engine_->MemoryUse();
+    const std::size_t trained = engine->MemoryUse();
     std::vector<int> half(pass.batches[0].begin(), pass.batches[0].begin() + batch / 2);
-    const auto fresh = Engine::Create("cpu");
-    fresh->SetFrames(pass.sweep, false);
-    fresh->SetAccuracy(pass.accuracy);
-    fresh->SetField(pass.field);
+    const auto fresh = NewTrainingEngine(pass);
     fresh->TrainStep(half, LossKind::L1, pass.rates, pass.limits);
     const std::size_t withHalf = fresh->MemoryUse();
     fresh->TrainStep(pass.batches[0], LossKind::L1, pass.rates, pass.limits);
