@@ -8,6 +8,7 @@
 
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
@@ -29,7 +30,7 @@ namespace bigus
 namespace
 {
 
-constexpr int kBand = 64;   // rows rendered together: few footprints lie in two bands, and a few bands feed every core
+constexpr int kSmallestBand = 32, kLargestBand = 256;  // rows rendered together: few footprints should lie in two bands
 constexpr int kTile = 32;   // pixels; finest grid on which overlapping footprints are counted
 constexpr int kTiles = 128; // coarsest: so many along a side
 constexpr double kSharp = 128;  // aspect ratio from which float parameters lose too much: 1e-7 of the ratio
@@ -391,17 +392,26 @@ private:
                       });
   }
 
+  /// High enough to leave each thread a few bands. What a pixel gets does not depend on it.
+  static int BandRows(int images, int rows)
+  {
+    const std::int64_t tasks = 4 * static_cast<std::int64_t>(tbb::this_task_arena::max_concurrency());
+    const std::int64_t share = (static_cast<std::int64_t>(images) * rows + tasks - 1) / tasks;
+    return static_cast<int>(std::clamp<std::int64_t>(share, kSmallestBand, kLargestBand));
+  }
+
   /// body(image, first row, last row) for every band of every image.
   template <class Body>
   static void ForBands(int images, int rows, Body&& body)
   {
-    const int bands = (rows + kBand - 1) / kBand;
+    const int band = BandRows(images, rows);
+    const int bands = (rows + band - 1) / band;
     tbb::parallel_for(std::size_t(0), static_cast<std::size_t>(images) * bands,
                       [&](std::size_t task)
                       {
                         const FlushDenormals flush;
-                        const int begin = static_cast<int>(task % bands) * kBand;
-                        body(static_cast<int>(task / bands), begin, std::min(begin + kBand, rows));
+                        const int begin = static_cast<int>(task % bands) * band;
+                        body(static_cast<int>(task / bands), begin, std::min(begin + band, rows));
                       });
   }
 
@@ -723,7 +733,7 @@ private:
       // the pass goes on to learn how much is needed, and is repeated.
       if (used = 0; needed_ > capacity_)
       {
-        capacity_ = needed_ + needed_ / 4;
+        capacity_ = needed_ + needed_ / 16;
         splats_.reset();
         splats_.reset(new VisibleSplat<T>[capacity_]);
       }
@@ -816,8 +826,7 @@ private:
     FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
-    const int bands = (height + kBand - 1) / kBand;
-    std::vector<double> sums(frames.size() * bands, 0.0);
+    std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on
     ForBands(static_cast<int>(frames.size()), height,
              [&](int f, int begin, int end)
              {
@@ -827,7 +836,6 @@ private:
                           [this, values](std::size_t b)
                           { return values ? values + b * kBlock : blocks_[b].reflectivity; });
                std::vector<T> truth(stride, T(0)), counts(stride, T(0));
-               double sum = 0;
                for (int row = begin; row < end; ++row)
                {
                  const std::size_t pixel = static_cast<std::size_t>(row) * width;
@@ -836,9 +844,9 @@ private:
                  {
                    counts[column] = Counts(pixel + column) ? T(1) : T(0);
                  }
-                 sum += line(frames[f], truth.data(), counts.data(), rows.Row(row));
+                 sums[static_cast<std::size_t>(f) * height + row] =
+                     line(frames[f], truth.data(), counts.data(), rows.Row(row));
                }
-               sums[f * bands + begin / kBand] = sum;
              });
     double total = 0;
     for (double sum : sums)

@@ -145,7 +145,7 @@ static HWY_INLINE Lanes<T> CutFor(Lanes<T> magnitude, T tolerance)
   {
     return Select(magnitude > Lanes<T>(T(0)), Lanes<T>(everything), Lanes<T>(T(0)));
   }
-  const Lanes<T> cut = Lanes<T>(T(2)) * log(max(magnitude / Lanes<T>(tolerance), Lanes<T>(T(1))));
+  const Lanes<T> cut = Lanes<T>(T(2)) * log(max(magnitude * Lanes<T>(T(1) / tolerance), Lanes<T>(T(1))));
   return min(cut, Lanes<T>(everything));
 }
 
@@ -255,8 +255,9 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
 
     // The box of the ellipse |U (p - m)|^2 <= cut, relative to the view's origin pixel.
     const L k = sqrt(cut);
-    const L skew = s.u12 / s.u22;
-    const L halfU = k * sqrt(one + skew * skew) / s.u11, halfV = k / s.u22;
+    const L curvature = s.u12 * s.u12 + s.u22 * s.u22, rootCurvature = sqrt(curvature);
+    const L inverse = k / (s.u11 * s.u22);
+    const L halfU = inverse * rootCurvature, halfV = inverse * s.u11;
     const auto bounded = [](L value) { return min(max(value, L(T(-1e9))), L(T(1e9))); };
     const L column = bounded(floor(s.mu + L(T(0.5)))), row = bounded(ceil(s.mv));
     const L mu = s.mu - column, mv = s.mv - row;
@@ -268,17 +269,16 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     const L rowBegin = clip(originRow + (row - half), firstRow, lastRow);
     const L rowEnd = clip(originRow + (row + half), firstRow, lastRow);
 
-    // Recurrence (see there): how far it may run. Along a column ln w is a parabola of curvature c = u12^2 + u22^2;
+    // Recurrence (see there): how far it may run. Along a column ln w is a parabola of that curvature, c = u12^2 + u22^2;
     // a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n rows away, ln w there is at
     // least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow. Nor may the ratio of two rows: where w does
     // not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln ratio| <= E sqrt(c) + c / 2, which stays below
     // -lowest for c <= (0.4 E)^2.
-    const L curvature = s.u12 * s.u12 + s.u22 * s.u22;
-    const L safeRows = (sqrt(max(L(T(2)) * (logAmplitude - lowest), zero)) - k) / sqrt(curvature);
+    const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), zero)) - k;
     L reach = zero;
     for (const T rows : {T(4), T(8), T(16)})
     {
-      const auto safe = hn::And(safeRows >= min(L(rows), half), curvature <= L(T(-0.32)) * lowest);
+      const auto safe = hn::And(margin >= min(L(rows), half) * rootCurvature, curvature <= L(T(-0.32)) * lowest);
       reach = Select(safe, L(task.direct ? T(0) : rows), reach);
     }
 
@@ -434,16 +434,23 @@ struct Stretch
   int columnBegin, columnEnd;
 };
 
+/// Whether one stretch holds the whole footprint.
+template <class T>
+static HWY_INLINE bool IsShort(const bigus::VisibleSplat<T>& s)
+{
+  const T eta2 = s.u22 * (s.reach - 1);
+  return s.cut < eta2 * eta2;
+}
+
 /// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in all rows that
 /// it might have, so that they too do not depend on which are wanted.
 template <class T>
 static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, int start, int begin, int end)
 {
   const int columnBegin = static_cast<int>(s.columnBegin), columnEnd = static_cast<int>(s.columnEnd);
-  const T above = s.u22 * (s.reach - 1);
-  if (s.cut < above * above)
+  if (IsShort(s))
   {
-    return {start, begin, end, columnBegin, columnEnd};  // the whole footprint
+    return {start, begin, end, columnBegin, columnEnd};
   }
   const T middle = static_cast<T>(start) - s.row;
   const T top = middle - s.reach - s.mv, bottom = middle + s.reach - 1 - s.mv;
@@ -595,6 +602,37 @@ static HWY_INLINE void AddColumns(const bigus::VisibleSplat<T>& s, const Stretch
   }
 }
 
+/// Any footprint. Vectors of columns side by side hide each other's latency.
+template <class T>
+static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin, int end, const PixelRows<T>& image,
+                                      T value)
+{
+  const int lanes = Lanes<T>::Count();
+  ForStretches(s, begin, end,
+               [&](const Stretch<T>& stretch) HWY_ATTR
+               {
+                 for (int column = stretch.columnBegin; column < stretch.columnEnd;)
+                 {
+                   const int left = stretch.columnEnd - column;
+                   if (left <= lanes)
+                   {
+                     AddColumns<T, 1>(s, stretch, column, image, value);
+                     column += lanes;
+                   }
+                   else if (left <= 2 * lanes || left > 3 * lanes)
+                   {
+                     AddColumns<T, 2>(s, stretch, column, image, value);
+                     column += 2 * lanes;
+                   }
+                   else
+                   {
+                     AddColumns<T, 3>(s, stretch, column, image, value);
+                     column += 3 * lanes;
+                   }
+                 }
+               });
+}
+
 template <class T>
 static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
                           const PixelRows<T>& image)
@@ -610,35 +648,20 @@ static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const
       continue;
     }
     const T value = values ? values[static_cast<int>(s.gaussian)] : T(1);
+    const Stretch<T> stretch{static_cast<int>(s.row), begin, end, static_cast<int>(s.columnBegin),
+                             static_cast<int>(s.columnEnd)};
     if (s.reach == 0)
     {
       AddDirect(s, begin, end, image, value);
-      continue;
     }
-    ForStretches(s, begin, end,
-                 [&](const Stretch<T>& stretch) HWY_ATTR
-                 {
-                   // Vectors of columns side by side hide each other's latency.
-                   for (int column = stretch.columnBegin; column < stretch.columnEnd;)
-                   {
-                     const int left = stretch.columnEnd - column;
-                     if (left <= lanes)
-                     {
-                       AddColumns<T, 1>(s, stretch, column, image, value);
-                       column += lanes;
-                     }
-                     else if (left <= 2 * lanes || left > 3 * lanes)
-                     {
-                       AddColumns<T, 2>(s, stretch, column, image, value);
-                       column += 2 * lanes;
-                     }
-                     else
-                     {
-                       AddColumns<T, 3>(s, stretch, column, image, value);
-                       column += 3 * lanes;
-                     }
-                   }
-                 });
+    else if (stretch.columnEnd - stretch.columnBegin <= lanes && IsShort(s))
+    {
+      AddColumns<T, 1>(s, stretch, stretch.columnBegin, image, value);  // most of them: kept free of all else
+    }
+    else
+    {
+      AddStretches(s, begin, end, image, value);
+    }
   }
 }
 

@@ -99,7 +99,7 @@ constexpr int kLargestImage = 1 << 24;
 
 /// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column - firstColumn]. Each row
 /// is followed by kRowPadding numbers that kernels may read and write.
-constexpr int kRowPadding = 64;
+constexpr int kRowPadding = 16;  // a vector less one
 template <class T>
 struct PixelRows
 {

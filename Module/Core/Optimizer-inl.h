@@ -9,7 +9,7 @@ struct AdamState
 };
 
 template <class Real>
-inline Real Clamp(Real value, Real low, Real high)
+BIGUS_FORMULA Real Clamp(Real value, Real low, Real high)
 {
   return Select(value < low, low, Select(value > high, high, value));
 }
@@ -18,7 +18,7 @@ inline Real Clamp(Real value, Real low, Real high)
 /// not finite counts as 0, and one beyond kLargestGradient as that: one bad pixel must not poison the field, and the
 /// square must stay finite. Training as it should be never gets near either.
 template <class Real>
-inline Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& state, const GaussianGradient<Real>& gradient,
+BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& state, const GaussianGradient<Real>& gradient,
                            const AdamStep& step)
 {
   using std::abs;

@@ -34,20 +34,33 @@ struct Vector3
 };
 
 template <class Real>
-BIGUS_HOST_DEVICE inline Real Dot(const Vector3<Real>& p, const Vector3<Real>& q)
+BIGUS_FORMULA Real Dot(const Vector3<Real>& p, const Vector3<Real>& q)
 {
   return p.x * q.x + p.y * q.y + p.z * q.z;
 }
 
 template <class Real>
-BIGUS_HOST_DEVICE inline Vector3<Real> Cross(const Vector3<Real>& p, const Vector3<Real>& q)
+BIGUS_FORMULA Vector3<Real> Cross(const Vector3<Real>& p, const Vector3<Real>& q)
 {
   return {p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
 }
 
+/// Component by component.
+template <class Real>
+BIGUS_FORMULA Vector3<Real> Times(const Vector3<Real>& p, const Vector3<Real>& q)
+{
+  return {p.x * q.x, p.y * q.y, p.z * q.z};
+}
+
+template <class Real>
+BIGUS_FORMULA Vector3<Real> Scaled(Real alpha, const Vector3<Real>& p)
+{
+  return {alpha * p.x, alpha * p.y, alpha * p.z};
+}
+
 /// alpha p + q
 template <class Real>
-BIGUS_HOST_DEVICE inline Vector3<Real> MultiplyAdd(Real alpha, const Vector3<Real>& p, const Vector3<Real>& q)
+BIGUS_FORMULA Vector3<Real> MultiplyAdd(Real alpha, const Vector3<Real>& p, const Vector3<Real>& q)
 {
   return {alpha * p.x + q.x, alpha * p.y + q.y, alpha * p.z + q.z};
 }
@@ -87,7 +100,7 @@ template <class Real>
 struct Projection
 {
   Splat<Real> splat;
-  Vector3<Real> scale;       ///< s, mm
+  Vector3<Real> scale, inverseScale;  ///< s, mm, and 1 / s
   Vector3<Real> e;           ///< cz / |cz|
   Vector3<Real> q1, q2, q3;  ///< orthonormal: y' = q1 eta_1 + q2 eta_2 + q3 rho, eta = U (p - m)
   Real kappa;                ///< 1 - 1 / sqrt(N)
@@ -103,7 +116,7 @@ struct Axes
 };
 
 template <class Real>
-BIGUS_HOST_DEVICE inline Axes<Real> AxesOf(const Real q[4])
+BIGUS_FORMULA Axes<Real> AxesOf(const Real q[4])
 {
   const Real w = q[0], x = q[1], y = q[2], z = q[3];
   return {{1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)},
@@ -112,13 +125,13 @@ BIGUS_HOST_DEVICE inline Axes<Real> AxesOf(const Real q[4])
 }
 
 template <class Real>
-BIGUS_HOST_DEVICE inline Vector3<Real> ToLocal(const Axes<Real>& axes, const Vector3<Real>& world)
+BIGUS_FORMULA Vector3<Real> ToLocal(const Axes<Real>& axes, const Vector3<Real>& world)
 {
   return {Dot(axes.x, world), Dot(axes.y, world), Dot(axes.z, world)};
 }
 
 template <class Real>
-BIGUS_HOST_DEVICE inline Projection<Real> Project(const Gaussian<Real>& gaussian, const View<Real>& view)
+BIGUS_FORMULA Projection<Real> Project(const Gaussian<Real>& gaussian, const View<Real>& view)
 {
   using std::exp;
   using std::sqrt;
@@ -126,44 +139,48 @@ BIGUS_HOST_DEVICE inline Projection<Real> Project(const Gaussian<Real>& gaussian
   const Axes<Real> axes = AxesOf(gaussian.rotation);
   const Vector3<Real> s{exp(gaussian.logScale.x), exp(gaussian.logScale.y), exp(gaussian.logScale.z)};
   const Vector3<Real> a = ToLocal(axes, view.a), b = ToLocal(axes, view.b), n = ToLocal(axes, view.n);
-  const Vector3<Real> cu{a.x / s.x, a.y / s.y, a.z / s.z};
-  const Vector3<Real> cv{b.x / s.x, b.y / s.y, b.z / s.z};
-  const Vector3<Real> cz{n.x / s.x, n.y / s.y, n.z / s.z};
+  // Divisions are what takes longest here: one for each number divided by.
+  const Real one = Real(1);
+  const Vector3<Real> inverse{one / s.x, one / s.y, one / s.z};
+  const Vector3<Real> cu = Times(a, inverse), cv = Times(b, inverse), cz = Times(n, inverse);
 
-  const Real length = sqrt(Dot(cz, cz));
-  const Vector3<Real> e{cz.x / length, cz.y / length, cz.z / length};
+  const Real length = sqrt(Dot(cz, cz)), inverseLength = one / length;
+  const Vector3<Real> e = Scaled(inverseLength, cz);
   const Real g = view.elevationVariance * length * length;  // N - 1
-  const Real rootN = sqrt(1 + g);
-  out.kappa = g / (1 + g + rootN);
-  out.spread = g / (1 + g);
+  const Real rootN = sqrt(1 + g), inverseRootN = one / rootN;
+  const Real excess = g / (rootN + 1);  // sqrt(N) - 1, free of cancellation
+  out.kappa = excess * inverseRootN;
+  out.spread = g * inverseRootN * inverseRootN;
 
   const Vector3<Real> du = MultiplyAdd(-out.kappa * Dot(e, cu), e, cu);
   const Vector3<Real> dv = MultiplyAdd(-out.kappa * Dot(e, cv), e, cv);
 
   // The normal of the whitened slice is D^-1 S n / sqrt(t), since cu x cv = |a x b| S n / det S.
-  const Vector3<Real> sn{s.x * n.x, s.y * n.y, s.z * n.z};
+  const Vector3<Real> sn = Times(s, n);
   const Real t = Dot(sn, sn) + view.elevationVariance;
-  const Real rootT = sqrt(t);
-  const Vector3<Real> normal = MultiplyAdd(g / ((rootN + 1) * length), e, sn);
-  out.q3 = {normal.x / rootT, normal.y / rootT, normal.z / rootT};
+  const Real rootT = sqrt(t), inverseRootT = one / rootT;
+  const Vector3<Real> normal = MultiplyAdd(excess * inverseLength, e, sn);
+  out.q3 = Scaled(inverseRootT, normal);
 
   Splat<Real>& splat = out.splat;
   splat.u11 = sqrt(Dot(du, du));
-  out.q1 = {du.x / splat.u11, du.y / splat.u11, du.z / splat.u11};
+  const Real inverseU11 = one / splat.u11;
+  out.q1 = Scaled(inverseU11, du);
   out.q2 = Cross(out.q3, out.q1);
   splat.u12 = Dot(out.q1, dv);
-  splat.u22 = view.area / s.x / s.y / s.z * rootT / (rootN * splat.u11);
+  splat.u22 = view.area * inverse.x * inverse.y * inverse.z * rootT * inverseRootN * inverseU11;
 
   const Vector3<Real> offset = MultiplyAdd(Real(-1), view.origin, gaussian.mean);
   const Real muZ = Dot(view.n, offset);
-  const Vector3<Real> ssn{s.x * sn.x, s.y * sn.y, s.z * sn.z};
-  const Real parallax = muZ / t;
+  const Vector3<Real> ssn = Times(s, sn);
+  const Real parallax = muZ * inverseRootT * inverseRootT;
   splat.mu = Dot(view.dualA, offset) - Dot(ToLocal(axes, view.dualA), ssn) * parallax;
   splat.mv = Dot(view.dualB, offset) - Dot(ToLocal(axes, view.dualB), ssn) * parallax;
-  out.rho = -muZ / rootT;
-  splat.amplitude = exp(Real(-0.5) * out.rho * out.rho) / rootN;
+  out.rho = -muZ * inverseRootT;
+  splat.amplitude = exp(Real(-0.5) * out.rho * out.rho) * inverseRootN;
   out.e = e;
   out.scale = s;
+  out.inverseScale = inverse;
   return out;
 }
 
@@ -194,7 +211,7 @@ struct GaussianGradient
 ///
 /// with Y1', Y2' the same sums of y' = q1 eta_1 + q2 eta_2 + q3 rho. (i, j, k) is cyclic.
 template <class Real>
-BIGUS_HOST_DEVICE inline GaussianGradient<Real> ProjectAdjoint(const Gaussian<Real>& gaussian,
+BIGUS_FORMULA GaussianGradient<Real> ProjectAdjoint(const Gaussian<Real>& gaussian,
                                                                const Projection<Real>& p,
                                                                const Moments<Real>& m)
 {
@@ -202,13 +219,13 @@ BIGUS_HOST_DEVICE inline GaussianGradient<Real> ProjectAdjoint(const Gaussian<Re
   // Sums of y' and y' y'^T in the frame (q1, q2, q3), then in the Gaussian's axes: v_i = Y2' q_i.
   const Real m3 = p.rho * m.m0, m13 = p.rho * m.m1, m23 = p.rho * m.m2, m33 = p.rho * m3;
   Vector3<Real> y1 =
-      MultiplyAdd(m.m1, p.q1, MultiplyAdd(m.m2, p.q2, {m3 * p.q3.x, m3 * p.q3.y, m3 * p.q3.z}));
+      MultiplyAdd(m.m1, p.q1, MultiplyAdd(m.m2, p.q2, Scaled(m3, p.q3)));
   const Vector3<Real> v1 =
-      MultiplyAdd(m.m11, p.q1, MultiplyAdd(m.m12, p.q2, {m13 * p.q3.x, m13 * p.q3.y, m13 * p.q3.z}));
+      MultiplyAdd(m.m11, p.q1, MultiplyAdd(m.m12, p.q2, Scaled(m13, p.q3)));
   const Vector3<Real> v2 =
-      MultiplyAdd(m.m12, p.q1, MultiplyAdd(m.m22, p.q2, {m23 * p.q3.x, m23 * p.q3.y, m23 * p.q3.z}));
+      MultiplyAdd(m.m12, p.q1, MultiplyAdd(m.m22, p.q2, Scaled(m23, p.q3)));
   const Vector3<Real> v3 =
-      MultiplyAdd(m13, p.q1, MultiplyAdd(m23, p.q2, {m33 * p.q3.x, m33 * p.q3.y, m33 * p.q3.z}));
+      MultiplyAdd(m13, p.q1, MultiplyAdd(m23, p.q2, Scaled(m33, p.q3)));
   Real xx = p.q1.x * v1.x + p.q2.x * v2.x + p.q3.x * v3.x;
   Real yy = p.q1.y * v1.y + p.q2.y * v2.y + p.q3.y * v3.y;
   Real zz = p.q1.z * v1.z + p.q2.z * v2.z + p.q3.z * v3.z;
@@ -232,11 +249,12 @@ BIGUS_HOST_DEVICE inline GaussianGradient<Real> ProjectAdjoint(const Gaussian<Re
   const Vector3<Real>& s = p.scale;
   const Axes<Real> axes = AxesOf(gaussian.rotation);
   GaussianGradient<Real> out;
-  const Real gx = r * y1.x / s.x, gy = r * y1.y / s.y, gz = r * y1.z / s.z;
-  out.mean = MultiplyAdd(gx, axes.x, MultiplyAdd(gy, axes.y, {gz * axes.z.x, gz * axes.z.y, gz * axes.z.z}));
+  const Vector3<Real>& t = p.inverseScale;
+  const Real gx = r * y1.x * t.x, gy = r * y1.y * t.y, gz = r * y1.z * t.z;
+  out.mean = MultiplyAdd(gx, axes.x, MultiplyAdd(gy, axes.y, Scaled(gz, axes.z)));
   out.logScale = {r * xx, r * yy, r * zz};
-  out.rotation = {r * yz * (s.y / s.z - s.z / s.y), r * xz * (s.z / s.x - s.x / s.z),
-                  r * xy * (s.x / s.y - s.y / s.x)};
+  out.rotation = {r * yz * (s.y * t.z - s.z * t.y), r * xz * (s.z * t.x - s.x * t.z),
+                  r * xy * (s.x * t.y - s.y * t.x)};
   out.reflectivity = m.m0;
   return out;
 }

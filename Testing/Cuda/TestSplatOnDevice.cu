@@ -25,7 +25,7 @@ struct Result
   bigus::GaussianGradient<double> gradient;
 };
 
-BIGUS_HOST_DEVICE Result Evaluate(const Case& c)
+__host__ __device__ Result Evaluate(const Case& c)
 {
   const auto projection = bigus::Project(c.gaussian, c.view);
   return {projection.splat, bigus::ProjectAdjoint(c.gaussian, projection, c.moments)};
