@@ -152,6 +152,8 @@ static HWY_INLINE Lanes<T> CutFor(Lanes<T> magnitude, T tolerance)
 // ---------------------------------------------------------------------------------------------------------------
 // Projection.
 
+constexpr int kLongestReach = 16;  // rows that a recurrence runs from its start
+
 template <class T>
 static HWY_INLINE Gaussian<Lanes<T>> LoadGaussian(const T (*HWY_RESTRICT rows)[kBlock], int first)
 {
@@ -276,7 +278,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     // -lowest for c <= (0.4 E)^2.
     const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), zero)) - k;
     L reach = zero;
-    for (const T rows : {T(4), T(8), T(16)})
+    for (const T rows : {T(kLongestReach / 4), T(kLongestReach / 2), T(kLongestReach)})
     {
       const auto safe = hn::And(margin >= min(L(rows), half) * rootCurvature, curvature <= L(T(-0.32)) * lowest);
       reach = Select(safe, L(task.direct ? T(0) : rows), reach);
@@ -665,121 +667,172 @@ static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const
   }
 }
 
-/// Sums over one footprint of derivative * w * powers of the pixel's offset from the centre; U is applied to them at
-/// the end.
+/// Sums over footprint pixels of derivative * w * powers of the offset (u, v) from the centre, lane by lane.
+template <class T>
+struct OffsetSums
+{
+  using V = hn::Vec<hn::ScalableTag<T>>;
+  V one, u, v, uu, uv, vv, error;
+};
+
+template <class T>
+static HWY_INLINE OffsetSums<T> NoSums()
+{
+  const auto zero = hn::Zero(hn::ScalableTag<T>());
+  return {zero, zero, zero, zero, zero, zero, zero};
+}
+
+/// Rows are counted from the line between the two at a start, t = n + 1/2 down and -t up: what a pair of rows gives to
+/// even and odd powers of t are a sum and a difference.
+template <class T>
+struct RowOffsets
+{
+  T t[kLongestReach], squared[kLongestReach];
+  constexpr RowOffsets() : t(), squared()
+  {
+    for (int n = 0; n < kLongestReach; ++n)
+    {
+      t[n] = n + T(0.5);
+      squared[n] = t[n] * t[n];
+    }
+  }
+};
+template <class T>
+constexpr RowOffsets<T> kRowOffsets{};
+
 template <class T, bool WithError>
-static void GatherRecurrent(const bigus::VisibleSplat<T>& s, const PixelRows<T>& derivative, T* HWY_RESTRICT out)
+static HWY_INLINE void GatherColumns(const bigus::VisibleSplat<T>& s, const Stretch<T>& stretch, int column,
+                                     const PixelRows<T>& derivative, OffsetSums<T>& sums)
 {
   using V = hn::Vec<hn::ScalableTag<T>>;
   const hn::ScalableTag<T> d;
-  const int lanes = Lanes<T>::Count();
   const V c = hn::Set(d, s.rowFactor);
-  V sum0 = hn::Zero(d), sumU = hn::Zero(d), sumV = hn::Zero(d), sumUU = hn::Zero(d), sumUV = hn::Zero(d),
-    sumVV = hn::Zero(d), error = hn::Zero(d);
-  ForStretches(
-      s, static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
-      [&](const Stretch<T>& stretch)
+  Columns<T, 1> columns(s, stretch, column, T(1));
+  V column0 = hn::Zero(d), column1 = hn::Zero(d), column2 = hn::Zero(d);
+  const int rowsDown = stretch.end - stretch.start, rowsUp = stretch.start - stretch.begin;
+  if (rowsDown == rowsUp)
+  {
+    const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(derivative.stride);
+    const T *below = derivative.Row(stretch.start) + column, *above = below - stride;
+    for (int n = 0; n < rowsDown; ++n)
+    {
+      const V a = hn::Mul(columns.down[0], hn::LoadU(d, below));
+      const V b = hn::Mul(columns.up[0], hn::LoadU(d, above));
+      const V sum = hn::Add(a, b);
+      column0 = hn::Add(column0, sum);
+      column1 = hn::MulAdd(hn::Sub(a, b), hn::Set(d, kRowOffsets<T>.t[n]), column1);
+      column2 = hn::MulAdd(sum, hn::Set(d, kRowOffsets<T>.squared[n]), column2);
+      if (WithError)
       {
-        // Rows are counted from the line between the two middle ones, t = n + 1/2 down and -t up: what a pair of rows
-        // gives to odd and even powers are a difference and a sum.
-        const T middle = static_cast<T>(stretch.start) - s.row - s.mv - T(0.5);
-        const int rowsDown = stretch.end - stretch.start, rowsUp = stretch.start - stretch.begin;
-        for (int column = stretch.columnBegin; column < stretch.columnEnd; column += lanes)
-        {
-          Columns<T, 1> columns(s, stretch, column, T(1));
-          V column0 = hn::Zero(d), column1 = hn::Zero(d), column2 = hn::Zero(d);
-          const auto take = [&](V sum, V difference, T t)
-          {
-            const V offset = hn::Set(d, t);
-            column0 = hn::Add(column0, sum);
-            column1 = hn::MulAdd(difference, offset, column1);
-            column2 = hn::MulAdd(sum, hn::Mul(offset, offset), column2);
-          };
-          if (rowsDown == rowsUp)
-          {
-            const T *below = derivative.Row(stretch.start) + column, *above = below - derivative.stride;
-            for (int n = 0; n < rowsDown; ++n)
-            {
-              const V a = hn::Mul(columns.down[0], hn::LoadU(d, below));
-              const V b = hn::Mul(columns.up[0], hn::LoadU(d, above));
-              take(hn::Add(a, b), hn::Sub(a, b), static_cast<T>(n) + T(0.5));
-              if (WithError)
-              {
-                error = hn::Add(error, hn::Add(hn::Abs(a), hn::Abs(b)));
-              }
-              columns.StepDown(c);
-              columns.StepUp(c);
-              below += derivative.stride;
-              above -= derivative.stride;
-            }
-          }
-          else
-          {
-            for (int row = stretch.start; row < stretch.end; ++row)
-            {
-              if (row >= stretch.begin)
-              {
-                const V a = hn::Mul(columns.down[0], hn::LoadU(d, derivative.Row(row) + column));
-                take(a, a, static_cast<T>(row - stretch.start) + T(0.5));
-                error = hn::Add(error, hn::Abs(a));
-              }
-              columns.StepDown(c);
-            }
-            for (int row = stretch.start - 1; row >= stretch.begin; --row)
-            {
-              if (row < stretch.end)
-              {
-                const V b = hn::Mul(columns.up[0], hn::LoadU(d, derivative.Row(row) + column));
-                take(b, b, static_cast<T>(row - stretch.start) + T(0.5));
-                error = hn::Add(error, hn::Abs(b));
-              }
-              columns.StepUp(c);
-            }
-          }
-          const V m = hn::Set(d, middle), du = columns.du[0];
-          const V columnV = hn::MulAdd(m, column0, column1);
-          const V columnU = hn::Mul(du, column0);
-          sum0 = hn::Add(sum0, column0);
-          sumU = hn::Add(sumU, columnU);
-          sumV = hn::Add(sumV, columnV);
-          sumUU = hn::MulAdd(columnU, du, sumUU);
-          sumUV = hn::MulAdd(columnV, du, sumUV);
-          sumVV = hn::Add(sumVV, hn::MulAdd(m, hn::Add(columnV, column1), column2));
-        }
-      });
-  const auto sum = [&d](V v) { return hn::GetLane(hn::SumOfLanes(d, v)); };
-  const T u = sum(sumU), v = sum(sumV), uu = sum(sumUU), uv = sum(sumUV), vv = sum(sumVV);
-  const T a = s.u11, b = s.u12, e = s.u22;
-  out[0] = sum(sum0);
-  out[kBlock] = a * u + b * v;
-  out[2 * kBlock] = e * v;
-  out[3 * kBlock] = a * a * uu + 2 * a * b * uv + b * b * vv;
-  out[4 * kBlock] = e * (a * uv + b * vv);
-  out[5 * kBlock] = e * e * vv;
-  out[6 * kBlock] = WithError ? sum(error) : T(0);
+        sums.error = hn::Add(sums.error, hn::Add(hn::Abs(a), hn::Abs(b)));
+      }
+      columns.StepDown(c);
+      columns.StepUp(c);
+      below += stride;
+      above -= stride;
+    }
+  }
+  else
+  {
+    const auto take = [&](V a, int n, T sign) HWY_ATTR
+    {
+      column0 = hn::Add(column0, a);
+      column1 = hn::MulAdd(a, hn::Set(d, sign * kRowOffsets<T>.t[n]), column1);
+      column2 = hn::MulAdd(a, hn::Set(d, kRowOffsets<T>.squared[n]), column2);
+      if (WithError)
+      {
+        sums.error = hn::Add(sums.error, hn::Abs(a));
+      }
+    };
+    for (int n = 0; n < rowsDown; ++n)
+    {
+      const int row = stretch.start + n;
+      if (row >= stretch.begin)
+      {
+        take(hn::Mul(columns.down[0], hn::LoadU(d, derivative.Row(row) + column)), n, T(1));
+      }
+      columns.StepDown(c);
+    }
+    for (int n = 0; n < rowsUp; ++n)
+    {
+      const int row = stretch.start - 1 - n;
+      if (row < stretch.end)
+      {
+        take(hn::Mul(columns.up[0], hn::LoadU(d, derivative.Row(row) + column)), n, T(-1));
+      }
+      columns.StepUp(c);
+    }
+  }
+  const V middle = hn::Set(d, static_cast<T>(stretch.start) - s.row - s.mv - T(0.5)), du = columns.du[0];
+  const V columnV = hn::MulAdd(middle, column0, column1);
+  const V columnU = hn::Mul(du, column0);
+  sums.one = hn::Add(sums.one, column0);
+  sums.u = hn::Add(sums.u, columnU);
+  sums.v = hn::Add(sums.v, columnV);
+  sums.uu = hn::MulAdd(columnU, du, sums.uu);
+  sums.uv = hn::MulAdd(columnV, du, sums.uv);
+  sums.vv = hn::Add(sums.vv, hn::MulAdd(middle, hn::Add(columnV, column1), column2));
+}
+
+template <class T, bool WithError>
+static HWY_NOINLINE void GatherStretches(const bigus::VisibleSplat<T>& s, const PixelRows<T>& derivative,
+                                         OffsetSums<T>& sums)
+{
+  ForStretches(s, static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
+               [&](const Stretch<T>& stretch) HWY_ATTR
+               {
+                 for (int column = stretch.columnBegin; column < stretch.columnEnd; column += Lanes<T>::Count())
+                 {
+                   GatherColumns<T, WithError>(s, stretch, column, derivative, sums);
+                 }
+               });
+}
+
+template <class T, bool WithError>
+static void GatherAll(const bigus::VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
+                      MomentBlock<T>& moments)
+{
+  const hn::ScalableTag<T> d;
+  const int lanes = Lanes<T>::Count();
+  for (int i = 0; i < count; ++i)
+  {
+    const bigus::VisibleSplat<T>& s = splats[i];
+    T* HWY_RESTRICT out = moments.values[0] + i;
+    const Stretch<T> stretch{static_cast<int>(s.row), static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
+                             static_cast<int>(s.columnBegin), static_cast<int>(s.columnEnd)};
+    if (s.reach == 0)
+    {
+      GatherDirect(s, derivative, out);
+      continue;
+    }
+    OffsetSums<T> sums = NoSums<T>();
+    if (stretch.columnEnd - stretch.columnBegin <= lanes && IsShort(s))
+    {
+      GatherColumns<T, WithError>(s, stretch, stretch.columnBegin, derivative, sums);  // most of them
+    }
+    else
+    {
+      GatherStretches<T, WithError>(s, derivative, sums);
+    }
+    const auto sum = [&d](auto v) HWY_ATTR { return hn::GetLane(hn::SumOfLanes(d, v)); };
+    const T u = sum(sums.u), v = sum(sums.v), uu = sum(sums.uu), uv = sum(sums.uv), vv = sum(sums.vv);
+    const T a = s.u11, b = s.u12, e = s.u22;  // U, applied to the sums: eta1 = a u + b v, eta2 = e v
+    out[0] = sum(sums.one);
+    out[kBlock] = a * u + b * v;
+    out[2 * kBlock] = e * v;
+    out[3 * kBlock] = a * a * uu + 2 * a * b * uv + b * b * vv;
+    out[4 * kBlock] = e * (a * uv + b * vv);
+    out[5 * kBlock] = e * e * vv;
+    out[6 * kBlock] = WithError ? sum(sums.error) : T(0);
+  }
 }
 
 template <class T>
 static void GatherMoments(const bigus::VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
                           bool withError, MomentBlock<T>& moments)
 {
-  for (int i = 0; i < count; ++i)
-  {
-    const bigus::VisibleSplat<T>& s = splats[i];
-    T* out = moments.values[0] + i;
-    if (s.reach == 0)
-    {
-      GatherDirect(s, derivative, out);
-    }
-    else if (withError)
-    {
-      GatherRecurrent<T, true>(s, derivative, out);
-    }
-    else
-    {
-      GatherRecurrent<T, false>(s, derivative, out);
-    }
-  }
+  withError ? GatherAll<T, true>(splats, count, derivative, moments)
+            : GatherAll<T, false>(splats, count, derivative, moments);
 }
 
 // ---------------------------------------------------------------------------------------------------------------
