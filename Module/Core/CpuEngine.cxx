@@ -6,6 +6,7 @@
 // depend on the number of threads, and only counts are atomic. A training step passes over memory three times: blocks
 // to splats, splats to images and their derivatives, and images back to gradients that are spent at once.
 
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -30,7 +31,7 @@ namespace bigus
 namespace
 {
 
-constexpr int kSmallestBand = 32, kLargestBand = 256;  // rows rendered together: few footprints should lie in two bands
+constexpr int kSmallestBand = 32, kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
 constexpr int kTile = 32;   // pixels; finest grid on which overlapping footprints are counted
 constexpr int kTiles = 128; // coarsest: so many along a side
 constexpr double kSharp = 128;  // aspect ratio from which float parameters lose too much: 1e-7 of the ratio
@@ -167,7 +168,8 @@ public:
              [&](int, int begin, int end)
              {
                const int firstRow = window.firstRow + begin, lastRow = window.firstRow + end;
-               std::vector<T> buffer(stride * (end - begin), T(0));
+               std::vector<T>& buffer = bandBuffers_.local();  // kept: fresh memory would cost as much as its pixels
+               buffer.assign(stride * (end - begin), T(0));
                const PixelRows<T> rows{buffer.data(), window.firstColumn, firstRow, stride};
                AddVisible(0, firstRow, lastRow, rows, [this](std::size_t b) { return blocks_[b].reflectivity; });
                for (int row = begin; row < end; ++row)
@@ -248,7 +250,12 @@ public:
   std::size_t MemoryUse() const override
   {
     const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-    return bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(adam_) + bytes(gradient_) + bytes(scores_) +
+    std::size_t buffers = 0;
+    for (const std::vector<T>& buffer : bandBuffers_)
+    {
+      buffers += bytes(buffer);
+    }
+    return buffers + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(adam_) + bytes(gradient_) + bytes(scores_) +
            bytes(seenBlocks_) + bytes(seen_) + bytes(images_) + capacity_ * sizeof(VisibleSplat<T>);
   }
 
@@ -313,15 +320,7 @@ public:
     {
       blocks_[slot / kBlock].reflectivity[slot % kBlock] = r[slot];
     }
-    tbb::parallel_for(std::size_t(0), blocks_.size(),
-                      [&](std::size_t b)
-                      {
-                        if (sharp_[b])
-                        {
-                          std::copy_n(blocks_[b].reflectivity, kBlock, sharp_[b]->reflectivity);
-                        }
-                        Measure(b);
-                      });
+    tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
     return residual;
   }
 
@@ -429,19 +428,12 @@ private:
       high = high.cwiseMax(field.means[order_[first + k]]);
     }
     place.centre = low + 0.5 * (high - low);
-    bool sharp = false;
-    for (int k = 0; k < place.count; ++k)
-    {
-      const Eigen::Vector3d& scale = field.scales[order_[first + k]];
-      sharp = sharp || scale.maxCoeff() > kSharp * scale.minCoeff();
-    }
     Pack(field, first, place, blocks_[b]);
-    if (sharp && sizeof(T) < sizeof(double))
-    {
-      sharp_[b].reset(new GaussianBlock<double>{});
-      Pack(field, first, place, *sharp_[b]);
-    }
     Measure(b);
+    if (sharp_[b])
+    {
+      Pack(field, first, place, *sharp_[b]);  // what float has lost
+    }
   }
 
   template <class U>
@@ -469,7 +461,7 @@ private:
     }
   }
 
-  /// Brings a block's place up to date with its Gaussians.
+  /// Brings a block's place, and its parameters in double if it has needles, up to date with its Gaussians.
   void Measure(std::size_t b)
   {
     BlockPlace& place = places_[b];
@@ -482,6 +474,30 @@ private:
     }
     place.variance = std::exp(2.0 * bounds.logScale);
     place.logMagnitude = std::log(static_cast<double>(bounds.magnitude));  // of 0: -infinity, never seen
+    if (sizeof(T) == sizeof(double) || !(bounds.logAspect > std::log(kSharp)))
+    {
+      sharp_[b].reset();
+      return;
+    }
+    if (!sharp_[b])
+    {
+      sharp_[b].reset(new GaussianBlock<double>);
+    }
+    const GaussianBlock<T>& from = blocks_[b];
+    GaussianBlock<double>& to = *sharp_[b];
+    std::copy_n(from.mean[0], 3 * kBlock, to.mean[0]);
+    std::copy_n(from.logScale[0], 3 * kBlock, to.logScale[0]);
+    std::copy_n(from.reflectivity, kBlock, to.reflectivity);
+    for (int k = 0; k < kBlock; ++k)
+    {
+      const Eigen::Vector4d q =
+          Eigen::Vector4d(from.rotation[0][k], from.rotation[1][k], from.rotation[2][k], from.rotation[3][k])
+              .normalized();
+      for (int part = 0; part < 4; ++part)
+      {
+        to.rotation[part][k] = q[part];
+      }
+    }
   }
 
   /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still the old.
@@ -535,7 +551,6 @@ private:
     {
       guarded_ += guarded;
     }
-    sharp_[b].reset();  // from now on the block's own parameters are the truth
     Measure(b);
   }
 
@@ -640,11 +655,12 @@ private:
     return count;
   }
 
-  /// Tolerances on S of the blocks in seenBlocks_, so that all that is dropped at any pixel adds up to at most
+  /// Lowers `shares`, tolerances on S of the blocks in seenBlocks_, so that in one view all that is dropped at any pixel adds up to at most
   /// `tolerance`. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half the
   /// tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel: counted, with a
   /// block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n overlap.
-  std::vector<T> ShareTolerance(const Camera& camera, int width, int height, double tolerance, double logFloor)
+  void ShareTolerance(const Camera& camera, int width, int height, double tolerance, double logFloor,
+                      std::vector<T>& shares) const
   {
     const int tile = std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles});
     const int columns = (width + tile - 1) / tile, rows = (height + tile - 1) / tile;
@@ -676,15 +692,13 @@ private:
           const int count = kernels_.countInSlab(blocks_[b], places_[b].count, view, slab);
           forTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
         });
-    std::vector<T> shares(seenBlocks_.size());
     ForSeen(
         [&](std::size_t slot)
         {
           std::uint32_t most = 1;
           forTiles(boxes[slot], [&most](const std::atomic<std::uint32_t>& n) { most = std::max(most, n.load()); });
-          shares[slot] = static_cast<T>(0.5 * tolerance / most);
+          shares[slot] = std::min(shares[slot], static_cast<T>(0.5 * tolerance / most));
         });
-    return shares;
   }
 
   /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height images.
@@ -722,8 +736,11 @@ private:
         seenBlocks_.push_back(static_cast<std::uint32_t>(b));
       }
     }
-    const std::vector<T> shares =
-        shared ? ShareTolerance(cameras[0], width, height, tolerance, logFloor) : std::vector<T>();
+    std::vector<T> shares(shared ? seenBlocks_.size() : 0, std::numeric_limits<T>::max());
+    for (std::size_t f = 0; f < (shared ? cameras.size() : 0); ++f)
+    {
+      ShareTolerance(cameras[f], width, height, tolerance, logFloor, shares);
+    }
 
     seen_.resize(seenBlocks_.size() * cameras.size());
     std::atomic<std::size_t> used;
@@ -926,7 +943,7 @@ private:
   std::vector<std::uint32_t> order_;  // slot -> index in the field
   std::vector<GaussianBlock<T>> blocks_;
   std::vector<BlockPlace> places_;
-  std::vector<std::unique_ptr<GaussianBlock<double>>> sharp_;  // of blocks with needles, as SetField gave them
+  std::vector<std::unique_ptr<GaussianBlock<double>>> sharp_;  // of float blocks with needles
   std::vector<AdamBlock<T>> adam_;          // empty until the first step
   std::vector<GradientBlock<T>> gradient_;  // empty but after Backpropagate
   std::vector<ScoreBlock<T>> scores_;
@@ -948,6 +965,7 @@ private:
   std::size_t capacity_ = 0, needed_ = 0;
   std::vector<Camera> cameras_;
   std::vector<T> images_;
+  tbb::enumerable_thread_specific<std::vector<T>> bandBuffers_;
 };
 
 }  // namespace

@@ -48,12 +48,12 @@ struct alignas(64) ScoreBlock
   T error[kBlock], descent[3][kBlock], visits[kBlock];
 };
 
-/// What bounds a block's effect: the box of its means, its largest scale (mm) and reflectivity.
+/// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an aspect ratio.
 template <class T>
 struct BlockBounds
 {
   T low[3], high[3];
-  T logScale, magnitude;
+  T logScale, magnitude, logAspect;
 };
 
 /// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be computed. Its

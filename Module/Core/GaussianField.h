@@ -18,7 +18,8 @@ namespace bigus
 struct GaussianField
 {
   std::vector<Eigen::Vector3d> means;      ///< [N] mu, mm, world frame
-  std::vector<Eigen::Vector3d> scales;     ///< [N] s, standard deviations, mm, > 0
+  std::vector<Eigen::Vector3d> scales;     ///< [N] s, standard deviations, mm, > 0; fast engines take what lies
+                                           ///< beyond 1e-9 and 1e7 mm as those
   std::vector<Eigen::Vector4d> rotations;  ///< [N] quaternion w, x, y, z; any length but zero (normalised on use)
   std::vector<double> reflectivities;      ///< [N] r, signed, dimensionless
   Beam beam;

@@ -45,6 +45,9 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));
   }
   gaussian.mean = MultiplyAdd(Real(step.mean), {move[0], move[1], move[2]}, gaussian.mean);
+  const Real farthest = Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
+  gaussian.mean = {Clamp(gaussian.mean.x, zero - farthest, farthest), Clamp(gaussian.mean.y, zero - farthest, farthest),
+                   Clamp(gaussian.mean.z, zero - farthest, farthest)};
   const Real low = Real(step.minimumLogScale), high = Real(step.maximumLogScale), stretch = Real(step.logScale);
   gaussian.logScale.x = Clamp(gaussian.logScale.x + stretch * move[3], low, high);
   gaussian.logScale.y = Clamp(gaussian.logScale.y + stretch * move[4], low, high);
