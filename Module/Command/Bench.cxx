@@ -515,10 +515,10 @@ private:
 
   void MeasureTrainPass()
   {
-    const int frames = options_.quick ? 32 : 160, width = 160, batch = 16;
+    const int frames = options_.quick ? 32 : 160, width = 160, batch = 8;
     const std::size_t count = Gaussians(140000);
     console_.Print("train-pass: " + std::to_string(count) + " Gaussians, " + std::to_string(frames) +
-                   " slices of 160 x 160 in batches of 16");
+                   " slices of 160 x 160 in batches of 8");
     const TrainingPass pass = MakeTrainingPass(count, frames, width, batch);
     const auto engine = NewTrainingEngine(pass);
     const std::size_t idle = engine->MemoryUse();

@@ -51,7 +51,13 @@ double Contender::Slowest() const
 
 void Race(const std::vector<Contender*>& contenders, int rounds, Console& console, const std::string& job)
 {
-  constexpr double kEnough = 0.01;  // seconds a clock measures well
+  constexpr double kEnough = 0.03;  // seconds a clock measures well
+  constexpr double kWarm = 0.3;     // seconds until a processor that was idle runs at its speed
+  for (double seconds = 0; seconds < kWarm && !IsInterrupted();)
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, contenders[0]->threads);
+    seconds += Once(*contenders[0]);
+  }
   std::vector<int> runs(contenders.size(), 1);
   for (int round = -1; round < rounds; ++round)  // round -1 warms caches and sizes up the work
   {

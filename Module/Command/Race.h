@@ -31,7 +31,7 @@ struct Contender
 };
 
 /// Runs every contender once a round, in turn, so that what slows the machine down slows all of them; after
-/// one round that does not count. What takes less than 10 ms is run several times in a row and divided.
+/// one round that does not count. What takes less than 30 ms is run several times in a row and divided.
 /// Throws Interrupted.
 void Race(const std::vector<Contender*>& contenders, int rounds, Console& console, const std::string& job);
 

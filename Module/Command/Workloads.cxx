@@ -11,6 +11,7 @@
 #include <unordered_set>
 
 #include "Core/CpuKernels.h"
+#include "Core/MortonOrder.h"
 #include "Core/EngineDetail.h"
 
 namespace bigus
@@ -468,12 +469,20 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
   task.tolerance = std::exp(-4.5f);  // where w falls below this: three standard deviations
   Random random(5);
   const auto block = std::make_unique<GaussianBlock<float>>();
+  // Neighbours follow each other, as in the engine.
+  std::vector<Eigen::Vector3d> points(splats);
+  for (Eigen::Vector3d& point : points)
+  {
+    const double u = random.Between(0, plane.width), v = random.Between(0, plane.height);
+    point = {u, v, 0};
+  }
+  const std::vector<std::uint32_t> order = MortonOrder(points);
   for (std::size_t first = 0; first < splats; first += kBlock)
   {
     const int count = static_cast<int>(std::min<std::size_t>(kBlock, splats - first));
     for (int i = 0; i < count; ++i)
     {
-      const double u = random.Between(0, plane.width), v = random.Between(0, plane.height);
+      const double u = points[order[first + i]].x(), v = points[order[first + i]].y();
       const double angle = random.Between(0, kPi), c = std::cos(angle), d = std::sin(angle);
       const double scale[3] = {1.15 * sigma, sigma / 1.15, sigma};
       const double turn[4] = {std::cos(angle / 2), 0, 0, std::sin(angle / 2)};

@@ -750,7 +750,7 @@ private:
       // the pass goes on to learn how much is needed, and is repeated.
       if (used = 0; needed_ > capacity_)
       {
-        capacity_ = needed_ + needed_ / 16;
+        capacity_ = needed_ + needed_ / 32;
         splats_.reset();
         splats_.reset(new VisibleSplat<T>[capacity_]);
       }

@@ -661,9 +661,17 @@ static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const
     {
       AddDirect(s, begin, end, image, value);
     }
-    else if (stretch.columnEnd - stretch.columnBegin <= lanes && IsShort(s))
+    else if (stretch.columnEnd - stretch.columnBegin <= 2 * lanes && IsShort(s))
     {
-      AddColumns<T, 1>(s, stretch, stretch.columnBegin, image, value);  // most of them: kept free of all else
+      // Most of them: kept free of all else.
+      if (stretch.columnEnd - stretch.columnBegin <= lanes)
+      {
+        AddColumns<T, 1>(s, stretch, stretch.columnBegin, image, value);
+      }
+      else
+      {
+        AddColumns<T, 2>(s, stretch, stretch.columnBegin, image, value);
+      }
     }
     else
     {
@@ -811,9 +819,12 @@ static void GatherAll(const bigus::VisibleSplat<T>* splats, int count, const Pix
       continue;
     }
     OffsetSums<T> sums = NoSums<T>();
-    if (stretch.columnEnd - stretch.columnBegin <= lanes && IsShort(s))
+    if (IsShort(s))
     {
-      GatherColumns<T, WithError>(s, stretch, stretch.columnBegin, derivative, sums);  // most of them
+      for (int column = stretch.columnBegin; column < stretch.columnEnd; column += lanes)
+      {
+        GatherColumns<T, WithError>(s, stretch, column, derivative, sums);
+      }
     }
     else
     {

@@ -91,7 +91,7 @@ void RenderPlain(benchmark::State& state)
 
 void TrainPass(benchmark::State& state)
 {
-  const TrainingPass pass = MakeTrainingPass(state.range(0), static_cast<int>(state.range(1)), 160, 16);
+  const TrainingPass pass = MakeTrainingPass(state.range(0), static_cast<int>(state.range(1)), 160, 8);
   const auto limit = Limit(state.range(2));
   const auto engine = Engine::Create("cpu");
   engine->SetFrames(pass.sweep, false);
