@@ -238,8 +238,8 @@ public:
 
   ///@{
   /**
-   * Which engine renders: "auto" (default, the fastest present), "cpu", "reference" (double precision, every
-   * Gaussian at every pixel, slow), or the name of a plug-in.
+   * Which engine renders: "auto" (default, the fastest present), "cpu", "cpu-double", "reference" (double
+   * precision, every Gaussian at every pixel, slow), or the name of a plug-in.
    */
   vtkSetStringMacro(Engine);
   vtkGetStringMacro(Engine);

@@ -59,8 +59,8 @@ public:
 
   ///@{
   /**
-   * Which engine trains: "auto" (default, the fastest present), "cpu", "reference" (double precision, for
-   * tests), or the name of a plug-in.
+   * Which engine trains: "auto" (default, the fastest present), "cpu", "cpu-double", "reference" (double
+   * precision, for tests), or the name of a plug-in.
    */
   vtkSetStringMacro(Engine);
   vtkGetStringMacro(Engine);
@@ -131,8 +131,8 @@ public:
 
   ///@{
   /**
-   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): automatic, 120 passes over the frames trained
-   * on, 60 when planes lie more than 1 mm apart, at least 200.
+   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): automatic, 120 passes over the frames
+   * trained on, 60 when planes lie more than 1 mm apart, at least 200.
    */
   vtkSetMacro(Iterations, int);
   vtkGetMacro(Iterations, int);
@@ -200,8 +200,8 @@ public:
 
   ///@{
   /**
-   * How much cutting off one Gaussian's footprint may change a pixel's intensity during training, 0 to 1, default
-   * 1e-4.
+   * How much cutting off one Gaussian's footprint may change a pixel's intensity during training, 0 to 1,
+   * default 1e-4.
    */
   vtkSetMacro(Tolerance, double);
   vtkGetMacro(Tolerance, double);

@@ -142,7 +142,7 @@ public:
 
   ///@{
   /**
-   * Which engine renders: "auto" (default), "cpu", "reference", or the name of a plug-in.
+   * Which engine renders: "auto" (default), "cpu", "cpu-double", "reference", or the name of a plug-in.
    */
   vtkSetStringMacro(Engine);
   vtkGetStringMacro(Engine);

@@ -1,10 +1,12 @@
-// The CPU engine, in float and in double: blocks of neighbouring Gaussians, projected only where a plane crosses them,
-// footprints cut by an error bound and evaluated by recurrence, and a backward pass that gathers.
+// The CPU engine, in float and in double: blocks of neighbouring Gaussians, projected only where a plane
+// crosses them, footprints cut by an error bound and evaluated by recurrence, and a backward pass that
+// gathers.
 //
-// Work is cut into blocks of Gaussians and bands of rows. A band adds its splats in the order of the blocks, a block
-// adds its gradients in the order of the frames, and what a pixel gets does not depend on its band. So the bits do not
-// depend on the number of threads, and only counts are atomic. A training step passes over memory three times: blocks
-// to splats, splats to images and their derivatives, and images back to gradients that are spent at once.
+// Work is cut into blocks of Gaussians and bands of rows. A band adds its splats in the order of the blocks,
+// a block adds its gradients in the order of the frames, and what a pixel gets does not depend on its band.
+// So the bits do not depend on the number of threads, and only counts are atomic. A training step passes over
+// memory three times: blocks to splats, splats to images and their derivatives, and images back to gradients
+// that are spent at once.
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/global_control.h>
@@ -31,20 +33,28 @@ namespace bigus
 namespace
 {
 
-constexpr int kSmallestBand = 32, kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
-constexpr int kTile = 32;   // pixels; finest grid on which overlapping footprints are counted
-constexpr int kTiles = 128; // coarsest: so many along a side
+constexpr int kSmallestBand = 32,
+              kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
+constexpr int kTile = 32;          // pixels; finest grid on which overlapping footprints are counted
+constexpr int kTiles = 128;        // coarsest: so many along a side
 constexpr double kSharp = 128;  // aspect ratio from which float parameters lose too much: 1e-7 of the ratio
 constexpr double kSmallestScale = 1e-9, kLargestScale = 1e7;  // mm; beyond, squares leave float's range
 
-/// While it lives, this thread's results too small for a normal number become 0. They occur far out in footprints, and
-/// x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not mind.)
+/// While it lives, this thread's results too small for a normal number become 0. They occur far out in
+/// footprints, and x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not
+/// mind.)
 class FlushDenormals
 {
 #if defined(__SSE2__)
 public:
-  FlushDenormals() : before_(_mm_getcsr()) { _mm_setcsr(before_ | 0x8040); }
-  ~FlushDenormals() { _mm_setcsr(before_); }
+  FlushDenormals() : before_(_mm_getcsr())
+  {
+    _mm_setcsr(before_ | 0x8040);
+  }
+  ~FlushDenormals()
+  {
+    _mm_setcsr(before_);
+  }
   FlushDenormals(const FlushDenormals&) = delete;
   FlushDenormals& operator=(const FlushDenormals&) = delete;
 
@@ -86,6 +96,50 @@ struct BlockPlace
 struct PixelBox
 {
   std::int64_t columnBegin, columnEnd, rowBegin, rowEnd;
+};
+
+/// How many Gaussians may overlap, by tiles of an image. Adding is safe from several threads; sums of whole
+/// numbers do not depend on their order.
+class TileCounts
+{
+public:
+  TileCounts(int width, int height)
+      : tile_(std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles})),
+        columns_((width + tile_ - 1) / tile_),
+        rows_((height + tile_ - 1) / tile_),
+        counts_(new std::atomic<std::uint32_t>[static_cast<std::size_t>(columns_) * rows_] {})
+  {
+  }
+  void Add(const PixelBox& box, int count)
+  {
+    ForTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
+  }
+  std::uint32_t Most(const PixelBox& box) const
+  {
+    std::uint32_t most = 0;
+    ForTiles(box, [&most](const std::atomic<std::uint32_t>& n)
+             { most = std::max(most, n.load(std::memory_order_relaxed)); });
+    return most;
+  }
+
+private:
+  template <class Body>
+  void ForTiles(const PixelBox& box, Body&& body) const
+  {
+    const std::int64_t lastColumn = std::min<std::int64_t>((box.columnEnd + tile_ - 1) / tile_, columns_);
+    const std::int64_t lastRow = std::min<std::int64_t>((box.rowEnd + tile_ - 1) / tile_, rows_);
+    for (std::int64_t row = std::max<std::int64_t>(box.rowBegin, 0) / tile_; row < lastRow; ++row)
+    {
+      for (std::int64_t column = std::max<std::int64_t>(box.columnBegin, 0) / tile_; column < lastColumn;
+           ++column)
+      {
+        body(counts_[static_cast<std::size_t>(row) * columns_ + column]);
+      }
+    }
+  }
+
+  int tile_, columns_, rows_;
+  std::unique_ptr<std::atomic<std::uint32_t>[]> counts_;
 };
 
 template <class T>
@@ -158,8 +212,8 @@ public:
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
     if (std::max(plane.width, plane.height) > kLargestImage)
     {
-      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
-                  " pixels is larger than 16777216 along a side.");
+      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " +
+                  std::to_string(plane.height) + " pixels is larger than 16777216 along a side.");
     }
     const std::vector<Camera> cameras{Camera(plane, beam_)};
     FindVisible(cameras, plane.width, plane.height, window, false);
@@ -168,10 +222,12 @@ public:
              [&](int, int begin, int end)
              {
                const int firstRow = window.firstRow + begin, lastRow = window.firstRow + end;
-               std::vector<T>& buffer = bandBuffers_.local();  // kept: fresh memory would cost as much as its pixels
+               std::vector<T>& buffer =
+                   bandBuffers_.local();  // kept: fresh memory would cost as much as its pixels
                buffer.assign(stride * (end - begin), T(0));
                const PixelRows<T> rows{buffer.data(), window.firstColumn, firstRow, stride};
-               AddVisible(0, firstRow, lastRow, rows, [this](std::size_t b) { return blocks_[b].reflectivity; });
+               AddVisible(0, firstRow, lastRow, rows,
+                          [this](std::size_t b) { return blocks_[b].reflectivity; });
                for (int row = begin; row < end; ++row)
                {
                  const T* in = buffer.data() + (row - begin) * stride;
@@ -255,8 +311,9 @@ public:
     {
       buffers += bytes(buffer);
     }
-    return buffers + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(adam_) + bytes(gradient_) + bytes(scores_) +
-           bytes(seenBlocks_) + bytes(seen_) + bytes(images_) + capacity_ * sizeof(VisibleSplat<T>);
+    return buffers + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(adam_) + bytes(gradient_) +
+           bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) + bytes(images_) +
+           capacity_ * sizeof(VisibleSplat<T>);
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
@@ -287,8 +344,8 @@ public:
                             {
                               const T fade = T(1) - truth[column];
                               const T target = withTarget ? transfer_.Scattering(truth[column]) : T(0);
-                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade * fade *
-                                             (line[column] - target);
+                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade *
+                                             fade * (line[column] - target);
                             }
                             return 0.0;
                           });
@@ -334,7 +391,8 @@ public:
     out.reflectivities.resize(n);
     for (std::size_t slot = 0; slot < n; ++slot)
     {
-      const auto value = [&](int k) { return static_cast<double>(gradient_[slot / kBlock].values[k][slot % kBlock]); };
+      const auto value = [&](int k)
+      { return static_cast<double>(gradient_[slot / kBlock].values[k][slot % kBlock]); };
       const std::size_t i = order_[slot];
       out.means[i] = {value(0), value(1), value(2)};
       out.logScales[i] = {value(3), value(4), value(5)};
@@ -414,7 +472,8 @@ private:
                       });
   }
 
-  // ---- Field -----------------------------------------------------------------------------------------------------
+  // ---- Field
+  // -----------------------------------------------------------------------------------------------------
 
   void FillBlock(const GaussianField& field, std::size_t b)
   {
@@ -437,7 +496,8 @@ private:
   }
 
   template <class U>
-  void Pack(const GaussianField& field, std::size_t first, const BlockPlace& place, GaussianBlock<U>& block) const
+  void Pack(const GaussianField& field, std::size_t first, const BlockPlace& place,
+            GaussianBlock<U>& block) const
   {
     for (int k = 0; k < place.count; ++k)
     {
@@ -500,8 +560,10 @@ private:
     }
   }
 
-  /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still the old.
-  void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks, const std::vector<int>* parents)
+  /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still
+  /// the old.
+  void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks,
+                   const std::vector<int>* parents)
   {
     if (!parents)
     {
@@ -511,8 +573,8 @@ private:
     }
     if (parents->size() != order.size())
     {
-      throw Error("Engine: " + std::to_string(parents->size()) + " parents for " + std::to_string(order.size()) +
-                  " Gaussians.");
+      throw Error("Engine: " + std::to_string(parents->size()) + " parents for " +
+                  std::to_string(order.size()) + " Gaussians.");
     }
     if (adam_.empty())
     {
@@ -554,12 +616,13 @@ private:
     Measure(b);
   }
 
-  // ---- What is seen ----------------------------------------------------------------------------------------------
+  // ---- What is seen
+  // ----------------------------------------------------------------------------------------------
 
-  /// Whether a block can reach `tolerance` (given as its logarithm) on the plane, in which pixels, and how far (squared,
-  /// mm^2) its Gaussians may be from the plane. The region where magnitude * w >= tolerance is the slice of an ellipsoid
-  /// k times the Gaussian's, thickened by the beam along the normal: it stays within k s of the mean in the plane and
-  /// within k sqrt(s^2 + sigma_E^2) across.
+  /// Whether a block can reach `tolerance` (given as its logarithm) on the plane, in which pixels, and how
+  /// far (squared, mm^2) its Gaussians may be from the plane. The region where magnitude * w >= tolerance is
+  /// the slice of an ellipsoid k times the Gaussian's, thickened by the beam along the normal: it stays
+  /// within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across.
   struct Reach
   {
     PixelBox box{0, 0, 0, 0};
@@ -601,7 +664,8 @@ private:
 
   /// The view in the block's coordinates, relative to the pixel nearest to the block's centre.
   template <class U>
-  static View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row)
+  static View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column,
+                           std::int32_t& row)
   {
     const Eigen::Vector3d centre = place.centre - camera.origin;
     constexpr double kFar = kLargestImage / 4;
@@ -655,79 +719,55 @@ private:
     return count;
   }
 
-  /// Lowers `shares`, tolerances on S of the blocks in seenBlocks_, so that in one view all that is dropped at any pixel adds up to at most
-  /// `tolerance`. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half the
-  /// tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel: counted, with a
-  /// block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n overlap.
-  void ShareTolerance(const Camera& camera, int width, int height, double tolerance, double logFloor,
-                      std::vector<T>& shares) const
-  {
-    const int tile = std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles});
-    const int columns = (width + tile - 1) / tile, rows = (height + tile - 1) / tile;
-    std::vector<std::atomic<std::uint32_t>> overlaps(static_cast<std::size_t>(columns) * rows);
-    std::vector<PixelBox> boxes(seenBlocks_.size());
-    const auto forTiles = [&](const PixelBox& box, auto&& body)
-    {
-      for (std::int64_t y = box.rowBegin; y < box.rowEnd; ++y)
-      {
-        for (std::int64_t x = box.columnBegin; x < box.columnEnd; ++x)
-        {
-          body(overlaps[static_cast<std::size_t>(y) * columns + x]);
-        }
-      }
-    };
-    ForSeen(
-        [&](std::size_t slot)
-        {
-          const std::size_t b = seenBlocks_[slot];
-          Reach reach;
-          Reaches(places_[b], camera, places_[b].logMagnitude, logFloor, &reach);
-          const PixelBox& box = boxes[slot] = {std::max<std::int64_t>(reach.box.columnBegin, 0) / tile,
-                                           (std::min<std::int64_t>(reach.box.columnEnd, width) + tile - 1) / tile,
-                                           std::max<std::int64_t>(reach.box.rowBegin, 0) / tile,
-                                           (std::min<std::int64_t>(reach.box.rowEnd, height) + tile - 1) / tile};
-          std::int32_t column, row;
-          const View<T> view = LocalView<T>(camera, places_[b], column, row);
-          const T slab = static_cast<T>(std::min(reach.slab, 1e30));
-          const int count = kernels_.countInSlab(blocks_[b], places_[b].count, view, slab);
-          forTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
-        });
-    ForSeen(
-        [&](std::size_t slot)
-        {
-          std::uint32_t most = 1;
-          forTiles(boxes[slot], [&most](const std::atomic<std::uint32_t>& n) { most = std::max(most, n.load()); });
-          shares[slot] = std::min(shares[slot], static_cast<T>(0.5 * tolerance / most));
-        });
-  }
-
-  /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height images.
-  /// With `alike`, footprints are cut as if every |r| were the field's mean.
-  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, bool alike)
+  /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height
+  /// images. With `alike`, footprints are cut as if every |r| were the field's mean.
+  ///
+  /// Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at most the
+  /// tolerance. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half
+  /// the tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel:
+  /// counted, with their block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n
+  /// overlap.
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window,
+                   bool alike)
   {
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
     const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
     const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
     const double logFloor = std::log(floor);
     const double common = alike ? MeanMagnitude() : 0.0;
+    const double logCommon = std::log(common);
     const Window whole{0, 0, width, height};
     views_ = cameras.size();
+    std::vector<TileCounts> overlaps;
+    for (std::size_t f = 0; f < (shared ? cameras.size() : 0); ++f)
+    {
+      overlaps.emplace_back(width, height);
+    }
 
     std::vector<std::uint8_t> reached(blocks_.size());
-    tbb::parallel_for(std::size_t(0), blocks_.size(),
-                      [&](std::size_t b)
-                      {
-                        const double logMagnitude = alike ? std::log(common) : places_[b].logMagnitude;
-                        Reach reach;
-                        for (const Camera& camera : cameras)
-                        {
-                          if (Reaches(places_[b], camera, logMagnitude, logFloor, &reach) && Overlap(reach.box, whole))
-                          {
-                            reached[b] = 1;
-                            break;
-                          }
-                        }
-                      });
+    tbb::parallel_for(
+        std::size_t(0), blocks_.size(),
+        [&](std::size_t b)
+        {
+          const BlockPlace& place = places_[b];
+          const double logMagnitude = alike ? logCommon : place.logMagnitude;
+          for (std::size_t f = 0; f < cameras.size() && (shared || !reached[b]); ++f)
+          {
+            Reach reach;
+            if (!Reaches(place, cameras[f], logMagnitude, logFloor, &reach) || !Overlap(reach.box, whole))
+            {
+              continue;
+            }
+            reached[b] = 1;
+            if (shared)
+            {
+              std::int32_t column, row;
+              const View<T> view = LocalView<T>(cameras[f], place, column, row);
+              const T slab = static_cast<T>(std::min(reach.slab, 1e30));
+              overlaps[f].Add(reach.box, kernels_.countInSlab(blocks_[b], place.count, view, slab));
+            }
+          }
+        });
     seenBlocks_.clear();
     for (std::size_t b = 0; b < blocks_.size(); ++b)
     {
@@ -736,18 +776,13 @@ private:
         seenBlocks_.push_back(static_cast<std::uint32_t>(b));
       }
     }
-    std::vector<T> shares(shared ? seenBlocks_.size() : 0, std::numeric_limits<T>::max());
-    for (std::size_t f = 0; f < (shared ? cameras.size() : 0); ++f)
-    {
-      ShareTolerance(cameras[f], width, height, tolerance, logFloor, shares);
-    }
 
     seen_.resize(seenBlocks_.size() * cameras.size());
     std::atomic<std::size_t> used;
     do
     {
-      // Where a list begins depends on the order in which blocks finish; what it holds does not. When room runs out
-      // the pass goes on to learn how much is needed, and is repeated.
+      // Where a list begins depends on the order in which blocks finish; what it holds does not. When room
+      // runs out the pass goes on to learn how much is needed, and is repeated.
       if (used = 0; needed_ > capacity_)
       {
         capacity_ = needed_ + needed_ / 32;
@@ -759,15 +794,27 @@ private:
           {
             const std::size_t b = seenBlocks_[slot];
             const BlockPlace& place = places_[b];
-            const T share = shared ? shares[slot] : static_cast<T>(tolerance);
-            const double logMagnitude = alike ? std::log(common) : place.logMagnitude;
-            const double logShare = std::log(static_cast<double>(share));
+            const double logMagnitude = alike ? logCommon : place.logMagnitude;
+            Reach reach;
+            double share = tolerance;
+            if (shared)
+            {
+              std::uint32_t most = 1;
+              for (std::size_t f = 0; f < cameras.size(); ++f)
+              {
+                if (Reaches(place, cameras[f], logMagnitude, logFloor, &reach))
+                {
+                  most = std::max(most, overlaps[f].Most(reach.box));
+                }
+              }
+              share = 0.5 * tolerance / most;
+            }
+            const double logShare = std::log(share);
             SplatBuffer<T> found;
             for (std::size_t f = 0; f < cameras.size(); ++f)
             {
               Seen& list = seen_[slot * cameras.size() + f];
               list = {0, 0, 0, 0};
-              Reach reach;
               if (!Reaches(place, cameras[f], logMagnitude, logShare, &reach) || !Overlap(reach.box, window))
               {
                 continue;
@@ -791,18 +838,19 @@ private:
     } while (needed_ > capacity_);
   }
 
-  /// Adds all that a view sees to some rows of its image: footprints times valuesOf(block), which gives kBlock numbers or
-  /// null for 1.
+  /// Adds all that a view sees to some rows of its image: footprints times valuesOf(block), which gives
+  /// kBlock numbers or null for 1.
   template <class ValuesOf>
-  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows, ValuesOf&& valuesOf) const
+  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows,
+                  ValuesOf&& valuesOf) const
   {
     for (std::size_t slot = 0; slot < seenBlocks_.size(); ++slot)
     {
       const Seen& list = SeenBy(slot, view);
       if (list.count > 0 && list.rowBegin < rowEnd && list.rowEnd > rowBegin)
       {
-        kernels_.addFootprints(splats_.get() + list.offset, list.count, valuesOf(seenBlocks_[slot]), rowBegin, rowEnd,
-                               rows);
+        kernels_.addFootprints(splats_.get() + list.offset, list.count, valuesOf(seenBlocks_[slot]), rowBegin,
+                               rowEnd, rows);
       }
     }
   }
@@ -821,7 +869,8 @@ private:
     return sum > 0 ? sum / static_cast<double>(order_.size()) : 1.0;
   }
 
-  // ---- Training --------------------------------------------------------------------------------------------------
+  // ---- Training
+  // --------------------------------------------------------------------------------------------------
 
   PixelRows<T> FrameRows(std::size_t f)
   {
@@ -829,8 +878,9 @@ private:
     return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(frame, truth, counts, S) for every row, which replaces S by what is
-  /// to be propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns the sum of the results.
+  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(frame, truth,
+  /// counts, S) for every row, which replaces S by what is to be propagated back. counts is 1 where a pixel
+  /// counts and 0 elsewhere. Returns the sum of the results.
   template <class Line>
   double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
   {
@@ -944,8 +994,8 @@ private:
   std::vector<GaussianBlock<T>> blocks_;
   std::vector<BlockPlace> places_;
   std::vector<std::unique_ptr<GaussianBlock<double>>> sharp_;  // of float blocks with needles
-  std::vector<AdamBlock<T>> adam_;          // empty until the first step
-  std::vector<GradientBlock<T>> gradient_;  // empty but after Backpropagate
+  std::vector<AdamBlock<T>> adam_;                             // empty until the first step
+  std::vector<GradientBlock<T>> gradient_;                     // empty but after Backpropagate
   std::vector<ScoreBlock<T>> scores_;
   bool keepScores_ = false;
   std::atomic<std::uint64_t> guarded_{0};

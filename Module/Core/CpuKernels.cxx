@@ -76,15 +76,15 @@ template <class T>
 static HWY_INLINE View<Lanes<T>> Broadcast(const bigus::View<T>& v)
 {
   const auto vector = [](const bigus::Vector3<T>& p) { return Vector3<Lanes<T>>{p.x, p.y, p.z}; };
-  return {vector(v.origin), vector(v.a), vector(v.b), vector(v.n), vector(v.dualA), vector(v.dualB), v.area,
-          v.elevationVariance};
+  return {vector(v.origin), vector(v.a),     vector(v.b), vector(v.n),
+          vector(v.dualA),  vector(v.dualB), v.area,      v.elevationVariance};
 }
 
 // ---------------------------------------------------------------------------------------------------------------
 // Exponents.
 
-/// e^x = power (1 + q) for |x| <= -kLowestExponent, in float: Cody-Waite reduction by a power of two and a Taylor
-/// polynomial of q on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
+/// e^x = power (1 + q) for |x| <= -kLowestExponent, in float: Cody-Waite reduction by a power of two and a
+/// Taylor polynomial of q on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
 template <class D>
 static HWY_INLINE hn::Vec<D> SplitExp(D d, hn::Vec<D> x, hn::Vec<D>& power)
 {
@@ -135,8 +135,8 @@ static HWY_INLINE hn::Vec<D> BoundedExpm1(D d, hn::Vec<D> x)
   }
 }
 
-/// k^2, the squared number of standard deviations within which magnitude * w can reach the tolerance: 2 ln(magnitude /
-/// tolerance), 0 when it never does. Without a tolerance everything counts until T underflows.
+/// k^2, the squared number of standard deviations within which magnitude * w can reach the tolerance: 2
+/// ln(magnitude / tolerance), 0 when it never does. Without a tolerance everything counts until T underflows.
 template <class T>
 static HWY_INLINE Lanes<T> CutFor(Lanes<T> magnitude, T tolerance)
 {
@@ -152,8 +152,8 @@ static HWY_INLINE Lanes<T> CutFor(Lanes<T> magnitude, T tolerance)
 // ---------------------------------------------------------------------------------------------------------------
 // Projection.
 
-/// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is still large
-/// at the end and so is the error (see Recurrence).
+/// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is
+/// still large at the end and so is the error (see Recurrence).
 constexpr int kLongestReach = 32, kReachInside = 16;
 
 template <class T>
@@ -174,19 +174,21 @@ static HWY_INLINE const T (*RowsOf(const GaussianBlock<T>& block))[kBlock]
 
 /// mu_z^2, mm^2.
 template <class T>
-static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int first, const bigus::View<T>& view)
+static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int first,
+                                           const bigus::View<T>& view)
 {
   const auto offset = [&](int axis, T origin)
   { return Lanes<T>::Load(block.mean[axis] + first) - Lanes<T>(origin); };
-  const Lanes<T> z = Lanes<T>(view.n.x) * offset(0, view.origin.x) + Lanes<T>(view.n.y) * offset(1, view.origin.y) +
+  const Lanes<T> z = Lanes<T>(view.n.x) * offset(0, view.origin.x) +
+                     Lanes<T>(view.n.y) * offset(1, view.origin.y) +
                      Lanes<T>(view.n.z) * offset(2, view.origin.z);
   return z * z;
 }
 
 /// The slab test: a Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2.
 template <class T>
-static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance, T elevationVariance,
-                              Lanes<T> magnitude, T tolerance)
+static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance,
+                              T elevationVariance, Lanes<T> magnitude, T tolerance)
 {
   const Lanes<T> scale =
       exp(max(max(Lanes<T>::Load(block.logScale[0] + first), Lanes<T>::Load(block.logScale[1] + first)),
@@ -211,7 +213,8 @@ static int CountInSlab(const GaussianBlock<T>& block, int count, const bigus::Vi
 }
 
 template <class T>
-static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out)
+static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task,
+                        SplatBuffer<T>& out)
 {
   using L = Lanes<T>;
   const hn::ScalableTag<T> d;
@@ -251,7 +254,8 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   for (int first = 0; first < found; first += lanes)
   {
     const auto at = [&](int row) { return L::Load(near[row] + first); };
-    const Gaussian<L> gaussian{{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
+    const Gaussian<L> gaussian{
+        {at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     const Splat<L> s = Project(gaussian, view).splat;
     const L magnitude = task.commonMagnitude > 0 ? L(task.commonMagnitude) : abs(gaussian.reflectivity);
     const L cut = CutFor(magnitude * s.amplitude, task.tolerance);
@@ -273,11 +277,11 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     const L rowBegin = clip(originRow + (row - half), firstRow, lastRow);
     const L rowEnd = clip(originRow + (row + half), firstRow, lastRow);
 
-    // Recurrence (see there): how far it may run. Along a column ln w is a parabola of that curvature, c = u12^2 + u22^2;
-    // a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n rows away, ln w there is at
-    // least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow. Nor may the ratio of two rows: where w does
-    // not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln ratio| <= E sqrt(c) + c / 2, which stays below
-    // -lowest for c <= (0.4 E)^2.
+    // Recurrence (see there): how far it may run. Along a column ln w is a parabola of that curvature, c =
+    // u12^2 + u22^2; a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n
+    // rows away, ln w there is at least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow. Nor
+    // may the ratio of two rows: where w does not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln
+    // ratio| <= E sqrt(c) + c / 2, which stays below -lowest for c <= (0.4 E)^2.
     const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), zero)) - k;
     L reach = zero;
     for (const T rows : {T(kReachInside / 4), T(kReachInside / 2), T(kReachInside)})
@@ -319,8 +323,8 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
 // ---------------------------------------------------------------------------------------------------------------
 // Footprints by an exponential a pixel.
 
-/// A row of a footprint: the pixels inside |U (p - m)|^2 <= cut, and w there. The ridge, where eta1 = 0, is found in
-/// double and kept as a pixel and a fraction: along a needle u11 du and u12 dv are large and cancel.
+/// A row of a footprint: the pixels inside |U (p - m)|^2 <= cut, and w there. The ridge, where eta1 = 0, is
+/// found in double and kept as a pixel and a fraction: along a needle u11 du and u12 dv are large and cancel.
 template <class T>
 struct DirectRow
 {
@@ -344,7 +348,8 @@ struct DirectRow
     const double bounded = std::min(std::max(centre, -1e15), 1e15);
     ridge = static_cast<std::int64_t>(std::floor(bounded + 0.5));
     fraction = static_cast<T>(bounded - static_cast<double>(ridge));
-    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless.
+    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is
+    // harmless.
     const double half = std::sqrt(static_cast<double>(rest)) / s.u11;
     const auto clip = [&s](double column)
     { return static_cast<int>(std::min<double>(std::max<double>(column, s.columnBegin), s.columnEnd)); };
@@ -367,7 +372,8 @@ struct DirectRow
 };
 
 template <class T>
-static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd, const PixelRows<T>& image, T value)
+static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd, const PixelRows<T>& image,
+                      T value)
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();
@@ -426,12 +432,13 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
 //
 //     w <- w q,   q <- q c,   q = exp(ln w(v + 1) - ln w(v)),   c = exp(-(u12^2 + u22^2)),
 //
-// and upwards with c / q instead of q: two multiplications a pixel instead of an exponential. w and q are computed at
-// a start row; from there it runs `reach` rows up and as many down, both at once, since each step waits for the one
-// before. A footprint taller than that has several starts, 2 reach rows apart, counted from its own centre: so what a
-// pixel gets does not depend on which pixels are computed. After n rows the relative error is about n^2 / 2 + n |ln q|
-// roundings, 1e-5 at worst after 16; a footprint that ends within 32, at k standard deviations, has fallen so far by
-// then that no error exceeds 0.4 (32 / k)^2 roundings of its peak.
+// and upwards with c / q instead of q: two multiplications a pixel instead of an exponential. w and q are
+// computed at a start row; from there it runs `reach` rows up and as many down, both at once, since each step
+// waits for the one before. A footprint taller than that has several starts, 2 reach rows apart, counted from
+// its own centre: so what a pixel gets does not depend on which pixels are computed. After n rows the
+// relative error is about n^2 / 2 + n |ln q| roundings, 1e-5 at worst after 16; a footprint that ends within
+// 32, at k standard deviations, has fallen so far by then that no error exceeds 0.4 (32 / k)^2 roundings of
+// its peak.
 
 template <class T>
 struct Stretch
@@ -449,8 +456,8 @@ static HWY_INLINE bool IsShort(const bigus::VisibleSplat<T>& s)
   return s.cut < eta2 * eta2;
 }
 
-/// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in all rows that
-/// it might have, so that they too do not depend on which are wanted.
+/// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in
+/// all rows that it might have, so that they too do not depend on which are wanted.
 template <class T>
 static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, int start, int begin, int end)
 {
@@ -491,8 +498,8 @@ static HWY_INLINE void ForStretches(const bigus::VisibleSplat<T>& s, int begin, 
   }
 }
 
-/// w and its ratios to the next row and the row before, for C vectors of columns; 0 beyond the footprint's box and
-/// where w would underflow.
+/// w and its ratios to the next row and the row before, for C vectors of columns; 0 beyond the footprint's
+/// box and where w would underflow.
 template <class T, int C>
 struct Columns
 {
@@ -611,8 +618,8 @@ static HWY_INLINE void AddColumns(const bigus::VisibleSplat<T>& s, const Stretch
 
 /// Any footprint. Vectors of columns side by side hide each other's latency.
 template <class T>
-static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin, int end, const PixelRows<T>& image,
-                                      T value)
+static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin, int end,
+                                      const PixelRows<T>& image, T value)
 {
   const int lanes = Lanes<T>::Count();
   ForStretches(s, begin, end,
@@ -641,8 +648,8 @@ static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin
 }
 
 template <class T>
-static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
-                          const PixelRows<T>& image)
+static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin,
+                          int rowEnd, const PixelRows<T>& image)
 {
   const int lanes = Lanes<T>::Count();
   for (int i = 0; i < count; ++i)
@@ -695,8 +702,8 @@ static HWY_INLINE OffsetSums<T> NoSums()
   return {zero, zero, zero, zero, zero, zero, zero};
 }
 
-/// Rows are counted from the line between the two at a start, t = n + 1/2 down and -t up: what a pair of rows gives to
-/// even and odd powers of t are a sum and a difference.
+/// Rows are counted from the line between the two at a start, t = n + 1/2 down and -t up: what a pair of rows
+/// gives to even and odd powers of t are a sum and a difference.
 template <class T>
 struct RowOffsets
 {
@@ -794,7 +801,8 @@ static HWY_NOINLINE void GatherStretches(const bigus::VisibleSplat<T>& s, const 
   ForStretches(s, static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
                [&](const Stretch<T>& stretch) HWY_ATTR
                {
-                 for (int column = stretch.columnBegin; column < stretch.columnEnd; column += Lanes<T>::Count())
+                 for (int column = stretch.columnBegin; column < stretch.columnEnd;
+                      column += Lanes<T>::Count())
                  {
                    GatherColumns<T, WithError>(s, stretch, column, derivative, sums);
                  }
@@ -811,8 +819,9 @@ static void GatherAll(const bigus::VisibleSplat<T>* splats, int count, const Pix
   {
     const bigus::VisibleSplat<T>& s = splats[i];
     T* HWY_RESTRICT out = moments.values[0] + i;
-    const Stretch<T> stretch{static_cast<int>(s.row), static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
-                             static_cast<int>(s.columnBegin), static_cast<int>(s.columnEnd)};
+    const Stretch<T> stretch{static_cast<int>(s.row), static_cast<int>(s.rowBegin),
+                             static_cast<int>(s.rowEnd), static_cast<int>(s.columnBegin),
+                             static_cast<int>(s.columnEnd)};
     if (s.reach == 0)
     {
       GatherDirect(s, derivative, out);
@@ -857,7 +866,7 @@ static void GatherMoments(const bigus::VisibleSplat<T>* splats, int count, const
 template <class T>
 static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& scalarView,
                         const bigus::VisibleSplat<T>* splats, int count, const MomentBlock<T>& moments,
-                         GradientBlock<T>& gradient, ScoreBlock<T>* scores)
+                        GradientBlock<T>& gradient, ScoreBlock<T>* scores)
 {
   using L = Lanes<T>;
   const hn::ScalableTag<T> d;
@@ -876,7 +885,8 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     }
     const auto index = hn::Load(di, indices);
     const auto at = [&](int row) { return L(hn::GatherIndex(d, rows[row], index)); };
-    const Gaussian<L> gaussian{{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
+    const Gaussian<L> gaussian{
+        {at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     Moments<L> m;
     const auto moment = [&](int row) { return L::Load(moments.values[row] + first); };
     m.m0 = moment(0);
@@ -887,8 +897,9 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     m.m22 = moment(5);
     const GaussianGradient<L> g = ProjectAdjoint(gaussian, Project(gaussian, view), m);
     alignas(64) T lane[kParametersPerGaussian][16];
-    const L values[kParametersPerGaussian] = {g.mean.x,     g.mean.y,     g.mean.z,     g.logScale.x, g.logScale.y,
-                                              g.logScale.z, g.rotation.x, g.rotation.y, g.rotation.z, g.reflectivity};
+    const L values[kParametersPerGaussian] = {g.mean.x,     g.mean.y,      g.mean.z,     g.logScale.x,
+                                              g.logScale.y, g.logScale.z,  g.rotation.x, g.rotation.y,
+                                              g.rotation.z, g.reflectivity};
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
       values[k].Store(lane[k]);
@@ -914,8 +925,8 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
 }
 
 template <class T>
-static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient, int count,
-                        const AdamStep& step)
+static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient,
+                       int count, const AdamStep& step)
 {
   using L = Lanes<T>;
   const hn::ScalableTag<T> d;
@@ -933,8 +944,9 @@ static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const Gradi
     Gaussian<L> gaussian = LoadGaussian<T>(RowsOf(block), first);
     AdamState<L> adam;
     GaussianGradient<L> g;
-    L* parts[kParametersPerGaussian] = {&g.mean.x,     &g.mean.y,     &g.mean.z,     &g.logScale.x, &g.logScale.y,
-                                        &g.logScale.z, &g.rotation.x, &g.rotation.y, &g.rotation.z, &g.reflectivity};
+    L* parts[kParametersPerGaussian] = {&g.mean.x,     &g.mean.y,      &g.mean.z,     &g.logScale.x,
+                                        &g.logScale.y, &g.logScale.z,  &g.rotation.x, &g.rotation.y,
+                                        &g.rotation.z, &g.reflectivity};
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
       *parts[k] = L::Load(gradient.values[k] + first);
@@ -944,10 +956,12 @@ static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const Gradi
     adam.updates = L::Load(state.updates + first);
     const L bad = UpdateGaussian(gaussian, adam, g, step);
     guarded += hn::CountTrue(d, hn::And(touched, bad > L(T(0))));
-    const L changed[kRows] = {gaussian.mean.x,      gaussian.mean.y,      gaussian.mean.z,      gaussian.logScale.x,
-                              gaussian.logScale.y,  gaussian.logScale.z,  gaussian.rotation[0], gaussian.rotation[1],
-                              gaussian.rotation[2], gaussian.rotation[3], gaussian.reflectivity};
-    const auto store = [&](L value, T* p) { hn::StoreU(hn::IfThenElse(touched, value.v, hn::LoadU(d, p)), d, p); };
+    const L changed[kRows] = {gaussian.mean.x,      gaussian.mean.y,      gaussian.mean.z,
+                              gaussian.logScale.x,  gaussian.logScale.y,  gaussian.logScale.z,
+                              gaussian.rotation[0], gaussian.rotation[1], gaussian.rotation[2],
+                              gaussian.rotation[3], gaussian.reflectivity};
+    const auto store = [&](L value, T* p)
+    { hn::StoreU(hn::IfThenElse(touched, value.v, hn::LoadU(d, p)), d, p); };
     for (int row = 0; row < kRows; ++row)
     {
       store(changed[row], rows[row] + first);
@@ -1043,14 +1057,15 @@ static void ToIntensity(const T* scattering, std::size_t count, T gamma, float* 
 
 template <class T>
 static double ToDerivative(LossKind kind, T gamma, const T* truth, const T* weights, std::size_t count,
-                            T* HWY_RESTRICT scattering)
+                           T* HWY_RESTRICT scattering)
 {
   using L = Lanes<T>;
   L sum(T(0));
   for (std::size_t i = 0; i < count; i += L::Count())
   {
     const L weight = L::Load(weights + i);
-    const PixelLoss<L> loss = HWY_NAMESPACE::EvaluateLoss(kind, L(gamma), L::Load(scattering + i), L::Load(truth + i));
+    const PixelLoss<L> loss =
+        HWY_NAMESPACE::EvaluateLoss(kind, L(gamma), L::Load(scattering + i), L::Load(truth + i));
     (weight * loss.derivative).Store(scattering + i);
     sum = sum + weight * loss.loss;
   }

@@ -1,5 +1,5 @@
-// The CPU engine's inner loops, over blocks of Gaussians and over footprints, in float and in double. Compiled for
-// each SIMD instruction set by Highway and chosen at run time. Private to Core.
+// The CPU engine's inner loops, over blocks of Gaussians and over footprints, in float and in double.
+// Compiled for each SIMD instruction set by Highway and chosen at run time. Private to Core.
 #pragma once
 
 #include <cstddef>
@@ -12,11 +12,12 @@
 namespace bigus
 {
 
-/// Gaussians that are neighbours in space, projected and updated together: structure of arrays, in lanes. Enough for
-/// any SIMD width, few enough that a plane does not touch many in vain.
+/// Gaussians that are neighbours in space, projected and updated together: structure of arrays, in lanes.
+/// Enough for any SIMD width, few enough that a plane does not touch many in vain.
 constexpr int kBlock = 128;
 
-/// Positions are relative to the block's own centre, so float keeps them exact to a ten-millionth of the block.
+/// Positions are relative to the block's own centre, so float keeps them exact to a ten-millionth of the
+/// block.
 template <class T>
 struct alignas(64) GaussianBlock
 {
@@ -33,7 +34,8 @@ struct alignas(64) AdamBlock
   T updates[kBlock];
 };
 
-/// A gradient as AdamState orders it: mean, log-scale, rotation, reflectivity; and how many frames contributed.
+/// A gradient as AdamState orders it: mean, log-scale, rotation, reflectivity; and how many frames
+/// contributed.
 template <class T>
 struct alignas(64) GradientBlock
 {
@@ -48,7 +50,8 @@ struct alignas(64) ScoreBlock
   T error[kBlock], descent[3][kBlock], visits[kBlock];
 };
 
-/// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an aspect ratio.
+/// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an
+/// aspect ratio.
 template <class T>
 struct BlockBounds
 {
@@ -56,9 +59,10 @@ struct BlockBounds
   T logScale, magnitude, logAspect;
 };
 
-/// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be computed. Its
-/// centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 < mv <= 0: so float loses
-/// nothing in a large image. Whole numbers are kept as T, which holds them exactly up to 2^24.
+/// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be
+/// computed. Its centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 <
+/// mv <= 0: so float loses nothing in a large image. Whole numbers are kept as T, which holds them exactly up
+/// to 2^24.
 template <class T>
 struct VisibleSplat
 {
@@ -75,7 +79,8 @@ struct VisibleSplat
 constexpr int kSplatFields = 16;
 static_assert(sizeof(VisibleSplat<float>) == kSplatFields * sizeof(float));
 
-/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write beyond.
+/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write
+/// beyond.
 template <class T>
 struct alignas(64) SplatBuffer
 {
@@ -87,8 +92,8 @@ struct alignas(64) SplatBuffer
   {
     for (int i = 0; i < count; ++i)
     {
-      out[i] = {fields[0][i],  fields[1][i],  fields[2][i],  fields[3][i],  fields[4][i],  fields[5][i],
-                fields[6][i],  fields[7][i],  fields[8][i],  fields[9][i],  fields[10][i], fields[11][i],
+      out[i] = {fields[0][i],  fields[1][i],  fields[2][i],  fields[3][i], fields[4][i],  fields[5][i],
+                fields[6][i],  fields[7][i],  fields[8][i],  fields[9][i], fields[10][i], fields[11][i],
                 fields[12][i], fields[13][i], fields[14][i], fields[15][i]};
     }
   }
@@ -97,8 +102,8 @@ struct alignas(64) SplatBuffer
 /// No image has more rows or columns than this: T must count them.
 constexpr int kLargestImage = 1 << 24;
 
-/// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column - firstColumn]. Each row
-/// is followed by kRowPadding numbers that kernels may read and write.
+/// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column -
+/// firstColumn]. Each row is followed by kRowPadding numbers that kernels may read and write.
 constexpr int kRowPadding = 16;  // a vector less one
 template <class T>
 struct PixelRows
@@ -115,19 +120,19 @@ struct PixelRows
 template <class T>
 constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
 
-/// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so that sums
-/// of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends it where T would
-/// underflow.
+/// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so
+/// that sums of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends
+/// it where T would underflow.
 template <class T>
 struct ProjectionTask
 {
-  View<T> view;                     // origin relative to the block's centre, at pixel (firstColumn, firstRow)
+  View<T> view;  // origin relative to the block's centre, at pixel (firstColumn, firstRow)
   std::int32_t originColumn, originRow;
   int columnBegin, columnEnd, rowBegin, rowEnd;  // pixels to be computed
-  T slab;             // mm^2: no Gaussian of the block with mu_z^2 beyond matters
+  T slab;                                        // mm^2: no Gaussian of the block with mu_z^2 beyond matters
   T tolerance;
-  T commonMagnitude;  // 0: every Gaussian's own |r|
-  bool direct;        // no recurrences
+  T commonMagnitude;                      // 0: every Gaussian's own |r|
+  bool direct;                            // no recurrences
   T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
 };
 
@@ -145,34 +150,38 @@ struct Kernels
   int (*countInSlab)(const GaussianBlock<T>& block, int count, const View<T>& view, T slab);
 
   /// The Gaussians of a block that a view sees, in their order. Returns how many.
-  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out);
+  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task,
+                      SplatBuffer<T>& out);
 
   /// image += value * w over rows [rowBegin, rowEnd); values[kBlock] by Gaussian, null for 1.
   void (*addFootprints)(const VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
                         const PixelRows<T>& image);
 
-  /// moments[m][i]: sums over splat i's footprint of derivative * w * powers of eta. The last, sum |derivative| w, only
-  /// withError.
-  void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative, bool withError,
-                        MomentBlock<T>& moments);
+  /// moments[m][i]: sums over splat i's footprint of derivative * w * powers of eta. The last, sum
+  /// |derivative| w, only withError.
+  void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
+                        bool withError, MomentBlock<T>& moments);
 
-  /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores if not
-  /// null.
-  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats, int count,
-                      const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores);
+  /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores
+  /// if not null.
+  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats,
+                      int count, const MomentBlock<T>& moments, GradientBlock<T>& gradient,
+                      ScoreBlock<T>* scores);
 
   /// One Adam step for the Gaussians with gradient.visits > 0. Returns how many of them were guarded.
-  int (*updateBlock)(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient, int count,
-                     const AdamStep& step);
+  int (*updateBlock)(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient,
+                     int count, const AdamStep& step);
 
   BlockBounds<T> (*boundsOf)(const GaussianBlock<T>& block, int count);
 
-  /// out[i] = 1 - exp(-gamma max(scattering[i], 0)). Both may be read up to kRowPadding numbers beyond `count`.
+  /// out[i] = 1 - exp(-gamma max(scattering[i], 0)). Both may be read up to kRowPadding numbers beyond
+  /// `count`.
   void (*toIntensity)(const T* scattering, std::size_t count, T gamma, float* out);
 
-  /// Replaces scattering by weights * dL/dS and returns the sum of weights * L. Arrays are read and written up to
-  /// kRowPadding numbers beyond `count`; weights should be 0 there.
-  double (*toDerivative)(LossKind kind, T gamma, const T* truth, const T* weights, std::size_t count, T* scattering);
+  /// Replaces scattering by weights * dL/dS and returns the sum of weights * L. Arrays are read and written
+  /// up to kRowPadding numbers beyond `count`; weights should be 0 there.
+  double (*toDerivative)(LossKind kind, T gamma, const T* truth, const T* weights, std::size_t count,
+                         T* scattering);
 
   const char* instructionSet;  // name, for reports
 };

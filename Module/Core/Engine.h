@@ -52,9 +52,9 @@ struct Accuracy
   /// On I, >= 0; 0 leaves nothing out. Since dI = gamma (1 - I) dS, footprints end where what they drop could
   /// change S by more than their share of tolerance / gamma.
   double tolerance = 1e-4;
-  /// false: all that is dropped at any one pixel changes I by at most `tolerance`, guaranteed (rounding apart,
-  /// see README.md). true: each splat alone changes it by at most that; the sum is not bounded, and training
-  /// is faster for it.
+  /// false: all that is dropped at any one pixel changes I by at most `tolerance`, guaranteed (rounding
+  /// apart, see README.md). true: each splat alone changes it by at most that; the sum is not bounded, and
+  /// training is faster for it.
   bool perSplat = false;
   /// Compute an exponential for every pixel instead of recurrences along the rows: slower; to measure what
   /// recurrences cost in exactness.
@@ -76,9 +76,8 @@ class Engine
 public:
   virtual ~Engine() = default;
 
-  /// "auto" (the fastest present), "cpu" (float), "cpu-double" (the same in double, for tolerances below 1e-5),
-  /// "reference", or a name added by a plug-in. Throws Error listing the
-  /// names.
+  /// "auto" (the fastest present), "cpu" (float), "cpu-double" (the same in double, for tolerances below
+  /// 1e-5), "reference", or a name added by a plug-in. Throws Error listing the names.
   static std::unique_ptr<Engine> Create(const std::string& name = "auto");
   /// Makes an engine available by name; `preferred` puts it first for "auto".
   using Factory = std::function<std::unique_ptr<Engine>()>;
@@ -154,7 +153,8 @@ public:
     std::vector<double> visits;            ///< frames that saw the Gaussian
   };
   virtual Scores GetScores() const = 0;
-  /// Starts to add up scores, which makes training a little slower: before, and after SetField, none are kept.
+  /// Starts to add up scores, which makes training a little slower: before, and after SetField, none are
+  /// kept.
   virtual void ResetScores() = 0;
 };
 

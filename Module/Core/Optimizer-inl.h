@@ -5,7 +5,7 @@ struct AdamState
 {
   Real first[kParametersPerGaussian];   ///< running mean of the gradient
   Real second[kParametersPerGaussian];  ///< running mean of its square
-  Real updates;                         ///< how many gradients went into them: corrects the bias of young averages
+  Real updates;  ///< how many gradients went into them: corrects the bias of young averages
 };
 
 template <class Real>
@@ -14,12 +14,12 @@ BIGUS_FORMULA Real Clamp(Real value, Real low, Real high)
   return Select(value < low, low, Select(value > high, high, value));
 }
 
-/// Moves one Gaussian along its gradient and reports how many of its components had to be guarded. A component that is
-/// not finite counts as 0, and one beyond kLargestGradient as that: one bad pixel must not poison the field, and the
-/// square must stay finite. Training as it should be never gets near either.
+/// Moves one Gaussian along its gradient and reports how many of its components had to be guarded. A
+/// component that is not finite counts as 0, and one beyond kLargestGradient as that: one bad pixel must not
+/// poison the field, and the square must stay finite. Training as it should be never gets near either.
 template <class Real>
-BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& state, const GaussianGradient<Real>& gradient,
-                           const AdamStep& step)
+BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& state,
+                                  const GaussianGradient<Real>& gradient, const AdamStep& step)
 {
   using std::abs;
   using std::exp;
@@ -45,10 +45,13 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));
   }
   gaussian.mean = MultiplyAdd(Real(step.mean), {move[0], move[1], move[2]}, gaussian.mean);
-  const Real farthest = Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
-  gaussian.mean = {Clamp(gaussian.mean.x, zero - farthest, farthest), Clamp(gaussian.mean.y, zero - farthest, farthest),
+  const Real farthest =
+      Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
+  gaussian.mean = {Clamp(gaussian.mean.x, zero - farthest, farthest),
+                   Clamp(gaussian.mean.y, zero - farthest, farthest),
                    Clamp(gaussian.mean.z, zero - farthest, farthest)};
-  const Real low = Real(step.minimumLogScale), high = Real(step.maximumLogScale), stretch = Real(step.logScale);
+  const Real low = Real(step.minimumLogScale), high = Real(step.maximumLogScale),
+             stretch = Real(step.logScale);
   gaussian.logScale.x = Clamp(gaussian.logScale.x + stretch * move[3], low, high);
   gaussian.logScale.y = Clamp(gaussian.logScale.y + stretch * move[4], low, high);
   gaussian.logScale.z = Clamp(gaussian.logScale.z + stretch * move[5], low, high);

@@ -10,7 +10,7 @@
 namespace bigus
 {
 
-constexpr int kParametersPerGaussian = 10;  // mean 3, ln scale 3, turn 3, reflectivity 1
+constexpr int kParametersPerGaussian = 10;                 // mean 3, ln scale 3, turn 3, reflectivity 1
 constexpr double kLogFirstDecay = -0.105360515657826301;   // ln 0.9
 constexpr double kLogSecondDecay = -0.001000500333583533;  // ln 0.999
 constexpr double kLargestGradient = 1e15;                  // its square is far from the largest float

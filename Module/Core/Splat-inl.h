@@ -23,9 +23,10 @@
 //
 // This equals eq 8 to 11 (A~ = U^T U up to pixel units, kappa_0 and parallax folded into amplitude and m).
 //
-// Written once for every number type: float and double, host and device, and the SIMD vectors of CpuKernels.cxx. So
-// there are no branches here. It has no include guard: Splat.h includes it into namespace bigus, CpuKernels.cxx once
-// more for each instruction set (code for an instruction set must be compiled for it as a whole).
+// Written once for every number type: float and double, host and device, and the SIMD vectors of
+// CpuKernels.cxx. So there are no branches here. It has no include guard: Splat.h includes it into namespace
+// bigus, CpuKernels.cxx once more for each instruction set (code for an instruction set must be compiled for
+// it as a whole).
 
 template <class Real>
 struct Vector3
@@ -101,10 +102,10 @@ struct Projection
 {
   Splat<Real> splat;
   Vector3<Real> scale, inverseScale;  ///< s, mm, and 1 / s
-  Vector3<Real> e;           ///< cz / |cz|
-  Vector3<Real> q1, q2, q3;  ///< orthonormal: y' = q1 eta_1 + q2 eta_2 + q3 rho, eta = U (p - m)
-  Real kappa;                ///< 1 - 1 / sqrt(N)
-  Real spread;               ///< (N - 1) / N: variance of y along e that the beam adds
+  Vector3<Real> e;                    ///< cz / |cz|
+  Vector3<Real> q1, q2, q3;           ///< orthonormal: y' = q1 eta_1 + q2 eta_2 + q3 rho, eta = U (p - m)
+  Real kappa;                         ///< 1 - 1 / sqrt(N)
+  Real spread;                        ///< (N - 1) / N: variance of y along e that the beam adds
   Real rho;
 };
 
@@ -211,21 +212,16 @@ struct GaussianGradient
 ///
 /// with Y1', Y2' the same sums of y' = q1 eta_1 + q2 eta_2 + q3 rho. (i, j, k) is cyclic.
 template <class Real>
-BIGUS_FORMULA GaussianGradient<Real> ProjectAdjoint(const Gaussian<Real>& gaussian,
-                                                               const Projection<Real>& p,
-                                                               const Moments<Real>& m)
+BIGUS_FORMULA GaussianGradient<Real> ProjectAdjoint(const Gaussian<Real>& gaussian, const Projection<Real>& p,
+                                                    const Moments<Real>& m)
 {
   const Real r = gaussian.reflectivity;
   // Sums of y' and y' y'^T in the frame (q1, q2, q3), then in the Gaussian's axes: v_i = Y2' q_i.
   const Real m3 = p.rho * m.m0, m13 = p.rho * m.m1, m23 = p.rho * m.m2, m33 = p.rho * m3;
-  Vector3<Real> y1 =
-      MultiplyAdd(m.m1, p.q1, MultiplyAdd(m.m2, p.q2, Scaled(m3, p.q3)));
-  const Vector3<Real> v1 =
-      MultiplyAdd(m.m11, p.q1, MultiplyAdd(m.m12, p.q2, Scaled(m13, p.q3)));
-  const Vector3<Real> v2 =
-      MultiplyAdd(m.m12, p.q1, MultiplyAdd(m.m22, p.q2, Scaled(m23, p.q3)));
-  const Vector3<Real> v3 =
-      MultiplyAdd(m13, p.q1, MultiplyAdd(m23, p.q2, Scaled(m33, p.q3)));
+  Vector3<Real> y1 = MultiplyAdd(m.m1, p.q1, MultiplyAdd(m.m2, p.q2, Scaled(m3, p.q3)));
+  const Vector3<Real> v1 = MultiplyAdd(m.m11, p.q1, MultiplyAdd(m.m12, p.q2, Scaled(m13, p.q3)));
+  const Vector3<Real> v2 = MultiplyAdd(m.m12, p.q1, MultiplyAdd(m.m22, p.q2, Scaled(m23, p.q3)));
+  const Vector3<Real> v3 = MultiplyAdd(m13, p.q1, MultiplyAdd(m23, p.q2, Scaled(m33, p.q3)));
   Real xx = p.q1.x * v1.x + p.q2.x * v2.x + p.q3.x * v3.x;
   Real yy = p.q1.y * v1.y + p.q2.y * v2.y + p.q3.y * v3.y;
   Real zz = p.q1.z * v1.z + p.q2.z * v2.z + p.q3.z * v3.z;

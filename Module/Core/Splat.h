@@ -3,7 +3,8 @@
 
 #include <cmath>
 
-/// In front of every formula: compiled for host and device, and inlined, so that results nobody uses cost nothing.
+/// In front of every formula: compiled for host and device, and inlined, so that results nobody uses cost
+/// nothing.
 #ifdef __CUDACC__
 #define BIGUS_FORMULA __host__ __device__ __forceinline__
 #else

@@ -273,9 +273,9 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
       EXPECT_LT(RelativeError(Flat(expected.logScales), Flat(gradient.logScales)), bound) << engine->Device();
       EXPECT_LT(RelativeError(Flat(expected.rotations), Flat(gradient.rotations)), bound) << engine->Device();
       EXPECT_LT(RelativeError(expected.reflectivities, gradient.reflectivities), bound) << engine->Device();
-      std::cout << engine->Device() << ": mean "
-                << RelativeError(Flat(expected.means), Flat(gradient.means)) << ", reflectivity "
-                << RelativeError(expected.reflectivities, gradient.reflectivities) << '\n';
+      std::cout << engine->Device() << ": mean " << RelativeError(Flat(expected.means), Flat(gradient.means))
+                << ", reflectivity " << RelativeError(expected.reflectivities, gradient.reflectivities)
+                << '\n';
     }
   }
 }
