@@ -17,6 +17,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #if defined(__SSE2__)
 #include <xmmintrin.h>
@@ -37,6 +38,8 @@ constexpr int kSmallestBand = 32,
               kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
 constexpr int kTile = 32;          // pixels; finest grid on which overlapping footprints are counted
 constexpr int kTiles = 128;        // coarsest: so many along a side
+constexpr std::size_t kGroup =
+    32;                         // neighbouring blocks tested together first: large fields have many blocks
 constexpr double kSharp = 128;  // aspect ratio from which float parameters lose too much: 1e-7 of the ratio
 constexpr double kSmallestScale = 1e-9, kLargestScale = 1e7;  // mm; beyond, squares leave float's range
 
@@ -168,6 +171,7 @@ public:
     transfer_ = field.transfer;
     blocks_.assign(blocks, {});
     places_.assign(blocks, {});
+    groupsAreStale_ = true;
     sharp_.clear();
     sharp_.resize(blocks);
     tbb::parallel_for(std::size_t(0), blocks, [&](std::size_t b) { FillBlock(field, b); });
@@ -281,6 +285,7 @@ public:
       throw Error("CPU engine: Step needs the gradient of a Backpropagate with the present field.");
     }
     adam_.resize(blocks_.size());
+    groupsAreStale_ = true;
     const AdamStep step(rates, limits);
     tbb::parallel_for(std::size_t(0), blocks_.size(),
                       [&](std::size_t b)
@@ -296,6 +301,7 @@ public:
     const double loss = Forward(frames, kind);
     gradient_ = {};
     adam_.resize(blocks_.size());
+    groupsAreStale_ = true;
     const AdamStep step(rates, limits);
     Backward([&](std::size_t b, const GradientBlock<T>& gradient) { Update(b, gradient, step); });
     return loss;
@@ -311,8 +317,8 @@ public:
     {
       buffers += bytes(buffer);
     }
-    return buffers + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(adam_) + bytes(gradient_) +
-           bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) + bytes(images_) +
+    return buffers + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(groups_) + bytes(adam_) +
+           bytes(gradient_) + bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) + bytes(images_) +
            capacity_ * sizeof(VisibleSplat<T>);
   }
 
@@ -378,6 +384,7 @@ public:
       blocks_[slot / kBlock].reflectivity[slot % kBlock] = r[slot];
     }
     tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
+    groupsAreStale_ = true;
     return residual;
   }
 
@@ -558,6 +565,32 @@ private:
         to.rotation[part][k] = q[part];
       }
     }
+  }
+
+  /// Brings the places of groups up to date with those of their blocks, if any has changed.
+  void MeasureGroups()
+  {
+    if (!std::exchange(groupsAreStale_, false))
+    {
+      return;
+    }
+    groups_.resize((blocks_.size() + kGroup - 1) / kGroup);
+    tbb::parallel_for(std::size_t(0), groups_.size(),
+                      [&](std::size_t g)
+                      {
+                        BlockPlace group = places_[g * kGroup];
+                        Eigen::Vector3d low = group.middle - group.half, high = group.middle + group.half;
+                        for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
+                        {
+                          low = low.cwiseMin(places_[b].middle - places_[b].half);
+                          high = high.cwiseMax(places_[b].middle + places_[b].half);
+                          group.variance = std::max(group.variance, places_[b].variance);
+                          group.logMagnitude = std::max(group.logMagnitude, places_[b].logMagnitude);
+                        }
+                        group.half = 0.5 * (high - low);
+                        group.middle = low + group.half;
+                        groups_[g] = group;
+                      });
   }
 
   /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still
@@ -744,30 +777,46 @@ private:
       overlaps.emplace_back(width, height);
     }
 
+    MeasureGroups();
     std::vector<std::uint8_t> reached(blocks_.size());
-    tbb::parallel_for(
-        std::size_t(0), blocks_.size(),
-        [&](std::size_t b)
+    const auto lookInto = [&](std::size_t b)
+    {
+      const BlockPlace& place = places_[b];
+      const double logMagnitude = alike ? logCommon : place.logMagnitude;
+      for (std::size_t f = 0; f < cameras.size() && (shared || !reached[b]); ++f)
+      {
+        Reach reach;
+        if (!Reaches(place, cameras[f], logMagnitude, logFloor, &reach) || !Overlap(reach.box, whole))
         {
-          const BlockPlace& place = places_[b];
-          const double logMagnitude = alike ? logCommon : place.logMagnitude;
-          for (std::size_t f = 0; f < cameras.size() && (shared || !reached[b]); ++f)
-          {
-            Reach reach;
-            if (!Reaches(place, cameras[f], logMagnitude, logFloor, &reach) || !Overlap(reach.box, whole))
-            {
-              continue;
-            }
-            reached[b] = 1;
-            if (shared)
-            {
-              std::int32_t column, row;
-              const View<T> view = LocalView<T>(cameras[f], place, column, row);
-              const T slab = static_cast<T>(std::min(reach.slab, 1e30));
-              overlaps[f].Add(reach.box, kernels_.countInSlab(blocks_[b], place.count, view, slab));
-            }
-          }
-        });
+          continue;
+        }
+        reached[b] = 1;
+        if (shared)
+        {
+          std::int32_t column, row;
+          const View<T> view = LocalView<T>(cameras[f], place, column, row);
+          const T slab = static_cast<T>(std::min(reach.slab, 1e30));
+          overlaps[f].Add(reach.box, kernels_.countInSlab(blocks_[b], place.count, view, slab));
+        }
+      }
+    };
+    tbb::parallel_for(std::size_t(0), groups_.size(),
+                      [&](std::size_t g)
+                      {
+                        const double logMagnitude = alike ? logCommon : groups_[g].logMagnitude;
+                        Reach reach;
+                        if (std::none_of(cameras.begin(), cameras.end(),
+                                         [&](const Camera& camera) {
+                                           return Reaches(groups_[g], camera, logMagnitude, logFloor, &reach);
+                                         }))
+                        {
+                          return;
+                        }
+                        for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
+                        {
+                          lookInto(b);
+                        }
+                      });
     seenBlocks_.clear();
     for (std::size_t b = 0; b < blocks_.size(); ++b)
     {
@@ -992,7 +1041,8 @@ private:
   const Kernels<double> doubleKernels_ = KernelsOfThisMachine<double>();
   std::vector<std::uint32_t> order_;  // slot -> index in the field
   std::vector<GaussianBlock<T>> blocks_;
-  std::vector<BlockPlace> places_;
+  std::vector<BlockPlace> places_, groups_;  // of blocks, and of kGroup blocks
+  bool groupsAreStale_ = true;
   std::vector<std::unique_ptr<GaussianBlock<double>>> sharp_;  // of float blocks with needles
   std::vector<AdamBlock<T>> adam_;                             // empty until the first step
   std::vector<GradientBlock<T>> gradient_;                     // empty but after Backpropagate
