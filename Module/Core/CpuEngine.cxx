@@ -459,7 +459,7 @@ private:
   /// High enough to leave each thread a few bands. What a pixel gets does not depend on it.
   static int BandRows(int images, int rows)
   {
-    const std::int64_t tasks = 4 * static_cast<std::int64_t>(tbb::this_task_arena::max_concurrency());
+    const std::int64_t tasks = 2 * static_cast<std::int64_t>(tbb::this_task_arena::max_concurrency());
     const std::int64_t share = (static_cast<std::int64_t>(images) * rows + tasks - 1) / tasks;
     return static_cast<int>(std::clamp<std::int64_t>(share, kSmallestBand, kLargestBand));
   }
