@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "Loss.h"
 #include "Optimizer.h"
+#include "PixelLoss.h"
 #include "Splat.h"
 
 namespace bigus

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "Engine.h"
-#include "Loss.h"
+#include "PixelLoss.h"
 #include "Splat.h"
 
 namespace bigus

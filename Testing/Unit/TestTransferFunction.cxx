@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "Core/Loss.h"
+#include "Core/PixelLoss.h"
 #include "Core/TransferFunction.h"
 
 using bigus::EvaluateLoss;
