@@ -312,14 +312,18 @@ public:
   std::size_t MemoryUse() const override
   {
     const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-    std::size_t buffers = 0;
+    std::size_t scattered = 0;
     for (const std::vector<T>& buffer : bandBuffers_)
     {
-      buffers += bytes(buffer);
+      scattered += bytes(buffer);
     }
-    return buffers + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(groups_) + bytes(adam_) +
-           bytes(gradient_) + bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) + bytes(images_) +
-           capacity_ * sizeof(VisibleSplat<T>);
+    for (const auto& sharp : sharp_)
+    {
+      scattered += sharp ? sizeof(*sharp) : 0;
+    }
+    return scattered + bytes(sharp_) + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(groups_) +
+           bytes(adam_) + bytes(gradient_) + bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) +
+           bytes(images_) + capacity_ * sizeof(VisibleSplat<T>);
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,

@@ -126,7 +126,7 @@ constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
 template <class T>
 struct ProjectionTask
 {
-  View<T> view;  // origin relative to the block's centre, at pixel (firstColumn, firstRow)
+  View<T> view;  // relative to the block's centre, its origin at pixel (originColumn, originRow)
   std::int32_t originColumn, originRow;
   int columnBegin, columnEnd, rowBegin, rowEnd;  // pixels to be computed
   T slab;                                        // mm^2: no Gaussian of the block with mu_z^2 beyond matters
