@@ -79,6 +79,27 @@ FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std
                      { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); });
 }
 
+AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep,
+                                const std::vector<int>& frames, const AlignmentOptions& options,
+                                const std::string& engineName)
+{
+  const std::unique_ptr<Engine> engine = Engine::Create(engineName);
+  engine->SetField(field);
+  AlignedScores out;
+  out.scores = ScoreFrames(sweep, frames,
+                           [&](int frame, float* image)
+                           {
+                             const RigidAlignment found = AlignFrame(*engine, sweep, frame, options);
+                             const double share = 1 / static_cast<double>(frames.size());
+                             out.meanTranslation += share * found.translation;
+                             out.largestTranslation = std::max(out.largestTranslation, found.translation);
+                             out.meanRotation += share * found.rotation;
+                             out.largestRotation = std::max(out.largestRotation, found.rotation);
+                             engine->Render(found.plane, ViewOutput::Intensity, image);
+                           });
+  return out;
+}
+
 BaselineScores ScoreBaselines(const Sweep& sweep, const std::vector<int>& training,
                               const std::vector<int>& heldOut)
 {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "Alignment.h"
 #include "GaussianField.h"
 #include "Metrics.h"
 #include "Sweep.h"
@@ -31,6 +32,21 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
 /// Scores the field rendered at the frames' tracked poses.
 FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
                        const std::string& engine = "auto");
+
+/// A diagnostic, not a prediction: the frame itself chose the pose it is scored at. What it gains over
+/// ScoreField is the share of the error that tracking (or tissue that moved as a whole) explains; what
+/// remains is the model's.
+struct AlignedScores
+{
+  FrameScores scores;                                  ///< at the aligned poses
+  double meanTranslation = 0, largestTranslation = 0;  ///< mm, of the motions found, over frames
+  double meanRotation = 0, largestRotation = 0;        ///< degrees
+};
+
+/// Scores the field at poses rigidly aligned to it, frame by frame (see Alignment.h).
+AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep,
+                                const std::vector<int>& frames, const AlignmentOptions& options = {},
+                                const std::string& engine = "auto");
 
 /// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the
 /// held-out pose; neighbour average and pose interpolation the held-out frame's place in the sequence.

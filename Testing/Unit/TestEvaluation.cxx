@@ -165,6 +165,36 @@ TEST(ScoreField, OfAFieldThatMadeTheFramesIsAlmostPerfect)
   EXPECT_GT(ScoreField(field, sweep, {0, 1, 2}).psnr, 75);
 }
 
+TEST(ScoreFieldAligned, TellsTrackingErrorFromModellingError)
+{
+  // Frames the field made exactly, at poses that are a little off: all error is the tracker's.
+  Sweep sweep = MakeSweep(3);
+  const GaussianField field = MakeField();
+  const auto engine = Engine::Create("reference");
+  engine->SetField(field);
+  auto pixels = std::make_shared<std::vector<float>>(3 * sweep.PixelsPerFrame());
+  const double shifts[] = {0, 0.2, 0.1};
+  for (int k = 0; k < 3; ++k)
+  {
+    engine->Render(sweep.Plane(k), bigus::ViewOutput::Intensity, pixels->data() + k * sweep.PixelsPerFrame());
+    sweep.imageToReference[k].block<3, 1>(0, 3) += Eigen::Vector3d(0.6, -0.8, 0) * shifts[k];
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const FrameScores tracked = ScoreField(field, sweep, {1, 2});
+  const bigus::AlignedScores aligned = bigus::ScoreFieldAligned(field, sweep, {1, 2});
+  EXPECT_EQ(aligned.scores.frames, tracked.frames);
+  EXPECT_LT(tracked.psnr, 45);
+  EXPECT_GT(aligned.scores.psnr, 65);
+  EXPECT_NEAR(aligned.meanTranslation, 0.15, 0.01);
+  EXPECT_NEAR(aligned.largestTranslation, 0.2, 0.01);
+  EXPECT_LT(aligned.largestRotation, 0.2);
+  EXPECT_LE(aligned.meanRotation, aligned.largestRotation);
+
+  bigus::AlignmentOptions fixed;
+  fixed.maximumTranslation = fixed.maximumRotation = 0;
+  ExpectSame(bigus::ScoreFieldAligned(field, sweep, {1, 2}, fixed).scores, tracked, 0);
+}
+
 TEST(ScoreBaselines, GivesEachPredictorTheTrainingFramesOnly)
 {
   const Sweep sweep = MakeSweep(9);
