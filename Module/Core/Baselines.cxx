@@ -3,8 +3,10 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "Error.h"
@@ -35,11 +37,20 @@ void CheckTraining(const Sweep& sweep, const std::vector<int>& training)
   }
 }
 
+/// Weights of the pixels at -1, 0, 1, 2 for a point at t, 0 to 1, between the middle two: Keys' cubic
+/// convolution (1981) with a = -1/2.
+std::array<double, 4> KeysWeights(double t)
+{
+  const double t2 = t * t, t3 = t2 * t;
+  return {0.5 * (-t3 + 2 * t2 - t), 0.5 * (3 * t3 - 5 * t2 + 2), 0.5 * (-3 * t3 + 4 * t2 + t),
+          0.5 * (t3 - t2)};
+}
+
 /// One frame as a function in space.
 class FrameInSpace
 {
 public:
-  FrameInSpace(const Sweep& sweep, int frame)
+  FrameInSpace(const Sweep& sweep, int frame, PixelInterpolation sampling = PixelInterpolation::Linear)
       : width_(sweep.width),
         height_(sweep.height),
         first_(static_cast<std::size_t>(frame) * sweep.PixelsPerFrame()),
@@ -47,6 +58,7 @@ public:
                    ? static_cast<const std::uint8_t*>(sweep.pixels.get())
                    : nullptr),
         floats_(static_cast<const float*>(sweep.pixels.get())),
+        sampling_(sampling),
         plane_(sweep.Plane(frame)),
         toSlice_(plane_.WorldToSlice())
   {
@@ -71,11 +83,17 @@ public:
     return ijz[0] >= -0.5 && ijz[0] <= width_ - 0.5 && ijz[1] >= -0.5 && ijz[1] <= height_ - 0.5;
   }
 
-  /// Bilinear; the outermost half pixel repeats the edge.
+  /// Between pixels; the outermost half pixel repeats the edge.
   double Sample(const Eigen::Vector3d& ijz) const
   {
     const double u = std::clamp(ijz[0], 0.0, width_ - 1.0);
     const double v = std::clamp(ijz[1], 0.0, height_ - 1.0);
+    return sampling_ == PixelInterpolation::Linear ? Bilinear(u, v) : Bicubic(u, v);
+  }
+
+private:
+  double Bilinear(double u, double v) const
+  {
     const int i = static_cast<int>(u), j = static_cast<int>(v);
     const int iNext = std::min(i + 1, width_ - 1), jNext = std::min(j + 1, height_ - 1);
     const double fu = u - i, fv = v - j;
@@ -83,11 +101,27 @@ public:
            fv * ((1 - fu) * Pixel(i, jNext) + fu * Pixel(iNext, jNext));
   }
 
-private:
+  double Bicubic(double u, double v) const
+  {
+    const int i = static_cast<int>(u), j = static_cast<int>(v);
+    const std::array<double, 4> across = KeysWeights(u - i), down = KeysWeights(v - j);
+    double sum = 0;
+    for (int n = 0; n < 4; ++n)
+    {
+      const int row = std::clamp(j + n - 1, 0, height_ - 1);
+      for (int m = 0; m < 4; ++m)
+      {
+        sum += down[n] * across[m] * Pixel(std::clamp(i + m - 1, 0, width_ - 1), row);
+      }
+    }
+    return std::clamp(sum, 0.0, 1.0);
+  }
+
   int width_, height_;
   std::size_t first_;
   const std::uint8_t* bytes_;
   const float* floats_;
+  PixelInterpolation sampling_;
   SlicePlane plane_;
   Eigen::Matrix3d toSlice_;
 };
@@ -100,10 +134,13 @@ public:
   FramePair(const FrameInSpace& a, const FrameInSpace& b) : a_(a), b_(b)
   {
     const Eigen::Vector3d na = a.Plane().Normal(), nb = b.Plane().Normal();
-    const Eigen::Vector3d direction = na.dot(nb) < 0 ? Eigen::Vector3d(na - nb) : Eigen::Vector3d(na + nb);
-    alongA_ = a.Direction(direction.normalized());
-    alongB_ = b.Direction(direction.normalized());
+    direction_ = (na.dot(nb) < 0 ? Eigen::Vector3d(na - nb) : Eigen::Vector3d(na + nb)).normalized();
+    alongA_ = a.Direction(direction_);
+    alongB_ = b.Direction(direction_);
   }
+
+  /// The mean of the normals, of length 1.
+  const Eigen::Vector3d& Direction() const { return direction_; }
 
   /// Where the line through a point meets the two planes.
   struct Feet
@@ -139,6 +176,7 @@ public:
 
 private:
   FrameInSpace a_, b_;
+  Eigen::Vector3d direction_;
   Eigen::Vector3d alongA_, alongB_;  // 1 mm along the line, in each frame's (i, j, z)
 };
 
@@ -209,17 +247,18 @@ void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& trainin
   }
 }
 
-void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
+void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image,
+                              PixelInterpolation sampling)
 {
   CheckTraining(sweep, training);
   const auto [before, after] = Neighbours(training, frame);
-  const FramePair pair(FrameInSpace(sweep, before == none ? after : before),
-                       FrameInSpace(sweep, after == none ? before : after));
+  const FramePair pair(FrameInSpace(sweep, before == none ? after : before, sampling),
+                       FrameInSpace(sweep, after == none ? before : after, sampling));
   ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return pair.Mix(pair.Find(x)); });
 }
 
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
-                              float* image)
+                              float* image, PixelInterpolation sampling)
 {
   CheckTraining(sweep, training);
   std::vector<FrameInSpace> frames;
@@ -227,7 +266,7 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
   std::vector<Eigen::Vector3d> normals;  // all to the same side
   for (int frame : training)
   {
-    frames.emplace_back(sweep, frame);
+    frames.emplace_back(sweep, frame, sampling);
     Eigen::Vector3d normal = frames.back().Plane().Normal();
     if (!normals.empty())
     {
@@ -274,6 +313,125 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
                });
 }
 
+void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
+{
+  CheckTraining(sweep, training);
+  const auto [before, after] = Neighbours(training, frame);
+  if (before == none || after == none)
+  {
+    PredictPoseInterpolation(sweep, training, frame, image, PixelInterpolation::Cubic);
+    return;
+  }
+  const auto inSpace = [&](int index) { return FrameInSpace(sweep, index, PixelInterpolation::Cubic); };
+  const FrameInSpace a = inSpace(before), b = inSpace(after);
+  const FramePair pair(a, b);
+  const int first = Neighbours(training, before).first, last = Neighbours(training, after).second;
+  const std::optional<FrameInSpace> outerA = first == none ? std::nullopt : std::optional(inSpace(first));
+  const std::optional<FrameInSpace> outerB = last == none ? std::nullopt : std::optional(inSpace(last));
+
+  // Where the line through x along `direction` meets a frame.
+  struct Knot
+  {
+    double t = 0, value = 0;  // mm along the line; intensity there
+    bool seen = false;
+  };
+  const Eigen::Vector3d direction = pair.Direction();
+  const auto meet = [&direction](const FrameInSpace& plane, const Eigen::Vector3d& x)
+  {
+    const Eigen::Vector3d along = plane.Direction(direction);
+    const Eigen::Vector3d p = plane.Project(x);
+    const double t = -p[2] / along[2];
+    const Eigen::Vector3d foot = p + t * along;
+    return plane.Contains(foot) ? Knot{t, plane.Sample(foot), true} : Knot{};
+  };
+  // The derivative at `at` of the parabola through three knots; the middle one's neighbours lie on its two
+  // sides.
+  const auto slope = [](const Knot& from, const Knot& at, const Knot& to)
+  {
+    const double h = at.t - from.t, k = to.t - at.t;
+    return ((at.value - from.value) * k / h + (to.value - at.value) * h / k) / (h + k);
+  };
+  ForEachPixel(sweep.Plane(frame), image,
+               [&](const Eigen::Vector3d& x)
+               {
+                 const Knot knotA = meet(a, x), knotB = meet(b, x);
+                 const double gap = knotB.t - knotA.t;
+                 const double share = -knotA.t / gap;  // of the way from a to b
+                 if (!knotA.seen || !knotB.seen || !(share >= 0 && share <= 1))
+                 {
+                   return pair.Mix(pair.Find(x));
+                 }
+                 const double chord = (knotB.value - knotA.value) / gap;
+                 double slopeA = chord, slopeB = chord;
+                 if (outerA)
+                 {
+                   const Knot outer = meet(*outerA, x);
+                   slopeA = outer.seen && (knotA.t - outer.t) * gap > 0 ? slope(outer, knotA, knotB) : chord;
+                 }
+                 if (outerB)
+                 {
+                   const Knot outer = meet(*outerB, x);
+                   slopeB = outer.seen && (outer.t - knotB.t) * gap > 0 ? slope(knotA, knotB, outer) : chord;
+                 }
+                 // Cubic Hermite.
+                 const double s = share, r = 1 - share;
+                 const double value = r * r * (1 + 2 * s) * knotA.value + s * s * (1 + 2 * r) * knotB.value +
+                                      gap * s * r * (r * slopeA - s * slopeB);
+                 return std::clamp(value, 0.0, 1.0);
+               });
+}
+
+namespace
+{
+
+/// The box around the frames' pixel centres, in voxels of any size: x, y, z of a grid that holds it.
+struct Box
+{
+  Eigen::Vector3d lowest = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d highest = -lowest;
+
+  Box(const Sweep& sweep, const std::vector<int>& frames)
+  {
+    for (int frame : frames)
+    {
+      const SlicePlane plane = sweep.Plane(frame);
+      for (int corner = 0; corner < 4; ++corner)
+      {
+        const Eigen::Vector3d x =
+            plane.Point(corner % 2 * (sweep.width - 1.0), corner / 2 * (sweep.height - 1.0));
+        lowest = lowest.cwiseMin(x);
+        highest = highest.cwiseMax(x);
+      }
+    }
+  }
+
+  /// In double: sizes of hostile poses fit no integer. One voxel more than the floor, and one for the
+  /// trilinear corner.
+  Eigen::Vector3d Voxels(double size) const { return ((highest - lowest) / size).array().floor() + 2; }
+};
+
+}  // namespace
+
+double Compounding::VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training,
+                                       std::size_t bytes)
+{
+  CheckTraining(sweep, training);
+  const Box box(sweep, training);
+  const double limit = static_cast<double>(bytes / sizeof(float));
+  if (limit < 8)
+  {
+    throw Error("Compounding: " + std::to_string(bytes) +
+                " bytes hold no grid; the coarsest takes 32 (8 voxels).");
+  }
+  double low = 0, high = 1.01 * (box.highest - box.lowest).maxCoeff() + 1e-6;  // 8 voxels
+  while (high - low > 1e-3 * high)
+  {
+    const double middle = 0.5 * (low + high);
+    (box.Voxels(middle).prod() <= limit ? high : low) = middle;
+  }
+  return high;
+}
+
 Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, double voxelSize,
                          std::size_t maximumVoxels)
 {
@@ -283,42 +441,26 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
     throw Error("Compounding: the voxel size is " + std::to_string(voxelSize) +
                 " mm; it must be positive, or 0 to choose one.");
   }
-  Eigen::Vector3d lowest = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  Eigen::Vector3d highest = -lowest;
-  for (int frame : training)
-  {
-    const SlicePlane plane = sweep.Plane(frame);
-    for (int corner = 0; corner < 4; ++corner)
-    {
-      const Eigen::Vector3d x =
-          plane.Point(corner % 2 * (sweep.width - 1.0), corner / 2 * (sweep.height - 1.0));
-      lowest = lowest.cwiseMin(x);
-      highest = highest.cwiseMax(x);
-    }
-  }
-  // In double: sizes of hostile poses fit no integer. One voxel more than the floor, and one for the
-  // trilinear corner.
-  const auto sizeFor = [&](double size) -> Eigen::Vector3d
-  { return ((highest - lowest) / size).array().floor() + 2; };
+  const Box box(sweep, training);
   const double limit = static_cast<double>(maximumVoxels);
   voxelSize_ = voxelSize;
   const SweepGeometry geometry = MeasureGeometry(sweep, training);
   if (voxelSize == 0)
   {
     voxelSize_ = std::max(geometry.pixelSize, std::sqrt(geometry.pixelSize * geometry.medianSpacing));
-    while (sizeFor(voxelSize_).prod() > limit && sizeFor(voxelSize_).maxCoeff() > 2)
+    while (box.Voxels(voxelSize_).prod() > limit && box.Voxels(voxelSize_).maxCoeff() > 2)
     {
       voxelSize_ *= 1.25;
     }
   }
-  const Eigen::Vector3d size = sizeFor(voxelSize_);
+  const Eigen::Vector3d size = box.Voxels(voxelSize_);
   if (!(size.prod() <= limit) || size.maxCoeff() > std::numeric_limits<int>::max())
   {
     throw Error("Compounding: voxels of " + std::to_string(voxelSize_) + " mm make a grid of " +
                 std::to_string(size.prod()) + " voxels, but " + std::to_string(maximumVoxels) +
                 " are allowed; choose larger voxels.");
   }
-  origin_ = lowest;
+  origin_ = box.lowest;
   size_ = size.cast<int>();
   voxels_.assign(static_cast<std::size_t>(size.prod()), 0.0f);
   // As far as half the widest gap between neighbouring planes (a break in the sweep is no gap), at least

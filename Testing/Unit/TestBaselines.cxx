@@ -141,6 +141,13 @@ std::vector<float> Interpolated(const Sweep& sweep, const std::vector<int>& trai
   return image;
 }
 
+std::vector<float> Cubic(const Sweep& sweep, const std::vector<int>& training, int frame)
+{
+  std::vector<float> image(sweep.PixelsPerFrame(), -1.0f);
+  bigus::PredictCubicInterpolation(sweep, training, frame, image.data());
+  return image;
+}
+
 std::vector<float> Resliced(const Compounding& volume, const SlicePlane& plane)
 {
   std::vector<float> image(plane.NumberOfPixels(), -1.0f);
@@ -330,6 +337,83 @@ TEST(PoseInterpolation, BeyondTheSweepTakesTheNearestFrame)
   EXPECT_EQ(Interpolated(sweep, All(sweep), aside), std::vector<float>(aside.NumberOfPixels(), 0.0f));
 }
 
+TEST(PoseInterpolation, CubicSamplesLieOnTheCurveBetweenPixels)
+{
+  // Keys' kernel repeats any parabola: frames half a pixel aside are met exactly, where bilinear samples are
+  // not.
+  const Function parabola = [](const Eigen::Vector3d& x)
+  { return 0.3 + 0.02 * x[0] * x[0] - 0.01 * x[0] * x[1] + 0.015 * x[1] * x[1]; };
+  std::vector<Eigen::Matrix4d> poses;
+  for (double aside : {0.0, 0.25, 0.0})
+  {
+    poses.push_back(Pose({aside, -aside, 0}, Eigen::Matrix3d::Identity(), 15, 13));
+    poses.back()(2, 3) = static_cast<double>(poses.size());
+  }
+  const Sweep sweep = MakeSweep(15, 13, poses, parabola);
+  const auto predict = [&](bigus::PixelInterpolation sampling, bool byPlane)
+  {
+    std::vector<float> image(sweep.PixelsPerFrame());
+    if (byPlane)
+    {
+      bigus::PredictPoseInterpolation(sweep, {0, 2}, sweep.Plane(1), image.data(), sampling);
+    }
+    else
+    {
+      bigus::PredictPoseInterpolation(sweep, {0, 2}, 1, image.data(), sampling);
+    }
+    return LargestError(image, sweep.Plane(1), parabola, 2);
+  };
+  for (bool byPlane : {false, true})
+  {
+    EXPECT_LT(predict(bigus::PixelInterpolation::Cubic, byPlane), 1e-6);
+    EXPECT_GT(predict(bigus::PixelInterpolation::Linear, byPlane), 1e-3);
+  }
+}
+
+TEST(CubicInterpolation, IsExactForParabolasAcrossUnevenPlanes)
+{
+  const Function parabola = [](const Eigen::Vector3d& x)
+  {
+    const Eigen::Vector3d p = oblique.transpose() * x;
+    return 0.4 + 0.03 * p[2] - 0.02 * p[2] * p[2] + 0.01 * p[0] - 0.001 * p[1] * p[1] + 0.002 * p[0] * p[2];
+  };
+  const Sweep sweep = Parallel(parabola);
+  for (int frame : {2, 3, 4})
+  {
+    EXPECT_LT(LargestError(Cubic(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), parabola, 2), 1e-6);
+    EXPECT_GT(LargestError(Interpolated(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), parabola, 2),
+              1e-3);
+  }
+  // Tilted planes: the line meets them elsewhere, and a linear function is still met.
+  const Sweep fan = Fan(Linear);
+  for (int frame = 1; frame < 8; ++frame)
+  {
+    EXPECT_LT(LargestError(Cubic(fan, AllBut(fan, frame), frame), fan.Plane(frame), Linear, 4), 1e-6);
+  }
+}
+
+TEST(CubicInterpolation, TakesWhatFramesThereAre)
+{
+  const Sweep sweep = Parallel(Linear);
+  for (const std::vector<int>& training : {std::vector<int>{2, 4}, {1, 2, 4}, {2, 4, 5}})
+  {
+    EXPECT_LT(LargestError(Cubic(sweep, training, 3), sweep.Plane(3), Linear), 1e-6);
+  }
+  const std::vector<float> end = Cubic(sweep, {0, 1, 2}, 5), last = Frame(sweep, 2);
+  for (std::size_t p = 0; p < end.size(); ++p)
+  {
+    ASSERT_NEAR(end[p], last[p], 1e-6);
+  }
+  // Two frames at one place: no slope can be had across them, and no division by zero either.
+  std::vector<Eigen::Matrix4d> poses;
+  for (double z : {0.0, 0.0, 0.5, 1.0, 1.0})
+  {
+    poses.push_back(Pose({0, 0, z}, Eigen::Matrix3d::Identity(), 12, 12));
+  }
+  const Sweep twice = MakeSweep(12, 12, poses, Linear);
+  EXPECT_LT(LargestError(Cubic(twice, {0, 1, 3, 4}, 2), twice.Plane(2), Linear), 1e-6);
+}
+
 TEST(Compounding, OfAConstantIsThatConstantWithoutHoles)
 {
   const Function constant = [](const Eigen::Vector3d&) { return 0.375; };
@@ -462,6 +546,16 @@ TEST(Compounding, KeepsToItsMemory)
             std::string::npos);
   EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), -1); }).find("-1"), std::string::npos);
   EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), std::numeric_limits<double>::quiet_NaN()); }), "");
+
+  // The voxel size for some bytes: they suffice, and hardly smaller voxels would need more.
+  for (std::size_t bytes : {std::size_t(40), std::size_t(4000), std::size_t(4400000)})
+  {
+    const double voxel = Compounding::VoxelSizeForMemory(sweep, All(sweep), bytes);
+    EXPECT_LE(Compounding(sweep, All(sweep), voxel).MemoryUse(), bytes);
+    EXPECT_GT(Compounding(sweep, All(sweep), voxel * 0.998).MemoryUse(), bytes);
+  }
+  EXPECT_NE(Message([&] { Compounding::VoxelSizeForMemory(sweep, All(sweep), 31); }).find("31"),
+            std::string::npos);
 
   // A size of its own choice grows until it fits.
   const Compounding coarse(sweep, All(sweep), 0, 1000);
