@@ -1,0 +1,405 @@
+// Runs one experiment, described in JSON, and prints what came of it, in JSON: a sweep, which of its frames
+// may be seen, a method that predicts the others, and its scores. README.md of this folder lists what can be
+// asked for.
+#include <tbb/info.h>
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <iterator>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "Core/Baselines.h"
+#include "Core/Engine.h"
+#include "Core/Error.h"
+#include "Core/Evaluation.h"
+#include "Core/Trainer.h"
+#include "JobFields.h"
+#include "Scene.h"
+
+using namespace bigus;
+using Json = nlohmann::json;
+
+namespace
+{
+
+constexpr std::size_t GaussianBytes = 11 * sizeof(float);  // mean, scales, rotation, reflectivity
+
+double SecondsSince(std::chrono::steady_clock::time_point start)
+{
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// ---- which frames may be seen ----
+
+struct Split
+{
+  std::vector<int> training, heldOut;
+};
+
+Split ReadSplit(const Json& description, int count)
+{
+  JobFields fields(description, "frames");
+  Split split;
+  const auto add = [&split](bool train, int frame)
+  { (train ? split.training : split.heldOut).push_back(frame); };
+  if (fields.Has("hold_out"))
+  {
+    std::tie(split.training, split.heldOut) = SplitHoldOut(count, fields.Required<int>("hold_out"));
+  }
+  else if (fields.Has("spread"))
+  {
+    // So many, evenly spread from the first to the last.
+    const int wanted = fields.Required<int>("spread");
+    if (wanted < 2 || wanted > count)
+    {
+      throw Error("frames: 'spread' must be 2 to " + std::to_string(count) + ".");
+    }
+    std::set<int> chosen;
+    for (int k = 0; k < wanted; ++k)
+    {
+      chosen.insert(static_cast<int>(std::lround(k * (count - 1.0) / (wanted - 1))));
+    }
+    for (int frame = 0; frame < count; ++frame)
+    {
+      add(chosen.count(frame) > 0, frame);
+    }
+  }
+  else
+  {
+    // Held out, for any gap: the middle of every whole period. Trained on: frames `gap` away from those, and
+    // on in steps of twice the gap.
+    const int gap = fields.Required<int>("gap"), period = fields.Required<int>("period");
+    if (gap < 1 || period % (2 * gap) != 0)
+    {
+      throw Error("frames: 'period' must be a multiple of twice the 'gap'.");
+    }
+    for (int frame = 0; frame < count; ++frame)
+    {
+      const int fromHeldOut = (frame + period / 2) % period;
+      if (fromHeldOut % (2 * gap) == gap)
+      {
+        split.training.push_back(frame);
+      }
+      else if (fromHeldOut == 0 && frame + period / 2 < count)
+      {
+        split.heldOut.push_back(frame);
+      }
+    }
+  }
+  fields.Done();
+  if (split.training.empty())
+  {
+    throw Error("frames: none of the " + std::to_string(count) + " frames is left to train on.");
+  }
+  return split;
+}
+
+// ---- methods ----
+
+/// What predicts frames, and what it cost.
+struct Method
+{
+  std::function<void(int, float*)> predict;
+  bool seesItsOwnFrame =
+      true;            ///< false: knows frames by their neighbours only, so training frames have no score
+  double seconds = 0;  ///< to prepare
+  double bytes = 0;    ///< of what must be kept to render
+  Json facts = Json::object();
+};
+
+TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
+{
+  static const std::map<std::string, SeedPlacement> placements = {{"intensity", SeedPlacement::Intensity},
+                                                                  {"harris", SeedPlacement::Harris},
+                                                                  {"random", SeedPlacement::Random}};
+  std::string loss, seeding;
+  fields.Read("loss", loss);
+  fields.Read("seeding", seeding);
+  if (!seeding.empty() && placements.count(seeding) == 0)
+  {
+    throw Error("method: there is no seeding '" + seeding + "'.");
+  }
+  options.loss = loss.empty() ? options.loss : Loss::Parse(loss);
+  options.seeding = seeding.empty() ? options.seeding : placements.at(seeding);
+  fields.Read("engine", options.engine);
+  fields.Read("gaussians", options.gaussians);
+  fields.Read("elevation_sigma", options.elevationSigma);
+  fields.Read("validation", options.validation);
+  fields.Read("patience", options.patience);
+  fields.Read("iterations", options.iterations);
+  fields.Read("time_limit", options.timeLimit);
+  fields.Read("batch", options.batch);
+  fields.Read("signed", options.signedReflectivity);
+  fields.Read("ignore_masked", options.ignoreMasked);
+  fields.Read("tolerance", options.tolerance);
+  fields.Read("mean_rate", options.meanRate);
+  fields.Read("shape_rate", options.shapeRate);
+  fields.Read("reflectivity_rate", options.reflectivityRate);
+  fields.Read("final_rate", options.finalRate);
+  fields.Read("solve", options.solveIterations);
+  fields.Read("virtual_planes", options.virtualPlanes);
+  fields.Read("minimum_scale", options.minimumScale);
+  fields.Read("densify", options.densification.interval);
+  fields.Read("densify_percentile", options.densification.percentile);
+  fields.Read("cap", options.densification.cap);
+  return options;
+}
+
+/// The method that the paper compares itself with, as far as this engine can be it: Gaussians cut by a thin
+/// plane, positive, started uniformly at random, nothing added to the frames. Its own weights are normalised,
+/// ours are not.
+TrainerOptions UltraGauss()
+{
+  TrainerOptions options;
+  options.elevationSigma = 0;
+  options.signedReflectivity = false;
+  options.seeding = SeedPlacement::Random;
+  options.virtualPlanes = 0;
+  options.solveIterations = 0;
+  return options;
+}
+
+Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& split)
+{
+  // The trainer gets the frames it may see and nothing else: its own validation comes out of these.
+  const auto seen = std::make_shared<const Sweep>(sweep.Subset(split.training));
+  const TrainingResult result = Train(seen, options);
+  Method method;
+  const std::shared_ptr<Engine> engine = Engine::Create(options.engine);
+  engine->SetField(result.field);
+  method.predict = [engine, &sweep](int frame, float* image)
+  { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); };
+  method.seconds = result.seconds;
+  method.bytes = static_cast<double>(result.field.Size() * GaussianBytes);
+  method.facts = {{"gaussians", result.field.Size()},
+                  {"iterations", result.iterations},
+                  {"validation_frames", result.validationFrames.size()},
+                  {"elevation_sigma", result.field.beam.elevationSigma},
+                  {"device", result.device}};
+  for (const TrainingRecord& line : result.log)
+  {
+    method.facts["curve"].push_back(
+        {line.seconds, line.loss, line.validationPsnr ? Json(*line.validationPsnr) : Json()});
+  }
+  return method;
+}
+
+Method Compounded(JobFields& fields, const Sweep& sweep, const Split& split)
+{
+  double voxelSize = 0;
+  fields.Read("voxel_size", voxelSize);
+  std::size_t gaussians = 0;
+  fields.Read("equal_gaussians", gaussians);
+  const auto start = std::chrono::steady_clock::now();
+  if (gaussians > 0)
+  {
+    voxelSize = Compounding::VoxelSizeForMemory(sweep, split.training, gaussians * GaussianBytes);
+  }
+  const auto volume = std::make_shared<const Compounding>(sweep, split.training, voxelSize);
+  Method method;
+  method.predict = [volume, &sweep](int frame, float* image) { volume->Predict(sweep.Plane(frame), image); };
+  method.seconds = SecondsSince(start);
+  method.bytes = static_cast<double>(volume->MemoryUse());
+  method.facts = {{"voxel_size", volume->VoxelSize()}};
+  return method;
+}
+
+Method FromNeighbours(const std::string& name, const Sweep& sweep, const Split& split)
+{
+  static const std::map<std::string, std::function<void(const Sweep&, const std::vector<int>&, int, float*)>>
+      predictors = {
+          {"neighbour_average", PredictNeighbourAverage},
+          {"pose_linear", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
+           { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Linear); }},
+          {"pose_cubic", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
+           { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Cubic); }},
+          {"cubic", PredictCubicInterpolation}};
+  const auto found = predictors.find(name);
+  if (found == predictors.end())
+  {
+    throw Error("method: there is none called '" + name + "'.");
+  }
+  Method method;
+  method.predict = [&sweep, &split, predictor = found->second](int frame, float* image)
+  { predictor(sweep, split.training, frame, image); };
+  method.seesItsOwnFrame = false;
+  return method;
+}
+
+Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& sweep, const Split& split)
+{
+  JobFields fields(description, "method");
+  const auto name = fields.Required<std::string>("name");
+  Method method;
+  if (name == "bigus" || name == "ultragauss")
+  {
+    TrainerOptions options = ReadTrainerOptions(fields, name == "bigus" ? TrainerOptions() : UltraGauss());
+    options.seed = seed;
+    fields.Done();
+    return Trained(options, sweep, split);
+  }
+  if (name == "compounding")
+  {
+    method = Compounded(fields, sweep, split);
+  }
+  else if (name == "nearest")
+  {
+    method.predict = [&sweep, &split](int frame, float* image)
+    { PredictNearest(sweep, split.training, sweep.Plane(frame), image); };
+  }
+  else
+  {
+    method = FromNeighbours(name, sweep, split);
+  }
+  fields.Done();
+  if (name != "compounding")
+  {
+    method.bytes = static_cast<double>(split.training.size() * sweep.PixelsPerFrame());  // a byte each
+  }
+  return method;
+}
+
+// ---- scores ----
+
+/// JSON knows no infinity: a perfect picture's PSNR is null.
+Json Number(double value)
+{
+  return std::isfinite(value) ? Json(value) : Json();
+}
+
+Json Scores(const Method& method, const Sweep& sweep, const std::vector<int>& frames)
+{
+  const FrameScores scores = ScoreFrames(sweep, frames, method.predict);
+  return {{"frames", frames.size()},
+          {"psnr", Number(scores.psnr)},
+          {"psnr_std", Number(scores.psnrStd)},
+          {"ssim", scores.ssim},
+          {"ssim_std", scores.ssimStd},
+          {"bfs", scores.bfs.score},
+          {"bfs_mean_contrast", scores.bfs.meanContrast},
+          {"bfs_contrast_distribution", scores.bfs.contrastDistribution},
+          {"bfs_rayleigh", scores.bfs.rayleigh}};
+}
+
+/// At most `count` of the frames, evenly spread; 0: all.
+std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
+{
+  if (count == 0 || frames.size() <= count)
+  {
+    return frames;
+  }
+  std::vector<int> some;
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    some.push_back(frames[k * frames.size() / count]);
+  }
+  return some;
+}
+
+Json Run(const Json& job, const SceneFolders& folders)
+{
+  JobFields fields(job, "job");
+  std::uint64_t seed = 1;
+  fields.Read("seed", seed);
+  std::vector<std::string> scored = {"held_out"};
+  fields.Read("score", scored);
+  std::size_t scoredFrames = 0;
+  fields.Read("scored_frames", scoredFrames);
+  const Json& scene = fields.Object("sweep");
+  const Json& frames = fields.Object("frames");
+  const Json& description = fields.Object("method");
+  fields.Done();
+
+  const std::shared_ptr<const Sweep> sweep = MakeScene(scene, folders);
+  const Split split = ReadSplit(frames, sweep->NumberOfFrames());
+  const Method method = MakeMethod(description, seed, *sweep, split);
+
+  Json scores = Json::object();
+  const auto start = std::chrono::steady_clock::now();
+  for (const std::string& set : scored)
+  {
+    std::vector<int> all(sweep->NumberOfFrames());
+    for (std::size_t k = 0; k < all.size(); ++k)
+    {
+      all[k] = static_cast<int>(k);
+    }
+    const std::map<std::string, const std::vector<int>*> sets = {
+        {"held_out", &split.heldOut}, {"training", &split.training}, {"all", &all}};
+    if (sets.count(set) == 0)
+    {
+      throw Error("job: 'score' knows held_out, training and all, not '" + set + "'.");
+    }
+    const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);
+    if (!chosen.empty() && (set == "held_out" || method.seesItsOwnFrame))
+    {
+      scores[set] = Scores(method, *sweep, chosen);
+    }
+  }
+  return {{"job", job},
+          {"scores", scores},
+          {"seconds", method.seconds},
+          {"scoring_seconds", SecondsSince(start)},
+          {"bytes", method.bytes},
+          {"facts", method.facts},
+          {"width", sweep->width},
+          {"height", sweep->height},
+          {"frames", sweep->NumberOfFrames()},
+          {"training_frames", split.training.size()},
+          {"device", Engine::Create()->Device()},
+          {"threads", tbb::info::default_concurrency()},
+          {"version", BIGUS_VERSION}};
+}
+
+}  // namespace
+
+int main(int argc, char* argv[])
+{
+  SceneFolders folders;
+  std::string jobFile = "-";
+  for (int i = 1; i < argc; ++i)
+  {
+    const std::string argument = argv[i];
+    if ((argument == "--data" || argument == "--cache") && i + 1 < argc)
+    {
+      (argument == "--data" ? folders.data : folders.cache) = argv[++i];
+    }
+    else if (argument.rfind("--", 0) == 0)
+    {
+      std::cerr << "bigusExperiment [--data FOLDER] [--cache FOLDER] [JOB.json]\n"
+                   "Runs the job (default: from standard input) and prints its result.\n";
+      return 2;
+    }
+    else
+    {
+      jobFile = argument;
+    }
+  }
+  try
+  {
+    std::ifstream file;
+    if (jobFile != "-")
+    {
+      file.open(jobFile);
+      if (!file)
+      {
+        throw Error("There is no job file '" + jobFile + "'.");
+      }
+    }
+    std::istream& in = jobFile == "-" ? std::cin : file;
+    const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+    std::cout << Run(Json::parse(text), folders).dump(1) << '\n';
+    return 0;
+  }
+  catch (const std::exception& error)
+  {
+    std::cerr << "bigusExperiment: " << error.what() << '\n';
+    return 1;
+  }
+}

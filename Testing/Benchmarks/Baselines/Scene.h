@@ -1,0 +1,17 @@
+// The sweeps that experiments are made on, from a few words of JSON; README.md of this folder lists them.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "Core/Sweep.h"
+
+/// Where files are: recorded data, and phantoms once made (empty: make them anew each time).
+struct SceneFolders
+{
+  std::filesystem::path data, cache;
+};
+
+/// Throws bigus::Error naming the field or file at fault.
+std::shared_ptr<const bigus::Sweep> MakeScene(const nlohmann::json& scene, const SceneFolders& folders);

@@ -1,0 +1,386 @@
+"""What each experiment runs, and which tables and plots it makes of the results."""
+
+import math
+from dataclasses import dataclass
+from typing import Callable
+
+from harness import Job, groups, mean
+from plots import bars, curves
+
+LIVER = {"file": "liver-sweep/liver_sweep.igs.mha"}
+BRAIN = {"file": "brain-sweep/us_brain_sweep.igs.mha"}
+SPINE = {"file": "spine-phantom/SpinePhantomFreehand.igs.mha",
+         "config": "spine-phantom/PlusDeviceSet_SpinePhantomFreehandReconstructionOnly.xml",
+         "crop": [186, 12, 446, 590]}  # what the probe lights
+VOLUME = {"volume": "liver-volume/liver_compounded_0p6mm.mha"}
+FOREVER = 10**7  # iterations: the time limit ends training, and the rates are fitted to it
+
+
+@dataclass
+class Scale:
+    """How large everything is."""
+    gaussians: float = 1     # factors
+    seconds: float = 1
+    reduce: int = 1          # more than the experiment asks for
+    cube: int = 160          # voxels a side
+    is_quick: bool = False
+
+    @staticmethod
+    def quick():
+        return Scale(gaussians=0.02, seconds=0.02, reduce=4, cube=32, is_quick=True)
+
+    def real(self, scene, reduce):
+        return {**scene, "reduce": reduce * self.reduce}
+
+    def phantom(self, **options):
+        """A made-up sweep of about 5 x 5 x 3 cm."""
+        size = {"width": 64, "height": 64, "pixel_size": 0.8, "frames": 24, "axial_sigma": 0.8, "lateral_sigma": 0.8,
+                "scatterer_density": 2, "frame_spacing": 1} if self.is_quick else {}
+        return {"phantoms": [{**size, **options}]}
+
+    def count(self, gaussians):
+        return max(200, round(gaussians * self.gaussians))
+
+    def limit(self, seconds):
+        return max(0.5, seconds * self.seconds)
+
+    def job(self, scene, frames, method, labels, seconds=4, priority=1, **more):
+        """Seconds: what all of it should take. Gaussian counts and time limits of the method are scaled."""
+        method = dict(method)
+        for name, scaled in (("gaussians", self.count), ("cap", self.count), ("equal_gaussians", self.count),
+                             ("time_limit", self.limit)):
+            if name in method:
+                method[name] = scaled(method[name])
+        request = {"sweep": scene, "frames": frames, "method": method, **more}
+        return Job(request, labels, max(1.5, seconds * self.seconds) if self.is_quick else seconds, priority)
+
+
+@dataclass
+class Experiment:
+    name: str
+    title: str
+    jobs: Callable[[Scale], list]
+    columns: list
+    panels: Callable[[list], list]
+    split: str = ""  # a table for each value of this label
+
+    def tables(self, jobs):
+        if not self.split:
+            return [("", jobs, self.columns)]
+        names = list(dict.fromkeys(job.labels[self.split] for job in jobs))
+        return [(f"**{name}**", [job for job in jobs if job.labels[self.split] == name], self.columns)
+                for name in names]
+
+
+def short(gaussians):
+    return f"{gaussians // 1000}k" if gaussians < 10**6 else f"{gaussians / 10**6:g}M"
+
+
+def bigus(gaussians, limit, **options):
+    return {"name": "bigus", "gaussians": gaussians, "time_limit": limit, **options}
+
+
+def megabytes(members):
+    size = mean(members, "bytes")
+    return None if size is None else size / 1e6
+
+
+def psnr(frames):
+    return lambda members: mean(members, f"scores.{frames}.psnr")
+
+
+def scored(frames, title):
+    return [(f"{title} PSNR", f"scores.{frames}.psnr", 2), (f"{title} SSIM", f"scores.{frames}.ssim", 4)]
+
+
+def with_speckle(frames, title):
+    return scored(frames, title) + [
+        (f"{title} BFS", f"scores.{frames}.bfs", 3), ("contrast", f"scores.{frames}.bfs_mean_contrast", 3),
+        ("distribution", f"scores.{frames}.bfs_contrast_distribution", 3),
+        ("Rayleigh", f"scores.{frames}.bfs_rayleigh", 3)]
+
+
+COST = [("seconds", "seconds", 1), ("Gaussians", "facts.gaussians", 0)]
+
+# ---- E1: the paper's Table 1 ----
+
+# Coarse enough for voxels of 0.6 mm: parallel planes that distance apart through a world whose echoes are wider.
+VOLUME_PHANTOM = {"pixel_size": 0.6, "frame_spacing": 0.6, "speed_variation": 0, "tilt": 0, "wander": 0,
+                  "frequency": 2, "axial_sigma": 0.8, "lateral_sigma": 1, "elevation_sigma": 1.2,
+                  "scatterer_density": 1}
+
+
+def e1_jobs(scale):
+    n = scale.cube
+    # Centred in the lit part of the volume: 97 % of the cube's voxels are lit.
+    middle = [104 + (160 - n) // 2, 160 + (160 - n) // 2, 36 + (160 - n) // 2]
+    scenes = {"liver volume": {**VOLUME, "offset": middle, "size": n},
+              "phantom": {"phantoms": [{**VOLUME_PHANTOM, "width": n, "height": n, "frames": n}]}}
+    fit = {"loss": "l2", "batch": 16, "iterations": FOREVER}
+    jobs = []
+    for name, scene in scenes.items():
+        for slices in (160, 80, 40):
+            frames = {"spread": n * slices // 160}
+
+            def add(title, method, seconds, priority=1, name=name, slices=slices, scene=scene, frames=frames):
+                limit = method.get("time_limit")
+                jobs.append(scale.job(scene, frames, method,
+                                      {"scene": name, "slices": slices, "method": title,
+                                       "limit": f"{limit} s" if limit else ""},
+                                      seconds, priority, score=["all", "held_out"]))
+
+            liver = name == "liver volume"
+            for limit, priority in ((60, 1), (300, 1 if liver and slices != 40 else 2), (3600, 3)):
+                add("BIGUS 140k", bigus(140000, limit, **fit), limit + 10, priority)
+            for count, limit, priority in ((100000, 60, 1 if slices == 160 else 2), (100000, 300, 2 if liver else 3),
+                                           (2000000, 300, 2 if liver and slices == 160 else 3)):
+                add(f"UltraGauss preset {short(count)}",
+                    {"name": "ultragauss", "gaussians": count, "time_limit": limit, **fit}, limit + 15, priority)
+            if slices < 160:
+                add("trilinear", {"name": "pose_linear"}, 4)
+                add("cubic", {"name": "cubic"}, 4)
+    return jobs
+
+
+E1 = Experiment(
+    "e1", "E1: slices of a volume, as in the paper's Table 1", e1_jobs,
+    scored("all", "all 160") + scored("held_out", "unseen") + COST + [("iterations", "facts.iterations", 0)],
+    lambda jobs: [curves([job for job in jobs if job.labels["scene"] == scene], lambda labels, _: labels["slices"],
+                         psnr(frames), lambda labels: f"{labels['method']} {labels['limit']}".strip(),
+                         ("slices trained on", f"PSNR, {title} (dB)", scene))
+                  for scene in ("liver volume", "phantom")
+                  for frames, title in (("all", "all slices"), ("held_out", "slices not trained on"))],
+    split="scene")
+
+# ---- E2: the paper's Table 2 ----
+
+COMPOUNDING = {"liver": (0.3, 0.4, 0.6, 0.9), "brain": (0.3, 0.4, 0.6, 0.8, 1.2), "spine": (0.3, 0.5, 0.8, 1.2),
+               "phantom": (0.2, 0.3, 0.5, 0.8)}
+BASELINES = {"nearest frame": "nearest", "neighbour average": "neighbour_average", "pose-aware linear": "pose_linear",
+             "pose-aware cubic in plane": "pose_cubic", "cubic in all directions": "cubic"}
+
+
+def sweeps(scale):
+    """Name: (scene, frames, counts, seconds of the smallest count)."""
+    found = {}
+    for size, reduce in (("half", 2), ("full", 1)):
+        found[f"liver, {size}"] = (scale.real(LIVER, reduce), {"hold_out": 8}, (100000, 300000), 40 * 2 / reduce)
+        found[f"brain, {size}"] = (scale.real(BRAIN, reduce), {"hold_out": 4}, (100000,), 12 * 2 / reduce)
+        found[f"spine, {size}"] = (scale.real(SPINE, reduce), {"hold_out": 4}, (20000,), 10)
+    for probe in ("linear", "convex", "sector"):
+        found[f"phantom, {probe}"] = (scale.phantom(probe=probe), {"hold_out": 4}, (100000,), 20)
+    return found
+
+
+def headline(scale, seeds):
+    """Our own rows of E2, which E7 repeats with other seeds."""
+    jobs = []
+    for name, (scene, frames, counts, seconds) in sweeps(scale).items():
+        for count in counts:
+            for seed in seeds:
+                cost = seconds * count / counts[0]
+                jobs.append(scale.job(scene, frames, bigus(count, 4 * cost), {"scene": name,
+                                                                              "method": f"BIGUS {short(count)}",
+                                                                              "seed": seed},
+                                      cost + 5, 1 if seed == 1 else 2, score=["held_out", "training"], seed=seed))
+    return jobs
+
+
+def e2_jobs(scale):
+    jobs = headline(scale, [1])
+    for name, (scene, frames, counts, seconds) in sweeps(scale).items():
+        def add(title, method, cost=4, priority=1, name=name, scene=scene, frames=frames, **more):
+            jobs.append(scale.job(scene, frames, method, {"scene": name, "method": title, "seed": 1}, cost, priority,
+                                  **more))
+        kind = name.split(",")[0]
+        if kind in ("brain", "phantom"):
+            add("BIGUS 2M", bigus(2000000, 300), 320, 3 if "half" in name else 2 if name == "phantom, linear" else 3,
+                score=["held_out", "training"])
+        for count in counts:
+            add(f"UltraGauss preset {short(count)}",
+                {"name": "ultragauss", "gaussians": count, "time_limit": 4 * seconds * count / counts[0]},
+                seconds * count / counts[0] + 5, 2, score=["held_out", "training"])
+        for title, method in BASELINES.items():
+            add(title, {"name": method})
+        for voxel in COMPOUNDING[kind]:
+            add(f"compounding, {voxel} mm", {"name": "compounding", "voxel_size": voxel}, 6)
+        for count in counts:
+            add(f"compounding, memory of {short(count)}", {"name": "compounding", "equal_gaussians": count}, 6)
+    return jobs
+
+
+E2 = Experiment(
+    "e2", "E2: sweeps, as in the paper's Table 2", e2_jobs,
+    with_speckle("held_out", "held-out") + [("training PSNR", "scores.training.psnr", 2),
+                                            ("training SSIM", "scores.training.ssim", 4),
+                                            ("training BFS", "scores.training.bfs", 3),
+                                            ("voxel mm", "facts.voxel_size", 2)] + COST,
+    lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
+                       f"{scene}: held-out PSNR (dB)", lambda labels: labels["method"])
+                  for scene in dict.fromkeys(job.labels["scene"] for job in jobs) if "full" in scene or "half" in scene],
+    split="scene")
+
+# ---- E3: the paper's Table 3 ----
+
+
+def e3_jobs(scale):
+    more = "0.8*l1 + 0.2*dssim + ffl"
+    rows = [("random", "l1", 0, 100000), ("harris", "l1", 0, 100000), ("intensity", "l1", 0, 100000),
+            ("intensity", "l2", 0, 100000), ("intensity", "0.8*l1 + 0.2*dssim", 0, 100000),
+            ("intensity", more, 0, 100000), ("intensity", "l1", 50, 100000), ("intensity", "l1", 0, 20000),
+            ("intensity", "l1", 0, 300000), ("harris", "l1", 0, 300000), ("harris", more, 0, 300000),
+            ("harris", "l1", 50, 300000), ("harris", more, 50, 300000)]
+    jobs = []
+    for name, scene in (("brain", scale.real(BRAIN, 2)), ("phantom", scale.phantom())):
+        for seeding, loss, interval, count in rows:
+            cost = (8 if name == "brain" else 12) * max(1, count / 100000) * (2 if loss not in ("l1", "l2") else 1)
+            jobs.append(scale.job(
+                scene, {"hold_out": 4},
+                bigus(count, 4 * cost, seeding=seeding, loss=loss, densify=interval, cap=2 * count),
+                {"scene": name, "seeds": seeding, "loss": loss, "densified": "yes" if interval else "",
+                 "count": short(count)}, cost + 4, 1 if count <= 100000 else 2, score=["held_out", "training"]))
+    return jobs
+
+
+E3 = Experiment(
+    "e3", "E3: seeds, losses, densification, count, as in the paper's Table 3", e3_jobs,
+    with_speckle("held_out", "held-out") + [("training PSNR", "scores.training.psnr", 2),
+                                            ("training SSIM", "scores.training.ssim", 4),
+                                            ("training BFS", "scores.training.bfs", 3)] + COST,
+    lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], f"scores.{frames}.psnr",
+                       f"{scene}: PSNR, {title} frames (dB)",
+                       lambda labels: " ".join(str(labels[k]) for k in ("seeds", "loss", "count"))
+                       + (" densified" if labels["densified"] else ""))
+                  for scene in ("brain", "phantom")
+                  for frames, title in (("held_out", "held-out"), ("training", "training"))],
+    split="scene")
+
+# ---- E4: the paper's Table 4 ----
+
+KNOWN_SIGMAS = (1, 2, 3, 4)  # mm
+
+
+def thick(scale, sigma, **options):
+    return scale.phantom(**{"width": 128, "height": 128, "pixel_size": 0.4, "frames": 48, "elevation_sigma": sigma,
+                            "scatterer_density": 10, **({} if not scale.is_quick else
+                                                        {"width": 64, "height": 64, "pixel_size": 0.8, "frames": 16,
+                                                         "scatterer_density": 1}), **options})
+
+
+def e4_jobs(scale):
+    crossing = {"phantoms": [phantom for angle in (0, 90)
+                             for phantom in thick(scale, 1.5, sweep_angle=angle)["phantoms"]]}
+    scenes = {"brain (sparse)": (scale.real(BRAIN, 2), {"hold_out": 4}, 100000, 0.8, 10, {}),
+              "brain, no virtual planes": (scale.real(BRAIN, 2), {"hold_out": 4}, 100000, 0.8, 10,
+                                           {"virtual_planes": 0}),
+              "liver (dense)": (scale.real(LIVER, 2), {"hold_out": 8}, 40000, 0.3, 20, {}),
+              "crossing phantoms": (crossing, {"hold_out": 4}, 50000, 1.5, 12, {})}
+    for sigma in KNOWN_SIGMAS:
+        scenes[f"phantom, sigma {sigma} mm"] = (thick(scale, sigma), {"hold_out": 4}, 30000, sigma, 8, {})
+    jobs = []
+    for name, (scene, frames, count, sigma, cost, options) in scenes.items():
+        for is_signed in (False, True):
+            for beam in (0, sigma):
+                jobs.append(scale.job(
+                    scene, frames,
+                    bigus(count, 4 * cost, **{"signed": is_signed, "elevation_sigma": beam, **options}),
+                    {"scene": name, "signed": "yes" if is_signed else "", "beam mm": beam or "off"}, cost + 3,
+                    1 if "sigma" not in name or sigma in (1, 4) else 2, score=["held_out", "training"]))
+    return jobs
+
+
+E4 = Experiment(
+    "e4", "E4: signed reflectivity and beam, as in the paper's Table 4", e4_jobs,
+    scored("held_out", "held-out") + [("held-out BFS", "scores.held_out.bfs", 3),
+                                      ("training PSNR", "scores.training.psnr", 2),
+                                      ("training SSIM", "scores.training.ssim", 4),
+                                      ("training BFS", "scores.training.bfs", 3)] + COST[:1],
+    lambda jobs: [bars(jobs, f"scores.{frames}.psnr", f"PSNR, {title} frames (dB)",
+                       lambda labels: f"{labels['scene']}: {'signed' if labels['signed'] else 'positive'}, "
+                                      f"beam {labels['beam mm']}")
+                  for frames, title in (("held_out", "held-out"), ("training", "training"))])
+
+# ---- E5: how far from the frames that were seen ----
+
+
+def e5_jobs(scale):
+    scenes = {"liver": (scale.real(LIVER, 2), 16, (1, 2, 4, 8), 100000, 40),
+              "brain": (scale.real(BRAIN, 2), 8, (1, 2, 4), 50000, 8),
+              "phantom": (scale.phantom(**({} if scale.is_quick else {"frames": 65})), 16 if not scale.is_quick else 8,
+                          (1, 2, 4, 8) if not scale.is_quick else (1, 2, 4), 100000, 20)}
+    jobs = []
+    for name, (scene, period, gaps, count, cost) in scenes.items():
+        for gap in gaps:
+            frames = {"gap": gap, "period": period}
+            labels = {"scene": name, "gap": gap}
+            jobs.append(scale.job(scene, frames, bigus(count, 4 * cost),
+                                  {**labels, "method": "BIGUS"}, cost / gap + 5))
+            for title, method in BASELINES.items():
+                jobs.append(scale.job(scene, frames, {"name": method}, {**labels, "method": title}, 3))
+            jobs.append(scale.job(scene, frames, {"name": "compounding"}, {**labels, "method": "compounding"}, 5))
+    return jobs
+
+
+E5 = Experiment(
+    "e5", "E5: error against the distance to the next frame trained on", e5_jobs,
+    with_speckle("held_out", "held-out") + COST,
+    lambda jobs: [curves([job for job in jobs if job.labels["scene"] == scene], lambda labels, _: labels["gap"],
+                         psnr("held_out"), lambda labels: labels["method"],
+                         ("frames to the next training frame", "held-out PSNR (dB)", scene))
+                  for scene in ("liver", "brain", "phantom")],
+    split="scene")
+
+# ---- E6: what time and memory buy ----
+
+
+def e6_jobs(scale):
+    scenes = {"liver": (scale.real(LIVER, 2), {"hold_out": 8},
+                        [(20000, 10), (20000, 30), (100000, 10), (100000, 30), (100000, 90), (300000, 30),
+                         (300000, 90), (300000, 180), (1000000, 90), (1000000, 240)]),
+              "brain": (scale.real(BRAIN, 2), {"hold_out": 4},
+                        [(20000, 3), (20000, 10), (100000, 3), (100000, 10), (100000, 30), (300000, 10),
+                         (300000, 30), (1000000, 60)])}
+    jobs = []
+    for name, (scene, frames, runs) in scenes.items():
+        for count, limit in runs:
+            jobs.append(scale.job(scene, frames, bigus(count, limit, iterations=FOREVER),
+                                  {"scene": name, "method": "BIGUS", "size": short(count), "limit": f"{limit} s"},
+                                  limit + 5, 1 if count <= 100000 and limit <= 30 else 2 if limit < 200 else 3))
+        for voxel in (0.3, 0.4, 0.5, 0.63, 0.8, 1, 1.3, 1.6):
+            jobs.append(scale.job(scene, frames, {"name": "compounding", "voxel_size": voxel},
+                                  {"scene": name, "method": "compounding", "size": f"{voxel} mm", "limit": ""}, 5))
+        for count in (20000, 100000, 300000, 1000000):
+            jobs.append(scale.job(scene, frames, {"name": "compounding", "equal_gaussians": count},
+                                  {"scene": name, "method": "compounding", "size": f"memory of {short(count)}",
+                                   "limit": ""}, 5))
+    return jobs
+
+
+def e6_panels(jobs):
+    panels = []
+    for scene in ("liver", "brain"):
+        here = [job for job in jobs if job.labels["scene"] == scene]
+        panels.append(curves([job for job in here if job.labels["method"] == "BIGUS"],
+                             lambda _, members: mean(members, "seconds"), psnr("held_out"),
+                             lambda labels: labels["size"],
+                             ("seconds", "held-out PSNR (dB)", f"{scene}: time"), logarithmic=True))
+        panels.append(curves(here, lambda _, members: megabytes(members), psnr("held_out"),
+                             lambda labels: f"{labels['method']} {labels['limit']}".strip(),
+                             ("megabytes", "held-out PSNR (dB)", f"{scene}: memory"), logarithmic=True))
+    return panels
+
+
+E6 = Experiment("e6", "E6: quality against time, and against memory", e6_jobs,
+                scored("held_out", "held-out") + [("voxel mm", "facts.voxel_size", 2), ("bytes", "bytes", 0)] + COST
+                + [("iterations", "facts.iterations", 0)], e6_panels, split="scene")
+
+# ---- E7: spread over seeds ----
+
+E7 = Experiment(
+    "e7", "E7: three seeds of the headline rows", lambda scale: headline(scale, [1, 2, 3]),
+    scored("held_out", "held-out") + [("held-out BFS", "scores.held_out.bfs", 3),
+                                      ("training PSNR", "scores.training.psnr", 2)] + COST[:1],
+    lambda jobs: [bars(jobs, "scores.held_out.psnr", "held-out PSNR (dB), least to most",
+                       lambda labels: f"{labels['scene']}: {labels['method']}")])
+
+EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7)}

@@ -1,0 +1,117 @@
+#!/usr/bin/python3
+"""The experiments on quality: what they ask is in README.md of this folder.
+
+    experiments.py e1 [e2 ...|all] [--quick] [--output FOLDER] [--data FOLDER] [--budget MINUTES]
+    experiments.py list              what would run, in which order, and how long it should take
+    experiments.py publish           put the tables and plots of --output into README.md
+
+For each experiment writes NAME.csv (all that is known), NAME.md (the table) and NAME.png (the plot). Jobs run in the
+order of their priority, over all the experiments asked for; each runs once, whatever the number of calls. What a budget
+has no room for is listed as not run. --quick: the same on small pictures with few Gaussians, a minute or two each; it
+shows that everything works and says nothing about quality.
+"""
+
+import argparse
+import math
+import os
+import sys
+from pathlib import Path
+
+import plots
+from harness import PROJECT, Job, Runner, groups, markdown, write_csv, write_whole
+from definitions import EXPERIMENTS, Scale
+
+HERE = Path(__file__).resolve().parent
+
+
+def report(experiment, jobs, folder):
+    """The experiment's table, plot and CSV, of what has been run so far."""
+    folder.mkdir(parents=True, exist_ok=True)
+    name = experiment.name
+    write_csv(jobs, folder / f"{name}.csv")
+    text = "".join(f"{title}\n\n{markdown(part, columns)}\n" if title else markdown(part, columns) + "\n"
+                   for title, part, columns in experiment.tables(jobs))
+    left = [job for job in jobs if not job.result]
+    if left:
+        text += f"{len(left)} of {len(jobs)} jobs have no result: " + "; ".join(
+            sorted({job.state for job in left})) + ".\n\n"
+    machines = sorted({f"{job.result['machine']}; {job.result['device']}; version {job.result['version']} "
+                       f"({job.result['commit']})" for job in jobs if job.result})
+    text += "".join(f"Machine: {line}.\n" for line in machines)
+    seeds = sorted({job.request.get("seed", 1) for job in jobs if job.result})
+    text += f"Seeds: {', '.join(map(str, seeds))}.\n" if seeds else ""
+    write_whole(folder / f"{name}.md", text)
+    if any(job.result for job in jobs):
+        plots.draw(experiment, jobs, folder / f"{name}.png")
+    return text
+
+
+def publish(folder):
+    """Tables between the markers of README.md, plots beside it."""
+    readme = HERE / "README.md"
+    text = readme.read_text()
+    for experiment in EXPERIMENTS.values():
+        table = folder / f"{experiment.name}.md"
+        begin, end = f"<!-- {experiment.name} begin -->", f"<!-- {experiment.name} end -->"
+        if not table.is_file() or begin not in text:
+            continue
+        plot = folder / f"{experiment.name}.png"
+        body = table.read_text()
+        if plot.is_file():
+            (HERE / plot.name).write_bytes(plot.read_bytes())
+            body = f"![{experiment.title}]({plot.name})\n\n" + body
+        head, tail = text.split(begin)[0], text.split(end)[1]
+        text = f"{head}{begin}\n{body.rstrip()}\n{end}{tail}"
+    write_whole(readme, text)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="+", choices=[*EXPERIMENTS, "all", "list", "publish"])
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--output", type=Path, default=Path("experiments"))
+    parser.add_argument("--data", type=Path,
+                        default=os.environ.get("BIGUS_DATA") or PROJECT.parent / "shared" / "data")
+    parser.add_argument("--program", type=Path, default=PROJECT / "build/bin/bigusExperiment")
+    parser.add_argument("--budget", type=float, default=math.inf, metavar="MINUTES")
+    parser.add_argument("--priority", type=int, default=2, choices=[1, 2, 3],
+                        help="leave out jobs above it; 3 runs everything (default: 2)")
+    options = parser.parse_args()
+    output = options.output / ("quick" if options.quick else "full")
+    if "publish" in options.what:
+        publish(output)
+        return 0
+
+    named = [name for name in options.what if name in EXPERIMENTS]
+    chosen = [EXPERIMENTS[name] for name in (named or EXPERIMENTS)]
+    scale = Scale.quick() if options.quick else Scale()
+    jobs = {experiment.name: [job for job in experiment.jobs(scale) if job.priority <= options.priority]
+            for experiment in chosen}
+    runner = Runner(options.program, Path(options.data), output, 60 * options.budget)
+    # Stable: within a priority, experiments and their jobs in the order in which they are defined.
+    queue = sorted((job for group in jobs.values() for job in group), key=lambda job: job.priority)
+    if "list" in options.what:
+        total, known = 0, set()
+        for job in queue:
+            new = job.key not in known and not runner.recall(job)
+            known.add(job.key)
+            total += job.seconds if new else 0
+            print(f"{job.priority}  {job.seconds if new else 0:5.0f} s  {job.labels}")
+        print(f"{len(queue)} jobs, {total / 60:.1f} minutes")
+        return 0
+    if not options.program.is_file():
+        sys.exit(f"There is no program '{options.program}'; build bigusExperiment, or name it with --program.")
+    try:
+        for job in queue:
+            runner.run(job)
+    finally:  # also when interrupted: what is there can be looked at
+        for experiment in chosen:
+            text = report(experiment, jobs[experiment.name], output)
+            print(f"\n{experiment.name}: {experiment.title}\n\n{text}", end="")
+    failed = [job for job in queue if job.state.startswith("failed")]
+    print(f"\n{runner.ran} jobs run, {len(failed)} failed.")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,206 @@
+"""Runs jobs of bigusExperiment once each, within a budget, and turns their results into tables.
+
+A result is kept in a file named after its job, so nothing is run twice and an interrupted run goes on where it
+stopped. Files appear whole or not at all.
+"""
+
+import csv
+import hashlib
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parents[3]
+
+
+@dataclass
+class Job:
+    """What to run, and what the tables call it."""
+    request: dict                  # for bigusExperiment; see Baselines/README.md
+    labels: dict                   # column: value, for tables and plots
+    seconds: float                 # it should take, all in all
+    priority: int = 1              # 1 first; 3 only when there is time to waste
+    result: dict = None            # what came of it
+    state: str = "not run"         # or done, failed, no data
+
+    @property
+    def key(self):
+        text = json.dumps(self.request, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def machine():
+    """The processor, how many of it, and the system."""
+    name = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                name = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        pass
+    return f"{name}, {os.cpu_count()} threads, {platform.system()} {platform.release()}"
+
+
+def commit():
+    """Of the source tree; empty outside a repository."""
+    answer = subprocess.run(["git", "-C", str(PROJECT), "describe", "--always", "--dirty"], capture_output=True,
+                            text=True)
+    return answer.stdout.strip()
+
+
+def write_whole(path, text):
+    """A file that is there with all of its text, or not at all."""
+    part = path.with_name(path.name + f".{os.getpid()}.part")
+    part.write_text(text)
+    part.replace(path)
+
+
+@dataclass
+class Runner:
+    program: Path
+    data: Path
+    output: Path
+    budget: float = math.inf       # seconds left to spend
+    ran: int = 0
+    start: float = field(default_factory=time.monotonic)
+
+    def missing(self, job):
+        """The first data file the job needs that is not there."""
+        scene = job.request["sweep"]
+        for name in (scene.get("file"), scene.get("config"), scene.get("volume")):
+            if name and not (self.data / name).is_file():
+                return name
+        return None
+
+    def path(self, job):
+        return self.output / "jobs" / f"{job.key}.json"
+
+    def recall(self, job):
+        """Takes the result from an earlier run, if there is one."""
+        try:
+            result = json.loads(self.path(job).read_text())
+        except (OSError, ValueError):
+            return False
+        if result.get("job") != job.request:
+            return False
+        job.result, job.state = result, "done"
+        return True
+
+    def run(self, job):
+        if self.recall(job):
+            return
+        if (missing := self.missing(job)):
+            job.state = f"no data: {missing}"
+            return
+        if job.seconds > self.budget:
+            job.state = "not run"
+            return
+        began = time.monotonic()
+        left = "" if math.isinf(self.budget) else f", {self.budget / 60:.1f} min left"
+        print(f"[{began - self.start:6.0f} s{left}] {job.labels}, about {job.seconds:.0f} s", flush=True)
+        command = [str(self.program), "--data", str(self.data), "--cache", str(self.output / "phantoms")]
+        try:
+            answer = subprocess.run(command, input=json.dumps(job.request), capture_output=True, text=True,
+                                    timeout=4 * job.seconds + 60)
+            if answer.returncode != 0:
+                raise RuntimeError((answer.stderr.strip() or f"exit status {answer.returncode}").splitlines()[-1])
+            result = json.loads(answer.stdout)
+        except (subprocess.TimeoutExpired, RuntimeError, ValueError) as error:
+            job.state = f"failed: {error}"
+            print("    " + job.state, file=sys.stderr, flush=True)
+            return
+        finally:
+            self.budget -= time.monotonic() - began
+        result |= {"job": job.request, "machine": machine(), "commit": commit(), "wall_seconds": time.monotonic() - began,
+                   "date": datetime.now(timezone.utc).isoformat(timespec="seconds")}
+        self.path(job).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(self.path(job), json.dumps(result, indent=1))
+        job.result, job.state = result, "done"
+        self.ran += 1
+
+
+# ---- tables ----
+
+def value(result, path):
+    """The number under a path such as scores.held_out.psnr; None where there is none."""
+    for part in path.split("."):
+        if not isinstance(result, dict) or result.get(part) is None:
+            return None
+        result = result[part]
+    return result
+
+
+def groups(jobs):
+    """Jobs that differ by nothing but the seed: [(labels, [results])], in order; results may be empty."""
+    found = {}
+    for job in jobs:
+        labels = tuple((name, label) for name, label in job.labels.items() if name != "seed")
+        found.setdefault(labels, []).append(job)
+    return [(dict(labels), members) for labels, members in found.items()]
+
+
+def mean(jobs, path):
+    """Over the jobs that are done; None when none is."""
+    values = [value(job.result, path) for job in jobs if job.result]
+    values = [v for v in values if v is not None]
+    return statistics.fmean(values) if values else None
+
+
+def cell(jobs, path, places):
+    """Mean, and the spread over seeds where there are several."""
+    values = [value(job.result, path) for job in jobs if job.result]
+    values = [v for v in values if v is not None]
+    if not values:
+        return "–"
+    text = f"{statistics.fmean(values):.{places}f}"
+    return text + (f" ± {statistics.stdev(values):.{places}f}" if len(values) > 1 else "")
+
+
+def markdown(jobs, columns):
+    """columns: [(title, path in the result, decimal places)]. Rows that were not run say so."""
+    rows = groups(jobs)
+    names = list(dict.fromkeys(name for labels, _ in rows for name in labels))
+    lines = ["| " + " | ".join(names + [title for title, _, _ in columns]) + " |",
+             "|---" * (len(names) + len(columns)) + "|"]
+    for labels, members in rows:
+        cells = [str(labels.get(name, "")) for name in names]
+        if any(job.result for job in members):
+            cells += [cell(members, path, places) for _, path, places in columns]
+        else:
+            cells += [members[0].state.split(":")[0]] + [""] * (len(columns) - 1)
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def flat(result, prefix=""):
+    """Every number and word of a result by its path; lists are left out."""
+    for name, entry in result.items():
+        if isinstance(entry, dict):
+            yield from flat(entry, f"{prefix}{name}.")
+        elif not isinstance(entry, list):
+            yield prefix + name, entry
+
+
+def write_csv(jobs, path):
+    """Everything known about every job, one a line."""
+    rows = []
+    for job in jobs:
+        known = dict(flat({k: v for k, v in job.result.items() if k != "job"})) if job.result else {}
+        rows.append({**job.labels, "seed": job.request.get("seed", 1), "state": job.state, **known,
+                     "job": json.dumps(job.request, sort_keys=True)})
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    part = path.with_name(path.name + ".part")
+    with open(part, "w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+    part.replace(path)
