@@ -189,7 +189,7 @@ class Usage(CommandTest):
                "--validation": ["1"],
                "--threads": ["-1", "x"],
                "--seeding": ["nowhere"],
-               "--loss": ["l3"]}
+               "--loss": ["l3", "", "l1+", "-1*l1", "0*l1", "nan*l2"]}
         for option, values in bad.items():
             for value in values:
                 with self.subTest(option=option, value=value):
@@ -391,6 +391,24 @@ class Train(CommandTest):
                              "--no-baselines")
         self.assertIsNotNone(answer["held_out"])
         self.assertIsNone(answer["baselines"])
+
+    def test_aligned_scores_are_a_diagnostic_beside_the_score(self):
+        training = ("train", self.sweep, "-o", self.folder / "f.vtp", "--gaussians", 2000, "--iterations", 60,
+                    "--hold-out", 4, "--no-baselines")
+        plain = self.expect(SUCCESS, *training)
+        self.assertIsNone(plain["held_out_aligned"])
+        answer = self.expect(SUCCESS, *training, "--align")
+        tracked, aligned = answer["held_out"], answer["held_out_aligned"]
+        self.assertEqual(tracked, plain["held_out"], "the score itself stays what it is")
+        self.assertEqual(aligned["frames"], tracked["frames"])
+        self.assertGreaterEqual(aligned["psnr"], tracked["psnr"] - 1e-9, "never worse than the tracked pose")
+        self.assertGreater(aligned["largest_translation"], 0)
+        for unit, bound in (("translation", 2), ("rotation", 3)):
+            self.assertLessEqual(aligned["mean_" + unit], aligned["largest_" + unit])
+            self.assertLessEqual(aligned["largest_" + unit], bound + 1e-9)
+        text = run(*training, "--align").stdout
+        self.assertIn("tracked poses", text)
+        self.assertIn("aligned poses (diagnostic: the frame itself chose its pose)", text)
 
     def test_training_predicts_better_than_its_seeds(self):
         scores = []
