@@ -48,6 +48,7 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
   }
   std::vector<float> image(sweep.PixelsPerFrame()), truth(sweep.PixelsPerFrame());
   std::vector<double> psnr, ssim;
+  std::vector<TextureComparison> textures;
   FrameScores scores;
   scores.frames = frames;
   for (int frame : frames)
@@ -56,12 +57,14 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
     predict(frame, image.data());
     psnr.push_back(Psnr(image.data(), truth.data(), image.size()));
     ssim.push_back(Ssim(image.data(), truth.data(), sweep.width, sweep.height));
+    textures.push_back(CompareTexture(image.data(), truth.data(), sweep.width, sweep.height));
     const BackscatterFidelity bfs = Bfs(image.data(), truth.data(), sweep.width, sweep.height);
     scores.bfs.score += bfs.score / static_cast<double>(frames.size());
     scores.bfs.meanContrast += bfs.meanContrast / static_cast<double>(frames.size());
     scores.bfs.contrastDistribution += bfs.contrastDistribution / static_cast<double>(frames.size());
     scores.bfs.rayleigh += bfs.rayleigh / static_cast<double>(frames.size());
   }
+  scores.texture = MeanTexture(textures);
   scores.psnr = Mean(psnr);
   scores.psnrStd = Deviation(psnr);
   scores.ssim = Mean(ssim);

@@ -21,6 +21,7 @@ struct FrameScores
   double psnr = 0, psnrStd = 0;  ///< dB
   double ssim = 0, ssimStd = 0;  ///< valid windows
   BackscatterFidelity bfs;       ///< term by term, mean over frames
+  TextureComparison texture;     ///< number by number, mean over frames
 };
 
 /// Scores what `predict(frame, image)` writes against the frames themselves (whole frames, masked pixels

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -25,11 +24,6 @@ double InOrder(const std::vector<double>& parts)
     sum += part;
   }
   return sum;
-}
-
-double Mean(const std::vector<double>& values)
-{
-  return InOrder(values) / static_cast<double>(values.size());
 }
 
 void CheckSize(const char* metric, int width, int height)
@@ -59,52 +53,6 @@ std::array<double, ssimTaps> SsimKernel()
     k /= sum;
   }
   return kernel;
-}
-
-constexpr int patchSide = 7;
-constexpr int patchStride = 3;
-constexpr double darkestPatch = 0.02;        // mean intensity
-constexpr double rayleighContrast = 0.5227;  // std / mean of a Rayleigh distribution: sqrt(4 / pi - 1)
-constexpr double rayleighWidth = 0.1;
-
-struct PatchStatistics
-{
-  double mean, contrast;
-};
-
-PatchStatistics MeasurePatch(const float* image, int width, int x, int y)
-{
-  constexpr double n = patchSide * patchSide;
-  const float* corner = image + static_cast<std::size_t>(y) * width + x;
-  double sum = 0;
-  for (int dy = 0; dy < patchSide; ++dy)
-  {
-    for (int dx = 0; dx < patchSide; ++dx)
-    {
-      sum += corner[static_cast<std::size_t>(dy) * width + dx];
-    }
-  }
-  const double mean = sum / n;
-  double squares = 0;
-  for (int dy = 0; dy < patchSide; ++dy)
-  {
-    for (int dx = 0; dx < patchSide; ++dx)
-    {
-      const double d = corner[static_cast<std::size_t>(dy) * width + dx] - mean;
-      squares += d * d;
-    }
-  }
-  return {mean, std::sqrt(squares / n) / std::max(mean, 1e-6)};
-}
-
-/// A difference as a share of `scale`; where that is 0, any difference is infinite.
-double Share(double difference, double scale)
-{
-  if (scale > 0)
-  {
-    return difference / scale;
-  }
-  return difference == 0 ? 0 : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -198,69 +146,7 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                       }
                       rows[row] = sum;
                     });
-  return Mean(rows) / (width - 2 * margin);
-}
-
-BackscatterFidelity Bfs(const float* image, const float* truth, int width, int height)
-{
-  CheckSize("BFS", width, height);
-  const int down = height < patchSide ? 0 : (height - patchSide) / patchStride + 1;
-  const int across = width < patchSide ? 0 : (width - patchSide) / patchStride + 1;
-  std::vector<std::vector<std::array<double, 2>>> rows(down);  // contrasts of image and truth, patch by patch
-  tbb::parallel_for(0, down,
-                    [&](int row)
-                    {
-                      for (int column = 0; column < across; ++column)
-                      {
-                        const int x = column * patchStride;
-                        const int y = row * patchStride;
-                        const PatchStatistics t = MeasurePatch(truth, width, x, y);
-                        if (t.mean >= darkestPatch)
-                        {
-                          rows[row].push_back({MeasurePatch(image, width, x, y).contrast, t.contrast});
-                        }
-                      }
-                    });
-
-  std::vector<double> found, expected;                  // contrasts of all patches
-  std::vector<double> foundRayleigh, expectedRayleigh;  // of those where the truth is fully developed speckle
-  for (const auto& row : rows)
-  {
-    for (const auto& [c, ct] : row)
-    {
-      found.push_back(c);
-      expected.push_back(ct);
-      if (std::abs(ct - rayleighContrast) < rayleighWidth)
-      {
-        foundRayleigh.push_back(c);
-        expectedRayleigh.push_back(ct);
-      }
-    }
-  }
-  BackscatterFidelity out{1, 1, 1, 1};
-  if (found.empty())
-  {
-    return out;
-  }
-  const double mean = Mean(expected);
-  out.meanContrast = std::max(0.0, 1 - Share(std::abs(Mean(found) - mean), mean));
-  if (!foundRayleigh.empty())
-  {
-    out.rayleigh = std::exp(-std::abs(Mean(foundRayleigh) - Mean(expectedRayleigh)) / rayleighContrast);
-  }
-
-  // Of two samples of equal size, the Wasserstein-1 distance is the mean difference in order of size.
-  std::sort(found.begin(), found.end());
-  std::sort(expected.begin(), expected.end());
-  double distance = 0, variance = 0;
-  for (std::size_t k = 0; k < found.size(); ++k)
-  {
-    distance += std::abs(found[k] - expected[k]) / static_cast<double>(found.size());
-    variance += (expected[k] - mean) * (expected[k] - mean) / static_cast<double>(found.size());
-  }
-  out.contrastDistribution = std::exp(-Share(distance, std::sqrt(variance)));
-  out.score = 0.4 * out.meanContrast + 0.4 * out.contrastDistribution + 0.2 * out.rayleigh;
-  return out;
+  return InOrder(rows) / (static_cast<double>(rows.size()) * (width - 2 * margin));
 }
 
 }  // namespace bigus

@@ -1,7 +1,9 @@
-// Image quality: PSNR, SSIM and the speckle score BFS, defined exactly in README.md of this folder.
+// Image quality: PSNR and SSIM, defined exactly in README.md of this folder; with Texture.h all there is.
 #pragma once
 
 #include <cstddef>
+
+#include "Texture.h"
 
 namespace bigus
 {
@@ -22,20 +24,5 @@ enum class SsimWindows
 /// variance. An image smaller than 11 x 11 throws Error for Valid.
 double Ssim(const float* image, const float* truth, int width, int height,
             SsimWindows windows = SsimWindows::Valid);
-
-/// Backscatter fidelity score (paper eq 15). The paper does not define its terms: these are this project's
-/// own. Each lies in [0, 1], 1 for an image whose speckle has the statistics of the truth's.
-struct BackscatterFidelity
-{
-  double score = 0;                 ///< 0.4 meanContrast + 0.4 contrastDistribution + 0.2 rayleigh
-  double meanContrast = 0;          ///< s_mu
-  double contrastDistribution = 0;  ///< exp(-W1 / sigma_W)
-  double rayleigh = 0;              ///< s_Ray
-};
-
-/// Speckle contrast std / mean over 7 x 7 patches, stride 3; patches whose truth mean is below 0.02 are
-/// skipped in both images. With no patch left (or no room for one) the images agree on "no speckle": all
-/// terms are 1.
-BackscatterFidelity Bfs(const float* image, const float* truth, int width, int height);
 
 }  // namespace bigus

@@ -92,7 +92,7 @@ TEST(ScoreFrames, IsMeanAndDeviationOfEachFramesScores)
   EXPECT_EQ(asked, frames);
   EXPECT_EQ(scores.frames, frames);
 
-  double psnr[3], ssim[3], bfs[3];
+  double psnr[3], ssim[3], bfs[3], contrast[3], highFrequencyPower[3];
   std::vector<float> image(1200), truth(1200);
   for (int k = 0; k < 3; ++k)
   {
@@ -101,6 +101,9 @@ TEST(ScoreFrames, IsMeanAndDeviationOfEachFramesScores)
     psnr[k] = bigus::Psnr(image.data(), truth.data(), 1200);
     ssim[k] = bigus::Ssim(image.data(), truth.data(), 40, 30);
     bfs[k] = bigus::Bfs(image.data(), truth.data(), 40, 30).score;
+    const bigus::TextureComparison texture = bigus::CompareTexture(image.data(), truth.data(), 40, 30);
+    contrast[k] = texture.image.contrast.mean;
+    highFrequencyPower[k] = texture.highFrequencyPower;
   }
   const auto mean = [](const double* v) { return (v[0] + v[1] + v[2]) / 3; };
   const auto deviation = [&](const double* v)
@@ -110,6 +113,8 @@ TEST(ScoreFrames, IsMeanAndDeviationOfEachFramesScores)
   EXPECT_NEAR(scores.ssim, mean(ssim), 1e-12);
   EXPECT_NEAR(scores.ssimStd, deviation(ssim), 1e-6);
   EXPECT_NEAR(scores.bfs.score, mean(bfs), 1e-12);
+  EXPECT_NEAR(scores.texture.image.contrast.mean, mean(contrast), 1e-12);
+  EXPECT_NEAR(scores.texture.highFrequencyPower, mean(highFrequencyPower), 1e-12);
   EXPECT_NEAR(
       scores.bfs.score,
       0.4 * scores.bfs.meanContrast + 0.4 * scores.bfs.contrastDistribution + 0.2 * scores.bfs.rayleigh,
