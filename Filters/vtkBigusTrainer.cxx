@@ -158,11 +158,13 @@ vtkBigusTrainer::vtkBigusTrainer()
   this->SetNumberOfInputPorts(2);
   this->SetNumberOfOutputPorts(2);
   this->SetEngine("auto");
+  this->SetLoss("l1");
 }
 
 vtkBigusTrainer::~vtkBigusTrainer()
 {
   this->SetEngine(nullptr);
+  this->SetLoss(nullptr);
 }
 
 void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
@@ -179,7 +181,7 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "TimeLimit: " << this->TimeLimit << "\n";
   os << indent << "Batch: " << this->Batch << "\n";
   os << indent << "Seed: " << this->Seed << "\n";
-  os << indent << "Loss: " << (this->Loss == L1 ? "L1" : "L2") << "\n";
+  os << indent << "Loss: " << (this->Loss ? this->Loss : "(none)") << "\n";
   os << indent << "SignedReflectivity: " << (this->SignedReflectivity ? "On\n" : "Off\n");
   os << indent << "IgnoreMasked: " << (this->IgnoreMasked ? "On\n" : "Off\n");
   os << indent << "Tolerance: " << this->Tolerance << "\n";
@@ -283,7 +285,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     options.timeLimit = this->TimeLimit;
     options.batch = this->Batch;
     options.seed = this->Seed;
-    options.loss = this->Loss == L1 ? bigus::LossKind::L1 : bigus::LossKind::L2;
+    options.loss = bigus::Loss::Parse(this->Loss ? this->Loss : "");
     options.signedReflectivity = this->SignedReflectivity != 0;
     options.ignoreMasked = this->IgnoreMasked != 0;
     options.tolerance = this->Tolerance;
@@ -343,7 +345,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     bigus::SetProvenance(output, "seed", std::to_string(this->Seed));
     bigus::SetProvenance(output, "iterations", std::to_string(result.iterations));
     bigus::SetProvenance(output, "aborted", result.aborted ? "yes" : "no");
-    bigus::SetProvenance(output, "loss", this->Loss == L1 ? "L1" : "L2");
+    bigus::SetProvenance(output, "loss", options.loss.ToString());
     bigus::SetProvenance(output, "signedReflectivity", this->SignedReflectivity ? "yes" : "no");
     bigus::SetProvenance(output, "elevationSigma", ToText(result.field.beam.elevationSigma));
     bigus::SetProvenance(output, "trainingFrames", ToText(this->TrainingFrames));

@@ -162,21 +162,14 @@ public:
   vtkGetMacro(Seed, vtkTypeUInt64);
   ///@}
 
-  /** How a pixel's error is counted. */
-  enum
-  {
-    L1 = 0,  ///< absolute difference of intensities
-    L2 = 1   ///< squared difference
-  };
-
   ///@{
   /**
-   * How a pixel's error is counted, default L1.
+   * What training makes small, default "l1": a sum of the terms l1 (absolute difference of intensities), l2
+   * (squared difference), dssim (1 - SSIM), ffl (focal frequency loss) and contrast (difference of the
+   * windows' standard deviations, squared), each with a factor if wanted: "0.8*l1+0.2*dssim".
    */
-  vtkSetClampMacro(Loss, int, L1, L2);
-  vtkGetMacro(Loss, int);
-  void SetLossToL1() { this->SetLoss(L1); }
-  void SetLossToL2() { this->SetLoss(L2); }
+  vtkSetStringMacro(Loss);
+  vtkGetStringMacro(Loss);
   ///@}
 
   ///@{
@@ -371,7 +364,7 @@ protected:
   double TimeLimit = 0;
   int Batch = 8;
   vtkTypeUInt64 Seed = 1;
-  int Loss = L1;
+  char* Loss = nullptr;
   vtkTypeBool SignedReflectivity = 1;
   vtkTypeBool IgnoreMasked = 0;
   double Tolerance = 1e-4;

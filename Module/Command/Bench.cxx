@@ -534,7 +534,7 @@ private:
     {
       for (std::size_t b = 0; b < pass.batches.size(); ++b)
       {
-        losses[b] = engine->TrainStep(pass.batches[b], LossKind::L1, pass.rates, pass.limits);
+        losses[b] = engine->TrainStep(pass.batches[b], Loss(), pass.rates, pass.limits);
       }
     };
     std::vector<SlicePlane> planes;
@@ -559,7 +559,7 @@ private:
                    {
                      for (const std::vector<int>& frameNumbers : pass.batches)
                      {
-                       untrained->Backpropagate(frameNumbers, LossKind::L1);
+                       untrained->Backpropagate(frameNumbers, Loss());
                      }
                    }};
     std::vector<Contender*> contenders{&one, &forward, &both};
@@ -591,9 +591,9 @@ private:
     const std::size_t trained = engine->MemoryUse();
     std::vector<int> half(pass.batches[0].begin(), pass.batches[0].begin() + batch / 2);
     const auto fresh = NewTrainingEngine(pass);
-    fresh->TrainStep(half, LossKind::L1, pass.rates, pass.limits);
+    fresh->TrainStep(half, Loss(), pass.rates, pass.limits);
     const std::size_t withHalf = fresh->MemoryUse();
-    fresh->TrainStep(pass.batches[0], LossKind::L1, pass.rates, pass.limits);
+    fresh->TrainStep(pass.batches[0], Loss(), pass.rates, pass.limits);
     const double perFrame =
         (static_cast<double>(fresh->MemoryUse()) - static_cast<double>(withHalf)) / (batch - batch / 2);
     rusage usage{};

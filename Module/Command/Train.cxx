@@ -8,6 +8,7 @@
 
 #include "Command.h"
 #include "Core/Engine.h"
+#include "Core/Error.h"
 #include "Core/Evaluation.h"
 #include "Core/Trainer.h"
 #include "Files.h"
@@ -341,9 +342,22 @@ void AddTrain(Program& program)
       ->type_name("N")
       ->capture_default_str()
       ->group(course);
-  static const std::map<std::string, LossKind> losses = {{"l1", LossKind::L1}, {"l2", LossKind::L2}};
-  app->add_option("--loss", trainer.loss, "l1 (default) or l2")
-      ->transform(CLI::Transformer(losses, CLI::ignore_case).description(""))
+  const auto soundLoss = [](const std::string& text) -> std::string
+  {
+    try
+    {
+      Loss::Parse(text);
+      return "";
+    }
+    catch (const Error& error)
+    {
+      return error.what();
+    }
+  };
+  app->add_option_function<std::string>(
+         "--loss", [&trainer](const std::string& text) { trainer.loss = Loss::Parse(text); },
+         "What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim; default: l1")
+      ->check(CLI::Validator(soundLoss, ""))
       ->type_name("LOSS")
       ->group(course);
   app->add_option("--densify", trainer.densification.interval,

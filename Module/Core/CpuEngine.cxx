@@ -17,6 +17,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #if defined(__SSE2__)
@@ -26,6 +27,7 @@
 #include "CpuKernels.h"
 #include "Engine.h"
 #include "EngineDetail.h"
+#include "ImageLoss.h"
 #include "MortonOrder.h"
 #include "Optimizer.h"
 
@@ -234,16 +236,12 @@ public:
                           [this](std::size_t b) { return blocks_[b].reflectivity; });
                for (int row = begin; row < end; ++row)
                {
-                 const T* in = buffer.data() + (row - begin) * stride;
-                 float* out = image + static_cast<std::size_t>(row) * window.columns;
+                 T* line = buffer.data() + (row - begin) * stride;
                  if (output == ViewOutput::Intensity)
                  {
-                   kernels_.toIntensity(in, window.columns, static_cast<T>(transfer_.gamma), out);
+                   kernels_.toIntensity(line, window.columns, static_cast<T>(transfer_.gamma), line);
                  }
-                 else
-                 {
-                   std::copy_n(in, window.columns, out);
-                 }
+                 std::copy_n(line, window.columns, image + static_cast<std::size_t>(row) * window.columns);
                }
                if (coverage)
                {
@@ -268,14 +266,15 @@ public:
     {
       countedPixels_ += Counts(pixel);
     }
+    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_, ignoreMasked));
   }
 
-  double Backpropagate(const std::vector<int>& frames, LossKind kind) override
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
   {
-    const double loss = Forward(frames, kind);
+    const double value = Forward(frames, loss);
     gradient_.assign(blocks_.size(), {});
     Backward([&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; });
-    return loss;
+    return value;
   }
 
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
@@ -295,16 +294,16 @@ public:
                       });
   }
 
-  double TrainStep(const std::vector<int>& frames, LossKind kind, const LearningRates& rates,
+  double TrainStep(const std::vector<int>& frames, const Loss& loss, const LearningRates& rates,
                    const ParameterLimits& limits) override
   {
-    const double loss = Forward(frames, kind);
+    const double value = Forward(frames, loss);
     gradient_ = {};
     adam_.resize(blocks_.size());
     groupsAreStale_ = true;
     const AdamStep step(rates, limits);
     Backward([&](std::size_t b, const GradientBlock<T>& gradient) { Update(b, gradient, step); });
-    return loss;
+    return value;
   }
 
   std::uint64_t GuardedUpdates() const override { return guarded_; }
@@ -960,10 +959,7 @@ private:
                {
                  const std::size_t pixel = static_cast<std::size_t>(row) * width;
                  ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
-                 for (int column = 0; column < width; ++column)
-                 {
-                   counts[column] = Counts(pixel + column) ? T(1) : T(0);
-                 }
+                 ReadCounts(row, counts.data());
                  sums[static_cast<std::size_t>(f) * height + row] =
                      line(frames[f], truth.data(), counts.data(), rows.Row(row));
                }
@@ -977,22 +973,72 @@ private:
   }
 
   /// images_ of dL/dS, and the loss.
-  double Forward(const std::vector<int>& frames, LossKind kind)
+  double Forward(const std::vector<int>& frames, const Loss& loss)
   {
     CheckFrames(sweep_, frames);
+    loss.Validate();
+    imageLoss_->Check(loss);
     const double share = 1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) *
                                 static_cast<double>(frames.size()));
-    return ForwardFrames(frames, nullptr,
-                         [&](int frame, const T* truth, T* weights, T* line)
-                         {
-                           const T weight = static_cast<T>(share * sweep_->Weight(frame));
-                           for (int column = 0; column < sweep_->width; ++column)
-                           {
-                             weights[column] *= weight;
-                           }
-                           return kernels_.toDerivative(kind, static_cast<T>(transfer_.gamma), truth, weights,
-                                                        sweep_->width, line);
-                         });
+    const auto toDerivative = [&](int frame, const T* truth, T* weights, const T* others, T* line)
+    {
+      const T weight = static_cast<T>(share * sweep_->Weight(frame));
+      for (int column = 0; column < sweep_->width; ++column)
+      {
+        weights[column] *= weight;
+      }
+      return kernels_.toDerivative(static_cast<T>(loss.l1), static_cast<T>(loss.l2),
+                                   static_cast<T>(transfer_.gamma), truth, weights, others, sweep_->width,
+                                   line);
+    };
+    if (loss.IsPixelwise())
+    {
+      return ForwardFrames(frames, nullptr,
+                           [&](int frame, const T* truth, T* weights, T* line)
+                           { return toDerivative(frame, truth, weights, nullptr, line); });
+    }
+
+    // Terms that look at whole images need all their rows: I of each frame, then dL/dI, then dL/dS.
+    ForwardFrames(frames, nullptr, [](int, const T*, T*, T*) { return 0.0; });
+    const int width = sweep_->width, height = sweep_->height;
+    const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
+    std::vector<T> image(stride * height), truth(stride * height), others(stride * height);
+    std::vector<double> sums(height);
+    double total = 0;
+    for (std::size_t f = 0; f < frames.size(); ++f)
+    {
+      const PixelRows<T> rows = FrameRows(f);
+      std::fill(others.begin(), others.end(), T(0));
+      ForBands(1, height,
+               [&](int, int begin, int end)
+               {
+                 for (int row = begin; row < end; ++row)
+                 {
+                   kernels_.toIntensity(rows.Row(row), width, static_cast<T>(transfer_.gamma),
+                                        image.data() + row * stride);
+                   ReadTruth(frames[f] * sweep_->PixelsPerFrame() + static_cast<std::size_t>(row) * width,
+                             truth.data() + row * stride);
+                 }
+               });
+      total += imageLoss_->Evaluate(loss, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()),
+                                    image.data(), truth.data(), stride, others.data());
+      ForBands(1, height,
+               [&](int, int begin, int end)
+               {
+                 std::vector<T> counts(stride, T(0));
+                 for (int row = begin; row < end; ++row)
+                 {
+                   ReadCounts(row, counts.data());
+                   sums[row] = toDerivative(frames[f], truth.data() + row * stride, counts.data(),
+                                            others.data() + row * stride, rows.Row(row));
+                 }
+               });
+      for (double sum : sums)
+      {
+        total += sum;
+      }
+    }
+    return total;
   }
 
   /// spend(block, gradient) for every block that the frames of the last Forward saw.
@@ -1025,6 +1071,16 @@ private:
           }
           spend(b, gradient);
         });
+  }
+
+  /// 1 where a pixel of that row counts and 0 elsewhere.
+  void ReadCounts(int row, T* counts) const
+  {
+    const std::size_t first = static_cast<std::size_t>(row) * sweep_->width;
+    for (int column = 0; column < sweep_->width; ++column)
+    {
+      counts[column] = Counts(first + column) ? T(1) : T(0);
+    }
   }
 
   void ReadTruth(std::size_t first, T* truth) const
@@ -1060,6 +1116,7 @@ private:
   std::shared_ptr<const Sweep> sweep_;
   bool ignoreMasked_ = false;
   std::size_t countedPixels_ = 0;
+  std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
 
   // The last FindVisible and ForwardFrames.
   std::vector<std::uint32_t> seenBlocks_;

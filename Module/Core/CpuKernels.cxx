@@ -1023,51 +1023,30 @@ static BlockBounds<T> BoundsOf(const GaussianBlock<T>& block, int count)
 // Pixels.
 
 template <class T>
-static void ToIntensity(const T* scattering, std::size_t count, T gamma, float* HWY_RESTRICT out)
+static void ToIntensity(const T* scattering, std::size_t count, T gamma, T* out)
 {
   const hn::ScalableTag<T> d;
-  const std::size_t lanes = hn::Lanes(d);
-  const hn::Rebind<float, hn::ScalableTag<T>> df;
-  for (std::size_t i = 0; i < count; i += lanes)
+  for (std::size_t i = 0; i < count; i += hn::Lanes(d))
   {
     const auto s = hn::Max(hn::LoadU(d, scattering + i), hn::Zero(d));
     const auto exponent = hn::Max(hn::Mul(hn::Set(d, -gamma), s), hn::Set(d, kLowestExponent<T>));
-    const auto intensity = hn::Neg(BoundedExpm1(d, exponent));
-    hn::Vec<decltype(df)> single;
-    if constexpr (sizeof(T) == sizeof(float))
-    {
-      single = intensity;
-    }
-    else
-    {
-      single = hn::DemoteTo(df, intensity);
-    }
-    if (i + lanes <= count)
-    {
-      hn::StoreU(single, df, out + i);
-    }
-    else
-    {
-      float last[16];
-      hn::StoreU(single, df, last);
-      std::copy_n(last, count - i, out + i);
-    }
+    hn::StoreU(hn::Neg(BoundedExpm1(d, exponent)), d, out + i);
   }
 }
 
 template <class T>
-static double ToDerivative(LossKind kind, T gamma, const T* truth, const T* weights, std::size_t count,
-                           T* HWY_RESTRICT scattering)
+static double ToDerivative(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others,
+                           std::size_t count, T* HWY_RESTRICT scattering)
 {
   using L = Lanes<T>;
   L sum(T(0));
   for (std::size_t i = 0; i < count; i += L::Count())
   {
-    const L weight = L::Load(weights + i);
     const PixelLoss<L> loss =
-        HWY_NAMESPACE::EvaluateLoss(kind, L(gamma), L::Load(scattering + i), L::Load(truth + i));
-    (weight * loss.derivative).Store(scattering + i);
-    sum = sum + weight * loss.loss;
+        HWY_NAMESPACE::EvaluateLoss(L(l1), L(l2), L(gamma), L::Load(scattering + i), L::Load(truth + i),
+                                    L::Load(weights + i), others ? L::Load(others + i) : L(T(0)));
+    loss.derivative.Store(scattering + i);
+    sum = sum + loss.loss;
   }
   const hn::ScalableTag<T> d;
   return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, sum.v)));

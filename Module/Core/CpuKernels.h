@@ -174,14 +174,15 @@ struct Kernels
 
   BlockBounds<T> (*boundsOf)(const GaussianBlock<T>& block, int count);
 
-  /// out[i] = 1 - exp(-gamma max(scattering[i], 0)). Both may be read up to kRowPadding numbers beyond
-  /// `count`.
-  void (*toIntensity)(const T* scattering, std::size_t count, T gamma, float* out);
+  /// out[i] = 1 - exp(-gamma max(scattering[i], 0)); they may be the same. Arrays are read and written up to
+  /// kRowPadding numbers beyond `count`.
+  void (*toIntensity)(const T* scattering, std::size_t count, T gamma, T* out);
 
-  /// Replaces scattering by weights * dL/dS and returns the sum of weights * L. Arrays are read and written
-  /// up to kRowPadding numbers beyond `count`; weights should be 0 there.
-  double (*toDerivative)(LossKind kind, T gamma, const T* truth, const T* weights, std::size_t count,
-                         T* scattering);
+  /// Replaces scattering by dL/dS and returns the sum of L, see Loss-inl.h; `others` may be null for 0.
+  /// Arrays are read and written up to kRowPadding numbers beyond `count`; weights and others should be 0
+  /// there.
+  double (*toDerivative)(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others,
+                         std::size_t count, T* scattering);
 
   const char* instructionSet;  // name, for reports
 };

@@ -110,13 +110,14 @@ public:
     Render(plane, {0, 0, plane.width, plane.height}, output, image, coverage);
   }
 
-  /// Uploads the frames to train on. Masked pixels are trained as they are (black) unless ignoreMasked.
+  /// Uploads the frames to train on. Masked pixels are trained as they are (black) unless ignoreMasked: then
+  /// they have no part in any loss.
   virtual void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) = 0;
 
-  /// Renders the frames, and adds up the loss (mean over the batch's pixels of weight * loss), its gradient
+  /// Renders the frames, and adds up the loss (mean over the batch's frames of weight * loss), its gradient
   /// with respect to every parameter, and eq 14's error scores. Replaces the previous gradient; scores
-  /// accumulate.
-  virtual double Backpropagate(const std::vector<int>& frames, LossKind loss) = 0;
+  /// accumulate. Throws Error when a term of the loss finds no window in frames of this size and mask.
+  virtual double Backpropagate(const std::vector<int>& frames, const Loss& loss) = 0;
 
   /// One Adam step (beta 0.9, 0.999) along the gradient of the last Backpropagate, for the Gaussians that its
   /// frames saw; all others rest, their averages with them.
@@ -124,7 +125,7 @@ public:
 
   /// Backpropagate and Step at once, which spares an engine from storing the gradient: what training calls.
   /// Afterwards there is no gradient to get or to step along. Returns the loss before the step.
-  virtual double TrainStep(const std::vector<int>& frames, LossKind loss, const LearningRates& rates,
+  virtual double TrainStep(const std::vector<int>& frames, const Loss& loss, const LearningRates& rates,
                            const ParameterLimits& limits) = 0;
 
   /// How many updates of a Gaussian, since the field was set without parents, met a gradient that was not

@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -145,6 +146,17 @@ std::vector<State> InheritState(const std::vector<State>& old, std::size_t size,
     }
   }
   return state;
+}
+
+/// 1 where a pixel has a part in the loss, else 0; empty when all have.
+inline std::vector<std::uint8_t> CountedPixels(const Sweep& sweep, bool ignoreMasked)
+{
+  std::vector<std::uint8_t> counted(ignoreMasked && sweep.mask ? sweep.PixelsPerFrame() : 0);
+  for (std::size_t pixel = 0; pixel < counted.size(); ++pixel)
+  {
+    counted[pixel] = sweep.IsLit(pixel);
+  }
+  return counted;
 }
 
 inline void CheckFrames(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames)

@@ -4,8 +4,6 @@
 
 #include <cmath>
 
-#include "Loss.h"
-
 namespace bigus
 {
 

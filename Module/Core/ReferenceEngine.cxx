@@ -4,10 +4,13 @@
 #include <tbb/parallel_for.h>
 
 #include <cmath>
+#include <optional>
 
 #include "Engine.h"
 #include "EngineDetail.h"
+#include "ImageLoss.h"
 #include "Optimizer.h"
+#include "PixelLoss.h"
 
 namespace bigus
 {
@@ -74,11 +77,14 @@ public:
     sweep->Validate();
     sweep_ = std::move(sweep);
     ignoreMasked_ = ignoreMasked;
+    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_, ignoreMasked));
   }
 
-  double Backpropagate(const std::vector<int>& frames, LossKind kind) override
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
   {
     CheckFrames(sweep_, frames);
+    loss.Validate();
+    imageLoss_->Check(loss);
     gradient_.assign(gaussians_.size(), {});
     const std::size_t pixels = sweep_->PixelsPerFrame();
     std::size_t counted = 0;
@@ -87,21 +93,29 @@ public:
       counted += Counts(pixel);
     }
     const double share = 1.0 / (static_cast<double>(counted) * frames.size());
-    double loss = 0;
-    std::vector<double> derivative(pixels);
+    double sum = 0;
+    std::vector<double> derivative(pixels), image(pixels);
     for (int frame : frames)
     {
       const SlicePlane plane = sweep_->Plane(frame);
       const std::vector<Projection<double>> projections = ProjectAll(plane);
       const std::vector<double> scattering = Scattering(projections, Reflectivities());
-      const std::vector<float> truth = Frame(frame);
+      const std::vector<float> frameTruth = Frame(frame);
+      const std::vector<double> truth(frameTruth.begin(), frameTruth.end());
+      std::vector<double> others(pixels, 0.0);
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
-        const PixelLoss<double> value =
-            EvaluateLoss<double>(kind, transfer_.gamma, scattering[pixel], truth[pixel]);
+        image[pixel] = transfer_.Intensity(scattering[pixel]);
+      }
+      sum += imageLoss_->Evaluate(loss, sweep_->Weight(frame) / static_cast<double>(frames.size()),
+                                  image.data(), truth.data(), sweep_->width, others.data());
+      for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+      {
         const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
-        loss += weight * value.loss;
-        derivative[pixel] = weight * value.derivative;
+        const PixelLoss<double> value = EvaluateLoss(loss.l1, loss.l2, transfer_.gamma, scattering[pixel],
+                                                     truth[pixel], weight, others[pixel]);
+        sum += value.loss;
+        derivative[pixel] = value.derivative;
       }
       tbb::parallel_for(std::size_t(0), gaussians_.size(),
                         [&](std::size_t i)
@@ -116,7 +130,7 @@ public:
     {
       scores_[i].descent -= FromVector3(gradient_[i].mean);
     }
-    return loss;
+    return sum;
   }
 
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
@@ -128,7 +142,7 @@ public:
     }
   }
 
-  double TrainStep(const std::vector<int>& frames, LossKind loss, const LearningRates& rates,
+  double TrainStep(const std::vector<int>& frames, const Loss& loss, const LearningRates& rates,
                    const ParameterLimits& limits) override
   {
     const double value = Backpropagate(frames, loss);
@@ -300,6 +314,7 @@ private:
   TransferFunction transfer_;
   std::shared_ptr<const Sweep> sweep_;
   bool ignoreMasked_ = false;
+  std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
   std::uint64_t guarded_ = 0;
 };
 

@@ -179,6 +179,7 @@ void TrainerOptions::Validate() const
           "0 to 10000000");
   Require(Between(timeLimit, 0, 1e9), "time limit", timeLimit, "0 (none) to 1e9 seconds");
   Require(batch >= 1 && batch <= 4096, "batch", batch, "1 to 4096 frames");
+  loss.Validate();
   Require(Between(tolerance, 0, 1), "tolerance", tolerance, "0 to 1");
   Require(Between(meanRate, 0, 100), "mean rate", meanRate, "0 to 100 pixels");
   Require(Between(shapeRate, 0, 1), "shape rate", shapeRate, "0 to 1");

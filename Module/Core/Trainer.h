@@ -11,6 +11,7 @@
 #include "Densification.h"
 #include "Engine.h"
 #include "GaussianField.h"
+#include "Loss.h"
 #include "Metrics.h"
 #include "Seeding.h"
 #include "Sweep.h"
@@ -36,7 +37,7 @@ struct TrainerOptions
   double timeLimit = 0;  ///< seconds, seeding and solve included, 0 = none; the rate schedule is fitted to it
   int batch = 8;         ///< frames a step, 1 to 4096
   std::uint64_t seed = 1;
-  LossKind loss = LossKind::L1;
+  Loss loss;
   bool signedReflectivity = true;  ///< false: r >= 0
   bool ignoreMasked = false;       ///< true: pixels never lit do not count in the loss
   double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat

@@ -104,7 +104,7 @@ void TrainPass(benchmark::State& state)
     state.ResumeTiming();
     for (const std::vector<int>& batch : pass.batches)
     {
-      loss = engine->TrainStep(batch, LossKind::L1, pass.rates, pass.limits);
+      loss = engine->TrainStep(batch, Loss(), pass.rates, pass.limits);
     }
   }
   state.counters["loss"] = loss;

@@ -327,7 +327,7 @@ TEST(Trainer, PrintsWhatItIs)
   Quick quick;
   std::ostringstream text;
   quick.trainer->Print(text);
-  for (const char* part : {"NumberOfGaussians: 1500", "Loss: L1", "SolveIterations: -1", "VirtualPlanes: -1"})
+  for (const char* part : {"NumberOfGaussians: 1500", "Loss: l1", "SolveIterations: -1", "VirtualPlanes: -1"})
   {
     EXPECT_NE(text.str().find(part), std::string::npos) << part;
   }

@@ -46,7 +46,7 @@ double LossOf(const bigus::GaussianField& field, const std::shared_ptr<bigus::Sw
   const auto engine = bigus::Engine::Create("reference");
   engine->SetFrames(sweep, false);
   engine->SetField(field);
-  return engine->Backpropagate({0, 1, 2}, bigus::LossKind::L2);
+  return engine->Backpropagate({0, 1, 2}, bigus::Loss::Parse("l2"));
 }
 
 /// Fourth-order central difference of the loss along a change of the field.
@@ -88,7 +88,7 @@ TEST_P(GradientTest, EqualsCentralDifferences)
   const auto engine = bigus::Engine::Create("reference");
   engine->SetFrames(problem.sweep, false);
   engine->SetField(problem.field);
-  engine->Backpropagate({0, 1, 2}, bigus::LossKind::L2);
+  engine->Backpropagate({0, 1, 2}, bigus::Loss::Parse("l2"));
   const bigus::FieldGradient gradient = engine->GetGradient();
   const double h = 2e-3;
   std::vector<double> analytic[4], numeric[4];
@@ -182,7 +182,7 @@ TEST_P(CpuGradientTest, EqualsTheReference)
     engine->SetAccuracy({GetParam(), true});
     engine->SetFrames(problem.sweep, false);
     engine->SetField(problem.field);
-    losses[e] = engine->Backpropagate({0, 1, 2, 3}, bigus::LossKind::L2);
+    losses[e] = engine->Backpropagate({0, 1, 2, 3}, bigus::Loss::Parse("l2"));
     gradients[e] = engine->GetGradient();
   }
   EXPECT_NEAR(losses[1], losses[0], 1e-5 * losses[0]);
@@ -248,7 +248,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
   const auto reference = bigus::Engine::Create("reference");
   reference->SetFrames(problem.sweep, false);
   reference->SetField(problem.field);
-  reference->Backpropagate({0, 2}, bigus::LossKind::L2);
+  reference->Backpropagate({0, 2}, bigus::Loss::Parse("l2"));
   const bigus::FieldGradient expected = reference->GetGradient();
   std::set<std::string> devices;
   std::int64_t rest = hwy::SupportedTargets();
@@ -266,7 +266,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
       engine->SetAccuracy({1e-11, true});
       engine->SetFrames(problem.sweep, false);
       engine->SetField(problem.field);
-      engine->Backpropagate({0, 2}, bigus::LossKind::L2);
+      engine->Backpropagate({0, 2}, bigus::Loss::Parse("l2"));
       const bigus::FieldGradient gradient = engine->GetGradient();
       const double bound = name == "cpu" ? 1e-5 : 1e-6;  // rounding; what the tolerance drops
       EXPECT_LT(RelativeError(Flat(expected.means), Flat(gradient.means)), bound) << engine->Device();
@@ -291,7 +291,7 @@ std::vector<double> TrainBriefly(int threads)
   engine->SolveReflectivities({0, 1, 2, 3}, 3);
   for (int i = 0; i < 3; ++i)
   {
-    engine->TrainStep({i, i + 1}, bigus::LossKind::L1, {0.1, 0.05, 0.05, 0.02}, {});
+    engine->TrainStep({i, i + 1}, bigus::Loss(), {0.1, 0.05, 0.05, 0.02}, {});
   }
   const bigus::GaussianField field = engine->GetField();
   std::vector<double> all = Flat(field.means);
@@ -331,11 +331,11 @@ TEST(CpuEngine, ATrainStepIsBackpropagateAndStep)
     {
       if (fused)
       {
-        results[fused].push_back(engine->TrainStep(batch, bigus::LossKind::L1, rates, {}));
+        results[fused].push_back(engine->TrainStep(batch, bigus::Loss(), rates, {}));
       }
       else
       {
-        results[fused].push_back(engine->Backpropagate(batch, bigus::LossKind::L1));
+        results[fused].push_back(engine->Backpropagate(batch, bigus::Loss()));
         engine->Step(rates, {});
       }
     }
@@ -432,11 +432,11 @@ TEST(Engine, RefusesWhatItCannotDo)
   for (const std::string& name : bigus::Engine::Names())
   {
     const auto engine = bigus::Engine::Create(name);
-    EXPECT_THROW(engine->Backpropagate({0}, bigus::LossKind::L1), bigus::Error);  // no frames
+    EXPECT_THROW(engine->Backpropagate({0}, bigus::Loss()), bigus::Error);  // no frames
     const LargeProblem problem;
     engine->SetFrames(problem.sweep, false);
-    EXPECT_THROW(engine->Backpropagate({}, bigus::LossKind::L1), bigus::Error);
-    EXPECT_THROW(engine->Backpropagate({4}, bigus::LossKind::L1), bigus::Error);
+    EXPECT_THROW(engine->Backpropagate({}, bigus::Loss()), bigus::Error);
+    EXPECT_THROW(engine->Backpropagate({4}, bigus::Loss()), bigus::Error);
     bigus::GaussianField bad = problem.field;
     bad.scales[7][1] = -1;
     EXPECT_THROW(engine->SetField(bad), bigus::Error);

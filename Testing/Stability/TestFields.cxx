@@ -205,10 +205,10 @@ TEST_P(Fields, NoGaussian)
 
   engine_->SetFrames(RandomSweep(random, {plane, plane}, 0.2, 0.8), false);
   engine_->ResetScores();
-  EXPECT_TRUE(std::isfinite(engine_->Backpropagate({0, 1}, LossKind::L2)));
+  EXPECT_TRUE(std::isfinite(engine_->Backpropagate({0, 1}, Loss::Parse("l2"))));
   EXPECT_TRUE(engine_->GetGradient().means.empty());
   engine_->Step({1, 1, 1, 1}, {});
-  EXPECT_TRUE(std::isfinite(engine_->TrainStep({0, 1}, LossKind::L1, {1, 1, 1, 1}, {})));
+  EXPECT_TRUE(std::isfinite(engine_->TrainStep({0, 1}, Loss(), {1, 1, 1, 1}, {})));
   EXPECT_TRUE(std::isfinite(engine_->SolveReflectivities({0, 1}, 3)));
   EXPECT_TRUE(engine_->GetScores().error.empty());
   EXPECT_EQ(engine_->GuardedUpdates(), 0u);
@@ -231,7 +231,7 @@ TEST_P(Fields, OneGaussianAndOnePixel)
     const Difference here = Compare(field, plane, image.values, k % 2 ? 1e-4 / field.transfer.gamma : 0.0);
     worst = {std::max(worst.error, here.error), std::max(worst.excess, here.excess)};
     engine_->SetFrames(RandomSweep(random, {plane}, 0, 1), false);
-    engine_->TrainStep({0}, LossKind::L2, {0.1, 0.1, 0.1, 0.1}, {});
+    engine_->TrainStep({0}, Loss::Parse("l2"), {0.1, 0.1, 0.1, 0.1}, {});
     nonFinite +=
         CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(engine_->GetField());
   }
@@ -404,7 +404,7 @@ TEST_P(Fields, MoreThan2To31PairsOfPixelsAndSplats)
   sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
   sweep->imageToReference.push_back(plane.ImageToReference());
   engine_->SetFrames(sweep, false);
-  engine_->Backpropagate({0}, LossKind::L2);
+  engine_->Backpropagate({0}, Loss::Parse("l2"));
   const FieldGradient gradient = engine_->GetGradient();
   double worstGradient = 0;
   for (int i = 0; i < kCount; i += 60)

@@ -50,7 +50,7 @@ Problem Shaped(std::uint64_t seed, std::size_t count, double aspect, double elev
   return problem;
 }
 
-FieldGradient GradientOf(Engine& engine, const Problem& problem, LossKind loss, double* value = nullptr)
+FieldGradient GradientOf(Engine& engine, const Problem& problem, const Loss& loss, double* value = nullptr)
 {
   engine.SetAccuracy({0.0});
   engine.SetField(problem.field);
@@ -142,7 +142,7 @@ protected:
     std::size_t nonFinite = 0, size = 0;
     for (const Problem& problem : problems)
     {
-      for (const LossKind loss : {LossKind::L2, LossKind::L1})
+      for (const Loss& loss : {Loss::Parse("l2"), Loss::Parse("l1")})
       {
         double expectedLoss = 0, loss2 = 0;
         const FieldGradient expected = GradientOf(*reference_, problem, loss, &expectedLoss);

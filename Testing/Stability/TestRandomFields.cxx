@@ -271,7 +271,7 @@ private:
     }
     sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
     engine_->SetFrames(sweep, false);
-    const LossKind loss = dice.Chance(0.5) ? LossKind::L1 : LossKind::L2;
+    const Loss loss = Loss::Parse(dice.Chance(0.5) ? "l1" : "l2");
     bool finite =
         std::isfinite(engine_->Backpropagate({0}, loss)) && CountNonFinite(engine_->GetGradient()) == 0;
     const double rate = dice.LogUniform(1e-4, 1e2);

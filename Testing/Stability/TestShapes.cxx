@@ -230,7 +230,7 @@ TEST_P(Shapes, NeedlesAndPancakesInTraining)
                   engine_->SetAccuracy({0.0});
                   engine_->SetField(one.field);
                   engine_->SetFrames(RandomSweep(random, {one.plane}, 0.5, 0.5), false);
-                  engine_->TrainStep({0}, LossKind::L2, {0, 0, 0, 0}, {1e-9, 1e7, false});
+                  engine_->TrainStep({0}, Loss::Parse("l2"), {0, 0, 0, 0}, {1e-9, 1e7, false});
                   OneSplat trained = one;
                   trained.field = engine_->GetField();
                   const ExactSplat exact(trained.field, 0, one.plane);

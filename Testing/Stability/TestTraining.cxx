@@ -88,7 +88,7 @@ TEST_P(Training, AThousandStepsFromABadStart)
     {
       const int first = step % 4;
       const double loss = engine_->TrainStep(
-          {first, (first + 1) % 4}, step / 4 % 2 ? LossKind::L1 : LossKind::L2, start.rates, start.limits);
+          {first, (first + 1) % 4}, Loss::Parse(step / 4 % 2 ? "l1" : "l2"), start.rates, start.limits);
       nonFinite += !std::isfinite(loss) + CountNonFinite(engine_->GetField());
       ASSERT_EQ(nonFinite, 0u) << start.name << ", step " << step;
     }
@@ -135,8 +135,8 @@ TEST_P(Training, AGradientBeyondAnyUseIsGuardedAndCounted)
   engine_->SetFrames(sweep, false);
   for (int step = 0; step < 5; ++step)
   {
-    ASSERT_TRUE(
-        std::isfinite(engine_->TrainStep({0}, LossKind::L2, {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
+    ASSERT_TRUE(std::isfinite(
+        engine_->TrainStep({0}, Loss::Parse("l2"), {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
     ASSERT_EQ(CountNonFinite(engine_->GetField()), 0u) << "step " << step;
   }
   Conclude("training", "gradients of 1e20: guarded updates", GetParam(),
@@ -165,7 +165,7 @@ TEST_P(Training, SoundTrainingIsNeverGuarded)
     {
       batch.push_back((step * 5 + k * 3) % 24);
     }
-    const double loss = engine_->TrainStep(batch, LossKind::L1, {0.05, 0.02, 0.02, 0.02}, {0.1, 20, false});
+    const double loss = engine_->TrainStep(batch, Loss(), {0.05, 0.02, 0.02, 0.02}, {0.1, 20, false});
     (step < 10 ? first : last) += step < 10 || step >= 290 ? loss : 0;
   }
   Conclude("training", "sound: loss after 300 steps over before", GetParam(), last / first,
@@ -186,7 +186,7 @@ TEST_P(Training, AGaussianThatNoFrameSeesStaysWhereItIs)
   engine_->SetFrames(RandomSweep(random, {plane}, 0.2, 0.8), false);
   for (int step = 0; step < 5; ++step)
   {
-    engine_->TrainStep({0}, LossKind::L1, {0.1, 0.05, 0.05, 0.1}, {});
+    engine_->TrainStep({0}, Loss(), {0.1, 0.05, 0.05, 0.1}, {});
   }
   const GaussianField after = engine_->GetField();
   EXPECT_EQ(after.means[7], before.means[7]);

@@ -240,7 +240,7 @@ TEST_P(Truncation, EveryFrameOfATrainingBatch)
       engines[e]->SetAccuracy({tolerance});
       engines[e]->SetField(field);
       engines[e]->SetFrames(sweep, false);
-      losses[e] = engines[e]->Backpropagate({0, 1, 2}, LossKind::L1);
+      losses[e] = engines[e]->Backpropagate({0, 1, 2}, Loss());
     }
     Outcome outcome;
     outcome.error = std::abs(losses[1] - losses[0]);

@@ -1,14 +1,11 @@
-// Scattering to intensity and back, its derivative, and the gamma a sweep's brightness asks for.
+// Scattering to intensity and back, and the gamma a sweep's brightness asks for.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "Core/PixelLoss.h"
 #include "Core/TransferFunction.h"
 
-using bigus::EvaluateLoss;
-using bigus::LossKind;
 using bigus::TransferFunction;
 
 TEST(TransferFunction, IsOneMinusAnExponential)
@@ -87,53 +84,4 @@ TEST(TransferFunction, GammaOfBlackOrWhiteStillTrains)
   EXPECT_EQ(TransferFunction::FromMeanIntensity(1).gamma, TransferFunction::FromMeanIntensity(0.9).gamma);
   EXPECT_GT(TransferFunction::FromMeanIntensity(0).gamma, 0);
   EXPECT_TRUE(std::isfinite(TransferFunction::FromMeanIntensity(1).gamma));
-}
-
-TEST(Loss, IsTheErrorsSizeOrSquare)
-{
-  const TransferFunction transfer{0.8};
-  for (double s : {-1.0, 0.0, 0.4, 2.0})
-  {
-    for (double truth : {0.0, 0.3, 1.0})
-    {
-      const double error = transfer.Intensity(s) - truth;
-      EXPECT_NEAR(EvaluateLoss(LossKind::L1, transfer.gamma, s, truth).loss, std::abs(error), 1e-15);
-      EXPECT_NEAR(EvaluateLoss(LossKind::L2, transfer.gamma, s, truth).loss, error * error, 1e-15);
-    }
-  }
-}
-
-TEST(Loss, DerivativeIsExactWhereThePixelIsLit)
-{
-  const TransferFunction transfer{0.8};
-  const double step = 1e-6;
-  for (LossKind kind : {LossKind::L1, LossKind::L2})
-  {
-    for (double s : {0.01, 0.4, 2.0, 5.0})
-    {
-      for (double truth : {0.0, 0.25, 0.9, 1.0})
-      {
-        const double slope = (EvaluateLoss(kind, transfer.gamma, s + step, truth).loss -
-                              EvaluateLoss(kind, transfer.gamma, s - step, truth).loss) /
-                             (2 * step);
-        EXPECT_NEAR(EvaluateLoss(kind, transfer.gamma, s, truth).derivative, slope, 1e-8);
-      }
-    }
-  }
-}
-
-TEST(Loss, ADarkPixelIsPulledUpWhenItShouldBeLitAndLeftAloneWhenItShouldNot)
-{
-  const TransferFunction transfer{0.8};
-  for (LossKind kind : {LossKind::L1, LossKind::L2})
-  {
-    for (double s : {-3.0, -1e-6, 0.0})
-    {
-      EXPECT_LT(EvaluateLoss(kind, transfer.gamma, s, 0.4).derivative, 0);
-      // The one-sided derivative at S = 0+, however far below zero S is.
-      EXPECT_NEAR(EvaluateLoss(kind, transfer.gamma, s, 0.4).derivative,
-                  EvaluateLoss(kind, transfer.gamma, 1e-12, 0.4).derivative, 1e-9);
-      EXPECT_EQ(EvaluateLoss(kind, transfer.gamma, s, 0.0).derivative, 0);
-    }
-  }
 }
