@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Core/Error.h"
@@ -109,6 +110,37 @@ void AddColumn(vtkTable* table, const char* name, const std::vector<double>& val
   table->AddColumn(column);
 }
 
+void AddTextureColumns(vtkTable* table, const std::vector<bigus::TextureComparison>& textures)
+{
+  std::vector<std::pair<std::string, std::vector<double>>> columns;
+  vtkNew<vtkDoubleArray> imageSpectrum, truthSpectrum;
+  imageSpectrum->SetName("ImageSpectrum");
+  imageSpectrum->SetNumberOfComponents(bigus::spectrumBins);
+  truthSpectrum->SetName("TruthSpectrum");
+  truthSpectrum->SetNumberOfComponents(bigus::spectrumBins);
+  for (const bigus::TextureComparison& texture : textures)
+  {
+    std::size_t k = 0;
+    bigus::ForEachNumber(texture,
+                         [&](const std::string& name, double value)
+                         {
+                           if (k == columns.size())
+                           {
+                             columns.emplace_back(name, std::vector<double>());
+                           }
+                           columns[k++].second.push_back(value);
+                         });
+    imageSpectrum->InsertNextTuple(texture.image.power.data());
+    truthSpectrum->InsertNextTuple(texture.truth.power.data());
+  }
+  for (const auto& [name, values] : columns)
+  {
+    AddColumn(table, name.c_str(), values);
+  }
+  table->AddColumn(imageSpectrum);
+  table->AddColumn(truthSpectrum);
+}
+
 }  // namespace
 
 vtkBigusImageMetrics::vtkBigusImageMetrics()
@@ -127,6 +159,11 @@ void vtkBigusImageMetrics::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "MeanContrast: " << this->MeanContrast << "\n";
   os << indent << "ContrastDistribution: " << this->ContrastDistribution << "\n";
   os << indent << "Rayleigh: " << this->Rayleigh << "\n";
+  os << indent << "ContrastRatio: " << this->ContrastRatio << "\n";
+  os << indent << "ContrastDistance: " << this->ContrastDistance << "\n";
+  os << indent << "IntensityDistance: " << this->IntensityDistance << "\n";
+  os << indent << "SpectrumDifference: " << this->SpectrumDifference << "\n";
+  os << indent << "HighFrequencyPower: " << this->HighFrequencyPower << "\n";
 }
 
 int vtkBigusImageMetrics::FillInputPortInformation(int, vtkInformation* info)
@@ -150,6 +187,8 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
   table->Initialize();
   this->PSNR = this->PSNRStandardDeviation = this->SSIM = this->SSIMStandardDeviation = 0;
   this->BFS = this->MeanContrast = this->ContrastDistribution = this->Rayleigh = 0;
+  this->ContrastRatio = this->ContrastDistance = this->IntensityDistance = 0;
+  this->SpectrumDifference = this->HighFrequencyPower = 0;
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
@@ -172,6 +211,7 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     image->GetExtent(extent);
     const vtkIdType count = static_cast<vtkIdType>(size[0]) * size[1];
     std::vector<double> psnr, ssim, bfs, meanContrast, contrastDistribution, rayleigh;
+    std::vector<bigus::TextureComparison> textures;
     vtkNew<vtkIntArray> slices;
     slices->SetName("Slice");
     for (int k = 0; k < size[2]; ++k)
@@ -185,6 +225,7 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
       meanContrast.push_back(fidelity.meanContrast);
       contrastDistribution.push_back(fidelity.contrastDistribution);
       rayleigh.push_back(fidelity.rayleigh);
+      textures.push_back(bigus::CompareTexture(a.data(), b.data(), size[0], size[1]));
       slices->InsertNextValue(extent[4] + k);
       if (!bigus::ReportProgress(this, (k + 1.0) / size[2]))
       {
@@ -199,6 +240,7 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     AddColumn(table, "MeanContrast", meanContrast);
     AddColumn(table, "ContrastDistribution", contrastDistribution);
     AddColumn(table, "Rayleigh", rayleigh);
+    AddTextureColumns(table, textures);
     this->PSNR = Mean(psnr);
     this->PSNRStandardDeviation = StandardDeviation(psnr);
     this->SSIM = Mean(ssim);
@@ -207,6 +249,12 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     this->MeanContrast = Mean(meanContrast);
     this->ContrastDistribution = Mean(contrastDistribution);
     this->Rayleigh = Mean(rayleigh);
+    const bigus::TextureComparison texture = bigus::MeanTexture(textures);
+    this->ContrastRatio = texture.contrastRatio;
+    this->ContrastDistance = texture.contrastDistance;
+    this->IntensityDistance = texture.intensityDistance;
+    this->SpectrumDifference = texture.spectrumDifference;
+    this->HighFrequencyPower = texture.highFrequencyPower;
     return 1;
   }
   catch (const std::exception& error)

@@ -2,20 +2,32 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /**
  * @class   vtkBigusImageMetrics
- * @brief   How close an ultrasound image is to the truth: PSNR, SSIM and speckle
+ * @brief   How close an ultrasound image is to the truth: PSNR, SSIM and texture
  *
  * Input 0 is the image, input 1 the truth, of equal dimensions; both with one component, unsigned char
  * (divided by 255) or float in [0, 1]. The output is a table with one row for each z slice and the columns
  *
- * | column | meaning |
- * |---|---|
- * | Slice | index along z |
- * | PSNR | 10 log10(1 / mean squared error), dB; infinite for equal slices |
- * | SSIM | mean structural similarity, Gaussian window of 11 x 11 pixels; slices must be at least that large
- * | | BFS | backscatter fidelity, 0.4 MeanContrast + 0.4 ContrastDistribution + 0.2 Rayleigh | |
- * MeanContrast, ContrastDistribution, Rayleigh | its three terms, 0 to 1 |
+ * - Slice: index along z
+ * - PSNR: 10 log10(1 / mean squared error), dB; infinite for equal slices
+ * - SSIM: mean structural similarity, Gaussian window of 11 x 11 pixels; slices must be at least that large
+ * - BFS: backscatter fidelity, 0.4 MeanContrast + 0.4 ContrastDistribution + 0.2 Rayleigh
+ * - MeanContrast, ContrastDistribution, Rayleigh: its three terms, 0 to 1
+ * - ContrastRatio: mean speckle contrast of the image / of the truth
+ * - ContrastDistance: Wasserstein-1 distance of the contrasts of patches
+ * - IntensityDistance: Wasserstein-1 distance of the histograms of lit pixels, in intensity
+ * - SpectrumDifference: mean difference of the radial power spectra, dB, without sign
+ * - HighFrequencyPower: power above half of Nyquist's frequency / the truth's; 0 is smooth
  *
- * The getters give mean and, for PSNR and SSIM, standard deviation over slices (0 for one slice).
+ * and, once for the image and once for the truth (ImageContrastMean, TruthContrastMean, ...)
+ *
+ * - ContrastMean, ContrastStd, ContrastQ05, Q25, Q50, Q75, Q95: speckle contrast std / mean over patches,
+ *   its mean, standard deviation and quantiles; 0.523 for Rayleigh speckle
+ * - Mean, Std, Snr, LocalSnr, Skewness, Kurtosis: intensity of lit pixels; Snr = Mean / Std, LocalSnr
+ *   its median over patches (both infinite for a flat image), excess kurtosis
+ * - Spectrum: 16 components, power at 1/32, 2/32, ... 1/2 cycles a pixel; white noise has its variance
+ *
+ * Core/Texture.h has the exact meaning of patches, lit pixels and power. The getters give mean and, for PSNR
+ * and SSIM, standard deviation over slices (0 for one slice).
  */
 #ifndef vtkBigusImageMetrics_h
 #define vtkBigusImageMetrics_h
@@ -53,6 +65,11 @@ public:
   vtkGetMacro(MeanContrast, double);
   vtkGetMacro(ContrastDistribution, double);
   vtkGetMacro(Rayleigh, double);
+  vtkGetMacro(ContrastRatio, double);
+  vtkGetMacro(ContrastDistance, double);
+  vtkGetMacro(IntensityDistance, double);
+  vtkGetMacro(SpectrumDifference, double);
+  vtkGetMacro(HighFrequencyPower, double);
   ///@}
 
 protected:
@@ -71,6 +88,11 @@ protected:
   double MeanContrast = 0;
   double ContrastDistribution = 0;
   double Rayleigh = 0;
+  double ContrastRatio = 0;
+  double ContrastDistance = 0;
+  double IntensityDistance = 0;
+  double SpectrumDifference = 0;
+  double HighFrequencyPower = 0;
 
 private:
   vtkBigusImageMetrics(const vtkBigusImageMetrics&) = delete;

@@ -5,12 +5,15 @@
 #include "Command.h"
 #include "Inputs.h"
 #include "Pipeline.h"
+#include "Scores.h"
 #include "vtkBigusImageMetrics.h"
 #include "vtkBigusSequenceReader.h"
+#include "vtkDoubleArray.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPointData.h"
+#include "vtkTable.h"
 
 namespace bigus::command
 {
@@ -57,6 +60,29 @@ vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, Console& consol
   return image;
 }
 
+/// Means over the table's rows.
+TextureComparison ReadTexture(vtkTable* table)
+{
+  const auto mean = [table](const std::string& name, int component)
+  {
+    const auto* column = vtkDoubleArray::SafeDownCast(table->GetColumnByName(name.c_str()));
+    double sum = 0;
+    for (vtkIdType row = 0; row < table->GetNumberOfRows(); ++row)
+    {
+      sum += column->GetTypedComponent(row, component);
+    }
+    return sum / static_cast<double>(table->GetNumberOfRows());
+  };
+  TextureComparison texture;
+  ForEachNumber(texture, [&mean](const std::string& name, double& number) { number = mean(name, 0); });
+  for (int bin = 0; bin < spectrumBins; ++bin)
+  {
+    texture.image.power[bin] = mean("ImageSpectrum", bin);
+    texture.truth.power[bin] = mean("TruthSpectrum", bin);
+  }
+  return texture;
+}
+
 ExitCode Measure(Console& console, const Options& options)
 {
   const vtkSmartPointer<vtkImageData> image = ReadImage(options.image, console);
@@ -89,6 +115,8 @@ ExitCode Measure(Console& console, const Options& options)
                 FormatNumber(metrics->GetMeanContrast(), 4) + ", contrast distribution " +
                 FormatNumber(metrics->GetContrastDistribution(), 4) + ", Rayleigh " +
                 FormatNumber(metrics->GetRayleigh(), 4) + ")");
+  const TextureComparison texture = ReadTexture(metrics->GetOutput());
+  PrintTexture(texture, console);
   console.Report({{"images", slices},
                   {"psnr", metrics->GetPSNR()},
                   {"psnr_std", metrics->GetPSNRStandardDeviation()},
@@ -97,7 +125,8 @@ ExitCode Measure(Console& console, const Options& options)
                   {"bfs", metrics->GetBFS()},
                   {"mean_contrast", metrics->GetMeanContrast()},
                   {"contrast_distribution", metrics->GetContrastDistribution()},
-                  {"rayleigh", metrics->GetRayleigh()}});
+                  {"rayleigh", metrics->GetRayleigh()},
+                  {"texture", TextureJson(texture)}});
   return Success;
 }
 
@@ -106,13 +135,14 @@ ExitCode Measure(Console& console, const Options& options)
 void AddMetrics(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app =
-      program.app.add_subcommand("metrics",
-                                 "Compare images, sequences or volumes, frame by frame\n"
-                                 "  bigus metrics again.igs.mha sweep.igs.mha\n"
-                                 "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
-                                 "x 11 windows), and BFS, the speckle\n"
-                                 "score, which looks at B for what is right: give the truth second.");
+  CLI::App* app = program.app.add_subcommand(
+      "metrics",
+      "Compare images, sequences or volumes, frame by frame\n"
+      "  bigus metrics again.igs.mha sweep.igs.mha\n"
+      "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
+      "x 11 windows), BFS, the speckle\n"
+      "score, and texture: speckle contrast, histogram and power spectrum. These look at B "
+      "for what is\nright: give the truth second.");
   app->add_option("A", options->image, "Image to judge: .png (grey) .mha .mhd .nrrd or a CSV of poses")
       ->required()
       ->type_name("");

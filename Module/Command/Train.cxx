@@ -13,6 +13,7 @@
 #include "Core/Trainer.h"
 #include "Files.h"
 #include "Inputs.h"
+#include "Scores.h"
 #include "vtkBigusConvert.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
@@ -71,10 +72,10 @@ Json ToJson(const FrameScores& scores)
 
 Json ToFullJson(const FrameScores& scores)
 {
-  return {{"frames", scores.frames.size()}, {"psnr", scores.psnr},
-          {"psnr_std", scores.psnrStd},     {"ssim", scores.ssim},
-          {"bfs", scores.bfs.score},        {"ssim_std", scores.ssimStd},
-          {"bfs_terms", ToJson(scores.bfs)}};
+  return {{"frames", scores.frames.size()},  {"psnr", scores.psnr},
+          {"psnr_std", scores.psnrStd},      {"ssim", scores.ssim},
+          {"bfs", scores.bfs.score},         {"ssim_std", scores.ssimStd},
+          {"bfs_terms", ToJson(scores.bfs)}, {"texture", TextureJson(scores.texture)}};
 }
 
 std::string Row(const std::string& name, const FrameScores& scores)
@@ -250,11 +251,14 @@ ExitCode Train(Console& console, Options& options)
     answer["trained"] = {{"frames", trained.frames.size()},
                          {"psnr", trained.psnr},
                          {"ssim", trained.ssim},
-                         {"bfs", trained.bfs.score}};
+                         {"bfs", trained.bfs.score},
+                         {"texture", TextureJson(trained.texture)}};
     console.Print("Frames it was trained on (" + std::to_string(trained.frames.size()) + " of them)");
     console.Print(Row("this field", trained) + "   BFS " + FormatNumber(trained.bfs.score, 3));
+    console.Print(TextureLine(trained.texture));
     console.Print("Held-out frames (" + std::to_string(scores.frames.size()) + "), tracked poses");
     console.Print(Row("this field", scores) + "   BFS " + FormatNumber(scores.bfs.score, 3));
+    console.Print(TextureLine(scores.texture));
     if (!options.withoutBaselines)
     {
       ScoreBaselines(*sweep, trainingFrames, heldOutFrames, answer, console);

@@ -373,6 +373,8 @@ class Train(CommandTest):
         self.assertEqual(answer["training_frames"], 7)
         for key in ("psnr", "psnr_std", "ssim", "bfs"):
             self.assertTrue(math.isfinite(held_out[key]), key)
+        for scores in (held_out, answer["trained"]):
+            self.assertGreater(scores["texture"]["truth_contrast_mean"], 0)
         self.assertEqual(answer["trained"]["frames"], 2)
         self.assertEqual(set(answer["baselines"]), {"nearest", "neighbour_average", "pose_interpolation", "compounding"})
         for name, scores in answer["baselines"].items():
@@ -793,6 +795,14 @@ class Metrics(CommandTest):
         self.assertIsNone(answer["psnr"], "infinity is null in JSON")
         self.assertAlmostEqual(answer["ssim"], 1, places=6)
         self.assertAlmostEqual(answer["bfs"], 1, places=6)
+        texture = answer["texture"]
+        self.assertAlmostEqual(texture["contrast_ratio"], 1, places=9)
+        self.assertAlmostEqual(texture["high_frequency_power"], 1, places=9)
+        self.assertEqual(texture["contrast_distance"], 0)
+        self.assertEqual(texture["image_contrast_q50"], texture["truth_contrast_q50"])
+        for power, truth in zip(texture["image_spectrum"], texture["truth_spectrum"]):
+            self.assertAlmostEqual(power, truth, places=12)
+        self.assertEqual(len(texture["image_spectrum"]), len(texture["spectrum_frequency"]))
         self.assertIn("PSNR  infinite", run("metrics", self.sweep, self.sweep).stdout)
 
     def test_errors(self):

@@ -5,6 +5,7 @@
 #include "Core/Metrics.h"
 #include "FilterTestSupport.h"
 #include "vtkBigusImageMetrics.h"
+#include "vtkDoubleArray.h"
 #include "vtkTable.h"
 #include "vtkVariant.h"
 
@@ -92,6 +93,32 @@ TEST(ImageMetrics, BytesAreScoredAsTheirShareOf255AndMatchCore)
   EXPECT_DOUBLE_EQ(table->GetValueByName(1, "ContrastDistribution").ToDouble(),
                    fidelity.contrastDistribution);
   EXPECT_DOUBLE_EQ(table->GetValueByName(1, "Rayleigh").ToDouble(), fidelity.rayleigh);
+  const TextureComparison texture = CompareTexture(a.data(), b.data(), width, height);
+  ForEachNumber(texture, [table](const std::string& name, double value)
+                { EXPECT_DOUBLE_EQ(table->GetValueByName(1, name.c_str()).ToDouble(), value) << name; });
+  for (int bin = 0; bin < spectrumBins; ++bin)
+  {
+    EXPECT_DOUBLE_EQ(
+        vtkDoubleArray::SafeDownCast(table->GetColumnByName("ImageSpectrum"))->GetComponent(1, bin),
+        texture.image.power[bin]);
+    EXPECT_DOUBLE_EQ(
+        vtkDoubleArray::SafeDownCast(table->GetColumnByName("TruthSpectrum"))->GetComponent(1, bin),
+        texture.truth.power[bin]);
+  }
+  const auto expectMean = [table](double found, const char* name)
+  {
+    double mean = 0;
+    for (int k = 0; k < slices; ++k)
+    {
+      mean += table->GetValueByName(k, name).ToDouble() / slices;
+    }
+    EXPECT_NEAR(found, mean, 1e-12) << name;
+  };
+  expectMean(metrics->GetContrastRatio(), "ContrastRatio");
+  expectMean(metrics->GetContrastDistance(), "ContrastDistance");
+  expectMean(metrics->GetIntensityDistance(), "IntensityDistance");
+  expectMean(metrics->GetSpectrumDifference(), "SpectrumDifference");
+  expectMean(metrics->GetHighFrequencyPower(), "HighFrequencyPower");
   EXPECT_NEAR(metrics->GetBFS(),
               0.4 * metrics->GetMeanContrast() + 0.4 * metrics->GetContrastDistribution() +
                   0.2 * metrics->GetRayleigh(),

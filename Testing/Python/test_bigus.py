@@ -292,6 +292,23 @@ class Metrics(unittest.TestCase):
         self.assertEqual(
             sorted(scores), ["bfs", "contrast_distribution", "mean_contrast", "psnr", "rayleigh", "ssim"])
 
+    def test_texture(self):
+        rng = np.random.default_rng(3)
+        truth = rng.rayleigh(0.1, (2, 96, 80)).astype(np.float32)
+        smooth = (truth + np.roll(truth, 1, 1) + np.roll(truth, 1, 2) + np.roll(truth, (1, 1), (1, 2))) / 4
+        scores = bigus.texture(smooth, truth)
+        self.assertAlmostEqual(scores["truth_contrast_mean"], 0.5227, delta=0.02)
+        self.assertAlmostEqual(scores["truth_snr"], 1.913, delta=0.05)
+        self.assertAlmostEqual(scores["contrast_ratio"], scores["image_contrast_mean"] / scores["truth_contrast_mean"],
+                               places=3)
+        self.assertAlmostEqual(scores["image_std"], scores["truth_std"] / 2, delta=0.002)
+        self.assertLess(scores["high_frequency_power"], 0.3)
+        frequency = scores["spectrum_frequency"]
+        np.testing.assert_allclose(scores["truth_spectrum"][1:], truth.var(), rtol=0.2)
+        np.testing.assert_allclose(frequency, np.arange(1, 17) / 32)
+        # A 2 x 2 mean lets through less the higher the frequency.
+        self.assertTrue((np.diff(scores["image_spectrum"] / scores["truth_spectrum"]) < 0).all())
+
     def test_sizes_must_agree(self):
         with self.assertRaises(RuntimeError):
             bigus.metrics(np.zeros((20, 20), np.uint8), np.zeros((20, 21), np.uint8))

@@ -27,7 +27,7 @@ from .vtkBigusIO import *  # noqa: F401,F403
 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
-from .tasks import metrics, read, reslice, train, write
+from .tasks import metrics, read, reslice, texture, train, write
 
-__all__ = ["frames", "image", "metrics", "poses", "read", "reslice", "sweep", "train", "update", "write"]
+__all__ = ["frames", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train", "update", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]

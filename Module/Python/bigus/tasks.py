@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 from typing import Any, Callable, Optional, Union
 
 import numpy as np
@@ -168,16 +169,20 @@ def reslice(
     return _pixels(update(filter).GetOutput())[0]
 
 
+def _compare(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> vtkBigusImageMetrics:
+    filter = vtkBigusImageMetrics()
+    filter.SetInputDataObject(0, a if isinstance(a, vtkImageData) else image(a))
+    filter.SetInputDataObject(1, b if isinstance(b, vtkImageData) else image(b))
+    return update(filter)
+
+
 def metrics(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> dict[str, float]:
     """How close image a is to the truth b: both [height, width] or [frames, height, width], or vtkImageData.
 
     uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
     terms of bfs: mean_contrast, contrast_distribution, rayleigh; each the mean over frames.
     """
-    filter = vtkBigusImageMetrics()
-    filter.SetInputDataObject(0, a if isinstance(a, vtkImageData) else image(a))
-    filter.SetInputDataObject(1, b if isinstance(b, vtkImageData) else image(b))
-    update(filter)
+    filter = _compare(a, b)
     return {
         "psnr": filter.GetPSNR(),
         "ssim": filter.GetSSIM(),
@@ -186,3 +191,21 @@ def metrics(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageDat
         "contrast_distribution": filter.GetContrastDistribution(),
         "rayleigh": filter.GetRayleigh(),
     }
+
+
+def texture(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> dict[str, Any]:
+    """Whether image a has the texture of the truth b, wherever its grains lie; images as in metrics.
+
+    Gives the texture columns of vtkBigusImageMetrics by their names in snake case, each the mean over frames:
+    contrast_ratio, high_frequency_power, image_contrast_mean, truth_contrast_mean, ... image_spectrum and truth_spectrum
+    are arrays of the power at spectrum_frequency, in cycles a pixel.
+    """
+    table = _compare(a, b).GetOutput()
+    names = [table.GetColumnName(column) for column in range(table.GetNumberOfColumns())]
+    names = names[names.index("Rayleigh") + 1:]
+    means = {
+        re.sub("(?<!^)(?=[A-Z])", "_", name).lower(): vtk_to_numpy(table.GetColumnByName(name)).mean(axis=0)
+        for name in names
+    }
+    numbers = {name: mean if mean.ndim else float(mean) for name, mean in means.items()}
+    return {**numbers, "spectrum_frequency": np.arange(1, len(numbers["image_spectrum"]) + 1) / 32}
