@@ -11,6 +11,8 @@
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -107,6 +109,7 @@ Split ReadSplit(const Json& description, int count)
 struct Method
 {
   std::function<void(int, float*)> predict;
+  std::optional<GaussianField> field;  ///< of trained methods, which alone can be aligned to
   bool seesItsOwnFrame =
       true;            ///< false: knows frames by their neighbours only, so training frames have no score
   double seconds = 0;  ///< to prepare
@@ -129,6 +132,8 @@ TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
   options.loss = loss.empty() ? options.loss : Loss::Parse(loss);
   options.seeding = seeding.empty() ? options.seeding : placements.at(seeding);
   fields.Read("engine", options.engine);
+  bool automatic = true;
+  fields.Read("automatic", automatic);
   fields.Read("gaussians", options.gaussians);
   fields.Read("elevation_sigma", options.elevationSigma);
   fields.Read("validation", options.validation);
@@ -176,6 +181,7 @@ Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& s
   engine->SetField(result.field);
   method.predict = [engine, &sweep](int frame, float* image)
   { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); };
+  method.field = result.field;
   method.seconds = result.seconds;
   method.bytes = static_cast<double>(result.field.Size() * GaussianBytes);
   method.facts = {{"gaussians", result.field.Size()},
@@ -274,10 +280,30 @@ Json Number(double value)
   return std::isfinite(value) ? Json(value) : Json();
 }
 
-Json Scores(const Method& method, const Sweep& sweep, const std::vector<int>& frames)
+/// "ContrastRatio" to contrast_ratio.
+std::string SnakeCase(const std::string& name)
 {
-  const FrameScores scores = ScoreFrames(sweep, frames, method.predict);
-  return {{"frames", frames.size()},
+  std::string snake;
+  for (const char letter : name)
+  {
+    const bool upper = letter >= 'A' && letter <= 'Z';
+    snake += upper && !snake.empty() ? "_" : "";
+    snake += upper ? static_cast<char>(letter - 'A' + 'a') : letter;
+  }
+  return snake;
+}
+
+Json ToJson(const TextureComparison& comparison)
+{
+  Json texture = {{"image_power", comparison.image.power}, {"truth_power", comparison.truth.power}};
+  ForEachNumber(comparison, [&texture](const std::string& name, double value)
+                { texture[SnakeCase(name)] = Number(value); });
+  return texture;
+}
+
+Json ToJson(const FrameScores& scores)
+{
+  return {{"frames", scores.frames.size()},
           {"psnr", Number(scores.psnr)},
           {"psnr_std", Number(scores.psnrStd)},
           {"ssim", scores.ssim},
@@ -285,7 +311,19 @@ Json Scores(const Method& method, const Sweep& sweep, const std::vector<int>& fr
           {"bfs", scores.bfs.score},
           {"bfs_mean_contrast", scores.bfs.meanContrast},
           {"bfs_contrast_distribution", scores.bfs.contrastDistribution},
-          {"bfs_rayleigh", scores.bfs.rayleigh}};
+          {"bfs_rayleigh", scores.bfs.rayleigh},
+          {"texture", ToJson(scores.texture)}};
+}
+
+/// The field at poses that the held-out frames chose for themselves: a diagnostic of the tracking.
+Json AlignedScores(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames)
+{
+  const bigus::AlignedScores aligned = ScoreFieldAligned(field, sweep, frames);
+  Json scores = ToJson(aligned.scores);
+  scores["mean_translation"] = aligned.meanTranslation;
+  scores["largest_translation"] = aligned.largestTranslation;
+  scores["mean_rotation"] = aligned.meanRotation;
+  return scores;
 }
 
 /// At most `count` of the frames, evenly spread; 0: all.
@@ -323,23 +361,26 @@ Json Run(const Json& job, const SceneFolders& folders)
 
   Json scores = Json::object();
   const auto start = std::chrono::steady_clock::now();
+  std::vector<int> all(sweep->NumberOfFrames());
+  std::iota(all.begin(), all.end(), 0);
+  const std::map<std::string, const std::vector<int>*> sets = {{"held_out", &split.heldOut},
+                                                               {"aligned", &split.heldOut},
+                                                               {"training", &split.training},
+                                                               {"all", &all}};
   for (const std::string& set : scored)
   {
-    std::vector<int> all(sweep->NumberOfFrames());
-    for (std::size_t k = 0; k < all.size(); ++k)
-    {
-      all[k] = static_cast<int>(k);
-    }
-    const std::map<std::string, const std::vector<int>*> sets = {
-        {"held_out", &split.heldOut}, {"training", &split.training}, {"all", &all}};
     if (sets.count(set) == 0)
     {
-      throw Error("job: 'score' knows held_out, training and all, not '" + set + "'.");
+      throw Error("job: 'score' knows held_out, training, all and aligned, not '" + set + "'.");
     }
     const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);
-    if (!chosen.empty() && (set == "held_out" || method.seesItsOwnFrame))
+    if (set == "aligned" && method.field && !chosen.empty())
     {
-      scores[set] = Scores(method, *sweep, chosen);
+      scores[set] = AlignedScores(*method.field, *sweep, chosen);
+    }
+    else if (set != "aligned" && !chosen.empty() && (set == "held_out" || method.seesItsOwnFrame))
+    {
+      scores[set] = ToJson(ScoreFrames(*sweep, chosen, method.predict));
     }
   }
   return {{"job", job},

@@ -21,13 +21,14 @@ class Scale:
     """How large everything is."""
     gaussians: float = 1     # factors
     seconds: float = 1
+    longest: float = math.inf  # time limit
     reduce: int = 1          # more than the experiment asks for
     cube: int = 160          # voxels a side
     is_quick: bool = False
 
     @staticmethod
     def quick():
-        return Scale(gaussians=0.02, seconds=0.02, reduce=4, cube=32, is_quick=True)
+        return Scale(gaussians=0.02, seconds=0.02, longest=3, reduce=4, cube=32, is_quick=True)
 
     def real(self, scene, reduce):
         return {**scene, "reduce": reduce * self.reduce}
@@ -42,7 +43,7 @@ class Scale:
         return max(200, round(gaussians * self.gaussians))
 
     def limit(self, seconds):
-        return max(0.5, seconds * self.seconds)
+        return min(max(0.5, seconds * self.seconds), self.longest)
 
     def job(self, scene, frames, method, labels, seconds=4, priority=1, **more):
         """Seconds: what all of it should take. Gaussian counts and time limits of the method are scaled."""
@@ -77,7 +78,14 @@ def short(gaussians):
 
 
 def bigus(gaussians, limit, **options):
-    return {"name": "bigus", "gaussians": gaussians, "time_limit": limit, **options}
+    """Our method as a user gets it with so many Gaussians: the rest decided by the trainer. None: these, too."""
+    method = {"name": "bigus", "time_limit": limit, **options}
+    return method if gaussians is None else {**method, "gaussians": gaussians}
+
+
+def forced(gaussians, limit, **options):
+    """Nothing decided from evidence: what is not given follows from the sweep's geometry."""
+    return bigus(gaussians, limit, automatic=False, **options)
 
 
 def megabytes(members):
@@ -130,15 +138,18 @@ def e1_jobs(scale):
                                       seconds, priority, score=["all", "held_out"]))
 
             liver = name == "liver volume"
-            for limit, priority in ((60, 1), (300, 1 if liver and slices != 40 else 2), (3600, 3)):
-                add("BIGUS 140k", bigus(140000, limit, **fit), limit + 10, priority)
-            for count, limit, priority in ((100000, 60, 1 if slices == 160 else 2), (100000, 300, 2 if liver else 3),
+            if liver and slices == 160:
+                add("BIGUS 140k", forced(140000, 40, **fit), 48)
+            for limit, priority in ((60, 1 if liver or slices == 160 else 2), (300, 1 if liver and slices == 160 else 2),
+                                    (3600, 3)):
+                add("BIGUS 140k", forced(140000, limit, **fit), limit + 8, priority)
+            for count, limit, priority in ((100000, 60, 1 if liver and slices == 160 else 2), (100000, 300, 2 if liver else 3),
                                            (2000000, 300, 2 if liver and slices == 160 else 3)):
                 add(f"UltraGauss preset {short(count)}",
-                    {"name": "ultragauss", "gaussians": count, "time_limit": limit, **fit}, limit + 15, priority)
+                    {"name": "ultragauss", "gaussians": count, "time_limit": limit, **fit}, limit + 10, priority)
             if slices < 160:
-                add("trilinear", {"name": "pose_linear"}, 4)
-                add("cubic", {"name": "cubic"}, 4)
+                add("trilinear", {"name": "pose_linear"}, 2)
+                add("cubic", {"name": "cubic"}, 2)
     return jobs
 
 
@@ -154,58 +165,62 @@ E1 = Experiment(
 
 # ---- E2: the paper's Table 2 ----
 
-COMPOUNDING = {"liver": (0.3, 0.4, 0.6, 0.9), "brain": (0.3, 0.4, 0.6, 0.8, 1.2), "spine": (0.3, 0.5, 0.8, 1.2),
+COMPOUNDING = {"liver": (0.4, 0.5, 0.63, 0.9), "brain": (0.3, 0.41, 0.6, 0.8, 1.2), "spine": (0.3, 0.5, 0.8, 1.2),
                "phantom": (0.2, 0.3, 0.5, 0.8)}
 BASELINES = {"nearest frame": "nearest", "neighbour average": "neighbour_average", "pose-aware linear": "pose_linear",
              "pose-aware cubic in plane": "pose_cubic", "cubic in all directions": "cubic"}
 
 
 def sweeps(scale):
-    """Name: (scene, frames, counts, seconds of the smallest count)."""
-    found = {}
-    for size, reduce in (("half", 2), ("full", 1)):
-        found[f"liver, {size}"] = (scale.real(LIVER, reduce), {"hold_out": 8}, (100000, 300000), 40 * 2 / reduce)
-        found[f"brain, {size}"] = (scale.real(BRAIN, reduce), {"hold_out": 4}, (100000,), 12 * 2 / reduce)
-        found[f"spine, {size}"] = (scale.real(SPINE, reduce), {"hold_out": 4}, (20000,), 10)
-    for probe in ("linear", "convex", "sector"):
-        found[f"phantom, {probe}"] = (scale.phantom(probe=probe), {"hold_out": 4}, (100000,), 20)
-    return found
+    """Name: (scene, frames, {count: seconds it takes}); count None is the trainer's own choice."""
+    return {
+        "liver, half": (scale.real(LIVER, 2), {"hold_out": 8}, {None: 100, 100000: 35, 300000: 80}),
+        "brain, half": (scale.real(BRAIN, 2), {"hold_out": 4}, {None: 20, 100000: 8}),
+        "spine, half": (scale.real(SPINE, 2), {"hold_out": 4}, {None: 15, 20000: 4}),
+        "phantom, linear": (scale.phantom(), {"hold_out": 4}, {None: 40, 100000: 15}),
+        "liver, full": (scale.real(LIVER, 1), {"hold_out": 8}, {None: 200, 300000: 110}),
+        "brain, full": (scale.real(BRAIN, 1), {"hold_out": 4}, {None: 30, 100000: 13}),
+        "spine, full": (scale.real(SPINE, 1), {"hold_out": 4}, {None: 20, 20000: 6}),
+        "phantom, convex": (scale.phantom(probe="convex"), {"hold_out": 4}, {None: 50, 100000: 20}),
+        "phantom, sector": (scale.phantom(probe="sector"), {"hold_out": 4}, {None: 50, 100000: 20})}
 
 
 def headline(scale, seeds):
     """Our own rows of E2, which E7 repeats with other seeds."""
     jobs = []
-    for name, (scene, frames, counts, seconds) in sweeps(scale).items():
-        for count in counts:
+    for name, (scene, frames, counts) in sweeps(scale).items():
+        for count, seconds in counts.items():
             for seed in seeds:
-                cost = seconds * count / counts[0]
-                jobs.append(scale.job(scene, frames, bigus(count, 4 * cost), {"scene": name,
-                                                                              "method": f"BIGUS {short(count)}",
-                                                                              "seed": seed},
-                                      cost + 5, 1 if seed == 1 else 2, score=["held_out", "training"], seed=seed))
+                # First what the targets are about: fixed counts on half-size sweeps, three seeds; everything once.
+                again = count == 100000 and name in ("liver, half", "brain, half")
+                first = again or seed == 1 and (count or "half" in name or "linear" in name)
+                method = "BIGUS auto" if count is None else f"BIGUS {short(count)}"
+                jobs.append(scale.job(scene, frames, bigus(count, 3 * seconds),
+                                      {"scene": name, "method": method, "seed": seed}, seconds + 3, 1 if first else 2,
+                                      score=["held_out", "training", "aligned"], seed=seed))
     return jobs
 
 
 def e2_jobs(scale):
     jobs = headline(scale, [1])
-    for name, (scene, frames, counts, seconds) in sweeps(scale).items():
-        def add(title, method, cost=4, priority=1, name=name, scene=scene, frames=frames, **more):
+    for name, (scene, frames, counts) in sweeps(scale).items():
+        def add(title, method, cost=1, priority=1, name=name, scene=scene, frames=frames, **more):
             jobs.append(scale.job(scene, frames, method, {"scene": name, "method": title, "seed": 1}, cost, priority,
                                   **more))
         kind = name.split(",")[0]
-        if kind in ("brain", "phantom"):
-            add("BIGUS 2M", bigus(2000000, 300), 320, 3 if "half" in name else 2 if name == "phantom, linear" else 3,
-                score=["held_out", "training"])
-        for count in counts:
-            add(f"UltraGauss preset {short(count)}",
-                {"name": "ultragauss", "gaussians": count, "time_limit": 4 * seconds * count / counts[0]},
-                seconds * count / counts[0] + 5, 2, score=["held_out", "training"])
+        if name in ("brain, half", "phantom, linear"):
+            add("BIGUS 2M", forced(2000000, 300), 320, 2, score=["held_out", "training"])
+        for count, seconds in counts.items():
+            if count:
+                add(f"UltraGauss preset {short(count)}",
+                    {"name": "ultragauss", "gaussians": count, "time_limit": 3 * seconds},
+                    seconds + 3, 1 if name in ("liver, half", "brain, half") and count == 100000 else 2,
+                    score=["held_out", "training"])
+                add(f"compounding, memory of {short(count)}", {"name": "compounding", "equal_gaussians": count}, 2)
+        for voxel in COMPOUNDING[kind]:
+            add(f"compounding, {voxel} mm", {"name": "compounding", "voxel_size": voxel}, 3)
         for title, method in BASELINES.items():
             add(title, {"name": method})
-        for voxel in COMPOUNDING[kind]:
-            add(f"compounding, {voxel} mm", {"name": "compounding", "voxel_size": voxel}, 6)
-        for count in counts:
-            add(f"compounding, memory of {short(count)}", {"name": "compounding", "equal_gaussians": count}, 6)
     return jobs
 
 
@@ -214,10 +229,11 @@ E2 = Experiment(
     with_speckle("held_out", "held-out") + [("training PSNR", "scores.training.psnr", 2),
                                             ("training SSIM", "scores.training.ssim", 4),
                                             ("training BFS", "scores.training.bfs", 3),
+                                            ("aligned PSNR", "scores.aligned.psnr", 2),
                                             ("voxel mm", "facts.voxel_size", 2)] + COST,
     lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene}: held-out PSNR (dB)", lambda labels: labels["method"])
-                  for scene in dict.fromkeys(job.labels["scene"] for job in jobs) if "full" in scene or "half" in scene],
+                  for scene in dict.fromkeys(job.labels["scene"] for job in jobs) if ", full" in scene or "linear" in scene],
     split="scene")
 
 # ---- E3: the paper's Table 3 ----
@@ -236,7 +252,7 @@ def e3_jobs(scale):
             cost = (8 if name == "brain" else 12) * max(1, count / 100000) * (2 if loss not in ("l1", "l2") else 1)
             jobs.append(scale.job(
                 scene, {"hold_out": 4},
-                bigus(count, 4 * cost, seeding=seeding, loss=loss, densify=interval, cap=2 * count),
+                forced(count, 4 * cost, seeding=seeding, loss=loss, densify=interval, cap=2 * count),
                 {"scene": name, "seeds": seeding, "loss": loss, "densified": "yes" if interval else "",
                  "count": short(count)}, cost + 4, 1 if count <= 100000 else 2, score=["held_out", "training"]))
     return jobs
@@ -283,7 +299,7 @@ def e4_jobs(scale):
             for beam in (0, sigma):
                 jobs.append(scale.job(
                     scene, frames,
-                    bigus(count, 4 * cost, **{"signed": is_signed, "elevation_sigma": beam, **options}),
+                    forced(count, 4 * cost, **{"signed": is_signed, "elevation_sigma": beam, **options}),
                     {"scene": name, "signed": "yes" if is_signed else "", "beam mm": beam or "off"}, cost + 3,
                     1 if "sigma" not in name or sigma in (1, 4) else 2, score=["held_out", "training"]))
     return jobs
@@ -304,20 +320,20 @@ E4 = Experiment(
 
 
 def e5_jobs(scale):
-    scenes = {"liver": (scale.real(LIVER, 2), 16, (1, 2, 4, 8), 100000, 40),
-              "brain": (scale.real(BRAIN, 2), 8, (1, 2, 4), 50000, 8),
+    scenes = {"liver": (scale.real(LIVER, 2), 16, (1, 2, 4, 8), 60),
+              "brain": (scale.real(BRAIN, 2), 8, (1, 2, 4), 15),
               "phantom": (scale.phantom(**({} if scale.is_quick else {"frames": 65})), 16 if not scale.is_quick else 8,
-                          (1, 2, 4, 8) if not scale.is_quick else (1, 2, 4), 100000, 20)}
+                          (1, 2, 4, 8) if not scale.is_quick else (1, 2, 4), 30)}
     jobs = []
-    for name, (scene, period, gaps, count, cost) in scenes.items():
+    for name, (scene, period, gaps, cost) in scenes.items():
         for gap in gaps:
             frames = {"gap": gap, "period": period}
             labels = {"scene": name, "gap": gap}
-            jobs.append(scale.job(scene, frames, bigus(count, 4 * cost),
-                                  {**labels, "method": "BIGUS"}, cost / gap + 5))
+            jobs.append(scale.job(scene, frames, bigus(None, 3 * cost / gap),
+                                  {**labels, "method": "BIGUS auto"}, cost / gap + 3))
             for title, method in BASELINES.items():
-                jobs.append(scale.job(scene, frames, {"name": method}, {**labels, "method": title}, 3))
-            jobs.append(scale.job(scene, frames, {"name": "compounding"}, {**labels, "method": "compounding"}, 5))
+                jobs.append(scale.job(scene, frames, {"name": method}, {**labels, "method": title}, 1))
+            jobs.append(scale.job(scene, frames, {"name": "compounding"}, {**labels, "method": "compounding"}, 3))
     return jobs
 
 
@@ -343,16 +359,16 @@ def e6_jobs(scale):
     jobs = []
     for name, (scene, frames, runs) in scenes.items():
         for count, limit in runs:
-            jobs.append(scale.job(scene, frames, bigus(count, limit, iterations=FOREVER),
+            jobs.append(scale.job(scene, frames, forced(count, limit, iterations=FOREVER),
                                   {"scene": name, "method": "BIGUS", "size": short(count), "limit": f"{limit} s"},
                                   limit + 5, 1 if count <= 100000 and limit <= 30 else 2 if limit < 200 else 3))
-        for voxel in (0.3, 0.4, 0.5, 0.63, 0.8, 1, 1.3, 1.6):
+        for voxel in (0.4, 0.5, 0.63, 0.8, 1, 1.3, 1.6):
             jobs.append(scale.job(scene, frames, {"name": "compounding", "voxel_size": voxel},
-                                  {"scene": name, "method": "compounding", "size": f"{voxel} mm", "limit": ""}, 5))
+                                  {"scene": name, "method": "compounding", "size": f"{voxel} mm", "limit": ""}, 2))
         for count in (20000, 100000, 300000, 1000000):
             jobs.append(scale.job(scene, frames, {"name": "compounding", "equal_gaussians": count},
                                   {"scene": name, "method": "compounding", "size": f"memory of {short(count)}",
-                                   "limit": ""}, 5))
+                                   "limit": ""}, 2))
     return jobs
 
 
@@ -383,4 +399,83 @@ E7 = Experiment(
     lambda jobs: [bars(jobs, "scores.held_out.psnr", "held-out PSNR (dB), least to most",
                        lambda labels: f"{labels['scene']}: {labels['method']}")])
 
-EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7)}
+# ---- E8: error against speckle ----
+
+
+def e8_jobs(scale):
+    losses = ["l1", "l2", "0.8*l1 + 0.2*dssim", "0.5*l1 + 0.5*dssim", "l1 + ffl", "l1 + 10*ffl", "l1 + 3*contrast",
+              "l1 + 10*contrast", "l1 + 30*contrast", "l1 + 100*contrast"]
+    jobs = []
+    for name, scene, count, cost in (("brain", scale.real(BRAIN, 2), 100000, 10), ("phantom", scale.phantom(), 50000, 12)):
+        for loss in losses:
+            seconds = cost * (1 if loss in ("l1", "l2") else 2)
+            jobs.append(scale.job(scene, {"hold_out": 4}, forced(count, 4 * seconds, loss=loss),
+                                  {"scene": name, "method": loss}, seconds + 3, 1 if name == "brain" else 2,
+                                  score=["held_out", "training"]))
+        for title, method in BASELINES.items():
+            jobs.append(scale.job(scene, {"hold_out": 4}, {"name": method}, {"scene": name, "method": title}, 1.5))
+    return jobs
+
+
+def contrast_error(members):
+    """Of the mean speckle contrast, in per cent of the truth's."""
+    ratio = mean(members, "scores.held_out.texture.contrast_ratio")
+    return None if ratio is None else 100 * abs(ratio - 1)
+
+
+def frontier(jobs, scene):
+    def panel(axis):
+        for labels, members in groups([job for job in jobs if job.labels["scene"] == scene]):
+            x, y = contrast_error(members), psnr("held_out")(members)
+            if x is not None and y is not None:
+                ours = members[0].request["method"]["name"] == "bigus"
+                axis.plot(x, y, "o" if ours else "s", color="#4878a8" if ours else "#999999")
+                axis.annotate(labels["method"], (x, y), textcoords="offset points", xytext=(4, 3), fontsize=7)
+        axis.set_xlabel("error of the mean speckle contrast (%)")
+        axis.set_ylabel("held-out PSNR (dB)")
+        axis.set_title(scene, fontsize=10)
+    return panel
+
+
+E8 = Experiment(
+    "e8", "E8: error against speckle", e8_jobs,
+    with_speckle("held_out", "held-out") + [
+        ("contrast / truth", "scores.held_out.texture.contrast_ratio", 3),
+        ("spectrum dB", "scores.held_out.texture.spectrum_difference", 2),
+        ("high frequencies / truth", "scores.held_out.texture.high_frequency_power", 3)] + COST[:1],
+    lambda jobs: [frontier(jobs, scene) for scene in ("brain", "phantom")], split="scene")
+
+# ---- E9: short and rough sweeps ----
+
+
+def e9_jobs(scale):
+    variants = [(10, 0.1, 0.4, 1.5), (20, 0.3, 0.4, 1), (40, 0.5, 0.4, 0.6), (20, 0.1, 0.9, 1.5), (30, 0.5, 0.9, 1)]
+    jobs = []
+
+    def add(name, scene, title, method, seconds=1.5):
+        jobs.append(scale.job(scene, {"hold_out": 4}, method, {"scene": name, "method": title}, seconds,
+                              score=["held_out", "aligned"]))
+
+    scenes = {"spine": (scale.real(SPINE, 2), COMPOUNDING["spine"])}
+    for frames, noise, unevenness, spacing in variants:
+        options = {"tracking_noise": noise, "speed_variation": unevenness, "frame_spacing": spacing, "frames": frames}
+        name = f"phantom, {frames} frames, noise {noise} mm, step {spacing} mm, uneven {unevenness:.0%}"
+        scenes[name] = (scale.phantom(**options), (0.3, 0.5, 0.8, 1.2))
+    for name, (scene, voxels) in scenes.items():
+        add(name, scene, "BIGUS auto", bigus(None, 45), 18)
+        add(name, scene, "nearest frame", {"name": "nearest"})
+        add(name, scene, "neighbour average", {"name": "neighbour_average"})
+        add(name, scene, "pose-aware linear", {"name": "pose_linear"})
+        for voxel in voxels:
+            add(name, scene, f"compounding, {voxel} mm", {"name": "compounding", "voxel_size": voxel})
+    return jobs
+
+
+E9 = Experiment(
+    "e9", "E9: short and rough sweeps, nothing set by hand", e9_jobs,
+    scored("held_out", "held-out") + [("aligned PSNR", "scores.aligned.psnr", 2)] + COST,
+    lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
+                       f"{scene.replace('phantom, ', '')}:\nheld-out PSNR (dB)", lambda labels: labels["method"])
+                  for scene in dict.fromkeys(job.labels["scene"] for job in jobs)], split="scene")
+
+EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9)}

@@ -1,0 +1,118 @@
+#!/usr/bin/python3
+"""Does the harness work: what it runs, keeps, repeats and reports. On phantoms, with few Gaussians.
+
+    test_experiments.py PROGRAM [unittest options]
+"""
+
+import contextlib
+import csv
+import io
+import json
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import experiments
+from definitions import EXPERIMENTS, Scale
+
+PROGRAM = sys.argv.pop(1) if len(sys.argv) > 1 else "build/bin/bigusExperiment"
+
+
+def call(*arguments):
+    """experiments.py with these arguments: exit status and what it printed."""
+    said = io.StringIO()
+    with mock.patch.object(sys, "argv", ["experiments.py", *map(str, arguments)]), contextlib.redirect_stdout(said):
+        return experiments.main(), said.getvalue()
+
+
+class Harness(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def run_e5(self, *more):
+        # No data folder: only what is made on phantoms runs.
+        return call("e5", "--quick", "--program", PROGRAM, "--data", self.folder / "nothing", "--output", self.folder,
+                    *more)
+
+    def test_runs_once_and_reports(self):
+        status, said = self.run_e5()
+        self.assertEqual(status, 0, said)
+        quick = self.folder / "quick"
+        with open(quick / "e5.csv") as file:
+            rows = list(csv.DictReader(file))
+        done = [row for row in rows if row["state"] == "done"]
+        self.assertEqual({row["scene"] for row in done}, {"phantom"})
+        self.assertEqual({row["state"] for row in rows if row["scene"] == "liver"},
+                         {"no data: liver-sweep/liver_sweep.igs.mha"})
+        self.assertIn(f"{len(done)} jobs run, 0 failed", said)
+        for row in done:
+            self.assertTrue(10 < float(row["scores.held_out.psnr"]) < 40, row)
+            self.assertIn("threads", row["machine"])
+        table = (quick / "e5.md").read_text()
+        self.assertIn("no data", table)
+        self.assertEqual((quick / "e5.png").read_bytes()[:4], b"\x89PNG")
+        self.assertFalse(list(quick.rglob("*.part*")))
+
+        status, said = self.run_e5()
+        self.assertIn("0 jobs run, 0 failed", said)
+        # Half a result, as after a crash of the machine, is none.
+        broken = next((quick / "jobs").glob("*.json"))
+        whole = json.loads(broken.read_text())
+        broken.write_text(broken.read_text()[:100])
+        status, said = self.run_e5()
+        self.assertIn("1 jobs run, 0 failed", said)
+        again = json.loads(broken.read_text())
+        self.assertEqual(again["scores"], whole["scores"])
+
+    def test_a_budget_leaves_jobs_out_and_says_so(self):
+        status, said = self.run_e5("--budget", "0.01")
+        self.assertEqual(status, 0)
+        self.assertIn("0 jobs run, 0 failed", said)
+        self.assertIn("not run", said)
+
+    def test_a_failed_job_is_told_and_tried_again(self):
+        program = self.folder / "broken"
+        program.write_text("#!/bin/sh\necho out of luck >&2\nexit 1\n")
+        program.chmod(0o755)
+        with contextlib.redirect_stderr(io.StringIO()):
+            status, said = call("e5", "--quick", "--program", program, "--data", self.folder / "nothing", "--output",
+                                self.folder)
+        self.assertEqual(status, 1)
+        self.assertIn("failed: out of luck", said)
+        self.assertEqual(list(self.folder.rglob("*.json")), [])
+
+    def test_publishes_between_markers(self):
+        quick = self.folder / "quick"
+        quick.mkdir()
+        (quick / "e5.md").write_text("| new |\n")
+        readme = self.folder / "README.md"
+        readme.write_text("before\n<!-- e5 begin -->\nold\n<!-- e5 end -->\nafter\n")
+        with mock.patch.object(experiments, "HERE", self.folder):
+            call("publish", "--quick", "--output", self.folder)
+        self.assertEqual(readme.read_text(), "before\n<!-- e5 begin -->\n| new |\n<!-- e5 end -->\nafter\n")
+
+
+class Definitions(unittest.TestCase):
+    def test_jobs_of_an_experiment_have_rows_of_their_own(self):
+        for scale in (Scale(), Scale.quick()):
+            for experiment in EXPERIMENTS.values():
+                jobs = experiment.jobs(scale)
+                rows = [json.dumps([job.labels, job.request.get("seed")]) for job in jobs]
+                self.assertEqual(len(set(rows)), len(rows), experiment.name)
+                self.assertTrue(all(job.seconds > 0 and job.priority in (1, 2, 3) for job in jobs))
+
+    def test_quick_jobs_are_quick(self):
+        for experiment in EXPERIMENTS.values():
+            jobs = [job for job in experiment.jobs(Scale.quick()) if job.priority < 3]
+            for job in jobs:
+                method = job.request["method"]
+                self.assertLessEqual(method.get("time_limit", 0), 3)
+                self.assertLessEqual(method.get("gaussians", 0), 40000)
+
+
+if __name__ == "__main__":
+    unittest.main()
