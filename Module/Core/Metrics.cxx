@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "Error.h"
+#include "SsimWindow.h"
 
 namespace bigus
 {
@@ -33,26 +34,6 @@ void CheckSize(const char* metric, int width, int height)
     throw Error(std::string(metric) + ": the images are " + std::to_string(width) + " x " +
                 std::to_string(height) + " pixels; both sides must be at least 1.");
   }
-}
-
-constexpr int ssimRadius = 5;
-constexpr int ssimTaps = 2 * ssimRadius + 1;
-
-std::array<double, ssimTaps> SsimKernel()
-{
-  std::array<double, ssimTaps> kernel;
-  double sum = 0;
-  for (int t = 0; t < ssimTaps; ++t)
-  {
-    const double d = t - ssimRadius;
-    kernel[t] = std::exp(-d * d / (2 * 1.5 * 1.5));
-    sum += kernel[t];
-  }
-  for (double& k : kernel)
-  {
-    k /= sum;
-  }
-  return kernel;
 }
 
 }  // namespace
@@ -90,8 +71,6 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                 " pixels, less than one window of 11 x 11; use larger images or windows of the same size.");
   }
   const std::array<double, ssimTaps> kernel = SsimKernel();
-  constexpr double c1 = 0.01 * 0.01;
-  constexpr double c2 = 0.03 * 0.03;
   const int margin = valid ? ssimRadius : 0;  // of window centres, from the edge
   std::vector<double> rows(height - 2 * margin);
 
@@ -141,8 +120,8 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                         const double varianceA = m[2] - m[0] * m[0];
                         const double varianceB = m[3] - m[1] * m[1];
                         const double covariance = m[4] - m[0] * m[1];
-                        sum += (2 * m[0] * m[1] + c1) * (2 * covariance + c2) /
-                               ((m[0] * m[0] + m[1] * m[1] + c1) * (varianceA + varianceB + c2));
+                        sum += (2 * m[0] * m[1] + ssimC1) * (2 * covariance + ssimC2) /
+                               ((m[0] * m[0] + m[1] * m[1] + ssimC1) * (varianceA + varianceB + ssimC2));
                       }
                       rows[row] = sum;
                     });
