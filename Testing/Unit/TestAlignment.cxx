@@ -11,6 +11,8 @@
 #include "Core/Alignment.h"
 #include "Core/Engine.h"
 #include "Core/Error.h"
+#include "Core/Phantom.h"
+#include "Core/Trainer.h"
 #include "Gradient/RandomField.h"
 #include "Unit/SyntheticSweep.h"
 
@@ -323,6 +325,37 @@ TEST(Alignment, IsNeverWorseThanTheTrackedPose)
     EXPECT_LE(found.residualAfter, found.residualBefore);
     EXPECT_LE(found.translation, 2 + 1e-12);
     EXPECT_LE(found.rotation, 3 + 1e-12);
+  }
+}
+
+// The honest case: the field was trained on other frames and explains this one only roughly.
+TEST(Alignment, FindsHeldOutFramesOfAPhantom)
+{
+  PhantomOptions world;
+  world.frames = 15;
+  world.width = world.height = 64;
+  world.pixelSize = 0.4;
+  world.frameSpacing = 0.4;
+  world.elevationSigma = 1;
+  const auto sweep = std::make_shared<Sweep>(Phantom(world).MakeSweep());
+  TrainerOptions training;
+  training.gaussians = 6000;
+  training.iterations = 150;
+  training.holdOut = 5;
+  const TrainingResult trained = Train(sweep, training);
+  const auto engine = EngineWith(trained.field);
+  ASSERT_EQ(trained.heldOutFrames.size(), 3u);
+  for (int frame : trained.heldOutFrames)
+  {
+    const SlicePlane truth = sweep->Plane(frame);
+    Sweep displaced = sweep->Subset({frame});
+    const SlicePlane tracked = Moved(truth, {0.2, -0.15, 0.25}, {-0.4, 0.3, 0.5});
+    displaced.imageToReference[0] = tracked.ImageToReference();
+    const RigidAlignment found = AlignFrame(*engine, displaced, 0);
+    EXPECT_GT(CornerDistance(tracked, truth), 0.4);
+    EXPECT_LT(CornerDistance(found.plane, truth), 0.1);
+    EXPECT_GT(found.residualAfter, 0.01) << "the field is no copy of the frame";
+    EXPECT_LT(found.residualAfter, 0.9 * found.residualBefore);
   }
 }
 
