@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Callable
 
 from harness import Job, groups, mean
-from plots import bars, curves
+from plots import OTHERS, OURS, bars, curves, gains, is_ours
 
 LIVER = {"file": "liver-sweep/liver_sweep.igs.mha"}
 BRAIN = {"file": "brain-sweep/us_brain_sweep.igs.mha"}
@@ -311,9 +311,10 @@ E4 = Experiment(
                                       ("training PSNR", "scores.training.psnr", 2),
                                       ("training SSIM", "scores.training.ssim", 4),
                                       ("training BFS", "scores.training.bfs", 3)] + COST[:1],
-    lambda jobs: [bars(jobs, f"scores.{frames}.psnr", f"PSNR, {title} frames (dB)",
-                       lambda labels: f"{labels['scene']}: {'signed' if labels['signed'] else 'positive'}, "
-                                      f"beam {labels['beam mm']}")
+    lambda jobs: [gains(jobs, f"scores.{frames}.psnr", f"PSNR, {title} frames", lambda labels: labels["scene"],
+                        lambda labels: f"{'signed' if labels['signed'] else 'positive'}, "
+                                       f"{'thin plane' if labels['beam mm'] == 'off' else 'beam'}",
+                        "positive, thin plane")
                   for frames, title in (("held_out", "held-out"), ("training", "training"))])
 
 # ---- E5: how far from the frames that were seen ----
@@ -380,8 +381,10 @@ def e6_panels(jobs):
                              lambda _, members: mean(members, "seconds"), psnr("held_out"),
                              lambda labels: labels["size"],
                              ("seconds", "held-out PSNR (dB)", f"{scene}: time"), logarithmic=True))
-        panels.append(curves(here, lambda _, members: megabytes(members), psnr("held_out"),
-                             lambda labels: f"{labels['method']} {labels['limit']}".strip(),
+        # Of each size the longest run: what so much memory can hold.
+        longest = {job.labels["size"]: job for job in here if job.result}
+        panels.append(curves(list(longest.values()), lambda _, members: megabytes(members), psnr("held_out"),
+                             lambda labels: labels["method"],
                              ("megabytes", "held-out PSNR (dB)", f"{scene}: memory"), logarithmic=True))
     return panels
 
@@ -424,14 +427,20 @@ def contrast_error(members):
 
 
 def frontier(jobs, scene):
+    """Held-out PSNR over the error of contrast; the weights of the contrast term are joined."""
     def panel(axis):
+        joined = []
         for labels, members in groups([job for job in jobs if job.labels["scene"] == scene]):
             x, y = contrast_error(members), psnr("held_out")(members)
-            if x is not None and y is not None:
-                ours = members[0].request["method"]["name"] == "bigus"
-                axis.plot(x, y, "o" if ours else "s", color="#4878a8" if ours else "#999999")
-                axis.annotate(labels["method"], (x, y), textcoords="offset points", xytext=(4, 3), fontsize=7)
-        axis.set_xlabel("error of the mean speckle contrast (%)")
+            if x is None or y is None:
+                continue
+            axis.plot(x, y, "o" if is_ours(members) else "s", color=OURS if is_ours(members) else OTHERS)
+            axis.annotate(labels["method"], (x, y), textcoords="offset points", xytext=(4, 3), fontsize=6)
+            if labels["method"] == "l1" or "contrast" in labels["method"]:
+                joined.append((x, y))
+        if joined:
+            axis.plot(*zip(*joined), color=OURS, linewidth=1)
+        axis.set_xlabel("error of the mean speckle contrast, held-out frames (%)")
         axis.set_ylabel("held-out PSNR (dB)")
         axis.set_title(scene, fontsize=10)
     return panel

@@ -24,13 +24,15 @@ from definitions import EXPERIMENTS, Scale
 HERE = Path(__file__).resolve().parent
 
 
-def report(experiment, jobs, folder):
+def report(experiment, jobs, scale, folder):
     """The experiment's table, plot and CSV, of what has been run so far."""
     folder.mkdir(parents=True, exist_ok=True)
     name = experiment.name
     write_csv(jobs, folder / f"{name}.csv")
     text = "".join(f"{title}\n\n{markdown(part, columns)}\n" if title else markdown(part, columns) + "\n"
                    for title, part, columns in experiment.tables(jobs))
+    if scale.is_quick:
+        text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
     left = [job for job in jobs if not job.result]
     if left:
         text += f"{len(left)} of {len(jobs)} jobs have no result: " + "; ".join(
@@ -106,7 +108,7 @@ def main():
             runner.run(job)
     finally:  # also when interrupted: what is there can be looked at
         for experiment in chosen:
-            text = report(experiment, jobs[experiment.name], output)
+            text = report(experiment, jobs[experiment.name], scale, output)
             print(f"\n{experiment.name}: {experiment.title}\n\n{text}", end="")
     failed = [job for job in queue if job.state.startswith("failed")]
     print(f"\n{runner.ran} jobs run, {len(failed)} failed.")
