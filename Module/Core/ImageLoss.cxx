@@ -29,10 +29,11 @@ void ForRanges(int count, Body&& body)
                     [&](const tbb::blocked_range<int>& range) { body(range.begin(), range.end()); });
 }
 
-double InOrder(const std::vector<double>& parts)
+template <class Real>
+double InOrder(const std::vector<Real>& parts)
 {
   double sum = 0;
-  for (double part : parts)
+  for (Real part : parts)
   {
     sum += part;
   }
@@ -162,7 +163,7 @@ int LargestPrimeFactor(int n)
 
 /// kissfft takes n p steps for a prime factor p. Beyond this one, two transforms of a smooth length take
 /// fewer.
-constexpr int kLargestFactor = 40;
+constexpr int kLargestFactor = 16;
 
 /// What transforms of one length have in common. For a length with a large prime factor that is Bluestein's
 /// way: with jk = (j^2 + k^2 - (k - j)^2) / 2, X_k = c_k sum_j (x_j c_j) conj(c_(k-j)), c_j = exp(-i pi j^2 /
@@ -386,7 +387,7 @@ double ImageLoss::EvaluateWindows(const Loss& loss, double weight, const Real* i
                 {
                   AddContrast(static_cast<Real>(loss.contrast), static_cast<int>(across), row);
                 }
-                sums[y] = InOrder({row.value.begin(), row.value.end()});
+                sums[y] = InOrder(row.value);
                 for (int k = 0; k < 3; ++k)
                 {
                   std::copy(row.slope[k].begin(), row.slope[k].end(), slope(k, y + kMargin) + kMargin);
