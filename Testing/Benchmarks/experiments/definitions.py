@@ -67,10 +67,9 @@ class Experiment:
 
     def tables(self, jobs):
         if not self.split:
-            return [("", jobs, self.columns)]
+            return [("", jobs)]
         names = list(dict.fromkeys(job.labels[self.split] for job in jobs))
-        return [(f"**{name}**", [job for job in jobs if job.labels[self.split] == name], self.columns)
-                for name in names]
+        return [(name, [job for job in jobs if job.labels[self.split] == name]) for name in names]
 
 
 def short(gaussians):
@@ -300,7 +299,8 @@ def e4_jobs(scale):
                 jobs.append(scale.job(
                     scene, frames,
                     forced(count, 4 * cost, **{"signed": is_signed, "elevation_sigma": beam, **options}),
-                    {"scene": name, "signed": "yes" if is_signed else "", "beam mm": beam or "off"}, cost + 3,
+                    {"scene": name, "signed": "yes" if is_signed else "", "beam": "yes" if beam else "",
+                     "sigma mm": beam}, cost + 3,
                     1 if "sigma" not in name or sigma in (1, 4) else 2, score=["held_out", "training"]))
     return jobs
 
@@ -313,7 +313,7 @@ E4 = Experiment(
                                       ("training BFS", "scores.training.bfs", 3)] + COST[:1],
     lambda jobs: [gains(jobs, f"scores.{frames}.psnr", f"PSNR, {title} frames", lambda labels: labels["scene"],
                         lambda labels: f"{'signed' if labels['signed'] else 'positive'}, "
-                                       f"{'thin plane' if labels['beam mm'] == 'off' else 'beam'}",
+                                       f"{'beam' if labels['beam'] else 'thin plane'}",
                         "positive, thin plane")
                   for frames, title in (("held_out", "held-out"), ("training", "training"))])
 

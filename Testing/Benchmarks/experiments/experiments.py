@@ -17,9 +17,10 @@ import os
 import sys
 from pathlib import Path
 
+import paper
 import plots
-from harness import PROJECT, Job, Runner, groups, markdown, write_csv, write_whole
 from definitions import EXPERIMENTS, Scale
+from harness import PROJECT, Runner, markdown, write_csv, write_whole
 
 HERE = Path(__file__).resolve().parent
 
@@ -29,8 +30,8 @@ def report(experiment, jobs, scale, folder):
     folder.mkdir(parents=True, exist_ok=True)
     name = experiment.name
     write_csv(jobs, folder / f"{name}.csv")
-    text = "".join(f"{title}\n\n{markdown(part, columns)}\n" if title else markdown(part, columns) + "\n"
-                   for title, part, columns in experiment.tables(jobs))
+    text = "".join((f"**{title}**\n\n" if title else "") + markdown(part, experiment.columns, experiment.split) + "\n"
+                   for title, part in experiment.tables(jobs))
     if scale.is_quick:
         text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
     left = [job for job in jobs if not job.result]
@@ -48,22 +49,27 @@ def report(experiment, jobs, scale, folder):
     return text
 
 
-def publish(folder):
-    """Tables between the markers of README.md, plots beside it."""
+def publish(runner, scale):
+    """Tables between the markers of README.md, plots beside it; from what has been run, running nothing."""
     readme = HERE / "README.md"
     text = readme.read_text()
-    for experiment in EXPERIMENTS.values():
-        table = folder / f"{experiment.name}.md"
-        begin, end = f"<!-- {experiment.name} begin -->", f"<!-- {experiment.name} end -->"
-        if not table.is_file() or begin not in text:
+    jobs = {name: experiment.jobs(scale) for name, experiment in EXPERIMENTS.items()}
+    for job in (job for group in jobs.values() for job in group):
+        runner.recall(job)
+    bodies = {"paper": paper.table(jobs)}
+    for name, experiment in EXPERIMENTS.items():
+        table, plot = runner.output / f"{name}.md", runner.output / f"{name}.png"
+        if not table.is_file():
             continue
-        plot = folder / f"{experiment.name}.png"
-        body = table.read_text()
+        bodies[name] = table.read_text()
         if plot.is_file():
             (HERE / plot.name).write_bytes(plot.read_bytes())
-            body = f"![{experiment.title}]({plot.name})\n\n" + body
-        head, tail = text.split(begin)[0], text.split(end)[1]
-        text = f"{head}{begin}\n{body.rstrip()}\n{end}{tail}"
+            bodies[name] = f"![{experiment.title}]({plot.name})\n\n" + bodies[name]
+    for name, body in bodies.items():
+        begin, end = f"<!-- {name} begin -->", f"<!-- {name} end -->"
+        if begin in text:
+            head, tail = text.split(begin)[0], text.split(end)[1]
+            text = f"{head}{begin}\n{body.rstrip()}\n{end}{tail}"
     write_whole(readme, text)
 
 
@@ -80,16 +86,15 @@ def main():
                         help="leave out jobs above it; 3 runs everything (default: 2)")
     options = parser.parse_args()
     output = options.output / ("quick" if options.quick else "full")
-    if "publish" in options.what:
-        publish(output)
-        return 0
-
     named = [name for name in options.what if name in EXPERIMENTS]
     chosen = [EXPERIMENTS[name] for name in (named or EXPERIMENTS)]
     scale = Scale.quick() if options.quick else Scale()
+    runner = Runner(options.program, Path(options.data), output, 60 * options.budget)
+    if "publish" in options.what:
+        publish(runner, scale)
+        return 0
     jobs = {experiment.name: [job for job in experiment.jobs(scale) if job.priority <= options.priority]
             for experiment in chosen}
-    runner = Runner(options.program, Path(options.data), output, 60 * options.budget)
     # Stable: within a priority, experiments and their jobs in the order in which they are defined.
     queue = sorted((job for group in jobs.values() for job in group), key=lambda job: job.priority)
     if "list" in options.what:

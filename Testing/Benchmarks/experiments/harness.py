@@ -165,10 +165,11 @@ def cell(jobs, path, places):
     return text + (f" ± {statistics.stdev(values):.{places}f}" if len(values) > 1 else "")
 
 
-def markdown(jobs, columns):
-    """columns: [(title, path in the result, decimal places)]. Rows that were not run say so."""
+def markdown(jobs, columns, without=""):
+    """columns: [(title, path in the result, decimal places)]. Rows that were not run say so. `without`: a label that
+    has no column."""
     rows = groups(jobs)
-    names = list(dict.fromkeys(name for labels, _ in rows for name in labels))
+    names = list(dict.fromkeys(name for labels, _ in rows for name in labels if name != without))
     lines = ["| " + " | ".join(names + [title for title, _, _ in columns]) + " |",
              "|---" * (len(names) + len(columns)) + "|"]
     for labels, members in rows:
