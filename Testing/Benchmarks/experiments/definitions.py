@@ -276,10 +276,11 @@ KNOWN_SIGMAS = (1, 2, 3, 4)  # mm
 
 
 def thick(scale, sigma, **options):
-    return scale.phantom(**{"width": 128, "height": 128, "pixel_size": 0.4, "frames": 48, "elevation_sigma": sigma,
-                            "scatterer_density": 10, **({} if not scale.is_quick else
-                                                        {"width": 64, "height": 64, "pixel_size": 0.8, "frames": 16,
-                                                         "scatterer_density": 1}), **options})
+    """A phantom whose beam has a standard deviation of sigma mm, with a dozen scatterers in a resolution cell."""
+    size = ({"width": 64, "height": 64, "pixel_size": 0.8, "frames": 16} if scale.is_quick else
+            {"width": 128, "height": 128, "pixel_size": 0.4, "frames": 48, "axial_sigma": 0.2, "lateral_sigma": 0.4,
+             "scatterer_density": 10 / sigma})
+    return scale.phantom(**{**size, "elevation_sigma": sigma, **options})
 
 
 def e4_jobs(scale):
