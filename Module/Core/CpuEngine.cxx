@@ -210,6 +210,7 @@ public:
 
   std::size_t FieldSize() const override { return order_.size(); }
   void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
+  void SetNormalisedWeights(bool on) override { normalised_ = on; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
               float* coverage) override
@@ -222,7 +223,7 @@ public:
                   std::to_string(plane.height) + " pixels is larger than 16777216 along a side.");
     }
     const std::vector<Camera> cameras{Camera(plane, beam_)};
-    FindVisible(cameras, plane.width, plane.height, window, false);
+    FindVisible(cameras, plane.width, plane.height, window, normalised_);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
     ForBands(1, window.rows,
              [&](int, int begin, int end)
@@ -237,20 +238,29 @@ public:
                for (int row = begin; row < end; ++row)
                {
                  T* line = buffer.data() + (row - begin) * stride;
-                 if (output == ViewOutput::Intensity)
+                 if (output == ViewOutput::Intensity && !normalised_)
                  {
                    kernels_.toIntensity(line, window.columns, static_cast<T>(transfer_.gamma), line);
                  }
                  std::copy_n(line, window.columns, image + static_cast<std::size_t>(row) * window.columns);
                }
-               if (coverage)
+               const bool normalise = normalised_ && output == ViewOutput::Intensity;
+               if (coverage || normalise)
                {
                  std::fill(buffer.begin(), buffer.end(), T(0));
                  AddVisible(0, firstRow, lastRow, rows, [](std::size_t) -> const T* { return nullptr; });
                  for (int row = begin; row < end; ++row)
                  {
-                   std::copy_n(buffer.data() + (row - begin) * stride, window.columns,
-                               coverage + static_cast<std::size_t>(row) * window.columns);
+                   const T* line = buffer.data() + (row - begin) * stride;
+                   const std::size_t first = static_cast<std::size_t>(row) * window.columns;
+                   for (int column = 0; normalise && column < window.columns; ++column)
+                   {
+                     image[first + column] /= static_cast<float>(kLeastWeight + line[column]);
+                   }
+                   if (coverage)
+                   {
+                     std::copy_n(line, window.columns, coverage + first);
+                   }
                  }
                }
              });
@@ -329,6 +339,7 @@ public:
                              const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
+    RefuseNormalised(normalised_);
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
     double done = 0;
@@ -443,6 +454,34 @@ private:
   {
     std::size_t offset;
     int count, rowBegin, rowEnd;
+  };
+
+  /// With normalised weights a footprint w gets r dL/dS + dL/dW where it otherwise gets r dL/dS: moments of
+  /// both images add up to those of a Gaussian of reflectivity 1, and dL/dr stays the moment of dL/dS.
+  struct NormalisedBlock
+  {
+    GaussianBlock<T> unit;
+    T slopes[kBlock];
+
+    void Begin(const GaussianBlock<T>& block)
+    {
+      unit = block;
+      std::fill_n(unit.reflectivity, kBlock, T(1));
+      std::fill_n(slopes, kBlock, T(0));
+    }
+    void Combine(const GaussianBlock<T>& block, const VisibleSplat<T>* splats, int count,
+                 const MomentBlock<T>& ofWeights, MomentBlock<T>& moments)
+    {
+      for (int k = 0; k < count; ++k)
+      {
+        const int i = static_cast<int>(splats[k].gaussian);
+        slopes[i] += moments.values[0][k];
+        for (int m = 0; m < 6; ++m)
+        {
+          moments.values[m][k] = block.reflectivity[i] * moments.values[m][k] + ofWeights.values[m][k];
+        }
+      }
+    }
   };
 
   bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
@@ -756,7 +795,8 @@ private:
   }
 
   /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height
-  /// images. With `alike`, footprints are cut as if every |r| were the field's mean.
+  /// images. With `alike`, footprints are cut as if every |r| were the field's mean
+  /// (with normalised weights: such that w ends at the tolerance).
   ///
   /// Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at most the
   /// tolerance. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half
@@ -770,7 +810,7 @@ private:
     const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
     const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
     const double logFloor = std::log(floor);
-    const double common = alike ? MeanMagnitude() : 0.0;
+    const double common = normalised_ ? 1 / transfer_.gamma : alike ? MeanMagnitude() : 0.0;
     const double logCommon = std::log(common);
     const Window whole{0, 0, width, height};
     views_ = cameras.size();
@@ -942,7 +982,7 @@ private:
       cameras_.emplace_back(sweep_->Plane(frame), beam_);
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr);
+    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr || normalised_);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on
@@ -991,7 +1031,7 @@ private:
                                    static_cast<T>(transfer_.gamma), truth, weights, others, sweep_->width,
                                    line);
     };
-    if (loss.IsPixelwise())
+    if (loss.IsPixelwise() && !normalised_)
     {
       return ForwardFrames(frames, nullptr,
                            [&](int frame, const T* truth, T* weights, T* line)
@@ -1002,20 +1042,33 @@ private:
     ForwardFrames(frames, nullptr, [](int, const T*, T*, T*) { return 0.0; });
     const int width = sweep_->width, height = sweep_->height;
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
+    if (normalised_)
+    {
+      AddWeightImages(static_cast<int>(frames.size()));
+    }
     std::vector<T> image(stride * height), truth(stride * height), others(stride * height);
     std::vector<double> sums(height);
     double total = 0;
     for (std::size_t f = 0; f < frames.size(); ++f)
     {
-      const PixelRows<T> rows = FrameRows(f);
+      const PixelRows<T> rows = FrameRows(f), weights = WeightRows(f);
       std::fill(others.begin(), others.end(), T(0));
       ForBands(1, height,
                [&](int, int begin, int end)
                {
                  for (int row = begin; row < end; ++row)
                  {
-                   kernels_.toIntensity(rows.Row(row), width, static_cast<T>(transfer_.gamma),
-                                        image.data() + row * stride);
+                   T* line = image.data() + row * stride;
+                   if (normalised_)
+                   {
+                     const T *s = rows.Row(row), *w = weights.Row(row);
+                     std::transform(s, s + width, w, line,
+                                    [](T s, T w) { return s / (static_cast<T>(kLeastWeight) + w); });
+                   }
+                   else
+                   {
+                     kernels_.toIntensity(rows.Row(row), width, static_cast<T>(transfer_.gamma), line);
+                   }
                    ReadTruth(frames[f] * sweep_->PixelsPerFrame() + static_cast<std::size_t>(row) * width,
                              truth.data() + row * stride);
                  }
@@ -1029,8 +1082,12 @@ private:
                  for (int row = begin; row < end; ++row)
                  {
                    ReadCounts(row, counts.data());
-                   sums[row] = toDerivative(frames[f], truth.data() + row * stride, counts.data(),
-                                            others.data() + row * stride, rows.Row(row));
+                   const T *t = truth.data() + row * stride, *other = others.data() + row * stride;
+                   sums[row] = normalised_
+                                   ? ToNormalisedDerivatives(loss, share * sweep_->Weight(frames[f]),
+                                                             image.data() + row * stride, t, counts.data(),
+                                                             other, rows.Row(row), weights.Row(row))
+                                   : toDerivative(frames[f], t, counts.data(), other, rows.Row(row));
                  }
                });
       for (double sum : sums)
@@ -1039,6 +1096,39 @@ private:
       }
     }
     return total;
+  }
+
+  /// With normalised weights, images_ holds the sum of weights of each frame behind their S.
+  PixelRows<T> WeightRows(std::size_t f) { return FrameRows(normalised_ ? views_ + f : f); }
+
+  void AddWeightImages(int frames)
+  {
+    images_.resize(2 * images_.size());
+    ForBands(frames, sweep_->height,
+             [&](int f, int begin, int end)
+             {
+               const PixelRows<T> rows = WeightRows(f);
+               std::fill(rows.Row(begin), rows.Row(end), T(0));
+               AddVisible(f, begin, end, rows, [](std::size_t) -> const T* { return nullptr; });
+             });
+  }
+
+  /// With I = S / W, W = least weight + sum w: replaces S by dL/dS = dL/dI / W and the sum of weights by
+  /// dL/dW = -dL/dI I / W. Returns the loss of the row.
+  double ToNormalisedDerivatives(const Loss& loss, double weight, const T* image, const T* truth,
+                                 const T* counts, const T* others, T* s, T* w) const
+  {
+    double sum = 0;
+    for (int column = 0; column < sweep_->width; ++column)
+    {
+      const bigus::PixelLoss<T> value =
+          EvaluateError(static_cast<T>(loss.l1), static_cast<T>(loss.l2), image[column] - truth[column],
+                        static_cast<T>(weight) * counts[column], others[column]);
+      s[column] = value.derivative / (static_cast<T>(kLeastWeight) + w[column]);
+      w[column] = -s[column] * image[column];
+      sum += value.loss;
+    }
+    return sum;
   }
 
   /// spend(block, gradient) for every block that the frames of the last Forward saw.
@@ -1056,6 +1146,11 @@ private:
           GradientBlock<T> gradient{};
           MomentBlock<T> moments;
           ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;
+          NormalisedBlock normalised;
+          if (normalised_)
+          {
+            normalised.Begin(blocks_[b]);
+          }
           for (std::size_t f = 0; f < views_; ++f)
           {
             const Seen& list = SeenBy(slot, f);
@@ -1067,7 +1162,18 @@ private:
             kernels_.gatherMoments(splats, list.count, FrameRows(f), keepScores_, moments);
             std::int32_t column, row;
             const View<T> view = LocalView<T>(cameras_[f], places_[b], column, row);
-            kernels_.addAdjoints(blocks_[b], view, splats, list.count, moments, gradient, scores);
+            if (normalised_)
+            {
+              MomentBlock<T> ofWeights;
+              kernels_.gatherMoments(splats, list.count, WeightRows(f), false, ofWeights);
+              normalised.Combine(blocks_[b], splats, list.count, ofWeights, moments);
+            }
+            kernels_.addAdjoints(normalised_ ? normalised.unit : blocks_[b], view, splats, list.count,
+                                 moments, gradient, scores);
+          }
+          if (normalised_)
+          {
+            std::copy_n(normalised.slopes, kBlock, gradient.values[kParametersPerGaussian - 1]);
           }
           spend(b, gradient);
         });
@@ -1114,7 +1220,7 @@ private:
   Accuracy accuracy_;
 
   std::shared_ptr<const Sweep> sweep_;
-  bool ignoreMasked_ = false;
+  bool ignoreMasked_ = false, normalised_ = false;
   std::size_t countedPixels_ = 0;
   std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
 

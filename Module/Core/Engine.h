@@ -95,6 +95,12 @@ public:
 
   virtual void SetAccuracy(const Accuracy& accuracy) = 0;
 
+  /// Another model, to compare with: I = sum_i r_i w_i / (1e-3 + sum_i w_i), without a transfer function, as
+  /// UltraGauss renders; meant for r in [0, 1] and sigma_E = 0. Off by default. S stays what it is.
+  /// Footprints then end where w falls below Accuracy::tolerance; no bound on I is promised.
+  /// SolveReflectivities throws Error.
+  virtual void SetNormalisedWeights(bool on) = 0;
+
   /// Renders plane pixels [firstRow, firstRow + rows) x [firstColumn, firstColumn + columns) of a view.
   struct Window
   {

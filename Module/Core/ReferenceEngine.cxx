@@ -41,6 +41,7 @@ public:
   GaussianField GetField() const override { return UnpackField(gaussians_, origin_, beam_, transfer_); }
   std::size_t FieldSize() const override { return gaussians_.size(); }
   void SetAccuracy(const Accuracy&) override {}  // nothing is ever dropped here
+  void SetNormalisedWeights(bool on) override { normalised_ = on; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
               float* coverage) override
@@ -48,28 +49,28 @@ public:
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
     const std::vector<Projection<double>> projections = ProjectAll(plane);
-    tbb::parallel_for(
-        0, window.rows,
-        [&](int row)
-        {
-          for (int column = 0; column < window.columns; ++column)
-          {
-            double s = 0, support = 0;
-            for (std::size_t i = 0; i < projections.size(); ++i)
-            {
-              const double w =
-                  Weight(projections[i].splat, window.firstColumn + column, window.firstRow + row);
-              s += gaussians_[i].reflectivity * w;
-              support += w;
-            }
-            const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
-            image[pixel] = static_cast<float>(output == ViewOutput::Intensity ? transfer_.Intensity(s) : s);
-            if (coverage)
-            {
-              coverage[pixel] = static_cast<float>(support);
-            }
-          }
-        });
+    tbb::parallel_for(0, window.rows,
+                      [&](int row)
+                      {
+                        for (int column = 0; column < window.columns; ++column)
+                        {
+                          double s = 0, support = 0;
+                          for (std::size_t i = 0; i < projections.size(); ++i)
+                          {
+                            const double w = Weight(projections[i].splat, window.firstColumn + column,
+                                                    window.firstRow + row);
+                            s += gaussians_[i].reflectivity * w;
+                            support += w;
+                          }
+                          const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
+                          image[pixel] =
+                              static_cast<float>(output == ViewOutput::Intensity ? Intensity(s, support) : s);
+                          if (coverage)
+                          {
+                            coverage[pixel] = static_cast<float>(support);
+                          }
+                        }
+                      });
   }
 
   void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
@@ -95,23 +96,36 @@ public:
     const double share = 1.0 / (static_cast<double>(counted) * frames.size());
     double sum = 0;
     std::vector<double> derivative(pixels), image(pixels);
+    std::vector<double> pull(pixels);  // with normalised weights: dL/dw less r dL/dS
     for (int frame : frames)
     {
       const SlicePlane plane = sweep_->Plane(frame);
       const std::vector<Projection<double>> projections = ProjectAll(plane);
       const std::vector<double> scattering = Scattering(projections, Reflectivities());
+      const std::vector<double> support =
+          normalised_ ? Scattering(projections, std::vector<double>(gaussians_.size(), 1.0))
+                      : std::vector<double>(pixels, 0.0);
       const std::vector<float> frameTruth = Frame(frame);
       const std::vector<double> truth(frameTruth.begin(), frameTruth.end());
       std::vector<double> others(pixels, 0.0);
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
-        image[pixel] = transfer_.Intensity(scattering[pixel]);
+        image[pixel] = Intensity(scattering[pixel], support[pixel]);
       }
       sum += imageLoss_->Evaluate(loss, sweep_->Weight(frame) / static_cast<double>(frames.size()),
                                   image.data(), truth.data(), sweep_->width, others.data());
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
         const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
+        if (normalised_)
+        {
+          const PixelLoss<double> value =
+              EvaluateError(loss.l1, loss.l2, image[pixel] - truth[pixel], weight, others[pixel]);
+          sum += value.loss;
+          derivative[pixel] = value.derivative / (kLeastWeight + support[pixel]);
+          pull[pixel] = -derivative[pixel] * image[pixel];
+          continue;
+        }
         const PixelLoss<double> value = EvaluateLoss(loss.l1, loss.l2, transfer_.gamma, scattering[pixel],
                                                      truth[pixel], weight, others[pixel]);
         sum += value.loss;
@@ -122,6 +136,15 @@ public:
                         {
                           const Moments<double> moments = GatherMoments(projections[i].splat, derivative);
                           AddTo(gradient_[i], ProjectAdjoint(gaussians_[i], projections[i], moments));
+                          if (normalised_)
+                          {
+                            Gaussian<double> weight = gaussians_[i];
+                            weight.reflectivity = 1;
+                            GaussianGradient<double> shape = ProjectAdjoint(
+                                weight, projections[i], GatherMoments(projections[i].splat, pull));
+                            shape.reflectivity = 0;
+                            AddTo(gradient_[i], shape);
+                          }
                           scores_[i].error += moments.error;
                           scores_[i].visits += 1;
                         });
@@ -162,6 +185,7 @@ public:
                              const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
+    RefuseNormalised(normalised_);
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
     double done = 0;
@@ -229,6 +253,11 @@ private:
     const double eta2 = splat.u22 * (v - splat.mv);
     const double eta1 = splat.u11 * (u - splat.mu) + splat.u12 * (v - splat.mv);
     return splat.amplitude * std::exp(-0.5 * (eta1 * eta1 + eta2 * eta2));
+  }
+
+  double Intensity(double s, double support) const
+  {
+    return normalised_ ? s / (kLeastWeight + support) : transfer_.Intensity(s);
   }
 
   std::vector<Projection<double>> ProjectAll(const SlicePlane& plane) const
@@ -313,7 +342,7 @@ private:
   Beam beam_;
   TransferFunction transfer_;
   std::shared_ptr<const Sweep> sweep_;
-  bool ignoreMasked_ = false;
+  bool ignoreMasked_ = false, normalised_ = false;
   std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
   std::uint64_t guarded_ = 0;
 };

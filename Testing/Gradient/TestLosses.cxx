@@ -165,49 +165,23 @@ private:
   std::vector<double> weights_[3];
 };
 
-class LossGradientTest : public testing::TestWithParam<std::tuple<const char*, bool>>
+/// Central differences of value(field) by every parameter against a gradient.
+template <class Value>
+void CompareGradient(const GaussianField& field, const bigus::FieldGradient& gradient, Value&& value)
 {
-};
-
-TEST_P(LossGradientTest, EqualsCentralDifferences)
-{
-  const Loss loss = Loss::Parse(std::get<0>(GetParam()));
-  const bool masked = std::get<1>(GetParam());
-  const SmallProblem problem;
-  if (masked)
-  {
-    problem.sweep->mask = Mask(15, 13);
-  }
-  FrozenFocalFrequency focalFrequency(*problem.sweep);
-  focalFrequency(problem, problem.field, masked);
-  Loss rest = loss;
-  rest.ffl = 0;
-  const bool nothingElse = loss.l1 + loss.l2 + loss.dssim + loss.contrast == 0;
-  const auto engine = Engine::Create("reference");
-  engine->SetFrames(problem.sweep, masked);
   const auto difference = [&](auto&& change)
   {
     const double h = 2e-3;
     const auto at = [&](double step)
     {
-      GaussianField field = problem.field;
-      change(field, step);
-      double value = loss.ffl > 0 ? loss.ffl * focalFrequency(problem, field, masked) : 0;
-      if (!nothingElse)
-      {
-        engine->SetField(field);
-        value += engine->Backpropagate({0, 1, 2}, rest);
-      }
-      return value;
+      GaussianField changed = field;
+      change(changed, step);
+      return value(changed);
     };
     return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h);
   };
-
-  engine->SetField(problem.field);
-  engine->Backpropagate({0, 1, 2}, loss);
-  const bigus::FieldGradient gradient = engine->GetGradient();
   std::vector<double> analytic[4], numeric[4];
-  for (std::size_t i = 0; i < problem.field.Size(); ++i)
+  for (std::size_t i = 0; i < field.Size(); ++i)
   {
     for (int k = 0; k < 3; ++k)
     {
@@ -243,6 +217,41 @@ TEST_P(LossGradientTest, EqualsCentralDifferences)
           << names[group] << " component " << i;
     }
   }
+}
+
+class LossGradientTest : public testing::TestWithParam<std::tuple<const char*, bool>>
+{
+};
+
+TEST_P(LossGradientTest, EqualsCentralDifferences)
+{
+  const Loss loss = Loss::Parse(std::get<0>(GetParam()));
+  const bool masked = std::get<1>(GetParam());
+  const SmallProblem problem;
+  if (masked)
+  {
+    problem.sweep->mask = Mask(15, 13);
+  }
+  FrozenFocalFrequency focalFrequency(*problem.sweep);
+  focalFrequency(problem, problem.field, masked);
+  Loss rest = loss;
+  rest.ffl = 0;
+  const bool nothingElse = loss.l1 + loss.l2 + loss.dssim + loss.contrast == 0;
+  const auto engine = Engine::Create("reference");
+  engine->SetFrames(problem.sweep, masked);
+  engine->SetField(problem.field);
+  engine->Backpropagate({0, 1, 2}, loss);
+  CompareGradient(problem.field, engine->GetGradient(),
+                  [&](const GaussianField& field)
+                  {
+                    double value = loss.ffl > 0 ? loss.ffl * focalFrequency(problem, field, masked) : 0;
+                    if (!nothingElse)
+                    {
+                      engine->SetField(field);
+                      value += engine->Backpropagate({0, 1, 2}, rest);
+                    }
+                    return value;
+                  });
 }
 
 INSTANTIATE_TEST_SUITE_P(Terms, LossGradientTest,
@@ -485,6 +494,131 @@ TEST(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
       EXPECT_EQ(0, std::memcmp(one.data(), all.data(), one.size() * sizeof(double)))
           << name << ", " << threads << " threads";
     }
+  }
+}
+
+// ---- Normalised weights
+// ------------------------------------------------------------------------------------------
+
+TEST(NormalisedWeights, AreTheWeightedMeanOfReflectivities)
+{
+  const LargeProblem problem;
+  const SlicePlane plane = problem.sweep->Plane(1);
+  const std::size_t pixels = plane.NumberOfPixels();
+  for (const char* name : {"reference", "cpu", "cpu-double"})
+  {
+    std::vector<float> scattering(pixels), coverage(pixels), image(pixels), plain(pixels);
+    const auto engine = Engine::Create(name);
+    engine->SetAccuracy({1e-9, true});
+    engine->SetField(problem.field);
+    engine->Render(plane, bigus::ViewOutput::Intensity, plain.data());
+    engine->SetNormalisedWeights(true);
+    engine->Render(plane, bigus::ViewOutput::Scattering, scattering.data(), coverage.data());
+    engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      EXPECT_NEAR(image[p], scattering[p] / (1e-3 + coverage[p]), 2e-5) << name;
+    }
+    // With equal reflectivities it is flat wherever there are weights.
+    GaussianField flat = problem.field;
+    flat.reflectivities.assign(flat.Size(), 0.6);
+    engine->SetField(flat);
+    engine->Render(plane, bigus::ViewOutput::Intensity, image.data(), coverage.data());
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      EXPECT_NEAR(image[p], 0.6 * coverage[p] / (1e-3 + coverage[p]), 1e-5) << name;
+    }
+    engine->SetField(problem.field);
+    engine->SetNormalisedWeights(false);
+    engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
+    EXPECT_EQ(image, plain);
+  }
+}
+
+TEST(NormalisedWeights, GradientEqualsCentralDifferences)
+{
+  for (const double elevationSigma : {0.0, 0.4})
+  {
+    for (const char* text : {"l2", "0.3*l2+dssim+20*contrast"})
+    {
+      SmallProblem problem;
+      problem.field.beam.elevationSigma = elevationSigma;
+      problem.sweep->mask = Mask(15, 13);
+      const auto engine = Engine::Create("reference");
+      engine->SetNormalisedWeights(true);
+      engine->SetFrames(problem.sweep, true);
+      engine->SetField(problem.field);
+      engine->Backpropagate({0, 1, 2}, Loss::Parse(text));
+      CompareGradient(problem.field, engine->GetGradient(),
+                      [&](const GaussianField& field)
+                      {
+                        engine->SetField(field);
+                        return engine->Backpropagate({0, 1, 2}, Loss::Parse(text));
+                      });
+    }
+  }
+}
+
+TEST(NormalisedWeights, EnginesEqualTheReference)
+{
+  LargeProblem problem;
+  for (const double elevationSigma : {0.0, 0.5})
+  {
+    problem.field.beam.elevationSigma = elevationSigma;
+    for (const char* text : {"l1", "l2+dssim"})
+    {
+      std::vector<double> gradients[3];
+      double losses[3];
+      const char* names[3] = {"reference", "cpu", "cpu-double"};
+      const double bounds[3] = {0, 3e-5, 3e-6};
+      for (int e = 0; e < 3; ++e)
+      {
+        const auto engine = Engine::Create(names[e]);
+        engine->SetNormalisedWeights(true);
+        engine->SetAccuracy({1e-9, true});
+        engine->SetFrames(problem.sweep, true);
+        engine->SetField(problem.field);
+        engine->ResetScores();
+        losses[e] = engine->Backpropagate({0, 2}, Loss::Parse(text));
+        gradients[e] = Flat(engine->GetGradient());
+        const std::vector<double> error = engine->GetScores().error;
+        gradients[e].insert(gradients[e].end(), error.begin(), error.end());
+        EXPECT_NEAR(losses[e], losses[0], bounds[e] * losses[0]) << names[e] << ", " << text;
+        EXPECT_LE(RelativeError(gradients[0], gradients[e]), bounds[e]) << names[e] << ", " << text;
+        EXPECT_THROW(engine->SolveReflectivities({0}, 1), bigus::Error);
+      }
+    }
+  }
+}
+
+TEST(NormalisedWeights, TrainAndDoNotDependOnTheNumberOfThreads)
+{
+  LargeProblem problem;
+  auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
+  for (std::size_t p = 0; p < 3 * problem.sweep->PixelsPerFrame(); ++p)
+  {
+    pixels[p] = 0.5f + 0.3f * std::sin(0.2f * (p % 61));
+  }
+  std::vector<double> one;
+  for (const int threads : {1, 2, 5})
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const auto engine = Engine::Create("cpu");
+    engine->SetNormalisedWeights(true);
+    engine->SetFrames(problem.sweep, true);
+    engine->SetField(problem.field);
+    std::vector<double> losses;
+    for (int step = 0; step < 60; ++step)
+    {
+      losses.push_back(engine->TrainStep({0, 1, 2}, Loss(), {0.01, 0.01, 0.01, 0.02}, {0.1, 5, true}));
+    }
+    EXPECT_LT(losses.back(), 0.3 * losses.front());
+    EXPECT_EQ(engine->GuardedUpdates(), 0u);
+    if (threads == 1)
+    {
+      one = losses;
+    }
+    EXPECT_EQ(losses, one) << threads << " threads";
   }
 }
 
