@@ -1,6 +1,7 @@
 #include "Trainer.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <numeric>
@@ -8,7 +9,10 @@
 #include <sstream>
 #include <tuple>
 
+#include "Alignment.h"
+#include "Decisions.h"
 #include "Error.h"
+#include "Fit.h"
 #include "VirtualPlanes.h"
 
 namespace bigus
@@ -164,12 +168,161 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
               ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
 }
 
+/// Where in training frames' gains and poses are found: once the field says more than one frame does, and
+/// again.
+constexpr std::array<double, 2> kCorrections = {0.3, 0.6};
+
+/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by as much as a tenth
+/// of the frame's own contrast would: a frame that the field hardly explains keeps its brightness. The mean
+/// gain and offset of all frames stay 1 and 0, since they belong to the scene.
+void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* pixels)
+{
+  const std::size_t size = poses.PixelsPerFrame();
+  std::vector<double> gains(frames), offsets(frames);
+  std::vector<float> image(size);
+  for (std::size_t k = 0; k < frames; ++k)
+  {
+    engine.Render(poses.Plane(static_cast<int>(k)), ViewOutput::Intensity, image.data());
+    const float* truth = pixels + k * size;
+    double x = 0, y = 0, xx = 0, xy = 0, n = 0;
+    for (std::size_t p = 0; p < size; ++p)
+    {
+      if (poses.IsLit(p))
+      {
+        x += image[p];
+        y += truth[p];
+        xx += static_cast<double>(image[p]) * image[p];
+        xy += static_cast<double>(image[p]) * truth[p];
+        n += 1;
+      }
+    }
+    const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
+    const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
+    const double prior = 0.1 * variance;
+    gains[k] = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), 0.5, 2.0) : 1.0;
+    offsets[k] = n > 0 ? std::clamp(y / n - gains[k] * x / n, -0.1, 0.1) : 0.0;
+  }
+  const auto mean = [](const std::vector<double>& values)
+  { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
+  const double meanGain = mean(gains), meanOffset = mean(offsets);
+  for (std::size_t k = 0; k < frames; ++k)
+  {
+    const double gain = gains[k] / meanGain, offset = offsets[k] - meanOffset;
+    for (float* value = pixels + k * size; value != pixels + (k + 1) * size; ++value)
+    {
+      if (*value > 0)  // black is where the scanner showed nothing
+      {
+        *value = static_cast<float>(std::clamp((*value - offset) / gain, 0.0, 1.0));
+      }
+    }
+  }
+}
+
+/// The sweep to go on with: every recorded frame against the present field, its gain removed and its pose
+/// refined where the options ask for it. `present` begins with the recorded `frames`, in their order; virtual
+/// planes after them stay as they are.
+std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, const std::vector<int>& frames,
+                                       const Sweep& present, const TrainerOptions& options)
+{
+  auto corrected = std::make_shared<Sweep>(present);
+  if (*options.poseRefinement)
+  {
+    AlignmentOptions alignment;
+    alignment.translationPrior = options.trackerTranslation;
+    alignment.rotationPrior = options.trackerRotation;
+    alignment.iterations = 3;
+    alignment.stride = 2;
+    Eigen::Vector3d drift = Eigen::Vector3d::Zero();  // the mean shift says nothing about any one frame
+    for (std::size_t k = 0; k < frames.size(); ++k)
+    {
+      const RigidAlignment found = AlignFrame(engine, recorded, frames[k], alignment);
+      corrected->imageToReference[k] = found.plane.ImageToReference();
+      const double i = 0.5 * (recorded.width - 1), j = 0.5 * (recorded.height - 1);
+      drift += (found.plane.Point(i, j) - recorded.Plane(frames[k]).Point(i, j)) /
+               static_cast<double>(frames.size());
+    }
+    for (std::size_t k = 0; k < frames.size(); ++k)
+    {
+      corrected->imageToReference[k].block<3, 1>(0, 3) -= drift;
+    }
+  }
+  if (*options.frameGains)
+  {
+    const std::size_t size = present.PixelsPerFrame();
+    auto pixels = std::make_shared<std::vector<float>>(size * present.imageToReference.size());
+    for (int k = 0; k < present.NumberOfFrames(); ++k)
+    {
+      float* image = pixels->data() + k * size;
+      static_cast<std::size_t>(k) < frames.size() ? recorded.CopyFrame(frames[k], image)
+                                                  : present.CopyFrame(k, image);
+    }
+    RemoveGains(engine, *corrected, frames.size(), pixels->data());
+    corrected->pixelType = Sweep::PixelType::Float32;
+    corrected->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  }
+  return corrected;
+}
+
+/// The loss a fraction of the way through training.
+Loss Blend(const TrainerOptions& options, double fraction)
+{
+  if (!options.finalLoss)
+  {
+    return options.loss;
+  }
+  const auto mix = [fraction](double a, double b) { return (1 - fraction) * a + fraction * b; };
+  const Loss &a = options.loss, &b = *options.finalLoss;
+  Loss loss;
+  loss.l1 = mix(a.l1, b.l1);
+  loss.l2 = mix(a.l2, b.l2);
+  loss.dssim = mix(a.dssim, b.dssim);
+  loss.ffl = mix(a.ffl, b.ffl);
+  loss.contrast = mix(a.contrast, b.contrast);
+  return loss;
+}
+
+/// Removes Gaussians that no plane shows: a footprint's peak is at most |r|, which changes I by at most
+/// gamma |r|, and below the tolerance training does not render it either. One stays, whatever it is: a field
+/// is never empty.
+void RemoveInvisible(GaussianField& field, double tolerance)
+{
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    if (std::abs(field.reflectivities[i]) * field.transfer.gamma >= tolerance ||
+        (i + 1 == field.Size() && kept == 0))
+    {
+      field.means[kept] = field.means[i];
+      field.scales[kept] = field.scales[i];
+      field.rotations[kept] = field.rotations[i];
+      field.reflectivities[kept] = field.reflectivities[i];
+      ++kept;
+    }
+  }
+  field.Resize(kept);
+}
+
 }  // namespace
 
 void TrainerOptions::Validate() const
 {
-  Require(gaussians >= 1 && gaussians <= (std::size_t(1) << 26), "gaussians", static_cast<double>(gaussians),
-          "1 to 67108864");
+  const auto count = [](const char* option, std::size_t value)
+  {
+    Require(value >= 1 && value <= (std::size_t(1) << 26), option, static_cast<double>(value),
+            "1 to 67108864");
+  };
+  count("gaussians", gaussians.value_or(1));
+  count("maximum of gaussians", maximumGaussians);
+  Require(Between(price, 0, 100), "price", price, "0 to 100 dB");
+  Require(trackerTranslation > 0 && trackerTranslation <= 1000, "tracker translation", trackerTranslation,
+          "above 0, at most 1000 mm");
+  Require(trackerRotation > 0 && trackerRotation <= 45, "tracker rotation", trackerRotation,
+          "above 0, at most 45 degrees");
+  loss.Validate();
+  if (finalLoss)
+  {
+    finalLoss->Validate();
+  }
   Require(!elevationSigma || Between(*elevationSigma, 0, 1e3), "elevation sigma", elevationSigma.value_or(0),
           "0 to 1000 mm");
   Require(holdOut == 0 || holdOut >= 2, "hold-out", holdOut, "0 (none), or at least 2");
@@ -206,44 +359,15 @@ void TrainerOptions::Validate() const
           densification.cloneReflectivity, "above 0, at most 1");
 }
 
-TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
-                     const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress)
+TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
+                   const std::vector<int>& validationFrames, const TrainerOptions& options,
+                   const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress,
+                   std::shared_ptr<const Sweep> withVirtualPlanes)
 {
   const Clock clock;
-  options.Validate();
-  sweep->Validate();
-
-  TrainingResult result;
-  std::tie(result.trainingFrames, result.heldOutFrames) =
-      SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
-  if (options.validation > 0)
-  {
-    const auto [train, validate] =
-        SplitHoldOut(static_cast<int>(result.trainingFrames.size()), options.validation);
-    std::vector<int> kept;
-    for (int k : train)
-    {
-      kept.push_back(result.trainingFrames[k]);
-    }
-    for (int k : validate)
-    {
-      result.validationFrames.push_back(result.trainingFrames[k]);
-    }
-    result.trainingFrames = kept;
-  }
-  if (result.trainingFrames.empty())
-  {
-    throw Error("Trainer: with a hold-out of " + std::to_string(options.holdOut) + " and validation of " +
-                std::to_string(options.validation) + ", none of the " +
-                std::to_string(sweep->NumberOfFrames()) + " frames is left to train on.");
-  }
-  const std::vector<int>& frames = result.trainingFrames;
-  if (!start)
-  {
-    RequireSomethingToLearn(*sweep, frames);
-  }
   const SweepGeometry geometry = MeasureGeometry(*sweep, frames);
-
+  TrainingResult result;
+  result.settled = options;
   TrainingProgress report;
   const auto proceed = [&](TrainingProgress::Phase phase, double fraction)
   {
@@ -255,7 +379,6 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     return !result.aborted;
   };
 
-  // The field to begin with.
   const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
   result.device = engine->Device();
   engine->SetAccuracy({options.tolerance, true});
@@ -263,11 +386,14 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
 
   // What the engine trains on: the frames themselves, or a sweep of training frames and virtual planes.
   std::vector<int> targets = frames;
-  const int virtualPlanes = options.virtualPlanes.value_or(geometry.IsSparse() ? 1 : 0);
   std::shared_ptr<const Sweep> targetSweep = sweep;
-  if (virtualPlanes > 0 && frames.size() > 1)
+  const bool virtualPlanes = *options.virtualPlanes > 0 && frames.size() > 1;
+  if (virtualPlanes || *options.frameGains || *options.poseRefinement)
   {
-    targetSweep = AddVirtualPlanes(*sweep, frames, virtualPlanes);
+    targetSweep = !virtualPlanes ? std::make_shared<const Sweep>(sweep->Subset(frames))
+                  : withVirtualPlanes
+                      ? withVirtualPlanes
+                      : AddVirtualPlanes(*sweep, frames, *options.virtualPlanes, *options.interpolation);
     targets.resize(targetSweep->NumberOfFrames());
     std::iota(targets.begin(), targets.end(), 0);
   }
@@ -276,31 +402,23 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   if (start)
   {
     field = *start;
-    if (options.elevationSigma)
-    {
-      field.beam.elevationSigma = *options.elevationSigma;
-    }
-    if (field.Size() == 0)
-    {
-      throw Error("Trainer: the field to continue from holds no Gaussian.");
-    }
+    field.beam.elevationSigma = *options.elevationSigma;
     engine->SetField(field);
   }
   else
   {
-    const Beam beam{options.elevationSigma.value_or(geometry.IsSparse() ? 0.8 : 0.3)};
-    field = Seed(*sweep, frames, beam, {options.seeding, options.gaussians, options.seed});
+    field = Seed(*sweep, frames, Beam{*options.elevationSigma},
+                 {options.seeding, *options.gaussians, options.seed});
     engine->SetField(field);
     ScaleReflectivities(*engine, *sweep, frames, field);
-    const int solve = options.solveIterations.value_or(geometry.IsSparse() ? 0 : 8);
-    if (solve > 0 && !result.aborted)
+    if (*options.solveIterations > 0 && !result.aborted)
     {
-      engine->SolveReflectivities(targets, solve,
+      engine->SolveReflectivities(targets, *options.solveIterations,
                                   [&](double fraction)
                                   { return proceed(TrainingProgress::Phase::Solving, 0.1 * fraction); });
     }
     field = engine->GetField();
-    if (!options.signedReflectivity)
+    if (!*options.signedReflectivity)
     {
       for (double& r : field.reflectivities)
       {
@@ -320,7 +438,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   ParameterLimits limits;
   limits.minimumScale = options.minimumScale.value_or(0.25 * geometry.pixelSize);
   limits.maximumScale = std::max(options.maximumScale.value_or(48 * geometry.pixelSize), limits.minimumScale);
-  limits.positiveReflectivity = !options.signedReflectivity;
+  limits.positiveReflectivity = !*options.signedReflectivity;
 
   DensificationOptions densification = options.densification;
   if (densification.cap == 0)
@@ -329,11 +447,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
 
   Batches batches(targets, options.batch, options.seed);
-  // Sparse sweeps gain nothing from more: what they lack is frames.
-  const std::size_t passes = geometry.IsSparse() ? 60 : 120;
-  const int steps =
-      static_cast<int>(passes * targets.size() / std::min<std::size_t>(options.batch, targets.size()));
-  const int iterations = options.iterations.value_or(std::max(steps, 200));
+  const int iterations = *options.iterations;
   const int logInterval = std::max(1, iterations / 100);
   const double trainingStart = clock.Seconds();
   double lossSum = 0;
@@ -341,6 +455,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   std::optional<GaussianField> best;
   double bestPsnr = 0;
   int sinceBest = 0;
+  std::size_t corrections = 0;
   if (densification.interval > 0)
   {
     engine->ResetScores();
@@ -359,9 +474,16 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     {
       break;
     }
+    if ((*options.frameGains || *options.poseRefinement) && corrections < kCorrections.size() &&
+        fraction >= kCorrections[corrections])
+    {
+      ++corrections;
+      targetSweep = Corrected(*engine, *sweep, frames, *targetSweep, options);
+      engine->SetFrames(targetSweep, options.ignoreMasked);
+    }
     const double decay = std::pow(options.finalRate, fraction);
     lossSum += engine->TrainStep(
-        batches.Next(), options.loss,
+        batches.Next(), Blend(options, fraction),
         {rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay},
         limits);
     ++lossCount;
@@ -387,9 +509,9 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     {
       report.record.seconds = clock.Seconds();
       report.record.validationPsnr.reset();
-      if (!result.validationFrames.empty())
+      if (!validationFrames.empty())
       {
-        const double psnr = FieldPsnr(*engine, *sweep, result.validationFrames);
+        const double psnr = FieldPsnr(*engine, *sweep, validationFrames);
         report.record.validationPsnr = psnr;
         if (!best || psnr > bestPsnr)
         {
@@ -411,6 +533,82 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
 
   result.field = best ? *best : engine->GetField();
+  if (iterations > 0)
+  {
+    RemoveInvisible(result.field, options.tolerance);
+  }
+  result.seconds = clock.Seconds();
+  return result;
+}
+
+TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
+                     const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress)
+{
+  const Clock clock;
+  options.Validate();
+  sweep->Validate();
+
+  auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
+  std::vector<int> validation;
+  if (options.validation > 0)
+  {
+    const auto [train, validate] = SplitHoldOut(static_cast<int>(frames.size()), options.validation);
+    validation = Pick(frames, validate);
+    frames = Pick(frames, train);
+  }
+  if (frames.empty())
+  {
+    throw Error("Trainer: with a hold-out of " + std::to_string(options.holdOut) + " and validation of " +
+                std::to_string(options.validation) + ", none of the " +
+                std::to_string(sweep->NumberOfFrames()) + " frames is left to train on.");
+  }
+  if (!start)
+  {
+    RequireSomethingToLearn(*sweep, frames);
+  }
+  else if (start->Size() == 0)
+  {
+    throw Error("Trainer: the field to continue from holds no Gaussian.");
+  }
+
+  TrainerOptions settled = options;
+  if (start && !settled.elevationSigma)
+  {
+    settled.elevationSigma = start->beam.elevationSigma;
+  }
+  constexpr double kDeciding = 0.3;  // of the progress bar
+  double from = 0, share = 1;        // of the bar, for what runs now
+  bool aborted = false;
+  const auto passOn = [&](TrainingProgress now)
+  {
+    now.fraction = from + share * now.fraction;
+    now.record.seconds = clock.Seconds();
+    now.secondsLeft = now.fraction > 0.01 ? now.record.seconds * (1 - now.fraction) / now.fraction : 0.0;
+    aborted = aborted || (progress && !progress(now));
+    return !aborted;
+  };
+  std::vector<Decision> decisions;
+  // A field to continue from was decided on before.
+  if (options.automatic && !start && options.iterations.value_or(1) > 0)
+  {
+    share = kDeciding;
+    decisions = Decide(sweep, frames, settled, passOn);
+    from = kDeciding;
+    share = 1 - kDeciding;
+  }
+  SettleByGeometry(*sweep, frames, settled);
+  TrainerOptions fitted = settled;
+  if (options.timeLimit > 0)
+  {
+    fitted.timeLimit = std::max(options.timeLimit - clock.Seconds(), 1e-3);
+  }
+  TrainingResult result = Fit(sweep, frames, validation, fitted, start, passOn);
+  result.settled = settled;
+  result.decisions = std::move(decisions);
+  result.trainingFrames = std::move(frames);
+  result.validationFrames = std::move(validation);
+  result.heldOutFrames = std::move(heldOut);
+  result.aborted = aborted;
   result.seconds = clock.Seconds();
   return result;
 }

@@ -1,46 +1,16 @@
 #include "VirtualPlanes.h"
 
-#include <Eigen/Geometry>
-#include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <tbb/parallel_for.h>
 
-#include "Baselines.h"
+#include <cmath>
+
 #include "Seeding.h"
 
 namespace bigus
 {
-namespace
-{
 
-constexpr float kWeight = 0.6f;  // below a real frame: the target is a guess
-constexpr double kBlur = 0.5;    // standard deviation, pixels
-
-/// The pose a share of the way from one plane to the next: centre and pixel sides linearly, rotation by
-/// slerp.
-SlicePlane Between(const SlicePlane& from, const SlicePlane& to, double share)
-{
-  const auto rotationOf = [](const SlicePlane& plane)
-  {
-    Eigen::Matrix3d r;
-    r.col(0) = plane.columnStep.normalized();
-    r.col(2) = plane.Normal();
-    r.col(1) = r.col(2).cross(r.col(0));
-    return Eigen::Quaterniond(r);
-  };
-  const auto mix = [share](double a, double b) { return (1 - share) * a + share * b; };
-  const double i = 0.5 * (from.width - 1), j = 0.5 * (from.height - 1);
-  const Eigen::Matrix3d r = rotationOf(from).slerp(share, rotationOf(to)).toRotationMatrix();
-  SlicePlane plane = from;
-  plane.columnStep = mix(from.columnStep.norm(), to.columnStep.norm()) * r.col(0);
-  plane.rowStep = mix(from.rowStep.norm(), to.rowStep.norm()) * r.col(1);
-  plane.origin =
-      (1 - share) * from.Point(i, j) + share * to.Point(i, j) - i * plane.columnStep - j * plane.rowStep;
-  return plane;
-}
-
-}  // namespace
-
-std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vector<int>& frames, int perGap)
+std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vector<int>& frames, int perGap,
+                                              const FrameInterpolation& interpolation)
 {
   auto out = std::make_shared<Sweep>();
   out->width = sweep.width;
@@ -52,6 +22,12 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     out->imageToReference.push_back(sweep.imageToReference[frame]);
     out->weights.push_back(sweep.Weight(frame));
   }
+  struct Gap
+  {
+    int from, to;
+    double share;
+  };
+  std::vector<Gap> gaps;
   const double widest = 4 * MeasureGeometry(sweep, frames).medianSpacing;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
@@ -60,24 +36,27 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
                                  from.Point(0.5 * (from.width - 1), 0.5 * (from.height - 1));
     for (int v = 1; v <= perGap && std::abs(step.dot(from.Normal())) <= widest; ++v)
     {
-      out->imageToReference.push_back(Between(from, to, v / (perGap + 1.0)).ImageToReference());
-      out->weights.push_back(kWeight);
+      const double share = v / (perGap + 1.0);
+      gaps.push_back({frames[k], frames[k + 1], share});
+      out->imageToReference.push_back(PlaneBetween(from, to, share).ImageToReference());
+      out->weights.push_back(1.0f);
     }
   }
   const std::size_t pixels = sweep.PixelsPerFrame();
   auto values = std::make_shared<std::vector<float>>(pixels * out->imageToReference.size());
-  for (std::size_t k = 0; k < out->imageToReference.size(); ++k)
-  {
-    float* image = values->data() + k * pixels;
-    if (k < frames.size())
-    {
-      sweep.CopyFrame(frames[k], image);
-      continue;
-    }
-    PredictPoseInterpolation(sweep, frames, out->Plane(static_cast<int>(k)), image);
-    cv::Mat view(sweep.height, sweep.width, CV_32F, image);
-    cv::GaussianBlur(view, view, cv::Size(5, 5), kBlur);
-  }
+  tbb::parallel_for(std::size_t(0), out->imageToReference.size(),
+                    [&](std::size_t k)
+                    {
+                      float* image = values->data() + k * pixels;
+                      if (k < frames.size())
+                      {
+                        sweep.CopyFrame(frames[k], image);
+                        return;
+                      }
+                      const Gap& gap = gaps[k - frames.size()];
+                      InterpolateFrames(sweep, gap.from, gap.to, out->Plane(static_cast<int>(k)), gap.share,
+                                        interpolation, image);
+                    });
   out->pixels = std::shared_ptr<const void>(values, values->data());
   return out;
 }
