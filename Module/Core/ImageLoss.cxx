@@ -8,8 +8,9 @@
 #include <cmath>
 #include <complex>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <string>
-#include <unsupported/Eigen/FFT>
+#include <utility>
 
 #include "Error.h"
 #include "SsimWindow.h"
@@ -161,9 +162,18 @@ int LargestPrimeFactor(int n)
   return largest;
 }
 
-/// kissfft takes n p steps for a prime factor p. Beyond this one, two transforms of a smooth length take
+/// out_k = sum_j in_j exp(-2 pi i j k / n), or as the flags say.
+template <class Real>
+void PlainTransform(const std::complex<Real>* in, std::complex<Real>* out, int n, int flags = 0)
+{
+  constexpr int type = sizeof(Real) == sizeof(float) ? CV_32FC2 : CV_64FC2;
+  cv::Mat result(1, n, type, out);
+  cv::dft(cv::Mat(1, n, type, const_cast<std::complex<Real>*>(in)), result, flags);
+}
+
+/// cv::dft takes n p steps for a prime factor p. Beyond this one, two transforms of a smooth length take
 /// fewer.
-constexpr int kLargestFactor = 16;
+constexpr int kLargestFactor = 64;
 
 /// What transforms of one length have in common. For a length with a large prime factor that is Bluestein's
 /// way: with jk = (j^2 + k^2 - (k - j)^2) / 2, X_k = c_k sum_j (x_j c_j) conj(c_(k-j)), c_j = exp(-i pi j^2 /
@@ -182,20 +192,18 @@ struct FourierTable
     {
       return;
     }
-    for (padded = 2 * n - 1; LargestPrimeFactor(padded) > 5; ++padded)
-    {
-    }
+    padded = cv::getOptimalDFTSize(2 * n - 1);
     chirp.resize(n);
     std::vector<Complex> wrapped(padded);
     for (std::int64_t j = 0; j < n; ++j)
     {
-      const double angle = -EIGEN_PI * static_cast<double>(j * j % (2 * n)) / n;
+      const double angle = -CV_PI * static_cast<double>(j * j % (2 * n)) / n;
       chirp[j] = Complex(std::complex<double>(std::cos(angle), std::sin(angle)));
       wrapped[j] = std::conj(chirp[j]);
       wrapped[j ? padded - j : 0] = wrapped[j];
     }
     filter.resize(padded);
-    Eigen::FFT<Real>().fwd(filter.data(), wrapped.data(), padded);
+    PlainTransform(wrapped.data(), filter.data(), padded);
   }
 };
 
@@ -211,14 +219,9 @@ public:
   void Transform(const Complex* in, Complex* out)
   {
     const int n = table_.length;
-    if (n == 1)  // kissfft crashes on it
-    {
-      *out = *in;
-      return;
-    }
     if (table_.padded == 0)
     {
-      fft_.fwd(out, in, n);
+      PlainTransform(in, out, n);
       return;
     }
     for (int j = 0; j < n; ++j)
@@ -226,12 +229,12 @@ public:
       a_[j] = Product(in[j], table_.chirp[j]);
     }
     std::fill(a_.begin() + n, a_.end(), Complex(0));
-    fft_.fwd(b_.data(), a_.data(), table_.padded);
+    PlainTransform(a_.data(), b_.data(), table_.padded);
     for (int j = 0; j < table_.padded; ++j)
     {
       b_[j] = Product(b_[j], table_.filter[j]);
     }
-    fft_.inv(a_.data(), b_.data(), table_.padded);
+    PlainTransform(b_.data(), a_.data(), table_.padded, cv::DFT_INVERSE | cv::DFT_SCALE);
     for (int k = 0; k < n; ++k)
     {
       out[k] = Product(a_[k], table_.chirp[k]);
@@ -240,7 +243,6 @@ public:
 
 private:
   const FourierTable<Real>& table_;
-  Eigen::FFT<Real> fft_;
   std::vector<Complex> a_, b_;
 };
 

@@ -258,6 +258,9 @@ TEST(TrainerBadInput, OptionsOutOfRange)
   expect([](vtkBigusTrainer* f) { f->SetBatch(0); }, {"batch"});
   expect([](vtkBigusTrainer* f) { f->SetElevationSigma(std::nan("")); }, {"elevation sigma"});
   expect([](vtkBigusTrainer* f) { f->SetElevationSigma(1e9); }, {"elevation sigma"});
+  expect([](vtkBigusTrainer* f) { f->SetLoss("l1+l3"); }, {"l1+l3", "dssim"});
+  expect([](vtkBigusTrainer* f) { f->SetLoss("-1*ffl"); }, {"ffl", "-1"});
+  expect([](vtkBigusTrainer* f) { f->SetLoss(nullptr); }, {"Loss"});
   expect([](vtkBigusTrainer* f) { f->SetMeanRate(-1); }, {"mean rate"});
   expect([](vtkBigusTrainer* f) { f->SetVirtualPlanes(9); }, {"virtual planes"});
   expect([](vtkBigusTrainer* f) { f->SetDensificationCap(-1); }, {"DensificationCap"});
