@@ -3,6 +3,7 @@
 // asked for.
 #include <tbb/info.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -18,9 +19,12 @@
 #include <vector>
 
 #include "Core/Baselines.h"
+#include "Core/ElevationEstimate.h"
 #include "Core/Engine.h"
 #include "Core/Error.h"
 #include "Core/Evaluation.h"
+#include "Core/FrameInterpolation.h"
+#include "Core/Seeding.h"
 #include "Core/Trainer.h"
 #include "JobFields.h"
 #include "Scene.h"
@@ -109,6 +113,7 @@ Split ReadSplit(const Json& description, int count)
 struct Method
 {
   std::function<void(int, float*)> predict;
+  std::string engine;                  ///< that renders it
   std::optional<GaussianField> field;  ///< of trained methods, which alone can be aligned to
   bool seesItsOwnFrame =
       true;            ///< false: knows frames by their neighbours only, so training frames have no score
@@ -122,8 +127,15 @@ TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
   static const std::map<std::string, SeedPlacement> placements = {{"intensity", SeedPlacement::Intensity},
                                                                   {"harris", SeedPlacement::Harris},
                                                                   {"random", SeedPlacement::Random}};
-  std::string loss, seeding;
+  std::string preset, loss, finalLoss, seeding, interpolation;
+  fields.Read("interpolation", interpolation);
+  fields.Read("preset", preset);
+  if (!preset.empty())
+  {
+    ApplyPreset(preset, options);
+  }
   fields.Read("loss", loss);
+  fields.Read("final_loss", finalLoss);
   fields.Read("seeding", seeding);
   if (!seeding.empty() && placements.count(seeding) == 0)
   {
@@ -131,17 +143,32 @@ TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
   }
   options.loss = loss.empty() ? options.loss : Loss::Parse(loss);
   options.seeding = seeding.empty() ? options.seeding : placements.at(seeding);
+  if (!finalLoss.empty())
+  {
+    options.finalLoss = Loss::Parse(finalLoss);
+  }
+  if (!interpolation.empty())
+  {
+    options.interpolation = FrameInterpolation::Parse(interpolation);
+  }
   fields.Read("engine", options.engine);
-  bool automatic = true;
-  fields.Read("automatic", automatic);
+  fields.Read("automatic", options.automatic);
   fields.Read("gaussians", options.gaussians);
+  fields.Read("maximum_gaussians", options.maximumGaussians);
+  fields.Read("price", options.price);
   fields.Read("elevation_sigma", options.elevationSigma);
+  fields.Read("signed", options.signedReflectivity);
+  fields.Read("virtual_planes", options.virtualPlanes);
+  fields.Read("keep_contrast", options.keepContrast);
+  fields.Read("frame_gains", options.frameGains);
+  fields.Read("pose_refinement", options.poseRefinement);
+  fields.Read("tracker_translation", options.trackerTranslation);
+  fields.Read("tracker_rotation", options.trackerRotation);
   fields.Read("validation", options.validation);
   fields.Read("patience", options.patience);
   fields.Read("iterations", options.iterations);
   fields.Read("time_limit", options.timeLimit);
   fields.Read("batch", options.batch);
-  fields.Read("signed", options.signedReflectivity);
   fields.Read("ignore_masked", options.ignoreMasked);
   fields.Read("tolerance", options.tolerance);
   fields.Read("mean_rate", options.meanRate);
@@ -149,7 +176,6 @@ TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
   fields.Read("reflectivity_rate", options.reflectivityRate);
   fields.Read("final_rate", options.finalRate);
   fields.Read("solve", options.solveIterations);
-  fields.Read("virtual_planes", options.virtualPlanes);
   fields.Read("minimum_scale", options.minimumScale);
   fields.Read("densify", options.densification.interval);
   fields.Read("densify_percentile", options.densification.percentile);
@@ -157,38 +183,76 @@ TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
   return options;
 }
 
+/// An engine of the weights' normalised sum: I = sum r w / (1e-3 + sum w).
+const char* const NormalisedEngine = "cpu-normalised";
+std::unique_ptr<Engine> CreateNormalised()
+{
+  std::unique_ptr<Engine> engine = Engine::Create("cpu");
+  engine->SetNormalisedWeights(true);
+  return engine;
+}
+
 /// The method that the paper compares itself with, as far as this engine can be it: Gaussians cut by a thin
-/// plane, positive, started uniformly at random, nothing added to the frames. Its own weights are normalised,
-/// ours are not.
+/// plane, weights normalised, positive, started uniformly at random, nothing added to the frames, nothing
+/// decided from evidence.
 TrainerOptions UltraGauss()
 {
   TrainerOptions options;
+  options.engine = NormalisedEngine;
+  options.automatic = false;
+  options.gaussians = 100000;
   options.elevationSigma = 0;
   options.signedReflectivity = false;
   options.seeding = SeedPlacement::Random;
   options.virtualPlanes = 0;
-  options.solveIterations = 0;
   return options;
+}
+
+/// Its first Gaussians: a normalised sum of intensities is an intensity, so r is the picture's at the seed.
+GaussianField UltraGaussSeeds(const TrainerOptions& options, const Sweep& seen)
+{
+  std::vector<int> all(seen.NumberOfFrames());
+  std::iota(all.begin(), all.end(), 0);
+  GaussianField field = Seed(seen, all, {0.0}, {options.seeding, *options.gaussians, options.seed});
+  for (double& r : field.reflectivities)
+  {
+    r = field.transfer.Intensity(r);
+  }
+  return field;
 }
 
 Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& split)
 {
   // The trainer gets the frames it may see and nothing else: its own validation comes out of these.
   const auto seen = std::make_shared<const Sweep>(sweep.Subset(split.training));
-  const TrainingResult result = Train(seen, options);
+  const auto begin = std::chrono::steady_clock::now();
+  std::optional<GaussianField> start;
+  if (options.engine == NormalisedEngine)
+  {
+    start = UltraGaussSeeds(options, *seen);
+  }
+  const TrainingResult result = Train(seen, options, start ? &*start : nullptr);
   Method method;
+  method.seconds = SecondsSince(begin);
   const std::shared_ptr<Engine> engine = Engine::Create(options.engine);
   engine->SetField(result.field);
   method.predict = [engine, &sweep](int frame, float* image)
   { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); };
+  method.engine = options.engine;
   method.field = result.field;
-  method.seconds = result.seconds;
   method.bytes = static_cast<double>(result.field.Size() * GaussianBytes);
   method.facts = {{"gaussians", result.field.Size()},
                   {"iterations", result.iterations},
                   {"validation_frames", result.validationFrames.size()},
-                  {"elevation_sigma", result.field.beam.elevationSigma},
-                  {"device", result.device}};
+                  {"elevation_sigma", result.field.beam.elevationSigma}};
+  for (const Decision& decision : result.decisions)
+  {
+    method.facts["decisions"].push_back({{"what", decision.what},
+                                         {"choice", decision.choice},
+                                         {"evidence", decision.evidence},
+                                         {"seconds", decision.seconds}});
+    method.facts["deciding_seconds"] = method.facts.value("deciding_seconds", 0.0) + decision.seconds;
+  }
   for (const TrainingRecord& line : result.log)
   {
     method.facts["curve"].push_back(
@@ -217,6 +281,26 @@ Method Compounded(JobFields& fields, const Sweep& sweep, const Split& split)
   return method;
 }
 
+/// What virtual planes are made of, as a method of its own: guessed from the frames before and after.
+void PredictFrameInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame,
+                               const FrameInterpolation& interpolation, float* image)
+{
+  const auto after = std::upper_bound(training.begin(), training.end(), frame);
+  const auto before = std::lower_bound(training.begin(), training.end(), frame);
+  if (before == training.begin() || after == training.end())
+  {
+    sweep.CopyFrame(after == training.end() ? training.back() : training.front(), image);
+    return;
+  }
+  // How far between the two the plane lies, by the distances of its centre.
+  const int a = *(before - 1), b = *after;
+  const auto centre = [&sweep](int k)
+  { return sweep.Plane(k).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
+  const double toA = (centre(frame) - centre(a)).norm(), toB = (centre(frame) - centre(b)).norm();
+  InterpolateFrames(sweep, a, b, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation,
+                    image);
+}
+
 Method FromNeighbours(const std::string& name, const Sweep& sweep, const Split& split)
 {
   static const std::map<std::string, std::function<void(const Sweep&, const std::vector<int>&, int, float*)>>
@@ -239,6 +323,34 @@ Method FromNeighbours(const std::string& name, const Sweep& sweep, const Split& 
   return method;
 }
 
+/// No prediction: how thick the beam is, from the training frames.
+Method EstimatedElevation(const Sweep& sweep, const Split& split)
+{
+  const auto start = std::chrono::steady_clock::now();
+  const ElevationEstimate estimate = EstimateElevationSigma(sweep, split.training);
+  Method method;
+  method.seconds = SecondsSince(start);
+  method.facts = {{"sigma", estimate.sigma},
+                  {"standard_error", estimate.standardError},
+                  {"reliable", estimate.reliable ? 1 : 0},
+                  {"reason", estimate.reason},
+                  {"distance", estimate.distance},
+                  {"correlation", estimate.correlation},
+                  {"fitted", estimate.fitted}};
+  return method;
+}
+
+Method VirtualPlane(JobFields& fields, const Sweep& sweep, const Split& split)
+{
+  FrameInterpolation interpolation = FrameInterpolation::Parse(fields.Required<std::string>("interpolation"));
+  fields.Read("keep_contrast", interpolation.keepContrast);
+  Method method;
+  method.predict = [&sweep, &split, interpolation](int frame, float* image)
+  { PredictFrameInterpolation(sweep, split.training, frame, interpolation, image); };
+  method.seesItsOwnFrame = false;
+  return method;
+}
+
 Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& sweep, const Split& split)
 {
   JobFields fields(description, "method");
@@ -251,9 +363,17 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
     fields.Done();
     return Trained(options, sweep, split);
   }
-  if (name == "compounding")
+  if (name == "elevation")
+  {
+    method = EstimatedElevation(sweep, split);
+  }
+  else if (name == "compounding")
   {
     method = Compounded(fields, sweep, split);
+  }
+  else if (name == "virtual")
+  {
+    method = VirtualPlane(fields, sweep, split);
   }
   else if (name == "nearest")
   {
@@ -265,7 +385,7 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
     method = FromNeighbours(name, sweep, split);
   }
   fields.Done();
-  if (name != "compounding")
+  if (method.predict && name != "compounding")
   {
     method.bytes = static_cast<double>(split.training.size() * sweep.PixelsPerFrame());  // a byte each
   }
@@ -316,9 +436,9 @@ Json ToJson(const FrameScores& scores)
 }
 
 /// The field at poses that the held-out frames chose for themselves: a diagnostic of the tracking.
-Json AlignedScores(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames)
+Json AlignedScores(const Method& method, const Sweep& sweep, const std::vector<int>& frames)
 {
-  const bigus::AlignedScores aligned = ScoreFieldAligned(field, sweep, frames);
+  const bigus::AlignedScores aligned = ScoreFieldAligned(*method.field, sweep, frames, {}, method.engine);
   Json scores = ToJson(aligned.scores);
   scores["mean_translation"] = aligned.meanTranslation;
   scores["largest_translation"] = aligned.largestTranslation;
@@ -374,9 +494,13 @@ Json Run(const Json& job, const SceneFolders& folders)
       throw Error("job: 'score' knows held_out, training, all and aligned, not '" + set + "'.");
     }
     const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);
+    if (!method.predict)
+    {
+      continue;
+    }
     if (set == "aligned" && method.field && !chosen.empty())
     {
-      scores[set] = AlignedScores(*method.field, *sweep, chosen);
+      scores[set] = AlignedScores(method, *sweep, chosen);
     }
     else if (set != "aligned" && !chosen.empty() && (set == "held_out" || method.seesItsOwnFrame))
     {
@@ -422,6 +546,7 @@ int main(int argc, char* argv[])
       jobFile = argument;
     }
   }
+  Engine::Register(NormalisedEngine, CreateNormalised, false);
   try
   {
     std::ifstream file;

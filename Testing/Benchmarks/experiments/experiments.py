@@ -20,7 +20,7 @@ from pathlib import Path
 import paper
 import plots
 from definitions import EXPERIMENTS, Scale
-from harness import PROJECT, Runner, markdown, write_csv, write_whole
+from harness import PROJECT, Runner, decisions, markdown, write_csv, write_whole
 
 HERE = Path(__file__).resolve().parent
 
@@ -32,6 +32,8 @@ def report(experiment, jobs, scale, folder):
     write_csv(jobs, folder / f"{name}.csv")
     text = "".join((f"**{title}**\n\n" if title else "") + markdown(part, experiment.columns, experiment.split) + "\n"
                    for title, part in experiment.tables(jobs))
+    if experiment.shows_decisions and (made := decisions(jobs)):
+        text += f"What was decided:\n\n{made}\n"
     if scale.is_quick:
         text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
     left = [job for job in jobs if not job.result]
@@ -84,6 +86,7 @@ def main():
     parser.add_argument("--budget", type=float, default=math.inf, metavar="MINUTES")
     parser.add_argument("--priority", type=int, default=2, choices=[1, 2, 3],
                         help="leave out jobs above it; 3 runs everything (default: 2)")
+    parser.add_argument("--only", default="", metavar="TEXT", help="run only jobs with this in their row")
     options = parser.parse_args()
     output = options.output / ("quick" if options.quick else "full")
     named = [name for name in options.what if name in EXPERIMENTS]
@@ -110,7 +113,8 @@ def main():
         sys.exit(f"There is no program '{options.program}'; build bigusExperiment, or name it with --program.")
     try:
         for job in queue:
-            runner.run(job)
+            if options.only in str(job.labels) or runner.recall(job):
+                runner.run(job)
     finally:  # also when interrupted: what is there can be looked at
         for experiment in chosen:
             text = report(experiment, jobs[experiment.name], scale, output)

@@ -182,6 +182,18 @@ def markdown(jobs, columns, without=""):
     return "\n".join(lines) + "\n"
 
 
+def decisions(jobs):
+    """What the trainer decided by itself, and why: a table, or nothing where it did not."""
+    lines = []
+    for labels, members in groups(jobs):
+        made = value(members[0].result, "facts.decisions") if members[0].result else None
+        open_ones = [entry for entry in made or [] if entry["evidence"] != "given"]
+        name = ", ".join(str(label) for label in labels.values() if label != "")
+        lines += [f"| {name if k == 0 else ''} | {entry['what']} | {entry['choice']} | {entry['evidence']} | "
+                  f"{entry['seconds']:.1f} |" for k, entry in enumerate(open_ones)]
+    return "\n".join(["| | decided | choice | evidence | seconds |", "|---|---|---|---|---|"] + lines) + "\n" if lines else ""
+
+
 def flat(result, prefix=""):
     """Every number and word of a result by its path; lists are left out."""
     for name, entry in result.items():
