@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cstring>
+#include <locale>
+#include <sstream>
 
 #include "Core/Error.h"
 #include "vtkCellArray.h"
@@ -323,6 +325,35 @@ void SetProvenance(vtkDataObject* data, const std::string& key, const std::strin
   }
   updated->InsertNextValue(key + "=" + value);
   data->GetFieldData()->AddArray(updated);
+}
+
+void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result)
+{
+  const TrainerOptions& settled = result.settled;
+  const auto set = [data](const char* key, const std::string& value) { SetProvenance(data, key, value); };
+  const auto yes = [](bool value) { return std::string(value ? "yes" : "no"); };
+  set("seed", std::to_string(settled.seed));
+  set("iterations", std::to_string(result.iterations));
+  set("aborted", yes(result.aborted));
+  set("loss", settled.loss.ToString());
+  if (settled.finalLoss)
+  {
+    set("finalLoss", settled.finalLoss->ToString());
+  }
+  std::ostringstream sigma;
+  sigma.imbue(std::locale::classic());
+  sigma << *settled.elevationSigma;
+  set("elevationSigma", sigma.str());
+  set("gaussians", std::to_string(result.field.Size()));
+  set("signedReflectivity", yes(*settled.signedReflectivity));
+  set("virtualPlanes", std::to_string(*settled.virtualPlanes));
+  set("interpolation", settled.interpolation->ToString());
+  set("frameGains", yes(*settled.frameGains));
+  set("poseRefinement", yes(*settled.poseRefinement));
+  for (const Decision& decision : result.decisions)
+  {
+    SetProvenance(data, "decision." + decision.what, decision.choice + " (" + decision.evidence + ")");
+  }
 }
 
 std::string GetProvenance(vtkDataObject* data, const std::string& key)

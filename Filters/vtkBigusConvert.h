@@ -11,6 +11,7 @@
 
 #include "Core/GaussianField.h"
 #include "Core/Sweep.h"
+#include "Core/Trainer.h"
 #include "vtkBigusFiltersModule.h"
 #include "vtkSmartPointer.h"
 
@@ -52,6 +53,10 @@ VTKBIGUSFILTERS_EXPORT void FieldToPolyData(const GaussianField& field, vtkPolyD
 /// Appends `key=value` to the field data's string array `Provenance`, replacing an earlier line of that key.
 VTKBIGUSFILTERS_EXPORT void SetProvenance(vtkDataObject* data, const std::string& key,
                                           const std::string& value);
+
+/// The choices a training rested on: seed, loss, the settled options by their properties' names, and
+/// `decision.<what>` = choice (evidence). Nothing that differs between two equal runs, such as the time.
+VTKBIGUSFILTERS_EXPORT void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result);
 
 /// The value of `key` in `Provenance`; empty when it is not there.
 VTKBIGUSFILTERS_EXPORT std::string GetProvenance(vtkDataObject* data, const std::string& key);

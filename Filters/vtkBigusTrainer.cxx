@@ -37,6 +37,17 @@ std::optional<Number> UnlessNegative(Number value)
   return value < 0 ? std::nullopt : std::optional<Number>(value);
 }
 
+// -1 leaves a choice open.
+std::optional<bool> ToSwitch(int value)
+{
+  return value < 0 ? std::nullopt : std::optional<bool>(value != 0);
+}
+
+std::string Text(const char* text)
+{
+  return text ? text : "";
+}
+
 // Core counts in std::size_t: a negative number must not become a huge one.
 std::size_t Count(vtkIdType value, const char* name)
 {
@@ -81,9 +92,16 @@ void FillFrameList(vtkIntArray* list, const std::vector<int>& frames, const std:
 std::string ProgressLine(const bigus::TrainingProgress& progress)
 {
   using Phase = bigus::TrainingProgress::Phase;
-  if (progress.phase != Phase::Training)
+  switch (progress.phase)
   {
-    return progress.phase == Phase::Seeding ? "seeding" : "solving for reflectivities";
+    case Phase::Deciding:
+      return "deciding what the sweep needs";
+    case Phase::Seeding:
+      return "seeding";
+    case Phase::Solving:
+      return "solving for reflectivities";
+    case Phase::Training:
+      break;
   }
   std::ostringstream line;
   line.imbue(std::locale::classic());
@@ -130,12 +148,21 @@ void FillLog(const std::vector<bigus::TrainingRecord>& log, vtkTable* table)
   }
 }
 
-std::string ToText(double value)
+void FillDecisions(const std::vector<bigus::Decision>& decisions, vtkTable* table)
 {
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  text << value;
-  return text.str();
+  table->Initialize();
+  auto* whats = AddColumn<vtkStringArray>(table, "Decision", decisions.size());
+  auto* choices = AddColumn<vtkStringArray>(table, "Choice", decisions.size());
+  auto* evidences = AddColumn<vtkStringArray>(table, "Evidence", decisions.size());
+  auto* seconds = AddColumn<vtkDoubleArray>(table, "Seconds", decisions.size());
+  for (std::size_t i = 0; i < decisions.size(); ++i)
+  {
+    const vtkIdType row = static_cast<vtkIdType>(i);
+    whats->SetValue(row, decisions[i].what);
+    choices->SetValue(row, decisions[i].choice);
+    evidences->SetValue(row, decisions[i].evidence);
+    seconds->SetValue(row, decisions[i].seconds);
+  }
 }
 
 std::string ToText(vtkIntArray* list)
@@ -153,18 +180,23 @@ std::string ToText(vtkIntArray* list)
 vtkBigusTrainer::vtkBigusTrainer()
     : TrainingFrames(NewFrameList("TrainingFrames")),
       ValidationFrames(NewFrameList("ValidationFrames")),
-      HeldOutFrames(NewFrameList("HeldOutFrames"))
+      HeldOutFrames(NewFrameList("HeldOutFrames")),
+      Decisions(vtkSmartPointer<vtkTable>::New())
 {
   this->SetNumberOfInputPorts(2);
   this->SetNumberOfOutputPorts(2);
   this->SetEngine("auto");
-  this->SetLoss("l1");
+  this->SetPreset("fidelity");
+  this->SetInterpolation("auto");
 }
 
 vtkBigusTrainer::~vtkBigusTrainer()
 {
   this->SetEngine(nullptr);
+  this->SetPreset(nullptr);
   this->SetLoss(nullptr);
+  this->SetFinalLoss(nullptr);
+  this->SetInterpolation(nullptr);
 }
 
 void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
@@ -172,7 +204,10 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   this->Superclass::PrintSelf(os, indent);
   os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
   os << indent << "Seeding: " << SeedingName(this->Seeding) << "\n";
+  os << indent << "Automatic: " << (this->Automatic ? "On\n" : "Off\n");
   os << indent << "NumberOfGaussians: " << this->NumberOfGaussians << "\n";
+  os << indent << "MaximumNumberOfGaussians: " << this->MaximumNumberOfGaussians << "\n";
+  os << indent << "Price: " << this->Price << "\n";
   os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
   os << indent << "HoldOut: " << this->HoldOut << "\n";
   os << indent << "Validation: " << this->Validation << "\n";
@@ -181,8 +216,14 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "TimeLimit: " << this->TimeLimit << "\n";
   os << indent << "Batch: " << this->Batch << "\n";
   os << indent << "Seed: " << this->Seed << "\n";
-  os << indent << "Loss: " << (this->Loss ? this->Loss : "(none)") << "\n";
-  os << indent << "SignedReflectivity: " << (this->SignedReflectivity ? "On\n" : "Off\n");
+  os << indent << "Preset: " << (this->Preset ? this->Preset : "(none)") << "\n";
+  os << indent << "Loss: " << (this->Loss ? this->Loss : "(the preset's)") << "\n";
+  os << indent << "FinalLoss: " << (this->FinalLoss ? this->FinalLoss : "(none)") << "\n";
+  os << indent << "SignedReflectivity: " << this->SignedReflectivity << "\n";
+  os << indent << "FrameGains: " << this->FrameGains << "\n";
+  os << indent << "PoseRefinement: " << this->PoseRefinement << "\n";
+  os << indent << "TrackerTranslation: " << this->TrackerTranslation << "\n";
+  os << indent << "TrackerRotation: " << this->TrackerRotation << "\n";
   os << indent << "IgnoreMasked: " << (this->IgnoreMasked ? "On\n" : "Off\n");
   os << indent << "Tolerance: " << this->Tolerance << "\n";
   os << indent << "MeanRate: " << this->MeanRate << "\n";
@@ -191,6 +232,7 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "FinalRate: " << this->FinalRate << "\n";
   os << indent << "SolveIterations: " << this->SolveIterations << "\n";
   os << indent << "VirtualPlanes: " << this->VirtualPlanes << "\n";
+  os << indent << "Interpolation: " << (this->Interpolation ? this->Interpolation : "(open)") << "\n";
   os << indent << "MinimumScale: " << this->MinimumScale << "\n";
   os << indent << "MaximumScale: " << this->MaximumScale << "\n";
   os << indent << "DensificationInterval: " << this->DensificationInterval << "\n";
@@ -208,6 +250,7 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "TrainingFrames: " << ToText(this->TrainingFrames) << "\n";
   os << indent << "ValidationFrames: " << ToText(this->ValidationFrames) << "\n";
   os << indent << "HeldOutFrames: " << ToText(this->HeldOutFrames) << "\n";
+  os << indent << "Decisions: " << this->Decisions->GetNumberOfRows() << "\n";
 }
 
 vtkIntArray* vtkBigusTrainer::GetTrainingFrames()
@@ -221,6 +264,11 @@ vtkIntArray* vtkBigusTrainer::GetValidationFrames()
 vtkIntArray* vtkBigusTrainer::GetHeldOutFrames()
 {
   return this->HeldOutFrames;
+}
+
+vtkTable* vtkBigusTrainer::GetDecisions()
+{
+  return this->Decisions;
 }
 
 vtkTable* vtkBigusTrainer::GetLog()
@@ -266,6 +314,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->TrainingFrames->Initialize();
   this->ValidationFrames->Initialize();
   this->HeldOutFrames->Initialize();
+  FillDecisions({}, this->Decisions);
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
@@ -276,7 +325,13 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     bigus::TrainerOptions options;
     options.engine = this->Engine;
     options.seeding = ToPlacement(this->Seeding);
-    options.gaussians = Count(this->NumberOfGaussians, "NumberOfGaussians");
+    options.automatic = this->Automatic != 0;
+    if (const std::size_t count = Count(this->NumberOfGaussians, "NumberOfGaussians"))
+    {
+      options.gaussians = count;
+    }
+    options.maximumGaussians = Count(this->MaximumNumberOfGaussians, "MaximumNumberOfGaussians");
+    options.price = this->Price;
     options.elevationSigma = UnlessNegative(this->ElevationSigma);
     options.holdOut = this->HoldOut;
     options.validation = this->Validation;
@@ -285,8 +340,21 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     options.timeLimit = this->TimeLimit;
     options.batch = this->Batch;
     options.seed = this->Seed;
-    options.loss = bigus::Loss::Parse(this->Loss ? this->Loss : "");
-    options.signedReflectivity = this->SignedReflectivity != 0;
+    bigus::ApplyPreset(Text(this->Preset), options);
+    if (!Text(this->Loss).empty())
+    {
+      options.loss = bigus::Loss::Parse(this->Loss);
+      options.finalLoss.reset();  // the preset's would lead away from what was asked for
+    }
+    if (!Text(this->FinalLoss).empty())
+    {
+      options.finalLoss = bigus::Loss::Parse(this->FinalLoss);
+    }
+    options.signedReflectivity = ToSwitch(this->SignedReflectivity);
+    options.frameGains = ToSwitch(this->FrameGains);
+    options.poseRefinement = ToSwitch(this->PoseRefinement);
+    options.trackerTranslation = this->TrackerTranslation;
+    options.trackerRotation = this->TrackerRotation;
     options.ignoreMasked = this->IgnoreMasked != 0;
     options.tolerance = this->Tolerance;
     options.meanRate = this->MeanRate;
@@ -295,6 +363,11 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     options.finalRate = this->FinalRate;
     options.solveIterations = UnlessNegative(this->SolveIterations);
     options.virtualPlanes = UnlessNegative(this->VirtualPlanes);
+    if (const std::string name = Text(this->Interpolation); !name.empty() && name != "auto")
+    {
+      options.interpolation = bigus::FrameInterpolation::Parse(name);
+      options.interpolation->keepContrast = options.keepContrast;
+    }
     options.minimumScale = UnlessNegative(this->MinimumScale);
     options.maximumScale = UnlessNegative(this->MaximumScale);
     options.densification.interval = this->DensificationInterval;
@@ -331,6 +404,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
     FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
     FillLog(result.log, log);
+    FillDecisions(result.decisions, this->Decisions);
 
     // Nothing that differs between two equal runs, such as the time, goes in here: equal runs write equal
     // files.
@@ -342,12 +416,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     bigus::SetProvenance(output, "filter", "vtkBigusTrainer");
     bigus::SetProvenance(output, "device", result.device);
     bigus::SetProvenance(output, "seeding", start ? "continued" : SeedingName(this->Seeding));
-    bigus::SetProvenance(output, "seed", std::to_string(this->Seed));
-    bigus::SetProvenance(output, "iterations", std::to_string(result.iterations));
-    bigus::SetProvenance(output, "aborted", result.aborted ? "yes" : "no");
-    bigus::SetProvenance(output, "loss", options.loss.ToString());
-    bigus::SetProvenance(output, "signedReflectivity", this->SignedReflectivity ? "yes" : "no");
-    bigus::SetProvenance(output, "elevationSigma", ToText(result.field.beam.elevationSigma));
+    bigus::SetTrainingProvenance(output, result);
     bigus::SetProvenance(output, "trainingFrames", ToText(this->TrainingFrames));
     bigus::SetProvenance(output, "validationFrames", ToText(this->ValidationFrames));
     bigus::SetProvenance(output, "heldOutFrames", ToText(this->HeldOutFrames));

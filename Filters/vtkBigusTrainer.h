@@ -19,12 +19,17 @@
  * | `Gamma` [1] | field data | display compression: I = 1 - exp(-Gamma max(S, 0)) |
  * | `ElevationSigma` [1] | field data | standard deviation of the elevation profile trained under, mm |
  * | `FormatVersion` [1] | field data | 1 |
- * | `Provenance` | field data | strings key=value: how the field came about |
+ * | `Provenance` | field data | strings key=value: how the field came about, and `decision.<what>` = choice
+ * and evidence |
  *
  * Output 1 is the training log, a vtkTable with the columns Iteration, Seconds, Loss, ValidationPSNR (dB, NaN
  * where not measured), Gaussians and Rate (share of the first learning rate).
  *
  * Input 1, optional, is a field to continue from instead of seeding a new one; its Gamma stays.
+ *
+ * Choices left open (their default) are made from evidence when Automatic is on: short trainings on a part of
+ * the sweep are scored on frames set aside from those to train on, never on those that HoldOut keeps. What
+ * was chosen, why and what finding out cost is in GetDecisions(). A choice that is set is not questioned.
  *
  * Training reports progress, with a line of text in GetProgressText(), and stops soon after AbortExecute is
  * set; the output is then the best field so far and GetAborted() is true. The same sweep, options and Seed
@@ -37,7 +42,7 @@
 
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
-#include "vtkSmartPointer.h"  // for the lists of frames
+#include "vtkSmartPointer.h"  // for the lists of frames and decisions
 
 class vtkIntArray;
 class vtkTable;
@@ -87,7 +92,19 @@ public:
 
   ///@{
   /**
-   * Gaussians to seed, 1 to 2^26, default 100000. Without effect when continuing from a field.
+   * Whether open choices are made from evidence. On (default): by short trainings compared on validation
+   * frames, which takes about as long as the training itself; with fewer than 8 frames nothing can be
+   * compared. Off: from the sweep's geometry, at once. Without effect when continuing from a field.
+   */
+  vtkSetMacro(Automatic, vtkTypeBool);
+  vtkGetMacro(Automatic, vtkTypeBool);
+  vtkBooleanMacro(Automatic, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Gaussians to seed, 1 to 2^26. 0 (default): open; by geometry, one for every 50 lit pixels to train on,
+   * 1000 to 300000. Without effect when continuing from a field.
    */
   vtkSetMacro(NumberOfGaussians, vtkIdType);
   vtkGetMacro(NumberOfGaussians, vtkIdType);
@@ -95,8 +112,25 @@ public:
 
   ///@{
   /**
-   * Standard deviation of the probe's elevation profile, mm. 0 is an infinitely thin plane. Negative (default
-   * -1): automatic, 0.3 mm, or 0.8 mm when planes lie more than 1 mm apart; when continuing, the field's own.
+   * The most Gaussians that are chosen while NumberOfGaussians is open, 1 to 2^26, default 2000000.
+   */
+  vtkSetMacro(MaximumNumberOfGaussians, vtkIdType);
+  vtkGetMacro(MaximumNumberOfGaussians, vtkIdType);
+  ///@}
+
+  ///@{
+  /**
+   * What twice the Gaussians must gain on validation frames to be chosen, dB of PSNR, 0 to 100, default 0.1.
+   */
+  vtkSetMacro(Price, double);
+  vtkGetMacro(Price, double);
+  ///@}
+
+  ///@{
+  /**
+   * Standard deviation of the probe's elevation profile, mm, 0 (an infinitely thin plane) to 1000. Negative
+   * (default -1): open; by geometry 0.3 mm, or 0.8 mm when planes lie more than 1 mm apart; when continuing,
+   * the field's own.
    */
   vtkSetMacro(ElevationSigma, double);
   vtkGetMacro(ElevationSigma, double);
@@ -131,8 +165,8 @@ public:
 
   ///@{
   /**
-   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): automatic, 120 passes over the frames
-   * trained on, 60 when planes lie more than 1 mm apart, at least 200.
+   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): open; by geometry 120 passes over the
+   * frames trained on and their virtual planes, 60 when planes lie more than 1 mm apart, at least 200.
    */
   vtkSetMacro(Iterations, int);
   vtkGetMacro(Iterations, int);
@@ -140,7 +174,8 @@ public:
 
   ///@{
   /**
-   * Seconds, seeding included, 0 (default) for no limit. The schedule of learning rates is fitted to it.
+   * Seconds, decisions and seeding included, 0 (default) for no limit. The schedule of learning rates is
+   * fitted to it.
    */
   vtkSetMacro(TimeLimit, double);
   vtkGetMacro(TimeLimit, double);
@@ -164,9 +199,21 @@ public:
 
   ///@{
   /**
-   * What training makes small, default "l1": a sum of the terms l1 (absolute difference of intensities), l2
-   * (squared difference), dssim (1 - SSIM), ffl (focal frequency loss) and contrast (difference of the
-   * windows' standard deviations, squared), each with a factor if wanted: "0.8*l1+0.2*dssim".
+   * What the field is for, default "fidelity": the least error. "texture": speckle as strong as in the
+   * frames, at a price in error. A preset chooses the loss; a Loss that is set wins.
+   */
+  vtkSetStringMacro(Preset);
+  vtkGetStringMacro(Preset);
+  void SetPresetToFidelity() { this->SetPreset("fidelity"); }
+  void SetPresetToTexture() { this->SetPreset("texture"); }
+  ///@}
+
+  ///@{
+  /**
+   * What training makes small. Null or empty (default): the preset's, "l1" for fidelity. Else a sum of the
+   * terms l1 (absolute difference of intensities), l2 (squared difference), dssim (1 - SSIM), ffl (focal
+   * frequency loss) and contrast (difference of the windows' standard deviations, squared), each with a
+   * factor if wanted: "0.8*l1+0.2*dssim".
    */
   vtkSetStringMacro(Loss);
   vtkGetStringMacro(Loss);
@@ -174,11 +221,52 @@ public:
 
   ///@{
   /**
-   * Whether a Gaussian may have negative reflectivity and so darken others, default on.
+   * The loss at the end of training; its weights are reached linearly from those of Loss. Null or empty
+   * (default): Loss stays as it is.
    */
-  vtkSetMacro(SignedReflectivity, vtkTypeBool);
-  vtkGetMacro(SignedReflectivity, vtkTypeBool);
-  vtkBooleanMacro(SignedReflectivity, vtkTypeBool);
+  vtkSetStringMacro(FinalLoss);
+  vtkGetStringMacro(FinalLoss);
+  ///@}
+
+  ///@{
+  /**
+   * Whether a Gaussian may have negative reflectivity and so darken others: 1 or 0. -1 (default): open; by
+   * geometry 1.
+   */
+  vtkSetClampMacro(SignedReflectivity, int, -1, 1);
+  vtkGetMacro(SignedReflectivity, int);
+  vtkBooleanMacro(SignedReflectivity, int);
+  ///@}
+
+  ///@{
+  /**
+   * Whether every frame to train on gets a gain and an offset of its own, which are removed from it: 1 or 0.
+   * For sweeps whose frames differ in brightness. -1 (default): open; by geometry 0.
+   */
+  vtkSetClampMacro(FrameGains, int, -1, 1);
+  vtkGetMacro(FrameGains, int);
+  vtkBooleanMacro(FrameGains, int);
+  ///@}
+
+  ///@{
+  /**
+   * Whether frames to train on are aligned rigidly to the field twice on the way: 1 or 0. For sweeps whose
+   * tracking is worse than their pixels. -1 (default): open; by geometry 0.
+   */
+  vtkSetClampMacro(PoseRefinement, int, -1, 1);
+  vtkGetMacro(PoseRefinement, int);
+  vtkBooleanMacro(PoseRefinement, int);
+  ///@}
+
+  ///@{
+  /**
+   * How far a tracked pose is trusted by PoseRefinement: standard deviations of a position, mm, above 0 to
+   * 1000, and of an orientation, degrees, above 0 to 45; default 0.3 each.
+   */
+  vtkSetMacro(TrackerTranslation, double);
+  vtkGetMacro(TrackerTranslation, double);
+  vtkSetMacro(TrackerRotation, double);
+  vtkGetMacro(TrackerRotation, double);
   ///@}
 
   ///@{
@@ -244,11 +332,22 @@ public:
   ///@{
   /**
    * Planes added to the training in every gap between neighbouring frames, with the image interpolated there
-   * from the two along the poses: 0 to 8. Negative (default -1): automatic, 1 when planes lie more than 1 mm
-   * apart, else none.
+   * from the two: 0 to 8. Negative (default -1): open; by geometry 1 when planes lie more than 1 mm apart,
+   * else none.
    */
   vtkSetMacro(VirtualPlanes, int);
   vtkGetMacro(VirtualPlanes, int);
+  ///@}
+
+  ///@{
+  /**
+   * How virtual planes are interpolated. "normals": between points on a line along the frames' mean normal,
+   * which trusts the tracked poses; "probe": between points of the same pixel, which trusts the smoothness of
+   * the probe's path more; "normals+flow", "probe+flow": the same, averaged with the image along the optical
+   * flow. "auto" (default), null or empty: open; by geometry "normals".
+   */
+  vtkSetStringMacro(Interpolation);
+  vtkGetStringMacro(Interpolation);
   ///@}
 
   ///@{
@@ -344,6 +443,13 @@ public:
   /** Output 1, the training log. */
   vtkTable* GetLog();
 
+  /**
+   * What the last training rested on: the string columns Decision, Choice and Evidence ("given" where the
+   * property was set) and the column Seconds, what finding out cost. Empty when nothing was decided: with
+   * Automatic off, when continuing from a field, and without iterations.
+   */
+  vtkTable* GetDecisions();
+
 protected:
   vtkBigusTrainer();
   ~vtkBigusTrainer() override;
@@ -355,7 +461,10 @@ protected:
 
   char* Engine = nullptr;
   int Seeding = IntensityBased;
-  vtkIdType NumberOfGaussians = 100000;
+  vtkTypeBool Automatic = 1;
+  vtkIdType NumberOfGaussians = 0;
+  vtkIdType MaximumNumberOfGaussians = 2000000;
+  double Price = 0.1;
   double ElevationSigma = -1;
   int HoldOut = 0;
   int Validation = 0;
@@ -364,8 +473,14 @@ protected:
   double TimeLimit = 0;
   int Batch = 8;
   vtkTypeUInt64 Seed = 1;
+  char* Preset = nullptr;
   char* Loss = nullptr;
-  vtkTypeBool SignedReflectivity = 1;
+  char* FinalLoss = nullptr;
+  int SignedReflectivity = -1;
+  int FrameGains = -1;
+  int PoseRefinement = -1;
+  double TrackerTranslation = 0.3;
+  double TrackerRotation = 0.3;
   vtkTypeBool IgnoreMasked = 0;
   double Tolerance = 1e-4;
   double MeanRate = 0.6;
@@ -374,6 +489,7 @@ protected:
   double FinalRate = 0.05;
   int SolveIterations = -1;
   int VirtualPlanes = -1;
+  char* Interpolation = nullptr;
   double MinimumScale = -1;
   double MaximumScale = -1;
   int DensificationInterval = 0;
@@ -392,6 +508,7 @@ protected:
   vtkSmartPointer<vtkIntArray> TrainingFrames;
   vtkSmartPointer<vtkIntArray> ValidationFrames;
   vtkSmartPointer<vtkIntArray> HeldOutFrames;
+  vtkSmartPointer<vtkTable> Decisions;
 
 private:
   vtkBigusTrainer(const vtkBigusTrainer&) = delete;

@@ -2,9 +2,11 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <optional>
+#include <type_traits>
 
 #include "Command.h"
 #include "Core/Engine.h"
@@ -27,9 +29,9 @@ namespace
 struct Options
 {
   SequenceOptions sequence;
-  std::string output, log, continueFrom, elevationSigma = "auto";
+  std::string output, log, continueFrom, preset = "fidelity", loss, finalLoss;
   TrainerOptions trainer;
-  bool positiveOnly = false, withoutBaselines = false, align = false;
+  bool withoutBaselines = false, align = false;
 };
 
 std::uint64_t PeakMemory()
@@ -56,6 +58,46 @@ void WriteLog(const std::string& path, const std::vector<TrainingRecord>& log)
                       file << ',' << line.gaussians << ',' << line.rate << '\n';
                     }
                   });
+}
+
+/// What was chosen, why, and what finding out cost.
+void PrintDecisions(const std::vector<Decision>& decisions, Console& console)
+{
+  for (const Decision& decision : decisions)
+  {
+    const auto padded = [](const std::string& text, std::size_t width)
+    { return text + std::string(text.size() < width ? width - text.size() : 1, ' '); };
+    console.Print("  " + padded(decision.what, 18) + padded(decision.choice, 12) +
+                  padded(FormatNumber(decision.seconds, 1) + " s", 9) + decision.evidence);
+  }
+}
+
+Json ToJson(const std::vector<Decision>& decisions)
+{
+  Json list = Json::array();
+  for (const Decision& decision : decisions)
+  {
+    list.push_back({{"decision", decision.what},
+                    {"choice", decision.choice},
+                    {"evidence", decision.evidence},
+                    {"seconds", decision.seconds}});
+  }
+  return list;
+}
+
+/// The options with every choice made, whoever made it.
+Json SettledJson(const TrainerOptions& settled)
+{
+  return {{"gaussians", *settled.gaussians},
+          {"elevation_sigma", *settled.elevationSigma},
+          {"signed", *settled.signedReflectivity},
+          {"virtual_planes", *settled.virtualPlanes},
+          {"interpolation", settled.interpolation->ToString()},
+          {"frame_gains", *settled.frameGains},
+          {"refine_poses", *settled.poseRefinement},
+          {"iterations", *settled.iterations},
+          {"loss", settled.loss.ToString()},
+          {"final_loss", settled.finalLoss ? Json(settled.finalLoss->ToString()) : Json(nullptr)}};
 }
 
 Json ToJson(const BackscatterFidelity& bfs)
@@ -133,6 +175,7 @@ void ScoreAligned(const GaussianField& field, const Sweep& sweep, const std::vec
 bool OnProgress(Console& console, const TrainingProgress& progress)
 {
   static const std::map<TrainingProgress::Phase, const char*> names = {
+      {TrainingProgress::Phase::Deciding, "Deciding"},
       {TrainingProgress::Phase::Seeding, "Seeding "},
       {TrainingProgress::Phase::Solving, "Solving "},
       {TrainingProgress::Phase::Training, "Training"}};
@@ -173,10 +216,19 @@ ExitCode Train(Console& console, Options& options)
 
   TrainerOptions& trainer = options.trainer;
   Engine::Create(trainer.engine);  // an unknown name is said before the sweep is read
-  trainer.signedReflectivity = !options.positiveOnly;
-  if (double sigma = 0; options.elevationSigma != "auto" && ParseNumber(options.elevationSigma, sigma))
+  ApplyPreset(options.preset, trainer);
+  if (!options.loss.empty())
   {
-    trainer.elevationSigma = sigma;
+    trainer.loss = Loss::Parse(options.loss);
+    trainer.finalLoss.reset();  // the preset's would lead away from what was asked for
+  }
+  if (!options.finalLoss.empty())
+  {
+    trainer.finalLoss = Loss::Parse(options.finalLoss);
+  }
+  if (trainer.interpolation)
+  {
+    trainer.interpolation->keepContrast = trainer.keepContrast;
   }
   const std::shared_ptr<const Sweep> sweep = ReadSweep(options.sequence, console);
   const auto [trainingFrames, heldOutFrames] = SplitHoldOut(sweep->NumberOfFrames(), trainer.holdOut);
@@ -212,8 +264,7 @@ ExitCode Train(Console& console, Options& options)
   SetProvenance(field, "world", options.sequence.chain.to);
   SetProvenance(field, "reduce", std::to_string(options.sequence.reduce));
   SetProvenance(field, "hold_out", std::to_string(trainer.holdOut));
-  SetProvenance(field, "seed", std::to_string(trainer.seed));
-  SetProvenance(field, "iterations", std::to_string(result.iterations));
+  SetTrainingProvenance(field, result);
   WriteFieldData(field, options.output, console);
   if (!options.log.empty())
   {
@@ -231,6 +282,8 @@ ExitCode Train(Console& console, Options& options)
                  {"trained", nullptr},
                  {"baselines", nullptr},
                  {"interrupted", interrupted},
+                 {"decisions", ToJson(result.decisions)},
+                 {"settled", SettledJson(result.settled)},
                  {"elevation_sigma", result.field.beam.elevationSigma},
                  {"training_frames", result.trainingFrames.size()},
                  {"validation_frames", result.validationFrames.size()},
@@ -240,6 +293,11 @@ ExitCode Train(Console& console, Options& options)
                 std::to_string(result.iterations) + " iterations in " + FormatNumber(result.seconds, 1) +
                 " s on " + result.device + ", beam sigma " +
                 FormatNumber(result.field.beam.elevationSigma, 2) + " mm");
+  if (!result.decisions.empty())
+  {
+    console.Print("Decisions, in dB on validation frames (standard error of the mean)");
+    PrintDecisions(result.decisions, console);
+  }
 
   if (!heldOutFrames.empty() && !interrupted)
   {
@@ -276,6 +334,66 @@ ExitCode Train(Console& console, Options& options)
   return interrupted ? Stopped : Success;
 }
 
+/// "" when `parse` takes the text, else what it says.
+template <class Parse>
+std::string Complaint(const Parse& parse)
+{
+  try
+  {
+    parse();
+    return "";
+  }
+  catch (const Error& error)
+  {
+    return error.what();
+  }
+}
+
+/// A choice: a number, or auto (default), which leaves it open.
+template <class Number>
+CLI::Option* AddChoice(CLI::App& app, const std::string& name, std::optional<Number>& choice, double low,
+                       double high, const std::string& help)
+{
+  const auto whole = [](const std::string& text) -> std::string
+  {
+    double value = 0;
+    return text == "auto" || (ParseNumber(text, value) && value == std::floor(value))
+               ? ""
+               : "'" + text + "' is not a whole number";
+  };
+  CLI::Option* option = app.add_option_function<std::string>(
+                               name,
+                               [&choice](const std::string& text)
+                               {
+                                 double value = 0;
+                                 choice.reset();
+                                 if (text != "auto" && ParseNumber(text, value))
+                                 {
+                                   choice = static_cast<Number>(value);
+                                 }
+                               },
+                               help)
+                            ->check(CLI::IsMember({"auto"}).description("") | NumberIn(low, high))
+                            ->default_str("auto");
+  return std::is_integral_v<Number> ? option->check(CLI::Validator(whole, ""))->type_name("N|auto")
+                                    : option->type_name("MM|auto");
+}
+
+/// A choice between on and off, or auto (default), which leaves it open.
+CLI::Option* AddSwitch(CLI::App& app, const std::string& name, std::optional<bool>& choice,
+                       const std::string& help)
+{
+  return app
+      .add_option_function<std::string>(
+          name,
+          [&choice](const std::string& text)
+          { choice = text == "auto" ? std::nullopt : std::optional<bool>(text == "on"); },
+          help)
+      ->check(CLI::IsMember({"on", "off", "auto"}).description(""))
+      ->type_name("on|off|auto")
+      ->default_str("auto");
+}
+
 }  // namespace
 
 void AddTrain(Program& program)
@@ -298,19 +416,74 @@ void AddTrain(Program& program)
   app->add_option("--log", options->log, "Write the training curve: loss and validation PSNR over time")
       ->type_name("CSV");
 
-  const char* model = "What is fitted";
-  app->add_option("--gaussians", trainer.gaussians, "Gaussians to start with, 1 to 67108864")
+  const char* model = "What is fitted. auto is decided by short trainings, or from geometry with --no-auto";
+  app->add_flag(
+         "--auto,!--no-auto", trainer.automatic,
+         "Decide what is left at auto by short trainings, scored on frames set aside among those to train "
+         "on, never on held-out ones (default); --no-auto follows the sweep's geometry, at once")
+      ->group(model);
+  AddChoice(*app, "--gaussians", trainer.gaussians, 1, 67108864, "Gaussians to start with, 1 to 67108864")
+      ->group(model);
+  app->add_option("--max-gaussians", trainer.maximumGaussians,
+                  "The most that --gaussians auto chooses, 1 to 67108864")
       ->check(NumberIn(1, 67108864))
       ->type_name("N")
       ->capture_default_str()
       ->group(model);
-  app->add_option("--elevation-sigma", options->elevationSigma,
-                  "Beam thickness out of plane, standard deviation in mm; auto follows the plane spacing")
-      ->check(CLI::IsMember({"auto"}).description("") | NumberIn(0, 100))
-      ->type_name("MM|auto")
+  app->add_option("--price", trainer.price,
+                  "What twice the Gaussians must gain on validation frames to be chosen, 0 to 100 dB")
+      ->check(NumberIn(0, 100))
+      ->type_name("DB")
       ->capture_default_str()
       ->group(model);
-  app->add_flag("--positive-only", options->positiveOnly, "Allow no negative reflectivity")->group(model);
+  AddChoice(*app, "--elevation-sigma", trainer.elevationSigma, 0, 100,
+            "Beam thickness out of plane, standard deviation in mm")
+      ->group(model);
+  CLI::Option* isSigned =
+      app->add_flag_callback(
+             "--signed", [&trainer] { trainer.signedReflectivity = true; },
+             "Allow negative reflectivity, which darkens; neither this nor --positive: auto")
+          ->group(model);
+  app->add_flag_callback(
+         "--positive,--positive-only", [&trainer] { trainer.signedReflectivity = false; },
+         "Allow no negative reflectivity")
+      ->excludes(isSigned)
+      ->group(model);
+  AddChoice(*app, "--virtual-planes", trainer.virtualPlanes, 0, 8,
+            "Interpolated planes added in every gap between training frames, 0 to 8")
+      ->group(model);
+  app->add_option_function<std::string>(
+         "--interpolation",
+         [&trainer](const std::string& text) {
+           trainer.interpolation =
+               text == "auto" ? std::nullopt : std::optional(FrameInterpolation::Parse(text));
+         },
+         "What virtual planes show: points meet along the frames' normals (normals, normals+flow) or at the "
+         "same pixel along the probe's path (probe, probe+flow), with or without optical flow")
+      ->check(CLI::Validator(
+          [](const std::string& text)
+          { return text == "auto" ? "" : Complaint([&text] { FrameInterpolation::Parse(text); }); },
+          ""))
+      ->type_name("HOW|auto")
+      ->default_str("auto")
+      ->group(model);
+  AddSwitch(*app, "--frame-gains", trainer.frameGains,
+            "Remove a gain and an offset from every training frame, where frames differ in brightness")
+      ->group(model);
+  AddSwitch(*app, "--refine-poses", trainer.poseRefinement,
+            "Align training frames to the field, where tracking is worse than pixels")
+      ->group(model);
+  app->add_option("--tracker-translation", trainer.trackerTranslation,
+                  "How far --refine-poses trusts a tracked position, standard deviation in mm")
+      ->check(NumberIn(1e-6, 1000))
+      ->type_name("MM")
+      ->capture_default_str()
+      ->group(model);
+  app->add_option("--tracker-rotation", trainer.trackerRotation, "The same for orientation, degrees")
+      ->check(NumberIn(1e-6, 45))
+      ->type_name("DEGREES")
+      ->capture_default_str()
+      ->group(model);
   static const std::map<std::string, SeedPlacement> placements = {{"intensity", SeedPlacement::Intensity},
                                                                   {"harris", SeedPlacement::Harris},
                                                                   {"random", SeedPlacement::Random}};
@@ -324,14 +497,12 @@ void AddTrain(Program& program)
       ->group(model);
 
   const char* course = "How long and how";
-  app->add_option(
-         "--iterations", trainer.iterations,
-         "Optimizer steps; 0 only seeds; default: 120 passes over the training frames (60 when they are more "
-         "than 1 mm apart), at least 200")
-      ->check(NumberIn(0, 1e7))
-      ->type_name("N")
+  AddChoice(
+      *app, "--iterations", trainer.iterations, 0, 1e7,
+      "Optimizer steps; 0 only seeds; auto begins at 120 passes over the training frames (60 when they are "
+      "more than 1 mm apart), at least 200")
       ->group(course);
-  app->add_option("--time-limit", trainer.timeLimit, "Seconds of training; 0 sets no limit")
+  app->add_option("--time-limit", trainer.timeLimit, "Seconds, decisions included; 0 sets no limit")
       ->check(NumberIn(0, 1e7))
       ->type_name("S")
       ->capture_default_str()
@@ -346,21 +517,34 @@ void AddTrain(Program& program)
       ->type_name("N")
       ->capture_default_str()
       ->group(course);
-  const auto soundLoss = [](const std::string& text) -> std::string
-  {
-    try
-    {
-      Loss::Parse(text);
-      return "";
-    }
-    catch (const Error& error)
-    {
-      return error.what();
-    }
-  };
-  app->add_option_function<std::string>(
-         "--loss", [&trainer](const std::string& text) { trainer.loss = Loss::Parse(text); },
-         "What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim; default: l1")
+  app->add_option(
+         "--preset", options->preset,
+         "What the field is for: fidelity (least error) or texture (speckle as strong as in the frames, at a "
+         "price in error)")
+      ->check(CLI::Validator(
+          [](const std::string& text)
+          {
+            return Complaint(
+                [&text]
+                {
+                  TrainerOptions any;
+                  ApplyPreset(text, any);
+                });
+          },
+          ""))
+      ->type_name("AIM")
+      ->capture_default_str()
+      ->group(course);
+  const auto soundLoss = [](const std::string& text) { return Complaint([&text] { Loss::Parse(text); }); };
+  app->add_option(
+         "--loss", options->loss,
+         "What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim; default: the "
+         "preset's, l1 for fidelity")
+      ->check(CLI::Validator(soundLoss, ""))
+      ->type_name("LOSS")
+      ->group(course);
+  app->add_option("--final-loss", options->finalLoss,
+                  "The loss at the end, whose weights are reached linearly; default: --loss stays as it is")
       ->check(CLI::Validator(soundLoss, ""))
       ->type_name("LOSS")
       ->group(course);
@@ -369,13 +553,6 @@ void AddTrain(Program& program)
       ->check(NumberIn(0, 1e7))
       ->type_name("N")
       ->capture_default_str()
-      ->group(course);
-  app->add_option(
-         "--virtual-planes", trainer.virtualPlanes,
-         "Interpolated planes added in every gap between training frames, 0 to 8; default: 1 when frames are "
-         "more than 1 mm apart, else 0")
-      ->check(NumberIn(0, 8))
-      ->type_name("N")
       ->group(course);
   app->add_option("--engine", trainer.engine, "What computes: auto, or a name from 'bigus info --devices'")
       ->type_name("NAME")

@@ -166,8 +166,9 @@ Pair Moved(const Pair& pair)
 
 /// The mix of both pictures, band by band. With v = value in units of its standard deviation, the best linear
 /// estimate from two values of correlation rho, which correlate with the truth by p and q, has the weights
-/// (p - rho q) / (1 - rho^2) and (q - rho p) / (1 - rho^2).
-cv::Mat Mix(const Pair& pair)
+/// (p - rho q) / (1 - rho^2) and (q - rho p) / (1 - rho^2). To keep contrast: the linear mix of shares 1 - s
+/// and s, over the standard deviation sqrt((1 - s)^2 + s^2 + 2 rho s (1 - s)) that mixing leaves.
+cv::Mat Mix(const Pair& pair, bool keepContrast)
 {
   cv::Mat first = pair.first, second = pair.second, mix = cv::Mat::zeros(first.size(), CV_32F);
   for (int band = 0; band < kBands; ++band)
@@ -194,9 +195,20 @@ cv::Mat Mix(const Pair& pair)
             std::sqrt(std::max(0.0f, uu.at<float>(y, x)) * std::max(0.0f, vv.at<float>(y, x)));
         const double rho = power > kNothing ? std::clamp(uv.at<float>(y, x) / power, 0.0, 0.999) : 0.0;
         const double s = pair.share.at<float>(y, x);
-        const double p = std::pow(rho, std::pow(s, kDecay)), q = std::pow(rho, std::pow(1 - s, kDecay));
-        mix.at<float>(y, x) += static_cast<float>(
-            ((p - rho * q) * u.at<float>(y, x) + (q - rho * p) * v.at<float>(y, x)) / (1 - rho * rho));
+        double ofFirst, ofSecond;
+        if (keepContrast)
+        {
+          const double left = std::sqrt((1 - s) * (1 - s) + s * s + 2 * rho * s * (1 - s));
+          ofFirst = (1 - s) / left;
+          ofSecond = s / left;
+        }
+        else
+        {
+          const double p = std::pow(rho, std::pow(s, kDecay)), q = std::pow(rho, std::pow(1 - s, kDecay));
+          ofFirst = (p - rho * q) / (1 - rho * rho);
+          ofSecond = (q - rho * p) / (1 - rho * rho);
+        }
+        mix.at<float>(y, x) += static_cast<float>(ofFirst * u.at<float>(y, x) + ofSecond * v.at<float>(y, x));
       }
     }
     first = lowFirst;
@@ -207,10 +219,25 @@ cv::Mat Mix(const Pair& pair)
 
 }  // namespace
 
+FrameInterpolation FrameInterpolation::Parse(const std::string& name)
+{
+  for (const Path path : {Path::Normals, Path::Probe})
+  {
+    for (const bool flow : {false, true})
+    {
+      if (const FrameInterpolation candidate{path, flow}; candidate.ToString() == name)
+      {
+        return candidate;
+      }
+    }
+  }
+  throw Error("Interpolation: there is no \"" + name.substr(0, 60) +
+              "\"; it is normals, normals+flow, probe or probe+flow.");
+}
+
 std::string FrameInterpolation::ToString() const
 {
-  return std::string(path == Path::Normals ? "along normals" : "along the probe's path") +
-         (flow ? ", with flow" : "");
+  return std::string(path == Path::Normals ? "normals" : "probe") + (flow ? "+flow" : "");
 }
 
 SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double share)
@@ -237,10 +264,19 @@ void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane
                         ? PairAlongNormals(sweep, a, b, plane, share)
                         : Pair{Picture(sweep, a), Picture(sweep, b),
                                cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(share))};
-  cv::Mat mix = Mix(pair);
-  if (interpolation.flow)
+  // The mean of two estimates is the better one; their mean texture is neither's.
+  cv::Mat mix;
+  if (!interpolation.flow)
   {
-    mix = 0.5 * (mix + Mix(Moved(pair)));
+    mix = Mix(pair, interpolation.keepContrast);
+  }
+  else if (interpolation.keepContrast)
+  {
+    mix = Mix(Moved(pair), true);
+  }
+  else
+  {
+    mix = 0.5 * (Mix(pair, false) + Mix(Moved(pair), false));
   }
   for (int y = 0; y < mix.rows; ++y)
   {

@@ -23,8 +23,14 @@ struct FrameInterpolation
   /// Structures that run obliquely through both frames are moved half the way to each other: optical flow
   /// (Farneback 2003), averaged with the picture without it.
   bool flow = false;
+  /// Every band keeps the power it has in the frames, as speckle in a real frame would, where the best
+  /// estimate of it is smoother: larger error, truer texture.
+  bool keepContrast = false;
 
-  std::string ToString() const;  ///< "along normals", "along the probe's path, with flow"
+  /// Reads "normals", "normals+flow", "probe" or "probe+flow", and ToString writes it. Throws Error with the
+  /// names for any other.
+  static FrameInterpolation Parse(const std::string& name);
+  std::string ToString() const;
 };
 
 /// The plane a share (0 to 1) of the way from one plane to another: centre and pixel steps linearly, rotation

@@ -359,6 +359,19 @@ void TrainerOptions::Validate() const
           densification.cloneReflectivity, "above 0, at most 1");
 }
 
+void ApplyPreset(const std::string& name, TrainerOptions& options)
+{
+  if (name != "fidelity" && name != "texture")
+  {
+    throw Error("Trainer: there is no preset \"" + name.substr(0, 60) + "\"; it is fidelity or texture.");
+  }
+  // Where the place of speckle cannot be known, the least error is a smooth picture; contrast asks for grains
+  // of the right strength wherever they lie.
+  options.keepContrast = name == "texture";
+  options.loss = options.keepContrast ? Loss::Parse("l1+0.5*contrast") : Loss{};
+  options.finalLoss.reset();
+}
+
 TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
                    const std::vector<int>& validationFrames, const TrainerOptions& options,
                    const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress,

@@ -34,6 +34,7 @@ struct TrainerOptions
   std::optional<bool> signedReflectivity;           ///< false: r >= 0
   std::optional<int> virtualPlanes;                 ///< planes added in every gap, 0 to 8
   std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show
+  bool keepContrast = false;  ///< interpolation that is decided on keeps the frames' speckle contrast
   /// A gain and an offset for every frame to train on, removed from it: images of one place that differ in
   /// brightness otherwise fight each other.
   std::optional<bool> frameGains;
@@ -65,6 +66,11 @@ struct TrainerOptions
   /// Throws Error naming the option, its value and its range.
   void Validate() const;
 };
+
+/// Sets what belongs to one aim, and leaves the rest as it is: "fidelity" (the least error, the default),
+/// "texture" (speckle as strong as in the frames, at a price in error). Throws Error with the names for any
+/// other.
+void ApplyPreset(const std::string& name, TrainerOptions& options);
 
 /// A choice that training rests on, why, and what finding out cost.
 struct Decision

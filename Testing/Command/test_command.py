@@ -24,7 +24,7 @@ BIGUS = None
 SUCCESS, USAGE, BAD_INPUT, CANNOT_WRITE, INTERRUPTED = 0, 1, 2, 3, 130
 
 PHANTOM = ["--frames", "9", "--width", "48", "--height", "40", "--pixel-size", "0.6", "--frame-spacing", "0.8"]
-TINY = ["--gaussians", "400", "--iterations", "12", "--batch", "2"]
+TINY = ["--no-auto", "--gaussians", "400", "--iterations", "12", "--batch", "2"]
 IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 
 
@@ -154,7 +154,9 @@ class Help(CommandTest):
 
     def test_train_has_every_promised_option(self):
         text = run("train", "--help").stdout
-        for option in ("--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
+        for option in ("--auto", "--no-auto", "--max-gaussians", "--price", "--signed", "--positive", "--virtual-planes",
+                       "--interpolation", "--frame-gains", "--refine-poses", "--tracker-translation", "--tracker-rotation",
+                       "--preset", "--loss", "--final-loss", "--validation", "--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
                        "--time-limit", "--seed", "--config", "--image-to", "--log"):
             self.assertIn(option, text)
 
@@ -189,6 +191,16 @@ class Usage(CommandTest):
                "--validation": ["1"],
                "--threads": ["-1", "x"],
                "--seeding": ["nowhere"],
+               "--max-gaussians": ["0", "-1", "many", "1e99"],
+               "--price": ["-1", "nan", "101", "cheap"],
+               "--virtual-planes": ["-1", "9", "0.5", "some"],
+               "--interpolation": ["", "sideways", "probe+flo", "x" * 10000],
+               "--frame-gains": ["maybe", "", "1"],
+               "--refine-poses": ["yes"],
+               "--tracker-translation": ["0", "nan", "1e9"],
+               "--tracker-rotation": ["0", "90"],
+               "--preset": ["", "beauty", "Texture "],
+               "--final-loss": ["l3", "l1+"],
                "--loss": ["l3", "", "l1+", "-1*l1", "0*l1", "nan*l2"]}
         for option, values in bad.items():
             for value in values:
@@ -395,8 +407,8 @@ class Train(CommandTest):
         self.assertIsNone(answer["baselines"])
 
     def test_aligned_scores_are_a_diagnostic_beside_the_score(self):
-        training = ("train", self.sweep, "-o", self.folder / "f.vtp", "--gaussians", 2000, "--iterations", 60,
-                    "--hold-out", 4, "--no-baselines")
+        training = ("train", self.sweep, "-o", self.folder / "f.vtp", "--no-auto", "--gaussians", 2000,
+                    "--iterations", 60, "--hold-out", 4, "--no-baselines")
         plain = self.expect(SUCCESS, *training)
         self.assertIsNone(plain["held_out_aligned"])
         answer = self.expect(SUCCESS, *training, "--align")
@@ -415,8 +427,8 @@ class Train(CommandTest):
     def test_training_predicts_better_than_its_seeds(self):
         scores = []
         for iterations in (0, 120):
-            answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--gaussians", 2000,
-                                 "--iterations", iterations, "--hold-out", 4, "--no-baselines", "--batch", 4)
+            answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--no-auto", "--gaussians",
+                                 2000, "--iterations", iterations, "--hold-out", 4, "--no-baselines", "--batch", 4)
             scores.append(answer["held_out"]["psnr"])
         self.assertGreater(scores[1], scores[0])
 
@@ -470,8 +482,59 @@ class Train(CommandTest):
 
     def test_positive_only(self):
         path = self.folder / "f.vtp"
-        self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, "--positive-only")
-        self.assertGreaterEqual(self.expect(SUCCESS, "info", path)["reflectivity"]["minimum"], 0)
+        for flag in ("--positive-only", "--positive"):
+            self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, flag)
+            self.assertGreaterEqual(self.expect(SUCCESS, "info", path)["reflectivity"]["minimum"], 0)
+        self.expect(USAGE, "train", self.sweep, "-o", path, "--positive", "--signed")
+
+    def test_forced_choices_are_obeyed_and_reported(self):
+        path = self.folder / "f.vtp"
+        forced = ["--signed", "--virtual-planes", 1, "--interpolation", "probe+flow", "--frame-gains", "on",
+                  "--refine-poses", "on", "--elevation-sigma", 0.55, "--final-loss", "l2"]
+        settled = {"gaussians": 400, "elevation_sigma": 0.55, "signed": True, "virtual_planes": 1,
+                   "interpolation": "probe+flow", "frame_gains": True, "refine_poses": True, "iterations": 12,
+                   "loss": "l1", "final_loss": "l2"}
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced)
+        self.assertEqual(answer["settled"], settled)
+        self.assertEqual(answer["decisions"], [], "nothing is decided with --no-auto")
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced, "--auto")
+        self.assertEqual(answer["settled"], settled)
+        self.assertEqual({decision["evidence"] for decision in answer["decisions"]}, {"given"})
+        found = {decision["decision"]: decision["choice"] for decision in answer["decisions"]}
+        self.assertEqual(found["Gaussians"], "400")
+        self.assertEqual(found["reflectivity"], "signed")
+        self.assertEqual(found["frame gains"], "on")
+        text = run("train", self.sweep, "-o", path, *TINY, *forced, "--auto").stdout
+        self.assertRegex(text, r"Gaussians +400 +0\.0 s +given")
+        provenance = self.expect(SUCCESS, "info", path)["provenance"]
+        self.assertEqual(provenance["decision.Gaussians"], "400 (given)")
+        self.assertEqual(provenance["interpolation"], "probe+flow")
+
+    def test_open_choices_are_decided_with_evidence(self):
+        path, log = self.folder / "f.vtp", self.folder / "log.csv"
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, "--iterations", 12, "--gaussians", "auto",
+                             "--hold-out", 9, "--log", log)
+        decisions = {decision["decision"]: decision for decision in answer["decisions"]}
+        self.assertEqual(decisions["iterations"]["evidence"], "given")
+        for name in ("interpolation", "virtual planes", "elevation sigma", "Gaussians", "reflectivity", "frame gains",
+                     "pose refinement"):
+            self.assertIn("dB", decisions[name]["evidence"], name)
+            self.assertGreater(decisions[name]["seconds"], 0, name)
+        self.assertLessEqual(answer["settled"]["gaussians"], 2000000)
+        self.assertEqual(log.read_text().splitlines()[0], "iteration,seconds,loss,validation_psnr,gaussians,rate")
+        # Too few frames to set some aside: geometry decides, and that is said.
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, "--iterations", 12, "--hold-out", 2)
+        self.assertEqual([decision["decision"] for decision in answer["decisions"]], ["everything"])
+        self.assertIn("5 frames", answer["decisions"][0]["evidence"])
+
+    def test_presets_choose_the_loss_unless_one_is_given(self):
+        def loss(*options):
+            answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, *options)
+            return answer["settled"]["loss"]
+
+        self.assertEqual(loss("--preset", "fidelity"), "l1")
+        self.assertIn("contrast", loss("--preset", "texture"))
+        self.assertEqual(loss("--preset", "texture", "--loss", "l2"), "l2")
 
     def test_continue_from_a_field(self):
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--continue", self.field,
@@ -480,8 +543,8 @@ class Train(CommandTest):
 
     def test_time_limit(self):
         start = time.monotonic()
-        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--gaussians", 5000,
-                             "--iterations", 10000000, "--time-limit", 1)
+        answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--no-auto", "--gaussians",
+                             5000, "--iterations", 10000000, "--time-limit", 1)
         self.assertLess(time.monotonic() - start, 30)
         self.assertLess(answer["iterations"], 10000000)
 
@@ -551,7 +614,8 @@ class Train(CommandTest):
         for number in (signal.SIGINT, signal.SIGTERM):
             with self.subTest(number):
                 path = self.folder / "f.vtp"
-                process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--gaussians", "2000",
+                process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--no-auto",
+                                            "--gaussians", "2000",
                                             "--iterations", "10000000", "--hold-out", "4", "--json", "--progress"],
                                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
                 seen = b""
@@ -566,7 +630,9 @@ class Train(CommandTest):
                 answer = json.loads(stdout)
                 self.assertIs(answer["interrupted"], True)
                 self.assertGreater(answer["iterations"], 0)
-                self.assertEqual(self.expect(SUCCESS, "info", path)["gaussians"], 2000)
+                gaussians = self.expect(SUCCESS, "info", path)["gaussians"]
+                self.assertEqual(gaussians, answer["gaussians"])
+                self.assertTrue(1900 < gaussians <= 2000, "but for those that no plane shows")
                 self.assertEqual(os.listdir(self.folder), ["f.vtp"])
                 path.unlink()
 

@@ -228,8 +228,8 @@ class Train(unittest.TestCase):
         sweep = small_sweep()
         seen = []
         field, log = bigus.train(
-            sweep, progress=lambda fraction, text: seen.append(fraction), NumberOfGaussians=300, Iterations=60, Batch=4,
-            HoldOut=4)
+            sweep, progress=lambda fraction, text: seen.append(fraction), Automatic=False, NumberOfGaussians=300,
+            Iterations=60, Batch=4, HoldOut=4)
         self.assertGreater(field.GetNumberOfPoints(), 0)
         self.assertGreater(log.GetNumberOfRows(), 0)
         self.assertTrue(seen)
@@ -248,7 +248,7 @@ class Train(unittest.TestCase):
             calls.append(fraction)
             return fraction < 0.05
 
-        field, _ = bigus.train(small_sweep(), progress, NumberOfGaussians=300, Iterations=1000000)
+        field, _ = bigus.train(small_sweep(), progress, Automatic=False, NumberOfGaussians=300, Iterations=1000000)
         self.assertGreater(field.GetNumberOfPoints(), 0)
         self.assertLess(calls[-1], 0.5)
 
@@ -257,13 +257,32 @@ class Train(unittest.TestCase):
             raise KeyError("mine")
 
         with self.assertRaisesRegex(KeyError, "mine"):
-            bigus.train(small_sweep(), progress, NumberOfGaussians=300, Iterations=1000000)
+            bigus.train(small_sweep(), progress, Automatic=False, NumberOfGaussians=300, Iterations=1000000)
 
     def test_continues_from_a_field(self):
         sweep = small_sweep()
         field, _ = bigus.train(sweep, NumberOfGaussians=300, Iterations=0)
         again, _ = bigus.train(sweep, start=field, Iterations=0)
         self.assertEqual(again.GetNumberOfPoints(), field.GetNumberOfPoints())
+
+    def test_decisions_come_with_the_field(self):
+        trained = bigus.train(small_sweep(), Automatic=False, NumberOfGaussians=300, Iterations=0)
+        self.assertEqual(trained.decisions, [])
+        field, log = trained
+        self.assertIs(field, trained.field)
+        self.assertIs(log, trained.log)
+        trained = bigus.train(
+            small_sweep(), NumberOfGaussians=300, Iterations=10, ElevationSigma=0.4, SignedReflectivity=True, VirtualPlanes=1,
+            Interpolation="probe", FrameGains=False, Preset="texture")
+        found = {decision["decision"]: decision for decision in trained.decisions}
+        self.assertEqual(found["Gaussians"]["choice"], "300")
+        self.assertEqual(found["interpolation"]["choice"], "probe")
+        self.assertEqual(found["frame gains"]["evidence"], "given")
+        self.assertIn("dB", found["pose refinement"]["evidence"])
+        self.assertGreater(found["pose refinement"]["seconds"], 0)
+        for wrong in ({"Preset": "beauty"}, {"Interpolation": "sideways"}, {"Price": -1.0}):
+            with self.subTest(wrong), self.assertRaisesRegex(RuntimeError, "(?i)" + "|".join(wrong)):
+                bigus.train(small_sweep(), **wrong)
 
     def test_bad_input_is_an_exception(self):
         with self.assertRaisesRegex(RuntimeError, "ImageToReference"):

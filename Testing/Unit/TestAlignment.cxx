@@ -339,6 +339,7 @@ TEST(Alignment, FindsHeldOutFramesOfAPhantom)
   world.elevationSigma = 1;
   const auto sweep = std::make_shared<Sweep>(Phantom(world).MakeSweep());
   TrainerOptions training;
+  training.automatic = false;
   training.gaussians = 6000;
   training.iterations = 150;
   training.holdOut = 5;

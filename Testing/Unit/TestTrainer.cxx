@@ -17,6 +17,7 @@ using bigus::TrainerOptions;
 TrainerOptions Small()
 {
   TrainerOptions options;
+  options.automatic = false;
   options.gaussians = 600;
   options.iterations = 120;
   options.holdOut = 4;
@@ -167,10 +168,48 @@ TEST(Trainer, StepsFollowTheNumberOfFrames)
   auto sweep = bigus::test::BlackSweep(40, 16, 16, 0.4, 0.5);
   std::fill_n(bigus::test::Pixels(*sweep), 40 * sweep->PixelsPerFrame() - 7, 0.5f);
   TrainerOptions options;
+  options.automatic = false;
   options.gaussians = 20;
   EXPECT_EQ(bigus::Train(sweep, options).iterations, 600);  // 120 x 40 / 8
   options.batch = 40;
   EXPECT_EQ(bigus::Train(sweep, options).iterations, 200);
+}
+
+TEST(Trainer, PresetsSetTheLossAndNothingElse)
+{
+  TrainerOptions options;
+  options.gaussians = 7;
+  options.finalLoss = bigus::Loss::Parse("l2");
+  bigus::ApplyPreset("texture", options);
+  EXPECT_GT(options.loss.contrast, 0);
+  EXPECT_EQ(options.gaussians, 7u);
+  EXPECT_FALSE(options.finalLoss);
+  bigus::ApplyPreset("fidelity", options);
+  EXPECT_EQ(options.loss.ToString(), TrainerOptions().loss.ToString());
+  EXPECT_EQ(options.keepContrast, TrainerOptions().keepContrast);
+  try
+  {
+    bigus::ApplyPreset("beauty", options);
+    ADD_FAILURE() << "a preset of no meaning was accepted";
+  }
+  catch (const bigus::Error& error)
+  {
+    for (const char* part : {"beauty", "fidelity", "texture"})
+    {
+      EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+    }
+  }
+}
+
+TEST(Trainer, TheLossMovesToTheFinalOne)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions options = Small();
+  const bigus::GaussianField first = bigus::Train(sweep, options).field;
+  options.finalLoss = options.loss;
+  EXPECT_TRUE(Same(first, bigus::Train(sweep, options).field));
+  options.finalLoss = bigus::Loss::Parse("l2");
+  EXPECT_FALSE(Same(first, bigus::Train(sweep, options).field));
 }
 
 TEST(Trainer, PositiveReflectivityStaysPositive)
@@ -269,6 +308,11 @@ TEST(Trainer, OptionsOutOfRangeAreNamed)
   refused("batch", [](TrainerOptions& o) { o.batch = 0; });
   refused("tolerance", [](TrainerOptions& o) { o.tolerance = -1; });
   refused("final rate", [](TrainerOptions& o) { o.finalRate = 0; });
+  refused("maximum of gaussians", [](TrainerOptions& o) { o.maximumGaussians = 0; });
+  refused("price", [](TrainerOptions& o) { o.price = std::nan(""); });
+  refused("virtual planes", [](TrainerOptions& o) { o.virtualPlanes = 9; });
+  refused("tracker translation", [](TrainerOptions& o) { o.trackerTranslation = 0; });
+  refused("tracker rotation", [](TrainerOptions& o) { o.trackerRotation = 46; });
   refused("percentile", [](TrainerOptions& o) { o.densification.percentile = 101; });
   refused("engine", [](TrainerOptions& o) { o.engine = "abacus"; });
 }

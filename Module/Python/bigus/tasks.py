@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import re
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, NamedTuple, Optional, Union
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -58,13 +58,33 @@ def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike],
     update(writer)
 
 
+class _FieldAndLog(NamedTuple):
+    field: vtkPolyData
+    log: vtkTable
+
+
+class Training(_FieldAndLog):
+    """The field and the training log, as a pair; and decisions, what the training rested on.
+
+    decisions is a list of dicts: decision, choice, evidence ("given" where the property was set) and seconds, what
+    finding out cost. It is empty when nothing was decided.
+    """
+
+    decisions: list[dict[str, Any]]
+
+
 def train(
     sweep: vtkImageData,
     progress: Optional[Callable[[float, str], Optional[bool]]] = None,
     start: Optional[vtkPolyData] = None,
     **properties: Any,
-) -> tuple[vtkPolyData, vtkTable]:
-    """Trains a field on a sweep; gives the field and the training log.
+) -> Training:
+    """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
+
+    What no property sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
+    sweep's geometry. To force all of it: NumberOfGaussians, ElevationSigma (mm), SignedReflectivity, VirtualPlanes,
+    Interpolation ("normals", "normals+flow", "probe", "probe+flow"), FrameGains, PoseRefinement, Iterations.
+    Preset="texture" asks for speckle as strong as in the frames, at a price in error.
 
     progress(fraction, text) is called now and then; when it returns False training stops there and gives the best
     field so far. start is a field to continue from. properties are those of vtkBigusTrainer by their VTK names.
@@ -96,7 +116,18 @@ def train(
     update(trainer)
     if failure:
         raise failure[0]
-    return trainer.GetOutputDataObject(0), trainer.GetOutputDataObject(1)
+    training = Training(trainer.GetOutputDataObject(0), trainer.GetOutputDataObject(1))
+    table = trainer.GetDecisions()
+    training.decisions = [
+        {
+            "decision": table.GetValueByName(row, "Decision").ToString(),
+            "choice": table.GetValueByName(row, "Choice").ToString(),
+            "evidence": table.GetValueByName(row, "Evidence").ToString(),
+            "seconds": table.GetValueByName(row, "Seconds").ToDouble(),
+        }
+        for row in range(table.GetNumberOfRows())
+    ]
+    return training
 
 
 def _matrix(plane: Union[np.ndarray, vtkMatrix4x4]) -> np.ndarray:
