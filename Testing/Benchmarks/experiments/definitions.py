@@ -77,15 +77,15 @@ def short(gaussians):
     return f"{gaussians // 1000}k" if gaussians < 10**6 else f"{gaussians / 10**6:g}M"
 
 
-def bigus(gaussians, limit, **options):
-    """Our method as a user gets it with so many Gaussians: the rest decided by the trainer. None: these, too."""
-    method = {"name": "bigus", "time_limit": limit, **options}
-    return method if gaussians is None else {**method, "gaussians": gaussians}
+def auto(gaussians=None, **options):
+    """Our method as a user gets it: what is not given is decided by the trainer, the length of training, too. It has
+    no limit but the job's own, since what deciding takes would be missing in training."""
+    return {"name": "bigus", **({} if gaussians is None else {"gaussians": gaussians}), **options}
 
 
 def forced(gaussians, limit, **options):
     """Nothing decided from evidence: what is not given follows from the sweep's geometry."""
-    return bigus(gaussians, limit, automatic=False, **options)
+    return {"name": "bigus", "gaussians": gaussians, "time_limit": limit, "automatic": False, **options}
 
 
 def megabytes(members):
@@ -143,10 +143,10 @@ def e1_jobs(scale):
             # All slices seen: nothing lies between them, and they have no thickness. Else the trainer decides.
             ours = {"automatic": False, "elevation_sigma": 0} if slices == 160 else {}
             if liver and slices == 160:
-                add("BIGUS 140k", bigus(140000, 40, **ours, **fit), 48)
+                add("BIGUS 140k", auto(140000, time_limit=40, **ours, **fit), 48)
             for limit, priority in ((60, 1 if liver or slices == 160 else 2), (300, 1 if liver and slices == 160 else 2),
                                     (3600, 3)):
-                add("BIGUS 140k", bigus(140000, limit, **ours, **fit), limit + 8, priority)
+                add("BIGUS 140k", auto(140000, time_limit=limit, **ours, **fit), limit + 8, priority)
             for count, limit, priority in ((100000, 60, 1 if liver and slices == 160 else 2), (100000, 300, 2 if liver else 3),
                                            (2000000, 300, 2 if liver and slices == 160 else 3)):
                 add(f"UltraGauss preset {short(count)}",
@@ -195,7 +195,7 @@ def sweeps(scale):
 
 def headline_job(scale, name, count, seed, labels, priority):
     scene, frames, counts = sweeps(scale)[name]
-    return scale.job(scene, frames, bigus(count, 3 * counts[count]), labels, counts[count] + 3, priority,
+    return scale.job(scene, frames, auto(count), labels, counts[count] + 3, priority,
                      score=["held_out", "training", "aligned"], seed=seed)
 
 
@@ -318,7 +318,7 @@ def e4_jobs(scale):
             for beam in (0, sigma):
                 add(forced(count, 4 * cost, **{"signed": is_signed, "elevation_sigma": beam, **options}),
                     {"signed": "yes" if is_signed else "", "beam": "yes" if beam else "", "sigma mm": beam}, cost + 2)
-        add(bigus(count, 8 * cost, **options), {"signed": "auto", "beam": "auto", "sigma mm": ""}, 2 * cost + 2)
+        add(auto(count, **options), {"signed": "auto", "beam": "auto", "sigma mm": ""}, 2 * cost + 2)
     # What the decorrelation of speckle says, from all frames at full size; known where the label says so.
     estimated = {"brain (sparse)": (scale.real(BRAIN, 1), ""), "liver (dense)": (scale.real(LIVER, 1), ""),
                  "spine": (scale.real(SPINE, 1), ""), "crossing phantoms": (crossing, 1.5),
@@ -370,7 +370,7 @@ def e5_jobs(scale):
         for gap in gaps:
             frames = {"gap": gap, "period": period}
             labels = {"scene": name, "gap": gap}
-            jobs.append(scale.job(scene, frames, bigus(None, 3 * cost / gap),
+            jobs.append(scale.job(scene, frames, auto(),
                                   {**labels, "method": "BIGUS auto"}, cost / gap + 3))
             for title, method in BASELINES.items():
                 jobs.append(scale.job(scene, frames, method, {**labels, "method": title}, 1))
@@ -459,7 +459,7 @@ def e8_jobs(scale):
                                   score=["held_out", "training"]))
         for preset in ("fidelity", "texture"):
             for count_kind, chosen in ((short(count), count), ("auto", None)):
-                method = bigus(chosen, 8 * cost, preset=preset)
+                method = auto(chosen, preset=preset)
                 jobs.append(scale.job(scene, {"hold_out": 4}, method,
                                       {"scene": name, "method": f"{preset}, {count_kind}"}, 3 * cost, 1,
                                       score=["held_out", "training"]))
@@ -520,7 +520,7 @@ def e9_jobs(scale):
         name = f"phantom, {frames} frames, noise {noise} mm, step {spacing} mm, uneven {unevenness:.0%}"
         scenes[name] = (scale.phantom(**options), (0.3, 0.5, 0.8, 1.2))
     for name, (scene, voxels) in scenes.items():
-        add(name, scene, "BIGUS auto", bigus(None, 45), 18)
+        add(name, scene, "BIGUS auto", auto(), 18)
         add(name, scene, "nearest frame", {"name": "nearest"})
         add(name, scene, "neighbour average", {"name": "neighbour_average"})
         add(name, scene, "pose-aware linear", {"name": "pose_linear"})
