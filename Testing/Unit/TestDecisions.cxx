@@ -1,0 +1,351 @@
+// What the trainer decides by itself: from evidence, the same every time, and never from held-out frames.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <map>
+#include <set>
+
+#include "Core/Engine.h"
+#include "Core/Metrics.h"
+#include "Core/Phantom.h"
+#include "Core/Trainer.h"
+
+namespace bigus
+{
+namespace
+{
+
+const std::set<std::string> kAll = {"interpolation", "virtual planes", "elevation sigma", "Gaussians",
+                                    "reflectivity",  "frame gains",    "pose refinement", "iterations"};
+
+PhantomOptions SmallWorld(int frames)
+{
+  PhantomOptions world;
+  world.frames = frames;
+  world.width = world.height = 96;
+  world.pixelSize = 0.4;
+  world.frameSpacing = 0.4;
+  world.elevationSigma = 1;
+  return world;
+}
+
+/// A phantom's sweep, made once: 24 frames of 96 x 96.
+std::shared_ptr<const Sweep> PhantomSweep()
+{
+  static const auto sweep = std::make_shared<const Sweep>(Phantom(SmallWorld(24)).MakeSweep());
+  return sweep;
+}
+
+/// The sweep with its pixels as float, each frame changed by `change(frame, pixel index, value)`.
+template <class Change>
+std::shared_ptr<const Sweep> Changed(const Sweep& sweep, const Change& change)
+{
+  auto changed = std::make_shared<Sweep>(sweep);
+  const std::size_t size = sweep.PixelsPerFrame();
+  auto pixels = std::make_shared<std::vector<float>>(size * sweep.NumberOfFrames());
+  for (int frame = 0; frame < sweep.NumberOfFrames(); ++frame)
+  {
+    float* image = pixels->data() + frame * size;
+    sweep.CopyFrame(frame, image);
+    for (std::size_t p = 0; p < size; ++p)
+    {
+      image[p] = change(frame, p, image[p]);
+    }
+  }
+  changed->pixelType = Sweep::PixelType::Float32;
+  changed->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return changed;
+}
+
+bool Same(const GaussianField& a, const GaussianField& b)
+{
+  return a.means == b.means && a.scales == b.scales && a.rotations == b.rotations &&
+         a.reflectivities == b.reflectivities && a.transfer.gamma == b.transfer.gamma &&
+         a.beam.elevationSigma == b.beam.elevationSigma;
+}
+
+std::map<std::string, Decision> ByName(const std::vector<Decision>& decisions)
+{
+  std::map<std::string, Decision> named;
+  for (const Decision& decision : decisions)
+  {
+    EXPECT_TRUE(named.emplace(decision.what, decision).second) << decision.what << " twice";
+  }
+  return named;
+}
+
+std::set<std::string> Names(const std::map<std::string, Decision>& decisions)
+{
+  std::set<std::string> names;
+  for (const auto& [name, decision] : decisions)
+  {
+    names.insert(name);
+  }
+  return names;
+}
+
+/// What of two runs must be equal: seconds are not.
+std::string Account(const std::vector<Decision>& decisions)
+{
+  std::string text;
+  for (const Decision& decision : decisions)
+  {
+    text += decision.what + ": " + decision.choice + " (" + decision.evidence + ")\n";
+  }
+  return text;
+}
+
+/// Mean PSNR of a field over some frames of a sweep, by the reference engine.
+double PsnrOn(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames)
+{
+  const auto engine = Engine::Create("reference");
+  engine->SetField(field);
+  std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
+  double sum = 0;
+  for (int frame : frames)
+  {
+    engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image.data());
+    sweep.CopyFrame(frame, truth.data());
+    sum += Psnr(image.data(), truth.data(), image.size()) / static_cast<double>(frames.size());
+  }
+  return sum;
+}
+
+TrainerOptions Forced()
+{
+  TrainerOptions options;
+  options.gaussians = 1500;
+  options.elevationSigma = 0.55;
+  options.signedReflectivity = false;
+  options.virtualPlanes = 1;
+  options.interpolation = FrameInterpolation{FrameInterpolation::Path::Probe, false};
+  options.frameGains = false;
+  options.poseRefinement = true;
+  options.iterations = 25;
+  return options;
+}
+
+TEST(Decisions, WhatIsGivenIsObeyed)
+{
+  const TrainingResult result = Train(PhantomSweep(), Forced());
+  const auto decisions = ByName(result.decisions);
+  EXPECT_EQ(Names(decisions), kAll);
+  for (const auto& [name, decision] : decisions)
+  {
+    EXPECT_EQ(decision.evidence, "given") << name;
+  }
+  EXPECT_EQ(decisions.at("Gaussians").choice, "1500");
+  EXPECT_EQ(decisions.at("elevation sigma").choice, "0.55 mm");
+  EXPECT_EQ(decisions.at("reflectivity").choice, "positive");
+  EXPECT_EQ(decisions.at("virtual planes").choice, "1");
+  EXPECT_EQ(decisions.at("interpolation").choice, "probe");
+  EXPECT_EQ(decisions.at("frame gains").choice, "off");
+  EXPECT_EQ(decisions.at("pose refinement").choice, "on");
+  EXPECT_EQ(decisions.at("iterations").choice, "25");
+
+  EXPECT_LE(result.field.Size(), 1500u);
+  EXPECT_EQ(result.field.beam.elevationSigma, 0.55);
+  EXPECT_EQ(result.iterations, 25);
+  EXPECT_GE(*std::min_element(result.field.reflectivities.begin(), result.field.reflectivities.end()), 0);
+  EXPECT_EQ(*result.settled.virtualPlanes, 1);
+  EXPECT_EQ(result.settled.interpolation->ToString(), "probe");
+  EXPECT_FALSE(*result.settled.frameGains);
+  EXPECT_TRUE(*result.settled.poseRefinement);
+
+  // Nothing was found out, so it is the training without decisions.
+  TrainerOptions plain = Forced();
+  plain.automatic = false;
+  EXPECT_TRUE(Same(result.field, Train(PhantomSweep(), plain).field));
+}
+
+TEST(Decisions, WhatIsOpenIsDecidedWithEvidence)
+{
+  TrainerOptions options;
+  options.holdOut = 8;
+  options.iterations = 30;  // trials are as they are; what follows them is not looked at
+  double last = -1;
+  const TrainingResult result = Train(PhantomSweep(), options, nullptr,
+                                      [&](const TrainingProgress& now)
+                                      {
+                                        EXPECT_GE(now.fraction, last);
+                                        EXPECT_LE(now.fraction, 1);
+                                        last = now.fraction;
+                                        return true;
+                                      });
+  const auto decisions = ByName(result.decisions);
+  EXPECT_EQ(Names(decisions), kAll) << Account(result.decisions);
+  double seconds = 0;
+  for (const auto& [name, decision] : decisions)
+  {
+    seconds += decision.seconds;
+    if (name != "iterations")
+    {
+      EXPECT_NE(decision.evidence.find("dB"), std::string::npos) << name << ": " << decision.evidence;
+      EXPECT_EQ(decision.evidence.find("nan"), std::string::npos) << name << ": " << decision.evidence;
+      EXPECT_GT(decision.seconds, 0) << name;
+    }
+  }
+  EXPECT_LE(seconds, result.seconds);
+  EXPECT_EQ(decisions.at("Gaussians").choice, std::to_string(*result.settled.gaussians));
+  EXPECT_LE(*result.settled.gaussians, options.maximumGaussians);
+  EXPECT_EQ(decisions.at("virtual planes").choice, std::to_string(*result.settled.virtualPlanes));
+  EXPECT_EQ(decisions.at("interpolation").choice, result.settled.interpolation->ToString());
+  EXPECT_EQ(decisions.at("reflectivity").choice, *result.settled.signedReflectivity ? "signed" : "positive");
+  EXPECT_EQ(result.field.beam.elevationSigma, *result.settled.elevationSigma);
+  std::cout << Account(result.decisions);
+}
+
+TEST(Decisions, ThePriceAndTheMaximumBoundTheGaussians)
+{
+  TrainerOptions options = Forced();
+  options.gaussians.reset();
+  options.poseRefinement = false;
+  options.virtualPlanes = 0;
+  options.price = 0;  // whatever helps, as far as the maximum goes
+  options.maximumGaussians = 2500;
+  const TrainingResult cheap = Train(PhantomSweep(), options);
+  EXPECT_LE(*cheap.settled.gaussians, 2500u);
+  options.price = 100;  // nothing is worth that
+  const TrainingResult dear = Train(PhantomSweep(), options);
+  EXPECT_LT(*dear.settled.gaussians, 1000u) << Account(dear.decisions);
+  EXPECT_LT(*dear.settled.gaussians, *cheap.settled.gaussians);
+}
+
+TEST(Decisions, AreTheSameForAnyThreadsAndWhateverHeldOutFramesShow)
+{
+  const auto sweep = std::make_shared<const Sweep>(
+      PhantomSweep()->Subset({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}));
+  TrainerOptions options;
+  options.holdOut = 5;
+  options.iterations = 30;
+  const auto train = [&options](const std::shared_ptr<const Sweep>& what, int threads)
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return Train(what, options);
+  };
+  const TrainingResult one = train(sweep, 1), two = train(sweep, 2);
+  EXPECT_EQ(Account(one.decisions), Account(two.decisions));
+  EXPECT_TRUE(Same(one.field, two.field));
+
+  const auto poisoned = Changed(*sweep, [](int frame, std::size_t pixel, float value)
+                                { return frame % 5 == 2 ? (pixel % 3 ? 1.0f : 0.0f) : value; });
+  const auto floats = Changed(*sweep, [](int, std::size_t, float value) { return value; });
+  ASSERT_EQ(one.heldOutFrames, (std::vector<int>{2, 7, 12}));
+  const TrainingResult clean = train(floats, 2), held = train(poisoned, 2);
+  EXPECT_EQ(Account(clean.decisions), Account(held.decisions));
+  EXPECT_TRUE(Same(clean.field, held.field));
+}
+
+TEST(Decisions, TooFewFramesLeaveThemToGeometry)
+{
+  const auto sweep = std::make_shared<const Sweep>(PhantomSweep()->Subset({0, 1, 2, 3, 4, 5, 6}));
+  TrainerOptions options;
+  options.iterations = 20;
+  const TrainingResult result = Train(sweep, options);
+  ASSERT_EQ(result.decisions.size(), 1u);
+  EXPECT_NE(result.decisions[0].evidence.find("7 frames"), std::string::npos) << result.decisions[0].evidence;
+  options.automatic = false;
+  const TrainingResult byGeometry = Train(sweep, options);
+  EXPECT_TRUE(byGeometry.decisions.empty());
+  EXPECT_TRUE(Same(result.field, byGeometry.field));
+}
+
+TEST(Decisions, AFieldToContinueWasDecidedOn)
+{
+  TrainerOptions options = Forced();
+  const TrainingResult first = Train(PhantomSweep(), options);
+  const TrainingResult second = Train(PhantomSweep(), options, &first.field);
+  EXPECT_TRUE(second.decisions.empty());
+}
+
+TEST(Decisions, StopWhenTold)
+{
+  for (int stopAt : {1, 60, 200})
+  {
+    int calls = 0;
+    const TrainingResult result = Train(PhantomSweep(), {}, nullptr,
+                                        [&](const TrainingProgress& now)
+                                        {
+                                          EXPECT_EQ(now.phase, TrainingProgress::Phase::Deciding);
+                                          return ++calls < stopAt;
+                                        });
+    EXPECT_EQ(calls, stopAt) << "not called again after it said stop";
+    EXPECT_TRUE(result.aborted);
+    EXPECT_EQ(result.iterations, 0);
+    EXPECT_GT(result.field.Size(), 0u);
+    result.field.Validate();
+    EXPECT_EQ(Account(result.decisions).find("nan"), std::string::npos) << Account(result.decisions);
+  }
+}
+
+TEST(Decisions, LeaveTimeToTrain)
+{
+  TrainerOptions options;
+  options.timeLimit = 2;
+  const TrainingResult result = Train(PhantomSweep(), options);
+  EXPECT_FALSE(result.aborted);
+  EXPECT_GT(result.iterations, 0);
+  EXPECT_LT(result.seconds, 6);  // 2 on a machine that does nothing else
+}
+
+TEST(Decisions, FrameGainsPayWhereFramesDifferInBrightness)
+{
+  // Every other frame at 0.8, the rest at 1.2 of the brightness: what the field should show lies between.
+  const auto dim = Changed(*PhantomSweep(), [](int, std::size_t, float value) { return value / 1.2f; });
+  const auto uneven =
+      Changed(*dim, [](int frame, std::size_t, float value) { return value * (frame % 2 ? 1.2f : 0.8f); });
+  TrainerOptions options = Forced();
+  options.gaussians = 3000;
+  options.iterations = 200;
+  options.signedReflectivity = true;
+  options.virtualPlanes = 0;
+  options.poseRefinement = false;
+  options.holdOut = 8;
+  options.frameGains.reset();
+  const TrainingResult open = Train(uneven, options);
+  const auto decisions = ByName(open.decisions);
+  EXPECT_EQ(decisions.at("frame gains").choice, "on") << Account(open.decisions);
+
+  options.frameGains = false;
+  const TrainingResult off = Train(uneven, options);
+  options.frameGains = true;
+  const TrainingResult on = Train(uneven, options);
+  // Held-out frames as they were before the gains.
+  EXPECT_GT(PsnrOn(on.field, *dim, on.heldOutFrames), PsnrOn(off.field, *dim, off.heldOutFrames) + 0.5);
+}
+
+TEST(Decisions, EmptySpaceGetsNoGaussians)
+{
+  constexpr int kWidth = 96, kLit = 48;
+  const auto half = Changed(*PhantomSweep(), [](int, std::size_t pixel, float value)
+                            { return pixel % kWidth < kLit ? value : 0.0f; });
+  TrainerOptions options = Forced();
+  options.gaussians.reset();
+  options.iterations = 100;
+  options.signedReflectivity.reset();
+  options.virtualPlanes = 0;
+  options.poseRefinement = false;
+  const TrainingResult result = Train(half, options);
+  // Columns by the pose of the nearest frame; a soft edge takes Gaussians on both of its sides.
+  constexpr double kEdge = 3;  // pixels
+  int inside = 0;
+  for (const Eigen::Vector3d& mean : result.field.means)
+  {
+    double nearest = 1e300, column = 0;
+    for (int frame = 0; frame < half->NumberOfFrames(); ++frame)
+    {
+      const SlicePlane plane = half->Plane(frame);
+      const Eigen::Vector3d local = plane.WorldToSlice() * (mean - plane.origin);
+      if (std::abs(local[2]) < nearest)
+      {
+        nearest = std::abs(local[2]);
+        column = local[0];
+      }
+    }
+    inside += column > kLit - 1 + kEdge;
+  }
+  EXPECT_EQ(inside, 0) << "of " << result.field.Size();
+}
+
+}  // namespace
+}  // namespace bigus

@@ -1,0 +1,319 @@
+// Pictures between two frames, against what they must be where that is known.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <functional>
+
+#include "Core/Error.h"
+#include "Core/FrameInterpolation.h"
+#include "Core/VirtualPlanes.h"
+#include "Unit/SyntheticSweep.h"
+
+namespace bigus
+{
+namespace
+{
+
+using Path = FrameInterpolation::Path;
+
+constexpr int kWidth = 64, kHeight = 56;
+constexpr double kPixel = 0.4, kSpacing = 0.8;  // mm
+
+const std::vector<FrameInterpolation> kEvery = {
+    {Path::Normals, false}, {Path::Normals, true}, {Path::Probe, false}, {Path::Probe, true}};
+
+/// Parallel frames of a picture of (column, row, frame).
+std::shared_ptr<Sweep> Frames(int count, const std::function<double(double, double, int)>& picture)
+{
+  auto sweep = test::BlackSweep(count, kWidth, kHeight, kPixel, kSpacing);
+  for (int f = 0; f < count; ++f)
+  {
+    for (int j = 0; j < kHeight; ++j)
+    {
+      for (int i = 0; i < kWidth; ++i)
+      {
+        test::Pixels(*sweep)[(static_cast<std::size_t>(f) * kHeight + j) * kWidth + i] =
+            static_cast<float>(picture(i, j, f));
+      }
+    }
+  }
+  return sweep;
+}
+
+/// Something with structure at all scales.
+double Texture(double i, double j)
+{
+  return 0.5 + 0.2 * std::sin(0.31 * i + 0.2 * j) + 0.1 * std::cos(1.1 * i - 0.7 * j) +
+         0.1 * std::sin(0.05 * i * j);
+}
+
+std::vector<float> Between(const Sweep& sweep, int a, int b, double share, const FrameInterpolation& how)
+{
+  std::vector<float> image(sweep.PixelsPerFrame());
+  InterpolateFrames(sweep, a, b, PlaneBetween(sweep.Plane(a), sweep.Plane(b), share), share, how,
+                    image.data());
+  return image;
+}
+
+/// The largest difference from a picture, `margin` pixels inside the edge.
+double LargestError(const std::vector<float>& image, const std::function<double(double, double)>& truth,
+                    int margin = 0)
+{
+  double worst = 0;
+  for (int j = margin; j < kHeight - margin; ++j)
+  {
+    for (int i = margin; i < kWidth - margin; ++i)
+    {
+      worst = std::max(worst, std::abs(image[static_cast<std::size_t>(j) * kWidth + i] - truth(i, j)));
+    }
+  }
+  return worst;
+}
+
+SlicePlane Sheared(const Eigen::Vector3d& at)
+{
+  Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
+  Eigen::Matrix3d steps = Eigen::Matrix3d::Identity();
+  steps.col(0) = Eigen::Vector3d(0.2, 0, 0);
+  steps.col(1) = Eigen::Vector3d(0.03, 0.17, 0);  // ten degrees off the perpendicular
+  pose.block<3, 3>(0, 0) = turn * steps;
+  pose.block<3, 1>(0, 3) = at;
+  return SlicePlane::FromImageToReference(pose, kWidth, kHeight);
+}
+
+TEST(FrameInterpolation, NamesReadBack)
+{
+  for (const FrameInterpolation& how : kEvery)
+  {
+    const FrameInterpolation again = FrameInterpolation::Parse(how.ToString());
+    EXPECT_EQ(again.path, how.path);
+    EXPECT_EQ(again.flow, how.flow);
+  }
+  for (const char* wrong : {"", "normal", "Probe", "flow", "probe+flow+flow", "normals "})
+  {
+    EXPECT_THROW(FrameInterpolation::Parse(wrong), bigus::Error) << wrong;
+  }
+}
+
+TEST(PlaneBetween, KeepsShearUnderTranslation)
+{
+  const SlicePlane from = Sheared({1, -2, 3}), to = Sheared({1.4, -1.5, 4.1});
+  for (double share : {0.0, 0.25, 0.5, 1.0})
+  {
+    const SlicePlane between = PlaneBetween(from, to, share);
+    for (int i : {0, kWidth - 1})
+    {
+      for (int j : {0, kHeight - 1})
+      {
+        const Eigen::Vector3d expected = (1 - share) * from.Point(i, j) + share * to.Point(i, j);
+        EXPECT_LT((between.Point(i, j) - expected).norm(), 1e-9) << share << ' ' << i << ' ' << j;
+      }
+    }
+  }
+}
+
+TEST(PlaneBetween, TurnsByHalfTheAngleAndKeepsSizes)
+{
+  const SlicePlane from = Sheared({0, 0, 0});
+  SlicePlane to = from;
+  const Eigen::Vector3d axis = Eigen::Vector3d(0.3, -1, 0.2).normalized();
+  const Eigen::AngleAxisd whole(0.4, axis), half(0.2, axis);
+  to.columnStep = whole * from.columnStep;
+  to.rowStep = whole * from.rowStep;
+  to.origin = whole * from.origin;
+  const SlicePlane between = PlaneBetween(from, to, 0.5);
+  EXPECT_LT((between.columnStep - half * from.columnStep).norm(), 1e-12);
+  EXPECT_LT((between.rowStep - half * from.rowStep).norm(), 1e-12);
+  const double i = 0.5 * (kWidth - 1), j = 0.5 * (kHeight - 1);
+  EXPECT_LT((between.Point(i, j) - 0.5 * (from.Point(i, j) + to.Point(i, j))).norm(), 1e-12);
+}
+
+TEST(FrameInterpolation, TwoEqualFramesGiveThatFrame)
+{
+  const auto sweep = Frames(2, [](double i, double j, int) { return Texture(i, j); });
+  for (const FrameInterpolation& how : kEvery)
+  {
+    for (double share : {0.2, 0.5})
+    {
+      EXPECT_LT(LargestError(Between(*sweep, 0, 1, share, how), Texture), 1e-5)
+          << how.ToString() << ' ' << share;
+    }
+  }
+}
+
+TEST(FrameInterpolation, AtAFrameItIsThatFrame)
+{
+  const auto sweep = Frames(2, [](double i, double j, int f) { return Texture(i + 9 * f, j * (1 + f)); });
+  for (const Path path : {Path::Normals, Path::Probe})
+  {
+    EXPECT_LT(LargestError(Between(*sweep, 0, 1, 0, {path, false}), Texture), 1e-5);
+    EXPECT_LT(LargestError(Between(*sweep, 0, 1, 1, {path, false}),
+                           [](double i, double j) { return Texture(i + 9, 2 * j); }),
+              1e-5);
+  }
+}
+
+TEST(FrameInterpolation, ARampInElevationStaysARamp)
+{
+  const auto sweep = Frames(2, [](double i, double, int f) { return 0.2 + 0.4 * f + 0.002 * i; });
+  for (const FrameInterpolation& how : kEvery)
+  {
+    for (double share : {0.25, 0.5, 0.8})
+    {
+      EXPECT_LT(LargestError(
+                    Between(*sweep, 0, 1, share, how),
+                    [share](double i, double) { return 0.2 + 0.4 * share + 0.002 * i; }, 2),
+                1e-4)
+          << how.ToString() << ' ' << share;
+    }
+  }
+}
+
+TEST(FrameInterpolation, TiltedFramesMeetAlongTheirNormals)
+{
+  // Intensity is linear in world x; the second frame is tilted by 0.1 about y and 0.8 mm further.
+  const auto sweep = Frames(2, [](double, double, int) { return 0; });
+  Eigen::Matrix4d tilt = Eigen::Matrix4d::Identity();
+  tilt.block<3, 3>(0, 0) = Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  tilt(2, 3) = 3;
+  sweep->imageToReference[1] = tilt * sweep->imageToReference[1];
+  const auto world = [](const Eigen::Vector3d& x) { return 0.5 + 0.02 * x[0]; };
+  for (int f : {0, 1})
+  {
+    for (int j = 0; j < kHeight; ++j)
+    {
+      for (int i = 0; i < kWidth; ++i)
+      {
+        test::Pixels(*sweep)[(static_cast<std::size_t>(f) * kHeight + j) * kWidth + i] =
+            static_cast<float>(world(sweep->Plane(f).Point(i, j)));
+      }
+    }
+  }
+  const SlicePlane plane = PlaneBetween(sweep->Plane(0), sweep->Plane(1), 0.5);
+  const std::vector<float> image = Between(*sweep, 0, 1, 0.5, {Path::Normals, false});
+  EXPECT_LT(LargestError(
+                image, [&](double i, double j) { return world(plane.Point(i, j)); }, 4),
+            1e-3);
+}
+
+TEST(FrameInterpolation, FlowMovesABlobHalfTheWay)
+{
+  // A blob of sigma 4 pixels, 5 pixels further in the second frame.
+  const auto blob = [](double i, double j, double at)
+  { return 0.1 + 0.7 * std::exp(-((i - at) * (i - at) + (j - 28) * (j - 28)) / 32); };
+  const auto sweep = Frames(2, [&](double i, double j, int f) { return blob(i, j, 29 + 5 * f); });
+  const auto truth = [&](double i, double j) { return blob(i, j, 31.5); };
+  const auto rms = [&](const std::vector<float>& image)
+  {
+    double sum = 0;
+    for (int j = 0; j < kHeight; ++j)
+    {
+      for (int i = 0; i < kWidth; ++i)
+      {
+        const double d = image[static_cast<std::size_t>(j) * kWidth + i] - truth(i, j);
+        sum += d * d;
+      }
+    }
+    return std::sqrt(sum / (kWidth * kHeight));
+  };
+  for (const Path path : {Path::Normals, Path::Probe})
+  {
+    const double still = rms(Between(*sweep, 0, 1, 0.5, {path, false}));
+    const double moved = rms(Between(*sweep, 0, 1, 0.5, {path, true}));
+    // The picture with flow is averaged with the one without, so half of the error stays.
+    EXPECT_LT(moved, 0.65 * still);
+    FrameInterpolation alone{path, true, true};  // to keep contrast, it is not
+    EXPECT_LT(rms(Between(*sweep, 0, 1, 0.5, alone)), 0.35 * still);
+  }
+}
+
+TEST(FrameInterpolation, SpeckleThatFramesDoNotShareIsSmoothedUnlessContrastIsKept)
+{
+  test::Random random(5);
+  const auto sweep = Frames(2, [&](double, double, int) { return random.Uniform(0.2, 0.8); });
+  const auto deviation = [](const std::vector<float>& image)
+  {
+    double sum = 0, square = 0;
+    for (float value : image)
+    {
+      sum += value;
+      square += static_cast<double>(value) * value;
+    }
+    const double n = static_cast<double>(image.size());
+    return std::sqrt(square / n - sum / n * (sum / n));
+  };
+  const double given = deviation({test::Pixels(*sweep), test::Pixels(*sweep) + sweep->PixelsPerFrame()});
+  EXPECT_LT(deviation(Between(*sweep, 0, 1, 0.5, {Path::Normals, false, false})), 0.4 * given);
+  EXPECT_NEAR(deviation(Between(*sweep, 0, 1, 0.5, {Path::Normals, false, true})), given, 0.1 * given);
+}
+
+TEST(FrameInterpolation, SameBitsForAnyNumberOfThreads)
+{
+  test::Random random(9);
+  const auto sweep = Frames(8, [&](double i, double j, int f)
+                            { return std::min(1.0, Texture(i + f, j) * random.Uniform(0.5, 1)); });
+  std::vector<int> frames = {0, 1, 2, 3, 4, 5, 6, 7};
+  for (const FrameInterpolation& how : kEvery)
+  {
+    const auto made = [&](int threads)
+    {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      const auto planes = AddVirtualPlanes(*sweep, frames, 2, how);
+      EXPECT_EQ(planes->NumberOfFrames(), 8 + 2 * 7);
+      const float* pixels = static_cast<const float*>(planes->pixels.get());
+      return std::make_pair(std::vector<float>(pixels, pixels + 22 * planes->PixelsPerFrame()),
+                            ScoreInterpolation(*sweep, frames, how));
+    };
+    EXPECT_EQ(made(1), made(3)) << how.ToString();
+  }
+}
+
+TEST(FrameInterpolation, OppositeFramesDoNotCrash)
+{
+  // The second frame seen from behind; and both in one place.
+  const auto sweep = Frames(2, [](double i, double j, int) { return Texture(i, j); });
+  sweep->imageToReference[1].col(0) *= -1;
+  const auto together = Frames(2, [](double i, double j, int) { return Texture(i, j); });
+  together->imageToReference[1] = together->imageToReference[0];
+  const auto across = Frames(2, [](double i, double j, int) { return Texture(i, j); });
+  across->imageToReference[1].block<3, 3>(0, 0) = Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitY()) *
+                                                  across->imageToReference[1].block<3, 3>(0, 0);
+  for (const auto& hard : {sweep, together, across})
+  {
+    for (const FrameInterpolation& how : kEvery)
+    {
+      for (float value : Between(*hard, 0, 1, 0.5, how))
+      {
+        ASSERT_TRUE(value >= 0 && value <= 1) << how.ToString() << ' ' << value;
+      }
+    }
+  }
+}
+
+TEST(FrameInterpolation, AScoreNeedsThreeFrames)
+{
+  const auto sweep = Frames(5, [](double i, double j, int f) { return Texture(i + 0.1 * f, j); });
+  EXPECT_THROW(ScoreInterpolation(*sweep, {0, 1}, {}), bigus::Error);
+  EXPECT_THROW(ScoreInterpolation(*sweep, {}, {}), bigus::Error);
+  // Slowly changing frames are predicted well; frames that have nothing to do with each other are not.
+  EXPECT_GT(ScoreInterpolation(*sweep, {0, 1, 2}, {}), 40);
+  const auto unlike = Frames(3, [](double i, double j, int f) { return Texture(i * (1 + f), j + 20 * f); });
+  EXPECT_LT(ScoreInterpolation(*unlike, {0, 1, 2}, {}), 25);
+}
+
+TEST(VirtualPlanes, BreaksInTheSweepGetNone)
+{
+  auto sweep = Frames(6, [](double i, double j, int) { return Texture(i, j); });
+  for (int f = 3; f < 6; ++f)
+  {
+    sweep->imageToReference[f](2, 3) += 20;  // mm
+  }
+  EXPECT_EQ(AddVirtualPlanes(*sweep, {0, 1, 2, 3, 4, 5}, 1)->NumberOfFrames(), 6 + 4);
+}
+
+}  // namespace
+}  // namespace bigus
