@@ -132,6 +132,7 @@ public:
     base_ = trial;
     best_ = Try(base_);
     DecideVirtualPlanes();
+    DecidePath();
     DecideElevation(sweep, frames);
     DecideGaussians();
     DecideSign();
@@ -212,6 +213,9 @@ private:
     return Format("%+.2f", gain.mean) + Format(" +- %.2f dB", gain.error);
   }
 
+  /// With flow or without, for each path, by predicting frames from their neighbours; the path itself later,
+  /// by a trial: what follows the probe predicts a frame at the pose that its path suggests, while slices are
+  /// asked for at tracked ones.
   void DecideInterpolation(TrainerOptions& trial)
   {
     const auto since = Clock::now();
@@ -224,25 +228,49 @@ private:
     {
       return;
     }
-    std::string evidence;
-    double best = -1e300;
-    for (const auto path : {FrameInterpolation::Path::Normals, FrameInterpolation::Path::Probe})
+    const auto bestOf = [&](FrameInterpolation::Path path, std::string& evidence)
     {
-      for (const bool flow : {false, true})
+      FrameInterpolation best{path, false, options_.keepContrast}, flow{path, true, options_.keepContrast};
+      const double without = ScoreInterpolation(*sweep_, training_, {path, false, false});
+      const double with = ScoreInterpolation(*sweep_, training_, {path, true, false});
+      evidence += (evidence.empty() ? "" : "; ") + best.ToString() + Format(" %.2f dB", without) +
+                  ", with flow" + Format(" %.2f dB", with);
+      return with > without + kPays ? flow : best;  // flow must pay for its time
+    };
+    trial.interpolation = bestOf(FrameInterpolation::Path::Normals, interpolationEvidence_);
+    alongProbe_ = bestOf(FrameInterpolation::Path::Probe, interpolationEvidence_);
+    options_.interpolation = trial.interpolation;
+    interpolationSeconds_ = std::chrono::duration<double>(Clock::now() - since).count();
+  }
+
+  void DecidePath()
+  {
+    const auto since = Clock::now();
+    if (!alongProbe_)
+    {
+      return;
+    }
+    if (*base_.virtualPlanes > 0 && Proceed())
+    {
+      TrainerOptions candidate = base_;
+      candidate.interpolation = alongProbe_;
+      withVirtualPlanes_.clear();
+      const Trial trial = Try(candidate);
+      const Gain gain = GainOf(trial, best_);
+      interpolationEvidence_ += "; along the probe's path in a trial: " + Describe(gain);
+      if (gain.Pays())
       {
-        const FrameInterpolation candidate{path, flow};
-        const double psnr = ScoreInterpolation(*sweep_, training_, candidate);
-        evidence += (evidence.empty() ? "" : "; ") + candidate.ToString() + Format(" %.2f dB", psnr);
-        // Flow must pay for its time.
-        if (psnr > best + (flow ? kPays : 0.0))
-        {
-          best = psnr;
-          options_.interpolation = candidate;
-        }
+        options_.interpolation = alongProbe_;
+        base_ = candidate;
+        best_ = trial;
+      }
+      else
+      {
+        withVirtualPlanes_.clear();
       }
     }
-    trial.interpolation = options_.interpolation;
-    Record("interpolation", options_.interpolation->ToString(), evidence, since);
+    Record("interpolation", options_.interpolation->ToString(), interpolationEvidence_, since);
+    decisions_.back().seconds += interpolationSeconds_;
   }
 
   void DecideVirtualPlanes()
@@ -465,6 +493,9 @@ private:
   Trial best_;
   std::vector<Decision> decisions_;
   std::map<int, std::shared_ptr<const Sweep>> withVirtualPlanes_;
+  std::optional<FrameInterpolation> alongProbe_;  // the candidate, while the path is open
+  std::string interpolationEvidence_;
+  double interpolationSeconds_ = 0;
   int trials_ = 0;
   bool stopped_ = false;
 };
@@ -501,7 +532,8 @@ void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, Traine
   settle(options.elevationSigma, sparse ? 0.8 : 0.3);
   settle(options.signedReflectivity, true);
   settle(options.virtualPlanes, sparse ? 1 : 0);
-  settle(options.interpolation, FrameInterpolation{});
+  settle(options.interpolation,
+         FrameInterpolation{FrameInterpolation::Path::Normals, false, options.keepContrast});
   settle(options.frameGains, false);
   settle(options.poseRefinement, false);
   settle(options.solveIterations, sparse ? 0 : 8);
