@@ -116,6 +116,18 @@ TEST(ElevationEstimate, FindsItAmongVesselsAndBone)
   }
 }
 
+TEST(ElevationEstimate, FindsItThoughTheTrackerJitters)
+{
+  for (const int seed : {1, 2, 3})
+  {
+    PhantomOptions options = Options(1, 0.3, seed);
+    options.trackingNoise = 0.1;  // half an axial standard deviation of the pulse
+    const ElevationEstimate e = Estimate(options);
+    ExpectWithin(e, 1, 0.1);
+    EXPECT_NEAR(e.misplacement, 0.1, 0.03);
+  }
+}
+
 TEST(ElevationEstimate, TheCurveFallsAsTheModelSays)
 {
   PhantomOptions options = Options(1.5, 0.4, 1);
