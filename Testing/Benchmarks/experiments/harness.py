@@ -110,7 +110,7 @@ class Runner:
         command = [str(self.program), "--data", str(self.data), "--cache", str(self.output / "phantoms")]
         try:
             answer = subprocess.run(command, input=json.dumps(job.request), capture_output=True, text=True,
-                                    timeout=4 * job.seconds + 60)
+                                    timeout=4 * job.seconds + 120)
             if answer.returncode != 0:
                 raise RuntimeError((answer.stderr.strip() or f"exit status {answer.returncode}").splitlines()[-1])
             result = json.loads(answer.stdout)
