@@ -828,9 +828,9 @@ void MeasureHeights(const std::vector<Cell>& cells, const Model& model, const Fi
 
 }  // namespace
 
-ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<int>& frames)
+ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<int>& given)
 {
-  for (const int frame : frames)
+  for (const int frame : given)
   {
     if (frame < 0 || frame >= sweep.NumberOfFrames())
     {
@@ -839,6 +839,10 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
                   ".");
     }
   }
+  // Neighbours must stay neighbours, so of a long sweep the middle is taken.
+  constexpr std::size_t mostFrames = 400;
+  const std::size_t left = given.size() > mostFrames ? (given.size() - mostFrames) / 2 : 0;
+  const std::vector<int> frames(given.begin() + left, given.end() - left);
   ElevationEstimate result;
   const auto refuse = [&](const std::string& reason)
   {
@@ -917,7 +921,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   }
   result.misplacement = std::sqrt(result.misplacement);
   std::vector<double> heights(frames.size(), 0.0);
-  for (int round = 0; round < 3 && result.misplacement > 0; ++round)
+  for (int round = 0; round < 3 && result.misplacement > 0 && fit.cost > 0; ++round)
   {
     MeasureHeights(posed, model, fit, result.misplacement, heights);
     cells = Raised(posed, heights);
