@@ -22,6 +22,7 @@ constexpr double kTrialPixels = 8e4;  // of a frame; larger ones are averaged do
 constexpr int kTrialShare = 8;        // a trial's steps: an eighth of a full training's on the same frames
 constexpr int kFewestSteps = 40;
 constexpr double kPays = 0.03;  // dB
+constexpr std::size_t kFewestGaussians = 1000;
 constexpr double kSparsePasses = 60, kDensePasses = 120;
 constexpr int kFewestIterations = 200;
 
@@ -39,8 +40,9 @@ double Passes(const SweepGeometry& geometry)
   return geometry.IsSparse() ? kSparsePasses : kDensePasses;
 }
 
-/// A Gaussian for every 50 lit pixels recorded: where the search for the right number starts.
-std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames)
+/// A Gaussian for every 50 lit pixels recorded: where the search for the right number starts. Speckle's own
+/// grains need one for every 8.
+std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames, bool keepContrast)
 {
   std::vector<float> image(sweep.PixelsPerFrame());
   std::size_t lit = 0;
@@ -52,7 +54,7 @@ std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames)
       lit += image[p] > 0 && sweep.IsLit(p);
     }
   }
-  return std::clamp<std::size_t>(lit / 50, 1000, 300000);
+  return std::clamp<std::size_t>(lit / (keepContrast ? 8 : 50), kFewestGaussians, 300000);
 }
 
 std::string Format(const char* pattern, double value)
@@ -83,7 +85,6 @@ struct Trial
 struct Gain
 {
   double mean = 0, error = 0;
-  bool Pays() const { return mean > kPays && mean > error; }
 };
 Gain GainOf(const Trial& trial, const Trial& over)
 {
@@ -123,21 +124,25 @@ public:
 
   std::vector<Decision> Run(const Sweep& sweep, const std::vector<int>& frames)
   {
-    TrainerOptions trial = options_;
-    SettleByGeometry(sweep, frames, trial);
-    if (!options_.virtualPlanes || *options_.virtualPlanes > 0)
+    base_ = options_;
+    SettleByGeometry(sweep, frames, base_);
+    if (*base_.virtualPlanes > 0 || !options_.virtualPlanes)
     {
-      DecideInterpolation(trial);
+      DecideFlow();
     }
-    base_ = trial;
+    if (options_.keepContrast)
+    {
+      Record("the rest", "by geometry", "the least error is smooth: it cannot judge texture", Clock::now());
+      return decisions_;
+    }
     best_ = Try(base_);
     DecideVirtualPlanes();
     DecidePath();
     DecideElevation(sweep, frames);
     DecideGaussians();
     DecideSign();
-    DecideSwitch("frame gains", options_.frameGains, &TrainerOptions::frameGains);
-    DecideSwitch("pose refinement", options_.poseRefinement, &TrainerOptions::poseRefinement);
+    DecideSwitch("frame gains", &TrainerOptions::frameGains);
+    DecideSwitch("pose refinement", &TrainerOptions::poseRefinement);
     DecideIterations();
     return decisions_;
   }
@@ -213,10 +218,35 @@ private:
     return Format("%+.2f", gain.mean) + Format(" +- %.2f dB", gain.error);
   }
 
-  /// With flow or without, for each path, by predicting frames from their neighbours; the path itself later,
-  /// by a trial: what follows the probe predicts a frame at the pose that its path suggests, while slices are
-  /// asked for at tracked ones.
-  void DecideInterpolation(TrainerOptions& trial)
+  /// Tries other choices and takes them when they gain more than `least` dB (what is to gain something must
+  /// gain more than the standard error, too). `label` says what was tried.
+  bool Consider(const TrainerOptions& candidate, const std::string& label, double least,
+                std::string& evidence)
+  {
+    if (!Proceed())
+    {
+      return false;
+    }
+    const Trial trial = Try(candidate);
+    if (stopped_)
+    {
+      return false;  // a trial cut short says nothing
+    }
+    const Gain gain = GainOf(trial, best_);
+    evidence += (evidence.empty() ? "" : "; ") + label + ": " + Describe(gain);
+    if (gain.mean <= least || (least > 0 && gain.mean <= gain.error))
+    {
+      return false;
+    }
+    base_ = candidate;
+    best_ = trial;
+    return true;
+  }
+
+  /// With flow or without, for each path, by predicting frames from their neighbours. The path itself is left
+  /// to DecidePath: one that follows the probe is scored here where its own path leads, while slices are
+  /// asked for at tracked poses.
+  void DecideFlow()
   {
     const auto since = Clock::now();
     if (options_.interpolation)
@@ -228,19 +258,25 @@ private:
     {
       return;
     }
-    const auto bestOf = [&](FrameInterpolation::Path path, std::string& evidence)
+    const auto bestOf = [&](FrameInterpolation::Path path)
     {
-      FrameInterpolation best{path, false, options_.keepContrast}, flow{path, true, options_.keepContrast};
-      const double without = ScoreInterpolation(*sweep_, training_, {path, false, false});
-      const double with = ScoreInterpolation(*sweep_, training_, {path, true, false});
-      evidence += (evidence.empty() ? "" : "; ") + best.ToString() + Format(" %.2f dB", without) +
-                  ", with flow" + Format(" %.2f dB", with);
-      return with > without + kPays ? flow : best;  // flow must pay for its time
+      FrameInterpolation best{path, false, false}, flow{path, true, false};
+      const double without = ScoreInterpolation(*sweep_, training_, best);
+      const double with = ScoreInterpolation(*sweep_, training_, flow);
+      interpolationEvidence_ += (interpolationEvidence_.empty() ? "" : "; ") + best.ToString() +
+                                Format(" %.2f dB", without) + ", with flow" + Format(" %.2f dB", with);
+      best.flow = with > without + kPays;  // it must pay for its time
+      best.keepContrast = options_.keepContrast;
+      return best;
     };
-    trial.interpolation = bestOf(FrameInterpolation::Path::Normals, interpolationEvidence_);
-    alongProbe_ = bestOf(FrameInterpolation::Path::Probe, interpolationEvidence_);
-    options_.interpolation = trial.interpolation;
+    base_.interpolation = bestOf(FrameInterpolation::Path::Normals);
+    alongProbe_ = bestOf(FrameInterpolation::Path::Probe);
+    options_.interpolation = base_.interpolation;
     interpolationSeconds_ = std::chrono::duration<double>(Clock::now() - since).count();
+    if (options_.keepContrast)
+    {
+      Record("interpolation", options_.interpolation->ToString(), interpolationEvidence_, since);
+    }
   }
 
   void DecidePath()
@@ -250,29 +286,23 @@ private:
     {
       return;
     }
-    if (*base_.virtualPlanes > 0 && Proceed())
+    if (*base_.virtualPlanes > 0)
     {
       TrainerOptions candidate = base_;
       candidate.interpolation = alongProbe_;
+      const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      interpolationEvidence_ += "; along the probe's path in a trial: " + Describe(gain);
-      if (gain.Pays())
+      if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_))
       {
-        options_.interpolation = alongProbe_;
-        base_ = candidate;
-        best_ = trial;
-      }
-      else
-      {
-        withVirtualPlanes_.clear();
+        withVirtualPlanes_ = alongNormals;
       }
     }
-    Record("interpolation", options_.interpolation->ToString(), interpolationEvidence_, since);
+    options_.interpolation = base_.interpolation;
+    Record("interpolation", base_.interpolation->ToString(), interpolationEvidence_, since);
     decisions_.back().seconds += interpolationSeconds_;
   }
 
+  /// From what geometry suggests down to none where it suggests any, else up while it pays.
   void DecideVirtualPlanes()
   {
     const auto since = Clock::now();
@@ -281,40 +311,28 @@ private:
       Record("virtual planes", std::to_string(*options_.virtualPlanes), "given", since);
       return;
     }
-    // From what geometry suggests, down to none where it suggests any, then up while it pays.
     std::string evidence;
-    const int start = *base_.virtualPlanes;
-    for (int perGap = start > 0 ? 0 : 1; perGap <= 2 && Proceed(); ++perGap)
+    const auto consider = [&](int perGap, double least)
     {
-      if (perGap == start)
-      {
-        continue;
-      }
       TrainerOptions candidate = base_;
       candidate.virtualPlanes = perGap;
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      evidence += (evidence.empty() ? "" : "; ") + std::to_string(perGap) + " instead of " +
-                  std::to_string(*base_.virtualPlanes) + ": " + Describe(gain);
-      const bool fewer = perGap < *base_.virtualPlanes;
-      if (fewer ? gain.mean > -kPays : gain.Pays())
+      return Consider(candidate,
+                      std::to_string(perGap) + " instead of " + std::to_string(*base_.virtualPlanes), least,
+                      evidence);
+    };
+    const int start = *base_.virtualPlanes;
+    if (start == 0 || !consider(0, -kPays))  // as good without them: without them
+    {
+      for (int perGap = start + 1; perGap <= 2 && consider(perGap, kPays); ++perGap)
       {
-        base_ = candidate;
-        best_ = trial;
-        if (fewer)
-        {
-          break;  // none is as good as some: more will not pay
-        }
-      }
-      else if (!fewer)
-      {
-        break;
       }
     }
     options_.virtualPlanes = base_.virtualPlanes;
     Record("virtual planes", std::to_string(*base_.virtualPlanes), evidence, since);
   }
 
+  /// What speckle says about the probe is where to look: the field's best beam may be thinner, since
+  /// Gaussians have a thickness too, or thicker, where poses are unsure.
   void DecideElevation(const Sweep& sweep, const std::vector<int>& frames)
   {
     const auto since = Clock::now();
@@ -323,34 +341,29 @@ private:
       Record("elevation sigma", Format("%.3g mm", *options_.elevationSigma), "given", since);
       return;
     }
-    // What speckle says about the probe; the field's best beam may be thinner, since Gaussians have a
-    // thickness too.
     const ElevationEstimate estimate = EstimateElevationSigma(sweep, frames);
     std::string evidence = estimate.reliable ? Format("speckle decorrelates as for %.2f", estimate.sigma) +
                                                    Format(" +- %.2f mm", estimate.standardError)
                                              : "no estimate from speckle (" + estimate.reason + ")";
-    std::vector<double> candidates{0.5 * *base_.elevationSigma, 2 * *base_.elevationSigma};
-    if (estimate.reliable)
+    const auto consider = [&](double sigma)
     {
-      candidates = {estimate.sigma / 2, estimate.sigma};
-    }
-    for (double sigma : candidates)
-    {
-      if (!Proceed())
-      {
-        break;
-      }
       TrainerOptions candidate = base_;
       candidate.elevationSigma = sigma;
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      evidence +=
-          Format("; %.2f mm", sigma) + Format(" instead of %.2f: ", *base_.elevationSigma) + Describe(gain);
-      if (gain.Pays())
-      {
-        base_ = candidate;
-        best_ = trial;
-      }
+      return Consider(candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", *base_.elevationSigma),
+                      kPays, evidence);
+    };
+    if (estimate.reliable)
+    {
+      consider(estimate.sigma / 2);
+    }
+    constexpr int kSteps = 3;
+    bool rose = false;
+    for (int step = 0; step < kSteps && consider(2 * *base_.elevationSigma); ++step)
+    {
+      rose = true;
+    }
+    for (int step = 0; !rose && step < kSteps && consider(0.5 * *base_.elevationSigma); ++step)
+    {
     }
     options_.elevationSigma = base_.elevationSigma;
     Record("elevation sigma", Format("%.3g mm", *base_.elevationSigma), evidence, since);
@@ -366,37 +379,21 @@ private:
       return;
     }
     std::string evidence;
+    const auto consider = [&](std::size_t count, double least)
+    {
+      TrainerOptions candidate = base_;
+      candidate.gaussians = count;
+      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(*base_.gaussians),
+                      least, evidence);
+    };
     bool grew = false;
-    while (2 * *base_.gaussians <= options_.maximumGaussians && Proceed())
+    while (2 * *base_.gaussians <= options_.maximumGaussians &&
+           consider(2 * *base_.gaussians, options_.price))
     {
-      TrainerOptions candidate = base_;
-      candidate.gaussians = 2 * *base_.gaussians;
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      evidence += (evidence.empty() ? "" : "; ") + std::to_string(*candidate.gaussians) + " instead of " +
-                  std::to_string(*base_.gaussians) + ": " + Describe(gain);
-      if (!(gain.mean > options_.price && gain.mean > gain.error))
-      {
-        break;
-      }
       grew = true;
-      base_ = candidate;
-      best_ = trial;
     }
-    while (!grew && *base_.gaussians >= 1000 && Proceed())
+    while (!grew && *base_.gaussians >= kFewestGaussians && consider(*base_.gaussians / 2, -options_.price))
     {
-      TrainerOptions candidate = base_;
-      candidate.gaussians = *base_.gaussians / 2;
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      evidence += (evidence.empty() ? "" : "; ") + std::to_string(*candidate.gaussians) + " instead of " +
-                  std::to_string(*base_.gaussians) + ": " + Describe(gain);
-      if (gain.mean < -options_.price)
-      {
-        break;
-      }
-      base_ = candidate;
-      best_ = trial;
     }
     options_.gaussians = base_.gaussians;
     Record("Gaussians", std::to_string(*base_.gaussians),
@@ -406,55 +403,36 @@ private:
   void DecideSign()
   {
     const auto since = Clock::now();
+    const auto name = [](bool isSigned) { return std::string(isSigned ? "signed" : "positive"); };
     if (options_.signedReflectivity)
     {
-      Record("reflectivity", *options_.signedReflectivity ? "signed" : "positive", "given", since);
+      Record("reflectivity", name(*options_.signedReflectivity), "given", since);
       return;
     }
     TrainerOptions candidate = base_;
     candidate.signedReflectivity = false;
     std::string evidence;
-    if (Proceed())
-    {
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      evidence = "positive instead of signed: " + Describe(gain);
-      if (gain.Pays())
-      {
-        base_ = candidate;
-        best_ = trial;
-      }
-    }
+    Consider(candidate, "positive instead of signed", kPays, evidence);
     options_.signedReflectivity = base_.signedReflectivity;
-    Record("reflectivity", *base_.signedReflectivity ? "signed" : "positive", evidence, since);
+    Record("reflectivity", name(*base_.signedReflectivity), evidence, since);
   }
 
-  void DecideSwitch(const char* what, std::optional<bool>& choice,
-                    std::optional<bool> TrainerOptions::*option)
+  /// Something that is off unless it pays.
+  void DecideSwitch(const char* what, std::optional<bool> TrainerOptions::*option)
   {
     const auto since = Clock::now();
-    if (choice)
+    const auto name = [](bool on) { return std::string(on ? "on" : "off"); };
+    if (options_.*option)
     {
-      Record(what, *choice ? "on" : "off", "given", since);
+      Record(what, name(*(options_.*option)), "given", since);
       return;
     }
+    TrainerOptions candidate = base_;
+    candidate.*option = true;
     std::string evidence;
-    choice = false;
-    if (Proceed())
-    {
-      TrainerOptions candidate = base_;
-      candidate.*option = true;
-      const Trial trial = Try(candidate);
-      const Gain gain = GainOf(trial, best_);
-      evidence = "on: " + Describe(gain);
-      if (gain.Pays())
-      {
-        choice = true;
-        base_ = candidate;
-        best_ = trial;
-      }
-    }
-    Record(what, *choice ? "on" : "off", evidence, since);
+    Consider(candidate, "on", kPays, evidence);
+    options_.*option = base_.*option;
+    Record(what, name(*(base_.*option)), evidence, since);
   }
 
   /// Early stop: where twice the steps of a trial lose, half of a training's are enough.
@@ -471,11 +449,15 @@ private:
     std::string evidence;
     if (Proceed())
     {
-      const Gain gain = GainOf(Try(base_, 2), best_);
-      evidence = "twice a trial's steps: " + Describe(gain);
-      if (gain.mean < -kPays && -gain.mean > gain.error)
+      const Trial trial = Try(base_, 2);
+      if (!stopped_)
       {
-        steps = std::max(kFewestIterations, steps / 2);
+        const Gain gain = GainOf(trial, best_);
+        evidence = "twice a trial's steps: " + Describe(gain);
+        if (gain.mean < -kPays && -gain.mean > gain.error)
+        {
+          steps = std::max(kFewestIterations, steps / 2);
+        }
       }
     }
     options_.iterations = steps;
@@ -527,11 +509,13 @@ void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, Traine
   };
   if (!options.gaussians)
   {
-    options.gaussians = std::min(UsualGaussians(sweep, frames), options.maximumGaussians);
+    options.gaussians =
+        std::min(UsualGaussians(sweep, frames, options.keepContrast), options.maximumGaussians);
   }
-  settle(options.elevationSigma, sparse ? 0.8 : 0.3);
+  // A thick beam smooths what is between frames: less error, less speckle.
+  settle(options.elevationSigma, sparse && !options.keepContrast ? 0.8 : 0.3);
   settle(options.signedReflectivity, true);
-  settle(options.virtualPlanes, sparse ? 1 : 0);
+  settle(options.virtualPlanes, !sparse ? 0 : options.keepContrast ? 2 : 1);
   settle(options.interpolation,
          FrameInterpolation{FrameInterpolation::Path::Normals, false, options.keepContrast});
   settle(options.frameGains, false);

@@ -368,7 +368,7 @@ void ApplyPreset(const std::string& name, TrainerOptions& options)
   // Where the place of speckle cannot be known, the least error is a smooth picture; contrast asks for grains
   // of the right strength wherever they lie.
   options.keepContrast = name == "texture";
-  options.loss = options.keepContrast ? Loss::Parse("l1+0.5*contrast") : Loss{};
+  options.loss = options.keepContrast ? Loss::Parse("l1+200*contrast") : Loss{};
   options.finalLoss.reset();
 }
 
@@ -605,7 +605,14 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   if (options.automatic && !start && options.iterations.value_or(1) > 0)
   {
     share = kDeciding;
-    decisions = Decide(sweep, frames, settled, passOn);
+    // Of a limited time training gets the larger part.
+    constexpr double kTimeForDeciding = 1.0 / 3;
+    decisions = Decide(sweep, frames, settled,
+                       [&](const TrainingProgress& now)
+                       {
+                         return passOn(now) && (options.timeLimit == 0 ||
+                                                clock.Seconds() < kTimeForDeciding * options.timeLimit);
+                       });
     from = kDeciding;
     share = 1 - kDeciding;
   }
