@@ -22,6 +22,7 @@ constexpr int kWindow = 65;          // pixels over which a band's correlation i
 constexpr double kDecay = 1.5;       // exponent of the share in rho^(share^kDecay)
 constexpr int kFlowColumns = 320;    // flow is smooth: it is sought in pictures no wider than this
 constexpr int kFlowWindow = 41;      // pixels of those pictures
+constexpr double kAlike = 1 - 1e-6;  // correlation of equal pictures, whose weights would be 0 / 0
 constexpr std::size_t kScored = 12;  // frames that a score looks at
 
 /// Two pictures of one plane and how far the plane lies from the first, as a share, pixel by pixel.
@@ -193,7 +194,7 @@ cv::Mat Mix(const Pair& pair, bool keepContrast)
         constexpr double kNothing = 1e-10;  // (1e-5 of white)^2: no contrast to mix
         const double power =
             std::sqrt(std::max(0.0f, uu.at<float>(y, x)) * std::max(0.0f, vv.at<float>(y, x)));
-        const double rho = power > kNothing ? std::clamp(uv.at<float>(y, x) / power, 0.0, 0.999) : 0.0;
+        const double rho = power > kNothing ? std::clamp(uv.at<float>(y, x) / power, 0.0, kAlike) : 0.0;
         const double s = pair.share.at<float>(y, x);
         double ofFirst, ofSecond;
         if (keepContrast)

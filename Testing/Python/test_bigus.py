@@ -273,7 +273,7 @@ class Train(unittest.TestCase):
         self.assertIs(log, trained.log)
         trained = bigus.train(
             small_sweep(), NumberOfGaussians=300, Iterations=10, ElevationSigma=0.4, SignedReflectivity=True, VirtualPlanes=1,
-            Interpolation="probe", FrameGains=False, Preset="texture")
+            Interpolation="probe", FrameGains=False)
         found = {decision["decision"]: decision for decision in trained.decisions}
         self.assertEqual(found["Gaussians"]["choice"], "300")
         self.assertEqual(found["interpolation"]["choice"], "probe")

@@ -100,7 +100,8 @@ TEST(Trainer, ContinuesFromAField)
   const auto sweep = bigus::test::RenderedSweep();
   const bigus::TrainingResult first = bigus::Train(sweep, Small());
   const bigus::TrainingResult second = bigus::Train(sweep, Small(), &first.field);
-  EXPECT_EQ(second.field.Size(), first.field.Size());
+  EXPECT_LE(second.field.Size(), first.field.Size());  // those that no plane shows are removed
+  EXPECT_GT(second.field.Size(), first.field.Size() - 30);
   EXPECT_GT(HeldOutPsnr(second.field, *sweep, first.heldOutFrames),
             HeldOutPsnr(first.field, *sweep, first.heldOutFrames));
 }
@@ -121,7 +122,7 @@ TEST(Trainer, StopsWhenToldAndKeepsTheField)
   EXPECT_TRUE(result.aborted);
   EXPECT_LT(result.iterations, 120);
   result.field.Validate();
-  EXPECT_EQ(result.field.Size(), 600u);
+  EXPECT_GT(result.field.Size(), 570u);  // but for those that no plane shows
 }
 
 TEST(Trainer, ATimeLimitEndsTraining)
