@@ -290,7 +290,7 @@ public:
 
   ///@{
   /**
-   * First step size of the Gaussians' centres, in pixels, at least 0, default 0.6. 0 freezes them.
+   * First step size of the Gaussians' centres, in pixels, at least 0, default 0.3. 0 freezes them.
    */
   vtkSetMacro(MeanRate, double);
   vtkGetMacro(MeanRate, double);
@@ -483,7 +483,7 @@ protected:
   double TrackerRotation = 0.3;
   vtkTypeBool IgnoreMasked = 0;
   double Tolerance = 1e-4;
-  double MeanRate = 0.6;
+  double MeanRate = 0.3;
   double ShapeRate = 0.08;
   double ReflectivityRate = 0.15;
   double FinalRate = 0.05;

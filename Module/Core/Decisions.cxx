@@ -19,9 +19,11 @@ namespace
 constexpr std::size_t kFewest = 8;    // frames, below which there is nothing to compare on
 constexpr std::size_t kTried = 32;    // frames a trial looks at
 constexpr double kTrialPixels = 8e4;  // of a frame; larger ones are averaged down
-constexpr int kTrialShare = 8;        // a trial's steps: an eighth of a full training's on the same frames
+constexpr int kTrialShare = 6;        // a trial's steps: a sixth of a full training's on the same frames
 constexpr int kFewestSteps = 40;
 constexpr double kPays = 0.03;  // dB
+// dB; a trial is too short to show all that a Gaussian is worth, so fewer must lose next to nothing.
+constexpr double kAsGood = 0.02;
 constexpr std::size_t kFewestGaussians = 1000;
 constexpr double kSparsePasses = 60, kDensePasses = 120;
 constexpr int kFewestIterations = 200;
@@ -85,6 +87,7 @@ struct Trial
 struct Gain
 {
   double mean = 0, error = 0;
+  bool mostGain = false;  // so that one frame does not decide
 };
 Gain GainOf(const Trial& trial, const Trial& over)
 {
@@ -92,11 +95,14 @@ Gain GainOf(const Trial& trial, const Trial& over)
   const double n = static_cast<double>(trial.psnr.size());
   gain.mean = trial.Mean() - over.Mean();
   double squares = 0;
+  std::size_t gained = 0;
   for (std::size_t k = 0; k < trial.psnr.size(); ++k)
   {
     const double difference = trial.psnr[k] - over.psnr[k] - gain.mean;
     squares += difference * difference;
+    gained += trial.psnr[k] > over.psnr[k];
   }
+  gain.mostGain = 2 * gained >= trial.psnr.size();
   gain.error = n > 1 ? std::sqrt(squares / (n * (n - 1))) : 0.0;
   return gain;
 }
@@ -218,8 +224,9 @@ private:
     return Format("%+.2f", gain.mean) + Format(" +- %.2f dB", gain.error);
   }
 
-  /// Tries other choices and takes them when they gain more than `least` dB (what is to gain something must
-  /// gain more than the standard error, too). `label` says what was tried.
+  /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
+  /// gain more than half the standard error, too: between choices so close that chance decides, either will
+  /// do.
   bool Consider(const TrainerOptions& candidate, const std::string& label, double least,
                 std::string& evidence)
   {
@@ -234,7 +241,7 @@ private:
     }
     const Gain gain = GainOf(trial, best_);
     evidence += (evidence.empty() ? "" : "; ") + label + ": " + Describe(gain);
-    if (gain.mean <= least || (least > 0 && gain.mean <= gain.error))
+    if (gain.mean <= least || (least > 0 && (gain.mean <= 0.5 * gain.error || !gain.mostGain)))
     {
       return false;
     }
@@ -356,20 +363,16 @@ private:
     {
       consider(estimate.sigma / 2);
     }
-    constexpr int kSteps = 3;
-    bool rose = false;
-    for (int step = 0; step < kSteps && consider(2 * *base_.elevationSigma); ++step)
+    // One step either way: validation frames widen the gaps, and wider gaps ask for ever thicker beams.
+    if (!consider(2 * *base_.elevationSigma))
     {
-      rose = true;
-    }
-    for (int step = 0; !rose && step < kSteps && consider(0.5 * *base_.elevationSigma); ++step)
-    {
+      consider(0.5 * *base_.elevationSigma);
     }
     options_.elevationSigma = base_.elevationSigma;
     Record("elevation sigma", Format("%.3g mm", *base_.elevationSigma), evidence, since);
   }
 
-  /// Doubles while it pays, else halves while that costs less than the price.
+  /// Doubles while it pays its price, else halves while that costs nothing.
   void DecideGaussians()
   {
     const auto since = Clock::now();
@@ -392,7 +395,7 @@ private:
     {
       grew = true;
     }
-    while (!grew && *base_.gaussians >= kFewestGaussians && consider(*base_.gaussians / 2, -options_.price))
+    while (!grew && *base_.gaussians >= kFewestGaussians && consider(*base_.gaussians / 2, -kAsGood))
     {
     }
     options_.gaussians = base_.gaussians;

@@ -54,7 +54,7 @@ struct TrainerOptions
   std::optional<Loss> finalLoss;       ///< weights move linearly from `loss` to these as training goes on
   bool ignoreMasked = false;           ///< true: pixels never lit do not count in the loss
   double tolerance = 1e-4;             ///< on I, of each splat: Accuracy::perSplat
-  double meanRate = 0.6;               ///< Adam step for means, pixels
+  double meanRate = 0.3;               ///< Adam step for means, pixels
   double shapeRate = 0.08;             ///< Adam step for log-scales and rotation (radian)
   double reflectivityRate = 0.15;      ///< Adam step for r, in units of mean |r|
   double finalRate = 0.05;             ///< rates decay to this share
