@@ -102,8 +102,9 @@ class CommandTest(unittest.TestCase):
         made = run("phantom", "-o", cls.sweep, *PHANTOM)
         assert made.returncode == SUCCESS, made.stderr
         cls.field = cls.shared / "field.vtp"
-        made = run("train", cls.sweep, "-o", cls.field, *TINY)
+        made = run("train", cls.sweep, "-o", cls.field, *TINY, "--json")
         assert made.returncode == SUCCESS, made.stderr
+        cls.gaussians = json.loads(made.stdout)["gaussians"]  # 400, but for those that no plane shows
 
     @classmethod
     def tearDownClass(cls):
@@ -334,7 +335,7 @@ class Info(CommandTest):
     def test_field(self):
         answer = self.expect(SUCCESS, "info", self.field)
         self.assertEqual(answer["kind"], "field")
-        self.assertEqual(answer["gaussians"], 400)
+        self.assertEqual(answer["gaussians"], self.gaussians)
         self.assertGreater(answer["gamma"], 0)
         self.assertEqual(answer["provenance"]["seed"], "1")
         self.assertEqual(answer["provenance"]["sequence"], "sweep.igs.mha")
@@ -373,7 +374,8 @@ class Train(CommandTest):
         log = self.folder / "log.csv"
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4,
                              "--log", log, "--seed", 7)
-        self.assertEqual(answer["gaussians"], 400)
+        self.assertEqual(answer["settled"]["gaussians"], 400)
+        self.assertTrue(380 < answer["gaussians"] <= 400, "but for those that no plane shows")
         self.assertEqual(answer["iterations"], 12)
         self.assertEqual(answer["seed"], 7)
         self.assertIsInstance(answer["seconds"], float)
@@ -539,7 +541,7 @@ class Train(CommandTest):
     def test_continue_from_a_field(self):
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.vtp", "--continue", self.field,
                              "--iterations", 3)
-        self.assertEqual(answer["gaussians"], 400)
+        self.assertTrue(380 < answer["gaussians"] <= 400)
 
     def test_time_limit(self):
         start = time.monotonic()
@@ -642,7 +644,7 @@ class Train(CommandTest):
         self.assertIn("100 %", result.stderr)
         quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
         self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
-        self.assertIn("400 Gaussians", quiet.stdout)
+        self.assertRegex(quiet.stdout, r"\d+ Gaussians, 12 iterations")
 
 
 class Slice(CommandTest):
@@ -928,7 +930,7 @@ class Metrics(CommandTest):
 class Convert(CommandTest):
     def test_field_to_ply_and_back(self):
         ply, vtp = self.folder / "f.ply", self.folder / "f.vtp"
-        self.assertEqual(self.expect(SUCCESS, "convert", self.field, ply)["gaussians"], 400)
+        self.assertEqual(self.expect(SUCCESS, "convert", self.field, ply)["gaussians"], self.gaussians)
         self.expect(SUCCESS, "convert", ply, vtp)
         before, after = self.expect(SUCCESS, "info", self.field), self.expect(SUCCESS, "info", vtp)
         for key in ("gaussians", "gamma", "elevation_sigma"):

@@ -266,8 +266,10 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
   EXPECT_EQ(quick.trainer->GetDecisions()->GetNumberOfRows(), 0);
   EXPECT_EQ(quick.trainer->GetDecisions()->GetNumberOfColumns(), 4);
   vtkPolyData* field = quick.trainer->GetOutput();
-  EXPECT_EQ(GetProvenance(field, "gaussians"), "1000");  // 9 x 48 x 40 / 50 pixels, at least 1000
-  EXPECT_EQ(field->GetNumberOfPoints(), 1000);
+  // 9 x 48 x 40 / 50 pixels, at least 1000, but for those that no plane shows.
+  EXPECT_GT(field->GetNumberOfPoints(), 950);
+  EXPECT_LE(field->GetNumberOfPoints(), 1000);
+  EXPECT_EQ(GetProvenance(field, "gaussians"), std::to_string(field->GetNumberOfPoints()));
   EXPECT_EQ(GetProvenance(field, "loss"), "l1");
   EXPECT_EQ(GetProvenance(field, "finalLoss"), "");
   EXPECT_EQ(GetProvenance(field, "elevationSigma"), "0.3");
