@@ -7,6 +7,7 @@ import argparse
 import csv
 import json
 import pathlib
+import textwrap
 
 import matplotlib
 import numpy as np
@@ -203,8 +204,12 @@ def write_report(folder, sweep, n, answer):
              f"Beam thickness   {answer['elevation_sigma']:.2f} mm (standard deviation)",
              f"Training         {answer['iterations']} steps in {answer['seconds']:.1f} s on {answer['device']}",
              f"Peak memory      {answer['peak_memory_bytes'] / 2 ** 20:.0f} MiB",
-             f"Seed             {answer['seed']}",
-             "",
+             f"Seed             {answer['seed']}"]
+    # What was neither given nor left to geometry for want of time.
+    found = [f"{d['decision']} {d['choice']}" for d in answer["decisions"] if " dB" in d["evidence"]]
+    if found:
+        lines += textwrap.wrap(", ".join(found), 100, initial_indent="Decided          ", subsequent_indent=" " * 17)
+    lines += ["",
              "Held-out frames, mean       PSNR dB     SSIM",
              f"  {'this field':<22}{held_out['psnr']:>11.2f}{held_out['ssim']:>9.4f}"
              f"   (PSNR varies by {held_out['psnr_std']:.2f} between frames; BFS {held_out['bfs']:.3f})"]

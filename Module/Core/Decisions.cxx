@@ -212,9 +212,12 @@ private:
     return !stopped_;
   }
 
-  void Record(const char* what, const std::string& choice, const std::string& evidence,
-              Clock::time_point since)
+  void Record(const char* what, const std::string& choice, std::string evidence, Clock::time_point since)
   {
+    if (stopped_ && evidence != "given")
+    {
+      evidence += evidence.empty() ? "stopped before it was compared" : "; stopped there";
+    }
     decisions_.push_back(
         {what, choice, evidence, std::chrono::duration<double>(Clock::now() - since).count()});
   }
@@ -261,7 +264,7 @@ private:
       Record("interpolation", options_.interpolation->ToString(), "given", since);
       return;
     }
-    if (training_.size() < 3)
+    if (training_.size() < 3 || !Proceed())
     {
       return;
     }
@@ -348,6 +351,12 @@ private:
       Record("elevation sigma", Format("%.3g mm", *options_.elevationSigma), "given", since);
       return;
     }
+    if (!Proceed())  // the estimate takes seconds
+    {
+      options_.elevationSigma = base_.elevationSigma;
+      Record("elevation sigma", Format("%.3g mm", *base_.elevationSigma), "", since);
+      return;
+    }
     const ElevationEstimate estimate = EstimateElevationSigma(sweep, frames);
     std::string evidence = estimate.reliable ? Format("speckle decorrelates as for %.2f", estimate.sigma) +
                                                    Format(" +- %.2f mm", estimate.standardError)
@@ -400,7 +409,7 @@ private:
     }
     options_.gaussians = base_.gaussians;
     Record("Gaussians", std::to_string(*base_.gaussians),
-           evidence + Format("; price %.2f dB a doubling", options_.price), since);
+           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price), since);
   }
 
   void DecideSign()

@@ -277,6 +277,10 @@ TEST(Decisions, StopWhenTold)
     EXPECT_GT(result.field.Size(), 0u);
     result.field.Validate();
     EXPECT_EQ(Account(result.decisions).find("nan"), std::string::npos) << Account(result.decisions);
+    for (const Decision& decision : result.decisions)
+    {
+      EXPECT_NE(decision.evidence.find("stopped"), std::string::npos) << decision.what;
+    }
   }
 }
 
