@@ -332,7 +332,8 @@ TEST(Trainer, DecidesWhatIsLeftOpenAndSaysWhy)
   {
     EXPECT_EQ(evidence[given], "given") << given;
   }
-  for (const char* found : {"interpolation", "virtual planes", "reflectivity", "frame gains", "pose refinement"})
+  for (const char* found :
+       {"interpolation", "virtual planes", "reflectivity", "frame gains", "pose refinement"})
   {
     EXPECT_NE(evidence[found].find("dB"), std::string::npos) << found << ": " << evidence[found];
   }
@@ -444,8 +445,9 @@ TEST(Trainer, PrintsWhatItIs)
   Quick quick;
   std::ostringstream text;
   quick.trainer->Print(text);
-  for (const char* part : {"NumberOfGaussians: 1500", "Automatic: Off", "Preset: fidelity", "Loss: (the preset's)", "FrameGains: -1",
-                           "Interpolation: auto", "SolveIterations: -1", "VirtualPlanes: -1"})
+  for (const char* part :
+       {"NumberOfGaussians: 1500", "Automatic: Off", "Preset: fidelity", "Loss: (the preset's)",
+        "FrameGains: -1", "Interpolation: auto", "SolveIterations: -1", "VirtualPlanes: -1"})
   {
     EXPECT_NE(text.str().find(part), std::string::npos) << part;
   }
