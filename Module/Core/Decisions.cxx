@@ -141,7 +141,6 @@ public:
       Record("the rest", "by geometry", "the least error is smooth: it cannot judge texture", Clock::now());
       return decisions_;
     }
-    best_ = Try(base_);
     DecideVirtualPlanes();
     DecidePath();
     DecideElevation(sweep, frames);
@@ -227,6 +226,16 @@ private:
     return Format("%+.2f", gain.mean) + Format(" +- %.2f dB", gain.error);
   }
 
+  /// What the best choices so far reach; a caller who made all of them spares the trial.
+  const Trial& Best()
+  {
+    if (!best_)
+    {
+      best_ = Try(base_);
+    }
+    return *best_;
+  }
+
   /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
   /// gain more than half the standard error, too: between choices so close that chance decides, either will
   /// do.
@@ -237,12 +246,12 @@ private:
     {
       return false;
     }
-    const Trial trial = Try(candidate);
+    const Trial best = Best(), trial = Try(candidate);
     if (stopped_)
     {
       return false;  // a trial cut short says nothing
     }
-    const Gain gain = GainOf(trial, best_);
+    const Gain gain = GainOf(trial, best);
     evidence += (evidence.empty() ? "" : "; ") + label + ": " + Describe(gain);
     if (gain.mean <= least || (least > 0 && (gain.mean <= 0.5 * gain.error || !gain.mostGain)))
     {
@@ -409,7 +418,8 @@ private:
     }
     options_.gaussians = base_.gaussians;
     Record("Gaussians", std::to_string(*base_.gaussians),
-           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price), since);
+           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price),
+           since);
   }
 
   void DecideSign()
@@ -461,10 +471,10 @@ private:
     std::string evidence;
     if (Proceed())
     {
-      const Trial trial = Try(base_, 2);
+      const Trial best = Best(), trial = Try(base_, 2);
       if (!stopped_)
       {
-        const Gain gain = GainOf(trial, best_);
+        const Gain gain = GainOf(trial, best);
         evidence = "twice a trial's steps: " + Describe(gain);
         if (gain.mean < -kPays && -gain.mean > gain.error)
         {
@@ -484,7 +494,7 @@ private:
   double share_ = 1;           // of the sweep's frames
   std::size_t allFrames_ = 0;  // to train on in the end
   TrainerOptions base_;        // the best so far, and what it reached
-  Trial best_;
+  std::optional<Trial> best_;
   std::vector<Decision> decisions_;
   std::map<int, std::shared_ptr<const Sweep>> withVirtualPlanes_;
   std::optional<FrameInterpolation> alongProbe_;  // the candidate, while the path is open

@@ -939,7 +939,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   for (const Cell& cell : cells)
   {
     const double n = static_cast<double>(cell.products.patches);
-    Point& point = curve[BinOf(std::sqrt(cell.squaredDistance))];
+    // Raising a frame may carry a cell beyond the last bin.
+    Point& point = curve[std::min(BinOf(std::sqrt(std::max(cell.squaredDistance, 0.0))), Bins - 1)];
     point.patches += n;
     point.squaredDistance += n * cell.squaredDistance;
     point.fitted += n * model(cell, fit.parameters, unused);

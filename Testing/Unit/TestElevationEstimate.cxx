@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -183,6 +184,23 @@ TEST(ElevationEstimate, RefusesSparseSweeps)
 {
   EXPECT_FALSE(Estimate(Options(1, 3, 1)).reliable);
   EXPECT_FALSE(Estimate(Options(2, 6, 2)).reliable);
+}
+
+TEST(ElevationEstimate, TakesSweepsLongerThanItsCurve)
+{
+  // Parallel planes to 94 mm apart, by 2.4 mm: the curve ends at 40 mm, and frames that are moved along their
+  // normals may pass it.
+  for (std::uint64_t seed = 1; seed <= 3; ++seed)
+  {
+    PhantomOptions options = Options(2, 2.4, seed);
+    options.scattererDensity = 5;
+    options.trackingNoise = 0.3;
+    options.width = options.height = 96;
+    const ElevationEstimate e = Estimate(options);
+    ASSERT_FALSE(e.distance.empty());
+    EXPECT_LT(e.distance.back(), 60);
+    EXPECT_TRUE(std::is_sorted(e.distance.begin(), e.distance.end()));
+  }
 }
 
 TEST(ElevationEstimate, RefusesSweepsTooShort)
