@@ -27,7 +27,7 @@ PLUS_VOLUME = "spine-phantom/SpinePhantomFreehandReconstructed.mha"
 SWEEPS = {
     "liver": ("liver-sweep/liver_sweep.igs.mha", [], ["--hold-out", "8", "--gaussians", "300000"]),
     "brain": ("brain-sweep/us_brain_sweep.igs.mha", [], ["--hold-out", "4"]),
-    "spine phantom": (SPINE, ["--config", PLUS_CONFIG], ["--hold-out", "4", "--gaussians", "20000"]),
+    "spine phantom": (SPINE, ["--config", PLUS_CONFIG], ["--hold-out", "4"]),
 }
 METHODS = ("nearest", "neighbour_average", "pose_interpolation", "compounding")
 
