@@ -24,6 +24,29 @@ void Undo(double gain, double offset, float* pixels, std::size_t size)
   }
 }
 
+/// Sums over the lit pixels of two images.
+struct Moments
+{
+  double x = 0, y = 0, xx = 0, yy = 0, xy = 0, n = 0;
+};
+Moments MomentsOf(const Sweep& sweep, const float* a, const float* b)
+{
+  Moments m;
+  for (std::size_t p = 0; p < sweep.PixelsPerFrame(); ++p)
+  {
+    if (sweep.IsLit(p))
+    {
+      m.x += a[p];
+      m.y += b[p];
+      m.xx += static_cast<double>(a[p]) * a[p];
+      m.yy += static_cast<double>(b[p]) * b[p];
+      m.xy += static_cast<double>(a[p]) * b[p];
+      m.n += 1;
+    }
+  }
+  return m;
+}
+
 /// A first guess at frames' gains, from neighbours alone: a field that began with bands of brightness keeps
 /// them between frames. The ratio of neighbours' contrasts counts as far as they correlate; what is left of
 /// its running product without a smooth curve belongs to frames, the curve to the scene.
@@ -33,20 +56,7 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
   std::vector<double> logGains(frames, 0.0);
   for (std::size_t k = 0; k + 1 < frames; ++k)
   {
-    const float *a = pixels + k * size, *b = a + size;
-    double x = 0, y = 0, xx = 0, yy = 0, xy = 0, n = 0;
-    for (std::size_t p = 0; p < size; ++p)
-    {
-      if (poses.IsLit(p))
-      {
-        x += a[p];
-        y += b[p];
-        xx += static_cast<double>(a[p]) * a[p];
-        yy += static_cast<double>(b[p]) * b[p];
-        xy += static_cast<double>(a[p]) * b[p];
-        n += 1;
-      }
-    }
+    const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, pixels + k * size, pixels + (k + 1) * size);
     const double varX = n * xx - x * x, varY = n * yy - y * y, covariance = n * xy - x * y;
     const bool alike = varX > 0 && varY > 0 && covariance > 0;
     logGains[k + 1] =
@@ -81,19 +91,7 @@ void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* 
   for (std::size_t k = 0; k < frames; ++k)
   {
     engine.Render(poses.Plane(static_cast<int>(k)), ViewOutput::Intensity, image.data());
-    const float* truth = pixels + k * size;
-    double x = 0, y = 0, xx = 0, xy = 0, n = 0;
-    for (std::size_t p = 0; p < size; ++p)
-    {
-      if (poses.IsLit(p))
-      {
-        x += image[p];
-        y += truth[p];
-        xx += static_cast<double>(image[p]) * image[p];
-        xy += static_cast<double>(image[p]) * truth[p];
-        n += 1;
-      }
-    }
+    const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, image.data(), pixels + k * size);
     const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
     const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
     const double prior = 0.1 * variance;

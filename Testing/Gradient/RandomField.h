@@ -91,4 +91,16 @@ inline std::shared_ptr<Sweep> RandomSweep(Random& random, const std::vector<Slic
   return sweep;
 }
 
+/// |value - reference| / |reference| of a whole group.
+inline double RelativeError(const std::vector<double>& reference, const std::vector<double>& value)
+{
+  double squared = 0, difference = 0;
+  for (std::size_t i = 0; i < reference.size(); ++i)
+  {
+    squared += reference[i] * reference[i];
+    difference += (reference[i] - value[i]) * (reference[i] - value[i]);
+  }
+  return std::sqrt(difference / squared);
+}
+
 }  // namespace bigus::test

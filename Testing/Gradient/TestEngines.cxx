@@ -17,6 +17,7 @@ namespace
 {
 
 using bigus::test::Random;
+using bigus::test::RelativeError;
 
 /// Eight Gaussians and a broad bright one, so that S > 0 everywhere and the loss is smooth.
 struct SmallProblem
@@ -151,18 +152,6 @@ std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
     flat.insert(flat.end(), {v[0], v[1], v[2]});
   }
   return flat;
-}
-
-/// |value - reference| / |reference| of a whole group.
-double RelativeError(const std::vector<double>& reference, const std::vector<double>& value)
-{
-  double squared = 0, difference = 0;
-  for (std::size_t i = 0; i < reference.size(); ++i)
-  {
-    squared += reference[i] * reference[i];
-    difference += (reference[i] - value[i]) * (reference[i] - value[i]);
-  }
-  return std::sqrt(difference / squared);
 }
 
 /// With tolerance 0 every exponential is computed; with 1e-9 most footprints use the recurrence.

@@ -27,6 +27,7 @@ using bigus::Loss;
 using bigus::SlicePlane;
 using bigus::Sweep;
 using bigus::test::Random;
+using bigus::test::RelativeError;
 
 const char* const kTerms[] = {"l1",  "l2",       "dssim",
                               "ffl", "contrast", "0.5*l1+0.3*l2+dssim+0.7*ffl+20*contrast"};
@@ -289,17 +290,6 @@ std::vector<double> Flat(const bigus::FieldGradient& gradient)
     }
   }
   return flat;
-}
-
-double RelativeError(const std::vector<double>& reference, const std::vector<double>& value)
-{
-  double squared = 0, difference = 0;
-  for (std::size_t i = 0; i < reference.size(); ++i)
-  {
-    squared += reference[i] * reference[i];
-    difference += (reference[i] - value[i]) * (reference[i] - value[i]);
-  }
-  return std::sqrt(difference / squared);
 }
 
 TEST(LossOfEngines, EqualsTheReference)

@@ -11,6 +11,7 @@
 
 #include "Core/Error.h"
 #include "Core/Metrics.h"
+#include "TestImages.h"
 
 using bigus::BackscatterFidelity;
 using bigus::Bfs;
@@ -18,48 +19,14 @@ using bigus::Error;
 using bigus::Psnr;
 using bigus::Ssim;
 using bigus::SsimWindows;
+using bigus::test::Constant;
+using bigus::test::Image;
+using bigus::test::Mixed;
+using bigus::test::Noise;
+using bigus::test::Ramp;
 
 namespace
 {
-
-struct Image
-{
-  int width, height;
-  std::vector<float> pixels;
-
-  Image(int w, int h, const std::function<double(int, int)>& value) : width(w), height(h)
-  {
-    for (int y = 0; y < h; ++y)
-    {
-      for (int x = 0; x < w; ++x)
-      {
-        pixels.push_back(static_cast<float>(value(x, y)));
-      }
-    }
-  }
-  double At(int x, int y) const { return pixels[static_cast<std::size_t>(y) * width + x]; }
-  bool Has(int x, int y) const { return x >= 0 && x < width && y >= 0 && y < height; }
-};
-
-// Patterns that any language computes to the same bits: quotients of small integers.
-Image Noise(int w, int h)
-{
-  return {w, h, [](int x, int y) { return (37 * x + 91 * y + 13 * x * y) % 251 / 250.0; }};
-}
-Image Ramp(int w, int h)
-{
-  return {w, h, [](int x, int y) { return (2 * x + 3 * y) % 400 / 399.0; }};
-}
-Image Mixed(int w, int h)
-{
-  return {w, h, [](int x, int y) {
-            return (3 * ((37 * x + 91 * y + 13 * x * y) % 251) + (17 * x + 5 * y) % 7 * 40) / 1000.0;
-          }};
-}
-Image Constant(int w, int h, double value)
-{
-  return {w, h, [value](int, int) { return value; }};
-}
 
 double Uniform(std::mt19937_64& random)
 {

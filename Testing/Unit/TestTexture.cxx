@@ -12,6 +12,7 @@
 
 #include "Core/Error.h"
 #include "Core/Texture.h"
+#include "TestImages.h"
 
 using bigus::CompareTexture;
 using bigus::Error;
@@ -21,49 +22,16 @@ using bigus::spectrumBins;
 using bigus::SpectrumFrequency;
 using bigus::TextureComparison;
 using bigus::TextureStatistics;
+using bigus::test::Constant;
+using bigus::test::Image;
+using bigus::test::Mixed;
+using bigus::test::Noise;
+using bigus::test::Ramp;
 
 namespace
 {
 
 const double pi = std::acos(-1.0);
-
-struct Image
-{
-  int width, height;
-  std::vector<float> pixels;
-
-  Image(int w, int h, const std::function<double(int, int)>& value) : width(w), height(h)
-  {
-    for (int y = 0; y < h; ++y)
-    {
-      for (int x = 0; x < w; ++x)
-      {
-        pixels.push_back(static_cast<float>(value(x, y)));
-      }
-    }
-  }
-  double At(int x, int y) const { return pixels[static_cast<std::size_t>(y) * width + x]; }
-};
-
-// Patterns that any language computes to the same bits: quotients of small integers.
-Image Noise(int w, int h)
-{
-  return {w, h, [](int x, int y) { return (37 * x + 91 * y + 13 * x * y) % 251 / 250.0; }};
-}
-Image Ramp(int w, int h)
-{
-  return {w, h, [](int x, int y) { return (2 * x + 3 * y) % 400 / 399.0; }};
-}
-Image Mixed(int w, int h)
-{
-  return {w, h, [](int x, int y) {
-            return (3 * ((37 * x + 91 * y + 13 * x * y) % 251) + (17 * x + 5 * y) % 7 * 40) / 1000.0;
-          }};
-}
-Image Constant(int w, int h, double value)
-{
-  return {w, h, [value](int, int) { return value; }};
-}
 
 class Numbers
 {

@@ -108,6 +108,7 @@ def with_speckle(frames, title):
         ("Rayleigh", f"scores.{frames}.bfs_rayleigh", 3)]
 
 
+TRAINED = scored("training", "training") + [("training BFS", "scores.training.bfs", 3)]
 COST = [("seconds", "seconds", 1), ("Gaussians", "facts.gaussians", 0)]
 
 # ---- E1: the paper's Table 1 ----
@@ -239,10 +240,7 @@ def e2_jobs(scale):
 
 E2 = Experiment(
     "e2", "E2: sweeps, as in the paper's Table 2", e2_jobs,
-    with_speckle("held_out", "held-out") + [("training PSNR", "scores.training.psnr", 2),
-                                            ("training SSIM", "scores.training.ssim", 4),
-                                            ("training BFS", "scores.training.bfs", 3),
-                                            ("aligned PSNR", "scores.aligned.psnr", 2),
+    with_speckle("held_out", "held-out") + TRAINED + [("aligned PSNR", "scores.aligned.psnr", 2),
                                             ("voxel mm", "facts.voxel_size", 2)] + COST,
     lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene}: held-out PSNR (dB)", lambda labels: labels["method"])
@@ -273,9 +271,7 @@ def e3_jobs(scale):
 
 E3 = Experiment(
     "e3", "E3: seeds, losses, densification, count, as in the paper's Table 3", e3_jobs,
-    with_speckle("held_out", "held-out") + [("training PSNR", "scores.training.psnr", 2),
-                                            ("training SSIM", "scores.training.ssim", 4),
-                                            ("training BFS", "scores.training.bfs", 3)] + COST,
+    with_speckle("held_out", "held-out") + TRAINED + COST,
     lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], f"scores.{frames}.psnr",
                        f"{scene}: PSNR, {title} frames (dB)",
                        lambda labels: " ".join(str(labels[k]) for k in ("seeds", "loss", "count"))
@@ -349,10 +345,7 @@ def e4_panels(jobs):
 
 E4 = Experiment(
     "e4", "E4: signed reflectivity and beam, as in the paper's Table 4", e4_jobs,
-    scored("held_out", "held-out") + [("held-out BFS", "scores.held_out.bfs", 3),
-                                      ("training PSNR", "scores.training.psnr", 2),
-                                      ("training SSIM", "scores.training.ssim", 4),
-                                      ("training BFS", "scores.training.bfs", 3),
+    scored("held_out", "held-out") + [("held-out BFS", "scores.held_out.bfs", 3)] + TRAINED + [
                                       ("sigma used mm", "facts.elevation_sigma", 2),
                                       ("estimated mm", "facts.sigma", 2), ("± mm", "facts.standard_error", 2),
                                       ("reliable", "facts.reliable", 0)] + COST[:1], e4_panels)
