@@ -165,7 +165,7 @@ public:
 
   ///@{
   /**
-   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): open; by geometry 120 passes over the
+   * Optimizer steps, 0 (seeding only) to 10^7. Negative (default -1): open; by geometry 80 passes over the
    * frames trained on and their virtual planes, 60 when planes lie more than 1 mm apart, at least 200.
    */
   vtkSetMacro(Iterations, int);

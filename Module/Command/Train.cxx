@@ -499,7 +499,7 @@ void AddTrain(Program& program)
   const char* course = "How long and how";
   AddChoice(
       *app, "--iterations", trainer.iterations, 0, 1e7,
-      "Optimizer steps; 0 only seeds; auto begins at 120 passes over the training frames (60 when they are "
+      "Optimizer steps; 0 only seeds; auto begins at 80 passes over the training frames (60 when they are "
       "more than 1 mm apart), at least 200")
       ->group(course);
   app->add_option("--time-limit", trainer.timeLimit, "Seconds, decisions included; 0 sets no limit")

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <map>
 
+#include "Corrections.h"
 #include "ElevationEstimate.h"
 #include "Fit.h"
 #include "Metrics.h"
@@ -19,13 +20,19 @@ namespace
 constexpr std::size_t kFewest = 8;    // frames, below which there is nothing to compare on
 constexpr std::size_t kTried = 32;    // frames a trial looks at
 constexpr double kTrialPixels = 8e4;  // of a frame; larger ones are averaged down
-constexpr int kTrialShare = 6;        // a trial's steps: a sixth of a full training's on the same frames
+constexpr double kTrialPasses = 10;   // over frames and virtual planes
+// What many Gaussians can do shows late; taken for their number where the whole sweep takes much longer
+// anyway.
+constexpr double kLongTrialPasses = 40;
+constexpr double kLongTrialShare = 0.5;  // the most of a dense sweep that such a trial may look at
 constexpr int kFewestSteps = 40;
 constexpr double kPays = 0.03;  // dB
 // dB; a trial is too short to show all that a Gaussian is worth, so fewer must lose next to nothing.
 constexpr double kAsGood = 0.02;
+constexpr double kUnsure = 1.0;   // dB that the probe's path predicts frames better than poses that are off
+constexpr double kAgrees = 0.05;  // dB that a beam may lose in a trial when speckle itself asks for it
 constexpr std::size_t kFewestGaussians = 1000;
-constexpr double kSparsePasses = 60, kDensePasses = 120;
+constexpr double kSparsePasses = 60, kDensePasses = 80;
 constexpr int kFewestIterations = 200;
 
 /// Optimizer steps for so many passes over frames and virtual planes.
@@ -144,25 +151,25 @@ public:
     DecideVirtualPlanes();
     DecidePath();
     DecideElevation(sweep, frames);
-    DecideGaussians();
     DecideSign();
-    DecideSwitch("frame gains", &TrainerOptions::frameGains);
-    DecideSwitch("pose refinement", &TrainerOptions::poseRefinement);
+    DecideGains();
+    DecidePoseRefinement();
     DecideIterations();
+    DecideGaussians();  // last, since more of them make every further trial longer
     return decisions_;
   }
 
 private:
   using Clock = std::chrono::steady_clock;
 
-  /// Trains shortly with these choices; `longer` times as many steps.
-  Trial Try(TrainerOptions choices, double longer = 1)
+  /// Trains shortly with these choices.
+  Trial Try(TrainerOptions choices, double passes)
   {
     choices.gaussians = std::max<std::size_t>(
         1, static_cast<std::size_t>(std::lround(static_cast<double>(*choices.gaussians) * share_)));
-    const int steps = std::max(kFewestSteps, Steps(Passes(geometry_) / kTrialShare, training_.size(),
-                                                   *choices.virtualPlanes, choices.batch));
-    choices.iterations = static_cast<int>(longer * std::min(steps, options_.iterations.value_or(steps)));
+    const int steps =
+        std::max(kFewestSteps, Steps(passes, training_.size(), *choices.virtualPlanes, choices.batch));
+    choices.iterations = std::min(steps, options_.iterations.value_or(steps));
     choices.timeLimit = 0;
     choices.densification.interval = 0;
     const TrainingResult result = Fit(
@@ -231,7 +238,7 @@ private:
   {
     if (!best_)
     {
-      best_ = Try(base_);
+      best_ = Try(base_, passes_);
     }
     return *best_;
   }
@@ -246,7 +253,7 @@ private:
     {
       return false;
     }
-    const Trial best = Best(), trial = Try(candidate);
+    const Trial best = Best(), trial = Try(candidate, passes_);
     if (stopped_)
     {
       return false;  // a trial cut short says nothing
@@ -277,7 +284,8 @@ private:
     {
       return;
     }
-    const auto bestOf = [&](FrameInterpolation::Path path)
+    double normals = 0, probe = 0;
+    const auto bestOf = [&](FrameInterpolation::Path path, double& score)
     {
       FrameInterpolation best{path, false, false}, flow{path, true, false};
       const double without = ScoreInterpolation(*sweep_, training_, best);
@@ -285,11 +293,13 @@ private:
       interpolationEvidence_ += (interpolationEvidence_.empty() ? "" : "; ") + best.ToString() +
                                 Format(" %.2f dB", without) + ", with flow" + Format(" %.2f dB", with);
       best.flow = with > without + kPays;  // it must pay for its time
+      score = best.flow ? with : without;
       best.keepContrast = options_.keepContrast;
       return best;
     };
-    base_.interpolation = bestOf(FrameInterpolation::Path::Normals);
-    alongProbe_ = bestOf(FrameInterpolation::Path::Probe);
+    base_.interpolation = bestOf(FrameInterpolation::Path::Normals, normals);
+    alongProbe_ = bestOf(FrameInterpolation::Path::Probe, probe);
+    pathGain_ = probe - normals;
     options_.interpolation = base_.interpolation;
     interpolationSeconds_ = std::chrono::duration<double>(Clock::now() - since).count();
     if (options_.keepContrast)
@@ -370,56 +380,43 @@ private:
     std::string evidence = estimate.reliable ? Format("speckle decorrelates as for %.2f", estimate.sigma) +
                                                    Format(" +- %.2f mm", estimate.standardError)
                                              : "no estimate from speckle (" + estimate.reason + ")";
-    const auto consider = [&](double sigma)
+    const auto consider = [&](double sigma, double least = kPays)
     {
       TrainerOptions candidate = base_;
       candidate.elevationSigma = sigma;
       return Consider(candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", *base_.elevationSigma),
-                      kPays, evidence);
+                      least, evidence);
     };
-    if (estimate.reliable)
+    const double start = *base_.elevationSigma, half = estimate.reliable ? estimate.sigma / 2 : start;
+    const auto thicken = [&]()
     {
-      consider(estimate.sigma / 2);
-    }
-    // One step either way: validation frames widen the gaps, and wider gaps ask for ever thicker beams.
-    if (!consider(2 * *base_.elevationSigma))
+      // One step: validation frames widen the gaps, and wider gaps ask for ever thicker beams.
+      if (pathGain_ < kUnsure)
+      {
+        return consider(2 * start);
+      }
+      // Poses that are off blur what can be known as a thick beam would: where chance decides, it is thick.
+      if (!consider(4 * start, 0))
+      {
+        return consider(2 * start);
+      }
+      while (*base_.elevationSigma < 8 * start && consider(2 * *base_.elevationSigma))
+      {
+      }
+      return true;
+    };
+    // A side where half the probe's own has lost is not tried again.
+    const bool differs = std::abs(std::log2(half / start)) > 0.2;
+    if (!differs || !consider(half, -kAgrees))
     {
-      consider(0.5 * *base_.elevationSigma);
+      const bool tryThicker = !differs || half < start, tryThinner = !differs || half > start;
+      if ((!tryThicker || !thicken()) && tryThinner)
+      {
+        consider(0.5 * start);
+      }
     }
     options_.elevationSigma = base_.elevationSigma;
     Record("elevation sigma", Format("%.3g mm", *base_.elevationSigma), evidence, since);
-  }
-
-  /// Doubles while it pays its price, else halves while that costs nothing.
-  void DecideGaussians()
-  {
-    const auto since = Clock::now();
-    if (options_.gaussians)
-    {
-      Record("Gaussians", std::to_string(*options_.gaussians), "given", since);
-      return;
-    }
-    std::string evidence;
-    const auto consider = [&](std::size_t count, double least)
-    {
-      TrainerOptions candidate = base_;
-      candidate.gaussians = count;
-      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(*base_.gaussians),
-                      least, evidence);
-    };
-    bool grew = false;
-    while (2 * *base_.gaussians <= options_.maximumGaussians &&
-           consider(2 * *base_.gaussians, options_.price))
-    {
-      grew = true;
-    }
-    while (!grew && *base_.gaussians >= kFewestGaussians && consider(*base_.gaussians / 2, -kAsGood))
-    {
-    }
-    options_.gaussians = base_.gaussians;
-    Record("Gaussians", std::to_string(*base_.gaussians),
-           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price),
-           since);
   }
 
   void DecideSign()
@@ -439,22 +436,74 @@ private:
     Record("reflectivity", name(*base_.signedReflectivity), evidence, since);
   }
 
-  /// Something that is off unless it pays.
-  void DecideSwitch(const char* what, std::optional<bool> TrainerOptions::*option)
+  /// Something that is off unless it pays, tried unless `hopeless`.
+  void DecideSwitch(const char* what, std::optional<bool> TrainerOptions::*option, bool hopeless,
+                    std::string evidence, Clock::time_point since)
   {
-    const auto since = Clock::now();
     const auto name = [](bool on) { return std::string(on ? "on" : "off"); };
-    if (options_.*option)
+    if (!hopeless)
     {
-      Record(what, name(*(options_.*option)), "given", since);
-      return;
+      TrainerOptions candidate = base_;
+      candidate.*option = true;
+      Consider(candidate, "on", kPays, evidence);
     }
-    TrainerOptions candidate = base_;
-    candidate.*option = true;
-    std::string evidence;
-    Consider(candidate, "on", kPays, evidence);
     options_.*option = base_.*option;
     Record(what, name(*(base_.*option)), evidence, since);
+  }
+
+  bool IsGiven(const char* what, const std::optional<bool>& option)
+  {
+    if (option)
+    {
+      Record(what, *option ? "on" : "off", "given", Clock::now());
+    }
+    return option.has_value();
+  }
+
+  /// A trial is spared where gains are so alike that removing them could not pay if all they change were
+  /// error.
+  void DecideGains()
+  {
+    const auto since = Clock::now();
+    if (IsGiven("frame gains", options_.frameGains))
+    {
+      return;
+    }
+    if (!Proceed())
+    {
+      DecideSwitch("frame gains", &TrainerOptions::frameGains, true, "", since);
+      return;
+    }
+    const auto levelled = Levelled(*sweep_, training_, sweep_->Subset(training_));
+    std::vector<float> before(sweep_->PixelsPerFrame()), after(before.size());
+    double change = 0;
+    for (std::size_t k = 0; k < training_.size(); ++k)
+    {
+      sweep_->CopyFrame(training_[k], before.data());
+      levelled->CopyFrame(static_cast<int>(k), after.data());
+      change += std::pow(10.0, -0.1 * Psnr(before.data(), after.data(), before.size())) /
+                static_cast<double>(training_.size());
+    }
+    const double error = std::pow(10.0, -0.1 * Best().Mean());
+    const double most = change < error ? -10 * std::log10(1 - change / error) : 100.0;
+    DecideSwitch("frame gains", &TrainerOptions::frameGains, most <= kPays,
+                 "neighbours' brightness explains at most" + Format(" %.2f dB", most), since);
+  }
+
+  /// A trial is spared where tracked poses predict frames better than the smoothness of the probe's path
+  /// does.
+  void DecidePoseRefinement()
+  {
+    const auto since = Clock::now();
+    if (!IsGiven("pose refinement", options_.poseRefinement))
+    {
+      const bool good = pathGain_ < 0;
+      DecideSwitch("pose refinement", &TrainerOptions::poseRefinement, good,
+                   good ? "tracked poses predict frames" + Format(" %.2f dB", -pathGain_) +
+                              " better than the probe's path"
+                        : "",
+                   since);
+    }
   }
 
   /// Early stop: where twice the steps of a trial lose, half of a training's are enough.
@@ -471,7 +520,7 @@ private:
     std::string evidence;
     if (Proceed())
     {
-      const Trial best = Best(), trial = Try(base_, 2);
+      const Trial best = Best(), trial = Try(base_, 2 * passes_);
       if (!stopped_)
       {
         const Gain gain = GainOf(trial, best);
@@ -486,6 +535,43 @@ private:
     Record("iterations", std::to_string(steps), evidence, since);
   }
 
+  /// Doubles while it pays its price, else halves while that costs nothing.
+  void DecideGaussians()
+  {
+    const auto since = Clock::now();
+    if (options_.gaussians)
+    {
+      Record("Gaussians", std::to_string(*options_.gaussians), "given", since);
+      return;
+    }
+    std::string evidence;
+    const auto consider = [&](std::size_t count, double least)
+    {
+      TrainerOptions candidate = base_;
+      candidate.gaussians = count;
+      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(*base_.gaussians),
+                      least, evidence);
+    };
+    if (!geometry_.IsSparse() && share_ <= kLongTrialShare)
+    {
+      passes_ = kLongTrialPasses;
+      best_.reset();
+    }
+    bool grew = false;
+    while (2 * *base_.gaussians <= options_.maximumGaussians &&
+           consider(2 * *base_.gaussians, options_.price))
+    {
+      grew = true;
+    }
+    while (!grew && *base_.gaussians >= kFewestGaussians && consider(*base_.gaussians / 2, -kAsGood))
+    {
+    }
+    options_.gaussians = base_.gaussians;
+    Record("Gaussians", std::to_string(*base_.gaussians),
+           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price),
+           since);
+  }
+
   TrainerOptions& options_;
   const std::function<bool(const TrainingProgress&)>& progress_;
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
@@ -495,11 +581,13 @@ private:
   std::size_t allFrames_ = 0;  // to train on in the end
   TrainerOptions base_;        // the best so far, and what it reached
   std::optional<Trial> best_;
+  double passes_ = kTrialPasses;  // that trials take now
   std::vector<Decision> decisions_;
   std::map<int, std::shared_ptr<const Sweep>> withVirtualPlanes_;
   std::optional<FrameInterpolation> alongProbe_;  // the candidate, while the path is open
   std::string interpolationEvidence_;
   double interpolationSeconds_ = 0;
+  double pathGain_ = 0;  // dB by which frames are predicted better along the probe's path than at their poses
   int trials_ = 0;
   bool stopped_ = false;
 };

@@ -165,46 +165,73 @@ Pair Moved(const Pair& pair)
   return {Sample(pair.first, maps[0], maps[1]), Sample(pair.second, maps[2], maps[3]), pair.share};
 }
 
+/// Takes an octave out of a picture: what blurring by `sigma` pixels removes. The picture keeps the rest.
+cv::Mat TakeBand(cv::Mat& picture, double sigma)
+{
+  cv::Mat low;
+  cv::GaussianBlur(picture, low, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
+  const cv::Mat band = picture - low;
+  picture = low;
+  return band;
+}
+
+/// The mean of a product of two bands around every pixel.
+cv::Mat LocalMean(const cv::Mat& a, const cv::Mat& b)
+{
+  cv::Mat mean;
+  cv::boxFilter(a.mul(b), mean, CV_32F, cv::Size(kWindow, kWindow), cv::Point(-1, -1), true,
+                cv::BORDER_REFLECT_101);
+  return mean;
+}
+
 /// The mix of both pictures, band by band. With v = value in units of its standard deviation, the best linear
 /// estimate from two values of correlation rho, which correlate with the truth by p and q, has the weights
-/// (p - rho q) / (1 - rho^2) and (q - rho p) / (1 - rho^2). To keep contrast: the linear mix of shares 1 - s
-/// and s, over the standard deviation sqrt((1 - s)^2 + s^2 + 2 rho s (1 - s)) that mixing leaves.
-cv::Mat Mix(const Pair& pair, bool keepContrast)
+/// (p - rho q) / (1 - rho^2) and (q - rho p) / (1 - rho^2). To keep contrast, `recorded` are the two frames
+/// as they were recorded: bands are mixed by the shares 1 - s and s, and get the power that recorded bands
+/// have around the same pixel, which sampling between pixels and mixing have both taken from.
+cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
 {
   cv::Mat first = pair.first, second = pair.second, mix = cv::Mat::zeros(first.size(), CV_32F);
+  std::array<cv::Mat, 2> whole;
+  if (recorded)
+  {
+    whole = *recorded;
+  }
   for (int band = 0; band < kBands; ++band)
   {
     const double sigma = 0.8 * (1 << band);
-    cv::Mat lowFirst, lowSecond;
-    cv::GaussianBlur(first, lowFirst, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
-    cv::GaussianBlur(second, lowSecond, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
-    const cv::Mat u = first - lowFirst, v = second - lowSecond;
-    const auto local = [](const cv::Mat& product)
+    const cv::Mat u = TakeBand(first, sigma), v = TakeBand(second, sigma);
+    const cv::Mat uu = LocalMean(u, u), vv = LocalMean(v, v), uv = LocalMean(u, v);
+    std::array<cv::Mat, 2> power;
+    if (recorded)
     {
-      cv::Mat mean;
-      cv::boxFilter(product, mean, CV_32F, cv::Size(kWindow, kWindow), cv::Point(-1, -1), true,
-                    cv::BORDER_REFLECT_101);
-      return mean;
-    };
-    const cv::Mat uu = local(u.mul(u)), vv = local(v.mul(v)), uv = local(u.mul(v));
+      for (int k = 0; k < 2; ++k)
+      {
+        const cv::Mat wholeBand = TakeBand(whole[k], sigma);
+        power[k] = LocalMean(wholeBand, wholeBand);
+      }
+    }
+    constexpr double kNothing = 1e-10;  // (1e-5 of white)^2: no contrast to mix
     for (int y = 0; y < mix.rows; ++y)
     {
       for (int x = 0; x < mix.cols; ++x)
       {
-        constexpr double kNothing = 1e-10;  // (1e-5 of white)^2: no contrast to mix
-        const double power =
-            std::sqrt(std::max(0.0f, uu.at<float>(y, x)) * std::max(0.0f, vv.at<float>(y, x)));
-        const double rho = power > kNothing ? std::clamp(uv.at<float>(y, x) / power, 0.0, kAlike) : 0.0;
-        const double s = pair.share.at<float>(y, x);
+        const double a = std::max(0.0f, uu.at<float>(y, x)), b = std::max(0.0f, vv.at<float>(y, x));
+        const double ab = uv.at<float>(y, x), s = pair.share.at<float>(y, x);
         double ofFirst, ofSecond;
-        if (keepContrast)
+        if (recorded)
         {
-          const double left = std::sqrt((1 - s) * (1 - s) + s * s + 2 * rho * s * (1 - s));
-          ofFirst = (1 - s) / left;
-          ofSecond = s / left;
+          constexpr double kMost = 4;  // two frames without anything in common ask for 1.4
+          const double left = (1 - s) * (1 - s) * a + s * s * b + 2 * s * (1 - s) * ab;
+          const double wanted = (1 - s) * power[0].at<float>(y, x) + s * power[1].at<float>(y, x);
+          const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMost) : 1.0;
+          ofFirst = gain * (1 - s);
+          ofSecond = gain * s;
         }
         else
         {
+          const double deviations = std::sqrt(a * b);
+          const double rho = deviations > kNothing ? std::clamp(ab / deviations, 0.0, kAlike) : 0.0;
           const double p = std::pow(rho, std::pow(s, kDecay)), q = std::pow(rho, std::pow(1 - s, kDecay));
           ofFirst = (p - rho * q) / (1 - rho * rho);
           ofSecond = (q - rho * p) / (1 - rho * rho);
@@ -212,8 +239,6 @@ cv::Mat Mix(const Pair& pair, bool keepContrast)
         mix.at<float>(y, x) += static_cast<float>(ofFirst * u.at<float>(y, x) + ofSecond * v.at<float>(y, x));
       }
     }
-    first = lowFirst;
-    second = lowSecond;
   }
   return mix + first + pair.share.mul(second - first);
 }
@@ -261,23 +286,23 @@ SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double sha
 void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane, double share,
                        const FrameInterpolation& interpolation, float* image)
 {
-  const Pair pair = interpolation.path == FrameInterpolation::Path::Normals
-                        ? PairAlongNormals(sweep, a, b, plane, share)
-                        : Pair{Picture(sweep, a), Picture(sweep, b),
-                               cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(share))};
-  // The mean of two estimates is the better one; their mean texture is neither's.
+  const std::array<cv::Mat, 2> recorded = {Picture(sweep, a), Picture(sweep, b)};
+  const Pair pair =
+      interpolation.path == FrameInterpolation::Path::Normals
+          ? PairAlongNormals(sweep, a, b, plane, share)
+          : Pair{recorded[0], recorded[1], cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(share))};
   cv::Mat mix;
-  if (!interpolation.flow)
+  if (interpolation.keepContrast)
   {
-    mix = Mix(pair, interpolation.keepContrast);
-  }
-  else if (interpolation.keepContrast)
-  {
-    mix = Mix(Moved(pair), true);
+    mix = Mix(interpolation.flow ? Moved(pair) : pair, &recorded);
   }
   else
   {
-    mix = 0.5 * (Mix(pair, false) + Mix(Moved(pair), false));
+    mix = Mix(pair, nullptr);
+    if (interpolation.flow)  // the mean of two estimates is the better one; their mean texture is neither's
+    {
+      mix = 0.5 * (mix + Mix(Moved(pair), nullptr));
+    }
   }
   for (int y = 0; y < mix.rows; ++y)
   {

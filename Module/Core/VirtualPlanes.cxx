@@ -2,7 +2,10 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <type_traits>
 
 #include "Seeding.h"
 
@@ -15,7 +18,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   auto out = std::make_shared<Sweep>();
   out->width = sweep.width;
   out->height = sweep.height;
-  out->pixelType = Sweep::PixelType::Float32;
+  out->pixelType = sweep.pixelType;
   out->mask = sweep.mask;
   for (int frame : frames)
   {
@@ -42,22 +45,41 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
       out->weights.push_back(1.0f);
     }
   }
-  const std::size_t pixels = sweep.PixelsPerFrame();
-  auto values = std::make_shared<std::vector<float>>(pixels * out->imageToReference.size());
-  tbb::parallel_for(std::size_t(0), out->imageToReference.size(),
-                    [&](std::size_t k)
-                    {
-                      float* image = values->data() + k * pixels;
-                      if (k < frames.size())
+  const std::size_t pixels = sweep.PixelsPerFrame(), planes = out->imageToReference.size();
+  const auto fill = [&](auto zero)
+  {
+    using Pixel = decltype(zero);
+    const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
+    auto values = std::make_shared<std::vector<Pixel>>(pixels * planes);
+    tbb::parallel_for(std::size_t(0), planes,
+                      [&](std::size_t k)
                       {
-                        sweep.CopyFrame(frames[k], image);
-                        return;
-                      }
-                      const Gap& gap = gaps[k - frames.size()];
-                      InterpolateFrames(sweep, gap.from, gap.to, out->Plane(static_cast<int>(k)), gap.share,
-                                        interpolation, image);
-                    });
-  out->pixels = std::shared_ptr<const void>(values, values->data());
+                        Pixel* to = values->data() + k * pixels;
+                        if (k < frames.size())
+                        {
+                          std::copy_n(recorded + frames[k] * pixels, pixels, to);
+                          return;
+                        }
+                        const Gap& gap = gaps[k - frames.size()];
+                        std::vector<float> image(pixels);
+                        InterpolateFrames(sweep, gap.from, gap.to, out->Plane(static_cast<int>(k)), gap.share,
+                                          interpolation, image.data());
+                        std::transform(image.begin(), image.end(), to,
+                                       [](float value) {
+                                         return static_cast<Pixel>(
+                                             std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
+                                       });
+                      });
+    out->pixels = std::shared_ptr<const void>(values, values->data());
+  };
+  if (sweep.pixelType == Sweep::PixelType::UInt8)
+  {
+    fill(std::uint8_t(0));
+  }
+  else
+  {
+    fill(0.0f);
+  }
   return out;
 }
 

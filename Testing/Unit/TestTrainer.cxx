@@ -171,7 +171,7 @@ TEST(Trainer, StepsFollowTheNumberOfFrames)
   TrainerOptions options;
   options.automatic = false;
   options.gaussians = 20;
-  EXPECT_EQ(bigus::Train(sweep, options).iterations, 600);  // 120 x 40 / 8
+  EXPECT_EQ(bigus::Train(sweep, options).iterations, 400);  // 80 x 40 / 8
   options.batch = 40;
   EXPECT_EQ(bigus::Train(sweep, options).iterations, 200);
 }
