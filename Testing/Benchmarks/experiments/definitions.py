@@ -227,7 +227,7 @@ def e2_jobs(scale):
                 forced(1500000, 900, virtual_planes=2, interpolation="probe"), 700, 2, score=["held_out", "training"])
         if name in ("brain, half", "phantom, linear"):
             # As the paper scores: frames trained on, so no virtual planes stand between them.
-            add("BIGUS 2M, no virtual planes", forced(2000000, 300, virtual_planes=0, iterations=FOREVER), 320, 2,
+            add("BIGUS 2M, no virtual planes", forced(2000000, 150, virtual_planes=0, iterations=FOREVER), 170, 2,
                 score=["held_out", "training"])
         for count, seconds in counts.items():
             if count:
