@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Callable
 
-from harness import Job, groups, mean
-from plots import OTHERS, OURS, bars, curves, gains, is_ours
+from harness import Job, mean
+from plots import curves, dots, frontier, gains
 
 LIVER = {"file": "liver-sweep/liver_sweep.igs.mha"}
 BRAIN = {"file": "brain-sweep/us_brain_sweep.igs.mha"}
@@ -247,7 +247,7 @@ E2 = Experiment(
     "e2", "E2: sweeps, as in the paper's Table 2", e2_jobs,
     with_speckle("held_out", "held-out") + TRAINED + [("aligned PSNR", "scores.aligned.psnr", 2),
                                             ("voxel mm", "facts.voxel_size", 2)] + COST,
-    lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
+    lambda jobs: [dots([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene}: held-out PSNR (dB)", lambda labels: labels["method"])
                   for scene in dict.fromkeys(job.labels["scene"] for job in jobs) if ", full" in scene or "linear" in scene],
     split="scene", shows_decisions=True)
@@ -277,7 +277,7 @@ def e3_jobs(scale):
 E3 = Experiment(
     "e3", "E3: seeds, losses, densification, count, as in the paper's Table 3", e3_jobs,
     with_speckle("held_out", "held-out") + TRAINED + COST,
-    lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], f"scores.{frames}.psnr",
+    lambda jobs: [dots([job for job in jobs if job.labels["scene"] == scene], f"scores.{frames}.psnr",
                        f"{scene}: PSNR, {title} frames (dB)",
                        lambda labels: " ".join(str(labels[k]) for k in ("seeds", "loss", "count"))
                        + (" densified" if labels["densified"] else ""))
@@ -439,7 +439,7 @@ E7 = Experiment(
     "e7", "E7: three seeds of the headline rows", lambda scale: headline(scale, [1, 2, 3]),
     scored("held_out", "held-out") + [("held-out BFS", "scores.held_out.bfs", 3),
                                       ("training PSNR", "scores.training.psnr", 2)] + COST[:1],
-    lambda jobs: [bars(jobs, "scores.held_out.psnr", "held-out PSNR (dB), least to most",
+    lambda jobs: [dots(jobs, "scores.held_out.psnr", "held-out PSNR (dB), least to most",
                        lambda labels: f"{labels['scene']}: {labels['method']}")])
 
 # ---- E8: error against speckle ----
@@ -473,33 +473,16 @@ def contrast_error(members):
     return None if ratio is None else 100 * abs(ratio - 1)
 
 
-def frontier(jobs, scene):
-    """Held-out PSNR over the error of contrast; the weights of the contrast term are joined."""
-    def panel(axis):
-        joined = []
-        for labels, members in groups([job for job in jobs if job.labels["scene"] == scene]):
-            x, y = contrast_error(members), psnr("held_out")(members)
-            if x is None or y is None:
-                continue
-            axis.plot(x, y, "o" if is_ours(members) else "s", color=OURS if is_ours(members) else OTHERS)
-            axis.annotate(labels["method"], (x, y), textcoords="offset points", xytext=(4, 3), fontsize=6)
-            if labels["method"] == "l1" or "contrast" in labels["method"]:
-                joined.append((x, y))
-        if joined:
-            axis.plot(*zip(*joined), color=OURS, linewidth=1)
-        axis.set_xlabel("error of the mean speckle contrast, held-out frames (%)")
-        axis.set_ylabel("held-out PSNR (dB)")
-        axis.set_title(scene, fontsize=10)
-    return panel
-
-
 E8 = Experiment(
     "e8", "E8: error against speckle", e8_jobs,
     with_speckle("held_out", "held-out") + [
         ("contrast / truth", "scores.held_out.texture.contrast_ratio", 3),
         ("spectrum dB", "scores.held_out.texture.spectrum_difference", 2),
         ("high frequencies / truth", "scores.held_out.texture.high_frequency_power", 3)] + COST[:1],
-    lambda jobs: [frontier(jobs, scene) for scene in ("brain", "phantom")], split="scene")
+    lambda jobs: [frontier([job for job in jobs if job.labels["scene"] == scene], contrast_error, psnr("held_out"),
+                           lambda labels: labels["method"], lambda name: name == "l1" or "*contrast" in name,
+                           ("error of the mean speckle contrast, held-out frames (%)", "held-out PSNR (dB)", scene))
+                  for scene in ("brain", "phantom")], split="scene")
 
 # ---- E9: short and rough sweeps ----
 
@@ -530,7 +513,7 @@ def e9_jobs(scale):
 E9 = Experiment(
     "e9", "E9: short and rough sweeps, nothing set by hand", e9_jobs,
     scored("held_out", "held-out") + [("aligned PSNR", "scores.aligned.psnr", 2)] + COST,
-    lambda jobs: [bars([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
+    lambda jobs: [dots([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene.replace('phantom, ', '')}:\nheld-out PSNR (dB)", lambda labels: labels["method"])
                   for scene in dict.fromkeys(job.labels["scene"] for job in jobs)], split="scene", shows_decisions=True)
 

@@ -37,21 +37,18 @@ def is_ours(members):
     return members[0].request["method"]["name"] == "bigus"
 
 
-def bars(jobs, path, title, label):
-    """One bar a row of the table, ours in blue, with the spread over seeds as a whisker."""
+def dots(jobs, path, title, label):
+    """One dot a row of the table, ours in blue, with the spread over seeds as a whisker. Dots, not bars: a decibel
+    has no zero to start from."""
     def panel(axis):
         rows = [(label(labels), members) for labels, members in groups(jobs) if mean(members, path) is not None]
         for k, (_, members) in enumerate(rows):
             values = [v for v in (value(job.result, path) for job in members if job.result) if v is not None]
             middle = sum(values) / len(values)
-            axis.barh(k, middle, color=OURS if is_ours(members) else OTHERS, height=0.7,
-                      xerr=[[middle - min(values)], [max(values) - middle]] if len(values) > 1 else None)
+            axis.errorbar(middle, k, xerr=[[middle - min(values)], [max(values) - middle]], fmt="o", capsize=2,
+                          color=OURS if is_ours(members) else OTHERS)
         axis.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=7)
         axis.invert_yaxis()
-        known = [mean(members, path) for _, members in rows]
-        if known:
-            room = max(known) - min(known) or 1
-            axis.set_xlim(min(known) - 0.3 * room, max(known) + 0.1 * room)
         axis.set_xlabel(title)
     return panel
 
@@ -99,4 +96,40 @@ def curves(jobs, x, y, series, titles, logarithmic=False):
             axis.set_title(titles[2], fontsize=10)
         if lines:
             axis.legend(fontsize=7, frameon=False)
+    return panel
+
+
+def frontier(jobs, x, y, label, is_joined, titles):
+    """y(members) over x(members), numbered, with the names beside; those that share a place share a mark. Rows that
+    are `is_joined` are one method with a knob: a line goes through them."""
+    def panel(axis):
+        points = [(x(members), y(members), label(labels), is_ours(members)) for labels, members in groups(jobs)]
+        points = sorted(point for point in points if None not in point[:2])
+        if not points:
+            return
+        width = (points[-1][0] - points[0][0]) or 1
+        height = (max(p[1] for p in points) - min(p[1] for p in points)) or 1
+        places = []
+        for point in points:
+            near = [place for place in places if abs(place[0][0] - point[0]) < 0.04 * width
+                    and abs(place[0][1] - point[1]) < 0.05 * height]
+            if near:
+                near[0].append(point)
+            else:
+                places.append([point])
+        number = 0
+        for place in places:
+            first = number + 1
+            for u, v, name, ours in place:
+                number += 1
+                axis.plot(u, v, "o" if ours else "s", color=OURS if ours else OTHERS, label=f"{number}  {name}")
+            axis.annotate(str(first) if first == number else f"{first}-{number}", place[0][:2],
+                          textcoords="offset points", xytext=(-2, 6), ha="right", fontsize=7)
+        joined = [(u, v) for u, v, name, _ in points if is_joined(name)]
+        if joined:
+            axis.plot(*zip(*joined), color=OURS, linewidth=1, zorder=0)
+        axis.set_xlabel(titles[0])
+        axis.set_ylabel(titles[1])
+        axis.set_title(titles[2], fontsize=10)
+        axis.legend(fontsize=6, frameon=False, handlelength=1, loc="upper left", bbox_to_anchor=(1.03, 1.0))
     return panel
