@@ -320,6 +320,39 @@ TEST(Decisions, FrameGainsPayWhereFramesDifferInBrightness)
   EXPECT_GT(PsnrOn(on.field, *dim, on.heldOutFrames), PsnrOn(off.field, *dim, off.heldOutFrames) + 0.5);
 }
 
+TEST(Decisions, UnsurePosesAskForAThickBeam)
+{
+  PhantomOptions world;
+  world.frames = 40;
+  world.width = world.height = 64;
+  world.pixelSize = 0.4;
+  world.frameSpacing = 0.6;
+  TrainerOptions options = Forced();
+  options.holdOut = 8;
+  options.gaussians = 1500;
+  options.iterations = 200;
+  options.signedReflectivity = true;
+  options.poseRefinement = false;
+  options.interpolation.reset();
+  options.elevationSigma.reset();
+  double chosen[2], gain = 0;
+  for (const double noise : {0.0, 0.5})
+  {
+    world.trackingNoise = noise;
+    const auto sweep = std::make_shared<const Sweep>(Phantom(world).MakeSweep());
+    const TrainingResult open = Train(sweep, options);
+    chosen[noise > 0] = *open.settled.elevationSigma;
+    TrainerOptions thin = options;
+    thin.elevationSigma = 0.3;  // what geometry suggests
+    const TrainingResult forced = Train(sweep, thin);
+    gain =
+        PsnrOn(open.field, *sweep, open.heldOutFrames) - PsnrOn(forced.field, *sweep, forced.heldOutFrames);
+  }
+  EXPECT_LE(chosen[0], 0.6);
+  EXPECT_GE(chosen[1], 1.2);
+  EXPECT_GT(gain, 0.1);  // dB, where poses are off
+}
+
 TEST(Decisions, EmptySpaceGetsNoGaussians)
 {
   constexpr int kWidth = 96, kLit = 48;

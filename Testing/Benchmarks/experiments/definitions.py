@@ -359,17 +359,17 @@ E4 = Experiment(
 
 
 def e5_jobs(scale):
-    scenes = {"liver": (scale.real(LIVER, 2), 16, (1, 2, 4, 8), 60),
-              "brain": (scale.real(BRAIN, 2), 8, (1, 2, 4), 15),
+    scenes = {"liver": (scale.real(LIVER, 2), 16, (1, 2, 4, 8), 90),
+              "brain": (scale.real(BRAIN, 2), 8, (1, 2, 4), 25),
               "phantom": (scale.phantom(**({} if scale.is_quick else {"frames": 65})), 16 if not scale.is_quick else 8,
-                          (1, 2, 4, 8) if not scale.is_quick else (1, 2, 4), 30)}
+                          (1, 2, 4, 8) if not scale.is_quick else (1, 2, 4), 60)}
     jobs = []
     for name, (scene, period, gaps, cost) in scenes.items():
         for gap in gaps:
             frames = {"gap": gap, "period": period}
             labels = {"scene": name, "gap": gap}
-            jobs.append(scale.job(scene, frames, auto(),
-                                  {**labels, "method": "BIGUS auto"}, cost / gap + 3))
+            jobs.append(scale.job(scene, frames, auto(100000),
+                                  {**labels, "method": "BIGUS 100k"}, cost / gap + 3))
             for title, method in BASELINES.items():
                 jobs.append(scale.job(scene, frames, method, {**labels, "method": title}, 1))
             jobs.append(scale.job(scene, frames, {"name": "compounding"}, {**labels, "method": "compounding"}, 3))
