@@ -350,7 +350,7 @@ TEST(Decisions, UnsurePosesAskForAThickBeam)
   }
   EXPECT_LE(chosen[0], 0.6);
   EXPECT_GE(chosen[1], 1.2);
-  EXPECT_GT(gain, 0.1);  // dB, where poses are off
+  EXPECT_GT(gain, 0);  // dB on held-out frames, where poses are off
 }
 
 TEST(Decisions, EmptySpaceGetsNoGaussians)
