@@ -390,17 +390,18 @@ E5 = Experiment(
 
 def e6_jobs(scale):
     scenes = {"liver": (scale.real(LIVER, 2), {"hold_out": 8},
-                        [(20000, 10), (20000, 30), (100000, 10), (100000, 30), (100000, 90), (300000, 30),
-                         (300000, 90), (300000, 180), (1000000, 90), (1000000, 240)]),
+                        [(20000, 15), (20000, 30), (100000, 15), (100000, 30), (100000, 60), (100000, 120),
+                         (300000, 60), (300000, 150), (1000000, 300)]),
               "brain": (scale.real(BRAIN, 2), {"hold_out": 4},
-                        [(20000, 3), (20000, 10), (100000, 3), (100000, 10), (100000, 30), (300000, 10),
-                         (300000, 30), (1000000, 60)])}
+                        [(20000, 5), (20000, 15), (100000, 5), (100000, 15), (100000, 30), (300000, 15),
+                         (300000, 45)])}
     jobs = []
     for name, (scene, frames, runs) in scenes.items():
         for count, limit in runs:
-            jobs.append(scale.job(scene, frames, forced(count, limit, iterations=FOREVER),
+            # As with `--time-limit`, deciding included.
+            jobs.append(scale.job(scene, frames, auto(count, time_limit=limit, iterations=FOREVER),
                                   {"scene": name, "method": "BIGUS", "size": short(count), "limit": f"{limit} s"},
-                                  limit + 5, 1 if count <= 100000 and limit <= 30 else 2 if limit < 200 else 3))
+                                  limit + 5, 1 if limit <= 150 else 3))
         jobs.append(headline_job(scale, f"{name}, half", None, 1,
                                  {"scene": name, "method": "BIGUS", "size": "auto", "limit": ""}, 1))
         for voxel in (0.4, 0.5, 0.63, 0.8, 1, 1.3, 1.6):
