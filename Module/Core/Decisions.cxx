@@ -625,7 +625,8 @@ void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, Traine
   // A thick beam smooths what is between frames: less error, less speckle.
   settle(options.elevationSigma, sparse && !options.keepContrast ? 0.8 : 0.3);
   settle(options.signedReflectivity, true);
-  settle(options.virtualPlanes, !sparse ? 0 : options.keepContrast ? 2 : 1);
+  // Without planes that keep contrast the loss alone would ask for grains where no frame says where.
+  settle(options.virtualPlanes, options.keepContrast ? 2 : sparse ? 1 : 0);
   settle(options.interpolation,
          FrameInterpolation{FrameInterpolation::Path::Normals, false, options.keepContrast});
   settle(options.frameGains, false);

@@ -277,7 +277,7 @@ void ApplyPreset(const std::string& name, TrainerOptions& options)
   // Where the place of speckle cannot be known, the least error is a smooth picture; contrast asks for grains
   // of the right strength wherever they lie.
   options.keepContrast = name == "texture";
-  options.loss = options.keepContrast ? Loss::Parse("l1+200*contrast") : Loss{};
+  options.loss = options.keepContrast ? Loss::Parse("l1+30*contrast") : Loss{};
   options.finalLoss.reset();
 }
 
