@@ -400,9 +400,7 @@ private:
       {
         return consider(2 * start);
       }
-      while (*base_.elevationSigma < 8 * start && consider(2 * *base_.elevationSigma))
-      {
-      }
+      consider(8 * start, 0);
       return true;
     };
     // A side where half the probe's own has lost is not tried again.
