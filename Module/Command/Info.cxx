@@ -14,9 +14,6 @@
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 #include "vtkStringArray.h"
-#ifdef BIGUS_HAVE_CUDA
-#include "Cuda/CudaDevices.h"
-#endif
 
 namespace bigus::command
 {
@@ -49,7 +46,7 @@ std::string Box(const double* bounds)
 
 ExitCode ShowDevices(Console& console)
 {
-  Json engines = Json::array(), graphics = Json::array();
+  Json engines = Json::array(), missing = Json::array();
   console.Print("Engines (--engine NAME; auto takes the fastest)");
   for (const std::string& name : Engine::Names())
   {
@@ -65,18 +62,12 @@ ExitCode ShowDevices(Console& console)
     engines.push_back({{"name", name}, {"device", device}});
     console.Print("  " + Line(name, device));
   }
-#ifdef BIGUS_HAVE_CUDA
-  const std::vector<CudaDevice> devices = CudaDevices();
-  console.Print(devices.empty() ? "CUDA devices: none" : "CUDA devices");
-  for (const CudaDevice& device : devices)
+  for (const auto& [name, reason] : Engine::Missing())
   {
-    graphics.push_back({{"name", device.name},
-                        {"compute_capability", device.computeCapability},
-                        {"memory_bytes", device.memoryBytes}});
-    console.Print("  " + Line(device.name, FormatNumber(device.memoryBytes / 1073741824.0, 1) + " GiB"));
+    missing.push_back({{"name", name}, {"reason", reason}});
+    console.Print("  " + Line(name, "not usable: " + reason));
   }
-#endif
-  console.Report({{"kind", "devices"}, {"engines", engines}, {"cuda_devices", graphics}});
+  console.Report({{"kind", "devices"}, {"engines", engines}, {"missing", missing}});
   return Success;
 }
 
@@ -276,7 +267,7 @@ void AddInfo(Program& program)
                                  "  bigus info --devices                   what can compute here");
   AddSequenceOptions(*app, options->sequence, "FILE", "Sequence (.mha .mhd .nrrd .csv) or field (.vtp .ply)");
   CLI::Option* file = app->get_option("FILE")->required(false);
-  app->add_flag("--devices", options->devices, "List engines and CUDA devices")->excludes(file);
+  app->add_flag("--devices", options->devices, "List engines, and why others cannot be used")->excludes(file);
 
   Console& console = program.console;
   app->callback(

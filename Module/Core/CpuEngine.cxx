@@ -24,6 +24,7 @@
 #include <xmmintrin.h>
 #endif
 
+#include "BlockField.h"
 #include "CpuKernels.h"
 #include "Engine.h"
 #include "EngineDetail.h"
@@ -41,9 +42,7 @@ constexpr int kSmallestBand = 32,
 constexpr int kTile = 32;          // pixels; finest grid on which overlapping footprints are counted
 constexpr int kTiles = 128;        // coarsest: so many along a side
 constexpr std::size_t kGroup =
-    32;                         // neighbouring blocks tested together first: large fields have many blocks
-constexpr double kSharp = 128;  // aspect ratio from which float parameters lose too much: 1e-7 of the ratio
-constexpr double kSmallestScale = 1e-9, kLargestScale = 1e7;  // mm; beyond, squares leave float's range
+    32;  // neighbouring blocks tested together first: large fields have many blocks
 
 /// While it lives, this thread's results too small for a normal number become 0. They occur far out in
 /// footprints, and x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not
@@ -66,41 +65,6 @@ public:
 private:
   unsigned int before_;
 #endif
-};
-
-/// A plane and beam in double, before they are reduced to a block's own coordinates.
-struct Camera
-{
-  Eigen::Vector3d origin, a, b, n, dualA, dualB;
-  double area, variance;
-
-  Camera(const SlicePlane& plane, const Beam& beam)
-      : origin(plane.origin),
-        a(plane.columnStep),
-        b(plane.rowStep),
-        n(plane.Normal()),
-        dualA(plane.WorldToSlice().row(0)),
-        dualB(plane.WorldToSlice().row(1)),
-        area(plane.columnStep.cross(plane.rowStep).norm()),
-        variance(beam.elevationSigma * beam.elevationSigma)
-  {
-  }
-};
-
-/// Where a block is and how far it reaches, for the tests that spare looking into it.
-struct BlockPlace
-{
-  Eigen::Vector3d centre;        // origin of the block's coordinates, mm
-  Eigen::Vector3d middle, half;  // box of its means, mm
-  double variance;               // largest s^2, mm^2
-  double logMagnitude;           // ln of the largest |r|
-  int count;
-};
-
-/// Half-open ranges of pixels.
-struct PixelBox
-{
-  std::int64_t columnBegin, columnEnd, rowBegin, rowEnd;
 };
 
 /// How many Gaussians may overlap, by tiles of an image. Adding is safe from several threads; sums of whole
@@ -166,7 +130,7 @@ public:
       throw Error("CPU engine: " + std::to_string(field.Size()) + " Gaussians are more than 2^32 - 1.");
     }
     std::vector<std::uint32_t> order = MortonOrder(field.means);
-    const std::size_t blocks = (field.Size() + kBlock - 1) / kBlock;
+    const std::size_t blocks = NumberOfBlocks(field.Size());
     InheritAdam(order, blocks, parents);
     order_ = std::move(order);
     beam_ = field.beam;
@@ -191,19 +155,8 @@ public:
     tbb::parallel_for(std::size_t(0), order_.size(),
                       [&](std::size_t slot)
                       {
-                        const GaussianBlock<T>& g = blocks_[slot / kBlock];
-                        const std::size_t k = slot % kBlock, i = order_[slot];
-                        field.means[i] = places_[slot / kBlock].centre +
-                                         Eigen::Vector3d(g.mean[0][k], g.mean[1][k], g.mean[2][k]);
-                        for (int axis = 0; axis < 3; ++axis)
-                        {
-                          field.scales[i][axis] = std::exp(static_cast<double>(g.logScale[axis][k]));
-                        }
-                        for (int part = 0; part < 4; ++part)
-                        {
-                          field.rotations[i][part] = g.rotation[part][k];
-                        }
-                        field.reflectivities[i] = g.reflectivity[k];
+                        UnpackGaussian(blocks_[slot / kBlock], slot % kBlock, places_[slot / kBlock],
+                                       order_[slot], field);
                       });
     return field;
   }
@@ -222,8 +175,8 @@ public:
       throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " +
                   std::to_string(plane.height) + " pixels is larger than 16777216 along a side.");
     }
-    const std::vector<Camera> cameras{Camera(plane, beam_)};
-    FindVisible(cameras, plane.width, plane.height, window, normalised_);
+    const std::vector<Camera> cameras{CameraOf(plane, beam_)};
+    FindVisible(cameras, plane.width, plane.height, window, normalised_, false);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
     ForBands(1, window.rows,
              [&](int, int begin, int end)
@@ -388,10 +341,10 @@ public:
             done += static_cast<double>(batch.size());
             if (progress && !progress(done / steps))
             {
-              return std::vector<T>();
+              return std::optional<std::vector<T>>();
             }
           }
-          return out;
+          return std::make_optional(std::move(out));
         });
     for (std::size_t slot = 0; slot < order_.size(); ++slot)
     {
@@ -526,47 +479,12 @@ private:
 
   void FillBlock(const GaussianField& field, std::size_t b)
   {
-    BlockPlace& place = places_[b];
-    const std::size_t first = b * kBlock;
-    place.count = static_cast<int>(std::min<std::size_t>(kBlock, order_.size() - first));
-    Eigen::Vector3d low = field.means[order_[first]], high = low;
-    for (int k = 1; k < place.count; ++k)
-    {
-      low = low.cwiseMin(field.means[order_[first + k]]);
-      high = high.cwiseMax(field.means[order_[first + k]]);
-    }
-    place.centre = low + 0.5 * (high - low);
-    Pack(field, first, place, blocks_[b]);
+    places_[b] = PlaceOf(field, order_, b);
+    PackBlock(field, order_, b, places_[b], blocks_[b]);
     Measure(b);
     if (sharp_[b])
     {
-      Pack(field, first, place, *sharp_[b]);  // what float has lost
-    }
-  }
-
-  template <class U>
-  void Pack(const GaussianField& field, std::size_t first, const BlockPlace& place,
-            GaussianBlock<U>& block) const
-  {
-    for (int k = 0; k < place.count; ++k)
-    {
-      const std::size_t i = order_[first + k];
-      const Eigen::Vector4d q = field.rotations[i].stableNormalized();
-      for (int axis = 0; axis < 3; ++axis)
-      {
-        block.mean[axis][k] = static_cast<U>(field.means[i][axis] - place.centre[axis]);
-        block.logScale[axis][k] =
-            static_cast<U>(std::log(std::clamp(field.scales[i][axis], kSmallestScale, kLargestScale)));
-      }
-      for (int part = 0; part < 4; ++part)
-      {
-        block.rotation[part][k] = static_cast<U>(q[part]);
-      }
-      block.reflectivity[k] = static_cast<U>(field.reflectivities[i]);
-    }
-    for (int k = place.count; k < kBlock; ++k)
-    {
-      block.rotation[0][k] = U(1);  // a sound Gaussian of no reflectivity
+      PackBlock(field, order_, b, places_[b], *sharp_[b]);  // what float has lost
     }
   }
 
@@ -575,12 +493,15 @@ private:
   {
     BlockPlace& place = places_[b];
     const BlockBounds<T> bounds = kernels_.boundsOf(blocks_[b], place.count);
-    for (int axis = 0; axis < 3; ++axis)
+    const auto range = [&](int axis, double centre, double& middle, double& half)
     {
       const double low = bounds.low[axis], high = bounds.high[axis];
-      place.middle[axis] = place.centre[axis] + 0.5 * (low + high);
-      place.half[axis] = 0.5 * (high - low);
-    }
+      middle = centre + 0.5 * (low + high);
+      half = 0.5 * (high - low);
+    };
+    range(0, place.centre.x, place.middle.x, place.half.x);
+    range(1, place.centre.y, place.middle.y, place.half.y);
+    range(2, place.centre.z, place.middle.z, place.half.z);
     place.variance = std::exp(2.0 * bounds.logScale);
     place.logMagnitude = std::log(static_cast<double>(bounds.magnitude));  // of 0: -infinity, never seen
     if (sizeof(T) == sizeof(double) || !(bounds.logAspect > std::log(kSharp)))
@@ -621,16 +542,20 @@ private:
                       [&](std::size_t g)
                       {
                         BlockPlace group = places_[g * kGroup];
-                        Eigen::Vector3d low = group.middle - group.half, high = group.middle + group.half;
+                        Vector3<double> low = MultiplyAdd(-1.0, group.half, group.middle);
+                        Vector3<double> high = MultiplyAdd(1.0, group.half, group.middle);
                         for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
                         {
-                          low = low.cwiseMin(places_[b].middle - places_[b].half);
-                          high = high.cwiseMax(places_[b].middle + places_[b].half);
-                          group.variance = std::max(group.variance, places_[b].variance);
-                          group.logMagnitude = std::max(group.logMagnitude, places_[b].logMagnitude);
+                          const BlockPlace& place = places_[b];
+                          const Vector3<double> from = MultiplyAdd(-1.0, place.half, place.middle);
+                          const Vector3<double> to = MultiplyAdd(1.0, place.half, place.middle);
+                          low = {min(low.x, from.x), min(low.y, from.y), min(low.z, from.z)};
+                          high = {max(high.x, to.x), max(high.y, to.y), max(high.z, to.z)};
+                          group.variance = max(group.variance, place.variance);
+                          group.logMagnitude = max(group.logMagnitude, place.logMagnitude);
                         }
-                        group.half = 0.5 * (high - low);
-                        group.middle = low + group.half;
+                        group.half = Scaled(0.5, MultiplyAdd(-1.0, low, high));
+                        group.middle = MultiplyAdd(1.0, group.half, low);
                         groups_[g] = group;
                       });
   }
@@ -646,31 +571,21 @@ private:
       guarded_ = 0;
       return;
     }
-    if (parents->size() != order.size())
-    {
-      throw Error("Engine: " + std::to_string(parents->size()) + " parents for " +
-                  std::to_string(order.size()) + " Gaussians.");
-    }
+    const std::vector<std::int64_t> slots = InheritedSlots(order_, order, *parents);
     if (adam_.empty())
     {
       return;
     }
-    std::vector<std::uint32_t> slotOf(order_.size());
-    for (std::size_t slot = 0; slot < order_.size(); ++slot)
-    {
-      slotOf[order_[slot]] = static_cast<std::uint32_t>(slot);
-    }
     std::vector<AdamBlock<T>> adam(blocks, AdamBlock<T>{});
-    for (std::size_t slot = 0; slot < order.size(); ++slot)
+    for (std::size_t slot = 0; slot < slots.size(); ++slot)
     {
-      const int parent = (*parents)[order[slot]];
-      if (parent < 0 || static_cast<std::size_t>(parent) >= slotOf.size())
+      if (slots[slot] < 0)
       {
         continue;
       }
-      const AdamBlock<T>& from = adam_[slotOf[parent] / kBlock];
+      const AdamBlock<T>& from = adam_[slots[slot] / kBlock];
       AdamBlock<T>& to = adam[slot / kBlock];
-      const std::size_t i = slotOf[parent] % kBlock, k = slot % kBlock;
+      const std::size_t i = slots[slot] % kBlock, k = slot % kBlock;
       for (int p = 0; p < kParametersPerGaussian; ++p)
       {
         to.first[p][k] = from.first[p][i];
@@ -694,75 +609,15 @@ private:
   // ---- What is seen
   // ----------------------------------------------------------------------------------------------
 
-  /// Whether a block can reach `tolerance` (given as its logarithm) on the plane, in which pixels, and how
-  /// far (squared, mm^2) its Gaussians may be from the plane. The region where magnitude * w >= tolerance is
-  /// the slice of an ellipsoid k times the Gaussian's, thickened by the beam along the normal: it stays
-  /// within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across.
-  struct Reach
+  static PixelBox PixelsOf(const Window& window)
   {
-    PixelBox box{0, 0, 0, 0};
-    double slab = 0;
-  };
-  static bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude, double logTolerance,
-                      Reach* reach)
-  {
-    constexpr double kEverything = sizeof(T) == 4 ? 180 : 1480;
-    const double cut = std::min(2 * (logMagnitude - logTolerance), kEverything) * 1.002;
-    if (!(cut > 0))
-    {
-      return false;
-    }
-    reach->slab = cut * (place.variance + camera.variance);
-    const Eigen::Vector3d offset = place.middle - camera.origin;
-    const double across = camera.n.cwiseAbs().dot(place.half) + std::sqrt(reach->slab);
-    if (!(std::abs(camera.n.dot(offset)) <= across))
-    {
-      return false;
-    }
-    const double along = std::sqrt(cut * place.variance);
-    const auto range = [&](const Eigen::Vector3d& dual, std::int64_t& begin, std::int64_t& end)
-    {
-      const double middle = dual.dot(offset), half = dual.cwiseAbs().dot(place.half) + along * dual.norm();
-      begin = static_cast<std::int64_t>(std::ceil(std::clamp(middle - half, -1e15, 1e15)));
-      end = static_cast<std::int64_t>(std::floor(std::clamp(middle + half, -1e15, 1e15))) + 1;
-    };
-    range(camera.dualA, reach->box.columnBegin, reach->box.columnEnd);
-    range(camera.dualB, reach->box.rowBegin, reach->box.rowEnd);
-    return true;
-  }
-
-  static bool Overlap(const PixelBox& box, const Window& window)
-  {
-    return box.columnEnd > window.firstColumn && box.columnBegin < window.firstColumn + window.columns &&
-           box.rowEnd > window.firstRow && box.rowBegin < window.firstRow + window.rows;
-  }
-
-  /// The view in the block's coordinates, relative to the pixel nearest to the block's centre.
-  template <class U>
-  static View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column,
-                           std::int32_t& row)
-  {
-    const Eigen::Vector3d centre = place.centre - camera.origin;
-    constexpr double kFar = kLargestImage / 4;
-    const double u = std::round(std::clamp(camera.dualA.dot(centre), -kFar, kFar));
-    const double v = std::round(std::clamp(camera.dualB.dot(centre), -kFar, kFar));
-    column = static_cast<std::int32_t>(u);
-    row = static_cast<std::int32_t>(v);
-    View<U> view;
-    view.origin = ToVector3<U>(u * camera.a + v * camera.b - centre);
-    view.a = ToVector3<U>(camera.a);
-    view.b = ToVector3<U>(camera.b);
-    view.n = ToVector3<U>(camera.n);
-    view.dualA = ToVector3<U>(camera.dualA);
-    view.dualB = ToVector3<U>(camera.dualB);
-    view.area = static_cast<U>(camera.area);
-    view.elevationVariance = static_cast<U>(camera.variance);
-    return view;
+    return {window.firstColumn, window.firstColumn + window.columns, window.firstRow,
+            window.firstRow + window.rows};
   }
 
   /// Projects a block, in double if it is sharp. Returns how many splats were found.
   int Project(std::size_t b, const Camera& camera, const Window& window, double slab, double tolerance,
-              double commonMagnitude, SplatBuffer<T>& found) const
+              double commonMagnitude, double leastMagnitude, SplatBuffer<T>& found) const
   {
     const BlockPlace& place = places_[b];
     const auto task = [&](auto number)
@@ -777,6 +632,7 @@ private:
       out.slab = static_cast<U>(std::min(slab, 1e30));
       out.tolerance = static_cast<U>(tolerance);
       out.commonMagnitude = static_cast<U>(commonMagnitude);
+      out.leastMagnitude = static_cast<U>(leastMagnitude);
       out.direct = accuracy_.direct;
       out.lowestExponent = kLowestExponent<T>;
       return out;
@@ -796,7 +652,7 @@ private:
 
   /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height
   /// images. With `alike`, footprints are cut as if every |r| were the field's mean
-  /// (with normalised weights: such that w ends at the tolerance).
+  /// (with normalised weights: such that w ends at the tolerance). With `alive`, none is too dark to be seen.
   ///
   /// Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at most the
   /// tolerance. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half
@@ -804,15 +660,18 @@ private:
   /// counted, with their block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n
   /// overlap.
   void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window,
-                   bool alike)
+                   bool alike, bool alive)
   {
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
     const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
     const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
     const double logFloor = std::log(floor);
     const double common = normalised_ ? 1 / transfer_.gamma : alike ? MeanMagnitude() : 0.0;
-    const double logCommon = std::log(common);
-    const Window whole{0, 0, width, height};
+    const double least = alive ? LeastMagnitude(tolerance) : 0.0;
+    const double logCommon = std::log(common), logLeast = std::log(least);
+    const auto magnitudeOf = [=](const BlockPlace& place)
+    { return alike ? logCommon : std::max(place.logMagnitude, logLeast); };
+    const PixelBox whole{0, width, 0, height};
     views_ = cameras.size();
     std::vector<TileCounts> overlaps;
     for (std::size_t f = 0; f < (shared ? cameras.size() : 0); ++f)
@@ -825,11 +684,11 @@ private:
     const auto lookInto = [&](std::size_t b)
     {
       const BlockPlace& place = places_[b];
-      const double logMagnitude = alike ? logCommon : place.logMagnitude;
+      const double logMagnitude = magnitudeOf(place);
       for (std::size_t f = 0; f < cameras.size() && (shared || !reached[b]); ++f)
       {
         Reach reach;
-        if (!Reaches(place, cameras[f], logMagnitude, logFloor, &reach) || !Overlap(reach.box, whole))
+        if (!Reaches<T>(place, cameras[f], logMagnitude, logFloor, reach) || !Overlap(reach.box, whole))
         {
           continue;
         }
@@ -846,11 +705,11 @@ private:
     tbb::parallel_for(std::size_t(0), groups_.size(),
                       [&](std::size_t g)
                       {
-                        const double logMagnitude = alike ? logCommon : groups_[g].logMagnitude;
+                        const double logMagnitude = magnitudeOf(groups_[g]);
                         Reach reach;
                         if (std::none_of(cameras.begin(), cameras.end(),
                                          [&](const Camera& camera) {
-                                           return Reaches(groups_[g], camera, logMagnitude, logFloor, &reach);
+                                           return Reaches<T>(groups_[g], camera, logMagnitude, logFloor, reach);
                                          }))
                         {
                           return;
@@ -886,7 +745,7 @@ private:
           {
             const std::size_t b = seenBlocks_[slot];
             const BlockPlace& place = places_[b];
-            const double logMagnitude = alike ? logCommon : place.logMagnitude;
+            const double logMagnitude = magnitudeOf(place);
             Reach reach;
             double share = tolerance;
             if (shared)
@@ -894,7 +753,7 @@ private:
               std::uint32_t most = 1;
               for (std::size_t f = 0; f < cameras.size(); ++f)
               {
-                if (Reaches(place, cameras[f], logMagnitude, logFloor, &reach))
+                if (Reaches<T>(place, cameras[f], logMagnitude, logFloor, reach))
                 {
                   most = std::max(most, overlaps[f].Most(reach.box));
                 }
@@ -907,11 +766,11 @@ private:
             {
               Seen& list = seen_[slot * cameras.size() + f];
               list = {0, 0, 0, 0};
-              if (!Reaches(place, cameras[f], logMagnitude, logShare, &reach) || !Overlap(reach.box, window))
+              if (!Reaches<T>(place, cameras[f], logMagnitude, logShare, reach) || !Overlap(reach.box, PixelsOf(window)))
               {
                 continue;
               }
-              list.count = Project(b, cameras[f], window, reach.slab, share, common, found);
+              list.count = Project(b, cameras[f], window, reach.slab, share, common, least, found);
               if (list.count == 0)
               {
                 continue;
@@ -979,10 +838,10 @@ private:
     cameras_.clear();
     for (int frame : frames)
     {
-      cameras_.emplace_back(sweep_->Plane(frame), beam_);
+      cameras_.push_back(CameraOf(sweep_->Plane(frame), beam_));
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr || normalised_);
+    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr || normalised_, true);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on

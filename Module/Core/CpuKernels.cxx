@@ -68,7 +68,8 @@ HWY_INLINE Lanes<T> Select(M condition, Lanes<T> a, Lanes<T> b)
 
 #include "Loss-inl.h"
 #include "Splat-inl.h"
-// Uses the types above.
+// Use the types above.
+#include "Footprint-inl.h"
 #include "Optimizer-inl.h"
 
 /// One number in every lane.
@@ -133,20 +134,6 @@ static HWY_INLINE hn::Vec<D> BoundedExpm1(D d, hn::Vec<D> x)
     const auto q = SplitExp(d, x, power);
     return hn::MulAdd(power, q, hn::Sub(power, hn::Set(d, 1.0f)));
   }
-}
-
-/// k^2, the squared number of standard deviations within which magnitude * w can reach the tolerance: 2
-/// ln(magnitude / tolerance), 0 when it never does. Without a tolerance everything counts until T underflows.
-template <class T>
-static HWY_INLINE Lanes<T> CutFor(Lanes<T> magnitude, T tolerance)
-{
-  const T everything = sizeof(T) == 4 ? T(180) : T(1480);
-  if (!(tolerance > 0))
-  {
-    return Select(magnitude > Lanes<T>(T(0)), Lanes<T>(everything), Lanes<T>(T(0)));
-  }
-  const Lanes<T> cut = Lanes<T>(T(2)) * log(max(magnitude * Lanes<T>(T(1) / tolerance), Lanes<T>(T(1))));
-  return min(cut, Lanes<T>(everything));
 }
 
 // ---------------------------------------------------------------------------------------------------------------
@@ -234,7 +221,8 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
       continue;
     }
     const L magnitude =
-        task.commonMagnitude > 0 ? L(task.commonMagnitude) : abs(L::Load(block.reflectivity + first));
+        task.commonMagnitude > 0 ? L(task.commonMagnitude)
+                                 : max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
     inside = hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude,
                                     task.tolerance));
     for (int row = 0; row < kRows; ++row)
@@ -257,63 +245,52 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     const Gaussian<L> gaussian{
         {at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     const Splat<L> s = Project(gaussian, view).splat;
-    const L magnitude = task.commonMagnitude > 0 ? L(task.commonMagnitude) : abs(gaussian.reflectivity);
-    const L cut = CutFor(magnitude * s.amplitude, task.tolerance);
-    const L logAmplitude = log(s.amplitude);
-
-    // The box of the ellipse |U (p - m)|^2 <= cut, relative to the view's origin pixel.
-    const L k = sqrt(cut);
-    const L curvature = s.u12 * s.u12 + s.u22 * s.u22, rootCurvature = sqrt(curvature);
-    const L inverse = k / (s.u11 * s.u22);
-    const L halfU = inverse * rootCurvature, halfV = inverse * s.u11;
-    const auto bounded = [](L value) { return min(max(value, L(T(-1e9))), L(T(1e9))); };
-    const L column = bounded(floor(s.mu + L(T(0.5)))), row = bounded(ceil(s.mv));
-    const L mu = s.mu - column, mv = s.mv - row;
-    // As many rows on either side of the centre: recurrences run both ways at once.
-    const L half = bounded(max(floor(mv + halfV) + one, floor(halfV - mv)));
+    const L magnitude = task.commonMagnitude > 0
+                            ? L(task.commonMagnitude)
+                            : max(abs(gaussian.reflectivity), L(task.leastMagnitude));
+    const Footprint<L> f = FootprintOf(s, magnitude, task.tolerance, task.lowestExponent);
     const auto clip = [](L value, L low, L high) { return min(max(value, low), high); };
-    const L columnBegin = clip(originColumn + bounded(ceil(s.mu - halfU)), firstColumn, lastColumn);
-    const L columnEnd = clip(originColumn + bounded(floor(s.mu + halfU) + one), firstColumn, lastColumn);
-    const L rowBegin = clip(originRow + (row - half), firstRow, lastRow);
-    const L rowEnd = clip(originRow + (row + half), firstRow, lastRow);
+    const L columnBegin = clip(originColumn + f.columnBegin, firstColumn, lastColumn);
+    const L columnEnd = clip(originColumn + f.columnEnd, firstColumn, lastColumn);
+    const L rowBegin = clip(originRow + (f.row - f.half), firstRow, lastRow);
+    const L rowEnd = clip(originRow + (f.row + f.half), firstRow, lastRow);
 
     // Recurrence (see there): how far it may run. Along a column ln w is a parabola of that curvature, c =
     // u12^2 + u22^2; a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n
     // rows away, ln w there is at least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow. Nor
     // may the ratio of two rows: where w does not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln
     // ratio| <= E sqrt(c) + c / 2, which stays below -lowest for c <= (0.4 E)^2.
-    const L margin = sqrt(max(L(T(2)) * (logAmplitude - lowest), zero)) - k;
     L reach = zero;
     for (const T rows : {T(kReachInside / 4), T(kReachInside / 2), T(kReachInside)})
     {
-      reach = Select(margin >= min(L(rows), half) * rootCurvature, L(rows), reach);
+      reach = Select(f.margin >= min(L(rows), f.half) * f.rootCurvature, L(rows), reach);
     }
-    const auto whole = hn::And(half <= L(T(kLongestReach)), margin >= half * rootCurvature);
+    const auto whole = hn::And(f.half <= L(T(kLongestReach)), f.margin >= f.half * f.rootCurvature);
     reach = Select(whole, L(T(kLongestReach)), reach);
-    reach = Select(curvature <= L(task.direct ? T(-1) : T(-0.32) * task.lowestExponent), reach, zero);
+    reach = Select(f.curvature <= L(task.direct ? T(-1) : T(-0.32) * task.lowestExponent), reach, zero);
 
     auto visible = hn::And(columnBegin < columnEnd, rowBegin < rowEnd);
-    visible = hn::And(visible, hn::And(cut > zero, logAmplitude > lowest));
+    visible = hn::And(visible, hn::And(f.cut > zero, f.logAmplitude > lowest));
     visible = hn::And(visible, hn::FirstN(d, static_cast<std::size_t>(found - first)));
     const L fields[kSplatFields] = {s.u11,
                                     s.u12,
                                     s.u22,
-                                    mu,
-                                    mv,
-                                    logAmplitude,
-                                    cut,
-                                    exp(max(-curvature, lowest)),
-                                    originColumn + column,
-                                    originRow + row,
+                                    f.mu,
+                                    f.mv,
+                                    f.logAmplitude,
+                                    f.cut,
+                                    exp(max(-f.curvature, lowest)),
+                                    originColumn + f.column,
+                                    originRow + f.row,
                                     columnBegin,
                                     columnEnd,
                                     rowBegin,
                                     rowEnd,
                                     reach,
                                     at(kRows)};
-    for (int f = 0; f < kSplatFields; ++f)
+    for (int k = 0; k < kSplatFields; ++k)
     {
-      hn::CompressStore(fields[f].v, visible, d, out.fields[f] + kept);
+      hn::CompressStore(fields[k].v, visible, d, out.fields[k] + kept);
     }
     kept += static_cast<int>(hn::CountTrue(d, visible));
   }

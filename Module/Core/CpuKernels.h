@@ -5,50 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "Optimizer.h"
+#include "GaussianBlock.h"
 #include "PixelLoss.h"
 #include "Splat.h"
 
 namespace bigus
 {
-
-/// Gaussians that are neighbours in space, projected and updated together: structure of arrays, in lanes.
-/// Enough for any SIMD width, few enough that a plane does not touch many in vain.
-constexpr int kBlock = 128;
-
-/// Positions are relative to the block's own centre, so float keeps them exact to a ten-millionth of the
-/// block.
-template <class T>
-struct alignas(64) GaussianBlock
-{
-  T mean[3][kBlock];      // mm
-  T logScale[3][kBlock];  // ln mm
-  T rotation[4][kBlock];  // unit quaternion w, x, y, z
-  T reflectivity[kBlock];
-};
-
-template <class T>
-struct alignas(64) AdamBlock
-{
-  T first[kParametersPerGaussian][kBlock], second[kParametersPerGaussian][kBlock];
-  T updates[kBlock];
-};
-
-/// A gradient as AdamState orders it: mean, log-scale, rotation, reflectivity; and how many frames
-/// contributed.
-template <class T>
-struct alignas(64) GradientBlock
-{
-  T values[kParametersPerGaussian][kBlock];
-  T visits[kBlock];
-};
-
-/// Sums of Engine::Scores.
-template <class T>
-struct alignas(64) ScoreBlock
-{
-  T error[kBlock], descent[3][kBlock], visits[kBlock];
-};
 
 /// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an
 /// aspect ratio.
@@ -99,9 +61,6 @@ struct alignas(64) SplatBuffer
   }
 };
 
-/// No image has more rows or columns than this: T must count them.
-constexpr int kLargestImage = 1 << 24;
-
 /// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column -
 /// firstColumn]. Each row is followed by kRowPadding numbers that kernels may read and write.
 constexpr int kRowPadding = 16;  // a vector less one
@@ -116,10 +75,6 @@ struct PixelRows
   T* Row(int row) const { return data + static_cast<std::ptrdiff_t>(row - firstRow) * stride - firstColumn; }
 };
 
-/// exp of it is a little above T's smallest normal number: footprints keep clear of denormals.
-template <class T>
-constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
-
 /// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so
 /// that sums of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends
 /// it where T would underflow.
@@ -132,6 +87,7 @@ struct ProjectionTask
   T slab;                                        // mm^2: no Gaussian of the block with mu_z^2 beyond matters
   T tolerance;
   T commonMagnitude;                      // 0: every Gaussian's own |r|
+  T leastMagnitude;                       // or at least this
   bool direct;                            // no recurrences
   T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
 };

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "GaussianField.h"
@@ -76,13 +77,17 @@ class Engine
 public:
   virtual ~Engine() = default;
 
-  /// "auto" (the fastest present), "cpu" (float), "cpu-double" (the same in double, for tolerances below
-  /// 1e-5), "reference", or a name added by a plug-in. Throws Error listing the names.
+  /// "auto" (the fastest present), "cuda" (float, where there is a CUDA device), "cpu" (float), "cpu-double"
+  /// (the same in double, for tolerances below 1e-5), "reference", or a name registered. Throws Error that lists
+  /// the names, or says why the engine cannot be used here.
   static std::unique_ptr<Engine> Create(const std::string& name = "auto");
   /// Makes an engine available by name; `preferred` puts it first for "auto".
   using Factory = std::function<std::unique_ptr<Engine>()>;
   static void Register(const std::string& name, Factory factory, bool preferred);
+  /// The engines that can be used here, the preferred first.
   static std::vector<std::string> Names();
+  /// Engines known by name that cannot be used here, and why: "no CUDA driver is installed".
+  static std::vector<std::pair<std::string, std::string>> Missing();
 
   /// Name of what computes, for reports: "CPU (AVX2, 2 threads)".
   virtual std::string Device() const = 0;
@@ -115,6 +120,11 @@ public:
   {
     Render(plane, {0, 0, plane.width, plane.height}, output, image, coverage);
   }
+
+  /// Whole planes of one size, which a device renders faster together than one by one: `images` gets
+  /// [planes][height][width] floats, and `coverage`, if not null, as many. Throws Error when sizes differ.
+  virtual void RenderStack(const std::vector<SlicePlane>& planes, ViewOutput output, float* images,
+                           float* coverage = nullptr);
 
   /// Uploads the frames to train on. Masked pixels are trained as they are (black) unless ignoreMasked: then
   /// they have no part in any loss.

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -204,55 +205,83 @@ inline void CheckWindow(const SlicePlane& plane, int firstColumn, int firstRow, 
   }
 }
 
+inline void CheckStack(const std::vector<SlicePlane>& planes)
+{
+  for (const SlicePlane& plane : planes)
+  {
+    if (plane.width != planes[0].width || plane.height != planes[0].height)
+    {
+      throw Error("Engine: a stack of planes of " + std::to_string(planes[0].width) + " x " +
+                  std::to_string(planes[0].height) + " and of " + std::to_string(plane.width) + " x " +
+                  std::to_string(plane.height) + " pixels; render planes of one size together.");
+    }
+  }
+}
+
+// What ConjugateGradients asks of vectors, here those of the host. Sums are serial: the same order for any number
+// of threads.
+
+template <class Real>
+double Dot(const std::vector<Real>& p, const std::vector<Real>& q)
+{
+  double sum = 0;
+  for (std::size_t i = 0; i < p.size(); ++i)
+  {
+    sum += static_cast<double>(p[i]) * q[i];
+  }
+  return sum;
+}
+
+/// y <- y + alpha x
+template <class Real>
+void AddScaled(std::vector<Real>& y, double alpha, const std::vector<Real>& x)
+{
+  for (std::size_t i = 0; i < y.size(); ++i)
+  {
+    y[i] += static_cast<Real>(alpha * x[i]);
+  }
+}
+
+/// y <- x + beta y
+template <class Real>
+void ScaleAndAdd(std::vector<Real>& y, double beta, const std::vector<Real>& x)
+{
+  for (std::size_t i = 0; i < y.size(); ++i)
+  {
+    y[i] = x[i] + static_cast<Real>(beta * y[i]);
+  }
+}
+
 /// Reduces the squared weighted residual sum_p (1 - I_gt)^2 (S - S_gt)^2 by conjugate gradients on its normal
 /// equations. `product(x, target)` returns sum_p omega w_i (sum_j w_j x_j - [target] S_gt) for every i: a
-/// forward and a zeroth-moment backward pass; an empty result means: stop here. Returns |gradient| at the end
-/// over |gradient| at the start.
-template <class Real, class Product>
-double ConjugateGradients(std::vector<Real>& x, int iterations, Product&& product)
+/// forward and a zeroth-moment backward pass, as std::optional; nothing means: stop here. Returns |gradient| at
+/// the end over |gradient| at the start.
+template <class Vector, class Product>
+double ConjugateGradients(Vector& x, int iterations, Product&& product)
 {
-  const auto dot = [](const std::vector<Real>& p, const std::vector<Real>& q)
-  {
-    double sum = 0;  // serial: the same order for any number of threads
-    for (std::size_t i = 0; i < p.size(); ++i)
-    {
-      sum += static_cast<double>(p[i]) * q[i];
-    }
-    return sum;
-  };
-  std::vector<Real> residual = product(x, true);
-  if (residual.empty())
+  const std::optional<Vector> gradient = product(x, true);
+  if (!gradient)
   {
     return 1.0;
   }
-  for (Real& value : residual)
-  {
-    value = -value;
-  }
-  std::vector<Real> direction = residual;
-  const double start = dot(residual, residual);
+  // The gradient g falls by alpha A d where x falls by alpha d; d are the directions, made of gradients.
+  Vector g = *gradient, direction = *gradient;
+  const double start = Dot(g, g);
   double now = start;
   for (int iteration = 0; iteration < iterations && now > 0; ++iteration)
   {
-    const std::vector<Real> image = product(direction, false);
-    const double curvature = image.empty() ? 0.0 : dot(direction, image);
+    const std::optional<Vector> image = product(direction, false);
+    const double curvature = image ? Dot(direction, *image) : 0.0;
     if (!(curvature > 0))
     {
       break;
     }
     const double alpha = now / curvature;
-    for (std::size_t i = 0; i < x.size(); ++i)
-    {
-      x[i] += static_cast<Real>(alpha * direction[i]);
-      residual[i] -= static_cast<Real>(alpha * image[i]);
-    }
-    const double next = dot(residual, residual);
-    const double beta = next / now;
+    AddScaled(x, -alpha, direction);
+    AddScaled(g, -alpha, *image);
+    const double next = Dot(g, g);
+    ScaleAndAdd(direction, next / now, g);
     now = next;
-    for (std::size_t i = 0; i < x.size(); ++i)
-    {
-      direction[i] = residual[i] + static_cast<Real>(beta * direction[i]);
-    }
   }
   return start > 0 ? std::sqrt(now / start) : 0.0;
 }

@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "Error.h"
-#include "SsimWindow.h"
+#include "WindowLoss.h"
 
 namespace bigus
 {
@@ -43,11 +43,6 @@ double InOrder(const std::vector<Real>& parts)
 
 // ---- Windows
 // -----------------------------------------------------------------------------------------------------
-
-/// sigma is taken as sqrt(variance + this), so that it has a derivative where the image is constant. It is
-/// the variance of rounding to 8 bits, (1/255)^2 / 12: less contrast than that no 8-bit frame can show, and
-/// more is not changed by it.
-constexpr double kRoundingVariance = 1.0 / (255.0 * 255.0 * 12.0);
 
 constexpr int kMargin = ssimTaps - 1;  // so many fewer windows than pixels along an axis
 
@@ -89,14 +84,10 @@ struct WindowRow
   std::vector<Real> slope[3];  // dL/d means[0], [2] and [4]
 };
 
-/// With A1 = 2 mx my + c1, A2 = 2 cov + c2, B1 = mx^2 + my^2 + c1, B2 = var x + var y + c2:
-///   S = A1 A2 / (B1 B2),   dS/dmx = 2 my (A2 - A1) / (B1 B2) - 2 mx S (1 / B1 - 1 / B2),
-///   dS/dmxx = -S / B2,     dS/dmxy = 2 A1 / (B1 B2),
-/// where mxx and mxy, the means of x^2 and xy, are held while mx changes. Loss 1 - S.
-template <class Real>
-void AddDssim(Real weight, int count, WindowRow<Real>& row)
+/// term(weight, x, y, xx, yy, xy, loss) of every window of a row.
+template <class Real, class Term>
+void AddTerm(Real weight, int count, WindowRow<Real>& row, Term&& term)
 {
-  constexpr Real c1 = static_cast<Real>(ssimC1), c2 = static_cast<Real>(ssimC2);
   const Real *x = row.means[0].data(), *y = row.means[1].data(), *xx = row.means[2].data(),
              *yy = row.means[3].data(), *xy = row.means[4].data(), *share = row.share.data();
   Real* __restrict value = row.value.data();
@@ -105,37 +96,12 @@ void AddDssim(Real weight, int count, WindowRow<Real>& row)
   Real* __restrict r = row.slope[2].data();
   for (int i = 0; i < count; ++i)
   {
-    const Real a1 = 2 * x[i] * y[i] + c1, a2 = 2 * (xy[i] - x[i] * y[i]) + c2;
-    const Real b1 = x[i] * x[i] + y[i] * y[i] + c1;
-    const Real b2 = (xx[i] - x[i] * x[i]) + (yy[i] - y[i] * y[i]) + c2;
-    const Real inverse = 1 / (b1 * b2), ssim = a1 * a2 * inverse;
-    const Real w = weight * share[i];
-    value[i] += w * (1 - ssim);
-    p[i] -= w * 2 * (y[i] * (a2 - a1) - x[i] * ssim * (b2 - b1)) * inverse;
-    q[i] += w * ssim * b1 * inverse;
-    r[i] -= w * 2 * a1 * inverse;
-  }
-}
-
-/// Loss (sx - sy)^2 with s = sqrt(var + c): dL/dmxx = (sx - sy) / sx, dL/dmx = -2 mx dL/dmxx.
-template <class Real>
-void AddContrast(Real weight, int count, WindowRow<Real>& row)
-{
-  constexpr Real c = static_cast<Real>(kRoundingVariance);
-  const Real *x = row.means[0].data(), *y = row.means[1].data(), *xx = row.means[2].data(),
-             *yy = row.means[3].data(), *share = row.share.data();
-  Real* __restrict value = row.value.data();
-  Real* __restrict p = row.slope[0].data();
-  Real* __restrict q = row.slope[1].data();
-  for (int i = 0; i < count; ++i)
-  {
-    // Rounding can leave a variance below 0.
-    const Real sx = std::sqrt(std::max(xx[i] - x[i] * x[i], Real(0)) + c);
-    const Real sy = std::sqrt(std::max(yy[i] - y[i] * y[i], Real(0)) + c);
-    const Real w = weight * share[i], slope = w * (sx - sy) / sx;
-    value[i] += w * (sx - sy) * (sx - sy);
-    q[i] += slope;
-    p[i] -= 2 * x[i] * slope;
+    WindowLoss<Real> loss{value[i], p[i], q[i], r[i]};
+    term(weight * share[i], x[i], y[i], xx[i], yy[i], xy[i], loss);
+    value[i] = loss.value;
+    p[i] = loss.slopeX;
+    q[i] = loss.slopeXX;
+    r[i] = loss.slopeXY;
   }
 }
 
@@ -383,11 +349,15 @@ double ImageLoss::EvaluateWindows(const Loss& loss, double weight, const Real* i
                 }
                 if (loss.dssim > 0)
                 {
-                  AddDssim(static_cast<Real>(loss.dssim), static_cast<int>(across), row);
+                  AddTerm(static_cast<Real>(loss.dssim), static_cast<int>(across), row,
+                          [](Real w, Real x, Real y, Real xx, Real yy, Real xy, WindowLoss<Real>& out)
+                          { AddDssim(w, x, y, xx, yy, xy, out); });
                 }
                 if (loss.contrast > 0)
                 {
-                  AddContrast(static_cast<Real>(loss.contrast), static_cast<int>(across), row);
+                  AddTerm(static_cast<Real>(loss.contrast), static_cast<int>(across), row,
+                          [](Real w, Real x, Real y, Real xx, Real yy, Real, WindowLoss<Real>& out)
+                          { AddContrast(w, x, y, xx, yy, out); });
                 }
                 sums[y] = InOrder(row.value);
                 for (int k = 0; k < 3; ++k)

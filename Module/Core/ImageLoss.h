@@ -22,6 +22,10 @@ public:
   /// Throws Error when a term has no window to look at.
   void Check(const Loss& loss) const;
 
+  /// Which windows count, by their first pixel, [height - 10][width - 10]; empty: all. And how many do.
+  const std::vector<std::uint8_t>& Windows() const { return windows_; }
+  std::size_t CountedWindows() const { return countedWindows_; }
+
   /// Returns weight times the loss of one frame and adds weight * dL/dI to `derivative`. All images have rows
   /// `stride` numbers apart. Works on all threads; the bits do not depend on their number. Needs Check.
   template <class Real>

@@ -12,7 +12,7 @@ struct PixelLoss
 /// The loss l1 |error| + l2 error^2, error = I - truth, of a pixel of the given weight, and dL/dI. `others`
 /// is what the terms that look at whole images (ImageLoss.h) add to dL/dI; it enters the derivative only.
 template <class Real>
-inline PixelLoss<Real> EvaluateError(Real l1, Real l2, Real error, Real weight, Real others)
+BIGUS_FORMULA PixelLoss<Real> EvaluateError(Real l1, Real l2, Real error, Real weight, Real others)
 {
   using std::abs;
   const Real zero = Real(0);
@@ -28,7 +28,7 @@ inline PixelLoss<Real> EvaluateError(Real l1, Real l2, Real error, Real weight, 
 /// for ever. There we use the derivative at S = 0+, but only in the direction that raises S: a pixel that is
 /// rightly black stays untouched. For S > 0 the derivative is exact.
 template <class Real>
-inline PixelLoss<Real> EvaluateLoss(Real l1, Real l2, Real gamma, Real s, Real truth, Real weight,
+BIGUS_FORMULA PixelLoss<Real> EvaluateLoss(Real l1, Real l2, Real gamma, Real s, Real truth, Real weight,
                                     Real others)
 {
   using std::exp;

@@ -4,15 +4,10 @@
 
 #include <cmath>
 
+#include "Scalars.h"
+
 namespace bigus
 {
-
-/// condition ? a : b, a function so that SIMD vectors can have one too.
-template <class Real>
-inline Real Select(bool condition, Real a, Real b)
-{
-  return condition ? a : b;
-}
 
 #include "Loss-inl.h"
 

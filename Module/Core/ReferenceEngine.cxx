@@ -212,10 +212,10 @@ public:
                               { out[i] += GatherMoments(projections[i].splat, image).m0; });
             if (progress && !progress(++done / steps))
             {
-              return std::vector<double>();
+              return std::optional<std::vector<double>>();
             }
           }
-          return out;
+          return std::make_optional(std::move(out));
         });
     for (std::size_t i = 0; i < r.size(); ++i)
     {

@@ -1,4 +1,4 @@
-// The window and constants of SSIM (Wang et al. 2004), for the score and for the loss. Private to Core.
+// The window and constants of SSIM (Wang et al. 2004), for the score and for the loss. Private to Core and Cuda.
 #pragma once
 
 #include <array>

@@ -168,6 +168,10 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
               ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
 }
 
+/// Passes over the frames from which training counts as long: see Fit. On a volume of 64 slices, none gives .8 dB
+/// less after 2500 passes, and 100 .25 dB less after 125.
+constexpr double kSettled = 300;
+
 /// Where in training frames' gains and poses are found: once the field says more than one frame does, and
 /// again.
 constexpr std::array<double, 2> kCorrections = {0.3, 0.6};
@@ -407,7 +411,10 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
       targetSweep = Corrected(*engine, *sweep, frames, *targetSweep, options);
       engine->SetFrames(targetSweep, options.ignoreMasked);
     }
-    const double decay = std::pow(options.finalRate, fraction);
+    // What a step of Adam jitters by is in proportion to its rate, so that long training at full rate wears a field
+    // out. Beyond kSettled passes over the frames rates fall with the root of their number.
+    const double passes = static_cast<double>(iteration) * options.batch / static_cast<double>(targets.size());
+    const double decay = std::pow(options.finalRate, fraction) / std::sqrt(1 + passes / kSettled);
     lossSum += engine->TrainStep(
         batches.Next(), Blend(options, fraction),
         {rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay},

@@ -57,7 +57,7 @@ struct TrainerOptions
   double meanRate = 0.3;               ///< Adam step for means, pixels
   double shapeRate = 0.08;             ///< Adam step for log-scales and rotation (radian)
   double reflectivityRate = 0.15;      ///< Adam step for r, in units of mean |r|
-  double finalRate = 0.05;             ///< rates decay to this share
+  double finalRate = 0.05;             ///< rates decay to this share, and further in more than some 300 passes
   std::optional<int> solveIterations;  ///< conjugate-gradient steps on r at the start, 0 to 1000
   std::optional<double> minimumScale;  ///< mm; default 0.25 pixel
   std::optional<double> maximumScale;  ///< mm; default 48 pixels

@@ -345,6 +345,11 @@ class Info(CommandTest):
         names = [engine["name"] for engine in answer["engines"]]
         self.assertIn("cpu", names)
         self.assertIn("reference", names)
+        missing = {engine["name"]: engine["reason"] for engine in answer["missing"]}
+        self.assertTrue(("cuda" in names) != bool(missing.get("cuda")), answer)
+        if missing:
+            self.expect(BAD_INPUT, "slice", self.field, "--like", self.sweep, "--frame", "0", "--engine", "cuda",
+                        "-o", self.folder / "x.png", says=missing["cuda"])
 
     def test_truncated_pixels(self):
         data = self.sweep.read_bytes()

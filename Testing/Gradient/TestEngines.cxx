@@ -11,11 +11,15 @@
 
 #include "Core/Engine.h"
 #include "Core/Error.h"
+#include "Engines.h"
 #include "Gradient/RandomField.h"
 
 namespace
 {
 
+using bigus::test::EngineTest;
+using bigus::test::FastEngines;
+using bigus::test::NameOf;
 using bigus::test::Random;
 using bigus::test::RelativeError;
 
@@ -154,43 +158,44 @@ std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
   return flat;
 }
 
-/// With tolerance 0 every exponential is computed; with 1e-9 most footprints use the recurrence.
-class CpuGradientTest : public testing::TestWithParam<double>
+class FastEngine : public EngineTest
 {
 };
 
-TEST_P(CpuGradientTest, EqualsTheReference)
+/// With tolerance 0 most exponentials are computed; with 1e-9 most footprints use the recurrence.
+TEST_P(FastEngine, GradientEqualsTheReference)
 {
   const LargeProblem problem;
-  bigus::FieldGradient gradients[2];
-  double losses[2];
-  const char* names[2] = {"reference", "cpu"};
-  for (int e = 0; e < 2; ++e)
+  const auto reference = bigus::Engine::Create("reference");
+  for (const double tolerance : {0.0, 1e-9})
   {
-    const auto engine = bigus::Engine::Create(names[e]);
-    engine->SetAccuracy({GetParam(), true});
-    engine->SetFrames(problem.sweep, false);
-    engine->SetField(problem.field);
-    losses[e] = engine->Backpropagate({0, 1, 2, 3}, bigus::Loss::Parse("l2"));
-    gradients[e] = engine->GetGradient();
+    bigus::FieldGradient gradients[2];
+    double losses[2];
+    bigus::Engine* const engines[2] = {reference.get(), engine_.get()};
+    for (int e = 0; e < 2; ++e)
+    {
+      engines[e]->SetAccuracy({tolerance, true});
+      engines[e]->SetFrames(problem.sweep, false);
+      engines[e]->SetField(problem.field);
+      losses[e] = engines[e]->Backpropagate({0, 1, 2, 3}, bigus::Loss::Parse("l2"));
+      gradients[e] = engines[e]->GetGradient();
+    }
+    EXPECT_NEAR(losses[1], losses[0], 1e-5 * losses[0]);
+    const auto check =
+        [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
+    {
+      const double error = RelativeError(reference, value);
+      EXPECT_LT(error, 1e-5) << group;
+      std::cout << group << ": relative error " << error << '\n';
+    };
+    check(Flat(gradients[0].means), Flat(gradients[1].means), "mean");
+    check(Flat(gradients[0].logScales), Flat(gradients[1].logScales), "log-scale");
+    check(Flat(gradients[0].rotations), Flat(gradients[1].rotations), "rotation");
+    check(gradients[0].reflectivities, gradients[1].reflectivities, "reflectivity");
   }
-  EXPECT_NEAR(losses[1], losses[0], 1e-5 * losses[0]);
-  const auto check =
-      [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
-  {
-    const double error = RelativeError(reference, value);
-    EXPECT_LT(error, 1e-5) << group;
-    std::cout << group << ": relative error " << error << '\n';
-  };
-  check(Flat(gradients[0].means), Flat(gradients[1].means), "mean");
-  check(Flat(gradients[0].logScales), Flat(gradients[1].logScales), "log-scale");
-  check(Flat(gradients[0].rotations), Flat(gradients[1].rotations), "rotation");
-  check(gradients[0].reflectivities, gradients[1].reflectivities, "reflectivity");
 }
 
-INSTANTIATE_TEST_SUITE_P(Tolerances, CpuGradientTest, testing::Values(0.0, 1e-9));
-
-TEST(CpuEngine, DropsNoMoreThanTheTolerance)
+TEST_P(FastEngine, DropsNoMoreThanTheTolerance)
 {
   const LargeProblem problem;
   const bigus::SlicePlane plane = problem.sweep->Plane(0);
@@ -198,12 +203,11 @@ TEST(CpuEngine, DropsNoMoreThanTheTolerance)
   const auto reference = bigus::Engine::Create("reference");
   reference->SetField(problem.field);
   reference->Render(plane, bigus::ViewOutput::Intensity, expected.data());
-  const auto engine = bigus::Engine::Create("cpu");
-  engine->SetField(problem.field);
+  engine_->SetField(problem.field);
   for (double tolerance : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5})
   {
-    engine->SetAccuracy({tolerance});
-    engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
+    engine_->SetAccuracy({tolerance});
+    engine_->Render(plane, bigus::ViewOutput::Intensity, image.data());
     double worst = 0;
     for (std::size_t i = 0; i < image.size(); ++i)
     {
@@ -270,11 +274,11 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
 }
 
 /// Three training steps and a reflectivity solve, then all parameters as bytes.
-std::vector<double> TrainBriefly(int threads)
+std::vector<double> TrainBriefly(const std::string& name, int threads)
 {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const LargeProblem problem;
-  const auto engine = bigus::Engine::Create("cpu");
+  const auto engine = bigus::Engine::Create(name);
   engine->SetFrames(problem.sweep, false);
   engine->SetField(problem.field);
   engine->SolveReflectivities({0, 1, 2, 3}, 3);
@@ -294,25 +298,25 @@ std::vector<double> TrainBriefly(int threads)
   return all;
 }
 
-TEST(CpuEngine, BitsDoNotDependOnTheNumberOfThreads)
+TEST_P(FastEngine, BitsDoNotDependOnTheNumberOfThreads)
 {
-  const std::vector<double> one = TrainBriefly(1);
+  const std::vector<double> one = TrainBriefly(GetParam(), 1);
   for (int threads : {2, 5})
   {
-    const std::vector<double> many = TrainBriefly(threads);
+    const std::vector<double> many = TrainBriefly(GetParam(), threads);
     ASSERT_EQ(one.size(), many.size());
     EXPECT_EQ(0, std::memcmp(one.data(), many.data(), one.size() * sizeof(double))) << threads << " threads";
   }
 }
 
-TEST(CpuEngine, ATrainStepIsBackpropagateAndStep)
+TEST_P(FastEngine, ATrainStepIsBackpropagateAndStep)
 {
   const LargeProblem problem;
   const bigus::LearningRates rates{0.1, 0.05, 0.05, 0.02};
   std::vector<double> results[2];
   for (int fused = 0; fused < 2; ++fused)
   {
-    const auto engine = bigus::Engine::Create("cpu");
+    const auto engine = bigus::Engine::Create(GetParam());
     engine->SetFrames(problem.sweep, false);
     engine->SetField(problem.field);
     engine->ResetScores();
@@ -344,17 +348,16 @@ TEST(CpuEngine, ATrainStepIsBackpropagateAndStep)
   }
 }
 
-TEST(CpuEngine, AWindowHoldsTheBitsOfTheWhole)
+TEST_P(FastEngine, AWindowHoldsTheBitsOfTheWhole)
 {
   const LargeProblem problem;
   const bigus::SlicePlane plane = problem.sweep->Plane(1);
-  const auto engine = bigus::Engine::Create("cpu");
-  engine->SetField(problem.field);
+  engine_->SetField(problem.field);
   std::vector<float> whole(plane.NumberOfPixels());
-  engine->Render(plane, bigus::ViewOutput::Scattering, whole.data());
+  engine_->Render(plane, bigus::ViewOutput::Scattering, whole.data());
   const bigus::Engine::Window window{13, 29, 51, 37};
   std::vector<float> part(51 * 37);
-  engine->Render(plane, window, bigus::ViewOutput::Scattering, part.data(), nullptr);
+  engine_->Render(plane, window, bigus::ViewOutput::Scattering, part.data(), nullptr);
   for (int row = 0; row < window.rows; ++row)
   {
     for (int column = 0; column < window.columns; ++column)
@@ -362,9 +365,11 @@ TEST(CpuEngine, AWindowHoldsTheBitsOfTheWhole)
       ASSERT_EQ(part[row * 51 + column], whole[(row + 29) * 90 + column + 13]) << column << ", " << row;
     }
   }
-  EXPECT_THROW(engine->Render(plane, {80, 0, 20, 10}, bigus::ViewOutput::Scattering, part.data(), nullptr),
+  EXPECT_THROW(engine_->Render(plane, {80, 0, 20, 10}, bigus::ViewOutput::Scattering, part.data(), nullptr),
                bigus::Error);
 }
+
+INSTANTIATE_TEST_SUITE_P(Engines, FastEngine, testing::ValuesIn(FastEngines()), NameOf);
 
 TEST(Engine, SolvesForReflectivities)
 {

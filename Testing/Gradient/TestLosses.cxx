@@ -16,6 +16,7 @@
 #include "Core/EngineDetail.h"
 #include "Core/Error.h"
 #include "Core/TransferFunction.h"
+#include "Engines.h"
 #include "Gradient/RandomField.h"
 
 namespace
@@ -292,41 +293,45 @@ std::vector<double> Flat(const bigus::FieldGradient& gradient)
   return flat;
 }
 
-TEST(LossOfEngines, EqualsTheReference)
+class LossOfEngines : public bigus::test::EngineTest
+{
+};
+
+TEST_P(LossOfEngines, EqualsTheReference)
 {
   const LargeProblem problem;
+  const auto reference = Engine::Create("reference");
+  const double bound = bigus::test::IsDouble(GetParam()) ? 1e-6 : 3e-5;  // what the tolerance drops; rounding
   for (const char* text : kTerms)
   {
     for (const bool ignoreMasked : {false, true})
     {
-      std::vector<double> gradients[3];
-      double losses[3];
-      const char* names[3] = {"reference", "cpu", "cpu-double"};
-      const double bounds[3] = {0, 3e-5, 1e-6};  // rounding; what the tolerance drops
-      for (int e = 0; e < 3; ++e)
+      std::vector<double> gradients[2];
+      double losses[2];
+      Engine* const engines[2] = {reference.get(), engine_.get()};
+      for (int e = 0; e < 2; ++e)
       {
-        const auto engine = Engine::Create(names[e]);
-        engine->SetAccuracy({1e-9, true});
-        engine->SetFrames(problem.sweep, ignoreMasked);
-        engine->SetField(problem.field);
-        losses[e] = engine->Backpropagate({0, 2}, Loss::Parse(text));
-        gradients[e] = Flat(engine->GetGradient());
-        EXPECT_NEAR(losses[e], losses[0], bounds[e] * losses[0]) << names[e] << ", " << text;
-        const double error = RelativeError(gradients[0], gradients[e]);
-        EXPECT_LE(error, bounds[e]) << names[e] << ", " << text;
-        if (e > 0 && ignoreMasked)
-        {
-          std::cout << names[e] << ", " << text << ": relative error of the gradient " << error << '\n';
-        }
+        engines[e]->SetAccuracy({1e-9, true});
+        engines[e]->SetFrames(problem.sweep, ignoreMasked);
+        engines[e]->SetField(problem.field);
+        losses[e] = engines[e]->Backpropagate({0, 2}, Loss::Parse(text));
+        gradients[e] = Flat(engines[e]->GetGradient());
+      }
+      EXPECT_NEAR(losses[1], losses[0], bound * losses[0]) << text;
+      const double error = RelativeError(gradients[0], gradients[1]);
+      EXPECT_LE(error, bound) << text;
+      if (ignoreMasked)
+      {
+        std::cout << text << ": relative error of the gradient " << error << '\n';
       }
     }
   }
 }
 
-TEST(LossOfEngines, PixelsNeverLitHaveNoPartInAnyTerm)
+TEST(Losses, PixelsNeverLitHaveNoPartInAnyTerm)
 {
   LargeProblem problem;
-  for (const char* name : {"reference", "cpu", "cpu-double"})
+  for (const std::string& name : Engine::Names())
   {
     double losses[2];
     std::vector<double> gradients[2];
@@ -351,13 +356,13 @@ TEST(LossOfEngines, PixelsNeverLitHaveNoPartInAnyTerm)
   }
 }
 
-TEST(LossOfEngines, FramesWithoutAWindowAreRefusedBySizeAndTheFieldIsLeftAlone)
+TEST(Losses, FramesWithoutAWindowAreRefusedBySizeAndTheFieldIsLeftAlone)
 {
   Random random(4);
   const GaussianField field = bigus::test::RandomField(random, 20, 2.0, 0.5, 1.0, 0.3);
   const auto sweep =
       bigus::test::RandomSweep(random, {bigus::test::RandomPlane(random, {0, 0, 0}, 0.4, 14, 10)}, 0, 1);
-  for (const char* name : {"reference", "cpu", "cpu-double"})
+  for (const std::string& name : Engine::Names())
   {
     const auto engine = Engine::Create(name);
     engine->SetFrames(sweep, false);
@@ -384,49 +389,44 @@ TEST(LossOfEngines, FramesWithoutAWindowAreRefusedBySizeAndTheFieldIsLeftAlone)
   }
 }
 
-TEST(LossOfEngines, BlackConstantAndWhiteFramesTrainSoundly)
+TEST_P(LossOfEngines, BlackConstantAndWhiteFramesTrainSoundly)
 {
   const LargeProblem problem;
   for (const float grey : {0.0f, 0.5f, 1.0f})
   {
     auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
     std::fill_n(pixels, 3 * problem.sweep->PixelsPerFrame(), grey);
-    for (const char* name : {"cpu", "cpu-double"})
+    for (const bool dark : {false, true})
     {
-      for (const bool dark : {false, true})
+      GaussianField field = problem.field;
+      for (double& r : field.reflectivities)
       {
-        GaussianField field = problem.field;
-        for (double& r : field.reflectivities)
-        {
-          r = dark ? 0.0 : r;  // every image is constant
-        }
-        const auto engine = Engine::Create(name);
-        engine->SetFrames(problem.sweep, true);
-        engine->SetField(field);
-        for (int step = 0; step < 10; ++step)
-        {
-          EXPECT_TRUE(std::isfinite(engine->TrainStep({step % 3, (step + 1) % 3}, Loss::Parse(kTerms[5]),
-                                                      {0.05, 0.02, 0.02, 0.05}, {})));
-        }
-        for (double r : engine->GetField().reflectivities)
-        {
-          EXPECT_TRUE(std::isfinite(r));
-        }
-        EXPECT_EQ(engine->GuardedUpdates(), 0u);
+        r = dark ? 0.0 : r;  // every image is constant
       }
+      engine_->SetFrames(problem.sweep, true);
+      engine_->SetField(field);
+      for (int step = 0; step < 10; ++step)
+      {
+        EXPECT_TRUE(std::isfinite(engine_->TrainStep({step % 3, (step + 1) % 3}, Loss::Parse(kTerms[5]),
+                                                    {0.05, 0.02, 0.02, 0.05}, {})));
+      }
+      for (double r : engine_->GetField().reflectivities)
+      {
+        EXPECT_TRUE(std::isfinite(r));
+      }
+      EXPECT_EQ(engine_->GuardedUpdates(), 0u);
     }
   }
 }
 
-TEST(LossOfEngines, TrainingMakesEveryTermSmaller)
+TEST_P(LossOfEngines, TrainingMakesEveryTermSmaller)
 {
   const LargeProblem problem;
   auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
-  const auto engine = Engine::Create("cpu");
-  engine->SetField(problem.field);
+  engine_->SetField(problem.field);
   for (int f = 0; f < 3; ++f)  // frames that a field can show
   {
-    engine->Render(problem.sweep->Plane(f), bigus::ViewOutput::Intensity,
+    engine_->Render(problem.sweep->Plane(f), bigus::ViewOutput::Intensity,
                    pixels + f * problem.sweep->PixelsPerFrame());
   }
   Random random(6);
@@ -438,10 +438,10 @@ TEST(LossOfEngines, TrainingMakesEveryTermSmaller)
   }
   for (const char* text : kTerms)
   {
-    engine->SetFrames(problem.sweep, true);
-    engine->SetField(start);
+    engine_->SetFrames(problem.sweep, true);
+    engine_->SetField(start);
     const auto step = [&](double rate) {
-      return engine->TrainStep({0, 1, 2}, Loss::Parse(text), {rate, rate, rate, rate}, {0.1, 5, false});
+      return engine_->TrainStep({0, 1, 2}, Loss::Parse(text), {rate, rate, rate, rate}, {0.1, 5, false});
     };
     const double before = step(0.01);
     for (int i = 1; i < 60; ++i)
@@ -450,42 +450,41 @@ TEST(LossOfEngines, TrainingMakesEveryTermSmaller)
     }
     const double after = step(0.0);
     EXPECT_LT(after, 0.5 * before) << text;
-    EXPECT_EQ(engine->GuardedUpdates(), 0u);
+    EXPECT_EQ(engine_->GuardedUpdates(), 0u);
     std::cout << text << ": " << before << " to " << after << " in 60 steps\n";
   }
 }
 
-TEST(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
+TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
 {
   const LargeProblem problem;
-  for (const char* name : {"cpu", "cpu-double"})
+  std::vector<double> one;
+  for (const int threads : {1, 2, 5})
   {
-    std::vector<double> one;
-    for (const int threads : {1, 2, 5})
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const auto engine = Engine::Create(GetParam());
+    engine->SetFrames(problem.sweep, true);
+    engine->SetField(problem.field);
+    std::vector<double> all;
+    for (int step = 0; step < 3; ++step)
     {
-      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-      const auto engine = Engine::Create(name);
-      engine->SetFrames(problem.sweep, true);
-      engine->SetField(problem.field);
-      std::vector<double> all;
-      for (int step = 0; step < 3; ++step)
-      {
-        all.push_back(
-            engine->TrainStep({step, (step + 1) % 3}, Loss::Parse(kTerms[5]), {0.1, 0.05, 0.05, 0.02}, {}));
-      }
-      all.push_back(engine->Backpropagate({0, 1, 2}, Loss::Parse(kTerms[5])));
-      const std::vector<double> gradient = Flat(engine->GetGradient());
-      all.insert(all.end(), gradient.begin(), gradient.end());
-      if (threads == 1)
-      {
-        one = all;
-      }
-      ASSERT_EQ(one.size(), all.size());
-      EXPECT_EQ(0, std::memcmp(one.data(), all.data(), one.size() * sizeof(double)))
-          << name << ", " << threads << " threads";
+      all.push_back(
+          engine->TrainStep({step, (step + 1) % 3}, Loss::Parse(kTerms[5]), {0.1, 0.05, 0.05, 0.02}, {}));
     }
+    all.push_back(engine->Backpropagate({0, 1, 2}, Loss::Parse(kTerms[5])));
+    const std::vector<double> gradient = Flat(engine->GetGradient());
+    all.insert(all.end(), gradient.begin(), gradient.end());
+    if (threads == 1)
+    {
+      one = all;
+    }
+    ASSERT_EQ(one.size(), all.size());
+    EXPECT_EQ(0, std::memcmp(one.data(), all.data(), one.size() * sizeof(double)))
+        << threads << " threads";
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Engines, LossOfEngines, testing::ValuesIn(bigus::test::FastEngines()), bigus::test::NameOf);
 
 // ---- Normalised weights
 // ------------------------------------------------------------------------------------------
@@ -495,7 +494,7 @@ TEST(NormalisedWeights, AreTheWeightedMeanOfReflectivities)
   const LargeProblem problem;
   const SlicePlane plane = problem.sweep->Plane(1);
   const std::size_t pixels = plane.NumberOfPixels();
-  for (const char* name : {"reference", "cpu", "cpu-double"})
+  for (const std::string& name : Engine::Names())
   {
     std::vector<float> scattering(pixels), coverage(pixels), image(pixels), plain(pixels);
     const auto engine = Engine::Create(name);
@@ -549,39 +548,44 @@ TEST(NormalisedWeights, GradientEqualsCentralDifferences)
   }
 }
 
-TEST(NormalisedWeights, EnginesEqualTheReference)
+class NormalisedWeightsOf : public bigus::test::EngineTest
+{
+};
+
+TEST_P(NormalisedWeightsOf, EqualTheReference)
 {
   LargeProblem problem;
+  const auto reference = Engine::Create("reference");
+  const double bound = bigus::test::IsDouble(GetParam()) ? 3e-6 : 3e-5;
   for (const double elevationSigma : {0.0, 0.5})
   {
     problem.field.beam.elevationSigma = elevationSigma;
     for (const char* text : {"l1", "l2+dssim"})
     {
-      std::vector<double> gradients[3];
-      double losses[3];
-      const char* names[3] = {"reference", "cpu", "cpu-double"};
-      const double bounds[3] = {0, 3e-5, 3e-6};
-      for (int e = 0; e < 3; ++e)
+      std::vector<double> gradients[2];
+      double losses[2];
+      Engine* const engines[2] = {reference.get(), engine_.get()};
+      for (int e = 0; e < 2; ++e)
       {
-        const auto engine = Engine::Create(names[e]);
-        engine->SetNormalisedWeights(true);
-        engine->SetAccuracy({1e-9, true});
-        engine->SetFrames(problem.sweep, true);
-        engine->SetField(problem.field);
-        engine->ResetScores();
-        losses[e] = engine->Backpropagate({0, 2}, Loss::Parse(text));
-        gradients[e] = Flat(engine->GetGradient());
-        const std::vector<double> error = engine->GetScores().error;
+        Engine& engine = *engines[e];
+        engine.SetNormalisedWeights(true);
+        engine.SetAccuracy({1e-9, true});
+        engine.SetFrames(problem.sweep, true);
+        engine.SetField(problem.field);
+        engine.ResetScores();
+        losses[e] = engine.Backpropagate({0, 2}, Loss::Parse(text));
+        gradients[e] = Flat(engine.GetGradient());
+        const std::vector<double> error = engine.GetScores().error;
         gradients[e].insert(gradients[e].end(), error.begin(), error.end());
-        EXPECT_NEAR(losses[e], losses[0], bounds[e] * losses[0]) << names[e] << ", " << text;
-        EXPECT_LE(RelativeError(gradients[0], gradients[e]), bounds[e]) << names[e] << ", " << text;
-        EXPECT_THROW(engine->SolveReflectivities({0}, 1), bigus::Error);
+        EXPECT_THROW(engine.SolveReflectivities({0}, 1), bigus::Error);
       }
+      EXPECT_NEAR(losses[1], losses[0], bound * losses[0]) << text;
+      EXPECT_LE(RelativeError(gradients[0], gradients[1]), bound) << text;
     }
   }
 }
 
-TEST(NormalisedWeights, TrainAndDoNotDependOnTheNumberOfThreads)
+TEST_P(NormalisedWeightsOf, TrainAndDoNotDependOnTheNumberOfThreads)
 {
   LargeProblem problem;
   auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
@@ -593,7 +597,7 @@ TEST(NormalisedWeights, TrainAndDoNotDependOnTheNumberOfThreads)
   for (const int threads : {1, 2, 5})
   {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    const auto engine = Engine::Create("cpu");
+    const auto engine = Engine::Create(GetParam());
     engine->SetNormalisedWeights(true);
     engine->SetFrames(problem.sweep, true);
     engine->SetField(problem.field);
@@ -611,5 +615,8 @@ TEST(NormalisedWeights, TrainAndDoNotDependOnTheNumberOfThreads)
     EXPECT_EQ(losses, one) << threads << " threads";
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Engines, NormalisedWeightsOf, testing::ValuesIn(bigus::test::FastEngines()),
+                         bigus::test::NameOf);
 
 }  // namespace

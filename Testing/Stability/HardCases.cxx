@@ -98,21 +98,6 @@ const ::testing::Environment* const kPrintTable = ::testing::AddGlobalTestEnviro
 
 }  // namespace
 
-std::vector<std::string> FastEngines()
-{
-  std::vector<std::string> names = Engine::Names();
-  names.erase(std::remove(names.begin(), names.end(), "reference"), names.end());
-  return names;
-}
-
-std::string NameOf(const ::testing::TestParamInfo<std::string>& test)
-{
-  std::string name = test.param;
-  std::replace_if(
-      name.begin(), name.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
-  return name;
-}
-
 ExactSplat::ExactSplat(const GaussianField& field, std::size_t i, const SlicePlane& plane)
 {
   const LongVector a = plane.columnStep.cast<Long>(), b = plane.rowStep.cast<Long>();

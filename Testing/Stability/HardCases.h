@@ -12,23 +12,11 @@
 #include <vector>
 
 #include "Core/Engine.h"
+#include "Engines.h"
 #include "Gradient/RandomField.h"
 
 namespace bigus::test
 {
-
-/// Every engine there is but the reference: one more registered engine is one more column of tests.
-std::vector<std::string> FastEngines();
-
-/// For INSTANTIATE_TEST_SUITE_P: "cpu-double" becomes "cpu_double".
-std::string NameOf(const ::testing::TestParamInfo<std::string>& test);
-
-/// Half the distance from 1 to the next number an engine computes with: by convention the name of an engine
-/// of double precision holds "double".
-inline double UnitRoundoff(const std::string& engine)
-{
-  return engine.find("double") == std::string::npos ? std::ldexp(1.0, -24) : std::ldexp(1.0, -53);
-}
 
 /// What any image of floats rounds off a value: half a unit in its last place, relative to the value.
 constexpr double kFloatRounding = 0x1p-24;

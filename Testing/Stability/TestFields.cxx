@@ -12,10 +12,9 @@ namespace
 using namespace bigus;
 using namespace bigus::test;
 
-class Fields : public ::testing::TestWithParam<std::string>
+class Fields : public EngineTest
 {
 protected:
-  std::unique_ptr<Engine> engine_ = Engine::Create(GetParam());
   const double unit_ = UnitRoundoff(GetParam());
 
   /// The largest |dS| at every `stride`-th pixel, and over what rounding allows there: |r_i| times what each

@@ -130,10 +130,10 @@ Cosines Compare(const Problem& problem, const FieldGradient& expected, const Fie
   return cosines;
 }
 
-class Gradients : public ::testing::TestWithParam<std::string>
+class Gradients : public EngineTest
 {
 protected:
-  std::unique_ptr<Engine> engine_ = Engine::Create(GetParam()), reference_ = Engine::Create("reference");
+  std::unique_ptr<Engine> reference_ = Engine::Create("reference");
 
   /// Compares, reports and expects; `minimum` NaN: finite is all that is asked.
   void Check(const char* name, const std::vector<Problem>& problems, double minimum)

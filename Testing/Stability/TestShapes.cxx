@@ -146,10 +146,8 @@ Eigen::Vector4d Turn(Random& random, const SlicePlane& plane, Attitude attitude)
   return Quaternion(frame * spin * Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitY()).toRotationMatrix());
 }
 
-class Shapes : public ::testing::TestWithParam<std::string>
+class Shapes : public EngineTest
 {
-protected:
-  std::unique_ptr<Engine> engine_ = Engine::Create(GetParam());
 };
 
 /// What is asked of an engine in float: 1e-4 up to 1e3, 1e-2 up to 1e5; at 1e6 the number is only stated. An

@@ -12,10 +12,8 @@ namespace
 using namespace bigus;
 using namespace bigus::test;
 
-class Training : public ::testing::TestWithParam<std::string>
+class Training : public EngineTest
 {
-protected:
-  std::unique_ptr<Engine> engine_ = Engine::Create(GetParam());
 };
 
 /// Everything one should not start from: needles and pancakes up to 1e6, exact duplicates, pairs that cancel,

@@ -29,10 +29,10 @@ struct Outcome
   std::size_t nonFinite = 0;
 };
 
-class Truncation : public ::testing::TestWithParam<std::string>
+class Truncation : public EngineTest
 {
 protected:
-  std::unique_ptr<Engine> engine_ = Engine::Create(GetParam()), reference_ = Engine::Create("reference");
+  std::unique_ptr<Engine> reference_ = Engine::Create("reference");
   const double unit_ = UnitRoundoff(GetParam());
 
   /// The relative error of a splat inside its footprint, at worst over the field, and of the sum.

@@ -1,0 +1,25 @@
+// What Core asks of the library of the CUDA engine.
+#include <string>
+
+#include "CudaEngine.h"
+#include "Device.h"
+
+/// Sets `factory` and returns null; or returns why there can be no CUDA engine here, and the CPU computes.
+extern "C" __attribute__((visibility("default"))) const char* bigusCudaEngine(bigus::Engine::Factory* factory)
+{
+  static std::string reason;
+  int devices = 0;
+  cudaError_t status = cudaGetDeviceCount(&devices);
+  if (status == cudaSuccess && devices > 0)
+  {
+    status = cudaFree(nullptr);  // makes the device ready, or finds that it cannot be
+  }
+  if (status == cudaSuccess && devices > 0)
+  {
+    *factory = bigus::CreateCudaEngine;
+    return nullptr;
+  }
+  cudaGetLastError();  // the runtime keeps the error for the next call otherwise
+  reason = status == cudaSuccess ? "there is no CUDA device" : cudaGetErrorString(status);
+  return reason.c_str();
+}

@@ -1,0 +1,560 @@
+// From footprints to images, and what training makes of them. Private to Cuda.
+//
+// A warp renders a tile of 16 x 16 pixels, alone: no barriers. A lane has a column of 8 rows, so that a recurrence
+// replaces seven of eight exponentials. Splats come in the order of their blocks, so sums are the same bits in
+// every run; each pixel is written once.
+#pragma once
+
+#include "Core/EngineDetail.h"
+#include "Core/Optimizer.h"
+#include "Core/PixelLoss.h"
+#include "Splats.h"
+
+namespace bigus
+{
+namespace cuda
+{
+
+/// What FindSplats found.
+struct Lists
+{
+  int views, groups;
+  const Seen* seen;
+  const Box* boxes;
+  const Box* groupBoxes;
+  const VisibleSplat* splats;
+  const unsigned long long* used;  // more than capacity: there was no room, and nothing must be made of it
+  unsigned long long capacity;
+};
+
+/// What footprints are multiplied with.
+struct Values
+{
+  const GaussianBlock<float>* gaussians;  // their reflectivity; or null
+  const float* vector;                    // [blocks][kBlock] these; or null: 1
+
+  __device__ float operator()(int block, int gaussian) const
+  {
+    return gaussians ? gaussians[block].reflectivity[gaussian]
+           : vector  ? vector[static_cast<std::size_t>(block) * kBlock + gaussian]
+                     : 1.0f;
+  }
+};
+
+/// Whether the ellipse |U (p - m)|^2 <= cut meets a tile: exact. Where the centre is outside, the tile's point
+/// that is nearest in this metric lies on an edge that faces the centre.
+__device__ inline bool Touches(const VisibleSplat& s, const Box& tile)
+{
+  if (!Meet(s.box, tile))
+  {
+    return false;
+  }
+  const float left = static_cast<float>(tile.columnBegin - s.column) - s.mu;
+  const float right = static_cast<float>(tile.columnEnd - 1 - s.column) - s.mu;
+  const float top = static_cast<float>(tile.rowBegin - s.row) - s.mv;
+  const float bottom = static_cast<float>(tile.rowEnd - 1 - s.row) - s.mv;
+  const float u = left > 0 ? left : (right < 0 ? right : 0.0f), v = top > 0 ? top : (bottom < 0 ? bottom : 0.0f);
+  if (u == 0 && v == 0)
+  {
+    return true;
+  }
+  const auto squared = [&](float du, float dv)
+  {
+    const float eta1 = s.u11 * du + s.u12 * dv, eta2 = s.u22 * dv;
+    return eta1 * eta1 + eta2 * eta2;
+  };
+  float nearest = kWholeCut<float> * 2;
+  if (u != 0)
+  {
+    const float best = -s.u11 * s.u12 * u / (s.u12 * s.u12 + s.u22 * s.u22);
+    nearest = squared(u, min(max(best, top), bottom));
+  }
+  if (v != 0)
+  {
+    nearest = min(nearest, squared(min(max(-s.u12 * v / s.u11, left), right), v));
+  }
+  // A thousandth more, so that rounding drops nothing. A needle's products cancel: its box must do.
+  return nearest <= 1.001f * s.cut || s.rowFactor == 0;
+}
+
+/// w at a pixel by an exponential; 0 outside the footprint. The ridge, where eta1 = 0, is found in double: along a
+/// needle u11 du and u12 dv are large and cancel.
+struct DirectRow
+{
+  float eta2, rest, constant;
+  double ridge;  // columns from the centre's pixel
+
+  /// `slope` is u12 / u11.
+  __device__ DirectRow(const VisibleSplat& s, double slope, int row)
+  {
+    const double dv = static_cast<double>(row - s.row) - s.mv;
+    eta2 = static_cast<float>(s.u22 * dv);
+    rest = s.cut - eta2 * eta2;
+    constant = s.logAmplitude - 0.5f * eta2 * eta2;
+    ridge = s.mu - slope * dv;
+  }
+  __device__ float Eta1(const VisibleSplat& s, int column) const
+  {
+    return s.u11 * static_cast<float>(static_cast<double>(column - s.column) - ridge);
+  }
+  __device__ float Weight(float eta1) const
+  {
+    return eta1 * eta1 <= rest ? Exp(constant - 0.5f * eta1 * eta1) : 0.0f;
+  }
+};
+
+/// Recurrence. Along a column, one row further down,
+///
+///     w <- w q,   q <- q c,   q = exp(ln w(v + 1) - ln w(v)),   c = exp(-(u12^2 + u22^2)),
+///
+/// and upwards with c / q instead of q. Started in the middle of a run, it takes kRun / 2 steps each way: the
+/// relative error stays within some ten roundings.
+struct ColumnWalk
+{
+  float down, downRatio, up, upRatio;
+
+  /// Of the column at du from the centre; `dv` is the row `start` from the centre, the first one down.
+  __device__ ColumnWalk(const VisibleSplat& s, float value, float du, float dv)
+  {
+    const float eta1 = s.u11 * du + s.u12 * dv, eta2 = s.u22 * dv;
+    const float exponent = s.logAmplitude - 0.5f * (eta1 * eta1 + eta2 * eta2);
+    if (!(exponent > kLowestExponent<float>))  // where it matters it does not underflow: see FindSplat
+    {
+      down = up = 0;
+      downRatio = upRatio = 1;
+      return;
+    }
+    const float curvature = s.u12 * s.u12 + s.u22 * s.u22;
+    const float logRatio = -(s.u12 * eta1 + s.u22 * eta2) - 0.5f * curvature;
+    const float ratio = Exp(-curvature - logRatio);
+    down = value * Exp(exponent);
+    downRatio = Exp(logRatio);
+    up = down * ratio;
+    upRatio = ratio * s.rowFactor;
+  }
+  __device__ void Step(float c)
+  {
+    down *= downRatio;
+    downRatio *= c;
+    up *= upRatio;
+    upRatio *= c;
+  }
+};
+
+/// A lane's pixels: rows [row, row + kRun) of a column.
+struct Strip
+{
+  int column, row;
+
+  __device__ explicit Strip(const Box& tile)
+      : column(tile.columnBegin + static_cast<int>(threadIdx.x) % kTileSide),
+        row(tile.rowBegin + static_cast<int>(threadIdx.x) % kWarp / kTileSide * kRun)
+  {
+  }
+};
+
+__device__ inline void AddSplat(const VisibleSplat& s, float value, const Strip& strip, float (&sums)[kRun])
+{
+  if (s.rowFactor > 0)
+  {
+    constexpr int kHalf = kRun / 2;
+    ColumnWalk walk(s, value, static_cast<float>(strip.column - s.column) - s.mu,
+                    static_cast<float>(strip.row + kHalf - s.row) - s.mv);
+#pragma unroll
+    for (int n = 0; n < kHalf; ++n)
+    {
+      sums[kHalf + n] += walk.down;
+      sums[kHalf - 1 - n] += walk.up;
+      walk.Step(s.rowFactor);
+    }
+    return;
+  }
+  const double slope = s.u12 / static_cast<double>(s.u11);
+#pragma unroll
+  for (int n = 0; n < kRun; ++n)
+  {
+    const DirectRow line(s, slope, strip.row + n);
+    sums[n] += value * line.Weight(line.Eta1(s, strip.column));
+  }
+}
+
+/// visit(bit) for every lane whose condition holds, in order, by the whole warp.
+template <class Visit>
+__device__ void ForLanes(bool condition, Visit&& visit)
+{
+  for (unsigned int left = __ballot_sync(kAllLanes, condition); left != 0; left &= left - 1)
+  {
+    visit(__ffs(static_cast<int>(left)) - 1);
+  }
+}
+
+/// Adds all that a view sees to a warp's tile.
+__device__ inline void AddTile(const Lists& lists, const Values& values, int view, const Box& tile, const Strip& strip,
+                               float (&sums)[kRun])
+{
+  const int lane = threadIdx.x % kWarp;
+  const Box* groupBoxes = lists.groupBoxes + static_cast<std::size_t>(view) * lists.groups;
+  for (int firstGroup = 0; firstGroup < lists.groups; firstGroup += kWarp)
+  {
+    const int group = firstGroup + lane;
+    ForLanes(group < lists.groups && Meet(groupBoxes[group], tile),
+             [&](int g)
+             {
+               const int firstBlock = (firstGroup + g) * kGroup;
+               const Box* boxes = lists.boxes + static_cast<std::size_t>(view) * lists.groups * kGroup + firstBlock;
+               ForLanes(Meet(boxes[lane], tile),
+                        [&](int b)
+                        {
+                          const int block = firstBlock + b;
+                          const Seen& seen = lists.seen[static_cast<std::size_t>(block) * lists.views + view];
+                          const VisibleSplat* splats = lists.splats + seen.offset;
+                          for (int first = 0; first < seen.count; first += kWarp)
+                          {
+                            ForLanes(first + lane < seen.count && Touches(splats[first + lane], tile),
+                                     [&](int k)
+                                     {
+                                       const VisibleSplat& s = splats[first + k];
+                                       AddSplat(s, values(block, s.gaussian), strip, sums);
+                                     });
+                          }
+                        });
+             });
+  }
+}
+
+/// The tiles of a window of pixels; tiles are counted from pixel (0, 0) of the plane, so that what a pixel gets
+/// does not depend on the window.
+struct Tiles
+{
+  int columnBegin, rowBegin, columns, rows;  // in tiles
+
+  __device__ Box At(int tile) const
+  {
+    const int column = (columnBegin + tile % columns) * kTileSide, row = (rowBegin + tile / columns) * kTileSide;
+    return {column, column + kTileSide, row, row + kTileSide};
+  }
+  std::size_t Count() const { return static_cast<std::size_t>(columns) * rows; }
+};
+
+constexpr int kForwardWarps = 4;
+
+/// The calling warp's tile; false beyond the last, and when there was no room for the splats.
+__device__ inline bool FindTile(const Lists& lists, const Tiles& tiles, int& tile)
+{
+  tile = static_cast<int>(blockIdx.x) * kForwardWarps + static_cast<int>(threadIdx.x) / kWarp;
+  return tile < tiles.columns * tiles.rows && *lists.used <= lists.capacity;
+}
+
+/// I of a pixel that scatters s.
+__device__ inline float ToIntensity(float gamma, float s)
+{
+  return -expm1f(-gamma * max(s, 0.0f));
+}
+
+struct RenderTask
+{
+  Lists lists;
+  Tiles tiles;
+  Box window;        // pixels wanted
+  Values values;     // of the image
+  bool intensity;    // I instead of S
+  bool normalised;   // I = S / (least weight + sum w)
+  float gamma;
+  float* image;      // [views][rows][columns] of the window
+  float* coverage;   // the same, or null
+};
+
+/// Launched as (tiles / kForwardWarps, views).
+__global__ void __launch_bounds__(kForwardWarps* kWarp) RenderTiles(RenderTask task)
+{
+  int tile;
+  if (!FindTile(task.lists, task.tiles, tile))
+  {
+    return;
+  }
+  const int view = blockIdx.y;
+  const Box box = task.tiles.At(tile);
+  const Strip strip(box);
+  float sums[kRun] = {}, weights[kRun] = {};
+  AddTile(task.lists, task.values, view, box, strip, sums);
+  const bool normalise = task.intensity && task.normalised;
+  if (task.coverage || normalise)
+  {
+    AddTile(task.lists, {nullptr, nullptr}, view, box, strip, weights);
+  }
+  const Box& window = task.window;
+  const std::size_t columns = window.columnEnd - window.columnBegin, rows = window.rowEnd - window.rowBegin;
+#pragma unroll
+  for (int n = 0; n < kRun; ++n)
+  {
+    const int column = strip.column - window.columnBegin, row = strip.row + n - window.rowBegin;
+    if (column < 0 || row < 0 || column >= static_cast<int>(columns) || row >= static_cast<int>(rows))
+    {
+      continue;
+    }
+    const std::size_t pixel = (view * rows + row) * columns + column;
+    task.image[pixel] = normalise        ? sums[n] / (static_cast<float>(kLeastWeight) + weights[n])
+                        : task.intensity ? ToIntensity(task.gamma, sums[n])
+                                         : sums[n];
+    if (task.coverage)
+    {
+      task.coverage[pixel] = weights[n];
+    }
+  }
+}
+
+/// The frames of a sweep on the device, in the type they came in.
+struct Frames
+{
+  int width, height;
+  const std::uint8_t* bytes;    // [frames][height][width], or null
+  const float* floats;          // the same where bytes is null
+  const std::uint8_t* counted;  // [height][width] 1 where a pixel has a part in the loss; null: everywhere
+  const float* weights;         // [frames]
+
+  __device__ float Truth(int frame, std::size_t pixel) const
+  {
+    const std::size_t at = static_cast<std::size_t>(frame) * width * height + pixel;
+    return bytes ? static_cast<float>(bytes[at]) * (1.0f / 255.0f) : floats[at];
+  }
+  __device__ float Counts(std::size_t pixel) const { return !counted || counted[pixel] ? 1.0f : 0.0f; }
+};
+
+/// What changes from one training step to the next: kept on the device, so that a recorded step can be repeated.
+struct StepParameters
+{
+  AdamStep adam{LearningRates(), ParameterLimits()};
+  float l1 = 0, l2 = 0;
+  float gamma = 1;
+  float share = 0;  // of one pixel in the loss
+};
+
+/// Sums of `Sum` over the calling warp, in its first lane; the order is fixed.
+template <class Sum>
+__device__ Sum WarpSum(Sum value)
+{
+  for (int step = kWarp / 2; step > 0; step /= 2)
+  {
+    value += __shfl_xor_sync(kAllLanes, value, step);
+  }
+  return value;
+}
+
+struct TrainTask
+{
+  Lists lists;
+  Tiles tiles;
+  Values values;
+  const int* frames;  // [views]
+  Frames sweep;
+  const StepParameters* parameters;
+  bool derivative;    // at once, where the loss is of single pixels; else S
+  float* images;      // [views][height][width] dL/dS, or S
+  float* weights;     // [views][height][width] sum w, or null: not wanted
+  double* losses;     // [views][tiles]
+};
+
+/// Renders frames, and with a loss of single pixels what is to be propagated back. Launched as RenderTiles.
+__global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask task)
+{
+  int tile;
+  if (!FindTile(task.lists, task.tiles, tile))
+  {
+    return;
+  }
+  const int view = blockIdx.y, frame = task.frames[view];
+  const Box box = task.tiles.At(tile);
+  const Strip strip(box);
+  float sums[kRun] = {}, weights[kRun] = {};
+  AddTile(task.lists, task.values, view, box, strip, sums);
+  if (task.weights)
+  {
+    AddTile(task.lists, {nullptr, nullptr}, view, box, strip, weights);
+  }
+  const StepParameters& p = *task.parameters;
+  const int width = task.sweep.width, height = task.sweep.height;
+  const float share = p.share * task.sweep.weights[frame];
+  double loss = 0;
+#pragma unroll
+  for (int n = 0; n < kRun; ++n)
+  {
+    if (strip.column >= width || strip.row + n >= height)
+    {
+      continue;
+    }
+    const std::size_t pixel = static_cast<std::size_t>(strip.row + n) * width + strip.column;
+    const std::size_t at = static_cast<std::size_t>(view) * width * height + pixel;
+    float value = sums[n];
+    if (task.derivative)
+    {
+      const PixelLoss<float> result = EvaluateLoss(p.l1, p.l2, p.gamma, value, task.sweep.Truth(frame, pixel),
+                                                   share * task.sweep.Counts(pixel), 0.0f);
+      value = result.derivative;
+      loss += result.loss;
+    }
+    task.images[at] = value;
+    if (task.weights)
+    {
+      task.weights[at] = weights[n];
+    }
+  }
+  if (task.derivative)
+  {
+    loss = WarpSum(loss);
+    if (threadIdx.x % kWarp == 0)
+    {
+      task.losses[static_cast<std::size_t>(view) * task.tiles.columns * task.tiles.rows + tile] = loss;
+    }
+  }
+}
+
+/// Where a loss looks at whole images, or weights are normalised: I of every pixel first ...
+struct PixelTask
+{
+  const int* frames;
+  Frames sweep;
+  const StepParameters* parameters;
+  float* images;         // [views][height][width] S; becomes dL/dS
+  float* weights;        // the same, sum w of normalised weights; becomes dL/dW; or null
+  float* intensities;    // the same, I
+  const float* others;   // the same, dL/dI of the terms that look at whole images; or null
+  double* losses;        // [views][thread blocks]
+};
+
+constexpr int kPixelThreads = 256;
+
+/// Launched as (pixels / kPixelThreads, views).
+__global__ void __launch_bounds__(kPixelThreads) ToIntensities(PixelTask task)
+{
+  const std::size_t pixels = static_cast<std::size_t>(task.sweep.width) * task.sweep.height;
+  const std::size_t pixel = static_cast<std::size_t>(blockIdx.x) * kPixelThreads + threadIdx.x;
+  if (pixel >= pixels)
+  {
+    return;
+  }
+  const std::size_t at = blockIdx.y * pixels + pixel;
+  task.intensities[at] = task.weights ? task.images[at] / (static_cast<float>(kLeastWeight) + task.weights[at])
+                                      : ToIntensity(task.parameters->gamma, task.images[at]);
+}
+
+/// ... and then what is to be propagated back. With I = S / W, W = least weight + sum w: dL/dS = dL/dI / W and
+/// dL/dW = -dL/dI I / W. Launched as ToIntensities.
+__global__ void __launch_bounds__(kPixelThreads) ToDerivatives(PixelTask task)
+{
+  __shared__ double sums[kPixelThreads / kWarp];
+  const std::size_t pixels = static_cast<std::size_t>(task.sweep.width) * task.sweep.height;
+  const std::size_t pixel = static_cast<std::size_t>(blockIdx.x) * kPixelThreads + threadIdx.x;
+  double loss = 0;
+  if (pixel < pixels)
+  {
+    const StepParameters& p = *task.parameters;
+    const std::size_t at = blockIdx.y * pixels + pixel;
+    const int frame = task.frames[blockIdx.y];
+    const float weight = p.share * task.sweep.weights[frame] * task.sweep.Counts(pixel);
+    const float truth = task.sweep.Truth(frame, pixel), other = task.others ? task.others[at] : 0.0f;
+    if (task.weights)
+    {
+      const float image = task.intensities[at];
+      const PixelLoss<float> value = EvaluateError(p.l1, p.l2, image - truth, weight, other);
+      task.images[at] = value.derivative / (static_cast<float>(kLeastWeight) + task.weights[at]);
+      task.weights[at] = -task.images[at] * image;
+      loss = value.loss;
+    }
+    else
+    {
+      const PixelLoss<float> value = EvaluateLoss(p.l1, p.l2, p.gamma, task.images[at], truth, weight, other);
+      task.images[at] = value.derivative;
+      loss = value.loss;
+    }
+  }
+  loss = WarpSum(loss);
+  if (threadIdx.x % kWarp == 0)
+  {
+    sums[threadIdx.x / kWarp] = loss;
+  }
+  __syncthreads();
+  if (threadIdx.x == 0)
+  {
+    loss = 0;
+    for (double part : sums)
+    {
+      loss += part;
+    }
+    task.losses[static_cast<std::size_t>(blockIdx.y) * gridDim.x + blockIdx.x] = loss;
+  }
+}
+
+struct SolveTask
+{
+  Lists lists;
+  Tiles tiles;
+  Values values;
+  const int* frames;
+  Frames sweep;
+  float gamma;
+  bool withTarget;
+  float* images;
+};
+
+/// omega (S - [target] S_gt), omega = weight (1 - I_gt)^2: see Engine::SolveReflectivities. Launched as
+/// RenderTiles.
+__global__ void __launch_bounds__(kForwardWarps* kWarp) SolveTiles(SolveTask task)
+{
+  int tile;
+  if (!FindTile(task.lists, task.tiles, tile))
+  {
+    return;
+  }
+  const int view = blockIdx.y, frame = task.frames[view];
+  const Box box = task.tiles.At(tile);
+  const Strip strip(box);
+  float sums[kRun] = {};
+  AddTile(task.lists, task.values, view, box, strip, sums);
+  const int width = task.sweep.width, height = task.sweep.height;
+#pragma unroll
+  for (int n = 0; n < kRun; ++n)
+  {
+    if (strip.column >= width || strip.row + n >= height)
+    {
+      continue;
+    }
+    const std::size_t pixel = static_cast<std::size_t>(strip.row + n) * width + strip.column;
+    const float truth = task.sweep.Truth(frame, pixel), fade = 1.0f - truth;
+    // TransferFunction::Scattering, which is for the host
+    const float bounded = min(max(truth, 0.0f), static_cast<float>(1.0 - 1.0 / 510.0));
+    const float target = task.withTarget ? -log1pf(-bounded) / task.gamma : 0.0f;
+    task.images[static_cast<std::size_t>(view) * width * height + pixel] =
+        task.sweep.Counts(pixel) * task.sweep.weights[frame] * fade * fade * (sums[n] - target);
+  }
+}
+
+constexpr int kSumThreads = 256;
+
+/// out = the sum of in[0, count), always in the same order. Launched as one thread block of kSumThreads.
+__global__ void __launch_bounds__(kSumThreads) SumInOrder(const double* in, std::size_t count, double* out)
+{
+  __shared__ double sums[kSumThreads / kWarp];
+  double sum = 0;
+  for (std::size_t i = threadIdx.x; i < count; i += kSumThreads)
+  {
+    sum += in[i];
+  }
+  sum = WarpSum(sum);
+  if (threadIdx.x % kWarp == 0)
+  {
+    sums[threadIdx.x / kWarp] = sum;
+  }
+  __syncthreads();
+  if (threadIdx.x == 0)
+  {
+    sum = 0;
+    for (double part : sums)
+    {
+      sum += part;
+    }
+    *out = sum;
+  }
+}
+
+}  // namespace cuda
+}  // namespace bigus
