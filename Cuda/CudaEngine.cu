@@ -16,6 +16,7 @@
 #include "Core/EngineDetail.h"
 #include "Core/ImageLoss.h"
 #include "Core/MortonOrder.h"
+#include "Spectrum.h"
 #include "Vector.h"
 #include "Windows.h"
 
@@ -285,7 +286,7 @@ public:
     return gaussians_.Bytes() + places_.Bytes() + sharpSlots_.Bytes() + sharp_.Bytes() + adam_.Bytes() +
            gradient_.Bytes() + scores_.Bytes() + cameras_.Bytes() + planes_.Bytes() + frames_.Bytes() + seen_.Bytes() +
            boxes_.Bytes() + groupBoxes_.Bytes() + splats_.Bytes() + overlaps_.Bytes() + images_.Bytes() +
-           weightImages_.Bytes() + intensities_.Bytes() + others_.Bytes() + slopes_.Bytes() + losses_.Bytes() + rendered_.Bytes() +
+           weightImages_.Bytes() + intensities_.Bytes() + others_.Bytes() + slopes_.Bytes() + differences_.Bytes() + spectrum_.Bytes() + losses_.Bytes() + rendered_.Bytes() +
            results_.Bytes() + parameters_.Bytes();
   }
 
@@ -594,7 +595,7 @@ private:
     Grow(boxes_, groups * kGroup * views, "lists", kSmallerBatch);
     Grow(groupBoxes_, groups * views, "lists", kSmallerBatch);
     Grow(overlaps_, static_cast<std::size_t>(views) * overlaps.columns * overlaps.rows, "counts", kSmallerBatch);
-    Grow(losses_, std::max(tiles.Count() * views, blocks + 1), "losses", kSmallerBatch);
+    Grow(losses_, std::max(tiles.Count() * views, blocks), "losses", kSmallerBatch);
   }
 
   static OverlapCounts OverlapsOf(int width, int height)
@@ -648,15 +649,18 @@ private:
     return {views, task.groups, seen_.data(), boxes_.data(), groupBoxes_.data(), splats_.data(), task.used, splats_.size()};
   }
 
+  double Sum(const double* values, std::size_t count)
+  {
+    Launch("a sum", SumInOrder, 1, 1, kSumThreads, stream_, values, count, &results_.data()->loss);
+    return ReadResults().loss;
+  }
+
   /// For splats of given values that are cut alike.
   double MeanMagnitude()
   {
     const std::size_t blocks = gaussians_.size();
     Launch("adding up reflectivities", SumMagnitudes, blocks, 1, kBlock, stream_, gaussians_.data(), losses_.data());
-    Launch("adding up reflectivities", SumInOrder, 1, 1, kSumThreads, stream_, losses_.data(), blocks,
-           losses_.data() + blocks);
-    double sum = 0;
-    losses_.Download(&sum, blocks, 1, stream_);
+    const double sum = Sum(losses_.data(), blocks);
     return sum > 0 ? sum / static_cast<double>(order_.size()) : 1.0;
   }
 
@@ -739,9 +743,8 @@ private:
     Repeat(render);
     const std::size_t pixelBlocks = (pixels + kPixelThreads - 1) / kPixelThreads;
     Grow(intensities_, all, "images", kSmallerBatch);
-    Grow(losses_, pixelBlocks * views, "losses", kSmallerBatch);
     PixelTask task{frames_.data(), forward.sweep,  parameters_.data(), images_.data(), forward.weights,
-                   intensities_.data(), nullptr, losses_.data()};
+                   intensities_.data(), nullptr, nullptr};
     Launch("a loss", ToIntensities, pixelBlocks, views, kPixelThreads, stream_, task);
     double others = 0;
     if (!loss.IsPixelwise())
@@ -750,6 +753,8 @@ private:
       task.others = others_.data();
       others = WindowLosses(views, loss) + SpectrumLosses(frames, loss);
     }
+    Grow(losses_, pixelBlocks * views, "losses", kSmallerBatch);
+    task.losses = losses_.data();
     Launch("a loss", ToDerivatives, pixelBlocks, views, kPixelThreads, stream_, task);
     gather(pixelBlocks * views);
     return others + ReadResults().loss;
@@ -781,27 +786,55 @@ private:
       return up(width) * up(height);
     };
     const std::size_t windows = blocks(task.across, task.down);
-    DeviceArray<double> losses;
-    losses.Resize(windows * views, "losses", kSmallerBatch);
+    Grow(losses_, windows * views, "losses", kSmallerBatch);
     task.intensities = intensities_.data();
     task.slopes = slopes_.data();
     task.others = others_.data();
-    task.losses = losses.data();
+    task.losses = losses_.data();
     Launch("a loss of windows", FindSlopes, windows, views, kWindowThreads, stream_, task);
     Launch("a loss of windows", SpreadSlopes, blocks(sweep_->width, sweep_->height), views, kWindowThreads, stream_,
            task);
-    Launch("adding up the loss", SumInOrder, 1, 1, kSumThreads, stream_, losses.data(), windows * views,
-           &results_.data()->loss);
-    return ReadResults().loss;
+    return Sum(losses_.data(), windows * views);
   }
 
-  /// Adds dL/dI of the focal frequency loss to others_; returns the loss. Its transforms are the host's.
+  /// Adds dL/dI of the focal frequency loss to others_; returns the loss.
   double SpectrumLosses(const std::vector<int>& frames, const Loss& loss)
   {
     if (loss.ffl == 0)
     {
       return 0;
     }
+    const FourierLibrary* library = FourierLibrary::Find();
+    if (!library)
+    {
+      return SpectrumLossesOnHost(frames, loss);
+    }
+    const int width = sweep_->width, height = sweep_->height, views = static_cast<int>(frames.size());
+    const std::size_t pixels = sweep_->PixelsPerFrame();
+    if (!fourier_ || !fourier_->IsFor(width, height, views))
+    {
+      fourier_.reset();
+      fourier_ = std::make_unique<Fourier>(*library, width, height, views, stream_);
+    }
+    Grow(differences_, pixels * views, "images", kSmallerBatch);
+    Grow(spectrum_, static_cast<std::size_t>(views) * height * (width / 2 + 1), "spectra", kSmallerBatch);
+    Grow(losses_, views, "losses", kSmallerBatch);
+    const double counted = static_cast<double>(std::max<std::size_t>(countedPixels_, 1));
+    const SpectrumTask task{frames_.data(),       DeviceFrames(),   static_cast<float>(loss.ffl / (counted * views)),
+                            intensities_.data(),  differences_.data(), spectrum_.data(),
+                            others_.data(),       losses_.data()};
+    const std::size_t blocks = (pixels + kPixelThreads - 1) / kPixelThreads;
+    Launch("a loss of the spectrum", FindDifferences, blocks, views, kPixelThreads, stream_, task);
+    fourier_->Forward(differences_.data(), reinterpret_cast<float*>(spectrum_.data()));
+    Launch("a loss of the spectrum", WeighSpectrum, 1, views, kSumThreads, stream_, task);
+    fourier_->Backward(reinterpret_cast<float*>(spectrum_.data()), differences_.data());
+    Launch("a loss of the spectrum", AddSpectrum, blocks, views, kPixelThreads, stream_, task);
+    return Sum(losses_.data(), views);
+  }
+
+  /// The same where cuFFT is not installed: images go to the host and back.
+  double SpectrumLossesOnHost(const std::vector<int>& frames, const Loss& loss)
+  {
     Loss spectrum;
     spectrum.l1 = 0;
     spectrum.ffl = loss.ffl;
@@ -850,6 +883,9 @@ private:
   DeviceArray<VisibleSplat> splats_;
   DeviceArray<unsigned int> overlaps_;
   DeviceArray<float> images_, weightImages_, intensities_, others_, slopes_, rendered_;
+  std::unique_ptr<Fourier> fourier_;  // of the last batch's size
+  DeviceArray<float> differences_;
+  DeviceArray<float2> spectrum_;
   DeviceArray<double> losses_;
   DeviceArray<StepParameters> parameters_;
   DeviceArray<Results> results_;

@@ -285,40 +285,36 @@ __global__ void __launch_bounds__(kBlock) CountOverlaps(FindTask task)
   }
 }
 
-/// The most Gaussians that overlap on any tile within the reach of this thread block's Gaussians, on any plane.
-__device__ inline unsigned int MostOverlaps(const FindTask& task, const BlockPlace& place)
+/// The most Gaussians that overlap on any tile within this thread block's reach, for kChunk planes from `first` on.
+/// By the whole thread block; the results are good after the next barrier.
+__device__ inline void FindMost(const FindTask& task, const BlockPlace& place, int first, Box (&tiles)[kChunk],
+                                unsigned int (&most)[kChunk])
 {
-  __shared__ unsigned int most;
-  if (threadIdx.x == 0)
-  {
-    most = 1;
-  }
-  __syncthreads();
-  const double logFloor = log(task.floor);
-  for (int f = 0; f < task.views; ++f)
+  const int i = threadIdx.x;
+  if (i < kChunk)
   {
     Reach reach;
-    if (!Reaches<float>(place, task.cameras[task.frames[f]], LogMagnitude(task, place), logFloor, reach))
-    {
-      continue;
-    }
-    const Box tiles = TilesOf(task.overlaps, reach.box);
-    const int across = tiles.columnEnd - tiles.columnBegin, down = tiles.rowEnd - tiles.rowBegin;
+    const bool reached = first + i < task.views &&
+                         Reaches<float>(place, task.cameras[task.frames[first + i]], LogMagnitude(task, place),
+                                        log(task.floor), reach);
+    tiles[i] = reached ? TilesOf(task.overlaps, reach.box) : Box{0, 0, 0, 0};
+    most[i] = 1;
+  }
+  __syncthreads();
+  for (int j = 0; j < kChunk; ++j)
+  {
+    const int across = tiles[j].columnEnd - tiles[j].columnBegin, down = tiles[j].rowEnd - tiles[j].rowBegin;
     unsigned int mine = 0;
-    for (int t = threadIdx.x; t < (across > 0 && down > 0 ? across * down : 0); t += kBlock)
+    for (int t = i; t < (across > 0 && down > 0 ? across * down : 0); t += kBlock)
     {
-      const std::size_t tile =
-          (static_cast<std::size_t>(f) * task.overlaps.rows + tiles.rowBegin + t / across) * task.overlaps.columns +
-          tiles.columnBegin + t % across;
-      mine = max(mine, task.overlaps.counts[tile]);
+      const std::size_t row = static_cast<std::size_t>(first + j) * task.overlaps.rows + tiles[j].rowBegin + t / across;
+      mine = max(mine, task.overlaps.counts[row * task.overlaps.columns + tiles[j].columnBegin + t % across]);
     }
     if (mine > 1)
     {
-      atomicMax(&most, mine);
+      atomicMax(&most[j], mine);
     }
   }
-  __syncthreads();
-  return most;
 }
 
 /// Fills seen, boxes and splats. Launched as (blocks, 1) of kBlock threads, of which each has its Gaussian.
@@ -328,6 +324,9 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
   __shared__ View<float> views[kChunk];
   __shared__ int columns[kChunk], rows[kChunk];
   __shared__ float slabs[kChunk];  // negative: not reached
+  __shared__ double tolerances[kChunk];
+  __shared__ Box tiles[kChunk];
+  __shared__ unsigned int most[kChunk];
   // Twice, for one plane and the next: so that no thread overwrites what another still reads.
   __shared__ unsigned int masks[2][kWarps];
   __shared__ Box warpBoxes[2][kWarps];
@@ -339,26 +338,26 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
   const Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
   const bool sharp = present && IsSharp(gaussian);
   const double logMagnitude = LogMagnitude(task, place);
-  const double tolerance =
-      task.overlaps.counts ? 0.5 * task.tolerance / MostOverlaps(task, place) : task.tolerance;
-  const double logTolerance = log(tolerance);
-  // A Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2. A thousandth more than
-  // the bound, so that its own rounding drops nothing.
   const float scale = std::exp(max(max(gaussian.logScale.x, gaussian.logScale.y), gaussian.logScale.z));
-  const float farthest = 1.001f * CutFor(MagnitudeOf(task, gaussian), static_cast<float>(tolerance));
   const PixelBox window{task.window.columnBegin, task.window.columnEnd, task.window.rowBegin, task.window.rowEnd};
 
   int turn = 0;
   for (int first = 0; first < task.views; first += kChunk)
   {
     __syncthreads();
+    if (task.overlaps.counts)
+    {
+      FindMost(task, place, first, tiles, most);
+      __syncthreads();
+    }
     const int f = first + i;
     if (i < kChunk && f < task.views)
     {
       const Camera& camera = task.cameras[task.frames[f]];
+      tolerances[i] = task.overlaps.counts ? 0.5 * task.tolerance / most[i] : task.tolerance;
       Reach reach;
       const bool reached =
-          Reaches<float>(place, camera, logMagnitude, logTolerance, reach) && Overlap(reach.box, window);
+          Reaches<float>(place, camera, logMagnitude, log(tolerances[i]), reach) && Overlap(reach.box, window);
       slabs[i] = reached ? static_cast<float>(min(reach.slab, 1e30)) : -1.0f;
       if (reached)
       {
@@ -379,12 +378,15 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
       }
       VisibleSplat splat;
       bool visible = false;
+      // A Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2. A thousandth more
+      // than the bound, so that its own rounding drops nothing.
       const float squared = SquaredDistance(gaussian, views[j]);
+      const float farthest = 1.001f * CutFor(MagnitudeOf(task, gaussian), static_cast<float>(tolerances[j]));
       if (present && squared <= slabs[j] && squared <= farthest * (scale * scale + views[j].elevationVariance) &&
           farthest > 0)
       {
-        visible = sharp ? FindSharpSplat(task, task.cameras[task.frames[first + j]], b, i, tolerance, splat)
-                        : FindSplat(task, gaussian, views[j], columns[j], rows[j], tolerance, splat);
+        visible = sharp ? FindSharpSplat(task, task.cameras[task.frames[first + j]], b, i, tolerances[j], splat)
+                        : FindSplat(task, gaussian, views[j], columns[j], rows[j], tolerances[j], splat);
       }
       const unsigned int mask = __ballot_sync(kAllLanes, visible);
       const int none = 0x7fffffff;

@@ -231,46 +231,78 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
 bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6],
                            ViewOutput output, bool coverage, const std::function<bool(const Band&)>& receive)
 {
-  const int columns = extent[1] - extent[0] + 1;
+  const int columns = extent[1] - extent[0] + 1, rows = extent[3] - extent[2] + 1;
+  const int width = whole[1] - whole[0] + 1, height = whole[3] - whole[2] + 1;
   const double total = ExtentSize(extent);
   std::vector<float> image, covered;
   vtkIdType first = 0;
-  for (int k = extent[4]; k <= extent[5]; ++k)
+
+  // Renders so many pixels into image and covered, and passes them on.
+  const auto deliver = [&](std::size_t count, auto&& render)
+  {
+    image.resize(count);
+    covered.resize(coverage ? count : 0);
+    const auto before = std::chrono::steady_clock::now();
+    render(image.data(), coverage ? covered.data() : nullptr);
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+    // Aim at bandSeconds from what this band took; a plane that is nearly free says little about the next.
+    pixelsPerBand_ =
+        std::clamp(count * std::clamp(bandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
+    const vtkIdType pixels = static_cast<vtkIdType>(count);
+    const double fraction = (static_cast<double>(first) + pixels) / total;
+    const Band band{first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction};
+    first += pixels;
+    return receive(band);
+  };
+  const auto planeAt = [&](int k)
   {
     const Eigen::Vector4d start = indexToWorld * Eigen::Vector4d(whole[0], whole[2], k, 1);
     SlicePlane plane;
     plane.origin = start.head<3>();
     plane.columnStep = indexToWorld.block<3, 1>(0, 0);
     plane.rowStep = indexToWorld.block<3, 1>(0, 1);
-    plane.width = whole[1] - whole[0] + 1;
-    plane.height = whole[3] - whole[2] + 1;
+    plane.width = width;
+    plane.height = height;
     plane.Validate("Output slice " + std::to_string(k));
+    return plane;
+  };
 
-    for (int row = extent[2]; row <= extent[3];)
+  for (int k = extent[4]; k <= extent[5];)
+  {
+    // Whole planes together, if there is time for several; else a plane in bands of rows.
+    const double planePixels = static_cast<double>(width) * height;
+    const int planes = columns == width && rows == height
+                           ? std::min(static_cast<int>(pixelsPerBand_ / planePixels), extent[5] - k + 1)
+                           : 1;
+    if (planes > 1)
     {
-      const int wantedRows = static_cast<int>(std::min(1e9, pixelsPerBand_ / columns));
-      const int rows = std::clamp(wantedRows, 1, extent[3] - row + 1);
-      const std::size_t count = static_cast<std::size_t>(rows) * columns;
-      image.resize(count);
-      covered.resize(coverage ? count : 0);
-
-      const auto before = std::chrono::steady_clock::now();
-      engine_->Render(plane, {extent[0] - whole[0], row - whole[2], columns, rows}, output, image.data(),
-                      coverage ? covered.data() : nullptr);
-      const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
-      // Aim at bandSeconds from what this band took; a plane that is nearly free says little about the next.
-      pixelsPerBand_ =
-          std::clamp(count * std::clamp(bandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
-
-      const vtkIdType pixels = static_cast<vtkIdType>(count);
-      const double fraction = (static_cast<double>(first) + pixels) / total;
-      if (!receive({first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction}))
+      std::vector<SlicePlane> stack;
+      for (int i = 0; i < planes; ++i)
+      {
+        stack.push_back(planeAt(k + i));
+      }
+      if (!deliver(stack.size() * stack[0].NumberOfPixels(),
+                   [&](float* pixels, float* cover) { engine_->RenderStack(stack, output, pixels, cover); }))
       {
         return false;
       }
-      first += pixels;
-      row += rows;
+      k += planes;
+      continue;
     }
+    const SlicePlane plane = planeAt(k);
+    for (int row = extent[2]; row <= extent[3];)
+    {
+      const int wanted = static_cast<int>(std::min(1e9, pixelsPerBand_ / columns));
+      const int band = std::clamp(wanted, 1, extent[3] - row + 1);
+      const Engine::Window window{extent[0] - whole[0], row - whole[2], columns, band};
+      if (!deliver(static_cast<std::size_t>(band) * columns,
+                   [&](float* pixels, float* cover) { engine_->Render(plane, window, output, pixels, cover); }))
+      {
+        return false;
+      }
+      row += band;
+    }
+    ++k;
   }
   return true;
 }

@@ -83,7 +83,7 @@ public:
   /// Error.
   void Upload(vtkPolyData* input, const Settings& settings);
 
-  /// Some whole rows of one slice.
+  /// Some whole rows of one slice, or several whole slices.
   struct Band
   {
     vtkIdType first, count;  ///< pixels, counted from the start of the extent asked for

@@ -4,8 +4,15 @@
 #include <tbb/parallel_for.h>
 #include <ucontext.h>
 
+#if defined(__SANITIZE_ADDRESS__)
+#include <sanitizer/common_interface_defs.h>
+#endif
+
+#include <algorithm>
 #include <atomic>
+#include <complex>
 #include <cstdio>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -44,11 +51,26 @@ namespace
 constexpr int kLanes = 32;
 constexpr std::size_t kStack = 256 << 10;
 
+/// Tells the address sanitizer which stack runs: around every switch from one stack to another. It then watches device
+/// memory and stacks of kernels like any other.
+struct StackSwitch
+{
+#if defined(__SANITIZE_ADDRESS__)
+  void* fake = nullptr;
+  void Leave(const void* stack, std::size_t size) { __sanitizer_start_switch_fiber(&fake, stack, size); }
+  void Arrive(const void** from, std::size_t* size) { __sanitizer_finish_switch_fiber(fake, from, size); }
+#else
+  void Leave(const void*, std::size_t) {}
+  void Arrive(const void**, std::size_t*) {}
+#endif
+};
+
 /// A thread of a block, on its own stack. It is started once and then waits for the next kernel.
 struct Fibre
 {
   std::unique_ptr<char[]> stack;
   jmp_buf context;
+  StackSwitch stackSwitch;
   bool alive = false, finished = true;
   enum
   {
@@ -148,10 +170,12 @@ private:
 
   void Yield(Fibre& fibre)
   {
+    fibre.stackSwitch.Leave(schedulerStack_, schedulerStackSize_);
     if (_setjmp(fibre.context) == 0)
     {
       _longjmp(scheduler_, 1);
     }
+    fibre.stackSwitch.Arrive(&schedulerStack_, &schedulerStackSize_);
   }
 
   bool IsReady(const Fibre& fibre, const Warp& warp) const
@@ -181,6 +205,11 @@ private:
   {
     threadIdx.x = i;
     Fibre& fibre = fibres_[i];
+    if (!fibre.stack)
+    {
+      fibre.stack.reset(new char[kStack]);
+    }
+    stackSwitch_.Leave(fibre.stack.get(), kStack);
     if (_setjmp(scheduler_) == 0)
     {
       if (fibre.alive)
@@ -190,11 +219,11 @@ private:
       Start(fibre);
     }
     // Here again: the fibre waits or has finished.
+    stackSwitch_.Arrive(nullptr, nullptr);
   }
 
   void Start(Fibre& fibre)
   {
-    fibre.stack.reset(new char[kStack]);
     fibre.alive = true;
     ucontext_t fresh, here;
     getcontext(&fresh);
@@ -207,10 +236,13 @@ private:
 
   static void Body();
 
-  std::vector<Fibre> fibres_;
+  std::deque<Fibre> fibres_;  // which grow and do not move: their stacks hold references
   std::vector<Warp> warps_;
   const std::function<void()>* kernel_ = nullptr;
   jmp_buf scheduler_;
+  StackSwitch stackSwitch_;
+  const void* schedulerStack_ = nullptr;
+  std::size_t schedulerStackSize_ = 0;
   int threads_ = 0, running_ = 0, arrived_ = 0;
   unsigned int generation_ = 0;
   bool any_[2];
@@ -226,6 +258,7 @@ Machine& ThisMachine()
 void Machine::Body()
 {
   Machine& machine = ThisMachine();
+  StackSwitch().Arrive(&machine.schedulerStack_, &machine.schedulerStackSize_);
   while (true)
   {
     Fibre& fibre = machine.fibres_[threadIdx.x];
@@ -275,6 +308,129 @@ const std::uint64_t* Exchange(std::uint64_t value)
 bool Barrier(bool value)
 {
   return ThisMachine().Barrier(value);
+}
+
+// ---- cuFFT, by its definition
+
+namespace
+{
+
+struct Plan
+{
+  int height, width, batch;
+};
+std::vector<Plan>& Plans()
+{
+  static std::vector<Plan> plans;
+  return plans;
+}
+bool theFourier = true;
+
+using Complex = std::complex<double>;
+
+/// out_k = sum_j in_j exp(sign 2 pi i j k / n), numbers `step` apart.
+void Transform(Complex* values, int n, int step, int sign)
+{
+  std::vector<Complex> out(n);
+  for (int k = 0; k < n; ++k)
+  {
+    for (int j = 0; j < n; ++j)
+    {
+      const double angle = sign * 2 * M_PI * (static_cast<std::int64_t>(j) * k % n) / n;
+      out[k] += values[j * step] * Complex(std::cos(angle), std::sin(angle));
+    }
+  }
+  for (int k = 0; k < n; ++k)
+  {
+    values[k * step] = out[k];
+  }
+}
+
+void TransformImage(std::vector<Complex>& image, const Plan& plan, int sign)
+{
+  for (int row = 0; row < plan.height; ++row)
+  {
+    Transform(image.data() + row * plan.width, plan.width, 1, sign);
+  }
+  for (int column = 0; column < plan.width; ++column)
+  {
+    Transform(image.data() + column, plan.height, plan.width, sign);
+  }
+}
+
+}  // namespace
+
+int PlanMany(int* plan, int, int* size, int*, int, int, int*, int, int, int, int batch)
+{
+  *plan = static_cast<int>(Plans().size());
+  Plans().push_back({size[0], size[1], batch});
+  return 0;
+}
+
+int SetStream(int, cudaStream_t)
+{
+  return 0;
+}
+
+int RealToComplex(int index, float* in, float* out)
+{
+  const Plan plan = Plans()[index];
+  const int columns = plan.width / 2 + 1;
+  for (int b = 0; b < plan.batch; ++b)
+  {
+    std::vector<Complex> image(in, in + plan.width * plan.height);
+    TransformImage(image, plan, -1);
+    for (int k = 0; k < columns * plan.height; ++k)
+    {
+      const Complex value = image[k / columns * plan.width + k % columns];
+      *out++ = static_cast<float>(value.real());
+      *out++ = static_cast<float>(value.imag());
+    }
+    in += plan.width * plan.height;
+  }
+  return 0;
+}
+
+int ComplexToReal(int index, float* in, float* out)
+{
+  const Plan plan = Plans()[index];
+  const int columns = plan.width / 2 + 1;
+  for (int b = 0; b < plan.batch; ++b)
+  {
+    std::vector<Complex> image(plan.width * plan.height);
+    for (int row = 0; row < plan.height; ++row)
+    {
+      for (int column = 0; column < plan.width; ++column)
+      {
+        const bool held = column < columns;
+        const int k = held ? row * columns + column
+                           : (plan.height - row) % plan.height * columns + plan.width - column;
+        image[row * plan.width + column] = Complex(in[2 * k], held ? in[2 * k + 1] : -in[2 * k + 1]);
+      }
+    }
+    TransformImage(image, plan, 1);
+    for (const Complex& value : image)
+    {
+      *out++ = static_cast<float>(value.real());
+    }
+    in += 2 * columns * plan.height;
+  }
+  return 0;
+}
+
+int Destroy(int)
+{
+  return 0;
+}
+
+bool HasFourier()
+{
+  return theFourier;
+}
+
+void SetHasFourier(bool has)
+{
+  theFourier = has;
 }
 
 void SetMemory(std::size_t bytes)

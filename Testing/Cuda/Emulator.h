@@ -22,6 +22,11 @@
 #define __launch_bounds__(...)
 #define __shared__ static thread_local
 
+struct float2
+{
+  float x, y;
+};
+
 struct dim3
 {
   unsigned int x, y, z;
@@ -75,6 +80,16 @@ bool Barrier(bool value);
 /// Device memory there is; more is refused. For tests of what happens then.
 void SetMemory(std::size_t bytes);
 std::size_t MemoryUsed();
+
+/// cuFFT's functions of these names, and whether they are to be found.
+int PlanMany(int* plan, int rank, int* size, int* inEmbed, int inStride, int inDistance, int* outEmbed, int outStride,
+             int outDistance, int type, int batch);
+int SetStream(int plan, cudaStream_t stream);
+int RealToComplex(int plan, float* in, float* out);
+int ComplexToReal(int plan, float* in, float* out);
+int Destroy(int plan);
+bool HasFourier();
+void SetHasFourier(bool has);
 
 template <class T>
 T ExchangeWith(T value, int lane)

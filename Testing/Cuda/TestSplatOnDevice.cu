@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "Core/Splat.h"
-#include "Cuda/CudaDevices.h"
 
 namespace
 {
@@ -96,9 +95,12 @@ void ExpectNear(double device, double host, const char* what, int index)
 
 TEST(SplatOnDevice, EqualsHost)
 {
-  if (bigus::CudaDevices().empty())
+  int devices = 0;
+  const cudaError_t status = cudaGetDeviceCount(&devices);
+  if (status != cudaSuccess || devices == 0)
   {
-    GTEST_SKIP() << "no CUDA device: the projection was compiled for one but not run";
+    GTEST_SKIP() << "no CUDA device (" << cudaGetErrorString(status)
+                 << "): the projection was compiled for one but not run";
   }
   const int n = 10000;
   const std::vector<Case> cases = RandomCases(n);
@@ -134,16 +136,6 @@ TEST(SplatOnDevice, EqualsHost)
     ExpectNear(device.gradient.rotation.x, host.gradient.rotation.x, "rotation gradient x", i);
     ExpectNear(device.gradient.rotation.y, host.gradient.rotation.y, "rotation gradient y", i);
     ExpectNear(device.gradient.rotation.z, host.gradient.rotation.z, "rotation gradient z", i);
-  }
-}
-
-TEST(CudaDevices, NamesEveryDevice)
-{
-  for (const bigus::CudaDevice& device : bigus::CudaDevices())
-  {
-    EXPECT_FALSE(device.name.empty());
-    EXPECT_NE(device.computeCapability.find('.'), std::string::npos);
-    EXPECT_GT(device.memoryBytes, std::size_t(1) << 28);
   }
 }
 
