@@ -3,6 +3,8 @@
 
 #include "CudaEngine.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -128,11 +130,15 @@ public:
     std::vector<GaussianBlock<float>> gaussians(blocks);
     std::vector<BlockPlace> places(blocks);
     std::vector<int> sharpSlots(blocks, -1);
+    tbb::parallel_for(std::size_t(0), blocks,
+                      [&](std::size_t b)
+                      {
+                        places[b] = PlaceOf(field, order_, b);
+                        PackBlock(field, order_, b, places[b], gaussians[b]);
+                      });
     std::vector<GaussianBlock<double>> sharp;
     for (std::size_t b = 0; b < blocks; ++b)
     {
-      places[b] = PlaceOf(field, order_, b);
-      PackBlock(field, order_, b, places[b], gaussians[b]);
       if (HasNeedle(field, b, places[b].count))
       {
         sharpSlots[b] = static_cast<int>(sharp.size());
@@ -164,10 +170,12 @@ public:
     field.beam = beam_;
     field.transfer = transfer_;
     field.Resize(order_.size());
-    for (std::size_t slot = 0; slot < order_.size(); ++slot)
-    {
-      UnpackGaussian(gaussians[slot / kBlock], slot % kBlock, places[slot / kBlock], order_[slot], field);
-    }
+    tbb::parallel_for(std::size_t(0), order_.size(),
+                      [&](std::size_t slot)
+                      {
+                        UnpackGaussian(gaussians[slot / kBlock], slot % kBlock, places[slot / kBlock], order_[slot],
+                                       field);
+                      });
     return field;
   }
 
@@ -317,7 +325,7 @@ public:
                                          frames.begin() + std::min(first + kSolveBatch, frames.size()));
             UploadBatch(batch);
             Grow(images_, batch.size() * sweep_->PixelsPerFrame(), "images", kSmallerBatch);
-            task.values = {nullptr, x.data()};
+            task.vector = x.data();
             task.frames = frames_.data();
             task.withTarget = withTarget;
             task.images = images_.data();
@@ -439,7 +447,6 @@ private:
     task.window = {window.firstColumn, window.firstColumn + window.columns, window.firstRow,
                    window.firstRow + window.rows};
     task.tiles = TilesOfWindow(task.window);
-    task.values = {gaussians_.data(), nullptr};
     task.intensity = output == ViewOutput::Intensity;
     task.normalised = normalised_;
     task.gamma = static_cast<float>(transfer_.gamma);
@@ -686,7 +693,6 @@ private:
 
     TrainTask forward{};
     forward.tiles = tiles;
-    forward.values = {gaussians_.data(), nullptr};
     forward.frames = frames_.data();
     forward.sweep = DeviceFrames();
     forward.parameters = parameters_.data();

@@ -27,19 +27,33 @@ struct Lists
   unsigned long long capacity;
 };
 
-/// What footprints are multiplied with.
-struct Values
+/// What footprints are multiplied with: their Gaussians' reflectivity, numbers of a vector, or 1.
+struct OwnReflectivity
 {
-  const GaussianBlock<float>* gaussians;  // their reflectivity; or null
-  const float* vector;                    // [blocks][kBlock] these; or null: 1
-
-  __device__ float operator()(int block, int gaussian) const
+  __device__ float operator()(int, const VisibleSplat& s) const { return s.reflectivity; }
+};
+struct NumberOfVector
+{
+  const float* vector;  // [blocks][kBlock]
+  __device__ float operator()(int block, const VisibleSplat& s) const
   {
-    return gaussians ? gaussians[block].reflectivity[gaussian]
-           : vector  ? vector[static_cast<std::size_t>(block) * kBlock + gaussian]
-                     : 1.0f;
+    return vector[static_cast<std::size_t>(block) * kBlock + s.gaussian];
   }
 };
+struct One
+{
+  __device__ float operator()(int, const VisibleSplat&) const { return 1.0f; }
+};
+
+/// p / q to two roundings.
+__device__ inline float Divide(float p, float q)
+{
+#if defined(__CUDA_ARCH__)
+  return __fdividef(p, q);
+#else
+  return p / q;
+#endif
+}
 
 /// Whether the ellipse |U (p - m)|^2 <= cut meets a tile: exact. Where the centre is outside, the tile's point
 /// that is nearest in this metric lies on an edge that faces the centre.
@@ -66,12 +80,12 @@ __device__ inline bool Touches(const VisibleSplat& s, const Box& tile)
   float nearest = kWholeCut<float> * 2;
   if (u != 0)
   {
-    const float best = -s.u11 * s.u12 * u / (s.u12 * s.u12 + s.u22 * s.u22);
+    const float best = Divide(-s.u11 * s.u12 * u, s.u12 * s.u12 + s.u22 * s.u22);
     nearest = squared(u, min(max(best, top), bottom));
   }
   if (v != 0)
   {
-    nearest = min(nearest, squared(min(max(-s.u12 * v / s.u11, left), right), v));
+    nearest = min(nearest, squared(min(max(Divide(-s.u12 * v, s.u11), left), right), v));
   }
   // A thousandth more, so that rounding drops nothing. A needle's products cancel: its box must do.
   return nearest <= 1.001f * s.cut || s.rowFactor == 0;
@@ -118,17 +132,13 @@ struct ColumnWalk
   {
     const float eta1 = s.u11 * du + s.u12 * dv, eta2 = s.u22 * dv;
     const float exponent = s.logAmplitude - 0.5f * (eta1 * eta1 + eta2 * eta2);
-    if (!(exponent > kLowestExponent<float>))  // where it matters it does not underflow: see FindSplat
-    {
-      down = up = 0;
-      downRatio = upRatio = 1;
-      return;
-    }
     const float curvature = s.u12 * s.u12 + s.u22 * s.u22;
     const float logRatio = -(s.u12 * eta1 + s.u22 * eta2) - 0.5f * curvature;
-    const float ratio = Exp(-curvature - logRatio);
+    // Where w matters it does not underflow (see FindSplat). Elsewhere its ratios may overflow, and stand for nothing.
+    const float bounded = exponent > kLowestExponent<float> ? logRatio : 0.0f;
+    const float ratio = Exp(-curvature - bounded);
     down = value * Exp(exponent);
-    downRatio = Exp(logRatio);
+    downRatio = Exp(bounded);
     up = down * ratio;
     upRatio = ratio * s.rowFactor;
   }
@@ -189,7 +199,8 @@ __device__ void ForLanes(bool condition, Visit&& visit)
 }
 
 /// Adds all that a view sees to a warp's tile.
-__device__ inline void AddTile(const Lists& lists, const Values& values, int view, const Box& tile, const Strip& strip,
+template <class Values>
+__device__ void AddTile(const Lists& lists, const Values& values, int view, const Box& tile, const Strip& strip,
                                float (&sums)[kRun])
 {
   const int lane = threadIdx.x % kWarp;
@@ -214,7 +225,7 @@ __device__ inline void AddTile(const Lists& lists, const Values& values, int vie
                                      [&](int k)
                                      {
                                        const VisibleSplat& s = splats[first + k];
-                                       AddSplat(s, values(block, s.gaussian), strip, sums);
+                                       AddSplat(s, values(block, s), strip, sums);
                                      });
                           }
                         });
@@ -256,7 +267,6 @@ struct RenderTask
   Lists lists;
   Tiles tiles;
   Box window;        // pixels wanted
-  Values values;     // of the image
   bool intensity;    // I instead of S
   bool normalised;   // I = S / (least weight + sum w)
   float gamma;
@@ -276,11 +286,11 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) RenderTiles(RenderTask t
   const Box box = task.tiles.At(tile);
   const Strip strip(box);
   float sums[kRun] = {}, weights[kRun] = {};
-  AddTile(task.lists, task.values, view, box, strip, sums);
+  AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
   const bool normalise = task.intensity && task.normalised;
   if (task.coverage || normalise)
   {
-    AddTile(task.lists, {nullptr, nullptr}, view, box, strip, weights);
+    AddTile(task.lists, One(), view, box, strip, weights);
   }
   const Box& window = task.window;
   const std::size_t columns = window.columnEnd - window.columnBegin, rows = window.rowEnd - window.rowBegin;
@@ -344,7 +354,6 @@ struct TrainTask
 {
   Lists lists;
   Tiles tiles;
-  Values values;
   const int* frames;  // [views]
   Frames sweep;
   const StepParameters* parameters;
@@ -366,10 +375,10 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask tas
   const Box box = task.tiles.At(tile);
   const Strip strip(box);
   float sums[kRun] = {}, weights[kRun] = {};
-  AddTile(task.lists, task.values, view, box, strip, sums);
+  AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
   if (task.weights)
   {
-    AddTile(task.lists, {nullptr, nullptr}, view, box, strip, weights);
+    AddTile(task.lists, One(), view, box, strip, weights);
   }
   const StepParameters& p = *task.parameters;
   const int width = task.sweep.width, height = task.sweep.height;
@@ -488,7 +497,7 @@ struct SolveTask
 {
   Lists lists;
   Tiles tiles;
-  Values values;
+  const float* vector;  // [blocks][kBlock] in place of reflectivities
   const int* frames;
   Frames sweep;
   float gamma;
@@ -509,7 +518,7 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) SolveTiles(SolveTask tas
   const Box box = task.tiles.At(tile);
   const Strip strip(box);
   float sums[kRun] = {};
-  AddTile(task.lists, task.values, view, box, strip, sums);
+  AddTile(task.lists, NumberOfVector{task.vector}, view, box, strip, sums);
   const int width = task.sweep.width, height = task.sweep.height;
 #pragma unroll
   for (int n = 0; n < kRun; ++n)

@@ -26,16 +26,17 @@ constexpr int kRun = 8;        // rows that a recurrence walks, from their middl
 constexpr int kGroup = 32;     // blocks whose boxes are tested together
 constexpr int kChunk = 32;     // planes that a thread block looks at together
 
-/// Half-open ranges of pixels of a plane.
-struct Box
+/// Half-open ranges of pixels of a plane. One load.
+struct alignas(16) Box
 {
   int columnBegin, columnEnd, rowBegin, rowEnd;
 };
 
-__device__ inline bool Meet(const Box& p, const Box& q)
+/// Without branches: a branch would wait for one number after the other.
+__device__ inline bool Meet(const Box p, const Box q)
 {
-  return p.columnEnd > q.columnBegin && p.columnBegin < q.columnEnd && p.rowEnd > q.rowBegin &&
-         p.rowBegin < q.rowEnd;
+  return (p.columnEnd > q.columnBegin) & (p.columnBegin < q.columnEnd) & (p.rowEnd > q.rowBegin) &
+         (p.rowBegin < q.rowEnd);
 }
 
 /// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), m = (column + mu, row + mv); see
@@ -46,9 +47,9 @@ struct alignas(16) VisibleSplat
   float mu, mv, cut;
   float rowFactor;  // exp(-(u12^2 + u22^2)), or 0: by an exponential a pixel
   int column, row;
-  int gaussian;  // index in its block
-  int padding;
-  Box box;  // pixels that matter, of those to be computed
+  int gaussian;        // index in its block
+  float reflectivity;  // its own
+  Box box;             // pixels that matter, of those to be computed
 };
 
 /// What one plane sees of one block: splats[offset, offset + count), in the order of their Gaussians; bit i % 32
@@ -101,10 +102,14 @@ struct FindTask
   unsigned long long* used;  // splats found, whether or not there was room for them
 };
 
+/// e^x for x >= kLowestExponent; anything from 0 to that below. Denormal numbers, which the fast instruction would need
+/// help with, do not occur.
 __device__ inline float Exp(float x)
 {
 #if defined(__CUDA_ARCH__)
-  return __expf(x);
+  float result;
+  asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(x * 1.4426950408889634f));
+  return result;
 #else
   return std::exp(x);
 #endif
@@ -430,7 +435,7 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
         if (at < task.capacity)
         {
           splat.gaussian = i;
-          splat.padding = 0;
+          splat.reflectivity = gaussian.reflectivity;
           task.splats[at] = splat;
         }
       }
