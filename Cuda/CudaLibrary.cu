@@ -20,6 +20,10 @@ extern "C" __attribute__((visibility("default"))) const char* bigusCudaEngine(bi
     return nullptr;
   }
   cudaGetLastError();  // the runtime keeps the error for the next call otherwise
-  reason = status == cudaSuccess ? "there is no CUDA device" : cudaGetErrorString(status);
+  reason = status == cudaSuccess || status == cudaErrorNoDevice ? "there is no CUDA device"
+           : status == cudaErrorInsufficientDriver
+               ? "there is no NVIDIA driver, or one too old for CUDA " + std::to_string(CUDART_VERSION / 1000) + "." +
+                     std::to_string(CUDART_VERSION % 1000 / 10)
+               : std::string("the CUDA device does not start: ") + cudaGetErrorString(status);
   return reason.c_str();
 }
