@@ -51,27 +51,85 @@ namespace
 constexpr int kLanes = 32;
 constexpr std::size_t kStack = 256 << 10;
 
-/// Tells the address sanitizer which stack runs: around every switch from one stack to another. It then watches device
-/// memory and stacks of kernels like any other.
-struct StackSwitch
+/// A stack and where it stopped.
+class Stack
 {
+public:
+  /// The one that runs already.
+  Stack() = default;
+  Stack(const Stack&) = delete;
+  Stack& operator=(const Stack&) = delete;
+
+  /// A new one, on which `body` is to run. It never returns.
+  void Prepare(void (*body)())
+  {
+    memory_.reset(new char[kStack]);
+    getcontext(&context_);
+    context_.uc_stack.ss_sp = memory_.get();
+    context_.uc_stack.ss_size = kStack;
+    context_.uc_link = nullptr;
+    makecontext(&context_, body, 0);
+    isNew_ = true;
+  }
+  bool IsPrepared() const { return memory_ != nullptr; }
+
+  /// Stops this one and goes on with another.
+  void SwitchTo(Stack& other)
+  {
 #if defined(__SANITIZE_ADDRESS__)
-  void* fake = nullptr;
-  void Leave(const void* stack, std::size_t size) { __sanitizer_start_switch_fiber(&fake, stack, size); }
-  void Arrive(const void** from, std::size_t* size) { __sanitizer_finish_switch_fiber(fake, from, size); }
+    // The sanitizer watches device memory and stacks of kernels like any other, if it is told which stack runs.
+    void* fake = nullptr;
+    other.caller_ = this;
+    __sanitizer_start_switch_fiber(&fake, other.memory_ ? other.memory_.get() : other.bottom_,
+                                   other.memory_ ? kStack : other.size_);
+    swapcontext(&context_, &other.context_);
+    Arrive(fake);
 #else
-  void Leave(const void*, std::size_t) {}
-  void Arrive(const void**, std::size_t*) {}
+    // Many times faster than swapcontext, which asks the system for the mask of signals.
+    if (_setjmp(point_) == 0)
+    {
+      if (!other.isNew_)
+      {
+        _longjmp(other.point_, 1);
+      }
+      other.isNew_ = false;
+      setcontext(&other.context_);
+    }
 #endif
+  }
+
+  /// To be called first on a new stack.
+  void Arrive(void* fake = nullptr)
+  {
+#if defined(__SANITIZE_ADDRESS__)
+    const void* bottom;
+    std::size_t size;
+    __sanitizer_finish_switch_fiber(fake, &bottom, &size);
+    if (caller_ && !caller_->memory_)
+    {
+      caller_->bottom_ = bottom;
+      caller_->size_ = size;
+    }
+#else
+    static_cast<void>(fake);
+#endif
+  }
+
+private:
+  std::unique_ptr<char[]> memory_;
+  ucontext_t context_;
+  jmp_buf point_;
+  bool isNew_ = false;
+  Stack* caller_ = nullptr;
+  const void* bottom_ = nullptr;
+  std::size_t size_ = 0;
 };
 
 /// A thread of a block, on its own stack. It is started once and then waits for the next kernel.
 struct Fibre
 {
-  std::unique_ptr<char[]> stack;
-  jmp_buf context;
-  StackSwitch stackSwitch;
-  bool alive = false, finished = true;
+  Stack stack;
+  bool finished = true;
   enum
   {
     Ready,
@@ -165,17 +223,7 @@ private:
     Fibre& fibre = fibres_[threadIdx.x];
     fibre.state = state;
     fibre.generation = generation;
-    Yield(fibre);
-  }
-
-  void Yield(Fibre& fibre)
-  {
-    fibre.stackSwitch.Leave(schedulerStack_, schedulerStackSize_);
-    if (_setjmp(fibre.context) == 0)
-    {
-      _longjmp(scheduler_, 1);
-    }
-    fibre.stackSwitch.Arrive(&schedulerStack_, &schedulerStackSize_);
+    fibre.stack.SwitchTo(scheduler_);
   }
 
   bool IsReady(const Fibre& fibre, const Warp& warp) const
@@ -205,33 +253,11 @@ private:
   {
     threadIdx.x = i;
     Fibre& fibre = fibres_[i];
-    if (!fibre.stack)
+    if (!fibre.stack.IsPrepared())
     {
-      fibre.stack.reset(new char[kStack]);
+      fibre.stack.Prepare(&Machine::Body);
     }
-    stackSwitch_.Leave(fibre.stack.get(), kStack);
-    if (_setjmp(scheduler_) == 0)
-    {
-      if (fibre.alive)
-      {
-        _longjmp(fibre.context, 1);
-      }
-      Start(fibre);
-    }
-    // Here again: the fibre waits or has finished.
-    stackSwitch_.Arrive(nullptr, nullptr);
-  }
-
-  void Start(Fibre& fibre)
-  {
-    fibre.alive = true;
-    ucontext_t fresh, here;
-    getcontext(&fresh);
-    fresh.uc_stack.ss_sp = fibre.stack.get();
-    fresh.uc_stack.ss_size = kStack;
-    fresh.uc_link = nullptr;
-    makecontext(&fresh, &Machine::Body, 0);
-    swapcontext(&here, &fresh);
+    scheduler_.SwitchTo(fibre.stack);  // until it waits or has finished
   }
 
   static void Body();
@@ -239,10 +265,7 @@ private:
   std::deque<Fibre> fibres_;  // which grow and do not move: their stacks hold references
   std::vector<Warp> warps_;
   const std::function<void()>* kernel_ = nullptr;
-  jmp_buf scheduler_;
-  StackSwitch stackSwitch_;
-  const void* schedulerStack_ = nullptr;
-  std::size_t schedulerStackSize_ = 0;
+  Stack scheduler_;
   int threads_ = 0, running_ = 0, arrived_ = 0;
   unsigned int generation_ = 0;
   bool any_[2];
@@ -258,14 +281,14 @@ Machine& ThisMachine()
 void Machine::Body()
 {
   Machine& machine = ThisMachine();
-  StackSwitch().Arrive(&machine.schedulerStack_, &machine.schedulerStackSize_);
+  machine.fibres_[threadIdx.x].stack.Arrive();
   while (true)
   {
     Fibre& fibre = machine.fibres_[threadIdx.x];
     (*machine.kernel_)();
     fibre.finished = true;
     --machine.running_;
-    machine.Yield(fibre);
+    fibre.stack.SwitchTo(machine.scheduler_);
   }
 }
 
