@@ -256,8 +256,13 @@ double FreeMemory()
   if (FreeMemory() < (gigabytes)*1e9) \
   GTEST_SKIP() << "needs " << (gigabytes) << " GB of free memory; there are " << FreeMemory() / 1e9
 
+#define BIGUS_NEEDS_SPEED() \
+  if (IsEmulated(GetParam())) \
+  GTEST_SKIP() << "takes minutes on an emulated device"
+
 TEST_P(Fields, SixteenMillionGaussians)
 {
+  BIGUS_NEEDS_SPEED();
   BIGUS_NEEDS_MEMORY(8);
   // A jittered grid of 256^3, one a millimetre; a small oblique plane sees about a thousand of them.
   constexpr std::size_t kSide = 256;
@@ -311,6 +316,7 @@ TEST_P(Fields, SixteenMillionGaussians)
 
 TEST_P(Fields, SixteenThousandPixelsSquare)
 {
+  BIGUS_NEEDS_SPEED();
   BIGUS_NEEDS_MEMORY(8);
   constexpr int kSide = 16384;
   Random random(28);
@@ -338,6 +344,7 @@ TEST_P(Fields, SixteenThousandPixelsSquare)
 
 TEST_P(Fields, MoreThan2To31PairsOfPixelsAndSplats)
 {
+  BIGUS_NEEDS_SPEED();
   // 600 round Gaussians of some 2000 pixels, each bright at each of 2048 x 2048 pixels: 2.5e9 pairs, forwards
   // and backwards. Being round and face on, they are products of one factor a column and one a row, which
   // makes the exact image and the exact dL/dr cheap.
