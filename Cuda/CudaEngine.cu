@@ -43,7 +43,8 @@ struct Results
 };
 
 /// The optimizer's averages for a restructured field. Launched as (blocks, 1) of kBlock threads.
-__global__ void __launch_bounds__(kBlock) Inherit(const std::int64_t* slots, std::size_t count, const AdamBlock<float>* from, AdamBlock<float>* to)
+__global__ void __launch_bounds__(kBlock) Inherit(const std::int64_t* slots, std::size_t count,
+                                                  const AdamBlock<float>* from, AdamBlock<float>* to)
 {
   const std::size_t slot = static_cast<std::size_t>(blockIdx.x) * kBlock + threadIdx.x;
   AdamBlock<float>& out = to[blockIdx.x];
@@ -121,43 +122,24 @@ public:
     std::vector<std::uint32_t> order = MortonOrder(field.means);
     const std::size_t blocks = NumberOfBlocks(field.Size());
     InheritAdam(order, blocks, parents);
-    order_ = std::move(order);
     beam_ = field.beam;
     transfer_ = field.transfer;
     camerasAreStale_ = true;
-    step_.Forget();
-
-    std::vector<GaussianBlock<float>> gaussians(blocks);
-    std::vector<BlockPlace> places(blocks);
-    std::vector<int> sharpSlots(blocks, -1);
-    tbb::parallel_for(std::size_t(0), blocks,
-                      [&](std::size_t b)
-                      {
-                        places[b] = PlaceOf(field, order_, b);
-                        PackBlock(field, order_, b, places[b], gaussians[b]);
-                      });
-    std::vector<GaussianBlock<double>> sharp;
-    for (std::size_t b = 0; b < blocks; ++b)
-    {
-      if (HasNeedle(field, b, places[b].count))
-      {
-        sharpSlots[b] = static_cast<int>(sharp.size());
-        sharp.emplace_back();
-        PackBlock(field, order_, b, places[b], sharp.back());
-      }
-    }
-    const auto fill = [this](auto& array, const auto& from)
-    {
-      Grow(array, from.size(), "Gaussians", kFewerGaussians);
-      array.Upload(from.data(), from.size(), stream_);
-    };
-    fill(gaussians_, gaussians);
-    fill(places_, places);
-    fill(sharpSlots_, sharpSlots);
-    fill(sharp_, sharp);
-    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBackwardThreads, stream_, DeviceField());
     hasGradient_ = false;
     keepScores_ = false;
+    step_.Forget();
+    try
+    {
+      UploadField(field, order);
+    }
+    catch (...)
+    {
+      Grow(gaussians_, 0, "", "");  // rather no field than half of one
+      order_.clear();
+      throw;
+    }
+    order_ = std::move(order);
+    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBackwardThreads, stream_, DeviceField());
   }
 
   GaussianField GetField() const override
@@ -465,6 +447,39 @@ private:
     }
   }
 
+  void UploadField(const GaussianField& field, const std::vector<std::uint32_t>& order)
+  {
+    const std::size_t blocks = NumberOfBlocks(order.size());
+    std::vector<GaussianBlock<float>> gaussians(blocks);
+    std::vector<BlockPlace> places(blocks);
+    tbb::parallel_for(std::size_t(0), blocks,
+                      [&](std::size_t b)
+                      {
+                        places[b] = PlaceOf(field, order, b);
+                        PackBlock(field, order, b, places[b], gaussians[b]);
+                      });
+    std::vector<int> sharpSlots(blocks, -1);
+    std::vector<GaussianBlock<double>> sharp;
+    for (std::size_t b = 0; b < blocks; ++b)
+    {
+      if (HasNeedle(field, order, b, places[b].count))
+      {
+        sharpSlots[b] = static_cast<int>(sharp.size());
+        sharp.emplace_back();
+        PackBlock(field, order, b, places[b], sharp.back());
+      }
+    }
+    const auto fill = [this](auto& array, const auto& from)
+    {
+      Grow(array, from.size(), "Gaussians", kFewerGaussians);
+      array.Upload(from.data(), from.size(), stream_);
+    };
+    fill(gaussians_, gaussians);
+    fill(places_, places);
+    fill(sharpSlots_, sharpSlots);
+    fill(sharp_, sharp);
+  }
+
   Field DeviceField() const
   {
     return {static_cast<int>(gaussians_.size()), gaussians_.data(), places_.data(), sharpSlots_.data(), sharp_.data()};
@@ -476,11 +491,11 @@ private:
             counted_.size() > 0 ? counted_.data() : nullptr, frameWeights_.data()};
   }
 
-  bool HasNeedle(const GaussianField& field, std::size_t b, int count) const
+  static bool HasNeedle(const GaussianField& field, const std::vector<std::uint32_t>& order, std::size_t b, int count)
   {
     for (int k = 0; k < count; ++k)
     {
-      const Eigen::Vector3d& s = field.scales[order_[b * kBlock + k]];
+      const Eigen::Vector3d& s = field.scales[order[b * kBlock + k]];
       if (s.maxCoeff() > 0.99 * kSharp * s.minCoeff())
       {
         return true;

@@ -80,7 +80,10 @@ TEST_F(EmulatedCuda, MemoryThatRunsOutIsSaidAndTheEngineGoesOn)
     EXPECT_NE(what.find("fewer Gaussians"), std::string::npos) << what;
     EXPECT_NE(what.find("'cpu'"), std::string::npos) << what;
   }
+  EXPECT_EQ(engine->FieldSize(), 0u);
+  EXPECT_EQ(engine->GetField().Size(), 0u);
   emulator::SetMemory(std::size_t(8) << 30);
+  EXPECT_EQ(RenderFirst(*engine, problem), std::vector<float>(before.size(), 0.0f));
   engine->SetField(problem.field);
   EXPECT_EQ(RenderFirst(*engine, problem), before);
 }
