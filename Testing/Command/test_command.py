@@ -348,7 +348,7 @@ class Info(CommandTest):
         missing = {engine["name"]: engine["reason"] for engine in answer["missing"]}
         self.assertTrue(("cuda" in names) != bool(missing.get("cuda")), answer)
         if missing:
-            self.expect(BAD_INPUT, "slice", self.field, "--like", self.sweep, "--frame", "0", "--engine", "cuda",
+            self.expect(BAD_INPUT, "slice", self.field, "--poses", self.sweep, "--frames", "0", "--engine", "cuda",
                         "-o", self.folder / "x.png", says=missing["cuda"])
 
     def test_truncated_pixels(self):
