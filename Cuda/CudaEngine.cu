@@ -70,16 +70,11 @@ __global__ void __launch_bounds__(kBlock) CopyReflectivities(GaussianBlock<float
 /// Sums of |r|, a block each. Launched as Inherit.
 __global__ void __launch_bounds__(kBlock) SumMagnitudes(const GaussianBlock<float>* gaussians, double* sums)
 {
-  __shared__ double parts[kBlock / kWarp];
-  const double sum = WarpSum(static_cast<double>(std::abs(gaussians[blockIdx.x].reflectivity[threadIdx.x])));
-  if (threadIdx.x % kWarp == 0)
-  {
-    parts[threadIdx.x / kWarp] = sum;
-  }
-  __syncthreads();
+  const double sum =
+      BlockSum<kBlock>(static_cast<double>(std::abs(gaussians[blockIdx.x].reflectivity[threadIdx.x])));
   if (threadIdx.x == 0)
   {
-    sums[blockIdx.x] = parts[0] + parts[1] + parts[2] + parts[3];
+    sums[blockIdx.x] = sum;
   }
 }
 
@@ -338,48 +333,16 @@ public:
 
   FieldGradient GetGradient() const override
   {
-    FieldGradient out;
-    const std::size_t n = hasGradient_ ? order_.size() : 0;
     std::vector<GradientBlock<float>> gradient(hasGradient_ ? gradient_.size() : 0);
     gradient_.Download(gradient.data(), 0, gradient.size(), stream_);
-    out.means.resize(n);
-    out.logScales.resize(n);
-    out.rotations.resize(n);
-    out.reflectivities.resize(n);
-    for (std::size_t slot = 0; slot < n; ++slot)
-    {
-      const auto value = [&](int k)
-      { return static_cast<double>(gradient[slot / kBlock].values[k][slot % kBlock]); };
-      const std::size_t i = order_[slot];
-      out.means[i] = {value(0), value(1), value(2)};
-      out.logScales[i] = {value(3), value(4), value(5)};
-      out.rotations[i] = {value(6), value(7), value(8)};
-      out.reflectivities[i] = value(9);
-    }
-    return out;
+    return GradientOf(gradient, order_);
   }
 
   Scores GetScores() const override
   {
-    Scores out;
-    out.error.resize(order_.size(), 0.0);
-    out.descent.resize(order_.size(), Eigen::Vector3d::Zero());
-    out.visits.resize(order_.size(), 0.0);
-    if (!keepScores_)
-    {
-      return out;
-    }
-    std::vector<ScoreBlock<float>> scores(scores_.size());
+    std::vector<ScoreBlock<float>> scores(keepScores_ ? scores_.size() : 0);
     scores_.Download(scores.data(), 0, scores.size(), stream_);
-    for (std::size_t slot = 0; slot < order_.size(); ++slot)
-    {
-      const ScoreBlock<float>& block = scores[slot / kBlock];
-      const std::size_t k = slot % kBlock, i = order_[slot];
-      out.error[i] = block.error[k];
-      out.descent[i] = {block.descent[0][k], block.descent[1][k], block.descent[2][k]};
-      out.visits[i] = block.visits[k];
-    }
-    return out;
+    return ScoresOf(scores, order_);
   }
 
   void ResetScores() override
@@ -391,8 +354,7 @@ public:
   }
 
 private:
-  static constexpr std::size_t kSolveBatch = 64;  // frames held at once while solving
-
+  static constexpr std::size_t kSolveBatch = 64;                     // frames held at once while solving
   static constexpr std::size_t kStackPixels = std::size_t(1) << 25;  // of a stack, rendered at once
   static constexpr std::size_t kStackPlanes = 64;                    // the same; their lists are held too
 

@@ -350,6 +350,25 @@ __device__ Sum WarpSum(Sum value)
   return value;
 }
 
+/// The sum over a thread block of so many threads, in its first one; the order is fixed. All must call, and once.
+template <int Threads>
+__device__ double BlockSum(double value)
+{
+  __shared__ double parts[Threads / kWarp];
+  value = WarpSum(value);
+  if (threadIdx.x % kWarp == 0)
+  {
+    parts[threadIdx.x / kWarp] = value;
+  }
+  __syncthreads();
+  double sum = 0;
+  for (int k = 0; k < (threadIdx.x == 0 ? Threads / kWarp : 0); ++k)
+  {
+    sum += parts[k];
+  }
+  return sum;
+}
+
 struct TrainTask
 {
   Lists lists;
@@ -450,7 +469,6 @@ __global__ void __launch_bounds__(kPixelThreads) ToIntensities(PixelTask task)
 /// dL/dW = -dL/dI I / W. Launched as ToIntensities.
 __global__ void __launch_bounds__(kPixelThreads) ToDerivatives(PixelTask task)
 {
-  __shared__ double sums[kPixelThreads / kWarp];
   const std::size_t pixels = static_cast<std::size_t>(task.sweep.width) * task.sweep.height;
   const std::size_t pixel = static_cast<std::size_t>(blockIdx.x) * kPixelThreads + threadIdx.x;
   double loss = 0;
@@ -476,19 +494,9 @@ __global__ void __launch_bounds__(kPixelThreads) ToDerivatives(PixelTask task)
       loss = value.loss;
     }
   }
-  loss = WarpSum(loss);
-  if (threadIdx.x % kWarp == 0)
-  {
-    sums[threadIdx.x / kWarp] = loss;
-  }
-  __syncthreads();
+  loss = BlockSum<kPixelThreads>(loss);
   if (threadIdx.x == 0)
   {
-    loss = 0;
-    for (double part : sums)
-    {
-      loss += part;
-    }
     task.losses[static_cast<std::size_t>(blockIdx.y) * gridDim.x + blockIdx.x] = loss;
   }
 }
@@ -542,25 +550,14 @@ constexpr int kSumThreads = 256;
 /// out = the sum of in[0, count), always in the same order. Launched as one thread block of kSumThreads.
 __global__ void __launch_bounds__(kSumThreads) SumInOrder(const double* in, std::size_t count, double* out)
 {
-  __shared__ double sums[kSumThreads / kWarp];
   double sum = 0;
   for (std::size_t i = threadIdx.x; i < count; i += kSumThreads)
   {
     sum += in[i];
   }
-  sum = WarpSum(sum);
-  if (threadIdx.x % kWarp == 0)
-  {
-    sums[threadIdx.x / kWarp] = sum;
-  }
-  __syncthreads();
+  sum = BlockSum<kSumThreads>(sum);
   if (threadIdx.x == 0)
   {
-    sum = 0;
-    for (double part : sums)
-    {
-      sum += part;
-    }
     *out = sum;
   }
 }

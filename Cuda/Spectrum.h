@@ -148,7 +148,6 @@ __global__ void __launch_bounds__(kPixelThreads) FindDifferences(SpectrumTask ta
 /// sqrt(pixels). Launched as (1, views) of kSumThreads.
 __global__ void __launch_bounds__(kSumThreads) WeighSpectrum(SpectrumTask task)
 {
-  __shared__ double sums[kSumThreads / kWarp];
   __shared__ float mosts[kSumThreads / kWarp];
   const int width = task.sweep.width, height = task.sweep.height, columns = width / 2 + 1;
   const int count = columns * height;
@@ -182,19 +181,9 @@ __global__ void __launch_bounds__(kSumThreads) WeighSpectrum(SpectrumTask task)
     sum += twice * static_cast<double>(w) * square;
     spectrum[k] = {w * f.x, w * f.y};
   }
-  sum = WarpSum(sum);
-  if (threadIdx.x % kWarp == 0)
-  {
-    sums[threadIdx.x / kWarp] = sum;
-  }
-  __syncthreads();
+  sum = BlockSum<kSumThreads>(sum);
   if (threadIdx.x == 0)
   {
-    sum = 0;
-    for (double part : sums)
-    {
-      sum += part;
-    }
     const double pixels = static_cast<double>(width) * height;
     task.losses[blockIdx.y] = task.share * task.sweep.weights[task.frames[blockIdx.y]] * sum / pixels;
   }

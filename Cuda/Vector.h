@@ -13,26 +13,15 @@ constexpr int kDotBlocks = 256;  // fixed, and so is the order of a sum
 
 __global__ void __launch_bounds__(kVectorThreads) DotPartly(const float* p, const float* q, std::size_t count, double* sums)
 {
-  __shared__ double parts[kVectorThreads / kWarp];
   double sum = 0;
   for (std::size_t i = static_cast<std::size_t>(blockIdx.x) * kVectorThreads + threadIdx.x; i < count;
        i += static_cast<std::size_t>(kDotBlocks) * kVectorThreads)
   {
     sum += static_cast<double>(p[i]) * static_cast<double>(q[i]);
   }
-  sum = WarpSum(sum);
-  if (threadIdx.x % kWarp == 0)
-  {
-    parts[threadIdx.x / kWarp] = sum;
-  }
-  __syncthreads();
+  sum = BlockSum<kVectorThreads>(sum);
   if (threadIdx.x == 0)
   {
-    sum = 0;
-    for (double part : parts)
-    {
-      sum += part;
-    }
     sums[blockIdx.x] = sum;
   }
 }

@@ -47,7 +47,6 @@ __global__ void __launch_bounds__(kWindowThreads) FindSlopes(WindowTask task)
 {
   __shared__ float image[kSeenSide * kSeenSide], truth[kSeenSide * kSeenSide];
   __shared__ float rows[5][kSeenSide * kWindowSide];
-  __shared__ double sums[kWindowThreads / kWarp];
   const int wide = (task.across + kWindowSide - 1) / kWindowSide;
   const int left = static_cast<int>(blockIdx.x) % wide * kWindowSide;
   const int top = static_cast<int>(blockIdx.x) / wide * kWindowSide;
@@ -118,19 +117,9 @@ __global__ void __launch_bounds__(kWindowThreads) FindSlopes(WindowTask task)
     slopes[2 * plane] = result.slopeXY;
     loss = result.value;
   }
-  loss = WarpSum(loss);
-  if (threadIdx.x % kWarp == 0)
-  {
-    sums[threadIdx.x / kWarp] = loss;
-  }
-  __syncthreads();
+  loss = BlockSum<kWindowThreads>(loss);
   if (threadIdx.x == 0)
   {
-    loss = 0;
-    for (double part : sums)
-    {
-      loss += part;
-    }
     task.losses[static_cast<std::size_t>(blockIdx.y) * gridDim.x + blockIdx.x] = loss;
   }
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "BlockPlace.h"
+#include "Engine.h"
 #include "Error.h"
 #include "GaussianField.h"
 #include "SlicePlane.h"
@@ -100,6 +101,47 @@ void UnpackGaussian(const GaussianBlock<U>& block, int k, const BlockPlace& plac
   field.reflectivities[i] = block.reflectivity[k];
 }
 
+/// Gradients by block into the field's order; none of no blocks.
+template <class T>
+FieldGradient GradientOf(const std::vector<GradientBlock<T>>& blocks, const std::vector<std::uint32_t>& order)
+{
+  FieldGradient out;
+  const std::size_t n = blocks.empty() ? 0 : order.size();
+  out.means.resize(n);
+  out.logScales.resize(n);
+  out.rotations.resize(n);
+  out.reflectivities.resize(n);
+  for (std::size_t slot = 0; slot < n; ++slot)
+  {
+    const auto value = [&](int k) { return static_cast<double>(blocks[slot / kBlock].values[k][slot % kBlock]); };
+    const std::size_t i = order[slot];
+    out.means[i] = {value(0), value(1), value(2)};
+    out.logScales[i] = {value(3), value(4), value(5)};
+    out.rotations[i] = {value(6), value(7), value(8)};
+    out.reflectivities[i] = value(9);
+  }
+  return out;
+}
+
+/// Scores by block into the field's order; zeros of no blocks.
+template <class T>
+Engine::Scores ScoresOf(const std::vector<ScoreBlock<T>>& blocks, const std::vector<std::uint32_t>& order)
+{
+  Engine::Scores out;
+  out.error.resize(order.size(), 0.0);
+  out.descent.resize(order.size(), Eigen::Vector3d::Zero());
+  out.visits.resize(order.size(), 0.0);
+  for (std::size_t slot = 0; slot < (blocks.empty() ? 0 : order.size()); ++slot)
+  {
+    const ScoreBlock<T>& scores = blocks[slot / kBlock];
+    const std::size_t k = slot % kBlock, i = order[slot];
+    out.error[i] = scores.error[k];
+    out.descent[i] = {scores.descent[0][k], scores.descent[1][k], scores.descent[2][k]};
+    out.visits[i] = scores.visits[k];
+  }
+  return out;
+}
+
 /// For every slot of a restructured field in `order`: the slot whose optimizer state it inherits, in the field that
 /// `oldOrder` is of, or -1 for a fresh one. See Engine::SetField.
 inline std::vector<std::int64_t> InheritedSlots(const std::vector<std::uint32_t>& oldOrder,
@@ -127,6 +169,5 @@ inline std::vector<std::int64_t> InheritedSlots(const std::vector<std::uint32_t>
   }
   return inherited;
 }
-
 
 }  // namespace bigus

@@ -355,43 +355,8 @@ public:
     return residual;
   }
 
-  FieldGradient GetGradient() const override
-  {
-    FieldGradient out;
-    const std::size_t n = gradient_.empty() ? 0 : order_.size();
-    out.means.resize(n);
-    out.logScales.resize(n);
-    out.rotations.resize(n);
-    out.reflectivities.resize(n);
-    for (std::size_t slot = 0; slot < n; ++slot)
-    {
-      const auto value = [&](int k)
-      { return static_cast<double>(gradient_[slot / kBlock].values[k][slot % kBlock]); };
-      const std::size_t i = order_[slot];
-      out.means[i] = {value(0), value(1), value(2)};
-      out.logScales[i] = {value(3), value(4), value(5)};
-      out.rotations[i] = {value(6), value(7), value(8)};
-      out.reflectivities[i] = value(9);
-    }
-    return out;
-  }
-
-  Scores GetScores() const override
-  {
-    Scores out;
-    out.error.resize(order_.size(), 0.0);
-    out.descent.resize(order_.size(), Eigen::Vector3d::Zero());
-    out.visits.resize(order_.size(), 0.0);
-    for (std::size_t slot = 0; slot < (scores_.empty() ? 0 : order_.size()); ++slot)
-    {
-      const ScoreBlock<T>& scores = scores_[slot / kBlock];
-      const std::size_t k = slot % kBlock, i = order_[slot];
-      out.error[i] = scores.error[k];
-      out.descent[i] = {scores.descent[0][k], scores.descent[1][k], scores.descent[2][k]};
-      out.visits[i] = scores.visits[k];
-    }
-    return out;
-  }
+  FieldGradient GetGradient() const override { return GradientOf(gradient_, order_); }
+  Scores GetScores() const override { return ScoresOf(scores_, order_); }
 
   void ResetScores() override
   {
