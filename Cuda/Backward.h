@@ -375,12 +375,10 @@ __global__ void __launch_bounds__(kBackwardThreads) Backward(BackwardTask task)
     if (i < kChunk)
     {
       seen[i].count = 0;
-      if (first + i < task.lists.views)
+      const Seen* const all = task.lists.seen + static_cast<std::size_t>(b) * task.lists.views;
+      if (first + i < task.lists.views && all[first + i].count > 0)
       {
-        seen[i] = task.lists.seen[static_cast<std::size_t>(b) * task.lists.views + first + i];
-      }
-      if (seen[i].count > 0)
-      {
+        seen[i] = all[first + i];  // of a plane that sees nothing, only the count was written
         std::int32_t column, row;
         views[i] = LocalView<float>(task.cameras[task.frames[first + i]], task.field.places[b], column, row);
       }

@@ -537,14 +537,16 @@ private:
   /// Thread blocks that render tiles.
   static std::size_t Warps(const Tiles& tiles) { return (tiles.Count() + kForwardWarps - 1) / kForwardWarps; }
 
-  /// Room in an array. A recorded step holds addresses, so it is worth nothing once an array has moved.
+  /// Room in an array; returns whether it has moved. A recorded step holds addresses, so it is worth nothing then.
   template <class T>
-  void Grow(DeviceArray<T>& array, std::size_t size, const char* what, const char* advice)
+  bool Grow(DeviceArray<T>& array, std::size_t size, const char* what, const char* advice)
   {
-    if (array.Resize(size, what, advice))
+    const bool moved = array.Resize(size, what, advice);
+    if (moved)
     {
       step_.Forget();
     }
+    return moved;
   }
 
   Results ReadResults() const
@@ -579,7 +581,10 @@ private:
     Grow(boxes_, groups * kGroup * views, "lists", kSmallerBatch);
     Grow(groupBoxes_, groups * views, "lists", kSmallerBatch);
     Grow(overlaps_, static_cast<std::size_t>(views) * overlaps.columns * overlaps.rows, "counts", kSmallerBatch);
-    Grow(losses_, std::max(tiles.Count() * views, blocks), "losses", kSmallerBatch);
+    if (Grow(losses_, std::max(tiles.Count() * views, blocks), "losses", kSmallerBatch))
+    {
+      losses_.Clear(stream_);  // summed even where there was no room for splats and nothing was rendered
+    }
   }
 
   static OverlapCounts OverlapsOf(int width, int height)
