@@ -353,9 +353,10 @@ __device__ inline void Spend(Gaussian<float>& gaussian, const GaussianGradient<f
   }
 }
 
-/// Launched as (blocks, 1) of kBackwardThreads.
+/// Launched as (blocks, 1) of kBackwardThreads. Three thread blocks a multiprocessor: 80 registers hold all that
+/// walks footprints; the chain rule, once a plane, keeps some of its numbers in memory.
 template <bool Normalised>
-__global__ void __launch_bounds__(kBackwardThreads) Backward(BackwardTask task)
+__global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask task)
 {
   __shared__ float moments[Normalised ? 2 : 1][kMoments][kBlock];
   __shared__ View<float> views[kChunk];
