@@ -135,7 +135,7 @@ public:
   /// accumulate. Throws Error when a term of the loss finds no window in frames of this size and mask.
   virtual double Backpropagate(const std::vector<int>& frames, const Loss& loss) = 0;
 
-  /// One Adam step (beta 0.9, 0.999) along the gradient of the last Backpropagate, for the Gaussians that its
+  /// One Adam step (beta 0.9, 0.99) along the gradient of the last Backpropagate, for the Gaussians that its
   /// frames saw; all others rest, their averages with them.
   virtual void Step(const LearningRates& rates, const ParameterLimits& limits) = 0;
 

@@ -39,8 +39,8 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     const Real largest = Real(kLargestGradient);
     const Real value = Select(g[k] == g[k], Clamp(g[k], zero - largest, largest), zero);  // NaN becomes 0
     guarded = guarded + Select(abs(g[k]) <= largest, zero, one);
-    state.first[k] = state.first[k] + Real(0.1) * (value - state.first[k]);
-    state.second[k] = state.second[k] + Real(0.001) * (value * value - state.second[k]);
+    state.first[k] = state.first[k] + Real(kFirstShare) * (value - state.first[k]);
+    state.second[k] = state.second[k] + Real(kSecondShare) * (value * value - state.second[k]);
     // The tiny floor only keeps 0 / 0 away: Adam is meant to be blind to the gradient's unit.
     move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));
   }

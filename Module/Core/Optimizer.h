@@ -10,9 +10,13 @@
 namespace bigus
 {
 
-constexpr int kParametersPerGaussian = 10;                 // mean 3, ln scale 3, turn 3, reflectivity 1
-constexpr double kLogFirstDecay = -0.105360515657826301;   // ln 0.9
-constexpr double kLogSecondDecay = -0.001000500333583533;  // ln 0.999
+constexpr int kParametersPerGaussian = 10;  // mean 3, ln scale 3, turn 3, reflectivity 1
+// What a step keeps of the averages: beta 0.9 and 0.99. A Gaussian is seen by a few frames a pass, so the usual 0.999
+// would remember a hundred passes, gradients among them that are long gone, and hold back every step.
+constexpr double kFirstShare = 0.1;
+constexpr double kSecondShare = 0.01;
+constexpr double kLogFirstDecay = -0.105360515657826301;   // ln(1 - kFirstShare)
+constexpr double kLogSecondDecay = -0.010050335853501441;  // ln(1 - kSecondShare)
 constexpr double kLargestGradient = 1e15;                  // its square is far from the largest float
 
 /// Step sizes and limits as kernels use them.

@@ -125,8 +125,8 @@ def e1_jobs(scale):
     middle = [104 + (160 - n) // 2, 160 + (160 - n) // 2, 36 + (160 - n) // 2]
     scenes = {"liver volume": {**VOLUME, "offset": middle, "size": n},
               "phantom": {"phantoms": [{**VOLUME_PHANTOM, "width": n, "height": n, "frames": n}]}}
-    fit = {"loss": "l2", "batch": 4, "iterations": FOREVER, "tolerance": 1e-5}
-    rates = {"mean_rate": 0.3, "reflectivity_rate": 0.05}  # found on a cube of 64 voxels; UltraGauss has its own
+    fit = {"loss": "l2", "iterations": FOREVER, "tolerance": 1e-5}
+    rates = {"mean_rate": 0.15, "reflectivity_rate": 0.025}  # found on a cube of 64 voxels; UltraGauss has its own
     jobs = []
     for name, scene in scenes.items():
         for slices in (160, 80, 40):
