@@ -271,8 +271,9 @@ public:
 
   ///@{
   /**
-   * Whether pixels that the sweep's Mask marks as never lit are left out of the loss. Default off: they are
-   * learned as black.
+   * Whether all pixels are left out of the loss that the sweep's Mask marks, or no training frame lights. Default
+   * off: only those within 5 pixels of lit ones are, where frames contradict each other; the rest is learned as
+   * black, so that slices end where the sweep does.
    */
   vtkSetMacro(IgnoreMasked, vtkTypeBool);
   vtkGetMacro(IgnoreMasked, vtkTypeBool);

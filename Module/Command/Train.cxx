@@ -302,10 +302,12 @@ ExitCode Train(Console& console, Options& options)
   if (!heldOutFrames.empty() && !interrupted)
   {
     console.Note("Scoring " + std::to_string(heldOutFrames.size()) + " held-out frames.");
-    const FrameScores scores = ScoreField(result.field, *sweep, heldOutFrames, trainer.engine);
+    // Held-out frames have no say in what the probe lights, either.
+    const Sweep lit = sweep->LitBy(trainingFrames);
+    const FrameScores scores = ScoreField(result.field, lit, heldOutFrames, trainer.engine);
     answer["held_out"] = ToFullJson(scores);
     const FrameScores trained =
-        ScoreField(result.field, *sweep, Spread(result.trainingFrames, heldOutFrames.size()), trainer.engine);
+        ScoreField(result.field, lit, Spread(result.trainingFrames, heldOutFrames.size()), trainer.engine);
     answer["trained"] = {{"frames", trained.frames.size()},
                          {"psnr", trained.psnr},
                          {"ssim", trained.ssim},
@@ -319,11 +321,11 @@ ExitCode Train(Console& console, Options& options)
     console.Print(TextureLine(scores.texture));
     if (!options.withoutBaselines)
     {
-      ScoreBaselines(*sweep, trainingFrames, heldOutFrames, answer, console);
+      ScoreBaselines(lit, trainingFrames, heldOutFrames, answer, console);
     }
     if (options.align)
     {
-      ScoreAligned(result.field, *sweep, heldOutFrames, trainer.engine, answer, console);
+      ScoreAligned(result.field, lit, heldOutFrames, trainer.engine, answer, console);
     }
   }
   if (interrupted)

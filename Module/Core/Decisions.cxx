@@ -183,6 +183,7 @@ private:
     for (int frame : validation_)
     {
       engine->Render(sweep_->Plane(frame), ViewOutput::Intensity, image.data());
+      sweep_->BlackenUnlit(image.data());
       sweep_->CopyFrame(frame, truth.data());
       // A frame met exactly must not make a mean infinite: 8-bit truth has no more than 100 dB to say.
       trial.psnr.push_back(std::min(100.0, Psnr(image.data(), truth.data(), image.size())));

@@ -55,6 +55,7 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
   {
     sweep.CopyFrame(frame, truth.data());
     predict(frame, image.data());
+    sweep.BlackenUnlit(image.data());
     psnr.push_back(Psnr(image.data(), truth.data(), image.size()));
     ssim.push_back(Ssim(image.data(), truth.data(), sweep.width, sweep.height));
     textures.push_back(CompareTexture(image.data(), truth.data(), sweep.width, sweep.height));

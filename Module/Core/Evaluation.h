@@ -24,8 +24,8 @@ struct FrameScores
   TextureComparison texture;     ///< number by number, mean over frames
 };
 
-/// Scores what `predict(frame, image)` writes against the frames themselves (whole frames, masked pixels
-/// too). It is called for one frame after another. Throws Error when there is no frame to score, or frames
+/// Scores what `predict(frame, image)` writes against the frames themselves: whole frames, black where the
+/// sweep's mask says that the probe lights nothing (see Sweep::LitBy). It is called for one frame after another. Throws Error when there is no frame to score, or frames
 /// are below 11 x 11.
 FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
                         const std::function<void(int, float*)>& predict);

@@ -336,6 +336,7 @@ double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
                       std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
                       InterpolateFrames(sweep, frames[k - 1], frames[k + 1], plane,
                                         u + v > 0 ? u / (u + v) : 0.5, interpolation, image.data());
+                      sweep.BlackenUnlit(image.data());
                       sweep.CopyFrame(frames[k], truth.data());
                       psnr[n] = Psnr(image.data(), truth.data(), image.size());
                     });

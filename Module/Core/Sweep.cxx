@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 
 #include "Error.h"
 
@@ -180,6 +181,56 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
   }
   out.pixels = std::shared_ptr<const void>(bytes, bytes->data());
   return out;
+}
+
+Sweep Sweep::LitBy(const std::vector<int>& frames) const
+{
+  cv::Mat dark(height, width, CV_8U, cv::Scalar(1));
+  std::vector<float> image(PixelsPerFrame());
+  for (int frame : frames)
+  {
+    CheckFrame(*this, frame);
+    CopyFrame(frame, image.data());
+    for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
+    {
+      dark.data[pixel] &= !(image[pixel] > 0 && IsLit(pixel));
+    }
+  }
+  cv::Mat regions;  // 0 where some frame is lit, else the number of the connected dark region
+  std::vector<std::uint8_t> isOutside(cv::connectedComponents(dark, regions, 4, CV_32S), 0);
+  const auto regionAt = [&](int i, int j) { return regions.at<int>(j, i); };
+  for (int i = 0; i < width; ++i)
+  {
+    isOutside[regionAt(i, 0)] = isOutside[regionAt(i, height - 1)] = 1;
+  }
+  for (int j = 0; j < height; ++j)
+  {
+    isOutside[regionAt(0, j)] = isOutside[regionAt(width - 1, j)] = 1;
+  }
+  isOutside[0] = 0;
+  auto lit = std::make_shared<std::vector<std::uint8_t>>(PixelsPerFrame());
+  for (std::size_t pixel = 0; pixel < lit->size(); ++pixel)
+  {
+    (*lit)[pixel] = IsLit(pixel) && !isOutside[regions.ptr<int>()[pixel]];
+  }
+  Sweep out = *this;
+  out.mask.reset();
+  if (std::count(lit->begin(), lit->end(), 0) > 0)
+  {
+    out.mask = lit;
+  }
+  return out;
+}
+
+void Sweep::BlackenUnlit(float* image) const
+{
+  for (std::size_t pixel = 0; mask && pixel < mask->size(); ++pixel)
+  {
+    if (!IsLit(pixel))
+    {
+      image[pixel] = 0;
+    }
+  }
 }
 
 void Sweep::Validate() const

@@ -53,6 +53,14 @@ struct Sweep
   /// The frames named, in that order. Pixels are copied. Throws Error for a frame that is not there.
   Sweep Subset(const std::vector<int>& frames) const;
 
+  /// The same sweep, pixels shared, whose mask leaves out also what none of `frames` lights: the corners outside a
+  /// fan. What is dark in all of them but has lit pixels all around is tissue, and stays. Throws Error for a frame that
+  /// is not there.
+  Sweep LitBy(const std::vector<int>& frames) const;
+
+  /// Sets what is not lit to 0 in `image`, of PixelsPerFrame() elements: all that a probe shows there.
+  void BlackenUnlit(float* image) const;
+
   /// Throws Error unless there is at least one frame and every size, pose, weight and float pixel is sound (float
   /// pixels must lie in [0, 1]; poses must be affine and pass SlicePlane::Validate; weights must not be negative).
   void Validate() const;

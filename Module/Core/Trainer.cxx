@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <numeric>
+#include <opencv2/imgproc.hpp>
 #include <random>
 #include <sstream>
 #include <tuple>
@@ -13,6 +14,7 @@
 #include "Decisions.h"
 #include "Error.h"
 #include "Fit.h"
+#include "SsimWindow.h"
 #include "VirtualPlanes.h"
 
 namespace bigus
@@ -106,9 +108,30 @@ double FieldPsnr(Engine& engine, const Sweep& sweep, const std::vector<int>& fra
   {
     sweep.CopyFrame(frame, truth.data());
     engine.Render(sweep.Plane(frame), ViewOutput::Intensity, image.data());
+    sweep.BlackenUnlit(image.data());
     sum += Psnr(image.data(), truth.data(), image.size());
   }
   return sum / static_cast<double>(frames.size());
+}
+
+/// The sweep with a mask of the pixels that count in the loss. Beside the lit area frames contradict each other:
+/// tissue outside one's fan lies inside its neighbour's. So what is dark within an SSIM window of lit pixels does not
+/// count. Further out it is black, lest Gaussians reach where no frame looks; nor does it count if `ignoreMasked`.
+std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMasked)
+{
+  auto out = std::make_shared<Sweep>(sweep);
+  if (sweep.mask && !ignoreMasked)
+  {
+    cv::Mat beside;
+    cv::dilate(cv::Mat(*sweep.mask).reshape(1, sweep.height), beside, cv::Mat::ones(ssimTaps, ssimTaps, CV_8U));
+    auto counted = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame());
+    for (std::size_t pixel = 0; pixel < counted->size(); ++pixel)
+    {
+      (*counted)[pixel] = sweep.IsLit(pixel) || beside.data[pixel] == 0;
+    }
+    out->mask = counted;
+  }
+  return out;
 }
 
 /// Scales all reflectivities by the one factor that brings rendered scattering closest to the frames' (least
@@ -327,7 +350,7 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
   {
     targetSweep = Levelled(*sweep, frames, *targetSweep);
   }
-  engine->SetFrames(targetSweep, options.ignoreMasked);
+  engine->SetFrames(WithCountedPixels(*targetSweep, options.ignoreMasked), true);
   GaussianField field;
   if (start)
   {
@@ -409,7 +432,7 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
     {
       ++corrections;
       targetSweep = Corrected(*engine, *sweep, frames, *targetSweep, options);
-      engine->SetFrames(targetSweep, options.ignoreMasked);
+      engine->SetFrames(WithCountedPixels(*targetSweep, options.ignoreMasked), true);
     }
     // What a step of Adam jitters by is in proportion to its rate, so that long training at full rate wears a field
     // out. Beyond kSettled passes over the frames rates fall with the root of their number.
@@ -503,6 +526,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   {
     throw Error("Trainer: the field to continue from holds no Gaussian.");
   }
+  sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
 
   TrainerOptions settled = options;
   if (start && !settled.elevationSigma)

@@ -52,7 +52,7 @@ struct TrainerOptions
   std::uint64_t seed = 1;
   Loss loss;
   std::optional<Loss> finalLoss;       ///< weights move linearly from `loss` to these as training goes on
-  bool ignoreMasked = false;           ///< true: pixels never lit do not count in the loss
+  bool ignoreMasked = false;           ///< true: no pixel never lit counts in the loss; false: far ones are black
   double tolerance = 1e-4;             ///< on I, of each splat: Accuracy::perSplat
   double meanRate = 0.3;               ///< Adam step for means, pixels
   double shapeRate = 0.08;             ///< Adam step for log-scales and rotation (radian)

@@ -478,8 +478,10 @@ Json Run(const Json& job, const SceneFolders& folders)
   const Json& description = fields.Object("method");
   fields.Done();
 
-  const std::shared_ptr<const Sweep> sweep = MakeScene(scene, folders);
-  const Split split = ReadSplit(frames, sweep->NumberOfFrames());
+  const std::shared_ptr<const Sweep> recorded = MakeScene(scene, folders);
+  const Split split = ReadSplit(frames, recorded->NumberOfFrames());
+  // No method need predict what a probe shows where it shows nothing.
+  const auto sweep = std::make_shared<const Sweep>(recorded->LitBy(split.training));
   const Method method = MakeMethod(description, seed, *sweep, split);
 
   Json scores = Json::object();
