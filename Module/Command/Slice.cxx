@@ -1,5 +1,6 @@
 // bigus slice: the field seen at any planes.
 #include <memory>
+#include <numeric>
 
 #include "Command.h"
 #include "Core/Engine.h"
@@ -19,7 +20,27 @@ struct Options
   std::string field, output, coverage, mode = "intensity", type = "uchar", engine = "auto";
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
+  bool lit = false;            ///< black where no frame of the sequence is lit
 };
+
+/// The sequence whose planes these are, masked where none of its frames is lit.
+Sweep LitSweep(const PlaneOptions& options, const SlicePlane& plane, Console& console)
+{
+  SequenceOptions sequence;
+  sequence.path = options.poses;
+  sequence.chain = options.chain;
+  sequence.reduce = options.reduce;
+  const std::shared_ptr<const Sweep> sweep = ReadSweep(sequence, console);
+  if (sweep->width != plane.width || sweep->height != plane.height)
+  {
+    throw Error("--lit: slices are " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
+                " pixels, but the images of " + options.poses + " " + std::to_string(sweep->width) + " x " +
+                std::to_string(sweep->height) + "; their sizes must agree.");
+  }
+  std::vector<int> all(sweep->NumberOfFrames());
+  std::iota(all.begin(), all.end(), 0);
+  return sweep->LitBy(all);
+}
 
 /// round(255 I); I lies in [0, 1).
 void ToBytes(const std::vector<float>& image, unsigned char* bytes)
@@ -59,6 +80,7 @@ ExitCode Slice(Console& console, Options& options)
   }
   const Planes planes = ReadPlanes(options.planes, console);
   const int count = static_cast<int>(planes.planes.size());
+  const Sweep probe = options.lit ? LitSweep(options.planes, planes.planes[0], console) : Sweep();
 
   engine->SetAccuracy({1e-4});  // on intensity: a fortieth of a grey level
   engine->SetField(field);
@@ -75,6 +97,7 @@ ExitCode Slice(Console& console, Options& options)
     float* target = bytes ? image.data() : static_cast<float*>(stack->GetScalarPointer()) + k * pixels;
     engine->Render(planes.planes[k], scattering ? ViewOutput::Scattering : ViewOutput::Intensity, target,
                    covered);
+    probe.BlackenUnlit(target);
     if (bytes)
     {
       ToBytes(image, static_cast<unsigned char*>(stack->GetScalarPointer()) + k * pixels);
@@ -128,6 +151,10 @@ void AddSlice(Program& program)
                   "Beam thickness, standard deviation; 0 an infinitely thin plane; default: the field's")
       ->check(NumberIn(0, 100))
       ->type_name("MM");
+  app->add_flag("--lit", options->lit,
+                "Black where no frame of the SEQUENCE is lit, as the probe's own pictures are and held-out "
+                "frames are scored; reads its images")
+      ->excludes(app->get_option("--size"), app->get_option("--spacing"));
   app->add_option("--mode", options->mode,
                   "intensity (default), or scattering: signed, before compression, float")
       ->check(CLI::IsMember({"intensity", "scattering"}).description(""))

@@ -322,7 +322,9 @@ private:
       candidate.interpolation = alongProbe_;
       const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
-      if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_))
+      // Too close to tell in a trial, the path that predicts frames better is taken.
+      const double least = pathGain_ > 0 ? -kPays : kPays;
+      if (!Consider(candidate, "along the probe's path in a trial", least, interpolationEvidence_))
       {
         withVirtualPlanes_ = alongNormals;
       }

@@ -664,6 +664,36 @@ class Slice(CommandTest):
                 self.assertAlmostEqual(float(x), float(y), places=9)
         self.assertGreater(self.expect(SUCCESS, "metrics", out, self.sweep)["psnr"], 10)
 
+    def test_lit_is_black_where_the_probe_is(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        dark = bytes(0 if p % 48 < 6 else max(value, 1) for p, value in enumerate(pixels))
+        sweep, field = self.folder / "dark.igs.mha", self.folder / "f.vtp"
+        write_sequence(sweep, header, dark)
+        trained = self.expect(SUCCESS, "train", sweep, "-o", field, *TINY, "--hold-out", 3)
+        slices = {}
+        for name, options in (("whole", []), ("lit", ["--lit"])):
+            out = self.folder / f"{name}.mha"
+            self.expect(SUCCESS, "slice", self.field, "--poses", sweep, "-o", out, *options)
+            slices[name] = read_sequence(out)[1]
+        self.assertTrue(any(value for p, value in enumerate(slices["whole"]) if p % 48 < 6))
+        self.assertEqual(slices["lit"], bytes(0 if p % 48 < 6 else value for p, value in enumerate(slices["whole"])))
+        # Held-out frames are scored as such slices.
+        mine = self.folder / "mine.mha"
+        self.expect(SUCCESS, "slice", field, "--poses", sweep, "--frames", "1,4,7", "--lit", "--type", "float", "-o", mine)
+        whole = read_sequence(mine)[1]
+        errors = [[(value - dark[(1 + 3 * k) * 1920 + p] / 255) ** 2 for p, value in
+                   enumerate(struct.unpack("<1920f", whole[k * 7680:(k + 1) * 7680]))] for k in range(3)]
+        psnr = sum(-10 * math.log10(sum(frame) / 1920) for frame in errors) / 3
+        self.assertAlmostEqual(trained["held_out"]["psnr"], psnr, places=3)
+
+    def test_lit_needs_the_sweeps_own_size(self):
+        for option in (["--size", "20", "20"], ["--spacing", "1"]):
+            self.expect(USAGE, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "s.mha", "--lit",
+                        *option, says="excludes")
+        self.expect(BAD_INPUT, "slice", self.field, "--poses", self.poses_csv(IDENTITY), "-o", self.folder / "s.mha",
+                    "--lit")
+        self.assertEqual(os.listdir(self.folder), ["planes.csv"])
+
     def test_png_is_the_same_picture(self):
         out, png = self.folder / "one.mha", self.folder / "one.png"
         self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", 3, "-o", out)

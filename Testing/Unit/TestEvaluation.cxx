@@ -132,6 +132,24 @@ TEST(ScoreFrames, OfTheTruthIsPerfect)
   EXPECT_NEAR(scores.bfs.score, 1, 1e-12);
 }
 
+TEST(ScoreFrames, PredictionsAreBlackWhereTheProbeLightsNothing)
+{
+  const Sweep sweep = MakeSweep(3);
+  const std::size_t unlit = sweep.PixelsPerFrame() / 3;
+  for (int frame = 0; frame < 3; ++frame)
+  {
+    std::fill_n(static_cast<float*>(const_cast<void*>(sweep.pixels.get())) + frame * sweep.PixelsPerFrame(), unlit, 0.0f);
+  }
+  const auto brightOutside = [&](int frame, float* image)
+  {
+    sweep.CopyFrame(frame, image);
+    std::fill_n(image, unlit, 0.5f);
+  };
+  EXPECT_NEAR(ScoreFrames(sweep, {1}, brightOutside).psnr, 10 * std::log10(3 / 0.25), 1e-6);
+  const Sweep lit = sweep.LitBy({0, 2});
+  EXPECT_TRUE(std::isinf(ScoreFrames(lit, {1}, brightOutside).psnr));
+}
+
 TEST(ScoreFrames, NeedsFramesOfAUsefulSize)
 {
   const auto predict = [](int, float*) {};

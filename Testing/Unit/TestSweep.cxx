@@ -249,6 +249,59 @@ TEST(Sweep, SubsetOutlivesItsSource)
   EXPECT_EQ(Frame(part, 0), expected);
 }
 
+/// Frames of 9 x 8 pixels, lit but for a dark column at the left and a dark block in the middle.
+std::shared_ptr<std::vector<std::uint8_t>> FramesWithDarkPlaces()
+{
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(9 * 8 * 3, std::uint8_t(50));
+  for (int p = 0; p < 9 * 8 * 3; ++p)
+  {
+    const int x = p % 9, y = p / 9 % 8;
+    if (x == 0 || (x >= 3 && x <= 5 && y >= 3 && y <= 4))
+    {
+      (*pixels)[p] = 0;
+    }
+  }
+  return pixels;
+}
+
+TEST(Sweep, IsLitByItsFramesButWhereDarknessReachesTheEdge)
+{
+  const auto pixels = FramesWithDarkPlaces();
+  (*pixels)[9 * 8 * 2] = 7;  // frame 2 lights the corner
+  const Sweep sweep = MakeSweep(9, 8, 3, pixels);
+  const Sweep byTwo = sweep.LitBy({0, 1});
+  const Sweep byAll = sweep.LitBy({0, 1, 2});
+  EXPECT_EQ(byTwo.pixels, sweep.pixels);
+  EXPECT_EQ(byTwo.NumberOfFrames(), 3);
+  for (std::size_t p = 0; p < 9 * 8; ++p)
+  {
+    EXPECT_EQ(byTwo.IsLit(p), p % 9 != 0) << p;
+    EXPECT_EQ(byAll.IsLit(p), p % 9 != 0 || p == 0) << p;
+  }
+  EXPECT_THROW(sweep.LitBy({0, 3}), Error);
+
+  std::vector<float> image(9 * 8, 0.5f);
+  byTwo.BlackenUnlit(image.data());
+  for (std::size_t p = 0; p < image.size(); ++p)
+  {
+    EXPECT_EQ(image[p], p % 9 == 0 ? 0.0f : 0.5f) << p;
+  }
+}
+
+TEST(Sweep, WhatWasMaskedIsNotLitWhateverFramesShow)
+{
+  Sweep sweep = MakeSweep(9, 8, 3, std::make_shared<std::vector<std::uint8_t>>(9 * 8 * 3, std::uint8_t(50)));
+  EXPECT_EQ(sweep.LitBy({1}).mask, nullptr) << "all is lit";
+  auto mask = std::make_shared<std::vector<std::uint8_t>>(9 * 8, std::uint8_t(255));
+  (*mask)[31] = 0;  // inside
+  sweep.mask = mask;
+  const Sweep lit = sweep.LitBy({1});
+  for (std::size_t p = 0; p < 9 * 8; ++p)
+  {
+    EXPECT_EQ(lit.IsLit(p), p != 31) << p;
+  }
+}
+
 TEST(Sweep, ValidationNamesWhatIsWrong)
 {
   const Sweep good = RandomBytes(4, 3, 3);

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "Core/Error.h"
+#include "Core/Evaluation.h"
 #include "Core/Metrics.h"
 #include "Core/Trainer.h"
 #include "Unit/SyntheticSweep.h"
@@ -65,6 +66,51 @@ TEST(Trainer, LearnsFramesItHasNotSeen)
   ASSERT_GE(trained.log.size(), 50u);
   EXPECT_LT(trained.log.back().loss, 0.5 * trained.log.front().loss);
   EXPECT_EQ(trained.log.back().iteration, 300);
+}
+
+/// RenderedSweep's frames, moved sideways by turns and seen through a round window with `corners` around it.
+std::shared_ptr<bigus::Sweep> ThroughAWindow(float corners)
+{
+  const auto sweep = bigus::test::RenderedSweep(), recorded = bigus::test::RenderedSweep();
+  for (int frame = 0; frame < sweep->NumberOfFrames(); ++frame)
+  {
+    const int shift = 3 * (frame % 3 - 1);  // pixels
+    sweep->imageToReference[frame](0, 3) += 0.4 * shift;
+    for (int y = 0; y < sweep->height; ++y)
+    {
+      for (int x = 0; x < sweep->width; ++x)
+      {
+        const std::size_t row = frame * sweep->PixelsPerFrame() + y * sweep->width;
+        const bool seen = std::hypot(x - 23.5, y - 19.5) < 17;
+        bigus::test::Pixels(*sweep)[row + x] = seen ? bigus::test::Pixels(*recorded)[row + x + shift] : corners;
+      }
+    }
+  }
+  return sweep;
+}
+
+TEST(Trainer, CornersOutsideTheFanDoNotContradictNeighbours)
+{
+  const auto window = ThroughAWindow(0), recorded = ThroughAWindow(1.0f / 255);  // there every pixel is lit
+  const bigus::TrainingResult result = bigus::Train(window, Small());
+  const double psnr = bigus::ScoreField(result.field, window->LitBy(result.trainingFrames), result.heldOutFrames).psnr;
+  const bigus::GaussianField asRecorded = bigus::Train(recorded, Small()).field;
+  EXPECT_GT(psnr, bigus::ScoreField(asRecorded, window->LitBy(result.trainingFrames), result.heldOutFrames).psnr + 1);
+  // Nothing reaches far into the corners.
+  const auto engine = bigus::Engine::Create("reference");
+  engine->SetField(result.field);
+  std::vector<float> image(window->PixelsPerFrame());
+  engine->Render(window->Plane(2), bigus::ViewOutput::Intensity, image.data());
+  for (int y = 0; y < window->height; ++y)
+  {
+    for (int x = 0; x < window->width; ++x)
+    {
+      if (std::hypot(x - 23.5, y - 19.5) > 27)
+      {
+        EXPECT_LT(image[y * window->width + x], 0.1f) << x << ' ' << y;
+      }
+    }
+  }
 }
 
 TEST(Trainer, HeldOutAndRefusedFramesLeaveNoTrace)
