@@ -55,7 +55,7 @@ bigus train "$sweep" -o "$output/field.vtp" --log "$output/training.csv" --json 
 
 slice() { bigus slice "$output/field.vtp" -o "$output/$1.png" "${@:2}"; }
 echo "Held-out frame $held_out_frame, an orthogonal and an oblique plane"
-slice held-out --poses "$sweep" --frames "$held_out_frame" --reduce "$reduce"
+slice held-out --poses "$sweep" --frames "$held_out_frame" --reduce "$reduce" --lit
 slice orthogonal --poses "$output/planes.csv" --frames 0
 slice oblique --poses "$output/planes.csv" --frames 1
 if [[ -z $sequence ]]; then  # the phantom knows what is really there

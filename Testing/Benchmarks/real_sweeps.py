@@ -48,7 +48,7 @@ def slices_and_report(program, folder, sweep, hold_out):
     frames = bigus.frames(bigus.read(str(sweep))).shape[0]
     frame = min(range(hold_out // 2, frames, hold_out), key=lambda k: abs(k - frames // 2))
     field = folder / "field.vtp"
-    run(program, "slice", field, "--poses", sweep, "--frames", frame, "-o", folder / "held-out.png")
+    run(program, "slice", field, "--poses", sweep, "--frames", frame, "--lit", "-o", folder / "held-out.png")
     run(program, "slice", field, "--poses", folder / "planes.csv", "--frames", 0, "-o", folder / "orthogonal.png")
     run(program, "slice", field, "--poses", folder / "planes.csv", "--frames", 1, "-o", folder / "oblique.png")
     run("/usr/bin/python3", examples / "report.py", folder, "--frame", frame, "--reduce", 1)
