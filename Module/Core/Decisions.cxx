@@ -246,9 +246,9 @@ private:
 
   /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
   /// gain more than half the standard error, too: between choices so close that chance decides, either will
-  /// do.
+  /// do. With `surely`, even a standard error less must be more than `least`.
   bool Consider(const TrainerOptions& candidate, const std::string& label, double least,
-                std::string& evidence)
+                std::string& evidence, bool surely = false)
   {
     if (!Proceed())
     {
@@ -261,7 +261,7 @@ private:
     }
     const Gain gain = GainOf(trial, best);
     evidence += (evidence.empty() ? "" : "; ") + label + ": " + Describe(gain);
-    if (gain.mean <= least || (least > 0 && (gain.mean <= 0.5 * gain.error || !gain.mostGain)))
+    if (gain.mean - (surely ? gain.error : 0) <= least || (least > 0 && (gain.mean <= 0.5 * gain.error || !gain.mostGain)))
     {
       return false;
     }
@@ -322,9 +322,10 @@ private:
       candidate.interpolation = alongProbe_;
       const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
-      // Too close to tell in a trial, the path that predicts frames better is taken.
-      const double least = pathGain_ > 0 ? -kPays : kPays;
-      if (!Consider(candidate, "along the probe's path in a trial", least, interpolationEvidence_))
+      // The path that predicts frames better has to pay no more, but must not lose either.
+      const bool predicts = pathGain_ > 0;
+      if (!Consider(candidate, "along the probe's path in a trial", predicts ? -kPays : kPays,
+                    interpolationEvidence_, predicts))
       {
         withVirtualPlanes_ = alongNormals;
       }

@@ -185,7 +185,7 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
 
 Sweep Sweep::LitBy(const std::vector<int>& frames) const
 {
-  cv::Mat dark(height, width, CV_8U, cv::Scalar(1));
+  cv::Mat seen = cv::Mat::zeros(height, width, CV_8U);
   std::vector<float> image(PixelsPerFrame());
   for (int frame : frames)
   {
@@ -193,25 +193,27 @@ Sweep Sweep::LitBy(const std::vector<int>& frames) const
     CopyFrame(frame, image.data());
     for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
     {
-      dark.data[pixel] &= !(image[pixel] > 0 && IsLit(pixel));
+      seen.data[pixel] |= image[pixel] > 0 && IsLit(pixel);
     }
   }
-  cv::Mat regions;  // 0 where some frame is lit, else the number of the connected dark region
-  std::vector<std::uint8_t> isOutside(cv::connectedComponents(dark, regions, 4, CV_32S), 0);
-  const auto regionAt = [&](int i, int j) { return regions.at<int>(j, i); };
+  std::vector<cv::Point> points, hull;
+  cv::findNonZero(seen, points);
+  cv::Mat inHull = cv::Mat::zeros(height, width, CV_8U);
+  if (!points.empty())
+  {
+    cv::convexHull(points, hull);
+    cv::fillConvexPoly(inHull, hull, cv::Scalar(1));
+  }
+  auto lit = std::make_shared<std::vector<std::uint8_t>>(PixelsPerFrame());
   for (int i = 0; i < width; ++i)
   {
-    isOutside[regionAt(i, 0)] = isOutside[regionAt(i, height - 1)] = 1;
-  }
-  for (int j = 0; j < height; ++j)
-  {
-    isOutside[regionAt(0, j)] = isOutside[regionAt(width - 1, j)] = 1;
-  }
-  isOutside[0] = 0;
-  auto lit = std::make_shared<std::vector<std::uint8_t>>(PixelsPerFrame());
-  for (std::size_t pixel = 0; pixel < lit->size(); ++pixel)
-  {
-    (*lit)[pixel] = IsLit(pixel) && !isOutside[regions.ptr<int>()[pixel]];
+    bool reached = false;
+    for (int j = 0; j < height; ++j)
+    {
+      const std::size_t pixel = static_cast<std::size_t>(j) * width + i;
+      reached = reached || seen.data[pixel] != 0;
+      (*lit)[pixel] = reached && inHull.data[pixel] != 0 && IsLit(pixel);
+    }
   }
   Sweep out = *this;
   out.mask.reset();

@@ -54,8 +54,8 @@ struct Sweep
   Sweep Subset(const std::vector<int>& frames) const;
 
   /// The same sweep, pixels shared, whose mask leaves out also what none of `frames` lights: the corners outside a
-  /// fan. What is dark in all of them but has lit pixels all around is tissue, and stays. Throws Error for a frame that
-  /// is not there.
+  /// fan. Lit are what some frame shows brighter than 0 and, within the convex hull of that, all below it: shadows
+  /// and dark tissue. Throws Error for a frame that is not there.
   Sweep LitBy(const std::vector<int>& frames) const;
 
   /// Sets what is not lit to 0 in `image`, of PixelsPerFrame() elements: all that a probe shows there.

@@ -249,43 +249,32 @@ TEST(Sweep, SubsetOutlivesItsSource)
   EXPECT_EQ(Frame(part, 0), expected);
 }
 
-/// Frames of 9 x 8 pixels, lit but for a dark column at the left and a dark block in the middle.
-std::shared_ptr<std::vector<std::uint8_t>> FramesWithDarkPlaces()
+TEST(Sweep, IsLitWhereSomeFrameIsAndInItsShadows)
 {
-  auto pixels = std::make_shared<std::vector<std::uint8_t>>(9 * 8 * 3, std::uint8_t(50));
-  for (int p = 0; p < 9 * 8 * 3; ++p)
+  // Three frames of 11 x 9 pixels showing a fan with a notch at its top, a shadow down to its end and a dark hole.
+  const auto isInFan = [](int i, int j) { return j >= 1 && std::abs(i - 5) <= j && !(i == 5 && j == 1); };
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(11 * 9 * 3);
+  for (int p = 0; p < 11 * 9 * 3; ++p)
   {
-    const int x = p % 9, y = p / 9 % 8;
-    if (x == 0 || (x >= 3 && x <= 5 && y >= 3 && y <= 4))
-    {
-      (*pixels)[p] = 0;
-    }
+    const int i = p % 11, j = p / 11 % 9;
+    const bool isDark = (i == 6 && j >= 4) || (i == 4 && j == 5);
+    (*pixels)[p] = isInFan(i, j) && !isDark ? 50 : 0;
   }
-  return pixels;
-}
-
-TEST(Sweep, IsLitByItsFramesButWhereDarknessReachesTheEdge)
-{
-  const auto pixels = FramesWithDarkPlaces();
-  (*pixels)[9 * 8 * 2] = 7;  // frame 2 lights the corner
-  const Sweep sweep = MakeSweep(9, 8, 3, pixels);
-  const Sweep byTwo = sweep.LitBy({0, 1});
-  const Sweep byAll = sweep.LitBy({0, 1, 2});
-  EXPECT_EQ(byTwo.pixels, sweep.pixels);
-  EXPECT_EQ(byTwo.NumberOfFrames(), 3);
-  for (std::size_t p = 0; p < 9 * 8; ++p)
+  (*pixels)[11 * 9 * 2] = 7;  // frame 2 lights the corner
+  const Sweep sweep = MakeSweep(11, 9, 3, pixels);
+  const Sweep lit = sweep.LitBy({0, 1});
+  EXPECT_EQ(lit.pixels, sweep.pixels);
+  EXPECT_EQ(lit.NumberOfFrames(), 3);
+  std::vector<float> image(11 * 9, 0.5f);
+  lit.BlackenUnlit(image.data());
+  for (int p = 0; p < 11 * 9; ++p)
   {
-    EXPECT_EQ(byTwo.IsLit(p), p % 9 != 0) << p;
-    EXPECT_EQ(byAll.IsLit(p), p % 9 != 0 || p == 0) << p;
+    EXPECT_EQ(lit.IsLit(p), isInFan(p % 11, p / 11)) << p;
+    EXPECT_EQ(image[p], lit.IsLit(p) ? 0.5f : 0.0f) << p;
   }
+  EXPECT_TRUE(sweep.LitBy({2}).IsLit(0));
+  EXPECT_FALSE(sweep.LitBy({0, 1, 2}).IsLit(10));
   EXPECT_THROW(sweep.LitBy({0, 3}), Error);
-
-  std::vector<float> image(9 * 8, 0.5f);
-  byTwo.BlackenUnlit(image.data());
-  for (std::size_t p = 0; p < image.size(); ++p)
-  {
-    EXPECT_EQ(image[p], p % 9 == 0 ? 0.0f : 0.5f) << p;
-  }
 }
 
 TEST(Sweep, WhatWasMaskedIsNotLitWhateverFramesShow)
