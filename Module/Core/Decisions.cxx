@@ -246,9 +246,9 @@ private:
 
   /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
   /// gain more than half the standard error, too: between choices so close that chance decides, either will
-  /// do. With `surely`, even a standard error less must be more than `least`.
+  /// do. `orDoesNotLose`: or when it loses nothing to speak of, even if it gains a standard error less.
   bool Consider(const TrainerOptions& candidate, const std::string& label, double least,
-                std::string& evidence, bool surely = false)
+                std::string& evidence, bool orDoesNotLose = false)
   {
     if (!Proceed())
     {
@@ -261,7 +261,8 @@ private:
     }
     const Gain gain = GainOf(trial, best);
     evidence += (evidence.empty() ? "" : "; ") + label + ": " + Describe(gain);
-    if (gain.mean - (surely ? gain.error : 0) <= least || (least > 0 && (gain.mean <= 0.5 * gain.error || !gain.mostGain)))
+    const bool pays = gain.mean > least && (least <= 0 || (gain.mean > 0.5 * gain.error && gain.mostGain));
+    if (!pays && !(orDoesNotLose && gain.mean - gain.error > -kPays))
     {
       return false;
     }
@@ -322,10 +323,8 @@ private:
       candidate.interpolation = alongProbe_;
       const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
-      // The path that predicts frames better has to pay no more, but must not lose either.
-      const bool predicts = pathGain_ > 0;
-      if (!Consider(candidate, "along the probe's path in a trial", predicts ? -kPays : kPays,
-                    interpolationEvidence_, predicts))
+      // A path that predicts frames better need not pay, but must not lose either.
+      if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_, pathGain_ > 0))
       {
         withVirtualPlanes_ = alongNormals;
       }
