@@ -30,7 +30,9 @@ constexpr double kPays = 0.03;  // dB
 // dB; a trial is too short to show all that a Gaussian is worth, so fewer must lose next to nothing.
 constexpr double kAsGood = 0.02;
 constexpr double kUnsure = 1.0;   // dB that the probe's path predicts frames better than poses that are off
-constexpr double kAgrees = 0.05;  // dB that a beam may lose in a trial when speckle itself asks for it
+// dB that may be lost in a trial by what the frames themselves ask for: the beam that speckle measures, the path
+// that predicts them better.
+constexpr double kAgrees = 0.05;
 constexpr std::size_t kFewestGaussians = 1000;
 constexpr double kSparsePasses = 60, kDensePasses = 80;
 constexpr int kFewestIterations = 200;
@@ -246,7 +248,7 @@ private:
 
   /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
   /// gain more than half the standard error, too: between choices so close that chance decides, either will
-  /// do. `orDoesNotLose`: or when it loses nothing to speak of, even if it gains a standard error less.
+  /// do. `orDoesNotLose`: or when they lose less than kAgrees even if they gain a standard error less.
   bool Consider(const TrainerOptions& candidate, const std::string& label, double least,
                 std::string& evidence, bool orDoesNotLose = false)
   {
@@ -262,7 +264,7 @@ private:
     const Gain gain = GainOf(trial, best);
     evidence += (evidence.empty() ? "" : "; ") + label + ": " + Describe(gain);
     const bool pays = gain.mean > least && (least <= 0 || (gain.mean > 0.5 * gain.error && gain.mostGain));
-    if (!pays && !(orDoesNotLose && gain.mean - gain.error > -kPays))
+    if (!pays && !(orDoesNotLose && gain.mean - gain.error > -kAgrees))
     {
       return false;
     }
@@ -323,7 +325,6 @@ private:
       candidate.interpolation = alongProbe_;
       const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
-      // A path that predicts frames better need not pay, but must not lose either.
       if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_, pathGain_ > 0))
       {
         withVirtualPlanes_ = alongNormals;
