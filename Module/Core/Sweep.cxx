@@ -185,7 +185,7 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
 
 Sweep Sweep::LitBy(const std::vector<int>& frames) const
 {
-  cv::Mat seen = cv::Mat::zeros(height, width, CV_8U);
+  cv::Mat bright = cv::Mat::zeros(height, width, CV_8U), seen = bright.clone();
   std::vector<float> image(PixelsPerFrame());
   for (int frame : frames)
   {
@@ -193,7 +193,8 @@ Sweep Sweep::LitBy(const std::vector<int>& frames) const
     CopyFrame(frame, image.data());
     for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
     {
-      seen.data[pixel] |= image[pixel] > 0 && IsLit(pixel);
+      bright.data[pixel] |= image[pixel] > 0;
+      seen.data[pixel] = bright.data[pixel] && IsLit(pixel);
     }
   }
   std::vector<cv::Point> points, hull;
@@ -212,7 +213,8 @@ Sweep Sweep::LitBy(const std::vector<int>& frames) const
     {
       const std::size_t pixel = static_cast<std::size_t>(j) * width + i;
       reached = reached || seen.data[pixel] != 0;
-      (*lit)[pixel] = reached && inHull.data[pixel] != 0 && IsLit(pixel);
+      // A mask of what is 0 in every frame marks shadows, too; what it hides of brighter pixels stays hidden.
+      (*lit)[pixel] = reached && inHull.data[pixel] != 0 && (IsLit(pixel) || bright.data[pixel] == 0);
     }
   }
   Sweep out = *this;

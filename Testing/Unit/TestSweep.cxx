@@ -272,6 +272,10 @@ TEST(Sweep, IsLitWhereSomeFrameIsAndInItsShadows)
     EXPECT_EQ(lit.IsLit(p), isInFan(p % 11, p / 11)) << p;
     EXPECT_EQ(image[p], lit.IsLit(p) ? 0.5f : 0.0f) << p;
   }
+  Sweep masked = sweep;  // as a mask of what is 0 in every frame has it
+  auto mask = std::make_shared<std::vector<std::uint8_t>>(pixels->begin(), pixels->begin() + 11 * 9);
+  masked.mask = mask;
+  EXPECT_EQ(*masked.LitBy({0, 1}).mask, *lit.mask);
   EXPECT_TRUE(sweep.LitBy({2}).IsLit(0));
   EXPECT_FALSE(sweep.LitBy({0, 1, 2}).IsLit(10));
   EXPECT_THROW(sweep.LitBy({0, 3}), Error);
