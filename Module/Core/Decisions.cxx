@@ -312,6 +312,7 @@ private:
     }
   }
 
+  /// A path that predicts frames worse is not tried.
   void DecidePath()
   {
     const auto since = Clock::now();
@@ -319,13 +320,13 @@ private:
     {
       return;
     }
-    if (*base_.virtualPlanes > 0)
+    if (*base_.virtualPlanes > 0 && pathGain_ > 0)
     {
       TrainerOptions candidate = base_;
       candidate.interpolation = alongProbe_;
       const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
-      if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_, pathGain_ > 0))
+      if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_, true))
       {
         withVirtualPlanes_ = alongNormals;
       }

@@ -40,9 +40,12 @@ def report(experiment, jobs, scale, folder):
     if left:
         text += f"{len(left)} of {len(jobs)} jobs have no result: " + "; ".join(
             sorted({job.state for job in left})) + ".\n\n"
-    machines = sorted({f"{job.result['machine']}; {job.result['device']}; version {job.result['version']} "
-                       f"({job.result['commit']})" for job in jobs if job.result})
-    text += "".join(f"Machine: {line}.\n" for line in machines)
+    machines = {}
+    for job in (job for job in jobs if job.result):
+        machines.setdefault((job.result["machine"], job.result["device"], job.result["version"]),
+                            set()).add(job.result["commit"])
+    text += "".join(f"Machine: {machine}; {device}; version {version} ({', '.join(sorted(commits))}).\n"
+                    for (machine, device, version), commits in sorted(machines.items()))
     seeds = sorted({job.request.get("seed", 1) for job in jobs if job.result})
     text += f"Seeds: {', '.join(map(str, seeds))}.\n" if seeds else ""
     write_whole(folder / f"{name}.md", text)

@@ -6,6 +6,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from matplotlib.ticker import LogLocator, NullLocator  # noqa: E402
 
 from harness import groups, mean, value  # noqa: E402
 
@@ -53,6 +54,22 @@ def dots(jobs, path, title, label):
     return panel
 
 
+def spread(jobs, path, title, label):
+    """Each seed of a row against the row's mean, for rows of several seeds."""
+    def panel(axis):
+        rows = []
+        for labels, members in groups(jobs):
+            values = [v for v in (value(job.result, path) for job in members if job.result) if v is not None]
+            if len(values) > 1:
+                rows.append((label(labels), [v - sum(values) / len(values) for v in values]))
+        for k, (_, offsets) in enumerate(rows):
+            axis.plot(offsets, [k] * len(offsets), "o", color=OURS, markersize=5, alpha=0.8)
+        axis.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=7)
+        axis.invert_yaxis()
+        axis.set_xlabel(title)
+    return panel
+
+
 def gains(jobs, path, title, scene, variant, base):
     """By how much variants of each scene exceed the one called `base`: grouped bars."""
     def panel(axis):
@@ -76,20 +93,26 @@ def gains(jobs, path, title, scene, variant, base):
 
 
 def curves(jobs, x, y, series, titles, logarithmic=False):
-    """y(members) over x(labels or members), a line for each series(labels)."""
+    """y(members) over x(labels or members), a line for each series(labels). A series looks the same in every panel
+    of the same rows, also where another has no points."""
     def panel(axis):
-        lines = {}
+        lines, style = {}, {}
         for labels, members in groups(jobs):
+            style.setdefault(series(labels), len(style))
             if not any(job.result for job in members):
                 continue
             at, height = x(labels, members), y(members)
             if at is not None and height is not None:
                 lines.setdefault(series(labels), []).append((at, height))
-        for k, (name, points) in enumerate(lines.items()):
+        for name, points in lines.items():
             points.sort()
-            axis.plot(*zip(*points), marker="osD^vx*P"[k % 8], markersize=5, linewidth=1.4, label=name)
+            axis.plot(*zip(*points), marker="osD^vx*P"[style[name] % 8], color=f"C{style[name] % 10}", markersize=5,
+                      linewidth=1.4, label=name)
         if logarithmic:
             axis.set_xscale("log")
+            axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.xaxis.set_major_formatter("{x:g}")
+            axis.xaxis.set_minor_locator(NullLocator())
         axis.set_xlabel(titles[0])
         axis.set_ylabel(titles[1])
         if len(titles) > 2:
