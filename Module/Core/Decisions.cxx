@@ -164,8 +164,8 @@ public:
 private:
   using Clock = std::chrono::steady_clock;
 
-  /// Trains shortly with these choices.
-  Trial Try(TrainerOptions choices, double passes)
+  /// Trains shortly with these choices, from `start` where it has Gaussians; else it gets them.
+  Trial Try(TrainerOptions choices, double passes, GaussianField& start)
   {
     choices.gaussians = std::max<std::size_t>(
         1, static_cast<std::size_t>(std::lround(static_cast<double>(*choices.gaussians) * share_)));
@@ -176,7 +176,7 @@ private:
     choices.densification.interval = 0;
     const TrainingResult result = Fit(
         sweep_, training_, {}, choices, nullptr, [this](const TrainingProgress&) { return Proceed(); },
-        WithVirtualPlanes(choices));
+        WithVirtualPlanes(choices), &start);
     ++trials_;
     Trial trial;
     const std::unique_ptr<Engine> engine = Engine::Create(choices.engine);
@@ -191,6 +191,14 @@ private:
       trial.psnr.push_back(std::min(100.0, Psnr(image.data(), truth.data(), image.size())));
     }
     return trial;
+  }
+
+  /// Whether trials of both are seeded and solved alike, and differ only in what follows.
+  static bool StartAlike(const TrainerOptions& a, const TrainerOptions& b)
+  {
+    return a.gaussians == b.gaussians && a.virtualPlanes == b.virtualPlanes &&
+           a.interpolation->ToString() == b.interpolation->ToString() &&
+           a.elevationSigma == b.elevationSigma && a.frameGains == b.frameGains;
   }
 
   /// Made once for every number of them, since the interpolation is settled first.
@@ -241,7 +249,7 @@ private:
   {
     if (!best_)
     {
-      best_ = Try(base_, passes_);
+      best_ = Try(base_, passes_, start_);
     }
     return *best_;
   }
@@ -256,7 +264,9 @@ private:
     {
       return false;
     }
-    const Trial best = Best(), trial = Try(candidate, passes_);
+    const Trial best = Best();
+    GaussianField start = StartAlike(candidate, base_) ? start_ : GaussianField();
+    const Trial trial = Try(candidate, passes_, start);
     if (stopped_)
     {
       return false;  // a trial cut short says nothing
@@ -270,6 +280,7 @@ private:
     }
     base_ = candidate;
     best_ = trial;
+    start_ = std::move(start);
     return true;
   }
 
@@ -523,7 +534,7 @@ private:
     std::string evidence;
     if (Proceed())
     {
-      const Trial best = Best(), trial = Try(base_, 2 * passes_);
+      const Trial best = Best(), trial = Try(base_, 2 * passes_, start_);
       if (!stopped_)
       {
         const Gain gain = GainOf(trial, best);
@@ -584,6 +595,7 @@ private:
   std::size_t allFrames_ = 0;  // to train on in the end
   TrainerOptions base_;        // the best so far, and what it reached
   std::optional<Trial> best_;
+  GaussianField start_;           // of trials of base_
   double passes_ = kTrialPasses;  // that trials take now
   std::vector<Decision> decisions_;
   std::map<int, std::shared_ptr<const Sweep>> withVirtualPlanes_;

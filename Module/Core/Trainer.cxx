@@ -311,7 +311,7 @@ void ApplyPreset(const std::string& name, TrainerOptions& options)
 TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
                    const std::vector<int>& validationFrames, const TrainerOptions& options,
                    const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress,
-                   std::shared_ptr<const Sweep> withVirtualPlanes)
+                   std::shared_ptr<const Sweep> withVirtualPlanes, GaussianField* solved)
 {
   const Clock clock;
   const SweepGeometry geometry = MeasureGeometry(*sweep, frames);
@@ -360,15 +360,27 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
   }
   else
   {
-    field = Seed(*sweep, frames, Beam{*options.elevationSigma},
-                 {options.seeding, *options.gaussians, options.seed});
-    engine->SetField(field);
-    ScaleReflectivities(*engine, *sweep, frames, field);
-    if (*options.solveIterations > 0 && !result.aborted)
+    if (solved && solved->Size() > 0)
     {
-      engine->SolveReflectivities(targets, *options.solveIterations,
-                                  [&](double fraction)
-                                  { return proceed(TrainingProgress::Phase::Solving, 0.1 * fraction); });
+      engine->SetField(*solved);
+    }
+    else
+    {
+      field = Seed(*sweep, frames, Beam{*options.elevationSigma},
+                   {options.seeding, *options.gaussians, options.seed});
+      engine->SetField(field);
+      ScaleReflectivities(*engine, *sweep, frames, field);
+      if (*options.solveIterations > 0 && !result.aborted)
+      {
+        engine->SolveReflectivities(targets, *options.solveIterations,
+                                    [&](double fraction)
+                                    { return proceed(TrainingProgress::Phase::Solving, 0.1 * fraction); });
+      }
+      if (solved)
+      {
+        *solved = field;  // not the engine's, whose places are rounded
+        solved->reflectivities = engine->GetField().reflectivities;
+      }
     }
     field = engine->GetField();
     if (!*options.signedReflectivity)

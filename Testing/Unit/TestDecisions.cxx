@@ -5,7 +5,9 @@
 #include <map>
 #include <set>
 
+#include "Core/Decisions.h"
 #include "Core/Engine.h"
+#include "Core/Fit.h"
 #include "Core/Metrics.h"
 #include "Core/Phantom.h"
 #include "Core/Trainer.h"
@@ -258,6 +260,28 @@ TEST(Decisions, AFieldToContinueWasDecidedOn)
   const TrainingResult first = Train(PhantomSweep(), options);
   const TrainingResult second = Train(PhantomSweep(), options, &first.field);
   EXPECT_TRUE(second.decisions.empty());
+}
+
+// Trials that differ in what follows share it: the same field as from seeds of their own, positive or signed.
+TEST(Decisions, ATrainingFromWhatAnotherSolvedIsTheSame)
+{
+  TrainerOptions options = Forced();
+  SettleByGeometry(*PhantomSweep(), {0, 1, 2, 4, 5, 6}, options);
+  options.solveIterations = 4;
+  options.iterations = 20;
+  GaussianField solved;
+  Fit(PhantomSweep(), {0, 1, 2, 4, 5, 6}, {}, options, nullptr, {}, nullptr, &solved);
+  ASSERT_GT(solved.Size(), 0u);
+  const GaussianField kept = solved;
+  for (bool isSigned : {true, false})
+  {
+    options.signedReflectivity = isSigned;
+    const TrainingResult own = Fit(PhantomSweep(), {0, 1, 2, 4, 5, 6}, {}, options, nullptr, {});
+    const TrainingResult shared =
+        Fit(PhantomSweep(), {0, 1, 2, 4, 5, 6}, {}, options, nullptr, {}, nullptr, &solved);
+    EXPECT_TRUE(Same(own.field, shared.field)) << (isSigned ? "signed" : "positive");
+  }
+  EXPECT_TRUE(Same(kept, solved));
 }
 
 TEST(Decisions, StopWhenTold)
