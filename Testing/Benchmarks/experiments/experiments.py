@@ -88,7 +88,7 @@ def main():
     parser.add_argument("--program", type=Path, default=PROJECT / "build/bin/bigusExperiment")
     parser.add_argument("--budget", type=float, default=math.inf, metavar="MINUTES")
     parser.add_argument("--priority", type=int, default=2, choices=[1, 2, 3],
-                        help="leave out jobs above it; 3 runs everything (default: 2)")
+                        help="leave out jobs above it that were not run before; 3 runs everything (default: 2)")
     parser.add_argument("--only", default="", metavar="TEXT", help="run only jobs with this in their row")
     options = parser.parse_args()
     output = options.output / ("quick" if options.quick else "full")
@@ -99,7 +99,8 @@ def main():
     if "publish" in options.what:
         publish(runner, scale)
         return 0
-    jobs = {experiment.name: [job for job in experiment.jobs(scale) if job.priority <= options.priority]
+    jobs = {experiment.name: [job for job in experiment.jobs(scale)
+                              if job.priority <= options.priority or runner.recall(job)]
             for experiment in chosen}
     # Stable: within a priority, experiments and their jobs in the order in which they are defined.
     queue = sorted((job for group in jobs.values() for job in group), key=lambda job: job.priority)
