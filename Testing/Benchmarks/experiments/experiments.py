@@ -36,20 +36,21 @@ def report(experiment, jobs, scale, folder):
         text += f"What was decided:\n\n{made}\n"
     if scale.is_quick:
         text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
+    done = [job for job in jobs if job.result]
     left = [job for job in jobs if not job.result]
     if left:
         text += f"{len(left)} of {len(jobs)} jobs have no result: " + "; ".join(
             sorted({job.state for job in left})) + ".\n\n"
     machines = {}
-    for job in (job for job in jobs if job.result):
+    for job in done:
         machines.setdefault((job.result["machine"], job.result["device"], job.result["version"]),
                             set()).add(job.result["commit"])
     text += "".join(f"Machine: {machine}; {device}; version {version} ({', '.join(sorted(commits))}).\n"
                     for (machine, device, version), commits in sorted(machines.items()))
-    seeds = sorted({job.request.get("seed", 1) for job in jobs if job.result})
+    seeds = sorted({job.request.get("seed", 1) for job in done})
     text += f"Seeds: {', '.join(map(str, seeds))}.\n" if seeds else ""
     write_whole(folder / f"{name}.md", text)
-    if any(job.result for job in jobs):
+    if done:
         plots.draw(experiment, jobs, folder / f"{name}.png")
     return text
 
