@@ -217,15 +217,15 @@ struct BackwardTask
   Lists lists;
   Field field;
   const Camera* cameras;
-  const int* frames;  // [views]
+  const int* frames;     // [views]
   const float* images;   // [views][height][width] dL/dS
   const float* weights;  // the same, dL/dW of normalised weights; or null
   int width, height;
   const StepParameters* parameters;
-  AdamBlock<float>* adam;            // [blocks] a step is taken; or null
-  GradientBlock<float>* gradient;    // [blocks] the gradient is stored; or null
-  ScoreBlock<float>* scores;         // [blocks] or null
-  unsigned long long* guarded;       // updates that were guarded, see Engine
+  AdamBlock<float>* adam;          // [blocks] a step is taken; or null
+  GradientBlock<float>* gradient;  // [blocks] the gradient is stored; or null
+  ScoreBlock<float>* scores;       // [blocks] or null
+  unsigned long long* guarded;     // updates that were guarded, see Engine
 };
 
 /// The smallest and the largest over a block's Gaussians of `value`, of which the calling thread has one: in every
@@ -409,8 +409,13 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
       const int k = present ? RankIn(seen[j], i) : -1;
       if (k >= 0)
       {
-        Moments<float> m{moments[0][0][k], moments[0][1][k], moments[0][2][k], moments[0][3][k],
-                         moments[0][4][k], moments[0][5][k], 0.0f};
+        Moments<float> m{moments[0][0][k],
+                         moments[0][1][k],
+                         moments[0][2][k],
+                         moments[0][3][k],
+                         moments[0][4][k],
+                         moments[0][5][k],
+                         0.0f};
         Gaussian<float> seenAs = gaussian;
         if (Normalised)
         {
@@ -419,8 +424,13 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
           slope += m.m0;
           const float r = gaussian.reflectivity;
           const auto& w = moments[Normalised ? 1 : 0];
-          m = {r * m.m0 + w[0][k],  r * m.m1 + w[1][k],  r * m.m2 + w[2][k], r * m.m11 + w[3][k],
-               r * m.m12 + w[4][k], r * m.m22 + w[5][k], 0.0f};
+          m = {r * m.m0 + w[0][k],
+               r * m.m1 + w[1][k],
+               r * m.m2 + w[2][k],
+               r * m.m11 + w[3][k],
+               r * m.m12 + w[4][k],
+               r * m.m22 + w[5][k],
+               0.0f};
           seenAs.reflectivity = 1;
         }
         const GaussianGradient<float> g = ProjectAdjoint(seenAs, Project(seenAs, views[j]), m);
@@ -483,8 +493,8 @@ __global__ void __launch_bounds__(kBackwardThreads) TakeStep(BackwardTask task)
 
 /// sums[block][Gaussian] += sum over planes and pixels of image * w: what the reflectivity solve needs. Launched as
 /// Backward.
-__global__ void __launch_bounds__(kBackwardThreads) GatherZeroth(Lists lists, const float* images, int width, int height,
-                                                                float* sums)
+__global__ void __launch_bounds__(kBackwardThreads)
+    GatherZeroth(Lists lists, const float* images, int width, int height, float* sums)
 {
   __shared__ float moments[kMoments][kBlock];
   if (*lists.used > lists.capacity)
@@ -500,8 +510,8 @@ __global__ void __launch_bounds__(kBackwardThreads) GatherZeroth(Lists lists, co
     {
       continue;
     }
-    GatherAll<1>(lists.splats + seen.offset, seen.count, images + static_cast<std::size_t>(view) * width * height, width,
-                 height, moments);
+    GatherAll<1>(lists.splats + seen.offset, seen.count, images + static_cast<std::size_t>(view) * width * height,
+                 width, height, moments);
     const int k = i < kBlock ? RankIn(seen, i) : -1;
     sum += k >= 0 ? moments[0][k] : 0.0f;
     __syncthreads();

@@ -238,7 +238,8 @@ void MeasureSpeed(const Options& options)
 /// the same name ending in .raw.
 std::shared_ptr<const Sweep> ReadSweep(const std::string& path)
 {
-  const auto fail = [&path](const std::string& what) { throw Error(path + ": " + what + " Write it by export_sweep.py."); };
+  const auto fail = [&path](const std::string& what)
+  { throw Error(path + ": " + what + " Write it by export_sweep.py."); };
   std::ifstream text(path);
   auto sweep = std::make_shared<Sweep>();
   long width = 0, height = 0, frames = 0;
@@ -276,7 +277,8 @@ std::shared_ptr<const Sweep> ReadSweep(const std::string& path)
 void MeasureTraining(const Options& options)
 {
   const std::shared_ptr<const Sweep> sweep = ReadSweep(options.sweep);
-  std::printf("| Gaussians | seconds | steps | PSNR of training frames | of held-out frames |\n|---|---|---|---|---|\n");
+  std::printf(
+      "| Gaussians | seconds | steps | PSNR of training frames | of held-out frames |\n|---|---|---|---|---|\n");
   for (const double seconds : options.seconds)
   {
     TrainerOptions trainer;
@@ -296,9 +298,8 @@ void MeasureTraining(const Options& options)
     }
     const TrainingResult result = Train(sweep, trainer);
     const FrameScores training = ScoreField(result.field, *sweep, result.trainingFrames, options.engine);
-    const double heldOut = result.heldOutFrames.empty()
-                               ? 0
-                               : ScoreField(result.field, *sweep, result.heldOutFrames, options.engine).psnr;
+    const double heldOut =
+        result.heldOutFrames.empty() ? 0 : ScoreField(result.field, *sweep, result.heldOutFrames, options.engine).psnr;
     std::printf("| %zu | %.1f | %d | %.2f | %.2f |\n", result.field.Size(), result.seconds, result.iterations,
                 training.psnr, heldOut);
     std::fflush(stdout);

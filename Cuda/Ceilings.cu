@@ -1,7 +1,6 @@
-#include "Ceilings.h"
-
 #include <algorithm>
 
+#include "Ceilings.h"
 #include "Device.h"
 
 namespace bigus
@@ -85,11 +84,12 @@ Ceilings MeasureCeilings()
   const double arithmetic =
       Fastest([&] { Launch("measuring", MultiplyAdd, blocks, 1, kThreads, nullptr, 0.999f, sums.data()); });
   const double copying = Fastest(
-      [&]
-      {
-        Launch("measuring", Copy, (quads + kThreads - 1) / kThreads, 1, kThreads, nullptr, from.data(), to.data(), quads);
+      [&] {
+        Launch("measuring", Copy, (quads + kThreads - 1) / kThreads, 1, kThreads, nullptr, from.data(), to.data(),
+               quads);
       });
-  return {static_cast<double>(blocks) * kThreads * kChains * kSteps / arithmetic, 2.0 * quads * sizeof(float4) / copying};
+  return {static_cast<double>(blocks) * kThreads * kChains * kSteps / arithmetic,
+          2.0 * quads * sizeof(float4) / copying};
 }
 
 }  // namespace bigus

@@ -1,8 +1,6 @@
 // The CUDA engine: field, frames, optimizer state and scores stay on the device; a training step is a fixed row of
 // kernels, and what comes back from it is one small structure.
 
-#include "CudaEngine.h"
-
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -18,6 +16,7 @@
 #include "Core/EngineDetail.h"
 #include "Core/ImageLoss.h"
 #include "Core/MortonOrder.h"
+#include "CudaEngine.h"
 #include "Spectrum.h"
 #include "Vector.h"
 #include "Windows.h"
@@ -43,8 +42,8 @@ struct Results
 };
 
 /// The optimizer's averages for a restructured field. Launched as (blocks, 1) of kBlock threads.
-__global__ void __launch_bounds__(kBlock) Inherit(const std::int64_t* slots, std::size_t count,
-                                                  const AdamBlock<float>* from, AdamBlock<float>* to)
+__global__ void __launch_bounds__(kBlock)
+    Inherit(const std::int64_t* slots, std::size_t count, const AdamBlock<float>* from, AdamBlock<float>* to)
 {
   const std::size_t slot = static_cast<std::size_t>(blockIdx.x) * kBlock + threadIdx.x;
   AdamBlock<float>& out = to[blockIdx.x];
@@ -70,8 +69,7 @@ __global__ void __launch_bounds__(kBlock) CopyReflectivities(GaussianBlock<float
 /// Sums of |r|, a block each. Launched as Inherit.
 __global__ void __launch_bounds__(kBlock) SumMagnitudes(const GaussianBlock<float>* gaussians, double* sums)
 {
-  const double sum =
-      BlockSum<kBlock>(static_cast<double>(std::abs(gaussians[blockIdx.x].reflectivity[threadIdx.x])));
+  const double sum = BlockSum<kBlock>(static_cast<double>(std::abs(gaussians[blockIdx.x].reflectivity[threadIdx.x])));
   if (threadIdx.x == 0)
   {
     sums[blockIdx.x] = sum;
@@ -147,12 +145,10 @@ public:
     field.beam = beam_;
     field.transfer = transfer_;
     field.Resize(order_.size());
-    tbb::parallel_for(std::size_t(0), order_.size(),
-                      [&](std::size_t slot)
-                      {
-                        UnpackGaussian(gaussians[slot / kBlock], slot % kBlock, places[slot / kBlock], order_[slot],
-                                       field);
-                      });
+    tbb::parallel_for(
+        std::size_t(0), order_.size(),
+        [&](std::size_t slot)
+        { UnpackGaussian(gaussians[slot / kBlock], slot % kBlock, places[slot / kBlock], order_[slot], field); });
     return field;
   }
 
@@ -170,8 +166,7 @@ public:
     step_.Forget();
   }
 
-  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
-              float* coverage) override
+  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
   {
     RenderPlanes(&plane, 1, window, output, image, coverage);
   }
@@ -209,8 +204,7 @@ public:
     const std::vector<std::uint8_t> counted = CountedPixels(*sweep, ignoreMasked);
     Grow(counted_, counted.size(), "frames", kFewerFrames);
     counted_.Upload(counted.data(), counted.size(), stream_);
-    countedPixels_ =
-        counted.empty() ? pixels : static_cast<std::size_t>(std::count(counted.begin(), counted.end(), 1));
+    countedPixels_ = counted.empty() ? pixels : static_cast<std::size_t>(std::count(counted.begin(), counted.end(), 1));
     std::vector<float> weights;
     for (int frame = 0; frame < sweep->NumberOfFrames(); ++frame)
     {
@@ -271,8 +265,8 @@ public:
     return gaussians_.Bytes() + places_.Bytes() + sharpSlots_.Bytes() + sharp_.Bytes() + adam_.Bytes() +
            gradient_.Bytes() + scores_.Bytes() + cameras_.Bytes() + planes_.Bytes() + frames_.Bytes() + seen_.Bytes() +
            boxes_.Bytes() + groupBoxes_.Bytes() + splats_.Bytes() + overlaps_.Bytes() + images_.Bytes() +
-           weightImages_.Bytes() + intensities_.Bytes() + others_.Bytes() + slopes_.Bytes() + differences_.Bytes() + spectrum_.Bytes() + losses_.Bytes() + rendered_.Bytes() +
-           results_.Bytes() + parameters_.Bytes();
+           weightImages_.Bytes() + intensities_.Bytes() + others_.Bytes() + slopes_.Bytes() + differences_.Bytes() +
+           spectrum_.Bytes() + losses_.Bytes() + rendered_.Bytes() + results_.Bytes() + parameters_.Bytes();
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
@@ -286,7 +280,8 @@ public:
     double done = 0;
     const std::size_t blocks = gaussians_.size(), slots = blocks * kBlock;
     DeviceVector r(slots, stream_);
-    Launch("copying reflectivities", CopyReflectivities, blocks, 1, kBlock, stream_, gaussians_.data(), r.data(), false);
+    Launch("copying reflectivities", CopyReflectivities, blocks, 1, kBlock, stream_, gaussians_.data(), r.data(),
+           false);
     SolveTask task{};
     task.tiles = TilesOfWindow({0, sweep_->width, 0, sweep_->height});
     task.sweep = DeviceFrames();
@@ -449,8 +444,12 @@ private:
 
   Frames DeviceFrames() const
   {
-    return {sweep_->width, sweep_->height, bytes_.size() > 0 ? bytes_.data() : nullptr, floats_.data(),
-            counted_.size() > 0 ? counted_.data() : nullptr, frameWeights_.data()};
+    return {sweep_->width,
+            sweep_->height,
+            bytes_.size() > 0 ? bytes_.data() : nullptr,
+            floats_.data(),
+            counted_.size() > 0 ? counted_.data() : nullptr,
+            frameWeights_.data()};
   }
 
   static bool HasNeedle(const GaussianField& field, const std::vector<std::uint32_t>& order, std::size_t b, int count)
@@ -597,8 +596,7 @@ private:
   /// Queues the search for what the cameras of frames_ see in some tiles of their width x height images. With
   /// `alike`, footprints are cut as if every |r| were the field's mean (with normalised weights: such that w ends at
   /// the tolerance). With `alive`, none is too dark to be seen.
-  Lists FindVisible(const Camera* cameras, int views, int width, int height, const Tiles& tiles, bool alike,
-                    bool alive)
+  Lists FindVisible(const Camera* cameras, int views, int width, int height, const Tiles& tiles, bool alike, bool alive)
   {
     const std::size_t blocks = gaussians_.size(), groups = (blocks + kGroup - 1) / kGroup;
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
@@ -635,7 +633,8 @@ private:
     Check(cudaMemsetAsync(task.used, 0, sizeof(*task.used), stream_), "clearing");
     Launch("finding footprints", FindSplats, blocks, 1, kBlock, stream_, task);
     Launch("finding footprints", FindGroups, groups, views, kGroup, stream_, task);
-    return {views, task.groups, seen_.data(), boxes_.data(), groupBoxes_.data(), splats_.data(), task.used, splats_.size()};
+    return {views,          task.groups, seen_.data(),  boxes_.data(), groupBoxes_.data(),
+            splats_.data(), task.used,   splats_.size()};
   }
 
   double Sum(const double* values, std::size_t count)
@@ -665,7 +664,8 @@ private:
     parameters.l1 = static_cast<float>(loss.l1);
     parameters.l2 = static_cast<float>(loss.l2);
     parameters.gamma = static_cast<float>(transfer_.gamma);
-    parameters.share = static_cast<float>(1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) * views));
+    parameters.share =
+        static_cast<float>(1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) * views));
     parameters_.Upload(&parameters, 1, stream_);
     UploadBatch(frames);
     const bool atOnce = loss.IsPixelwise() && !normalised_;
@@ -731,8 +731,9 @@ private:
     Repeat(render);
     const std::size_t pixelBlocks = (pixels + kPixelThreads - 1) / kPixelThreads;
     Grow(intensities_, all, "images", kSmallerBatch);
-    PixelTask task{frames_.data(), forward.sweep,  parameters_.data(), images_.data(), forward.weights,
-                   intensities_.data(), nullptr, nullptr};
+    PixelTask task{frames_.data(), forward.sweep,   parameters_.data(),
+                   images_.data(), forward.weights, intensities_.data(),
+                   nullptr,        nullptr};
     Launch("a loss", ToIntensities, pixelBlocks, views, kPixelThreads, stream_, task);
     double others = 0;
     if (!loss.IsPixelwise())
@@ -808,9 +809,9 @@ private:
     Grow(spectrum_, static_cast<std::size_t>(views) * height * (width / 2 + 1), "spectra", kSmallerBatch);
     Grow(losses_, views, "losses", kSmallerBatch);
     const double counted = static_cast<double>(std::max<std::size_t>(countedPixels_, 1));
-    const SpectrumTask task{frames_.data(),       DeviceFrames(),   static_cast<float>(loss.ffl / (counted * views)),
-                            intensities_.data(),  differences_.data(), spectrum_.data(),
-                            others_.data(),       losses_.data()};
+    const SpectrumTask task{frames_.data(),      DeviceFrames(),      static_cast<float>(loss.ffl / (counted * views)),
+                            intensities_.data(), differences_.data(), spectrum_.data(),
+                            others_.data(),      losses_.data()};
     const std::size_t blocks = (pixels + kPixelThreads - 1) / kPixelThreads;
     Launch("a loss of the spectrum", FindDifferences, blocks, views, kPixelThreads, stream_, task);
     fourier_->Forward(differences_.data(), reinterpret_cast<float*>(spectrum_.data()));
@@ -835,15 +836,14 @@ private:
     {
       sweep_->CopyFrame(frames[f], truth.data());
       sum += imageLoss_->Evaluate(spectrum, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()),
-                                  images.data() + f * pixels, truth.data(), sweep_->width,
-                                  others.data() + f * pixels);
+                                  images.data() + f * pixels, truth.data(), sweep_->width, others.data() + f * pixels);
     }
     others_.Upload(others.data(), others.size(), stream_);
     return sum;
   }
 
   Stream stream_;
-  Recording step_;         // of TrainStep, with batches of recordedViews_ frames
+  Recording step_;  // of TrainStep, with batches of recordedViews_ frames
   int recordedViews_ = 0;
   std::string device_;
   std::vector<std::uint32_t> order_;  // slot -> index in the field

@@ -105,16 +105,17 @@ public:
       data_ = nullptr;
       size_ = capacity_ = 0;
       void* memory = nullptr;
-      const cudaError_t status =
-          size > static_cast<std::size_t>(-1) / sizeof(T) ? cudaErrorMemoryAllocation : cudaMalloc(&memory, size * sizeof(T));
+      const cudaError_t status = size > static_cast<std::size_t>(-1) / sizeof(T)
+                                     ? cudaErrorMemoryAllocation
+                                     : cudaMalloc(&memory, size * sizeof(T));
       if (status == cudaErrorMemoryAllocation)
       {
         cudaGetLastError();
         std::size_t free = 0, total = 0;
         cudaMemGetInfo(&free, &total);
         throw Error("CUDA engine: " + std::string(what) + " need " + Megabytes(size * sizeof(T)) +
-                    " of device memory and " + Megabytes(free) + " of " + Megabytes(total) + " are free. " +
-                    advice + ", or choose the engine 'cpu'.");
+                    " of device memory and " + Megabytes(free) + " of " + Megabytes(total) + " are free. " + advice +
+                    ", or choose the engine 'cpu'.");
       }
       Check(status, "allocating device memory");
       data_ = static_cast<T*>(memory);

@@ -111,10 +111,7 @@ struct DirectRow
   {
     return s.u11 * static_cast<float>(static_cast<double>(column - s.column) - ridge);
   }
-  __device__ float Weight(float eta1) const
-  {
-    return eta1 * eta1 <= rest ? Exp(constant - 0.5f * eta1 * eta1) : 0.0f;
-  }
+  __device__ float Weight(float eta1) const { return eta1 * eta1 <= rest ? Exp(constant - 0.5f * eta1 * eta1) : 0.0f; }
 };
 
 /// Recurrence. Along a column, one row further down,
@@ -201,7 +198,7 @@ __device__ void ForLanes(bool condition, Visit&& visit)
 /// Adds all that a view sees to a warp's tile.
 template <class Values>
 __device__ void AddTile(const Lists& lists, const Values& values, int view, const Box& tile, const Strip& strip,
-                               float (&sums)[kRun])
+                        float (&sums)[kRun])
 {
   const int lane = threadIdx.x % kWarp;
   const Box* groupBoxes = lists.groupBoxes + static_cast<std::size_t>(view) * lists.groups;
@@ -266,12 +263,12 @@ struct RenderTask
 {
   Lists lists;
   Tiles tiles;
-  Box window;        // pixels wanted
-  bool intensity;    // I instead of S
-  bool normalised;   // I = S / (least weight + sum w)
+  Box window;       // pixels wanted
+  bool intensity;   // I instead of S
+  bool normalised;  // I = S / (least weight + sum w)
   float gamma;
-  float* image;      // [views][rows][columns] of the window
-  float* coverage;   // the same, or null
+  float* image;     // [views][rows][columns] of the window
+  float* coverage;  // the same, or null
 };
 
 /// Launched as (tiles / kForwardWarps, views).
@@ -376,10 +373,10 @@ struct TrainTask
   const int* frames;  // [views]
   Frames sweep;
   const StepParameters* parameters;
-  bool derivative;    // at once, where the loss is of single pixels; else S
-  float* images;      // [views][height][width] dL/dS, or S
-  float* weights;     // [views][height][width] sum w, or null: not wanted
-  double* losses;     // [views][tiles]
+  bool derivative;  // at once, where the loss is of single pixels; else S
+  float* images;    // [views][height][width] dL/dS, or S
+  float* weights;   // [views][height][width] sum w, or null: not wanted
+  double* losses;   // [views][tiles]
 };
 
 /// Renders frames, and with a loss of single pixels what is to be propagated back. Launched as RenderTiles.
@@ -442,11 +439,11 @@ struct PixelTask
   const int* frames;
   Frames sweep;
   const StepParameters* parameters;
-  float* images;         // [views][height][width] S; becomes dL/dS
-  float* weights;        // the same, sum w of normalised weights; becomes dL/dW; or null
-  float* intensities;    // the same, I
-  const float* others;   // the same, dL/dI of the terms that look at whole images; or null
-  double* losses;        // [views][thread blocks]
+  float* images;        // [views][height][width] S; becomes dL/dS
+  float* weights;       // the same, sum w of normalised weights; becomes dL/dW; or null
+  float* intensities;   // the same, I
+  const float* others;  // the same, dL/dI of the terms that look at whole images; or null
+  double* losses;       // [views][thread blocks]
 };
 
 constexpr int kPixelThreads = 256;

@@ -95,10 +95,7 @@ public:
     }
   }
 
-  bool IsFor(int width, int height, int views) const
-  {
-    return width == width_ && height == height_ && views == views_;
-  }
+  bool IsFor(int width, int height, int views) const { return width == width_ && height == height_ && views == views_; }
   void Forward(float* in, float* out) { Require(library_.realToComplex(forward_, in, out)); }
   void Backward(float* in, float* out) { Require(library_.complexToReal(backward_, in, out)); }
 

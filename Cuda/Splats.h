@@ -66,10 +66,10 @@ struct Seen
 struct Field
 {
   int blocks;
-  GaussianBlock<float>* gaussians;         // [blocks]
-  BlockPlace* places;                      // [blocks]
-  int* sharpSlots;                         // [blocks] index in `sharp`, or -1: widen what is in `gaussians`
-  const GaussianBlock<double>* sharp;      // blocks with needles, as they came
+  GaussianBlock<float>* gaussians;     // [blocks]
+  BlockPlace* places;                  // [blocks]
+  int* sharpSlots;                     // [blocks] index in `sharp`, or -1: widen what is in `gaussians`
+  const GaussianBlock<double>* sharp;  // blocks with needles, as they came
 };
 
 /// How many Gaussians may overlap, by square tiles of each plane: see FindTask.
@@ -85,17 +85,17 @@ struct FindTask
   const Camera* cameras;
   const int* frames;  // [views] camera of each view
   int views;
-  Box window;          // pixels to be computed, whole tiles
-  Box plane;           // all pixels
-  double tolerance;    // on magnitude * w; where overlaps are counted, of what is left out at a pixel in all
-  double floor;        // where overlaps are counted: least contribution that counts as one
+  Box window;              // pixels to be computed, whole tiles
+  Box plane;               // all pixels
+  double tolerance;        // on magnitude * w; where overlaps are counted, of what is left out at a pixel in all
+  double floor;            // where overlaps are counted: least contribution that counts as one
   double commonMagnitude;  // 0: every Gaussian's own |r|
   double leastMagnitude;   // or at least this
   bool direct;             // no recurrences
   OverlapCounts overlaps;
-  Seen* seen;            // [blocks][views]
-  Box* boxes;            // [views][blocks rounded up to whole groups]
-  Box* groupBoxes;       // [views][groups]
+  Seen* seen;       // [blocks][views]
+  Box* boxes;       // [views][blocks rounded up to whole groups]
+  Box* groupBoxes;  // [views][groups]
   int groups;
   VisibleSplat* splats;  // [capacity]
   unsigned long long capacity;
@@ -171,7 +171,7 @@ __device__ bool FindSplat(const FindTask& task, const Gaussian<T>& gaussian, con
 
 /// The same of a needle, whose projection cancels too much for float. Rare, so kept out of the way of the rest.
 __device__ BIGUS_APART bool FindSharpSplat(const FindTask& task, const Camera& camera, int block, int i,
-                                            double tolerance, VisibleSplat& out)
+                                           double tolerance, VisibleSplat& out)
 {
   const BlockPlace& place = task.field.places[block];
   Gaussian<double> gaussian;
@@ -258,8 +258,7 @@ __global__ void __launch_bounds__(kBlock) CountOverlaps(FindTask task)
   const Camera& camera = task.cameras[task.frames[f]];
   const PixelBox plane{task.plane.columnBegin, task.plane.columnEnd, task.plane.rowBegin, task.plane.rowEnd};
   Reach reach;
-  if (!Reaches<float>(place, camera, LogMagnitude(task, place), log(task.floor), reach) ||
-      !Overlap(reach.box, plane))
+  if (!Reaches<float>(place, camera, LogMagnitude(task, place), log(task.floor), reach) || !Overlap(reach.box, plane))
   {
     return;  // all threads alike
   }
@@ -299,9 +298,8 @@ __device__ inline void FindMost(const FindTask& task, const BlockPlace& place, i
   if (i < kChunk)
   {
     Reach reach;
-    const bool reached = first + i < task.views &&
-                         Reaches<float>(place, task.cameras[task.frames[first + i]], LogMagnitude(task, place),
-                                        log(task.floor), reach);
+    const bool reached = first + i < task.views && Reaches<float>(place, task.cameras[task.frames[first + i]],
+                                                                  LogMagnitude(task, place), log(task.floor), reach);
     tiles[i] = reached ? TilesOf(task.overlaps, reach.box) : Box{0, 0, 0, 0};
     most[i] = 1;
   }

@@ -11,7 +11,8 @@ namespace cuda
 constexpr int kVectorThreads = 256;
 constexpr int kDotBlocks = 256;  // fixed, and so is the order of a sum
 
-__global__ void __launch_bounds__(kVectorThreads) DotPartly(const float* p, const float* q, std::size_t count, double* sums)
+__global__ void __launch_bounds__(kVectorThreads)
+    DotPartly(const float* p, const float* q, std::size_t count, double* sums)
 {
   double sum = 0;
   for (std::size_t i = static_cast<std::size_t>(blockIdx.x) * kVectorThreads + threadIdx.x; i < count;
@@ -27,7 +28,8 @@ __global__ void __launch_bounds__(kVectorThreads) DotPartly(const float* p, cons
 }
 
 /// y = alpha x + beta y
-__global__ void __launch_bounds__(kVectorThreads) Combine(float alpha, const float* x, float beta, float* y, std::size_t count)
+__global__ void __launch_bounds__(kVectorThreads)
+    Combine(float alpha, const float* x, float beta, float* y, std::size_t count)
 {
   const std::size_t i = static_cast<std::size_t>(blockIdx.x) * kVectorThreads + threadIdx.x;
   if (i < count)
@@ -70,8 +72,8 @@ public:
 private:
   void Set(double alpha, const DeviceVector& x, double beta)
   {
-    Launch("a sum of vectors", Combine, (values_.size() + kVectorThreads - 1) / kVectorThreads, 1, kVectorThreads, stream_,
-           static_cast<float>(alpha), x.data(), static_cast<float>(beta), data(), values_.size());
+    Launch("a sum of vectors", Combine, (values_.size() + kVectorThreads - 1) / kVectorThreads, 1, kVectorThreads,
+           stream_, static_cast<float>(alpha), x.data(), static_cast<float>(beta), data(), values_.size());
   }
 
   cudaStream_t stream_;

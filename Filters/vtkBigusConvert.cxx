@@ -36,22 +36,21 @@ vtkDataArray* FindArray(vtkFieldData* data, const std::string& owner, const char
   {
     if (required)
     {
-      throw Error(owner + ": the array " + name + " is missing; it needs " + std::to_string(tuples) +
-                  " tuples of " + std::to_string(components) + ".");
+      throw Error(owner + ": the array " + name + " is missing; it needs " + std::to_string(tuples) + " tuples of " +
+                  std::to_string(components) + ".");
     }
     return nullptr;
   }
   vtkDataArray* array = vtkDataArray::SafeDownCast(found);
   if (!array)
   {
-    throw Error(owner + ": the array " + name + " holds " + found->GetDataTypeAsString() +
-                "; it must be numeric.");
+    throw Error(owner + ": the array " + name + " holds " + found->GetDataTypeAsString() + "; it must be numeric.");
   }
   if (array->GetNumberOfComponents() != components || array->GetNumberOfTuples() != tuples)
   {
-    throw Error(owner + ": the array " + name + " has " + std::to_string(array->GetNumberOfTuples()) +
-                " tuples of " + std::to_string(array->GetNumberOfComponents()) + "; expected " +
-                std::to_string(tuples) + " of " + std::to_string(components) + ".");
+    throw Error(owner + ": the array " + name + " has " + std::to_string(array->GetNumberOfTuples()) + " tuples of " +
+                std::to_string(array->GetNumberOfComponents()) + "; expected " + std::to_string(tuples) + " of " +
+                std::to_string(components) + ".");
   }
   return array;
 }
@@ -108,8 +107,8 @@ ImportedSweep SweepFromImage(vtkImageData* image)
   }
   if (scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
   {
-    throw Error(owner + ": the scalars have " + std::to_string(scalars->GetNumberOfTuples()) +
-                " values for " + std::to_string(image->GetNumberOfPoints()) + " pixels.");
+    throw Error(owner + ": the scalars have " + std::to_string(scalars->GetNumberOfTuples()) + " values for " +
+                std::to_string(image->GetNumberOfPoints()) + " pixels.");
   }
 
   int size[3];
@@ -166,9 +165,8 @@ ImportedSweep SweepFromImage(vtkImageData* image)
   }
   else
   {
-    throw Error(
-        owner + ": pixels are of type " + scalars->GetDataTypeAsString() +
-        "; unsigned char, unsigned short, or float in [0, 1] are expected. Use vtkImageShiftScale first.");
+    throw Error(owner + ": pixels are of type " + scalars->GetDataTypeAsString() +
+                "; unsigned char, unsigned short, or float in [0, 1] are expected. Use vtkImageShiftScale first.");
   }
 
   ImportedSweep imported;
@@ -202,8 +200,7 @@ void SweepToImage(const Sweep& sweep, vtkImageData* image)
   image->SetExtent(0, sweep.width - 1, 0, sweep.height - 1, 0, frames - 1);
   image->AllocateScalars(bytes ? VTK_UNSIGNED_CHAR : VTK_FLOAT, 1);
   image->GetPointData()->GetScalars()->SetName("Intensity");
-  std::memcpy(image->GetScalarPointer(), sweep.pixels.get(),
-              frames * sweep.PixelsPerFrame() * (bytes ? 1 : 4));
+  std::memcpy(image->GetScalarPointer(), sweep.pixels.get(), frames * sweep.PixelsPerFrame() * (bytes ? 1 : 4));
 
   vtkFieldData* data = image->GetFieldData();
   vtkNew<vtkDoubleArray> poses = NewDoubles("ImageToReference", 16, frames);

@@ -51,8 +51,7 @@ VTKBIGUSFILTERS_EXPORT GaussianField FieldFromPolyData(vtkPolyData* polyData);
 VTKBIGUSFILTERS_EXPORT void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData);
 
 /// Appends `key=value` to the field data's string array `Provenance`, replacing an earlier line of that key.
-VTKBIGUSFILTERS_EXPORT void SetProvenance(vtkDataObject* data, const std::string& key,
-                                          const std::string& value);
+VTKBIGUSFILTERS_EXPORT void SetProvenance(vtkDataObject* data, const std::string& key, const std::string& value);
 
 /// The choices a training rested on: seed, loss, the settled options by their properties' names, and
 /// `decision.<what>` = choice (evidence). Nothing that differs between two equal runs, such as the time.

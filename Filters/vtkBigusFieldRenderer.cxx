@@ -101,8 +101,7 @@ void ForgetRequests(vtkInformationVector* outputs)
   const int nothing[6] = {0, -1, 0, -1, 0, -1};
   for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
   {
-    outputs->GetInformationObject(port)->Set(vtkStreamingDemandDrivenPipeline::COMBINED_UPDATE_EXTENT(),
-                                             nothing, 6);
+    outputs->GetInformationObject(port)->Set(vtkStreamingDemandDrivenPipeline::COMBINED_UPDATE_EXTENT(), nothing, 6);
   }
 }
 
@@ -126,8 +125,8 @@ void CheckGrid(const double spacing[3], const double origin[3])
     const double size = std::abs(spacing[axis]);
     if (!(size >= minimumSpacing && size <= maximumSpacing))
     {
-      throw Error("OutputSpacing along axis " + std::to_string(axis) + " is " +
-                  std::to_string(spacing[axis]) + " mm; it must lie between 1e-6 and 1e6 mm.");
+      throw Error("OutputSpacing along axis " + std::to_string(axis) + " is " + std::to_string(spacing[axis]) +
+                  " mm; it must lie between 1e-6 and 1e6 mm.");
     }
     if (!std::isfinite(origin[axis]))
     {
@@ -151,9 +150,8 @@ void CheckOutputSize(const int extent[6], vtkIdType maximum)
   if (ExtentSize(extent) > static_cast<double>(maximum))
   {
     throw Error("The output asked for is " + std::to_string(extent[1] - extent[0] + 1) + " x " +
-                std::to_string(extent[3] - extent[2] + 1) + " x " +
-                std::to_string(extent[5] - extent[4] + 1) + " pixels, more than MaximumOutputPixels (" +
-                std::to_string(maximum) +
+                std::to_string(extent[3] - extent[2] + 1) + " x " + std::to_string(extent[5] - extent[4] + 1) +
+                " pixels, more than MaximumOutputPixels (" + std::to_string(maximum) +
                 "). Make it smaller or its spacing larger, or stream it in pieces.");
   }
 }
@@ -172,9 +170,8 @@ void StorePixels(const float* values, vtkIdType first, vtkIdType count, vtkImage
   if (auto* bytes = vtkUnsignedCharArray::SafeDownCast(scalars))
   {
     std::transform(values, values + count, bytes->GetPointer(first),
-                   [](float value) -> unsigned char {
-                     return value > 0 ? static_cast<unsigned char>(std::min(255 * value + 0.5f, 255.0f)) : 0;
-                   });
+                   [](float value) -> unsigned char
+                   { return value > 0 ? static_cast<unsigned char>(std::min(255 * value + 0.5f, 255.0f)) : 0; });
   }
   else
   {
@@ -246,8 +243,7 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
     render(image.data(), coverage ? covered.data() : nullptr);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
     // Aim at bandSeconds from what this band took; a plane that is nearly free says little about the next.
-    pixelsPerBand_ =
-        std::clamp(count * std::clamp(bandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
+    pixelsPerBand_ = std::clamp(count * std::clamp(bandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
     const vtkIdType pixels = static_cast<vtkIdType>(count);
     const double fraction = (static_cast<double>(first) + pixels) / total;
     const Band band{first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction};

@@ -33,8 +33,7 @@ namespace
 vtkDataArray* Pixels(vtkImageData* image, const std::string& name)
 {
   vtkDataArray* scalars = image ? image->GetPointData()->GetScalars() : nullptr;
-  if (!scalars || image->GetNumberOfPoints() == 0 ||
-      scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
+  if (!scalars || image->GetNumberOfPoints() == 0 || scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
   {
     throw bigus::Error(name + " has no pixels.");
   }
@@ -52,8 +51,7 @@ vtkDataArray* Pixels(vtkImageData* image, const std::string& name)
 }
 
 // Intensities in [0, 1] of one slice.
-std::vector<float> SliceIntensities(vtkDataArray* scalars, vtkIdType first, vtkIdType count,
-                                    const std::string& name)
+std::vector<float> SliceIntensities(vtkDataArray* scalars, vtkIdType first, vtkIdType count, const std::string& name)
 {
   std::vector<float> values(count);
   if (auto* bytes = vtkUnsignedCharArray::SafeDownCast(scalars))
@@ -172,16 +170,14 @@ int vtkBigusImageMetrics::FillInputPortInformation(int, vtkInformation* info)
   return 1;
 }
 
-int vtkBigusImageMetrics::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
-                                              vtkInformationVector*)
+int vtkBigusImageMetrics::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
   bigus::RequestWholeInput(inputs[0]);
   bigus::RequestWholeInput(inputs[1]);
   return 1;
 }
 
-int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** inputs,
-                                      vtkInformationVector* outputs)
+int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkTable* table = vtkTable::GetData(outputs);
   table->Initialize();
@@ -202,9 +198,8 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     if (!std::equal(size, size + 3, truthSize))
     {
       throw bigus::Error("The image is " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
-                         std::to_string(size[2]) + " pixels, the truth " + std::to_string(truthSize[0]) +
-                         " x " + std::to_string(truthSize[1]) + " x " + std::to_string(truthSize[2]) +
-                         "; they must be equal.");
+                         std::to_string(size[2]) + " pixels, the truth " + std::to_string(truthSize[0]) + " x " +
+                         std::to_string(truthSize[1]) + " x " + std::to_string(truthSize[2]) + "; they must be equal.");
     }
 
     int extent[6];

@@ -123,8 +123,7 @@ bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
   return options;
 }
 
-int vtkBigusPhantomSource::RequestInformation(vtkInformation*, vtkInformationVector**,
-                                              vtkInformationVector* outputs)
+int vtkBigusPhantomSource::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
 {
   vtkInformation* info = outputs->GetInformationObject(0);
   this->SetErrorCode(vtkErrorCode::NoError);
@@ -192,8 +191,7 @@ int vtkBigusPhantomSource::RequestData(vtkInformation*, vtkInformationVector**, 
   }
 }
 
-bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height,
-                                         vtkImageData* truth)
+bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* truth)
 {
   if (!imageToReference || !truth)
   {

@@ -40,8 +40,7 @@ Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
 
 bigus::ViewOutput ToViewOutput(int mode)
 {
-  return mode == vtkBigusReslice::ScatteringField ? bigus::ViewOutput::Scattering
-                                                  : bigus::ViewOutput::Intensity;
+  return mode == vtkBigusReslice::ScatteringField ? bigus::ViewOutput::Scattering : bigus::ViewOutput::Intensity;
 }
 
 // Resliced coordinates to the field's frame: affine, or Error.
@@ -156,8 +155,8 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
 //------------------------------------------------------------------------------
 // Axes
 
-void vtkBigusReslice::SetResliceAxesDirectionCosines(double x0, double x1, double x2, double y0, double y1,
-                                                     double y2, double z0, double z1, double z2)
+void vtkBigusReslice::SetResliceAxesDirectionCosines(double x0, double x1, double x2, double y0, double y1, double y2,
+                                                     double z0, double z1, double z2)
 {
   const double cosines[9] = {x0, x1, x2, y0, y1, y2, z0, z1, z2};
   this->SetResliceAxesDirectionCosines(cosines);
@@ -317,9 +316,8 @@ void vtkBigusReslice::SetOutputExtentToDefault()
 vtkMTimeType vtkBigusReslice::GetMTime()
 {
   vtkMTimeType time = this->Superclass::GetMTime();
-  for (vtkObject* part :
-       {static_cast<vtkObject*>(this->ResliceAxes), static_cast<vtkObject*>(this->ResliceTransform),
-        static_cast<vtkObject*>(this->InformationInput)})
+  for (vtkObject* part : {static_cast<vtkObject*>(this->ResliceAxes), static_cast<vtkObject*>(this->ResliceTransform),
+                          static_cast<vtkObject*>(this->InformationInput)})
   {
     time = part ? std::max(time, part->GetMTime()) : time;
   }
@@ -356,8 +354,7 @@ int vtkBigusReslice::FillOutputPortInformation(int port, vtkInformation* info)
   return 1;
 }
 
-int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
-                                        vtkInformationVector* outputs)
+int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
 {
   this->SetErrorCode(vtkErrorCode::NoError);
   double spacing[3], origin[3];
@@ -380,8 +377,8 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
       }
       else
       {
-        const bigus::FieldGrid grid = bigus::GridOver(this->Renderer->Load(bigus::UpdatedInput(this)),
-                                                      Eigen::Matrix3d::Identity(), 256);
+        const bigus::FieldGrid grid =
+            bigus::GridOver(this->Renderer->Load(bigus::UpdatedInput(this)), Eigen::Matrix3d::Identity(), 256);
         inSpacing.setConstant(grid.spacing);
         inOrigin = grid.origin;
         for (int axis = 0; axis < 3; ++axis)
@@ -393,14 +390,12 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
 
       // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with
       // the squares of the direction cosines as weights, and the centre is kept.
-      const Eigen::Matrix4d axes =
-          this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
+      const Eigen::Matrix4d axes = this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
       const Eigen::Matrix4d toOutput = axes.inverse();
       Eigen::Vector3d inCentre;
       for (int j = 0; j < 3; ++j)
       {
-        inCentre[j] =
-            inOrigin[j] + 0.5 * (static_cast<double>(inExtent[2 * j]) + inExtent[2 * j + 1]) * inSpacing[j];
+        inCentre[j] = inOrigin[j] + 0.5 * (static_cast<double>(inExtent[2 * j]) + inExtent[2 * j + 1]) * inSpacing[j];
       }
       const Eigen::Vector4d centre = toOutput * inCentre.homogeneous();
       if (!centre.allFinite())
@@ -416,8 +411,7 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
         double length = 0, first = 0;
         for (int j = 0; j < 3; ++j)
         {
-          length += weight[j] * (static_cast<double>(inExtent[2 * j + 1]) - inExtent[2 * j]) *
-                    std::abs(inSpacing[j]);
+          length += weight[j] * (static_cast<double>(inExtent[2 * j + 1]) - inExtent[2 * j]) * std::abs(inSpacing[j]);
           first += weight[j] * inExtent[2 * j];
         }
         length /= sum * std::sqrt(sum);
@@ -474,15 +468,13 @@ int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**,
   return 1;
 }
 
-int vtkBigusReslice::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
-                                         vtkInformationVector*)
+int vtkBigusReslice::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
   bigus::RequestWholeInput(inputs[0]);
   return 1;
 }
 
-int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector** inputs,
-                                 vtkInformationVector* outputs)
+int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkImageData* image = vtkImageData::GetData(outputs, 0);
   vtkImageData* coverage = vtkImageData::GetData(outputs, 1);
@@ -515,8 +507,7 @@ int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector**
         for (int axis = 0; axis < 3; ++axis)
         {
           extent[2 * axis] = std::min(extent[2 * axis], std::max(wanted[2 * axis], whole[2 * axis]));
-          extent[2 * axis + 1] =
-              std::max(extent[2 * axis + 1], std::min(wanted[2 * axis + 1], whole[2 * axis + 1]));
+          extent[2 * axis + 1] = std::max(extent[2 * axis + 1], std::min(wanted[2 * axis + 1], whole[2 * axis + 1]));
         }
       }
     }
@@ -531,15 +522,13 @@ int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector**
       throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
     }
 
-    this->Renderer->Upload(vtkPolyData::GetData(inputs[0]),
-                           {this->Engine, this->ElevationSigma, this->Tolerance});
+    this->Renderer->Upload(vtkPolyData::GetData(inputs[0]), {this->Engine, this->ElevationSigma, this->Tolerance});
     const Eigen::Map<const Eigen::Vector3d> spacing(info->Get(vtkDataObject::SPACING()));
     const Eigen::Map<const Eigen::Vector3d> origin(info->Get(vtkDataObject::ORIGIN()));
     Eigen::Matrix4d indexToOutput = Eigen::Matrix4d::Identity();
     indexToOutput.diagonal().head<3>() = spacing;
     indexToOutput.col(3).head<3>() = origin;
-    const Eigen::Matrix4d indexToWorld =
-        OutputToWorld(this->ResliceAxes, this->ResliceTransform) * indexToOutput;
+    const Eigen::Matrix4d indexToWorld = OutputToWorld(this->ResliceAxes, this->ResliceTransform) * indexToOutput;
 
     for (vtkImageData* data : {image, coverage})
     {

@@ -65,8 +65,8 @@ public:
    * The first three columns of ResliceAxes: the x, y and z axes of the output in the field's frame. Makes the
    * matrix when there is none.
    */
-  void SetResliceAxesDirectionCosines(double x0, double x1, double x2, double y0, double y1, double y2,
-                                      double z0, double z1, double z2);
+  void SetResliceAxesDirectionCosines(double x0, double x1, double x2, double y0, double y1, double y2, double z0,
+                                      double z1, double z2);
   void SetResliceAxesDirectionCosines(const double x[3], const double y[3], const double z[3]);
   void SetResliceAxesDirectionCosines(const double xyz[9]);
   void GetResliceAxesDirectionCosines(double x[3], double y[3], double z[3]);

@@ -292,16 +292,14 @@ int vtkBigusTrainer::FillOutputPortInformation(int port, vtkInformation* info)
   return 1;
 }
 
-int vtkBigusTrainer::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
-                                         vtkInformationVector*)
+int vtkBigusTrainer::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
   bigus::RequestWholeInput(inputs[0]);
   bigus::RequestWholeInput(inputs[1]);
   return 1;
 }
 
-int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
-                                 vtkInformationVector* outputs)
+int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkPolyData* output = vtkPolyData::GetData(outputs, 0);
   vtkTable* log = vtkTable::GetData(outputs, 1);
@@ -393,8 +391,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
       this->SetProgressText(ProgressLine(now).c_str());
       return bigus::ReportProgress(this, now.fraction);
     };
-    const bigus::TrainingResult result =
-        bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress);
+    const bigus::TrainingResult result = bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress);
 
     this->IterationsDone = result.iterations;
     this->Seconds = result.seconds;

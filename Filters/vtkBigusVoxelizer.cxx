@@ -24,8 +24,7 @@ namespace
 
 bigus::ViewOutput ToViewOutput(int mode)
 {
-  return mode == vtkBigusVoxelizer::ScatteringField ? bigus::ViewOutput::Scattering
-                                                    : bigus::ViewOutput::Intensity;
+  return mode == vtkBigusVoxelizer::ScatteringField ? bigus::ViewOutput::Scattering : bigus::ViewOutput::Intensity;
 }
 
 }  // namespace
@@ -136,8 +135,7 @@ int vtkBigusVoxelizer::FillInputPortInformation(int, vtkInformation* info)
   return 1;
 }
 
-int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector**,
-                                          vtkInformationVector* outputs)
+int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
 {
   this->SetErrorCode(vtkErrorCode::NoError);
   Eigen::Vector3d spacing(this->OutputSpacing), origin(this->OutputOrigin);
@@ -150,8 +148,7 @@ int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector*
     if (!((direction.colwise().norm().array() - 1).abs().maxCoeff() < 1e-6) ||
         !(std::abs(direction.determinant()) > 1e-3))
     {
-      throw bigus::Error(
-          "OutputDirection must be a 3 x 3 matrix whose columns are unit vectors that span space.");
+      throw bigus::Error("OutputDirection must be a 3 x 3 matrix whose columns are unit vectors that span space.");
     }
     if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputDimensions)
     {
@@ -168,8 +165,7 @@ int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector*
         {
           for (int axis = 0; axis < 3; ++axis)
           {
-            spacing[axis] =
-                dimensions[axis] > 1 && size[axis] > 0 ? size[axis] / (dimensions[axis] - 1) : grid.spacing;
+            spacing[axis] = dimensions[axis] > 1 && size[axis] > 0 ? size[axis] / (dimensions[axis] - 1) : grid.spacing;
           }
         }
       }
@@ -185,8 +181,7 @@ int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector*
       }
       if (this->ComputeOutputOrigin)
       {
-        origin = direction *
-                 (centre - 0.5 * spacing.cwiseProduct(dimensions.cast<double>() - Eigen::Vector3d::Ones()));
+        origin = direction * (centre - 0.5 * spacing.cwiseProduct(dimensions.cast<double>() - Eigen::Vector3d::Ones()));
       }
     }
     if (dimensions.minCoeff() < 1)
@@ -215,15 +210,13 @@ int vtkBigusVoxelizer::RequestInformation(vtkInformation*, vtkInformationVector*
   return 1;
 }
 
-int vtkBigusVoxelizer::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs,
-                                           vtkInformationVector*)
+int vtkBigusVoxelizer::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
   bigus::RequestWholeInput(inputs[0]);
   return 1;
 }
 
-int vtkBigusVoxelizer::RequestData(vtkInformation*, vtkInformationVector** inputs,
-                                   vtkInformationVector* outputs)
+int vtkBigusVoxelizer::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkInformation* info = outputs->GetInformationObject(0);
   vtkImageData* image = vtkImageData::GetData(info);
@@ -239,8 +232,7 @@ int vtkBigusVoxelizer::RequestData(vtkInformation*, vtkInformationVector** input
     {
       throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
     }
-    this->Renderer->Upload(vtkPolyData::GetData(inputs[0]),
-                           {this->Engine, this->ElevationSigma, this->Tolerance});
+    this->Renderer->Upload(vtkPolyData::GetData(inputs[0]), {this->Engine, this->ElevationSigma, this->Tolerance});
 
     const Eigen::Map<const Eigen::Vector3d> spacing(info->Get(vtkDataObject::SPACING()));
     const Eigen::Map<const Eigen::Vector3d> origin(info->Get(vtkDataObject::ORIGIN()));
@@ -255,13 +247,12 @@ int vtkBigusVoxelizer::RequestData(vtkInformation*, vtkInformationVector** input
     const bigus::ViewOutput output = ToViewOutput(this->OutputMode);
     bigus::AllocatePixels(image, extent, this->OutputScalarType,
                           output == bigus::ViewOutput::Scattering ? "ScatteringField" : "Intensity");
-    const bool finished =
-        this->Renderer->Render(indexToWorld, whole, extent, output, false,
-                               [&](const bigus::FieldRenderer::Band& band)
-                               {
-                                 bigus::StorePixels(band.image, band.first, band.count, image);
-                                 return bigus::ReportProgress(this, band.fraction);
-                               });
+    const bool finished = this->Renderer->Render(indexToWorld, whole, extent, output, false,
+                                                 [&](const bigus::FieldRenderer::Band& band)
+                                                 {
+                                                   bigus::StorePixels(band.image, band.first, band.count, image);
+                                                   return bigus::ReportProgress(this, band.fraction);
+                                                 });
     if (!finished)
     {
       image->Initialize();  // an empty output is made anew at the next update

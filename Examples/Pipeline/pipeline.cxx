@@ -41,11 +41,11 @@ int main(int argumentCount, char** arguments)
 
   vtkNew<vtkCallbackCommand> report;
   report->SetCallback(
-    [](vtkObject* caller, unsigned long, void*, void*)
-    {
-      auto* algorithm = vtkAlgorithm::SafeDownCast(caller);
-      std::cerr << "\rtraining " << static_cast<int>(100 * algorithm->GetProgress()) << " %" << std::flush;
-    });
+      [](vtkObject* caller, unsigned long, void*, void*)
+      {
+        auto* algorithm = vtkAlgorithm::SafeDownCast(caller);
+        std::cerr << "\rtraining " << static_cast<int>(100 * algorithm->GetProgress()) << " %" << std::flush;
+      });
   trainer->AddObserver(vtkCommand::ProgressEvent, report);
   trainer->Update();
   std::cerr << '\n';

@@ -93,14 +93,13 @@ class Bench
 public:
   Bench(Console& console, const Options& options) : console_(console), options_(options)
   {
-    for (const char* name : {"render_vs_plain", "render_vs_slab_reslice", "train_pass_vs_torch",
-                             "backward_vs_forward", "field_2m_vs_140k", "second_core"})
+    for (const char* name : {"render_vs_plain", "render_vs_slab_reslice", "train_pass_vs_torch", "backward_vs_forward",
+                             "field_2m_vs_140k", "second_core"})
     {
       ratios_[name] = nullptr;
       spread_[name] = nullptr;
     }
-    threads_ =
-        static_cast<int>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+    threads_ = static_cast<int>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
     repeats_ = options.repeats > 0 ? options.repeats : (options.quick ? 3 : 9);
   }
 
@@ -167,8 +166,7 @@ public:
 private:
   bool Wants(const std::string& workload) const
   {
-    return options_.workloads.empty() ||
-           std::count(options_.workloads.begin(), options_.workloads.end(), workload);
+    return options_.workloads.empty() || std::count(options_.workloads.begin(), options_.workloads.end(), workload);
   }
 
   std::size_t Gaussians(std::size_t count) const
@@ -202,9 +200,8 @@ private:
       timings_.push_back(ToJson(*c));
       if (print)
       {
-        Row(c->name + ", " + Threads(c->threads), Milliseconds(c->Seconds()) + " (" +
-                                                      Milliseconds(c->Fastest()) + " to " +
-                                                      Milliseconds(c->Slowest()) + ") ms");
+        Row(c->name + ", " + Threads(c->threads), Milliseconds(c->Seconds()) + " (" + Milliseconds(c->Fastest()) +
+                                                      " to " + Milliseconds(c->Slowest()) + ") ms");
       }
     }
   }
@@ -225,8 +222,7 @@ private:
   void MeasureMachine()
   {
     console_.Print("machine: what it can do at best");
-    const MachinePeak one = MeasurePeak(1, repeats_),
-                      all = threads_ > 1 ? MeasurePeak(threads_, repeats_) : one;
+    const MachinePeak one = MeasurePeak(1, repeats_), all = threads_ > 1 ? MeasurePeak(threads_, repeats_) : one;
     peak_ = one;
     machine_["multiply_adds_per_second"] = all.multiplyAddsPerSecond;
     machine_["bytes_per_second"] = all.bytesPerSecond;
@@ -234,8 +230,7 @@ private:
     machine_["bytes_per_second_one_thread"] = one.bytesPerSecond;
     Row("multiply-adds a second, 1 thread and all",
         Short(one.multiplyAddsPerSecond) + ", " + Short(all.multiplyAddsPerSecond));
-    Row("bytes a second (triad), 1 thread and all",
-        Short(one.bytesPerSecond) + ", " + Short(all.bytesPerSecond));
+    Row("bytes a second (triad), 1 thread and all", Short(one.bytesPerSecond) + ", " + Short(all.bytesPerSecond));
   }
 
   /// Speed of one thread beside the machine's. A pair costs three arithmetic instructions on as many lanes
@@ -259,24 +254,21 @@ private:
       shares = "; " + FormatNumber(100 * arithmetic, 0) + " % of the peak multiply-adds";
     }
     roofline_.push_back(entry);
-    Row("  " + name, FormatNumber(1e9 * seconds / splats, 1) + " ns a splat, " + Short(pairs / seconds) +
-                         " pairs/s" + shares);
+    Row("  " + name,
+        FormatNumber(1e9 * seconds / splats, 1) + " ns a splat, " + Short(pairs / seconds) + " pairs/s" + shares);
   }
 
   void MeasureEvaluation()
   {
-    console_.Print(
-        "evaluation: the kernel alone, 40000 splats, boxes of 3 sigma, 640 x 480 pixels, 1 thread");
+    console_.Print("evaluation: the kernel alone, 40000 splats, boxes of 3 sigma, 640 x 480 pixels, 1 thread");
     const std::vector<double> sigmas{1, 1.5, 2.5, 4};
     std::vector<std::unique_ptr<KernelRun>> runs;
     std::vector<Contender> contenders;
     for (double sigma : sigmas)
     {
       runs.push_back(std::make_unique<KernelRun>(sigma, Gaussians(40000)));
-      contenders.push_back({"evaluation, sigma " + FormatNumber(sigma, 1) + " px",
-                            1,
-                            [run = runs.back().get()] { run->Run(); },
-                            {}});
+      contenders.push_back(
+          {"evaluation, sigma " + FormatNumber(sigma, 1) + " px", 1, [run = runs.back().get()] { run->Run(); }, {}});
     }
     Race("Evaluating", Pointers(contenders));
     for (std::size_t i = 0; i < sigmas.size(); ++i)
@@ -285,8 +277,8 @@ private:
       const double seconds = contenders[i].Seconds();
       splatNanoseconds_[key] = 1e9 * seconds / static_cast<double>(runs[i]->Splats());
       pairsPerSecond_[key] = static_cast<double>(runs[i]->Pairs()) / seconds;
-      AddToRoofline(contenders[i].name, static_cast<double>(runs[i]->Splats()),
-                    static_cast<double>(runs[i]->Pairs()), seconds);
+      AddToRoofline(contenders[i].name, static_cast<double>(runs[i]->Splats()), static_cast<double>(runs[i]->Pairs()),
+                    seconds);
     }
   }
 
@@ -295,8 +287,7 @@ private:
   /// what poses are: the ratios are those of the oblique plane and of the footprint that makes them smaller.
   void MeasureHeadline()
   {
-    console_.Print(
-        "render: 140000 Gaussians, 512 x 512, tolerance 1e-4, beside the plain loop and slab reslice");
+    console_.Print("render: 140000 Gaussians, 512 x 512, tolerance 1e-4, beside the plain loop and slab reslice");
     const int width = 512;
     std::optional<Ratio> plainRatio, slabRatio;
     // Seconds of all four slices, round by round.
@@ -333,9 +324,8 @@ private:
         }
         Race("Rendering", contenders);
         const Ratio overPlain = Over(loop, ours), overSlab = Over(slab, ours);
-        slices_.push_back({{"name", name},
-                           {"render_vs_plain", overPlain.value},
-                           {"render_vs_slab_reslice", overSlab.value}});
+        slices_.push_back(
+            {{"name", name}, {"render_vs_plain", overPlain.value}, {"render_vs_slab_reslice", overSlab.value}});
         Row("  against plain loop, slab reslice",
             FormatNumber(overPlain.value, 2) + " x, " + FormatNumber(overSlab.value, 2) + " x");
         if (oblique)
@@ -372,9 +362,8 @@ private:
             "plain loop within " + Short(largest) + ", slab reslice correlates " + FormatNumber(alike, 4));
         if (!(largest < 1e-3f) || !(alike > 0.9) || reslice->GetNumBlendSamplePoints() != 9)
         {
-          throw Error("The pictures compared (" + name +
-                      ") do not show the same thing: the plain loop differs by " + Short(largest) +
-                      ", slab reslice correlates " + FormatNumber(alike, 4) + " with " +
+          throw Error("The pictures compared (" + name + ") do not show the same thing: the plain loop differs by " +
+                      Short(largest) + ", slab reslice correlates " + FormatNumber(alike, 4) + " with " +
                       std::to_string(reslice->GetNumBlendSamplePoints()) + " samples.");
         }
       }
@@ -401,8 +390,7 @@ private:
 
   void MeasureLargeField()
   {
-    console_.Print(
-        "render: 2000000 Gaussians against 140000 at the same density, so that a plane sees as many");
+    console_.Print("render: 2000000 Gaussians against 140000 at the same density, so that a plane sees as many");
     std::optional<Ratio> worst;
     const std::size_t small = Gaussians(140000), large = Gaussians(2000000);
     std::vector<float> image(512 * 512);
@@ -419,8 +407,7 @@ private:
       {
         const SlicePlane plane = MakePlane(512, oblique);
         const std::string name = std::string(size.name) + (oblique ? ", oblique" : ", axial");
-        Contender few{"140k, " + name, 1,
-                      [&] { engine_->Render(plane, ViewOutput::Intensity, image.data()); }};
+        Contender few{"140k, " + name, 1, [&] { engine_->Render(plane, ViewOutput::Intensity, image.data()); }};
         Contender many{"2M, " + name, 1, [&] { other->Render(plane, ViewOutput::Intensity, image.data()); }};
         Race("Rendering", {&few, &many});
         std::vector<float> unused;
@@ -429,8 +416,7 @@ private:
         Check({{"name", "visible splats, " + name},
                {"gaussians_140k", plain.Splats()},
                {"gaussians_2m", plainGrown.Splats()}});
-        Row("  visible splats",
-            std::to_string(plain.Splats()) + " and " + std::to_string(plainGrown.Splats()));
+        Row("  visible splats", std::to_string(plain.Splats()) + " and " + std::to_string(plainGrown.Splats()));
         const Ratio ratio = Over(many, few);
         worst = worst && worst->value > ratio.value ? *worst : ratio;
       }
@@ -442,9 +428,8 @@ private:
   void MeasureSizes()
   {
     console_.Print("render: sizes of fields and slices (visible splats in brackets)");
-    const std::vector<std::size_t> counts = options_.quick
-                                                ? std::vector<std::size_t>{10000, 140000}
-                                                : std::vector<std::size_t>{10000, 140000, 1000000, 2000000};
+    const std::vector<std::size_t> counts = options_.quick ? std::vector<std::size_t>{10000, 140000}
+                                                           : std::vector<std::size_t>{10000, 140000, 1000000, 2000000};
     for (int width : {160, 512})
     {
       for (const FootprintSize& size : {kPixelSized, kFourPixels})
@@ -486,9 +471,7 @@ private:
     std::vector<float> image(std::size_t(plane.width) * rows);
     Contender slow{"reference engine, " + std::to_string(rows) + " of " + std::to_string(plane.height) +
                        " rows of the slice above",
-                   1,
-                   [&]
-                   {
+                   1, [&] {
                      reference->Render(plane, {0, plane.height / 2, plane.width, rows}, ViewOutput::Intensity,
                                        image.data(), nullptr);
                    }};
@@ -604,10 +587,9 @@ private:
     memory_["working_bytes_per_frame_of_a_batch"] = perFrame;
     memory_["peak_resident_bytes_of_process"] = static_cast<double>(usage.ru_maxrss) * 1024;
     Row("memory of the engine after the pass",
-        FormatNumber(static_cast<double>(trained) / static_cast<double>(count), 0) +
-            " bytes a Gaussian, all in all");
-    Row("memory a frame", std::to_string(pass.sweep->PixelsPerFrame()) + " bytes stored, " +
-                              FormatNumber(perFrame, 0) + " more while it is in a batch");
+        FormatNumber(static_cast<double>(trained) / static_cast<double>(count), 0) + " bytes a Gaussian, all in all");
+    Row("memory a frame", std::to_string(pass.sweep->PixelsPerFrame()) + " bytes stored, " + FormatNumber(perFrame, 0) +
+                              " more while it is in a batch");
 
     std::vector<const Contender*> passes{&one};
     if (threads_ > 1)
@@ -618,8 +600,7 @@ private:
   }
 
   /// With one thread each and with all: the smaller ratio counts.
-  void CompareWithTorch(const TrainingPass& pass, double firstLoss,
-                        const std::vector<const Contender*>& passes)
+  void CompareWithTorch(const TrainingPass& pass, double firstLoss, const std::vector<const Contender*>& passes)
   {
     std::optional<Ratio> least;
     for (const Contender* ours : passes)
@@ -644,8 +625,8 @@ private:
              {"first_loss_torch", torch.losses.front()}});
       if (!(std::abs(firstLoss - torch.losses.front()) < 1e-3 * firstLoss))
       {
-        throw Error("PyTorch's loss of the first batch, " + FormatNumber(torch.losses.front(), 7) +
-                    ", is not ours, " + FormatNumber(firstLoss, 7) + ": the two passes are not the same.");
+        throw Error("PyTorch's loss of the first batch, " + FormatNumber(torch.losses.front(), 7) + ", is not ours, " +
+                    FormatNumber(firstLoss, 7) + ": the two passes are not the same.");
       }
       // Their rounds are not ours: the spread is that of any round over any other.
       least = Smaller(least, {theirs.Seconds() / ours->Seconds(), theirs.Fastest() / ours->Slowest(),
@@ -660,10 +641,9 @@ private:
     const GaussianField field = MakeField(FieldAround(width, Gaussians(140000), kFourPixels));
     const SlicePlane plane = MakePlane(width, true);
     const std::vector<std::size_t> pixels = SamplePixels(plane, options_.quick ? 1024 : 8192, 6);
-    console_.Print(
-        "frontier: speed against error, " + std::to_string(field.Size()) +
-        " Gaussians of 4 pixels, 512 x 512 oblique; |dI| against the untruncated double reference at " +
-        std::to_string(pixels.size()) + " random pixels");
+    console_.Print("frontier: speed against error, " + std::to_string(field.Size()) +
+                   " Gaussians of 4 pixels, 512 x 512 oblique; |dI| against the untruncated double reference at " +
+                   std::to_string(pixels.size()) + " random pixels");
     const std::vector<double> reference = ReferenceIntensities(field, plane, pixels);
     CheckReference(field, plane, pixels, reference);
 
@@ -678,8 +658,7 @@ private:
     const std::vector<double> tolerances{1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
     const std::vector<int> threads = threads_ > 1 ? std::vector<int>{1, threads_} : std::vector<int>{1};
     const auto add = [&](double tolerance, const std::string& precision, const std::string& evaluation, int t,
-                         const std::vector<float>& image, std::function<void()> run,
-                         std::function<void()> prepare)
+                         const std::vector<float>& image, std::function<void()> run, std::function<void()> prepare)
     {
       settings.push_back({tolerance, precision, evaluation,
                           Contender{"frontier, " + precision + ", " + evaluation + ", " + Short(tolerance), t,
@@ -701,15 +680,12 @@ private:
       engines.push_back(Engine::Create(name));
       Engine* const engine = engines.back().get();
       engine->SetField(field);
-      const auto render = [engine, &plane, &image]
-      { engine->Render(plane, ViewOutput::Intensity, image.data()); };
+      const auto render = [engine, &plane, &image] { engine->Render(plane, ViewOutput::Intensity, image.data()); };
       for (bool direct : {false, true})
       {
         for (double tolerance : tolerances)
         {
-          const auto prepare = [engine, tolerance, direct] {
-            engine->SetAccuracy({tolerance, false, direct});
-          };
+          const auto prepare = [engine, tolerance, direct] { engine->SetAccuracy({tolerance, false, direct}); };
           std::vector<float> first;
           for (int t : threads)
           {
@@ -752,13 +728,13 @@ private:
                   {"threads", c.threads},     {"ms", 1e3 * c.Seconds()},  {"max", s.error.max},
                   {"rms", s.error.rms},       {"p999", s.error.p999}};
       (s.evaluation == "plain loop" ? frontierPlain_ : frontier_).push_back(std::move(row));
-      table << s.tolerance << ',' << s.precision << ',' << s.evaluation << ',' << c.threads << ','
-            << 1e3 * c.Seconds() << ',' << 1e3 * c.Fastest() << ',' << 1e3 * c.Slowest() << ',' << s.error.max
-            << ',' << s.error.rms << ',' << s.error.p999 << '\n';
+      table << s.tolerance << ',' << s.precision << ',' << s.evaluation << ',' << c.threads << ',' << 1e3 * c.Seconds()
+            << ',' << 1e3 * c.Fastest() << ',' << 1e3 * c.Slowest() << ',' << s.error.max << ',' << s.error.rms << ','
+            << s.error.p999 << '\n';
       std::ostringstream line;
       line.imbue(std::locale::classic());
-      line << "  " << std::left << std::setw(11) << Short(s.tolerance) << std::setw(11) << s.precision
-           << std::setw(12) << s.evaluation << std::right << std::setw(7) << c.threads << std::setw(10)
+      line << "  " << std::left << std::setw(11) << Short(s.tolerance) << std::setw(11) << s.precision << std::setw(12)
+           << s.evaluation << std::right << std::setw(7) << c.threads << std::setw(10)
            << FormatNumber(1e3 * c.Seconds(), 2) << std::setw(10) << Short(s.error.max) << std::setw(10)
            << Short(s.error.rms) << std::setw(10) << Short(s.error.p999);
       console_.Print(line.str());
@@ -770,8 +746,8 @@ private:
   }
 
   /// The errors' reference must be what the reference engine says; asked at a few of the pixels.
-  void CheckReference(const GaussianField& field, const SlicePlane& plane,
-                      const std::vector<std::size_t>& pixels, const std::vector<double>& reference)
+  void CheckReference(const GaussianField& field, const SlicePlane& plane, const std::vector<std::size_t>& pixels,
+                      const std::vector<double>& reference)
   {
     const auto engine = Engine::Create("reference");
     engine->SetField(field);
@@ -779,8 +755,8 @@ private:
     for (std::size_t p = 0; p < std::min<std::size_t>(pixels.size(), 4); ++p)
     {
       float value = 0;
-      engine->Render(plane, {int(pixels[p] % plane.width), int(pixels[p] / plane.width), 1, 1},
-                     ViewOutput::Intensity, &value, nullptr);
+      engine->Render(plane, {int(pixels[p] % plane.width), int(pixels[p] / plane.width), 1, 1}, ViewOutput::Intensity,
+                     &value, nullptr);
       largest = std::max(largest, std::abs(value - reference[p]));
     }
     Check({{"name", "double reference and reference engine"}, {"largest_difference", largest}});
@@ -798,8 +774,8 @@ private:
   std::optional<Ratio> renderSecondCore_;
   Json ratios_, spread_, machine_;
   Json splatNanoseconds_ = Json::object(), pairsPerSecond_ = Json::object(), memory_ = Json::object();
-  Json frontier_ = Json::array(), frontierPlain_ = Json::array(), slices_ = Json::array(),
-       timings_ = Json::array(), roofline_ = Json::array(), checks_ = Json::array();
+  Json frontier_ = Json::array(), frontierPlain_ = Json::array(), slices_ = Json::array(), timings_ = Json::array(),
+       roofline_ = Json::array(), checks_ = Json::array();
 };
 
 }  // namespace
@@ -817,13 +793,11 @@ void AddBench(Program& program)
       "beside a plain loop and vtkImageSlabReslice. train-pass: one pass of training, beside PyTorch where\n"
       "Python has it. frontier: time beside error for every tolerance. All threads means --threads. Close\n"
       "other programs before you compare.");
-  app->add_option("WORKLOAD", options->workloads,
-                  "machine, evaluation, render, train-pass, frontier; default: all")
+  app->add_option("WORKLOAD", options->workloads, "machine, evaluation, render, train-pass, frontier; default: all")
       ->check(CLI::IsMember({"machine", "evaluation", "render", "train-pass", "frontier"}).description(""))
       ->type_name("");
   app->add_flag("--quick", options->quick, "Fewer rounds, fields and frames");
-  app->add_option("--repeats", options->repeats,
-                  "Rounds of which medians are taken; default: 9, or 3 if quick")
+  app->add_option("--repeats", options->repeats, "Rounds of which medians are taken; default: 9, or 3 if quick")
       ->check(NumberIn(1, 1000))
       ->type_name("N");
   app->add_option("--csv", options->csv, "Also write the frontier as a table")->type_name("FILE");

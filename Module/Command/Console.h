@@ -33,8 +33,7 @@ public:
 
   /// Draws a bar, at most ten times a second; on a terminal only for jobs that take longer than half a
   /// second. `secondsLeft` < 0: estimated from the time since the job's start.
-  void Progress(const std::string& job, double fraction, const std::string& rate = "",
-                double secondsLeft = -1);
+  void Progress(const std::string& job, double fraction, const std::string& rate = "", double secondsLeft = -1);
   /// Ends the bar's line. Note and Print do it themselves.
   void EndProgress();
 

@@ -51,8 +51,7 @@ ExitCode Convert(Console& console, const Options& options)
   }
   if (HasSuffix(output, ".png") && sequence->GetScalarType() != VTK_UNSIGNED_CHAR)
   {
-    throw OutputError("Cannot write '" + output +
-                      "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
+    throw OutputError("Cannot write '" + output + "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
   }
   const std::vector<std::string> files = WriteStack(sequence, output, numbers, console);
   console.Print(NameOf(files) + ": " + std::to_string(frames) + (frames == 1 ? " frame" : " frames"));
@@ -72,8 +71,7 @@ void AddConvert(Program& program)
       "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
       "Rejected frames of a sequence are left out.");
   AddSequenceOptions(*app, options->input, "INPUT", "Field (.vtp .ply) or sequence (.mha .mhd .nrrd .csv)");
-  app->add_option("OUTPUT", options->output,
-                  "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
+  app->add_option("OUTPUT", options->output, "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
       ->required()
       ->type_name("");
 

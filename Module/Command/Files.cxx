@@ -53,8 +53,7 @@ bool HasSuffix(const std::string& path, const std::string& suffix)
 void RequireWritable(const std::string& path)
 {
   std::error_code ignored;
-  if (path.empty() ||
-      (std::filesystem::exists(path, ignored) && !std::filesystem::is_regular_file(path, ignored)))
+  if (path.empty() || (std::filesystem::exists(path, ignored) && !std::filesystem::is_regular_file(path, ignored)))
   {
     throw OutputError("Cannot write '" + path + "': it is not a plain file but a folder or a device.");
   }
@@ -78,8 +77,8 @@ void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<s
     {
       if (!output->empty() && !other.empty() && AreSame(*output, other))
       {
-        throw OutputError("Cannot write '" + *output + "': it is the same file as '" + other +
-                          "', which is " + role + ". Give another name.");
+        throw OutputError("Cannot write '" + *output + "': it is the same file as '" + other + "', which is " + role +
+                          ". Give another name.");
       }
     };
     for (const std::string& input : inputs)

@@ -127,12 +127,10 @@ ExitCode ShowField(Console& console, const std::string& path)
   console.Print(Line("Reflectivity", FormatNumber(low, 3) + " to " + FormatNumber(high, 3) + ", " +
                                          FormatNumber(n ? 100.0 * negative / n : 0, 1) + " % negative"));
   console.Print(Line("Gamma", FormatNumber(field.transfer.gamma, 4)));
-  console.Print(
-      Line("Beam thickness", FormatNumber(field.beam.elevationSigma, 3) + " mm (standard deviation)"));
+  console.Print(Line("Beam thickness", FormatNumber(field.beam.elevationSigma, 3) + " mm (standard deviation)"));
   for (const auto& [key, value] : provenance.items())
   {
-    console.Print(
-        Line(key == provenance.begin().key() ? "Made by" : "", key + " = " + value.get<std::string>()));
+    console.Print(Line(key == provenance.begin().key() ? "Made by" : "", key + " = " + value.get<std::string>()));
   }
   console.Report({{"kind", "field"},
                   {"gaussians", n},
@@ -176,8 +174,8 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
 
   Json transforms = Json::array(), rejected = Json::array();
   console.Print(Line("Sequence", options.path));
-  console.Print(Line("Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " +
-                                   reader->GetElementType()));
+  console.Print(Line(
+      "Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " + reader->GetElementType()));
   const std::string chain = reader->GetTransformChain() ? reader->GetTransformChain() : "";
   console.Print(Line("Frames", std::to_string(inFile) + " of " + std::to_string(size[0]) + " x " +
                                    std::to_string(size[1]) + " pixels, " +
@@ -186,17 +184,17 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   for (int i = 0; i < reader->GetNumberOfTransforms(); ++i)
   {
     transforms.push_back({{"name", reader->GetTransformName(i)}, {"source", reader->GetTransformSource(i)}});
-    console.Print(Line(i ? "" : "Transforms", std::string(reader->GetTransformName(i)) + " (" +
-                                                  reader->GetTransformSource(i) + ")"));
+    console.Print(Line(i ? "" : "Transforms",
+                       std::string(reader->GetTransformName(i)) + " (" + reader->GetTransformSource(i) + ")"));
   }
-  console.Print(Line("Chain used", chain.empty() ? "none: the transforms do not lead from " +
-                                                       options.chain.from + " to " + options.chain.to
+  console.Print(Line("Chain used", chain.empty() ? "none: the transforms do not lead from " + options.chain.from +
+                                                       " to " + options.chain.to
                                                  : chain));
   if (accepted > 0)
   {
     console.Print(Line("Pixel", FormatNumber(pixel[0], 4) + " x " + FormatNumber(pixel[1], 4) + " mm"));
-    console.Print(Line("Plane spacing", FormatNumber(spacing[1], 3) + " mm (" + FormatNumber(spacing[0], 3) +
-                                            " to " + FormatNumber(spacing[2], 3) + "), path " +
+    console.Print(Line("Plane spacing", FormatNumber(spacing[1], 3) + " mm (" + FormatNumber(spacing[0], 3) + " to " +
+                                            FormatNumber(spacing[2], 3) + "), path " +
                                             FormatNumber(reader->GetPathLength(), 1) + " mm"));
     console.Print(Line("Extent", Box(bounds)));
     if (reader->GetHasTimestamps())
@@ -213,24 +211,23 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
     console.Print(Line("Rejected", reader->GetRejectionSummary()));
   }
 
-  Json answer = {
-      {"kind", "sequence"},
-      {"format", reader->GetFormat()},
-      {"encoding", reader->GetEncoding()},
-      {"element_type", reader->GetElementType()},
-      {"orientation", reader->GetOrientation()},
-      {"frames_in_file", inFile},
-      {"frames", accepted},
-      {"width", size[0]},
-      {"height", size[1]},
-      {"transforms", transforms},
-      {"chain", chain},
-      {"pixel_size", {pixel[0], pixel[1]}},
-      {"plane_spacing", {{"minimum", spacing[0]}, {"median", spacing[1]}, {"maximum", spacing[2]}}},
-      {"path_length", reader->GetPathLength()},
-      {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
-      {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
-      {"rejected", rejected}};
+  Json answer = {{"kind", "sequence"},
+                 {"format", reader->GetFormat()},
+                 {"encoding", reader->GetEncoding()},
+                 {"element_type", reader->GetElementType()},
+                 {"orientation", reader->GetOrientation()},
+                 {"frames_in_file", inFile},
+                 {"frames", accepted},
+                 {"width", size[0]},
+                 {"height", size[1]},
+                 {"transforms", transforms},
+                 {"chain", chain},
+                 {"pixel_size", {pixel[0], pixel[1]}},
+                 {"plane_spacing", {{"minimum", spacing[0]}, {"median", spacing[1]}, {"maximum", spacing[2]}}},
+                 {"path_length", reader->GetPathLength()},
+                 {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
+                 {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
+                 {"rejected", rejected}};
   if (!fault.empty())
   {
     answer["error"] = fault;
@@ -249,8 +246,7 @@ ExitCode Show(Console& console, const Options& options)
   }
   RequireFile(path);
   vtkNew<vtkBigusFieldReader> fieldReader;
-  return fieldReader->CanReadFile(path.c_str()) ? ShowField(console, path)
-                                                : ShowSequence(console, options.sequence);
+  return fieldReader->CanReadFile(path.c_str()) ? ShowField(console, path) : ShowSequence(console, options.sequence);
 }
 
 }  // namespace
@@ -258,13 +254,12 @@ ExitCode Show(Console& console, const Options& options)
 void AddInfo(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app =
-      program.app.add_subcommand("info",
-                                 "Say what is in a sequence or a field\n"
-                                 "  bigus info sweep.igs.mha\n"
-                                 "  bigus info plus.mha --config Plus.xml\n"
-                                 "  bigus info field.vtp --json\n"
-                                 "  bigus info --devices                   what can compute here");
+  CLI::App* app = program.app.add_subcommand("info",
+                                             "Say what is in a sequence or a field\n"
+                                             "  bigus info sweep.igs.mha\n"
+                                             "  bigus info plus.mha --config Plus.xml\n"
+                                             "  bigus info field.vtp --json\n"
+                                             "  bigus info --devices                   what can compute here");
   AddSequenceOptions(*app, options->sequence, "FILE", "Sequence (.mha .mhd .nrrd .csv) or field (.vtp .ply)");
   CLI::Option* file = app->get_option("FILE")->required(false);
   app->add_flag("--devices", options->devices, "List engines, and why others cannot be used")->excludes(file);

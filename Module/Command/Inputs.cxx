@@ -31,8 +31,7 @@ const char* const planeGroup = "Which planes";
 
 void AddChainOptions(CLI::App& app, PoseChain& chain, const char* group)
 {
-  app.add_option("--config", chain.config,
-                 "Plus configuration with transforms the sequence lacks (ImageToProbe)")
+  app.add_option("--config", chain.config, "Plus configuration with transforms the sequence lacks (ImageToProbe)")
       ->type_name("PLUS.xml")
       ->group(group);
   app.add_option("--image-to", chain.to, "Coordinate frame the poses lead to")
@@ -163,28 +162,24 @@ void RequireFile(const std::string& path)
   }
 }
 
-void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name,
-                        const std::string& help)
+void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help)
 {
   app.add_option(name, options.path, help)->required()->type_name("");
   AddChainOptions(app, options.chain, sequenceGroup);
-  app.add_option("--image-folder", options.imageFolder,
-                 "Where the PNG images of a CSV are; default: beside it")
+  app.add_option("--image-folder", options.imageFolder, "Where the PNG images of a CSV are; default: beside it")
       ->type_name("FOLDER")
       ->group(sequenceGroup);
-  app.add_option("--image-pattern", options.imagePattern,
-                 "Their names when the CSV has none, such as frame_%04d.png")
+  app.add_option("--image-pattern", options.imagePattern, "Their names when the CSV has none, such as frame_%04d.png")
       ->type_name("PATTERN")
       ->group(sequenceGroup);
-  CLI::Option* rectangle = app.add_option("--clip-rectangle", options.clipRectangle,
-                                          "Blacken what is outside: column, row, columns, rows")
-                               ->expected(4)
-                               ->type_name("I J W H")
-                               ->group(sequenceGroup);
-  app.add_option(
-         "--clip-fan", options.clipFan,
-         "Blacken what is outside: apex i j, inner and outer radius (pixels), first and last angle (degrees "
-         "from +j towards +i)")
+  CLI::Option* rectangle =
+      app.add_option("--clip-rectangle", options.clipRectangle, "Blacken what is outside: column, row, columns, rows")
+          ->expected(4)
+          ->type_name("I J W H")
+          ->group(sequenceGroup);
+  app.add_option("--clip-fan", options.clipFan,
+                 "Blacken what is outside: apex i j, inner and outer radius (pixels), first and last angle (degrees "
+                 "from +j towards +i)")
       ->expected(6)
       ->check(NumberIn(-1e6, 1e6))
       ->type_name("I J R0 R1 A0 A1")
@@ -254,16 +249,15 @@ std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& 
   return options.reduce > 1 ? std::make_shared<const Sweep>(sweep->Reduced(options.reduce)) : sweep;
 }
 
-void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name,
-                     const std::string& framesName, const std::string& help, bool required)
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
+                     const std::string& help, bool required)
 {
   app.add_option(name, options.poses, help)
       ->required(required)
       ->type_name("SEQUENCE|CSV|MARKUP.mrk.json")
       ->group(planeGroup);
-  app.add_option(
-         framesName, options.frames,
-         "Only these, counted from 0 among the usable ones: 0,4,10-20; PNG names have the same numbers")
+  app.add_option(framesName, options.frames,
+                 "Only these, counted from 0 among the usable ones: 0,4,10-20; PNG names have the same numbers")
       ->type_name("LIST")
       ->group(planeGroup);
   app.add_option("--size", options.size, "Pixels across and down; needed when the file does not say")
@@ -271,8 +265,7 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
       ->check(NumberIn(1, 65536))
       ->type_name("W H")
       ->group(planeGroup);
-  app.add_option("--spacing", options.spacing,
-                 "Side of a (square) pixel; default: as in the file, 0.5 for markups")
+  app.add_option("--spacing", options.spacing, "Side of a (square) pixel; default: as in the file, 0.5 for markups")
       ->check(PositiveNumber())
       ->type_name("MM")
       ->group(planeGroup);
@@ -314,8 +307,7 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
   Update(reader, console, "Reading");
 
   vtkTable* table = reader->GetOutput();
-  auto column = [table](const char* name)
-  { return vtkDataArray::SafeDownCast(table->GetColumnByName(name)); };
+  auto column = [table](const char* name) { return vtkDataArray::SafeDownCast(table->GetColumnByName(name)); };
   vtkDataArray* poses = column("ImageToReference");
   vtkDataArray* sizes = column("Size");
   vtkDataArray* times = column("Timestamp");
@@ -347,13 +339,11 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
     double row[16];
     poses->GetTuple(i, row);
     const Eigen::Matrix4d pose = Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(row);
-    const SlicePlane plane =
-        Adapted(SlicePlane::FromImageToReference(pose, static_cast<int>(sizes->GetComponent(i, 0)),
-                                                 static_cast<int>(sizes->GetComponent(i, 1))),
-                options);
+    const SlicePlane plane = Adapted(SlicePlane::FromImageToReference(pose, static_cast<int>(sizes->GetComponent(i, 0)),
+                                                                      static_cast<int>(sizes->GetComponent(i, 1))),
+                                     options);
     plane.Validate(options.poses + ", plane " + std::to_string(i));
-    if (!result.planes.empty() &&
-        (plane.width != result.planes[0].width || plane.height != result.planes[0].height))
+    if (!result.planes.empty() && (plane.width != result.planes[0].width || plane.height != result.planes[0].height))
     {
       throw Error(options.poses + ": planes 0 and " + std::to_string(i) +
                   " differ in size; give --size WIDTH HEIGHT, or pick some with --frames.");

@@ -42,12 +42,11 @@ struct SequenceOptions
   PoseChain chain;
   std::string imageFolder, imagePattern;  ///< where a CSV's PNG images are
   std::vector<int> clipRectangle;         ///< column, row, columns, rows
-  std::vector<double> clipFan;  ///< apex i, j, inner and outer radius in pixels, first and last angle
-  int reduce = 1;               ///< box-average so many pixels squared
+  std::vector<double> clipFan;            ///< apex i, j, inner and outer radius in pixels, first and last angle
+  int reduce = 1;                         ///< box-average so many pixels squared
 };
 /// Adds the positional argument `name` and the options above, but for --reduce.
-void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name,
-                        const std::string& help);
+void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help);
 void AddReduceOption(CLI::App& app, int& reduce);
 
 /// A reader with everything in `options` set but the mask, which is off.
@@ -69,8 +68,8 @@ struct PlaneOptions
   std::string markupSystem = "ras";
 };
 /// Adds `--poses` and `--frames`, under the names given, and the other options above.
-void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name,
-                     const std::string& framesName, const std::string& help, bool required);
+void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
+                     const std::string& help, bool required);
 
 /// The planes asked for, all of one size. A plane's upper left corner stays where it is whatever --size,
 /// --spacing and --reduce say.

@@ -137,20 +137,19 @@ MachinePeak MeasurePeak(int threads, int repeats)
 {
   MachinePeak peak;
   std::vector<float> sinks(threads * 16);  // far enough apart to share no cache line
-  peak.multiplyAddsPerSecond =
-      BestRate(threads, repeats,
-               [&sinks](int t) { return HWY_DYNAMIC_DISPATCH(MultiplyAdds)(20000000, &sinks[t * 16]); });
+  peak.multiplyAddsPerSecond = BestRate(
+      threads, repeats, [&sinks](int t) { return HWY_DYNAMIC_DISPATCH(MultiplyAdds)(20000000, &sinks[t * 16]); });
 
   constexpr std::size_t kCount = std::size_t(1) << 24;  // 64 MiB each
   std::vector<float> a(kCount), b(kCount, 1.0f), c(kCount, 2.0f);
-  peak.bytesPerSecond = BestRate(threads, repeats,
-                                 [&](int t)
-                                 {
-                                   const std::size_t begin = kCount * t / threads;
-                                   const std::size_t end = kCount * (t + 1) / threads;
-                                   return HWY_DYNAMIC_DISPATCH(Triad)(a.data() + begin, b.data() + begin,
-                                                                      c.data() + begin, end - begin);
-                                 });
+  peak.bytesPerSecond =
+      BestRate(threads, repeats,
+               [&](int t)
+               {
+                 const std::size_t begin = kCount * t / threads;
+                 const std::size_t end = kCount * (t + 1) / threads;
+                 return HWY_DYNAMIC_DISPATCH(Triad)(a.data() + begin, b.data() + begin, c.data() + begin, end - begin);
+               });
   return peak;
 }
 

@@ -94,8 +94,8 @@ ExitCode Measure(Console& console, const Options& options)
   {
     const auto text = [](const int* s)
     { return std::to_string(s[0]) + " x " + std::to_string(s[1]) + " x " + std::to_string(s[2]); };
-    throw Error("'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " +
-                text(truthSize) + ": only images of equal size compare.");
+    throw Error("'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " + text(truthSize) +
+                ": only images of equal size compare.");
   }
 
   vtkNew<vtkBigusImageMetrics> metrics;
@@ -104,9 +104,8 @@ ExitCode Measure(Console& console, const Options& options)
   Update(metrics, console, "Comparing");
 
   const int slices = size[2];
-  console.Print(std::to_string(slices) + (slices == 1 ? " image" : " images") + " of " +
-                std::to_string(size[0]) + " x " + std::to_string(size[1]) +
-                " pixels (mean, standard deviation)");
+  console.Print(std::to_string(slices) + (slices == 1 ? " image" : " images") + " of " + std::to_string(size[0]) +
+                " x " + std::to_string(size[1]) + " pixels (mean, standard deviation)");
   console.Print("  PSNR  " + FormatNumber(metrics->GetPSNR(), 3) + " dB, " +
                 FormatNumber(metrics->GetPSNRStandardDeviation(), 3));
   console.Print("  SSIM  " + FormatNumber(metrics->GetSSIM(), 5) + ", " +
@@ -135,14 +134,14 @@ ExitCode Measure(Console& console, const Options& options)
 void AddMetrics(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.app.add_subcommand(
-      "metrics",
-      "Compare images, sequences or volumes, frame by frame\n"
-      "  bigus metrics again.igs.mha sweep.igs.mha\n"
-      "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
-      "x 11 windows), BFS, the speckle\n"
-      "score, and texture: speckle contrast, histogram and power spectrum. These look at B "
-      "for what is\nright: give the truth second.");
+  CLI::App* app =
+      program.app.add_subcommand("metrics",
+                                 "Compare images, sequences or volumes, frame by frame\n"
+                                 "  bigus metrics again.igs.mha sweep.igs.mha\n"
+                                 "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
+                                 "x 11 windows), BFS, the speckle\n"
+                                 "score, and texture: speckle contrast, histogram and power spectrum. These look at B "
+                                 "for what is\nright: give the truth second.");
   app->add_option("A", options->image, "Image to judge: .png (grey) .mha .mhd .nrrd or a CSV of poses")
       ->required()
       ->type_name("");

@@ -50,8 +50,7 @@ const char* PixelTypeName(vtkImageData* image, bool nrrd)
     case VTK_FLOAT:
       return nrrd ? "float" : "MET_FLOAT";
     default:
-      throw OutputError(std::string("Pixels of type ") + image->GetScalarTypeAsString() +
-                        " cannot be written.");
+      throw OutputError(std::string("Pixels of type ") + image->GetScalarTypeAsString() + " cannot be written.");
   }
 }
 
@@ -77,40 +76,39 @@ void BeginNrrd(std::ostream& file, vtkImageData* image)
   image->GetDimensions(size);
   file.precision(17);
   file << "NRRD0005\n"
-       << "type: " << PixelTypeName(image, true) << "\ndimension: 3\nsizes: " << size[0] << ' ' << size[1]
-       << ' ' << size[2] << "\nencoding: raw\nendian: little\n";
+       << "type: " << PixelTypeName(image, true) << "\ndimension: 3\nsizes: " << size[0] << ' ' << size[1] << ' '
+       << size[2] << "\nencoding: raw\nendian: little\n";
 }
 
 void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
 {
-  WriteAtomically(
-      path,
-      [stack](std::ostream& file)
-      {
-        BeginNrrd(file, stack);
-        file << "kinds: domain domain list\nUltrasoundImageOrientation:=MF\n"
-             << "UltrasoundImageType:=BRIGHTNESS\n";
-        vtkFieldData* data = stack->GetFieldData();
-        vtkDataArray* poses = data->GetArray("ImageToReference");
-        vtkDataArray* times = data->GetArray("Timestamp");
-        for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
-        {
-          char frame[32];
-          std::snprintf(frame, sizeof frame, "Seq_Frame%04lld_", static_cast<long long>(k));
-          file << frame << "ImageToReferenceTransform:=";
-          for (int c = 0; c < 16; ++c)
-          {
-            file << (c ? " " : "") << poses->GetComponent(k, c);
-          }
-          file << '\n' << frame << "ImageToReferenceTransformStatus:=OK\n" << frame << "ImageStatus:=OK\n";
-          if (times)
-          {
-            file << frame << "Timestamp:=" << times->GetTuple1(k) << '\n';
-          }
-        }
-        file << '\n';
-        WritePixels(file, stack);
-      });
+  WriteAtomically(path,
+                  [stack](std::ostream& file)
+                  {
+                    BeginNrrd(file, stack);
+                    file << "kinds: domain domain list\nUltrasoundImageOrientation:=MF\n"
+                         << "UltrasoundImageType:=BRIGHTNESS\n";
+                    vtkFieldData* data = stack->GetFieldData();
+                    vtkDataArray* poses = data->GetArray("ImageToReference");
+                    vtkDataArray* times = data->GetArray("Timestamp");
+                    for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
+                    {
+                      char frame[32];
+                      std::snprintf(frame, sizeof frame, "Seq_Frame%04lld_", static_cast<long long>(k));
+                      file << frame << "ImageToReferenceTransform:=";
+                      for (int c = 0; c < 16; ++c)
+                      {
+                        file << (c ? " " : "") << poses->GetComponent(k, c);
+                      }
+                      file << '\n' << frame << "ImageToReferenceTransformStatus:=OK\n" << frame << "ImageStatus:=OK\n";
+                      if (times)
+                      {
+                        file << frame << "Timestamp:=" << times->GetTuple1(k) << '\n';
+                      }
+                    }
+                    file << '\n';
+                    WritePixels(file, stack);
+                  });
 }
 
 void WriteNrrdVolume(vtkImageData* volume, const std::string& path)
@@ -134,28 +132,27 @@ void WriteNrrdVolume(vtkImageData* volume, const std::string& path)
 
 void WriteMetaVolume(vtkImageData* volume, const std::string& path)
 {
-  WriteAtomically(
-      path,
-      [volume](std::ostream& file)
-      {
-        int size[3];
-        volume->GetDimensions(size);
-        const double* spacing = volume->GetSpacing();
-        const std::array<double, 3> first = FirstVoxel(volume);
-        file.precision(17);
-        file << "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
-             << "CompressedData = False\nTransformMatrix =";
-        for (int k = 0; k < 3; ++k)
-        {
-          const std::array<double, 3> axis = Axis(volume, k);
-          file << ' ' << axis[0] << ' ' << axis[1] << ' ' << axis[2];
-        }
-        file << "\nOffset = " << first[0] << ' ' << first[1] << ' ' << first[2]
-             << "\nCenterOfRotation = 0 0 0\nElementSpacing = " << spacing[0] << ' ' << spacing[1] << ' '
-             << spacing[2] << "\nDimSize = " << size[0] << ' ' << size[1] << ' ' << size[2]
-             << "\nElementType = " << PixelTypeName(volume, false) << "\nElementDataFile = LOCAL\n";
-        WritePixels(file, volume);
-      });
+  WriteAtomically(path,
+                  [volume](std::ostream& file)
+                  {
+                    int size[3];
+                    volume->GetDimensions(size);
+                    const double* spacing = volume->GetSpacing();
+                    const std::array<double, 3> first = FirstVoxel(volume);
+                    file.precision(17);
+                    file << "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+                         << "CompressedData = False\nTransformMatrix =";
+                    for (int k = 0; k < 3; ++k)
+                    {
+                      const std::array<double, 3> axis = Axis(volume, k);
+                      file << ' ' << axis[0] << ' ' << axis[1] << ' ' << axis[2];
+                    }
+                    file << "\nOffset = " << first[0] << ' ' << first[1] << ' ' << first[2]
+                         << "\nCenterOfRotation = 0 0 0\nElementSpacing = " << spacing[0] << ' ' << spacing[1] << ' '
+                         << spacing[2] << "\nDimSize = " << size[0] << ' ' << size[1] << ' ' << size[2]
+                         << "\nElementType = " << PixelTypeName(volume, false) << "\nElementDataFile = LOCAL\n";
+                    WritePixels(file, volume);
+                  });
 }
 
 void WritePng(vtkImageData* stack, int slice, const std::string& path)
@@ -177,15 +174,14 @@ void WritePng(vtkImageData* stack, int slice, const std::string& path)
   writer->WriteToMemoryOn();
   writer->Write();
   vtkUnsignedCharArray* png = writer->GetResult();
-  WriteAtomically(
-      path, [png](std::ostream& file)
-      { file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues()); });
+  WriteAtomically(path, [png](std::ostream& file)
+                  { file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues()); });
 }
 
 }  // namespace
 
-vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes,
-                                       const std::vector<double>& timestamps, bool bytes)
+vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes, const std::vector<double>& timestamps,
+                                       bool bytes)
 {
   auto stack = vtkSmartPointer<vtkImageData>::New();
   const int count = static_cast<int>(planes.size());
@@ -223,8 +219,8 @@ void RequireStackName(const std::string& path)
   }
 }
 
-std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path,
-                                    const std::vector<int>& numbers, Console& console)
+std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path, const std::vector<int>& numbers,
+                                    Console& console)
 {
   if (HasSuffix(path, ".png"))
   {

@@ -15,15 +15,15 @@ namespace bigus::command
 class Console;
 
 /// An image stack as filters and writers take it, with the planes' poses, pixels not set yet; 8-bit or float.
-vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes,
-                                       const std::vector<double>& timestamps, bool bytes);
+vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes, const std::vector<double>& timestamps,
+                                       bool bytes);
 
 /// Throws OutputError unless the name ends in .mha (.igs.mha), .nrrd or .png.
 void RequireStackName(const std::string& path);
 /// .mha and .nrrd: one sequence with poses. .png: 8-bit; one image as it is named, more with numbers
 /// (`numbers`, one an image) before the ending. Returns the names of the files.
-std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path,
-                                    const std::vector<int>& numbers, Console& console);
+std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path, const std::vector<int>& numbers,
+                                    Console& console);
 
 /// For messages: the file's name, or the first and last of many.
 std::string NameOf(const std::vector<std::string>& files);

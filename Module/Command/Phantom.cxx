@@ -78,10 +78,10 @@ ExitCode MakePhantom(Console& console, const Options& options)
   const std::vector<std::string> files = WriteStack(stack, options.output, numbers, console);
 
   const int* size = stack->GetDimensions();
-  console.Print(NameOf(files) + ": " + std::to_string(size[2]) +
-                (size[2] == 1 ? " frame of " : " frames of ") + std::to_string(size[0]) + " x " +
-                std::to_string(size[1]) + " pixels; beam thickness (standard deviation) " +
-                FormatNumber(options.phantom.elevationSigma, 2) + " mm");
+  console.Print(NameOf(files) + ": " + std::to_string(size[2]) + (size[2] == 1 ? " frame of " : " frames of ") +
+                std::to_string(size[0]) + " x " + std::to_string(size[1]) +
+                " pixels; beam thickness (standard deviation) " + FormatNumber(options.phantom.elevationSigma, 2) +
+                " mm");
   console.Report({{"output", files},
                   {"frames", size[2]},
                   {"width", size[0]},
@@ -108,8 +108,7 @@ void AddPhantom(Program& program)
       "World: x right, y down from the skin (depth), z along the sweep, mm. The same options and seed give "
       "the same\n"
       "world, so --truth with a sweep's options shows what that sweep's probe would see at other planes.");
-  app->add_option("-o,--output", options->output,
-                  "Sequence to write: .igs.mha .mha .nrrd, or .png (numbered)")
+  app->add_option("-o,--output", options->output, "Sequence to write: .igs.mha .mha .nrrd, or .png (numbered)")
       ->required()
       ->type_name("OUT");
 
@@ -147,39 +146,31 @@ void AddPhantom(Program& program)
   number("--width", phantom.width, "Pixels across; 0: 256 (linear) or 384", 0, 8192, "N", probe);
   number("--height", phantom.height, "Pixels in depth", 8, 8192, "N", probe);
   number("--pixel-size", phantom.pixelSize, "Side of a pixel", 0.01, 5, "MM", probe);
-  number("--probe-radius", phantom.probeRadius, "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500,
-         "MM", probe);
-  number("--half-angle", phantom.halfAngle, "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80,
-         "DEG", probe);
+  number("--probe-radius", phantom.probeRadius, "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM", probe);
+  number("--half-angle", phantom.halfAngle, "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG", probe);
   number("--frequency", phantom.frequency, "Of the axial carrier", 0.5, 50, "MHZ", probe);
-  number("--axial-sigma", phantom.axialSigma, "Resolution along the beam, standard deviation", 0.02, 5, "MM",
-         probe);
+  number("--axial-sigma", phantom.axialSigma, "Resolution along the beam, standard deviation", 0.02, 5, "MM", probe);
   number("--lateral-sigma", phantom.lateralSigma, "Resolution across the beam", 0.02, 5, "MM", probe);
-  number("--elevation-sigma", phantom.elevationSigma, "Thickness of the beam out of plane", 0.05, 10, "MM",
-         probe);
+  number("--elevation-sigma", phantom.elevationSigma, "Thickness of the beam out of plane", 0.05, 10, "MM", probe);
   number("--dynamic-range", phantom.dynamicRange, "Between black and white", 10, 120, "DB", probe);
   number("--white-level", phantom.whiteLevel, "Above parenchyma, shown white", -40, 100, "DB", probe);
 
   const char* hand = "Trajectory and tracking";
   number("--frames", phantom.frames, "Frames of the sweep", 1, 100000, "N", hand);
   number("--frame-spacing", phantom.frameSpacing, "Mean travel between frames", 0, 20, "MM", hand);
-  number("--speed-variation", phantom.speedVariation, "Share by which the spacing varies", 0, 0.95, "SHARE",
-         hand);
+  number("--speed-variation", phantom.speedVariation, "Share by which the spacing varies", 0, 0.95, "SHARE", hand);
   number("--tilt", phantom.tilt, "Bound of the probe's three angles", 0, 45, "DEG", hand);
   number("--wander", phantom.wander, "Bound of motion sideways and in depth", 0, 20, "MM", hand);
-  number("--sweep-angle", phantom.sweepAngle, "Turns the whole sweep about the depth axis", -360, 360, "DEG",
-         hand);
+  number("--sweep-angle", phantom.sweepAngle, "Turns the whole sweep about the depth axis", -360, 360, "DEG", hand);
   number("--frame-rate", phantom.frameRate, "Frames a second", 0.1, 10000, "HZ", hand);
-  number("--tracking-noise", phantom.trackingNoise, "Standard deviation of recorded positions", 0, 10, "MM",
+  number("--tracking-noise", phantom.trackingNoise, "Standard deviation of recorded positions", 0, 10, "MM", hand);
+  number("--rotation-noise", phantom.trackingRotationNoise, "Standard deviation of recorded angles", 0, 20, "DEG",
          hand);
-  number("--rotation-noise", phantom.trackingRotationNoise, "Standard deviation of recorded angles", 0, 20,
-         "DEG", hand);
-  app->add_flag("--true-poses", options->truePoses,
-                "Write where frames really were, not what the tracker said")
+  app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
       ->group(hand);
 
-  AddPlaneOptions(*app, options->truth, "--truth", "--truth-frames",
-                  "Image these planes instead of making a sweep", false);
+  AddPlaneOptions(*app, options->truth, "--truth", "--truth-frames", "Image these planes instead of making a sweep",
+                  false);
 
   Console& console = program.console;
   app->callback([&program, &console, options]

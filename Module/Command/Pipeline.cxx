@@ -25,8 +25,7 @@ namespace
 std::string Essence(const char* text)
 {
   std::string message = text ? text : "";
-  static const std::regex origin(
-      "^((ERROR|Warning|Generic Warning): In [^\\n]*\\n)?(\\w+ \\(0x[0-9a-f]+\\): )?");
+  static const std::regex origin("^((ERROR|Warning|Generic Warning): In [^\\n]*\\n)?(\\w+ \\(0x[0-9a-f]+\\): )?");
   static const std::regex address(" \\(0x[0-9a-f]+\\)");
   message = std::regex_replace(message, origin, "", std::regex_constants::format_first_only);
   message = std::regex_replace(message, address, "");

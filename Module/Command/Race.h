@@ -13,8 +13,7 @@ namespace bigus::command
 /// One thing to be timed.
 struct Contender
 {
-  Contender(std::string itsName, int itsThreads, std::function<void()> itsRun,
-            std::function<void()> itsPrepare = {})
+  Contender(std::string itsName, int itsThreads, std::function<void()> itsRun, std::function<void()> itsPrepare = {})
       : name(std::move(itsName)), threads(itsThreads), run(std::move(itsRun)), prepare(std::move(itsPrepare))
   {
   }

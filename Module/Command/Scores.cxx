@@ -64,20 +64,18 @@ void PrintTexture(const TextureComparison& texture, Console& console)
                 ", distance of distributions " + FormatNumber(texture.contrastDistance, 4));
   PrintContrast("image", texture.image.contrast, console);
   PrintContrast("truth", texture.truth.contrast, console);
-  console.Print("  Intensity where lit: distance of histograms " +
-                FormatNumber(texture.intensityDistance, 4));
+  console.Print("  Intensity where lit: distance of histograms " + FormatNumber(texture.intensityDistance, 4));
   PrintIntensity("image", texture.image.intensity, console);
   PrintIntensity("truth", texture.truth.intensity, console);
-  console.Print("  Power spectrum: " + FormatNumber(texture.spectrumDifference, 2) +
-                " dB from the truth's, " + FormatNumber(texture.highFrequencyPower, 3) +
-                " of its power above half of Nyquist's frequency");
+  console.Print("  Power spectrum: " + FormatNumber(texture.spectrumDifference, 2) + " dB from the truth's, " +
+                FormatNumber(texture.highFrequencyPower, 3) + " of its power above half of Nyquist's frequency");
 }
 
 std::string TextureLine(const TextureComparison& texture)
 {
   return "    texture beside the truth's: speckle contrast x " + FormatNumber(texture.contrastRatio, 3) +
-         ", power above half Nyquist x " + FormatNumber(texture.highFrequencyPower, 3) +
-         ", spectrum off by " + FormatNumber(texture.spectrumDifference, 2) + " dB";
+         ", power above half Nyquist x " + FormatNumber(texture.highFrequencyPower, 3) + ", spectrum off by " +
+         FormatNumber(texture.spectrumDifference, 2) + " dB";
 }
 
 }  // namespace bigus::command

@@ -86,8 +86,7 @@ ExitCode Slice(Console& console, Options& options)
   engine->SetField(field);
 
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
-  const auto coverage =
-      options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
+  const auto coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
   const std::size_t pixels = planes.planes[0].NumberOfPixels();
   std::vector<float> image(pixels);
   const auto start = std::chrono::steady_clock::now();
@@ -95,8 +94,7 @@ ExitCode Slice(Console& console, Options& options)
   {
     float* covered = coverage ? static_cast<float*>(coverage->GetScalarPointer()) + k * pixels : nullptr;
     float* target = bytes ? image.data() : static_cast<float*>(stack->GetScalarPointer()) + k * pixels;
-    engine->Render(planes.planes[k], scattering ? ViewOutput::Scattering : ViewOutput::Intensity, target,
-                   covered);
+    engine->Render(planes.planes[k], scattering ? ViewOutput::Scattering : ViewOutput::Intensity, target, covered);
     probe.BlackenUnlit(target);
     if (bytes)
     {
@@ -116,8 +114,8 @@ ExitCode Slice(Console& console, Options& options)
     WriteStack(coverage, options.coverage, planes.numbers, console);
   }
   console.Print(NameOf(files) + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
-                std::to_string(planes.planes[0].width) + " x " + std::to_string(planes.planes[0].height) +
-                " pixels, " + FormatNumber(1000 * seconds / count, 1) + " ms each on " + engine->Device());
+                std::to_string(planes.planes[0].width) + " x " + std::to_string(planes.planes[0].height) + " pixels, " +
+                FormatNumber(1000 * seconds / count, 1) + " ms each on " + engine->Device());
   console.Report({{"output", files},
                   {"slices", count},
                   {"rejected", planes.rejected},
@@ -155,8 +153,7 @@ void AddSlice(Program& program)
                 "Black where no frame of the SEQUENCE is lit, as the probe's own pictures are and held-out "
                 "frames are scored; reads its images")
       ->excludes(app->get_option("--size"), app->get_option("--spacing"));
-  app->add_option("--mode", options->mode,
-                  "intensity (default), or scattering: signed, before compression, float")
+  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
       ->check(CLI::IsMember({"intensity", "scattering"}).description(""))
       ->type_name("MODE");
   app->add_option("--type", options->type, "Pixels of intensity: uchar (default, 0 to 255) or float (0 to 1)")

@@ -33,8 +33,7 @@ public:
     const int file = mkstemp(path_.data());
     if (file < 0)
     {
-      throw OutputError("No temporary file can be made in " +
-                        std::filesystem::temp_directory_path().string() + ".");
+      throw OutputError("No temporary file can be made in " + std::filesystem::temp_directory_path().string() + ".");
     }
     close(file);
   }
@@ -50,8 +49,7 @@ private:
 template <class T>
 void Put(std::ofstream& file, const std::vector<T>& values)
 {
-  file.write(reinterpret_cast<const char*>(values.data()),
-             static_cast<std::streamsize>(values.size() * sizeof(T)));
+  file.write(reinterpret_cast<const char*>(values.data()), static_cast<std::streamsize>(values.size() * sizeof(T)));
 }
 
 void PutVector(std::vector<float>& out, const Eigen::Ref<const Eigen::VectorXd>& values)
@@ -70,8 +68,8 @@ void WriteWorkload(const TrainingPass& pass, const std::string& path)
   std::ofstream file(path, std::ios::binary);
   Put<std::int64_t>(file, {std::int64_t(field.Size()), sweep.NumberOfFrames(), sweep.width, sweep.height,
                            std::int64_t(pass.batches.front().size())});
-  Put<double>(file, {field.transfer.gamma, field.beam.elevationSigma,
-                     pass.accuracy.tolerance / field.transfer.gamma, pass.rates.mean, pass.rates.logScale,
+  Put<double>(file, {field.transfer.gamma, field.beam.elevationSigma, pass.accuracy.tolerance / field.transfer.gamma,
+                     pass.rates.mean, pass.rates.logScale,
                      0.5 * pass.rates.rotation,  // a turn by omega changes the quaternion by omega / 2
                      pass.rates.reflectivity});
   std::vector<float> means, scales, rotations, reflectivities, planes;
@@ -217,9 +215,8 @@ TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads)
   const TemporaryFile workload;
   WriteWorkload(pass, workload.Path());
   std::string output;
-  const int status =
-      RunProgram({python, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
-                 kBenchTorchScript, output);
+  const int status = RunProgram({python, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
+                                kBenchTorchScript, output);
   const nlohmann::json answer = nlohmann::json::parse(output, nullptr, false);
   if (status != 0 || !answer.is_object())
   {

@@ -128,8 +128,8 @@ std::string Row(const std::string& name, const FrameScores& scores)
 
 /// The plain methods on the same frames. One that cannot be had (a volume too large to compound) takes none
 /// of the field's own score with it.
-void ScoreBaselines(const Sweep& sweep, const std::vector<int>& training, const std::vector<int>& heldOut,
-                    Json& answer, Console& console)
+void ScoreBaselines(const Sweep& sweep, const std::vector<int>& training, const std::vector<int>& heldOut, Json& answer,
+                    Console& console)
 {
   try
   {
@@ -167,24 +167,22 @@ void ScoreAligned(const GaussianField& field, const Sweep& sweep, const std::vec
   console.Print(Row("this field", aligned.scores) + "   BFS " + FormatNumber(aligned.scores.bfs.score, 3));
   console.Print("  moved by " + FormatNumber(aligned.meanTranslation, 3) + " mm and " +
                 FormatNumber(aligned.meanRotation, 2) + " degrees on average, " +
-                FormatNumber(aligned.largestTranslation, 3) + " mm and " +
-                FormatNumber(aligned.largestRotation, 2) + " degrees at most");
+                FormatNumber(aligned.largestTranslation, 3) + " mm and " + FormatNumber(aligned.largestRotation, 2) +
+                " degrees at most");
 }
 
 /// Keeps the bar going; false, once interrupted, stops training.
 bool OnProgress(Console& console, const TrainingProgress& progress)
 {
-  static const std::map<TrainingProgress::Phase, const char*> names = {
-      {TrainingProgress::Phase::Deciding, "Deciding"},
-      {TrainingProgress::Phase::Seeding, "Seeding "},
-      {TrainingProgress::Phase::Solving, "Solving "},
-      {TrainingProgress::Phase::Training, "Training"}};
+  static const std::map<TrainingProgress::Phase, const char*> names = {{TrainingProgress::Phase::Deciding, "Deciding"},
+                                                                       {TrainingProgress::Phase::Seeding, "Seeding "},
+                                                                       {TrainingProgress::Phase::Solving, "Solving "},
+                                                                       {TrainingProgress::Phase::Training, "Training"}};
   std::string rate;
   const TrainingRecord& record = progress.record;
   if (progress.phase == TrainingProgress::Phase::Training && record.iteration > 0 && record.seconds > 0)
   {
-    rate = FormatNumber(record.iteration / record.seconds, 1) + " iterations/s, loss " +
-           FormatNumber(record.loss, 4);
+    rate = FormatNumber(record.iteration / record.seconds, 1) + " iterations/s, loss " + FormatNumber(record.loss, 4);
   }
   console.Progress(names.at(progress.phase), progress.fraction, rate,
                    progress.secondsLeft > 0 ? progress.secondsLeft : -1);
@@ -247,9 +245,9 @@ ExitCode Train(Console& console, Options& options)
   {
     start = ReadField(options.continueFrom, console);
   }
-  console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " +
-               std::to_string(sweep->width) + " x " + std::to_string(sweep->height) + " pixels; " +
-               std::to_string(heldOutFrames.size()) + " held out.");
+  console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " + std::to_string(sweep->width) +
+               " x " + std::to_string(sweep->height) + " pixels; " + std::to_string(heldOutFrames.size()) +
+               " held out.");
 
   const TrainingResult result =
       bigus::Train(sweep, trainer, start ? &*start : nullptr,
@@ -290,9 +288,8 @@ ExitCode Train(Console& console, Options& options)
                  {"width", sweep->width},
                  {"height", sweep->height}};
   console.Print(options.output + ": " + std::to_string(result.field.Size()) + " Gaussians, " +
-                std::to_string(result.iterations) + " iterations in " + FormatNumber(result.seconds, 1) +
-                " s on " + result.device + ", beam sigma " +
-                FormatNumber(result.field.beam.elevationSigma, 2) + " mm");
+                std::to_string(result.iterations) + " iterations in " + FormatNumber(result.seconds, 1) + " s on " +
+                result.device + ", beam sigma " + FormatNumber(result.field.beam.elevationSigma, 2) + " mm");
   if (!result.decisions.empty())
   {
     console.Print("Decisions, in dB on validation frames (standard error of the mean)");
@@ -353,8 +350,8 @@ std::string Complaint(const Parse& parse)
 
 /// A choice: a number, or auto (default), which leaves it open.
 template <class Number>
-CLI::Option* AddChoice(CLI::App& app, const std::string& name, std::optional<Number>& choice, double low,
-                       double high, const std::string& help)
+CLI::Option* AddChoice(CLI::App& app, const std::string& name, std::optional<Number>& choice, double low, double high,
+                       const std::string& help)
 {
   const auto whole = [](const std::string& text) -> std::string
   {
@@ -382,8 +379,7 @@ CLI::Option* AddChoice(CLI::App& app, const std::string& name, std::optional<Num
 }
 
 /// A choice between on and off, or auto (default), which leaves it open.
-CLI::Option* AddSwitch(CLI::App& app, const std::string& name, std::optional<bool>& choice,
-                       const std::string& help)
+CLI::Option* AddSwitch(CLI::App& app, const std::string& name, std::optional<bool>& choice, const std::string& help)
 {
   return app
       .add_option_function<std::string>(
@@ -409,25 +405,20 @@ void AddTrain(Program& program)
                                              "--gaussians 300000 --time-limit 600 --log curve.csv\n"
                                              "Ctrl-C stops early and keeps the best field so far.");
 
-  AddSequenceOptions(*app, options->sequence, "SEQUENCE",
-                     "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
+  AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
   AddReduceOption(*app, options->sequence.reduce);
-  app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")
-      ->required()
-      ->type_name("FIELD");
+  app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")->required()->type_name("FIELD");
   app->add_option("--log", options->log, "Write the training curve: loss and validation PSNR over time")
       ->type_name("CSV");
 
   const char* model = "What is fitted. auto is decided by short trainings, or from geometry with --no-auto";
-  app->add_flag(
-         "--auto,!--no-auto", trainer.automatic,
-         "Decide what is left at auto by short trainings, scored on frames set aside among those to train "
-         "on, never on held-out ones (default); --no-auto follows the sweep's geometry, at once")
+  app->add_flag("--auto,!--no-auto", trainer.automatic,
+                "Decide what is left at auto by short trainings, scored on frames set aside among those to train "
+                "on, never on held-out ones (default); --no-auto follows the sweep's geometry, at once")
       ->group(model);
   AddChoice(*app, "--gaussians", trainer.gaussians, 1, 67108864, "Gaussians to start with, 1 to 67108864")
       ->group(model);
-  app->add_option("--max-gaussians", trainer.maximumGaussians,
-                  "The most that --gaussians auto chooses, 1 to 67108864")
+  app->add_option("--max-gaussians", trainer.maximumGaussians, "The most that --gaussians auto chooses, 1 to 67108864")
       ->check(NumberIn(1, 67108864))
       ->type_name("N")
       ->capture_default_str()
@@ -441,11 +432,10 @@ void AddTrain(Program& program)
   AddChoice(*app, "--elevation-sigma", trainer.elevationSigma, 0, 100,
             "Beam thickness out of plane, standard deviation in mm")
       ->group(model);
-  CLI::Option* isSigned =
-      app->add_flag_callback(
-             "--signed", [&trainer] { trainer.signedReflectivity = true; },
-             "Allow negative reflectivity, which darkens; neither this nor --positive: auto")
-          ->group(model);
+  CLI::Option* isSigned = app->add_flag_callback(
+                                 "--signed", [&trainer] { trainer.signedReflectivity = true; },
+                                 "Allow negative reflectivity, which darkens; neither this nor --positive: auto")
+                              ->group(model);
   app->add_flag_callback(
          "--positive,--positive-only", [&trainer] { trainer.signedReflectivity = false; },
          "Allow no negative reflectivity")
@@ -456,16 +446,13 @@ void AddTrain(Program& program)
       ->group(model);
   app->add_option_function<std::string>(
          "--interpolation",
-         [&trainer](const std::string& text) {
-           trainer.interpolation =
-               text == "auto" ? std::nullopt : std::optional(FrameInterpolation::Parse(text));
-         },
+         [&trainer](const std::string& text)
+         { trainer.interpolation = text == "auto" ? std::nullopt : std::optional(FrameInterpolation::Parse(text)); },
          "What virtual planes show: points meet along the frames' normals (normals, normals+flow) or at the "
          "same pixel along the probe's path (probe, probe+flow), with or without optical flow")
-      ->check(CLI::Validator(
-          [](const std::string& text)
-          { return text == "auto" ? "" : Complaint([&text] { FrameInterpolation::Parse(text); }); },
-          ""))
+      ->check(CLI::Validator([](const std::string& text)
+                             { return text == "auto" ? "" : Complaint([&text] { FrameInterpolation::Parse(text); }); },
+                             ""))
       ->type_name("HOW|auto")
       ->default_str("auto")
       ->group(model);
@@ -486,11 +473,9 @@ void AddTrain(Program& program)
       ->type_name("DEGREES")
       ->capture_default_str()
       ->group(model);
-  static const std::map<std::string, SeedPlacement> placements = {{"intensity", SeedPlacement::Intensity},
-                                                                  {"harris", SeedPlacement::Harris},
-                                                                  {"random", SeedPlacement::Random}};
-  app->add_option("--seeding", trainer.seeding,
-                  "Where Gaussians start: intensity (default), harris or random")
+  static const std::map<std::string, SeedPlacement> placements = {
+      {"intensity", SeedPlacement::Intensity}, {"harris", SeedPlacement::Harris}, {"random", SeedPlacement::Random}};
+  app->add_option("--seeding", trainer.seeding, "Where Gaussians start: intensity (default), harris or random")
       ->transform(CLI::Transformer(placements, CLI::ignore_case).description(""))
       ->type_name("PLACEMENT")
       ->group(model);
@@ -499,10 +484,9 @@ void AddTrain(Program& program)
       ->group(model);
 
   const char* course = "How long and how";
-  AddChoice(
-      *app, "--iterations", trainer.iterations, 0, 1e7,
-      "Optimizer steps; 0 only seeds; auto begins at 80 passes over the training frames (60 when they are "
-      "more than 1 mm apart), at least 200")
+  AddChoice(*app, "--iterations", trainer.iterations, 0, 1e7,
+            "Optimizer steps; 0 only seeds; auto begins at 80 passes over the training frames (60 when they are "
+            "more than 1 mm apart), at least 200")
       ->group(course);
   app->add_option("--time-limit", trainer.timeLimit, "Seconds, decisions included; 0 sets no limit")
       ->check(NumberIn(0, 1e7))
@@ -519,10 +503,9 @@ void AddTrain(Program& program)
       ->type_name("N")
       ->capture_default_str()
       ->group(course);
-  app->add_option(
-         "--preset", options->preset,
-         "What the field is for: fidelity (least error) or texture (speckle as strong as in the frames, at a "
-         "price in error)")
+  app->add_option("--preset", options->preset,
+                  "What the field is for: fidelity (least error) or texture (speckle as strong as in the frames, at a "
+                  "price in error)")
       ->check(CLI::Validator(
           [](const std::string& text)
           {
@@ -538,10 +521,9 @@ void AddTrain(Program& program)
       ->capture_default_str()
       ->group(course);
   const auto soundLoss = [](const std::string& text) { return Complaint([&text] { Loss::Parse(text); }); };
-  app->add_option(
-         "--loss", options->loss,
-         "What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim; default: the "
-         "preset's, l1 for fidelity")
+  app->add_option("--loss", options->loss,
+                  "What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim; default: the "
+                  "preset's, l1 for fidelity")
       ->check(CLI::Validator(soundLoss, ""))
       ->type_name("LOSS")
       ->group(course);
@@ -585,8 +567,7 @@ void AddTrain(Program& program)
                 "Score held-out frames a second time, each moved rigidly to where the field explains it best "
                 "(within 2 mm and 3 degrees): a diagnostic that tells tracking error from modelling error")
       ->group(honesty);
-  app->add_flag("--no-baselines", options->withoutBaselines,
-                "Do not score the plain methods beside the field")
+  app->add_flag("--no-baselines", options->withoutBaselines, "Do not score the plain methods beside the field")
       ->group(honesty);
 
   Console& console = program.console;

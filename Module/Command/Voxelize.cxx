@@ -82,11 +82,8 @@ void AddVoxelize(Program& program)
                                              "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
                                              "Without --origin and --size the volume holds the whole field.");
   app->add_option("FIELD", options->field, "Field: .vtp or .ply")->required()->type_name("");
-  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")
-      ->required()
-      ->type_name("OUT");
-  app->add_option("--spacing", options->spacing,
-                  "Side of a voxel; default: 256 voxels along the longest side")
+  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")->required()->type_name("OUT");
+  app->add_option("--spacing", options->spacing, "Side of a voxel; default: 256 voxels along the longest side")
       ->check(PositiveNumber())
       ->type_name("MM");
   app->add_option("--origin", options->origin, "Centre of the first voxel")
@@ -101,8 +98,7 @@ void AddVoxelize(Program& program)
                   "Beam thickness along z; 0 (default) samples the field itself")
       ->check(NumberIn(0, 100))
       ->type_name("MM");
-  app->add_option("--mode", options->mode,
-                  "intensity (default), or scattering: signed, before compression, float")
+  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
       ->check(CLI::IsMember({"intensity", "scattering"}).description(""))
       ->type_name("MODE");
   app->add_option("--type", options->type, "Voxels of intensity: uchar (default, 0 to 255) or float (0 to 1)")

@@ -11,8 +11,8 @@
 #include <unordered_set>
 
 #include "Core/CpuKernels.h"
-#include "Core/MortonOrder.h"
 #include "Core/EngineDetail.h"
+#include "Core/MortonOrder.h"
 
 namespace bigus
 {
@@ -37,10 +37,7 @@ public:
     return z ^ (z >> 31);
   }
 
-  double Between(double low, double high)
-  {
-    return low + (high - low) * static_cast<double>(Bits() >> 11) * 0x1p-53;
-  }
+  double Between(double low, double high) { return low + (high - low) * static_cast<double>(Bits() >> 11) * 0x1p-53; }
 
   std::size_t Below(std::size_t count)
   {
@@ -97,8 +94,8 @@ GaussianField MakeField(const MadeUpField& description)
   const double low = description.size.smallest, high = description.size.largest;
   // The mean over the box of sum r (2 pi)^(3/2) s_1 s_2 s_3, with four fifths of all r positive.
   const double meanSize = 0.5 * (low + high);
-  const double cover = static_cast<double>(description.gaussians) / description.box.prod() *
-                       std::pow(2 * kPi, 1.5) * std::pow(meanSize, 3);
+  const double cover = static_cast<double>(description.gaussians) / description.box.prod() * std::pow(2 * kPi, 1.5) *
+                       std::pow(meanSize, 3);
   const double meanMagnitude = std::min(1.0, 1.0 / (0.6 * cover));
 
   GaussianField field;
@@ -125,8 +122,7 @@ SlicePlane MakePlane(int width, bool oblique)
   SlicePlane plane;
   plane.width = plane.height = width;
   plane.columnStep = kWorkloadPixel * Eigen::Vector3d(std::cos(u), 0, std::sin(u));
-  plane.rowStep =
-      kWorkloadPixel * Eigen::Vector3d(-std::sin(u) * std::sin(v), std::cos(v), std::cos(u) * std::sin(v));
+  plane.rowStep = kWorkloadPixel * Eigen::Vector3d(-std::sin(u) * std::sin(v), std::cos(v), std::cos(u) * std::sin(v));
   plane.origin = -0.5 * (width - 1) * (plane.columnStep + plane.rowStep);
   return plane;
 }
@@ -162,8 +158,8 @@ TrainingPass MakeTrainingPass(std::size_t gaussians, int frames, int width, int 
     }
   }
   pass.sweep = sweep;
-  pass.field.transfer = TransferFunction::FromMeanIntensity(
-      sum / static_cast<double>(std::max<std::size_t>(pixels->size(), 1)));
+  pass.field.transfer =
+      TransferFunction::FromMeanIntensity(sum / static_cast<double>(std::max<std::size_t>(pixels->size(), 1)));
 
   std::vector<int> order(frames);
   std::iota(order.begin(), order.end(), 0);
@@ -234,8 +230,7 @@ void PlainRenderer::Render(const SlicePlane& plane, double tolerance, int thread
   // Project, and count on tiles how many footprints overlap. Half of the tolerance on S goes to those that
   // stay below `floor` everywhere.
   const float whole = static_cast<float>(tolerance / transfer_.gamma);
-  const float logFloor =
-      std::log(whole / (2 * static_cast<float>(std::max<std::size_t>(gaussians_.size(), 1))));
+  const float logFloor = std::log(whole / (2 * static_cast<float>(std::max<std::size_t>(gaussians_.size(), 1))));
   constexpr int kTile = 32;
   const int columns = (plane.width + kTile - 1) / kTile, rows = (plane.height + kTile - 1) / kTile;
   const auto forTiles = [columns](const Box& box, auto&& body)
@@ -277,8 +272,7 @@ void PlainRenderer::Render(const SlicePlane& plane, double tolerance, int thread
   // The other half is shared out among those that overlap.
   for (int t = 1; t < threads; ++t)
   {
-    std::transform(counts[0].begin(), counts[0].end(), counts[t].begin(), counts[0].begin(),
-                   std::plus<int>());
+    std::transform(counts[0].begin(), counts[0].end(), counts[t].begin(), counts[0].begin(), std::plus<int>());
   }
   OnThreads(threads,
             [&](int t)
@@ -502,12 +496,10 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
       const double halfV = 3 * std::hypot(d * scale[0], c * scale[1]);
       const auto pixels = [](double middle, double half, int size)
       {
-        return std::max(
-            std::min(std::floor(middle + half), size - 1.0) - std::max(std::ceil(middle - half), 0.0) + 1,
-            0.0);
+        return std::max(std::min(std::floor(middle + half), size - 1.0) - std::max(std::ceil(middle - half), 0.0) + 1,
+                        0.0);
       };
-      data_->pairs +=
-          static_cast<std::size_t>(pixels(u, halfU, plane.width) * pixels(v, halfV, plane.height));
+      data_->pairs += static_cast<std::size_t>(pixels(u, halfU, plane.width) * pixels(v, halfV, plane.height));
     }
     auto out = std::make_unique<Data::Block>();
     SplatBuffer<float> found;

@@ -92,8 +92,8 @@ ExitCode Run(int argumentCount, char** arguments)
 
   app.add_flag("--json", "Print one JSON object on stdout, nothing else");
   bool wantsBar = false;
-  const CLI::Option* barOption = app.add_flag("--progress,!--no-progress", wantsBar,
-                                              "Draw the progress bar always, or never; else on a terminal");
+  const CLI::Option* barOption =
+      app.add_flag("--progress,!--no-progress", wantsBar, "Draw the progress bar always, or never; else on a terminal");
   int threads = 0;
   app.add_option("--threads", threads, "Threads to use; 0 takes all cores. Results do not depend on it")
       ->check(NumberIn(0, 4096))

@@ -23,17 +23,16 @@ const double radian = std::acos(-1.0) / 180;  // of one degree
 // derivative is off by h^2 / (6 s^2), 1 % at s = 1, while rounding (5e-7 of I) stays far below a grey level a
 // pixel.
 constexpr double differenceStep = 0.25;
-constexpr double convergedStep =
-    0.01;  // of a pixel: motion (root mean square over the image) that is as good as none
-constexpr double roundingOfI = 1e-6;  // a residual below this is rounding
+constexpr double convergedStep = 0.01;  // of a pixel: motion (root mean square over the image) that is as good as none
+constexpr double roundingOfI = 1e-6;    // a residual below this is rounding
 constexpr int rejectionsInARow = 5;
 
 void CheckRange(const char* name, double value, double low, double high)
 {
   if (!(value >= low && value <= high))
   {
-    throw Error(std::string("Alignment: ") + name + " is " + std::to_string(value) +
-                "; it must lie between " + std::to_string(low) + " and " + std::to_string(high) + ".");
+    throw Error(std::string("Alignment: ") + name + " is " + std::to_string(value) + "; it must lie between " +
+                std::to_string(low) + " and " + std::to_string(high) + ".");
   }
 }
 
@@ -54,8 +53,8 @@ SlicePlane Strided(const SlicePlane& plane, int n)
 class Problem
 {
 public:
-  Problem(const std::function<void(const SlicePlane&, float*)>& render, const float* image,
-          const std::uint8_t* mask, const SlicePlane& plane, const AlignmentOptions& options)
+  Problem(const std::function<void(const SlicePlane&, float*)>& render, const float* image, const std::uint8_t* mask,
+          const SlicePlane& plane, const AlignmentOptions& options)
       : render_(render), plane_(plane), options_(options), pixel_(plane.PixelSize())
   {
     const SlicePlane grid = Strided(plane, options.stride);
@@ -80,8 +79,7 @@ public:
 
     for (int k = 0; k < 6; ++k)
     {
-      const double deviation =
-          k < 3 ? options.translationPrior : options.rotationPrior * radian * lever_[k % 3];
+      const double deviation = k < 3 ? options.translationPrior : options.rotationPrior * radian * lever_[k % 3];
       prior_[k] = deviation > 0 ? 1 / (deviation * deviation) : 0;
       if ((k < 3 ? options.maximumTranslation : options.maximumRotation) > 0)
       {
@@ -261,9 +259,8 @@ SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, co
   axes.col(2) = plane.Normal();
   axes.col(1) = axes.col(2).cross(axes.col(0));
   const double angle = rotation.norm() * radian;
-  const Eigen::Matrix3d turn = angle > 0
-                                   ? Eigen::AngleAxisd(angle, axes * rotation.normalized()).toRotationMatrix()
-                                   : Eigen::Matrix3d::Identity().eval();
+  const Eigen::Matrix3d turn = angle > 0 ? Eigen::AngleAxisd(angle, axes * rotation.normalized()).toRotationMatrix()
+                                         : Eigen::Matrix3d::Identity().eval();
   const Eigen::Vector3d centre = plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
   SlicePlane out = plane;
   out.columnStep = turn * plane.columnStep;

@@ -16,8 +16,7 @@ namespace bigus
 /// `plane` turned by `rotation` about its centre and then shifted by `translation`, both in the plane's own
 /// axes: along its rows, across them in the plane, along its normal. translation in mm, rotation a rotation
 /// vector (axis times angle) in degrees.
-SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation,
-                 const Eigen::Vector3d& rotation);
+SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, const Eigen::Vector3d& rotation);
 
 struct AlignmentOptions
 {
@@ -34,27 +33,24 @@ struct AlignmentOptions
 
 struct RigidAlignment
 {
-  SlicePlane plane;        ///< where the frame fits best; of the frame's full size
-  double translation = 0;  ///< mm, length of the shift of the image's centre
-  double rotation = 0;     ///< degrees
-  double residualBefore =
-      0;  ///< root mean square difference of intensity at the tracked pose, lit pixels compared
-  double residualAfter = 0;  ///< the same at `plane`; never larger
-  int iterations = 0;        ///< Gauss-Newton steps taken
+  SlicePlane plane;           ///< where the frame fits best; of the frame's full size
+  double translation = 0;     ///< mm, length of the shift of the image's centre
+  double rotation = 0;        ///< degrees
+  double residualBefore = 0;  ///< root mean square difference of intensity at the tracked pose, lit pixels compared
+  double residualAfter = 0;   ///< the same at `plane`; never larger
+  int iterations = 0;         ///< Gauss-Newton steps taken
 };
 
 /// Aligns `frame` of the sweep to the field the engine holds, from its tracked pose; masked pixels do not
 /// count. The result is a local optimum: it is reached from displacements of about the size of a speckle. A
 /// frame without contrast, or without a visible Gaussian, stays where it is. Results are the same for every
 /// number of threads. Throws Error for options out of range or a frame that is not there.
-RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame,
-                          const AlignmentOptions& options = {});
+RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame, const AlignmentOptions& options = {});
 
 /// The same for any image that `render(plane, image)` can predict: plane.NumberOfPixels() intensities, row by
 /// row. `image` lies at `plane`; where `mask` (null: none) is 0 it does not count. `render` must be
 /// repeatable.
 RigidAlignment AlignImage(const std::function<void(const SlicePlane&, float*)>& render, const float* image,
-                          const std::uint8_t* mask, const SlicePlane& plane,
-                          const AlignmentOptions& options = {});
+                          const std::uint8_t* mask, const SlicePlane& plane, const AlignmentOptions& options = {});
 
 }  // namespace bigus

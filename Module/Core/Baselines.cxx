@@ -30,9 +30,8 @@ void CheckTraining(const Sweep& sweep, const std::vector<int>& training)
   {
     if (training[k] < 0 || training[k] >= sweep.NumberOfFrames() || (k > 0 && training[k] <= training[k - 1]))
     {
-      throw Error("Baselines: training frame " + std::to_string(training[k]) +
-                  " is out of order or not one of the " + std::to_string(sweep.NumberOfFrames()) +
-                  " frames.");
+      throw Error("Baselines: training frame " + std::to_string(training[k]) + " is out of order or not one of the " +
+                  std::to_string(sweep.NumberOfFrames()) + " frames.");
     }
   }
 }
@@ -42,8 +41,7 @@ void CheckTraining(const Sweep& sweep, const std::vector<int>& training)
 std::array<double, 4> KeysWeights(double t)
 {
   const double t2 = t * t, t3 = t2 * t;
-  return {0.5 * (-t3 + 2 * t2 - t), 0.5 * (3 * t3 - 5 * t2 + 2), 0.5 * (-3 * t3 + 4 * t2 + t),
-          0.5 * (t3 - t2)};
+  return {0.5 * (-t3 + 2 * t2 - t), 0.5 * (3 * t3 - 5 * t2 + 2), 0.5 * (-3 * t3 + 4 * t2 + t), 0.5 * (t3 - t2)};
 }
 
 /// One frame as a function in space.
@@ -54,9 +52,8 @@ public:
       : width_(sweep.width),
         height_(sweep.height),
         first_(static_cast<std::size_t>(frame) * sweep.PixelsPerFrame()),
-        bytes_(sweep.pixelType == Sweep::PixelType::UInt8
-                   ? static_cast<const std::uint8_t*>(sweep.pixels.get())
-                   : nullptr),
+        bytes_(sweep.pixelType == Sweep::PixelType::UInt8 ? static_cast<const std::uint8_t*>(sweep.pixels.get())
+                                                          : nullptr),
         floats_(static_cast<const float*>(sweep.pixels.get())),
         sampling_(sampling),
         plane_(sweep.Plane(frame)),
@@ -204,15 +201,14 @@ void ForEachPixel(const SlicePlane& plane, float* image, Function intensity)
 
 }  // namespace
 
-void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
-                    float* image)
+void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, float* image)
 {
   CheckTraining(sweep, training);
   if (plane.width != sweep.width || plane.height != sweep.height)
   {
-    throw Error("Nearest frame: the plane has " + std::to_string(plane.width) + " x " +
-                std::to_string(plane.height) + " pixels, but the frames have " + std::to_string(sweep.width) +
-                " x " + std::to_string(sweep.height) + "; a frame can only be copied pixel for pixel.");
+    throw Error("Nearest frame: the plane has " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
+                " pixels, but the frames have " + std::to_string(sweep.width) + " x " + std::to_string(sweep.height) +
+                "; a frame can only be copied pixel for pixel.");
   }
   int nearest = none;
   double smallest = std::numeric_limits<double>::infinity();
@@ -397,8 +393,7 @@ struct Box
       const SlicePlane plane = sweep.Plane(frame);
       for (int corner = 0; corner < 4; ++corner)
       {
-        const Eigen::Vector3d x =
-            plane.Point(corner % 2 * (sweep.width - 1.0), corner / 2 * (sweep.height - 1.0));
+        const Eigen::Vector3d x = plane.Point(corner % 2 * (sweep.width - 1.0), corner / 2 * (sweep.height - 1.0));
         lowest = lowest.cwiseMin(x);
         highest = highest.cwiseMax(x);
       }
@@ -412,16 +407,14 @@ struct Box
 
 }  // namespace
 
-double Compounding::VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training,
-                                       std::size_t bytes)
+double Compounding::VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training, std::size_t bytes)
 {
   CheckTraining(sweep, training);
   const Box box(sweep, training);
   const double limit = static_cast<double>(bytes / sizeof(float));
   if (limit < 8)
   {
-    throw Error("Compounding: " + std::to_string(bytes) +
-                " bytes hold no grid; the coarsest takes 32 (8 voxels).");
+    throw Error("Compounding: " + std::to_string(bytes) + " bytes hold no grid; the coarsest takes 32 (8 voxels).");
   }
   double low = 0, high = 1.01 * (box.highest - box.lowest).maxCoeff() + 1e-6;  // 8 voxels
   while (high - low > 1e-3 * high)
@@ -467,8 +460,7 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   // three voxels.
   const double gap = std::min(geometry.largestSpacing, 4 * geometry.medianSpacing);
   constexpr double atMost = 64;
-  FillHoles(Paste(sweep, training),
-            static_cast<int>(std::clamp(std::ceil(0.5 * gap / voxelSize_), 3.0, atMost)));
+  FillHoles(Paste(sweep, training), static_cast<int>(std::clamp(std::ceil(0.5 * gap / voxelSize_), 3.0, atMost)));
 }
 
 /// Which voxels got a value. Each thread owns a slab of layers, whose voxels add up pixels in order of frame
@@ -484,8 +476,8 @@ std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vec
   for (int frame : training)
   {
     const SlicePlane plane = sweep.Plane(frame);
-    frames.push_back({FrameInSpace(sweep, frame), (plane.origin - origin_) / voxelSize_,
-                      plane.columnStep / voxelSize_, plane.rowStep / voxelSize_});
+    frames.push_back({FrameInSpace(sweep, frame), (plane.origin - origin_) / voxelSize_, plane.columnStep / voxelSize_,
+                      plane.rowStep / voxelSize_});
   }
   std::vector<unsigned char> filled(voxels_.size(), 0);
   const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
@@ -579,25 +571,24 @@ void Compounding::FillHoles(std::vector<unsigned char> filled, int passes)
   for (int pass = 0; pass < passes; ++pass)
   {
     // Most of the box lies outside the sweep: look only near each row's filled voxels.
-    tbb::parallel_for(
-        0, nz,
-        [&](int z)
-        {
-          for (int y = 0; y < ny; ++y)
-          {
-            const unsigned char* row = &filled[Index(0, y, z)];
-            const unsigned char* first = std::find(row, row + nx, 1);
-            if (first != row + nx)
-            {
-              int last = nx - 1;
-              while (!row[last])
-              {
-                --last;
-              }
-              rows[static_cast<std::size_t>(z) * ny + y] = {static_cast<int>(first - row), last};
-            }
-          }
-        });
+    tbb::parallel_for(0, nz,
+                      [&](int z)
+                      {
+                        for (int y = 0; y < ny; ++y)
+                        {
+                          const unsigned char* row = &filled[Index(0, y, z)];
+                          const unsigned char* first = std::find(row, row + nx, 1);
+                          if (first != row + nx)
+                          {
+                            int last = nx - 1;
+                            while (!row[last])
+                            {
+                              --last;
+                            }
+                            rows[static_cast<std::size_t>(z) * ny + y] = {static_cast<int>(first - row), last};
+                          }
+                        }
+                      });
     // Reads only voxels filled before this pass and writes only the others, so the order does not matter.
     std::vector<unsigned char> next = filled;
     tbb::parallel_for(0, nz,

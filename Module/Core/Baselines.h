@@ -16,8 +16,7 @@ namespace bigus
 
 /// The training frame that lies nearest, pixel for pixel: the plane must be of the frames' size. Nearest is
 /// the root mean square distance, mm, between the corners of the two images; of equals the first.
-void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
-                    float* image);
+void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, float* image);
 
 /// Mean of the training frames before and after index `frame` in the sequence, pixel for pixel (poses
 /// ignored). At an end of the sweep the single neighbour.
@@ -75,10 +74,7 @@ public:
   static double VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training, std::size_t bytes);
 
 private:
-  std::size_t Index(int x, int y, int z) const
-  {
-    return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x;
-  }
+  std::size_t Index(int x, int y, int z) const { return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x; }
   std::vector<unsigned char> Paste(const Sweep& sweep, const std::vector<int>& training);
   void FillHoles(std::vector<unsigned char> filled, int passes);
   bool FillVoxel(const std::vector<unsigned char>& filled, int x, int y, int z);

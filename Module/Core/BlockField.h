@@ -85,8 +85,7 @@ void PackBlock(const GaussianField& field, const std::vector<std::uint32_t>& ord
 
 /// Gaussian k of a block into the field's Gaussian i.
 template <class U>
-void UnpackGaussian(const GaussianBlock<U>& block, int k, const BlockPlace& place, std::size_t i,
-                    GaussianField& field)
+void UnpackGaussian(const GaussianBlock<U>& block, int k, const BlockPlace& place, std::size_t i, GaussianField& field)
 {
   const Eigen::Vector3d centre(place.centre.x, place.centre.y, place.centre.z);
   field.means[i] = centre + Eigen::Vector3d(block.mean[0][k], block.mean[1][k], block.mean[2][k]);

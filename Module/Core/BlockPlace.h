@@ -46,8 +46,7 @@ struct PixelBox
 
 BIGUS_FORMULA bool Overlap(const PixelBox& p, const PixelBox& q)
 {
-  return p.columnEnd > q.columnBegin && p.columnBegin < q.columnEnd && p.rowEnd > q.rowBegin &&
-         p.rowBegin < q.rowEnd;
+  return p.columnEnd > q.columnBegin && p.columnBegin < q.columnEnd && p.rowEnd > q.rowBegin && p.rowBegin < q.rowEnd;
 }
 
 BIGUS_FORMULA double DotOfSizes(const Vector3<double>& p, const Vector3<double>& q)
@@ -67,8 +66,8 @@ struct Reach
 /// the normal: it stays within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across. T is
 /// the type in which footprints are evaluated.
 template <class T>
-BIGUS_FORMULA bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude,
-                           double logTolerance, Reach& reach)
+BIGUS_FORMULA bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude, double logTolerance,
+                           Reach& reach)
 {
   const double cut = min(2 * (logMagnitude - logTolerance), static_cast<double>(kWholeCut<T>)) * 1.002;
   if (!(cut > 0))
@@ -106,8 +105,7 @@ BIGUS_FORMULA Vector3<U> Narrowed(const Vector3<double>& v)
 /// The view in the block's coordinates, relative to the pixel (column, row) nearest to the block's centre,
 /// which lies within kLargestImage / 4 of pixel (0, 0), so that sums of whole numbers stay exact in float.
 template <class U>
-BIGUS_FORMULA View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column,
-                                std::int32_t& row)
+BIGUS_FORMULA View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row)
 {
   const Vector3<double> centre = MultiplyAdd(-1.0, camera.origin, place.centre);
   const double far = kLargestImage / 4;

@@ -59,8 +59,7 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
     const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, pixels + k * size, pixels + (k + 1) * size);
     const double varX = n * xx - x * x, varY = n * yy - y * y, covariance = n * xy - x * y;
     const bool alike = varX > 0 && varY > 0 && covariance > 0;
-    logGains[k + 1] =
-        logGains[k] + (alike ? covariance / std::sqrt(varX * varY) * 0.5 * std::log(varY / varX) : 0.0);
+    logGains[k + 1] = logGains[k] + (alike ? covariance / std::sqrt(varX * varY) * 0.5 * std::log(varY / varX) : 0.0);
   }
   constexpr int kReach = 4;  // frames to either side that make the smooth curve
   for (std::size_t k = 0; k < frames; ++k)
@@ -117,8 +116,7 @@ void WithPixels(Sweep& sweep, const Sweep& recorded, const std::vector<int>& fra
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
     float* image = pixels->data() + k * size;
-    static_cast<std::size_t>(k) < frames.size() ? recorded.CopyFrame(frames[k], image)
-                                                : sweep.CopyFrame(k, image);
+    static_cast<std::size_t>(k) < frames.size() ? recorded.CopyFrame(frames[k], image) : sweep.CopyFrame(k, image);
   }
   change(pixels->data());
   sweep.pixelType = Sweep::PixelType::Float32;
@@ -127,8 +125,7 @@ void WithPixels(Sweep& sweep, const Sweep& recorded, const std::vector<int>& fra
 
 }  // namespace
 
-std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<int>& frames,
-                                      const Sweep& present)
+std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<int>& frames, const Sweep& present)
 {
   auto levelled = std::make_shared<Sweep>(present);
   WithPixels(*levelled, recorded, frames,
@@ -153,8 +150,7 @@ std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, co
       const RigidAlignment found = AlignFrame(engine, recorded, frames[k], alignment);
       corrected->imageToReference[k] = found.plane.ImageToReference();
       const double i = 0.5 * (recorded.width - 1), j = 0.5 * (recorded.height - 1);
-      drift += (found.plane.Point(i, j) - recorded.Plane(frames[k]).Point(i, j)) /
-               static_cast<double>(frames.size());
+      drift += (found.plane.Point(i, j) - recorded.Plane(frames[k]).Point(i, j)) / static_cast<double>(frames.size());
     }
     for (std::size_t k = 0; k < frames.size(); ++k)
     {

@@ -17,8 +17,7 @@ namespace bigus
 
 /// A first guess at frames' gains, from neighbours alone, removed: a field that began with bands of
 /// brightness keeps them between frames.
-std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<int>& frames,
-                                      const Sweep& present);
+std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<int>& frames, const Sweep& present);
 
 /// Every recorded frame against the field that the engine holds: its gain and offset removed and its pose
 /// refined, where the options ask for it.

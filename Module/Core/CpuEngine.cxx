@@ -38,11 +38,10 @@ namespace
 {
 
 constexpr int kSmallestBand = 32,
-              kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
-constexpr int kTile = 32;          // pixels; finest grid on which overlapping footprints are counted
-constexpr int kTiles = 128;        // coarsest: so many along a side
-constexpr std::size_t kGroup =
-    32;  // neighbouring blocks tested together first: large fields have many blocks
+              kLargestBand = 128;   // rows rendered together: few footprints should lie in two bands
+constexpr int kTile = 32;           // pixels; finest grid on which overlapping footprints are counted
+constexpr int kTiles = 128;         // coarsest: so many along a side
+constexpr std::size_t kGroup = 32;  // neighbouring blocks tested together first: large fields have many blocks
 
 /// While it lives, this thread's results too small for a normal number become 0. They occur far out in
 /// footprints, and x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not
@@ -99,8 +98,7 @@ private:
     const std::int64_t lastRow = std::min<std::int64_t>((box.rowEnd + tile_ - 1) / tile_, rows_);
     for (std::int64_t row = std::max<std::int64_t>(box.rowBegin, 0) / tile_; row < lastRow; ++row)
     {
-      for (std::int64_t column = std::max<std::int64_t>(box.columnBegin, 0) / tile_; column < lastColumn;
-           ++column)
+      for (std::int64_t column = std::max<std::int64_t>(box.columnBegin, 0) / tile_; column < lastColumn; ++column)
       {
         body(counts_[static_cast<std::size_t>(row) * columns_ + column]);
       }
@@ -152,12 +150,10 @@ public:
     field.beam = beam_;
     field.transfer = transfer_;
     field.Resize(order_.size());
-    tbb::parallel_for(std::size_t(0), order_.size(),
-                      [&](std::size_t slot)
-                      {
-                        UnpackGaussian(blocks_[slot / kBlock], slot % kBlock, places_[slot / kBlock],
-                                       order_[slot], field);
-                      });
+    tbb::parallel_for(
+        std::size_t(0), order_.size(),
+        [&](std::size_t slot)
+        { UnpackGaussian(blocks_[slot / kBlock], slot % kBlock, places_[slot / kBlock], order_[slot], field); });
     return field;
   }
 
@@ -165,15 +161,14 @@ public:
   void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
   void SetNormalisedWeights(bool on) override { normalised_ = on; }
 
-  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
-              float* coverage) override
+  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
   {
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
     if (std::max(plane.width, plane.height) > kLargestImage)
     {
-      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " +
-                  std::to_string(plane.height) + " pixels is larger than 16777216 along a side.");
+      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
+                  " pixels is larger than 16777216 along a side.");
     }
     const std::vector<Camera> cameras{CameraOf(plane, beam_)};
     FindVisible(cameras, plane.width, plane.height, window, normalised_, false);
@@ -182,12 +177,10 @@ public:
              [&](int, int begin, int end)
              {
                const int firstRow = window.firstRow + begin, lastRow = window.firstRow + end;
-               std::vector<T>& buffer =
-                   bandBuffers_.local();  // kept: fresh memory would cost as much as its pixels
+               std::vector<T>& buffer = bandBuffers_.local();  // kept: fresh memory would cost as much as its pixels
                buffer.assign(stride * (end - begin), T(0));
                const PixelRows<T> rows{buffer.data(), window.firstColumn, firstRow, stride};
-               AddVisible(0, firstRow, lastRow, rows,
-                          [this](std::size_t b) { return blocks_[b].reflectivity; });
+               AddVisible(0, firstRow, lastRow, rows, [this](std::size_t b) { return blocks_[b].reflectivity; });
                for (int row = begin; row < end; ++row)
                {
                  T* line = buffer.data() + (row - begin) * stride;
@@ -283,9 +276,9 @@ public:
     {
       scattered += sharp ? sizeof(*sharp) : 0;
     }
-    return scattered + bytes(sharp_) + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(groups_) +
-           bytes(adam_) + bytes(gradient_) + bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) +
-           bytes(images_) + capacity_ * sizeof(VisibleSplat<T>);
+    return scattered + bytes(sharp_) + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(groups_) + bytes(adam_) +
+           bytes(gradient_) + bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) + bytes(images_) +
+           capacity_ * sizeof(VisibleSplat<T>);
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
@@ -317,8 +310,8 @@ public:
                             {
                               const T fade = T(1) - truth[column];
                               const T target = withTarget ? transfer_.Scattering(truth[column]) : T(0);
-                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade *
-                                             fade * (line[column] - target);
+                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade * fade *
+                                             (line[column] - target);
                             }
                             return 0.0;
                           });
@@ -527,8 +520,7 @@ private:
 
   /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still
   /// the old.
-  void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks,
-                   const std::vector<int>* parents)
+  void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks, const std::vector<int>* parents)
   {
     if (!parents)
     {
@@ -576,8 +568,7 @@ private:
 
   static PixelBox PixelsOf(const Window& window)
   {
-    return {window.firstColumn, window.firstColumn + window.columns, window.firstRow,
-            window.firstRow + window.rows};
+    return {window.firstColumn, window.firstColumn + window.columns, window.firstRow, window.firstRow + window.rows};
   }
 
   /// Projects a block, in double if it is sharp. Returns how many splats were found.
@@ -624,8 +615,8 @@ private:
   /// the tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel:
   /// counted, with their block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n
   /// overlap.
-  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window,
-                   bool alike, bool alive)
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, bool alike,
+                   bool alive)
   {
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
     const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
@@ -673,9 +664,8 @@ private:
                         const double logMagnitude = magnitudeOf(groups_[g]);
                         Reach reach;
                         if (std::none_of(cameras.begin(), cameras.end(),
-                                         [&](const Camera& camera) {
-                                           return Reaches<T>(groups_[g], camera, logMagnitude, logFloor, reach);
-                                         }))
+                                         [&](const Camera& camera)
+                                         { return Reaches<T>(groups_[g], camera, logMagnitude, logFloor, reach); }))
                         {
                           return;
                         }
@@ -731,7 +721,8 @@ private:
             {
               Seen& list = seen_[slot * cameras.size() + f];
               list = {0, 0, 0, 0};
-              if (!Reaches<T>(place, cameras[f], logMagnitude, logShare, reach) || !Overlap(reach.box, PixelsOf(window)))
+              if (!Reaches<T>(place, cameras[f], logMagnitude, logShare, reach) ||
+                  !Overlap(reach.box, PixelsOf(window)))
               {
                 continue;
               }
@@ -757,16 +748,15 @@ private:
   /// Adds all that a view sees to some rows of its image: footprints times valuesOf(block), which gives
   /// kBlock numbers or null for 1.
   template <class ValuesOf>
-  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows,
-                  ValuesOf&& valuesOf) const
+  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows, ValuesOf&& valuesOf) const
   {
     for (std::size_t slot = 0; slot < seenBlocks_.size(); ++slot)
     {
       const Seen& list = SeenBy(slot, view);
       if (list.count > 0 && list.rowBegin < rowEnd && list.rowEnd > rowBegin)
       {
-        kernels_.addFootprints(splats_.get() + list.offset, list.count, valuesOf(seenBlocks_[slot]), rowBegin,
-                               rowEnd, rows);
+        kernels_.addFootprints(splats_.get() + list.offset, list.count, valuesOf(seenBlocks_[slot]), rowBegin, rowEnd,
+                               rows);
       }
     }
   }
@@ -842,8 +832,8 @@ private:
     CheckFrames(sweep_, frames);
     loss.Validate();
     imageLoss_->Check(loss);
-    const double share = 1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) *
-                                static_cast<double>(frames.size()));
+    const double share =
+        1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) * static_cast<double>(frames.size()));
     const auto toDerivative = [&](int frame, const T* truth, T* weights, const T* others, T* line)
     {
       const T weight = static_cast<T>(share * sweep_->Weight(frame));
@@ -851,9 +841,8 @@ private:
       {
         weights[column] *= weight;
       }
-      return kernels_.toDerivative(static_cast<T>(loss.l1), static_cast<T>(loss.l2),
-                                   static_cast<T>(transfer_.gamma), truth, weights, others, sweep_->width,
-                                   line);
+      return kernels_.toDerivative(static_cast<T>(loss.l1), static_cast<T>(loss.l2), static_cast<T>(transfer_.gamma),
+                                   truth, weights, others, sweep_->width, line);
     };
     if (loss.IsPixelwise() && !normalised_)
     {
@@ -897,8 +886,8 @@ private:
                              truth.data() + row * stride);
                  }
                });
-      total += imageLoss_->Evaluate(loss, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()),
-                                    image.data(), truth.data(), stride, others.data());
+      total += imageLoss_->Evaluate(loss, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()), image.data(),
+                                    truth.data(), stride, others.data());
       ForBands(1, height,
                [&](int, int begin, int end)
                {
@@ -907,11 +896,10 @@ private:
                  {
                    ReadCounts(row, counts.data());
                    const T *t = truth.data() + row * stride, *other = others.data() + row * stride;
-                   sums[row] = normalised_
-                                   ? ToNormalisedDerivatives(loss, share * sweep_->Weight(frames[f]),
-                                                             image.data() + row * stride, t, counts.data(),
-                                                             other, rows.Row(row), weights.Row(row))
-                                   : toDerivative(frames[f], t, counts.data(), other, rows.Row(row));
+                   sums[row] = normalised_ ? ToNormalisedDerivatives(loss, share * sweep_->Weight(frames[f]),
+                                                                     image.data() + row * stride, t, counts.data(),
+                                                                     other, rows.Row(row), weights.Row(row))
+                                           : toDerivative(frames[f], t, counts.data(), other, rows.Row(row));
                  }
                });
       for (double sum : sums)
@@ -939,8 +927,8 @@ private:
 
   /// With I = S / W, W = least weight + sum w: replaces S by dL/dS = dL/dI / W and the sum of weights by
   /// dL/dW = -dL/dI I / W. Returns the loss of the row.
-  double ToNormalisedDerivatives(const Loss& loss, double weight, const T* image, const T* truth,
-                                 const T* counts, const T* others, T* s, T* w) const
+  double ToNormalisedDerivatives(const Loss& loss, double weight, const T* image, const T* truth, const T* counts,
+                                 const T* others, T* s, T* w) const
   {
     double sum = 0;
     for (int column = 0; column < sweep_->width; ++column)
@@ -992,8 +980,8 @@ private:
               kernels_.gatherMoments(splats, list.count, WeightRows(f), false, ofWeights);
               normalised.Combine(blocks_[b], splats, list.count, ofWeights, moments);
             }
-            kernels_.addAdjoints(normalised_ ? normalised.unit : blocks_[b], view, splats, list.count,
-                                 moments, gradient, scores);
+            kernels_.addAdjoints(normalised_ ? normalised.unit : blocks_[b], view, splats, list.count, moments,
+                                 gradient, scores);
           }
           if (normalised_)
           {

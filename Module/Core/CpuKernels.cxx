@@ -161,21 +161,18 @@ static HWY_INLINE const T (*RowsOf(const GaussianBlock<T>& block))[kBlock]
 
 /// mu_z^2, mm^2.
 template <class T>
-static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int first,
-                                           const bigus::View<T>& view)
+static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int first, const bigus::View<T>& view)
 {
-  const auto offset = [&](int axis, T origin)
-  { return Lanes<T>::Load(block.mean[axis] + first) - Lanes<T>(origin); };
-  const Lanes<T> z = Lanes<T>(view.n.x) * offset(0, view.origin.x) +
-                     Lanes<T>(view.n.y) * offset(1, view.origin.y) +
+  const auto offset = [&](int axis, T origin) { return Lanes<T>::Load(block.mean[axis] + first) - Lanes<T>(origin); };
+  const Lanes<T> z = Lanes<T>(view.n.x) * offset(0, view.origin.x) + Lanes<T>(view.n.y) * offset(1, view.origin.y) +
                      Lanes<T>(view.n.z) * offset(2, view.origin.z);
   return z * z;
 }
 
 /// The slab test: a Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2.
 template <class T>
-static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance,
-                              T elevationVariance, Lanes<T> magnitude, T tolerance)
+static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance, T elevationVariance,
+                              Lanes<T> magnitude, T tolerance)
 {
   const Lanes<T> scale =
       exp(max(max(Lanes<T>::Load(block.logScale[0] + first), Lanes<T>::Load(block.logScale[1] + first)),
@@ -200,8 +197,7 @@ static int CountInSlab(const GaussianBlock<T>& block, int count, const bigus::Vi
 }
 
 template <class T>
-static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task,
-                        SplatBuffer<T>& out)
+static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out)
 {
   using L = Lanes<T>;
   const hn::ScalableTag<T> d;
@@ -220,17 +216,16 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     {
       continue;
     }
-    const L magnitude =
-        task.commonMagnitude > 0 ? L(task.commonMagnitude)
-                                 : max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
-    inside = hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude,
-                                    task.tolerance));
+    const L magnitude = task.commonMagnitude > 0
+                            ? L(task.commonMagnitude)
+                            : max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
+    inside =
+        hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude, task.tolerance));
     for (int row = 0; row < kRows; ++row)
     {
       hn::CompressStore(hn::LoadU(d, rows[row] + first), inside, d, near[row] + found);
     }
-    found += static_cast<int>(
-        hn::CompressStore(hn::Iota(d, static_cast<T>(first)), inside, d, near[kRows] + found));
+    found += static_cast<int>(hn::CompressStore(hn::Iota(d, static_cast<T>(first)), inside, d, near[kRows] + found));
   }
 
   const View<L> view = Broadcast(task.view);
@@ -242,12 +237,10 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   for (int first = 0; first < found; first += lanes)
   {
     const auto at = [&](int row) { return L::Load(near[row] + first); };
-    const Gaussian<L> gaussian{
-        {at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
+    const Gaussian<L> gaussian{{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     const Splat<L> s = Project(gaussian, view).splat;
-    const L magnitude = task.commonMagnitude > 0
-                            ? L(task.commonMagnitude)
-                            : max(abs(gaussian.reflectivity), L(task.leastMagnitude));
+    const L magnitude =
+        task.commonMagnitude > 0 ? L(task.commonMagnitude) : max(abs(gaussian.reflectivity), L(task.leastMagnitude));
     const Footprint<L> f = FootprintOf(s, magnitude, task.tolerance, task.lowestExponent);
     const auto clip = [](L value, L low, L high) { return min(max(value, low), high); };
     const L columnBegin = clip(originColumn + f.columnBegin, firstColumn, lastColumn);
@@ -349,8 +342,7 @@ struct DirectRow
 };
 
 template <class T>
-static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd, const PixelRows<T>& image,
-                      T value)
+static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd, const PixelRows<T>& image, T value)
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();
@@ -372,8 +364,8 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();
-  auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d),
-       m22 = hn::Zero(d), error = hn::Zero(d);
+  auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d), m22 = hn::Zero(d),
+       error = hn::Zero(d);
   for (int row = static_cast<int>(s.rowBegin); row < static_cast<int>(s.rowEnd); ++row)
   {
     const DirectRow<T> line(s, row);
@@ -595,8 +587,8 @@ static HWY_INLINE void AddColumns(const bigus::VisibleSplat<T>& s, const Stretch
 
 /// Any footprint. Vectors of columns side by side hide each other's latency.
 template <class T>
-static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin, int end,
-                                      const PixelRows<T>& image, T value)
+static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin, int end, const PixelRows<T>& image,
+                                      T value)
 {
   const int lanes = Lanes<T>::Count();
   ForStretches(s, begin, end,
@@ -625,8 +617,8 @@ static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin
 }
 
 template <class T>
-static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin,
-                          int rowEnd, const PixelRows<T>& image)
+static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
+                          const PixelRows<T>& image)
 {
   const int lanes = Lanes<T>::Count();
   for (int i = 0; i < count; ++i)
@@ -778,8 +770,7 @@ static HWY_NOINLINE void GatherStretches(const bigus::VisibleSplat<T>& s, const 
   ForStretches(s, static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
                [&](const Stretch<T>& stretch) HWY_ATTR
                {
-                 for (int column = stretch.columnBegin; column < stretch.columnEnd;
-                      column += Lanes<T>::Count())
+                 for (int column = stretch.columnBegin; column < stretch.columnEnd; column += Lanes<T>::Count())
                  {
                    GatherColumns<T, WithError>(s, stretch, column, derivative, sums);
                  }
@@ -796,9 +787,8 @@ static void GatherAll(const bigus::VisibleSplat<T>* splats, int count, const Pix
   {
     const bigus::VisibleSplat<T>& s = splats[i];
     T* HWY_RESTRICT out = moments.values[0] + i;
-    const Stretch<T> stretch{static_cast<int>(s.row), static_cast<int>(s.rowBegin),
-                             static_cast<int>(s.rowEnd), static_cast<int>(s.columnBegin),
-                             static_cast<int>(s.columnEnd)};
+    const Stretch<T> stretch{static_cast<int>(s.row), static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
+                             static_cast<int>(s.columnBegin), static_cast<int>(s.columnEnd)};
     if (s.reach == 0)
     {
       GatherDirect(s, derivative, out);
@@ -862,8 +852,7 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     }
     const auto index = hn::Load(di, indices);
     const auto at = [&](int row) { return L(hn::GatherIndex(d, rows[row], index)); };
-    const Gaussian<L> gaussian{
-        {at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
+    const Gaussian<L> gaussian{{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     Moments<L> m;
     const auto moment = [&](int row) { return L::Load(moments.values[row] + first); };
     m.m0 = moment(0);
@@ -874,9 +863,8 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     m.m22 = moment(5);
     const GaussianGradient<L> g = ProjectAdjoint(gaussian, Project(gaussian, view), m);
     alignas(64) T lane[kParametersPerGaussian][16];
-    const L values[kParametersPerGaussian] = {g.mean.x,     g.mean.y,      g.mean.z,     g.logScale.x,
-                                              g.logScale.y, g.logScale.z,  g.rotation.x, g.rotation.y,
-                                              g.rotation.z, g.reflectivity};
+    const L values[kParametersPerGaussian] = {g.mean.x,     g.mean.y,     g.mean.z,     g.logScale.x, g.logScale.y,
+                                              g.logScale.z, g.rotation.x, g.rotation.y, g.rotation.z, g.reflectivity};
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
       values[k].Store(lane[k]);
@@ -902,8 +890,8 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
 }
 
 template <class T>
-static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient,
-                       int count, const AdamStep& step)
+static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient, int count,
+                       const AdamStep& step)
 {
   using L = Lanes<T>;
   const hn::ScalableTag<T> d;
@@ -921,9 +909,8 @@ static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const Gradi
     Gaussian<L> gaussian = LoadGaussian<T>(RowsOf(block), first);
     AdamState<L> adam;
     GaussianGradient<L> g;
-    L* parts[kParametersPerGaussian] = {&g.mean.x,     &g.mean.y,      &g.mean.z,     &g.logScale.x,
-                                        &g.logScale.y, &g.logScale.z,  &g.rotation.x, &g.rotation.y,
-                                        &g.rotation.z, &g.reflectivity};
+    L* parts[kParametersPerGaussian] = {&g.mean.x,     &g.mean.y,     &g.mean.z,     &g.logScale.x, &g.logScale.y,
+                                        &g.logScale.z, &g.rotation.x, &g.rotation.y, &g.rotation.z, &g.reflectivity};
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
       *parts[k] = L::Load(gradient.values[k] + first);
@@ -933,12 +920,10 @@ static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const Gradi
     adam.updates = L::Load(state.updates + first);
     const L bad = UpdateGaussian(gaussian, adam, g, step);
     guarded += hn::CountTrue(d, hn::And(touched, bad > L(T(0))));
-    const L changed[kRows] = {gaussian.mean.x,      gaussian.mean.y,      gaussian.mean.z,
-                              gaussian.logScale.x,  gaussian.logScale.y,  gaussian.logScale.z,
-                              gaussian.rotation[0], gaussian.rotation[1], gaussian.rotation[2],
-                              gaussian.rotation[3], gaussian.reflectivity};
-    const auto store = [&](L value, T* p)
-    { hn::StoreU(hn::IfThenElse(touched, value.v, hn::LoadU(d, p)), d, p); };
+    const L changed[kRows] = {gaussian.mean.x,      gaussian.mean.y,      gaussian.mean.z,      gaussian.logScale.x,
+                              gaussian.logScale.y,  gaussian.logScale.z,  gaussian.rotation[0], gaussian.rotation[1],
+                              gaussian.rotation[2], gaussian.rotation[3], gaussian.reflectivity};
+    const auto store = [&](L value, T* p) { hn::StoreU(hn::IfThenElse(touched, value.v, hn::LoadU(d, p)), d, p); };
     for (int row = 0; row < kRows; ++row)
     {
       store(changed[row], rows[row] + first);
@@ -1012,8 +997,8 @@ static void ToIntensity(const T* scattering, std::size_t count, T gamma, T* out)
 }
 
 template <class T>
-static double ToDerivative(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others,
-                           std::size_t count, T* HWY_RESTRICT scattering)
+static double ToDerivative(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others, std::size_t count,
+                           T* HWY_RESTRICT scattering)
 {
   using L = Lanes<T>;
   L sum(T(0));

@@ -106,8 +106,7 @@ struct Kernels
   int (*countInSlab)(const GaussianBlock<T>& block, int count, const View<T>& view, T slab);
 
   /// The Gaussians of a block that a view sees, in their order. Returns how many.
-  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task,
-                      SplatBuffer<T>& out);
+  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out);
 
   /// image += value * w over rows [rowBegin, rowEnd); values[kBlock] by Gaussian, null for 1.
   void (*addFootprints)(const VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
@@ -115,18 +114,17 @@ struct Kernels
 
   /// moments[m][i]: sums over splat i's footprint of derivative * w * powers of eta. The last, sum
   /// |derivative| w, only withError.
-  void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
-                        bool withError, MomentBlock<T>& moments);
+  void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative, bool withError,
+                        MomentBlock<T>& moments);
 
   /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores
   /// if not null.
-  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats,
-                      int count, const MomentBlock<T>& moments, GradientBlock<T>& gradient,
-                      ScoreBlock<T>* scores);
+  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats, int count,
+                      const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores);
 
   /// One Adam step for the Gaussians with gradient.visits > 0. Returns how many of them were guarded.
-  int (*updateBlock)(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient,
-                     int count, const AdamStep& step);
+  int (*updateBlock)(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient, int count,
+                     const AdamStep& step);
 
   BlockBounds<T> (*boundsOf)(const GaussianBlock<T>& block, int count);
 
@@ -137,8 +135,8 @@ struct Kernels
   /// Replaces scattering by dL/dS and returns the sum of L, see Loss-inl.h; `others` may be null for 0.
   /// Arrays are read and written up to kRowPadding numbers beyond `count`; weights and others should be 0
   /// there.
-  double (*toDerivative)(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others,
-                         std::size_t count, T* scattering);
+  double (*toDerivative)(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others, std::size_t count,
+                         T* scattering);
 
   const char* instructionSet;  // name, for reports
 };

@@ -29,7 +29,7 @@ constexpr int kFewestSteps = 40;
 constexpr double kPays = 0.03;  // dB
 // dB; a trial is too short to show all that a Gaussian is worth, so fewer must lose next to nothing.
 constexpr double kAsGood = 0.02;
-constexpr double kUnsure = 1.0;   // dB that the probe's path predicts frames better than poses that are off
+constexpr double kUnsure = 1.0;  // dB that the probe's path predicts frames better than poses that are off
 // dB that may be lost in a trial by what the frames themselves ask for: the beam that speckle measures, the path
 // that predicts them better.
 constexpr double kAgrees = 0.05;
@@ -129,8 +129,8 @@ public:
     share_ = static_cast<double>(tried) / static_cast<double>(frames.size());
     const std::vector<int> chosen(begin, begin + static_cast<std::ptrdiff_t>(tried));
     Sweep part = sweep.Subset(chosen);
-    const int reduce = static_cast<int>(
-        std::ceil(std::sqrt(static_cast<double>(part.PixelsPerFrame()) / kTrialPixels) - 1e-9));
+    const int reduce =
+        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(part.PixelsPerFrame()) / kTrialPixels) - 1e-9));
     sweep_ = std::make_shared<const Sweep>(reduce > 1 ? part.Reduced(reduce) : part);
     std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), 4);
     geometry_ = MeasureGeometry(*sweep_, training_);
@@ -169,8 +169,7 @@ private:
   {
     choices.gaussians = std::max<std::size_t>(
         1, static_cast<std::size_t>(std::lround(static_cast<double>(*choices.gaussians) * share_)));
-    const int steps =
-        std::max(kFewestSteps, Steps(passes, training_.size(), *choices.virtualPlanes, choices.batch));
+    const int steps = std::max(kFewestSteps, Steps(passes, training_.size(), *choices.virtualPlanes, choices.batch));
     choices.iterations = std::min(steps, options_.iterations.value_or(steps));
     choices.timeLimit = 0;
     choices.densification.interval = 0;
@@ -197,8 +196,8 @@ private:
   static bool StartAlike(const TrainerOptions& a, const TrainerOptions& b)
   {
     return a.gaussians == b.gaussians && a.virtualPlanes == b.virtualPlanes &&
-           a.interpolation->ToString() == b.interpolation->ToString() &&
-           a.elevationSigma == b.elevationSigma && a.frameGains == b.frameGains;
+           a.interpolation->ToString() == b.interpolation->ToString() && a.elevationSigma == b.elevationSigma &&
+           a.frameGains == b.frameGains;
   }
 
   /// Made once for every number of them, since the interpolation is settled first.
@@ -235,8 +234,7 @@ private:
     {
       evidence += evidence.empty() ? "stopped before it was compared" : "; stopped there";
     }
-    decisions_.push_back(
-        {what, choice, evidence, std::chrono::duration<double>(Clock::now() - since).count()});
+    decisions_.push_back({what, choice, evidence, std::chrono::duration<double>(Clock::now() - since).count()});
   }
 
   static std::string Describe(const Gain& gain)
@@ -257,8 +255,8 @@ private:
   /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
   /// gain more than half the standard error, too: between choices so close that chance decides, either will
   /// do. `orDoesNotLose`: or when they lose less than kAgrees even if they gain a standard error less.
-  bool Consider(const TrainerOptions& candidate, const std::string& label, double least,
-                std::string& evidence, bool orDoesNotLose = false)
+  bool Consider(const TrainerOptions& candidate, const std::string& label, double least, std::string& evidence,
+                bool orDoesNotLose = false)
   {
     if (!Proceed())
     {
@@ -361,8 +359,7 @@ private:
     {
       TrainerOptions candidate = base_;
       candidate.virtualPlanes = perGap;
-      return Consider(candidate,
-                      std::to_string(perGap) + " instead of " + std::to_string(*base_.virtualPlanes), least,
+      return Consider(candidate, std::to_string(perGap) + " instead of " + std::to_string(*base_.virtualPlanes), least,
                       evidence);
     };
     const int start = *base_.virtualPlanes;
@@ -400,8 +397,8 @@ private:
     {
       TrainerOptions candidate = base_;
       candidate.elevationSigma = sigma;
-      return Consider(candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", *base_.elevationSigma),
-                      least, evidence);
+      return Consider(candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", *base_.elevationSigma), least,
+                      evidence);
     };
     const double start = *base_.elevationSigma, half = estimate.reliable ? estimate.sigma / 2 : start;
     const auto thicken = [&]()
@@ -451,8 +448,8 @@ private:
   }
 
   /// Something that is off unless it pays, tried unless `hopeless`.
-  void DecideSwitch(const char* what, std::optional<bool> TrainerOptions::*option, bool hopeless,
-                    std::string evidence, Clock::time_point since)
+  void DecideSwitch(const char* what, std::optional<bool> TrainerOptions::*option, bool hopeless, std::string evidence,
+                    Clock::time_point since)
   {
     const auto name = [](bool on) { return std::string(on ? "on" : "off"); };
     if (!hopeless)
@@ -512,11 +509,10 @@ private:
     if (!IsGiven("pose refinement", options_.poseRefinement))
     {
       const bool good = pathGain_ < 0;
-      DecideSwitch("pose refinement", &TrainerOptions::poseRefinement, good,
-                   good ? "tracked poses predict frames" + Format(" %.2f dB", -pathGain_) +
-                              " better than the probe's path"
-                        : "",
-                   since);
+      DecideSwitch(
+          "pose refinement", &TrainerOptions::poseRefinement, good,
+          good ? "tracked poses predict frames" + Format(" %.2f dB", -pathGain_) + " better than the probe's path" : "",
+          since);
     }
   }
 
@@ -529,8 +525,7 @@ private:
       Record("iterations", std::to_string(*options_.iterations), "given", since);
       return;
     }
-    int steps = std::max(kFewestIterations,
-                         Steps(Passes(geometry_), allFrames_, *base_.virtualPlanes, options_.batch));
+    int steps = std::max(kFewestIterations, Steps(Passes(geometry_), allFrames_, *base_.virtualPlanes, options_.batch));
     std::string evidence;
     if (Proceed())
     {
@@ -563,8 +558,8 @@ private:
     {
       TrainerOptions candidate = base_;
       candidate.gaussians = count;
-      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(*base_.gaussians),
-                      least, evidence);
+      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(*base_.gaussians), least,
+                      evidence);
     };
     if (!geometry_.IsSparse() && share_ <= kLongTrialShare)
     {
@@ -572,8 +567,7 @@ private:
       best_.reset();
     }
     bool grew = false;
-    while (2 * *base_.gaussians <= options_.maximumGaussians &&
-           consider(2 * *base_.gaussians, options_.price))
+    while (2 * *base_.gaussians <= options_.maximumGaussians && consider(2 * *base_.gaussians, options_.price))
     {
       grew = true;
     }
@@ -582,8 +576,7 @@ private:
     }
     options_.gaussians = base_.gaussians;
     Record("Gaussians", std::to_string(*base_.gaussians),
-           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price),
-           since);
+           evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price), since);
   }
 
   TrainerOptions& options_;
@@ -610,13 +603,11 @@ private:
 }  // namespace
 
 std::vector<Decision> Decide(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                             TrainerOptions& options,
-                             const std::function<bool(const TrainingProgress&)>& progress)
+                             TrainerOptions& options, const std::function<bool(const TrainingProgress&)>& progress)
 {
   if (frames.size() < kFewest)
   {
-    return {{"everything", "by geometry", std::to_string(frames.size()) + " frames are too few to compare on",
-             0}};
+    return {{"everything", "by geometry", std::to_string(frames.size()) + " frames are too few to compare on", 0}};
   }
   return Decider(*sweep, frames, options, progress).Run(*sweep, frames);
 }
@@ -634,23 +625,21 @@ void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, Traine
   };
   if (!options.gaussians)
   {
-    options.gaussians =
-        std::min(UsualGaussians(sweep, frames, options.keepContrast), options.maximumGaussians);
+    options.gaussians = std::min(UsualGaussians(sweep, frames, options.keepContrast), options.maximumGaussians);
   }
   // A thick beam smooths what is between frames: less error, less speckle.
   settle(options.elevationSigma, sparse && !options.keepContrast ? 0.8 : 0.3);
   settle(options.signedReflectivity, true);
   // Without planes that keep contrast the loss alone would ask for grains where no frame says where.
   settle(options.virtualPlanes, options.keepContrast ? 2 : sparse ? 1 : 0);
-  settle(options.interpolation,
-         FrameInterpolation{FrameInterpolation::Path::Normals, false, options.keepContrast});
+  settle(options.interpolation, FrameInterpolation{FrameInterpolation::Path::Normals, false, options.keepContrast});
   settle(options.frameGains, false);
   settle(options.poseRefinement, false);
   settle(options.solveIterations, sparse ? 0 : 8);
   if (!options.iterations)
   {
-    options.iterations = std::max(
-        kFewestIterations, Steps(Passes(geometry), frames.size(), *options.virtualPlanes, options.batch));
+    options.iterations =
+        std::max(kFewestIterations, Steps(Passes(geometry), frames.size(), *options.virtualPlanes, options.batch));
   }
 }
 

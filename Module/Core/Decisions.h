@@ -14,8 +14,7 @@ namespace bigus
 /// least half of the frames. With fewer than 8 frames nothing can be compared, and all is left to
 /// SettleByGeometry. When `progress` returns false the choices made so far stand.
 std::vector<Decision> Decide(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                             TrainerOptions& options,
-                             const std::function<bool(const TrainingProgress&)>& progress);
+                             TrainerOptions& options, const std::function<bool(const TrainingProgress&)>& progress);
 
 /// Fills what is still open from the sweep's geometry, without looking at results.
 void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, TrainerOptions& options);

@@ -33,8 +33,7 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   std::vector<double> ranked;
   for (std::size_t i = 0; i < n; ++i)
   {
-    keep[i] = scores.visits[i] > 0 &&
-              std::abs(field.reflectivities[i]) >= options.pruneReflectivity * meanReflectivity;
+    keep[i] = scores.visits[i] > 0 && std::abs(field.reflectivities[i]) >= options.pruneReflectivity * meanReflectivity;
     if (keep[i])
     {
       error[i] = scores.error[i] / scores.visits[i];
@@ -45,8 +44,7 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   Restructured out;
   out.field.beam = field.beam;
   out.field.transfer = field.transfer;
-  const auto add =
-      [&](std::size_t i, const Eigen::Vector3d& mean, const Eigen::Vector3d& scale, double r, int parent)
+  const auto add = [&](std::size_t i, const Eigen::Vector3d& mean, const Eigen::Vector3d& scale, double r, int parent)
   {
     out.field.means.push_back(mean);
     out.field.scales.push_back(scale);
@@ -59,9 +57,8 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   std::vector<char> densify(n, 0);
   const std::size_t kept = ranked.size();
   const std::size_t room = options.cap > kept ? options.cap - kept : 0;
-  const std::size_t wanted =
-      std::min(room, static_cast<std::size_t>(
-                         std::lround((100.0 - options.percentile) / 100.0 * static_cast<double>(kept))));
+  const std::size_t wanted = std::min(
+      room, static_cast<std::size_t>(std::lround((100.0 - options.percentile) / 100.0 * static_cast<double>(kept))));
   if (wanted > 0)
   {
     std::vector<std::size_t> order;

@@ -15,9 +15,8 @@ struct DensificationOptions
 {
   int interval = 0;        ///< iterations between restructurings; 0 = never
   double percentile = 95;  ///< Gaussians with an error score above this percentile are densified, 0 to 100
-  std::size_t cap =
-      0;  ///< no growth beyond this many Gaussians; 0 = none at all (the trainer: twice the seeds)
-  double start = 0.1;  ///< first and last restructuring, as fractions of the schedule
+  std::size_t cap = 0;     ///< no growth beyond this many Gaussians; 0 = none at all (the trainer: twice the seeds)
+  double start = 0.1;      ///< first and last restructuring, as fractions of the schedule
   double stop = 0.6;
   double splitScale = 2.0;          ///< largest scale above this many pixels: split, else clone
   double cloneReflectivity = 0.5;   ///< each of a cloned pair gets this share of r, in (0, 1]
@@ -27,8 +26,7 @@ struct DensificationOptions
 struct Restructured
 {
   GaussianField field;
-  std::vector<int>
-      parents;  ///< [new size] index in the old field, or -1 for a child with fresh optimizer state
+  std::vector<int> parents;  ///< [new size] index in the old field, or -1 for a child with fresh optimizer state
   std::size_t cloned = 0, split = 0, pruned = 0;
 };
 

@@ -111,8 +111,7 @@ public:
 
 private:
   template <class Pixel>
-  bool Compare(int frameA, int xa, int ya, int frameB, int xb, int yb, int size, Pixel white,
-               Products& result) const
+  bool Compare(int frameA, int xa, int ya, int frameB, int xb, int yb, int size, Pixel white, Products& result) const
   {
     const auto first = [&](int frame, int x, int y)
     {
@@ -228,8 +227,7 @@ TrendShares MakeTrendShares(int size, const Eigen::Vector2d& speckle, const Eige
   for (int k = 1; k <= Terms; ++k)
   {
     const auto x = TrendTerms(size, k, speckle.x(), lag.x()), y = TrendTerms(size, k, speckle.y(), lag.y());
-    shares[k] =
-        (x.first * y.first + x.second * y.first + x.first * y.second) / (static_cast<double>(size) * size);
+    shares[k] = (x.first * y.first + x.second * y.first + x.first * y.second) / (static_cast<double>(size) * size);
   }
   return shares;
 }
@@ -261,13 +259,12 @@ double CorrelationWithin(int size, const Eigen::Vector2d& speckle, const Eigen::
 struct Cell
 {
   int block = 0;
-  int a = 0, b = 0;                                     // which frames
-  double distance = 0;                                  // mm, mean, signed
-  double squaredDistance = 0;                           // mm^2, mean
-  Eigen::Array3d squaredTurn = Eigen::Array3d::Zero();  // rad^2, about the axes of rows, columns and normal
-  Eigen::Array2d offset = Eigen::Array2d::Zero();       // pixels, mean: of the point from the nearest pixel
-  Eigen::Array2d squaredOffset =
-      Eigen::Array2d::Zero();  // pixels^2, mean: the nearest pixel is not the very point
+  int a = 0, b = 0;                                       // which frames
+  double distance = 0;                                    // mm, mean, signed
+  double squaredDistance = 0;                             // mm^2, mean
+  Eigen::Array3d squaredTurn = Eigen::Array3d::Zero();    // rad^2, about the axes of rows, columns and normal
+  Eigen::Array2d offset = Eigen::Array2d::Zero();         // pixels, mean: of the point from the nearest pixel
+  Eigen::Array2d squaredOffset = Eigen::Array2d::Zero();  // pixels^2, mean: the nearest pixel is not the very point
   Products products;
 };
 
@@ -296,8 +293,7 @@ public:
     // Where a sweep turns as it advances, turns and distances cannot be told apart: what turns may do is
     // bounded by physics. Diagnostic ultrasound has 2 to 20 MHz, k = 2 pi frequency / 1.54 mm/us; fans reach
     // 45 degrees.
-    const auto carrier = [](double frequency)
-    { return 0.5 * std::pow(4 * 3.141592653589793 * frequency / 1.54, 2); };
+    const auto carrier = [](double frequency) { return 0.5 * std::pow(4 * 3.141592653589793 * frequency / 1.54, 2); };
     low_ << 0.5 / (100 * 100), carrier(2), 0, 0, 0, 0.05;
     high_ << 0.5 / (0.01 * 0.01), carrier(20), 0.25, 1, speckle.cwiseProduct(pixel).squaredNorm(), 1;
   }
@@ -306,14 +302,12 @@ public:
   const Vector& High() const { return high_; }
 
   /// The correlation expected of a cell, and its derivatives.
-  double operator()(const Cell& cell, const Vector& p, Vector& derivative,
-                    double* bySquaredDistance = nullptr) const
+  double operator()(const Cell& cell, const Vector& p, Vector& derivative, double* bySquaredDistance = nullptr) const
   {
     const double thickness = 0.5 / p[Falloff];  // mm^2
     const double sideways = pixel_.x() * pixel_.x() * speckle_.x() * speckle_.x();
     const double byColumn = thickness * cell.squaredTurn[1], byNormal = sideways * cell.squaredTurn[2];
-    const double phase =
-        thickness * cell.squaredTurn[0] + p[Sideways] * byColumn + p[Rotation] * byNormal;  // mm^2
+    const double phase = thickness * cell.squaredTurn[0] + p[Sideways] * byColumn + p[Rotation] * byNormal;  // mm^2
     const double exponent = p[Falloff] * cell.squaredDistance + p[Carrier] * phase;
     // A Gaussian offset of variance v (in units of s^2) turns the k-th term into (1 + k v)^(-1/2).
     const Eigen::Array3d slope(1 / (pixel_.x() * pixel_.x() * speckle_.x() * speckle_.x()),
@@ -536,8 +530,7 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
   constexpr std::size_t framesLookedAt = 24;
   const std::vector<Eigen::Vector2i> patches = PlacePatches(sweep, images, size);
   const std::size_t step = (frames.size() + framesLookedAt - 1) / framesLookedAt;
-  const auto correlation =
-      [&](const Eigen::Vector2i& lag, const SpeckleRange& range, std::vector<double>* variances)
+  const auto correlation = [&](const Eigen::Vector2i& lag, const SpeckleRange& range, std::vector<double>* variances)
   {
     Products sum;
     for (std::size_t k = 0; k < frames.size(); k += step)
@@ -547,8 +540,7 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
         Products products;
         const Eigen::Vector2i q = p + lag;
         if (images.IsLit(q.x(), q.y(), size) &&
-            images.Compare(frames[k], p.x(), p.y(), frames[k], q.x(), q.y(), size, products) &&
-            range.Holds(products))
+            images.Compare(frames[k], p.x(), p.y(), frames[k], q.x(), q.y(), size, products) && range.Holds(products))
         {
           sum.Add(products);
           if (variances)
@@ -567,8 +559,8 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
   constexpr std::size_t fewest = 50;
   if (variances.size() < fewest)
   {
-    speckle.problem = "only " + std::to_string(variances.size()) + " patches of " + std::to_string(size) +
-                      " x " + std::to_string(size) + " pixels are lit and neither black nor white";
+    speckle.problem = "only " + std::to_string(variances.size()) + " patches of " + std::to_string(size) + " x " +
+                      std::to_string(size) + " pixels are lit and neither black nor white";
     return speckle;
   }
   const double greyLevel = sweep.pixelType == Sweep::PixelType::UInt8 ? 1 : 1 / 255.0;
@@ -616,17 +608,16 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
   if (speckle.size.minCoeff() < 1.1 * smallest || speckle.size.maxCoeff() > 0.95 * largest)
   {
     speckle.problem =
-        "texture is " + std::string(speckle.size.minCoeff() < 1.1 * smallest ? "finer than a pixel"
-                                                                             : "too coarse to be speckle");
+        "texture is " +
+        std::string(speckle.size.minCoeff() < 1.1 * smallest ? "finer than a pixel" : "too coarse to be speckle");
   }
   return speckle;
 }
 
 /// Compares a pair's patches, each with the nearest whole-pixel patch of the other plane.
 /// `moved` pixels farther than the poses say.
-std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, int b,
-                              const Eigen::Vector2d& moved, const std::vector<Eigen::Vector2i>& patches,
-                              int size, const SpeckleRange& range)
+std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, int b, const Eigen::Vector2d& moved,
+                              const std::vector<Eigen::Vector2i>& patches, int size, const SpeckleRange& range)
 {
   const Relation relation(sweep.Plane(a), sweep.Plane(b));
   const double spread = (static_cast<double>(size) * size - 1) / 12;  // pixels^2, of a patch along an axis
@@ -647,8 +638,7 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
     const int bin = BinOf(std::sqrt(squaredDistance));
     Products products;
     if (bin >= Bins || !images.IsLit(other.x(), other.y(), size) ||
-        !images.Compare(a, patch.x(), patch.y(), b, other.x(), other.y(), size, products) ||
-        !range.Holds(products))
+        !images.Compare(a, patch.x(), patch.y(), b, other.x(), other.y(), size, products) || !range.Holds(products))
     {
       continue;
     }
@@ -662,8 +652,7 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
   std::vector<Cell> filled;
   for (Cell& cell : cells)
   {
-    constexpr std::size_t fewest =
-        8;  // so that the ratio of the sums is not biased by the noise of its denominator
+    constexpr std::size_t fewest = 8;  // so that the ratio of the sums is not biased by the noise of its denominator
     if (cell.products.patches >= fewest)
     {
       cell.squaredTurn = relation.squaredTurn;
@@ -681,8 +670,7 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
 
 /// Where speckle says frames lie in their planes, pixels beside their poses, one a frame: neighbours are
 /// matched, and the steps between them add up, pulled to the poses.
-std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& images,
-                                           const std::vector<int>& frames,
+std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& images, const std::vector<int>& frames,
                                            const std::vector<Eigen::Vector2i>& patches, int size,
                                            const Speckle& speckle)
 {
@@ -719,8 +707,7 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
           if (c == 2)
           {
             Products sum;
-            for (const Cell& cell :
-                 ComparePair(sweep, images, frames[a], frames[b], {x, y}, some, size, speckle.range))
+            for (const Cell& cell : ComparePair(sweep, images, frames[a], frames[b], {x, y}, some, size, speckle.range))
             {
               sum.Add(cell.products);
               rounded = cell.offset;
@@ -834,9 +821,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   {
     if (frame < 0 || frame >= sweep.NumberOfFrames())
     {
-      throw Error("Elevation estimate: frame " + std::to_string(frame) +
-                  " was asked for, but the frames are 0 to " + std::to_string(sweep.NumberOfFrames() - 1) +
-                  ".");
+      throw Error("Elevation estimate: frame " + std::to_string(frame) + " was asked for, but the frames are 0 to " +
+                  std::to_string(sweep.NumberOfFrames() - 1) + ".");
     }
   }
   // Neighbours must stay neighbours, so of a long sweep the middle is taken.
@@ -976,8 +962,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   result.standardError = parts > 1 ? std::sqrt(scatter * (parts - 1) / parts) : result.sigma;
   // What sigma would be if turning changed no phase. Far from the fit, it is a guess unless the data tell the
   // carrier.
-  const bool carrierKnown = fit.parameters[Carrier] > 1.01 * model.Low()[Carrier] &&
-                            fit.parameters[Carrier] < 0.99 * model.High()[Carrier];
+  const bool carrierKnown =
+      fit.parameters[Carrier] > 1.01 * model.Low()[Carrier] && fit.parameters[Carrier] < 0.99 * model.High()[Carrier];
   Vector still = model.High();
   still[Carrier] = 0;
   Vector start = fit.parameters;
@@ -997,8 +983,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   }
   if (result.distance.front() > 1.2 * result.sigma)
   {
-    return refuse("planes are too far apart: the nearest are " + text(result.distance.front()) +
-                  ", the fit says " + text(result.sigma));
+    return refuse("planes are too far apart: the nearest are " + text(result.distance.front()) + ", the fit says " +
+                  text(result.sigma));
   }
   if (result.distance.back() < 1.2 * result.sigma)
   {
@@ -1011,9 +997,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   }
   if (std::abs(unturned - result.sigma) > 0.1 * result.sigma)
   {
-    return refuse(
-        "the probe turns as it advances, and what turning does cannot be told apart: " + text(unturned) +
-        " if it does nothing, " + text(result.sigma) + " if it shifts the phase of the echoes");
+    return refuse("the probe turns as it advances, and what turning does cannot be told apart: " + text(unturned) +
+                  " if it does nothing, " + text(result.sigma) + " if it shifts the phase of the echoes");
   }
   result.reliable = true;
   return result;

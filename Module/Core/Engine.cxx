@@ -26,9 +26,8 @@ using Entry = std::pair<std::string, Engine::Factory>;
 /// The engines that are here, the preferred first, and why others are not.
 struct Registry
 {
-  std::vector<Entry> entries{{"cpu", CreateCpuEngine},
-                             {"cpu-double", CreateCpuDoubleEngine},
-                             {"reference", CreateReferenceEngine}};
+  std::vector<Entry> entries{
+      {"cpu", CreateCpuEngine}, {"cpu-double", CreateCpuDoubleEngine}, {"reference", CreateReferenceEngine}};
   std::vector<std::pair<std::string, std::string>> missing;
 };
 

@@ -24,9 +24,8 @@ struct FieldGradient
 {
   std::vector<Eigen::Vector3d> means;      ///< [N] dL/dmu, per mm
   std::vector<Eigen::Vector3d> logScales;  ///< [N] dL/d ln s
-  std::vector<Eigen::Vector3d>
-      rotations;  ///< [N] dL/d omega, R <- R exp([omega]x): turn about local axes, radian
-  std::vector<double> reflectivities;  ///< [N] dL/dr
+  std::vector<Eigen::Vector3d> rotations;  ///< [N] dL/d omega, R <- R exp([omega]x): turn about local axes, radian
+  std::vector<double> reflectivities;      ///< [N] dL/dr
 };
 
 /// Adam's step sizes; each in the unit of its parameter. Zero freezes the group.

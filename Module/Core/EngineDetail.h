@@ -77,8 +77,8 @@ GaussianField UnpackField(const std::vector<Gaussian<Real>>& packed, const Eigen
   {
     field.means[i] = FromVector3(packed[i].mean) + engineOrigin;
     field.scales[i] = FromVector3(packed[i].logScale).array().exp();
-    field.rotations[i] = Eigen::Vector4d(packed[i].rotation[0], packed[i].rotation[1], packed[i].rotation[2],
-                                         packed[i].rotation[3]);
+    field.rotations[i] =
+        Eigen::Vector4d(packed[i].rotation[0], packed[i].rotation[1], packed[i].rotation[2], packed[i].rotation[3]);
     field.reflectivities[i] = packed[i].reflectivity;
   }
   return field;
@@ -126,8 +126,7 @@ inline Eigen::Vector3d MiddleOf(const GaussianField& field)
 
 /// Optimizer state of a restructured field: state[i] of Gaussian i comes from its parent, or is fresh.
 template <class State>
-std::vector<State> InheritState(const std::vector<State>& old, std::size_t size,
-                                const std::vector<int>* parents)
+std::vector<State> InheritState(const std::vector<State>& old, std::size_t size, const std::vector<int>* parents)
 {
   std::vector<State> state(size);
   if (parents)
@@ -198,10 +197,9 @@ inline void CheckWindow(const SlicePlane& plane, int firstColumn, int firstRow, 
   if (firstColumn < 0 || firstRow < 0 || columns < 0 || rows < 0 || columns > plane.width - firstColumn ||
       rows > plane.height - firstRow)
   {
-    throw Error("Engine: the window of " + std::to_string(columns) + " x " + std::to_string(rows) +
-                " pixels at (" + std::to_string(firstColumn) + ", " + std::to_string(firstRow) +
-                ") does not lie inside the plane of " + std::to_string(plane.width) + " x " +
-                std::to_string(plane.height) + ".");
+    throw Error("Engine: the window of " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels at (" +
+                std::to_string(firstColumn) + ", " + std::to_string(firstRow) + ") does not lie inside the plane of " +
+                std::to_string(plane.width) + " x " + std::to_string(plane.height) + ".");
   }
 }
 

@@ -83,9 +83,8 @@ FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std
                      { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); });
 }
 
-AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep,
-                                const std::vector<int>& frames, const AlignmentOptions& options,
-                                const std::string& engineName)
+AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
+                                const AlignmentOptions& options, const std::string& engineName)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
   engine->SetField(field);
@@ -104,22 +103,18 @@ AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep,
   return out;
 }
 
-BaselineScores ScoreBaselines(const Sweep& sweep, const std::vector<int>& training,
-                              const std::vector<int>& heldOut)
+BaselineScores ScoreBaselines(const Sweep& sweep, const std::vector<int>& training, const std::vector<int>& heldOut)
 {
   BaselineScores scores;
-  scores.nearest = ScoreFrames(sweep, heldOut,
-                               [&](int frame, float* image)
-                               { PredictNearest(sweep, training, sweep.Plane(frame), image); });
-  scores.neighbourAverage =
-      ScoreFrames(sweep, heldOut,
-                  [&](int frame, float* image) { PredictNeighbourAverage(sweep, training, frame, image); });
-  scores.poseInterpolation =
-      ScoreFrames(sweep, heldOut,
-                  [&](int frame, float* image) { PredictPoseInterpolation(sweep, training, frame, image); });
+  scores.nearest = ScoreFrames(
+      sweep, heldOut, [&](int frame, float* image) { PredictNearest(sweep, training, sweep.Plane(frame), image); });
+  scores.neighbourAverage = ScoreFrames(
+      sweep, heldOut, [&](int frame, float* image) { PredictNeighbourAverage(sweep, training, frame, image); });
+  scores.poseInterpolation = ScoreFrames(
+      sweep, heldOut, [&](int frame, float* image) { PredictPoseInterpolation(sweep, training, frame, image); });
   const Compounding compounding(sweep, training);
-  scores.compounding = ScoreFrames(
-      sweep, heldOut, [&](int frame, float* image) { compounding.Predict(sweep.Plane(frame), image); });
+  scores.compounding =
+      ScoreFrames(sweep, heldOut, [&](int frame, float* image) { compounding.Predict(sweep.Plane(frame), image); });
   scores.compoundingVoxelSize = compounding.VoxelSize();
   return scores;
 }

@@ -45,9 +45,8 @@ struct AlignedScores
 };
 
 /// Scores the field at poses rigidly aligned to it, frame by frame (see Alignment.h).
-AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep,
-                                const std::vector<int>& frames, const AlignmentOptions& options = {},
-                                const std::string& engine = "auto");
+AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
+                                const AlignmentOptions& options = {}, const std::string& engine = "auto");
 
 /// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the
 /// held-out pose; neighbour average and pose interpolation the held-out frame's place in the sequence.
@@ -56,7 +55,6 @@ struct BaselineScores
   FrameScores nearest, neighbourAverage, poseInterpolation, compounding;
   double compoundingVoxelSize = 0;  ///< mm
 };
-BaselineScores ScoreBaselines(const Sweep& sweep, const std::vector<int>& training,
-                              const std::vector<int>& heldOut);
+BaselineScores ScoreBaselines(const Sweep& sweep, const std::vector<int>& training, const std::vector<int>& heldOut);
 
 }  // namespace bigus

@@ -13,8 +13,8 @@ namespace bigus
 /// them. `solved` (may be null) spares seeding and solving again: where it has no Gaussians it gets what
 /// training starts from, signed; else training starts from it.
 TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                   const std::vector<int>& validationFrames, const TrainerOptions& options,
-                   const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress,
+                   const std::vector<int>& validationFrames, const TrainerOptions& options, const GaussianField* start,
+                   const std::function<bool(const TrainingProgress&)>& progress,
                    std::shared_ptr<const Sweep> withVirtualPlanes = nullptr, GaussianField* solved = nullptr);
 
 /// The elements of `values` at `indices`.

@@ -8,10 +8,10 @@ template <class Real>
 struct Footprint
 {
   Real logAmplitude;
-  Real cut;                    ///< k^2
-  Real column, row, mu, mv;    ///< m = (column + mu, row + mv)
-  Real columnBegin, columnEnd; ///< half-open
-  Real half;                   ///< rows [row - half, row + half): as many on either side of the centre
+  Real cut;                       ///< k^2
+  Real column, row, mu, mv;       ///< m = (column + mu, row + mv)
+  Real columnBegin, columnEnd;    ///< half-open
+  Real half;                      ///< rows [row - half, row + half): as many on either side of the centre
   Real curvature, rootCurvature;  ///< of -ln w along a column, u12^2 + u22^2, and its root
   Real margin;  ///< standard deviations along a column that w has left, where it is cut, before it underflows
 };

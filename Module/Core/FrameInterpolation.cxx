@@ -87,8 +87,7 @@ cv::Mat Sample(const cv::Mat& picture, const cv::Mat& i, const cv::Mat& j)
 bool Inside(const Meeting& meeting, int x, int y, int width, int height)
 {
   const float i = meeting.i.at<float>(y, x), j = meeting.j.at<float>(y, x);
-  return i >= -0.5f && i <= static_cast<float>(width) - 0.5f && j >= -0.5f &&
-         j <= static_cast<float>(height) - 0.5f;
+  return i >= -0.5f && i <= static_cast<float>(width) - 0.5f && j >= -0.5f && j <= static_cast<float>(height) - 0.5f;
 }
 
 Pair PairAlongNormals(const Sweep& sweep, int a, int b, const SlicePlane& plane, double share)
@@ -101,8 +100,8 @@ Pair PairAlongNormals(const Sweep& sweep, int a, int b, const SlicePlane& plane,
   }
   direction.normalize();
   const Meeting toFirst = Meet(plane, direction, first), toSecond = Meet(plane, direction, second);
-  Pair pair{Sample(Picture(sweep, a), toFirst.i, toFirst.j),
-            Sample(Picture(sweep, b), toSecond.i, toSecond.j), cv::Mat(sweep.height, sweep.width, CV_32F)};
+  Pair pair{Sample(Picture(sweep, a), toFirst.i, toFirst.j), Sample(Picture(sweep, b), toSecond.i, toSecond.j),
+            cv::Mat(sweep.height, sweep.width, CV_32F)};
   for (int y = 0; y < sweep.height; ++y)
   {
     for (int x = 0; x < sweep.width; ++x)
@@ -179,8 +178,7 @@ cv::Mat TakeBand(cv::Mat& picture, double sigma)
 cv::Mat LocalMean(const cv::Mat& a, const cv::Mat& b)
 {
   cv::Mat mean;
-  cv::boxFilter(a.mul(b), mean, CV_32F, cv::Size(kWindow, kWindow), cv::Point(-1, -1), true,
-                cv::BORDER_REFLECT_101);
+  cv::boxFilter(a.mul(b), mean, CV_32F, cv::Size(kWindow, kWindow), cv::Point(-1, -1), true, cv::BORDER_REFLECT_101);
   return mean;
 }
 
@@ -270,16 +268,14 @@ SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double sha
 {
   const double i = 0.5 * (from.width - 1), j = 0.5 * (from.height - 1);
   const Eigen::Matrix3d first = FrameOf(from), second = FrameOf(to);
-  const Eigen::Matrix3d r =
-      Eigen::Quaterniond(first).slerp(share, Eigen::Quaterniond(second)).toRotationMatrix();
+  const Eigen::Matrix3d r = Eigen::Quaterniond(first).slerp(share, Eigen::Quaterniond(second)).toRotationMatrix();
   // Steps are mixed in the planes' own frames, so that shear stays what it is.
   const auto mix = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) -> Eigen::Vector3d
   { return r * ((1 - share) * (first.transpose() * a) + share * (second.transpose() * b)); };
   SlicePlane plane = from;
   plane.columnStep = mix(from.columnStep, to.columnStep);
   plane.rowStep = mix(from.rowStep, to.rowStep);
-  plane.origin =
-      (1 - share) * from.Point(i, j) + share * to.Point(i, j) - i * plane.columnStep - j * plane.rowStep;
+  plane.origin = (1 - share) * from.Point(i, j) + share * to.Point(i, j) - i * plane.columnStep - j * plane.rowStep;
   return plane;
 }
 
@@ -287,10 +283,9 @@ void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane
                        const FrameInterpolation& interpolation, float* image)
 {
   const std::array<cv::Mat, 2> recorded = {Picture(sweep, a), Picture(sweep, b)};
-  const Pair pair =
-      interpolation.path == FrameInterpolation::Path::Normals
-          ? PairAlongNormals(sweep, a, b, plane, share)
-          : Pair{recorded[0], recorded[1], cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(share))};
+  const Pair pair = interpolation.path == FrameInterpolation::Path::Normals
+                        ? PairAlongNormals(sweep, a, b, plane, share)
+                        : Pair{recorded[0], recorded[1], cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(share))};
   cv::Mat mix;
   if (interpolation.keepContrast)
   {
@@ -306,14 +301,12 @@ void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane
   }
   for (int y = 0; y < mix.rows; ++y)
   {
-    std::transform(mix.ptr<float>(y), mix.ptr<float>(y) + mix.cols,
-                   image + static_cast<std::size_t>(y) * mix.cols,
+    std::transform(mix.ptr<float>(y), mix.ptr<float>(y) + mix.cols, image + static_cast<std::size_t>(y) * mix.cols,
                    [](float value) { return std::clamp(value, 0.0f, 1.0f); });
   }
 }
 
-double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
-                          const FrameInterpolation& interpolation)
+double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames, const FrameInterpolation& interpolation)
 {
   if (frames.size() < 3)
   {
@@ -334,8 +327,8 @@ double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
                       };
                       const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
                       std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
-                      InterpolateFrames(sweep, frames[k - 1], frames[k + 1], plane,
-                                        u + v > 0 ? u / (u + v) : 0.5, interpolation, image.data());
+                      InterpolateFrames(sweep, frames[k - 1], frames[k + 1], plane, u + v > 0 ? u / (u + v) : 0.5,
+                                        interpolation, image.data());
                       sweep.BlackenUnlit(image.data());
                       sweep.CopyFrame(frames[k], truth.data());
                       psnr[n] = Psnr(image.data(), truth.data(), image.size());

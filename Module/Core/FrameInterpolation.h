@@ -48,7 +48,6 @@ void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane
 
 /// How well `interpolation` predicts frames (at most 12, evenly chosen) from their neighbours among `frames`:
 /// mean PSNR, dB. Needs three frames; throws Error with fewer.
-double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
-                          const FrameInterpolation& interpolation);
+double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames, const FrameInterpolation& interpolation);
 
 }  // namespace bigus

@@ -10,7 +10,10 @@ namespace bigus
 namespace
 {
 
-std::string At(const char* array, std::size_t i) { return std::string(array) + "[" + std::to_string(i) + "]"; }
+std::string At(const char* array, std::size_t i)
+{
+  return std::string(array) + "[" + std::to_string(i) + "]";
+}
 
 }  // namespace
 

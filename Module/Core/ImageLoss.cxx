@@ -88,8 +88,8 @@ struct WindowRow
 template <class Real, class Term>
 void AddTerm(Real weight, int count, WindowRow<Real>& row, Term&& term)
 {
-  const Real *x = row.means[0].data(), *y = row.means[1].data(), *xx = row.means[2].data(),
-             *yy = row.means[3].data(), *xy = row.means[4].data(), *share = row.share.data();
+  const Real *x = row.means[0].data(), *y = row.means[1].data(), *xx = row.means[2].data(), *yy = row.means[3].data(),
+             *xy = row.means[4].data(), *share = row.share.data();
   Real* __restrict value = row.value.data();
   Real* __restrict p = row.slope[0].data();
   Real* __restrict q = row.slope[1].data();
@@ -265,8 +265,8 @@ void ImageLoss::Check(const Loss& loss) const
 }
 
 template <class Real>
-double ImageLoss::Evaluate(const Loss& loss, double weight, const Real* image, const Real* truth,
-                           std::size_t stride, Real* derivative) const
+double ImageLoss::Evaluate(const Loss& loss, double weight, const Real* image, const Real* truth, std::size_t stride,
+                           Real* derivative) const
 {
   double sum = 0;
   if (loss.dssim > 0 || loss.contrast > 0)
@@ -486,44 +486,41 @@ double ImageLoss::EvaluateSpectrum(double weight, const Real* image, const Real*
             });
   const double share = weight / static_cast<double>(countedPixels_);
   const Real slope = static_cast<Real>(2 * share) * scale;
-  ForRanges(
-      pairs,
-      [&](int begin, int end)
-      {
-        Fourier<Real> fourier(across);
-        std::vector<Complex> transform(width), rows(width);
-        for (int pair = begin; pair < end; ++pair)
-        {
-          const int y = 2 * pair;
-          for (int k = 0; k < width; ++k)
-          {
-            const auto value = [&](int row) {
-              return row >= height ? Complex(0) : k < columns ? at(k, row) : std::conj(at(width - k, row));
-            };
-            const Complex a = value(y), b = value(y + 1);
-            transform[k] = Complex(a.real() - b.imag(), a.imag() + b.real());  // a + ib
-          }
-          fourier.Transform(transform.data(), rows.data());
-          for (int x = 0; x < width; ++x)
-          {
-            const auto add = [&](int row, Real value)
+  ForRanges(pairs,
+            [&](int begin, int end)
             {
-              if (row < height && (counted_.empty() || counted_[static_cast<std::size_t>(row) * width + x]))
+              Fourier<Real> fourier(across);
+              std::vector<Complex> transform(width), rows(width);
+              for (int pair = begin; pair < end; ++pair)
               {
-                derivative[row * stride + x] += slope * value;
+                const int y = 2 * pair;
+                for (int k = 0; k < width; ++k)
+                {
+                  const auto value = [&](int row) {
+                    return row >= height ? Complex(0) : k < columns ? at(k, row) : std::conj(at(width - k, row));
+                  };
+                  const Complex a = value(y), b = value(y + 1);
+                  transform[k] = Complex(a.real() - b.imag(), a.imag() + b.real());  // a + ib
+                }
+                fourier.Transform(transform.data(), rows.data());
+                for (int x = 0; x < width; ++x)
+                {
+                  const auto add = [&](int row, Real value)
+                  {
+                    if (row < height && (counted_.empty() || counted_[static_cast<std::size_t>(row) * width + x]))
+                    {
+                      derivative[row * stride + x] += slope * value;
+                    }
+                  };
+                  add(y, rows[x].real());
+                  add(y + 1, rows[x].imag());
+                }
               }
-            };
-            add(y, rows[x].real());
-            add(y + 1, rows[x].imag());
-          }
-        }
-      });
+            });
   return share * InOrder(sums);
 }
 
-template double ImageLoss::Evaluate(const Loss&, double, const float*, const float*, std::size_t,
-                                    float*) const;
-template double ImageLoss::Evaluate(const Loss&, double, const double*, const double*, std::size_t,
-                                    double*) const;
+template double ImageLoss::Evaluate(const Loss&, double, const float*, const float*, std::size_t, float*) const;
+template double ImageLoss::Evaluate(const Loss&, double, const double*, const double*, std::size_t, double*) const;
 
 }  // namespace bigus

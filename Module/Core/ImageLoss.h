@@ -34,8 +34,8 @@ public:
 
 private:
   template <class Real>
-  double EvaluateWindows(const Loss& loss, double weight, const Real* image, const Real* truth,
-                         std::size_t stride, Real* derivative) const;
+  double EvaluateWindows(const Loss& loss, double weight, const Real* image, const Real* truth, std::size_t stride,
+                         Real* derivative) const;
   template <class Real>
   double EvaluateSpectrum(double weight, const Real* image, const Real* truth, std::size_t stride,
                           Real* derivative) const;

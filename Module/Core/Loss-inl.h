@@ -28,8 +28,7 @@ BIGUS_FORMULA PixelLoss<Real> EvaluateError(Real l1, Real l2, Real error, Real w
 /// for ever. There we use the derivative at S = 0+, but only in the direction that raises S: a pixel that is
 /// rightly black stays untouched. For S > 0 the derivative is exact.
 template <class Real>
-BIGUS_FORMULA PixelLoss<Real> EvaluateLoss(Real l1, Real l2, Real gamma, Real s, Real truth, Real weight,
-                                    Real others)
+BIGUS_FORMULA PixelLoss<Real> EvaluateLoss(Real l1, Real l2, Real gamma, Real s, Real truth, Real weight, Real others)
 {
   using std::exp;
   const Real zero = Real(0);

@@ -31,8 +31,8 @@ void CheckSize(const char* metric, int width, int height)
 {
   if (width < 1 || height < 1)
   {
-    throw Error(std::string(metric) + ": the images are " + std::to_string(width) + " x " +
-                std::to_string(height) + " pixels; both sides must be at least 1.");
+    throw Error(std::string(metric) + ": the images are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels; both sides must be at least 1.");
   }
 }
 

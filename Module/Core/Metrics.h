@@ -22,7 +22,6 @@ enum class SsimWindows
 
 /// Mean structural similarity: Gaussian window 11 x 11, sigma 1.5, K1 = 0.01, K2 = 0.03, range 1, population
 /// variance. An image smaller than 11 x 11 throws Error for Valid.
-double Ssim(const float* image, const float* truth, int width, int height,
-            SsimWindows windows = SsimWindows::Valid);
+double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows = SsimWindows::Valid);
 
 }  // namespace bigus

@@ -5,7 +5,7 @@ struct AdamState
 {
   Real first[kParametersPerGaussian];   ///< running mean of the gradient
   Real second[kParametersPerGaussian];  ///< running mean of its square
-  Real updates;  ///< how many gradients went into them: corrects the bias of young averages
+  Real updates;                         ///< how many gradients went into them: corrects the bias of young averages
 };
 
 template <class Real>
@@ -25,13 +25,12 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
   using std::exp;
   using std::sqrt;
   const Real zero = Real(0), one = Real(1);
-  const Real g[kParametersPerGaussian] = {gradient.mean.x,      gradient.mean.y,     gradient.mean.z,
-                                          gradient.logScale.x,  gradient.logScale.y, gradient.logScale.z,
-                                          gradient.rotation.x,  gradient.rotation.y, gradient.rotation.z,
-                                          gradient.reflectivity};
+  const Real g[kParametersPerGaussian] = {
+      gradient.mean.x,     gradient.mean.y,     gradient.mean.z,     gradient.logScale.x, gradient.logScale.y,
+      gradient.logScale.z, gradient.rotation.x, gradient.rotation.y, gradient.rotation.z, gradient.reflectivity};
   state.updates = state.updates + one;
-  const Real correction = sqrt(one - exp(Real(kLogSecondDecay) * state.updates)) /
-                          (one - exp(Real(kLogFirstDecay) * state.updates));
+  const Real correction =
+      sqrt(one - exp(Real(kLogSecondDecay) * state.updates)) / (one - exp(Real(kLogFirstDecay) * state.updates));
   Real move[kParametersPerGaussian];
   Real guarded = zero;
   for (int k = 0; k < kParametersPerGaussian; ++k)
@@ -45,13 +44,10 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));
   }
   gaussian.mean = MultiplyAdd(Real(step.mean), {move[0], move[1], move[2]}, gaussian.mean);
-  const Real farthest =
-      Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
-  gaussian.mean = {Clamp(gaussian.mean.x, zero - farthest, farthest),
-                   Clamp(gaussian.mean.y, zero - farthest, farthest),
+  const Real farthest = Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
+  gaussian.mean = {Clamp(gaussian.mean.x, zero - farthest, farthest), Clamp(gaussian.mean.y, zero - farthest, farthest),
                    Clamp(gaussian.mean.z, zero - farthest, farthest)};
-  const Real low = Real(step.minimumLogScale), high = Real(step.maximumLogScale),
-             stretch = Real(step.logScale);
+  const Real low = Real(step.minimumLogScale), high = Real(step.maximumLogScale), stretch = Real(step.logScale);
   gaussian.logScale.x = Clamp(gaussian.logScale.x + stretch * move[3], low, high);
   gaussian.logScale.y = Clamp(gaussian.logScale.y + stretch * move[4], low, high);
   gaussian.logScale.z = Clamp(gaussian.logScale.z + stretch * move[5], low, high);

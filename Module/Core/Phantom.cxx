@@ -198,20 +198,16 @@ struct Aperture
 
   BeamPoint ToBeam(double x, double y) const
   {
-    return fan ? BeamPoint{std::sqrt(x * x + (y + apex) * (y + apex)), std::atan2(x, y + apex)}
-               : BeamPoint{y, x};
+    return fan ? BeamPoint{std::sqrt(x * x + (y + apex) * (y + apex)), std::atan2(x, y + apex)} : BeamPoint{y, x};
   }
   double MillimetresPerLine(double range) const { return fan ? range * lineStep : lineStep; }
   bool IsLit(const BeamPoint& p) const
   {
     const double slack = 1e-9;
-    return !fan || (p.range >= firstRange - slack && p.range <= lastRange + slack &&
-                    std::abs(p.line) <= lastLine + slack);
+    return !fan ||
+           (p.range >= firstRange - slack && p.range <= lastRange + slack && std::abs(p.line) <= lastLine + slack);
   }
-  BeamPoint PixelToBeam(int i, int j) const
-  {
-    return ToBeam((i - centreColumn) * pixelWidth, j * pixelHeight);
-  }
+  BeamPoint PixelToBeam(int i, int j) const { return ToBeam((i - centreColumn) * pixelWidth, j * pixelHeight); }
 
   /// World position of a point of the beam, `z` mm out of the plane.
   Eigen::Vector3d ToWorld(const BeamPoint& p, double z) const
@@ -282,8 +278,7 @@ Aperture::Aperture(const PhantomOptions& options, const SlicePlane& plane)
   }
   if (!(face.cwiseAbs().maxCoeff() <= 1e6))
   {
-    throw Error(
-        "phantom plane: it lies more than 1e6 mm from the phantom's origin; are the pose's units mm?");
+    throw Error("phantom plane: it lies more than 1e6 mm from the phantom's origin; are the pose's units mm?");
   }
   lines = static_cast<int>(2 * half) + 1;
   ranges = static_cast<int>(deep + 2 * padding) + 1;
@@ -364,8 +359,7 @@ void ForEachCell(const Aperture& aperture, const Slab& slab, double cell, Visit&
     low += s.cwiseMin(t);
     high += s.cwiseMax(t);
   }
-  int d =
-      0;  // the world axis closest to the plane's normal: one interval of cells for each pair of the others
+  int d = 0;  // the world axis closest to the plane's normal: one interval of cells for each pair of the others
   aperture.elevation.cwiseAbs().maxCoeff(&d);
   const int a = (d + 1) % 3, b = (d + 2) % 3;
   const auto first = [&](int k) { return static_cast<std::int64_t>(std::floor(low[k] / cell)); };
@@ -377,14 +371,11 @@ void ForEachCell(const Aperture& aperture, const Slab& slab, double cell, Visit&
   {
     for (index[a] = first(a); index[a] <= last(a); ++index[a])
     {
-      const double ca = (index[a] + 0.5) * cell - aperture.face[a],
-                   cb = (index[b] + 0.5) * cell - aperture.face[b];
+      const double ca = (index[a] + 0.5) * cell - aperture.face[a], cb = (index[b] + 0.5) * cell - aperture.face[b];
       const double middle = aperture.face[d] - (n[a] * ca + n[b] * cb) / n[d];
       const double half = (slab.Thickness() + radius) / std::abs(n[d]);
-      const std::int64_t from =
-          std::max(first(d), static_cast<std::int64_t>(std::floor((middle - half) / cell)));
-      const std::int64_t to =
-          std::min(last(d), static_cast<std::int64_t>(std::floor((middle + half) / cell)));
+      const std::int64_t from = std::max(first(d), static_cast<std::int64_t>(std::floor((middle - half) / cell)));
+      const std::int64_t to = std::min(last(d), static_cast<std::int64_t>(std::floor((middle + half) / cell)));
       for (index[d] = from; index[d] <= to; ++index[d])
       {
         const Eigen::Vector3d centre =
@@ -401,8 +392,7 @@ void ForEachCell(const Aperture& aperture, const Slab& slab, double cell, Visit&
 /// Amplitude of the scatterer that 32 random bits may have put at a point, 0 when there is none; parenchyma's
 /// are 1. `share` is the probability of one in parenchyma. Equal amplitudes, a fixed number to a cell, bring
 /// the sum closest to fully developed speckle for a given density.
-double AmplitudeAt(const PhantomOptions& options, const Eigen::Vector3d& point, double share,
-                   std::uint32_t chance)
+double AmplitudeAt(const PhantomOptions& options, const Eigen::Vector3d& point, double share, std::uint32_t chance)
 {
   const bool organ = options.scene == PhantomScene::Organ;
   const Tissue kind = organ ? OrganAt(point) : Tissue::Parenchyma;
@@ -417,8 +407,7 @@ double AmplitudeAt(const PhantomOptions& options, const Eigen::Vector3d& point, 
 /// Calls visit(Scatterer) for every scatterer that can reach the image, in an order that depends on the plane
 /// only. The world is not stored: a hash of the seed and the cell places each cell's scatterers.
 template <class Visit>
-void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture, const Slab& slab,
-                      Visit&& visit)
+void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture, const Slab& slab, Visit&& visit)
 {
   const auto offer = [&](const Eigen::Vector3d& point, auto&& amplitude)
   {
@@ -464,25 +453,24 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture, c
   const double unit = 1 / std::sqrt(options.scattererDensity * std::pow(Pi, 1.5) * options.axialSigma *
                                     options.lateralSigma * options.elevationSigma);
   const std::uint64_t world = Mix(options.seed);
-  ForEachCell(
-      aperture, slab, cell,
-      [&](const std::array<std::int64_t, 3>& c)
-      {
-        std::uint64_t hash = world;
-        for (int k = 0; k < 3; ++k)
-        {
-          hash = Mix(hash ^ static_cast<std::uint64_t>(c[k]));
-        }
-        for (int k = 0; k < perCell; ++k)
-        {
-          const std::uint64_t place = Mix(hash + 2 * k);
-          const auto inside = [&](int shift) { return ((place >> shift & 0x1fffff) + 0.5) / 2097152.0; };
-          const Eigen::Vector3d point =
-              Eigen::Vector3d(c[0] + inside(0), c[1] + inside(21), c[2] + inside(42)) * cell;
-          const std::uint32_t chance = static_cast<std::uint32_t>(Mix(hash + 2 * k + 1));
-          offer(point, [&] { return unit * AmplitudeAt(options, point, expected / perCell, chance); });
-        }
-      });
+  ForEachCell(aperture, slab, cell,
+              [&](const std::array<std::int64_t, 3>& c)
+              {
+                std::uint64_t hash = world;
+                for (int k = 0; k < 3; ++k)
+                {
+                  hash = Mix(hash ^ static_cast<std::uint64_t>(c[k]));
+                }
+                for (int k = 0; k < perCell; ++k)
+                {
+                  const std::uint64_t place = Mix(hash + 2 * k);
+                  const auto inside = [&](int shift) { return ((place >> shift & 0x1fffff) + 0.5) / 2097152.0; };
+                  const Eigen::Vector3d point =
+                      Eigen::Vector3d(c[0] + inside(0), c[1] + inside(21), c[2] + inside(42)) * cell;
+                  const std::uint32_t chance = static_cast<std::uint32_t>(Mix(hash + 2 * k + 1));
+                  offer(point, [&] { return unit * AmplitudeAt(options, point, expected / perCell, chance); });
+                }
+              });
 }
 
 // ---- echoes ----
@@ -495,8 +483,7 @@ void Attenuate(const PhantomOptions& options, const Aperture& aperture, std::vec
 {
   constexpr double step = 0.3;  // mm along a line
   constexpr int stride = 3;     // lines: one lateral standard deviation at the deepest range
-  constexpr double node[5] = {0, 1.3556261799742659, -1.3556261799742659, 2.8569700138728056,
-                              -2.8569700138728056};
+  constexpr double node[5] = {0, 1.3556261799742659, -1.3556261799742659, 2.8569700138728056, -2.8569700138728056};
   constexpr double weight[5] = {8.0 / 15, 0.2220759220056126, 0.2220759220056126, 0.0112574113277207,
                                 0.0112574113277207};  // Gauss and Hermite, exact to degree 9
   // Natural logarithm of amplitude, both ways, per mm: dB / (cm MHz) times MHz.
@@ -514,10 +501,9 @@ void Attenuate(const PhantomOptions& options, const Aperture& aperture, std::vec
       double exponent = 0;
       for (int row = 0; row < rows; ++row)
       {
-        gain[static_cast<std::size_t>(row) * columns + column] +=
-            static_cast<float>(weight[q] * std::exp(-exponent));
-        const Eigen::Vector3d point = aperture.ToWorld({aperture.firstRange + (row + 0.5) * step, line},
-                                                       node[q] * options.elevationSigma);
+        gain[static_cast<std::size_t>(row) * columns + column] += static_cast<float>(weight[q] * std::exp(-exponent));
+        const Eigen::Vector3d point =
+            aperture.ToWorld({aperture.firstRange + (row + 0.5) * step, line}, node[q] * options.elevationSigma);
         exponent += (PropertiesOf(OrganAt(point)).attenuation - 1) * perMillimetre * step;
       }
     }
@@ -525,8 +511,7 @@ void Attenuate(const PhantomOptions& options, const Aperture& aperture, std::vec
 
   for (int r = 0; r < aperture.ranges; ++r)
   {
-    const double depth =
-        std::max(aperture.gridRange + r * aperture.rangeStep - aperture.firstRange, 0.0) / step;
+    const double depth = std::max(aperture.gridRange + r * aperture.rangeStep - aperture.firstRange, 0.0) / step;
     const int row = static_cast<int>(depth);
     const float down = static_cast<float>(depth - row);
     const float* above = &gain[static_cast<std::size_t>(row) * columns];
@@ -621,8 +606,7 @@ std::vector<Complex> SumEchoes(const PhantomOptions& options, const Aperture& ap
       }
     }
     const double range = aperture.gridRange + r * aperture.rangeStep;
-    const std::vector<float> lateral =
-        GaussianTaps(options.lateralSigma / aperture.MillimetresPerLine(range));
+    const std::vector<float> lateral = GaussianTaps(options.lateralSigma / aperture.MillimetresPerLine(range));
     Complex* out = &echoes[static_cast<std::size_t>(r) * lines];
     for (int k = 1 - static_cast<int>(lateral.size()); k < static_cast<int>(lateral.size()); ++k)
     {
@@ -668,8 +652,7 @@ SlicePlane PlaneOf(const Eigen::Matrix4d& pose, const PhantomOptions& options)
 }
 
 /// The pose of an image whose first row's middle is at `face` and whose axes are the columns of `axes`.
-Eigen::Matrix4d PoseAt(const Eigen::Vector3d& face, const Eigen::Matrix3d& axes,
-                       const PhantomOptions& options)
+Eigen::Matrix4d PoseAt(const Eigen::Vector3d& face, const Eigen::Matrix3d& axes, const PhantomOptions& options)
 {
   SlicePlane plane;
   plane.columnStep = options.pixelSize * axes.col(0);
@@ -692,8 +675,8 @@ void PhantomOptions::Validate() const
         s.erase(s.find_last_not_of('0') + 1);
         return s.back() == '.' ? s.substr(0, s.size() - 1) : s;
       };
-      throw Error("phantom: " + std::string(name) + " is " + text(value) + "; it must lie between " +
-                  text(low) + " and " + text(high) + unit + ".");
+      throw Error("phantom: " + std::string(name) + " is " + text(value) + "; it must lie between " + text(low) +
+                  " and " + text(high) + unit + ".");
     }
   };
   check("scene", static_cast<int>(scene), 0, 2, "");
@@ -761,8 +744,7 @@ Phantom::Phantom(const PhantomOptions& options) : options_(options)
   const auto rotation = [](const Eigen::Vector3d& vector) -> Eigen::Matrix3d
   {
     const double angle = vector.norm();
-    return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
-                     : Eigen::Matrix3d::Identity();
+    return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
   };
   const Eigen::Matrix3d turn = rotation(Eigen::Vector3d(0, o.sweepAngle * degree, 0));
   for (int k = 0; k < o.frames; ++k)
@@ -773,8 +755,8 @@ Phantom::Phantom(const PhantomOptions& options) : options_(options)
     {
       angles[axis] = o.tilt * degree * Sway(o.seed, SwayStream + axis, seconds);
     }
-    place = {o.wander * Sway(o.seed, SwayStream + 3, seconds),
-             o.wander * Sway(o.seed, SwayStream + 4, seconds), scale * travel[k] - 0.5 * length};
+    place = {o.wander * Sway(o.seed, SwayStream + 3, seconds), o.wander * Sway(o.seed, SwayStream + 4, seconds),
+             scale * travel[k] - 0.5 * length};
     const Eigen::Matrix3d axes = turn * rotation(angles[0] * Eigen::Vector3d::UnitX()) *
                                  rotation(angles[1] * Eigen::Vector3d::UnitY()) *
                                  rotation(angles[2] * Eigen::Vector3d::UnitZ());
@@ -838,8 +820,7 @@ std::vector<std::uint8_t> Phantom::Mask(const SlicePlane& plane) const
   {
     for (int i = 0; i < plane.width; ++i)
     {
-      mask[static_cast<std::size_t>(j) * plane.width + i] =
-          aperture.IsLit(aperture.PixelToBeam(i, j)) ? 1 : 0;
+      mask[static_cast<std::size_t>(j) * plane.width + i] = aperture.IsLit(aperture.PixelToBeam(i, j)) ? 1 : 0;
     }
   }
   return mask;

@@ -43,34 +43,32 @@ public:
   void SetAccuracy(const Accuracy&) override {}  // nothing is ever dropped here
   void SetNormalisedWeights(bool on) override { normalised_ = on; }
 
-  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image,
-              float* coverage) override
+  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
   {
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
     const std::vector<Projection<double>> projections = ProjectAll(plane);
-    tbb::parallel_for(0, window.rows,
-                      [&](int row)
-                      {
-                        for (int column = 0; column < window.columns; ++column)
-                        {
-                          double s = 0, support = 0;
-                          for (std::size_t i = 0; i < projections.size(); ++i)
-                          {
-                            const double w = Weight(projections[i].splat, window.firstColumn + column,
-                                                    window.firstRow + row);
-                            s += gaussians_[i].reflectivity * w;
-                            support += w;
-                          }
-                          const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
-                          image[pixel] =
-                              static_cast<float>(output == ViewOutput::Intensity ? Intensity(s, support) : s);
-                          if (coverage)
-                          {
-                            coverage[pixel] = static_cast<float>(support);
-                          }
-                        }
-                      });
+    tbb::parallel_for(
+        0, window.rows,
+        [&](int row)
+        {
+          for (int column = 0; column < window.columns; ++column)
+          {
+            double s = 0, support = 0;
+            for (std::size_t i = 0; i < projections.size(); ++i)
+            {
+              const double w = Weight(projections[i].splat, window.firstColumn + column, window.firstRow + row);
+              s += gaussians_[i].reflectivity * w;
+              support += w;
+            }
+            const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
+            image[pixel] = static_cast<float>(output == ViewOutput::Intensity ? Intensity(s, support) : s);
+            if (coverage)
+            {
+              coverage[pixel] = static_cast<float>(support);
+            }
+          }
+        });
   }
 
   void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
@@ -102,9 +100,9 @@ public:
       const SlicePlane plane = sweep_->Plane(frame);
       const std::vector<Projection<double>> projections = ProjectAll(plane);
       const std::vector<double> scattering = Scattering(projections, Reflectivities());
-      const std::vector<double> support =
-          normalised_ ? Scattering(projections, std::vector<double>(gaussians_.size(), 1.0))
-                      : std::vector<double>(pixels, 0.0);
+      const std::vector<double> support = normalised_
+                                              ? Scattering(projections, std::vector<double>(gaussians_.size(), 1.0))
+                                              : std::vector<double>(pixels, 0.0);
       const std::vector<float> frameTruth = Frame(frame);
       const std::vector<double> truth(frameTruth.begin(), frameTruth.end());
       std::vector<double> others(pixels, 0.0);
@@ -112,8 +110,8 @@ public:
       {
         image[pixel] = Intensity(scattering[pixel], support[pixel]);
       }
-      sum += imageLoss_->Evaluate(loss, sweep_->Weight(frame) / static_cast<double>(frames.size()),
-                                  image.data(), truth.data(), sweep_->width, others.data());
+      sum += imageLoss_->Evaluate(loss, sweep_->Weight(frame) / static_cast<double>(frames.size()), image.data(),
+                                  truth.data(), sweep_->width, others.data());
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
         const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
@@ -126,8 +124,8 @@ public:
           pull[pixel] = -derivative[pixel] * image[pixel];
           continue;
         }
-        const PixelLoss<double> value = EvaluateLoss(loss.l1, loss.l2, transfer_.gamma, scattering[pixel],
-                                                     truth[pixel], weight, others[pixel]);
+        const PixelLoss<double> value =
+            EvaluateLoss(loss.l1, loss.l2, transfer_.gamma, scattering[pixel], truth[pixel], weight, others[pixel]);
         sum += value.loss;
         derivative[pixel] = value.derivative;
       }
@@ -140,8 +138,8 @@ public:
                           {
                             Gaussian<double> weight = gaussians_[i];
                             weight.reflectivity = 1;
-                            GaussianGradient<double> shape = ProjectAdjoint(
-                                weight, projections[i], GatherMoments(projections[i].splat, pull));
+                            GaussianGradient<double> shape =
+                                ProjectAdjoint(weight, projections[i], GatherMoments(projections[i].splat, pull));
                             shape.reflectivity = 0;
                             AddTo(gradient_[i], shape);
                           }
@@ -208,8 +206,7 @@ public:
               image[pixel] = weight * (image[pixel] - target);
             }
             tbb::parallel_for(std::size_t(0), x.size(),
-                              [&](std::size_t i)
-                              { out[i] += GatherMoments(projections[i].splat, image).m0; });
+                              [&](std::size_t i) { out[i] += GatherMoments(projections[i].splat, image).m0; });
             if (progress && !progress(++done / steps))
             {
               return std::optional<std::vector<double>>();
@@ -291,8 +288,7 @@ private:
   bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
 
   /// S of a whole frame for reflectivities x.
-  std::vector<double> Scattering(const std::vector<Projection<double>>& projections,
-                                 const std::vector<double>& x) const
+  std::vector<double> Scattering(const std::vector<Projection<double>>& projections, const std::vector<double>& x) const
   {
     std::vector<double> scattering(sweep_->PixelsPerFrame(), 0.0);
     tbb::parallel_for(0, sweep_->height,

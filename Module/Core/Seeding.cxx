@@ -75,8 +75,8 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   const std::size_t litPixels = static_cast<std::size_t>(std::count(lit.begin(), lit.end(), 1));
   DensityGrid grid;
   // About a dozen cells a seed: fine enough to follow structure, coarse enough for millions of seeds.
-  const double pixelsPerSeed = static_cast<double>(litPixels) * static_cast<double>(frames.size()) /
-                               static_cast<double>(options.count);
+  const double pixelsPerSeed =
+      static_cast<double>(litPixels) * static_cast<double>(frames.size()) / static_cast<double>(options.count);
   grid.block = std::clamp(static_cast<int>(std::lround(std::sqrt(pixelsPerSeed / 12.0))), 1, 16);
   grid.columns = (sweep.width + grid.block - 1) / grid.block;
   grid.rows = (sweep.height + grid.block - 1) / grid.block;
@@ -123,8 +123,7 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
 /// Turns expected numbers of seeds a cell into counts whose local sums stay close to expectation: error
 /// diffusion, in alternating direction along rows, to the next row and to the next frame. This is what makes
 /// seeds blue noise.
-std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass,
-                         std::mt19937_64& random)
+std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass, std::mt19937_64& random)
 {
   const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
   std::vector<int> counts(cells * frames);
@@ -175,8 +174,7 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   std::vector<double> spacings;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    spacings.push_back(
-        Gap(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
+    spacings.push_back(Gap(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
   }
   geometry.pixelSize = frames.empty() ? 0.0 : sweep.Plane(frames[0]).PixelSize();
   if (!spacings.empty())
@@ -188,13 +186,11 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   return geometry;
 }
 
-GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam,
-                   const SeedingOptions& options)
+GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
 {
   if (options.count < 1 || options.count > (std::size_t(1) << 26))
   {
-    throw Error("Seeding: " + std::to_string(options.count) +
-                " Gaussians were asked for; give 1 to 67108864.");
+    throw Error("Seeding: " + std::to_string(options.count) + " Gaussians were asked for; give 1 to 67108864.");
   }
   if (frames.empty())
   {
@@ -245,9 +241,8 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
     for (std::size_t k = 0; k < options.count; ++k)
     {
       const double at = Uniform(random) * cumulative.back();
-      ++counts[std::min<std::size_t>(
-          std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
-          counts.size() - 1)];
+      ++counts[std::min<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
+                                     counts.size() - 1)];
     }
   }
   else
@@ -295,12 +290,9 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
         int x, y;
         do
         {
-          x = static_cast<int>(cell % grid.columns) * grid.block +
-              static_cast<int>(Uniform(random) * grid.block);
-          y = static_cast<int>(cell / grid.columns) * grid.block +
-              static_cast<int>(Uniform(random) * grid.block);
-        } while (x >= sweep.width || y >= sweep.height ||
-                 !lit[static_cast<std::size_t>(y) * sweep.width + x]);
+          x = static_cast<int>(cell % grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
+          y = static_cast<int>(cell / grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
+        } while (x >= sweep.width || y >= sweep.height || !lit[static_cast<std::size_t>(y) * sweep.width + x]);
         const double i = x + Uniform(random) - 0.5, j = y + Uniform(random) - 0.5;
 
         // Half a gap to either side along the sweep, on the way to the neighbour's pose.

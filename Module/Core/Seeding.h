@@ -36,7 +36,6 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
 
 /// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function
 /// at the seed; gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
-GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam,
-                   const SeedingOptions& options);
+GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options);
 
 }  // namespace bigus

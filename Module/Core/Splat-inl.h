@@ -231,8 +231,7 @@ BIGUS_FORMULA GaussianGradient<Real> ProjectAdjoint(const Gaussian<Real>& gaussi
 
   // D (.) D + spread m0 e e^T, D = I - kappa e e^T.
   const Vector3<Real>& e = p.e;
-  const Vector3<Real> f{xx * e.x + xy * e.y + xz * e.z, xy * e.x + yy * e.y + yz * e.z,
-                        xz * e.x + yz * e.y + zz * e.z};
+  const Vector3<Real> f{xx * e.x + xy * e.y + xz * e.z, xy * e.x + yy * e.y + yz * e.z, xz * e.x + yz * e.y + zz * e.z};
   const Real ee = p.kappa * p.kappa * Dot(e, f) + p.spread * m.m0;
   xx += ee * e.x * e.x - 2 * p.kappa * e.x * f.x;
   yy += ee * e.y * e.y - 2 * p.kappa * e.y * f.y;
@@ -249,8 +248,7 @@ BIGUS_FORMULA GaussianGradient<Real> ProjectAdjoint(const Gaussian<Real>& gaussi
   const Real gx = r * y1.x * t.x, gy = r * y1.y * t.y, gz = r * y1.z * t.z;
   out.mean = MultiplyAdd(gx, axes.x, MultiplyAdd(gy, axes.y, Scaled(gz, axes.z)));
   out.logScale = {r * xx, r * yy, r * zz};
-  out.rotation = {r * yz * (s.y * t.z - s.z * t.y), r * xz * (s.z * t.x - s.x * t.z),
-                  r * xy * (s.x * t.y - s.y * t.x)};
+  out.rotation = {r * yz * (s.y * t.z - s.z * t.y), r * xz * (s.z * t.x - s.x * t.z), r * xy * (s.x * t.y - s.y * t.x)};
   out.reflectivity = m.m0;
   return out;
 }

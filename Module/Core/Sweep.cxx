@@ -64,8 +64,7 @@ void ReduceFrame(const Pixel* in, int width, int n, double scale, int outWidth, 
     }
     for (int x = 0; x < outWidth; ++x)
     {
-      out[static_cast<std::size_t>(y) * outWidth + x] =
-          static_cast<float>(static_cast<double>(sums[x]) * mean);
+      out[static_cast<std::size_t>(y) * outWidth + x] = static_cast<float>(static_cast<double>(sums[x]) * mean);
     }
   }
 }
@@ -125,8 +124,8 @@ Sweep Sweep::Reduced(int n) const
                       if (pixelType == PixelType::UInt8)
                       {
                         const auto* from = static_cast<const std::uint8_t*>(pixels.get()) + first;
-                        ReduceFrame<std::uint8_t, std::uint64_t>(from, width, n, 1.0 / 255.0, out.width,
-                                                                 out.height, to);
+                        ReduceFrame<std::uint8_t, std::uint64_t>(from, width, n, 1.0 / 255.0, out.width, out.height,
+                                                                 to);
                       }
                       else
                       {
@@ -167,8 +166,8 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
   {
     CheckFrame(*this, frames[k]);
     const std::size_t frame = static_cast<std::size_t>(frames[k]);
-    std::memcpy(bytes->data() + k * frameBytes,
-                static_cast<const unsigned char*>(pixels.get()) + frame * frameBytes, frameBytes);
+    std::memcpy(bytes->data() + k * frameBytes, static_cast<const unsigned char*>(pixels.get()) + frame * frameBytes,
+                frameBytes);
     out.imageToReference.push_back(imageToReference[frame]);
     if (!timestamps.empty())
     {
@@ -301,8 +300,8 @@ void Sweep::Validate() const
                     [&](const tbb::blocked_range<std::size_t>& range)
                     {
                       const float* end = values + range.end();
-                      const float* bad = std::find_if(values + range.begin(), end,
-                                                      [](float v) { return !(v >= 0.0f && v <= 1.0f); });
+                      const float* bad =
+                          std::find_if(values + range.begin(), end, [](float v) { return !(v >= 0.0f && v <= 1.0f); });
                       if (bad != end)
                       {
                         const std::size_t index = bad - values;
@@ -315,9 +314,8 @@ void Sweep::Validate() const
   if (firstBad < n)
   {
     const std::size_t inFrame = firstBad % PixelsPerFrame();
-    throw Error("frame " + std::to_string(firstBad / PixelsPerFrame()) + ": pixel (" +
-                std::to_string(inFrame % width) + ", " + std::to_string(inFrame / width) + ") is " +
-                std::to_string(values[firstBad]) +
+    throw Error("frame " + std::to_string(firstBad / PixelsPerFrame()) + ": pixel (" + std::to_string(inFrame % width) +
+                ", " + std::to_string(inFrame / width) + ") is " + std::to_string(values[firstBad]) +
                 "; float pixels must lie in [0, 1]. Divide by the largest value of the original type.");
   }
 }

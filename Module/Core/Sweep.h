@@ -26,18 +26,15 @@ struct Sweep
   int width = 0;   ///< pixels in i
   int height = 0;  ///< pixels in j
   PixelType pixelType = PixelType::UInt8;
-  std::shared_ptr<const void> pixels;              ///< [frames][height][width], may alias memory owned elsewhere
-  std::vector<Eigen::Matrix4d> imageToReference;   ///< [frames] pixel (i, j, 0, 1) to mm
-  std::vector<double> timestamps;                  ///< [frames] seconds, or empty
-  std::vector<float> weights;                      ///< [frames] weight in the training loss, or empty for all 1
+  std::shared_ptr<const void> pixels;                     ///< [frames][height][width], may alias memory owned elsewhere
+  std::vector<Eigen::Matrix4d> imageToReference;          ///< [frames] pixel (i, j, 0, 1) to mm
+  std::vector<double> timestamps;                         ///< [frames] seconds, or empty
+  std::vector<float> weights;                             ///< [frames] weight in the training loss, or empty for all 1
   std::shared_ptr<const std::vector<std::uint8_t>> mask;  ///< [height][width], 0 = never lit or clipped; null = all lit
 
   int NumberOfFrames() const { return static_cast<int>(imageToReference.size()); }
   std::size_t PixelsPerFrame() const { return static_cast<std::size_t>(width) * height; }
-  SlicePlane Plane(int frame) const
-  {
-    return SlicePlane::FromImageToReference(imageToReference[frame], width, height);
-  }
+  SlicePlane Plane(int frame) const { return SlicePlane::FromImageToReference(imageToReference[frame], width, height); }
   float Weight(int frame) const { return weights.empty() ? 1.0f : weights[frame]; }
   bool IsLit(std::size_t pixel) const { return !mask || (*mask)[pixel] != 0; }
 

@@ -178,15 +178,13 @@ std::vector<char> LitPixels(const Patches& patches, int width, int height)
   {
     for (int dy = 0; dy < patchSide; ++dy)
     {
-      std::fill_n(lit.begin() + static_cast<std::ptrdiff_t>(patches.y[k] + dy) * width + patches.x[k],
-                  patchSide, 1);
+      std::fill_n(lit.begin() + static_cast<std::ptrdiff_t>(patches.y[k] + dy) * width + patches.x[k], patchSide, 1);
     }
   }
   return lit;
 }
 
-TextureStatistics::Intensity MeasureIntensity(const float* image, const std::vector<char>& lit,
-                                              double medianContrast)
+TextureStatistics::Intensity MeasureIntensity(const float* image, const std::vector<char>& lit, double medianContrast)
 {
   const auto power = [](double d, int n)
   {
@@ -300,8 +298,7 @@ struct Spectrum
 
   /// Periodograms of both images at once: two real signals are the real and imaginary part of a complex one,
   /// whose transform Z holds theirs as (Z(k) + conj Z(-k)) / 2 and (Z(k) - conj Z(-k)) / 2i.
-  WindowPower Measure(Eigen::FFT<double>& fft, const float* image, const float* truth, int width, int x0,
-                      int y0) const
+  WindowPower Measure(Eigen::FFT<double>& fft, const float* image, const float* truth, int width, int x0, int y0) const
   {
     const std::size_t first = static_cast<std::size_t>(y0) * width + x0;
     Complex mean = 0;
@@ -366,8 +363,7 @@ bool IsLit(const std::vector<char>& lit, int width, int x0, int y0)
 }
 
 /// Welch's estimate: the mean periodogram over the lit windows.
-WindowPower MeasureSpectra(const float* image, const float* truth, int width, int height,
-                           const std::vector<char>& lit)
+WindowPower MeasureSpectra(const float* image, const float* truth, int width, int height, const std::vector<char>& lit)
 {
   const Spectrum& spectrum = Spectrum::Get();
   const int down = height < windowSide ? 0 : (height - windowSide) / windowStride + 1;
@@ -457,8 +453,8 @@ BackscatterFidelity Bfs(const float* image, const float* truth, int width, int h
   }
   std::sort(patches.image.begin(), patches.image.end());
   std::sort(patches.truth.begin(), patches.truth.end());
-  out.contrastDistribution = std::exp(
-      -Share(SortedDistance(patches.image, patches.truth), std::sqrt(MeanSquare(patches.truth, mean))));
+  out.contrastDistribution =
+      std::exp(-Share(SortedDistance(patches.image, patches.truth), std::sqrt(MeanSquare(patches.truth, mean))));
   out.score = 0.4 * out.meanContrast + 0.4 * out.contrastDistribution + 0.2 * out.rayleigh;
   return out;
 }

@@ -45,10 +45,7 @@ bool Between(double value, double low, double high)
 class Clock
 {
 public:
-  double Seconds() const
-  {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
 
 private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -70,8 +67,7 @@ public:
     {
       if (at_ == 0)
       {
-        for (std::size_t i = frames_.size(); i > 1;
-             --i)  // Fisher-Yates; std::shuffle differs between libraries
+        for (std::size_t i = frames_.size(); i > 1; --i)  // Fisher-Yates; std::shuffle differs between libraries
         {
           std::swap(frames_[i - 1], frames_[random_() % i]);
         }
@@ -136,8 +132,7 @@ std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMa
 
 /// Scales all reflectivities by the one factor that brings rendered scattering closest to the frames' (least
 /// squares): neighbouring seeds overlap, so inverting the transfer function at each overshoots.
-void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames,
-                         GaussianField& field)
+void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames, GaussianField& field)
 {
   constexpr std::size_t kSamples = 4;
   std::vector<float> scattering(sweep.PixelsPerFrame()), truth(sweep.PixelsPerFrame());
@@ -225,8 +220,7 @@ void RemoveInvisible(GaussianField& field, double tolerance)
   std::size_t kept = 0;
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
-    if (std::abs(field.reflectivities[i]) * field.transfer.gamma >= tolerance ||
-        (i + 1 == field.Size() && kept == 0))
+    if (std::abs(field.reflectivities[i]) * field.transfer.gamma >= tolerance || (i + 1 == field.Size() && kept == 0))
     {
       field.means[kept] = field.means[i];
       field.scales[kept] = field.scales[i];
@@ -243,10 +237,7 @@ void RemoveInvisible(GaussianField& field, double tolerance)
 void TrainerOptions::Validate() const
 {
   const auto count = [](const char* option, std::size_t value)
-  {
-    Require(value >= 1 && value <= (std::size_t(1) << 26), option, static_cast<double>(value),
-            "1 to 67108864");
-  };
+  { Require(value >= 1 && value <= (std::size_t(1) << 26), option, static_cast<double>(value), "1 to 67108864"); };
   count("gaussians", gaussians.value_or(1));
   count("maximum of gaussians", maximumGaussians);
   Require(Between(price, 0, 100), "price", price, "0 to 100 dB");
@@ -276,23 +267,21 @@ void TrainerOptions::Validate() const
   Require(Between(finalRate, 1e-6, 1), "final rate", finalRate, "1e-6 to 1");
   Require(!solveIterations || (*solveIterations >= 0 && *solveIterations <= 1000), "solve iterations",
           solveIterations.value_or(0), "0 to 1000");
-  Require(!virtualPlanes || (*virtualPlanes >= 0 && *virtualPlanes <= 8), "virtual planes",
-          virtualPlanes.value_or(0), "0 to 8");
+  Require(!virtualPlanes || (*virtualPlanes >= 0 && *virtualPlanes <= 8), "virtual planes", virtualPlanes.value_or(0),
+          "0 to 8");
   Require(!minimumScale || Between(*minimumScale, 1e-6, 1e6), "minimum scale", minimumScale.value_or(0),
           "1e-6 to 1e6 mm");
   Require(!maximumScale || Between(*maximumScale, minimumScale.value_or(1e-6), 1e6), "maximum scale",
           maximumScale.value_or(0), "at least the minimum scale, at most 1e6 mm");
   Require(densification.interval >= 0, "densification interval", densification.interval, "0 (never) or more");
-  Require(Between(densification.percentile, 0, 100), "densification percentile", densification.percentile,
-          "0 to 100");
-  Require(Between(densification.start, 0, 1) && Between(densification.stop, 0, 1),
-          "densification start or stop", densification.start, "a fraction, 0 to 1");
-  Require(Between(densification.splitScale, 0, 1e6), "split scale", densification.splitScale,
-          "0 to 1e6 pixels");
-  Require(Between(densification.pruneReflectivity, 0, 1), "prune reflectivity",
-          densification.pruneReflectivity, "0 to 1");
-  Require(Between(densification.cloneReflectivity, 1e-6, 1), "clone reflectivity",
-          densification.cloneReflectivity, "above 0, at most 1");
+  Require(Between(densification.percentile, 0, 100), "densification percentile", densification.percentile, "0 to 100");
+  Require(Between(densification.start, 0, 1) && Between(densification.stop, 0, 1), "densification start or stop",
+          densification.start, "a fraction, 0 to 1");
+  Require(Between(densification.splitScale, 0, 1e6), "split scale", densification.splitScale, "0 to 1e6 pixels");
+  Require(Between(densification.pruneReflectivity, 0, 1), "prune reflectivity", densification.pruneReflectivity,
+          "0 to 1");
+  Require(Between(densification.cloneReflectivity, 1e-6, 1), "clone reflectivity", densification.cloneReflectivity,
+          "above 0, at most 1");
 }
 
 void ApplyPreset(const std::string& name, TrainerOptions& options)
@@ -309,8 +298,8 @@ void ApplyPreset(const std::string& name, TrainerOptions& options)
 }
 
 TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                   const std::vector<int>& validationFrames, const TrainerOptions& options,
-                   const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress,
+                   const std::vector<int>& validationFrames, const TrainerOptions& options, const GaussianField* start,
+                   const std::function<bool(const TrainingProgress&)>& progress,
                    std::shared_ptr<const Sweep> withVirtualPlanes, GaussianField* solved)
 {
   const Clock clock;
@@ -366,8 +355,7 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
     }
     else
     {
-      field = Seed(*sweep, frames, Beam{*options.elevationSigma},
-                   {options.seeding, *options.gaussians, options.seed});
+      field = Seed(*sweep, frames, Beam{*options.elevationSigma}, {options.seeding, *options.gaussians, options.seed});
       engine->SetField(field);
       ScaleReflectivities(*engine, *sweep, frames, field);
       if (*options.solveIterations > 0 && !result.aborted)
@@ -432,8 +420,8 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
     double fraction = static_cast<double>(iteration - 1) / iterations;
     if (options.timeLimit > 0)
     {
-      fraction = std::max(
-          fraction, (clock.Seconds() - trainingStart) / std::max(options.timeLimit - trainingStart, 1e-3));
+      fraction =
+          std::max(fraction, (clock.Seconds() - trainingStart) / std::max(options.timeLimit - trainingStart, 1e-3));
     }
     if (fraction >= 1.0)
     {
@@ -452,16 +440,14 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
     const double decay = std::pow(options.finalRate, fraction) / std::sqrt(1 + passes / kSettled);
     lossSum += engine->TrainStep(
         batches.Next(), Blend(options, fraction),
-        {rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay},
-        limits);
+        {rates.mean * decay, rates.logScale * decay, rates.rotation * decay, rates.reflectivity * decay}, limits);
     ++lossCount;
     result.iterations = iteration;
 
-    if (densification.interval > 0 && iteration % densification.interval == 0 &&
-        fraction >= densification.start && fraction <= densification.stop)
+    if (densification.interval > 0 && iteration % densification.interval == 0 && fraction >= densification.start &&
+        fraction <= densification.stop)
     {
-      const Restructured next =
-          Densify(engine->GetField(), engine->GetScores(), geometry.pixelSize, densification);
+      const Restructured next = Densify(engine->GetField(), engine->GetScores(), geometry.pixelSize, densification);
       if (next.field.Size() > 0)
       {
         engine->SetField(next.field, &next.parents);
@@ -509,8 +495,8 @@ TrainingResult Fit(std::shared_ptr<const Sweep> sweep, const std::vector<int>& f
   return result;
 }
 
-TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
-                     const GaussianField* start, const std::function<bool(const TrainingProgress&)>& progress)
+TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
+                     const std::function<bool(const TrainingProgress&)>& progress)
 {
   const Clock clock;
   options.Validate();
@@ -527,8 +513,8 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   if (frames.empty())
   {
     throw Error("Trainer: with a hold-out of " + std::to_string(options.holdOut) + " and validation of " +
-                std::to_string(options.validation) + ", none of the " +
-                std::to_string(sweep->NumberOfFrames()) + " frames is left to train on.");
+                std::to_string(options.validation) + ", none of the " + std::to_string(sweep->NumberOfFrames()) +
+                " frames is left to train on.");
   }
   if (!start)
   {
@@ -563,12 +549,10 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     share = kDeciding;
     // Of a limited time training gets the larger part.
     constexpr double kTimeForDeciding = 1.0 / 3;
-    decisions = Decide(sweep, frames, settled,
-                       [&](const TrainingProgress& now)
-                       {
-                         return passOn(now) && (options.timeLimit == 0 ||
-                                                clock.Seconds() < kTimeForDeciding * options.timeLimit);
-                       });
+    decisions = Decide(
+        sweep, frames, settled,
+        [&](const TrainingProgress& now)
+        { return passOn(now) && (options.timeLimit == 0 || clock.Seconds() < kTimeForDeciding * options.timeLimit); });
     from = kDeciding;
     share = 1 - kDeciding;
   }

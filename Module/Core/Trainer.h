@@ -29,10 +29,10 @@ struct TrainerOptions
   SeedPlacement seeding = SeedPlacement::Intensity;
   std::optional<std::size_t> gaussians;    ///< seeds, 1 to 2^26
   std::size_t maximumGaussians = 2000000;  ///< the most that `automatic` chooses, 1 to 2^26
-  double price = 0.1;  ///< dB on validation frames that twice the Gaussians must gain, 0 to 100
-  std::optional<double> elevationSigma;             ///< mm, 0 to 1000
-  std::optional<bool> signedReflectivity;           ///< false: r >= 0
-  std::optional<int> virtualPlanes;                 ///< planes added in every gap, 0 to 8
+  double price = 0.1;                      ///< dB on validation frames that twice the Gaussians must gain, 0 to 100
+  std::optional<double> elevationSigma;    ///< mm, 0 to 1000
+  std::optional<bool> signedReflectivity;  ///< false: r >= 0
+  std::optional<int> virtualPlanes;        ///< planes added in every gap, 0 to 8
   std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show
   bool keepContrast = false;  ///< interpolation that is decided on keeps the frames' speckle contrast
   /// A gain and an offset for every frame to train on, removed from it: images of one place that differ in
@@ -43,12 +43,12 @@ struct TrainerOptions
   std::optional<bool> poseRefinement;
   double trackerTranslation = 0.3;  ///< mm, above 0 to 1000: standard deviation of a tracked position
   double trackerRotation = 0.3;     ///< degrees, above 0 to 45: of a tracked orientation
-  int holdOut = 0;     ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
-  int validation = 0;  ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
-  int patience = 10;   ///< evaluations without a better validation PSNR before stopping, >= 1
-  std::optional<int> iterations;  ///< optimizer steps, 0 (seeding only) to 10^7
-  double timeLimit = 0;           ///< seconds, all included, 0 = none; the rate schedule is fitted to it
-  int batch = 8;                  ///< frames a step, 1 to 4096
+  int holdOut = 0;                  ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
+  int validation = 0;               ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
+  int patience = 10;                ///< evaluations without a better validation PSNR before stopping, >= 1
+  std::optional<int> iterations;    ///< optimizer steps, 0 (seeding only) to 10^7
+  double timeLimit = 0;             ///< seconds, all included, 0 = none; the rate schedule is fitted to it
+  int batch = 8;                    ///< frames a step, 1 to 4096
   std::uint64_t seed = 1;
   Loss loss;
   std::optional<Loss> finalLoss;       ///< weights move linearly from `loss` to these as training goes on

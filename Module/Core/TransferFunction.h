@@ -30,7 +30,7 @@ struct TransferFunction
   /// The mean is clamped to [1e-3, 0.9], so that an almost black or white sweep still trains.
   static TransferFunction FromMeanIntensity(double meanIntensity)
   {
-    return { -std::log1p(-std::min(std::max(meanIntensity, 1e-3), 0.9)) };
+    return {-std::log1p(-std::min(std::max(meanIntensity, 1e-3), 0.9))};
   }
 };
 

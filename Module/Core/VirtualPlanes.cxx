@@ -64,11 +64,11 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
                         std::vector<float> image(pixels);
                         InterpolateFrames(sweep, gap.from, gap.to, out->Plane(static_cast<int>(k)), gap.share,
                                           interpolation, image.data());
-                        std::transform(image.begin(), image.end(), to,
-                                       [](float value) {
-                                         return static_cast<Pixel>(
-                                             std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
-                                       });
+                        std::transform(
+                            image.begin(), image.end(), to,
+                            [](float value) {
+                              return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
+                            });
                       });
     out->pixels = std::shared_ptr<const void>(values, values->data());
   };

@@ -29,9 +29,8 @@ AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName)
   }
   if (!file_)
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError,
-                    fileName + ": cannot be written: " + std::strerror(errno) +
-                        "; check that the folder exists and can be written to");
+    throw FileError(vtkErrorCode::CannotOpenFileError, fileName + ": cannot be written: " + std::strerror(errno) +
+                                                           "; check that the folder exists and can be written to");
   }
 }
 

@@ -33,8 +33,8 @@ vtkDataArray* RequireArray(vtkFieldData* data, const std::string& what, const ch
   if (array->GetNumberOfComponents() != components || array->GetNumberOfTuples() != tuples)
   {
     throw FormatError(what + ": the array " + name + " has " + std::to_string(array->GetNumberOfTuples()) +
-                      " tuples of " + std::to_string(array->GetNumberOfComponents()) + "; " +
-                      std::to_string(tuples) + " of " + std::to_string(components) + " are expected");
+                      " tuples of " + std::to_string(array->GetNumberOfComponents()) + "; " + std::to_string(tuples) +
+                      " of " + std::to_string(components) + " are expected");
   }
   return array;
 }

@@ -80,8 +80,7 @@ MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacin
   plane.height = std::max(1, static_cast<int>(std::lround(size[1] / spacing)));
   plane.columnStep = spacing * x.normalized();
   plane.rowStep = spacing * y.normalized();
-  plane.origin =
-      centre - 0.5 * (plane.width - 1) * plane.columnStep - 0.5 * (plane.height - 1) * plane.rowStep;
+  plane.origin = centre - 0.5 * (plane.width - 1) * plane.columnStep - 0.5 * (plane.height - 1) * plane.rowStep;
   try
   {
     plane.Validate("the plane");
@@ -106,8 +105,7 @@ std::vector<MarkupPlane> ReadMarkupPlanes(const std::string& fileName, double sp
   const auto markups = document.is_object() ? document.find("markups") : document.end();
   if (!document.is_object() || markups == document.end() || !markups->is_array())
   {
-    throw FormatError(fileName +
-                      ": has no list \"markups\"; a 3D Slicer markup file (.mrk.json) is expected");
+    throw FormatError(fileName + ": has no list \"markups\"; a 3D Slicer markup file (.mrk.json) is expected");
   }
   std::vector<MarkupPlane> planes;
   for (std::size_t i = 0; i < markups->size(); ++i)

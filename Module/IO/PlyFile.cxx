@@ -59,8 +59,7 @@ bool ParseType(const std::string& text, Property& property)
 
 PlyHeader ReadHeader(InputFile& input)
 {
-  const auto refuse = [&input](const std::string& message)
-  { return FormatError(input.Name() + ": " + message); };
+  const auto refuse = [&input](const std::string& message) { return FormatError(input.Name() + ": " + message); };
   PlyHeader header;
   std::string line;
   if (!input.ReadLine(line) || line != "ply")
@@ -102,15 +101,13 @@ PlyHeader ReadHeader(InputFile& input)
       inVertex = words[1] == "vertex";
       if (!inVertex && header.vertices < 0)
       {
-        throw refuse("element " + Quoted(words[1]) +
-                     " comes before vertex; vertex must be the first element");
+        throw refuse("element " + Quoted(words[1]) + " comes before vertex; vertex must be the first element");
       }
       std::int64_t count = -1;
-      if (inVertex &&
-          (!ParseNumber(words[2], count) || count < 0 || count > mostVertices || header.vertices >= 0))
+      if (inVertex && (!ParseNumber(words[2], count) || count < 0 || count > mostVertices || header.vertices >= 0))
       {
-        throw refuse("header line " + Quoted(line) + "; one vertex element with 0 to " +
-                     std::to_string(mostVertices) + " vertices is expected");
+        throw refuse("header line " + Quoted(line) + "; one vertex element with 0 to " + std::to_string(mostVertices) +
+                     " vertices is expected");
       }
       header.vertices = inVertex ? count : header.vertices;
     }
@@ -120,8 +117,8 @@ PlyHeader ReadHeader(InputFile& input)
       if (inVertex && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
                        header.properties.size() >= mostProperties))
       {
-        throw refuse("header line " + Quoted(line) + "; a vertex has up to " +
-                     std::to_string(mostProperties) + " properties of a number type and no lists");
+        throw refuse("header line " + Quoted(line) + "; a vertex has up to " + std::to_string(mostProperties) +
+                     " properties of a number type and no lists");
       }
       if (inVertex)
       {
@@ -176,17 +173,15 @@ bool ThisMachineIsBigEndian()
 class VertexReader
 {
 public:
-  VertexReader(InputFile& input, const PlyHeader& header)
-      : input_(input), header_(header), bytes_(header.stride)
+  VertexReader(InputFile& input, const PlyHeader& header) : input_(input), header_(header), bytes_(header.stride)
   {
     // The least room a vertex takes: its bytes, or a digit and a blank for each number.
     const std::uint64_t least = header.layout == Layout::Ascii ? 2 * header.properties.size() : header.stride;
     const auto vertices = static_cast<std::uint64_t>(header.vertices);
     if (vertices > 0 && (least == 0 || (input.Remaining() + 1) / least < vertices))
     {
-      throw TruncationError(input.Name() + ": claims " + std::to_string(header.vertices) +
-                            " vertices, but only " + std::to_string(input.Remaining()) +
-                            " bytes follow; the file is truncated");
+      throw TruncationError(input.Name() + ": claims " + std::to_string(header.vertices) + " vertices, but only " +
+                            std::to_string(input.Remaining()) + " bytes follow; the file is truncated");
     }
   }
 
@@ -197,8 +192,7 @@ public:
     {
       if (!input_.ReadLine(line_))
       {
-        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) +
-                              " vertices; it is truncated");
+        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) + " vertices; it is truncated");
       }
       if (!ParseNumbers(line_, values.size(), values.data()))
       {
@@ -210,8 +204,7 @@ public:
     {
       if (input_.Read(bytes_.data(), bytes_.size()) != bytes_.size())
       {
-        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) +
-                              " vertices; it is truncated");
+        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) + " vertices; it is truncated");
       }
       const bool swap = ThisMachineIsBigEndian() != (header_.layout == Layout::Big);
       unsigned char* at = bytes_.data();
@@ -304,8 +297,7 @@ StoredField ReadPly(const std::string& fileName)
     const auto found = columns.find(name);
     if (found == columns.end())
     {
-      throw FormatError(fileName + ": the vertex property " + name +
-                        " is missing; this is not a Gaussian field");
+      throw FormatError(fileName + ": the vertex property " + name + " is missing; this is not a Gaussian field");
     }
     return found->second;
   };
@@ -343,9 +335,8 @@ StoredField ReadPly(const std::string& fileName)
       }
       else
       {
-        const double luminance =
-            0.5 + sphericalHarmonic0 *
-                      (0.2126 * values[colour[0]] + 0.7152 * values[colour[1]] + 0.0722 * values[colour[2]]);
+        const double luminance = 0.5 + sphericalHarmonic0 * (0.2126 * values[colour[0]] + 0.7152 * values[colour[1]] +
+                                                             0.0722 * values[colour[2]]);
         const double alpha = 1.0 / (1.0 + std::exp(-values[reflectivity]));
         // Written so that NaN stays NaN and is refused below.
         field.reflectivities[i] = alpha * (luminance < 0 ? 0 : luminance > 1 ? 1 : luminance);
@@ -378,8 +369,8 @@ void WritePly(const StoredField& stored, AtomicFile& file)
     header += "comment bigus.provenance " + line + "\n";
   }
   header += "element vertex " + std::to_string(field.Size()) + "\n";
-  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
-                           "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
+                           "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
   {
     header += std::string("property float ") + name + "\n";
   }
@@ -413,9 +404,9 @@ void WritePly(const StoredField& stored, AtomicFile& file)
       const auto position = static_cast<float>(field.means[i][axis]);
       if (!std::isfinite(position))
       {
-        throw FileError(vtkErrorCode::UserError,
-                        "point " + std::to_string(i) + " lies at " + FormatNumber(field.means[i][axis]) +
-                            " mm, which is more than a PLY file for viewers can hold");
+        throw FileError(vtkErrorCode::UserError, "point " + std::to_string(i) + " lies at " +
+                                                     FormatNumber(field.means[i][axis]) +
+                                                     " mm, which is more than a PLY file for viewers can hold");
       }
       put(at, position);
     }

@@ -17,8 +17,7 @@ namespace
 
 std::uint32_t BigEndian(const unsigned char* bytes)
 {
-  return std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 |
-         bytes[3];
+  return std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 | bytes[3];
 }
 
 FileError Damaged(const std::string& fileName)
@@ -29,11 +28,9 @@ FileError Damaged(const std::string& fileName)
 // Signature and IHDR chunk; leaves the file behind them.
 PngHeader ReadHeader(InputFile& input)
 {
-  const unsigned char signature[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
-                                       0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+  const unsigned char signature[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n', 0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   unsigned char bytes[33] = {};  // ... width, height, depth, colour, compression, filter, interlace, checksum
-  if (input.Read(bytes, sizeof(bytes)) != sizeof(bytes) ||
-      std::memcmp(bytes, signature, sizeof(signature)) != 0)
+  if (input.Read(bytes, sizeof(bytes)) != sizeof(bytes) || std::memcmp(bytes, signature, sizeof(signature)) != 0)
   {
     throw FormatError(input.Name() + ": not a PNG image, or truncated");
   }
@@ -48,18 +45,16 @@ PngHeader ReadHeader(InputFile& input)
   }
   if (bytes[25] != 0 || (depth != 8 && depth != 16) || bytes[28] != 0)
   {
-    throw FormatError(input.Name() +
-                      ": not a grey image of 8 or 16 bits without interlacing (PNG colour type " +
+    throw FormatError(input.Name() + ": not a grey image of 8 or 16 bits without interlacing (PNG colour type " +
                       std::to_string(bytes[25]) + ", depth " + std::to_string(depth) + ", interlacing " +
                       std::to_string(bytes[28]) + "); convert it to one");
   }
   if (std::uint64_t(width) * height * std::uint64_t(depth / 8) / deflateLimit > input.Size())
   {
-    throw TruncationError(input.Name() + ": claims " + size + " pixels, more than its " +
-                          std::to_string(input.Size()) + " bytes can hold");
+    throw TruncationError(input.Name() + ": claims " + size + " pixels, more than its " + std::to_string(input.Size()) +
+                          " bytes can hold");
   }
-  return {static_cast<int>(width), static_cast<int>(height),
-          depth == 8 ? ElementType::UInt8 : ElementType::UInt16};
+  return {static_cast<int>(width), static_cast<int>(height), depth == 8 ? ElementType::UInt8 : ElementType::UInt16};
 }
 
 // Inflates all IDAT chunks into `data`, which must come out exactly full.
@@ -137,9 +132,7 @@ unsigned char Paeth(int left, int up, int upLeft)
   const int toLeft = std::abs(estimate - left);
   const int toUp = std::abs(estimate - up);
   const int toUpLeft = std::abs(estimate - upLeft);
-  return static_cast<unsigned char>(toLeft <= toUp && toLeft <= toUpLeft ? left
-                                    : toUp <= toUpLeft                   ? up
-                                                                         : upLeft);
+  return static_cast<unsigned char>(toLeft <= toUp && toLeft <= toUpLeft ? left : toUp <= toUpLeft ? up : upLeft);
 }
 
 // Undoes a row's filter in place. `previous` is the row above, zeros for the first; false for an unknown
@@ -187,18 +180,15 @@ void ReadPng(const std::string& fileName, const PngHeader& expected, void* pixel
 {
   InputFile input(fileName);
   const PngHeader header = ReadHeader(input);
-  if (header.width != expected.width || header.height != expected.height ||
-      header.elementType != expected.elementType)
+  if (header.width != expected.width || header.height != expected.height || header.elementType != expected.elementType)
   {
-    throw FormatError(fileName + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                      " " + NameOf(header.elementType) + ", unlike the first image (" +
-                      std::to_string(expected.width) + " x " + std::to_string(expected.height) + " " +
-                      NameOf(expected.elementType) + ")");
+    throw FormatError(fileName + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) + " " +
+                      NameOf(header.elementType) + ", unlike the first image (" + std::to_string(expected.width) +
+                      " x " + std::to_string(expected.height) + " " + NameOf(expected.elementType) + ")");
   }
   const std::size_t pixelBytes = BytesPerElement(header.elementType);
   const std::size_t rowBytes = static_cast<std::size_t>(header.width) * pixelBytes;
-  std::vector<unsigned char> data((rowBytes + 1) *
-                                  static_cast<std::size_t>(header.height));  // a filter byte a row
+  std::vector<unsigned char> data((rowBytes + 1) * static_cast<std::size_t>(header.height));  // a filter byte a row
   InflateChunks(input, data);
 
   const std::vector<unsigned char> zeros(rowBytes, 0);

@@ -221,7 +221,7 @@ std::string Listed(const std::vector<std::string>& names)
   {
     text += (i ? ", " : "") + names[i];
   }
-  return names.empty()        ? "none"
+  return names.empty()         ? "none"
          : names.size() > most ? text + " and " + std::to_string(names.size() - most) + " more"
                                : text;
 }
@@ -274,8 +274,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
     {
       matrix = Eigen::Matrix4d(Eigen::Affine3d(matrix).inverse().matrix());
     }
-    pose = first ? matrix
-                 : Eigen::Matrix4d(matrix * pose);  // a single forward link stays as it is, to the last bit
+    pose = first ? matrix : Eigen::Matrix4d(matrix * pose);  // a single forward link stays as it is, to the last bit
     first = false;
   }
   if (!pose.allFinite())
@@ -327,8 +326,8 @@ std::string PoseTable::RejectionSummary() const
     rejected += numbers.size();
     if (i < 10)
     {
-      details += (i ? ", " : "") + std::to_string(numbers.size()) + " for " + rejections[i].reason +
-                 " (frame" + (numbers.size() > 1 ? "s " : " ") + Listed(numbers) + ")";
+      details += (i ? ", " : "") + std::to_string(numbers.size()) + " for " + rejections[i].reason + " (frame" +
+                 (numbers.size() > 1 ? "s " : " ") + Listed(numbers) + ")";
     }
   }
   return std::to_string(rejected) + " of " + std::to_string(frames.size()) + " frames rejected: " + details +
@@ -349,19 +348,17 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
 
   if (options.fromFrame.empty() || options.toFrame.empty() || options.fromFrame == options.toFrame)
   {
-    throw FileError(vtkErrorCode::UserError,
-                    file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
-                        Quoted(options.toFrame) + "; name two different coordinate frames");
+    throw FileError(vtkErrorCode::UserError, file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
+                                                 Quoted(options.toFrame) + "; name two different coordinate frames");
   }
   std::vector<std::string> reached;
   const std::vector<Step> chain = FindChain(links, options.fromFrame, options.toFrame, reached);
   if (chain.empty() && (options.required || !links.empty()))
   {
-    throw FormatError(
-        file.fileName + ": no way from " + options.fromFrame + " to " + options.toFrame +
-        ". Transforms there are: " + Listed(names) + ". Reached from " + options.fromFrame + ": " +
-        Listed({reached.begin() + 1, reached.end()}) +
-        ". Name other coordinate frames, or give a Plus configuration that has the missing transform");
+    throw FormatError(file.fileName + ": no way from " + options.fromFrame + " to " + options.toFrame +
+                      ". Transforms there are: " + Listed(names) + ". Reached from " + options.fromFrame + ": " +
+                      Listed({reached.begin() + 1, reached.end()}) +
+                      ". Name other coordinate frames, or give a Plus configuration that has the missing transform");
   }
   table.chain = chain.empty() ? "" : options.fromFrame;
   for (const Step& step : chain)

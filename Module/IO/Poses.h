@@ -44,10 +44,10 @@ struct Rejection
 struct PoseTable
 {
   std::vector<TransformName> transforms;  ///< all there are, per-frame ones first
-  std::string chain;                  ///< such as "Image -> Probe -> Tracker -> Reference"; empty: no poses
-  std::vector<FramePose> frames;      ///< [frames]
-  std::vector<double> timestamps;     ///< [frames], NaN where there is none
-  std::vector<Rejection> rejections;  ///< in the order of their first frames
+  std::string chain;                      ///< such as "Image -> Probe -> Tracker -> Reference"; empty: no poses
+  std::vector<FramePose> frames;          ///< [frames]
+  std::vector<double> timestamps;         ///< [frames], NaN where there is none
+  std::vector<Rejection> rejections;      ///< in the order of their first frames
 
   int NumberOfAcceptedFrames() const;
 

@@ -37,8 +37,7 @@ const std::string& Require(const SequenceFile& file, const Fields& fields, const
   return *value;
 }
 
-std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::string& name,
-                                       const std::string& text)
+std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::string& name, const std::string& text)
 {
   std::vector<std::int64_t> sizes;
   for (const auto word : Words(text))
@@ -58,9 +57,8 @@ void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::
   if (width > largestSide || height > largestSide || frames > mostFrames)
   {
     Refuse(file, "claims " + std::to_string(frames) + " frames of " + std::to_string(width) + " x " +
-                     std::to_string(height) + " pixels; at most " + std::to_string(mostFrames) +
-                     " frames of " + std::to_string(largestSide) + " x " + std::to_string(largestSide) +
-                     " are read");
+                     std::to_string(height) + " pixels; at most " + std::to_string(mostFrames) + " frames of " +
+                     std::to_string(largestSide) + " x " + std::to_string(largestSide) + " are read");
   }
   file.width = static_cast<int>(width);
   file.height = static_cast<int>(height);
@@ -78,10 +76,9 @@ void SetOrientation(SequenceFile& file, const std::string* flag)
                      (o[0] == 'M' || o[0] == 'U') && (o[1] == 'F' || o[1] == 'N');
   if (!known)
   {
-    Refuse(file,
-           "UltrasoundImageOrientation = " + Quoted(o) +
-               "; MF, MN, UF and UN, with A or D after them, are read. Scan-line orders such as FM are not: "
-               "convert to a B-mode image first");
+    Refuse(file, "UltrasoundImageOrientation = " + Quoted(o) +
+                     "; MF, MN, UF and UN, with A or D after them, are read. Scan-line orders such as FM are not: "
+                     "convert to a B-mode image first");
   }
   file.flipColumns = o[0] == 'U';
   file.flipRows = o[1] == 'N';
@@ -224,8 +221,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   const std::string& nDims = Require(file, file.fields, "NDims");
   if (!ParseNumber(nDims, dimensions) || dimensions != static_cast<std::int64_t>(sizes.size()))
   {
-    Refuse(file,
-           "NDims = " + Quoted(nDims) + ", but DimSize has " + std::to_string(sizes.size()) + " numbers");
+    Refuse(file, "NDims = " + Quoted(nDims) + ", but DimSize has " + std::to_string(sizes.size()) + " numbers");
   }
   if (sizes.size() == 4 && sizes[2] == 1)
   {
@@ -242,8 +238,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   }
   SetSizes(file, sizes[0], sizes[1], sizes[2]);
 
-  if (const std::string* channels = Find(file.fields, "ElementNumberOfChannels");
-      channels && *channels != "1")
+  if (const std::string* channels = Find(file.fields, "ElementNumberOfChannels"); channels && *channels != "1")
   {
     Refuse(file, "ElementNumberOfChannels = " + Quoted(*channels) + "; only grey images (1) are read");
   }
@@ -265,8 +260,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
     Refuse(file, "ElementType = " + Quoted(type) + "; MET_UCHAR, MET_USHORT and MET_FLOAT are read");
   }
 
-  if (const std::string* binary = Find(file.fields, "BinaryData");
-      binary && !ParseBool(file, "BinaryData", *binary))
+  if (const std::string* binary = Find(file.fields, "BinaryData"); binary && !ParseBool(file, "BinaryData", *binary))
   {
     Refuse(file, "BinaryData = False; pixels as text are not read");
   }
@@ -291,15 +285,13 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   }
   else if (Lowercase(dataFile).rfind("list", 0) == 0 || dataFile.find('%') != std::string::npos)
   {
-    Refuse(file, "ElementDataFile = " + Quoted(dataFile) +
-                     "; one data file or LOCAL is read, lists and patterns not");
+    Refuse(file, "ElementDataFile = " + Quoted(dataFile) + "; one data file or LOCAL is read, lists and patterns not");
   }
   else
   {
     file.dataFile = CompanionFile(file.fileName, FolderOf(file.fileName), dataFile);
   }
-  if (const std::string* text = Find(file.fields, "CompressedDataSize");
-      text && file.encoding == Encoding::Zlib)
+  if (const std::string* text = Find(file.fields, "CompressedDataSize"); text && file.encoding == Encoding::Zlib)
   {
     std::int64_t bytes = 0;
     if (!ParseNumber(*text, bytes) || bytes < 1)
@@ -313,8 +305,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
     std::int64_t bytes = 0;
     if (!ParseNumber(*text, bytes) || bytes < -1 || (bytes == -1 && file.encoding != Encoding::Raw))
     {
-      Refuse(file,
-             "HeaderSize = " + Quoted(*text) + "; bytes to skip in the data file, or -1 (raw data only)");
+      Refuse(file, "HeaderSize = " + Quoted(*text) + "; bytes to skip in the data file, or -1 (raw data only)");
     }
     if (bytes == -1)
     {
@@ -385,8 +376,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
     std::int64_t count = 0;
     if (!ParseNumber(*dimension, count) || count != static_cast<std::int64_t>(sizes.size()))
     {
-      Refuse(file, "dimension: " + Quoted(*dimension) + ", but sizes has " + std::to_string(sizes.size()) +
-                       " numbers");
+      Refuse(file, "dimension: " + Quoted(*dimension) + ", but sizes has " + std::to_string(sizes.size()) + " numbers");
     }
   }
   std::vector<std::string> kinds;
@@ -407,8 +397,8 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   }
   if (kinds.size() != sizes.size())
   {
-    Refuse(file, "kinds must name each of the " + std::to_string(sizes.size()) +
-                     " axes, such as \"domain domain list\"");
+    Refuse(file,
+           "kinds must name each of the " + std::to_string(sizes.size()) + " axes, such as \"domain domain list\"");
   }
   std::vector<std::int64_t> plane;
   std::int64_t frames = 1;
@@ -421,8 +411,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
       file.framesFastest = plane.empty();
       if (++lists > 1 || plane.size() == 1)
       {
-        Refuse(file, "kinds: " + Quoted(nrrd["kinds"]) +
-                         "; one list axis, before or after all domain axes, is read");
+        Refuse(file, "kinds: " + Quoted(nrrd["kinds"]) + "; one list axis, before or after all domain axes, is read");
       }
     }
     else if (kinds[axis] == "domain" || kinds[axis] == "space")
@@ -511,8 +500,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   }
   else
   {
-    throw TruncationError(file.fileName +
-                          ": the header ends without a blank line or a data file; it is truncated");
+    throw TruncationError(file.fileName + ": the header ends without a blank line or a data file; it is truncated");
   }
   for (const char* name : {"line skip", "lineskip", "byte skip", "byteskip"})
   {
@@ -589,9 +577,8 @@ std::string ImageName(const SequenceFile& file, const std::string& pattern, std:
     Refuse(file, "image pattern " + Quoted(pattern) + "; one %d or %04d, where the number goes, is expected");
   }
   std::string text = std::to_string(number);
-  text.insert(
-      0, text.size() < static_cast<std::size_t>(digits) ? static_cast<std::size_t>(digits) - text.size() : 0,
-      '0');
+  text.insert(0, text.size() < static_cast<std::size_t>(digits) ? static_cast<std::size_t>(digits) - text.size() : 0,
+              '0');
   return pattern.substr(0, percent) + text + pattern.substr(end + 1);
 }
 
@@ -599,8 +586,7 @@ std::vector<std::string> PngFilesOf(const std::string& folder)
 {
   std::vector<std::string> files;
   std::error_code error;
-  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
   {
     if (Lowercase(entry->path().extension().string()) == ".png")
     {
@@ -609,8 +595,7 @@ std::vector<std::string> PngFilesOf(const std::string& folder)
   }
   if (error)
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError,
-                    folder + ": the folder cannot be read: " + error.message());
+    throw FileError(vtkErrorCode::CannotOpenFileError, folder + ": the folder cannot be read: " + error.message());
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -634,8 +619,7 @@ void ReadCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
   {
     columns.emplace(Lowercase(names[i]), i);
   }
-  const bool lastRow =
-      columns.count("m30") || columns.count("m31") || columns.count("m32") || columns.count("m33");
+  const bool lastRow = columns.count("m30") || columns.count("m31") || columns.count("m32") || columns.count("m33");
   std::vector<std::size_t> matrix;
   for (int i = 0; i < (lastRow ? 16 : 12); ++i)
   {
@@ -664,8 +648,8 @@ void ReadCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
     const std::size_t row = file.frames.size();
     if (cells.size() != names.size())
     {
-      Refuse(file, "row " + std::to_string(row) + " has " + std::to_string(cells.size()) +
-                       " cells, the header " + std::to_string(names.size()));
+      Refuse(file, "row " + std::to_string(row) + " has " + std::to_string(cells.size()) + " cells, the header " +
+                       std::to_string(names.size()));
     }
     if (static_cast<std::int64_t>(row) >= mostFrames || input.Position() > longestHeader)
     {
@@ -716,8 +700,7 @@ void ReadCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
   {
     for (int frame = 0; frame < file.numberOfFrames; ++frame)
     {
-      file.images.push_back(
-          (std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
+      file.images.push_back((std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
     }
   }
   else if (columns.count("image"))
@@ -801,9 +784,7 @@ std::size_t BytesPerElement(ElementType type)
 
 const char* NameOf(ElementType type)
 {
-  return type == ElementType::UInt8    ? "unsigned char"
-         : type == ElementType::UInt16 ? "unsigned short"
-                                       : "float";
+  return type == ElementType::UInt8 ? "unsigned char" : type == ElementType::UInt16 ? "unsigned short" : "float";
 }
 
 const char* NameOf(Encoding encoding)
@@ -855,13 +836,12 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
   }
   else
   {
-    throw FileError(
-        vtkErrorCode::UnrecognizedFileTypeError,
-        fileName +
-            (images.plain ? ": neither a MetaImage (.mha, .mhd), an NRRD, a PNG image, nor a CSV of "
-                          : ": neither a MetaImage sequence (.igs.mha, .mha, .mhd), an NRRD sequence, "
-                            "nor a CSV of ") +
-            "poses with columns m00 to m33");
+    throw FileError(vtkErrorCode::UnrecognizedFileTypeError,
+                    fileName +
+                        (images.plain ? ": neither a MetaImage (.mha, .mhd), an NRRD, a PNG image, nor a CSV of "
+                                      : ": neither a MetaImage sequence (.igs.mha, .mha, .mhd), an NRRD sequence, "
+                                        "nor a CSV of ") +
+                        "poses with columns m00 to m33");
   }
   return file;
 }

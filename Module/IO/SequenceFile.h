@@ -65,8 +65,7 @@ struct SequenceFile
 
   std::uint64_t FrameBytes() const
   {
-    return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
-           BytesPerElement(elementType);
+    return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * BytesPerElement(elementType);
   }
 };
 

@@ -34,10 +34,7 @@ class PixelStream::Decoder
 {
 public:
   explicit Decoder(const SequenceFile& file)
-      : name_(file.fileName),
-        input_(file.dataFile),
-        left_(file.dataBytes),
-        compressed_(file.encoding != Encoding::Raw)
+      : name_(file.fileName), input_(file.dataFile), left_(file.dataBytes), compressed_(file.encoding != Encoding::Raw)
   {
     input_.Seek(file.dataOffset);
     // 15 + 32: the largest window, and zlib or gzip as the first bytes say.
@@ -60,8 +57,7 @@ public:
   {
     if (!compressed_)
     {
-      const std::size_t got =
-          input_.Read(bytes, static_cast<std::size_t>(std::min<std::uint64_t>(count, left_)));
+      const std::size_t got = input_.Read(bytes, static_cast<std::size_t>(std::min<std::uint64_t>(count, left_)));
       left_ -= got;
       return got;
     }
@@ -130,8 +126,7 @@ void PixelStream::Read(void* bytes, std::size_t count)
   auto* const out = static_cast<unsigned char*>(bytes);
   if (decoder_->Read(out, count) != count)
   {
-    throw TruncationError(file_.fileName +
-                          ": the pixels end early; the file is truncated or its sizes are wrong");
+    throw TruncationError(file_.fileName + ": the pixels end early; the file is truncated or its sizes are wrong");
   }
   const std::size_t elementBytes = BytesPerElement(file_.elementType);
   if (elementBytes > 1 && file_.bigEndian != ThisMachineIsBigEndian())
@@ -144,9 +139,8 @@ void PixelStream::Finish()
 {
   if (!decoder_->AtEnd())
   {
-    throw FormatError(
-        file_.fileName +
-        ": the pixel data do not end where the header says; they are damaged or the sizes are wrong");
+    throw FormatError(file_.fileName +
+                      ": the pixel data do not end where the header says; they are damaged or the sizes are wrong");
   }
 }
 

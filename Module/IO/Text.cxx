@@ -219,8 +219,8 @@ std::string ReadTextFile(const std::string& fileName, std::uint64_t limit)
   InputFile file(fileName);
   if (file.Size() > limit)
   {
-    throw FormatError(fileName + ": " + std::to_string(file.Size()) + " bytes, more than the " +
-                      std::to_string(limit) + " such a file may have");
+    throw FormatError(fileName + ": " + std::to_string(file.Size()) + " bytes, more than the " + std::to_string(limit) +
+                      " such a file may have");
   }
   std::string text(file.Size(), '\0');
   text.resize(file.Read(text.data(), text.size()));
@@ -232,8 +232,8 @@ std::string CompanionFile(const std::string& owner, const std::string& folder, c
   namespace fs = std::filesystem;
   const auto refuse = [&](const std::string& why) -> FileError
   {
-    return FormatError(owner + ": names the file " + Quoted(relative) + ", " + why +
-                       "; companion files must lie in " + folder);
+    return FormatError(owner + ": names the file " + Quoted(relative) + ", " + why + "; companion files must lie in " +
+                       folder);
   };
   const fs::path name(relative);
   if (relative.empty() || name.is_absolute() || relative.find('\0') != std::string::npos)

@@ -152,15 +152,13 @@ public:
     }
     const pugi::xml_node root = document_.document_element();
     const std::string compressor = root.attribute("compressor").value();
-    if (std::strcmp(root.name(), "VTKFile") != 0 ||
-        std::strcmp(root.attribute("type").value(), "PolyData") != 0)
+    if (std::strcmp(root.name(), "VTKFile") != 0 || std::strcmp(root.attribute("type").value(), "PolyData") != 0)
     {
       throw FormatError(name_ + ": not a VTK XML PolyData file");
     }
     if (!compressor.empty() && compressor != "vtkZLibDataCompressor")
     {
-      throw FormatError(name_ + ": compressor " + Quoted(compressor) +
-                        "; vtkZLibDataCompressor and none are read");
+      throw FormatError(name_ + ": compressor " + Quoted(compressor) + "; vtkZLibDataCompressor and none are read");
     }
     compressed_ = !compressor.empty();
     swap_ = (std::strcmp(root.attribute("byte_order").value(), "BigEndian") == 0) != ThisMachineIsBigEndian();
@@ -174,8 +172,8 @@ public:
     const std::string points = piece_.attribute("NumberOfPoints").value();
     if (!ParseNumber(points, points_) || points_ < 0 || points_ > mostPoints)
     {
-      throw FormatError(name_ + ": NumberOfPoints is " + Quoted(points) + "; 0 to " +
-                        std::to_string(mostPoints) + " are read");
+      throw FormatError(name_ + ": NumberOfPoints is " + Quoted(points) + "; 0 to " + std::to_string(mostPoints) +
+                        " are read");
     }
   }
 
@@ -205,8 +203,7 @@ public:
     {
       AddNumbers(polyData_.child("FieldData"), name, 1, polyData->GetFieldData());
     }
-    if (const auto array =
-            polyData_.child("FieldData").find_child_by_attribute("Array", "Name", "Provenance"))
+    if (const auto array = polyData_.child("FieldData").find_child_by_attribute("Array", "Name", "Provenance"))
     {
       AddStrings(array, polyData->GetFieldData());
     }
@@ -242,8 +239,8 @@ private:
                         "; numbers of 8 to 64 bits are read");
     }
     if ((statedTuples && (!ParseNumber(statedTuples.value(), tuples) || tuples < 0 || tuples > mostPoints)) ||
-        (statedComponents && (!ParseNumber(statedComponents.value(), components) || components < 1 ||
-                              components > mostComponents)))
+        (statedComponents &&
+         (!ParseNumber(statedComponents.value(), components) || components < 1 || components > mostComponents)))
     {
       throw FormatError(name_ + ": " + name + " claims " + Quoted(statedTuples.value()) + " tuples of " +
                         Quoted(statedComponents.value()) + " components");

@@ -45,8 +45,7 @@ int vtkBigusFieldReader::CanReadFile(const char* fileName)
   return LooksLikePly(beginning) || LooksLikeVtp(beginning) ? 1 : 0;
 }
 
-int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**,
-                                     vtkInformationVector* outputVector)
+int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
 {
   vtkPolyData* const output = vtkPolyData::GetData(outputVector, 0);
   output->Initialize();
@@ -68,8 +67,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**,
       throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
                              fileName + ": neither a VTK XML PolyData file (.vtp) nor a PLY file (.ply)");
     }
-    bigus::FieldToPolyData(LooksLikePly(beginning) ? bigus::ReadPly(fileName) : bigus::ReadVtp(fileName),
-                           output);
+    bigus::FieldToPolyData(LooksLikePly(beginning) ? bigus::ReadPly(fileName) : bigus::ReadVtp(fileName), output);
   }
   catch (const std::exception& error)
   {

@@ -36,8 +36,8 @@ struct Plane
 };
 
 /// `rejections` gets the sentence on those left out.
-std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::PoseOptions& options,
-                                    int& rejected, std::string& rejections)
+std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::PoseOptions& options, int& rejected,
+                                    std::string& rejections)
 {
   bigus::ImageOptions images;
   images.wanted = false;
@@ -53,8 +53,7 @@ std::vector<Plane> PlanesOfSequence(const std::string& fileName, const bigus::Po
     {
       const int width = file.sizes.empty() ? file.width : file.sizes[i][0];
       const int height = file.sizes.empty() ? file.height : file.sizes[i][1];
-      planes.push_back(
-          {table.frames[i].imageToReference, width, height, static_cast<int>(i), table.timestamps[i]});
+      planes.push_back({table.frames[i].imageToReference, width, height, static_cast<int>(i), table.timestamps[i]});
     }
   }
   if (planes.empty())
@@ -105,8 +104,7 @@ vtkBigusPoseReader::~vtkBigusPoseReader()
   this->SetToFrame(nullptr);
 }
 
-int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**,
-                                    vtkInformationVector* outputVector)
+int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
 {
   vtkTable* const output = vtkTable::GetData(outputVector, 0);
   output->Initialize();

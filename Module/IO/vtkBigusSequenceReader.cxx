@@ -69,8 +69,7 @@ SweepGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::
     {
       continue;
     }
-    const auto plane =
-        bigus::SlicePlane::FromImageToReference(frame.imageToReference, file.width, file.height);
+    const auto plane = bigus::SlicePlane::FromImageToReference(frame.imageToReference, file.width, file.height);
     geometry.pixelSize[0] += plane.columnStep.norm();
     geometry.pixelSize[1] += plane.rowStep.norm();
     for (const double i : {0.0, file.width - 1.0})
@@ -138,8 +137,8 @@ std::vector<unsigned char> RectangleMask(int width, int height, const int rectan
   {
     for (std::int64_t i = 0; i < width; ++i)
     {
-      mask[static_cast<std::size_t>(j * width + i)] = i >= rectangle[0] && i - rectangle[0] < rectangle[2] &&
-                                                      j >= rectangle[1] && j - rectangle[1] < rectangle[3];
+      mask[static_cast<std::size_t>(j * width + i)] =
+          i >= rectangle[0] && i - rectangle[0] < rectangle[2] && j >= rectangle[1] && j - rectangle[1] < rectangle[3];
     }
   }
   return mask;
@@ -210,8 +209,8 @@ bool ReadInterleaved(vtkAlgorithm* reader, const bigus::SequenceFile& file, cons
 }
 
 // Blackens what the mask leaves out and notes what is lit. A float pixel of any sign of zero is black.
-void ClipAndNote(const bigus::SequenceFile& file, const std::vector<unsigned char>& clip,
-                 unsigned char* frame, unsigned char* lit)
+void ClipAndNote(const bigus::SequenceFile& file, const std::vector<unsigned char>& clip, unsigned char* frame,
+                 unsigned char* lit)
 {
   const std::size_t bytes = bigus::BytesPerElement(file.elementType);
   const std::size_t pixels = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
@@ -399,8 +398,7 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
   return 1;
 }
 
-int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
-                                        vtkInformationVector* outputVector)
+int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
 {
   vtkImageData* const output = vtkImageData::GetData(outputVector, 0);
   const bigus::SequenceFile& file = this->Internals->file;
@@ -418,9 +416,8 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
       if (!(this->FanRadii[0] >= 0 && this->FanRadii[0] < this->FanRadii[1] && this->FanAngles[0] >= -180 &&
             this->FanAngles[0] < this->FanAngles[1] && this->FanAngles[1] <= 180))
       {
-        throw bigus::FileError(
-            vtkErrorCode::UserError,
-            "the clip fan needs 0 <= inner < outer radius and -180 <= first < last <= 180 degrees");
+        throw bigus::FileError(vtkErrorCode::UserError,
+                               "the clip fan needs 0 <= inner < outer radius and -180 <= first < last <= 180 degrees");
       }
       clip = FanMask(file.width, file.height, this->FanApex, this->FanRadii, this->FanAngles);
     }
@@ -439,8 +436,7 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     output->SetExtent(0, file.width - 1, 0, file.height - 1, 0, static_cast<int>(count) - 1);
     output->SetOrigin(0, 0, 0);
     output->SetSpacing(1, 1, 1);
-    auto scalars =
-        vtkSmartPointer<vtkDataArray>::Take(vtkDataArray::CreateDataArray(VtkType(file.elementType)));
+    auto scalars = vtkSmartPointer<vtkDataArray>::Take(vtkDataArray::CreateDataArray(VtkType(file.elementType)));
     scalars->SetName("Intensity");
     scalars->SetNumberOfTuples(static_cast<vtkIdType>(pixelsPerFrame) * count);
     auto* const pixels = static_cast<unsigned char*>(scalars->GetVoidPointer(0));
@@ -464,8 +460,7 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     std::unique_ptr<bigus::PixelStream> stream(streamed ? new bigus::PixelStream(file) : nullptr);
     for (std::size_t i = 0; i < place.size(); ++i)
     {
-      unsigned char* const target =
-          place[i] < 0 ? nullptr : pixels + static_cast<std::size_t>(place[i]) * frameBytes;
+      unsigned char* const target = place[i] < 0 ? nullptr : pixels + static_cast<std::size_t>(place[i]) * frameBytes;
       if (streamed)
       {
         stream->Read(buffer.data(), frameBytes);
@@ -586,8 +581,7 @@ const char* vtkBigusSequenceReader::GetRejectionReason(int index)
 int vtkBigusSequenceReader::GetRejectionCount(int index)
 {
   return index >= 0 && index < this->GetNumberOfRejectionReasons()
-             ? static_cast<int>(
-                   this->Internals->poses.rejections[static_cast<std::size_t>(index)].frames.size())
+             ? static_cast<int>(this->Internals->poses.rejections[static_cast<std::size_t>(index)].frames.size())
              : 0;
 }
 

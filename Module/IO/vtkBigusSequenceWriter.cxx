@@ -34,10 +34,9 @@ vtkDataArray* FindArray(vtkImageData* image, const char* name, int components, v
   vtkDataArray* const array = image->GetFieldData()->GetArray(name);
   if (array && (array->GetNumberOfComponents() != components || array->GetNumberOfTuples() != tuples))
   {
-    throw InputError(std::string("field data ") + name + " has " +
-                     std::to_string(array->GetNumberOfTuples()) + " tuples of " +
-                     std::to_string(array->GetNumberOfComponents()) + ", but " + std::to_string(tuples) +
-                     " frames need one tuple of " + std::to_string(components) + " each");
+    throw InputError(std::string("field data ") + name + " has " + std::to_string(array->GetNumberOfTuples()) +
+                     " tuples of " + std::to_string(array->GetNumberOfComponents()) + ", but " +
+                     std::to_string(tuples) + " frames need one tuple of " + std::to_string(components) + " each");
   }
   return array;
 }
@@ -61,11 +60,10 @@ std::string ElementTypeName(int vtkType)
 void CheckFrameName(const char* name)
 {
   const std::string text = name ? name : "";
-  const bool plain = !text.empty() && std::all_of(text.begin(), text.end(),
-                                                  [](char c) {
-                                                    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
-                                                           (c >= '0' && c <= '9');
-                                                  });
+  const bool plain =
+      !text.empty() &&
+      std::all_of(text.begin(), text.end(),
+                  [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9'); });
   if (!plain || text[0] < 'A' || text[0] > 'Z')
   {
     throw InputError("coordinate frame name " + bigus::Quoted(text) +
@@ -197,10 +195,8 @@ void vtkBigusSequenceWriter::WriteData()
     {
       header += "CompressedDataSize = " + std::string(sizeDigits, ' ') + "\n";  // filled in below
     }
-    header += "DimSize = " + std::to_string(size[0]) + " " + std::to_string(size[1]) + " " +
-              std::to_string(size[2]);
-    header +=
-        "\nKinds = domain domain list\nElementNumberOfChannels = 1\nElementSpacing = 1 1 1\nElementType = ";
+    header += "DimSize = " + std::to_string(size[0]) + " " + std::to_string(size[1]) + " " + std::to_string(size[2]);
+    header += "\nKinds = domain domain list\nElementNumberOfChannels = 1\nElementSpacing = 1 1 1\nElementType = ";
     header += ElementTypeName(scalars->GetDataType());
     header += "\nOffset = 0 0 0\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n";
     header += "UltrasoundImageOrientation = MF\nUltrasoundImageType = BRIGHTNESS\n";

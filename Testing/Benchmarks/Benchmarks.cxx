@@ -21,15 +21,14 @@ const GaussianField& FieldOf(const benchmark::State& state)
   const std::vector<std::int64_t> wanted{state.range(0), state.range(1), state.range(2)};
   if (key != wanted)
   {
-    field = MakeField(FieldAround(static_cast<int>(state.range(0)), state.range(1),
-                                  state.range(2) == 4 ? kFourPixels : kPixelSized));
+    field = MakeField(
+        FieldAround(static_cast<int>(state.range(0)), state.range(1), state.range(2) == 4 ? kFourPixels : kPixelSized));
     key = wanted;
   }
   return field;
 }
 
-void Fields(benchmark::internal::Benchmark* benchmark, const std::vector<std::int64_t>& counts,
-            std::int64_t allThreads)
+void Fields(benchmark::internal::Benchmark* benchmark, const std::vector<std::int64_t>& counts, std::int64_t allThreads)
 {
   benchmark->ArgNames({"width", "gaussians", "px", "threads"})->UseRealTime()->Unit(benchmark::kMillisecond);
   for (std::int64_t width : {160, 512})
@@ -48,9 +47,8 @@ void Fields(benchmark::internal::Benchmark* benchmark, const std::vector<std::in
 /// 0: all cores.
 std::unique_ptr<tbb::global_control> Limit(std::int64_t threads)
 {
-  return threads > 0
-             ? std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads)
-             : nullptr;
+  return threads > 0 ? std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads)
+                     : nullptr;
 }
 
 void Render(benchmark::State& state)
@@ -108,8 +106,7 @@ void TrainPass(benchmark::State& state)
     }
   }
   state.counters["loss"] = loss;
-  state.counters["bytes/Gaussian"] =
-      static_cast<double>(engine->MemoryUse()) / static_cast<double>(pass.field.Size());
+  state.counters["bytes/Gaussian"] = static_cast<double>(engine->MemoryUse()) / static_cast<double>(pass.field.Size());
   state.counters["slices/s"] =
       benchmark::Counter(static_cast<double>(state.range(1)), benchmark::Counter::kIsIterationInvariantRate);
 }
@@ -128,10 +125,7 @@ void Evaluation(benchmark::State& state)
 }
 
 BENCHMARK(Evaluation)->ArgName("tenths_of_px")->Arg(10)->Arg(15)->Arg(25)->Arg(40);
-BENCHMARK(Render)->Apply(
-    [](benchmark::internal::Benchmark* b) {
-      Fields(b, {10000, 140000, 1000000, 2000000}, 0);
-    });
+BENCHMARK(Render)->Apply([](benchmark::internal::Benchmark* b) { Fields(b, {10000, 140000, 1000000, 2000000}, 0); });
 BENCHMARK(RenderPlain)->Apply([](benchmark::internal::Benchmark* b) { Fields(b, {10000, 140000}, 2); });
 BENCHMARK(TrainPass)
     ->ArgNames({"gaussians", "slices", "threads"})

@@ -426,8 +426,7 @@ int ComplexToReal(int index, float* in, float* out)
       for (int column = 0; column < plan.width; ++column)
       {
         const bool held = column < columns;
-        const int k = held ? row * columns + column
-                           : (plan.height - row) % plan.height * columns + plan.width - column;
+        const int k = held ? row * columns + column : (plan.height - row) % plan.height * columns + plan.width - column;
         image[row * plan.width + column] = Complex(in[2 * k], held ? in[2 * k + 1] : -in[2 * k + 1]);
       }
     }

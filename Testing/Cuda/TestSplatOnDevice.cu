@@ -112,8 +112,7 @@ TEST(SplatOnDevice, EqualsHost)
   ASSERT_EQ(cudaMemcpy(deviceCases, cases.data(), n * sizeof(Case), cudaMemcpyHostToDevice), cudaSuccess);
   EvaluateAll<<<(n + 127) / 128, 128>>>(n, deviceCases, deviceResults);
   ASSERT_EQ(cudaGetLastError(), cudaSuccess);
-  ASSERT_EQ(cudaMemcpy(results.data(), deviceResults, n * sizeof(Result), cudaMemcpyDeviceToHost),
-            cudaSuccess);
+  ASSERT_EQ(cudaMemcpy(results.data(), deviceResults, n * sizeof(Result), cudaMemcpyDeviceToHost), cudaSuccess);
   cudaFree(deviceCases);
   cudaFree(deviceResults);
 

@@ -137,13 +137,11 @@ inline ::testing::AssertionResult SameBits(vtkImageData* part, vtkImageData* who
     {
       for (int i = extent[0]; i <= extent[1]; ++i)
       {
-        if (std::memcmp(part->GetScalarPointer(i, j, k), whole->GetScalarPointer(i, j, k),
-                        part->GetScalarSize()))
+        if (std::memcmp(part->GetScalarPointer(i, j, k), whole->GetScalarPointer(i, j, k), part->GetScalarSize()))
         {
           return ::testing::AssertionFailure()
-                 << "pixel (" << i << ", " << j << ", " << k << ") is "
-                 << part->GetScalarComponentAsDouble(i, j, k, 0) << " here and "
-                 << whole->GetScalarComponentAsDouble(i, j, k, 0) << " in the whole";
+                 << "pixel (" << i << ", " << j << ", " << k << ") is " << part->GetScalarComponentAsDouble(i, j, k, 0)
+                 << " here and " << whole->GetScalarComponentAsDouble(i, j, k, 0) << " in the whole";
         }
       }
     }
@@ -189,8 +187,7 @@ inline void ExpectOneError(vtkAlgorithm* filter, const std::vector<std::string>&
   ASSERT_EQ(log.Messages().size(), 1u) << "for an error about " << parts[0];
   for (const std::string& part : parts)
   {
-    EXPECT_NE(log.Messages()[0].find(part), std::string::npos)
-        << "no '" << part << "' in: " << log.Messages()[0];
+    EXPECT_NE(log.Messages()[0].find(part), std::string::npos) << "no '" << part << "' in: " << log.Messages()[0];
   }
   EXPECT_NE(filter->GetErrorCode(), static_cast<unsigned long>(vtkErrorCode::NoError));
   if (auto* data = vtkDataSet::SafeDownCast(filter->GetOutputDataObject(0)))

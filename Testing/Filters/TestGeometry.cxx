@@ -28,8 +28,7 @@ std::vector<Eigen::Vector3d> IsolatedPoints(Numbers& numbers, std::size_t count)
   while (points.size() < count)
   {
     const Eigen::Vector3d point = numbers.Vector(-24, 24);
-    if (std::all_of(points.begin(), points.end(),
-                    [&](const auto& other) { return (point - other).norm() > 9; }))
+    if (std::all_of(points.begin(), points.end(), [&](const auto& other) { return (point - other).norm() > 9; }))
     {
       points.push_back(point);
     }
@@ -76,8 +75,7 @@ vtkSmartPointer<vtkImageData> Paint(const std::vector<Eigen::Vector3d>& points)
       {
         for (int i = low[0]; i <= high[0]; ++i)
         {
-          const Eigen::Vector3d x =
-              Eigen::Vector3d(image->GetOrigin()) + voxelSize * Eigen::Vector3d(i, j, k);
+          const Eigen::Vector3d x = Eigen::Vector3d(image->GetOrigin()) + voxelSize * Eigen::Vector3d(i, j, k);
           *static_cast<float*>(image->GetScalarPointer(i, j, k)) +=
               static_cast<float>(std::exp(-0.5 * (x - point).squaredNorm() / (pointSize * pointSize)));
         }
@@ -151,11 +149,9 @@ TEST_P(Geometry, PeaksLieWhereVtkImageReslicePutsThem)
   rotation.col(2) = (b - a).cross(c - a).normalized();
   rotation.col(0) = (Eigen::AngleAxisd(numbers.Between(-3, 3), rotation.col(2)) * (b - a)).normalized();
   rotation.col(1) = rotation.col(2).cross(rotation.col(0));
-  const Eigen::Vector3d centre =
-      (a + b + c) / 3 + rotation.leftCols<2>() * Eigen::Vector2d(numbers.Between(-2, 2), 1);
+  const Eigen::Vector3d centre = (a + b + c) / 3 + rotation.leftCols<2>() * Eigen::Vector2d(numbers.Between(-2, 2), 1);
   const auto axes = ToVtk(RigidMatrix(rotation, centre));
-  const Eigen::Vector3d spacing(numbers.Between(0.35, 0.6), numbers.Between(0.35, 0.6),
-                                numbers.Between(0.5, 0.8));
+  const Eigen::Vector3d spacing(numbers.Between(0.35, 0.6), numbers.Between(0.35, 0.6), numbers.Between(0.5, 0.8));
   // In 2-D the origin along z is 0 whatever is set.
   Eigen::Vector3d origin(numbers.Between(-41, -39), numbers.Between(-41, -39), numbers.Between(-6.2, -5.8));
   const int extent[6] = {-2,
@@ -208,10 +204,9 @@ TEST_P(Geometry, PeaksLieWhereVtkImageReslicePutsThem)
     const Eigen::Vector3d place = rotation.transpose() * (toAxes(point) - centre);
     const Eigen::Vector3d index = (place - origin).cwiseQuotient(spacing);
     // A stretched plane near a point shows its flank, whose peak is elsewhere; points in the plane are exact.
-    const bool inPlane = dimensionality == 3 ? index[2] - extent[4] > 3.5 && extent[5] - index[2] > 3.5
-                                             : std::abs(place[2]) < 1e-9;
-    const bool inside =
-        (index.head<2>().array() > 12).all() && index[0] < extent[1] - 8 && index[1] < extent[3] - 8;
+    const bool inPlane =
+        dimensionality == 3 ? index[2] - extent[4] > 3.5 && extent[5] - index[2] > 3.5 : std::abs(place[2]) < 1e-9;
+    const bool inside = (index.head<2>().array() > 12).all() && index[0] < extent[1] - 8 && index[1] < extent[3] - 8;
     if (!inPlane || !inside)
     {
       continue;

@@ -90,20 +90,17 @@ TEST(ImageMetrics, BytesAreScoredAsTheirShareOf255AndMatchCore)
   EXPECT_DOUBLE_EQ(table->GetValueByName(1, "SSIM").ToDouble(), Ssim(a.data(), b.data(), width, height));
   EXPECT_DOUBLE_EQ(table->GetValueByName(1, "BFS").ToDouble(), fidelity.score);
   EXPECT_DOUBLE_EQ(table->GetValueByName(1, "MeanContrast").ToDouble(), fidelity.meanContrast);
-  EXPECT_DOUBLE_EQ(table->GetValueByName(1, "ContrastDistribution").ToDouble(),
-                   fidelity.contrastDistribution);
+  EXPECT_DOUBLE_EQ(table->GetValueByName(1, "ContrastDistribution").ToDouble(), fidelity.contrastDistribution);
   EXPECT_DOUBLE_EQ(table->GetValueByName(1, "Rayleigh").ToDouble(), fidelity.rayleigh);
   const TextureComparison texture = CompareTexture(a.data(), b.data(), width, height);
   ForEachNumber(texture, [table](const std::string& name, double value)
                 { EXPECT_DOUBLE_EQ(table->GetValueByName(1, name.c_str()).ToDouble(), value) << name; });
   for (int bin = 0; bin < spectrumBins; ++bin)
   {
-    EXPECT_DOUBLE_EQ(
-        vtkDoubleArray::SafeDownCast(table->GetColumnByName("ImageSpectrum"))->GetComponent(1, bin),
-        texture.image.power[bin]);
-    EXPECT_DOUBLE_EQ(
-        vtkDoubleArray::SafeDownCast(table->GetColumnByName("TruthSpectrum"))->GetComponent(1, bin),
-        texture.truth.power[bin]);
+    EXPECT_DOUBLE_EQ(vtkDoubleArray::SafeDownCast(table->GetColumnByName("ImageSpectrum"))->GetComponent(1, bin),
+                     texture.image.power[bin]);
+    EXPECT_DOUBLE_EQ(vtkDoubleArray::SafeDownCast(table->GetColumnByName("TruthSpectrum"))->GetComponent(1, bin),
+                     texture.truth.power[bin]);
   }
   const auto expectMean = [table](double found, const char* name)
   {
@@ -119,10 +116,10 @@ TEST(ImageMetrics, BytesAreScoredAsTheirShareOf255AndMatchCore)
   expectMean(metrics->GetIntensityDistance(), "IntensityDistance");
   expectMean(metrics->GetSpectrumDifference(), "SpectrumDifference");
   expectMean(metrics->GetHighFrequencyPower(), "HighFrequencyPower");
-  EXPECT_NEAR(metrics->GetBFS(),
-              0.4 * metrics->GetMeanContrast() + 0.4 * metrics->GetContrastDistribution() +
-                  0.2 * metrics->GetRayleigh(),
-              1e-12);
+  EXPECT_NEAR(
+      metrics->GetBFS(),
+      0.4 * metrics->GetMeanContrast() + 0.4 * metrics->GetContrastDistribution() + 0.2 * metrics->GetRayleigh(),
+      1e-12);
 }
 
 TEST(ImageMetricsBadInput, OneErrorEach)

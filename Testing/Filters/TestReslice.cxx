@@ -74,15 +74,13 @@ TEST(Reslice, PixelsLieWhereTheChainPutsThem)
       {
         for (int i = -4; i <= 15; ++i)
         {
-          double x[4] = {origin[0] + i * spacing[0], origin[1] + j * spacing[1], origin[2] + k * spacing[2],
-                         1};
+          double x[4] = {origin[0] + i * spacing[0], origin[1] + j * spacing[1], origin[2] + k * spacing[2], 1};
           axes->MultiplyPoint(x, x);
           if (trial % 2)
           {
             transform->TransformPoint(x, x);
           }
-          worst =
-              std::max(worst, std::abs(FloatAt(image, i, j, k) - ThinScattering(field, Eigen::Vector3d(x))));
+          worst = std::max(worst, std::abs(FloatAt(image, i, j, k) - ThinScattering(field, Eigen::Vector3d(x))));
         }
       }
     }
@@ -211,9 +209,8 @@ TEST(Reslice, WithoutAnyGeometryTheWholeFieldIsSeen)
   reslice->SetOutputExtentToDefault();
   const std::vector<int> before(extent, extent + 6);
   reslice->UpdateInformation();
-  EXPECT_TRUE(
-      std::equal(before.begin(), before.end(),
-                 reslice->GetOutputInformation(0)->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT())));
+  EXPECT_TRUE(std::equal(before.begin(), before.end(),
+                         reslice->GetOutputInformation(0)->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT())));
 }
 
 TEST(Reslice, EverySubExtentHoldsTheBitsOfTheWhole)
@@ -257,8 +254,8 @@ TEST(Reslice, StreamedInPiecesItIsTheSameImage)
       streamer->GetOutput()->GetExtent(extent);
       const int expected[6] = {-3, 52, 2, 43, -1, 4};
       EXPECT_TRUE(std::equal(extent, extent + 6, expected));
-      EXPECT_TRUE(SameBits(streamer->GetOutput(),
-                           vtkImageData::SafeDownCast(whole.reslice->GetOutputDataObject(port))));
+      EXPECT_TRUE(
+          SameBits(streamer->GetOutput(), vtkImageData::SafeDownCast(whole.reslice->GetOutputDataObject(port))));
       int last[6];
       streamed.reslice->GetOutput()->GetExtent(last);
       EXPECT_LT((last[1] - last[0] + 1) * (last[3] - last[2] + 1) * (last[5] - last[4] + 1), 56 * 42 * 6)
@@ -280,8 +277,7 @@ TEST(Reslice, AFilterConnectedToBothOutputsFindsBoth)
   for (int i = -3; i <= 52; i += 5)
   {
     EXPECT_EQ(FloatAt(product->GetOutput(), i, 20, 1),
-              FloatAt(alone.reslice->GetOutput(), i, 20, 1) *
-                  FloatAt(alone.reslice->GetCoverageOutput(), i, 20, 1));
+              FloatAt(alone.reslice->GetOutput(), i, 20, 1) * FloatAt(alone.reslice->GetCoverageOutput(), i, 20, 1));
   }
 }
 
@@ -425,8 +421,7 @@ TEST(Reslice, CoverageTellsSeenFromUnseen)
     for (int i = 0; i <= 80; ++i)
     {
       const Eigen::Vector3d x(-20 + 0.5 * i, -20 + 0.5 * j, 0);
-      const double expected =
-          std::exp(-0.5 * x.squaredNorm()) + std::exp(-0.5 * (x - field.means[1]).squaredNorm());
+      const double expected = std::exp(-0.5 * x.squaredNorm()) + std::exp(-0.5 * (x - field.means[1]).squaredNorm());
       EXPECT_NEAR(FloatAt(coverage, i, j, 0), expected, 1e-5) << "reflectivity has no part in the coverage";
       const bool inside = FloatAt(coverage, i, j, 0) > 0.05f;
       EXPECT_EQ(FloatAt(image, i, j, 0) == -1.0f, !inside);
@@ -658,31 +653,25 @@ TEST(ResliceBadInput, AFieldThatIsNone)
     tilted.input->GetFieldData()->RemoveArray(name);
     ExpectOneError(tilted.reslice, {name, "missing"});
   }
-  expect([](vtkPolyData* p) { put(p->GetPointData(), "Scale", 1, 200); },
-         {"Scale", "200 tuples of 1", "of 3"});
+  expect([](vtkPolyData* p) { put(p->GetPointData(), "Scale", 1, 200); }, {"Scale", "200 tuples of 1", "of 3"});
   expect([](vtkPolyData* p) { put(p->GetPointData(), "Rotation", 3, 200); }, {"Rotation", "of 4"});
   expect([](vtkPolyData* p) { put(p->GetPointData(), "Reflectivity", 1, 199); }, {"Reflectivity", "199"});
   expect([](vtkPolyData* p) { put(p->GetFieldData(), "Gamma", 1, 0); }, {"Gamma", "0 tuples"});
   expect(
       [](vtkPolyData* p)
-      {
-        put(p->GetFieldData(), "FormatVersion", 1, 1),
-            p->GetFieldData()->GetArray("FormatVersion")->SetTuple1(0, 2);
-      },
+      { put(p->GetFieldData(), "FormatVersion", 1, 1), p->GetFieldData()->GetArray("FormatVersion")->SetTuple1(0, 2); },
       {"version", "2"});
   expect([](vtkPolyData* p) { p->GetPointData()->GetArray("Scale")->SetComponent(17, 1, -0.5); },
          {"Scale[17]", "positive"});
   expect([](vtkPolyData* p) { p->GetPointData()->GetArray("Scale")->SetComponent(17, 1, 0); }, {"Scale[17]"});
-  expect([](vtkPolyData* p) { p->GetPointData()->GetArray("Scale")->SetComponent(3, 2, std::nan("")); },
-         {"Scale[3]"});
+  expect([](vtkPolyData* p) { p->GetPointData()->GetArray("Scale")->SetComponent(3, 2, std::nan("")); }, {"Scale[3]"});
   expect([](vtkPolyData* p) { p->GetPointData()->GetArray("Rotation")->SetTuple4(9, 0, 0, 0, 0); },
          {"Rotation[9]", "quaternion"});
   expect([](vtkPolyData* p) { p->GetPointData()->GetArray("Reflectivity")->SetTuple1(0, INFINITY); },
          {"Reflectivity[0]"});
   expect([](vtkPolyData* p) { p->GetPoints()->SetPoint(5, 0, std::nan(""), 0); }, {"Points[5]"});
   expect([](vtkPolyData* p) { p->GetFieldData()->GetArray("Gamma")->SetTuple1(0, -1); }, {"gamma"});
-  expect([](vtkPolyData* p) { p->GetFieldData()->GetArray("ElevationSigma")->SetTuple1(0, -1); },
-         {"elevation sigma"});
+  expect([](vtkPolyData* p) { p->GetFieldData()->GetArray("ElevationSigma")->SetTuple1(0, -1); }, {"elevation sigma"});
 
   // The filter recovers when the field does.
   Tilted tilted;

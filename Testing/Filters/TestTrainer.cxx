@@ -41,8 +41,7 @@ vtkSmartPointer<vtkImageData> PatternSweep()
       for (int i = 0; i < 48; ++i)
       {
         const double value = 0.4 + 0.2 * std::sin(0.5 * i + 0.3 * k) + 0.15 * std::cos(0.4 * j - 0.2 * k);
-        *static_cast<unsigned char*>(image->GetScalarPointer(i, j, k)) =
-            static_cast<unsigned char>(255 * value);
+        *static_cast<unsigned char*>(image->GetScalarPointer(i, j, k)) = static_cast<unsigned char>(255 * value);
       }
     }
   }
@@ -81,8 +80,8 @@ double PsnrAt(vtkPolyData* field, vtkImageData* sweep, int frame)
 {
   vtkNew<vtkBigusReslice> reslice;
   vtkNew<vtkMatrix4x4> axes;
-  axes->DeepCopy(vtkDoubleArray::SafeDownCast(sweep->GetFieldData()->GetArray("ImageToReference"))
-                     ->GetPointer(16 * frame));
+  axes->DeepCopy(
+      vtkDoubleArray::SafeDownCast(sweep->GetFieldData()->GetArray("ImageToReference"))->GetPointer(16 * frame));
   reslice->SetInputData(field);
   reslice->SetResliceAxes(axes);
   reslice->SetOutputSpacing(1, 1, 1);
@@ -184,15 +183,14 @@ TEST(Trainer, ContinuesFromAField)
   second.trainer->Update();
   EXPECT_TRUE(OfAbout1500(second.trainer->GetOutput()));
   EXPECT_EQ(GetProvenance(second.trainer->GetOutput(), "seeding"), "continued");
-  EXPECT_GT(PsnrAt(second.trainer->GetOutput(), second.sweep, 5),
-            PsnrAt(first.trainer->GetOutput(), first.sweep, 5));
+  EXPECT_GT(PsnrAt(second.trainer->GetOutput(), second.sweep, 5), PsnrAt(first.trainer->GetOutput(), first.sweep, 5));
 
   second.trainer->SetIterations(0);
   second.trainer->Update();
-  EXPECT_LT((FieldFromPolyData(second.trainer->GetOutput()).means[7] -
-             FieldFromPolyData(first.trainer->GetOutput()).means[7])
-                .norm(),
-            1e-4);
+  EXPECT_LT(
+      (FieldFromPolyData(second.trainer->GetOutput()).means[7] - FieldFromPolyData(first.trainer->GetOutput()).means[7])
+          .norm(),
+      1e-4);
 }
 
 TEST(Trainer, AnAbortKeepsTheFieldSoFar)
@@ -332,8 +330,7 @@ TEST(Trainer, DecidesWhatIsLeftOpenAndSaysWhy)
   {
     EXPECT_EQ(evidence[given], "given") << given;
   }
-  for (const char* found :
-       {"interpolation", "virtual planes", "reflectivity", "frame gains", "pose refinement"})
+  for (const char* found : {"interpolation", "virtual planes", "reflectivity", "frame gains", "pose refinement"})
   {
     EXPECT_NE(evidence[found].find("dB"), std::string::npos) << found << ": " << evidence[found];
   }
@@ -445,9 +442,8 @@ TEST(Trainer, PrintsWhatItIs)
   Quick quick;
   std::ostringstream text;
   quick.trainer->Print(text);
-  for (const char* part :
-       {"NumberOfGaussians: 1500", "Automatic: Off", "Preset: fidelity", "Loss: (the preset's)",
-        "FrameGains: -1", "Interpolation: auto", "SolveIterations: -1", "VirtualPlanes: -1"})
+  for (const char* part : {"NumberOfGaussians: 1500", "Automatic: Off", "Preset: fidelity", "Loss: (the preset's)",
+                           "FrameGains: -1", "Interpolation: auto", "SolveIterations: -1", "VirtualPlanes: -1"})
   {
     EXPECT_NE(text.str().find(part), std::string::npos) << part;
   }

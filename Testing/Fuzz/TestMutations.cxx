@@ -92,8 +92,7 @@ std::string Mutated(std::string bytes, std::mt19937_64& random)
         if (begin != std::string::npos)
         {
           const std::size_t end = bytes.find_first_not_of("0123456789.e-", begin);
-          bytes.replace(begin, (end == std::string::npos ? bytes.size() : end) - begin,
-                        words[below(words.size())]);
+          bytes.replace(begin, (end == std::string::npos ? bytes.size() : end) - begin, words[below(words.size())]);
         }
         break;
       }
@@ -115,9 +114,9 @@ double PeakMegabytes()
 }
 
 // Reads mutations of `bytes` under `name`; `sound` looks at what a reader that did not complain has made.
-void Torture(const TemporaryFolder& folder, vtkAlgorithm* reader, const std::string& name,
-             const std::string& bytes, std::uint64_t seed,
-             const std::function<void(const std::string&)>& setFileName, const std::function<void()>& sound)
+void Torture(const TemporaryFolder& folder, vtkAlgorithm* reader, const std::string& name, const std::string& bytes,
+             std::uint64_t seed, const std::function<void(const std::string&)>& setFileName,
+             const std::function<void()>& sound)
 {
   std::mt19937_64 random(seed);
   int refused = 0;
@@ -154,8 +153,7 @@ void TortureSequence(const std::string& name, const std::string& bytes, std::uin
         vtkImageData* const image = reader->GetOutput();
         ASSERT_GT(image->GetNumberOfPoints(), 0);
         ASSERT_EQ(image->GetPointData()->GetScalars()->GetNumberOfTuples(), image->GetNumberOfPoints());
-        ASSERT_EQ(image->GetFieldData()->GetArray("ImageToReference")->GetNumberOfTuples(),
-                  image->GetDimensions()[2]);
+        ASSERT_EQ(image->GetFieldData()->GetArray("ImageToReference")->GetNumberOfTuples(), image->GetDimensions()[2]);
       });
 }
 
@@ -176,9 +174,8 @@ TEST(Mutations, Nrrd)
 {
   const Sequence sequence = SmallSequence();
   TortureSequence("raw.nrrd", sequence.NrrdBytes("4 3 3", "domain domain list", "raw", sequence.pixels), 3);
-  TortureSequence(
-      "first.nrrd",
-      sequence.NrrdBytes("3 4 3", "list domain domain", "gzip", Compressed(sequence.pixels, true)), 4);
+  TortureSequence("first.nrrd",
+                  sequence.NrrdBytes("3 4 3", "list domain domain", "gzip", Compressed(sequence.pixels, true)), 4);
 }
 
 TEST(Mutations, PlainVolume)
@@ -190,8 +187,7 @@ TEST(Mutations, PlainVolume)
   const auto torture = [&](const std::string& name, const std::string& bytes, std::uint64_t seed)
   {
     Torture(
-        folder, reader, name, bytes, seed,
-        [&](const std::string& file) { reader->SetFileName(file.c_str()); },
+        folder, reader, name, bytes, seed, [&](const std::string& file) { reader->SetFileName(file.c_str()); },
         [&]
         {
           vtkImageData* const image = reader->GetOutput();
@@ -318,8 +314,7 @@ vtkSmartPointer<vtkPolyData> SmallField()
   return field;
 }
 
-void TortureField(const TemporaryFolder& folder, const std::string& name, const std::string& bytes,
-                  std::uint64_t seed)
+void TortureField(const TemporaryFolder& folder, const std::string& name, const std::string& bytes, std::uint64_t seed)
 {
   vtkNew<vtkBigusFieldReader> reader;
   Torture(

@@ -27,18 +27,14 @@ public:
     std::normal_distribution<double> normal;
     return Eigen::Vector4d(normal(engine_), normal(engine_), normal(engine_), normal(engine_)).normalized();
   }
-  Eigen::Vector3d Vector(double half)
-  {
-    return {Uniform(-half, half), Uniform(-half, half), Uniform(-half, half)};
-  }
+  Eigen::Vector3d Vector(double half) { return {Uniform(-half, half), Uniform(-half, half), Uniform(-half, half)}; }
 
 private:
   std::mt19937_64 engine_;
 };
 
 /// A plane of random orientation through `centre` with pixels of about `pixel` mm, not quite square.
-inline SlicePlane RandomPlane(Random& random, const Eigen::Vector3d& centre, double pixel, int width,
-                              int height)
+inline SlicePlane RandomPlane(Random& random, const Eigen::Vector3d& centre, double pixel, int width, int height)
 {
   const Eigen::Matrix3d rotation = RotationMatrix(random.UnitQuaternion());
   SlicePlane plane;
@@ -62,8 +58,7 @@ inline GaussianField RandomField(Random& random, std::size_t count, double radiu
   for (std::size_t i = 0; i < count; ++i)
   {
     field.means[i] = random.Vector(radius);
-    field.scales[i] = {random.LogUniform(low, high), random.LogUniform(low, high),
-                       random.LogUniform(low, high)};
+    field.scales[i] = {random.LogUniform(low, high), random.LogUniform(low, high), random.LogUniform(low, high)};
     field.rotations[i] = random.UnitQuaternion();
     field.reflectivities[i] = random.Uniform(-0.4, 1.0);
   }

@@ -105,16 +105,17 @@ TEST_P(GradientTest, EqualsCentralDifferences)
       numeric[0].push_back(
           Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.means[i][k] += step; }));
       analytic[1].push_back(gradient.logScales[i][k]);
-      numeric[1].push_back(Difference(
-          problem, h, [=](bigus::GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
+      numeric[1].push_back(
+          Difference(problem, h, [=](bigus::GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
       analytic[2].push_back(gradient.rotations[i][k]);
-      numeric[2].push_back(Difference(
-          problem, h,
-          [=](bigus::GaussianField& f, double step)
-          {
-            const Eigen::Matrix3d turn = Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(k)).toRotationMatrix();
-            f.rotations[i] = bigus::Quaternion(bigus::RotationMatrix(f.rotations[i]) * turn);
-          }));
+      numeric[2].push_back(Difference(problem, h,
+                                      [=](bigus::GaussianField& f, double step)
+                                      {
+                                        const Eigen::Matrix3d turn =
+                                            Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(k)).toRotationMatrix();
+                                        f.rotations[i] =
+                                            bigus::Quaternion(bigus::RotationMatrix(f.rotations[i]) * turn);
+                                      }));
     }
     analytic[3].push_back(gradient.reflectivities[i]);
     numeric[3].push_back(
@@ -181,8 +182,7 @@ TEST_P(FastEngine, GradientEqualsTheReference)
       gradients[e] = engines[e]->GetGradient();
     }
     EXPECT_NEAR(losses[1], losses[0], 1e-5 * losses[0]);
-    const auto check =
-        [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
+    const auto check = [](const std::vector<double>& reference, const std::vector<double>& value, const char* group)
     {
       const double error = RelativeError(reference, value);
       EXPECT_LT(error, 1e-5) << group;
@@ -267,8 +267,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
       EXPECT_LT(RelativeError(Flat(expected.rotations), Flat(gradient.rotations)), bound) << engine->Device();
       EXPECT_LT(RelativeError(expected.reflectivities, gradient.reflectivities), bound) << engine->Device();
       std::cout << engine->Device() << ": mean " << RelativeError(Flat(expected.means), Flat(gradient.means))
-                << ", reflectivity " << RelativeError(expected.reflectivities, gradient.reflectivities)
-                << '\n';
+                << ", reflectivity " << RelativeError(expected.reflectivities, gradient.reflectivities) << '\n';
     }
   }
 }

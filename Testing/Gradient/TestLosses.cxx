@@ -30,8 +30,7 @@ using bigus::Sweep;
 using bigus::test::Random;
 using bigus::test::RelativeError;
 
-const char* const kTerms[] = {"l1",  "l2",       "dssim",
-                              "ffl", "contrast", "0.5*l1+0.3*l2+dssim+0.7*ffl+20*contrast"};
+const char* const kTerms[] = {"l1", "l2", "dssim", "ffl", "contrast", "0.5*l1+0.3*l2+dssim+0.7*ffl+20*contrast"};
 
 /// Two corners and a pixel inside that the probe never lights.
 std::shared_ptr<const std::vector<std::uint8_t>> Mask(int width, int height)
@@ -41,8 +40,7 @@ std::shared_ptr<const std::vector<std::uint8_t>> Mask(int width, int height)
   {
     for (int x = 0; x < width; ++x)
     {
-      (*mask)[y * width + x] =
-          x + y > 1 && width - 1 - x + y > height / 8 && !(x == width - 1 && y == height / 2);
+      (*mask)[y * width + x] = x + y > 1 && width - 1 - x + y > height / 8 && !(x == width - 1 && y == height / 2);
     }
   }
   return mask;
@@ -98,8 +96,7 @@ struct SmallProblem
       for (double intensity : Intensities(field, sweep->Plane(f)))
       {
         const double offset = random.Uniform(0.05, 0.2);
-        *pixels++ =
-            static_cast<float>(intensity + (random.Uniform() < 0.5 || intensity > 0.8 ? -offset : offset));
+        *pixels++ = static_cast<float>(intensity + (random.Uniform() < 0.5 || intensity > 0.8 ? -offset : offset));
       }
     }
   }
@@ -190,8 +187,7 @@ void CompareGradient(const GaussianField& field, const bigus::FieldGradient& gra
       analytic[0].push_back(gradient.means[i][k]);
       numeric[0].push_back(difference([=](GaussianField& f, double step) { f.means[i][k] += step; }));
       analytic[1].push_back(gradient.logScales[i][k]);
-      numeric[1].push_back(
-          difference([=](GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
+      numeric[1].push_back(difference([=](GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
       analytic[2].push_back(gradient.rotations[i][k]);
       numeric[2].push_back(difference(
           [=](GaussianField& f, double step)
@@ -214,8 +210,7 @@ void CompareGradient(const GaussianField& field, const bigus::FieldGradient& gra
     EXPECT_GT(largest, 0);
     for (std::size_t i = 0; i < numeric[group].size(); ++i)
     {
-      EXPECT_NEAR(analytic[group][i], numeric[group][i],
-                  2e-6 * std::max(std::abs(numeric[group][i]), 1e-3 * largest))
+      EXPECT_NEAR(analytic[group][i], numeric[group][i], 2e-6 * std::max(std::abs(numeric[group][i]), 1e-3 * largest))
           << names[group] << " component " << i;
     }
   }
@@ -256,8 +251,7 @@ TEST_P(LossGradientTest, EqualsCentralDifferences)
                   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Terms, LossGradientTest,
-                         testing::Combine(testing::ValuesIn(kTerms), testing::Bool()));
+INSTANTIATE_TEST_SUITE_P(Terms, LossGradientTest, testing::Combine(testing::ValuesIn(kTerms), testing::Bool()));
 
 /// 400 Gaussians of both signs, so that some pixels are black; frames of 61 x 47 pixels with weights.
 struct LargeProblem
@@ -360,8 +354,7 @@ TEST(Losses, FramesWithoutAWindowAreRefusedBySizeAndTheFieldIsLeftAlone)
 {
   Random random(4);
   const GaussianField field = bigus::test::RandomField(random, 20, 2.0, 0.5, 1.0, 0.3);
-  const auto sweep =
-      bigus::test::RandomSweep(random, {bigus::test::RandomPlane(random, {0, 0, 0}, 0.4, 14, 10)}, 0, 1);
+  const auto sweep = bigus::test::RandomSweep(random, {bigus::test::RandomPlane(random, {0, 0, 0}, 0.4, 14, 10)}, 0, 1);
   for (const std::string& name : Engine::Names())
   {
     const auto engine = Engine::Create(name);
@@ -407,8 +400,8 @@ TEST_P(LossOfEngines, BlackConstantAndWhiteFramesTrainSoundly)
       engine_->SetField(field);
       for (int step = 0; step < 10; ++step)
       {
-        EXPECT_TRUE(std::isfinite(engine_->TrainStep({step % 3, (step + 1) % 3}, Loss::Parse(kTerms[5]),
-                                                    {0.05, 0.02, 0.02, 0.05}, {})));
+        EXPECT_TRUE(std::isfinite(
+            engine_->TrainStep({step % 3, (step + 1) % 3}, Loss::Parse(kTerms[5]), {0.05, 0.02, 0.02, 0.05}, {})));
       }
       for (double r : engine_->GetField().reflectivities)
       {
@@ -427,7 +420,7 @@ TEST_P(LossOfEngines, TrainingMakesEveryTermSmaller)
   for (int f = 0; f < 3; ++f)  // frames that a field can show
   {
     engine_->Render(problem.sweep->Plane(f), bigus::ViewOutput::Intensity,
-                   pixels + f * problem.sweep->PixelsPerFrame());
+                    pixels + f * problem.sweep->PixelsPerFrame());
   }
   Random random(6);
   GaussianField start = problem.field;
@@ -468,8 +461,7 @@ TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
     std::vector<double> all;
     for (int step = 0; step < 3; ++step)
     {
-      all.push_back(
-          engine->TrainStep({step, (step + 1) % 3}, Loss::Parse(kTerms[5]), {0.1, 0.05, 0.05, 0.02}, {}));
+      all.push_back(engine->TrainStep({step, (step + 1) % 3}, Loss::Parse(kTerms[5]), {0.1, 0.05, 0.05, 0.02}, {}));
     }
     all.push_back(engine->Backpropagate({0, 1, 2}, Loss::Parse(kTerms[5])));
     const std::vector<double> gradient = Flat(engine->GetGradient());
@@ -479,8 +471,7 @@ TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
       one = all;
     }
     ASSERT_EQ(one.size(), all.size());
-    EXPECT_EQ(0, std::memcmp(one.data(), all.data(), one.size() * sizeof(double)))
-        << threads << " threads";
+    EXPECT_EQ(0, std::memcmp(one.data(), all.data(), one.size() * sizeof(double))) << threads << " threads";
   }
 }
 

@@ -26,9 +26,9 @@ struct Case
 Long Exponent(const Case& c, const Eigen::Vector2d& pixel, Long z)
 {
   const Eigen::Matrix<Long, 3, 3> r = bigus::RotationMatrix(c.rotation).cast<Long>();
-  const Eigen::Matrix<Long, 3, 1> x =
-      c.plane.origin.cast<Long>() + Long(pixel[0]) * c.plane.columnStep.cast<Long>() +
-      Long(pixel[1]) * c.plane.rowStep.cast<Long>() + z * c.plane.Normal().cast<Long>() - c.mean.cast<Long>();
+  const Eigen::Matrix<Long, 3, 1> x = c.plane.origin.cast<Long>() + Long(pixel[0]) * c.plane.columnStep.cast<Long>() +
+                                      Long(pixel[1]) * c.plane.rowStep.cast<Long>() +
+                                      z * c.plane.Normal().cast<Long>() - c.mean.cast<Long>();
   const Eigen::Matrix<Long, 3, 1> y = (r.transpose() * x).cwiseQuotient(c.scale.cast<Long>());
   Long exponent = -y.squaredNorm() / 2;
   if (c.elevationSigma > 0)
@@ -100,8 +100,8 @@ Case RandomCase(Random& random)
   c.elevationSigma = random.Uniform() < 0.1 ? 0.0 : random.LogUniform(1e-3, 10.0);
   // Off the plane by up to four standard deviations of what the beam sees.
   const Eigen::Matrix3d r = bigus::RotationMatrix(c.rotation);
-  const double t = (r.transpose() * c.plane.Normal()).cwiseProduct(c.scale).squaredNorm() +
-                   c.elevationSigma * c.elevationSigma;
+  const double t =
+      (r.transpose() * c.plane.Normal()).cwiseProduct(c.scale).squaredNorm() + c.elevationSigma * c.elevationSigma;
   c.mean = c.plane.Point(random.Uniform(0, 63), random.Uniform(0, 63), random.Uniform(-4, 4) * std::sqrt(t));
   return c;
 }
@@ -140,8 +140,7 @@ TEST(Splat, EqualsTheBeamIntegral)
     worst = std::max(worst, error);
     // What is left is the rounding of positions: half an ulp of 32 mm, 4e-15 mm, beside a needle 1e-5 mm
     // thick.
-    ASSERT_LT(error, 1e-10L) << "case " << i << ", scales " << c.scale.transpose() << ", sigma_E "
-                             << c.elevationSigma;
+    ASSERT_LT(error, 1e-10L) << "case " << i << ", scales " << c.scale.transpose() << ", sigma_E " << c.elevationSigma;
   }
   RecordProperty("worst_error", std::to_string(static_cast<double>(worst)));
   std::cout << "worst error / peak: " << static_cast<double>(worst) << '\n';

@@ -189,8 +189,7 @@ inline std::string SmallCsv(bool images)
   }
   for (int frame = 0; frame < smallFrames; ++frame)
   {
-    csv += "\n" + (images ? "frame_" + std::to_string(frame) + ".png," : std::string()) +
-           std::to_string(frame) + ".25";
+    csv += "\n" + (images ? "frame_" + std::to_string(frame) + ".png," : std::string()) + std::to_string(frame) + ".25";
     std::string pose = SmallPoseText(frame);
     for (char& c : pose)
     {

@@ -20,8 +20,7 @@ namespace
 {
 
 // Reads a file that must be refused with one error that has all of `parts` in it.
-void ExpectRefused(vtkBigusSequenceReader* reader, const std::string& fileName,
-                   const std::vector<std::string>& parts)
+void ExpectRefused(vtkBigusSequenceReader* reader, const std::string& fileName, const std::vector<std::string>& parts)
 {
   ErrorObserver errors(reader);
   reader->SetFileName(fileName.c_str());
@@ -247,8 +246,7 @@ TEST(BadSequence, PlainImages)
   files.emplace_back("cut.mha", volume.Bytes().substr(0, volume.Bytes().size() - 1));
   const std::string nrrd = volume.NrrdBytes("4 3 3", "domain domain domain", "raw", volume.pixels);
   files.emplace_back("cut.nrrd", nrrd.substr(0, nrrd.size() - 1));
-  files.emplace_back("two.nrrd",
-                     volume.NrrdBytes("2 2 3 3", "domain domain domain list", "raw", volume.pixels));
+  files.emplace_back("two.nrrd", volume.NrrdBytes("2 2 3 3", "domain domain domain list", "raw", volume.pixels));
   volume.Set("DimSize", "60000 60000 60000");
   files.emplace_back("huge.mha", volume.Bytes());
   volume.Set("DimSize", "4 3 3");
@@ -311,8 +309,7 @@ void WritePng(const std::string& fileName, int width, int height, int type, int 
   picture->AllocateScalars(type, components);
   for (vtkIdType i = 0; i < width * height; ++i)
   {
-    picture->SetScalarComponentFromDouble(static_cast<int>(i % width), static_cast<int>(i / width), 0, 0,
-                                          double(i));
+    picture->SetScalarComponentFromDouble(static_cast<int>(i % width), static_cast<int>(i / width), 0, 0, double(i));
   }
   vtkNew<vtkPNGWriter> writer;
   writer->SetFileName(fileName.c_str());
@@ -352,8 +349,7 @@ TEST(BadSequence, CsvAndItsImages)
   ExpectRefused(folder / "bad.csv", {"no column image"});
 
   vtkNew<vtkBigusSequenceReader> reader;
-  for (const char* pattern :
-       {"frame.png", "frame_%s.png", "%d%d.png", "frame_%", "frame_%4d.png", "frame_%0999d.png"})
+  for (const char* pattern : {"frame.png", "frame_%s.png", "%d%d.png", "frame_%", "frame_%4d.png", "frame_%0999d.png"})
   {
     SCOPED_TRACE(pattern);
     reader->SetImagePattern(pattern);
@@ -412,8 +408,7 @@ TEST(BadSequence, AllFramesRejected)
   }
   WriteBytes(folder / "none.mha", sequence.Bytes());
   vtkNew<vtkBigusSequenceReader> reader;
-  ExpectRefused(reader, folder / "none.mha",
-                {"no frame is left", "3 of 3", "MISSING", "INVALID", "frames 1, 2"});
+  ExpectRefused(reader, folder / "none.mha", {"no frame is left", "3 of 3", "MISSING", "INVALID", "frames 1, 2"});
   EXPECT_EQ(reader->GetNumberOfFramesInFile(), 3);
   EXPECT_EQ(reader->GetNumberOfRejectedFrames(), 3);
 }
@@ -430,8 +425,7 @@ TEST(BadSequence, Configurations)
            {"", "not a Plus configuration"},
            {good.substr(0, good.size() / 2), "not a Plus configuration"},
            {"<PlusConfiguration/>", "CoordinateDefinitions"},
-           {"<P><CoordinateDefinitions><Transform From=\"A\" To=\"B\"/></CoordinateDefinitions></P>",
-            "Matrix"}})
+           {"<P><CoordinateDefinitions><Transform From=\"A\" To=\"B\"/></CoordinateDefinitions></P>", "Matrix"}})
   {
     WriteBytes(folder / "config.xml", bytes);
     ExpectRefused(reader, folder / "small.mha", {"config.xml", part});

@@ -124,9 +124,9 @@ TEST(Field, VtpRoundTripIsExact)
     vtkDataArray* const a = field->GetPointData()->GetArray(name);
     vtkDataArray* const b = back->GetPointData()->GetArray(name);
     ASSERT_EQ(a->GetNumberOfValues(), b->GetNumberOfValues());
-    EXPECT_EQ(std::memcmp(a->GetVoidPointer(0), b->GetVoidPointer(0),
-                          8u * static_cast<std::size_t>(a->GetNumberOfValues())),
-              0);
+    EXPECT_EQ(
+        std::memcmp(a->GetVoidPointer(0), b->GetVoidPointer(0), 8u * static_cast<std::size_t>(a->GetNumberOfValues())),
+        0);
   }
   EXPECT_EQ(back->GetFieldData()->GetArray("Gamma")->GetComponent(0, 0), 0.123456789012345678);
   EXPECT_EQ(back->GetFieldData()->GetArray("ElevationSigma")->GetComponent(0, 0), 1.0 / 3);
@@ -147,8 +147,7 @@ TEST(Field, PlyRoundTripHasThePrecisionPromised)
   ASSERT_EQ(back->GetNumberOfPoints(), 500);
   EXPECT_EQ(back->GetFieldData()->GetArray("Gamma")->GetComponent(0, 0), 0.123456789012345678);
   EXPECT_EQ(back->GetFieldData()->GetArray("ElevationSigma")->GetComponent(0, 0), 1.0 / 3);
-  EXPECT_EQ(vtkStringArray::SafeDownCast(back->GetFieldData()->GetAbstractArray("Provenance"))->GetValue(1),
-            "seed=7");
+  EXPECT_EQ(vtkStringArray::SafeDownCast(back->GetFieldData()->GetAbstractArray("Provenance"))->GetValue(1), "seed=7");
   for (vtkIdType i = 0; i < 500; ++i)
   {
     EXPECT_EQ(back->GetPointData()->GetArray("Reflectivity")->GetComponent(i, 0),
@@ -164,8 +163,8 @@ TEST(Field, PlyRoundTripHasThePrecisionPromised)
     const std::array<double, 4> unit = {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm};
     for (int c = 0; c < 4; ++c)
     {
-      EXPECT_NEAR(back->GetPointData()->GetArray("Rotation")->GetComponent(i, c),
-                  unit[static_cast<std::size_t>(c)], 1e-7);
+      EXPECT_NEAR(back->GetPointData()->GetArray("Rotation")->GetComponent(i, c), unit[static_cast<std::size_t>(c)],
+                  1e-7);
     }
   }
 }
@@ -183,8 +182,8 @@ TEST(Field, PlyHasWhatViewersExpect)
   const std::size_t data = bytes.find(end) + end.size();
   const std::string header = bytes.substr(0, data);
   std::size_t at = header.find("element vertex 2\n");
-  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
-                           "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
+                           "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
   {
     const std::size_t next = header.find(std::string("property float ") + name + "\n", at);
     ASSERT_NE(next, std::string::npos) << name;
@@ -206,10 +205,10 @@ TEST(Field, PlyHasWhatViewersExpect)
 // One splat as splatting programs write it: opacity and colour give the reflectivity.
 std::string ForeignHeader(const std::string& format, int count)
 {
-  std::string header = "ply\nformat " + format + " 1.0\ncomment by another program\nelement vertex " +
-                       std::to_string(count) + "\n";
-  for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "f_rest_0", "opacity", "scale_0",
-                           "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+  std::string header =
+      "ply\nformat " + format + " 1.0\ncomment by another program\nelement vertex " + std::to_string(count) + "\n";
+  for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "f_rest_0", "opacity", "scale_0", "scale_1",
+                           "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
   {
     header += std::string("property float ") + name + "\n";
   }
@@ -256,8 +255,7 @@ TEST(Field, EmptyFieldIsValid)
     Write(vtkNew<vtkPolyData>(), folder / name);
     EXPECT_EQ(Read(reader, folder / name)->GetNumberOfPoints(), 0);
     Write(RandomField(0), folder / name);
-    EXPECT_EQ(Read(reader, folder / name)->GetFieldData()->GetArray("ElevationSigma")->GetComponent(0, 0),
-              1.0 / 3);
+    EXPECT_EQ(Read(reader, folder / name)->GetFieldData()->GetArray("ElevationSigma")->GetComponent(0, 0), 1.0 / 3);
   }
 }
 
@@ -298,11 +296,9 @@ TEST(Field, ReadsEveryEncodingThatVtkWrites)
         const double scale = field->GetPointData()->GetArray("Scale")->GetComponent(i, 2);
         EXPECT_NEAR(back->GetPointData()->GetArray("Scale")->GetComponent(i, 2), scale,
                     encoding == "ascii" ? 1e-9 * scale : 0);
-        EXPECT_NEAR(back->GetPointData()->GetArray("Reflectivity")->GetComponent(i, 0), single->GetValue(i),
-                    1e-6);
+        EXPECT_NEAR(back->GetPointData()->GetArray("Reflectivity")->GetComponent(i, 0), single->GetValue(i), 1e-6);
       }
-      auto* const provenance =
-          vtkStringArray::SafeDownCast(back->GetFieldData()->GetAbstractArray("Provenance"));
+      auto* const provenance = vtkStringArray::SafeDownCast(back->GetFieldData()->GetAbstractArray("Provenance"));
       ASSERT_TRUE(provenance);
       EXPECT_EQ(provenance->GetValue(1), "seed=7");
     }
@@ -328,10 +324,8 @@ TEST(Field, VtkReadsTheVtp)
 TEST(Field, RefusesUnsoundFields)
 {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const auto set = [](const char* array, int index, int component, double value)
-  {
-    return [=](vtkPolyData* field)
-    { field->GetPointData()->GetArray(array)->SetComponent(index, component, value); };
+  const auto set = [](const char* array, int index, int component, double value) {
+    return [=](vtkPolyData* field) { field->GetPointData()->GetArray(array)->SetComponent(index, component, value); };
   };
   const auto remove = [](const char* array)
   { return [=](vtkPolyData* field) { field->GetPointData()->RemoveArray(array); }; };
@@ -362,17 +356,13 @@ TEST(Field, RefusesUnsoundFields)
       {set("Scale", 3, 1, nan), {"3"}},
       {set("Rotation", 17, 2, nan), {"17"}},
       {set("Reflectivity", 17, 0, HUGE_VAL), {"17"}},
-      {[](vtkPolyData* field) { field->GetPointData()->GetArray("Rotation")->SetTuple4(5, 0, 0, 0, 0); },
-       {"5"}},
+      {[](vtkPolyData* field) { field->GetPointData()->GetArray("Rotation")->SetTuple4(5, 0, 0, 0, 0); }, {"5"}},
       {[=](vtkPolyData* field) { field->GetPoints()->SetPoint(9, nan, 0, 0); }, {"9"}},
       {[](vtkPolyData* field) { field->GetFieldData()->RemoveArray("Gamma"); }, {"Gamma", "missing"}},
-      {[](vtkPolyData* field) { field->GetFieldData()->RemoveArray("ElevationSigma"); },
-       {"ElevationSigma", "missing"}},
+      {[](vtkPolyData* field) { field->GetFieldData()->RemoveArray("ElevationSigma"); }, {"ElevationSigma", "missing"}},
       {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "Gamma", 1, {0}); }, {"amma"}},
-      {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "ElevationSigma", 1, {-1}); },
-       {"levation"}},
-      {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "FormatVersion", 1, {2}); },
-       {"FormatVersion"}},
+      {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "ElevationSigma", 1, {-1}); }, {"levation"}},
+      {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "FormatVersion", 1, {2}); }, {"FormatVersion"}},
   };
   TemporaryFolder folder;
   for (std::size_t i = 0; i < cases.size(); ++i)

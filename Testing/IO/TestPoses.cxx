@@ -59,8 +59,7 @@ TEST(Poses, OfACsv)
   EXPECT_EQ(Column(reader, "ImageToReference")->GetComponent(2, 3), 20);
   EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 0);  // not stated
 
-  std::string sized =
-      "width,height,m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23\n640,480,1,0,0,0,0,1,0,0,0,0,1,0\n";
+  std::string sized = "width,height,m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23\n640,480,1,0,0,0,0,1,0,0,0,0,1,0\n";
   WriteBytes(folder / "sized.csv", sized);
   Read(reader, folder / "sized.csv");
   EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 640);

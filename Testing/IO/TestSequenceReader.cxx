@@ -41,15 +41,13 @@ void ExpectSmall(vtkImageData* image, const std::vector<int>& frames = {0, 1, 2}
     EXPECT_EQ(times->GetComponent(k, 0), frame + 0.25);
     for (int c = 0; c < 16; ++c)
     {
-      EXPECT_EQ(poses->GetComponent(k, c), SmallPose(c / 4, c % 4, frame))
-          << "frame " << frame << " element " << c;
+      EXPECT_EQ(poses->GetComponent(k, c), SmallPose(c / 4, c % 4, frame)) << "frame " << frame << " element " << c;
     }
     for (int j = 0; j < size[1]; ++j)
     {
       for (int i = 0; i < size[0]; ++i)
       {
-        EXPECT_EQ(image->GetScalarComponentAsDouble(i, j, k, 0), SmallPixel(i, j, frame))
-            << i << " " << j << " " << k;
+        EXPECT_EQ(image->GetScalarComponentAsDouble(i, j, k, 0), SmallPixel(i, j, frame)) << i << " " << j << " " << k;
       }
     }
   }
@@ -372,8 +370,7 @@ TEST(SequenceReader, ChainsTransformsByName)
 
   // By hand, pixel (1, 1) of frame 2: probe (3, 0, 3), tracker (5, 0, 3), reference: x from tracker y, y from
   // z, z from x, less the offsets.
-  const double* pose =
-      static_cast<double*>(image->GetFieldData()->GetArray("ImageToReference")->GetVoidPointer(32));
+  const double* pose = static_cast<double*>(image->GetFieldData()->GetArray("ImageToReference")->GetVoidPointer(32));
   const double expected[3] = {0 - 5, 3 - 6, 5 - 4};
   for (int r = 0; r < 3; ++r)
   {

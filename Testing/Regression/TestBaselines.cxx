@@ -88,8 +88,8 @@ void ExpectBaseline(vtkImageData* slice, const std::string& name)
     writer->SetFileName(written.c_str());
     writer->SetInputData(image);
     writer->Write();
-    FAIL() << "the image differs from " << file << " (error " << difference
-           << ", -1 = no baseline of this size); see " << written;
+    FAIL() << "the image differs from " << file << " (error " << difference << ", -1 = no baseline of this size); see "
+           << written;
   }
 }
 
@@ -178,8 +178,7 @@ TEST(Baseline, Brain)
   ASSERT_EQ(trainer->GetOutput()->GetNumberOfPoints(), 5000);
 
   vtkNew<vtkMatrix4x4> axes;
-  axes->DeepCopy(
-      vtkDoubleArray::SafeDownCast(small->GetFieldData()->GetArray("ImageToReference"))->GetPointer(16 * 4));
+  axes->DeepCopy(vtkDoubleArray::SafeDownCast(small->GetFieldData()->GetArray("ImageToReference"))->GetPointer(16 * 4));
   vtkNew<vtkBigusReslice> reslice;
   reslice->SetInputConnection(trainer->GetOutputPort());
   reslice->SetEngine("reference");
@@ -205,9 +204,9 @@ TEST(Baseline, Brain)
     product += value * frame[i];
   }
   const double n = static_cast<double>(frame.size());
-  EXPECT_GT((product - sum * frameSum / n) /
-                std::sqrt((square - sum * sum / n) * (frameSquare - frameSum * frameSum / n)),
-            0.9);
+  EXPECT_GT(
+      (product - sum * frameSum / n) / std::sqrt((square - sum * sum / n) * (frameSquare - frameSum * frameSum / n)),
+      0.9);
 }
 
 TEST(Baseline, TheComparisonIsStrict)

@@ -154,8 +154,7 @@ void PlaceInView(GaussianField& field, std::size_t i, const SlicePlane& plane, d
   const Long c11 = std::sqrt(footprint(0, 0)), c21 = footprint(1, 0) / c11;
   const Long c22 = std::sqrt(std::max(footprint(1, 1) - c21 * c21, Long(0)));
   const Long z = rho * std::sqrt(t);
-  const LongVector centre(column - c11 * eta[0] + h[0] * z / t,
-                          row - c21 * eta[0] - c22 * eta[1] + h[1] * z / t, z);
+  const LongVector centre(column - c11 * eta[0] + h[0] * z / t, row - c21 * eta[0] - c22 * eta[1] + h[1] * z / t, z);
   field.means[i] = (plane.origin.cast<Long>() + basis * centre).cast<double>();
 }
 
@@ -163,8 +162,7 @@ double Displacement(const GaussianField& field, std::size_t i, const SlicePlane&
 {
   const Eigen::Vector3d middle = Middle(field);
   const Eigen::Vector3d corners[4] = {plane.Point(0, 0), plane.Point(plane.width - 1, 0),
-                                      plane.Point(0, plane.height - 1),
-                                      plane.Point(plane.width - 1, plane.height - 1)};
+                                      plane.Point(0, plane.height - 1), plane.Point(plane.width - 1, plane.height - 1)};
   double extent = (field.means[i] - middle).norm(), own = field.means[i].norm();
   for (const Eigen::Vector3d& corner : corners)
   {
@@ -173,8 +171,7 @@ double Displacement(const GaussianField& field, std::size_t i, const SlicePlane&
   }
   const double thinnest = field.scales[i].minCoeff(), sigma = field.beam.elevationSigma;
   const double aspect = field.scales[i].maxCoeff() / thinnest;
-  const double skew =
-      plane.columnStep.norm() * plane.rowStep.norm() / plane.columnStep.cross(plane.rowStep).norm();
+  const double skew = plane.columnStep.norm() * plane.rowStep.norm() / plane.columnStep.cross(plane.rowStep).norm();
   return 32 * u * skew * (aspect + (extent + sigma) / thinnest) + 32 * 0x1p-53 * own / thinnest;
 }
 
@@ -215,8 +212,8 @@ std::size_t CountNonFinite(const FieldGradient& gradient)
   std::size_t count = 0;
   for (std::size_t i = 0; i < gradient.means.size(); ++i)
   {
-    count += !gradient.means[i].allFinite() + !gradient.logScales[i].allFinite() +
-             !gradient.rotations[i].allFinite() + !std::isfinite(gradient.reflectivities[i]);
+    count += !gradient.means[i].allFinite() + !gradient.logScales[i].allFinite() + !gradient.rotations[i].allFinite() +
+             !std::isfinite(gradient.reflectivities[i]);
   }
   return count;
 }

@@ -95,8 +95,8 @@ TEST_P(Fields, PlanesThroughAndTangent)
         worst = {std::max(worst.error, here.error), std::max(worst.excess, here.excess)};
       }
     }
-    Conclude("planes", "ball of 8 mm at " + std::to_string(static_cast<int>(distance)) + " mm, dS",
-             GetParam(), worst.error, worst.excess, nonFinite);
+    Conclude("planes", "ball of 8 mm at " + std::to_string(static_cast<int>(distance)) + " mm, dS", GetParam(),
+             worst.error, worst.excess, nonFinite);
   }
 }
 
@@ -116,8 +116,7 @@ TEST_P(Fields, PlanesThatMissTheFieldAreBlack)
       lit += std::count_if(image.values.begin(), image.values.end(), [](float v) { return v != 0; });
     }
   }
-  Conclude("planes", "50 mm to 1 km away, pixels lit", GetParam(), static_cast<double>(lit), kOnlyStated,
-           nonFinite);
+  Conclude("planes", "50 mm to 1 km away, pixels lit", GetParam(), static_cast<double>(lit), kOnlyStated, nonFinite);
   EXPECT_EQ(lit, 0u);
 }
 
@@ -134,11 +133,9 @@ TEST_P(Fields, APatientFarFromTheTrackersOriginLooksTheSame)
   plane.origin += far;
   engine_->SetField(field);
   const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
-  const Difference difference =
-      Compare(field, plane, image.values, Accuracy().tolerance / field.transfer.gamma, 7);
+  const Difference difference = Compare(field, plane, image.values, Accuracy().tolerance / field.transfer.gamma, 7);
   const std::size_t nonFinite = CountNonFinite(image.values) + CountNonFinite(image.coverage);
-  Conclude("coordinates", "400 Gaussians 1e5 mm away, dS", GetParam(), difference.error, difference.excess,
-           nonFinite);
+  Conclude("coordinates", "400 Gaussians 1e5 mm away, dS", GetParam(), difference.error, difference.excess, nonFinite);
 }
 
 TEST_P(Fields, ReflectivitiesOver24OrdersAndCancellingPairs)
@@ -167,8 +164,7 @@ TEST_P(Fields, ReflectivitiesOver24OrdersAndCancellingPairs)
       engine_->SetAccuracy({k % 2 ? 1e-4 : 0.0});
       engine_->SetField(field);
       const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
-      const Difference here =
-          Compare(field, plane, image.values, k % 2 ? 1e-4 / field.transfer.gamma : 0.0, 3);
+      const Difference here = Compare(field, plane, image.values, k % 2 ? 1e-4 / field.transfer.gamma : 0.0, 3);
       // The field's own unit: what its largest Gaussian alone adds.
       double largest = 0;
       for (const double r : field.reflectivities)
@@ -177,16 +173,15 @@ TEST_P(Fields, ReflectivitiesOver24OrdersAndCancellingPairs)
       }
       worst = {std::max(worst.error, here.error / largest), std::max(worst.excess, here.excess)};
       const Image intensity = RenderWhole(*engine_, plane, ViewOutput::Intensity);
-      nonFinite +=
-          CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(intensity.values);
+      nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(intensity.values);
       for (const float value : intensity.values)
       {
         ASSERT_TRUE(value >= 0 && value <= 1) << value;
       }
     }
     Conclude("reflectivity",
-             pairs ? "1e-12 to 1e12 in cancelling pairs, dS / largest r" : "1e-12 to 1e12, dS / largest r",
-             GetParam(), worst.error, worst.excess, nonFinite);
+             pairs ? "1e-12 to 1e12 in cancelling pairs, dS / largest r" : "1e-12 to 1e12, dS / largest r", GetParam(),
+             worst.error, worst.excess, nonFinite);
   }
 }
 
@@ -231,8 +226,7 @@ TEST_P(Fields, OneGaussianAndOnePixel)
     worst = {std::max(worst.error, here.error), std::max(worst.excess, here.excess)};
     engine_->SetFrames(RandomSweep(random, {plane}, 0, 1), false);
     engine_->TrainStep({0}, Loss::Parse("l2"), {0.1, 0.1, 0.1, 0.1}, {});
-    nonFinite +=
-        CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(engine_->GetField());
+    nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(engine_->GetField());
   }
   Conclude("numbers", "1 Gaussian, 1 x 1 pixel, dS", GetParam(), worst.error, worst.excess, nonFinite);
 }
@@ -257,8 +251,7 @@ double FreeMemory()
   GTEST_SKIP() << "needs " << (gigabytes) << " GB of free memory; there are " << FreeMemory() / 1e9
 
 #define BIGUS_NEEDS_SPEED() \
-  if (IsEmulated(GetParam())) \
-  GTEST_SKIP() << "takes minutes on an emulated device"
+  if (IsEmulated(GetParam())) GTEST_SKIP() << "takes minutes on an emulated device"
 
 TEST_P(Fields, SixteenMillionGaussians)
 {
@@ -277,8 +270,7 @@ TEST_P(Fields, SixteenMillionGaussians)
   };
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
-    field.means[i] = {static_cast<double>(i % kSide) + uniform(),
-                      static_cast<double>(i / kSide % kSide) + uniform(),
+    field.means[i] = {static_cast<double>(i % kSide) + uniform(), static_cast<double>(i / kSide % kSide) + uniform(),
                       static_cast<double>(i / kSide / kSide) + uniform()};
     field.scales[i] = {0.2 + 0.2 * uniform(), 0.2 + 0.2 * uniform(), 0.2 + 0.2 * uniform()};
     field.rotations[i] = {1, uniform(), uniform(), uniform()};
@@ -324,8 +316,7 @@ TEST_P(Fields, SixteenThousandPixelsSquare)
   GaussianField field = RandomField(random, 200, 80, 0.02, 2, 0.1);
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
-    PlaceInView(field, i, plane, random.Uniform(0, kSide), random.Uniform(0, kSide), {0, 0},
-                random.Uniform(-1, 1));
+    PlaceInView(field, i, plane, random.Uniform(0, kSide), random.Uniform(0, kSide), {0, 0}, random.Uniform(-1, 1));
   }
   PlaceInView(field, 0, plane, kSide - 1, kSide - 1, {0, 0}, 0);  // the last pixel of all
   field.scales[1] = {100, 60, 1};                                 // one as large as the image: 1e4 pixels

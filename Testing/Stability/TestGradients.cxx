@@ -24,8 +24,7 @@ struct Problem
 
 /// Three planes, and Gaussians that lie where one of them sees them: needles and pancakes of the given
 /// aspect, the longest axis up to the image's width, within 1.5 deviations on or off the plane.
-Problem Shaped(std::uint64_t seed, std::size_t count, double aspect, double elevationSigma, double low,
-               double high)
+Problem Shaped(std::uint64_t seed, std::size_t count, double aspect, double elevationSigma, double low, double high)
 {
   Random random(seed);
   Problem problem;
@@ -40,8 +39,7 @@ Problem Shaped(std::uint64_t seed, std::size_t count, double aspect, double elev
   for (std::size_t i = 0; i < count; ++i)
   {
     const double longest = random.Uniform(0.4, 1) * kWidth * kPixel;
-    problem.field.scales[i] = {longest, i % 2 ? longest * random.Uniform(0.7, 1) : longest / aspect,
-                               longest / aspect};
+    problem.field.scales[i] = {longest, i % 2 ? longest * random.Uniform(0.7, 1) : longest / aspect, longest / aspect};
     problem.field.reflectivities[i] = random.Uniform(0.1, 0.6) * (i % 4 ? 1 : -1);
     PlaceInView(problem.field, i, planes[i % 3], std::floor(random.Uniform(0, kWidth)),
                 std::floor(random.Uniform(0, kHeight)), {random.Uniform(-1, 1), random.Uniform(-1, 1)},

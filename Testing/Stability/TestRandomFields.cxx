@@ -36,14 +36,8 @@ public:
   }
   double LogUniform(double low, double high) { return std::exp(Uniform(std::log(low), std::log(high))); }
   bool Chance(double p) { return Uniform() < p; }
-  int Integer(int low, int high)
-  {
-    return low + static_cast<int>(Bits() % static_cast<std::uint64_t>(high - low + 1));
-  }
-  Eigen::Vector3d Vector(double half)
-  {
-    return {Uniform(-half, half), Uniform(-half, half), Uniform(-half, half)};
-  }
+  int Integer(int low, int high) { return low + static_cast<int>(Bits() % static_cast<std::uint64_t>(high - low + 1)); }
+  Eigen::Vector3d Vector(double half) { return {Uniform(-half, half), Uniform(-half, half), Uniform(-half, half)}; }
   /// Not uniform over the rotations, but every axis and its neighbourhood are common.
   Eigen::Vector4d Quaternion()
   {
@@ -272,8 +266,7 @@ private:
     sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
     engine_->SetFrames(sweep, false);
     const Loss loss = Loss::Parse(dice.Chance(0.5) ? "l1" : "l2");
-    bool finite =
-        std::isfinite(engine_->Backpropagate({0}, loss)) && CountNonFinite(engine_->GetGradient()) == 0;
+    bool finite = std::isfinite(engine_->Backpropagate({0}, loss)) && CountNonFinite(engine_->GetGradient()) == 0;
     const double rate = dice.LogUniform(1e-4, 1e2);
     for (int step = 0; step < 2; ++step)
     {
@@ -321,8 +314,7 @@ TEST_P(RandomFields, AMillionOfThem)
   {
     thread.join();
   }
-  Conclude("random", "a million fields, error over what is allowed", GetParam(), all.excess, all.excess,
-           all.nonFinite);
+  Conclude("random", "a million fields, error over what is allowed", GetParam(), all.excess, all.excess, all.nonFinite);
   Conclude("random", "of which held to 1 % of their peaks", GetParam(),
            static_cast<double>(all.tight) / static_cast<double>(fields), kOnlyStated, 0);
   EXPECT_EQ(all.fields, fields);

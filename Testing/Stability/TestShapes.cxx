@@ -46,15 +46,13 @@ struct OneSplat
   {
     const double radius = random.Uniform(0, 1.5), angle = random.Uniform(0, 2 * M_PI);
     PlaceInView(field, 0, plane, std::floor(random.Uniform(0, plane.width)),
-                std::floor(random.Uniform(0, plane.height)),
-                {radius * std::cos(angle), radius * std::sin(angle)}, rho);
+                std::floor(random.Uniform(0, plane.height)), {radius * std::cos(angle), radius * std::sin(angle)}, rho);
   }
 };
 
 /// Adds the errors of one splat's image, over `unit`; |dw| may be `allowed` at most. The engine holds the
 /// field.
-void MeasureImage(Engine& engine, const OneSplat& one, const ExactSplat& exact, Long unit, double allowed,
-                  Worst& worst)
+void MeasureImage(Engine& engine, const OneSplat& one, const ExactSplat& exact, Long unit, double allowed, Worst& worst)
 {
   const Image image = RenderWhole(engine, one.plane, ViewOutput::Scattering);
   worst.nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
@@ -71,8 +69,7 @@ void MeasureImage(Engine& engine, const OneSplat& one, const ExactSplat& exact, 
   worst.excess = std::max(worst.excess, largest / allowed);
 }
 
-void Measure(Engine& engine, const OneSplat& one, const ExactSplat& exact, Long unit, double allowed,
-             Worst& worst)
+void Measure(Engine& engine, const OneSplat& one, const ExactSplat& exact, Long unit, double allowed, Worst& worst)
 {
   engine.SetAccuracy({0.0});
   engine.SetField(one.field);
@@ -100,8 +97,7 @@ TEST(Exact, IsTheBeamIntegral)
   {
     const SlicePlane plane = RandomPlane(random, random.Vector(5), kPixel, 40, 30);
     OneSplat one(plane, random.LogUniform(0.01, 3));
-    one.field.scales[0] = {random.LogUniform(0.05, 5), random.LogUniform(0.05, 5),
-                           random.LogUniform(0.05, 5)};
+    one.field.scales[0] = {random.LogUniform(0.05, 5), random.LogUniform(0.05, 5), random.LogUniform(0.05, 5)};
     one.field.rotations[0] = random.UnitQuaternion();
     one.Place(random, random.Uniform(-2, 2));
     const ExactSplat exact(one.field, 0, plane);
@@ -252,8 +248,7 @@ TEST_P(Shapes, SizesFromTenThousandthsToTenThousandsOfAPixel)
     for (int k = 0; k < 60; ++k)
     {
       OneSplat one(RandomPlane(random, {0, 0, 0}, kPixel, kWidth, kHeight), k % 2 ? 0.3 : 0.0);
-      one.field.scales[0] =
-          size * kPixel * Eigen::Vector3d(1, random.Uniform(0.5, 1), random.Uniform(0.5, 1));
+      one.field.scales[0] = size * kPixel * Eigen::Vector3d(1, random.Uniform(0.5, 1), random.Uniform(0.5, 1));
       one.field.rotations[0] = random.UnitQuaternion();
       one.Place(random, random.Uniform(-2, 2));
       MeasureAgainstRounding(GetParam(), *engine_, one, worst);
@@ -280,8 +275,8 @@ TEST_P(Shapes, UpToAThousandDeviationsOffThePlane)
       one.Place(random, k % 4 < 2 ? rho : -rho);
       // Over the peak on its own plane, where it is seen best: here it may be below any number there is.
       const ExactSplat exact(one.field, 0, one.plane);
-      Measure(*engine_, one, exact, exact.PeakOfAllPlanes(),
-              AllowedByRounding(one, exact, UnitRoundoff(GetParam())), worst);
+      Measure(*engine_, one, exact, exact.PeakOfAllPlanes(), AllowedByRounding(one, exact, UnitRoundoff(GetParam())),
+              worst);
     }
     char name[48];
     std::snprintf(name, sizeof(name), "%g deviations, over the peak on plane", rho);
@@ -356,8 +351,7 @@ TEST_P(Shapes, PixelsLongSmallAndSheared)
                            : k % 3 == 1 ? std::min(spacing.column, spacing.row)
                                         : plane.PixelSize();
       OneSplat one(plane, k % 2 ? pixel : 0.0);
-      one.field.scales[0] =
-          pixel * Eigen::Vector3d(random.Uniform(1, 4), random.Uniform(1, 4), random.Uniform(1, 4));
+      one.field.scales[0] = pixel * Eigen::Vector3d(random.Uniform(1, 4), random.Uniform(1, 4), random.Uniform(1, 4));
       one.field.rotations[0] = random.UnitQuaternion();
       one.Place(random, random.Uniform(-1, 1));
       MeasureAgainstRounding(GetParam(), *engine_, one, worst);

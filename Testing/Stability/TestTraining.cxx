@@ -85,8 +85,8 @@ TEST_P(Training, AThousandStepsFromABadStart)
     for (int step = 0; step < 1000; ++step)
     {
       const int first = step % 4;
-      const double loss = engine_->TrainStep(
-          {first, (first + 1) % 4}, Loss::Parse(step / 4 % 2 ? "l1" : "l2"), start.rates, start.limits);
+      const double loss = engine_->TrainStep({first, (first + 1) % 4}, Loss::Parse(step / 4 % 2 ? "l1" : "l2"),
+                                             start.rates, start.limits);
       nonFinite += !std::isfinite(loss) + CountNonFinite(engine_->GetField());
       ASSERT_EQ(nonFinite, 0u) << start.name << ", step " << step;
     }
@@ -133,12 +133,11 @@ TEST_P(Training, AGradientBeyondAnyUseIsGuardedAndCounted)
   engine_->SetFrames(sweep, false);
   for (int step = 0; step < 5; ++step)
   {
-    ASSERT_TRUE(std::isfinite(
-        engine_->TrainStep({0}, Loss::Parse("l2"), {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
+    ASSERT_TRUE(std::isfinite(engine_->TrainStep({0}, Loss::Parse("l2"), {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
     ASSERT_EQ(CountNonFinite(engine_->GetField()), 0u) << "step " << step;
   }
-  Conclude("training", "gradients of 1e20: guarded updates", GetParam(),
-           static_cast<double>(engine_->GuardedUpdates()), kOnlyStated, 0);
+  Conclude("training", "gradients of 1e20: guarded updates", GetParam(), static_cast<double>(engine_->GuardedUpdates()),
+           kOnlyStated, 0);
   EXPECT_GT(engine_->GuardedUpdates(), 0u);
 }
 
@@ -166,8 +165,8 @@ TEST_P(Training, SoundTrainingIsNeverGuarded)
     const double loss = engine_->TrainStep(batch, Loss(), {0.05, 0.02, 0.02, 0.02}, {0.1, 20, false});
     (step < 10 ? first : last) += step < 10 || step >= 290 ? loss : 0;
   }
-  Conclude("training", "sound: loss after 300 steps over before", GetParam(), last / first,
-           last / first / 0.5, CountNonFinite(engine_->GetField()));
+  Conclude("training", "sound: loss after 300 steps over before", GetParam(), last / first, last / first / 0.5,
+           CountNonFinite(engine_->GetField()));
   Conclude("training", "sound: guarded updates", GetParam(), static_cast<double>(engine_->GuardedUpdates()),
            kOnlyStated, 0);
   EXPECT_EQ(engine_->GuardedUpdates(), 0u);
@@ -207,8 +206,7 @@ TEST_P(Training, ReflectivitiesSolvedOnBlackAndSaturatedFrames)
     Random random(65);
     engine_->SetField(BadField(random, 200));
     engine_->SetFrames(BadFrames(random, level, level), false);
-    nonFinite +=
-        !std::isfinite(engine_->SolveReflectivities({0, 1, 2, 3}, 10)) + CountNonFinite(engine_->GetField());
+    nonFinite += !std::isfinite(engine_->SolveReflectivities({0, 1, 2, 3}, 10)) + CountNonFinite(engine_->GetField());
   }
   Conclude("training", "reflectivities solved from a bad start", GetParam(), 0, kOnlyStated, nonFinite);
 }

@@ -192,8 +192,7 @@ TEST_P(Truncation, CrowdsInSomePlacesOfALargerImage)
       for (std::size_t i = 0; i < field.Size(); ++i)
       {
         field.reflectivities[i] = share * tolerance * random.Uniform(0.5, 2);
-        double column = 32.0 * static_cast<double>(1 + i % 4),
-               row = 32.0 * static_cast<double>(1 + i / 4 % 3);
+        double column = 32.0 * static_cast<double>(1 + i % 4), row = 32.0 * static_cast<double>(1 + i / 4 % 3);
         if (i % 10 == 0)
         {
           field.scales[i] = {random.Uniform(5, 20), 0.7, 0.7};
@@ -292,8 +291,7 @@ TEST_P(Truncation, OneSplatAloneWhenEachIsBoundedAlone)
       field.reflectivities[0] = random.LogUniform(0.5, 1000) * tolerance;
       field.transfer.gamma = 1;
       const SlicePlane plane = SmallPlane(random);
-      PlaceInView(field, 0, plane, random.Uniform(0, 39), random.Uniform(0, 31), {0, 0},
-                  random.Uniform(-3, 3));
+      PlaceInView(field, 0, plane, random.Uniform(0, 39), random.Uniform(0, 31), {0, 0}, random.Uniform(-3, 3));
       Check(field, plane, {tolerance, true}, outcome);
     }
     Conclude("one splat, bounded alone", tolerance, outcome);

@@ -74,8 +74,7 @@ double CornerDistance(const SlicePlane& a, const SlicePlane& b)
 
 /// Where the tracker claims the frame to be, for the truth to lie at (translation, rotation) from there: the
 /// inverse motion, found by repetition because axes turn with the plane.
-SlicePlane TrackedFor(const SlicePlane& truth, const Eigen::Vector3d& translation,
-                      const Eigen::Vector3d& rotation)
+SlicePlane TrackedFor(const SlicePlane& truth, const Eigen::Vector3d& translation, const Eigen::Vector3d& rotation)
 {
   const SlicePlane back = Moved(truth, Eigen::Vector3d::Zero(), -rotation);
   return Moved(back, -translation, Eigen::Vector3d::Zero());
@@ -130,8 +129,7 @@ TEST(Alignment, FindsWhereTheFrameWasTaken)
       AlignmentOptions options;
       options.stride = stride;
       const RigidAlignment found = AlignFrame(*engine, *sweep, 0, options);
-      EXPECT_LT(CornerDistance(found.plane, truth), 0.02 * pixel)
-          << "from " << CornerDistance(tracked, truth);
+      EXPECT_LT(CornerDistance(found.plane, truth), 0.02 * pixel) << "from " << CornerDistance(tracked, truth);
       EXPECT_NEAR(found.translation, motion.translation.norm(), 0.01 * pixel);
       EXPECT_NEAR(found.rotation, motion.rotation.norm(), 0.01);
       EXPECT_LT(found.residualAfter, 0.01 * found.residualBefore);
@@ -202,8 +200,7 @@ TEST(Alignment, PriorsPullBack)
   Random random(7);  // noise, so that there is something to weigh the prior against
   for (std::size_t p = 0; p < sweep->PixelsPerFrame(); ++p)
   {
-    Pixels(*sweep)[p] =
-        std::clamp(Pixels(*sweep)[p] + static_cast<float>(random.Uniform(-0.1, 0.1)), 0.0f, 1.0f);
+    Pixels(*sweep)[p] = std::clamp(Pixels(*sweep)[p] + static_cast<float>(random.Uniform(-0.1, 0.1)), 0.0f, 1.0f);
   }
   const auto engine = EngineWith(Scene());
   double translation = 1e9, rotation = 1e9;
@@ -260,8 +257,7 @@ TEST(Alignment, WeighsPriorAgainstNoiseAsGaussianStatisticsDo)
   options.translationPrior = 0.01;
   const double variance = 0.6 * 0.6 / 12;  // of the noise
   const double expected = data / (signal + variance / (0.01 * 0.01));
-  EXPECT_NEAR(AlignImage(render, image.data(), nullptr, plane, options).translation, expected,
-              0.05 * expected);
+  EXPECT_NEAR(AlignImage(render, image.data(), nullptr, plane, options).translation, expected, 0.05 * expected);
 }
 
 TEST(Alignment, StaysWithinItsBounds)

@@ -62,8 +62,7 @@ Sweep MakeSweep(int width, int height, const std::vector<Eigen::Matrix4d>& poses
   return sweep;
 }
 
-const Eigen::Matrix3d oblique =
-    Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, -2, 3).normalized()).toRotationMatrix();
+const Eigen::Matrix3d oblique = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, -2, 3).normalized()).toRotationMatrix();
 
 /// Parallel planes, unevenly spaced, in an oblique direction.
 Sweep Parallel(const Function& intensity, int width = 41, int height = 33)
@@ -157,8 +156,7 @@ std::vector<float> Resliced(const Compounding& volume, const SlicePlane& plane)
 
 /// The largest difference from `intensity` over the plane's pixels, leaving out `margin` of them at every
 /// edge.
-double LargestError(const std::vector<float>& image, const SlicePlane& plane, const Function& intensity,
-                    int margin = 0)
+double LargestError(const std::vector<float>& image, const SlicePlane& plane, const Function& intensity, int margin = 0)
 {
   double largest = 0;
   for (int j = margin; j < plane.height - margin; ++j)
@@ -204,8 +202,7 @@ TEST(NearestFrame, IsTheOneWithTheNearestPose)
 {
   const Sweep sweep = Parallel(Linear);
   EXPECT_EQ(Nearest(sweep, All(sweep), sweep.Plane(3)), Frame(sweep, 3));
-  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 1), sweep.Plane(1)),
-            Frame(sweep, 2));  // 0.4 mm away; frame 0 is 0.6
+  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 1), sweep.Plane(1)), Frame(sweep, 2));  // 0.4 mm away; frame 0 is 0.6
   EXPECT_EQ(Nearest(sweep, AllBut(sweep, 3), sweep.Plane(3)), Frame(sweep, 4));
   EXPECT_EQ(Nearest(sweep, {0, 6}, sweep.Plane(3)), Frame(sweep, 6));
   EXPECT_EQ(Nearest(sweep, {5}, sweep.Plane(0)), Frame(sweep, 5));
@@ -253,11 +250,10 @@ TEST(PoseInterpolation, IsExactWhereIntensityIsLinear)
     for (int frame = 1; frame + 1 < sweep.NumberOfFrames(); ++frame)
     {
       // At the edges the line to a tilted neighbour misses its image by a pixel or so.
-      EXPECT_LT(LargestError(Interpolated(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), Linear, 2),
-                1e-6);
-      EXPECT_LT(LargestError(Interpolated(sweep, AllBut(sweep, frame), sweep.Plane(frame)),
-                             sweep.Plane(frame), Linear, 2),
-                1e-6);
+      EXPECT_LT(LargestError(Interpolated(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), Linear, 2), 1e-6);
+      EXPECT_LT(
+          LargestError(Interpolated(sweep, AllBut(sweep, frame), sweep.Plane(frame)), sweep.Plane(frame), Linear, 2),
+          1e-6);
     }
   }
   const Sweep sweep = Parallel(Linear);
@@ -277,8 +273,7 @@ TEST(PoseInterpolation, DoesNotMindReflectedFrames)
   const Sweep reflected = MakeSweep(sweep.width, sweep.height, poses, Linear);
   for (int frame : {3, 4})
   {
-    EXPECT_LT(LargestError(Interpolated(reflected, AllBut(reflected, frame), frame), reflected.Plane(frame),
-                           Linear, 2),
+    EXPECT_LT(LargestError(Interpolated(reflected, AllBut(reflected, frame), frame), reflected.Plane(frame), Linear, 2),
               1e-6);
     EXPECT_LT(LargestError(Interpolated(reflected, AllBut(reflected, frame), reflected.Plane(frame)),
                            reflected.Plane(frame), Linear, 2),
@@ -304,8 +299,7 @@ TEST(PoseInterpolation, TakesTheFrameThatSeesThePointWhenTheOtherDoesNot)
                                         Pose({5, 0, 1}, Eigen::Matrix3d::Identity(), 20, 10),
                                         Pose({10, 0, 2}, Eigen::Matrix3d::Identity(), 20, 10)};
   const Sweep sweep = MakeSweep(20, 10, poses, [](const Eigen::Vector3d& x) { return x[2] / 2; });
-  for (const std::vector<float>& image :
-       {Interpolated(sweep, {0, 2}, 1), Interpolated(sweep, {0, 2}, sweep.Plane(1))})
+  for (const std::vector<float>& image : {Interpolated(sweep, {0, 2}, 1), Interpolated(sweep, {0, 2}, sweep.Plane(1))})
   {
     EXPECT_FLOAT_EQ(image[0], 0.0f);   // seen by frame 0 only
     EXPECT_FLOAT_EQ(image[19], 1.0f);  // by frame 2 only
@@ -381,8 +375,7 @@ TEST(CubicInterpolation, IsExactForParabolasAcrossUnevenPlanes)
   for (int frame : {2, 3, 4})
   {
     EXPECT_LT(LargestError(Cubic(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), parabola, 2), 1e-6);
-    EXPECT_GT(LargestError(Interpolated(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), parabola, 2),
-              1e-3);
+    EXPECT_GT(LargestError(Interpolated(sweep, AllBut(sweep, frame), frame), sweep.Plane(frame), parabola, 2), 1e-3);
   }
   // Tilted planes: the line meets them elsewhere, and a linear function is still met.
   const Sweep fan = Fan(Linear);
@@ -514,7 +507,7 @@ TEST(Compounding, FillsTheGapsBetweenPlanes)
   EXPECT_NEAR(centre(0.5, 1.0), 0.2, 1e-6);    // layer 2 has layer 0 nearest
   EXPECT_NEAR(centre(0.25, 0.75), 0.2, 1e-6);
   EXPECT_NEAR(centre(0.25, 1.5), 0.215, 1e-6);  // six layers from either
-  EXPECT_EQ(centre(0.5, 18.0), 0.0f);  // not across the break: 24 mm is more than four median spacings
+  EXPECT_EQ(centre(0.5, 18.0), 0.0f);           // not across the break: 24 mm is more than four median spacings
 }
 
 TEST(Compounding, OfASingleFrameReproducesIt)
@@ -542,8 +535,7 @@ TEST(Compounding, KeepsToItsMemory)
   const std::string message = Message([&] { Compounding(sweep, All(sweep), 0.01); });
   EXPECT_NE(message.find("0.01"), std::string::npos) << message;
   EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 1e-30); }).find("choose larger"), std::string::npos);
-  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 0.5, 1000); }).find("1000 are allowed"),
-            std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 0.5, 1000); }).find("1000 are allowed"), std::string::npos);
   EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), -1); }).find("-1"), std::string::npos);
   EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), std::numeric_limits<double>::quiet_NaN()); }), "");
 
@@ -554,8 +546,7 @@ TEST(Compounding, KeepsToItsMemory)
     EXPECT_LE(Compounding(sweep, All(sweep), voxel).MemoryUse(), bytes);
     EXPECT_GT(Compounding(sweep, All(sweep), voxel * 0.998).MemoryUse(), bytes);
   }
-  EXPECT_NE(Message([&] { Compounding::VoxelSizeForMemory(sweep, All(sweep), 31); }).find("31"),
-            std::string::npos);
+  EXPECT_NE(Message([&] { Compounding::VoxelSizeForMemory(sweep, All(sweep), 31); }).find("31"), std::string::npos);
 
   // A size of its own choice grows until it fits.
   const Compounding coarse(sweep, All(sweep), 0, 1000);

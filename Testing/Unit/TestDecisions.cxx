@@ -277,8 +277,7 @@ TEST(Decisions, ATrainingFromWhatAnotherSolvedIsTheSame)
   {
     options.signedReflectivity = isSigned;
     const TrainingResult own = Fit(PhantomSweep(), {0, 1, 2, 4, 5, 6}, {}, options, nullptr, {});
-    const TrainingResult shared =
-        Fit(PhantomSweep(), {0, 1, 2, 4, 5, 6}, {}, options, nullptr, {}, nullptr, &solved);
+    const TrainingResult shared = Fit(PhantomSweep(), {0, 1, 2, 4, 5, 6}, {}, options, nullptr, {}, nullptr, &solved);
     EXPECT_TRUE(Same(own.field, shared.field)) << (isSigned ? "signed" : "positive");
   }
   EXPECT_TRUE(Same(kept, solved));
@@ -374,8 +373,8 @@ TEST(Decisions, UnsurePosesAskForAThickBeam)
 TEST(Decisions, EmptySpaceGetsNoGaussians)
 {
   constexpr int kWidth = 96, kLit = 48;
-  const auto half = Changed(*PhantomSweep(), [](int, std::size_t pixel, float value)
-                            { return pixel % kWidth < kLit ? value : 0.0f; });
+  const auto half = Changed(*PhantomSweep(),
+                            [](int, std::size_t pixel, float value) { return pixel % kWidth < kLit ? value : 0.0f; });
   TrainerOptions options = Forced();
   options.gaussians.reset();
   options.maximumGaussians = 7000;

@@ -49,9 +49,8 @@ ElevationEstimate Estimate(const PhantomOptions& options)
   const ElevationEstimate e = EstimateElevationSigma(sweep, AllFrames(sweep));
   std::printf("  sigma %g mm, spacing %.2f mm, seed %d%s%s: %.3f mm (%+.1f %%) +- %.3f, %zu pairs%s%s\n",
               options.elevationSigma, options.frameSpacing, static_cast<int>(options.seed),
-              options.scene == PhantomScene::Organ ? ", organ" : "",
-              options.trackingNoise > 0 ? ", jitter" : "", e.sigma,
-              100 * (e.sigma / options.elevationSigma - 1), e.standardError, e.pairs,
+              options.scene == PhantomScene::Organ ? ", organ" : "", options.trackingNoise > 0 ? ", jitter" : "",
+              e.sigma, 100 * (e.sigma / options.elevationSigma - 1), e.standardError, e.pairs,
               e.reliable ? "" : "; refused: ", e.reason.c_str());
   return e;
 }
@@ -225,8 +224,8 @@ TEST(ElevationEstimate, RefusesImagesWithoutSpeckle)
   ExpectRefused(estimate(Made(20, [&](int, int, int) { return 50 + random() % 100; })), "finer than a pixel");
   // One still image, whatever the pose.
   const Sweep sweep = Phantom(Options(1, 0.5, 1)).MakeSweep();
-  Sweep still = Made(20, [&](int, int x, int y)
-                     { return static_cast<const std::uint8_t*>(sweep.pixels.get())[y * sweep.width + x]; });
+  Sweep still = Made(
+      20, [&](int, int x, int y) { return static_cast<const std::uint8_t*>(sweep.pixels.get())[y * sweep.width + x]; });
   ExpectRefused(estimate(still), "too near");
 }
 

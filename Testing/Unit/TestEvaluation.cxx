@@ -115,17 +115,14 @@ TEST(ScoreFrames, IsMeanAndDeviationOfEachFramesScores)
   EXPECT_NEAR(scores.bfs.score, mean(bfs), 1e-12);
   EXPECT_NEAR(scores.texture.image.contrast.mean, mean(contrast), 1e-12);
   EXPECT_NEAR(scores.texture.highFrequencyPower, mean(highFrequencyPower), 1e-12);
-  EXPECT_NEAR(
-      scores.bfs.score,
-      0.4 * scores.bfs.meanContrast + 0.4 * scores.bfs.contrastDistribution + 0.2 * scores.bfs.rayleigh,
-      1e-12);
+  EXPECT_NEAR(scores.bfs.score,
+              0.4 * scores.bfs.meanContrast + 0.4 * scores.bfs.contrastDistribution + 0.2 * scores.bfs.rayleigh, 1e-12);
 }
 
 TEST(ScoreFrames, OfTheTruthIsPerfect)
 {
   const Sweep sweep = MakeSweep(3);
-  const FrameScores scores =
-      ScoreFrames(sweep, {0, 2}, [&](int f, float* image) { sweep.CopyFrame(f, image); });
+  const FrameScores scores = ScoreFrames(sweep, {0, 2}, [&](int f, float* image) { sweep.CopyFrame(f, image); });
   EXPECT_EQ(scores.psnr, std::numeric_limits<double>::infinity());
   EXPECT_EQ(scores.psnrStd, 0);
   EXPECT_NEAR(scores.ssim, 1, 1e-12);
@@ -138,7 +135,8 @@ TEST(ScoreFrames, PredictionsAreBlackWhereTheProbeLightsNothing)
   const std::size_t unlit = sweep.PixelsPerFrame() / 3;
   for (int frame = 0; frame < 3; ++frame)
   {
-    std::fill_n(static_cast<float*>(const_cast<void*>(sweep.pixels.get())) + frame * sweep.PixelsPerFrame(), unlit, 0.0f);
+    std::fill_n(static_cast<float*>(const_cast<void*>(sweep.pixels.get())) + frame * sweep.PixelsPerFrame(), unlit,
+                0.0f);
   }
   const auto brightOutside = [&](int frame, float* image)
   {
@@ -164,10 +162,9 @@ TEST(ScoreField, ScoresWhatAnEngineRendersAtTheTrackedPoses)
   const GaussianField field = MakeField();
   const auto engine = Engine::Create("reference");
   engine->SetField(field);
-  const FrameScores expected =
-      ScoreFrames(sweep, {1, 3},
-                  [&](int frame, float* image)
-                  { engine->Render(sweep.Plane(frame), bigus::ViewOutput::Intensity, image); });
+  const FrameScores expected = ScoreFrames(
+      sweep, {1, 3},
+      [&](int frame, float* image) { engine->Render(sweep.Plane(frame), bigus::ViewOutput::Intensity, image); });
   ExpectSame(ScoreField(field, sweep, {1, 3}, "reference"), expected, 0);
   ExpectSame(ScoreField(field, sweep, {1, 3}), expected, 0.05);  // whichever is fastest, truncated
   EXPECT_THROW(ScoreField(field, sweep, {1}, "no such engine"), Error);

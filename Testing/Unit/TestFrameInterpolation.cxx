@@ -45,21 +45,18 @@ std::shared_ptr<Sweep> Frames(int count, const std::function<double(double, doub
 /// Something with structure at all scales.
 double Texture(double i, double j)
 {
-  return 0.5 + 0.2 * std::sin(0.31 * i + 0.2 * j) + 0.1 * std::cos(1.1 * i - 0.7 * j) +
-         0.1 * std::sin(0.05 * i * j);
+  return 0.5 + 0.2 * std::sin(0.31 * i + 0.2 * j) + 0.1 * std::cos(1.1 * i - 0.7 * j) + 0.1 * std::sin(0.05 * i * j);
 }
 
 std::vector<float> Between(const Sweep& sweep, int a, int b, double share, const FrameInterpolation& how)
 {
   std::vector<float> image(sweep.PixelsPerFrame());
-  InterpolateFrames(sweep, a, b, PlaneBetween(sweep.Plane(a), sweep.Plane(b), share), share, how,
-                    image.data());
+  InterpolateFrames(sweep, a, b, PlaneBetween(sweep.Plane(a), sweep.Plane(b), share), share, how, image.data());
   return image;
 }
 
 /// The largest difference from a picture, `margin` pixels inside the edge.
-double LargestError(const std::vector<float>& image, const std::function<double(double, double)>& truth,
-                    int margin = 0)
+double LargestError(const std::vector<float>& image, const std::function<double(double, double)>& truth, int margin = 0)
 {
   double worst = 0;
   for (int j = margin; j < kHeight - margin; ++j)
@@ -75,8 +72,7 @@ double LargestError(const std::vector<float>& image, const std::function<double(
 SlicePlane Sheared(const Eigen::Vector3d& at)
 {
   Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
-  const Eigen::Matrix3d turn =
-      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
   Eigen::Matrix3d steps = Eigen::Matrix3d::Identity();
   steps.col(0) = Eigen::Vector3d(0.2, 0, 0);
   steps.col(1) = Eigen::Vector3d(0.03, 0.17, 0);  // ten degrees off the perpendicular
@@ -139,8 +135,7 @@ TEST(FrameInterpolation, TwoEqualFramesGiveThatFrame)
   {
     for (double share : {0.2, 0.5})
     {
-      EXPECT_LT(LargestError(Between(*sweep, 0, 1, share, how), Texture), 1e-5)
-          << how.ToString() << ' ' << share;
+      EXPECT_LT(LargestError(Between(*sweep, 0, 1, share, how), Texture), 1e-5) << how.ToString() << ' ' << share;
     }
   }
 }
@@ -151,9 +146,9 @@ TEST(FrameInterpolation, AtAFrameItIsThatFrame)
   for (const Path path : {Path::Normals, Path::Probe})
   {
     EXPECT_LT(LargestError(Between(*sweep, 0, 1, 0, {path, false}), Texture), 1e-5);
-    EXPECT_LT(LargestError(Between(*sweep, 0, 1, 1, {path, false}),
-                           [](double i, double j) { return Texture(i + 9, 2 * j); }),
-              1e-5);
+    EXPECT_LT(
+        LargestError(Between(*sweep, 0, 1, 1, {path, false}), [](double i, double j) { return Texture(i + 9, 2 * j); }),
+        1e-5);
   }
 }
 
@@ -258,8 +253,8 @@ TEST(FrameInterpolation, SpeckleThatFramesDoNotShareIsSmoothedUnlessContrastIsKe
 TEST(FrameInterpolation, SameBitsForAnyNumberOfThreads)
 {
   test::Random random(9);
-  const auto sweep = Frames(8, [&](double i, double j, int f)
-                            { return std::min(1.0, Texture(i + f, j) * random.Uniform(0.5, 1)); });
+  const auto sweep =
+      Frames(8, [&](double i, double j, int f) { return std::min(1.0, Texture(i + f, j) * random.Uniform(0.5, 1)); });
   std::vector<int> frames = {0, 1, 2, 3, 4, 5, 6, 7};
   for (const FrameInterpolation& how : kEvery)
   {
@@ -284,8 +279,8 @@ TEST(FrameInterpolation, OppositeFramesDoNotCrash)
   const auto together = Frames(2, [](double i, double j, int) { return Texture(i, j); });
   together->imageToReference[1] = together->imageToReference[0];
   const auto across = Frames(2, [](double i, double j, int) { return Texture(i, j); });
-  across->imageToReference[1].block<3, 3>(0, 0) = Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitY()) *
-                                                  across->imageToReference[1].block<3, 3>(0, 0);
+  across->imageToReference[1].block<3, 3>(0, 0) =
+      Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitY()) * across->imageToReference[1].block<3, 3>(0, 0);
   for (const auto& hard : {sweep, together, across})
   {
     for (const FrameInterpolation& how : kEvery)

@@ -120,8 +120,7 @@ TEST(Rotation, OfAQuaternionIsTheTurnItSays)
 {
   const double half = 0.5 * 0.3;
   const Eigen::Vector3d axis = Eigen::Vector3d(1, 2, -2) / 3;
-  const Eigen::Vector4d q(std::cos(half), axis[0] * std::sin(half), axis[1] * std::sin(half),
-                          axis[2] * std::sin(half));
+  const Eigen::Vector4d q(std::cos(half), axis[0] * std::sin(half), axis[1] * std::sin(half), axis[2] * std::sin(half));
   const Eigen::Matrix3d expected = Eigen::AngleAxisd(0.3, axis).toRotationMatrix();
   for (double length : {1.0, 1e-160, 3e5, -2.0, 1e160})
   {
@@ -145,8 +144,7 @@ TEST(Rotation, AndBackKeepsTheMatrix)
     EXPECT_LT((bigus::RotationMatrix(q) - r).norm(), 1e-14);
   }
   // Half turns, where w is 0.
-  for (const Eigen::Vector3d& axis :
-       {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)})
+  for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)})
   {
     const Eigen::Matrix3d r = 2 * axis * axis.transpose() - Eigen::Matrix3d::Identity();
     EXPECT_LT((bigus::RotationMatrix(bigus::Quaternion(r)) - r).norm(), 1e-14);

@@ -73,11 +73,10 @@ TEST(LossText, DoesNotFollowTheLocale)
 TEST(LossText, RefusesEverythingElse)
 {
   for (const char* text :
-       {"",          " ",        "+",       "l1+",       "+l1",     "l1++l2",       "l3",
-        "l1 l2",     "l1l2",     "l1,l2",   "0.5",       "0.5*",    "*l1",          "0.5l1",
-        "0.5**l1",   "l1*0.5",   "1*1*l1",  "l1-l2",     "-0.5*l1", "l1+-0.5*l1",   "0*l1",
-        "nan*l1",    "inf*l1",   "-inf*l1", "1e400*l1",  "1e7*l1",  "0x1p3*l1",     "1e*l1",
-        "l1;rm -rf", "\xff\xfe", "l1\n",    "dssim(l1)", "0,5*l1",  "9e5*l1+9e5*l1"})
+       {"",        " ",          "+",        "l1+",    "+l1",       "l1++l2",  "l3",           "l1 l2",  "l1l2",
+        "l1,l2",   "0.5",        "0.5*",     "*l1",    "0.5l1",     "0.5**l1", "l1*0.5",       "1*1*l1", "l1-l2",
+        "-0.5*l1", "l1+-0.5*l1", "0*l1",     "nan*l1", "inf*l1",    "-inf*l1", "1e400*l1",     "1e7*l1", "0x1p3*l1",
+        "1e*l1",   "l1;rm -rf",  "\xff\xfe", "l1\n",   "dssim(l1)", "0,5*l1",  "9e5*l1+9e5*l1"})
   {
     EXPECT_THROW(Loss::Parse(text), Error) << text;
   }
@@ -146,8 +145,7 @@ TEST(PixelLoss, IsTheErrorsSizeAndSquare)
       const double error = transfer.Intensity(s) - truth;
       EXPECT_NEAR(PixelValue(1, 0, transfer.gamma, s, truth), std::abs(error), 1e-15);
       EXPECT_NEAR(PixelValue(0, 1, transfer.gamma, s, truth), error * error, 1e-15);
-      EXPECT_NEAR(PixelValue(0.3, 2, transfer.gamma, s, truth), 0.3 * std::abs(error) + 2 * error * error,
-                  1e-15);
+      EXPECT_NEAR(PixelValue(0.3, 2, transfer.gamma, s, truth), 0.3 * std::abs(error) + 2 * error * error, 1e-15);
     }
   }
 }
@@ -162,8 +160,7 @@ TEST(PixelLoss, DerivativeIsExactWhereThePixelIsLit)
       for (double truth : {0.0, 0.25, 0.9, 1.0})
       {
         const double slope =
-            (PixelValue(l1, l2, gamma, s + step, truth) - PixelValue(l1, l2, gamma, s - step, truth)) /
-            (2 * step);
+            (PixelValue(l1, l2, gamma, s + step, truth) - PixelValue(l1, l2, gamma, s - step, truth)) / (2 * step);
         EXPECT_NEAR(PixelSlope(l1, l2, gamma, s, truth), slope, 1e-8);
       }
       // What other terms add to dL/dI goes through dI/dS = gamma (1 - I).
@@ -270,8 +267,7 @@ struct Windows
         const double va = mean([&](int p) { return (a[p] - ma) * (a[p] - ma); });
         const double vb = mean([&](int p) { return (b[p] - mb) * (b[p] - mb); });
         const double cov = mean([&](int p) { return (a[p] - ma) * (b[p] - mb); });
-        dssim +=
-            1 - (2 * ma * mb + 1e-4) * (2 * cov + 9e-4) / ((ma * ma + mb * mb + 1e-4) * (va + vb + 9e-4));
+        dssim += 1 - (2 * ma * mb + 1e-4) * (2 * cov + 9e-4) / ((ma * ma + mb * mb + 1e-4) * (va + vb + 9e-4));
         const double c = 1 / (255.0 * 255 * 12);
         contrast += std::pow(std::sqrt(va + c) - std::sqrt(vb + c), 2);
         ++count;
@@ -336,16 +332,15 @@ TEST(ImageLossTest, WindowedTermsAreTheirDefinitions)
     ASSERT_GT(windows.count, 0);
     EXPECT_NEAR(Value(images, Loss::Parse("dssim")), windows.dssim, 1e-12) << width << " x " << height;
     EXPECT_NEAR(Value(images, Loss::Parse("contrast")), windows.contrast, 1e-14);
-    EXPECT_NEAR(Value(images, Loss::Parse("2*dssim+3*contrast+l1"), 0.5),
-                windows.dssim + 1.5 * windows.contrast, 1e-12);
+    EXPECT_NEAR(Value(images, Loss::Parse("2*dssim+3*contrast+l1"), 0.5), windows.dssim + 1.5 * windows.contrast,
+                1e-12);
   }
 }
 
 TEST(ImageLossTest, DssimIsOneMinusTheScore)
 {
   const Images images(47, 33, 3);
-  const std::vector<float> a(images.image.begin(), images.image.end()),
-      b(images.truth.begin(), images.truth.end());
+  const std::vector<float> a(images.image.begin(), images.image.end()), b(images.truth.begin(), images.truth.end());
   EXPECT_NEAR(Value(images, Loss::Parse("dssim")), 1 - bigus::Ssim(a.data(), b.data(), 47, 33), 1e-7);
 }
 
@@ -380,8 +375,7 @@ void CompareSlopes(const Images& images, const Loss& loss, Function&& value)
     moved.image[p] += h;
     const double up = value(moved);
     moved.image[p] -= 2 * h;
-    EXPECT_NEAR(slope[p], (up - value(moved)) / (2 * h), 1e-6 * largest)
-        << loss.ToString() << ", pixel " << p;
+    EXPECT_NEAR(slope[p], (up - value(moved)) / (2 * h), 1e-6 * largest) << loss.ToString() << ", pixel " << p;
     if (!images.counted.empty() && !images.counted[p])
     {
       EXPECT_EQ(slope[p], 0);
@@ -460,14 +454,12 @@ TEST(ImageLossTest, PixelsThatDoNotCountChangeNothing)
 TEST(ImageLossTest, FloatIsCloseToDouble)
 {
   const Images images(75, 43, 8, true);
-  const std::vector<float> a(images.image.begin(), images.image.end()),
-      b(images.truth.begin(), images.truth.end());
+  const std::vector<float> a(images.image.begin(), images.image.end()), b(images.truth.begin(), images.truth.end());
   for (const char* text : {"dssim", "ffl", "contrast"})
   {
     const Loss loss = Loss::Parse(text);
     std::vector<float> slope(a.size());
-    const double value =
-        ImageLoss(75, 43, images.counted).Evaluate(loss, 1.0, a.data(), b.data(), 75, slope.data());
+    const double value = ImageLoss(75, 43, images.counted).Evaluate(loss, 1.0, a.data(), b.data(), 75, slope.data());
     EXPECT_NEAR(value, Value(images, loss), 1e-5 * Value(images, loss)) << text;
     const std::vector<double> expected = Slope(images, loss);
     double error = 0, size = 0;

@@ -81,8 +81,7 @@ double LiteralSsim(const Image& a, const Image& b, bool valid)
       {
         if (a.Has(x + dx, y + dy))
         {
-          s += std::exp(-(dx * dx + dy * dy) / 4.5) / (total * total) *
-               f(a.At(x + dx, y + dy), b.At(x + dx, y + dy));
+          s += std::exp(-(dx * dx + dy * dy) / 4.5) / (total * total) * f(a.At(x + dx, y + dy), b.At(x + dx, y + dy));
         }
       }
     }
@@ -112,10 +111,7 @@ double AreaBetween(std::vector<double> a, std::vector<double> b)
   jumps.insert(jumps.end(), b.begin(), b.end());
   std::sort(jumps.begin(), jumps.end());
   const auto below = [](const std::vector<double>& v, double x)
-  {
-    return std::count_if(v.begin(), v.end(), [x](double w) { return w <= x; }) /
-           static_cast<double>(v.size());
-  };
+  { return std::count_if(v.begin(), v.end(), [x](double w) { return w <= x; }) / static_cast<double>(v.size()); };
   double area = 0;
   for (std::size_t k = 1; k < jumps.size(); ++k)
   {
@@ -274,8 +270,8 @@ TEST(Ssim, OfTinyImages)
   for (const auto& [w, h] : {std::pair(1, 1), std::pair(10, 11), std::pair(11, 10), std::pair(3, 200)})
   {
     EXPECT_THROW(SsimOf(Noise(w, h), Mixed(w, h)), Error);
-    EXPECT_NEAR(SsimOf(Noise(w, h), Mixed(w, h), SsimWindows::Same),
-                LiteralSsim(Noise(w, h), Mixed(w, h), false), 1e-11);
+    EXPECT_NEAR(SsimOf(Noise(w, h), Mixed(w, h), SsimWindows::Same), LiteralSsim(Noise(w, h), Mixed(w, h), false),
+                1e-11);
   }
   EXPECT_THROW(Ssim(nullptr, nullptr, 0, 5, SsimWindows::Same), Error);
 }
@@ -293,8 +289,7 @@ TEST(Ssim, OfIdenticalImagesIsOneAndTheOrderDoesNotMatter)
 TEST(Ssim, OfTwoConstantsIsTheLuminanceTerm)
 {
   const double a = 0.25, b = 0.75;
-  EXPECT_NEAR(SsimOf(Constant(20, 20, a), Constant(20, 20, b)), (2 * a * b + 1e-4) / (a * a + b * b + 1e-4),
-              1e-12);
+  EXPECT_NEAR(SsimOf(Constant(20, 20, a), Constant(20, 20, b)), (2 * a * b + 1e-4) / (a * a + b * b + 1e-4), 1e-12);
 }
 
 TEST(Bfs, AgreesWithItsDefinition)
@@ -322,8 +317,7 @@ TEST(Bfs, AgreesWithItsDefinition)
 
 TEST(Bfs, OfIdenticalImagesIsOne)
 {
-  for (const Image& image :
-       {Speckle(50, 40, 0.3, 1), Noise(50, 40), Constant(50, 40, 0.4), Constant(50, 40, 0)})
+  for (const Image& image : {Speckle(50, 40, 0.3, 1), Noise(50, 40), Constant(50, 40, 0.4), Constant(50, 40, 0)})
   {
     ExpectSame(BfsOf(image, image), {1, 1, 1, 1}, 1e-14);
   }
@@ -390,8 +384,8 @@ TEST(Bfs, DoesNotChangeWithBrightness)
 TEST(Bfs, SkipsPatchesThatAreDarkInTheTruth)
 {
   // Right half black in the truth: what the image holds beyond the reach of a lit patch must not matter.
-  const Image truth(
-      61, 40, [speckle = Speckle(61, 40, 0.3, 1)](int x, int y) { return x < 28 ? speckle.At(x, y) : 0; });
+  const Image truth(61, 40,
+                    [speckle = Speckle(61, 40, 0.3, 1)](int x, int y) { return x < 28 ? speckle.At(x, y) : 0; });
   Image image = truth;
   for (int y = 0; y < 40; ++y)
   {

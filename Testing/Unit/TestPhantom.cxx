@@ -217,8 +217,7 @@ TEST(Phantom, PointSpreadTurnsWithTheLinesOfAFan)
   const SlicePlane plane = Upright(50, 30, 0.05, 0, 0);
   const auto echo = EchoOf(phantom, plane);
   const Eigen::Vector3d target(20, 25, 0);
-  const Eigen::Vector3d apex(
-      0, -phantom.Options().probeRadius * std::cos(phantom.Options().halfAngle * Pi / 180), 0);
+  const Eigen::Vector3d apex(0, -phantom.Options().probeRadius * std::cos(phantom.Options().halfAngle * Pi / 180), 0);
   const Eigen::Vector3d beam = (target - apex).normalized(), across(beam[1], -beam[0], 0);
   double sum = 0, along2 = 0, across2 = 0, mixed = 0;
   for (std::size_t p = 0; p < echo.size(); ++p)
@@ -279,8 +278,7 @@ TEST(Phantom, CarrierTurnsTheStatedNumberOfTimes)
     const SlicePlane plane = Upright(2, 10, 0.2, shift, 0);
     return EchoOf(phantom, plane)[25 * static_cast<std::size_t>(plane.width) + plane.width / 2];
   };
-  const std::complex<double> start = echoAt(0), eighth = echoAt(wavelength / 8),
-                             half = echoAt(wavelength / 2);
+  const std::complex<double> start = echoAt(0), eighth = echoAt(wavelength / 8), half = echoAt(wavelength / 2);
   EXPECT_NEAR(std::arg(eighth / start), Pi / 2, 1e-3);  // the point comes nearer by a quarter turn both ways
   EXPECT_NEAR(std::arg(half / start), 0, 1e-3);
 }
@@ -346,8 +344,8 @@ TEST(Phantom, AFrameOfTheSweepIsTheTruthAtItsTruePose)
     for (int k = 0; k < 4; ++k)
     {
       // Through a matrix and back, as a user of truth(plane) would hand it in.
-      const SlicePlane plane = SlicePlane::FromImageToReference(phantom.TruePlane(k).ImageToReference(),
-                                                                sweep.width, sweep.height);
+      const SlicePlane plane =
+          SlicePlane::FromImageToReference(phantom.TruePlane(k).ImageToReference(), sweep.width, sweep.height);
       const auto truth = FrameOf(phantom, plane);
       const auto* frame = static_cast<const std::uint8_t*>(sweep.pixels.get()) + k * sweep.PixelsPerFrame();
       EXPECT_TRUE(std::equal(truth.begin(), truth.end(), frame)) << "frame " << k;
@@ -356,10 +354,9 @@ TEST(Phantom, AFrameOfTheSweepIsTheTruthAtItsTruePose)
     }
     const Sweep one = phantom.MakeTruth(phantom.TruePlane(2));
     EXPECT_NO_THROW(one.Validate());
-    EXPECT_TRUE(
-        std::equal(static_cast<const std::uint8_t*>(one.pixels.get()),
-                   static_cast<const std::uint8_t*>(one.pixels.get()) + one.PixelsPerFrame(),
-                   static_cast<const std::uint8_t*>(sweep.pixels.get()) + 2 * sweep.PixelsPerFrame()));
+    EXPECT_TRUE(std::equal(static_cast<const std::uint8_t*>(one.pixels.get()),
+                           static_cast<const std::uint8_t*>(one.pixels.get()) + one.PixelsPerFrame(),
+                           static_cast<const std::uint8_t*>(sweep.pixels.get()) + 2 * sweep.PixelsPerFrame()));
     EXPECT_EQ(one.mask != nullptr, probe != ProbeKind::Linear);
   }
 }
@@ -411,8 +408,7 @@ TEST(Phantom, TissuesEchoAsTheyShould)
           const double reach[3] = {1.4, 0.7, 2.4};
           for (const double sign : {-1.0, 1.0})
           {
-            inside =
-                inside && phantom.TissueAt(at + sign * reach[axis] * Eigen::Vector3d::Unit(axis)) == tissue;
+            inside = inside && phantom.TissueAt(at + sign * reach[axis] * Eigen::Vector3d::Unit(axis)) == tissue;
           }
         }
         if (tissue == Tissue::Boundary && at[1] < 11.3)
@@ -431,8 +427,7 @@ TEST(Phantom, TissuesEchoAsTheyShould)
     }
   }
   const auto level = [&](Tissue tissue) { return 10 * std::log10(intensity.at(tissue).Mean() + 1e-12); };
-  for (const Tissue tissue :
-       {Tissue::Parenchyma, Tissue::Vessel, Tissue::Cyst, Tissue::Boundary, Tissue::Tumour})
+  for (const Tissue tissue : {Tissue::Parenchyma, Tissue::Vessel, Tissue::Cyst, Tissue::Boundary, Tissue::Tumour})
   {
     ASSERT_GT(intensity[tissue].n, 50) << static_cast<int>(tissue);
   }

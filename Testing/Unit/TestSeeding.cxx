@@ -108,8 +108,7 @@ TEST(Seeding, HarrisFindsTexture)
     const int column = static_cast<int>(p % 64), row = static_cast<int>(p / 64 % 64);
     pixels[p] = column < 32 ? 0.5f : ((column / 4 + row / 4) % 2 ? 0.2f : 0.8f);  // flat, then a chequerboard
   }
-  const bigus::GaussianField field =
-      bigus::Seed(*sweep, AllFrames(*sweep), {0.3}, {SeedPlacement::Harris, 4000, 1});
+  const bigus::GaussianField field = bigus::Seed(*sweep, AllFrames(*sweep), {0.3}, {SeedPlacement::Harris, 4000, 1});
   double flat = 0;
   for (const Eigen::Vector3d& mean : field.means)
   {
@@ -123,8 +122,7 @@ TEST(Seeding, GammaAndReflectivityInvertTheTransferFunction)
 {
   auto sweep = bigus::test::BlackSweep(6, 32, 32, 0.3, 0.5);
   std::fill_n(bigus::test::Pixels(*sweep), sweep->PixelsPerFrame() * 6, 0.4f);
-  const bigus::GaussianField field =
-      bigus::Seed(*sweep, AllFrames(*sweep), {0.3}, {SeedPlacement::Intensity, 100, 1});
+  const bigus::GaussianField field = bigus::Seed(*sweep, AllFrames(*sweep), {0.3}, {SeedPlacement::Intensity, 100, 1});
   EXPECT_NEAR(field.transfer.gamma, -std::log(1 - 0.4), 1e-6);
   for (double r : field.reflectivities)
   {
@@ -150,8 +148,7 @@ TEST(Seeding, NothingIsSeededAcrossABreak)
   {
     sweep->imageToReference[f](2, 3) += 40;  // a second stroke, 40 mm further
   }
-  const bigus::GaussianField field =
-      bigus::Seed(*sweep, AllFrames(*sweep), {0.3}, {SeedPlacement::Intensity, 3000, 1});
+  const bigus::GaussianField field = bigus::Seed(*sweep, AllFrames(*sweep), {0.3}, {SeedPlacement::Intensity, 3000, 1});
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
     const double z = field.means[i][2];

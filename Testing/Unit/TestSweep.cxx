@@ -44,8 +44,7 @@ Sweep MakeSweep(int width, int height, int frames, std::shared_ptr<std::vector<P
 
 Sweep RandomBytes(int width, int height, int frames)
 {
-  auto pixels =
-      std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * height * frames);
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * height * frames);
   std::mt19937_64 random(7);
   for (auto& p : *pixels)
   {
@@ -313,20 +312,15 @@ TEST(Sweep, ValidationNamesWhatIsWrong)
   EXPECT_NE(broken([](Sweep& s) { s.pixels.reset(); }).find("no pixels"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.timestamps.pop_back(); }).find("2 timestamps"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.weights.push_back(1); }).find("4 weights"), std::string::npos);
-  EXPECT_NE(
-      broken([](Sweep& s) { s.mask = std::make_shared<std::vector<std::uint8_t>>(5); }).find("mask has 5"),
-      std::string::npos);
+  EXPECT_NE(broken([](Sweep& s) { s.mask = std::make_shared<std::vector<std::uint8_t>>(5); }).find("mask has 5"),
+            std::string::npos);
   EXPECT_NE(broken([&](Sweep& s) { s.imageToReference[1](0, 3) = nan; }).find("frame 1"), std::string::npos);
-  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[2].col(1) = 2 * s.imageToReference[2].col(0); })
-                .find("frame 2"),
+  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[2].col(1) = 2 * s.imageToReference[2].col(0); }).find("frame 2"),
             std::string::npos);
-  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[0].col(0).setZero(); }).find("frame 0"),
-            std::string::npos);
-  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[1].transposeInPlace(); }).find("last row"),
-            std::string::npos);
+  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[0].col(0).setZero(); }).find("frame 0"), std::string::npos);
+  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[1].transposeInPlace(); }).find("last row"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.weights[1] = -1; }).find("frame 1: the weight"), std::string::npos);
-  EXPECT_NE(broken([&](Sweep& s) { s.timestamps[1] = nan; }).find("frame 1: the timestamp"),
-            std::string::npos);
+  EXPECT_NE(broken([&](Sweep& s) { s.timestamps[1] = nan; }).find("frame 1: the timestamp"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.width = s.height = std::numeric_limits<int>::max(); }).find("address"),
             std::string::npos);
   EXPECT_EQ(broken(
@@ -340,8 +334,7 @@ TEST(Sweep, ValidationNamesWhatIsWrong)
 
 TEST(Sweep, ValidationFindsTheFirstBadFloatPixel)
 {
-  for (float bad :
-       {-0.01f, 1.01f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()})
+  for (float bad : {-0.01f, 1.01f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()})
   {
     auto pixels = std::make_shared<std::vector<float>>(300 * 200 * 5, 0.5f);
     (*pixels)[3 * 60000 + 7 * 300 + 11] = bad;

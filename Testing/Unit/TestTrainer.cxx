@@ -26,8 +26,7 @@ TrainerOptions Small()
 }
 
 /// Mean PSNR of a field over frames, by the reference engine.
-double HeldOutPsnr(const bigus::GaussianField& field, const bigus::Sweep& sweep,
-                   const std::vector<int>& frames)
+double HeldOutPsnr(const bigus::GaussianField& field, const bigus::Sweep& sweep, const std::vector<int>& frames)
 {
   const auto engine = bigus::Engine::Create("reference");
   engine->SetField(field);
@@ -119,8 +118,7 @@ TEST(Trainer, HeldOutAndRefusedFramesLeaveNoTrace)
   const auto poisoned = bigus::test::RenderedSweep();
   for (int frame : {2, 6, 10, 14, 18, 22})
   {
-    std::fill_n(bigus::test::Pixels(*poisoned) + frame * poisoned->PixelsPerFrame(),
-                poisoned->PixelsPerFrame(), 1.0f);
+    std::fill_n(bigus::test::Pixels(*poisoned) + frame * poisoned->PixelsPerFrame(), poisoned->PixelsPerFrame(), 1.0f);
   }
   EXPECT_TRUE(Same(bigus::Train(sweep, Small()).field, bigus::Train(poisoned, Small()).field));
 }
@@ -267,8 +265,7 @@ TEST(Trainer, PositiveReflectivityStaysPositive)
   EXPECT_LT(*std::min_element(any.field.reflectivities.begin(), any.field.reflectivities.end()), 0.0);
   options.signedReflectivity = false;
   const bigus::TrainingResult positive = bigus::Train(sweep, options);
-  EXPECT_GE(*std::min_element(positive.field.reflectivities.begin(), positive.field.reflectivities.end()),
-            0.0);
+  EXPECT_GE(*std::min_element(positive.field.reflectivities.begin(), positive.field.reflectivities.end()), 0.0);
 }
 
 TEST(Trainer, DensificationGrowsUpToTheCap)

@@ -53,8 +53,7 @@ Split ReadSplit(const Json& description, int count)
 {
   JobFields fields(description, "frames");
   Split split;
-  const auto add = [&split](bool train, int frame)
-  { (train ? split.training : split.heldOut).push_back(frame); };
+  const auto add = [&split](bool train, int frame) { (train ? split.training : split.heldOut).push_back(frame); };
   if (fields.Has("hold_out"))
   {
     std::tie(split.training, split.heldOut) = SplitHoldOut(count, fields.Required<int>("hold_out"));
@@ -115,18 +114,16 @@ struct Method
   std::function<void(int, float*)> predict;
   std::string engine;                  ///< that renders it
   std::optional<GaussianField> field;  ///< of trained methods, which alone can be aligned to
-  bool seesItsOwnFrame =
-      true;            ///< false: knows frames by their neighbours only, so training frames have no score
-  double seconds = 0;  ///< to prepare
-  double bytes = 0;    ///< of what must be kept to render
+  bool seesItsOwnFrame = true;  ///< false: knows frames by their neighbours only, so training frames have no score
+  double seconds = 0;           ///< to prepare
+  double bytes = 0;             ///< of what must be kept to render
   Json facts = Json::object();
 };
 
 TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
 {
-  static const std::map<std::string, SeedPlacement> placements = {{"intensity", SeedPlacement::Intensity},
-                                                                  {"harris", SeedPlacement::Harris},
-                                                                  {"random", SeedPlacement::Random}};
+  static const std::map<std::string, SeedPlacement> placements = {
+      {"intensity", SeedPlacement::Intensity}, {"harris", SeedPlacement::Harris}, {"random", SeedPlacement::Random}};
   std::string preset, loss, finalLoss, seeding, interpolation;
   fields.Read("interpolation", interpolation);
   fields.Read("preset", preset);
@@ -300,20 +297,18 @@ void PredictFrameInterpolation(const Sweep& sweep, const std::vector<int>& train
   const auto centre = [&sweep](int k)
   { return sweep.Plane(k).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
   const double toA = (centre(frame) - centre(a)).norm(), toB = (centre(frame) - centre(b)).norm();
-  InterpolateFrames(sweep, a, b, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation,
-                    image);
+  InterpolateFrames(sweep, a, b, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation, image);
 }
 
 Method FromNeighbours(const std::string& name, const Sweep& sweep, const Split& split)
 {
   static const std::map<std::string, std::function<void(const Sweep&, const std::vector<int>&, int, float*)>>
-      predictors = {
-          {"neighbour_average", PredictNeighbourAverage},
-          {"pose_linear", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
-           { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Linear); }},
-          {"pose_cubic", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
-           { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Cubic); }},
-          {"cubic", PredictCubicInterpolation}};
+      predictors = {{"neighbour_average", PredictNeighbourAverage},
+                    {"pose_linear", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
+                     { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Linear); }},
+                    {"pose_cubic", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
+                     { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Cubic); }},
+                    {"cubic", PredictCubicInterpolation}};
   const auto found = predictors.find(name);
   if (found == predictors.end())
   {
@@ -419,8 +414,8 @@ std::string SnakeCase(const std::string& name)
 Json ToJson(const TextureComparison& comparison)
 {
   Json texture = {{"image_power", comparison.image.power}, {"truth_power", comparison.truth.power}};
-  ForEachNumber(comparison, [&texture](const std::string& name, double value)
-                { texture[SnakeCase(name)] = Number(value); });
+  ForEachNumber(comparison,
+                [&texture](const std::string& name, double value) { texture[SnakeCase(name)] = Number(value); });
   return texture;
 }
 
@@ -488,10 +483,8 @@ Json Run(const Json& job, const SceneFolders& folders)
   const auto start = std::chrono::steady_clock::now();
   std::vector<int> all(sweep->NumberOfFrames());
   std::iota(all.begin(), all.end(), 0);
-  const std::map<std::string, const std::vector<int>*> sets = {{"held_out", &split.heldOut},
-                                                               {"aligned", &split.heldOut},
-                                                               {"training", &split.training},
-                                                               {"all", &all}};
+  const std::map<std::string, const std::vector<int>*> sets = {
+      {"held_out", &split.heldOut}, {"aligned", &split.heldOut}, {"training", &split.training}, {"all", &all}};
   for (const std::string& set : scored)
   {
     if (sets.count(set) == 0)

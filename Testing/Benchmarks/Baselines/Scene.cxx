@@ -81,9 +81,8 @@ PhantomOptions ReadPhantomOptions(const Json& object)
   JobFields fields(object, "phantom");
   const std::map<std::string, bigus::PhantomScene> scenes = {{"organ", bigus::PhantomScene::Organ},
                                                              {"speckle", bigus::PhantomScene::Speckle}};
-  const std::map<std::string, bigus::ProbeKind> probes = {{"linear", bigus::ProbeKind::Linear},
-                                                          {"convex", bigus::ProbeKind::Convex},
-                                                          {"sector", bigus::ProbeKind::Sector}};
+  const std::map<std::string, bigus::ProbeKind> probes = {
+      {"linear", bigus::ProbeKind::Linear}, {"convex", bigus::ProbeKind::Convex}, {"sector", bigus::ProbeKind::Sector}};
   std::string scene = "organ", probe = "linear";
   fields.Read("scene", scene);
   fields.Read("probe", probe);
@@ -208,9 +207,8 @@ Sweep SlicesOfVolume(JobFields& fields, const fs::path& data)
   {
     if (offset[axis] < 0 || size < 1 || offset[axis] + size > dimensions[axis])
     {
-      throw Error("volume: a cube of " + std::to_string(size) + " voxels from voxel " +
-                  std::to_string(offset[axis]) + " on does not fit the " + std::to_string(dimensions[axis]) +
-                  " of '" + file + "'.");
+      throw Error("volume: a cube of " + std::to_string(size) + " voxels from voxel " + std::to_string(offset[axis]) +
+                  " on does not fit the " + std::to_string(dimensions[axis]) + " of '" + file + "'.");
     }
   }
   for (int k = 0; k < size; ++k)
@@ -222,8 +220,7 @@ Sweep SlicesOfVolume(JobFields& fields, const fs::path& data)
     for (int j = 0; j < size; ++j)
     {
       const std::size_t row =
-          (static_cast<std::size_t>(offset[2] + k) * dimensions[1] + offset[1] + j) * dimensions[0] +
-          offset[0];
+          (static_cast<std::size_t>(offset[2] + k) * dimensions[1] + offset[1] + j) * dimensions[0] + offset[0];
       bytes.insert(bytes.end(), voxels + row, voxels + row + size);
     }
   }
@@ -235,8 +232,8 @@ Sweep SlicesOfVolume(JobFields& fields, const fs::path& data)
 Sweep Cropped(const Sweep& sweep, const std::array<int, 4>& rectangle)
 {
   const auto [column, row, columns, rows] = rectangle;
-  if (column < 0 || row < 0 || columns < 1 || rows < 1 || column + columns > sweep.width ||
-      row + rows > sweep.height || sweep.pixelType != Sweep::PixelType::UInt8 || sweep.mask)
+  if (column < 0 || row < 0 || columns < 1 || rows < 1 || column + columns > sweep.width || row + rows > sweep.height ||
+      sweep.pixelType != Sweep::PixelType::UInt8 || sweep.mask)
   {
     throw Error("crop: the rectangle does not fit the frames, or they are not plain bytes.");
   }
@@ -249,8 +246,7 @@ Sweep Cropped(const Sweep& sweep, const std::array<int, 4>& rectangle)
   {
     for (int j = row; j < row + rows; ++j)
     {
-      const auto* first =
-          pixels + (static_cast<std::size_t>(frame) * sweep.height + j) * sweep.width + column;
+      const auto* first = pixels + (static_cast<std::size_t>(frame) * sweep.height + j) * sweep.width + column;
       bytes.insert(bytes.end(), first, first + columns);
     }
     Eigen::Matrix4d& pose = cropped.imageToReference[frame];
