@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // From what images want back to Gaussians: gathered, not scattered. Private to Cuda.
 //
 // A thread block takes one block of Gaussians and, plane after plane, what the plane sees of it: eight lanes walk a

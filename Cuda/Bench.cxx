@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus-cuda-bench: how fast an engine is at what the CUDA engine is for, beside what its device could do at most. Needs
 // Core alone; see README.md of this folder.
 
@@ -15,10 +17,10 @@
 #include <vector>
 
 #include "Command/Workloads.h"
-#include "Core/Engine.h"
-#include "Core/Error.h"
-#include "Core/Evaluation.h"
-#include "Core/Trainer.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/Trainer.h"
 #include "Cuda/Ceilings.h"
 
 namespace

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What a CUDA device can do at most, measured: what speeds are to be compared with.
 #pragma once
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The CUDA engine: field, frames, optimizer state and scores stay on the device; a training step is a fixed row of
 // kernels, and what comes back from it is one small structure.
 
@@ -12,10 +14,10 @@
 #include <utility>
 
 #include "Backward.h"
-#include "Core/BlockField.h"
-#include "Core/EngineDetail.h"
-#include "Core/ImageLoss.h"
-#include "Core/MortonOrder.h"
+#include "Core/Engine/BlockField.h"
+#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/ImageLoss.h"
+#include "Core/Engine/MortonOrder.h"
 #include "CudaEngine.h"
 #include "Spectrum.h"
 #include "Vector.h"

@@ -1,9 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The CUDA engine, for Engine::Register.
 #pragma once
 
 #include <memory>
 
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 
 namespace bigus
 {

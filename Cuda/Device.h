@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // CUDA as this folder uses it: checked calls, arrays on the device, launches. Private to Cuda.
 //
 // Without nvcc the same sources compile as plain C++ against an emulation of these few functions on the CPU
@@ -19,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 
 namespace bigus
 {

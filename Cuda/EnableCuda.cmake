@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 # Included by the root, because a language is enabled for the folder that asks and those below it.
 if(BIGUS_WITH_CUDA STREQUAL "OFF")
   return()

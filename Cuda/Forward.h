@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // From footprints to images, and what training makes of them. Private to Cuda.
 //
 // A warp renders a tile of 16 x 16 pixels, alone: no barriers. A lane has a column of 8 rows, so that a recurrence
@@ -5,9 +7,9 @@
 // every run; each pixel is written once.
 #pragma once
 
-#include "Core/EngineDetail.h"
-#include "Core/Optimizer.h"
-#include "Core/PixelLoss.h"
+#include "Core/Engine/EngineDetail.h"
+#include "Core/Formula/Adam.h"
+#include "Core/Formula/PixelLoss.h"
 #include "Splats.h"
 
 namespace bigus

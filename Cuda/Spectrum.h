@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The focal frequency loss, with the transforms of cuFFT. Private to Cuda.
 #pragma once
 

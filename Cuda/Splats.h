@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // From Gaussians to the footprints that the planes of a batch see. Private to Cuda.
 //
 // A thread block takes one block of Gaussians and all planes: whole blocks are tested first, and what a plane
@@ -6,15 +8,15 @@
 // memory changes no result.
 #pragma once
 
-#include "Core/BlockPlace.h"
-#include "Core/Scalars.h"
-#include "Core/Splat.h"
+#include "Core/Formula/BlockReach.h"
+#include "Core/Formula/Scalars.h"
+#include "Core/Formula/Splat.h"
 #include "Device.h"
 
 namespace bigus
 {
 
-#include "Core/Footprint-inl.h"
+#include "Core/Formula/Footprint-inl.h"
 
 namespace cuda
 {

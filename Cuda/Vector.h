@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Vectors on the device, for conjugate gradients. Private to Cuda.
 #pragma once
 

@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The terms of a loss that look at windows of 11 x 11 pixels: DSSIM and contrast. Private to Cuda.
 //
 // A thread block takes 16 x 16 windows with the 26 x 26 pixels they see, filters along rows and then down columns,
 // and leaves three slopes a window; a second kernel brings the slopes back to pixels the same way. See ImageLoss.
 #pragma once
 
-#include "Core/WindowLoss.h"
+#include "Core/Formula/WindowLoss.h"
 #include "Forward.h"
 
 namespace bigus

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Write a sweep in the plain form that bigus-cuda-bench reads on machines without VTK.
 
     export_sweep.py SWEEP OUT.txt                                   a tracked sequence that bigus reads

@@ -1,4 +1,6 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 # Builds Core and the CUDA engine without VTK, tests them on this machine's device, runs compute-sanitizer and the
 # benchmark, and prints a short table last.
 #

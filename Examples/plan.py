@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Looks at a sweep and plans the quickstart: prints "REDUCE HOLD_OUT HELD_OUT_FRAME" and writes two planes.
 
     plan.py SWEEP PLANES.csv

@@ -1,4 +1,6 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 # From a tracked sweep to a field, slices, a panel and a report, starting from a bare Debian 12.
 #
 #   Examples/quickstart.sh [SEQUENCE] [OUTPUT_FOLDER] [-- OPTIONS]

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Draws the quickstart's panel and training curve and writes its report, from the files that 'bigus' made.
 
     report.py FOLDER --frame HELD_OUT_FRAME --reduce N

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Make a tracked sequence of plain images and a table of poses.
 
     sequence_from_pngs.py SWEEP FOLDER

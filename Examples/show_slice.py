@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """A slice of a field in a 3-D window, at its place among the sweep's frames. Up and Down move it along its normal.
 
     show_slice.py FIELD SWEEP [--frame K] [--screenshot PNG]

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """See a field at planes of your own: here a fan of them about the depth axis through the middle of a sweep.
 
     slices_at_poses.py FIELD SWEEP FOLDER [--planes N]

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Train a field on a sweep, predict a frame it never saw, and say how well.
 
     train_and_slice.py SWEEP FIELD.vtp [--gaussians N] [--iterations N]

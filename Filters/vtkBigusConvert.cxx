@@ -7,7 +7,7 @@
 #include <locale>
 #include <sstream>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "vtkCellArray.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"

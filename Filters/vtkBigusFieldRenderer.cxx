@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "vtkAlgorithm.h"
 #include "vtkBigusConvert.h"
 #include "vtkFloatArray.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 #include "vtkType.h"
 
 class vtkAlgorithm;

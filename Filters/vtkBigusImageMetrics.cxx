@@ -8,8 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "Core/Error.h"
-#include "Core/Metrics.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Metrics/Texture.h"
+#include "Core/Model/Error.h"
 #include "vtkBigusFieldRenderer.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"

@@ -26,7 +26,7 @@
  *   its median over patches (both infinite for a flat image), excess kurtosis
  * - Spectrum: 16 components, power at 1/32, 2/32, ... 1/2 cycles a pixel; white noise has its variance
  *
- * Core/Texture.h has the exact meaning of patches, lit pixels and power. The getters give mean and, for PSNR
+ * Core/Metrics/Texture.h has the exact meaning of patches, lit pixels and power. The getters give mean and, for PSNR
  * and SSIM, standard deviation over slices (0 for one slice).
  */
 #ifndef vtkBigusImageMetrics_h

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusPhantomSource.h"
 
-#include "Core/Error.h"
-#include "Core/Phantom.h"
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
 #include "vtkBigusConvert.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"

@@ -7,7 +7,7 @@
 #include <limits>
 #include <string>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "vtkBigusFieldRenderer.h"
 #include "vtkErrorCode.h"
 #include "vtkHomogeneousTransform.h"

@@ -7,8 +7,8 @@
 #include <optional>
 #include <sstream>
 
-#include "Core/Error.h"
-#include "Core/Trainer.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/Trainer.h"
 #include "vtkBigusConvert.h"
 #include "vtkBigusFieldRenderer.h"
 #include "vtkDoubleArray.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "vtkBigusFieldRenderer.h"
 #include "vtkErrorCode.h"
 #include "vtkImageData.h"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Tests that every engine must pass: which engines there are, and what may be asked of each.
 #pragma once
 
@@ -10,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 
 namespace bigus::test
 {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What a VTK algorithm complains of, caught instead of printed.
 #pragma once
 

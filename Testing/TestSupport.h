@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What tests share: where real data lies, and a folder of their own to write in.
 #pragma once
 

@@ -1,4 +1,6 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 # Installs what building, testing and drawing need on Debian 12; asks apt only for what is missing.
 set -euo pipefail
 

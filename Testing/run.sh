@@ -1,4 +1,6 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 # Builds everything in build/ and runs every test. Arguments go to ctest: Testing/run.sh -L unit
 set -euo pipefail
 

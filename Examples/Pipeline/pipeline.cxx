@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // A VTK pipeline from a tracked sweep to a slice: reader, trainer, reslice, PNG.
 //
 //   pipeline SWEEP.igs.mha SLICE.png

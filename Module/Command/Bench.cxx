@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus bench: how fast and how exact this build is on this machine, beside what one would use otherwise.
 #include <sys/resource.h>
 #include <tbb/global_control.h>

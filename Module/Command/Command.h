@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What the subcommands share: how each joins the program, and how numbers are checked.
 #pragma once
 

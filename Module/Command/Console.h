@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What the command says and where: answers on stdout, messages and progress on stderr, one JSON object for
 // machines.
 #pragma once

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus convert: fields between .vtp and .ply, any tracked sequence to .igs.mha.
 #include <memory>
 

@@ -1,9 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // How a run ends: exit codes, and the exceptions that lead to them.
 #pragma once
 
 #include <exception>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 
 namespace bigus::command
 {

@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus info: what is in a sequence or a field, and what can compute here.
 #include <algorithm>
 #include <memory>
 
 #include "Command.h"
-#include "Core/Engine.h"
-#include "Core/GaussianField.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Model/GaussianField.h"
 #include "Inputs.h"
 #include "Pipeline.h"
 #include "vtkBigusConvert.h"

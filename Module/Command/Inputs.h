@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What subcommands read, and the options that say how: tracked sequences, slice planes, fields.
 #pragma once
 
@@ -6,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "Core/GaussianField.h"
-#include "Core/SlicePlane.h"
-#include "Core/Sweep.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/SlicePlane.h"
+#include "Core/Model/Sweep.h"
 #include "vtkSmartPointer.h"
 
 class vtkBigusSequenceReader;

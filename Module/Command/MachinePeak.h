@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What this machine can do at best, measured: the roof that engines' speeds are held against.
 #pragma once
 

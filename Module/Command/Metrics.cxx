@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus metrics: how alike two images, sequences or volumes are.
 #include <algorithm>
 #include <memory>

@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Writing image stacks (one image a plane, with its pose) and volumes in the formats the command offers.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "Core/SlicePlane.h"
+#include "Core/Model/SlicePlane.h"
 #include "vtkSmartPointer.h"
 
 class vtkImageData;

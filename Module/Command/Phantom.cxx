@@ -1,5 +1,7 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus phantom: a made-up tracked sweep, and the exact truth at any other plane.
-#include "Core/Phantom.h"
+#include "Core/Phantom/Phantom.h"
 
 #include <map>
 #include <memory>

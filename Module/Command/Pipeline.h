@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Running VTK algorithms from the command line: their errors become exceptions, their progress the bar, and
 // an interruption an abort.
 #pragma once

@@ -1,8 +1,10 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Scores as `metrics` and `train` report them.
 #pragma once
 
 #include "Console.h"
-#include "Core/Texture.h"
+#include "Core/Metrics/Texture.h"
 
 namespace bigus::command
 {

@@ -1,9 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "SlabReslice.h"
 
 #include <cmath>
 
 #include "Console.h"
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 #include "Exit.h"
 #include "Workloads.h"
 #include "vtkImageData.h"

@@ -1,8 +1,10 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What a pipeline uses today for a slice of some thickness: voxels, and vtkImageSlabReslice through them.
 #pragma once
 
-#include "Core/GaussianField.h"
-#include "Core/SlicePlane.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/SlicePlane.h"
 #include "vtkImageSlabReslice.h"
 #include "vtkSmartPointer.h"
 

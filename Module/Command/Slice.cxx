@@ -1,9 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus slice: the field seen at any planes.
 #include <memory>
 #include <numeric>
 
 #include "Command.h"
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Outputs.h"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The training pass in PyTorch, for comparison: bench_torch.py, which is a part of the program, run by
 // Python.
 #pragma once

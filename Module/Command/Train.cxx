@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus train: a tracked sequence to a Gaussian field, with an honest score on frames it never saw.
 #include <sys/resource.h>
 
@@ -9,10 +11,10 @@
 #include <type_traits>
 
 #include "Command.h"
-#include "Core/Engine.h"
-#include "Core/Error.h"
-#include "Core/Evaluation.h"
-#include "Core/Trainer.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/Trainer.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Scores.h"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "Workloads.h"
 
 #include <tbb/parallel_for.h>
@@ -10,9 +12,9 @@
 #include <thread>
 #include <unordered_set>
 
-#include "Core/CpuKernels.h"
-#include "Core/EngineDetail.h"
-#include "Core/MortonOrder.h"
+#include "Core/Engine/Cpu/CpuKernels.h"
+#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/MortonOrder.h"
 
 namespace bigus
 {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Made-up fields, planes and passes of known size, and what engines are measured against on them. Needs Core
 // alone: `bigus bench` and the benchmarks of Testing share it. See Testing/Benchmarks/README.md.
 #pragma once
@@ -8,11 +10,11 @@
 #include <string>
 #include <vector>
 
-#include "Core/Engine.h"
-#include "Core/GaussianField.h"
-#include "Core/SlicePlane.h"
-#include "Core/Splat.h"
-#include "Core/Sweep.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Formula/Splat.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/SlicePlane.h"
+#include "Core/Model/Sweep.h"
 
 namespace bigus
 {

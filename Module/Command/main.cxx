@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // bigus: tracked ultrasound sweeps to Gaussian fields, and slices of them at any plane, from the shell.
 #include <tbb/global_control.h>
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // A Gaussian field as files hold it.
 #pragma once
 
@@ -5,7 +7,7 @@
 #include <vector>
 
 #include "AtomicFile.h"
-#include "Core/GaussianField.h"
+#include "Core/Model/GaussianField.h"
 
 class vtkPolyData;
 

@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What is wrong with a file, and which of VTK's error codes says so.
 #pragma once
 
 #include <new>
 #include <string>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "vtkErrorCode.h"
 
 namespace bigus

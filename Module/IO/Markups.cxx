@@ -1,9 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "Markups.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "Core/SlicePlane.h"
+#include "Core/Model/SlicePlane.h"
 #include "FileError.h"
 #include "SequenceFile.h"
 #include "Text.h"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Grey PNG images. Ours because VTK 9.1's reader crashes on a truncated one.
 #pragma once
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "Poses.h"
 
 #include <cmath>
@@ -7,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "Core/SlicePlane.h"
+#include "Core/Model/SlicePlane.h"
 #include "FileError.h"
 #include "Text.h"
 #include "vtk_pugixml.h"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What the header of a tracked sequence says, whichever format it is in, and its pixels as a stream.
 #pragma once
 

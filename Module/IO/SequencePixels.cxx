@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The pixels of a tracked sequence, decoded into buffers whose size the caller has checked.
 #include <algorithm>
 #include <cstring>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "Text.h"
 
 #include <algorithm>

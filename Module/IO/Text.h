@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Text as files hold it: numbers that do not depend on the locale, and lines of bounded length.
 #pragma once
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The .vtp side of FieldData.h: VTK's XML format for PolyData,
 // https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html. Ours because VTK 9.1's reader crashes
 // on damaged files and takes some truncated ones for whole.

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/SlicePlane.h"
+#include "Core/Model/SlicePlane.h"
 #include "FileError.h"
 #include "PngFile.h"
 #include "Poses.h"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // render, train-pass and evaluation by Google Benchmark, on the workloads of `bigus bench`.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
@@ -6,7 +8,7 @@
 #include <vector>
 
 #include "Command/Workloads.h"
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 
 namespace bigus
 {

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Speed against error: the table that `bigus bench frontier --csv` writes, as one log-log plot and as Markdown.
 
     build/bin/bigus bench frontier --csv frontier.csv

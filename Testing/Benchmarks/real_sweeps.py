@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Trains, slices and scores the real sweeps at full resolution: the table of results in the README.
 
     PYTHONPATH=build/python Testing/Benchmarks/real_sweeps.py [--data FOLDER] [--output FOLDER] [--only NAME]

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """The bigus program as a user's shell sees it: exit codes, JSON, files, and nothing half-written.
 
     test_command.py PATH_TO_BIGUS [unittest arguments]

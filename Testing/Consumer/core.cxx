@@ -1,5 +1,7 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // One Gaussian, seen by a plane through its centre: as bright as it should be.
-#include <Core/Engine.h>
+#include <Core/Engine/Engine.h>
 
 #include <cmath>
 #include <iostream>

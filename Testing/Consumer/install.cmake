@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 # Installs BUILD_FOLDER into PREFIX by way of another folder, so that a tree that only works where it was installed
 # first is noticed.
 file(REMOVE_RECURSE "${PREFIX}" "${PREFIX}.first")

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // One Gaussian written to a file, read back and resliced: as bright as it should be.
 #include <vtkBigusFieldReader.h>
 #include <vtkBigusFieldWriter.h>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The CUDA engine compiled for the emulator: one more engine for every test that takes them all.
 #include "Emulator.h"
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The few parts of CUDA that the folder Cuda uses, on the CPU: so its kernels run, and are tested, on machines without
 // a device. Every thread of a thread block is a fibre; the lanes of a warp run until all have come to the same
 // exchange, the warps until all have come to the same barrier. One thread block runs on one thread of the CPU, several

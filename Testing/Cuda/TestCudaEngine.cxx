@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What is the CUDA engine's own, beside what every engine must do: memory that runs out, losses without cuFFT, stacks
 // of planes, batches of changing size. On a device where there is one, and on the emulated one everywhere.
 #include <gtest/gtest.h>
@@ -6,10 +8,10 @@
 #include <iostream>
 #include <string>
 
-#include "Core/Engine.h"
-#include "Core/Error.h"
-#include "Core/Evaluation.h"
-#include "Core/Trainer.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/Trainer.h"
 #include "Emulator.h"
 #include "Engines.h"
 #include "Gradient/RandomField.h"

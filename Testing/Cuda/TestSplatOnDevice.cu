@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The projection and its adjoint are one piece of code for CPU and GPU: compiled for the device, they give
 // what the host gives, up to rounding (contraction and exp differ).
 #include <gtest/gtest.h>
@@ -6,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "Core/Splat.h"
+#include "Core/Formula/Splat.h"
 
 namespace
 {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What the filter tests share: fields to look at, the model written out plainly, and errors counted.
 #pragma once
 
@@ -11,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/GaussianField.h"
+#include "Core/Model/GaussianField.h"
 #include "vtkAlgorithm.h"
 #include "vtkBigusConvert.h"
 #include "vtkCommand.h"

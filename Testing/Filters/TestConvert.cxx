@@ -1,6 +1,8 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Sweeps and fields, from VTK to Core and back.
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "FilterTestSupport.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"

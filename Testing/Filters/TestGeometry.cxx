@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusReslice puts things where vtkImageReslice puts them.
 //
 // A field of isolated point-like Gaussians is resliced, and so are two volumes of the same points by

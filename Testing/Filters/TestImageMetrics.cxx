@@ -1,8 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusImageMetrics: the numbers, their statistics over slices, and what it refuses.
 
 #include <limits>
 
-#include "Core/Metrics.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Metrics/Texture.h"
 #include "FilterTestSupport.h"
 #include "vtkBigusImageMetrics.h"
 #include "vtkDoubleArray.h"

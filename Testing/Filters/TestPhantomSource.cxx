@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The phantom as a VTK source: a sweep in the agreed form, the truth at any plane, and errors that name the
 // option.
 #include <gtest/gtest.h>
@@ -6,7 +8,7 @@
 #include <sstream>
 #include <string>
 
-#include "Core/Phantom.h"
+#include "Core/Phantom/Phantom.h"
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusConvert.h"
 #include "vtkBigusPhantomSource.h"

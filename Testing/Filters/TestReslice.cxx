@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusReslice: where its pixels lie, what they hold, and how it behaves in a pipeline.
 
 #include <chrono>

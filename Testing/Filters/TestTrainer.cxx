@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusTrainer: a filter around the trainer; what is learned is tested with Core.
 
 #include <chrono>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusVoxelizer: the field at voxel centres, on the grid asked for.
 
 #include "FilterTestSupport.h"

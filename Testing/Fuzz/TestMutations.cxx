@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Readers given thousands of small damaged files, the same ones in every run: they may refuse, with one
 // error, or read something sound, but neither crash nor allocate what the file cannot hold. Run it under the
 // sanitizers too.

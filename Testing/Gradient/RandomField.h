@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Random fields, planes and sweeps for tests; everything follows from a seed.
 #pragma once
 
@@ -7,8 +9,8 @@
 #include <random>
 #include <vector>
 
-#include "Core/GaussianField.h"
-#include "Core/Sweep.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/Sweep.h"
 
 namespace bigus::test
 {

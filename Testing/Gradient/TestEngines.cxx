@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Gradients against central differences, and the CPU engine against the reference engine.
 
 #include <gtest/gtest.h>
@@ -9,8 +11,8 @@
 #include <iostream>
 #include <set>
 
-#include "Core/Engine.h"
-#include "Core/Error.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Model/Error.h"
 #include "Engines.h"
 #include "Gradient/RandomField.h"
 

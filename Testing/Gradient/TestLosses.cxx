@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Every term of the loss through the whole chain: the reference engine against central differences, the CPU
 // engines against the reference.
 
@@ -12,10 +14,10 @@
 #include <cstring>
 #include <iostream>
 
-#include "Core/Engine.h"
-#include "Core/EngineDetail.h"
-#include "Core/Error.h"
-#include "Core/TransferFunction.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Engine/EngineDetail.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/TransferFunction.h"
 #include "Engines.h"
 #include "Gradient/RandomField.h"
 

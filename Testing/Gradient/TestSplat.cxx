@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The closed-form footprint against adaptive quadrature of the beam integral (paper eq 4), in long double.
 
 #include <gtest/gtest.h>
@@ -5,7 +7,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "Core/EngineDetail.h"
+#include "Core/Engine/EngineDetail.h"
 #include "Gradient/RandomField.h"
 
 namespace

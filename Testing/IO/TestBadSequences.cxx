@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // A bad file for every way to be bad: one clear error that names the file, and no output.
 #include <gtest/gtest.h>
 

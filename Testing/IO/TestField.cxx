@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Gaussian fields: exact in .vtp, documented precision in .ply, and one error for every way to be bad.
 #include <gtest/gtest.h>
 #include <sys/resource.h>

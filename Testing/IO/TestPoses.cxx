@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Slice planes from sequences, CSV and 3D Slicer's markups.
 #include <gtest/gtest.h>
 

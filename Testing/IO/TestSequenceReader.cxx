@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Valid sequences in every format and orientation: pixels, poses and report against what was put into the
 // file.
 #include <gtest/gtest.h>

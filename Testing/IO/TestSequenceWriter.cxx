@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What is written reads back to the last bit, and a write that fails leaves nothing behind.
 #include <gtest/gtest.h>
 #include <sys/resource.h>

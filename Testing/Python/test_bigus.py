@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """The Python package as its users see it: numpy in, numpy out, errors as exceptions, nothing printed."""
 
 import ast

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """A slice in a render window: what VTK draws is what vtkBigusReslice gave, pixel for pixel."""
 
 import os

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Images compared with baselines that a person has looked at, strictly: no pixel may differ by a single grey
 // level.
 //
@@ -8,7 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "Core/Sweep.h"
+#include "Core/Model/Sweep.h"
 #include "TestSupport.h"
 #include "vtkBigusConvert.h"
 #include "vtkBigusFieldReader.h"

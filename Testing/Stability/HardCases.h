@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What the hard cases share: engines by name, the exact footprint, splats placed where an image sees them,
 // and the table of results.
 #pragma once
@@ -11,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 #include "Engines.h"
 #include "Gradient/RandomField.h"
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Whole fields: where planes lie, what reflectivities do, and sizes from nothing to as much as fits.
 
 #include <algorithm>

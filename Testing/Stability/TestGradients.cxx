@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Gradients where shapes, sizes, frames and numbers are extreme: finite everywhere, and along the
 // reference's.
 

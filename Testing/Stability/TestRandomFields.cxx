@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // A million small fields, each from its own seed, drawn from everything at once: every number an engine gives
 // is finite, and none is further from the reference's than tolerance and rounding explain. Whatever fails is
 // reproduced by its seed alone.
@@ -7,7 +9,7 @@
 #include <mutex>
 #include <thread>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 #include "Stability/HardCases.h"
 
 namespace

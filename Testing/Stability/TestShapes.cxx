@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // One splat at a time: every aspect, size, orientation, distance and beam, against the beam integral.
 //
 // The error of a splat is |w - w_exact| at the worst pixel of a whole image, over the splat's largest value

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Training from bad starts never leaves a parameter that is not finite, and what guards it stays out of good
 // training.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The guarantee of Accuracy: all that is dropped at any one pixel changes I by at most `tolerance`. Measured
 // as |I - I_exact| at every pixel of many fields against the untruncated reference engine, beside what the
 // arithmetic may add:

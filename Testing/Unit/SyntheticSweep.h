@@ -1,9 +1,11 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // A small sweep rendered from a known field: parallel planes along z, for tests of seeding and training.
 #pragma once
 
 #include <memory>
 
-#include "Core/Engine.h"
+#include "Core/Engine/Engine.h"
 #include "Gradient/RandomField.h"
 
 namespace bigus::test

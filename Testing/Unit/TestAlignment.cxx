@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Alignment of a frame to a field: known displacements are found, priors and bounds hold, nothing visible
 // moves nothing.
 #include <gtest/gtest.h>
@@ -8,11 +10,11 @@
 #include <memory>
 #include <vector>
 
-#include "Core/Alignment.h"
-#include "Core/Engine.h"
-#include "Core/Error.h"
-#include "Core/Phantom.h"
-#include "Core/Trainer.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
+#include "Core/Poses/Alignment.h"
+#include "Core/Training/Trainer.h"
 #include "Gradient/RandomField.h"
 #include "Unit/SyntheticSweep.h"
 

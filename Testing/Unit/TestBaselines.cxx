@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The plain predictors on synthetic sweeps whose intensity is known everywhere.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -9,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "Core/Baselines.h"
-#include "Core/Error.h"
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Model/Error.h"
 
 using bigus::Compounding;
 using bigus::Error;

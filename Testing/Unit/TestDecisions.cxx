@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // What the trainer decides by itself: from evidence, the same every time, and never from held-out frames.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -5,12 +7,12 @@
 #include <map>
 #include <set>
 
-#include "Core/Decisions.h"
-#include "Core/Engine.h"
-#include "Core/Fit.h"
-#include "Core/Metrics.h"
-#include "Core/Phantom.h"
-#include "Core/Trainer.h"
+#include "Core/Deciding/Decisions.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Phantom/Phantom.h"
+#include "Core/Training/Fit.h"
+#include "Core/Training/Trainer.h"
 
 namespace bigus
 {

@@ -1,8 +1,10 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "Core/Densification.h"
+#include "Core/Training/Densification.h"
 #include "Gradient/RandomField.h"
 
 namespace

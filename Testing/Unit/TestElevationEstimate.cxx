@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The beam's thickness, estimated from phantoms that know it, and refused where a sweep cannot tell.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -12,9 +14,9 @@
 #include <string>
 #include <vector>
 
-#include "Core/ElevationEstimate.h"
-#include "Core/Error.h"
-#include "Core/Phantom.h"
+#include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
 
 using namespace bigus;
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Scores over frames: what is averaged, what the baselines are given, and that a rendered field is scored as
 // rendered.
 #include <gtest/gtest.h>
@@ -7,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "Core/Baselines.h"
-#include "Core/Engine.h"
-#include "Core/Error.h"
-#include "Core/Evaluation.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Core/Model/Error.h"
 
 using bigus::Engine;
 using bigus::Error;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Pictures between two frames, against what they must be where that is known.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -6,9 +8,9 @@
 #include <cmath>
 #include <functional>
 
-#include "Core/Error.h"
-#include "Core/FrameInterpolation.h"
-#include "Core/VirtualPlanes.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/FrameInterpolation.h"
+#include "Core/Training/VirtualPlanes.h"
 #include "Unit/SyntheticSweep.h"
 
 namespace bigus

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Gaussian fields: what is refused and how it is said, and quaternions.
 #include <gtest/gtest.h>
 
@@ -7,8 +9,8 @@
 #include <random>
 #include <string>
 
-#include "Core/Error.h"
-#include "Core/GaussianField.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/GaussianField.h"
 
 using bigus::Error;
 using bigus::GaussianField;

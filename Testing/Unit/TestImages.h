@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Small images for tests of metrics: patterns that numpy can make again, bit for bit.
 #pragma once
 

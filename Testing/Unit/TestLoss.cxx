@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Losses as text, of a pixel, and of whole images: against their definitions written out.
 #include <gtest/gtest.h>
 
@@ -8,12 +10,12 @@
 #include <random>
 #include <vector>
 
-#include "Core/Error.h"
-#include "Core/ImageLoss.h"
-#include "Core/Loss.h"
-#include "Core/Metrics.h"
-#include "Core/PixelLoss.h"
-#include "Core/TransferFunction.h"
+#include "Core/Engine/ImageLoss.h"
+#include "Core/Engine/Loss.h"
+#include "Core/Formula/PixelLoss.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/TransferFunction.h"
 
 namespace
 {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // PSNR, SSIM and BFS against closed forms, other implementations and slow literal ones.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -9,8 +11,9 @@
 #include <random>
 #include <vector>
 
-#include "Core/Error.h"
-#include "Core/Metrics.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Metrics/Texture.h"
+#include "Core/Model/Error.h"
 #include "TestImages.h"
 
 using bigus::BackscatterFidelity;

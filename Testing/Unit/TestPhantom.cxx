@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The phantom against what it promises: speckle statistics, beam widths, anatomy, geometry, trajectory,
 // errors.
 #include <gtest/gtest.h>
@@ -12,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "Core/Error.h"
-#include "Core/Phantom.h"
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
 
 namespace bigus
 {

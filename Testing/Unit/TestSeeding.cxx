@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "Core/Error.h"
-#include "Core/Seeding.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/Seeding.h"
 #include "Unit/SyntheticSweep.h"
 
 namespace

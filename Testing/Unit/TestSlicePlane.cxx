@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // SlicePlane: the map from pixels to millimetres, its inverse, and what is refused.
 #include <gtest/gtest.h>
 
@@ -5,8 +7,8 @@
 #include <limits>
 #include <random>
 
-#include "Core/Error.h"
-#include "Core/SlicePlane.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/SlicePlane.h"
 
 using bigus::Error;
 using bigus::SlicePlane;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Sweeps: reading pixels as intensities, box reduction with poses that follow, subsets, validation, hold-out.
 #include <gtest/gtest.h>
 
@@ -6,8 +8,8 @@
 #include <random>
 #include <set>
 
-#include "Core/Error.h"
-#include "Core/Sweep.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/Sweep.h"
 
 using bigus::Error;
 using bigus::SplitHoldOut;

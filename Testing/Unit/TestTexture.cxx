@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Texture statistics against numpy and scipy, closed forms of Rayleigh speckle, white noise and waves.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -10,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "Core/Error.h"
-#include "Core/Texture.h"
+#include "Core/Metrics/Texture.h"
+#include "Core/Model/Error.h"
 #include "TestImages.h"
 
 using bigus::CompareTexture;

@@ -1,13 +1,15 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include <cmath>
 #include <functional>
 
-#include "Core/Error.h"
-#include "Core/Evaluation.h"
-#include "Core/Metrics.h"
-#include "Core/Trainer.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/Trainer.h"
 #include "Unit/SyntheticSweep.h"
 
 namespace

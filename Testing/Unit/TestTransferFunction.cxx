@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Scattering to intensity and back, and the gamma a sweep's brightness asks for.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "Core/TransferFunction.h"
+#include "Core/Model/TransferFunction.h"
 
 using bigus::TransferFunction;
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // Runs one experiment, described in JSON, and prints what came of it, in JSON: a sweep, which of its frames
 // may be seen, a method that predicts the others, and its scores. README.md of this folder lists what can be
 // asked for.
@@ -18,14 +20,14 @@
 #include <string>
 #include <vector>
 
-#include "Core/Baselines.h"
-#include "Core/ElevationEstimate.h"
-#include "Core/Engine.h"
-#include "Core/Error.h"
-#include "Core/Evaluation.h"
-#include "Core/FrameInterpolation.h"
-#include "Core/Seeding.h"
-#include "Core/Trainer.h"
+#include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/FrameInterpolation.h"
+#include "Core/Training/Seeding.h"
+#include "Core/Training/Trainer.h"
 #include "JobFields.h"
 #include "Scene.h"
 

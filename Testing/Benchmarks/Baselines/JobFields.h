@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // A JSON object read field by field: what nobody asked for is an error, so a misspelt option cannot pass
 // unnoticed.
 #pragma once
@@ -7,7 +9,7 @@
 #include <set>
 #include <string>
 
-#include "Core/Error.h"
+#include "Core/Model/Error.h"
 
 class JobFields
 {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "Scene.h"
 
 #include <vtkDataArray.h>
@@ -12,8 +14,8 @@
 #include <functional>
 #include <vector>
 
-#include "Core/Error.h"
-#include "Core/Phantom.h"
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
 #include "JobFields.h"
 #include "vtkBigusConvert.h"
 #include "vtkBigusSequenceReader.h"

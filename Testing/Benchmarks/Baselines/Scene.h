@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // The sweeps that experiments are made on, from a few words of JSON; README.md of this folder lists them.
 #pragma once
 
@@ -5,7 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "Core/Sweep.h"
+#include "Core/Model/Sweep.h"
 
 /// Where files are: recorded data, and phantoms once made (empty: make them anew each time).
 struct SceneFolders

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """What each experiment runs, and which tables and plots it makes of the results."""
 
 import math

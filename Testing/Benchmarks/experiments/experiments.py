@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """The experiments on quality: what they ask is in README.md of this folder.
 
     experiments.py e1 [e2 ...|all] [--quick] [--output FOLDER] [--data FOLDER] [--budget MINUTES]

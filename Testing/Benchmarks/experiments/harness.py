@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Runs jobs of bigusExperiment once each, within a budget, and turns their results into tables.
 
 A result is kept in a file named after its job, so nothing is run twice and an interrupted run goes on where it

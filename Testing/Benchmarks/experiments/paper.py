@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """The paper's claims beside what was measured here: other data, the same questions."""
 
 from harness import mean

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
 """Does the harness work: what it runs, keeps, repeats and reports. On phantoms, with few Gaussians.
 
     test_experiments.py PROGRAM [unittest options]

@@ -1,0 +1,1009 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Deciding/ElevationEstimate.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "Core/Model/Error.h"
+
+// With u, v the intensities (squared envelopes) of two points of fully developed speckle, each of mean 1,
+// whose complex echoes have coherence rho, the joint density is e^(-u-v) sum_k x^k L_k(u) L_k(v), x = |rho|^2
+// (Kibble 1941; Downton 1970). ln u has the Laguerre coefficients -1/k (k > 0), so
+//
+//   cov(ln u, ln v) = sum_k x^k / k^2 = Li2(x),   var(ln u) = Li2(1) = pi^2 / 6
+//
+// and logarithmic compression keeps this ratio whatever its gain. For Gaussian profiles all that moves one
+// point against the other multiplies x:
+//
+//   x = exp(-d^2 / (2 sigma^2) - ex^2 / (2 sx^2) - ey^2 / (2 sy^2) - tilts)
+//
+// d the distance of the planes, e the offset in the plane, s the in-plane size of speckle (measured within
+// frames). A plane turned by an angle about its rows sees another phase of the carrier across the beam's
+// thickness: x falls by another factor exp(-(2 k sigma angle)^2 / 2), k the wave number. A turn about its
+// columns does so where beams are not along them, a turn in the plane with the lateral size of speckle for
+// sigma. k is fitted too.
+//
+// Everything is a series in k, and each term is Gaussian, so averages have closed forms: over unknown
+// misregistration and over the detrending of patches.
+
+namespace bigus
+{
+namespace
+{
+
+constexpr int Terms = 96;  // of the series; the rest of Li2(1) is 1 %, of anything beside x = 1 nothing
+constexpr double VarianceOfLog = 1.6449340668482264;  // Li2(1) = pi^2 / 6
+constexpr double BinRatio = 1.25;                     // distance bins are geometric
+constexpr double NearestBin = 0.05;                   // mm
+constexpr int Bins = 30;                              // up to 40 mm
+constexpr std::size_t PairsPerBin = 48;               // those least turned against each other
+constexpr std::size_t PatchesPerPair = 400;
+constexpr int Blocks = 8;                   // for the standard error
+constexpr double MaximumBlackShare = 0.02;  // of a patch's pixels: where speckle is darkest, it is clamped
+
+int BinOf(double distance)
+{
+  return distance <= NearestBin ? 0 : static_cast<int>(std::log(distance / NearestBin) / std::log(BinRatio));
+}
+
+// ---- patches ----
+
+/// Sums over one or more pairs of patches, each less its own linear trend.
+struct Products
+{
+  double covariance = 0, varianceA = 0, varianceB = 0;
+  std::size_t patches = 0;
+
+  double Variance() const { return 0.5 * (varianceA + varianceB); }
+  double Correlation() const { return Variance() > 0 ? covariance / Variance() : 0; }
+  void Add(const Products& p)
+  {
+    covariance += p.covariance;
+    varianceA += p.varianceA;
+    varianceB += p.varianceB;
+    patches += p.patches;
+  }
+};
+
+class Images
+{
+public:
+  explicit Images(const Sweep& sweep) : sweep_(sweep), unlit_((sweep.width + 1) * (sweep.height + 1ull), 0)
+  {
+    const std::size_t stride = sweep.width + 1;
+    for (int y = 0; y < sweep.height; ++y)
+    {
+      for (int x = 0; x < sweep.width; ++x)
+      {
+        unlit_[(y + 1) * stride + x + 1] = unlit_[(y + 1) * stride + x] + unlit_[y * stride + x + 1] -
+                                           unlit_[y * stride + x] +
+                                           !sweep.IsLit(static_cast<std::size_t>(y) * sweep.width + x);
+      }
+    }
+  }
+
+  /// Whether the patch with this first pixel lies inside the image, all lit.
+  bool IsLit(int x, int y, int size) const
+  {
+    if (x < 0 || y < 0 || x + size > sweep_.width || y + size > sweep_.height)
+    {
+      return false;
+    }
+    const std::size_t stride = sweep_.width + 1, top = y * stride + x, bottom = (y + size) * stride + x;
+    return unlit_[bottom + size] + unlit_[top] == unlit_[bottom] + unlit_[top + size];
+  }
+
+  /// Compares two lit patches. False when one is clamped: it has a white pixel, or too many black ones.
+  bool Compare(int frameA, int xa, int ya, int frameB, int xb, int yb, int size, Products& result) const
+  {
+    return sweep_.pixelType == Sweep::PixelType::UInt8
+               ? Compare<std::uint8_t>(frameA, xa, ya, frameB, xb, yb, size, 255, result)
+               : Compare<float>(frameA, xa, ya, frameB, xb, yb, size, 1, result);
+  }
+
+private:
+  template <class Pixel>
+  bool Compare(int frameA, int xa, int ya, int frameB, int xb, int yb, int size, Pixel white, Products& result) const
+  {
+    const auto first = [&](int frame, int x, int y)
+    {
+      return static_cast<const Pixel*>(sweep_.pixels.get()) + sweep_.PixelsPerFrame() * frame +
+             static_cast<std::size_t>(y) * sweep_.width + x;
+    };
+    const Pixel* a = first(frameA, xa, ya);
+    const Pixel* b = first(frameB, xb, yb);
+    const double middle = 0.5 * (size - 1);
+    double sa = 0, sb = 0, xsa = 0, xsb = 0, ysa = 0, ysb = 0, aa = 0, bb = 0, ab = 0;
+    int black = 0, saturated = 0;
+    for (int y = 0; y < size; ++y, a += sweep_.width, b += sweep_.width)
+    {
+      double rowA = 0, rowB = 0;
+      for (int x = 0; x < size; ++x)
+      {
+        const double u = a[x], v = b[x], dx = x - middle;
+        black += (a[x] <= 0) + (b[x] <= 0);
+        saturated += (a[x] >= white) + (b[x] >= white);
+        rowA += u;
+        rowB += v;
+        xsa += dx * u;
+        xsb += dx * v;
+        aa += u * u;
+        bb += v * v;
+        ab += u * v;
+      }
+      sa += rowA;
+      sb += rowB;
+      ysa += (y - middle) * rowA;
+      ysb += (y - middle) * rowB;
+    }
+    const double n = static_cast<double>(size) * size, nx = n * (n - 1) / 12;
+    if (saturated > 0 || black > MaximumBlackShare * 2 * n)
+    {
+      return false;
+    }
+    const auto detrended = [&](double uv, double u, double v, double xu, double xv, double yu, double yv)
+    { return (uv - u * v / n - (xu * xv + yu * yv) / nx) / n; };
+    result.covariance = detrended(ab, sa, sb, xsa, xsb, ysa, ysb);
+    result.varianceA = detrended(aa, sa, sa, xsa, xsa, ysa, ysa);
+    result.varianceB = detrended(bb, sb, sb, xsb, xsb, ysb, ysb);
+    result.patches = 1;
+    return true;
+  }
+
+  const Sweep& sweep_;
+  std::vector<std::uint32_t> unlit_;  // [height + 1][width + 1] unlit pixels above and to the left
+};
+
+/// First pixels of lit patches, side by side, at most PatchesPerPair of them.
+std::vector<Eigen::Vector2i> PlacePatches(const Sweep& sweep, const Images& images, int size)
+{
+  std::vector<Eigen::Vector2i> all, some;
+  for (int y = 0; y + size <= sweep.height; y += size)
+  {
+    for (int x = 0; x + size <= sweep.width; x += size)
+    {
+      if (images.IsLit(x, y, size))
+      {
+        all.emplace_back(x, y);
+      }
+    }
+  }
+  const std::size_t step = (all.size() + PatchesPerPair - 1) / PatchesPerPair;
+  for (std::size_t p = 0; p < all.size(); p += step)
+  {
+    some.push_back(all[p]);
+  }
+  return some;
+}
+
+/// Patches that are fully developed speckle all have about the same variance, as compression turns gain into
+/// offset; those far off the median are edges or flat.
+struct SpeckleRange
+{
+  double low = -1, high = std::numeric_limits<double>::infinity();
+
+  bool Holds(const Products& p) const
+  {
+    return p.varianceA > low && p.varianceA < high && p.varianceB > low && p.varianceB < high;
+  }
+};
+
+// ---- the model ----
+
+/// sum over p, q of b_p b_q exp(-k (p - q + lag)^2 / (2 s^2)) for the unit vectors b proportional to 1 and to
+/// p, less its mean: what a trend of that form takes of the k-th term along one axis.
+std::pair<double, double> TrendTerms(int size, double k, double s, int lag)
+{
+  const double n = size, norm = n * (n * n - 1) / 12, middle = 0.5 * (size - 1);
+  double constant = 0, linear = 0;
+  for (int difference = -(size - 1); difference < size; ++difference)
+  {
+    double products = 0;
+    const int from = std::max(0, difference), to = std::min(size, size + difference);
+    for (int p = from; p < to; ++p)
+    {
+      products += (p - middle) * (p - difference - middle);
+    }
+    const double e = difference + lag, kernel = std::exp(-0.5 * k * e * e / (s * s));
+    constant += (to - from) * kernel;
+    linear += products * kernel;
+  }
+  return {constant / n, linear / norm};
+}
+
+/// Share of every term that detrending takes from patches of this size that are `lag` apart.
+using TrendShares = std::array<double, Terms + 1>;
+TrendShares MakeTrendShares(int size, const Eigen::Vector2d& speckle, const Eigen::Vector2i& lag)
+{
+  TrendShares shares{};
+  for (int k = 1; k <= Terms; ++k)
+  {
+    const auto x = TrendTerms(size, k, speckle.x(), lag.x()), y = TrendTerms(size, k, speckle.y(), lag.y());
+    shares[k] = (x.first * y.first + x.second * y.first + x.first * y.second) / (static_cast<double>(size) * size);
+  }
+  return shares;
+}
+
+double DetrendedVariance(const TrendShares& shares)
+{
+  double variance = VarianceOfLog;
+  for (int k = 1; k <= Terms; ++k)
+  {
+    variance -= shares[k] / (k * k);
+  }
+  return variance;
+}
+
+/// Correlation of detrended patches of one frame that are `lag` pixels apart.
+double CorrelationWithin(int size, const Eigen::Vector2d& speckle, const Eigen::Vector2i& lag)
+{
+  const TrendShares shares = MakeTrendShares(size, speckle, lag);
+  const double exponent = 0.5 * (lag.cast<double>().array() / speckle.array()).square().sum();
+  double sum = 0;
+  for (int k = 1; k <= Terms; ++k)
+  {
+    sum += (std::exp(-k * exponent) - shares[k]) / (k * k);
+  }
+  return sum / DetrendedVariance(MakeTrendShares(size, speckle, {0, 0}));
+}
+
+/// Patches of a pair of frames at about one distance.
+struct Cell
+{
+  int block = 0;
+  int a = 0, b = 0;                                       // which frames
+  double distance = 0;                                    // mm, mean, signed
+  double squaredDistance = 0;                             // mm^2, mean
+  Eigen::Array3d squaredTurn = Eigen::Array3d::Zero();    // rad^2, about the axes of rows, columns and normal
+  Eigen::Array2d offset = Eigen::Array2d::Zero();         // pixels, mean: of the point from the nearest pixel
+  Eigen::Array2d squaredOffset = Eigen::Array2d::Zero();  // pixels^2, mean: the nearest pixel is not the very point
+  Products products;
+};
+
+enum Parameter
+{
+  Falloff,    // 1 / (2 (sigma^2 + jitter)), 1 / mm^2
+  Carrier,    // (2 k)^2 / 2, k the wave number, 1 / mm^2
+  Sideways,   // mean squared sine of the beams' angle to the columns: 0 for a linear probe
+  Rotation,   // share of the phase that a turn in the plane adds
+  Jitter,     // variance of the misplacement of two planes on each axis, mm^2
+  Amplitude,  // correlation of a plane with itself, below 1 when images have noise of their own
+  Parameters
+};
+using Vector = Eigen::Matrix<double, Parameters, 1>;
+using Matrix = Eigen::Matrix<double, Parameters, Parameters>;
+
+class Model
+{
+public:
+  Model(int size, const Eigen::Vector2d& speckle, const Eigen::Vector2d& pixel)
+      : speckle_(speckle),
+        pixel_(pixel),
+        shares_(MakeTrendShares(size, speckle, {0, 0})),
+        variance_(DetrendedVariance(shares_))
+  {
+    // Where a sweep turns as it advances, turns and distances cannot be told apart: what turns may do is
+    // bounded by physics. Diagnostic ultrasound has 2 to 20 MHz, k = 2 pi frequency / 1.54 mm/us; fans reach
+    // 45 degrees.
+    const auto carrier = [](double frequency) { return 0.5 * std::pow(4 * 3.141592653589793 * frequency / 1.54, 2); };
+    low_ << 0.5 / (100 * 100), carrier(2), 0, 0, 0, 0.05;
+    high_ << 0.5 / (0.01 * 0.01), carrier(20), 0.25, 1, speckle.cwiseProduct(pixel).squaredNorm(), 1;
+  }
+
+  const Vector& Low() const { return low_; }
+  const Vector& High() const { return high_; }
+
+  /// The correlation expected of a cell, and its derivatives.
+  double operator()(const Cell& cell, const Vector& p, Vector& derivative, double* bySquaredDistance = nullptr) const
+  {
+    const double thickness = 0.5 / p[Falloff];  // mm^2
+    const double sideways = pixel_.x() * pixel_.x() * speckle_.x() * speckle_.x();
+    const double byColumn = thickness * cell.squaredTurn[1], byNormal = sideways * cell.squaredTurn[2];
+    const double phase = thickness * cell.squaredTurn[0] + p[Sideways] * byColumn + p[Rotation] * byNormal;  // mm^2
+    const double exponent = p[Falloff] * cell.squaredDistance + p[Carrier] * phase;
+    // A Gaussian offset of variance v (in units of s^2) turns the k-th term into (1 + k v)^(-1/2).
+    const Eigen::Array3d slope(1 / (pixel_.x() * pixel_.x() * speckle_.x() * speckle_.x()),
+                               1 / (pixel_.y() * pixel_.y() * speckle_.y() * speckle_.y()), 2 * p[Falloff]);
+    Eigen::Array3d offset = slope * p[Jitter];
+    offset[0] += cell.squaredOffset[0] / (speckle_.x() * speckle_.x());
+    offset[1] += cell.squaredOffset[1] / (speckle_.y() * speckle_.y());
+
+    const double x = std::exp(-exponent);
+    double power = 1, sum = 0, byExponent = 0, byJitter = 0, byFalloff = 0;
+    for (int k = 1; k <= Terms; ++k)
+    {
+      power *= x;
+      if (power < 1e-7 * k)
+      {
+        break;
+      }
+      const Eigen::Array3d blur = 1 + k * offset;
+      const double weight = power / (k * k), kept = weight / std::sqrt(blur.prod());
+      const double term = kept - weight * shares_[k];
+      sum += term;
+      byExponent -= k * term;
+      byJitter -= 0.5 * k * kept * (slope / blur).sum();
+      byFalloff -= k * kept * p[Jitter] / blur[2];
+    }
+    const double scale = p[Amplitude] / variance_;
+    const double tilted = p[Carrier] * thickness * (cell.squaredTurn[0] + p[Sideways] * cell.squaredTurn[1]);
+    derivative[Falloff] = scale * (byExponent * (cell.squaredDistance - tilted / p[Falloff]) + byFalloff);
+    if (bySquaredDistance)
+    {
+      *bySquaredDistance = scale * byExponent * p[Falloff];
+    }
+    derivative[Carrier] = scale * byExponent * phase;
+    derivative[Sideways] = scale * byExponent * p[Carrier] * byColumn;
+    derivative[Rotation] = scale * byExponent * p[Carrier] * byNormal;
+    derivative[Jitter] = scale * byJitter;
+    derivative[Amplitude] = sum / variance_;
+    return scale * sum;
+  }
+
+private:
+  Eigen::Vector2d speckle_, pixel_;  // in-plane size of speckle in pixels, pixel in mm
+  TrendShares shares_;
+  double variance_;
+  Vector low_, high_;  // bounds of the parameters
+};
+
+// ---- the fit ----
+
+struct Fit
+{
+  Vector parameters = Vector::Zero();
+  double cost = std::numeric_limits<double>::infinity();
+
+  double Sigma() const { return std::sqrt(std::max(0.5 / parameters[Falloff] - parameters[Jitter], 0.0)); }
+};
+
+/// Least squares over the cells outside `leftOut`, each weighing its number of patches: Levenberg and
+/// Marquardt's steps, kept inside the bounds.
+Fit Descend(const std::vector<Cell>& cells, const Model& model, const Vector& low, const Vector& high,
+            const Vector& start, int leftOut)
+{
+  const auto evaluate = [&](const Vector& p, Matrix* hessian, Vector* gradient)
+  {
+    double cost = 0;
+    Vector d;
+    for (const Cell& cell : cells)
+    {
+      if (cell.block == leftOut)
+      {
+        continue;
+      }
+      const double weight = static_cast<double>(cell.products.patches);
+      const double residual = model(cell, p, d) - cell.products.Correlation();
+      cost += weight * residual * residual;
+      if (hessian)
+      {
+        *hessian += weight * d * d.transpose();
+        *gradient += weight * residual * d;
+      }
+    }
+    return cost;
+  };
+
+  Fit fit;
+  fit.parameters = start;
+  fit.cost = evaluate(start, nullptr, nullptr);
+  double damping = 1e-3;
+  for (int iteration = 0; iteration < 60 && damping < 1e8; ++iteration)
+  {
+    Matrix hessian = Matrix::Zero();
+    Vector gradient = Vector::Zero();
+    evaluate(fit.parameters, &hessian, &gradient);
+    for (int k = 0; k < Parameters; ++k)
+    {
+      const bool atLow = fit.parameters[k] <= low[k] && gradient[k] > 0;
+      const bool atHigh = fit.parameters[k] >= high[k] && gradient[k] < 0;
+      if (atLow || atHigh || !(hessian(k, k) > 0))
+      {
+        hessian.row(k).setZero();
+        hessian.col(k).setZero();
+        hessian(k, k) = 1;
+        gradient[k] = 0;
+      }
+    }
+    bool better = false;
+    for (; !better && damping < 1e8; damping *= better ? 1 : 4)
+    {
+      Matrix damped = hessian;
+      damped.diagonal() *= 1 + damping;
+      const Vector next = (fit.parameters - damped.ldlt().solve(gradient)).cwiseMax(low).cwiseMin(high);
+      const double cost = evaluate(next, nullptr, nullptr);
+      if (cost < fit.cost)
+      {
+        better = true;
+        if (fit.cost - cost < 1e-9 * fit.cost)
+        {
+          damping = 1e8;  // converged
+        }
+        fit.parameters = next;
+        fit.cost = cost;
+        damping *= 0.25;
+      }
+    }
+  }
+  return fit;
+}
+
+// ---- geometry ----
+
+/// How plane B lies before plane A, seen along the mean of their normals.
+struct Relation
+{
+  Eigen::Vector2d origin;      // pixel of B that A's pixel (0, 0) falls on
+  Eigen::Matrix2d map;         // pixels of B a pixel of A
+  double distance;             // mm at A's pixel (0, 0)
+  Eigen::Vector2d slope;       // mm a pixel of A
+  Eigen::Array3d squaredTurn;  // rad^2
+  bool valid = false;          // turned by less than 15 degrees
+
+  Relation(const SlicePlane& a, const SlicePlane& b)
+  {
+    const Eigen::Vector3d na = a.Normal(), nb = b.Normal(), normal = (na + nb).normalized();
+    const Eigen::Vector3d row = a.columnStep.normalized(), column = na.cross(row);
+    const Eigen::Vector3d turnedRow = b.columnStep.normalized();
+    const double aboutColumn = nb.dot(row), aboutRow = nb.dot(column), aboutNormal = turnedRow.dot(column);
+    squaredTurn = Eigen::Array3d(aboutRow, aboutColumn, aboutNormal).square();
+    valid = na.dot(nb) > 0.966 && turnedRow.dot(row) > 0.966;
+    if (!valid)
+    {
+      return;
+    }
+    const Eigen::Matrix3d toB = b.WorldToSlice();
+    const auto meet = [&](double i, double j)
+    {
+      const Eigen::Vector3d point = a.Point(i, j);
+      const double along = nb.dot(b.origin - point) / nb.dot(normal);
+      const Eigen::Vector3d pixel = toB * (point + along * normal - b.origin);
+      return Eigen::Vector3d(pixel.x(), pixel.y(), along);
+    };
+    const Eigen::Vector3d p = meet(0, 0), pi = meet(1, 0) - p, pj = meet(0, 1) - p;
+    origin = p.head<2>();
+    map << pi.head<2>(), pj.head<2>();
+    distance = p.z();
+    slope = {pi.z(), pj.z()};
+  }
+
+  double DistanceAt(const Eigen::Vector2d& pixel) const { return distance + slope.dot(pixel); }
+};
+
+struct Pair
+{
+  int a, b;  // positions in the list of frames
+  int block;
+  double turn;  // rad^2
+};
+
+/// Pairs of frames, near and far: for each bin of distance (at the image's centre) those least turned.
+std::vector<Pair> ChoosePairs(const Sweep& sweep, const std::vector<int>& frames)
+{
+  constexpr int startsPerLag = 200;
+  const int n = static_cast<int>(frames.size());
+  const Eigen::Vector2d centre(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+  std::vector<std::vector<Pair>> bins(Bins);
+  for (int lag = 1; lag < n; lag = std::max(lag + 1, lag * 6 / 5))
+  {
+    const int step = (n - lag + startsPerLag - 1) / startsPerLag;
+    for (int k = 0; k + lag < n; k += step)
+    {
+      const Relation relation(sweep.Plane(frames[k]), sweep.Plane(frames[k + lag]));
+      const int bin = relation.valid ? BinOf(std::abs(relation.DistanceAt(centre))) : Bins;
+      if (bin < Bins)
+      {
+        bins[bin].push_back(
+            {k, k + lag, static_cast<int>((2ll * k + lag) * Blocks / (2 * n)), relation.squaredTurn.sum()});
+      }
+    }
+  }
+  std::vector<Pair> pairs;
+  for (std::vector<Pair>& bin : bins)
+  {
+    std::stable_sort(bin.begin(), bin.end(), [](const Pair& p, const Pair& q) { return p.turn < q.turn; });
+    bin.resize(std::min(bin.size(), PairsPerBin));
+    pairs.insert(pairs.end(), bin.begin(), bin.end());
+  }
+  return pairs;
+}
+
+// ---- speckle within frames ----
+
+struct Speckle
+{
+  SpeckleRange range;
+  Eigen::Vector2d size = Eigen::Vector2d::Zero();  // pixels, see x above
+  std::string problem;
+};
+
+Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vector<int>& frames, int size)
+{
+  constexpr std::size_t framesLookedAt = 24;
+  const std::vector<Eigen::Vector2i> patches = PlacePatches(sweep, images, size);
+  const std::size_t step = (frames.size() + framesLookedAt - 1) / framesLookedAt;
+  const auto correlation = [&](const Eigen::Vector2i& lag, const SpeckleRange& range, std::vector<double>* variances)
+  {
+    Products sum;
+    for (std::size_t k = 0; k < frames.size(); k += step)
+    {
+      for (const Eigen::Vector2i& p : patches)
+      {
+        Products products;
+        const Eigen::Vector2i q = p + lag;
+        if (images.IsLit(q.x(), q.y(), size) &&
+            images.Compare(frames[k], p.x(), p.y(), frames[k], q.x(), q.y(), size, products) && range.Holds(products))
+        {
+          sum.Add(products);
+          if (variances)
+          {
+            variances->push_back(products.varianceA);
+          }
+        }
+      }
+    }
+    return sum.Correlation();
+  };
+
+  Speckle speckle;
+  std::vector<double> variances;
+  correlation({0, 0}, {}, &variances);
+  constexpr std::size_t fewest = 50;
+  if (variances.size() < fewest)
+  {
+    speckle.problem = "only " + std::to_string(variances.size()) + " patches of " + std::to_string(size) + " x " +
+                      std::to_string(size) + " pixels are lit and neither black nor white";
+    return speckle;
+  }
+  const double greyLevel = sweep.pixelType == Sweep::PixelType::UInt8 ? 1 : 1 / 255.0;
+  const auto flat =
+      std::partition(variances.begin(), variances.end(), [&](double v) { return v > greyLevel * greyLevel; });
+  if (2 * (flat - variances.begin()) < variances.end() - variances.begin())
+  {
+    speckle.problem = "the images have no speckle (most patches vary by less than one grey level)";
+    return speckle;
+  }
+  const auto middle = variances.begin() + (flat - variances.begin()) / 2;
+  std::nth_element(variances.begin(), middle, flat);
+  const double median = *middle;
+  speckle.range = {median / 3, median * 3};
+
+  // On each axis the first lag at which less than 0.6 is left, and the size that explains it.
+  std::array<Eigen::Vector2i, 2> lags;
+  std::array<double, 2> left;
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    for (int lag = 1; lag <= size / 2; ++lag)
+    {
+      lags[axis] = lag * Eigen::Vector2i::Unit(axis);
+      left[axis] = correlation(lags[axis], speckle.range, nullptr);
+      if (left[axis] < 0.6)
+      {
+        break;
+      }
+    }
+  }
+  const double smallest = 0.3, largest = 0.35 * size;
+  speckle.size = {1, 1};
+  for (int round = 0; round < 4; ++round)
+  {
+    for (int axis = 0; axis < 2; ++axis)
+    {
+      double low = smallest, high = largest;
+      for (int halving = 0; halving < 14; ++halving)
+      {
+        speckle.size[axis] = 0.5 * (low + high);
+        (CorrelationWithin(size, speckle.size, lags[axis]) < left[axis] ? low : high) = speckle.size[axis];
+      }
+    }
+  }
+  if (speckle.size.minCoeff() < 1.1 * smallest || speckle.size.maxCoeff() > 0.95 * largest)
+  {
+    speckle.problem =
+        "texture is " +
+        std::string(speckle.size.minCoeff() < 1.1 * smallest ? "finer than a pixel" : "too coarse to be speckle");
+  }
+  return speckle;
+}
+
+/// Compares a pair's patches, each with the nearest whole-pixel patch of the other plane.
+/// `moved` pixels farther than the poses say.
+std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, int b, const Eigen::Vector2d& moved,
+                              const std::vector<Eigen::Vector2i>& patches, int size, const SpeckleRange& range)
+{
+  const Relation relation(sweep.Plane(a), sweep.Plane(b));
+  const double spread = (static_cast<double>(size) * size - 1) / 12;  // pixels^2, of a patch along an axis
+  const Eigen::Matrix2d drift = relation.map - Eigen::Matrix2d::Identity();
+  std::vector<Cell> cells(2 * Bins);
+  for (const Eigen::Vector2i& patch : patches)
+  {
+    const Eigen::Vector2d centre = patch.cast<double>().array() + 0.5 * (size - 1);
+    const Eigen::Vector2d shift = relation.origin + relation.map * centre - centre + moved;
+    if (!(shift.cwiseAbs().maxCoeff() < 1e6))
+    {
+      continue;
+    }
+    const Eigen::Vector2d whole(std::floor(shift.x() + 0.5), std::floor(shift.y() + 0.5));
+    const Eigen::Vector2i other = patch + whole.cast<int>();
+    const double distance = relation.DistanceAt(centre);
+    const double squaredDistance = distance * distance + spread * relation.slope.squaredNorm();
+    const int bin = BinOf(std::sqrt(squaredDistance));
+    Products products;
+    if (bin >= Bins || !images.IsLit(other.x(), other.y(), size) ||
+        !images.Compare(a, patch.x(), patch.y(), b, other.x(), other.y(), size, products) || !range.Holds(products))
+    {
+      continue;
+    }
+    Cell& cell = cells[distance < 0 ? Bins + bin : bin];
+    cell.distance += distance;
+    cell.squaredDistance += squaredDistance;
+    cell.offset += (shift - whole).array();
+    cell.squaredOffset += (shift - whole).array().square() + spread * drift.rowwise().squaredNorm().array();
+    cell.products.Add(products);
+  }
+  std::vector<Cell> filled;
+  for (Cell& cell : cells)
+  {
+    constexpr std::size_t fewest = 8;  // so that the ratio of the sums is not biased by the noise of its denominator
+    if (cell.products.patches >= fewest)
+    {
+      cell.squaredTurn = relation.squaredTurn;
+      cell.distance /= cell.products.patches;
+      cell.squaredDistance /= cell.products.patches;
+      cell.offset /= cell.products.patches;
+      cell.squaredOffset /= cell.products.patches;
+      filled.push_back(cell);
+    }
+  }
+  return filled;
+}
+
+// ---- misplaced frames ----
+
+/// Where speckle says frames lie in their planes, pixels beside their poses, one a frame: neighbours are
+/// matched, and the steps between them add up, pulled to the poses.
+std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& images, const std::vector<int>& frames,
+                                           const std::vector<Eigen::Vector2i>& patches, int size,
+                                           const Speckle& speckle)
+{
+  constexpr int reach = 3;  // pixels
+  constexpr double leastCorrelation = 0.25;
+  constexpr std::size_t patchesUsed = 100;
+  std::vector<Eigen::Vector2i> some;
+  for (std::size_t p = 0; p < patches.size(); p += (patches.size() + patchesUsed - 1) / patchesUsed)
+  {
+    some.push_back(patches[p]);
+  }
+  struct Step
+  {
+    bool found = false;
+    Eigen::Vector2d shift = Eigen::Vector2d::Zero();
+  };
+  const std::size_t n = frames.size();
+  std::vector<Step> steps(2 * n);  // to the next frame and the one after
+  tbb::parallel_for(
+      std::size_t(0), 2 * n,
+      [&](std::size_t k)
+      {
+        const std::size_t a = k / 2, b = a + 1 + k % 2;
+        if (b >= n || !Relation(sweep.Plane(frames[a]), sweep.Plane(frames[b])).valid)
+        {
+          return;
+        }
+        Eigen::Vector2d rounded = Eigen::Vector2d::Zero();  // what comparing whole pixels left out
+        std::array<double, (2 * reach + 1) * (2 * reach + 1)> known;
+        known.fill(2);
+        const auto at = [&](int x, int y)
+        {
+          double& c = known[(y + reach) * (2 * reach + 1) + x + reach];
+          if (c == 2)
+          {
+            Products sum;
+            for (const Cell& cell : ComparePair(sweep, images, frames[a], frames[b], {x, y}, some, size, speckle.range))
+            {
+              sum.Add(cell.products);
+              rounded = cell.offset;
+            }
+            c = sum.Correlation();
+          }
+          return c;
+        };
+        int x = 0, y = 0;
+        for (bool climbing = true; climbing;)
+        {
+          climbing = false;
+          for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}})
+          {
+            if (std::abs(x + dx) <= reach && std::abs(y + dy) <= reach && at(x + dx, y + dy) > at(x, y))
+            {
+              x += dx;
+              y += dy;
+              climbing = true;
+            }
+          }
+        }
+        if (at(x, y) < leastCorrelation || std::abs(x) == reach || std::abs(y) == reach)
+        {
+          return;
+        }
+        const auto vertex = [&](double low, double middle, double high)
+        { return 0.5 * (low - high) / (low - 2 * middle + high); };
+        const Eigen::Vector2d sub(vertex(at(x - 1, y), at(x, y), at(x + 1, y)),
+                                  vertex(at(x, y - 1), at(x, y), at(x, y + 1)));
+        if (sub.allFinite() && sub.cwiseAbs().maxCoeff() <= 0.5)
+        {
+          steps[k] = {true, Eigen::Vector2d(x, y) + sub - rounded};
+        }
+      });
+  // Gauss-Seidel: steps weigh 1, the pose that of a deviation ten times a step's.
+  constexpr double pull = 0.01;
+  std::vector<Eigen::Vector2d> shifts(n, Eigen::Vector2d::Zero());
+  for (int round = 0; round < 200; ++round)
+  {
+    for (std::size_t k = 0; k < n; ++k)
+    {
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      double weight = pull;
+      for (std::size_t lag = 1; lag <= 2; ++lag)
+      {
+        if (k + lag < n && steps[2 * k + lag - 1].found)
+        {
+          sum += shifts[k + lag] - steps[2 * k + lag - 1].shift;
+          weight += 1;
+        }
+        if (k >= lag && steps[2 * (k - lag) + lag - 1].found)
+        {
+          sum += shifts[k - lag] + steps[2 * (k - lag) + lag - 1].shift;
+          weight += 1;
+        }
+      }
+      shifts[k] = sum / weight;
+    }
+  }
+  return shifts;
+}
+
+/// The cells as they are when frames lie `heights` mm before their poses.
+std::vector<Cell> Raised(std::vector<Cell> cells, const std::vector<double>& heights)
+{
+  for (Cell& cell : cells)
+  {
+    const double more = heights[cell.b] - heights[cell.a];
+    cell.squaredDistance += (2 * cell.distance + more) * more;
+    cell.distance += more;
+  }
+  return cells;
+}
+
+/// The same across the planes, from how well the model fits each frame's pairs. A frame's height is as
+/// uncertain beforehand as its place in the plane, of deviation `misplacement`; that keeps the sweep's
+/// length. Damped Jacobi steps.
+void MeasureHeights(const std::vector<Cell>& cells, const Model& model, const Fit& fit, double misplacement,
+                    std::vector<double>& heights)
+{
+  const double variance = fit.cost / cells.size();  // of a patch's correlation
+  const double prior = variance / (misplacement * misplacement);
+  Vector unused;
+  for (int step = 0; step < 10; ++step)
+  {
+    std::vector<double> gradient(heights.size(), 0.0), curvature(heights.size(), prior);
+    for (const Cell& cell : Raised(cells, heights))
+    {
+      double slope = 0;
+      const double residual = cell.products.Correlation() - model(cell, fit.parameters, unused, &slope);
+      slope *= 2 * cell.distance;
+      const double weight = static_cast<double>(cell.products.patches);
+      gradient[cell.b] += weight * residual * slope;
+      gradient[cell.a] -= weight * residual * slope;
+      curvature[cell.a] += weight * slope * slope;
+      curvature[cell.b] += weight * slope * slope;
+    }
+    for (std::size_t k = 0; k < heights.size(); ++k)
+    {
+      heights[k] += 0.5 * (gradient[k] - prior * heights[k]) / curvature[k];
+    }
+  }
+}
+
+}  // namespace
+
+ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<int>& given)
+{
+  for (const int frame : given)
+  {
+    if (frame < 0 || frame >= sweep.NumberOfFrames())
+    {
+      throw Error("Elevation estimate: frame " + std::to_string(frame) + " was asked for, but the frames are 0 to " +
+                  std::to_string(sweep.NumberOfFrames() - 1) + ".");
+    }
+  }
+  // Neighbours must stay neighbours, so of a long sweep the middle is taken.
+  constexpr std::size_t mostFrames = 400;
+  const std::size_t left = given.size() > mostFrames ? (given.size() - mostFrames) / 2 : 0;
+  const std::vector<int> frames(given.begin() + left, given.end() - left);
+  ElevationEstimate result;
+  const auto refuse = [&](const std::string& reason)
+  {
+    result.reason = reason;
+    return result;
+  };
+  constexpr std::size_t fewestFrames = 4;
+  if (frames.size() < fewestFrames)
+  {
+    return refuse("there are only " + std::to_string(frames.size()) + " frames");
+  }
+
+  // Patches hold a few dozen speckles, so that detrending takes little and the correction for it is small.
+  const Images images(sweep);
+  int size = 16;
+  Speckle speckle = MeasureSpeckle(sweep, images, frames, size);
+  if (speckle.problem.empty())
+  {
+    const int fitting = std::clamp(static_cast<int>(std::lround(6 * std::sqrt(speckle.size.prod()))), 8, 32);
+    if (fitting != size)
+    {
+      size = fitting;
+      speckle = MeasureSpeckle(sweep, images, frames, size);
+    }
+  }
+  if (!speckle.problem.empty())
+  {
+    return refuse(speckle.problem);
+  }
+
+  const std::vector<Pair> pairs = ChoosePairs(sweep, frames);
+  const std::vector<Eigen::Vector2i> patches = PlacePatches(sweep, images, size);
+  const std::vector<Eigen::Vector2d> shifts = MeasureShifts(sweep, images, frames, patches, size, speckle);
+  std::vector<std::vector<Cell>> byPair(pairs.size());
+  tbb::parallel_for(std::size_t(0), pairs.size(),
+                    [&](std::size_t p)
+                    {
+                      const Pair& pair = pairs[p];
+                      byPair[p] = ComparePair(sweep, images, frames[pair.a], frames[pair.b],
+                                              shifts[pair.b] - shifts[pair.a], patches, size, speckle.range);
+                      for (Cell& cell : byPair[p])
+                      {
+                        cell.block = pair.block;
+                        cell.a = pair.a;
+                        cell.b = pair.b;
+                      }
+                    });
+  std::vector<Cell> cells;
+  for (const std::vector<Cell>& of : byPair)
+  {
+    cells.insert(cells.end(), of.begin(), of.end());
+    result.pairs += !of.empty();
+  }
+  constexpr std::size_t fewestPairs = 6;
+  if (result.pairs < fewestPairs)
+  {
+    return refuse("only " + std::to_string(result.pairs) + " pairs of frames overlap, nearly parallel");
+  }
+
+  const SlicePlane plane = sweep.Plane(frames[0]);
+  const Model model(size, speckle.size, {plane.columnStep.norm(), plane.rowStep.norm()});
+  Fit fit;
+  for (double sigma = 0.2; sigma < 20; sigma *= 4)
+  {
+    Vector start;
+    start << 0.5 / (sigma * sigma), 2 * model.Low()[Carrier], 0.05, 0.5, 0.01 * model.High()[Jitter], 0.9;
+    const Fit other = Descend(cells, model, model.Low(), model.High(), start, -1);
+    fit = other.cost < fit.cost ? other : fit;
+  }
+  const std::vector<Cell> posed = cells;
+  const Fit posedFit = fit;
+  const Eigen::Array2d pixel(plane.columnStep.norm(), plane.rowStep.norm());
+  for (const Eigen::Vector2d& shift : shifts)
+  {
+    result.misplacement += 0.5 * (shift.array() * pixel).square().sum() / shifts.size();
+  }
+  result.misplacement = std::sqrt(result.misplacement);
+  std::vector<double> heights(frames.size(), 0.0);
+  for (int round = 0; round < 3 && result.misplacement > 0 && fit.cost > 0; ++round)
+  {
+    MeasureHeights(posed, model, fit, result.misplacement, heights);
+    cells = Raised(posed, heights);
+    fit = Descend(cells, model, model.Low(), model.High(), fit.parameters, -1);
+  }
+  result.sigma = fit.Sigma();
+
+  struct Point
+  {
+    double patches = 0, squaredDistance = 0, fitted = 0;
+    Products products;
+  };
+  std::vector<Point> curve(Bins);
+  Vector unused;
+  for (const Cell& cell : cells)
+  {
+    const double n = static_cast<double>(cell.products.patches);
+    // Raising a frame may carry a cell beyond the last bin.
+    Point& point = curve[std::min(BinOf(std::sqrt(std::max(cell.squaredDistance, 0.0))), Bins - 1)];
+    point.patches += n;
+    point.squaredDistance += n * cell.squaredDistance;
+    point.fitted += n * model(cell, fit.parameters, unused);
+    point.products.Add(cell.products);
+  }
+  for (const Point& point : curve)
+  {
+    if (point.patches > 0)
+    {
+      result.distance.push_back(std::sqrt(point.squaredDistance / point.patches));
+      result.correlation.push_back(point.products.Correlation());
+      result.fitted.push_back(point.fitted / point.patches);
+    }
+  }
+
+  // Of the fit that takes poses as they are: blind to what the misplacements, fitted to all, may have taken
+  // up.
+  double scatter = 0;
+  int parts = 0;
+  std::array<double, Blocks> without;
+  for (int block = 0; block < Blocks; ++block)
+  {
+    if (std::any_of(posed.begin(), posed.end(), [&](const Cell& cell) { return cell.block == block; }))
+    {
+      without[parts++] = Descend(posed, model, model.Low(), model.High(), posedFit.parameters, block).Sigma();
+    }
+  }
+  const double mean = std::accumulate(without.begin(), without.begin() + parts, 0.0) / parts;
+  for (int part = 0; part < parts; ++part)
+  {
+    scatter += (without[part] - mean) * (without[part] - mean);
+  }
+  result.standardError = parts > 1 ? std::sqrt(scatter * (parts - 1) / parts) : result.sigma;
+  // What sigma would be if turning changed no phase. Far from the fit, it is a guess unless the data tell the
+  // carrier.
+  const bool carrierKnown =
+      fit.parameters[Carrier] > 1.01 * model.Low()[Carrier] && fit.parameters[Carrier] < 0.99 * model.High()[Carrier];
+  Vector still = model.High();
+  still[Carrier] = 0;
+  Vector start = fit.parameters;
+  start[Carrier] = 0;
+  Vector none = model.Low();
+  none[Carrier] = 0;
+  const double unturned = carrierKnown ? result.sigma : Descend(cells, model, none, still, start, -1).Sigma();
+
+  // Without a plane nearer than sigma the fit would rest on the tail alone; without one farther, on a top
+  // that noise and misregistration flatten too.
+  const auto text = [](double mm) { return std::to_string(mm).substr(0, 5) + " mm"; };
+  const double best = *std::max_element(result.fitted.begin(), result.fitted.end());
+  if (best < 0.1)
+  {
+    return refuse("planes are too far apart or differ too much: correlation is at most " +
+                  std::to_string(best).substr(0, 5));
+  }
+  if (result.distance.front() > 1.2 * result.sigma)
+  {
+    return refuse("planes are too far apart: the nearest are " + text(result.distance.front()) + ", the fit says " +
+                  text(result.sigma));
+  }
+  if (result.distance.back() < 1.2 * result.sigma)
+  {
+    return refuse("planes are too near: speckle is still alike at " + text(result.distance.back()));
+  }
+  if (!(result.standardError < 0.15 * result.sigma))
+  {
+    return refuse("parts of the sweep disagree: standard error " + text(result.standardError) + " of " +
+                  text(result.sigma));
+  }
+  if (std::abs(unturned - result.sigma) > 0.1 * result.sigma)
+  {
+    return refuse("the probe turns as it advances, and what turning does cannot be told apart: " + text(unturned) +
+                  " if it does nothing, " + text(result.sigma) + " if it shifts the phase of the echoes");
+  }
+  result.reliable = true;
+  return result;
+}
+
+}  // namespace bigus

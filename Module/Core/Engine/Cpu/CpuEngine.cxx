@@ -1,0 +1,1064 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The CPU engine, in float and in double: blocks of neighbouring Gaussians, projected only where a plane
+// crosses them, footprints cut by an error bound and evaluated by recurrence, and a backward pass that
+// gathers.
+//
+// Work is cut into blocks of Gaussians and bands of rows. A band adds its splats in the order of the blocks,
+// a block adds its gradients in the order of the frames, and what a pixel gets does not depend on its band.
+// So the bits do not depend on the number of threads, and only counts are atomic. A training step passes over
+// memory three times: blocks to splats, splats to images and their derivatives, and images back to gradients
+// that are spent at once.
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#if defined(__SSE2__)
+#include <xmmintrin.h>
+#endif
+
+#include "Core/Engine/BlockField.h"
+#include "Core/Engine/Cpu/CpuKernels.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/ImageLoss.h"
+#include "Core/Engine/MortonOrder.h"
+#include "Core/Formula/Adam.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr int kSmallestBand = 32,
+              kLargestBand = 128;   // rows rendered together: few footprints should lie in two bands
+constexpr int kTile = 32;           // pixels; finest grid on which overlapping footprints are counted
+constexpr int kTiles = 128;         // coarsest: so many along a side
+constexpr std::size_t kGroup = 32;  // neighbouring blocks tested together first: large fields have many blocks
+
+/// While it lives, this thread's results too small for a normal number become 0. They occur far out in
+/// footprints, and x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not
+/// mind.)
+class FlushDenormals
+{
+#if defined(__SSE2__)
+public:
+  FlushDenormals() : before_(_mm_getcsr())
+  {
+    _mm_setcsr(before_ | 0x8040);
+  }
+  ~FlushDenormals()
+  {
+    _mm_setcsr(before_);
+  }
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+
+private:
+  unsigned int before_;
+#endif
+};
+
+/// How many Gaussians may overlap, by tiles of an image. Adding is safe from several threads; sums of whole
+/// numbers do not depend on their order.
+class TileCounts
+{
+public:
+  TileCounts(int width, int height)
+      : tile_(std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles})),
+        columns_((width + tile_ - 1) / tile_),
+        rows_((height + tile_ - 1) / tile_),
+        counts_(new std::atomic<std::uint32_t>[static_cast<std::size_t>(columns_) * rows_] {})
+  {
+  }
+  void Add(const PixelBox& box, int count)
+  {
+    ForTiles(box, [count](std::atomic<std::uint32_t>& n) { n.fetch_add(count, std::memory_order_relaxed); });
+  }
+  std::uint32_t Most(const PixelBox& box) const
+  {
+    std::uint32_t most = 0;
+    ForTiles(box, [&most](const std::atomic<std::uint32_t>& n)
+             { most = std::max(most, n.load(std::memory_order_relaxed)); });
+    return most;
+  }
+
+private:
+  template <class Body>
+  void ForTiles(const PixelBox& box, Body&& body) const
+  {
+    const std::int64_t lastColumn = std::min<std::int64_t>((box.columnEnd + tile_ - 1) / tile_, columns_);
+    const std::int64_t lastRow = std::min<std::int64_t>((box.rowEnd + tile_ - 1) / tile_, rows_);
+    for (std::int64_t row = std::max<std::int64_t>(box.rowBegin, 0) / tile_; row < lastRow; ++row)
+    {
+      for (std::int64_t column = std::max<std::int64_t>(box.columnBegin, 0) / tile_; column < lastColumn; ++column)
+      {
+        body(counts_[static_cast<std::size_t>(row) * columns_ + column]);
+      }
+    }
+  }
+
+  int tile_, columns_, rows_;
+  std::unique_ptr<std::atomic<std::uint32_t>[]> counts_;
+};
+
+template <class T>
+class CpuEngine final : public Engine
+{
+public:
+  std::string Device() const override
+  {
+    return std::string("CPU (") + (sizeof(T) == 8 ? "double, " : "") + kernels_.instructionSet + ", " +
+           std::to_string(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)) +
+           " threads)";
+  }
+
+  void SetField(const GaussianField& field, const std::vector<int>* parents) override
+  {
+    field.Validate();
+    if (field.Size() > std::numeric_limits<std::uint32_t>::max())
+    {
+      throw Error("CPU engine: " + std::to_string(field.Size()) + " Gaussians are more than 2^32 - 1.");
+    }
+    std::vector<std::uint32_t> order = MortonOrder(field.means);
+    const std::size_t blocks = NumberOfBlocks(field.Size());
+    InheritAdam(order, blocks, parents);
+    order_ = std::move(order);
+    beam_ = field.beam;
+    transfer_ = field.transfer;
+    blocks_.assign(blocks, {});
+    places_.assign(blocks, {});
+    groupsAreStale_ = true;
+    sharp_.clear();
+    sharp_.resize(blocks);
+    tbb::parallel_for(std::size_t(0), blocks, [&](std::size_t b) { FillBlock(field, b); });
+    gradient_ = {};
+    scores_ = {};
+    keepScores_ = false;
+  }
+
+  GaussianField GetField() const override
+  {
+    GaussianField field;
+    field.beam = beam_;
+    field.transfer = transfer_;
+    field.Resize(order_.size());
+    tbb::parallel_for(
+        std::size_t(0), order_.size(),
+        [&](std::size_t slot)
+        { UnpackGaussian(blocks_[slot / kBlock], slot % kBlock, places_[slot / kBlock], order_[slot], field); });
+    return field;
+  }
+
+  std::size_t FieldSize() const override { return order_.size(); }
+  void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
+  void SetNormalisedWeights(bool on) override { normalised_ = on; }
+
+  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
+  {
+    plane.Validate("slice plane");
+    CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
+    if (std::max(plane.width, plane.height) > kLargestImage)
+    {
+      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
+                  " pixels is larger than 16777216 along a side.");
+    }
+    const std::vector<Camera> cameras{CameraOf(plane, beam_)};
+    FindVisible(cameras, plane.width, plane.height, window, normalised_, false);
+    const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
+    ForBands(1, window.rows,
+             [&](int, int begin, int end)
+             {
+               const int firstRow = window.firstRow + begin, lastRow = window.firstRow + end;
+               std::vector<T>& buffer = bandBuffers_.local();  // kept: fresh memory would cost as much as its pixels
+               buffer.assign(stride * (end - begin), T(0));
+               const PixelRows<T> rows{buffer.data(), window.firstColumn, firstRow, stride};
+               AddVisible(0, firstRow, lastRow, rows, [this](std::size_t b) { return blocks_[b].reflectivity; });
+               for (int row = begin; row < end; ++row)
+               {
+                 T* line = buffer.data() + (row - begin) * stride;
+                 if (output == ViewOutput::Intensity && !normalised_)
+                 {
+                   kernels_.toIntensity(line, window.columns, static_cast<T>(transfer_.gamma), line);
+                 }
+                 std::copy_n(line, window.columns, image + static_cast<std::size_t>(row) * window.columns);
+               }
+               const bool normalise = normalised_ && output == ViewOutput::Intensity;
+               if (coverage || normalise)
+               {
+                 std::fill(buffer.begin(), buffer.end(), T(0));
+                 AddVisible(0, firstRow, lastRow, rows, [](std::size_t) -> const T* { return nullptr; });
+                 for (int row = begin; row < end; ++row)
+                 {
+                   const T* line = buffer.data() + (row - begin) * stride;
+                   const std::size_t first = static_cast<std::size_t>(row) * window.columns;
+                   for (int column = 0; normalise && column < window.columns; ++column)
+                   {
+                     image[first + column] /= static_cast<float>(kLeastWeight + line[column]);
+                   }
+                   if (coverage)
+                   {
+                     std::copy_n(line, window.columns, coverage + first);
+                   }
+                 }
+               }
+             });
+  }
+
+  void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
+  {
+    sweep->Validate();
+    sweep_ = std::move(sweep);
+    ignoreMasked_ = ignoreMasked;
+    countedPixels_ = 0;
+    for (std::size_t pixel = 0; pixel < sweep_->PixelsPerFrame(); ++pixel)
+    {
+      countedPixels_ += Counts(pixel);
+    }
+    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_, ignoreMasked));
+  }
+
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
+  {
+    const double value = Forward(frames, loss);
+    gradient_.assign(blocks_.size(), {});
+    Backward([&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; });
+    return value;
+  }
+
+  void Step(const LearningRates& rates, const ParameterLimits& limits) override
+  {
+    if (gradient_.size() != blocks_.size())
+    {
+      throw Error("CPU engine: Step needs the gradient of a Backpropagate with the present field.");
+    }
+    adam_.resize(blocks_.size());
+    groupsAreStale_ = true;
+    const AdamStep step(rates, limits);
+    tbb::parallel_for(std::size_t(0), blocks_.size(),
+                      [&](std::size_t b)
+                      {
+                        const FlushDenormals flush;  // as in TrainStep
+                        Update(b, gradient_[b], step);
+                      });
+  }
+
+  double TrainStep(const std::vector<int>& frames, const Loss& loss, const LearningRates& rates,
+                   const ParameterLimits& limits) override
+  {
+    const double value = Forward(frames, loss);
+    gradient_ = {};
+    adam_.resize(blocks_.size());
+    groupsAreStale_ = true;
+    const AdamStep step(rates, limits);
+    Backward([&](std::size_t b, const GradientBlock<T>& gradient) { Update(b, gradient, step); });
+    return value;
+  }
+
+  std::uint64_t GuardedUpdates() const override { return guarded_; }
+
+  std::size_t MemoryUse() const override
+  {
+    const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
+    std::size_t scattered = 0;
+    for (const std::vector<T>& buffer : bandBuffers_)
+    {
+      scattered += bytes(buffer);
+    }
+    for (const auto& sharp : sharp_)
+    {
+      scattered += sharp ? sizeof(*sharp) : 0;
+    }
+    return scattered + bytes(sharp_) + bytes(order_) + bytes(blocks_) + bytes(places_) + bytes(groups_) + bytes(adam_) +
+           bytes(gradient_) + bytes(scores_) + bytes(seenBlocks_) + bytes(seen_) + bytes(images_) +
+           capacity_ * sizeof(VisibleSplat<T>);
+  }
+
+  double SolveReflectivities(const std::vector<int>& frames, int iterations,
+                             const std::function<bool(double)>& progress) override
+  {
+    CheckFrames(sweep_, frames);
+    RefuseNormalised(normalised_);
+    // One pass over the frames for the right-hand side and one for each iteration.
+    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
+    double done = 0;
+    std::vector<T> r(blocks_.size() * kBlock, T(0));
+    for (std::size_t slot = 0; slot < order_.size(); ++slot)
+    {
+      r[slot] = blocks_[slot / kBlock].reflectivity[slot % kBlock];
+    }
+    const double residual = ConjugateGradients(
+        r, iterations,
+        [&](const std::vector<T>& x, bool withTarget)
+        {
+          std::vector<T> out(x.size(), T(0));
+          for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
+          {
+            const std::vector<int> batch(frames.begin() + first,
+                                         frames.begin() + std::min(first + kSolveBatch, frames.size()));
+            ForwardFrames(batch, x.data(),
+                          [&](int frame, const T* truth, const T* counts, T* line)
+                          {
+                            for (int column = 0; column < sweep_->width; ++column)
+                            {
+                              const T fade = T(1) - truth[column];
+                              const T target = withTarget ? transfer_.Scattering(truth[column]) : T(0);
+                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade * fade *
+                                             (line[column] - target);
+                            }
+                            return 0.0;
+                          });
+            ForSeen(
+                [&](std::size_t slot)
+                {
+                  MomentBlock<T> moments;
+                  for (std::size_t f = 0; f < batch.size(); ++f)
+                  {
+                    const Seen& list = SeenBy(slot, f);
+                    const VisibleSplat<T>* splats = splats_.get() + list.offset;
+                    kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
+                    T* sums = out.data() + seenBlocks_[slot] * std::size_t(kBlock);
+                    for (int k = 0; k < list.count; ++k)
+                    {
+                      sums[static_cast<int>(splats[k].gaussian)] += moments.values[0][k];
+                    }
+                  }
+                });
+            done += static_cast<double>(batch.size());
+            if (progress && !progress(done / steps))
+            {
+              return std::optional<std::vector<T>>();
+            }
+          }
+          return std::make_optional(std::move(out));
+        });
+    for (std::size_t slot = 0; slot < order_.size(); ++slot)
+    {
+      blocks_[slot / kBlock].reflectivity[slot % kBlock] = r[slot];
+    }
+    tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
+    groupsAreStale_ = true;
+    return residual;
+  }
+
+  FieldGradient GetGradient() const override { return GradientOf(gradient_, order_); }
+  Scores GetScores() const override { return ScoresOf(scores_, order_); }
+
+  void ResetScores() override
+  {
+    keepScores_ = true;
+    scores_.assign(blocks_.size(), {});
+  }
+
+private:
+  static constexpr std::size_t kSolveBatch = 8;  // frames held at once while solving
+
+  /// What one view sees of one block: splats_[offset, offset + count), all in rows [rowBegin, rowEnd).
+  struct Seen
+  {
+    std::size_t offset;
+    int count, rowBegin, rowEnd;
+  };
+
+  /// With normalised weights a footprint w gets r dL/dS + dL/dW where it otherwise gets r dL/dS: moments of
+  /// both images add up to those of a Gaussian of reflectivity 1, and dL/dr stays the moment of dL/dS.
+  struct NormalisedBlock
+  {
+    GaussianBlock<T> unit;
+    T slopes[kBlock];
+
+    void Begin(const GaussianBlock<T>& block)
+    {
+      unit = block;
+      std::fill_n(unit.reflectivity, kBlock, T(1));
+      std::fill_n(slopes, kBlock, T(0));
+    }
+    void Combine(const GaussianBlock<T>& block, const VisibleSplat<T>* splats, int count,
+                 const MomentBlock<T>& ofWeights, MomentBlock<T>& moments)
+    {
+      for (int k = 0; k < count; ++k)
+      {
+        const int i = static_cast<int>(splats[k].gaussian);
+        slopes[i] += moments.values[0][k];
+        for (int m = 0; m < 6; ++m)
+        {
+          moments.values[m][k] = block.reflectivity[i] * moments.values[m][k] + ofWeights.values[m][k];
+        }
+      }
+    }
+  };
+
+  bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
+  const Seen& SeenBy(std::size_t slot, std::size_t view) const { return seen_[slot * views_ + view]; }
+
+  template <class Body>
+  void ForSeen(Body&& body) const
+  {
+    tbb::parallel_for(std::size_t(0), seenBlocks_.size(),
+                      [&](std::size_t slot)
+                      {
+                        const FlushDenormals flush;
+                        body(slot);
+                      });
+  }
+
+  /// High enough to leave each thread a few bands. What a pixel gets does not depend on it.
+  static int BandRows(int images, int rows)
+  {
+    const std::int64_t tasks = 2 * static_cast<std::int64_t>(tbb::this_task_arena::max_concurrency());
+    const std::int64_t share = (static_cast<std::int64_t>(images) * rows + tasks - 1) / tasks;
+    return static_cast<int>(std::clamp<std::int64_t>(share, kSmallestBand, kLargestBand));
+  }
+
+  /// body(image, first row, last row) for every band of every image.
+  template <class Body>
+  static void ForBands(int images, int rows, Body&& body)
+  {
+    const int band = BandRows(images, rows);
+    const int bands = (rows + band - 1) / band;
+    tbb::parallel_for(std::size_t(0), static_cast<std::size_t>(images) * bands,
+                      [&](std::size_t task)
+                      {
+                        const FlushDenormals flush;
+                        const int begin = static_cast<int>(task % bands) * band;
+                        body(static_cast<int>(task / bands), begin, std::min(begin + band, rows));
+                      });
+  }
+
+  // ---- Field
+  // -----------------------------------------------------------------------------------------------------
+
+  void FillBlock(const GaussianField& field, std::size_t b)
+  {
+    places_[b] = PlaceOf(field, order_, b);
+    PackBlock(field, order_, b, places_[b], blocks_[b]);
+    Measure(b);
+    if (sharp_[b])
+    {
+      PackBlock(field, order_, b, places_[b], *sharp_[b]);  // what float has lost
+    }
+  }
+
+  /// Brings a block's place, and its parameters in double if it has needles, up to date with its Gaussians.
+  void Measure(std::size_t b)
+  {
+    BlockPlace& place = places_[b];
+    const BlockBounds<T> bounds = kernels_.boundsOf(blocks_[b], place.count);
+    const auto range = [&](int axis, double centre, double& middle, double& half)
+    {
+      const double low = bounds.low[axis], high = bounds.high[axis];
+      middle = centre + 0.5 * (low + high);
+      half = 0.5 * (high - low);
+    };
+    range(0, place.centre.x, place.middle.x, place.half.x);
+    range(1, place.centre.y, place.middle.y, place.half.y);
+    range(2, place.centre.z, place.middle.z, place.half.z);
+    place.variance = std::exp(2.0 * bounds.logScale);
+    place.logMagnitude = std::log(static_cast<double>(bounds.magnitude));  // of 0: -infinity, never seen
+    if (sizeof(T) == sizeof(double) || !(bounds.logAspect > std::log(kSharp)))
+    {
+      sharp_[b].reset();
+      return;
+    }
+    if (!sharp_[b])
+    {
+      sharp_[b].reset(new GaussianBlock<double>);
+    }
+    const GaussianBlock<T>& from = blocks_[b];
+    GaussianBlock<double>& to = *sharp_[b];
+    std::copy_n(from.mean[0], 3 * kBlock, to.mean[0]);
+    std::copy_n(from.logScale[0], 3 * kBlock, to.logScale[0]);
+    std::copy_n(from.reflectivity, kBlock, to.reflectivity);
+    for (int k = 0; k < kBlock; ++k)
+    {
+      const Eigen::Vector4d q =
+          Eigen::Vector4d(from.rotation[0][k], from.rotation[1][k], from.rotation[2][k], from.rotation[3][k])
+              .normalized();
+      for (int part = 0; part < 4; ++part)
+      {
+        to.rotation[part][k] = q[part];
+      }
+    }
+  }
+
+  /// Brings the places of groups up to date with those of their blocks, if any has changed.
+  void MeasureGroups()
+  {
+    if (!std::exchange(groupsAreStale_, false))
+    {
+      return;
+    }
+    groups_.resize((blocks_.size() + kGroup - 1) / kGroup);
+    tbb::parallel_for(std::size_t(0), groups_.size(),
+                      [&](std::size_t g)
+                      {
+                        BlockPlace group = places_[g * kGroup];
+                        Vector3<double> low = MultiplyAdd(-1.0, group.half, group.middle);
+                        Vector3<double> high = MultiplyAdd(1.0, group.half, group.middle);
+                        for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
+                        {
+                          const BlockPlace& place = places_[b];
+                          const Vector3<double> from = MultiplyAdd(-1.0, place.half, place.middle);
+                          const Vector3<double> to = MultiplyAdd(1.0, place.half, place.middle);
+                          low = {min(low.x, from.x), min(low.y, from.y), min(low.z, from.z)};
+                          high = {max(high.x, to.x), max(high.y, to.y), max(high.z, to.z)};
+                          group.variance = max(group.variance, place.variance);
+                          group.logMagnitude = max(group.logMagnitude, place.logMagnitude);
+                        }
+                        group.half = Scaled(0.5, MultiplyAdd(-1.0, low, high));
+                        group.middle = MultiplyAdd(1.0, group.half, low);
+                        groups_[g] = group;
+                      });
+  }
+
+  /// The optimizer's averages for a new order of a restructured field. Must be called while order_ is still
+  /// the old.
+  void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks, const std::vector<int>* parents)
+  {
+    if (!parents)
+    {
+      adam_ = {};
+      guarded_ = 0;
+      return;
+    }
+    const std::vector<std::int64_t> slots = InheritedSlots(order_, order, *parents);
+    if (adam_.empty())
+    {
+      return;
+    }
+    std::vector<AdamBlock<T>> adam(blocks, AdamBlock<T>{});
+    for (std::size_t slot = 0; slot < slots.size(); ++slot)
+    {
+      if (slots[slot] < 0)
+      {
+        continue;
+      }
+      const AdamBlock<T>& from = adam_[slots[slot] / kBlock];
+      AdamBlock<T>& to = adam[slot / kBlock];
+      const std::size_t i = slots[slot] % kBlock, k = slot % kBlock;
+      for (int p = 0; p < kParametersPerGaussian; ++p)
+      {
+        to.first[p][k] = from.first[p][i];
+        to.second[p][k] = from.second[p][i];
+      }
+      to.updates[k] = from.updates[i];
+    }
+    adam_ = std::move(adam);
+  }
+
+  void Update(std::size_t b, const GradientBlock<T>& gradient, const AdamStep& step)
+  {
+    const int guarded = kernels_.updateBlock(blocks_[b], adam_[b], gradient, places_[b].count, step);
+    if (guarded > 0)
+    {
+      guarded_ += guarded;
+    }
+    Measure(b);
+  }
+
+  // ---- What is seen
+  // ----------------------------------------------------------------------------------------------
+
+  static PixelBox PixelsOf(const Window& window)
+  {
+    return {window.firstColumn, window.firstColumn + window.columns, window.firstRow, window.firstRow + window.rows};
+  }
+
+  /// Projects a block, in double if it is sharp. Returns how many splats were found.
+  int Project(std::size_t b, const Camera& camera, const Window& window, double slab, double tolerance,
+              double commonMagnitude, double leastMagnitude, SplatBuffer<T>& found) const
+  {
+    const BlockPlace& place = places_[b];
+    const auto task = [&](auto number)
+    {
+      using U = decltype(number);
+      ProjectionTask<U> out;
+      out.view = LocalView<U>(camera, place, out.originColumn, out.originRow);
+      out.columnBegin = window.firstColumn;
+      out.columnEnd = window.firstColumn + window.columns;
+      out.rowBegin = window.firstRow;
+      out.rowEnd = window.firstRow + window.rows;
+      out.slab = static_cast<U>(std::min(slab, 1e30));
+      out.tolerance = static_cast<U>(tolerance);
+      out.commonMagnitude = static_cast<U>(commonMagnitude);
+      out.leastMagnitude = static_cast<U>(leastMagnitude);
+      out.direct = accuracy_.direct;
+      out.lowestExponent = kLowestExponent<T>;
+      return out;
+    };
+    if (!sharp_[b])
+    {
+      return kernels_.projectBlock(blocks_[b], place.count, task(T()), found);
+    }
+    SplatBuffer<double> exact;
+    const int count = doubleKernels_.projectBlock(*sharp_[b], place.count, task(double()), exact);
+    for (int f = 0; f < kSplatFields; ++f)
+    {
+      std::copy_n(exact.fields[f], count, found.fields[f]);
+    }
+    return count;
+  }
+
+  /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height
+  /// images. With `alike`, footprints are cut as if every |r| were the field's mean
+  /// (with normalised weights: such that w ends at the tolerance). With `alive`, none is too dark to be seen.
+  ///
+  /// Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at most the
+  /// tolerance. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half
+  /// the tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel:
+  /// counted, with their block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n
+  /// overlap.
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, bool alike,
+                   bool alive)
+  {
+    const double tolerance = accuracy_.tolerance / transfer_.gamma;
+    const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
+    const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
+    const double logFloor = std::log(floor);
+    const double common = normalised_ ? 1 / transfer_.gamma : alike ? MeanMagnitude() : 0.0;
+    const double least = alive ? LeastMagnitude(tolerance) : 0.0;
+    const double logCommon = std::log(common), logLeast = std::log(least);
+    const auto magnitudeOf = [=](const BlockPlace& place)
+    { return alike ? logCommon : std::max(place.logMagnitude, logLeast); };
+    const PixelBox whole{0, width, 0, height};
+    views_ = cameras.size();
+    std::vector<TileCounts> overlaps;
+    for (std::size_t f = 0; f < (shared ? cameras.size() : 0); ++f)
+    {
+      overlaps.emplace_back(width, height);
+    }
+
+    MeasureGroups();
+    std::vector<std::uint8_t> reached(blocks_.size());
+    const auto lookInto = [&](std::size_t b)
+    {
+      const BlockPlace& place = places_[b];
+      const double logMagnitude = magnitudeOf(place);
+      for (std::size_t f = 0; f < cameras.size() && (shared || !reached[b]); ++f)
+      {
+        Reach reach;
+        if (!Reaches<T>(place, cameras[f], logMagnitude, logFloor, reach) || !Overlap(reach.box, whole))
+        {
+          continue;
+        }
+        reached[b] = 1;
+        if (shared)
+        {
+          std::int32_t column, row;
+          const View<T> view = LocalView<T>(cameras[f], place, column, row);
+          const T slab = static_cast<T>(std::min(reach.slab, 1e30));
+          overlaps[f].Add(reach.box, kernels_.countInSlab(blocks_[b], place.count, view, slab));
+        }
+      }
+    };
+    tbb::parallel_for(std::size_t(0), groups_.size(),
+                      [&](std::size_t g)
+                      {
+                        const double logMagnitude = magnitudeOf(groups_[g]);
+                        Reach reach;
+                        if (std::none_of(cameras.begin(), cameras.end(),
+                                         [&](const Camera& camera)
+                                         { return Reaches<T>(groups_[g], camera, logMagnitude, logFloor, reach); }))
+                        {
+                          return;
+                        }
+                        for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
+                        {
+                          lookInto(b);
+                        }
+                      });
+    seenBlocks_.clear();
+    for (std::size_t b = 0; b < blocks_.size(); ++b)
+    {
+      if (reached[b])
+      {
+        seenBlocks_.push_back(static_cast<std::uint32_t>(b));
+      }
+    }
+
+    seen_.resize(seenBlocks_.size() * cameras.size());
+    std::atomic<std::size_t> used;
+    do
+    {
+      // Where a list begins depends on the order in which blocks finish; what it holds does not. When room
+      // runs out the pass goes on to learn how much is needed, and is repeated.
+      if (used = 0; needed_ > capacity_)
+      {
+        capacity_ = needed_ + needed_ / 32;
+        splats_.reset();
+        splats_.reset(new VisibleSplat<T>[capacity_]);
+      }
+      ForSeen(
+          [&](std::size_t slot)
+          {
+            const std::size_t b = seenBlocks_[slot];
+            const BlockPlace& place = places_[b];
+            const double logMagnitude = magnitudeOf(place);
+            Reach reach;
+            double share = tolerance;
+            if (shared)
+            {
+              std::uint32_t most = 1;
+              for (std::size_t f = 0; f < cameras.size(); ++f)
+              {
+                if (Reaches<T>(place, cameras[f], logMagnitude, logFloor, reach))
+                {
+                  most = std::max(most, overlaps[f].Most(reach.box));
+                }
+              }
+              share = 0.5 * tolerance / most;
+            }
+            const double logShare = std::log(share);
+            SplatBuffer<T> found;
+            for (std::size_t f = 0; f < cameras.size(); ++f)
+            {
+              Seen& list = seen_[slot * cameras.size() + f];
+              list = {0, 0, 0, 0};
+              if (!Reaches<T>(place, cameras[f], logMagnitude, logShare, reach) ||
+                  !Overlap(reach.box, PixelsOf(window)))
+              {
+                continue;
+              }
+              list.count = Project(b, cameras[f], window, reach.slab, share, common, least, found);
+              if (list.count == 0)
+              {
+                continue;
+              }
+              const T *rowBegin = found.fields[12], *rowEnd = found.fields[13];
+              list.rowBegin = static_cast<int>(*std::min_element(rowBegin, rowBegin + list.count));
+              list.rowEnd = static_cast<int>(*std::max_element(rowEnd, rowEnd + list.count));
+              list.offset = used.fetch_add(list.count, std::memory_order_relaxed);
+              if (list.offset + list.count <= capacity_)
+              {
+                found.Store(list.count, splats_.get() + list.offset);
+              }
+            }
+          });
+      needed_ = used;
+    } while (needed_ > capacity_);
+  }
+
+  /// Adds all that a view sees to some rows of its image: footprints times valuesOf(block), which gives
+  /// kBlock numbers or null for 1.
+  template <class ValuesOf>
+  void AddVisible(std::size_t view, int rowBegin, int rowEnd, const PixelRows<T>& rows, ValuesOf&& valuesOf) const
+  {
+    for (std::size_t slot = 0; slot < seenBlocks_.size(); ++slot)
+    {
+      const Seen& list = SeenBy(slot, view);
+      if (list.count > 0 && list.rowBegin < rowEnd && list.rowEnd > rowBegin)
+      {
+        kernels_.addFootprints(splats_.get() + list.offset, list.count, valuesOf(seenBlocks_[slot]), rowBegin, rowEnd,
+                               rows);
+      }
+    }
+  }
+
+  /// For splats of given values that are cut alike.
+  double MeanMagnitude() const
+  {
+    double sum = 0;
+    for (const GaussianBlock<T>& block : blocks_)
+    {
+      for (const T r : block.reflectivity)
+      {
+        sum += std::abs(static_cast<double>(r));
+      }
+    }
+    return sum > 0 ? sum / static_cast<double>(order_.size()) : 1.0;
+  }
+
+  // ---- Training
+  // --------------------------------------------------------------------------------------------------
+
+  PixelRows<T> FrameRows(std::size_t f)
+  {
+    const std::size_t stride = static_cast<std::size_t>(sweep_->width) + kRowPadding;
+    return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
+  }
+
+  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(frame, truth,
+  /// counts, S) for every row, which replaces S by what is to be propagated back. counts is 1 where a pixel
+  /// counts and 0 elsewhere. Returns the sum of the results.
+  template <class Line>
+  double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
+  {
+    cameras_.clear();
+    for (int frame : frames)
+    {
+      cameras_.push_back(CameraOf(sweep_->Plane(frame), beam_));
+    }
+    const int width = sweep_->width, height = sweep_->height;
+    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr || normalised_, true);
+    const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
+    images_.resize(frames.size() * stride * height);
+    std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on
+    ForBands(static_cast<int>(frames.size()), height,
+             [&](int f, int begin, int end)
+             {
+               const PixelRows<T> rows = FrameRows(f);
+               std::fill(rows.Row(begin), rows.Row(end), T(0));
+               AddVisible(f, begin, end, rows,
+                          [this, values](std::size_t b)
+                          { return values ? values + b * kBlock : blocks_[b].reflectivity; });
+               std::vector<T> truth(stride, T(0)), counts(stride, T(0));
+               for (int row = begin; row < end; ++row)
+               {
+                 const std::size_t pixel = static_cast<std::size_t>(row) * width;
+                 ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
+                 ReadCounts(row, counts.data());
+                 sums[static_cast<std::size_t>(f) * height + row] =
+                     line(frames[f], truth.data(), counts.data(), rows.Row(row));
+               }
+             });
+    double total = 0;
+    for (double sum : sums)
+    {
+      total += sum;
+    }
+    return total;
+  }
+
+  /// images_ of dL/dS, and the loss.
+  double Forward(const std::vector<int>& frames, const Loss& loss)
+  {
+    CheckFrames(sweep_, frames);
+    loss.Validate();
+    imageLoss_->Check(loss);
+    const double share =
+        1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) * static_cast<double>(frames.size()));
+    const auto toDerivative = [&](int frame, const T* truth, T* weights, const T* others, T* line)
+    {
+      const T weight = static_cast<T>(share * sweep_->Weight(frame));
+      for (int column = 0; column < sweep_->width; ++column)
+      {
+        weights[column] *= weight;
+      }
+      return kernels_.toDerivative(static_cast<T>(loss.l1), static_cast<T>(loss.l2), static_cast<T>(transfer_.gamma),
+                                   truth, weights, others, sweep_->width, line);
+    };
+    if (loss.IsPixelwise() && !normalised_)
+    {
+      return ForwardFrames(frames, nullptr,
+                           [&](int frame, const T* truth, T* weights, T* line)
+                           { return toDerivative(frame, truth, weights, nullptr, line); });
+    }
+
+    // Terms that look at whole images need all their rows: I of each frame, then dL/dI, then dL/dS.
+    ForwardFrames(frames, nullptr, [](int, const T*, T*, T*) { return 0.0; });
+    const int width = sweep_->width, height = sweep_->height;
+    const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
+    if (normalised_)
+    {
+      AddWeightImages(static_cast<int>(frames.size()));
+    }
+    std::vector<T> image(stride * height), truth(stride * height), others(stride * height);
+    std::vector<double> sums(height);
+    double total = 0;
+    for (std::size_t f = 0; f < frames.size(); ++f)
+    {
+      const PixelRows<T> rows = FrameRows(f), weights = WeightRows(f);
+      std::fill(others.begin(), others.end(), T(0));
+      ForBands(1, height,
+               [&](int, int begin, int end)
+               {
+                 for (int row = begin; row < end; ++row)
+                 {
+                   T* line = image.data() + row * stride;
+                   if (normalised_)
+                   {
+                     const T *s = rows.Row(row), *w = weights.Row(row);
+                     std::transform(s, s + width, w, line,
+                                    [](T s, T w) { return s / (static_cast<T>(kLeastWeight) + w); });
+                   }
+                   else
+                   {
+                     kernels_.toIntensity(rows.Row(row), width, static_cast<T>(transfer_.gamma), line);
+                   }
+                   ReadTruth(frames[f] * sweep_->PixelsPerFrame() + static_cast<std::size_t>(row) * width,
+                             truth.data() + row * stride);
+                 }
+               });
+      total += imageLoss_->Evaluate(loss, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()), image.data(),
+                                    truth.data(), stride, others.data());
+      ForBands(1, height,
+               [&](int, int begin, int end)
+               {
+                 std::vector<T> counts(stride, T(0));
+                 for (int row = begin; row < end; ++row)
+                 {
+                   ReadCounts(row, counts.data());
+                   const T *t = truth.data() + row * stride, *other = others.data() + row * stride;
+                   sums[row] = normalised_ ? ToNormalisedDerivatives(loss, share * sweep_->Weight(frames[f]),
+                                                                     image.data() + row * stride, t, counts.data(),
+                                                                     other, rows.Row(row), weights.Row(row))
+                                           : toDerivative(frames[f], t, counts.data(), other, rows.Row(row));
+                 }
+               });
+      for (double sum : sums)
+      {
+        total += sum;
+      }
+    }
+    return total;
+  }
+
+  /// With normalised weights, images_ holds the sum of weights of each frame behind their S.
+  PixelRows<T> WeightRows(std::size_t f) { return FrameRows(normalised_ ? views_ + f : f); }
+
+  void AddWeightImages(int frames)
+  {
+    images_.resize(2 * images_.size());
+    ForBands(frames, sweep_->height,
+             [&](int f, int begin, int end)
+             {
+               const PixelRows<T> rows = WeightRows(f);
+               std::fill(rows.Row(begin), rows.Row(end), T(0));
+               AddVisible(f, begin, end, rows, [](std::size_t) -> const T* { return nullptr; });
+             });
+  }
+
+  /// With I = S / W, W = least weight + sum w: replaces S by dL/dS = dL/dI / W and the sum of weights by
+  /// dL/dW = -dL/dI I / W. Returns the loss of the row.
+  double ToNormalisedDerivatives(const Loss& loss, double weight, const T* image, const T* truth, const T* counts,
+                                 const T* others, T* s, T* w) const
+  {
+    double sum = 0;
+    for (int column = 0; column < sweep_->width; ++column)
+    {
+      const bigus::PixelLoss<T> value =
+          EvaluateError(static_cast<T>(loss.l1), static_cast<T>(loss.l2), image[column] - truth[column],
+                        static_cast<T>(weight) * counts[column], others[column]);
+      s[column] = value.derivative / (static_cast<T>(kLeastWeight) + w[column]);
+      w[column] = -s[column] * image[column];
+      sum += value.loss;
+    }
+    return sum;
+  }
+
+  /// spend(block, gradient) for every block that the frames of the last Forward saw.
+  template <class Spend>
+  void Backward(Spend&& spend)
+  {
+    if (keepScores_)
+    {
+      scores_.resize(blocks_.size());
+    }
+    ForSeen(
+        [&](std::size_t slot)
+        {
+          const std::size_t b = seenBlocks_[slot];
+          GradientBlock<T> gradient{};
+          MomentBlock<T> moments;
+          ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;
+          NormalisedBlock normalised;
+          if (normalised_)
+          {
+            normalised.Begin(blocks_[b]);
+          }
+          for (std::size_t f = 0; f < views_; ++f)
+          {
+            const Seen& list = SeenBy(slot, f);
+            if (list.count == 0)
+            {
+              continue;
+            }
+            const VisibleSplat<T>* splats = splats_.get() + list.offset;
+            kernels_.gatherMoments(splats, list.count, FrameRows(f), keepScores_, moments);
+            std::int32_t column, row;
+            const View<T> view = LocalView<T>(cameras_[f], places_[b], column, row);
+            if (normalised_)
+            {
+              MomentBlock<T> ofWeights;
+              kernels_.gatherMoments(splats, list.count, WeightRows(f), false, ofWeights);
+              normalised.Combine(blocks_[b], splats, list.count, ofWeights, moments);
+            }
+            kernels_.addAdjoints(normalised_ ? normalised.unit : blocks_[b], view, splats, list.count, moments,
+                                 gradient, scores);
+          }
+          if (normalised_)
+          {
+            std::copy_n(normalised.slopes, kBlock, gradient.values[kParametersPerGaussian - 1]);
+          }
+          spend(b, gradient);
+        });
+  }
+
+  /// 1 where a pixel of that row counts and 0 elsewhere.
+  void ReadCounts(int row, T* counts) const
+  {
+    const std::size_t first = static_cast<std::size_t>(row) * sweep_->width;
+    for (int column = 0; column < sweep_->width; ++column)
+    {
+      counts[column] = Counts(first + column) ? T(1) : T(0);
+    }
+  }
+
+  void ReadTruth(std::size_t first, T* truth) const
+  {
+    if (sweep_->pixelType == Sweep::PixelType::UInt8)
+    {
+      const auto* pixels = static_cast<const std::uint8_t*>(sweep_->pixels.get()) + first;
+      std::transform(pixels, pixels + sweep_->width, truth,
+                     [](std::uint8_t pixel) { return static_cast<T>(pixel) * (T(1) / T(255)); });
+    }
+    else
+    {
+      std::copy_n(static_cast<const float*>(sweep_->pixels.get()) + first, sweep_->width, truth);
+    }
+  }
+
+  const Kernels<T> kernels_ = KernelsOfThisMachine<T>();
+  const Kernels<double> doubleKernels_ = KernelsOfThisMachine<double>();
+  std::vector<std::uint32_t> order_;  // slot -> index in the field
+  std::vector<GaussianBlock<T>> blocks_;
+  std::vector<BlockPlace> places_, groups_;  // of blocks, and of kGroup blocks
+  bool groupsAreStale_ = true;
+  std::vector<std::unique_ptr<GaussianBlock<double>>> sharp_;  // of float blocks with needles
+  std::vector<AdamBlock<T>> adam_;                             // empty until the first step
+  std::vector<GradientBlock<T>> gradient_;                     // empty but after Backpropagate
+  std::vector<ScoreBlock<T>> scores_;
+  bool keepScores_ = false;
+  std::atomic<std::uint64_t> guarded_{0};
+  Beam beam_;
+  TransferFunction transfer_;
+  Accuracy accuracy_;
+
+  std::shared_ptr<const Sweep> sweep_;
+  bool ignoreMasked_ = false, normalised_ = false;
+  std::size_t countedPixels_ = 0;
+  std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
+
+  // The last FindVisible and ForwardFrames.
+  std::vector<std::uint32_t> seenBlocks_;
+  std::vector<Seen> seen_;  // [seenBlocks_][views_]
+  std::size_t views_ = 0;
+  std::unique_ptr<VisibleSplat<T>[]> splats_;
+  std::size_t capacity_ = 0, needed_ = 0;
+  std::vector<Camera> cameras_;
+  std::vector<T> images_;
+  tbb::enumerable_thread_specific<std::vector<T>> bandBuffers_;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> CreateCpuEngine()
+{
+  return std::make_unique<CpuEngine<float>>();
+}
+
+std::unique_ptr<Engine> CreateCpuDoubleEngine()
+{
+  return std::make_unique<CpuEngine<double>>();
+}
+
+}  // namespace bigus

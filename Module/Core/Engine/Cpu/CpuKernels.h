@@ -1,0 +1,154 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The CPU engine's inner loops, over blocks of Gaussians and over footprints, in float and in double.
+// Compiled for each SIMD instruction set by Highway and chosen at run time. Private to Core.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "Core/Formula/GaussianBlock.h"
+#include "Core/Formula/PixelLoss.h"
+#include "Core/Formula/Splat.h"
+
+namespace bigus
+{
+
+/// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an
+/// aspect ratio.
+template <class T>
+struct BlockBounds
+{
+  T low[3], high[3];
+  T logScale, magnitude, logAspect;
+};
+
+/// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be
+/// computed. Its centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 <
+/// mv <= 0: so float loses nothing in a large image. Whole numbers are kept as T, which holds them exactly up
+/// to 2^24.
+template <class T>
+struct VisibleSplat
+{
+  T u11, u12, u22;
+  T mu, mv;
+  T logAmplitude;
+  T cut;        // k^2: pixels with |U (p - m)|^2 <= k^2 are evaluated, others may be
+  T rowFactor;  // exp(-(u12^2 + u22^2)); see Recurrence in CpuKernels.cxx
+  T column, row;
+  T columnBegin, columnEnd, rowBegin, rowEnd;  // half-open, in pixels of the plane
+  T reach;                                     // rows a recurrence may run from its start; 0: direct
+  T gaussian;                                  // index in its block
+};
+constexpr int kSplatFields = 16;
+static_assert(sizeof(VisibleSplat<float>) == kSplatFields * sizeof(float));
+
+/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write
+/// beyond.
+template <class T>
+struct alignas(64) SplatBuffer
+{
+  static constexpr int kStride = kBlock + 16;
+  T fields[kSplatFields][kStride];
+
+  /// One splat after the other, as the walks over footprints want them: a cache line each.
+  void Store(int count, VisibleSplat<T>* out) const
+  {
+    for (int i = 0; i < count; ++i)
+    {
+      out[i] = {fields[0][i],  fields[1][i],  fields[2][i],  fields[3][i], fields[4][i],  fields[5][i],
+                fields[6][i],  fields[7][i],  fields[8][i],  fields[9][i], fields[10][i], fields[11][i],
+                fields[12][i], fields[13][i], fields[14][i], fields[15][i]};
+    }
+  }
+};
+
+/// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column -
+/// firstColumn]. Each row is followed by kRowPadding numbers that kernels may read and write.
+constexpr int kRowPadding = 16;  // a vector less one
+template <class T>
+struct PixelRows
+{
+  T* data;
+  int firstColumn, firstRow;
+  std::size_t stride;
+
+  /// Where column 0 of the plane would lie in that row.
+  T* Row(int row) const { return data + static_cast<std::ptrdiff_t>(row - firstRow) * stride - firstColumn; }
+};
+
+/// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so
+/// that sums of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends
+/// it where T would underflow.
+template <class T>
+struct ProjectionTask
+{
+  View<T> view;  // relative to the block's centre, its origin at pixel (originColumn, originRow)
+  std::int32_t originColumn, originRow;
+  int columnBegin, columnEnd, rowBegin, rowEnd;  // pixels to be computed
+  T slab;                                        // mm^2: no Gaussian of the block with mu_z^2 beyond matters
+  T tolerance;
+  T commonMagnitude;                      // 0: every Gaussian's own |r|
+  T leastMagnitude;                       // or at least this
+  bool direct;                            // no recurrences
+  T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
+};
+
+template <class T>
+struct alignas(64) MomentBlock
+{
+  T values[7][kBlock];  // in the order of Moments
+};
+
+/// The kernels, compiled for one instruction set.
+template <class T>
+struct Kernels
+{
+  /// How many Gaussians of a block have mu_z^2 <= slab.
+  int (*countInSlab)(const GaussianBlock<T>& block, int count, const View<T>& view, T slab);
+
+  /// The Gaussians of a block that a view sees, in their order. Returns how many.
+  int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out);
+
+  /// image += value * w over rows [rowBegin, rowEnd); values[kBlock] by Gaussian, null for 1.
+  void (*addFootprints)(const VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
+                        const PixelRows<T>& image);
+
+  /// moments[m][i]: sums over splat i's footprint of derivative * w * powers of eta. The last, sum
+  /// |derivative| w, only withError.
+  void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative, bool withError,
+                        MomentBlock<T>& moments);
+
+  /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores
+  /// if not null.
+  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats, int count,
+                      const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores);
+
+  /// One Adam step for the Gaussians with gradient.visits > 0. Returns how many of them were guarded.
+  int (*updateBlock)(GaussianBlock<T>& block, AdamBlock<T>& state, const GradientBlock<T>& gradient, int count,
+                     const AdamStep& step);
+
+  BlockBounds<T> (*boundsOf)(const GaussianBlock<T>& block, int count);
+
+  /// out[i] = 1 - exp(-gamma max(scattering[i], 0)); they may be the same. Arrays are read and written up to
+  /// kRowPadding numbers beyond `count`.
+  void (*toIntensity)(const T* scattering, std::size_t count, T gamma, T* out);
+
+  /// Replaces scattering by dL/dS and returns the sum of L, see PixelLoss-inl.h; `others` may be null for 0.
+  /// Arrays are read and written up to kRowPadding numbers beyond `count`; weights and others should be 0
+  /// there.
+  double (*toDerivative)(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others, std::size_t count,
+                         T* scattering);
+
+  const char* instructionSet;  // name, for reports
+};
+
+/// The best this machine has. Chosen at the call.
+template <class T>
+Kernels<T> KernelsOfThisMachine();
+template <>
+Kernels<float> KernelsOfThisMachine();
+template <>
+Kernels<double> KernelsOfThisMachine();
+
+}  // namespace bigus

@@ -1,0 +1,355 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The reference engine: double precision, every Gaussian at every pixel, no shortcut. Slow; what the others
+// must equal.
+
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <optional>
+
+#include "Core/Engine/Engine.h"
+#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/ImageLoss.h"
+#include "Core/Formula/Adam.h"
+#include "Core/Formula/PixelLoss.h"
+
+namespace bigus
+{
+namespace
+{
+
+class ReferenceEngine final : public Engine
+{
+public:
+  std::string Device() const override { return "CPU (reference, double)"; }
+
+  void SetField(const GaussianField& field, const std::vector<int>* parents) override
+  {
+    field.Validate();
+    origin_ = MiddleOf(field);
+    beam_ = field.beam;
+    transfer_ = field.transfer;
+    gaussians_ = PackField<double>(field, origin_);
+    adam_ = InheritState(adam_, field.Size(), parents);
+    if (!parents)
+    {
+      guarded_ = 0;
+    }
+    gradient_.assign(field.Size(), {});
+    ResetScores();
+  }
+
+  GaussianField GetField() const override { return UnpackField(gaussians_, origin_, beam_, transfer_); }
+  std::size_t FieldSize() const override { return gaussians_.size(); }
+  void SetAccuracy(const Accuracy&) override {}  // nothing is ever dropped here
+  void SetNormalisedWeights(bool on) override { normalised_ = on; }
+
+  void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
+  {
+    plane.Validate("slice plane");
+    CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
+    const std::vector<Projection<double>> projections = ProjectAll(plane);
+    tbb::parallel_for(
+        0, window.rows,
+        [&](int row)
+        {
+          for (int column = 0; column < window.columns; ++column)
+          {
+            double s = 0, support = 0;
+            for (std::size_t i = 0; i < projections.size(); ++i)
+            {
+              const double w = Weight(projections[i].splat, window.firstColumn + column, window.firstRow + row);
+              s += gaussians_[i].reflectivity * w;
+              support += w;
+            }
+            const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
+            image[pixel] = static_cast<float>(output == ViewOutput::Intensity ? Intensity(s, support) : s);
+            if (coverage)
+            {
+              coverage[pixel] = static_cast<float>(support);
+            }
+          }
+        });
+  }
+
+  void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
+  {
+    sweep->Validate();
+    sweep_ = std::move(sweep);
+    ignoreMasked_ = ignoreMasked;
+    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_, ignoreMasked));
+  }
+
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
+  {
+    CheckFrames(sweep_, frames);
+    loss.Validate();
+    imageLoss_->Check(loss);
+    gradient_.assign(gaussians_.size(), {});
+    const std::size_t pixels = sweep_->PixelsPerFrame();
+    std::size_t counted = 0;
+    for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+    {
+      counted += Counts(pixel);
+    }
+    const double share = 1.0 / (static_cast<double>(counted) * frames.size());
+    double sum = 0;
+    std::vector<double> derivative(pixels), image(pixels);
+    std::vector<double> pull(pixels);  // with normalised weights: dL/dw less r dL/dS
+    for (int frame : frames)
+    {
+      const SlicePlane plane = sweep_->Plane(frame);
+      const std::vector<Projection<double>> projections = ProjectAll(plane);
+      const std::vector<double> scattering = Scattering(projections, Reflectivities());
+      const std::vector<double> support = normalised_
+                                              ? Scattering(projections, std::vector<double>(gaussians_.size(), 1.0))
+                                              : std::vector<double>(pixels, 0.0);
+      const std::vector<float> frameTruth = Frame(frame);
+      const std::vector<double> truth(frameTruth.begin(), frameTruth.end());
+      std::vector<double> others(pixels, 0.0);
+      for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+      {
+        image[pixel] = Intensity(scattering[pixel], support[pixel]);
+      }
+      sum += imageLoss_->Evaluate(loss, sweep_->Weight(frame) / static_cast<double>(frames.size()), image.data(),
+                                  truth.data(), sweep_->width, others.data());
+      for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+      {
+        const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
+        if (normalised_)
+        {
+          const PixelLoss<double> value =
+              EvaluateError(loss.l1, loss.l2, image[pixel] - truth[pixel], weight, others[pixel]);
+          sum += value.loss;
+          derivative[pixel] = value.derivative / (kLeastWeight + support[pixel]);
+          pull[pixel] = -derivative[pixel] * image[pixel];
+          continue;
+        }
+        const PixelLoss<double> value =
+            EvaluateLoss(loss.l1, loss.l2, transfer_.gamma, scattering[pixel], truth[pixel], weight, others[pixel]);
+        sum += value.loss;
+        derivative[pixel] = value.derivative;
+      }
+      tbb::parallel_for(std::size_t(0), gaussians_.size(),
+                        [&](std::size_t i)
+                        {
+                          const Moments<double> moments = GatherMoments(projections[i].splat, derivative);
+                          AddTo(gradient_[i], ProjectAdjoint(gaussians_[i], projections[i], moments));
+                          if (normalised_)
+                          {
+                            Gaussian<double> weight = gaussians_[i];
+                            weight.reflectivity = 1;
+                            GaussianGradient<double> shape =
+                                ProjectAdjoint(weight, projections[i], GatherMoments(projections[i].splat, pull));
+                            shape.reflectivity = 0;
+                            AddTo(gradient_[i], shape);
+                          }
+                          scores_[i].error += moments.error;
+                          scores_[i].visits += 1;
+                        });
+    }
+    for (std::size_t i = 0; i < gaussians_.size(); ++i)
+    {
+      scores_[i].descent -= FromVector3(gradient_[i].mean);
+    }
+    return sum;
+  }
+
+  void Step(const LearningRates& rates, const ParameterLimits& limits) override
+  {
+    const AdamStep step(rates, limits);
+    for (std::size_t i = 0; i < gaussians_.size(); ++i)
+    {
+      guarded_ += UpdateGaussian(gaussians_[i], adam_[i], gradient_[i], step) > 0;
+    }
+  }
+
+  double TrainStep(const std::vector<int>& frames, const Loss& loss, const LearningRates& rates,
+                   const ParameterLimits& limits) override
+  {
+    const double value = Backpropagate(frames, loss);
+    Step(rates, limits);
+    return value;
+  }
+
+  std::uint64_t GuardedUpdates() const override { return guarded_; }
+
+  std::size_t MemoryUse() const override
+  {
+    return gaussians_.capacity() * sizeof(gaussians_[0]) + adam_.capacity() * sizeof(adam_[0]) +
+           gradient_.capacity() * sizeof(gradient_[0]) + scores_.capacity() * sizeof(scores_[0]);
+  }
+
+  double SolveReflectivities(const std::vector<int>& frames, int iterations,
+                             const std::function<bool(double)>& progress) override
+  {
+    CheckFrames(sweep_, frames);
+    RefuseNormalised(normalised_);
+    // One pass over the frames for the right-hand side and one for each iteration.
+    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
+    double done = 0;
+    std::vector<double> r = Reflectivities();
+    const double residual = ConjugateGradients(
+        r, iterations,
+        [&](const std::vector<double>& x, bool withTarget)
+        {
+          std::vector<double> out(x.size(), 0.0);
+          for (int frame : frames)
+          {
+            const std::vector<Projection<double>> projections = ProjectAll(sweep_->Plane(frame));
+            std::vector<double> image = Scattering(projections, x);
+            const std::vector<float> truth = Frame(frame);
+            for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
+            {
+              const double fade = 1.0 - truth[pixel];
+              const double weight = Counts(pixel) ? sweep_->Weight(frame) * fade * fade : 0.0;
+              const double target = withTarget ? transfer_.Scattering<double>(truth[pixel]) : 0.0;
+              image[pixel] = weight * (image[pixel] - target);
+            }
+            tbb::parallel_for(std::size_t(0), x.size(),
+                              [&](std::size_t i) { out[i] += GatherMoments(projections[i].splat, image).m0; });
+            if (progress && !progress(++done / steps))
+            {
+              return std::optional<std::vector<double>>();
+            }
+          }
+          return std::make_optional(std::move(out));
+        });
+    for (std::size_t i = 0; i < r.size(); ++i)
+    {
+      gaussians_[i].reflectivity = r[i];
+    }
+    return residual;
+  }
+
+  FieldGradient GetGradient() const override { return UnpackGradient(gradient_); }
+
+  Scores GetScores() const override
+  {
+    Scores out;
+    for (const Score& score : scores_)
+    {
+      out.error.push_back(score.error);
+      out.descent.push_back(score.descent);
+      out.visits.push_back(score.visits);
+    }
+    return out;
+  }
+
+  void ResetScores() override { scores_.assign(gaussians_.size(), {}); }
+
+private:
+  struct Score
+  {
+    double error = 0;
+    Eigen::Vector3d descent = Eigen::Vector3d::Zero();
+    double visits = 0;
+  };
+
+  static double Weight(const Splat<double>& splat, double u, double v)
+  {
+    const double eta2 = splat.u22 * (v - splat.mv);
+    const double eta1 = splat.u11 * (u - splat.mu) + splat.u12 * (v - splat.mv);
+    return splat.amplitude * std::exp(-0.5 * (eta1 * eta1 + eta2 * eta2));
+  }
+
+  double Intensity(double s, double support) const
+  {
+    return normalised_ ? s / (kLeastWeight + support) : transfer_.Intensity(s);
+  }
+
+  std::vector<Projection<double>> ProjectAll(const SlicePlane& plane) const
+  {
+    const View<double> view = MakeView<double>(plane, beam_, origin_);
+    std::vector<Projection<double>> projections(gaussians_.size());
+    for (std::size_t i = 0; i < gaussians_.size(); ++i)
+    {
+      projections[i] = Project(gaussians_[i], view);
+    }
+    return projections;
+  }
+
+  std::vector<double> Reflectivities() const
+  {
+    std::vector<double> r;
+    for (const Gaussian<double>& gaussian : gaussians_)
+    {
+      r.push_back(gaussian.reflectivity);
+    }
+    return r;
+  }
+
+  std::vector<float> Frame(int frame) const
+  {
+    std::vector<float> image(sweep_->PixelsPerFrame());
+    sweep_->CopyFrame(frame, image.data());
+    return image;
+  }
+
+  bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
+
+  /// S of a whole frame for reflectivities x.
+  std::vector<double> Scattering(const std::vector<Projection<double>>& projections, const std::vector<double>& x) const
+  {
+    std::vector<double> scattering(sweep_->PixelsPerFrame(), 0.0);
+    tbb::parallel_for(0, sweep_->height,
+                      [&](int row)
+                      {
+                        for (int column = 0; column < sweep_->width; ++column)
+                        {
+                          double s = 0;
+                          for (std::size_t i = 0; i < projections.size(); ++i)
+                          {
+                            s += x[i] * Weight(projections[i].splat, column, row);
+                          }
+                          scattering[static_cast<std::size_t>(row) * sweep_->width + column] = s;
+                        }
+                      });
+    return scattering;
+  }
+
+  Moments<double> GatherMoments(const Splat<double>& splat, const std::vector<double>& derivative) const
+  {
+    Moments<double> m{};
+    for (int row = 0; row < sweep_->height; ++row)
+    {
+      for (int column = 0; column < sweep_->width; ++column)
+      {
+        const double g = derivative[static_cast<std::size_t>(row) * sweep_->width + column];
+        const double w = Weight(splat, column, row);
+        const double eta2 = splat.u22 * (row - splat.mv);
+        const double eta1 = splat.u11 * (column - splat.mu) + splat.u12 * (row - splat.mv);
+        m.m0 += g * w;
+        m.m1 += g * w * eta1;
+        m.m2 += g * w * eta2;
+        m.m11 += g * w * eta1 * eta1;
+        m.m12 += g * w * eta1 * eta2;
+        m.m22 += g * w * eta2 * eta2;
+        m.error += std::abs(g) * w;
+      }
+    }
+    return m;
+  }
+
+  std::vector<Gaussian<double>> gaussians_;
+  std::vector<AdamState<double>> adam_;
+  std::vector<GaussianGradient<double>> gradient_;
+  std::vector<Score> scores_;
+  Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
+  Beam beam_;
+  TransferFunction transfer_;
+  std::shared_ptr<const Sweep> sweep_;
+  bool ignoreMasked_ = false, normalised_ = false;
+  std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
+  std::uint64_t guarded_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> CreateReferenceEngine()
+{
+  return std::make_unique<ReferenceEngine>();
+}
+
+}  // namespace bigus

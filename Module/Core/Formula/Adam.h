@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Adam (Kingma and Ba, 2015), one Gaussian at a time, with a step size for each group of parameters.
+#pragma once
+
+#include <cmath>
+
+#include "Core/Formula/LearningRates.h"
+#include "Core/Formula/PixelLoss.h"
+#include "Core/Formula/Splat.h"
+#include "Core/Model/GaussianField.h"
+
+namespace bigus
+{
+
+constexpr int kParametersPerGaussian = 10;  // mean 3, ln scale 3, turn 3, reflectivity 1
+// What a step keeps of the averages: beta 0.9 and 0.99. A Gaussian is seen by a few frames a pass, so the usual 0.999
+// would remember a hundred passes, gradients among them that are long gone, and hold back every step.
+constexpr double kFirstShare = 0.1;
+constexpr double kSecondShare = 0.01;
+constexpr double kLogFirstDecay = -0.105360515657826301;   // ln(1 - kFirstShare)
+constexpr double kLogSecondDecay = -0.010050335853501441;  // ln(1 - kSecondShare)
+constexpr double kLargestGradient = 1e15;                  // its square is far from the largest float
+
+/// Step sizes and limits as kernels use them.
+struct AdamStep
+{
+  double mean, logScale, rotation, reflectivity;
+  double minimumLogScale, maximumLogScale;
+  double minimumReflectivity, maximumReflectivity;
+
+  AdamStep(const LearningRates& rates, const ParameterLimits& limits)
+      : mean(rates.mean),
+        logScale(rates.logScale),
+        rotation(rates.rotation),
+        reflectivity(rates.reflectivity),
+        minimumLogScale(std::log(limits.minimumScale)),
+        maximumLogScale(std::log(limits.maximumScale)),
+        minimumReflectivity(limits.positiveReflectivity ? 0.0 : -GaussianField::kLargestReflectivity),
+        maximumReflectivity(GaussianField::kLargestReflectivity)
+  {
+  }
+};
+
+#include "Core/Formula/Adam-inl.h"
+
+}  // namespace bigus

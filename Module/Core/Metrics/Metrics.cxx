@@ -1,0 +1,133 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Metrics/Metrics.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "Core/Formula/SsimWindow.h"
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+namespace
+{
+
+// Sums are kept per block or row and added in order, so that they do not depend on which thread did what.
+double InOrder(const std::vector<double>& parts)
+{
+  double sum = 0;
+  for (double part : parts)
+  {
+    sum += part;
+  }
+  return sum;
+}
+
+void CheckSize(const char* metric, int width, int height)
+{
+  if (width < 1 || height < 1)
+  {
+    throw Error(std::string(metric) + ": the images are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels; both sides must be at least 1.");
+  }
+}
+
+}  // namespace
+
+double Psnr(const float* image, const float* truth, std::size_t numberOfPixels)
+{
+  if (numberOfPixels == 0)
+  {
+    throw Error("PSNR: the images have no pixels.");
+  }
+  constexpr std::size_t block = 4096;
+  std::vector<double> parts((numberOfPixels + block - 1) / block);
+  tbb::parallel_for(std::size_t(0), parts.size(),
+                    [&](std::size_t b)
+                    {
+                      const std::size_t end = std::min(numberOfPixels, (b + 1) * block);
+                      double sum = 0;
+                      for (std::size_t p = b * block; p < end; ++p)
+                      {
+                        const double d = static_cast<double>(image[p]) - truth[p];
+                        sum += d * d;
+                      }
+                      parts[b] = sum;
+                    });
+  return -10 * std::log10(InOrder(parts) / static_cast<double>(numberOfPixels));
+}
+
+double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows)
+{
+  CheckSize("SSIM", width, height);
+  const bool valid = windows == SsimWindows::Valid;
+  if (valid && (width < ssimTaps || height < ssimTaps))
+  {
+    throw Error("SSIM: the images are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels, less than one window of 11 x 11; use larger images or windows of the same size.");
+  }
+  const std::array<double, ssimTaps> kernel = SsimKernel();
+  const int margin = valid ? ssimRadius : 0;  // of window centres, from the edge
+  std::vector<double> rows(height - 2 * margin);
+
+  tbb::parallel_for(0, static_cast<int>(rows.size()),
+                    [&](int row)
+                    {
+                      // The window is separable: first down the columns, for the weighted sums of x, y, x^2,
+                      // y^2 and xy ...
+                      constexpr int moments = 5;
+                      const std::size_t padded = static_cast<std::size_t>(width) + 2 * ssimRadius;
+                      std::vector<double> columns(moments * padded,
+                                                  0.0);  // zero beyond the image's left and right edges
+                      const int centre = row + margin;
+                      for (int t = 0; t < ssimTaps; ++t)
+                      {
+                        const int y = centre + t - ssimRadius;
+                        if (y < 0 || y >= height)
+                        {
+                          continue;
+                        }
+                        const float* a = image + static_cast<std::size_t>(y) * width;
+                        const float* b = truth + static_cast<std::size_t>(y) * width;
+                        const double w = kernel[t];
+                        double* out = columns.data() + ssimRadius;
+                        for (int x = 0; x < width; ++x)
+                        {
+                          const double ax = a[x], bx = b[x];
+                          out[x] += w * ax;
+                          out[x + padded] += w * bx;
+                          out[x + 2 * padded] += w * (ax * ax);
+                          out[x + 3 * padded] += w * (bx * bx);
+                          out[x + 4 * padded] += w * (ax * bx);
+                        }
+                      }
+                      // ... then along the row.
+                      double sum = 0;
+                      for (int x = margin; x < width - margin; ++x)
+                      {
+                        double m[moments] = {};
+                        for (int k = 0; k < moments; ++k)
+                        {
+                          for (int t = 0; t < ssimTaps; ++t)
+                          {
+                            m[k] += kernel[t] * columns[k * padded + x + t];
+                          }
+                        }
+                        const double varianceA = m[2] - m[0] * m[0];
+                        const double varianceB = m[3] - m[1] * m[1];
+                        const double covariance = m[4] - m[0] * m[1];
+                        sum += (2 * m[0] * m[1] + ssimC1) * (2 * covariance + ssimC2) /
+                               ((m[0] * m[0] + m[1] * m[1] + ssimC1) * (varianceA + varianceB + ssimC2));
+                      }
+                      rows[row] = sum;
+                    });
+  return InOrder(rows) / (static_cast<double>(rows.size()) * (width - 2 * margin));
+}
+
+}  // namespace bigus

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Model/GaussianField.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+namespace
+{
+
+std::string At(const char* array, std::size_t i)
+{
+  return std::string(array) + "[" + std::to_string(i) + "]";
+}
+
+}  // namespace
+
+void GaussianField::Resize(std::size_t n)
+{
+  means.resize(n, Eigen::Vector3d::Zero());
+  scales.resize(n, Eigen::Vector3d::Ones());
+  rotations.resize(n, Eigen::Vector4d(1, 0, 0, 0));
+  reflectivities.resize(n, 0.0);
+}
+
+void GaussianField::Validate() const
+{
+  const std::size_t n = means.size();
+  if (scales.size() != n || rotations.size() != n || reflectivities.size() != n)
+  {
+    throw Error("Gaussian field: " + std::to_string(n) + " means, " + std::to_string(scales.size()) + " scales, " +
+                std::to_string(rotations.size()) + " rotations and " + std::to_string(reflectivities.size()) +
+                " reflectivities; all four arrays must have the same length.");
+  }
+  if (!(std::isfinite(transfer.gamma) && transfer.gamma > 0))
+  {
+    throw Error("Gaussian field: gamma is " + std::to_string(transfer.gamma) + "; it must be positive and finite.");
+  }
+  if (!(std::isfinite(beam.elevationSigma) && beam.elevationSigma >= 0))
+  {
+    throw Error("Gaussian field: the elevation sigma is " + std::to_string(beam.elevationSigma) +
+                " mm; it must be zero or positive, and finite.");
+  }
+  for (std::size_t i = 0; i < n; ++i)
+  {
+    if (!means[i].allFinite() || means[i].cwiseAbs().maxCoeff() > kLargestCoordinate)
+    {
+      throw Error("Gaussian field: " + At("Points", i) + " is not finite or farther than 1e12 mm from the origin.");
+    }
+    if (!scales[i].allFinite() || !(scales[i].minCoeff() > 0))
+    {
+      throw Error("Gaussian field: " + At("Scale", i) + " is (" + std::to_string(scales[i][0]) + ", " +
+                  std::to_string(scales[i][1]) + ", " + std::to_string(scales[i][2]) +
+                  ") mm; standard deviations must be positive and finite (not logarithms).");
+    }
+    const double length = rotations[i].stableNorm();
+    if (!rotations[i].allFinite() || !(length > 0) || !std::isfinite(length))
+    {
+      throw Error("Gaussian field: " + At("Rotation", i) + " is not a quaternion (w, x, y, z) of non-zero length.");
+    }
+    if (!(std::abs(reflectivities[i]) <= kLargestReflectivity))
+    {
+      throw Error("Gaussian field: " + At("Reflectivity", i) + " is not finite or larger than 1e20.");
+    }
+  }
+}
+
+Eigen::Matrix3d RotationMatrix(const Eigen::Vector4d& wxyz)
+{
+  const Eigen::Vector4d q = wxyz.stableNormalized();
+  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
+}
+
+Eigen::Vector4d Quaternion(const Eigen::Matrix3d& rotation)
+{
+  const Eigen::Quaterniond q(rotation);
+  const Eigen::Vector4d wxyz(q.w(), q.x(), q.y(), q.z());
+  return wxyz[0] < 0 ? Eigen::Vector4d(-wxyz) : wxyz;
+}
+
+}  // namespace bigus

@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The model of a scene: signed anisotropic Gaussians in space, structure of arrays.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "Core/Model/Beam.h"
+#include "Core/Model/TransferFunction.h"
+
+namespace bigus
+{
+
+/// N Gaussians r_i exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 R^T (paper eq 1), with the beam and
+/// the transfer function they were trained under. Arrays are of equal length. Values are kept in double; engines
+/// move them near the origin and compute in float.
+struct GaussianField
+{
+  std::vector<Eigen::Vector3d> means;      ///< [N] mu, mm, world frame
+  std::vector<Eigen::Vector3d> scales;     ///< [N] s, standard deviations, mm, > 0; fast engines take what lies
+                                           ///< beyond 1e-9 and 1e7 mm as those
+  std::vector<Eigen::Vector4d> rotations;  ///< [N] quaternion w, x, y, z; any length but zero (normalised on use)
+  std::vector<double> reflectivities;      ///< [N] r, signed, dimensionless
+  Beam beam;
+  TransferFunction transfer;
+
+  /// Engines compute in float; beyond these, squares or sums of many Gaussians might overflow.
+  static constexpr double kLargestReflectivity = 1e20;
+  static constexpr double kLargestCoordinate = 1e12;  ///< mm
+
+  std::size_t Size() const { return means.size(); }
+  void Resize(std::size_t n);
+
+  /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite, scales
+  /// are positive, quaternions are not zero, reflectivities and coordinates
+  /// lie within the limits above, gamma > 0 and elevationSigma >= 0. An empty field is valid.
+  void Validate() const;
+};
+
+/// R of a quaternion (w, x, y, z) of any non-zero length.
+Eigen::Matrix3d RotationMatrix(const Eigen::Vector4d& wxyz);
+
+/// The quaternion (w, x, y, z), w >= 0, of a rotation matrix.
+Eigen::Vector4d Quaternion(const Eigen::Matrix3d& rotation);
+
+}  // namespace bigus

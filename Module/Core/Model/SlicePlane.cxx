@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Model/SlicePlane.h"
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+
+SlicePlane SlicePlane::FromImageToReference(const Eigen::Matrix4d& m, int width, int height)
+{
+  SlicePlane plane;
+  plane.columnStep = m.block<3, 1>(0, 0);
+  plane.rowStep = m.block<3, 1>(0, 1);
+  plane.origin = m.block<3, 1>(0, 3);
+  plane.width = width;
+  plane.height = height;
+  return plane;
+}
+
+Eigen::Matrix4d SlicePlane::ImageToReference() const
+{
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.block<3, 1>(0, 0) = columnStep;
+  m.block<3, 1>(0, 1) = rowStep;
+  m.block<3, 1>(0, 2) = Normal();
+  m.block<3, 1>(0, 3) = origin;
+  return m;
+}
+
+Eigen::Matrix3d SlicePlane::WorldToSlice() const
+{
+  Eigen::Matrix3d basis;
+  basis << columnStep, rowStep, Normal();
+  return basis.inverse();
+}
+
+void SlicePlane::Validate(const std::string& what) const
+{
+  if (width < 1 || height < 1)
+  {
+    throw Error(what + ": the image is " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels; both sides must be at least 1.");
+  }
+  if (!origin.allFinite() || !columnStep.allFinite() || !rowStep.allFinite())
+  {
+    throw Error(what + ": the pose holds a value that is not finite; check the tracker's transforms.");
+  }
+  const double a = columnStep.norm();
+  const double b = rowStep.norm();
+  if (!(a >= 1e-6 && a <= 1e6 && b >= 1e-6 && b <= 1e6))
+  {
+    throw Error(what + ": a pixel measures " + std::to_string(a) + " x " + std::to_string(b) +
+                " mm; each side must lie between 1e-6 and 1e6 mm. Is the pose singular or in other units?");
+  }
+  if (columnStep.cross(rowStep).norm() < 1e-3 * a * b)
+  {
+    throw Error(what + ": the image's rows and columns are parallel, so the pose is singular.");
+  }
+}
+
+}  // namespace bigus

@@ -1,0 +1,341 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Model/Sweep.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+namespace
+{
+
+std::size_t BytesPerPixel(Sweep::PixelType type)
+{
+  return type == Sweep::PixelType::UInt8 ? 1 : sizeof(float);
+}
+
+void CheckFrame(const Sweep& sweep, int frame)
+{
+  if (frame < 0 || frame >= sweep.NumberOfFrames())
+  {
+    throw Error("Sweep: frame " + std::to_string(frame) + " was asked for, but the frames are 0 to " +
+                std::to_string(sweep.NumberOfFrames() - 1) + ".");
+  }
+}
+
+/// An array of one entry a frame may be left out, but not be of another length.
+template <class T>
+void CheckLength(const std::vector<T>& array, const char* name, int frames)
+{
+  if (!array.empty() && array.size() != static_cast<std::size_t>(frames))
+  {
+    throw Error("Sweep: " + std::to_string(array.size()) + " " + name + " for " + std::to_string(frames) +
+                " frames; give one a frame, or none.");
+  }
+}
+
+/// Averages the n x n blocks of one frame; `scale` takes a pixel to [0, 1].
+template <class Pixel, class Sum>
+void ReduceFrame(const Pixel* in, int width, int n, double scale, int outWidth, int outHeight, float* out)
+{
+  const double mean = scale / (static_cast<double>(n) * n);
+  std::vector<Sum> sums(outWidth);
+  for (int y = 0; y < outHeight; ++y)
+  {
+    std::fill(sums.begin(), sums.end(), Sum(0));
+    for (int dy = 0; dy < n; ++dy)
+    {
+      const Pixel* row = in + (static_cast<std::size_t>(y) * n + dy) * width;
+      for (int x = 0; x < outWidth; ++x)
+      {
+        for (int dx = 0; dx < n; ++dx)
+        {
+          sums[x] += row[static_cast<std::size_t>(x) * n + dx];
+        }
+      }
+    }
+    for (int x = 0; x < outWidth; ++x)
+    {
+      out[static_cast<std::size_t>(y) * outWidth + x] = static_cast<float>(static_cast<double>(sums[x]) * mean);
+    }
+  }
+}
+
+}  // namespace
+
+void Sweep::CopyFrame(int frame, float* image) const
+{
+  CheckFrame(*this, frame);
+  const std::size_t n = PixelsPerFrame();
+  const std::size_t first = static_cast<std::size_t>(frame) * n;
+  if (pixelType == PixelType::Float32)
+  {
+    std::copy_n(static_cast<const float*>(pixels.get()) + first, n, image);
+    return;
+  }
+  const auto* in = static_cast<const std::uint8_t*>(pixels.get()) + first;
+  std::transform(in, in + n, image, [](std::uint8_t p) { return static_cast<float>(p) / 255.0f; });
+}
+
+Sweep Sweep::Reduced(int n) const
+{
+  if (n < 1 || n > width || n > height)
+  {
+    throw Error("Sweep: cannot average blocks of " + std::to_string(n) + " x " + std::to_string(n) +
+                " pixels in frames of " + std::to_string(width) + " x " + std::to_string(height) +
+                "; the block's side must be at least 1 and fit the frame.");
+  }
+  if (n == 1)
+  {
+    return *this;
+  }
+  Sweep out;
+  out.width = width / n;
+  out.height = height / n;
+  out.pixelType = PixelType::Float32;
+  out.timestamps = timestamps;
+  out.weights = weights;
+
+  // Old index = n * new index + (n - 1) / 2: the centre of a block.
+  Eigen::Matrix4d newToOld = Eigen::Matrix4d::Identity();
+  newToOld(0, 0) = newToOld(1, 1) = n;
+  newToOld(0, 3) = newToOld(1, 3) = 0.5 * (n - 1);
+  out.imageToReference.reserve(imageToReference.size());
+  for (const Eigen::Matrix4d& pose : imageToReference)
+  {
+    out.imageToReference.push_back(pose * newToOld);
+  }
+
+  const std::size_t outPixels = out.PixelsPerFrame();
+  auto reduced = std::make_shared<std::vector<float>>(outPixels * NumberOfFrames());
+  tbb::parallel_for(0, NumberOfFrames(),
+                    [&](int frame)
+                    {
+                      const std::size_t first = static_cast<std::size_t>(frame) * PixelsPerFrame();
+                      float* to = reduced->data() + static_cast<std::size_t>(frame) * outPixels;
+                      if (pixelType == PixelType::UInt8)
+                      {
+                        const auto* from = static_cast<const std::uint8_t*>(pixels.get()) + first;
+                        ReduceFrame<std::uint8_t, std::uint64_t>(from, width, n, 1.0 / 255.0, out.width, out.height,
+                                                                 to);
+                      }
+                      else
+                      {
+                        const auto* from = static_cast<const float*>(pixels.get()) + first;
+                        ReduceFrame<float, double>(from, width, n, 1.0, out.width, out.height, to);
+                      }
+                    });
+  out.pixels = std::shared_ptr<const void>(reduced, reduced->data());
+
+  if (mask)
+  {
+    auto any = std::make_shared<std::vector<std::uint8_t>>(outPixels, std::uint8_t(0));
+    for (std::size_t y = 0; y < static_cast<std::size_t>(out.height) * n; ++y)
+    {
+      for (std::size_t x = 0; x < static_cast<std::size_t>(out.width) * n; ++x)
+      {
+        if ((*mask)[y * width + x] != 0)
+        {
+          (*any)[y / n * out.width + x / n] = 1;
+        }
+      }
+    }
+    out.mask = any;
+  }
+  return out;
+}
+
+Sweep Sweep::Subset(const std::vector<int>& frames) const
+{
+  Sweep out;
+  out.width = width;
+  out.height = height;
+  out.pixelType = pixelType;
+  out.mask = mask;
+  const std::size_t frameBytes = PixelsPerFrame() * BytesPerPixel(pixelType);
+  auto bytes = std::make_shared<std::vector<unsigned char>>(frameBytes * frames.size());
+  for (std::size_t k = 0; k < frames.size(); ++k)
+  {
+    CheckFrame(*this, frames[k]);
+    const std::size_t frame = static_cast<std::size_t>(frames[k]);
+    std::memcpy(bytes->data() + k * frameBytes, static_cast<const unsigned char*>(pixels.get()) + frame * frameBytes,
+                frameBytes);
+    out.imageToReference.push_back(imageToReference[frame]);
+    if (!timestamps.empty())
+    {
+      out.timestamps.push_back(timestamps[frame]);
+    }
+    if (!weights.empty())
+    {
+      out.weights.push_back(weights[frame]);
+    }
+  }
+  out.pixels = std::shared_ptr<const void>(bytes, bytes->data());
+  return out;
+}
+
+Sweep Sweep::LitBy(const std::vector<int>& frames) const
+{
+  cv::Mat bright = cv::Mat::zeros(height, width, CV_8U), seen = bright.clone();
+  std::vector<float> image(PixelsPerFrame());
+  for (int frame : frames)
+  {
+    CheckFrame(*this, frame);
+    CopyFrame(frame, image.data());
+    for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
+    {
+      bright.data[pixel] |= image[pixel] > 0;
+      seen.data[pixel] = bright.data[pixel] && IsLit(pixel);
+    }
+  }
+  std::vector<cv::Point> points, hull;
+  cv::findNonZero(seen, points);
+  cv::Mat inHull = cv::Mat::zeros(height, width, CV_8U);
+  if (!points.empty())
+  {
+    cv::convexHull(points, hull);
+    cv::fillConvexPoly(inHull, hull, cv::Scalar(1));
+  }
+  auto lit = std::make_shared<std::vector<std::uint8_t>>(PixelsPerFrame());
+  for (int i = 0; i < width; ++i)
+  {
+    bool reached = false;
+    for (int j = 0; j < height; ++j)
+    {
+      const std::size_t pixel = static_cast<std::size_t>(j) * width + i;
+      reached = reached || seen.data[pixel] != 0;
+      // A mask of what is 0 in every frame marks shadows, too; what it hides of brighter pixels stays hidden.
+      (*lit)[pixel] = reached && inHull.data[pixel] != 0 && (IsLit(pixel) || bright.data[pixel] == 0);
+    }
+  }
+  Sweep out = *this;
+  out.mask.reset();
+  if (std::count(lit->begin(), lit->end(), 0) > 0)
+  {
+    out.mask = lit;
+  }
+  return out;
+}
+
+void Sweep::BlackenUnlit(float* image) const
+{
+  for (std::size_t pixel = 0; mask && pixel < mask->size(); ++pixel)
+  {
+    if (!IsLit(pixel))
+    {
+      image[pixel] = 0;
+    }
+  }
+}
+
+void Sweep::Validate() const
+{
+  const int frames = NumberOfFrames();
+  if (frames == 0)
+  {
+    throw Error("Sweep: there is no frame; at least one tracked frame is needed.");
+  }
+  if (width < 1 || height < 1)
+  {
+    throw Error("Sweep: frames are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels; both sides must be at least 1.");
+  }
+  if (PixelsPerFrame() > std::numeric_limits<std::ptrdiff_t>::max() / sizeof(float) / frames)
+  {
+    throw Error("Sweep: " + std::to_string(frames) + " frames of " + std::to_string(width) + " x " +
+                std::to_string(height) + " pixels are more than this machine can address.");
+  }
+  if (!pixels)
+  {
+    throw Error("Sweep: the frames have poses but no pixels.");
+  }
+  CheckLength(timestamps, "timestamps", frames);
+  CheckLength(weights, "weights", frames);
+  if (mask && mask->size() != PixelsPerFrame())
+  {
+    throw Error("Sweep: the mask has " + std::to_string(mask->size()) + " pixels, but frames are " +
+                std::to_string(width) + " x " + std::to_string(height) + " pixels.");
+  }
+  for (int frame = 0; frame < frames; ++frame)
+  {
+    const std::string what = "frame " + std::to_string(frame);
+    const Eigen::Matrix4d& pose = imageToReference[frame];
+    if (!pose.allFinite())
+    {
+      throw Error(what + ": the pose holds a value that is not finite; check the tracker's transforms.");
+    }
+    if ((pose.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-6)
+    {
+      throw Error(what +
+                  ": the pose's last row is not 0 0 0 1, so it is not an affine transform to mm; is the "
+                  "matrix stored column by column?");
+    }
+    Plane(frame).Validate(what);
+    if (!weights.empty() && !(std::isfinite(weights[frame]) && weights[frame] >= 0))
+    {
+      throw Error(what + ": the weight is " + std::to_string(weights[frame]) +
+                  "; it must be zero or positive, and finite.");
+    }
+    if (!timestamps.empty() && !std::isfinite(timestamps[frame]))
+    {
+      throw Error(what + ": the timestamp is not finite.");
+    }
+  }
+  if (pixelType == PixelType::UInt8)
+  {
+    return;  // every value is in range
+  }
+  const auto* values = static_cast<const float*>(pixels.get());
+  const std::size_t n = PixelsPerFrame() * frames;
+  std::atomic<std::size_t> firstBad(n);  // the lowest index, whatever the order of the threads
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 1 << 16),
+                    [&](const tbb::blocked_range<std::size_t>& range)
+                    {
+                      const float* end = values + range.end();
+                      const float* bad =
+                          std::find_if(values + range.begin(), end, [](float v) { return !(v >= 0.0f && v <= 1.0f); });
+                      if (bad != end)
+                      {
+                        const std::size_t index = bad - values;
+                        std::size_t known = firstBad;
+                        while (index < known && !firstBad.compare_exchange_weak(known, index))
+                        {
+                        }
+                      }
+                    });
+  if (firstBad < n)
+  {
+    const std::size_t inFrame = firstBad % PixelsPerFrame();
+    throw Error("frame " + std::to_string(firstBad / PixelsPerFrame()) + ": pixel (" + std::to_string(inFrame % width) +
+                ", " + std::to_string(inFrame / width) + ") is " + std::to_string(values[firstBad]) +
+                "; float pixels must lie in [0, 1]. Divide by the largest value of the original type.");
+  }
+}
+
+std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(int numberOfFrames, int k)
+{
+  if (k < 0 || k == 1)
+  {
+    throw Error("Hold-out: K is " + std::to_string(k) +
+                "; it must be 0 (keep every frame for training) or at least 2 (hold out one frame in K).");
+  }
+  std::pair<std::vector<int>, std::vector<int>> split;
+  for (int frame = 0; frame < numberOfFrames; ++frame)
+  {
+    const bool held = k >= 2 && frame % k == k / 2;
+    (held ? split.second : split.first).push_back(frame);
+  }
+  return split;
+}
+
+}  // namespace bigus

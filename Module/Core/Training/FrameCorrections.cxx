@@ -1,0 +1,170 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Training/FrameCorrections.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+#include "Core/Poses/Alignment.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// The frame's pixels without the gain and the offset that were found for it.
+void Undo(double gain, double offset, float* pixels, std::size_t size)
+{
+  for (float* value = pixels; value != pixels + size; ++value)
+  {
+    if (*value > 0)  // black is where the scanner showed nothing
+    {
+      *value = static_cast<float>(std::clamp((*value - offset) / gain, 0.0, 1.0));
+    }
+  }
+}
+
+/// Sums over the lit pixels of two images.
+struct Moments
+{
+  double x = 0, y = 0, xx = 0, yy = 0, xy = 0, n = 0;
+};
+Moments MomentsOf(const Sweep& sweep, const float* a, const float* b)
+{
+  Moments m;
+  for (std::size_t p = 0; p < sweep.PixelsPerFrame(); ++p)
+  {
+    if (sweep.IsLit(p))
+    {
+      m.x += a[p];
+      m.y += b[p];
+      m.xx += static_cast<double>(a[p]) * a[p];
+      m.yy += static_cast<double>(b[p]) * b[p];
+      m.xy += static_cast<double>(a[p]) * b[p];
+      m.n += 1;
+    }
+  }
+  return m;
+}
+
+/// A first guess at frames' gains, from neighbours alone: a field that began with bands of brightness keeps
+/// them between frames. The ratio of neighbours' contrasts counts as far as they correlate; what is left of
+/// its running product without a smooth curve belongs to frames, the curve to the scene.
+void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
+{
+  const std::size_t size = poses.PixelsPerFrame();
+  std::vector<double> logGains(frames, 0.0);
+  for (std::size_t k = 0; k + 1 < frames; ++k)
+  {
+    const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, pixels + k * size, pixels + (k + 1) * size);
+    const double varX = n * xx - x * x, varY = n * yy - y * y, covariance = n * xy - x * y;
+    const bool alike = varX > 0 && varY > 0 && covariance > 0;
+    logGains[k + 1] = logGains[k] + (alike ? covariance / std::sqrt(varX * varY) * 0.5 * std::log(varY / varX) : 0.0);
+  }
+  constexpr int kReach = 4;  // frames to either side that make the smooth curve
+  for (std::size_t k = 0; k < frames; ++k)
+  {
+    double sum = 0, weights = 0;
+    for (int step = -kReach; step <= kReach; ++step)
+    {
+      const auto other = static_cast<std::ptrdiff_t>(k) + step;
+      if (other >= 0 && other < static_cast<std::ptrdiff_t>(frames))
+      {
+        const double weight = kReach + 1 - std::abs(step);
+        sum += weight * logGains[other];
+        weights += weight;
+      }
+    }
+    Undo(std::clamp(std::exp(logGains[k] - sum / weights), 0.5, 2.0), 0, pixels + k * size, size);
+  }
+}
+
+/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by as much as a tenth
+/// of the frame's own contrast would: a frame that the field hardly explains keeps its brightness. The mean
+/// gain and offset of all frames stay 1 and 0, since they belong to the scene.
+void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* pixels)
+{
+  const std::size_t size = poses.PixelsPerFrame();
+  std::vector<double> gains(frames), offsets(frames);
+  std::vector<float> image(size);
+  for (std::size_t k = 0; k < frames; ++k)
+  {
+    engine.Render(poses.Plane(static_cast<int>(k)), ViewOutput::Intensity, image.data());
+    const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, image.data(), pixels + k * size);
+    const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
+    const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
+    const double prior = 0.1 * variance;
+    gains[k] = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), 0.5, 2.0) : 1.0;
+    offsets[k] = n > 0 ? std::clamp(y / n - gains[k] * x / n, -0.1, 0.1) : 0.0;
+  }
+  const auto mean = [](const std::vector<double>& values)
+  { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
+  const double meanGain = mean(gains), meanOffset = mean(offsets);
+  for (std::size_t k = 0; k < frames; ++k)
+  {
+    Undo(gains[k] / meanGain, offsets[k] - meanOffset, pixels + k * size, size);
+  }
+}
+
+/// Gives `sweep`, which begins with the recorded `frames`, these frames' pixels as `change` makes them of the
+/// recorded ones; those after them stay as they are.
+void WithPixels(Sweep& sweep, const Sweep& recorded, const std::vector<int>& frames,
+                const std::function<void(float*)>& change)
+{
+  const std::size_t size = sweep.PixelsPerFrame();
+  auto pixels = std::make_shared<std::vector<float>>(size * sweep.imageToReference.size());
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    float* image = pixels->data() + k * size;
+    static_cast<std::size_t>(k) < frames.size() ? recorded.CopyFrame(frames[k], image) : sweep.CopyFrame(k, image);
+  }
+  change(pixels->data());
+  sweep.pixelType = Sweep::PixelType::Float32;
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+}
+
+}  // namespace
+
+std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<int>& frames, const Sweep& present)
+{
+  auto levelled = std::make_shared<Sweep>(present);
+  WithPixels(*levelled, recorded, frames,
+             [&](float* pixels) { LevelWithNeighbours(*levelled, frames.size(), pixels); });
+  return levelled;
+}
+
+std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, const std::vector<int>& frames,
+                                       const Sweep& present, const TrainerOptions& options)
+{
+  auto corrected = std::make_shared<Sweep>(present);
+  if (*options.poseRefinement)
+  {
+    AlignmentOptions alignment;
+    alignment.translationPrior = options.trackerTranslation;
+    alignment.rotationPrior = options.trackerRotation;
+    alignment.iterations = 3;
+    alignment.stride = 2;
+    Eigen::Vector3d drift = Eigen::Vector3d::Zero();  // the mean shift says nothing about any one frame
+    for (std::size_t k = 0; k < frames.size(); ++k)
+    {
+      const RigidAlignment found = AlignFrame(engine, recorded, frames[k], alignment);
+      corrected->imageToReference[k] = found.plane.ImageToReference();
+      const double i = 0.5 * (recorded.width - 1), j = 0.5 * (recorded.height - 1);
+      drift += (found.plane.Point(i, j) - recorded.Plane(frames[k]).Point(i, j)) / static_cast<double>(frames.size());
+    }
+    for (std::size_t k = 0; k < frames.size(); ++k)
+    {
+      corrected->imageToReference[k].block<3, 1>(0, 3) -= drift;
+    }
+  }
+  if (*options.frameGains)
+  {
+    WithPixels(*corrected, recorded, frames,
+               [&](float* pixels) { RemoveGains(engine, *corrected, frames.size(), pixels); });
+  }
+  return corrected;
+}
+
+}  // namespace bigus

@@ -1,0 +1,312 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Training/Seeding.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// Frames further apart than this many median spacings belong to different strokes: nothing is seeded between
+/// them.
+constexpr double kBreak = 4.0;
+
+/// A repeatable number in [0, 1) from the standard engine, the same on every library.
+double Uniform(std::mt19937_64& random)
+{
+  return static_cast<double>(random() >> 11) * 0x1p-53;
+}
+
+/// Blocks of pixels, frame by frame, with the seeding density summed over each.
+struct DensityGrid
+{
+  int block, columns, rows;
+  std::vector<float> mass;     // [frames][rows][columns]
+  std::vector<int> litPixels;  // [rows][columns]
+};
+
+/// Harris corner response det(M) - k tr(M)^2 (block 2, aperture 3, k 0.04), negative values set to 0,
+/// normalised to mean 1 over the frame, plus a uniform floor of a tenth: without it flat speckle would get no
+/// seeds.
+void HarrisDensity(const Sweep& sweep, const std::vector<float>& image, std::vector<float>& density)
+{
+  const cv::Mat input(sweep.height, sweep.width, CV_32F, const_cast<float*>(image.data()));
+  cv::Mat response;
+  cv::cornerHarris(input, response, 2, 3, 0.04);
+  double sum = 0;
+  for (std::size_t p = 0; p < density.size(); ++p)
+  {
+    // The response is of fourth order in contrast; its square root keeps one bright specular from taking
+    // every seed.
+    density[p] = std::sqrt(std::max(response.ptr<float>()[p], 0.0f));
+    sum += density[p];
+  }
+  const float mean = static_cast<float>(sum / static_cast<double>(density.size()));
+  for (float& value : density)
+  {
+    value = (mean > 0 ? value / mean : 0.0f) + 0.1f;
+  }
+}
+
+/// Density of one pixel where placement follows intensity.
+float IntensityDensity(float intensity)
+{
+  return 0.3f * intensity + 0.025f;
+}
+
+DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, const SeedingOptions& options,
+                        const std::vector<std::uint8_t>& lit)
+{
+  const std::size_t litPixels = static_cast<std::size_t>(std::count(lit.begin(), lit.end(), 1));
+  DensityGrid grid;
+  // About a dozen cells a seed: fine enough to follow structure, coarse enough for millions of seeds.
+  const double pixelsPerSeed =
+      static_cast<double>(litPixels) * static_cast<double>(frames.size()) / static_cast<double>(options.count);
+  grid.block = std::clamp(static_cast<int>(std::lround(std::sqrt(pixelsPerSeed / 12.0))), 1, 16);
+  grid.columns = (sweep.width + grid.block - 1) / grid.block;
+  grid.rows = (sweep.height + grid.block - 1) / grid.block;
+  const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
+  grid.mass.assign(cells * frames.size(), 0.0f);
+  grid.litPixels.assign(cells, 0);
+  const auto cellOf = [&grid](int x, int y)
+  { return static_cast<std::size_t>(y / grid.block) * grid.columns + x / grid.block; };
+  for (int y = 0; y < sweep.height; ++y)
+  {
+    for (int x = 0; x < sweep.width; ++x)
+    {
+      grid.litPixels[cellOf(x, y)] += lit[static_cast<std::size_t>(y) * sweep.width + x];
+    }
+  }
+  tbb::parallel_for(std::size_t(0), frames.size(),
+                    [&](std::size_t f)
+                    {
+                      std::vector<float> image(sweep.PixelsPerFrame()), density(image.size(), 1.0f);
+                      sweep.CopyFrame(frames[f], image.data());
+                      if (options.placement == SeedPlacement::Harris)
+                      {
+                        HarrisDensity(sweep, image, density);
+                      }
+                      else if (options.placement == SeedPlacement::Intensity)
+                      {
+                        std::transform(image.begin(), image.end(), density.begin(), IntensityDensity);
+                      }
+                      for (int y = 0; y < sweep.height; ++y)
+                      {
+                        for (int x = 0; x < sweep.width; ++x)
+                        {
+                          const std::size_t p = static_cast<std::size_t>(y) * sweep.width + x;
+                          if (lit[p])
+                          {
+                            grid.mass[f * cells + cellOf(x, y)] += density[p];
+                          }
+                        }
+                      }
+                    });
+  return grid;
+}
+
+/// Turns expected numbers of seeds a cell into counts whose local sums stay close to expectation: error
+/// diffusion, in alternating direction along rows, to the next row and to the next frame. This is what makes
+/// seeds blue noise.
+std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass, std::mt19937_64& random)
+{
+  const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
+  std::vector<int> counts(cells * frames);
+  std::vector<double> error(cells, 0.0), next(cells, 0.0);  // what this and the next frame still owe
+  for (std::size_t f = 0; f < frames; ++f)
+  {
+    std::fill(next.begin(), next.end(), 0.0);
+    for (int y = 0; y < grid.rows; ++y)
+    {
+      const int step = (y + static_cast<int>(f)) % 2 ? -1 : 1;
+      for (int k = 0; k < grid.columns; ++k)
+      {
+        const int x = step > 0 ? k : grid.columns - 1 - k;
+        const std::size_t cell = static_cast<std::size_t>(y) * grid.columns + x;
+        const double expected = grid.mass[f * cells + cell] * seedsPerMass;
+        const double owed = expected + error[cell];
+        // A threshold that wavers breaks up the regular worms of plain error diffusion. An empty cell gets
+        // nothing.
+        const int count =
+            expected > 0 ? std::max(0, static_cast<int>(std::floor(owed + 0.3 + 0.4 * Uniform(random)))) : 0;
+        counts[f * cells + cell] = count;
+        const double left = owed - count;
+        const bool hasSide = x + step >= 0 && x + step < grid.columns, hasBelow = y + 1 < grid.rows;
+        double given = 0;
+        if (hasSide)
+        {
+          error[cell + step] += 0.35 * left;
+          given += 0.35;
+        }
+        if (hasBelow)
+        {
+          error[cell + grid.columns] += 0.3 * left;
+          given += 0.3;
+        }
+        next[cell] += (1.0 - given) * left;
+      }
+    }
+    error.swap(next);
+  }
+  return counts;
+}
+
+}  // namespace
+
+GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
+{
+  if (options.count < 1 || options.count > (std::size_t(1) << 26))
+  {
+    throw Error("Seeding: " + std::to_string(options.count) + " Gaussians were asked for; give 1 to 67108864.");
+  }
+  if (frames.empty())
+  {
+    throw Error("Seeding: there is no frame to seed from.");
+  }
+
+  // Lit pixels: those the mask keeps and some frame lights. gamma comes from the same frames.
+  const std::size_t pixels = sweep.PixelsPerFrame();
+  std::vector<std::uint8_t> lit(pixels, 0);
+  std::vector<double> sums(frames.size(), 0.0);
+  std::vector<float> image(pixels);
+  double mean = 0;
+  for (int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    double sum = 0;
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      sum += image[p];
+      lit[p] |= image[p] > 0 && sweep.IsLit(p);
+    }
+    mean += sum / static_cast<double>(pixels * frames.size());
+  }
+  if (std::count(lit.begin(), lit.end(), 1) == 0)
+  {
+    throw Error("Seeding: all " + std::to_string(frames.size()) +
+                " frames are black inside the mask, so there is nothing to learn. Check the clip region and "
+                "the file.");
+  }
+
+  const SweepGeometry geometry = MeasureGeometry(sweep, frames);
+  const bool sparse = geometry.IsSparse();
+  // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.
+  const double usualGap =
+      geometry.medianSpacing > 0 ? geometry.medianSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
+
+  std::mt19937_64 random(options.seed);
+  const DensityGrid grid = MakeDensity(sweep, frames, options, lit);
+  const double total = std::accumulate(grid.mass.begin(), grid.mass.end(), 0.0);
+  const double seedsPerMass = static_cast<double>(options.count) / total;
+  std::vector<int> counts;
+  if (options.placement == SeedPlacement::Random)
+  {
+    // Independent draws: systematic positions over the cumulative mass would not be random.
+    counts.assign(grid.mass.size(), 0);
+    std::vector<double> cumulative(grid.mass.size());
+    std::partial_sum(grid.mass.begin(), grid.mass.end(), cumulative.begin(), std::plus<double>());
+    for (std::size_t k = 0; k < options.count; ++k)
+    {
+      const double at = Uniform(random) * cumulative.back();
+      ++counts[std::min<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
+                                     counts.size() - 1)];
+    }
+  }
+  else
+  {
+    counts = Diffuse(grid, frames.size(), seedsPerMass, random);
+    // Diffusion comes within a few seeds of the number asked for; the rest is added or taken at random cells.
+    std::size_t have = std::accumulate(counts.begin(), counts.end(), std::size_t(0));
+    while (have != options.count)
+    {
+      const std::size_t cell = static_cast<std::size_t>(Uniform(random) * static_cast<double>(counts.size()));
+      if (have < options.count && grid.mass[cell] > 0)
+      {
+        ++counts[cell];
+        ++have;
+      }
+      else if (have > options.count && counts[cell] > 0)
+      {
+        --counts[cell];
+        --have;
+      }
+    }
+  }
+
+  GaussianField field;
+  field.beam = beam;
+  field.transfer = TransferFunction::FromMeanIntensity(mean);
+  field.Resize(options.count);
+  std::size_t out = 0;
+  for (std::size_t f = 0; f < frames.size(); ++f)
+  {
+    const SlicePlane plane = sweep.Plane(frames[f]);
+    const double area = plane.columnStep.cross(plane.rowStep).norm();
+    Eigen::Matrix3d axes;
+    axes.col(0) = plane.columnStep.normalized();
+    axes.col(2) = plane.Normal();
+    axes.col(1) = axes.col(2).cross(axes.col(0));
+    const Eigen::Vector4d rotation = Quaternion(axes);
+    sweep.CopyFrame(frames[f], image.data());
+    for (std::size_t cell = 0; cell < static_cast<std::size_t>(grid.columns) * grid.rows; ++cell)
+    {
+      const std::size_t index = f * static_cast<std::size_t>(grid.columns) * grid.rows + cell;
+      for (int k = 0; k < counts[index]; ++k, ++out)
+      {
+        // A lit pixel of the block; the block has one, since its mass is positive.
+        int x, y;
+        do
+        {
+          x = static_cast<int>(cell % grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
+          y = static_cast<int>(cell / grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
+        } while (x >= sweep.width || y >= sweep.height || !lit[static_cast<std::size_t>(y) * sweep.width + x]);
+        const double i = x + Uniform(random) - 0.5, j = y + Uniform(random) - 0.5;
+
+        // Half a gap to either side along the sweep, on the way to the neighbour's pose.
+        const double along = Uniform(random) - 0.5;
+        const std::size_t neighbour = along < 0 ? (f > 0 ? f - 1 : f) : (f + 1 < frames.size() ? f + 1 : f);
+        double gap = usualGap;
+        Eigen::Vector3d mean3 = plane.Point(i, j);
+        if (neighbour != f)
+        {
+          const double distance = GapBetween(sweep, frames[f], frames[neighbour], i, j);
+          if (distance <= kBreak * usualGap)
+          {
+            gap = std::max(distance, 0.25 * usualGap);
+            mean3 += std::abs(along) * (sweep.Plane(frames[neighbour]).Point(i, j) - mean3);
+          }
+        }
+
+        // Sizes from the volume that is this seed's share; see README.md of this folder.
+        const double volume = area * gap * grid.litPixels[cell] / (grid.mass[index] * seedsPerMass);
+        if (options.placement == SeedPlacement::Random)
+        {
+          field.scales[out].setConstant(0.5 * std::cbrt(volume));
+        }
+        else
+        {
+          const double elevation = (sparse ? 0.5 : 1.6) * gap;
+          const double inPlane = (sparse ? 1.0 : 0.8) * std::sqrt(0.125 * volume / elevation);
+          field.scales[out] = {inPlane, inPlane, elevation};
+        }
+        field.means[out] = mean3;
+        field.rotations[out] = rotation;
+        field.reflectivities[out] =
+            field.transfer.Scattering<double>(image[static_cast<std::size_t>(y) * sweep.width + x]);
+      }
+    }
+  }
+  return field;
+}
+
+}  // namespace bigus

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Training/VirtualPlanes.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <type_traits>
+
+#include "Core/Model/SweepGeometry.h"
+
+namespace bigus
+{
+
+std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vector<int>& frames, int perGap,
+                                              const FrameInterpolation& interpolation)
+{
+  auto out = std::make_shared<Sweep>();
+  out->width = sweep.width;
+  out->height = sweep.height;
+  out->pixelType = sweep.pixelType;
+  out->mask = sweep.mask;
+  for (int frame : frames)
+  {
+    out->imageToReference.push_back(sweep.imageToReference[frame]);
+    out->weights.push_back(sweep.Weight(frame));
+  }
+  struct Gap
+  {
+    int from, to;
+    double share;
+  };
+  std::vector<Gap> gaps;
+  const double widest = 4 * MeasureGeometry(sweep, frames).medianSpacing;
+  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
+  {
+    const SlicePlane from = sweep.Plane(frames[k]), to = sweep.Plane(frames[k + 1]);
+    const Eigen::Vector3d step = to.Point(0.5 * (to.width - 1), 0.5 * (to.height - 1)) -
+                                 from.Point(0.5 * (from.width - 1), 0.5 * (from.height - 1));
+    for (int v = 1; v <= perGap && std::abs(step.dot(from.Normal())) <= widest; ++v)
+    {
+      const double share = v / (perGap + 1.0);
+      gaps.push_back({frames[k], frames[k + 1], share});
+      out->imageToReference.push_back(PlaneBetween(from, to, share).ImageToReference());
+      out->weights.push_back(1.0f);
+    }
+  }
+  const std::size_t pixels = sweep.PixelsPerFrame(), planes = out->imageToReference.size();
+  const auto fill = [&](auto zero)
+  {
+    using Pixel = decltype(zero);
+    const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
+    auto values = std::make_shared<std::vector<Pixel>>(pixels * planes);
+    tbb::parallel_for(std::size_t(0), planes,
+                      [&](std::size_t k)
+                      {
+                        Pixel* to = values->data() + k * pixels;
+                        if (k < frames.size())
+                        {
+                          std::copy_n(recorded + frames[k] * pixels, pixels, to);
+                          return;
+                        }
+                        const Gap& gap = gaps[k - frames.size()];
+                        std::vector<float> image(pixels);
+                        InterpolateFrames(sweep, gap.from, gap.to, out->Plane(static_cast<int>(k)), gap.share,
+                                          interpolation, image.data());
+                        std::transform(
+                            image.begin(), image.end(), to,
+                            [](float value) {
+                              return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
+                            });
+                      });
+    out->pixels = std::shared_ptr<const void>(values, values->data());
+  };
+  if (sweep.pixelType == Sweep::PixelType::UInt8)
+  {
+    fill(std::uint8_t(0));
+  }
+  else
+  {
+    fill(0.0f);
+  }
+  return out;
+}
+
+}  // namespace bigus
