@@ -11,7 +11,7 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
-#include "vtkBigusFieldRenderer.h"
+#include "PipelineSupport.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
 #include "vtkFloatArray.h"

@@ -8,20 +8,17 @@
 #include <string>
 
 #include "Core/Model/Error.h"
-#include "vtkBigusFieldRenderer.h"
-#include "vtkErrorCode.h"
+#include "FieldRenderer.h"
+#include "PipelineSupport.h"
+#include "vtkExecutive.h"
 #include "vtkHomogeneousTransform.h"
 #include "vtkImageData.h"
 #include "vtkImageStencilData.h"
 #include "vtkInformation.h"
-#include "vtkInformationExecutivePortVectorKey.h"
 #include "vtkInformationVector.h"
 #include "vtkMath.h"
 #include "vtkMatrix4x4.h"
 #include "vtkObjectFactory.h"
-#include "vtkPointData.h"
-#include "vtkPolyData.h"
-#include "vtkStreamingDemandDrivenPipeline.h"
 
 vtkStandardNewMacro(vtkBigusReslice);
 vtkCxxSetObjectMacro(vtkBigusReslice, ResliceAxes, vtkMatrix4x4);
@@ -36,11 +33,6 @@ using RowMajorMatrix = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
 {
   return Eigen::Map<const RowMajorMatrix>(matrix->GetData());
-}
-
-bigus::ViewOutput ToViewOutput(int mode)
-{
-  return mode == vtkBigusReslice::ScatteringField ? bigus::ViewOutput::Scattering : bigus::ViewOutput::Intensity;
 }
 
 // Resliced coordinates to the field's frame: affine, or Error.
@@ -73,7 +65,7 @@ Eigen::Matrix4d OutputToWorld(vtkMatrix4x4* axes, vtkAbstractTransform* transfor
 }
 
 // Adds the runs of seen pixels in a band's rows to the stencil.
-void InsertRuns(const bigus::FieldRenderer::Band& band, float threshold, vtkImageStencilData* stencil)
+void InsertRuns(const bigus::PixelBand& band, float threshold, vtkImageStencilData* stencil)
 {
   int extent[6];
   stencil->GetExtent(extent);
@@ -100,14 +92,18 @@ void InsertRuns(const bigus::FieldRenderer::Band& band, float threshold, vtkImag
   }
 }
 
+vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
+{
+  return vtkImageStencilData::SafeDownCast(vtkDataObject::GetData(outputs, 2));
+}
+
 }  // namespace
 
-vtkBigusReslice::vtkBigusReslice() : Renderer(std::make_unique<bigus::FieldRenderer>())
+vtkBigusReslice::vtkBigusReslice()
 {
   this->SetNumberOfOutputPorts(3);
   // VTK's executive cannot make stencils by name.
   this->GetExecutive()->SetOutputData(2, vtkSmartPointer<vtkImageStencilData>::New());
-  this->SetEngine("auto");
 }
 
 vtkBigusReslice::~vtkBigusReslice()
@@ -115,7 +111,6 @@ vtkBigusReslice::~vtkBigusReslice()
   this->SetResliceAxes(nullptr);
   this->SetResliceTransform(nullptr);
   this->SetInformationInput(nullptr);
-  this->SetEngine(nullptr);
 }
 
 void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
@@ -128,10 +123,6 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   }
   os << indent << "ResliceTransform: " << this->ResliceTransform << "\n";
   os << indent << "InformationInput: " << this->InformationInput << "\n";
-  os << indent << "OutputSpacing: " << this->OutputSpacing[0] << " " << this->OutputSpacing[1] << " "
-     << this->OutputSpacing[2] << (this->ComputeOutputSpacing ? " (default)\n" : "\n");
-  os << indent << "OutputOrigin: " << this->OutputOrigin[0] << " " << this->OutputOrigin[1] << " "
-     << this->OutputOrigin[2] << (this->ComputeOutputOrigin ? " (default)\n" : "\n");
   os << indent << "OutputExtent:";
   for (int bound : this->OutputExtent)
   {
@@ -139,17 +130,10 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   }
   os << (this->ComputeOutputExtent ? " (default)\n" : "\n");
   os << indent << "OutputDimensionality: " << this->OutputDimensionality << "\n";
-  os << indent << "OutputMode: " << (this->OutputMode == Intensity ? "Intensity" : "ScatteringField") << "\n";
-  os << indent << "OutputScalarType: " << vtkImageScalarTypeNameMacro(this->OutputScalarType) << "\n";
-  os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
-  os << indent << "Tolerance: " << this->Tolerance << "\n";
   os << indent << "CoverageThreshold: " << this->CoverageThreshold << "\n";
   os << indent << "BackgroundLevel: " << this->BackgroundLevel << "\n";
   os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
   os << indent << "GenerateStencilOutput: " << (this->GenerateStencilOutput ? "On\n" : "Off\n");
-  os << indent << "MaximumOutputPixels: " << this->MaximumOutputPixels << "\n";
-  os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
-  os << indent << "Device: " << this->GetDevice() << "\n";
 }
 
 //------------------------------------------------------------------------------
@@ -235,58 +219,6 @@ void vtkBigusReslice::GetResliceAxesOrigin(double origin[3])
 //------------------------------------------------------------------------------
 // Output geometry
 
-void vtkBigusReslice::SetOutputSpacing(double x, double y, double z)
-{
-  const double spacing[3] = {x, y, z};
-  this->SetOutputSpacing(spacing);
-}
-
-void vtkBigusReslice::SetOutputSpacing(const double spacing[3])
-{
-  if (this->ComputeOutputSpacing || !std::equal(spacing, spacing + 3, this->OutputSpacing))
-  {
-    std::copy(spacing, spacing + 3, this->OutputSpacing);
-    this->ComputeOutputSpacing = false;
-    this->Modified();
-  }
-}
-
-void vtkBigusReslice::SetOutputSpacingToDefault()
-{
-  if (!this->ComputeOutputSpacing)
-  {
-    std::fill_n(this->OutputSpacing, 3, 1.0);
-    this->ComputeOutputSpacing = true;
-    this->Modified();
-  }
-}
-
-void vtkBigusReslice::SetOutputOrigin(double x, double y, double z)
-{
-  const double origin[3] = {x, y, z};
-  this->SetOutputOrigin(origin);
-}
-
-void vtkBigusReslice::SetOutputOrigin(const double origin[3])
-{
-  if (this->ComputeOutputOrigin || !std::equal(origin, origin + 3, this->OutputOrigin))
-  {
-    std::copy(origin, origin + 3, this->OutputOrigin);
-    this->ComputeOutputOrigin = false;
-    this->Modified();
-  }
-}
-
-void vtkBigusReslice::SetOutputOriginToDefault()
-{
-  if (!this->ComputeOutputOrigin)
-  {
-    std::fill_n(this->OutputOrigin, 3, 0.0);
-    this->ComputeOutputOrigin = true;
-    this->Modified();
-  }
-}
-
 void vtkBigusReslice::SetOutputExtent(int x0, int x1, int y0, int y1, int z0, int z1)
 {
   const int extent[6] = {x0, x1, y0, y1, z0, z1};
@@ -295,20 +227,16 @@ void vtkBigusReslice::SetOutputExtent(int x0, int x1, int y0, int y1, int z0, in
 
 void vtkBigusReslice::SetOutputExtent(const int extent[6])
 {
-  if (this->ComputeOutputExtent || !std::equal(extent, extent + 6, this->OutputExtent))
+  if (bigus::GiveValues(extent, this->OutputExtent, this->ComputeOutputExtent))
   {
-    std::copy(extent, extent + 6, this->OutputExtent);
-    this->ComputeOutputExtent = false;
     this->Modified();
   }
 }
 
 void vtkBigusReslice::SetOutputExtentToDefault()
 {
-  if (!this->ComputeOutputExtent)
+  if (bigus::TakeValuesBack(0, this->OutputExtent, this->ComputeOutputExtent))
   {
-    std::fill_n(this->OutputExtent, 6, 0);
-    this->ComputeOutputExtent = true;
     this->Modified();
   }
 }
@@ -324,11 +252,6 @@ vtkMTimeType vtkBigusReslice::GetMTime()
   return time;
 }
 
-const char* vtkBigusReslice::GetDevice() const
-{
-  return this->Renderer->Device().c_str();
-}
-
 vtkImageData* vtkBigusReslice::GetCoverageOutput()
 {
   return vtkImageData::SafeDownCast(this->GetOutputDataObject(1));
@@ -342,251 +265,167 @@ vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
 //------------------------------------------------------------------------------
 // Pipeline
 
-int vtkBigusReslice::FillInputPortInformation(int, vtkInformation* info)
-{
-  info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), "vtkPolyData");
-  return 1;
-}
-
 int vtkBigusReslice::FillOutputPortInformation(int port, vtkInformation* info)
 {
   info->Set(vtkDataObject::DATA_TYPE_NAME(), port == 2 ? "vtkImageStencilData" : "vtkImageData");
   return 1;
 }
 
-int vtkBigusReslice::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+int vtkBigusReslice::RequestInformation(vtkInformation* request, vtkInformationVector** inputs,
+                                        vtkInformationVector* outputs)
 {
-  this->SetErrorCode(vtkErrorCode::NoError);
-  double spacing[3], origin[3];
-  int extent[6];
-  std::copy_n(this->OutputSpacing, 3, spacing);
-  std::copy_n(this->OutputOrigin, 3, origin);
-  std::copy_n(this->OutputExtent, 6, extent);
-  try
-  {
-    bigus::CheckGrid(spacing, origin);  // defaults in there are sound
-    if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
-    {
-      Eigen::Vector3d inSpacing, inOrigin;
-      int inExtent[6];
-      if (this->InformationInput)
-      {
-        this->InformationInput->GetSpacing(inSpacing.data());
-        this->InformationInput->GetOrigin(inOrigin.data());
-        this->InformationInput->GetExtent(inExtent);
-      }
-      else
-      {
-        const bigus::FieldGrid grid =
-            bigus::GridOver(this->Renderer->Load(bigus::UpdatedInput(this)), Eigen::Matrix3d::Identity(), 256);
-        inSpacing.setConstant(grid.spacing);
-        inOrigin = grid.origin;
-        for (int axis = 0; axis < 3; ++axis)
-        {
-          inExtent[2 * axis] = 0;
-          inExtent[2 * axis + 1] = grid.dimensions[axis] - 1;
-        }
-      }
+  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(1), VTK_FLOAT, 1);
+  return this->Superclass::RequestInformation(request, inputs, outputs);
+}
 
-      // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with
-      // the squares of the direction cosines as weights, and the centre is kept.
-      const Eigen::Matrix4d axes = this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
-      const Eigen::Matrix4d toOutput = axes.inverse();
-      Eigen::Vector3d inCentre;
+void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int extent[6])
+{
+  std::copy_n(this->OutputExtent, 6, extent);
+  if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
+  {
+    Eigen::Vector3d inSpacing, inOrigin;
+    int inExtent[6];
+    if (this->InformationInput)
+    {
+      this->InformationInput->GetSpacing(inSpacing.data());
+      this->InformationInput->GetOrigin(inOrigin.data());
+      this->InformationInput->GetExtent(inExtent);
+    }
+    else
+    {
+      const bigus::FieldGrid grid = bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(), 256);
+      inSpacing.setConstant(grid.spacing);
+      inOrigin = grid.origin;
+      for (int axis = 0; axis < 3; ++axis)
+      {
+        inExtent[2 * axis] = 0;
+        inExtent[2 * axis + 1] = grid.dimensions[axis] - 1;
+      }
+    }
+
+    // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with
+    // the squares of the direction cosines as weights, and the centre is kept.
+    const Eigen::Matrix4d axes = this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
+    const Eigen::Matrix4d toOutput = axes.inverse();
+    Eigen::Vector3d inCentre;
+    for (int j = 0; j < 3; ++j)
+    {
+      inCentre[j] = inOrigin[j] + 0.5 * (static_cast<double>(inExtent[2 * j]) + inExtent[2 * j + 1]) * inSpacing[j];
+    }
+    const Eigen::Vector4d centre = toOutput * inCentre.homogeneous();
+    if (!centre.allFinite())
+    {
+      throw bigus::Error(
+          "ResliceAxes cannot be inverted, so there is no default output geometry; set "
+          "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
+    }
+    for (int i = 0; i < 3; ++i)
+    {
+      const Eigen::Array3d weight = axes.block<3, 1>(0, i).array().square();
+      const double sum = weight.sum();
+      double length = 0, first = 0;
       for (int j = 0; j < 3; ++j)
       {
-        inCentre[j] = inOrigin[j] + 0.5 * (static_cast<double>(inExtent[2 * j]) + inExtent[2 * j + 1]) * inSpacing[j];
+        length += weight[j] * (static_cast<double>(inExtent[2 * j + 1]) - inExtent[2 * j]) * std::abs(inSpacing[j]);
+        first += weight[j] * inExtent[2 * j];
       }
-      const Eigen::Vector4d centre = toOutput * inCentre.homogeneous();
-      if (!centre.allFinite())
+      length /= sum * std::sqrt(sum);
+      if (this->ComputeOutputSpacing)
       {
-        throw bigus::Error(
-            "ResliceAxes cannot be inverted, so there is no default output geometry; set "
-            "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
+        spacing[i] = (weight * inSpacing.array().abs()).sum() / sum;
       }
-      for (int i = 0; i < 3; ++i)
+      if (this->ComputeOutputExtent)
       {
-        const Eigen::Array3d weight = axes.block<3, 1>(0, i).array().square();
-        const double sum = weight.sum();
-        double length = 0, first = 0;
-        for (int j = 0; j < 3; ++j)
-        {
-          length += weight[j] * (static_cast<double>(inExtent[2 * j + 1]) - inExtent[2 * j]) * std::abs(inSpacing[j]);
-          first += weight[j] * inExtent[2 * j];
-        }
-        length /= sum * std::sqrt(sum);
-        if (this->ComputeOutputSpacing)
-        {
-          spacing[i] = (weight * inSpacing.array().abs()).sum() / sum;
-        }
-        if (this->ComputeOutputExtent)
-        {
-          constexpr double limit = 1e9;  // fits an int; so large an output is refused later
-          extent[2 * i] = vtkMath::Round(std::clamp(first / sum, -limit, limit));
-          extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + std::min(std::abs(length / spacing[i]), limit));
-        }
-        if (this->ComputeOutputOrigin)
-        {
-          origin[i] = centre[i] - 0.5 * (static_cast<double>(extent[2 * i]) + extent[2 * i + 1]) * spacing[i];
-        }
+        constexpr double limit = 1e9;  // fits an int; so large an output is refused later
+        extent[2 * i] = vtkMath::Round(std::clamp(first / sum, -limit, limit));
+        extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + std::min(std::abs(length / spacing[i]), limit));
       }
-    }
-    for (int axis = this->OutputDimensionality; axis < 3; ++axis)
-    {
-      extent[2 * axis] = extent[2 * axis + 1] = 0;
-      origin[axis] = 0;
-    }
-
-    bigus::CheckPixelFormat(ToViewOutput(this->OutputMode), this->OutputScalarType);
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      if (static_cast<double>(extent[2 * axis + 1]) - extent[2 * axis] + 1 > std::numeric_limits<int>::max())
+      if (this->ComputeOutputOrigin)
       {
-        throw bigus::Error("OutputExtent runs from " + std::to_string(extent[2 * axis]) + " to " +
-                           std::to_string(extent[2 * axis + 1]) + " along axis " + std::to_string(axis) +
-                           "; an axis can have at most 2^31 - 1 pixels.");
+        origin[i] = centre[i] - 0.5 * (static_cast<double>(extent[2 * i]) + extent[2 * i + 1]) * spacing[i];
       }
     }
   }
-  catch (const std::exception& error)
+  for (int axis = this->OutputDimensionality; axis < 3; ++axis)
   {
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
+    extent[2 * axis] = extent[2 * axis + 1] = 0;
+    origin[axis] = 0;
   }
-
-  for (int port = 0; port < 3; ++port)
+  for (int axis = 0; axis < 3; ++axis)
   {
-    vtkInformation* info = outputs->GetInformationObject(port);
-    info->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), extent, 6);
-    info->Set(vtkDataObject::SPACING(), spacing, 3);
-    info->Set(vtkDataObject::ORIGIN(), origin, 3);
-    info->Set(vtkAlgorithm::CAN_PRODUCE_SUB_EXTENT(), 1);
+    if (static_cast<double>(extent[2 * axis + 1]) - extent[2 * axis] + 1 > std::numeric_limits<int>::max())
+    {
+      throw bigus::Error("OutputExtent runs from " + std::to_string(extent[2 * axis]) + " to " +
+                         std::to_string(extent[2 * axis + 1]) + " along axis " + std::to_string(axis) +
+                         "; an axis can have at most 2^31 - 1 pixels.");
+    }
   }
-  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(0), this->OutputScalarType, 1);
-  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(1), VTK_FLOAT, 1);
-  return 1;
 }
 
-int vtkBigusReslice::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
+void vtkBigusReslice::ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16])
 {
-  bigus::RequestWholeInput(inputs[0]);
-  return 1;
+  Eigen::Matrix4d indexToOutput = Eigen::Matrix4d::Identity();
+  indexToOutput.diagonal().head<3>() = Eigen::Map<const Eigen::Vector3d>(spacing);
+  indexToOutput.col(3).head<3>() = Eigen::Map<const Eigen::Vector3d>(origin);
+  Eigen::Map<RowMajorMatrix> indexToWorld(matrix);
+  indexToWorld = OutputToWorld(this->ResliceAxes, this->ResliceTransform) * indexToOutput;
 }
 
-int vtkBigusReslice::RequestData(vtkInformation* request, vtkInformationVector** inputs, vtkInformationVector* outputs)
+void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int extent[6])
 {
+  if (!(this->CoverageThreshold >= 0))
+  {
+    throw bigus::Error("CoverageThreshold is " + std::to_string(this->CoverageThreshold) + "; it must be at least 0.");
+  }
+  this->Superclass::AllocateOutputs(outputs, extent);
   vtkImageData* image = vtkImageData::GetData(outputs, 0);
   vtkImageData* coverage = vtkImageData::GetData(outputs, 1);
-  auto* stencil =
-      vtkImageStencilData::SafeDownCast(outputs->GetInformationObject(2)->Get(vtkDataObject::DATA_OBJECT()));
-  const auto clear = [&]
+  coverage->SetOrigin(image->GetOrigin());
+  coverage->SetSpacing(image->GetSpacing());
+  if (this->GenerateCoverageOutput)
   {
-    image->Initialize();
-    coverage->Initialize();
-    stencil->Initialize();
-  };
-  clear();
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
-  {
-    // All outputs cover what the asking port wants and what the consumers of the others want, so that a
-    // filter connected to two of them finds both.
-    vtkInformation* info = outputs->GetInformationObject(0);
-    const int asking = std::max(0, request->Get(vtkExecutive::FROM_OUTPUT_PORT()));
-    int whole[6], extent[6];
-    info->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), whole);
-    vtkStreamingDemandDrivenPipeline::GetUpdateExtent(outputs->GetInformationObject(asking), extent);
-    for (int port = 0; port < 3; ++port)
-    {
-      vtkInformation* other = outputs->GetInformationObject(port);
-      int wanted[6];
-      vtkStreamingDemandDrivenPipeline::GetUpdateExtent(other, wanted);
-      if (vtkExecutive::CONSUMERS()->Length(other) > 0 && bigus::ExtentSize(wanted) > 0)
-      {
-        for (int axis = 0; axis < 3; ++axis)
-        {
-          extent[2 * axis] = std::min(extent[2 * axis], std::max(wanted[2 * axis], whole[2 * axis]));
-          extent[2 * axis + 1] = std::max(extent[2 * axis + 1], std::min(wanted[2 * axis + 1], whole[2 * axis + 1]));
-        }
-      }
-    }
-    bigus::CheckOutputSize(extent, this->MaximumOutputPixels);
-    if (!(this->CoverageThreshold >= 0))
-    {
-      throw bigus::Error("CoverageThreshold is " + std::to_string(this->CoverageThreshold) +
-                         "; it must be at least 0.");
-    }
-    if (!this->Engine)
-    {
-      throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
-    }
-
-    this->Renderer->Upload(vtkPolyData::GetData(inputs[0]), {this->Engine, this->ElevationSigma, this->Tolerance});
-    const Eigen::Map<const Eigen::Vector3d> spacing(info->Get(vtkDataObject::SPACING()));
-    const Eigen::Map<const Eigen::Vector3d> origin(info->Get(vtkDataObject::ORIGIN()));
-    Eigen::Matrix4d indexToOutput = Eigen::Matrix4d::Identity();
-    indexToOutput.diagonal().head<3>() = spacing;
-    indexToOutput.col(3).head<3>() = origin;
-    const Eigen::Matrix4d indexToWorld = OutputToWorld(this->ResliceAxes, this->ResliceTransform) * indexToOutput;
-
-    for (vtkImageData* data : {image, coverage})
-    {
-      data->SetOrigin(origin.data());
-      data->SetSpacing(spacing.data());
-    }
-    const bool bytes = this->OutputScalarType == VTK_UNSIGNED_CHAR;
-    const bigus::ViewOutput output = ToViewOutput(this->OutputMode);
-    bigus::AllocatePixels(image, extent, this->OutputScalarType,
-                          output == bigus::ViewOutput::Scattering ? "ScatteringField" : "Intensity");
-    if (this->GenerateCoverageOutput)
-    {
-      bigus::AllocatePixels(coverage, extent, VTK_FLOAT, "Coverage");
-    }
-    if (this->GenerateStencilOutput)
-    {
-      stencil->SetOrigin(origin.data());
-      stencil->SetSpacing(spacing.data());
-      stencil->SetExtent(extent);
-      stencil->AllocateExtents();
-    }
-
-    // Where nothing is seen S and I are 0 already.
-    const bool fillBackground = this->BackgroundLevel != 0 || this->CoverageThreshold > 0;
-    const float threshold = static_cast<float>(this->CoverageThreshold);
-    const float background = static_cast<float>(bytes ? this->BackgroundLevel / 255 : this->BackgroundLevel);
-    const bool finished = this->Renderer->Render(
-        indexToWorld, whole, extent, output,
-        fillBackground || this->GenerateCoverageOutput || this->GenerateStencilOutput,
-        [&](const bigus::FieldRenderer::Band& band)
-        {
-          for (vtkIdType pixel = 0; fillBackground && pixel < band.count; ++pixel)
-          {
-            band.image[pixel] = band.coverage[pixel] > threshold ? band.image[pixel] : background;
-          }
-          bigus::StorePixels(band.image, band.first, band.count, image);
-          if (this->GenerateCoverageOutput)
-          {
-            bigus::StorePixels(band.coverage, band.first, band.count, coverage);
-          }
-          if (this->GenerateStencilOutput)
-          {
-            InsertRuns(band, threshold, stencil);
-          }
-          return bigus::ReportProgress(this, band.fraction);
-        });
-    if (!finished)
-    {
-      clear();  // an empty output is made anew at the next update
-    }
-    return 1;
+    bigus::AllocatePixels(coverage, extent, VTK_FLOAT, "Coverage");
   }
-  catch (const std::exception& error)
+  if (this->GenerateStencilOutput)
   {
-    clear();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
+    vtkImageStencilData* stencil = StencilOf(outputs);
+    stencil->SetOrigin(image->GetOrigin());
+    stencil->SetSpacing(image->GetSpacing());
+    stencil->SetExtent(extent);
+    stencil->AllocateExtents();
+  }
+}
+
+bool vtkBigusReslice::FillsBackground() const
+{
+  // Where nothing is seen S and I are 0 already.
+  return this->BackgroundLevel != 0 || this->CoverageThreshold > 0;
+}
+
+bool vtkBigusReslice::NeedsCoverage()
+{
+  return this->FillsBackground() || this->GenerateCoverageOutput || this->GenerateStencilOutput;
+}
+
+void vtkBigusReslice::StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs)
+{
+  const float threshold = static_cast<float>(this->CoverageThreshold);
+  if (this->FillsBackground())
+  {
+    const bool bytes = this->OutputScalarType == VTK_UNSIGNED_CHAR;
+    const float background = static_cast<float>(bytes ? this->BackgroundLevel / 255 : this->BackgroundLevel);
+    for (vtkIdType pixel = 0; pixel < band.count; ++pixel)
+    {
+      band.image[pixel] = band.coverage[pixel] > threshold ? band.image[pixel] : background;
+    }
+  }
+  this->Superclass::StoreBand(band, outputs);
+  if (this->GenerateCoverageOutput)
+  {
+    bigus::StorePixels(band.coverage, band.first, band.count, vtkImageData::GetData(outputs, 1));
+  }
+  if (this->GenerateStencilOutput)
+  {
+    InsertRuns(band, threshold, StencilOf(outputs));
   }
 }

@@ -29,25 +29,19 @@
 #ifndef vtkBigusReslice_h
 #define vtkBigusReslice_h
 
-#include <memory>  // for the renderer
-
+#include "vtkBigusFieldToImage.h"
 #include "vtkBigusFiltersModule.h"  // for the export macro
-#include "vtkImageAlgorithm.h"
 
-namespace bigus
-{
-class FieldRenderer;
-}
 class vtkAbstractTransform;
 class vtkAlgorithmOutput;
 class vtkImageStencilData;
 class vtkMatrix4x4;
 
-class VTKBIGUSFILTERS_EXPORT vtkBigusReslice : public vtkImageAlgorithm
+class VTKBIGUSFILTERS_EXPORT vtkBigusReslice : public vtkBigusFieldToImage
 {
 public:
   static vtkBigusReslice* New();
-  vtkTypeMacro(vtkBigusReslice, vtkImageAlgorithm);
+  vtkTypeMacro(vtkBigusReslice, vtkBigusFieldToImage);
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   ///@{
@@ -106,27 +100,6 @@ public:
 
   ///@{
   /**
-   * Size of a pixel and distance between slices, in units of the axes (mm). Default: from InformationInput.
-   * Pixels must measure 1e-6 to 1e6 mm.
-   */
-  virtual void SetOutputSpacing(double x, double y, double z);
-  virtual void SetOutputSpacing(const double spacing[3]);
-  vtkGetVector3Macro(OutputSpacing, double);
-  void SetOutputSpacingToDefault();
-  ///@}
-
-  ///@{
-  /**
-   * Coordinate of pixel (0, 0, 0) along the axes, mm. Default: centred on InformationInput.
-   */
-  virtual void SetOutputOrigin(double x, double y, double z);
-  virtual void SetOutputOrigin(const double origin[3]);
-  vtkGetVector3Macro(OutputOrigin, double);
-  void SetOutputOriginToDefault();
-  ///@}
-
-  ///@{
-  /**
    * First and last index along each axis. Default: from InformationInput.
    */
   virtual void SetOutputExtent(int x0, int x1, int y0, int y1, int z0, int z1);
@@ -143,52 +116,6 @@ public:
    */
   vtkSetClampMacro(OutputDimensionality, int, 0, 3);
   vtkGetMacro(OutputDimensionality, int);
-  ///@}
-
-  /** What a pixel holds. */
-  enum
-  {
-    Intensity = 0,       ///< displayed grey I in [0, 1); 0 to 255 for 8-bit output
-    ScatteringField = 1  ///< S before the transfer function: signed, linear in reflectivity
-  };
-
-  ///@{
-  /**
-   * What a pixel holds, default Intensity. ScatteringField needs float output.
-   */
-  vtkSetClampMacro(OutputMode, int, Intensity, ScatteringField);
-  vtkGetMacro(OutputMode, int);
-  void SetOutputModeToIntensity() { this->SetOutputMode(Intensity); }
-  void SetOutputModeToScatteringField() { this->SetOutputMode(ScatteringField); }
-  ///@}
-
-  ///@{
-  /**
-   * VTK_FLOAT (default) or VTK_UNSIGNED_CHAR: round(255 I). The coverage is always float.
-   */
-  vtkSetMacro(OutputScalarType, int);
-  vtkGetMacro(OutputScalarType, int);
-  void SetOutputScalarTypeToFloat() { this->SetOutputScalarType(VTK_FLOAT); }
-  void SetOutputScalarTypeToUnsignedChar() { this->SetOutputScalarType(VTK_UNSIGNED_CHAR); }
-  ///@}
-
-  ///@{
-  /**
-   * Standard deviation of the elevation profile, mm: how thick a slice is seen. 0 is an infinitely thin
-   * plane. Negative (default -1): the one the field was trained under. It is measured in the field's frame
-   * along the plane's normal, whatever the axes scale.
-   */
-  vtkSetMacro(ElevationSigma, double);
-  vtkGetMacro(ElevationSigma, double);
-  ///@}
-
-  ///@{
-  /**
-   * The most by which a pixel's intensity may be off because Gaussians too faint to matter are left out, 0 to
-   * 1, default 1e-4 (a fortieth of a grey level of 255). 0 evaluates every Gaussian at every pixel.
-   */
-  vtkSetMacro(Tolerance, double);
-  vtkGetMacro(Tolerance, double);
   ///@}
 
   ///@{
@@ -229,27 +156,6 @@ public:
 
   ///@{
   /**
-   * The most pixels one update may ask for; more is an error before anything is allocated. Default 2^29 (2
-   * GiB of float), at least 1. A larger output can be streamed.
-   */
-  vtkSetClampMacro(MaximumOutputPixels, vtkIdType, 1, VTK_ID_MAX);
-  vtkGetMacro(MaximumOutputPixels, vtkIdType);
-  ///@}
-
-  ///@{
-  /**
-   * Which engine renders: "auto" (default, the fastest present), "cpu", "cpu-double", "reference" (double
-   * precision, every Gaussian at every pixel, slow), or the name of a plug-in.
-   */
-  vtkSetStringMacro(Engine);
-  vtkGetStringMacro(Engine);
-  ///@}
-
-  /** What rendered the last output, for example "CPU (AVX2, 2 threads)"; empty before. */
-  const char* GetDevice() const;
-
-  ///@{
-  /**
    * The coverage, float.
    */
   vtkAlgorithmOutput* GetCoverageOutputPort() { return this->GetOutputPort(1); }
@@ -271,38 +177,30 @@ protected:
   vtkBigusReslice();
   ~vtkBigusReslice() override;
 
-  int FillInputPortInformation(int port, vtkInformation* info) override;
   int FillOutputPortInformation(int port, vtkInformation* info) override;
   int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
-  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
-  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  void ComputeGrid(double spacing[3], double origin[3], int extent[6]) override;
+  void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) override;
+  void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]) override;
+  bool NeedsCoverage() override;
+  void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs) override;
 
   vtkMatrix4x4* ResliceAxes = nullptr;
   vtkAbstractTransform* ResliceTransform = nullptr;
   vtkImageData* InformationInput = nullptr;
-  double OutputSpacing[3] = {1, 1, 1};
-  double OutputOrigin[3] = {0, 0, 0};
   int OutputExtent[6] = {0, 0, 0, 0, 0, 0};
-  bool ComputeOutputSpacing = true;
-  bool ComputeOutputOrigin = true;
   bool ComputeOutputExtent = true;
   int OutputDimensionality = 3;
-  int OutputMode = Intensity;
-  int OutputScalarType = VTK_FLOAT;
-  double ElevationSigma = -1;
-  double Tolerance = 1e-4;
   double CoverageThreshold = 0;
   double BackgroundLevel = 0;
   vtkTypeBool GenerateCoverageOutput = 1;
   vtkTypeBool GenerateStencilOutput = 0;
-  vtkIdType MaximumOutputPixels = vtkIdType(1) << 29;
-  char* Engine = nullptr;
 
 private:
   vtkBigusReslice(const vtkBigusReslice&) = delete;
   void operator=(const vtkBigusReslice&) = delete;
 
-  std::unique_ptr<bigus::FieldRenderer> Renderer;
+  bool FillsBackground() const;
 };
 
 #endif

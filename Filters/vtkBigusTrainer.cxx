@@ -9,8 +9,8 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Training/Trainer.h"
+#include "PipelineSupport.h"
 #include "vtkBigusConvert.h"
-#include "vtkBigusFieldRenderer.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
 #include "vtkFieldData.h"

@@ -145,6 +145,41 @@ TEST(Voxelizer, IsAStackOfReslicedPlanes)
   }
 }
 
+TEST(Voxelizer, SettingTheSameGridAgainDoesNotExecuteAgain)
+{
+  const auto input = ToPolyData(RandomField(10, 4));
+  vtkNew<vtkBigusVoxelizer> voxelizer;
+  voxelizer->SetInputData(input);
+  voxelizer->SetOutputSpacing(1, 2, 3);
+  voxelizer->SetOutputOrigin(-1, -2, -3);
+  voxelizer->SetOutputDimensions(4, 5, 6);
+  voxelizer->Update();
+  const vtkMTimeType set = voxelizer->GetMTime(), made = voxelizer->GetOutput()->GetMTime();
+  voxelizer->SetOutputSpacing(1, 2, 3);
+  voxelizer->SetOutputOrigin(-1, -2, -3);
+  voxelizer->SetOutputDimensions(4, 5, 6);
+  EXPECT_EQ(voxelizer->GetMTime(), set);
+  voxelizer->Update();
+  EXPECT_EQ(voxelizer->GetOutput()->GetMTime(), made);
+
+  const auto expectChange = [&](auto&& change)
+  {
+    const vtkMTimeType before = voxelizer->GetMTime();
+    change();
+    EXPECT_GT(voxelizer->GetMTime(), before);
+    const vtkMTimeType after = voxelizer->GetMTime();
+    change();
+    EXPECT_EQ(voxelizer->GetMTime(), after);
+  };
+  expectChange([&] { voxelizer->SetOutputSpacingToDefault(); });
+  expectChange([&] { voxelizer->SetOutputOriginToDefault(); });
+  expectChange([&] { voxelizer->SetOutputDimensionsToDefault(); });
+  // The values shown while a default is in force are not those given.
+  expectChange([&] { voxelizer->SetOutputSpacing(1, 1, 1); });
+  expectChange([&] { voxelizer->SetOutputOrigin(0, 0, 0); });
+  expectChange([&] { voxelizer->SetOutputDimensions(1, 1, 1); });
+}
+
 TEST(VoxelizerBadInput, OneErrorEach)
 {
   const auto input = ToPolyData(RandomField(10, 4));

@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What vtkBigusReslice and vtkBigusVoxelizer share: a field on an engine, rendered on a grid of planes band
-// by band.
-#ifndef vtkBigusFieldRenderer_h
-#define vtkBigusFieldRenderer_h
+// A field rendered on a grid of planes: what vtkBigusFieldToImage and its subclasses compute with.
+#ifndef BigusFieldRenderer_h
+#define BigusFieldRenderer_h
 
 #include <Eigen/Dense>
 #include <functional>
@@ -15,16 +14,11 @@
 #include "Core/Engine/Engine.h"
 #include "vtkType.h"
 
-class vtkAlgorithm;
 class vtkImageData;
-class vtkInformationVector;
 class vtkPolyData;
 
 namespace bigus
 {
-
-/// Reports progress from 0 to 1 to the filter's observers; false when they asked it to stop.
-bool ReportProgress(vtkAlgorithm* filter, double fraction);
 
 /// An axis-aligned grid of cubic voxels.
 struct FieldGrid
@@ -38,27 +32,11 @@ struct FieldGrid
 /// deviations, with `maximumDimension` voxels along its longest side. The empty field gets one voxel at 0.
 FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension);
 
-/// Brings the filter's first input up to date and returns it; null when there is none.
-vtkPolyData* UpdatedInput(vtkAlgorithm* filter);
-
-/// Asks the connections of an input port for all of their data, whole images and undivided fields.
-void RequestWholeInput(vtkInformationVector* connections);
-
-/// Withdraws what was asked of a filter that failed: VTK keeps it otherwise, and adds it to every later
-/// request.
-void ForgetRequests(vtkInformationVector* outputs);
-
-/// Throws Error unless pixels of this type can hold what is wanted.
-void CheckPixelFormat(ViewOutput output, int scalarType);
-
 /// Throws Error unless a grid's spacing and origin (mm) can be worked with.
 void CheckGrid(const double spacing[3], const double origin[3]);
 
 /// Number of indices in a VTK extent, as a double because that cannot overflow.
 double ExtentSize(const int extent[6]);
-
-/// Throws Error when the extent holds more pixels than allowed.
-void CheckOutputSize(const int extent[6], vtkIdType maximum);
 
 /// Gives the image its extent and pixels, all 0.
 void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, const char* name);
@@ -66,6 +44,16 @@ void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, co
 /// Writes values into pixels from `first` on: as they are in float, round(255 v) clamped in unsigned char.
 void StorePixels(const float* values, vtkIdType first, vtkIdType count, vtkImageData* image);
 
+/// Some whole rows of one slice, or several whole slices.
+struct PixelBand
+{
+  vtkIdType first, count;  ///< pixels, counted from the start of the extent asked for
+  float* image;            ///< [count], may be changed
+  const float* coverage;   ///< [count], or null when not asked for
+  double fraction;         ///< of the whole work, after this band
+};
+
+/// A field on an engine, rendered on a grid of planes band by band.
 class FieldRenderer
 {
 public:
@@ -83,20 +71,11 @@ public:
   /// Error.
   void Upload(vtkPolyData* input, const Settings& settings);
 
-  /// Some whole rows of one slice, or several whole slices.
-  struct Band
-  {
-    vtkIdType first, count;  ///< pixels, counted from the start of the extent asked for
-    float* image;            ///< [count], may be changed
-    const float* coverage;   ///< [count], or null when not asked for
-    double fraction;         ///< of the whole work, after this band
-  };
-
   /// Renders `extent`, a part of `whole`, of the grid whose index (i, j, k) lies at `indexToWorld` (i, j, k,
   /// 1), mm. Every slice k is a plane of its own. What a pixel gets does not depend on `extent`. `receive`
   /// takes the bands in order and returns false to stop; so does Render then.
   bool Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6], ViewOutput output,
-              bool coverage, const std::function<bool(const Band&)>& receive);
+              bool coverage, const std::function<bool(const PixelBand&)>& receive);
 
   const std::string& Device() const { return device_; }
 

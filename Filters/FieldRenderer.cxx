@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "vtkBigusFieldRenderer.h"
+#include "FieldRenderer.h"
 
 #include <algorithm>
 #include <chrono>
@@ -8,38 +8,23 @@
 #include <limits>
 
 #include "Core/Model/Error.h"
-#include "vtkAlgorithm.h"
 #include "vtkBigusConvert.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
-#include "vtkInformation.h"
-#include "vtkInformationVector.h"
 #include "vtkPointData.h"
 #include "vtkPolyData.h"
-#include "vtkStreamingDemandDrivenPipeline.h"
 #include "vtkUnsignedCharArray.h"
-#include "vtkVersionMacros.h"
 
 namespace bigus
 {
 namespace
 {
 
-constexpr double firstBandPixels = 65536;
-constexpr double bandSeconds = 0.03;
-constexpr double minimumSpacing = 1e-6, maximumSpacing = 1e6;  // mm
+constexpr double kFirstBandPixels = 65536;
+constexpr double kBandSeconds = 0.03;
+constexpr double kMinimumSpacing = 1e-6, kMaximumSpacing = 1e6;  // mm
 
 }  // namespace
-
-bool ReportProgress(vtkAlgorithm* filter, double fraction)
-{
-  filter->UpdateProgress(fraction);
-#if VTK_MAJOR_VERSION > 9 || (VTK_MAJOR_VERSION == 9 && VTK_MINOR_VERSION >= 3)
-  return !filter->CheckAbort();  // hears of an abort further down the pipeline as well
-#else
-  return !filter->GetAbortExecute();
-#endif
-}
 
 FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension)
 {
@@ -62,60 +47,11 @@ FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int 
   }
   const Eigen::Vector3d size = high - low;
   // The limits keep numbers of any field inside an int; an absurd grid is refused later, with its size.
-  grid.spacing = std::clamp(size.maxCoeff() / (maximumDimension - 1), minimumSpacing, maximumSpacing);
+  grid.spacing = std::clamp(size.maxCoeff() / (maximumDimension - 1), kMinimumSpacing, kMaximumSpacing);
   const Eigen::Vector3d steps = (size / grid.spacing).array().round().min(1e9);
   grid.dimensions = steps.cast<int>() + Eigen::Vector3i::Ones();
   grid.origin = 0.5 * (low + high) - 0.5 * grid.spacing * steps;
   return grid;
-}
-
-vtkPolyData* UpdatedInput(vtkAlgorithm* filter)
-{
-  int port = 0;
-  if (vtkAlgorithm* producer = filter->GetInputAlgorithm(0, 0, port))
-  {
-    producer->Update(port);
-  }
-  return vtkPolyData::SafeDownCast(filter->GetInputDataObject(0, 0));
-}
-
-void RequestWholeInput(vtkInformationVector* connections)
-{
-  for (int i = 0; i < connections->GetNumberOfInformationObjects(); ++i)
-  {
-    vtkInformation* info = connections->GetInformationObject(i);
-    if (info->Has(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT()))
-    {
-      int whole[6];
-      info->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), whole);
-      info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_EXTENT(), whole, 6);
-    }
-    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_PIECE_NUMBER(), 0);
-    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES(), 1);
-    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_GHOST_LEVELS(), 0);
-  }
-}
-
-void ForgetRequests(vtkInformationVector* outputs)
-{
-  const int nothing[6] = {0, -1, 0, -1, 0, -1};
-  for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
-  {
-    outputs->GetInformationObject(port)->Set(vtkStreamingDemandDrivenPipeline::COMBINED_UPDATE_EXTENT(), nothing, 6);
-  }
-}
-
-void CheckPixelFormat(ViewOutput output, int scalarType)
-{
-  if (scalarType != VTK_FLOAT && scalarType != VTK_UNSIGNED_CHAR)
-  {
-    throw Error(std::string("OutputScalarType is ") + vtkImageScalarTypeNameMacro(scalarType) +
-                "; float and unsigned char are possible.");
-  }
-  if (output == ViewOutput::Scattering && scalarType != VTK_FLOAT)
-  {
-    throw Error("The scattering field is signed and unbounded; set OutputScalarType to float.");
-  }
 }
 
 void CheckGrid(const double spacing[3], const double origin[3])
@@ -123,7 +59,7 @@ void CheckGrid(const double spacing[3], const double origin[3])
   for (int axis = 0; axis < 3; ++axis)
   {
     const double size = std::abs(spacing[axis]);
-    if (!(size >= minimumSpacing && size <= maximumSpacing))
+    if (!(size >= kMinimumSpacing && size <= kMaximumSpacing))
     {
       throw Error("OutputSpacing along axis " + std::to_string(axis) + " is " + std::to_string(spacing[axis]) +
                   " mm; it must lie between 1e-6 and 1e6 mm.");
@@ -143,17 +79,6 @@ double ExtentSize(const int extent[6])
     size *= std::max(0.0, static_cast<double>(extent[2 * axis + 1]) - extent[2 * axis] + 1);
   }
   return size;
-}
-
-void CheckOutputSize(const int extent[6], vtkIdType maximum)
-{
-  if (ExtentSize(extent) > static_cast<double>(maximum))
-  {
-    throw Error("The output asked for is " + std::to_string(extent[1] - extent[0] + 1) + " x " +
-                std::to_string(extent[3] - extent[2] + 1) + " x " + std::to_string(extent[5] - extent[4] + 1) +
-                " pixels, more than MaximumOutputPixels (" + std::to_string(maximum) +
-                "). Make it smaller or its spacing larger, or stream it in pieces.");
-  }
 }
 
 void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, const char* name)
@@ -186,7 +111,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
     input_ = nullptr;  // should the next line throw, nothing valid is held
     field_ = FieldFromPolyData(input);
     uploadedSigma_.reset();
-    pixelsPerBand_ = firstBandPixels;
+    pixelsPerBand_ = kFirstBandPixels;
     input_ = input;
     inputTime_ = input->GetMTime();
   }
@@ -226,7 +151,7 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
 }
 
 bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6],
-                           ViewOutput output, bool coverage, const std::function<bool(const Band&)>& receive)
+                           ViewOutput output, bool coverage, const std::function<bool(const PixelBand&)>& receive)
 {
   const int columns = extent[1] - extent[0] + 1, rows = extent[3] - extent[2] + 1;
   const int width = whole[1] - whole[0] + 1, height = whole[3] - whole[2] + 1;
@@ -242,11 +167,11 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
     const auto before = std::chrono::steady_clock::now();
     render(image.data(), coverage ? covered.data() : nullptr);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
-    // Aim at bandSeconds from what this band took; a plane that is nearly free says little about the next.
-    pixelsPerBand_ = std::clamp(count * std::clamp(bandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
+    // Aim at kBandSeconds from what this band took; a plane that is nearly free says little about the next.
+    pixelsPerBand_ = std::clamp(count * std::clamp(kBandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
     const vtkIdType pixels = static_cast<vtkIdType>(count);
     const double fraction = (static_cast<double>(first) + pixels) / total;
-    const Band band{first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction};
+    const PixelBand band{first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction};
     first += pixels;
     return receive(band);
   };

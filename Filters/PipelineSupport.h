@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What the filters share of VTK's pipeline: progress, requests, and properties that may be left to a default.
+#ifndef BigusPipelineSupport_h
+#define BigusPipelineSupport_h
+
+#include <algorithm>
+#include <cstddef>
+
+class vtkAlgorithm;
+class vtkInformationVector;
+
+namespace bigus
+{
+
+/// Reports progress from 0 to 1 to the filter's observers; false when they asked it to stop.
+bool ReportProgress(vtkAlgorithm* filter, double fraction);
+
+/// Asks the connections of an input port for all of their data, whole images and undivided fields.
+void RequestWholeInput(vtkInformationVector* connections);
+
+/// Withdraws what was asked of a filter that failed: VTK keeps it otherwise, and adds it to every later request.
+void ForgetRequests(vtkInformationVector* outputs);
+
+/// Sets a property that is derived while `derived` is true. True when that changed something.
+template <class T, std::size_t N>
+bool GiveValues(const T* values, T (&property)[N], bool& derived)
+{
+  if (!derived && std::equal(values, values + N, property))
+  {
+    return false;
+  }
+  std::copy_n(values, N, property);
+  derived = false;
+  return true;
+}
+
+/// Makes the property derived again; it shows `value` until then. True when that changed something.
+template <class T, std::size_t N>
+bool TakeValuesBack(T value, T (&property)[N], bool& derived)
+{
+  if (derived)
+  {
+    return false;
+  }
+  std::fill_n(property, N, value);
+  derived = true;
+  return true;
+}
+
+}  // namespace bigus
+
+#endif

@@ -1,0 +1,174 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusFieldToImage
+ * @brief   Base of the filters that render a Gaussian field into an image
+ *
+ * The input is a field: a vtkPolyData whose points are Gaussians (see vtkBigusTrainer for its arrays). Output 0 is an
+ * image of it. This class holds what a pixel shows, how exactly it is computed and by what; a subclass says where the
+ * pixels lie.
+ *
+ * Every slice k of the output is a plane of its own. Any part of the output may be asked for, whole or streamed: each
+ * pixel comes out with the same bits. The field stays on the engine between updates; it is uploaded again when the
+ * input, Engine or ElevationSigma changes.
+ *
+ * @sa vtkBigusReslice vtkBigusVoxelizer
+ */
+#ifndef vtkBigusFieldToImage_h
+#define vtkBigusFieldToImage_h
+
+#include <memory>  // for the renderer
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkImageAlgorithm.h"
+
+namespace bigus
+{
+class FieldRenderer;
+struct GaussianField;
+struct PixelBand;
+}  // namespace bigus
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusFieldToImage : public vtkImageAlgorithm
+{
+public:
+  vtkAbstractTypeMacro(vtkBigusFieldToImage, vtkImageAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * Distance between pixels along each axis of the output, 1e-6 to 1e6 mm. Default: derived, the subclass says how.
+   */
+  virtual void SetOutputSpacing(double x, double y, double z);
+  virtual void SetOutputSpacing(const double spacing[3]);
+  vtkGetVector3Macro(OutputSpacing, double);
+  void SetOutputSpacingToDefault();
+  ///@}
+
+  ///@{
+  /**
+   * Place of pixel (0, 0, 0), mm. The subclass says in which axes. Default: derived, the subclass says how.
+   */
+  virtual void SetOutputOrigin(double x, double y, double z);
+  virtual void SetOutputOrigin(const double origin[3]);
+  vtkGetVector3Macro(OutputOrigin, double);
+  void SetOutputOriginToDefault();
+  ///@}
+
+  /** What a pixel holds. */
+  enum
+  {
+    Intensity = 0,       ///< displayed grey I in [0, 1); 0 to 255 for 8-bit output
+    ScatteringField = 1  ///< S before the transfer function: signed, linear in reflectivity
+  };
+
+  ///@{
+  /**
+   * What a pixel holds, default Intensity. ScatteringField needs float output.
+   */
+  vtkSetClampMacro(OutputMode, int, Intensity, ScatteringField);
+  vtkGetMacro(OutputMode, int);
+  void SetOutputModeToIntensity() { this->SetOutputMode(Intensity); }
+  void SetOutputModeToScatteringField() { this->SetOutputMode(ScatteringField); }
+  ///@}
+
+  ///@{
+  /**
+   * VTK_FLOAT (default) or VTK_UNSIGNED_CHAR: round(255 I).
+   */
+  vtkSetMacro(OutputScalarType, int);
+  vtkGetMacro(OutputScalarType, int);
+  void SetOutputScalarTypeToFloat() { this->SetOutputScalarType(VTK_FLOAT); }
+  void SetOutputScalarTypeToUnsignedChar() { this->SetOutputScalarType(VTK_UNSIGNED_CHAR); }
+  ///@}
+
+  ///@{
+  /**
+   * Standard deviation of the elevation profile, mm: how thick a slice is seen. 0 is an infinitely thin plane, which
+   * shows the field itself. Negative: the one the field was trained under. It is measured in the field's frame along
+   * the normal of the output's slices, whatever the axes scale. Default: -1 in vtkBigusReslice, 0 in
+   * vtkBigusVoxelizer.
+   */
+  vtkSetMacro(ElevationSigma, double);
+  vtkGetMacro(ElevationSigma, double);
+  ///@}
+
+  ///@{
+  /**
+   * The most by which a pixel's intensity may be off because Gaussians too faint to matter are left out, 0 to 1,
+   * default 1e-4 (a fortieth of a grey level of 255). 0 evaluates every Gaussian at every pixel.
+   */
+  vtkSetMacro(Tolerance, double);
+  vtkGetMacro(Tolerance, double);
+  ///@}
+
+  ///@{
+  /**
+   * The most pixels one update may ask for; more is an error before anything is allocated. Default 2^29 (2 GiB of
+   * float), at least 1. A larger output can be streamed.
+   */
+  vtkSetClampMacro(MaximumOutputPixels, vtkIdType, 1, VTK_ID_MAX);
+  vtkGetMacro(MaximumOutputPixels, vtkIdType);
+  ///@}
+
+  ///@{
+  /**
+   * Which engine renders: "auto" (default, the fastest present), "cpu", "cpu-double", "reference" (double precision,
+   * every Gaussian at every pixel, slow), or the name of a plug-in.
+   */
+  vtkSetStringMacro(Engine);
+  vtkGetStringMacro(Engine);
+  ///@}
+
+  /** What rendered the last output, for example "CPU (AVX2, 2 threads)"; empty before. */
+  const char* GetDevice() const;
+
+protected:
+  vtkBigusFieldToImage();
+  ~vtkBigusFieldToImage() override;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  /// The input as a field, brought up to date and read again only when it changed: for default geometry, which depends
+  /// on the field's bounds. Throws bigus::Error.
+  const bigus::GaussianField& UpdatedField();
+
+  /// The geometry of the output. In: OutputSpacing and OutputOrigin, found sound; out: what the output has. Throws
+  /// bigus::Error.
+  virtual void ComputeGrid(double spacing[3], double origin[3], int extent[6]) = 0;
+
+  /// The 4 x 4 matrix, row by row, that takes an output index (i, j, k, 1) to mm in the field's frame. Throws
+  /// bigus::Error.
+  virtual void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) = 0;
+
+  /// Gives the outputs their geometry and their pixels, all 0. `extent` is what was asked for.
+  virtual void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]);
+
+  /// Whether bands must come with coverage.
+  virtual bool NeedsCoverage() { return false; }
+
+  /// Writes what was rendered into the outputs. Bands come in order and cover the extent asked for.
+  virtual void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs);
+
+  double OutputSpacing[3] = {1, 1, 1};
+  double OutputOrigin[3] = {0, 0, 0};
+  bool ComputeOutputSpacing = true;
+  bool ComputeOutputOrigin = true;
+  int OutputMode = Intensity;
+  int OutputScalarType = VTK_FLOAT;
+  double ElevationSigma = -1;
+  double Tolerance = 1e-4;
+  vtkIdType MaximumOutputPixels = vtkIdType(1) << 29;
+  char* Engine = nullptr;
+
+private:
+  vtkBigusFieldToImage(const vtkBigusFieldToImage&) = delete;
+  void operator=(const vtkBigusFieldToImage&) = delete;
+
+  std::unique_ptr<bigus::FieldRenderer> Renderer;
+};
+
+#endif
