@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
@@ -114,9 +115,9 @@ void AddTextureColumns(vtkTable* table, const std::vector<bigus::TextureComparis
   std::vector<std::pair<std::string, std::vector<double>>> columns;
   vtkNew<vtkDoubleArray> imageSpectrum, truthSpectrum;
   imageSpectrum->SetName("ImageSpectrum");
-  imageSpectrum->SetNumberOfComponents(bigus::spectrumBins);
+  imageSpectrum->SetNumberOfComponents(bigus::kSpectrumBins);
   truthSpectrum->SetName("TruthSpectrum");
-  truthSpectrum->SetNumberOfComponents(bigus::spectrumBins);
+  truthSpectrum->SetNumberOfComponents(bigus::kSpectrumBins);
   for (const bigus::TextureComparison& texture : textures)
   {
     std::size_t k = 0;

@@ -77,7 +77,7 @@ TextureComparison ReadTexture(vtkTable* table)
   };
   TextureComparison texture;
   ForEachNumber(texture, [&mean](const std::string& name, double& number) { number = mean(name, 0); });
-  for (int bin = 0; bin < spectrumBins; ++bin)
+  for (int bin = 0; bin < kSpectrumBins; ++bin)
   {
     texture.image.power[bin] = mean("ImageSpectrum", bin);
     texture.truth.power[bin] = mean("TruthSpectrum", bin);

@@ -51,7 +51,7 @@ Json TextureJson(const TextureComparison& texture)
   Json json = Json::object();
   ForEachNumber(texture, [&json](const std::string& name, double value) { json[SnakeCase(name)] = value; });
   json["spectrum_frequency"] = Json::array();
-  for (int bin = 0; bin < spectrumBins; ++bin)
+  for (int bin = 0; bin < kSpectrumBins; ++bin)
   {
     json["spectrum_frequency"].push_back(SpectrumFrequency(bin));
   }

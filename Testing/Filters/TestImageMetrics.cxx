@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Metrics/Texture.h"
 #include "FilterTestSupport.h"
@@ -98,7 +99,7 @@ TEST(ImageMetrics, BytesAreScoredAsTheirShareOf255AndMatchCore)
   const TextureComparison texture = CompareTexture(a.data(), b.data(), width, height);
   ForEachNumber(texture, [table](const std::string& name, double value)
                 { EXPECT_DOUBLE_EQ(table->GetValueByName(1, name.c_str()).ToDouble(), value) << name; });
-  for (int bin = 0; bin < spectrumBins; ++bin)
+  for (int bin = 0; bin < kSpectrumBins; ++bin)
   {
     EXPECT_DOUBLE_EQ(vtkDoubleArray::SafeDownCast(table->GetColumnByName("ImageSpectrum"))->GetComponent(1, bin),
                      texture.image.power[bin]);

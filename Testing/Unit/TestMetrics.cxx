@@ -11,8 +11,8 @@
 #include <random>
 #include <vector>
 
+#include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
-#include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
 #include "TestImages.h"
 

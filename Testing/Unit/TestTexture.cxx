@@ -19,8 +19,8 @@
 using bigus::CompareTexture;
 using bigus::Error;
 using bigus::ForEachNumber;
+using bigus::kSpectrumBins;
 using bigus::MeanTexture;
-using bigus::spectrumBins;
 using bigus::SpectrumFrequency;
 using bigus::TextureComparison;
 using bigus::TextureStatistics;
@@ -163,7 +163,7 @@ TEST(Texture, OfRayleighSpeckleHasItsConstants)
   // window's mean.
   const double variance = std::pow(found.intensity.std, 2);
   EXPECT_NEAR(found.power[0], variance, 0.15 * variance);
-  for (int b = 1; b < spectrumBins; ++b)
+  for (int b = 1; b < kSpectrumBins; ++b)
   {
     EXPECT_NEAR(found.power[b], variance, 0.03 * variance) << b;
   }
@@ -180,7 +180,7 @@ TEST(Texture, OfAWaveHasItsPowerAtItsFrequency)
     const auto peak = std::max_element(power.begin(), power.end()) - power.begin();
     EXPECT_EQ(peak, frequency - 1);
     EXPECT_DOUBLE_EQ(SpectrumFrequency(static_cast<int>(peak)), frequency / 32.0);
-    for (int b = 0; b < spectrumBins; ++b)
+    for (int b = 0; b < kSpectrumBins; ++b)
     {
       if (std::abs(b - peak) > 2)  // beyond the taper's width
       {

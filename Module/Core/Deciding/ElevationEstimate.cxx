@@ -15,6 +15,8 @@
 #include <utility>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
+#include "Core/Numerics/LevenbergMarquardt.h"
 
 // With u, v the intensities (squared envelopes) of two points of fully developed speckle, each of mean 1,
 // whose complex echoes have coherence rho, the joint density is e^(-u-v) sum_k x^k L_k(u) L_k(v), x = |rho|^2
@@ -295,7 +297,7 @@ public:
     // Where a sweep turns as it advances, turns and distances cannot be told apart: what turns may do is
     // bounded by physics. Diagnostic ultrasound has 2 to 20 MHz, k = 2 pi frequency / 1.54 mm/us; fans reach
     // 45 degrees.
-    const auto carrier = [](double frequency) { return 0.5 * std::pow(4 * 3.141592653589793 * frequency / 1.54, 2); };
+    const auto carrier = [](double frequency) { return 0.5 * std::pow(4 * kPi * frequency / 1.54, 2); };
     low_ << 0.5 / (100 * 100), carrier(2), 0, 0, 0, 0.05;
     high_ << 0.5 / (0.01 * 0.01), carrier(20), 0.25, 1, speckle.cwiseProduct(pixel).squaredNorm(), 1;
   }
@@ -367,46 +369,42 @@ struct Fit
   double Sigma() const { return std::sqrt(std::max(0.5 / parameters[Falloff] - parameters[Jitter], 0.0)); }
 };
 
-/// Least squares over the cells outside `leftOut`, each weighing its number of patches: Levenberg and
-/// Marquardt's steps, kept inside the bounds.
-Fit Descend(const std::vector<Cell>& cells, const Model& model, const Vector& low, const Vector& high,
-            const Vector& start, int leftOut)
+/// Least squares over the cells outside one block, each weighing its number of patches, inside the bounds.
+class FitProblem
 {
-  const auto evaluate = [&](const Vector& p, Matrix* hessian, Vector* gradient)
+public:
+  FitProblem(const std::vector<Cell>& cells, const Model& model, const Vector& low, const Vector& high, int leftOut)
+      : cells_(cells), model_(model), low_(low), high_(high), leftOut_(leftOut)
   {
-    double cost = 0;
-    Vector d;
-    for (const Cell& cell : cells)
-    {
-      if (cell.block == leftOut)
-      {
-        continue;
-      }
-      const double weight = static_cast<double>(cell.products.patches);
-      const double residual = model(cell, p, d) - cell.products.Correlation();
-      cost += weight * residual * residual;
-      if (hessian)
-      {
-        *hessian += weight * d * d.transpose();
-        *gradient += weight * residual * d;
-      }
-    }
-    return cost;
-  };
+  }
 
-  Fit fit;
-  fit.parameters = start;
-  fit.cost = evaluate(start, nullptr, nullptr);
-  double damping = 1e-3;
-  for (int iteration = 0; iteration < 60 && damping < 1e8; ++iteration)
+  Vector Bounded(const Vector& p) const { return p.cwiseMax(low_).cwiseMin(high_); }
+
+  Fit Evaluate(const Vector& p) const
+  {
+    Fit fit;
+    fit.parameters = p;
+    fit.cost = 0;
+    ForEachResidual(p,
+                    [&](double weight, double residual, const Vector&) { fit.cost += weight * residual * residual; });
+    return fit;
+  }
+
+  std::pair<Matrix, Vector> Linearise(const Vector& p, const Fit&) const
   {
     Matrix hessian = Matrix::Zero();
     Vector gradient = Vector::Zero();
-    evaluate(fit.parameters, &hessian, &gradient);
+    ForEachResidual(p,
+                    [&](double weight, double residual, const Vector& derivative)
+                    {
+                      hessian += weight * derivative * derivative.transpose();
+                      gradient += weight * residual * derivative;
+                    });
+    // Parameters that a bound stops, and those that nothing depends on, stay.
     for (int k = 0; k < Parameters; ++k)
     {
-      const bool atLow = fit.parameters[k] <= low[k] && gradient[k] > 0;
-      const bool atHigh = fit.parameters[k] >= high[k] && gradient[k] < 0;
+      const bool atLow = p[k] <= low_[k] && gradient[k] > 0;
+      const bool atHigh = p[k] >= high_[k] && gradient[k] < 0;
       if (atLow || atHigh || !(hessian(k, k) > 0))
       {
         hessian.row(k).setZero();
@@ -415,26 +413,44 @@ Fit Descend(const std::vector<Cell>& cells, const Model& model, const Vector& lo
         gradient[k] = 0;
       }
     }
-    bool better = false;
-    for (; !better && damping < 1e8; damping *= better ? 1 : 4)
+    return {hessian, gradient};
+  }
+
+  bool IsConverged(const Vector& /*from*/, const Vector& /*to*/, double costFrom, double costTo) const
+  {
+    return std::abs(costFrom - costTo) < 1e-9 * costFrom;
+  }
+
+private:
+  template <class Visit>
+  void ForEachResidual(const Vector& p, Visit&& visit) const
+  {
+    Vector derivative;
+    for (const Cell& cell : cells_)
     {
-      Matrix damped = hessian;
-      damped.diagonal() *= 1 + damping;
-      const Vector next = (fit.parameters - damped.ldlt().solve(gradient)).cwiseMax(low).cwiseMin(high);
-      const double cost = evaluate(next, nullptr, nullptr);
-      if (cost < fit.cost)
+      if (cell.block != leftOut_)
       {
-        better = true;
-        if (fit.cost - cost < 1e-9 * fit.cost)
-        {
-          damping = 1e8;  // converged
-        }
-        fit.parameters = next;
-        fit.cost = cost;
-        damping *= 0.25;
+        const double residual = model_(cell, p, derivative) - cell.products.Correlation();
+        visit(static_cast<double>(cell.products.patches), residual, derivative);
       }
     }
   }
+
+  const std::vector<Cell>& cells_;
+  const Model& model_;
+  const Vector &low_, &high_;
+  int leftOut_;
+};
+
+Fit Descend(const std::vector<Cell>& cells, const Model& model, const Vector& low, const Vector& high,
+            const Vector& start, int leftOut)
+{
+  const FitProblem problem(cells, model, low, high, leftOut);
+  LevenbergMarquardtOptions descent;
+  descent.attempts = 12;  // up to a damping of 1e8 and more
+  Vector parameters = start;
+  Fit fit = problem.Evaluate(start);
+  MinimiseByLevenbergMarquardt(problem, descent, parameters, fit);
   return fit;
 }
 

@@ -10,12 +10,13 @@
 #include <cmath>
 #include <complex>
 #include <memory>
-#include <opencv2/core.hpp>
 #include <string>
 #include <utility>
 
 #include "Core/Formula/WindowLoss.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Fourier.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -30,17 +31,6 @@ void ForRanges(int count, Body&& body)
 {
   tbb::parallel_for(tbb::blocked_range<int>(0, count, kGrain),
                     [&](const tbb::blocked_range<int>& range) { body(range.begin(), range.end()); });
-}
-
-template <class Real>
-double InOrder(const std::vector<Real>& parts)
-{
-  double sum = 0;
-  for (Real part : parts)
-  {
-    sum += part;
-  }
-  return sum;
 }
 
 // ---- Windows
@@ -106,113 +96,6 @@ void AddTerm(Real weight, int count, WindowRow<Real>& row, Term&& term)
     r[i] = loss.slopeXY;
   }
 }
-
-// ---- Spectrum
-// ----------------------------------------------------------------------------------------------------
-
-// std::complex's own product looks for infinities that do not occur here.
-template <class Real>
-std::complex<Real> Product(std::complex<Real> a, std::complex<Real> b)
-{
-  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
-}
-
-int LargestPrimeFactor(int n)
-{
-  int largest = 1;
-  for (int p = 2; n > 1; p = p * p > n ? n : p + 1)
-  {
-    for (; n % p == 0; n /= p)
-    {
-      largest = p;
-    }
-  }
-  return largest;
-}
-
-/// out_k = sum_j in_j exp(-2 pi i j k / n), or as the flags say.
-template <class Real>
-void PlainTransform(const std::complex<Real>* in, std::complex<Real>* out, int n, int flags = 0)
-{
-  constexpr int type = sizeof(Real) == sizeof(float) ? CV_32FC2 : CV_64FC2;
-  cv::Mat result(1, n, type, out);
-  cv::dft(cv::Mat(1, n, type, const_cast<std::complex<Real>*>(in)), result, flags);
-}
-
-/// cv::dft takes n p steps for a prime factor p. Beyond this one, two transforms of a smooth length take
-/// fewer.
-constexpr int kLargestFactor = 64;
-
-/// What transforms of one length have in common. For a length with a large prime factor that is Bluestein's
-/// way: with jk = (j^2 + k^2 - (k - j)^2) / 2, X_k = c_k sum_j (x_j c_j) conj(c_(k-j)), c_j = exp(-i pi j^2 /
-/// n): a convolution, done by transforms of a smooth length.
-template <class Real>
-struct FourierTable
-{
-  using Complex = std::complex<Real>;
-  int length, padded = 0;      // padded 0: no detour is needed
-  std::vector<Complex> chirp;  // c
-  std::vector<Complex> filter;
-
-  explicit FourierTable(int n) : length(n)
-  {
-    if (LargestPrimeFactor(n) <= kLargestFactor)
-    {
-      return;
-    }
-    padded = cv::getOptimalDFTSize(2 * n - 1);
-    chirp.resize(n);
-    std::vector<Complex> wrapped(padded);
-    for (std::int64_t j = 0; j < n; ++j)
-    {
-      const double angle = -CV_PI * static_cast<double>(j * j % (2 * n)) / n;
-      chirp[j] = Complex(std::complex<double>(std::cos(angle), std::sin(angle)));
-      wrapped[j] = std::conj(chirp[j]);
-      wrapped[j ? padded - j : 0] = wrapped[j];
-    }
-    filter.resize(padded);
-    PlainTransform(wrapped.data(), filter.data(), padded);
-  }
-};
-
-/// One thread's means to do transforms of one length.
-template <class Real>
-class Fourier
-{
-public:
-  using Complex = std::complex<Real>;
-  explicit Fourier(const FourierTable<Real>& table) : table_(table), a_(table.padded), b_(table.padded) {}
-
-  /// out_k = sum_j in_j exp(-2 pi i j k / n).
-  void Transform(const Complex* in, Complex* out)
-  {
-    const int n = table_.length;
-    if (table_.padded == 0)
-    {
-      PlainTransform(in, out, n);
-      return;
-    }
-    for (int j = 0; j < n; ++j)
-    {
-      a_[j] = Product(in[j], table_.chirp[j]);
-    }
-    std::fill(a_.begin() + n, a_.end(), Complex(0));
-    PlainTransform(a_.data(), b_.data(), table_.padded);
-    for (int j = 0; j < table_.padded; ++j)
-    {
-      b_[j] = Product(b_[j], table_.filter[j]);
-    }
-    PlainTransform(b_.data(), a_.data(), table_.padded, cv::DFT_INVERSE | cv::DFT_SCALE);
-    for (int k = 0; k < n; ++k)
-    {
-      out[k] = Product(a_[k], table_.chirp[k]);
-    }
-  }
-
-private:
-  const FourierTable<Real>& table_;
-  std::vector<Complex> a_, b_;
-};
 
 }  // namespace
 
@@ -361,7 +244,7 @@ double ImageLoss::EvaluateWindows(const Loss& loss, double weight, const Real* i
                           [](Real w, Real x, Real y, Real xx, Real yy, Real, WindowLoss<Real>& out)
                           { AddContrast(w, x, y, xx, yy, out); });
                 }
-                sums[y] = InOrder(row.value);
+                sums[y] = SumInOrder(row.value);
                 for (int k = 0; k < 3; ++k)
                 {
                   std::copy(row.slope[k].begin(), row.slope[k].end(), slope(k, y + kMargin) + kMargin);
@@ -393,7 +276,7 @@ double ImageLoss::EvaluateWindows(const Loss& loss, double weight, const Real* i
                 }
               }
             });
-  return InOrder(sums);
+  return SumInOrder(sums);
 }
 
 template <class Real>
@@ -519,7 +402,7 @@ double ImageLoss::EvaluateSpectrum(double weight, const Real* image, const Real*
                 }
               }
             });
-  return share * InOrder(sums);
+  return share * SumInOrder(sums);
 }
 
 template double ImageLoss::Evaluate(const Loss&, double, const float*, const float*, std::size_t, float*) const;

@@ -7,6 +7,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
+#include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 
 namespace bigus

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Metrics/Metrics.h"
+#include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"

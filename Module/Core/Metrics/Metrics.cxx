@@ -12,60 +12,40 @@
 
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
-namespace
-{
-
-// Sums are kept per block or row and added in order, so that they do not depend on which thread did what.
-double InOrder(const std::vector<double>& parts)
-{
-  double sum = 0;
-  for (double part : parts)
-  {
-    sum += part;
-  }
-  return sum;
-}
-
-void CheckSize(const char* metric, int width, int height)
-{
-  if (width < 1 || height < 1)
-  {
-    throw Error(std::string(metric) + ": the images are " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels; both sides must be at least 1.");
-  }
-}
-
-}  // namespace
-
 double Psnr(const float* image, const float* truth, std::size_t numberOfPixels)
 {
   if (numberOfPixels == 0)
   {
     throw Error("PSNR: the images have no pixels.");
   }
-  constexpr std::size_t block = 4096;
-  std::vector<double> parts((numberOfPixels + block - 1) / block);
+  constexpr std::size_t kBlock = 4096;  // pixels summed by one task
+  std::vector<double> parts((numberOfPixels + kBlock - 1) / kBlock);
   tbb::parallel_for(std::size_t(0), parts.size(),
                     [&](std::size_t b)
                     {
-                      const std::size_t end = std::min(numberOfPixels, (b + 1) * block);
+                      const std::size_t end = std::min(numberOfPixels, (b + 1) * kBlock);
                       double sum = 0;
-                      for (std::size_t p = b * block; p < end; ++p)
+                      for (std::size_t p = b * kBlock; p < end; ++p)
                       {
                         const double d = static_cast<double>(image[p]) - truth[p];
                         sum += d * d;
                       }
                       parts[b] = sum;
                     });
-  return -10 * std::log10(InOrder(parts) / static_cast<double>(numberOfPixels));
+  return -10 * std::log10(SumInOrder(parts) / static_cast<double>(numberOfPixels));
 }
 
 double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows)
 {
-  CheckSize("SSIM", width, height);
+  if (width < 1 || height < 1)
+  {
+    throw Error("SSIM: the images are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels; both sides must be at least 1.");
+  }
   const bool valid = windows == SsimWindows::Valid;
   if (valid && (width < ssimTaps || height < ssimTaps))
   {
@@ -81,9 +61,9 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                     {
                       // The window is separable: first down the columns, for the weighted sums of x, y, x^2,
                       // y^2 and xy ...
-                      constexpr int moments = 5;
+                      constexpr int kMoments = 5;
                       const std::size_t padded = static_cast<std::size_t>(width) + 2 * ssimRadius;
-                      std::vector<double> columns(moments * padded,
+                      std::vector<double> columns(kMoments * padded,
                                                   0.0);  // zero beyond the image's left and right edges
                       const int centre = row + margin;
                       for (int t = 0; t < ssimTaps; ++t)
@@ -111,8 +91,8 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                       double sum = 0;
                       for (int x = margin; x < width - margin; ++x)
                       {
-                        double m[moments] = {};
-                        for (int k = 0; k < moments; ++k)
+                        double m[kMoments] = {};
+                        for (int k = 0; k < kMoments; ++k)
                         {
                           for (int t = 0; t < ssimTaps; ++t)
                           {
@@ -127,7 +107,7 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                       }
                       rows[row] = sum;
                     });
-  return InOrder(rows) / (static_cast<double>(rows.size()) * (width - 2 * margin));
+  return SumInOrder(rows) / (static_cast<double>(rows.size()) * (width - 2 * margin));
 }
 
 }  // namespace bigus

@@ -4,43 +4,23 @@
 // this folder.
 #pragma once
 
-#include <array>
 #include <string>
 #include <vector>
+
+#include "Core/Metrics/PowerSpectrum.h"
 
 namespace bigus
 {
 
-/// Images are intensities in [0, 1], row by row. Patches are 7 x 7 pixels, stride 3; those whose truth mean
-/// is below 0.02 are skipped in both images. Pixels in a patch that is not skipped are lit. Sums are in
-/// double; results do not depend on the number of threads. A size below 1 x 1 throws Error.
-
-/// Backscatter fidelity score (paper eq 15). The paper does not define its terms: these are this project's
-/// own. Each lies in [0, 1], 1 for an image whose speckle has the statistics of the truth's.
-struct BackscatterFidelity
-{
-  double score = 0;                 ///< 0.4 meanContrast + 0.4 contrastDistribution + 0.2 rayleigh
-  double meanContrast = 0;          ///< s_mu
-  double contrastDistribution = 0;  ///< exp(-W1 / sigma_W)
-  double rayleigh = 0;              ///< s_Ray
-};
-
-/// By the speckle contrast, std / mean, of the patches. With no patch left (or no room for one) the images
-/// agree on "no speckle": all terms are 1.
-BackscatterFidelity Bfs(const float* image, const float* truth, int width, int height);
-
-constexpr int spectrumBins = 16;
-/// Radial frequency of a bin, cycles a pixel: 1/32 to 1/2, which is Nyquist's.
-constexpr double SpectrumFrequency(int bin)
-{
-  return (bin + 1) / 32.0;
-}
+/// Images are intensities in [0, 1], row by row. Patches are 7 x 7 pixels, stride 3; those whose truth mean is below
+/// 0.02 are skipped in both images. Pixels in a patch that is not skipped are lit. Sums are in double; results do not
+/// depend on the number of threads. A size below 1 x 1 throws Error.
 
 /// The texture of one image. Where there is nothing to measure every number is 0.
 struct TextureStatistics
 {
-  /// Speckle contrast std / mean over patches: 0.523 for fully developed (Rayleigh) speckle, less where it
-  /// was averaged or compressed.
+  /// Speckle contrast std / mean over patches: 0.523 for fully developed (Rayleigh) speckle, less where it was averaged
+  /// or compressed.
   struct Contrast
   {
     double mean = 0, std = 0;                            ///< over patches
@@ -57,9 +37,9 @@ struct TextureStatistics
   };
   Contrast contrast;
   Intensity intensity;
-  /// Power at SpectrumFrequency(bin), radially averaged over the lit windows of 32 x 32 pixels: white noise
-  /// of variance v has power v everywhere. All 0 where no window fits.
-  std::array<double, spectrumBins> power = {};
+  /// Power at SpectrumFrequency(bin), radially averaged over the lit windows of 32 x 32 pixels: white noise of variance
+  /// v has power v everywhere. All 0 where no window fits.
+  PowerSpectrum power = {};
 };
 
 /// An image beside the truth, both over what the truth lights.
@@ -80,8 +60,8 @@ TextureComparison CompareTexture(const float* image, const float* truth, int wid
 /// Number by number (spectra included), the mean over frames; of none, a comparison of nothing.
 TextureComparison MeanTexture(const std::vector<TextureComparison>& frames);
 
-/// Every number of a comparison but the spectra, by the name it has in tables: visit("ContrastRatio",
-/// number). One list for all who average, print or export them. `Texture` is TextureComparison, const or not.
+/// Every number of a comparison but the spectra, by the name it has in tables: visit("ContrastRatio", number). One list
+/// for all who average, print or export them. `Texture` is TextureComparison, const or not.
 template <class Texture, class Visit>
 void ForEachNumber(Texture& texture, const Visit& visit)
 {

@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
+#include "Core/Numerics/LevenbergMarquardt.h"
 
 namespace bigus
 {
@@ -19,15 +21,11 @@ namespace
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-const double radian = std::acos(-1.0) / 180;  // of one degree
-
-// Of a pixel: halfwidth of the central differences. With features of standard deviation s pixels the
-// derivative is off by h^2 / (6 s^2), 1 % at s = 1, while rounding (5e-7 of I) stays far below a grey level a
-// pixel.
-constexpr double differenceStep = 0.25;
-constexpr double convergedStep = 0.01;  // of a pixel: motion (root mean square over the image) that is as good as none
-constexpr double roundingOfI = 1e-6;    // a residual below this is rounding
-constexpr int rejectionsInARow = 5;
+// Pixels: halfwidth h of the central differences. With features of standard deviation s pixels the derivative is off by
+// h^2 / (6 s^2), 1 % at s = 1, while rounding (5e-7 of I) stays far below a grey level a pixel.
+constexpr double kDifferenceStep = 0.25;
+constexpr double kConvergedStep = 0.01;  // pixels: motion (root mean square over the image) that is as good as none
+constexpr double kRoundingOfI = 1e-6;    // a residual below this is rounding
 
 void CheckRange(const char* name, double value, double low, double high)
 {
@@ -49,9 +47,17 @@ SlicePlane Strided(const SlicePlane& plane, int n)
   return out;
 }
 
-/// What is minimised, and by which steps. The six parameters q are all in mm of displacement, root mean
-/// square over the image: q_0..2 the translation, q_3..5 rotation times its lever. One scale for all makes
-/// damping mean the same for each.
+/// What is seen from one pose.
+struct Prediction
+{
+  std::vector<float> image;  // the pixels compared
+  double sumOfSquares = 0;   // of its differences to the frame
+  double cost = 0;           // the objective
+};
+
+/// What is minimised, and by which steps. The six parameters q are all in mm of displacement, root mean square over the
+/// image: q_0..2 the translation, q_3..5 rotation times its lever. One scale for all makes damping mean the same for
+/// each.
 class Problem
 {
 public:
@@ -81,7 +87,8 @@ public:
 
     for (int k = 0; k < 6; ++k)
     {
-      const double deviation = k < 3 ? options.translationPrior : options.rotationPrior * radian * lever_[k % 3];
+      const double deviation =
+          k < 3 ? options.translationPrior : options.rotationPrior * kRadiansPerDegree * lever_[k % 3];
       prior_[k] = deviation > 0 ? 1 / (deviation * deviation) : 0;
       if ((k < 3 ? options.maximumTranslation : options.maximumRotation) > 0)
       {
@@ -106,7 +113,7 @@ public:
   }
 
   Eigen::Vector3d Translation(const Vector6& q) const { return q.head<3>(); }
-  Eigen::Vector3d Rotation(const Vector6& q) const { return q.tail<3>().cwiseQuotient(lever_) / radian; }
+  Eigen::Vector3d Rotation(const Vector6& q) const { return q.tail<3>().cwiseQuotient(lever_) / kRadiansPerDegree; }
   SlicePlane Plane(const Vector6& q) const { return Moved(plane_, Translation(q), Rotation(q)); }
 
   /// The nearest motion within the bounds.
@@ -178,17 +185,26 @@ public:
     }
   }
 
-  /// Minus twice the logarithm of the posterior: n_ind ln(sum r^2) is that of Gaussian residuals whose level
-  /// is unknown, which is to say sigma^2 is the mean square residual of the pose at hand.
+  /// Minus twice the logarithm of the posterior: n_ind ln(sum r^2) is that of Gaussian residuals whose level is
+  /// unknown, which is to say sigma^2 is the mean square residual of the pose at hand.
   double Objective(const Vector6& q, double sumOfSquares) const
   {
     return independent_ * std::log(Level(sumOfSquares)) + q.cwiseAbs2().dot(prior_);
   }
 
-  /// Half the objective's Hessian (Gauss-Newton) and gradient at q; `prediction` is the image there.
-  std::pair<Matrix6, Vector6> Linearise(const Vector6& q, const std::vector<float>& prediction) const
+  Prediction Evaluate(const Vector6& q) const
   {
-    const double h = differenceStep * pixel_;
+    Prediction out;
+    out.image = Predict(q);
+    out.sumOfSquares = SumOfSquares(out.image);
+    out.cost = Objective(q, out.sumOfSquares);
+    return out;
+  }
+
+  /// Half the objective's Hessian (Gauss-Newton) and half its gradient at q; `prediction` is what is seen there.
+  std::pair<Matrix6, Vector6> Linearise(const Vector6& q, const Prediction& prediction) const
+  {
+    const double h = kDifferenceStep * pixel_;
     std::array<std::vector<float>, 6> derivative;
     for (int k : free_)
     {
@@ -213,10 +229,10 @@ public:
       {
         row[k] = derivative[k][p];
       }
-      gradient += (static_cast<double>(prediction[p]) - image_[p]) * row;
+      gradient += (static_cast<double>(prediction.image[p]) - image_[p]) * row;
       hessian.noalias() += row * row.transpose();
     }
-    const double weight = independent_ / Level(SumOfSquares(prediction));
+    const double weight = independent_ / Level(prediction.sumOfSquares);
     hessian *= weight;
     hessian.diagonal() += prior_;
     gradient = weight * gradient + prior_.cwiseProduct(q);
@@ -230,12 +246,15 @@ public:
     return {hessian, gradient};
   }
 
-  double ConvergedStep() const { return convergedStep * pixel_; }
+  bool IsConverged(const Vector6& from, const Vector6& to, double /*costFrom*/, double /*costTo*/) const
+  {
+    return (to - from).norm() <= kConvergedStep * pixel_;
+  }
 
 private:
   double Level(double sumOfSquares) const
   {
-    return std::max(sumOfSquares, roundingOfI * roundingOfI * static_cast<double>(count_));
+    return std::max(sumOfSquares, kRoundingOfI * kRoundingOfI * static_cast<double>(count_));
   }
 
   const std::function<void(const SlicePlane&, float*)>& render_;
@@ -260,7 +279,7 @@ SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, co
   axes.col(0) = plane.columnStep.normalized();
   axes.col(2) = plane.Normal();
   axes.col(1) = axes.col(2).cross(axes.col(0));
-  const double angle = rotation.norm() * radian;
+  const double angle = rotation.norm() * kRadiansPerDegree;
   const Eigen::Matrix3d turn = angle > 0 ? Eigen::AngleAxisd(angle, axes * rotation.normalized()).toRotationMatrix()
                                          : Eigen::Matrix3d::Identity().eval();
   const Eigen::Vector3d centre = plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
@@ -288,50 +307,19 @@ RigidAlignment AlignImage(const std::function<void(const SlicePlane&, float*)>& 
   plane.Validate("Alignment");
   Problem problem(render, image, mask, plane, options);
   Vector6 q = Vector6::Zero();
-  std::vector<float> prediction = problem.Predict(q);
-  double sumOfSquares = problem.SumOfSquares(prediction);
-  problem.CountIndependent(prediction);
+  Prediction prediction = problem.Evaluate(q);
+  problem.CountIndependent(prediction.image);
+  prediction.cost = problem.Objective(q, prediction.sumOfSquares);
   RigidAlignment out;
   out.plane = plane;
-  out.residualBefore = problem.RootMeanSquare(sumOfSquares);
+  out.residualBefore = problem.RootMeanSquare(prediction.sumOfSquares);
 
-  // Levenberg-Marquardt: (H + lambda D) step = -gradient, D = diag H and a little of its mean, so that a
-  // direction nothing depends on stays where it is.
-  double damping = 1e-3;
-  bool moving = problem.HasContrast() && out.residualBefore > roundingOfI;
-  while (moving && out.iterations < options.iterations)
+  if (problem.HasContrast() && out.residualBefore > kRoundingOfI)
   {
-    ++out.iterations;
-    const auto [hessian, gradient] = problem.Linearise(q, prediction);
-    const double mean = hessian.diagonal().mean();
-    moving = false;
-    for (int attempt = 0; attempt < rejectionsInARow && mean > 0; ++attempt)
-    {
-      Matrix6 damped = hessian;
-      damped.diagonal() += damping * (hessian.diagonal() + Vector6::Constant(1e-3 * mean));
-      const Vector6 trial = problem.Bounded(q - damped.ldlt().solve(gradient));
-      const double length = (trial - q).norm();
-      if (!(length > 0))
-      {
-        break;
-      }
-      std::vector<float> image = problem.Predict(trial);
-      const double sum = problem.SumOfSquares(image);
-      if (problem.Objective(trial, sum) < problem.Objective(q, sumOfSquares))
-      {
-        q = trial;
-        prediction = std::move(image);
-        sumOfSquares = sum;
-        damping = std::max(damping / 10, 1e-6);
-        moving = length > problem.ConvergedStep();
-        break;
-      }
-      if (length < problem.ConvergedStep())
-      {
-        break;  // no better place within reach
-      }
-      damping *= 10;
-    }
+    LevenbergMarquardtOptions descent;
+    descent.iterations = options.iterations;
+    descent.ridge = 1e-3;
+    out.iterations = MinimiseByLevenbergMarquardt(problem, descent, q, prediction);
   }
   if (!q.isZero(0))
   {
@@ -339,7 +327,7 @@ RigidAlignment AlignImage(const std::function<void(const SlicePlane&, float*)>& 
   }
   out.translation = problem.Translation(q).norm();
   out.rotation = problem.Rotation(q).norm();
-  out.residualAfter = problem.RootMeanSquare(sumOfSquares);
+  out.residualAfter = problem.RootMeanSquare(prediction.sumOfSquares);
   return out;
 }
 

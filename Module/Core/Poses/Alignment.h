@@ -49,9 +49,8 @@ struct RigidAlignment
 /// number of threads. Throws Error for options out of range or a frame that is not there.
 RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame, const AlignmentOptions& options = {});
 
-/// The same for any image that `render(plane, image)` can predict: plane.NumberOfPixels() intensities, row by
-/// row. `image` lies at `plane`; where `mask` (null: none) is 0 it does not count. `render` must be
-/// repeatable.
+/// The same for any image that `render(plane, image)` can predict: plane.NumberOfPixels() intensities, row by row.
+/// `image` lies at `plane`; where `mask` (null: none) is 0 it does not count. `render` must be repeatable.
 RigidAlignment AlignImage(const std::function<void(const SlicePlane&, float*)>& render, const float* image,
                           const std::uint8_t* mask, const SlicePlane& plane, const AlignmentOptions& options = {});
 

@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Sums and what follows from them. All add in the order of the elements and in double, so that a result does not depend
+// on which thread made which part.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+namespace bigus
+{
+
+template <class Real>
+double SumInOrder(const std::vector<Real>& values)
+{
+  double sum = 0;
+  for (Real value : values)
+  {
+    sum += value;
+  }
+  return sum;
+}
+
+/// Not a number for no values.
+inline double Mean(const std::vector<double>& values)
+{
+  return SumInOrder(values) / static_cast<double>(values.size());
+}
+
+/// Mean of (value - centre)^2: the variance when `centre` is the mean.
+inline double MeanSquare(const std::vector<double>& values, double centre)
+{
+  double squares = 0;
+  for (double value : values)
+  {
+    squares += (value - centre) * (value - centre);
+  }
+  return squares / static_cast<double>(values.size());
+}
+
+/// numerator / denominator of numbers that are not negative; where the denominator is 0, infinite, or 0 for 0 / 0.
+inline double RatioOrInfinity(double numerator, double denominator)
+{
+  if (denominator > 0)
+  {
+    return numerator / denominator;
+  }
+  return numerator == 0 ? 0 : std::numeric_limits<double>::infinity();
+}
+
+/// Linear between the order statistics, which lie at 0, 1 / (n - 1), ... 1; `sorted` is ascending and not empty.
+inline double Quantile(const std::vector<double>& sorted, double share)
+{
+  const double position = share * static_cast<double>(sorted.size() - 1);
+  const auto below = static_cast<std::size_t>(position);
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  return sorted[below] + (position - static_cast<double>(below)) * (sorted[above] - sorted[below]);
+}
+
+}  // namespace bigus
