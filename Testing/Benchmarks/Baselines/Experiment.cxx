@@ -310,6 +310,8 @@ Method FromNeighbours(const std::string& name, const Sweep& sweep, const Split& 
                      { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Linear); }},
                     {"pose_cubic", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
                      { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Cubic); }},
+                    {"pose_any_plane", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
+                     { PredictPoseInterpolation(s, training, s.Plane(frame), image); }},
                     {"cubic", PredictCubicInterpolation}};
   const auto found = predictors.find(name);
   if (found == predictors.end())

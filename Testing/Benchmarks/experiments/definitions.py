@@ -174,7 +174,9 @@ E1 = Experiment(
 COMPOUNDING = {"liver": (0.4, 0.5, 0.63, 0.9), "brain": (0.3, 0.41, 0.6, 0.8, 1.2), "spine": (0.3, 0.5, 0.8, 1.2),
                "phantom": (0.2, 0.3, 0.5, 0.8)}
 BASELINES = {"nearest frame": {"name": "nearest"}, "neighbour average": {"name": "neighbour_average"},
-             "pose-aware linear": {"name": "pose_linear"}, "pose-aware cubic in plane": {"name": "pose_cubic"},
+             "pose-aware linear": {"name": "pose_linear"},
+             "pose-aware linear, any plane": {"name": "pose_any_plane"},
+             "pose-aware cubic in plane": {"name": "pose_cubic"},
              "cubic in all directions": {"name": "cubic"}}
 # What virtual planes are made of, as methods of their own: what does the field add to them?
 VIRTUAL = {f"virtual plane, {kind}": {"name": "virtual", "interpolation": kind}
