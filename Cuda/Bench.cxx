@@ -17,10 +17,10 @@
 #include <vector>
 
 #include "Command/Workloads.h"
+#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
-#include "Core/Training/Trainer.h"
 #include "Cuda/Ceilings.h"
 
 namespace

@@ -342,11 +342,11 @@ void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result)
   sigma << *settled.elevationSigma;
   set("elevationSigma", sigma.str());
   set("gaussians", std::to_string(result.field.Size()));
-  set("signedReflectivity", yes(*settled.signedReflectivity));
+  set("signedReflectivity", yes(settled.signedReflectivity));
   set("virtualPlanes", std::to_string(*settled.virtualPlanes));
   set("interpolation", settled.interpolation->ToString());
-  set("frameGains", yes(*settled.frameGains));
-  set("poseRefinement", yes(*settled.poseRefinement));
+  set("frameGains", yes(settled.frameGains));
+  set("poseRefinement", yes(settled.poseRefinement));
   for (const Decision& decision : result.decisions)
   {
     SetProvenance(data, "decision." + decision.what, decision.choice + " (" + decision.evidence + ")");

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "Core/Deciding/Trainer.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
-#include "Core/Training/Trainer.h"
 #include "vtkBigusFiltersModule.h"
 #include "vtkSmartPointer.h"
 

@@ -7,8 +7,8 @@
 #include <optional>
 #include <sstream>
 
+#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
-#include "Core/Training/Trainer.h"
 #include "PipelineSupport.h"
 #include "vtkBigusConvert.h"
 #include "vtkDoubleArray.h"
@@ -38,11 +38,6 @@ std::optional<Number> UnlessNegative(Number value)
 }
 
 // -1 leaves a choice open.
-std::optional<bool> ToSwitch(int value)
-{
-  return value < 0 ? std::nullopt : std::optional<bool>(value != 0);
-}
-
 std::string Text(const char* text)
 {
   return text ? text : "";
@@ -238,11 +233,6 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "DensificationInterval: " << this->DensificationInterval << "\n";
   os << indent << "DensificationPercentile: " << this->DensificationPercentile << "\n";
   os << indent << "DensificationCap: " << this->DensificationCap << "\n";
-  os << indent << "DensificationStart: " << this->DensificationStart << "\n";
-  os << indent << "DensificationStop: " << this->DensificationStop << "\n";
-  os << indent << "SplitScale: " << this->SplitScale << "\n";
-  os << indent << "CloneReflectivity: " << this->CloneReflectivity << "\n";
-  os << indent << "PruneReflectivity: " << this->PruneReflectivity << "\n";
   os << indent << "IterationsDone: " << this->IterationsDone << "\n";
   os << indent << "Seconds: " << this->Seconds << "\n";
   os << indent << "Device: " << this->Device << "\n";
@@ -348,9 +338,9 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     {
       options.finalLoss = bigus::Loss::Parse(this->FinalLoss);
     }
-    options.signedReflectivity = ToSwitch(this->SignedReflectivity);
-    options.frameGains = ToSwitch(this->FrameGains);
-    options.poseRefinement = ToSwitch(this->PoseRefinement);
+    options.signedReflectivity = this->SignedReflectivity != 0;  // -1, automatic, is the default
+    options.frameGains = this->FrameGains > 0;
+    options.poseRefinement = this->PoseRefinement > 0;
     options.trackerTranslation = this->TrackerTranslation;
     options.trackerRotation = this->TrackerRotation;
     options.ignoreMasked = this->IgnoreMasked != 0;
@@ -371,11 +361,6 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     options.densification.interval = this->DensificationInterval;
     options.densification.percentile = this->DensificationPercentile;
     options.densification.cap = Count(this->DensificationCap, "DensificationCap");
-    options.densification.start = this->DensificationStart;
-    options.densification.stop = this->DensificationStop;
-    options.densification.splitScale = this->SplitScale;
-    options.densification.cloneReflectivity = this->CloneReflectivity;
-    options.densification.pruneReflectivity = this->PruneReflectivity;
     options.Validate();
 
     vtkImageData* image = vtkImageData::GetData(inputs[0]);

@@ -388,41 +388,6 @@ public:
 
   ///@{
   /**
-   * First and last restructuring as shares of the training, 0 to 1, default 0.1 and 0.6.
-   */
-  vtkSetMacro(DensificationStart, double);
-  vtkGetMacro(DensificationStart, double);
-  vtkSetMacro(DensificationStop, double);
-  vtkGetMacro(DensificationStop, double);
-  ///@}
-
-  ///@{
-  /**
-   * A Gaussian whose largest scale exceeds this many pixels is split in two, a smaller one cloned. Default 2.
-   */
-  vtkSetMacro(SplitScale, double);
-  vtkGetMacro(SplitScale, double);
-  ///@}
-
-  ///@{
-  /**
-   * The share of its reflectivity that each of a cloned pair gets, above 0 to 1, default 0.5.
-   */
-  vtkSetMacro(CloneReflectivity, double);
-  vtkGetMacro(CloneReflectivity, double);
-  ///@}
-
-  ///@{
-  /**
-   * A Gaussian with less than this share of the mean magnitude of reflectivity is removed, 0 to 1, default
-   * 0.01.
-   */
-  vtkSetMacro(PruneReflectivity, double);
-  vtkGetMacro(PruneReflectivity, double);
-  ///@}
-
-  ///@{
-  /**
    * What the last training did: optimizer steps, seconds, what computed, and whether it was stopped from
    * outside.
    */
@@ -496,11 +461,6 @@ protected:
   int DensificationInterval = 0;
   double DensificationPercentile = 95;
   vtkIdType DensificationCap = 0;
-  double DensificationStart = 0.1;
-  double DensificationStop = 0.6;
-  double SplitScale = 2;
-  double CloneReflectivity = 0.5;
-  double PruneReflectivity = 0.01;
 
   int IterationsDone = 0;
   double Seconds = 0;

@@ -11,10 +11,10 @@
 #include <type_traits>
 
 #include "Command.h"
+#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
-#include "Core/Training/Trainer.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Scores.h"
@@ -92,11 +92,11 @@ Json SettledJson(const TrainerOptions& settled)
 {
   return {{"gaussians", *settled.gaussians},
           {"elevation_sigma", *settled.elevationSigma},
-          {"signed", *settled.signedReflectivity},
+          {"signed", settled.signedReflectivity},
           {"virtual_planes", *settled.virtualPlanes},
           {"interpolation", settled.interpolation->ToString()},
-          {"frame_gains", *settled.frameGains},
-          {"refine_poses", *settled.poseRefinement},
+          {"frame_gains", settled.frameGains},
+          {"refine_poses", settled.poseRefinement},
           {"iterations", *settled.iterations},
           {"loss", settled.loss.ToString()},
           {"final_loss", settled.finalLoss ? Json(settled.finalLoss->ToString()) : Json(nullptr)}};
@@ -381,17 +381,14 @@ CLI::Option* AddChoice(CLI::App& app, const std::string& name, std::optional<Num
 }
 
 /// A choice between on and off, or auto (default), which leaves it open.
-CLI::Option* AddSwitch(CLI::App& app, const std::string& name, std::optional<bool>& choice, const std::string& help)
+CLI::Option* AddSwitch(CLI::App& app, const std::string& name, bool& choice, const std::string& help)
 {
   return app
       .add_option_function<std::string>(
-          name,
-          [&choice](const std::string& text)
-          { choice = text == "auto" ? std::nullopt : std::optional<bool>(text == "on"); },
-          help)
-      ->check(CLI::IsMember({"on", "off", "auto"}).description(""))
-      ->type_name("on|off|auto")
-      ->default_str("auto");
+          name, [&choice](const std::string& text) { choice = text == "on"; }, help)
+      ->check(CLI::IsMember({"on", "off"}).description(""))
+      ->type_name("on|off")
+      ->default_str("off");
 }
 
 }  // namespace
@@ -436,7 +433,7 @@ void AddTrain(Program& program)
       ->group(model);
   CLI::Option* isSigned = app->add_flag_callback(
                                  "--signed", [&trainer] { trainer.signedReflectivity = true; },
-                                 "Allow negative reflectivity, which darkens; neither this nor --positive: auto")
+                                 "Allow negative reflectivity, which darkens (the default)")
                               ->group(model);
   app->add_flag_callback(
          "--positive,--positive-only", [&trainer] { trainer.signedReflectivity = false; },

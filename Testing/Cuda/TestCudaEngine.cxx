@@ -9,10 +9,10 @@
 #include <iostream>
 #include <string>
 
+#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
-#include "Core/Training/Trainer.h"
 #include "Emulator.h"
 #include "Engines.h"
 #include "Gradient/RandomField.h"

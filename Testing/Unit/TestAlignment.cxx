@@ -14,7 +14,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Poses/Alignment.h"
-#include "Core/Training/Trainer.h"
+#include "Core/Deciding/Trainer.h"
 #include "Gradient/RandomField.h"
 #include "Unit/SyntheticSweep.h"
 

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <functional>
 
+#include "Core/Deciding/Trainer.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
-#include "Core/Training/Trainer.h"
 #include "Unit/SyntheticSweep.h"
 
 namespace

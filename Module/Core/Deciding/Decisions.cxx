@@ -10,8 +10,9 @@
 
 #include "Core/Deciding/ElevationEstimate.h"
 #include "Core/Metrics/Metrics.h"
-#include "Core/Training/Fit.h"
-#include "Core/Training/FrameCorrections.h"
+#include "Core/Model/SweepGeometry.h"
+#include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/TrainingLoop.h"
 #include "Core/Training/VirtualPlanes.h"
 
 namespace bigus
@@ -36,39 +37,6 @@ constexpr double kUnsure = 1.0;  // dB that the probe's path predicts frames bet
 // that predicts them better.
 constexpr double kAgrees = 0.05;
 constexpr std::size_t kFewestGaussians = 1000;
-constexpr double kSparsePasses = 60, kDensePasses = 80;
-constexpr int kFewestIterations = 200;
-
-/// Optimizer steps for so many passes over frames and virtual planes.
-int Steps(double passes, std::size_t frames, int perGap, int batch)
-{
-  const std::size_t planes = frames + (frames > 1 ? (frames - 1) * static_cast<std::size_t>(perGap) : 0);
-  return static_cast<int>(passes * static_cast<double>(planes) /
-                          static_cast<double>(std::min<std::size_t>(batch, planes)));
-}
-
-double Passes(const SweepGeometry& geometry)
-{
-  // Sparse sweeps gain nothing from more: what they lack is frames.
-  return geometry.IsSparse() ? kSparsePasses : kDensePasses;
-}
-
-/// A Gaussian for every 50 lit pixels recorded: where the search for the right number starts. Speckle's own
-/// grains need one for every 8.
-std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames, bool keepContrast)
-{
-  std::vector<float> image(sweep.PixelsPerFrame());
-  std::size_t lit = 0;
-  for (int frame : frames)
-  {
-    sweep.CopyFrame(frame, image.data());
-    for (std::size_t p = 0; p < image.size(); ++p)
-    {
-      lit += image[p] > 0 && sweep.IsLit(p);
-    }
-  }
-  return std::clamp<std::size_t>(lit / (keepContrast ? 8 : 50), kFewestGaussians, 300000);
-}
 
 std::string Format(const char* pattern, double value)
 {
@@ -121,8 +89,7 @@ Gain GainOf(const Trial& trial, const Trial& over)
 class Decider
 {
 public:
-  Decider(const Sweep& sweep, const std::vector<int>& frames, TrainerOptions& options,
-          const std::function<bool(const TrainingProgress&)>& progress)
+  Decider(const Sweep& sweep, const std::vector<int>& frames, TrainerOptions& options, const ProgressCallback& progress)
       : options_(options), progress_(progress)
   {
     // The middle of the sweep: its ends show least.
@@ -136,14 +103,12 @@ public:
     sweep_ = std::make_shared<const Sweep>(reduce > 1 ? part.Reduced(reduce) : part);
     std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), 4);
     geometry_ = MeasureGeometry(*sweep_, training_);
-    allFrames_ = frames.size();
   }
 
   std::vector<Decision> Run(const Sweep& sweep, const std::vector<int>& frames)
   {
-    base_ = options_;
-    SettleByGeometry(sweep, frames, base_);
-    if (*base_.virtualPlanes > 0 || !options_.virtualPlanes)
+    base_ = PlanByGeometry(options_, sweep, frames);
+    if (base_.virtualPlanes > 0 || !options_.virtualPlanes)
     {
       DecideFlow();
     }
@@ -155,10 +120,6 @@ public:
     DecideVirtualPlanes();
     DecidePath();
     DecideElevation(sweep, frames);
-    DecideSign();
-    DecideGains();
-    DecidePoseRefinement();
-    DecideIterations();
     DecideGaussians();  // last, since more of them make every further trial longer
     return decisions_;
   }
@@ -167,21 +128,28 @@ private:
   using Clock = std::chrono::steady_clock;
 
   /// Trains shortly with these choices, from `start` where it has Gaussians; else it gets them.
-  Trial Try(TrainerOptions choices, double passes, GaussianField& start)
+  Trial Try(TrainingPlan choices, double passes, Start& start)
   {
     choices.gaussians = std::max<std::size_t>(
-        1, static_cast<std::size_t>(std::lround(static_cast<double>(*choices.gaussians) * share_)));
-    const int steps = std::max(kFewestSteps, Steps(passes, training_.size(), *choices.virtualPlanes, choices.batch));
+        1, static_cast<std::size_t>(std::lround(static_cast<double>(choices.gaussians) * share_)));
+    const int steps =
+        std::max(kFewestSteps, StepsForPasses(passes, training_.size(), choices.virtualPlanes, choices.batch));
     choices.iterations = std::min(steps, options_.iterations.value_or(steps));
     choices.timeLimit = 0;
     choices.densification.interval = 0;
-    const TrainingResult result = Fit(
-        sweep_, training_, {}, choices, nullptr, [this](const TrainingProgress&) { return Proceed(); },
-        WithVirtualPlanes(choices), &start);
+    ScaleToPixels(options_, geometry_.pixelSize, choices);
+    TrainingLoop loop(
+        sweep_, training_, choices, [this](const TrainingProgress&) { return Proceed(); }, WithVirtualPlanes(choices));
+    if (start.field.Size() == 0)
+    {
+      start = loop.SeedAndSolve();
+    }
+    const Fitted fitted = loop.Run(start, {});
     ++trials_;
     Trial trial;
-    const std::unique_ptr<Engine> engine = Engine::Create(choices.engine);
-    engine->SetField(result.field);
+    Engine* engine = &loop.engine();
+    engine->SetAccuracy({});
+    engine->SetField(fitted.field);
     std::vector<float> image(sweep_->PixelsPerFrame()), truth(image.size());
     for (int frame : validation_)
     {
@@ -195,17 +163,16 @@ private:
   }
 
   /// Whether trials of both are seeded and solved alike, and differ only in what follows.
-  static bool StartAlike(const TrainerOptions& a, const TrainerOptions& b)
+  static bool StartAlike(const TrainingPlan& a, const TrainingPlan& b)
   {
     return a.gaussians == b.gaussians && a.virtualPlanes == b.virtualPlanes &&
-           a.interpolation->ToString() == b.interpolation->ToString() && a.elevationSigma == b.elevationSigma &&
-           a.frameGains == b.frameGains;
+           a.interpolation.ToString() == b.interpolation.ToString() && a.elevationSigma == b.elevationSigma;
   }
 
   /// Made once for every number of them, since the interpolation is settled first.
-  std::shared_ptr<const Sweep> WithVirtualPlanes(const TrainerOptions& choices)
+  std::shared_ptr<const Sweep> WithVirtualPlanes(const TrainingPlan& choices)
   {
-    const int perGap = *choices.virtualPlanes;
+    const int perGap = choices.virtualPlanes;
     if (perGap == 0)
     {
       return nullptr;
@@ -213,7 +180,7 @@ private:
     std::shared_ptr<const Sweep>& made = withVirtualPlanes_[perGap];
     if (!made)
     {
-      made = AddVirtualPlanes(*sweep_, training_, perGap, *choices.interpolation);
+      made = AddVirtualPlanes(*sweep_, training_, perGap, choices.interpolation);
     }
     return made;
   }
@@ -257,7 +224,7 @@ private:
   /// Tries other choices and takes them when they gain more than `least` dB. What is to gain something must
   /// gain more than half the standard error, too: between choices so close that chance decides, either will
   /// do. `orDoesNotLose`: or when they lose less than kAgrees even if they gain a standard error less.
-  bool Consider(const TrainerOptions& candidate, const std::string& label, double least, std::string& evidence,
+  bool Consider(const TrainingPlan& candidate, const std::string& label, double least, std::string& evidence,
                 bool orDoesNotLose = false)
   {
     if (!Proceed())
@@ -265,7 +232,7 @@ private:
       return false;
     }
     const Trial best = Best();
-    GaussianField start = StartAlike(candidate, base_) ? start_ : GaussianField();
+    Start start = StartAlike(candidate, base_) ? start_ : Start();
     const Trial trial = Try(candidate, passes_, start);
     if (stopped_)
     {
@@ -331,10 +298,10 @@ private:
     {
       return;
     }
-    if (*base_.virtualPlanes > 0 && pathGain_ > 0)
+    if (base_.virtualPlanes > 0 && pathGain_ > 0)
     {
-      TrainerOptions candidate = base_;
-      candidate.interpolation = alongProbe_;
+      TrainingPlan candidate = base_;
+      candidate.interpolation = *alongProbe_;
       const auto alongNormals = std::move(withVirtualPlanes_);
       withVirtualPlanes_.clear();
       if (!Consider(candidate, "along the probe's path in a trial", kPays, interpolationEvidence_, true))
@@ -343,7 +310,7 @@ private:
       }
     }
     options_.interpolation = base_.interpolation;
-    Record("interpolation", base_.interpolation->ToString(), interpolationEvidence_, since);
+    Record("interpolation", base_.interpolation.ToString(), interpolationEvidence_, since);
     decisions_.back().seconds += interpolationSeconds_;
   }
 
@@ -359,12 +326,12 @@ private:
     std::string evidence;
     const auto consider = [&](int perGap, double least)
     {
-      TrainerOptions candidate = base_;
+      TrainingPlan candidate = base_;
       candidate.virtualPlanes = perGap;
-      return Consider(candidate, std::to_string(perGap) + " instead of " + std::to_string(*base_.virtualPlanes), least,
+      return Consider(candidate, std::to_string(perGap) + " instead of " + std::to_string(base_.virtualPlanes), least,
                       evidence);
     };
-    const int start = *base_.virtualPlanes;
+    const int start = base_.virtualPlanes;
     if (start == 0 || !consider(0, -kPays))  // as good without them: without them
     {
       for (int perGap = start + 1; perGap <= 2 && consider(perGap, kPays); ++perGap)
@@ -372,7 +339,7 @@ private:
       }
     }
     options_.virtualPlanes = base_.virtualPlanes;
-    Record("virtual planes", std::to_string(*base_.virtualPlanes), evidence, since);
+    Record("virtual planes", std::to_string(base_.virtualPlanes), evidence, since);
   }
 
   /// What speckle says about the probe is where to look: the field's best beam may be thinner, since
@@ -388,7 +355,7 @@ private:
     if (!Proceed())  // the estimate takes seconds
     {
       options_.elevationSigma = base_.elevationSigma;
-      Record("elevation sigma", Format("%.3g mm", *base_.elevationSigma), "", since);
+      Record("elevation sigma", Format("%.3g mm", base_.elevationSigma), "", since);
       return;
     }
     const ElevationEstimate estimate = EstimateElevationSigma(sweep, frames);
@@ -397,12 +364,12 @@ private:
                                              : "no estimate from speckle (" + estimate.reason + ")";
     const auto consider = [&](double sigma, double least = kPays)
     {
-      TrainerOptions candidate = base_;
+      TrainingPlan candidate = base_;
       candidate.elevationSigma = sigma;
-      return Consider(candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", *base_.elevationSigma), least,
+      return Consider(candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", base_.elevationSigma), least,
                       evidence);
     };
-    const double start = *base_.elevationSigma, half = estimate.reliable ? estimate.sigma / 2 : start;
+    const double start = base_.elevationSigma, half = estimate.reliable ? estimate.sigma / 2 : start;
     const auto thicken = [&]()
     {
       // One step: validation frames widen the gaps, and wider gaps ask for ever thicker beams.
@@ -429,121 +396,7 @@ private:
       }
     }
     options_.elevationSigma = base_.elevationSigma;
-    Record("elevation sigma", Format("%.3g mm", *base_.elevationSigma), evidence, since);
-  }
-
-  void DecideSign()
-  {
-    const auto since = Clock::now();
-    const auto name = [](bool isSigned) { return std::string(isSigned ? "signed" : "positive"); };
-    if (options_.signedReflectivity)
-    {
-      Record("reflectivity", name(*options_.signedReflectivity), "given", since);
-      return;
-    }
-    TrainerOptions candidate = base_;
-    candidate.signedReflectivity = false;
-    std::string evidence;
-    Consider(candidate, "positive instead of signed", kPays, evidence);
-    options_.signedReflectivity = base_.signedReflectivity;
-    Record("reflectivity", name(*base_.signedReflectivity), evidence, since);
-  }
-
-  /// Something that is off unless it pays, tried unless `hopeless`.
-  void DecideSwitch(const char* what, std::optional<bool> TrainerOptions::*option, bool hopeless, std::string evidence,
-                    Clock::time_point since)
-  {
-    const auto name = [](bool on) { return std::string(on ? "on" : "off"); };
-    if (!hopeless)
-    {
-      TrainerOptions candidate = base_;
-      candidate.*option = true;
-      Consider(candidate, "on", kPays, evidence);
-    }
-    options_.*option = base_.*option;
-    Record(what, name(*(base_.*option)), evidence, since);
-  }
-
-  bool IsGiven(const char* what, const std::optional<bool>& option)
-  {
-    if (option)
-    {
-      Record(what, *option ? "on" : "off", "given", Clock::now());
-    }
-    return option.has_value();
-  }
-
-  /// A trial is spared where gains are so alike that removing them could not pay if all they change were
-  /// error.
-  void DecideGains()
-  {
-    const auto since = Clock::now();
-    if (IsGiven("frame gains", options_.frameGains))
-    {
-      return;
-    }
-    if (!Proceed())
-    {
-      DecideSwitch("frame gains", &TrainerOptions::frameGains, true, "", since);
-      return;
-    }
-    const auto levelled = Levelled(*sweep_, training_, sweep_->Subset(training_));
-    std::vector<float> before(sweep_->PixelsPerFrame()), after(before.size());
-    double change = 0;
-    for (std::size_t k = 0; k < training_.size(); ++k)
-    {
-      sweep_->CopyFrame(training_[k], before.data());
-      levelled->CopyFrame(static_cast<int>(k), after.data());
-      change += std::pow(10.0, -0.1 * Psnr(before.data(), after.data(), before.size())) /
-                static_cast<double>(training_.size());
-    }
-    const double error = std::pow(10.0, -0.1 * Best().Mean());
-    const double most = change < error ? -10 * std::log10(1 - change / error) : 100.0;
-    DecideSwitch("frame gains", &TrainerOptions::frameGains, most <= kPays,
-                 "neighbours' brightness explains at most" + Format(" %.2f dB", most), since);
-  }
-
-  /// A trial is spared where tracked poses predict frames better than the smoothness of the probe's path
-  /// does.
-  void DecidePoseRefinement()
-  {
-    const auto since = Clock::now();
-    if (!IsGiven("pose refinement", options_.poseRefinement))
-    {
-      const bool good = pathGain_ < 0;
-      DecideSwitch(
-          "pose refinement", &TrainerOptions::poseRefinement, good,
-          good ? "tracked poses predict frames" + Format(" %.2f dB", -pathGain_) + " better than the probe's path" : "",
-          since);
-    }
-  }
-
-  /// Early stop: where twice the steps of a trial lose, half of a training's are enough.
-  void DecideIterations()
-  {
-    const auto since = Clock::now();
-    if (options_.iterations)
-    {
-      Record("iterations", std::to_string(*options_.iterations), "given", since);
-      return;
-    }
-    int steps = std::max(kFewestIterations, Steps(Passes(geometry_), allFrames_, *base_.virtualPlanes, options_.batch));
-    std::string evidence;
-    if (Proceed())
-    {
-      const Trial best = Best(), trial = Try(base_, 2 * passes_, start_);
-      if (!stopped_)
-      {
-        const Gain gain = GainOf(trial, best);
-        evidence = "twice a trial's steps: " + Describe(gain);
-        if (gain.mean < -kPays && -gain.mean > gain.error)
-        {
-          steps = std::max(kFewestIterations, steps / 2);
-        }
-      }
-    }
-    options_.iterations = steps;
-    Record("iterations", std::to_string(steps), evidence, since);
+    Record("elevation sigma", Format("%.3g mm", base_.elevationSigma), evidence, since);
   }
 
   /// Doubles while it pays its price, else halves while that costs nothing.
@@ -558,9 +411,9 @@ private:
     std::string evidence;
     const auto consider = [&](std::size_t count, double least)
     {
-      TrainerOptions candidate = base_;
+      TrainingPlan candidate = base_;
       candidate.gaussians = count;
-      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(*base_.gaussians), least,
+      return Consider(candidate, std::to_string(count) + " instead of " + std::to_string(base_.gaussians), least,
                       evidence);
     };
     if (!geometry_.IsSparse() && share_ <= kLongTrialShare)
@@ -569,28 +422,27 @@ private:
       best_.reset();
     }
     bool grew = false;
-    while (2 * *base_.gaussians <= options_.maximumGaussians && consider(2 * *base_.gaussians, options_.price))
+    while (2 * base_.gaussians <= options_.maximumGaussians && consider(2 * base_.gaussians, options_.price))
     {
       grew = true;
     }
-    while (!grew && *base_.gaussians >= kFewestGaussians && consider(*base_.gaussians / 2, -kAsGood))
+    while (!grew && base_.gaussians >= kFewestGaussians && consider(base_.gaussians / 2, -kAsGood))
     {
     }
     options_.gaussians = base_.gaussians;
-    Record("Gaussians", std::to_string(*base_.gaussians),
+    Record("Gaussians", std::to_string(base_.gaussians),
            evidence + (evidence.empty() ? "" : "; ") + Format("price %.2f dB a doubling", options_.price), since);
   }
 
   TrainerOptions& options_;
-  const std::function<bool(const TrainingProgress&)>& progress_;
+  const ProgressCallback& progress_;
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;
   SweepGeometry geometry_;
-  double share_ = 1;           // of the sweep's frames
-  std::size_t allFrames_ = 0;  // to train on in the end
-  TrainerOptions base_;        // the best so far, and what it reached
+  double share_ = 1;   // of the sweep's frames
+  TrainingPlan base_;  // the best so far, and what it reached
   std::optional<Trial> best_;
-  GaussianField start_;           // of trials of base_
+  Start start_;                   // of trials of base_
   double passes_ = kTrialPasses;  // that trials take now
   std::vector<Decision> decisions_;
   std::map<int, std::shared_ptr<const Sweep>> withVirtualPlanes_;
@@ -605,44 +457,13 @@ private:
 }  // namespace
 
 std::vector<Decision> Decide(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                             TrainerOptions& options, const std::function<bool(const TrainingProgress&)>& progress)
+                             TrainerOptions& options, const ProgressCallback& progress)
 {
   if (frames.size() < kFewest)
   {
     return {{"everything", "by geometry", std::to_string(frames.size()) + " frames are too few to compare on", 0}};
   }
   return Decider(*sweep, frames, options, progress).Run(*sweep, frames);
-}
-
-void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, TrainerOptions& options)
-{
-  const SweepGeometry geometry = MeasureGeometry(sweep, frames);
-  const bool sparse = geometry.IsSparse();
-  const auto settle = [](auto& choice, auto value)
-  {
-    if (!choice)
-    {
-      choice = value;
-    }
-  };
-  if (!options.gaussians)
-  {
-    options.gaussians = std::min(UsualGaussians(sweep, frames, options.keepContrast), options.maximumGaussians);
-  }
-  // A thick beam smooths what is between frames: less error, less speckle.
-  settle(options.elevationSigma, sparse && !options.keepContrast ? 0.8 : 0.3);
-  settle(options.signedReflectivity, true);
-  // Without planes that keep contrast the loss alone would ask for grains where no frame says where.
-  settle(options.virtualPlanes, options.keepContrast ? 2 : sparse ? 1 : 0);
-  settle(options.interpolation, FrameInterpolation{FrameInterpolation::Path::Normals, false, options.keepContrast});
-  settle(options.frameGains, false);
-  settle(options.poseRefinement, false);
-  settle(options.solveIterations, sparse ? 0 : 8);
-  if (!options.iterations)
-  {
-    options.iterations =
-        std::max(kFewestIterations, Steps(Passes(geometry), frames.size(), *options.virtualPlanes, options.batch));
-  }
 }
 
 }  // namespace bigus

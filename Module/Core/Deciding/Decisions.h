@@ -4,7 +4,13 @@
 // Private to Core.
 #pragma once
 
-#include "Core/Training/Trainer.h"
+#include <memory>
+#include <vector>
+
+#include "Core/Deciding/Decision.h"
+#include "Core/Model/Sweep.h"
+#include "Core/Training/TrainerOptions.h"
+#include "Core/Training/TrainingProgress.h"
 
 namespace bigus
 {
@@ -14,11 +20,8 @@ namespace bigus
 /// on at most 32 consecutive frames are compared on the latter, a choice at a time. Something costly or
 /// unusual is taken when it gains more than 0.03 dB, more than half the standard error of the gain, and on at
 /// least half of the frames. With fewer than 8 frames nothing can be compared, and all is left to
-/// SettleByGeometry. When `progress` returns false the choices made so far stand.
+/// PlanByGeometry. When `progress` returns false the choices made so far stand.
 std::vector<Decision> Decide(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                             TrainerOptions& options, const std::function<bool(const TrainingProgress&)>& progress);
-
-/// Fills what is still open from the sweep's geometry, without looking at results.
-void SettleByGeometry(const Sweep& sweep, const std::vector<int>& frames, TrainerOptions& options);
+                             TrainerOptions& options, const ProgressCallback& progress);
 
 }  // namespace bigus

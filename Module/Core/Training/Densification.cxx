@@ -10,12 +10,21 @@ namespace bigus
 namespace
 {
 
+/// Pixels: a Gaussian whose largest scale is above this is split, a smaller one cloned. Two standard deviations of one
+/// pixel each are about what pixels can tell apart.
+constexpr double kSplitScale = 2.0;
+
 /// Children lie this many standard deviations to either side of a split Gaussian, along the split axis.
 constexpr double kOffset = 0.75;
 
-/// A clone starts this far from its twin, in standard deviations along the descent direction, so that they
-/// can part.
+/// A clone starts this far from its twin, in standard deviations along the descent direction, so that they can part.
 constexpr double kNudge = 0.25;
+
+/// Each of a cloned pair gets this share of r, so that the two render about what the one did.
+constexpr double kCloneReflectivity = 0.5;
+
+/// A Gaussian with |r| below this share of the mean |r| is negligible.
+constexpr double kPruneReflectivity = 0.01;
 
 }  // namespace
 
@@ -35,7 +44,7 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   std::vector<double> ranked;
   for (std::size_t i = 0; i < n; ++i)
   {
-    keep[i] = scores.visits[i] > 0 && std::abs(field.reflectivities[i]) >= options.pruneReflectivity * meanReflectivity;
+    keep[i] = scores.visits[i] > 0 && std::abs(field.reflectivities[i]) >= kPruneReflectivity * meanReflectivity;
     if (keep[i])
     {
       error[i] = scores.error[i] / scores.visits[i];
@@ -104,7 +113,7 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
     {
       pull = scale;  // no pull at all: along its longest extent
     }
-    if (scale.maxCoeff() > options.splitScale * pixelSize)
+    if (scale.maxCoeff() > kSplitScale * pixelSize)
     {
       // Two children with half the mass and, together, the covariance of their parent.
       int axis;
@@ -120,8 +129,8 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
     else
     {
       const Eigen::Vector3d step = kNudge * (axes * pull.normalized().cwiseProduct(scale));
-      add(i, mean, scale, options.cloneReflectivity * r, static_cast<int>(i));
-      add(i, mean + step, scale, options.cloneReflectivity * r, -1);
+      add(i, mean, scale, kCloneReflectivity * r, static_cast<int>(i));
+      add(i, mean + step, scale, kCloneReflectivity * r, -1);
       ++out.cloned;
     }
   }

@@ -136,14 +136,14 @@ std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<i
 }
 
 std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, const std::vector<int>& frames,
-                                       const Sweep& present, const TrainerOptions& options)
+                                       const Sweep& present, const TrainingPlan& plan)
 {
   auto corrected = std::make_shared<Sweep>(present);
-  if (*options.poseRefinement)
+  if (plan.poseRefinement)
   {
     AlignmentOptions alignment;
-    alignment.translationPrior = options.trackerTranslation;
-    alignment.rotationPrior = options.trackerRotation;
+    alignment.translationPrior = plan.trackerTranslation;
+    alignment.rotationPrior = plan.trackerRotation;
     alignment.iterations = 3;
     alignment.stride = 2;
     Eigen::Vector3d drift = Eigen::Vector3d::Zero();  // the mean shift says nothing about any one frame
@@ -159,7 +159,7 @@ std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, co
       corrected->imageToReference[k].block<3, 1>(0, 3) -= drift;
     }
   }
-  if (*options.frameGains)
+  if (plan.frameGains)
   {
     WithPixels(*corrected, recorded, frames,
                [&](float* pixels) { RemoveGains(engine, *corrected, frames.size(), pixels); });

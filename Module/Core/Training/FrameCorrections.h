@@ -9,7 +9,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Sweep.h"
-#include "Core/Training/Trainer.h"
+#include "Core/Training/TrainingPlan.h"
 
 namespace bigus
 {
@@ -24,6 +24,6 @@ std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<i
 /// Every recorded frame against the field that the engine holds: its gain and offset removed and its pose
 /// refined, where the options ask for it.
 std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, const std::vector<int>& frames,
-                                       const Sweep& present, const TrainerOptions& options);
+                                       const Sweep& present, const TrainingPlan& plan);
 
 }  // namespace bigus

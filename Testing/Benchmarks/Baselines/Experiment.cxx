@@ -21,13 +21,13 @@
 #include <vector>
 
 #include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/Seeding.h"
-#include "Core/Training/Trainer.h"
 #include "JobFields.h"
 #include "Scene.h"
 

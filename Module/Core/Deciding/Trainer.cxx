@@ -1,0 +1,167 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Deciding/Trainer.h"
+
+#include <algorithm>
+
+#include "Core/Deciding/Decisions.h"
+#include "Core/Model/Error.h"
+#include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/TrainingLoop.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// Share of the progress bar that deciding takes.
+constexpr double kDecidingShare = 0.3;
+
+/// The most of a limited time that deciding takes; training gets the larger part.
+constexpr double kDecidingTime = 1.0 / 3;
+
+/// Seconds that a time limit leaves to training at the least, since 0 would mean no limit.
+constexpr double kLeastTime = 1e-3;
+
+/// Refuses what no field can be seeded from: a single plane says nothing about space, equal pixels nothing at all.
+void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
+{
+  if (frames.size() < 2)
+  {
+    throw Error(
+        "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field that exists "
+        "already can be continued with one.)");
+  }
+  std::vector<float> image(sweep.PixelsPerFrame());
+  sweep.CopyFrame(frames[0], image.data());
+  const float level = image[0];
+  for (int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    if (std::any_of(image.begin(), image.end(), [level](float value) { return value != level; }))
+    {
+      return;
+    }
+  }
+  throw Error("Trainer: " +
+              (level == 0 ? std::string("all frames are black")
+                          : "every pixel of all frames is " + std::to_string(level) + " (of 1)") +
+              ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
+}
+
+/// The elements of `values` at `indices`.
+std::vector<int> Pick(const std::vector<int>& values, const std::vector<int>& indices)
+{
+  std::vector<int> picked;
+  for (int index : indices)
+  {
+    picked.push_back(values[index]);
+  }
+  return picked;
+}
+
+/// The options with the plan's choices.
+TrainerOptions Settled(TrainerOptions options, const TrainingPlan& plan)
+{
+  options.gaussians = plan.gaussians;
+  options.elevationSigma = plan.elevationSigma;
+  options.virtualPlanes = plan.virtualPlanes;
+  options.interpolation = plan.interpolation;
+  options.iterations = plan.iterations;
+  options.solveIterations = plan.solveIterations;
+  options.minimumScale = plan.minimumScale;
+  options.maximumScale = plan.maximumScale;
+  return options;
+}
+
+}  // namespace
+
+TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
+                     const ProgressCallback& progress)
+{
+  const Stopwatch watch;
+  options.Validate();
+  sweep->Validate();
+
+  auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
+  std::vector<int> validation;
+  if (options.validation > 0)
+  {
+    const auto [train, validate] = SplitHoldOut(static_cast<int>(frames.size()), options.validation);
+    validation = Pick(frames, validate);
+    frames = Pick(frames, train);
+  }
+  if (frames.empty())
+  {
+    throw Error("Trainer: with a hold-out of " + std::to_string(options.holdOut) + " and validation of " +
+                std::to_string(options.validation) + ", none of the " + std::to_string(sweep->NumberOfFrames()) +
+                " frames is left to train on.");
+  }
+  if (!start)
+  {
+    RequireSomethingToLearn(*sweep, frames);
+  }
+  else if (start->Size() == 0)
+  {
+    throw Error("Trainer: the field to continue from holds no Gaussian.");
+  }
+  sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
+
+  TrainerOptions open = options;
+  if (start && !open.elevationSigma)
+  {
+    open.elevationSigma = start->beam.elevationSigma;
+  }
+  double from = 0, share = 1;  // of the progress bar, for what runs now
+  bool aborted = false;
+  const auto passOn = [&](TrainingProgress now)
+  {
+    now.fraction = from + share * now.fraction;
+    now.record.seconds = watch.Seconds();
+    now.secondsLeft = now.fraction > 0.01 ? now.record.seconds * (1 - now.fraction) / now.fraction : 0.0;
+    aborted = aborted || (progress && !progress(now));
+    return !aborted;
+  };
+  TrainingResult result;
+  // A field to continue from was decided on before.
+  if (options.automatic && !start && options.iterations.value_or(1) > 0)
+  {
+    share = kDecidingShare;
+    result.decisions = Decide(
+        sweep, frames, open,
+        [&](const TrainingProgress& now)
+        { return passOn(now) && (options.timeLimit == 0 || watch.Seconds() < kDecidingTime * options.timeLimit); });
+    from = kDecidingShare;
+    share = 1 - kDecidingShare;
+  }
+  TrainingPlan plan = PlanByGeometry(open, *sweep, frames);
+  result.settled = Settled(options, plan);
+  if (options.timeLimit > 0)
+  {
+    plan.timeLimit = std::max(options.timeLimit - watch.Seconds(), kLeastTime);
+  }
+  TrainingLoop loop(sweep, frames, plan, passOn);
+  Start first;
+  if (start)
+  {
+    first = {*start, false};
+    first.field.beam.elevationSigma = plan.elevationSigma;
+  }
+  else
+  {
+    first = loop.SeedAndSolve();
+  }
+  Fitted fitted = loop.Run(std::move(first), validation);
+  result.field = std::move(fitted.field);
+  result.log = std::move(fitted.log);
+  result.iterations = fitted.iterations;
+  result.device = loop.engine().Device();
+  result.trainingFrames = std::move(frames);
+  result.validationFrames = std::move(validation);
+  result.heldOutFrames = std::move(heldOut);
+  result.aborted = aborted;
+  result.seconds = watch.Seconds();
+  return result;
+}
+
+}  // namespace bigus

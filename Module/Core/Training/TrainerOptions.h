@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Everything that a caller of the trainer can set.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "Core/Engine/Loss.h"
+#include "Core/Training/Densification.h"
+#include "Core/Training/FrameInterpolation.h"
+#include "Core/Training/Seeding.h"
+
+namespace bigus
+{
+
+/// What has a plain default, which does not depend on the sweep.
+struct TrainingSettings
+{
+  std::string engine = "auto";
+  std::uint64_t seed = 1;
+  SeedPlacement seeding = SeedPlacement::Intensity;
+  bool signedReflectivity = true;  ///< false: r >= 0
+  /// A gain and an offset for every frame to train on, removed from it: images of one place that differ in brightness
+  /// otherwise contradict each other.
+  bool frameGains = false;
+  /// Every frame to train on is aligned rigidly to the field twice during training, with the tracked pose as prior.
+  bool poseRefinement = false;
+  double trackerTranslation = 0.3;  ///< mm, above 0 to 1000: standard deviation of a tracked position
+  double trackerRotation = 0.3;     ///< degrees, above 0 to 45: of a tracked orientation
+  int patience = 10;                ///< evaluations without a better validation PSNR before stopping, >= 1
+  double timeLimit = 0;             ///< seconds, all included, 0 = none; the rate schedule is fitted to it
+  int batch = 8;                    ///< frames a step, 1 to 4096
+  Loss loss;
+  std::optional<Loss> finalLoss;   ///< weights move linearly from `loss` to these during training; empty: they stay
+  bool ignoreMasked = false;       ///< true: no pixel never lit counts in the loss; false: those far from lit are black
+  double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
+  double meanRate = 0.3;           ///< Adam step for means, pixels
+  double shapeRate = 0.08;         ///< Adam step for log-scales and rotation (radian)
+  double reflectivityRate = 0.15;  ///< Adam step for r, in units of mean |r|
+  double finalRate = 0.05;         ///< rates decay to this share, and further in more than some 300 passes
+  DensificationOptions densification;
+};
+
+/// The settings and the choices. An empty optional is a choice left open: some are decided from evidence where
+/// `automatic` is set (Deciding/Decisions.h); the rest follow from the sweep's geometry (GeometryDefaults.h).
+struct TrainerOptions : TrainingSettings
+{
+  bool automatic = true;  ///< decide by short trainings scored on validation frames
+  int holdOut = 0;        ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
+  int validation = 0;     ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
+
+  std::optional<std::size_t> gaussians;    ///< seeds, 1 to 2^26; decided
+  std::size_t maximumGaussians = 2000000;  ///< the most that `automatic` chooses, 1 to 2^26
+  double price = 0.1;                      ///< dB on validation frames that twice the Gaussians must gain, 0 to 100
+  std::optional<double> elevationSigma;    ///< mm, 0 to 1000; decided where the tracked poses are off
+  std::optional<int> virtualPlanes;        ///< planes added in every gap, 0 to 8; decided
+  std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show; decided. Its keepContrast is not read
+  bool keepContrast = false;                        ///< virtual planes keep the frames' speckle contrast
+  std::optional<int> iterations;                    ///< optimizer steps, 0 (seeding only) to 10^7; by geometry
+  std::optional<int> solveIterations;               ///< conjugate-gradient steps on r at the start, 0 to 1000
+  std::optional<double> minimumScale;               ///< mm; default 0.25 pixel
+  std::optional<double> maximumScale;               ///< mm; default 48 pixels
+
+  /// Throws Error naming the option, its value and its range.
+  void Validate() const;
+};
+
+/// Sets what belongs to one aim, and leaves the rest as it is: "fidelity" (the least error, the default), "texture"
+/// (speckle as strong as in the frames, which costs error). Throws Error with the names for any other.
+void ApplyPreset(const std::string& name, TrainerOptions& options);
+
+}  // namespace bigus

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// One training with every choice made. Private to Core.
+#pragma once
+
+#include <cstddef>
+
+#include "Core/Training/TrainerOptions.h"
+
+namespace bigus
+{
+
+/// The settings, and for every choice that options leave open what was chosen. Made by PlanByGeometry.
+struct TrainingPlan : TrainingSettings
+{
+  std::size_t gaussians = 0;
+  double elevationSigma = 0;  ///< mm
+  int virtualPlanes = 0;      ///< in every gap
+  FrameInterpolation interpolation;
+  int iterations = 0;
+  int solveIterations = 0;
+  double pixelSize = 0;                       ///< mm, of the frames to train on
+  double minimumScale = 0, maximumScale = 0;  ///< mm
+};
+
+}  // namespace bigus
