@@ -59,8 +59,8 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
   tbb::parallel_for(0, static_cast<int>(rows.size()),
                     [&](int row)
                     {
-                      // The window is separable: first down the columns, for the weighted sums of x, y, x^2,
-                      // y^2 and xy ...
+                      // The window is separable: first down the columns, for the weighted sums of x, y, x^2, y^2 and xy
+                      // ...
                       constexpr int kMoments = 5;
                       const std::size_t padded = static_cast<std::size_t>(width) + 2 * ssimRadius;
                       std::vector<double> columns(kMoments * padded,

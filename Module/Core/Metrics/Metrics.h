@@ -8,8 +8,7 @@
 namespace bigus
 {
 
-/// Images are intensities in [0, 1], row by row. Sums are in double; results do not depend on the number of
-/// threads.
+/// Images are intensities in [0, 1], row by row. Sums are in double; results do not depend on the number of threads.
 
 /// Peak signal-to-noise ratio, dB: 10 log10(1 / mean squared error); +infinity for identical images.
 double Psnr(const float* image, const float* truth, std::size_t numberOfPixels);

@@ -50,8 +50,7 @@ struct TextureComparison
   double contrastDistance = 0;    ///< Wasserstein-1 distance of the contrasts
   double intensityDistance = 0;   ///< Wasserstein-1 distance of the lit pixels' histograms (65536 bins), in intensity
   double spectrumDifference = 0;  ///< dB: mean over bins of |10 log10(power / truth's power)|
-  /// Power above half of Nyquist's frequency, as a share of the truth's: 0 is smooth, 1 as fine, above 1
-  /// grainier.
+  /// Power above half of Nyquist's frequency, as a share of the truth's: 0 is smooth, 1 as fine, above 1 grainier.
   double highFrequencyPower = 1;
 };
 

@@ -154,9 +154,8 @@ public:
     return std::sqrt(sumOfSquares / static_cast<double>(std::max<std::size_t>(count_, 1)));
   }
 
-  /// Speckle makes residuals of neighbours alike, so n pixels hold fewer independent ones. With correlation
-  /// rho^|lag| along rows and columns, of residuals and derivatives alike, n / A with A = (1 + rho^2) / (1 -
-  /// rho^2) on each axis.
+  /// Speckle makes residuals of neighbours alike, so n pixels hold fewer independent ones. With correlation rho^|lag|
+  /// along rows and columns, of residuals and derivatives alike, n / A with A = (1 + rho^2) / (1 - rho^2) on each axis.
   void CountIndependent(const std::vector<float>& prediction)
   {
     std::vector<double> residual(image_.size(), 0.0);

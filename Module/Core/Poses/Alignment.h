@@ -15,9 +15,9 @@
 namespace bigus
 {
 
-/// `plane` turned by `rotation` about its centre and then shifted by `translation`, both in the plane's own
-/// axes: along its rows, across them in the plane, along its normal. translation in mm, rotation a rotation
-/// vector (axis times angle) in degrees.
+/// `plane` turned by `rotation` about its centre and then shifted by `translation`, both in the plane's own axes: along
+/// its rows, across them in the plane, along its normal. translation in mm, rotation a rotation vector (axis times
+/// angle) in degrees.
 SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, const Eigen::Vector3d& rotation);
 
 struct AlignmentOptions
@@ -43,10 +43,10 @@ struct RigidAlignment
   int iterations = 0;         ///< Gauss-Newton steps taken
 };
 
-/// Aligns `frame` of the sweep to the field the engine holds, from its tracked pose; masked pixels do not
-/// count. The result is a local optimum: it is reached from displacements of about the size of a speckle. A
-/// frame without contrast, or without a visible Gaussian, stays where it is. Results are the same for every
-/// number of threads. Throws Error for options out of range or a frame that is not there.
+/// Aligns `frame` of the sweep to the field the engine holds, from its tracked pose; masked pixels do not count. The
+/// result is a local optimum: it is reached from displacements of about the size of a speckle. A frame without
+/// contrast, or without a visible Gaussian, stays where it is. Results are the same for every number of threads. Throws
+/// Error for options out of range or a frame that is not there.
 RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame, const AlignmentOptions& options = {});
 
 /// The same for any image that `render(plane, image)` can predict: plane.NumberOfPixels() intensities, row by row.
