@@ -219,9 +219,8 @@ struct BackwardTask
   Lists lists;
   Field field;
   const Camera* cameras;
-  const int* frames;     // [views]
-  const float* images;   // [views][height][width] dL/dS
-  const float* weights;  // the same, dL/dW of normalised weights; or null
+  const int* frames;    // [views]
+  const float* images;  // [views][height][width] dL/dS
   int width, height;
   const StepParameters* parameters;
   AdamBlock<float>* adam;          // [blocks] a step is taken; or null
@@ -357,10 +356,9 @@ __device__ inline void Spend(Gaussian<float>& gaussian, const GaussianGradient<f
 
 /// Launched as (blocks, 1) of kBackwardThreads. Three thread blocks a multiprocessor: 80 registers hold all that
 /// walks footprints; the chain rule, once a plane, keeps some of its numbers in memory.
-template <bool Normalised>
 __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask task)
 {
-  __shared__ float moments[Normalised ? 2 : 1][kMoments][kBlock];
+  __shared__ float moments[kMoments][kBlock];
   __shared__ View<float> views[kChunk];
   __shared__ Seen seen[kChunk];
   if (*task.lists.used > task.lists.capacity)
@@ -371,7 +369,7 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
   const bool present = i < task.field.places[b].count;
   Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], min(i, kBlock - 1));
   GaussianGradient<float> gradient{};
-  float error = 0, visits = 0, slope = 0;
+  float error = 0, visits = 0;
   for (int first = 0; first < task.lists.views; first += kChunk)
   {
     __syncthreads();
@@ -397,58 +395,27 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
       const std::size_t at = static_cast<std::size_t>(first + j) * task.width * task.height;
       if (task.scores)
       {
-        GatherAll<kMoments>(splats, seen[j].count, task.images + at, task.width, task.height, moments[0]);
+        GatherAll<kMoments>(splats, seen[j].count, task.images + at, task.width, task.height, moments);
       }
       else
       {
-        GatherAll<kMoments - 1>(splats, seen[j].count, task.images + at, task.width, task.height, moments[0]);
-      }
-      if (Normalised)
-      {
-        GatherAll<kMoments - 1>(splats, seen[j].count, task.weights + at, task.width, task.height,
-                                moments[Normalised ? 1 : 0]);
+        GatherAll<kMoments - 1>(splats, seen[j].count, task.images + at, task.width, task.height, moments);
       }
       const int k = present ? RankIn(seen[j], i) : -1;
       if (k >= 0)
       {
-        Moments<float> m{moments[0][0][k],
-                         moments[0][1][k],
-                         moments[0][2][k],
-                         moments[0][3][k],
-                         moments[0][4][k],
-                         moments[0][5][k],
-                         0.0f};
-        Gaussian<float> seenAs = gaussian;
-        if (Normalised)
-        {
-          // A footprint w gets r dL/dS + dL/dW where it otherwise gets r dL/dS: moments of both images add up to
-          // those of a Gaussian of reflectivity 1, and dL/dr stays the moment of dL/dS.
-          slope += m.m0;
-          const float r = gaussian.reflectivity;
-          const auto& w = moments[Normalised ? 1 : 0];
-          m = {r * m.m0 + w[0][k],
-               r * m.m1 + w[1][k],
-               r * m.m2 + w[2][k],
-               r * m.m11 + w[3][k],
-               r * m.m12 + w[4][k],
-               r * m.m22 + w[5][k],
-               0.0f};
-          seenAs.reflectivity = 1;
-        }
-        const GaussianGradient<float> g = ProjectAdjoint(seenAs, Project(seenAs, views[j]), m);
+        const Moments<float> m{moments[0][k], moments[1][k], moments[2][k], moments[3][k],
+                               moments[4][k], moments[5][k], 0.0f};
+        const GaussianGradient<float> g = ProjectAdjoint(gaussian, Project(gaussian, views[j]), m);
         gradient.mean = MultiplyAdd(1.0f, g.mean, gradient.mean);
         gradient.logScale = MultiplyAdd(1.0f, g.logScale, gradient.logScale);
         gradient.rotation = MultiplyAdd(1.0f, g.rotation, gradient.rotation);
         gradient.reflectivity += g.reflectivity;
         visits += 1;
-        error += task.scores ? moments[0][6][k] : 0.0f;
+        error += task.scores ? moments[6][k] : 0.0f;
       }
       __syncthreads();
     }
-  }
-  if (Normalised)
-  {
-    gradient.reflectivity = slope;
   }
   const bool visited = visits > 0;
   if (task.gradient && i < kBlock)

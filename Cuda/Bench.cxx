@@ -211,7 +211,7 @@ void MeasureSpeed(const Options& options)
   for (const int batch : {frames, 16})
   {
     const TrainingPass pass = MakeTrainingPass(small, frames, side, std::min(batch, frames));
-    engine->SetFrames(pass.sweep, false);
+    engine->SetFrames(pass.sweep);
     engine->SetField(pass.field);
     engine->SetAccuracy(pass.accuracy);
     Work work;

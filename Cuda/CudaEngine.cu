@@ -162,12 +162,6 @@ public:
     step_.Forget();
   }
 
-  void SetNormalisedWeights(bool on) override
-  {
-    normalised_ = on;
-    step_.Forget();
-  }
-
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
   {
     RenderPlanes(&plane, 1, window, output, image, coverage);
@@ -188,9 +182,9 @@ public:
     }
   }
 
-  void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
+  void SetFrames(std::shared_ptr<const Sweep> sweep) override
   {
-    sweep->Validate();
+    sweep->ValidateLayout();
     const std::size_t pixels = sweep->PixelsPerFrame(), all = pixels * sweep->NumberOfFrames();
     const bool bytes = sweep->pixelType == Sweep::PixelType::UInt8;
     Grow(bytes_, bytes ? all : 0, "frames", kFewerFrames);
@@ -203,17 +197,10 @@ public:
     {
       floats_.Upload(static_cast<const float*>(sweep->pixels.get()), all, stream_);
     }
-    const std::vector<std::uint8_t> counted = CountedPixels(*sweep, ignoreMasked);
+    const std::vector<std::uint8_t> counted = CountedPixels(*sweep);
     Grow(counted_, counted.size(), "frames", kFewerFrames);
     counted_.Upload(counted.data(), counted.size(), stream_);
     countedPixels_ = counted.empty() ? pixels : static_cast<std::size_t>(std::count(counted.begin(), counted.end(), 1));
-    std::vector<float> weights;
-    for (int frame = 0; frame < sweep->NumberOfFrames(); ++frame)
-    {
-      weights.push_back(sweep->Weight(frame));
-    }
-    Grow(frameWeights_, weights.size(), "frames", kFewerFrames);
-    frameWeights_.Upload(weights.data(), weights.size(), stream_);
     imageLoss_.emplace(sweep->width, sweep->height, counted);
     const std::vector<std::uint8_t>& windows = imageLoss_->Windows();
     Grow(windows_, windows.size(), "frames", kFewerFrames);
@@ -267,15 +254,14 @@ public:
     return gaussians_.Bytes() + places_.Bytes() + sharpSlots_.Bytes() + sharp_.Bytes() + adam_.Bytes() +
            gradient_.Bytes() + scores_.Bytes() + cameras_.Bytes() + planes_.Bytes() + frames_.Bytes() + seen_.Bytes() +
            boxes_.Bytes() + groupBoxes_.Bytes() + splats_.Bytes() + overlaps_.Bytes() + images_.Bytes() +
-           weightImages_.Bytes() + intensities_.Bytes() + others_.Bytes() + slopes_.Bytes() + differences_.Bytes() +
-           spectrum_.Bytes() + losses_.Bytes() + rendered_.Bytes() + results_.Bytes() + parameters_.Bytes();
+           intensities_.Bytes() + others_.Bytes() + slopes_.Bytes() + differences_.Bytes() + spectrum_.Bytes() +
+           losses_.Bytes() + rendered_.Bytes() + results_.Bytes() + parameters_.Bytes();
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
                              const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
-    RefuseNormalised(normalised_);
     PrepareCameras();
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
@@ -307,7 +293,7 @@ public:
                 [&]
                 {
                   task.lists = FindVisible(cameras_.data(), static_cast<int>(batch.size()), sweep_->width,
-                                           sweep_->height, task.tiles, true, true);
+                                           sweep_->height, task.tiles, Purpose::Solve);
                   Launch("solving", SolveTiles, Warps(task.tiles), batch.size(), kForwardWarps * kWarp, stream_, task);
                   Launch("solving", GatherZeroth, blocks, 1, kBackwardThreads, stream_, task.lists, images_.data(),
                          sweep_->width, sweep_->height, out->data());
@@ -355,6 +341,15 @@ private:
   static constexpr std::size_t kStackPixels = std::size_t(1) << 25;  // of a stack, rendered at once
   static constexpr std::size_t kStackPlanes = 64;                    // the same; their lists are held too
 
+  /// What footprints are found for, as in CpuEngine. To render: each is cut where its own |r| falls below its share.
+  /// To train: the same, but none is too dark to be seen. To solve: all as if every |r| were the field's mean.
+  enum class Purpose
+  {
+    Render,
+    Train,
+    Solve
+  };
+
   /// One window of several planes of one size.
   void RenderPlanes(const SlicePlane* planes, int views, const Window& window, ViewOutput output, float* images,
                     float* coverage)
@@ -389,14 +384,13 @@ private:
                    window.firstRow + window.rows};
     task.tiles = TilesOfWindow(task.window);
     task.intensity = output == ViewOutput::Intensity;
-    task.normalised = normalised_;
     task.gamma = static_cast<float>(transfer_.gamma);
     task.image = rendered_.data();
     task.coverage = coverage ? rendered_.data() + pixels : nullptr;
     Repeat(
         [&]
         {
-          task.lists = FindVisible(planes_.data(), views, width, height, task.tiles, normalised_, false);
+          task.lists = FindVisible(planes_.data(), views, width, height, task.tiles, Purpose::Render);
           Launch("rendering", RenderTiles, Warps(task.tiles), views, kForwardWarps * kWarp, stream_, task);
         });
     rendered_.Download(images, 0, pixels, stream_);
@@ -446,12 +440,8 @@ private:
 
   Frames DeviceFrames() const
   {
-    return {sweep_->width,
-            sweep_->height,
-            bytes_.size() > 0 ? bytes_.data() : nullptr,
-            floats_.data(),
-            counted_.size() > 0 ? counted_.data() : nullptr,
-            frameWeights_.data()};
+    return {sweep_->width, sweep_->height, bytes_.size() > 0 ? bytes_.data() : nullptr, floats_.data(),
+            counted_.size() > 0 ? counted_.data() : nullptr};
   }
 
   static bool HasNeedle(const GaussianField& field, const std::vector<std::uint32_t>& order, std::size_t b, int count)
@@ -595,14 +585,12 @@ private:
     return {nullptr, side, (width + side - 1) / side, (height + side - 1) / side};
   }
 
-  /// Queues the search for what the cameras of frames_ see in some tiles of their width x height images. With
-  /// `alike`, footprints are cut as if every |r| were the field's mean (with normalised weights: such that w ends at
-  /// the tolerance). With `alive`, none is too dark to be seen.
-  Lists FindVisible(const Camera* cameras, int views, int width, int height, const Tiles& tiles, bool alike, bool alive)
+  /// Queues the search for what the cameras of frames_ see in some tiles of their width x height images.
+  Lists FindVisible(const Camera* cameras, int views, int width, int height, const Tiles& tiles, Purpose purpose)
   {
     const std::size_t blocks = gaussians_.size(), groups = (blocks + kGroup - 1) / kGroup;
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
-    const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && blocks > 0;
+    const bool shared = !accuracy_.perSplat && purpose != Purpose::Solve && tolerance > 0 && blocks > 0;
     FindTask task{};
     task.field = DeviceField();
     task.cameras = cameras;
@@ -612,11 +600,11 @@ private:
                    tiles.rowBegin * kTileSide, (tiles.rowBegin + tiles.rows) * kTileSide};
     task.plane = {0, width, 0, height};
     task.tolerance = tolerance;
-    task.leastMagnitude = alive ? LeastMagnitude(tolerance) : 0.0;
+    task.leastMagnitude = purpose == Purpose::Render ? 0.0 : LeastMagnitude(tolerance);
     task.direct = accuracy_.direct;
     const OverlapCounts overlaps = OverlapsOf(width, height);
     MakeRoom(views, overlaps, tiles);
-    task.commonMagnitude = normalised_ ? 1 / transfer_.gamma : alike ? MeanMagnitude() : 0.0;
+    task.commonMagnitude = purpose == Purpose::Solve ? MeanMagnitude() : 0.0;
     if (shared)
     {
       task.floor = tolerance / (2.0 * static_cast<double>(order_.size()));
@@ -645,7 +633,7 @@ private:
     return ReadResults().loss;
   }
 
-  /// For splats of given values that are cut alike.
+  /// For Purpose::Solve.
   double MeanMagnitude()
   {
     const std::size_t blocks = gaussians_.size();
@@ -670,10 +658,9 @@ private:
         static_cast<float>(1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) * views));
     parameters_.Upload(&parameters, 1, stream_);
     UploadBatch(frames);
-    const bool atOnce = loss.IsPixelwise() && !normalised_;
+    const bool atOnce = loss.IsPixelwise();
     const Tiles tiles = TilesOfWindow({0, sweep_->width, 0, sweep_->height});
     Grow(images_, all, "images", kSmallerBatch);
-    Grow(weightImages_, normalised_ ? all : 0, "images", kSmallerBatch);
 
     TrainTask forward{};
     forward.tiles = tiles;
@@ -682,10 +669,9 @@ private:
     forward.parameters = parameters_.data();
     forward.derivative = atOnce;
     forward.images = images_.data();
-    forward.weights = normalised_ ? weightImages_.data() : nullptr;
     const auto render = [&]
     {
-      forward.lists = FindVisible(cameras_.data(), views, sweep_->width, sweep_->height, tiles, normalised_, true);
+      forward.lists = FindVisible(cameras_.data(), views, sweep_->width, sweep_->height, tiles, Purpose::Train);
       forward.losses = losses_.data();
       Launch("rendering", TrainTiles, Warps(tiles), views, kForwardWarps * kWarp, stream_, forward);
     };
@@ -694,7 +680,6 @@ private:
     backward.cameras = cameras_.data();
     backward.frames = frames_.data();
     backward.images = images_.data();
-    backward.weights = forward.weights;
     backward.width = sweep_->width;
     backward.height = sweep_->height;
     backward.parameters = parameters_.data();
@@ -705,8 +690,7 @@ private:
     const auto gather = [&](std::size_t losses)
     {
       backward.lists = forward.lists;
-      Launch("propagating back", normalised_ ? Backward<true> : Backward<false>, gaussians_.size(), 1, kBackwardThreads,
-             stream_, backward);
+      Launch("propagating back", Backward, gaussians_.size(), 1, kBackwardThreads, stream_, backward);
       Launch("adding up the loss", SumInOrder, 1, 1, kSumThreads, stream_, losses_.data(), losses,
              &results_.data()->loss);
     };
@@ -733,17 +717,11 @@ private:
     Repeat(render);
     const std::size_t pixelBlocks = (pixels + kPixelThreads - 1) / kPixelThreads;
     Grow(intensities_, all, "images", kSmallerBatch);
-    PixelTask task{frames_.data(), forward.sweep,   parameters_.data(),
-                   images_.data(), forward.weights, intensities_.data(),
-                   nullptr,        nullptr};
+    Grow(others_, all, "images", kSmallerBatch);
+    PixelTask task{frames_.data(), forward.sweep, parameters_.data(), images_.data(), intensities_.data(),
+                   others_.data(), nullptr};
     Launch("a loss", ToIntensities, pixelBlocks, views, kPixelThreads, stream_, task);
-    double others = 0;
-    if (!loss.IsPixelwise())
-    {
-      Grow(others_, all, "images", kSmallerBatch);
-      task.others = others_.data();
-      others = WindowLosses(views, loss) + SpectrumLosses(frames, loss);
-    }
+    const double others = WindowLosses(views, loss) + SpectrumLosses(frames, loss);
     Grow(losses_, pixelBlocks * views, "losses", kSmallerBatch);
     task.losses = losses_.data();
     Launch("a loss", ToDerivatives, pixelBlocks, views, kPixelThreads, stream_, task);
@@ -837,8 +815,8 @@ private:
     for (std::size_t f = 0; f < frames.size(); ++f)
     {
       sweep_->CopyFrame(frames[f], truth.data());
-      sum += imageLoss_->Evaluate(spectrum, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()),
-                                  images.data() + f * pixels, truth.data(), sweep_->width, others.data() + f * pixels);
+      sum += imageLoss_->Evaluate(spectrum, 1.0 / static_cast<double>(frames.size()), images.data() + f * pixels,
+                                  truth.data(), sweep_->width, others.data() + f * pixels);
     }
     others_.Upload(others.data(), others.size(), stream_);
     return sum;
@@ -852,7 +830,7 @@ private:
   Beam beam_;
   TransferFunction transfer_;
   Accuracy accuracy_;
-  bool normalised_ = false, keepScores_ = false, hasGradient_ = false, hasAdam_ = false, camerasAreStale_ = true;
+  bool keepScores_ = false, hasGradient_ = false, hasAdam_ = false, camerasAreStale_ = true;
   std::shared_ptr<const Sweep> sweep_;
   std::size_t countedPixels_ = 0;
   std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
@@ -865,14 +843,14 @@ private:
   DeviceArray<GradientBlock<float>> gradient_;
   DeviceArray<ScoreBlock<float>> scores_;
   DeviceArray<std::uint8_t> bytes_, counted_, windows_;
-  DeviceArray<float> floats_, frameWeights_;
+  DeviceArray<float> floats_;
   DeviceArray<Camera> cameras_, planes_;  // of the sweep's frames; of the slices asked for
   DeviceArray<int> frames_;               // of the batch
   DeviceArray<Seen> seen_;
   DeviceArray<Box> boxes_, groupBoxes_;
   DeviceArray<VisibleSplat> splats_;
   DeviceArray<unsigned int> overlaps_;
-  DeviceArray<float> images_, weightImages_, intensities_, others_, slopes_, rendered_;
+  DeviceArray<float> images_, intensities_, others_, slopes_, rendered_;
   std::unique_ptr<Fourier> fourier_;  // of the last batch's size
   DeviceArray<float> differences_;
   DeviceArray<float2> spectrum_;

@@ -265,9 +265,8 @@ struct RenderTask
 {
   Lists lists;
   Tiles tiles;
-  Box window;       // pixels wanted
-  bool intensity;   // I instead of S
-  bool normalised;  // I = S / (least weight + sum w)
+  Box window;      // pixels wanted
+  bool intensity;  // I instead of S
   float gamma;
   float* image;     // [views][rows][columns] of the window
   float* coverage;  // the same, or null
@@ -286,8 +285,7 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) RenderTiles(RenderTask t
   const Strip strip(box);
   float sums[kRun] = {}, weights[kRun] = {};
   AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
-  const bool normalise = task.intensity && task.normalised;
-  if (task.coverage || normalise)
+  if (task.coverage)
   {
     AddTile(task.lists, One(), view, box, strip, weights);
   }
@@ -302,9 +300,7 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) RenderTiles(RenderTask t
       continue;
     }
     const std::size_t pixel = (view * rows + row) * columns + column;
-    task.image[pixel] = normalise        ? sums[n] / (static_cast<float>(kLeastWeight) + weights[n])
-                        : task.intensity ? ToIntensity(task.gamma, sums[n])
-                                         : sums[n];
+    task.image[pixel] = task.intensity ? ToIntensity(task.gamma, sums[n]) : sums[n];
     if (task.coverage)
     {
       task.coverage[pixel] = weights[n];
@@ -319,7 +315,6 @@ struct Frames
   const std::uint8_t* bytes;    // [frames][height][width], or null
   const float* floats;          // the same where bytes is null
   const std::uint8_t* counted;  // [height][width] 1 where a pixel has a part in the loss; null: everywhere
-  const float* weights;         // [frames]
 
   __device__ float Truth(int frame, std::size_t pixel) const
   {
@@ -377,7 +372,6 @@ struct TrainTask
   const StepParameters* parameters;
   bool derivative;  // at once, where the loss is of single pixels; else S
   float* images;    // [views][height][width] dL/dS, or S
-  float* weights;   // [views][height][width] sum w, or null: not wanted
   double* losses;   // [views][tiles]
 };
 
@@ -392,15 +386,10 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask tas
   const int view = blockIdx.y, frame = task.frames[view];
   const Box box = task.tiles.At(tile);
   const Strip strip(box);
-  float sums[kRun] = {}, weights[kRun] = {};
+  float sums[kRun] = {};
   AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
-  if (task.weights)
-  {
-    AddTile(task.lists, One(), view, box, strip, weights);
-  }
   const StepParameters& p = *task.parameters;
   const int width = task.sweep.width, height = task.sweep.height;
-  const float share = p.share * task.sweep.weights[frame];
   double loss = 0;
 #pragma unroll
   for (int n = 0; n < kRun; ++n)
@@ -415,15 +404,11 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask tas
     if (task.derivative)
     {
       const PixelLoss<float> result = EvaluateLoss(p.l1, p.l2, p.gamma, value, task.sweep.Truth(frame, pixel),
-                                                   share * task.sweep.Counts(pixel), 0.0f);
+                                                   p.share * task.sweep.Counts(pixel), 0.0f);
       value = result.derivative;
       loss += result.loss;
     }
     task.images[at] = value;
-    if (task.weights)
-    {
-      task.weights[at] = weights[n];
-    }
   }
   if (task.derivative)
   {
@@ -435,16 +420,15 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask tas
   }
 }
 
-/// Where a loss looks at whole images, or weights are normalised: I of every pixel first ...
+/// Where a loss looks at whole images: I of every pixel first ...
 struct PixelTask
 {
   const int* frames;
   Frames sweep;
   const StepParameters* parameters;
   float* images;        // [views][height][width] S; becomes dL/dS
-  float* weights;       // the same, sum w of normalised weights; becomes dL/dW; or null
   float* intensities;   // the same, I
-  const float* others;  // the same, dL/dI of the terms that look at whole images; or null
+  const float* others;  // the same, dL/dI of the terms that look at whole images
   double* losses;       // [views][thread blocks]
 };
 
@@ -460,12 +444,10 @@ __global__ void __launch_bounds__(kPixelThreads) ToIntensities(PixelTask task)
     return;
   }
   const std::size_t at = blockIdx.y * pixels + pixel;
-  task.intensities[at] = task.weights ? task.images[at] / (static_cast<float>(kLeastWeight) + task.weights[at])
-                                      : ToIntensity(task.parameters->gamma, task.images[at]);
+  task.intensities[at] = ToIntensity(task.parameters->gamma, task.images[at]);
 }
 
-/// ... and then what is to be propagated back. With I = S / W, W = least weight + sum w: dL/dS = dL/dI / W and
-/// dL/dW = -dL/dI I / W. Launched as ToIntensities.
+/// ... and then what is to be propagated back. Launched as ToIntensities.
 __global__ void __launch_bounds__(kPixelThreads) ToDerivatives(PixelTask task)
 {
   const std::size_t pixels = static_cast<std::size_t>(task.sweep.width) * task.sweep.height;
@@ -476,22 +458,10 @@ __global__ void __launch_bounds__(kPixelThreads) ToDerivatives(PixelTask task)
     const StepParameters& p = *task.parameters;
     const std::size_t at = blockIdx.y * pixels + pixel;
     const int frame = task.frames[blockIdx.y];
-    const float weight = p.share * task.sweep.weights[frame] * task.sweep.Counts(pixel);
-    const float truth = task.sweep.Truth(frame, pixel), other = task.others ? task.others[at] : 0.0f;
-    if (task.weights)
-    {
-      const float image = task.intensities[at];
-      const PixelLoss<float> value = EvaluateError(p.l1, p.l2, image - truth, weight, other);
-      task.images[at] = value.derivative / (static_cast<float>(kLeastWeight) + task.weights[at]);
-      task.weights[at] = -task.images[at] * image;
-      loss = value.loss;
-    }
-    else
-    {
-      const PixelLoss<float> value = EvaluateLoss(p.l1, p.l2, p.gamma, task.images[at], truth, weight, other);
-      task.images[at] = value.derivative;
-      loss = value.loss;
-    }
+    const PixelLoss<float> value = EvaluateLoss(p.l1, p.l2, p.gamma, task.images[at], task.sweep.Truth(frame, pixel),
+                                                p.share * task.sweep.Counts(pixel), task.others[at]);
+    task.images[at] = value.derivative;
+    loss = value.loss;
   }
   loss = BlockSum<kPixelThreads>(loss);
   if (threadIdx.x == 0)
@@ -512,7 +482,7 @@ struct SolveTask
   float* images;
 };
 
-/// omega (S - [target] S_gt), omega = weight (1 - I_gt)^2: see Engine::SolveReflectivities. Launched as
+/// omega (S - [target] S_gt), omega = (1 - I_gt)^2: see Engine::SolveReflectivities. Launched as
 /// RenderTiles.
 __global__ void __launch_bounds__(kForwardWarps* kWarp) SolveTiles(SolveTask task)
 {
@@ -540,7 +510,7 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) SolveTiles(SolveTask tas
     const float bounded = min(max(truth, 0.0f), static_cast<float>(1.0 - 1.0 / 510.0));
     const float target = task.withTarget ? -log1pf(-bounded) / task.gamma : 0.0f;
     task.images[static_cast<std::size_t>(view) * width * height + pixel] =
-        task.sweep.Counts(pixel) * task.sweep.weights[frame] * fade * fade * (sums[n] - target);
+        task.sweep.Counts(pixel) * fade * fade * (sums[n] - target);
   }
 }
 

@@ -184,7 +184,7 @@ __global__ void __launch_bounds__(kSumThreads) WeighSpectrum(SpectrumTask task)
   if (threadIdx.x == 0)
   {
     const double pixels = static_cast<double>(width) * height;
-    task.losses[blockIdx.y] = task.share * task.sweep.weights[task.frames[blockIdx.y]] * sum / pixels;
+    task.losses[blockIdx.y] = task.share * sum / pixels;
   }
 }
 
@@ -196,7 +196,7 @@ __global__ void __launch_bounds__(kPixelThreads) AddSpectrum(SpectrumTask task)
   if (pixel < pixels)
   {
     const std::size_t at = blockIdx.y * pixels + pixel;
-    const float slope = 2 * task.share * task.sweep.weights[task.frames[blockIdx.y]] / static_cast<float>(pixels);
+    const float slope = 2 * task.share / static_cast<float>(pixels);
     task.others[at] += slope * task.sweep.Counts(pixel) * task.differences[at];
   }
 }

@@ -24,7 +24,7 @@ struct WindowTask
   Frames sweep;
   float kernel[ssimTaps];
   float dssim, contrast;
-  float share;                  // of one window in the loss; times the frame's weight
+  float share;                  // of one window in the loss
   const std::uint8_t* windows;  // [down][across] by their first pixel, 1 where a window counts; null: all do
   int across, down;             // windows
   const float* intensities;     // [views][height][width]
@@ -102,7 +102,7 @@ __global__ void __launch_bounds__(kWindowThreads) FindSlopes(WindowTask task)
       mean[m] = FilterAt(task.kernel, rows[m] + threadIdx.x, kWindowSide);
     }
     const std::size_t window = static_cast<std::size_t>(row) * task.across + column;
-    const float share = !task.windows || task.windows[window] ? task.share * task.sweep.weights[frame] : 0.0f;
+    const float share = !task.windows || task.windows[window] ? task.share : 0.0f;
     WindowLoss<float> result{0, 0, 0, 0};
     if (task.dssim > 0)
     {

@@ -492,7 +492,7 @@ private:
   static std::unique_ptr<Engine> NewTrainingEngine(const TrainingPass& pass)
   {
     auto engine = Engine::Create("cpu");
-    engine->SetFrames(pass.sweep, false);
+    engine->SetFrames(pass.sweep);
     engine->SetAccuracy(pass.accuracy);
     engine->SetField(pass.field);
     return engine;

@@ -94,7 +94,7 @@ void TrainPass(benchmark::State& state)
   const TrainingPass pass = MakeTrainingPass(state.range(0), static_cast<int>(state.range(1)), 160, 8);
   const auto limit = Limit(state.range(2));
   const auto engine = Engine::Create("cpu");
-  engine->SetFrames(pass.sweep, false);
+  engine->SetFrames(pass.sweep);
   engine->SetAccuracy(pass.accuracy);
   double loss = 0;
   for (auto _ : state)

@@ -97,7 +97,7 @@ TEST_F(EmulatedCuda, AllMemoryIsGivenBack)
   {
     const Problem problem;
     const auto engine = Engine::Create("cuda-emulated");
-    engine->SetFrames(problem.sweep, false);
+    engine->SetFrames(problem.sweep);
     engine->SetField(problem.field);
     engine->TrainStep({0, 1}, Loss(), {0.1, 0.1, 0.1, 0.1}, {});
     // Frames are counted there and not here.
@@ -116,7 +116,7 @@ TEST_F(EmulatedCuda, SpectraAreTheHostsWithoutCuFft)
   {
     emulator::SetHasFourier(has);
     const auto engine = Engine::Create("cuda-emulated");
-    engine->SetFrames(problem.sweep, false);
+    engine->SetFrames(problem.sweep);
     engine->SetField(problem.field);
     losses[has] = engine->Backpropagate({0, 3}, Loss::Parse("ffl"));
     gradients[has] = engine->GetGradient().reflectivities;
@@ -139,7 +139,7 @@ TEST_P(CudaEngine, RepeatsRecordedStepsOfAnyBatch)
   for (const bool fused : {false, true})
   {
     const auto engine = Engine::Create(GetParam());
-    engine->SetFrames(problem.sweep, false);
+    engine->SetFrames(problem.sweep);
     engine->SetField(problem.field);
     const auto step = [&](const std::vector<int>& batch, const Loss& loss, const LearningRates& rates)
     {

@@ -44,14 +44,13 @@ struct SmallProblem
       planes.push_back(bigus::test::RandomPlane(random, random.Vector(0.5), 0.5, 14, 12));
     }
     sweep = bigus::test::RandomSweep(random, planes, 0.1, 0.9);
-    sweep->weights = {1.0f, 0.5f, 2.0f};
   }
 };
 
 double LossOf(const bigus::GaussianField& field, const std::shared_ptr<bigus::Sweep>& sweep)
 {
   const auto engine = bigus::Engine::Create("reference");
-  engine->SetFrames(sweep, false);
+  engine->SetFrames(sweep);
   engine->SetField(field);
   return engine->Backpropagate({0, 1, 2}, bigus::Loss::Parse("l2"));
 }
@@ -93,7 +92,7 @@ TEST_P(GradientTest, EqualsCentralDifferences)
 {
   const SmallProblem problem(7, GetParam());
   const auto engine = bigus::Engine::Create("reference");
-  engine->SetFrames(problem.sweep, false);
+  engine->SetFrames(problem.sweep);
   engine->SetField(problem.field);
   engine->Backpropagate({0, 1, 2}, bigus::Loss::Parse("l2"));
   const bigus::FieldGradient gradient = engine->GetGradient();
@@ -178,7 +177,7 @@ TEST_P(FastEngine, GradientEqualsTheReference)
     for (int e = 0; e < 2; ++e)
     {
       engines[e]->SetAccuracy({tolerance, true});
-      engines[e]->SetFrames(problem.sweep, false);
+      engines[e]->SetFrames(problem.sweep);
       engines[e]->SetField(problem.field);
       losses[e] = engines[e]->Backpropagate({0, 1, 2, 3}, bigus::Loss::Parse("l2"));
       gradients[e] = engines[e]->GetGradient();
@@ -241,7 +240,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
 {
   const LargeProblem problem;
   const auto reference = bigus::Engine::Create("reference");
-  reference->SetFrames(problem.sweep, false);
+  reference->SetFrames(problem.sweep);
   reference->SetField(problem.field);
   reference->Backpropagate({0, 2}, bigus::Loss::Parse("l2"));
   const bigus::FieldGradient expected = reference->GetGradient();
@@ -259,7 +258,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
         continue;  // the library was built without this one and took another
       }
       engine->SetAccuracy({1e-11, true});
-      engine->SetFrames(problem.sweep, false);
+      engine->SetFrames(problem.sweep);
       engine->SetField(problem.field);
       engine->Backpropagate({0, 2}, bigus::Loss::Parse("l2"));
       const bigus::FieldGradient gradient = engine->GetGradient();
@@ -280,7 +279,7 @@ std::vector<double> TrainBriefly(const std::string& name, int threads)
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   const LargeProblem problem;
   const auto engine = bigus::Engine::Create(name);
-  engine->SetFrames(problem.sweep, false);
+  engine->SetFrames(problem.sweep);
   engine->SetField(problem.field);
   engine->SolveReflectivities({0, 1, 2, 3}, 3);
   for (int i = 0; i < 3; ++i)
@@ -318,7 +317,7 @@ TEST_P(FastEngine, ATrainStepIsBackpropagateAndStep)
   for (int fused = 0; fused < 2; ++fused)
   {
     const auto engine = bigus::Engine::Create(GetParam());
-    engine->SetFrames(problem.sweep, false);
+    engine->SetFrames(problem.sweep);
     engine->SetField(problem.field);
     engine->ResetScores();
     for (const std::vector<int>& batch : {std::vector<int>{0, 1}, {2, 3}, {1, 2}})
@@ -408,7 +407,7 @@ TEST(Engine, SolvesForReflectivities)
     {
       r = 0;
     }
-    engine->SetFrames(sweep, false);
+    engine->SetFrames(sweep);
     engine->SetField(blank);
     engine->SetAccuracy({0.0, true});
     const double residual = engine->SolveReflectivities({0, 1, 2, 3, 4, 5, 6, 7, 8}, 60);
@@ -429,7 +428,7 @@ TEST(Engine, RefusesWhatItCannotDo)
     const auto engine = bigus::Engine::Create(name);
     EXPECT_THROW(engine->Backpropagate({0}, bigus::Loss()), bigus::Error);  // no frames
     const LargeProblem problem;
-    engine->SetFrames(problem.sweep, false);
+    engine->SetFrames(problem.sweep);
     EXPECT_THROW(engine->Backpropagate({}, bigus::Loss()), bigus::Error);
     EXPECT_THROW(engine->Backpropagate({4}, bigus::Loss()), bigus::Error);
     bigus::GaussianField bad = problem.field;

@@ -19,6 +19,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/TransferFunction.h"
 #include "Engines.h"
+#include "Gradient/CentralDifferences.h"
 #include "Gradient/RandomField.h"
 
 namespace
@@ -29,6 +30,7 @@ using bigus::GaussianField;
 using bigus::Loss;
 using bigus::SlicePlane;
 using bigus::Sweep;
+using bigus::test::CompareGradient;
 using bigus::test::Random;
 using bigus::test::RelativeError;
 
@@ -91,7 +93,6 @@ struct SmallProblem
       planes.push_back(bigus::test::RandomPlane(random, random.Vector(0.5), 0.4, 15, 13));
     }
     sweep = bigus::test::RandomSweep(random, planes, 0, 1);
-    sweep->weights = {1.0f, 0.5f, 2.0f};
     auto* pixels = static_cast<float*>(const_cast<void*>(sweep->pixels.get()));
     for (int f = 0; f < 3; ++f)
     {
@@ -109,7 +110,7 @@ struct SmallProblem
 class FrozenFocalFrequency
 {
 public:
-  double operator()(const SmallProblem& problem, const GaussianField& field, bool masked)
+  double operator()(const SmallProblem& problem, const GaussianField& field)
   {
     const Sweep& sweep = *problem.sweep;
     const int w = sweep.width, h = sweep.height;
@@ -122,9 +123,8 @@ public:
       int counted = 0;
       for (std::size_t p = 0; p < truth.size(); ++p)
       {
-        const bool counts = !masked || sweep.IsLit(p);
-        difference[p] = counts ? difference[p] - truth[p] : 0;
-        counted += counts;
+        difference[p] = sweep.IsLit(p) ? difference[p] - truth[p] : 0;
+        counted += sweep.IsLit(p);
       }
       std::vector<double> squares;
       for (int k = 0; k < w * h; ++k)
@@ -146,7 +146,7 @@ public:
       }
       for (std::size_t k = 0; k < squares.size(); ++k)
       {
-        loss += sweep.Weight(f) * weights_[f][k] * squares[k] / (3.0 * counted);
+        loss += weights_[f][k] * squares[k] / (3.0 * counted);
       }
     }
     return loss;
@@ -166,58 +166,6 @@ private:
   std::vector<double> weights_[3];
 };
 
-/// Central differences of value(field) by every parameter against a gradient.
-template <class Value>
-void CompareGradient(const GaussianField& field, const bigus::FieldGradient& gradient, Value&& value)
-{
-  const auto difference = [&](auto&& change)
-  {
-    const double h = 2e-3;
-    const auto at = [&](double step)
-    {
-      GaussianField changed = field;
-      change(changed, step);
-      return value(changed);
-    };
-    return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h);
-  };
-  std::vector<double> analytic[4], numeric[4];
-  for (std::size_t i = 0; i < field.Size(); ++i)
-  {
-    for (int k = 0; k < 3; ++k)
-    {
-      analytic[0].push_back(gradient.means[i][k]);
-      numeric[0].push_back(difference([=](GaussianField& f, double step) { f.means[i][k] += step; }));
-      analytic[1].push_back(gradient.logScales[i][k]);
-      numeric[1].push_back(difference([=](GaussianField& f, double step) { f.scales[i][k] *= std::exp(step); }));
-      analytic[2].push_back(gradient.rotations[i][k]);
-      numeric[2].push_back(difference(
-          [=](GaussianField& f, double step)
-          {
-            const Eigen::Matrix3d turn = Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(k)).toRotationMatrix();
-            f.rotations[i] = bigus::Quaternion(bigus::RotationMatrix(f.rotations[i]) * turn);
-          }));
-    }
-    analytic[3].push_back(gradient.reflectivities[i]);
-    numeric[3].push_back(difference([=](GaussianField& f, double step) { f.reflectivities[i] += step; }));
-  }
-  const char* names[4] = {"mean", "log-scale", "rotation", "reflectivity"};
-  for (int group = 0; group < 4; ++group)
-  {
-    double largest = 0;
-    for (double value : numeric[group])
-    {
-      largest = std::max(largest, std::abs(value));
-    }
-    EXPECT_GT(largest, 0);
-    for (std::size_t i = 0; i < numeric[group].size(); ++i)
-    {
-      EXPECT_NEAR(analytic[group][i], numeric[group][i], 2e-6 * std::max(std::abs(numeric[group][i]), 1e-3 * largest))
-          << names[group] << " component " << i;
-    }
-  }
-}
-
 class LossGradientTest : public testing::TestWithParam<std::tuple<const char*, bool>>
 {
 };
@@ -225,25 +173,24 @@ class LossGradientTest : public testing::TestWithParam<std::tuple<const char*, b
 TEST_P(LossGradientTest, EqualsCentralDifferences)
 {
   const Loss loss = Loss::Parse(std::get<0>(GetParam()));
-  const bool masked = std::get<1>(GetParam());
   const SmallProblem problem;
-  if (masked)
+  if (std::get<1>(GetParam()))
   {
     problem.sweep->mask = Mask(15, 13);
   }
   FrozenFocalFrequency focalFrequency(*problem.sweep);
-  focalFrequency(problem, problem.field, masked);
+  focalFrequency(problem, problem.field);
   Loss rest = loss;
   rest.ffl = 0;
   const bool nothingElse = loss.l1 + loss.l2 + loss.dssim + loss.contrast == 0;
   const auto engine = Engine::Create("reference");
-  engine->SetFrames(problem.sweep, masked);
+  engine->SetFrames(problem.sweep);
   engine->SetField(problem.field);
   engine->Backpropagate({0, 1, 2}, loss);
   CompareGradient(problem.field, engine->GetGradient(),
                   [&](const GaussianField& field)
                   {
-                    double value = loss.ffl > 0 ? loss.ffl * focalFrequency(problem, field, masked) : 0;
+                    double value = loss.ffl > 0 ? loss.ffl * focalFrequency(problem, field) : 0;
                     if (!nothingElse)
                     {
                       engine->SetField(field);
@@ -255,7 +202,7 @@ TEST_P(LossGradientTest, EqualsCentralDifferences)
 
 INSTANTIATE_TEST_SUITE_P(Terms, LossGradientTest, testing::Combine(testing::ValuesIn(kTerms), testing::Bool()));
 
-/// 400 Gaussians of both signs, so that some pixels are black; frames of 61 x 47 pixels with weights.
+/// 400 Gaussians of both signs, so that some pixels are black; frames of 61 x 47 pixels, some of which are masked.
 struct LargeProblem
 {
   GaussianField field;
@@ -271,7 +218,6 @@ struct LargeProblem
       planes.push_back(bigus::test::RandomPlane(random, random.Vector(2), 0.25, 61, 47));
     }
     sweep = bigus::test::RandomSweep(random, planes, 0.0, 1.0);
-    sweep->weights = {1.0f, 0.5f, 2.0f};
     sweep->mask = Mask(61, 47);
   }
 };
@@ -295,20 +241,22 @@ class LossOfEngines : public bigus::test::EngineTest
 
 TEST_P(LossOfEngines, EqualsTheReference)
 {
-  const LargeProblem problem;
+  LargeProblem problem;
+  const auto mask = problem.sweep->mask;
   const auto reference = Engine::Create("reference");
   const double bound = bigus::test::IsDouble(GetParam()) ? 1e-6 : 3e-5;  // what the tolerance drops; rounding
   for (const char* text : kTerms)
   {
-    for (const bool ignoreMasked : {false, true})
+    for (const bool masked : {false, true})
     {
+      problem.sweep->mask = masked ? mask : nullptr;
       std::vector<double> gradients[2];
       double losses[2];
       Engine* const engines[2] = {reference.get(), engine_.get()};
       for (int e = 0; e < 2; ++e)
       {
         engines[e]->SetAccuracy({1e-9, true});
-        engines[e]->SetFrames(problem.sweep, ignoreMasked);
+        engines[e]->SetFrames(problem.sweep);
         engines[e]->SetField(problem.field);
         losses[e] = engines[e]->Backpropagate({0, 2}, Loss::Parse(text));
         gradients[e] = Flat(engines[e]->GetGradient());
@@ -316,7 +264,7 @@ TEST_P(LossOfEngines, EqualsTheReference)
       EXPECT_NEAR(losses[1], losses[0], bound * losses[0]) << text;
       const double error = RelativeError(gradients[0], gradients[1]);
       EXPECT_LE(error, bound) << text;
-      if (ignoreMasked)
+      if (masked)
       {
         std::cout << text << ": relative error of the gradient " << error << '\n';
       }
@@ -342,7 +290,7 @@ TEST(Losses, PixelsNeverLitHaveNoPartInAnyTerm)
         }
       }
       const auto engine = Engine::Create(name);
-      engine->SetFrames(problem.sweep, true);
+      engine->SetFrames(problem.sweep);
       engine->SetField(problem.field);
       losses[other] = engine->Backpropagate({0, 1, 2}, Loss::Parse(kTerms[5]));
       gradients[other] = Flat(engine->GetGradient());
@@ -360,7 +308,7 @@ TEST(Losses, FramesWithoutAWindowAreRefusedBySizeAndTheFieldIsLeftAlone)
   for (const std::string& name : Engine::Names())
   {
     const auto engine = Engine::Create(name);
-    engine->SetFrames(sweep, false);
+    engine->SetFrames(sweep);
     engine->SetField(field);
     for (const char* text : {"dssim", "l1+contrast"})
     {
@@ -398,7 +346,7 @@ TEST_P(LossOfEngines, BlackConstantAndWhiteFramesTrainSoundly)
       {
         r = dark ? 0.0 : r;  // every image is constant
       }
-      engine_->SetFrames(problem.sweep, true);
+      engine_->SetFrames(problem.sweep);
       engine_->SetField(field);
       for (int step = 0; step < 10; ++step)
       {
@@ -433,7 +381,7 @@ TEST_P(LossOfEngines, TrainingMakesEveryTermSmaller)
   }
   for (const char* text : kTerms)
   {
-    engine_->SetFrames(problem.sweep, true);
+    engine_->SetFrames(problem.sweep);
     engine_->SetField(start);
     const auto step = [&](double rate) {
       return engine_->TrainStep({0, 1, 2}, Loss::Parse(text), {rate, rate, rate, rate}, {0.1, 5, false});
@@ -458,7 +406,7 @@ TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
   {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     const auto engine = Engine::Create(GetParam());
-    engine->SetFrames(problem.sweep, true);
+    engine->SetFrames(problem.sweep);
     engine->SetField(problem.field);
     std::vector<double> all;
     for (int step = 0; step < 3; ++step)
@@ -478,138 +426,5 @@ TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, LossOfEngines, testing::ValuesIn(bigus::test::FastEngines()), bigus::test::NameOf);
-
-// ---- Normalised weights
-// ------------------------------------------------------------------------------------------
-
-TEST(NormalisedWeights, AreTheWeightedMeanOfReflectivities)
-{
-  const LargeProblem problem;
-  const SlicePlane plane = problem.sweep->Plane(1);
-  const std::size_t pixels = plane.NumberOfPixels();
-  for (const std::string& name : Engine::Names())
-  {
-    std::vector<float> scattering(pixels), coverage(pixels), image(pixels), plain(pixels);
-    const auto engine = Engine::Create(name);
-    engine->SetAccuracy({1e-9, true});
-    engine->SetField(problem.field);
-    engine->Render(plane, bigus::ViewOutput::Intensity, plain.data());
-    engine->SetNormalisedWeights(true);
-    engine->Render(plane, bigus::ViewOutput::Scattering, scattering.data(), coverage.data());
-    engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
-    for (std::size_t p = 0; p < pixels; ++p)
-    {
-      EXPECT_NEAR(image[p], scattering[p] / (1e-3 + coverage[p]), 2e-5) << name;
-    }
-    // With equal reflectivities it is flat wherever there are weights.
-    GaussianField flat = problem.field;
-    flat.reflectivities.assign(flat.Size(), 0.6);
-    engine->SetField(flat);
-    engine->Render(plane, bigus::ViewOutput::Intensity, image.data(), coverage.data());
-    for (std::size_t p = 0; p < pixels; ++p)
-    {
-      EXPECT_NEAR(image[p], 0.6 * coverage[p] / (1e-3 + coverage[p]), 1e-5) << name;
-    }
-    engine->SetField(problem.field);
-    engine->SetNormalisedWeights(false);
-    engine->Render(plane, bigus::ViewOutput::Intensity, image.data());
-    EXPECT_EQ(image, plain);
-  }
-}
-
-TEST(NormalisedWeights, GradientEqualsCentralDifferences)
-{
-  for (const double elevationSigma : {0.0, 0.4})
-  {
-    for (const char* text : {"l2", "0.3*l2+dssim+20*contrast"})
-    {
-      SmallProblem problem;
-      problem.field.beam.elevationSigma = elevationSigma;
-      problem.sweep->mask = Mask(15, 13);
-      const auto engine = Engine::Create("reference");
-      engine->SetNormalisedWeights(true);
-      engine->SetFrames(problem.sweep, true);
-      engine->SetField(problem.field);
-      engine->Backpropagate({0, 1, 2}, Loss::Parse(text));
-      CompareGradient(problem.field, engine->GetGradient(),
-                      [&](const GaussianField& field)
-                      {
-                        engine->SetField(field);
-                        return engine->Backpropagate({0, 1, 2}, Loss::Parse(text));
-                      });
-    }
-  }
-}
-
-class NormalisedWeightsOf : public bigus::test::EngineTest
-{
-};
-
-TEST_P(NormalisedWeightsOf, EqualTheReference)
-{
-  LargeProblem problem;
-  const auto reference = Engine::Create("reference");
-  const double bound = bigus::test::IsDouble(GetParam()) ? 3e-6 : 3e-5;
-  for (const double elevationSigma : {0.0, 0.5})
-  {
-    problem.field.beam.elevationSigma = elevationSigma;
-    for (const char* text : {"l1", "l2+dssim"})
-    {
-      std::vector<double> gradients[2];
-      double losses[2];
-      Engine* const engines[2] = {reference.get(), engine_.get()};
-      for (int e = 0; e < 2; ++e)
-      {
-        Engine& engine = *engines[e];
-        engine.SetNormalisedWeights(true);
-        engine.SetAccuracy({1e-9, true});
-        engine.SetFrames(problem.sweep, true);
-        engine.SetField(problem.field);
-        engine.ResetScores();
-        losses[e] = engine.Backpropagate({0, 2}, Loss::Parse(text));
-        gradients[e] = Flat(engine.GetGradient());
-        const std::vector<double> error = engine.GetScores().error;
-        gradients[e].insert(gradients[e].end(), error.begin(), error.end());
-        EXPECT_THROW(engine.SolveReflectivities({0}, 1), bigus::Error);
-      }
-      EXPECT_NEAR(losses[1], losses[0], bound * losses[0]) << text;
-      EXPECT_LE(RelativeError(gradients[0], gradients[1]), bound) << text;
-    }
-  }
-}
-
-TEST_P(NormalisedWeightsOf, TrainAndDoNotDependOnTheNumberOfThreads)
-{
-  LargeProblem problem;
-  auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
-  for (std::size_t p = 0; p < 3 * problem.sweep->PixelsPerFrame(); ++p)
-  {
-    pixels[p] = 0.5f + 0.3f * std::sin(0.2f * (p % 61));
-  }
-  std::vector<double> one;
-  for (const int threads : {1, 2, 5})
-  {
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    const auto engine = Engine::Create(GetParam());
-    engine->SetNormalisedWeights(true);
-    engine->SetFrames(problem.sweep, true);
-    engine->SetField(problem.field);
-    std::vector<double> losses;
-    for (int step = 0; step < 60; ++step)
-    {
-      losses.push_back(engine->TrainStep({0, 1, 2}, Loss(), {0.01, 0.01, 0.01, 0.02}, {0.1, 5, true}));
-    }
-    EXPECT_LT(losses.back(), 0.3 * losses.front());
-    EXPECT_EQ(engine->GuardedUpdates(), 0u);
-    if (threads == 1)
-    {
-      one = losses;
-    }
-    EXPECT_EQ(losses, one) << threads << " threads";
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Engines, NormalisedWeightsOf, testing::ValuesIn(bigus::test::FastEngines()),
-                         bigus::test::NameOf);
 
 }  // namespace

@@ -199,7 +199,7 @@ TEST_P(Fields, NoGaussian)
   EXPECT_EQ(image.values, std::vector<float>(plane.NumberOfPixels(), 0.0f));
   EXPECT_EQ(image.coverage, std::vector<float>(plane.NumberOfPixels(), 0.0f));
 
-  engine_->SetFrames(RandomSweep(random, {plane, plane}, 0.2, 0.8), false);
+  engine_->SetFrames(RandomSweep(random, {plane, plane}, 0.2, 0.8));
   engine_->ResetScores();
   EXPECT_TRUE(std::isfinite(engine_->Backpropagate({0, 1}, Loss::Parse("l2"))));
   EXPECT_TRUE(engine_->GetGradient().means.empty());
@@ -226,7 +226,7 @@ TEST_P(Fields, OneGaussianAndOnePixel)
     const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
     const Difference here = Compare(field, plane, image.values, k % 2 ? 1e-4 / field.transfer.gamma : 0.0);
     worst = {std::max(worst.error, here.error), std::max(worst.excess, here.excess)};
-    engine_->SetFrames(RandomSweep(random, {plane}, 0, 1), false);
+    engine_->SetFrames(RandomSweep(random, {plane}, 0, 1));
     engine_->TrainStep({0}, Loss::Parse("l2"), {0.1, 0.1, 0.1, 0.1}, {});
     nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(engine_->GetField());
   }
@@ -402,7 +402,7 @@ TEST_P(Fields, MoreThan2To31PairsOfPixelsAndSplats)
   const auto pixels = std::make_shared<std::vector<std::uint8_t>>(plane.NumberOfPixels(), std::uint8_t(0));
   sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
   sweep->imageToReference.push_back(plane.ImageToReference());
-  engine_->SetFrames(sweep, false);
+  engine_->SetFrames(sweep);
   engine_->Backpropagate({0}, Loss::Parse("l2"));
   const FieldGradient gradient = engine_->GetGradient();
   double worstGradient = 0;

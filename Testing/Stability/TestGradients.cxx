@@ -54,7 +54,7 @@ FieldGradient GradientOf(Engine& engine, const Problem& problem, const Loss& los
 {
   engine.SetAccuracy({0.0});
   engine.SetField(problem.field);
-  engine.SetFrames(problem.sweep, false);
+  engine.SetFrames(problem.sweep);
   engine.ResetScores();
   const double result = engine.Backpropagate(problem.frames, loss);
   if (value)

@@ -266,7 +266,7 @@ private:
       pixel = static_cast<std::uint8_t>(kind == 0 ? 0 : kind == 1 ? 255 : dice.Integer(0, 255));
     }
     sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
-    engine_->SetFrames(sweep, false);
+    engine_->SetFrames(sweep);
     const Loss loss = Loss::Parse(dice.Chance(0.5) ? "l1" : "l2");
     bool finite = std::isfinite(engine_->Backpropagate({0}, loss)) && CountNonFinite(engine_->GetGradient()) == 0;
     const double rate = dice.LogUniform(1e-4, 1e2);

@@ -225,7 +225,7 @@ TEST_P(Shapes, NeedlesAndPancakesInTraining)
                   Random random(19);
                   engine_->SetAccuracy({0.0});
                   engine_->SetField(one.field);
-                  engine_->SetFrames(RandomSweep(random, {one.plane}, 0.5, 0.5), false);
+                  engine_->SetFrames(RandomSweep(random, {one.plane}, 0.5, 0.5));
                   engine_->TrainStep({0}, Loss::Parse("l2"), {0, 0, 0, 0}, {1e-9, 1e7, false});
                   OneSplat trained = one;
                   trained.field = engine_->GetField();

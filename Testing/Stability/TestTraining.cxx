@@ -82,7 +82,7 @@ TEST_P(Training, AThousandStepsFromABadStart)
     Random random(61);
     engine_->SetField(BadField(random, 200));
     const GaussianField before = engine_->GetField();
-    engine_->SetFrames(BadFrames(random, start.low, start.high), false);
+    engine_->SetFrames(BadFrames(random, start.low, start.high));
     std::size_t nonFinite = 0;
     for (int step = 0; step < 1000; ++step)
     {
@@ -132,7 +132,7 @@ TEST_P(Training, AGradientBeyondAnyUseIsGuardedAndCounted)
     PlaceInView(field, i, plane, 1, 1, {0.5, 0.5}, 0);
   }
   engine_->SetField(field);
-  engine_->SetFrames(sweep, false);
+  engine_->SetFrames(sweep);
   for (int step = 0; step < 5; ++step)
   {
     ASSERT_TRUE(std::isfinite(engine_->TrainStep({0}, Loss::Parse("l2"), {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
@@ -155,7 +155,7 @@ TEST_P(Training, SoundTrainingIsNeverGuarded)
   field.rotations.push_back({1, 0, 0, 0});
   field.reflectivities.push_back(0.5);
   engine_->SetField(field);
-  engine_->SetFrames(sweep, false);
+  engine_->SetFrames(sweep);
   double first = 0, last = 0;
   for (int step = 0; step < 300; ++step)
   {
@@ -182,7 +182,7 @@ TEST_P(Training, AGaussianThatNoFrameSeesStaysWhereItIs)
   const SlicePlane plane = RandomPlane(random, {0, 0, 0}, 0.3, 32, 24);
   engine_->SetField(field);
   const GaussianField before = engine_->GetField();
-  engine_->SetFrames(RandomSweep(random, {plane}, 0.2, 0.8), false);
+  engine_->SetFrames(RandomSweep(random, {plane}, 0.2, 0.8));
   for (int step = 0; step < 5; ++step)
   {
     engine_->TrainStep({0}, Loss(), {0.1, 0.05, 0.05, 0.1}, {});
@@ -207,7 +207,7 @@ TEST_P(Training, ReflectivitiesSolvedOnBlackAndSaturatedFrames)
   {
     Random random(65);
     engine_->SetField(BadField(random, 200));
-    engine_->SetFrames(BadFrames(random, level, level), false);
+    engine_->SetFrames(BadFrames(random, level, level));
     nonFinite += !std::isfinite(engine_->SolveReflectivities({0, 1, 2, 3}, 10)) + CountNonFinite(engine_->GetField());
   }
   Conclude("training", "reflectivities solved from a bad start", GetParam(), 0, kOnlyStated, nonFinite);

@@ -240,7 +240,7 @@ TEST_P(Truncation, EveryFrameOfATrainingBatch)
     {
       engines[e]->SetAccuracy({tolerance});
       engines[e]->SetField(field);
-      engines[e]->SetFrames(sweep, false);
+      engines[e]->SetFrames(sweep);
       losses[e] = engines[e]->Backpropagate({0, 1, 2}, Loss());
     }
     Outcome outcome;

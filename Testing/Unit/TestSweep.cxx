@@ -39,7 +39,6 @@ Sweep MakeSweep(int width, int height, int frames, std::shared_ptr<std::vector<P
   {
     sweep.imageToReference.push_back(ObliquePose(k));
     sweep.timestamps.push_back(0.1 * k);
-    sweep.weights.push_back(1.0f + k);
   }
   return sweep;
 }
@@ -135,7 +134,6 @@ TEST(Sweep, ReductionAveragesBlocks)
       ASSERT_EQ(small.NumberOfFrames(), 4);
       ASSERT_EQ(small.pixelType, Sweep::PixelType::Float32);
       EXPECT_EQ(small.timestamps, sweep.timestamps);
-      EXPECT_EQ(small.weights, sweep.weights);
       for (int f = 0; f < 4; ++f)
       {
         const std::vector<float> in = Frame(sweep, f);
@@ -231,7 +229,6 @@ TEST(Sweep, SubsetKeepsOrderPixelsAndPoses)
       EXPECT_EQ(Frame(part, k), Frame(sweep, frames[k]));
       EXPECT_EQ(part.imageToReference[k], sweep.imageToReference[frames[k]]);
       EXPECT_EQ(part.timestamps[k], sweep.timestamps[frames[k]]);
-      EXPECT_EQ(part.Weight(k), sweep.Weight(frames[k]));
     }
     EXPECT_EQ(part.mask, sweep.mask);
   }
@@ -313,7 +310,6 @@ TEST(Sweep, ValidationNamesWhatIsWrong)
   EXPECT_NE(broken([](Sweep& s) { s.height = -2; }).find("4 x -2"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.pixels.reset(); }).find("no pixels"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.timestamps.pop_back(); }).find("2 timestamps"), std::string::npos);
-  EXPECT_NE(broken([](Sweep& s) { s.weights.push_back(1); }).find("4 weights"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.mask = std::make_shared<std::vector<std::uint8_t>>(5); }).find("mask has 5"),
             std::string::npos);
   EXPECT_NE(broken([&](Sweep& s) { s.imageToReference[1](0, 3) = nan; }).find("frame 1"), std::string::npos);
@@ -321,17 +317,10 @@ TEST(Sweep, ValidationNamesWhatIsWrong)
             std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.imageToReference[0].col(0).setZero(); }).find("frame 0"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.imageToReference[1].transposeInPlace(); }).find("last row"), std::string::npos);
-  EXPECT_NE(broken([](Sweep& s) { s.weights[1] = -1; }).find("frame 1: the weight"), std::string::npos);
   EXPECT_NE(broken([&](Sweep& s) { s.timestamps[1] = nan; }).find("frame 1: the timestamp"), std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.width = s.height = std::numeric_limits<int>::max(); }).find("address"),
             std::string::npos);
-  EXPECT_EQ(broken(
-                [](Sweep& s)
-                {
-                  s.timestamps.clear();
-                  s.weights.clear();
-                }),
-            "");
+  EXPECT_EQ(broken([](Sweep& s) { s.timestamps.clear(); }), "");
 }
 
 TEST(Sweep, ValidationFindsTheFirstBadFloatPixel)

@@ -85,12 +85,6 @@ public:
 
   virtual void SetAccuracy(const Accuracy& accuracy) = 0;
 
-  /// Another model, to compare with: I = sum_i r_i w_i / (1e-3 + sum_i w_i), without a transfer function, as
-  /// UltraGauss renders; meant for r in [0, 1] and sigma_E = 0. Off by default. S stays what it is.
-  /// Footprints then end where w falls below Accuracy::tolerance; no bound on I is promised.
-  /// SolveReflectivities throws Error.
-  virtual void SetNormalisedWeights(bool on) = 0;
-
   /// Renders plane pixels [firstRow, firstRow + rows) x [firstColumn, firstColumn + columns) of a view.
   struct Window
   {
@@ -111,11 +105,11 @@ public:
   virtual void RenderStack(const std::vector<SlicePlane>& planes, ViewOutput output, float* images,
                            float* coverage = nullptr);
 
-  /// Uploads the frames to train on. Masked pixels are trained as they are (black) unless ignoreMasked: then
-  /// they have no part in any loss.
-  virtual void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) = 0;
+  /// Uploads the frames to train on. Pixels that the sweep's mask excludes have no part in any loss. The caller has
+  /// called Sweep::Validate, which reads every pixel; this calls Sweep::ValidateLayout and throws its errors.
+  virtual void SetFrames(std::shared_ptr<const Sweep> sweep) = 0;
 
-  /// Renders the frames, and adds up the loss (mean over the batch's frames of weight * loss), its gradient
+  /// Renders the frames, and adds up the loss (mean over the batch's frames), its gradient
   /// with respect to every parameter, and eq 14's error scores. Replaces the previous gradient; scores
   /// accumulate. Throws Error when a term of the loss finds no window in frames of this size and mask.
   virtual double Backpropagate(const std::vector<int>& frames, const Loss& loss) = 0;

@@ -150,13 +150,10 @@ std::vector<State> InheritState(const std::vector<State>& old, std::size_t size,
   return state;
 }
 
-/// Where all weights together are less, Engine::SetNormalisedWeights fades to black.
-constexpr double kLeastWeight = 1e-3;
-
 /// 1 where a pixel has a part in the loss, else 0; empty when all have.
-inline std::vector<std::uint8_t> CountedPixels(const Sweep& sweep, bool ignoreMasked)
+inline std::vector<std::uint8_t> CountedPixels(const Sweep& sweep)
 {
-  std::vector<std::uint8_t> counted(ignoreMasked && sweep.mask ? sweep.PixelsPerFrame() : 0);
+  std::vector<std::uint8_t> counted(sweep.mask ? sweep.PixelsPerFrame() : 0);
   for (std::size_t pixel = 0; pixel < counted.size(); ++pixel)
   {
     counted[pixel] = sweep.IsLit(pixel);
@@ -181,16 +178,6 @@ inline void CheckFrames(const std::shared_ptr<const Sweep>& sweep, const std::ve
       throw Error("Engine: frame " + std::to_string(frame) + " is not one of the " +
                   std::to_string(sweep->NumberOfFrames()) + " frames of the sweep.");
     }
-  }
-}
-
-inline void RefuseNormalised(bool normalised)
-{
-  if (normalised)
-  {
-    throw Error(
-        "Engine: with normalised weights the image is not linear in reflectivities; there is nothing to "
-        "solve.");
   }
 }
 

@@ -43,7 +43,6 @@ public:
   GaussianField GetField() const override { return UnpackField(gaussians_, origin_, beam_, transfer_); }
   std::size_t FieldSize() const override { return gaussians_.size(); }
   void SetAccuracy(const Accuracy&) override {}  // nothing is ever dropped here
-  void SetNormalisedWeights(bool on) override { normalised_ = on; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
   {
@@ -64,7 +63,7 @@ public:
               support += w;
             }
             const std::size_t pixel = static_cast<std::size_t>(row) * window.columns + column;
-            image[pixel] = static_cast<float>(output == ViewOutput::Intensity ? Intensity(s, support) : s);
+            image[pixel] = static_cast<float>(output == ViewOutput::Intensity ? transfer_.Intensity(s) : s);
             if (coverage)
             {
               coverage[pixel] = static_cast<float>(support);
@@ -73,12 +72,11 @@ public:
         });
   }
 
-  void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
+  void SetFrames(std::shared_ptr<const Sweep> sweep) override
   {
-    sweep->Validate();
+    sweep->ValidateLayout();
     sweep_ = std::move(sweep);
-    ignoreMasked_ = ignoreMasked;
-    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_, ignoreMasked));
+    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_));
   }
 
   double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
@@ -91,41 +89,28 @@ public:
     std::size_t counted = 0;
     for (std::size_t pixel = 0; pixel < pixels; ++pixel)
     {
-      counted += Counts(pixel);
+      counted += sweep_->IsLit(pixel);
     }
     const double share = 1.0 / (static_cast<double>(counted) * frames.size());
     double sum = 0;
     std::vector<double> derivative(pixels), image(pixels);
-    std::vector<double> pull(pixels);  // with normalised weights: dL/dw less r dL/dS
     for (int frame : frames)
     {
       const SlicePlane plane = sweep_->Plane(frame);
       const std::vector<Projection<double>> projections = ProjectAll(plane);
       const std::vector<double> scattering = Scattering(projections, Reflectivities());
-      const std::vector<double> support = normalised_
-                                              ? Scattering(projections, std::vector<double>(gaussians_.size(), 1.0))
-                                              : std::vector<double>(pixels, 0.0);
       const std::vector<float> frameTruth = Frame(frame);
       const std::vector<double> truth(frameTruth.begin(), frameTruth.end());
       std::vector<double> others(pixels, 0.0);
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
-        image[pixel] = Intensity(scattering[pixel], support[pixel]);
+        image[pixel] = transfer_.Intensity(scattering[pixel]);
       }
-      sum += imageLoss_->Evaluate(loss, sweep_->Weight(frame) / static_cast<double>(frames.size()), image.data(),
-                                  truth.data(), sweep_->width, others.data());
+      sum += imageLoss_->Evaluate(loss, 1.0 / static_cast<double>(frames.size()), image.data(), truth.data(),
+                                  sweep_->width, others.data());
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
       {
-        const double weight = Counts(pixel) ? share * sweep_->Weight(frame) : 0.0;
-        if (normalised_)
-        {
-          const PixelLoss<double> value =
-              EvaluateError(loss.l1, loss.l2, image[pixel] - truth[pixel], weight, others[pixel]);
-          sum += value.loss;
-          derivative[pixel] = value.derivative / (kLeastWeight + support[pixel]);
-          pull[pixel] = -derivative[pixel] * image[pixel];
-          continue;
-        }
+        const double weight = sweep_->IsLit(pixel) ? share : 0.0;
         const PixelLoss<double> value =
             EvaluateLoss(loss.l1, loss.l2, transfer_.gamma, scattering[pixel], truth[pixel], weight, others[pixel]);
         sum += value.loss;
@@ -136,15 +121,6 @@ public:
                         {
                           const Moments<double> moments = GatherMoments(projections[i].splat, derivative);
                           AddTo(gradient_[i], ProjectAdjoint(gaussians_[i], projections[i], moments));
-                          if (normalised_)
-                          {
-                            Gaussian<double> weight = gaussians_[i];
-                            weight.reflectivity = 1;
-                            GaussianGradient<double> shape =
-                                ProjectAdjoint(weight, projections[i], GatherMoments(projections[i].splat, pull));
-                            shape.reflectivity = 0;
-                            AddTo(gradient_[i], shape);
-                          }
                           scores_[i].error += moments.error;
                           scores_[i].visits += 1;
                         });
@@ -185,7 +161,6 @@ public:
                              const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
-    RefuseNormalised(normalised_);
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
     double done = 0;
@@ -203,7 +178,7 @@ public:
             for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
             {
               const double fade = 1.0 - truth[pixel];
-              const double weight = Counts(pixel) ? sweep_->Weight(frame) * fade * fade : 0.0;
+              const double weight = sweep_->IsLit(pixel) ? fade * fade : 0.0;
               const double target = withTarget ? transfer_.Scattering<double>(truth[pixel]) : 0.0;
               image[pixel] = weight * (image[pixel] - target);
             }
@@ -254,11 +229,6 @@ private:
     return splat.amplitude * std::exp(-0.5 * (eta1 * eta1 + eta2 * eta2));
   }
 
-  double Intensity(double s, double support) const
-  {
-    return normalised_ ? s / (kLeastWeight + support) : transfer_.Intensity(s);
-  }
-
   std::vector<Projection<double>> ProjectAll(const SlicePlane& plane) const
   {
     const View<double> view = MakeView<double>(plane, beam_, origin_);
@@ -286,8 +256,6 @@ private:
     sweep_->CopyFrame(frame, image.data());
     return image;
   }
-
-  bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
 
   /// S of a whole frame for reflectivities x.
   std::vector<double> Scattering(const std::vector<Projection<double>>& projections, const std::vector<double>& x) const
@@ -340,7 +308,6 @@ private:
   Beam beam_;
   TransferFunction transfer_;
   std::shared_ptr<const Sweep> sweep_;
-  bool ignoreMasked_ = false, normalised_ = false;
   std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
   std::uint64_t guarded_ = 0;
 };

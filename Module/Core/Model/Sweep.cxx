@@ -104,7 +104,6 @@ Sweep Sweep::Reduced(int n) const
   out.height = height / n;
   out.pixelType = PixelType::Float32;
   out.timestamps = timestamps;
-  out.weights = weights;
 
   // Old index = n * new index + (n - 1) / 2: the centre of a block.
   Eigen::Matrix4d newToOld = Eigen::Matrix4d::Identity();
@@ -175,10 +174,6 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
     {
       out.timestamps.push_back(timestamps[frame]);
     }
-    if (!weights.empty())
-    {
-      out.weights.push_back(weights[frame]);
-    }
   }
   out.pixels = std::shared_ptr<const void>(bytes, bytes->data());
   return out;
@@ -238,7 +233,7 @@ void Sweep::BlackenUnlit(float* image) const
   }
 }
 
-void Sweep::Validate() const
+void Sweep::ValidateLayout() const
 {
   const int frames = NumberOfFrames();
   if (frames == 0)
@@ -260,7 +255,6 @@ void Sweep::Validate() const
     throw Error("Sweep: the frames have poses but no pixels.");
   }
   CheckLength(timestamps, "timestamps", frames);
-  CheckLength(weights, "weights", frames);
   if (mask && mask->size() != PixelsPerFrame())
   {
     throw Error("Sweep: the mask has " + std::to_string(mask->size()) + " pixels, but frames are " +
@@ -281,22 +275,22 @@ void Sweep::Validate() const
                   "matrix stored column by column?");
     }
     Plane(frame).Validate(what);
-    if (!weights.empty() && !(std::isfinite(weights[frame]) && weights[frame] >= 0))
-    {
-      throw Error(what + ": the weight is " + std::to_string(weights[frame]) +
-                  "; it must be zero or positive, and finite.");
-    }
     if (!timestamps.empty() && !std::isfinite(timestamps[frame]))
     {
       throw Error(what + ": the timestamp is not finite.");
     }
   }
+}
+
+void Sweep::Validate() const
+{
+  ValidateLayout();
   if (pixelType == PixelType::UInt8)
   {
     return;  // every value is in range
   }
   const auto* values = static_cast<const float*>(pixels.get());
-  const std::size_t n = PixelsPerFrame() * frames;
+  const std::size_t n = PixelsPerFrame() * NumberOfFrames();
   std::atomic<std::size_t> firstBad(n);  // the lowest index, whatever the order of the threads
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 1 << 16),
                     [&](const tbb::blocked_range<std::size_t>& range)

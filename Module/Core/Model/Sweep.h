@@ -31,13 +31,11 @@ struct Sweep
   std::shared_ptr<const void> pixels;                     ///< [frames][height][width], may alias memory owned elsewhere
   std::vector<Eigen::Matrix4d> imageToReference;          ///< [frames] pixel (i, j, 0, 1) to mm
   std::vector<double> timestamps;                         ///< [frames] seconds, or empty
-  std::vector<float> weights;                             ///< [frames] weight in the training loss, or empty for all 1
   std::shared_ptr<const std::vector<std::uint8_t>> mask;  ///< [height][width], 0 = never lit or clipped; null = all lit
 
   int NumberOfFrames() const { return static_cast<int>(imageToReference.size()); }
   std::size_t PixelsPerFrame() const { return static_cast<std::size_t>(width) * height; }
   SlicePlane Plane(int frame) const { return SlicePlane::FromImageToReference(imageToReference[frame], width, height); }
-  float Weight(int frame) const { return weights.empty() ? 1.0f : weights[frame]; }
   bool IsLit(std::size_t pixel) const { return !mask || (*mask)[pixel] != 0; }
 
   /// The frame's intensities in [0, 1]; `image` has PixelsPerFrame() elements.
@@ -60,9 +58,12 @@ struct Sweep
   /// Sets what is not lit to 0 in `image`, of PixelsPerFrame() elements: all that a probe shows there.
   void BlackenUnlit(float* image) const;
 
-  /// Throws Error unless there is at least one frame and every size, pose, weight and float pixel is sound (float
-  /// pixels must lie in [0, 1]; poses must be affine and pass SlicePlane::Validate; weights must not be negative).
+  /// Throws Error unless there is at least one frame and every size, pose and float pixel is sound (float pixels must
+  /// lie in [0, 1]; poses must be affine and pass SlicePlane::Validate).
   void Validate() const;
+
+  /// The same without a look at the pixels' values, which takes no time.
+  void ValidateLayout() const;
 };
 
 /// Frames that a hold-out of K keeps from training: index % K == K / 2 (integer division). K = 0 holds out none;

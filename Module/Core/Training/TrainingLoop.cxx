@@ -257,7 +257,7 @@ TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> 
 
 void TrainingLoop::UploadTargets()
 {
-  engine_->SetFrames(WithCountedPixels(*targetSweep_, plan_.ignoreMasked), true);
+  engine_->SetFrames(WithCountedPixels(*targetSweep_, plan_.ignoreMasked));
 }
 
 Start TrainingLoop::SeedAndSolve()

@@ -25,7 +25,6 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   for (int frame : frames)
   {
     out->imageToReference.push_back(sweep.imageToReference[frame]);
-    out->weights.push_back(sweep.Weight(frame));
   }
   struct Gap
   {
@@ -44,7 +43,6 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
       const double share = v / (perGap + 1.0);
       gaps.push_back({frames[k], frames[k + 1], share});
       out->imageToReference.push_back(PlaneBetween(from, to, share).ImageToReference());
-      out->weights.push_back(1.0f);
     }
   }
   const std::size_t pixels = sweep.PixelsPerFrame(), planes = out->imageToReference.size();

@@ -13,7 +13,7 @@
 namespace bigus
 {
 
-/// A sweep of `frames` (in that order, with their own weights) followed by `perGap` planes evenly spaced in
+/// A sweep of `frames` (in that order) followed by `perGap` planes evenly spaced in
 /// every gap between neighbours, with weight 1. A virtual plane's pose is interpolated between its
 /// neighbours' and its pixels are guessed from them. Gaps wider than four times the median are breaks in the
 /// sweep and get none. Pixels of the result are of the sweep's type, its mask is the sweep's. perGap >= 1.

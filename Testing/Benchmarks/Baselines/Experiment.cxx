@@ -30,6 +30,7 @@
 #include "Core/Training/Seeding.h"
 #include "JobFields.h"
 #include "Scene.h"
+#include "UltraGaussEngine.h"
 
 using namespace bigus;
 using Json = nlohmann::json;
@@ -182,14 +183,7 @@ TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
   return options;
 }
 
-/// An engine of the weights' normalised sum: I = sum r w / (1e-3 + sum w).
-const char* const NormalisedEngine = "cpu-normalised";
-std::unique_ptr<Engine> CreateNormalised()
-{
-  std::unique_ptr<Engine> engine = Engine::Create("cpu");
-  engine->SetNormalisedWeights(true);
-  return engine;
-}
+const char* const UltraGaussName = "ultragauss";  // of the engine
 
 /// The method that the paper compares itself with, as far as this engine can be it: Gaussians cut by a thin
 /// plane, weights normalised, positive, started uniformly at random, nothing added to the frames, nothing
@@ -197,7 +191,7 @@ std::unique_ptr<Engine> CreateNormalised()
 TrainerOptions UltraGauss()
 {
   TrainerOptions options;
-  options.engine = NormalisedEngine;
+  options.engine = UltraGaussName;
   options.automatic = false;
   options.gaussians = 100000;
   options.elevationSigma = 0;
@@ -229,7 +223,7 @@ Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& s
   const auto seen = std::make_shared<const Sweep>(sweep.Subset(split.training));
   const auto begin = std::chrono::steady_clock::now();
   std::optional<GaussianField> start;
-  if (options.engine == NormalisedEngine)
+  if (options.engine == UltraGaussName)
   {
     start = UltraGaussSeeds(options, *seen);
   }
@@ -548,7 +542,7 @@ int main(int argc, char* argv[])
       jobFile = argument;
     }
   }
-  Engine::Register(NormalisedEngine, CreateNormalised, false);
+  Engine::Register(UltraGaussName, CreateUltraGaussEngine, false);
   try
   {
     std::ifstream file;

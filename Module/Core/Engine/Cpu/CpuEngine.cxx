@@ -161,7 +161,6 @@ public:
 
   std::size_t FieldSize() const override { return order_.size(); }
   void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
-  void SetNormalisedWeights(bool on) override { normalised_ = on; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
   {
@@ -173,7 +172,7 @@ public:
                   " pixels is larger than 16777216 along a side.");
     }
     const std::vector<Camera> cameras{CameraOf(plane, beam_)};
-    FindVisible(cameras, plane.width, plane.height, window, normalised_, false);
+    FindVisible(cameras, plane.width, plane.height, window, Purpose::Render);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
     ForBands(1, window.rows,
              [&](int, int begin, int end)
@@ -186,45 +185,35 @@ public:
                for (int row = begin; row < end; ++row)
                {
                  T* line = buffer.data() + (row - begin) * stride;
-                 if (output == ViewOutput::Intensity && !normalised_)
+                 if (output == ViewOutput::Intensity)
                  {
                    kernels_.toIntensity(line, window.columns, static_cast<T>(transfer_.gamma), line);
                  }
                  std::copy_n(line, window.columns, image + static_cast<std::size_t>(row) * window.columns);
                }
-               const bool normalise = normalised_ && output == ViewOutput::Intensity;
-               if (coverage || normalise)
+               if (coverage)
                {
                  std::fill(buffer.begin(), buffer.end(), T(0));
                  AddVisible(0, firstRow, lastRow, rows, [](std::size_t) -> const T* { return nullptr; });
                  for (int row = begin; row < end; ++row)
                  {
                    const T* line = buffer.data() + (row - begin) * stride;
-                   const std::size_t first = static_cast<std::size_t>(row) * window.columns;
-                   for (int column = 0; normalise && column < window.columns; ++column)
-                   {
-                     image[first + column] /= static_cast<float>(kLeastWeight + line[column]);
-                   }
-                   if (coverage)
-                   {
-                     std::copy_n(line, window.columns, coverage + first);
-                   }
+                   std::copy_n(line, window.columns, coverage + static_cast<std::size_t>(row) * window.columns);
                  }
                }
              });
   }
 
-  void SetFrames(std::shared_ptr<const Sweep> sweep, bool ignoreMasked) override
+  void SetFrames(std::shared_ptr<const Sweep> sweep) override
   {
-    sweep->Validate();
+    sweep->ValidateLayout();
     sweep_ = std::move(sweep);
-    ignoreMasked_ = ignoreMasked;
     countedPixels_ = 0;
     for (std::size_t pixel = 0; pixel < sweep_->PixelsPerFrame(); ++pixel)
     {
-      countedPixels_ += Counts(pixel);
+      countedPixels_ += sweep_->IsLit(pixel);
     }
-    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_, ignoreMasked));
+    imageLoss_.emplace(sweep_->width, sweep_->height, CountedPixels(*sweep_));
   }
 
   double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
@@ -287,7 +276,6 @@ public:
                              const std::function<bool(double)>& progress) override
   {
     CheckFrames(sweep_, frames);
-    RefuseNormalised(normalised_);
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
     double done = 0;
@@ -306,14 +294,13 @@ public:
             const std::vector<int> batch(frames.begin() + first,
                                          frames.begin() + std::min(first + kSolveBatch, frames.size()));
             ForwardFrames(batch, x.data(),
-                          [&](int frame, const T* truth, const T* counts, T* line)
+                          [&](const T* truth, const T* counts, T* line)
                           {
                             for (int column = 0; column < sweep_->width; ++column)
                             {
                               const T fade = T(1) - truth[column];
                               const T target = withTarget ? transfer_.Scattering(truth[column]) : T(0);
-                              line[column] = counts[column] * static_cast<T>(sweep_->Weight(frame)) * fade * fade *
-                                             (line[column] - target);
+                              line[column] = counts[column] * fade * fade * (line[column] - target);
                             }
                             return 0.0;
                           });
@@ -362,6 +349,16 @@ public:
 private:
   static constexpr std::size_t kSolveBatch = 8;  // frames held at once while solving
 
+  /// What footprints are found for, which says how they are cut. To render: each where its own |r| falls below its
+  /// share. To train: the same, but none is too dark to be seen, because a step may make it brighter. To solve for
+  /// reflectivities: all as if every |r| were the field's mean, because the values change while the footprints stay.
+  enum class Purpose
+  {
+    Render,
+    Train,
+    Solve
+  };
+
   /// What one view sees of one block: splats_[offset, offset + count), all in rows [rowBegin, rowEnd).
   struct Seen
   {
@@ -369,35 +366,6 @@ private:
     int count, rowBegin, rowEnd;
   };
 
-  /// With normalised weights a footprint w gets r dL/dS + dL/dW where it otherwise gets r dL/dS: moments of
-  /// both images add up to those of a Gaussian of reflectivity 1, and dL/dr stays the moment of dL/dS.
-  struct NormalisedBlock
-  {
-    GaussianBlock<T> unit;
-    T slopes[kBlock];
-
-    void Begin(const GaussianBlock<T>& block)
-    {
-      unit = block;
-      std::fill_n(unit.reflectivity, kBlock, T(1));
-      std::fill_n(slopes, kBlock, T(0));
-    }
-    void Combine(const GaussianBlock<T>& block, const VisibleSplat<T>* splats, int count,
-                 const MomentBlock<T>& ofWeights, MomentBlock<T>& moments)
-    {
-      for (int k = 0; k < count; ++k)
-      {
-        const int i = static_cast<int>(splats[k].gaussian);
-        slopes[i] += moments.values[0][k];
-        for (int m = 0; m < 6; ++m)
-        {
-          moments.values[m][k] = block.reflectivity[i] * moments.values[m][k] + ofWeights.values[m][k];
-        }
-      }
-    }
-  };
-
-  bool Counts(std::size_t pixel) const { return !ignoreMasked_ || sweep_->IsLit(pixel); }
   const Seen& SeenBy(std::size_t slot, std::size_t view) const { return seen_[slot * views_ + view]; }
 
   template <class Body>
@@ -609,26 +577,24 @@ private:
   }
 
   /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height
-  /// images. With `alike`, footprints are cut as if every |r| were the field's mean
-  /// (with normalised weights: such that w ends at the tolerance). With `alive`, none is too dark to be seen.
+  /// images.
   ///
   /// Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at most the
   /// tolerance. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half
   /// the tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel:
   /// counted, with their block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n
   /// overlap.
-  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, bool alike,
-                   bool alive)
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, Purpose purpose)
   {
     const double tolerance = accuracy_.tolerance / transfer_.gamma;
-    const bool shared = !accuracy_.perSplat && !alike && tolerance > 0 && !blocks_.empty();
+    const bool shared = !accuracy_.perSplat && purpose != Purpose::Solve && tolerance > 0 && !blocks_.empty();
     const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
     const double logFloor = std::log(floor);
-    const double common = normalised_ ? 1 / transfer_.gamma : alike ? MeanMagnitude() : 0.0;
-    const double least = alive ? LeastMagnitude(tolerance) : 0.0;
+    const double common = purpose == Purpose::Solve ? MeanMagnitude() : 0.0;
+    const double least = purpose == Purpose::Render ? 0.0 : LeastMagnitude(tolerance);
     const double logCommon = std::log(common), logLeast = std::log(least);
     const auto magnitudeOf = [=](const BlockPlace& place)
-    { return alike ? logCommon : std::max(place.logMagnitude, logLeast); };
+    { return purpose == Purpose::Solve ? logCommon : std::max(place.logMagnitude, logLeast); };
     const PixelBox whole{0, width, 0, height};
     views_ = cameras.size();
     std::vector<TileCounts> overlaps;
@@ -763,7 +729,7 @@ private:
     }
   }
 
-  /// For splats of given values that are cut alike.
+  /// For Purpose::Solve.
   double MeanMagnitude() const
   {
     double sum = 0;
@@ -786,8 +752,8 @@ private:
     return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(frame, truth,
-  /// counts, S) for every row, which replaces S by what is to be propagated back. counts is 1 where a pixel
+  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(truth, counts,
+  /// S) for every row, which replaces S by what is to be propagated back. counts is 1 where a pixel
   /// counts and 0 elsewhere. Returns the sum of the results.
   template <class Line>
   double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
@@ -798,7 +764,7 @@ private:
       cameras_.push_back(CameraOf(sweep_->Plane(frame), beam_));
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(cameras_, width, height, {0, 0, width, height}, values != nullptr || normalised_, true);
+    FindVisible(cameras_, width, height, {0, 0, width, height}, values ? Purpose::Solve : Purpose::Train);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on
@@ -816,8 +782,7 @@ private:
                  const std::size_t pixel = static_cast<std::size_t>(row) * width;
                  ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
                  ReadCounts(row, counts.data());
-                 sums[static_cast<std::size_t>(f) * height + row] =
-                     line(frames[f], truth.data(), counts.data(), rows.Row(row));
+                 sums[static_cast<std::size_t>(f) * height + row] = line(truth.data(), counts.data(), rows.Row(row));
                }
              });
     double total = 0;
@@ -836,9 +801,9 @@ private:
     imageLoss_->Check(loss);
     const double share =
         1.0 / (static_cast<double>(std::max<std::size_t>(countedPixels_, 1)) * static_cast<double>(frames.size()));
-    const auto toDerivative = [&](int frame, const T* truth, T* weights, const T* others, T* line)
+    const auto toDerivative = [&](const T* truth, T* weights, const T* others, T* line)
     {
-      const T weight = static_cast<T>(share * sweep_->Weight(frame));
+      const T weight = static_cast<T>(share);
       for (int column = 0; column < sweep_->width; ++column)
       {
         weights[column] *= weight;
@@ -846,50 +811,37 @@ private:
       return kernels_.toDerivative(static_cast<T>(loss.l1), static_cast<T>(loss.l2), static_cast<T>(transfer_.gamma),
                                    truth, weights, others, sweep_->width, line);
     };
-    if (loss.IsPixelwise() && !normalised_)
+    if (loss.IsPixelwise())
     {
       return ForwardFrames(frames, nullptr,
-                           [&](int frame, const T* truth, T* weights, T* line)
-                           { return toDerivative(frame, truth, weights, nullptr, line); });
+                           [&](const T* truth, T* weights, T* line)
+                           { return toDerivative(truth, weights, nullptr, line); });
     }
 
     // Terms that look at whole images need all their rows: I of each frame, then dL/dI, then dL/dS.
-    ForwardFrames(frames, nullptr, [](int, const T*, T*, T*) { return 0.0; });
+    ForwardFrames(frames, nullptr, [](const T*, T*, T*) { return 0.0; });
     const int width = sweep_->width, height = sweep_->height;
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
-    if (normalised_)
-    {
-      AddWeightImages(static_cast<int>(frames.size()));
-    }
     std::vector<T> image(stride * height), truth(stride * height), others(stride * height);
     std::vector<double> sums(height);
     double total = 0;
     for (std::size_t f = 0; f < frames.size(); ++f)
     {
-      const PixelRows<T> rows = FrameRows(f), weights = WeightRows(f);
+      const PixelRows<T> rows = FrameRows(f);
       std::fill(others.begin(), others.end(), T(0));
       ForBands(1, height,
                [&](int, int begin, int end)
                {
                  for (int row = begin; row < end; ++row)
                  {
-                   T* line = image.data() + row * stride;
-                   if (normalised_)
-                   {
-                     const T *s = rows.Row(row), *w = weights.Row(row);
-                     std::transform(s, s + width, w, line,
-                                    [](T s, T w) { return s / (static_cast<T>(kLeastWeight) + w); });
-                   }
-                   else
-                   {
-                     kernels_.toIntensity(rows.Row(row), width, static_cast<T>(transfer_.gamma), line);
-                   }
+                   kernels_.toIntensity(rows.Row(row), width, static_cast<T>(transfer_.gamma),
+                                        image.data() + row * stride);
                    ReadTruth(frames[f] * sweep_->PixelsPerFrame() + static_cast<std::size_t>(row) * width,
                              truth.data() + row * stride);
                  }
                });
-      total += imageLoss_->Evaluate(loss, sweep_->Weight(frames[f]) / static_cast<double>(frames.size()), image.data(),
-                                    truth.data(), stride, others.data());
+      total += imageLoss_->Evaluate(loss, 1.0 / static_cast<double>(frames.size()), image.data(), truth.data(), stride,
+                                    others.data());
       ForBands(1, height,
                [&](int, int begin, int end)
                {
@@ -897,11 +849,8 @@ private:
                  for (int row = begin; row < end; ++row)
                  {
                    ReadCounts(row, counts.data());
-                   const T *t = truth.data() + row * stride, *other = others.data() + row * stride;
-                   sums[row] = normalised_ ? ToNormalisedDerivatives(loss, share * sweep_->Weight(frames[f]),
-                                                                     image.data() + row * stride, t, counts.data(),
-                                                                     other, rows.Row(row), weights.Row(row))
-                                           : toDerivative(frames[f], t, counts.data(), other, rows.Row(row));
+                   sums[row] = toDerivative(truth.data() + row * stride, counts.data(), others.data() + row * stride,
+                                            rows.Row(row));
                  }
                });
       for (double sum : sums)
@@ -910,39 +859,6 @@ private:
       }
     }
     return total;
-  }
-
-  /// With normalised weights, images_ holds the sum of weights of each frame behind their S.
-  PixelRows<T> WeightRows(std::size_t f) { return FrameRows(normalised_ ? views_ + f : f); }
-
-  void AddWeightImages(int frames)
-  {
-    images_.resize(2 * images_.size());
-    ForBands(frames, sweep_->height,
-             [&](int f, int begin, int end)
-             {
-               const PixelRows<T> rows = WeightRows(f);
-               std::fill(rows.Row(begin), rows.Row(end), T(0));
-               AddVisible(f, begin, end, rows, [](std::size_t) -> const T* { return nullptr; });
-             });
-  }
-
-  /// With I = S / W, W = least weight + sum w: replaces S by dL/dS = dL/dI / W and the sum of weights by
-  /// dL/dW = -dL/dI I / W. Returns the loss of the row.
-  double ToNormalisedDerivatives(const Loss& loss, double weight, const T* image, const T* truth, const T* counts,
-                                 const T* others, T* s, T* w) const
-  {
-    double sum = 0;
-    for (int column = 0; column < sweep_->width; ++column)
-    {
-      const bigus::PixelLoss<T> value =
-          EvaluateError(static_cast<T>(loss.l1), static_cast<T>(loss.l2), image[column] - truth[column],
-                        static_cast<T>(weight) * counts[column], others[column]);
-      s[column] = value.derivative / (static_cast<T>(kLeastWeight) + w[column]);
-      w[column] = -s[column] * image[column];
-      sum += value.loss;
-    }
-    return sum;
   }
 
   /// spend(block, gradient) for every block that the frames of the last Forward saw.
@@ -960,11 +876,6 @@ private:
           GradientBlock<T> gradient{};
           MomentBlock<T> moments;
           ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;
-          NormalisedBlock normalised;
-          if (normalised_)
-          {
-            normalised.Begin(blocks_[b]);
-          }
           for (std::size_t f = 0; f < views_; ++f)
           {
             const Seen& list = SeenBy(slot, f);
@@ -976,18 +887,7 @@ private:
             kernels_.gatherMoments(splats, list.count, FrameRows(f), keepScores_, moments);
             std::int32_t column, row;
             const View<T> view = LocalView<T>(cameras_[f], places_[b], column, row);
-            if (normalised_)
-            {
-              MomentBlock<T> ofWeights;
-              kernels_.gatherMoments(splats, list.count, WeightRows(f), false, ofWeights);
-              normalised.Combine(blocks_[b], splats, list.count, ofWeights, moments);
-            }
-            kernels_.addAdjoints(normalised_ ? normalised.unit : blocks_[b], view, splats, list.count, moments,
-                                 gradient, scores);
-          }
-          if (normalised_)
-          {
-            std::copy_n(normalised.slopes, kBlock, gradient.values[kParametersPerGaussian - 1]);
+            kernels_.addAdjoints(blocks_[b], view, splats, list.count, moments, gradient, scores);
           }
           spend(b, gradient);
         });
@@ -999,7 +899,7 @@ private:
     const std::size_t first = static_cast<std::size_t>(row) * sweep_->width;
     for (int column = 0; column < sweep_->width; ++column)
     {
-      counts[column] = Counts(first + column) ? T(1) : T(0);
+      counts[column] = sweep_->IsLit(first + column) ? T(1) : T(0);
     }
   }
 
@@ -1034,7 +934,6 @@ private:
   Accuracy accuracy_;
 
   std::shared_ptr<const Sweep> sweep_;
-  bool ignoreMasked_ = false, normalised_ = false;
   std::size_t countedPixels_ = 0;
   std::optional<ImageLoss> imageLoss_;  // of the frames' size and mask
 
