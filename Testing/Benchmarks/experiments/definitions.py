@@ -66,6 +66,7 @@ class Experiment:
     columns: list
     panels: Callable[[list], list]
     split: str = ""  # a table for each value of this label
+    summary: tuple = ()  # of the table, for README.md: corner, down, across as harness.summary takes them
     shows_decisions: bool = False
 
     def tables(self, jobs):
@@ -167,6 +168,14 @@ E1 = Experiment(
                          ("slices trained on", f"PSNR, {title} (dB)", scene))
                   for scene in ("liver volume", "phantom")
                   for frames, title in (("all", "all slices"), ("held_out", "slices not trained on"))],
+    summary=("liver volume, PSNR in dB",
+             {title: {"scene": "liver volume", "method": method, "limit": limit}
+              for title, method, limit in (("BIGUS 140k, 5 minutes", "BIGUS 140k", "300 s"),
+                                           ("BIGUS 140k, 1 minute", "BIGUS 140k", "60 s"),
+                                           ("like UltraGauss 100k, 5 minutes", "UltraGauss preset 100k", "300 s"),
+                                           ("cubic between slices", "cubic", ""))},
+             {"160 slices, all": ({"slices": 160}, "all 160 PSNR"), "80 slices, unseen": ({"slices": 80}, "unseen PSNR"),
+              "40 slices, unseen": ({"slices": 40}, "unseen PSNR")}),
     split="scene")
 
 # ---- E2: the paper's Table 2 ----
@@ -253,6 +262,14 @@ E2 = Experiment(
     lambda jobs: [dots([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene}: held-out PSNR (dB)", lambda labels: labels["method"])
                   for scene in dict.fromkeys(job.labels["scene"] for job in jobs) if ", full" in scene or "linear" in scene],
+    summary=("held-out PSNR in dB",
+             {title: {"method": method}
+              for title, method in (("field, nothing set", "BIGUS auto"),
+                                    ("pose interpolation, any plane", "pose-aware linear, any plane"),
+                                    ("compounding, best voxel", "compounding, * mm"),
+                                    ("neighbour average", "neighbour average"))},
+             {scene: ({"scene": scene}, "held-out PSNR")
+              for scene in ("liver, full", "brain, full", "spine, full", "phantom, linear", "phantom, convex")}),
     split="scene", shows_decisions=True)
 
 # ---- E3: the paper's Table 3 ----
@@ -286,6 +303,14 @@ E3 = Experiment(
                        + (" densified" if labels["densified"] else ""))
                   for scene in ("brain", "phantom")
                   for frames, title in (("held_out", "held-out"), ("training", "training"))],
+    summary=("PSNR in dB",
+             {title: {"seeds": seeds, "loss": loss, "densified": densified, "count": count}
+              for title, seeds, loss, densified, count in (
+                  ("random seeds, 100k", "random", "l1", "", "100k"), ("Harris seeds, 100k", "harris", "l1", "", "100k"),
+                  ("intensity seeds, 100k", "intensity", "l1", "", "100k"),
+                  ("Harris, DSSIM and FFL, densified, 300k", "harris", "0.8*l1 + 0.2*dssim + ffl", "yes", "300k"))},
+             {f"{scene}, {frames}": ({"scene": scene}, f"{frames} PSNR")
+              for scene in ("brain", "phantom") for frames in ("held-out", "training")}),
     split="scene")
 
 # ---- E4: the paper's Table 4 ----
@@ -356,7 +381,14 @@ E4 = Experiment(
     scored("held_out", "held-out") + [("held-out BFS", "scores.held_out.bfs", 3)] + TRAINED + [
                                       ("sigma used mm", "facts.elevation_sigma", 2),
                                       ("estimated mm", "facts.sigma", 2), ("± mm", "facts.standard_error", 2),
-                                      ("reliable", "facts.reliable", 0)] + COST[:1], e4_panels)
+                                      ("reliable", "facts.reliable", 0)] + COST[:1], e4_panels,
+    summary=("held-out PSNR in dB",
+             {scene: {"scene": scene} for scene in ("brain (sparse)", "brain, no virtual planes", "liver (dense)",
+                                                    "crossing phantoms")},
+             {title: ({"signed": signed, "beam": beam}, "held-out PSNR")
+              for title, signed, beam in (("positive, thin plane", "", ""), ("positive, beam", "", "yes"),
+                                          ("signed, thin plane", "yes", ""), ("signed, beam", "yes", "yes"),
+                                          ("decided", "auto", "auto"))}))
 
 # ---- E5: how far from the frames that were seen ----
 
@@ -386,6 +418,11 @@ E5 = Experiment(
                          psnr("held_out"), lambda labels: labels["method"],
                          ("frames to the next training frame", "held-out PSNR (dB)", scene))
                   for scene in ("liver", "brain", "phantom")],
+    summary=("liver, held-out PSNR in dB",
+             {title: {"scene": "liver", "method": method}
+              for title, method in (("field, 100k", "BIGUS 100k"), ("pose interpolation", "pose-aware linear"),
+                                    ("compounding", "compounding"), ("neighbour average", "neighbour average"))},
+             {f"{gap} frames away" if gap > 1 else "1 frame away": ({"gap": gap}, "held-out PSNR") for gap in (1, 2, 4, 8)}),
     split="scene")
 
 # ---- E6: what time and memory buy ----
@@ -435,7 +472,16 @@ def e6_panels(jobs):
 
 E6 = Experiment("e6", "E6: quality against time, and against memory", e6_jobs,
                 scored("held_out", "held-out") + [("voxel mm", "facts.voxel_size", 2), ("bytes", "bytes", 0)] + COST
-                + [("iterations", "facts.iterations", 0)], e6_panels, split="scene")
+                + [("iterations", "facts.iterations", 0)], e6_panels,
+                summary=("",
+                         {title: {"method": method, "size": size, "limit": limit}
+                          for title, method, size, limit in (
+                              ("field, 20k, 15 s", "BIGUS", "20k", "15 s"), ("field, 100k, 30 s", "BIGUS", "100k", "30 s"),
+                              ("compounding, 0.4 mm", "compounding", "0.4 mm", ""),
+                              ("compounding, memory of 100k", "compounding", "memory of 100k", ""))},
+                         {f"{scene}, {title}": ({"scene": scene}, column) for scene in ("liver", "brain")
+                          for title, column in (("PSNR", "held-out PSNR"), ("bytes", "bytes"))}),
+                split="scene")
 
 # ---- E7: spread over seeds ----
 
@@ -486,7 +532,14 @@ E8 = Experiment(
     lambda jobs: [frontier([job for job in jobs if job.labels["scene"] == scene], contrast_error, psnr("held_out"),
                            lambda labels: labels["method"], lambda name: name == "l1" or "*contrast" in name,
                            ("error of the mean speckle contrast, held-out frames (%)", "held-out PSNR (dB)", scene))
-                  for scene in ("brain", "phantom")], split="scene")
+                  for scene in ("brain", "phantom")],
+    summary=("",
+             {title: {"method": method}
+              for title, method in (("preset fidelity", "fidelity, auto"), ("preset texture", "texture, auto"),
+                                    ("pose interpolation", "pose-aware linear"), ("nearest frame", "nearest frame"))},
+             {f"{scene}, {title}": ({"scene": scene}, column) for scene in ("brain", "phantom")
+              for title, column in (("PSNR", "held-out PSNR"), ("contrast / truth", "contrast / truth"))}),
+    split="scene")
 
 # ---- E9: short and rough sweeps ----
 
@@ -519,6 +572,18 @@ E9 = Experiment(
     scored("held_out", "held-out") + [("aligned PSNR", "scores.aligned.psnr", 2)] + COST,
     lambda jobs: [dots([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene.replace('phantom, ', '')}:\nheld-out PSNR (dB)", lambda labels: labels["method"])
-                  for scene in dict.fromkeys(job.labels["scene"] for job in jobs)], split="scene", shows_decisions=True)
+                  for scene in dict.fromkeys(job.labels["scene"] for job in jobs)],
+    summary=("held-out PSNR in dB",
+             {title: {"scene": scene}
+              for title, scene in (
+                  ("spine", "spine"),
+                  ("phantom, 10 frames, noise 0.1 mm", "phantom, 10 frames, noise 0.1 mm, step 1.5 mm, uneven 40%"),
+                  ("phantom, 20 frames, noise 0.3 mm", "phantom, 20 frames, noise 0.3 mm, step 1 mm, uneven 40%"),
+                  ("phantom, 40 frames, noise 0.5 mm", "phantom, 40 frames, noise 0.5 mm, step 0.6 mm, uneven 40%"))},
+             {title: ({"method": method}, "held-out PSNR")
+              for title, method in (("field, nothing set", "BIGUS auto"), ("pose interpolation", "pose-aware linear"),
+                                    ("compounding, best voxel", "compounding, * mm"),
+                                    ("neighbour average", "neighbour average"))}),
+    split="scene", shows_decisions=True)
 
 EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9)}

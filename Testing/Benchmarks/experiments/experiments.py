@@ -5,9 +5,10 @@
 
     experiments.py e1 [e2 ...|all] [--quick] [--output FOLDER] [--data FOLDER] [--budget MINUTES]
     experiments.py list              what would run, in which order, and how long it should take
-    experiments.py publish           put the tables and plots of --output into README.md
+    experiments.py publish           put tables and plots of --output into results/, and a few rows into README.md
 
-For each experiment writes NAME.csv (all that is known), NAME.md (the table) and NAME.png (the plot). Jobs run in the
+For each experiment writes NAME.csv (all that is known), NAME.md and NAME-table.csv (the table), NAME-decisions.md (what
+the trainer decided) and NAME.png (the plot). Jobs run in the
 order of their priority, over all the experiments asked for; each runs once, whatever the number of calls. What a budget
 has no room for is listed as not run. --quick: the same on small pictures with few Gaussians, a minute or two each; it
 shows that everything works and says nothing about quality.
@@ -16,13 +17,14 @@ shows that everything works and says nothing about quality.
 import argparse
 import math
 import os
+import re
 import sys
 from pathlib import Path
 
 import paper
 import plots
 from definitions import EXPERIMENTS, Scale
-from harness import PROJECT, Runner, decisions, markdown, write_csv, write_whole
+from harness import PROJECT, Runner, decisions, markdown, read_rows, summary, table, write_csv, write_rows, write_whole
 
 HERE = Path(__file__).resolve().parent
 
@@ -32,10 +34,13 @@ def report(experiment, jobs, scale, folder):
     folder.mkdir(parents=True, exist_ok=True)
     name = experiment.name
     write_csv(jobs, folder / f"{name}.csv")
-    text = "".join((f"**{title}**\n\n" if title else "") + markdown(part, experiment.columns, experiment.split) + "\n"
-                   for title, part in experiment.tables(jobs))
-    if experiment.shows_decisions and (made := decisions(jobs)):
-        text += f"What was decided:\n\n{made}\n"
+    tables = [(title, table(part, experiment.columns)) for title, part in experiment.tables(jobs)]
+    write_rows([row for _, rows in tables for row in rows], folder / f"{name}-table.csv")
+    text = "".join((f"**{title}**\n\n" if title else "") + markdown(rows, experiment.split) + "\n"
+                   for title, rows in tables)
+    made = decisions(jobs) if experiment.shows_decisions else ""
+    if made:
+        write_whole(folder / f"{name}-decisions.md", made)
     if scale.is_quick:
         text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
     done = [job for job in jobs if job.result]
@@ -58,26 +63,32 @@ def report(experiment, jobs, scale, folder):
 
 
 def publish(runner, scale):
-    """Tables between the markers of README.md, plots beside it; from what has been run, running nothing."""
+    """Tables and plots of what has been run into results/, and a few rows of each into README.md. Runs nothing. What
+    --output does not have stays as it was published before."""
+    results = HERE / "results"
+    results.mkdir(exist_ok=True)
+    jobs = {name: experiment.jobs(scale) for name, experiment in EXPERIMENTS.items()}
+    if any([runner.recall(job) for group in jobs.values() for job in group]):
+        write_whole(results / "paper.md", "# The paper's figures and ours\n\n" + paper.table(jobs))
+    for name, experiment in EXPERIMENTS.items():
+        if not (runner.output / f"{name}.md").is_file():
+            continue
+        title = f"# {experiment.title}\n\n"
+        write_whole(results / f"{name}.md", title + (runner.output / f"{name}.md").read_text())
+        if (made := runner.output / f"{name}-decisions.md").is_file():
+            write_whole(results / made.name, title + "What the trainer decided by itself.\n\n" + made.read_text())
+        for kept, published in ((f"{name}-table.csv", f"{name}.csv"), (f"{name}.png", f"{name}.png")):
+            if (runner.output / kept).is_file():
+                (results / published).write_bytes((runner.output / kept).read_bytes())
     readme = HERE / "README.md"
     text = readme.read_text()
-    jobs = {name: experiment.jobs(scale) for name, experiment in EXPERIMENTS.items()}
-    for job in (job for group in jobs.values() for job in group):
-        runner.recall(job)
-    bodies = {"paper": paper.table(jobs)}
     for name, experiment in EXPERIMENTS.items():
-        table, plot = runner.output / f"{name}.md", runner.output / f"{name}.png"
-        if not table.is_file():
-            continue
-        bodies[name] = table.read_text()
-        if plot.is_file():
-            (HERE / plot.name).write_bytes(plot.read_bytes())
-            bodies[name] = f"![{experiment.title}]({plot.name})\n\n" + bodies[name]
-    for name, body in bodies.items():
-        begin, end = f"<!-- {name} begin -->", f"<!-- {name} end -->"
-        if begin in text:
-            head, tail = text.split(begin)[0], text.split(end)[1]
-            text = f"{head}{begin}\n{body.rstrip()}\n{end}{tail}"
+        rows = results / f"{name}.csv"
+        if experiment.summary and rows.is_file():
+            # The first table below the experiment's heading.
+            body = summary(read_rows(rows), *experiment.summary)
+            text = re.sub(rf"(\n## {name.upper()}:(?:(?!\n#|\n\|).)*\n)(?:\|[^\n]*\n)+", lambda m: m.group(1) + body, text,
+                          flags=re.DOTALL)
     write_whole(readme, text)
 
 

@@ -18,6 +18,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[3]
@@ -167,19 +168,58 @@ def cell(jobs, path, places):
     return text + (f" ± {statistics.stdev(values):.{places}f}" if len(values) > 1 else "")
 
 
-def markdown(jobs, columns, without=""):
-    """columns: [(title, path in the result, decimal places)]. Rows that were not run say so. `without`: a label that
-    has no column."""
+def table(jobs, columns):
+    """One dictionary a row, {title of a column: text}, labels first. columns: [(title, path in the result, decimal
+    places)]. Rows that were not run say so in their first number's place."""
     rows = groups(jobs)
-    names = list(dict.fromkeys(name for labels, _ in rows for name in labels if name != without))
-    lines = ["| " + " | ".join(names + [title for title, _, _ in columns]) + " |",
-             "|---" * (len(names) + len(columns)) + "|"]
+    names = list(dict.fromkeys(name for labels, _ in rows for name in labels))
+    lines = []
     for labels, members in rows:
-        cells = [str(labels.get(name, "")) for name in names]
+        row = {name: str(labels.get(name, "")) for name in names}
         if any(job.result for job in members):
-            cells += [cell(members, path, places) for _, path, places in columns]
+            row |= {title: cell(members, path, places) for title, path, places in columns}
         else:
-            cells += [members[0].state.split(":")[0]] + [""] * (len(columns) - 1)
+            row |= {title: "" for title, _, _ in columns} | {columns[0][0]: members[0].state.split(":")[0]}
+        lines.append(row)
+    return lines
+
+
+def markdown(rows, without=""):
+    """Rows of table() for a reader. `without`: a column to leave out."""
+    names = [name for name in rows[0] if name != without]
+    lines = ["| " + " | ".join(names) + " |", "|---" * len(names) + "|"]
+    lines += ["| " + " | ".join(row[name] for name in names) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def write_rows(rows, path):
+    """Rows of table() as CSV."""
+    part = path.with_name(path.name + ".part")
+    with open(part, "w", newline="") as file:
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)), restval="",
+                                lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    part.replace(path)
+
+
+def read_rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def summary(rows, corner, down, across):
+    """A few numbers of a table. down: {title: labels of the rows}; across: {title: (more labels, column)}. Each cell
+    is that column of the row with both sets of labels, or a dash. A label may be a pattern such as 'compounding, * mm':
+    of the rows that match the largest number is taken."""
+    lines = ["| " + " | ".join([corner, *across]) + " |", "|---" * (1 + len(across)) + "|"]
+    for title, labels in down.items():
+        cells = [title]
+        for more, column in across.values():
+            wanted = {**labels, **more}.items()
+            found = [row[column] for row in rows
+                     if all(fnmatchcase(row[name], str(label)) for name, label in wanted) and row[column][:1].isdigit()]
+            cells.append(max(found, key=lambda text: float(text.split()[0]), default="–"))
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

@@ -10,6 +10,7 @@ import contextlib
 import csv
 import io
 import json
+import shutil
 import sys
 import tempfile
 import unittest
@@ -56,6 +57,12 @@ class Harness(unittest.TestCase):
             self.assertIn("threads", row["machine"])
         table = (quick / "e5.md").read_text()
         self.assertIn("no data", table)
+        with open(quick / "e5-table.csv") as file:
+            cells = {(row["scene"], row["gap"], row["method"]): row["held-out PSNR"] for row in csv.DictReader(file)}
+        for row in done:
+            self.assertIn(cells[row["scene"], row["gap"], row["method"]], table)
+            self.assertAlmostEqual(float(cells[row["scene"], row["gap"], row["method"]]),
+                                   float(row["scores.held_out.psnr"]), delta=0.006)
         self.assertEqual((quick / "e5.png").read_bytes()[:4], b"\x89PNG")
         self.assertFalse(list(quick.rglob("*.part*")))
 
@@ -87,15 +94,30 @@ class Harness(unittest.TestCase):
         self.assertIn("failed: out of luck", said)
         self.assertEqual(list(self.folder.rglob("*.json")), [])
 
-    def test_publishes_between_markers(self):
+    def test_publishes_tables_beside_and_a_summary_below_the_heading(self):
         quick = self.folder / "quick"
         quick.mkdir()
         (quick / "e5.md").write_text("| new |\n")
+        (quick / "e5-table.csv").write_text("scene,gap,method,held-out PSNR\nliver,1,BIGUS 100k,40.32\nliver,2,BIGUS 100k,"
+                                            "37.71\nliver,2,compounding,34.22\nliver,4,compounding,not run\n")
         readme = self.folder / "README.md"
-        readme.write_text("before\n<!-- e5 begin -->\nold\n<!-- e5 end -->\nafter\n")
+        readme.write_text("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| old |\n|---|\n\n## E6: after\n| kept |\n")
         with mock.patch.object(experiments, "HERE", self.folder):
             call("publish", "--quick", "--output", self.folder)
-        self.assertEqual(readme.read_text(), "before\n<!-- e5 begin -->\n| new |\n<!-- e5 end -->\nafter\n")
+        self.assertEqual((self.folder / "results/e5.md").read_text(), f"# {EXPERIMENTS['e5'].title}\n\n| new |\n")
+        text = readme.read_text()
+        self.assertTrue(text.startswith("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| liver"), text)
+        self.assertTrue(text.endswith(" |\n\n## E6: after\n| kept |\n"), text)
+        self.assertNotIn("old", text)
+        self.assertIn("| field, 100k | 40.32 | 37.71 | – | – |", text)
+        self.assertIn("| compounding | – | 34.22 | – | – |", text)
+
+    def test_what_is_published_is_what_the_page_says(self):
+        with tempfile.TemporaryDirectory() as folder:
+            shutil.copytree(experiments.HERE, folder, dirs_exist_ok=True)
+            with mock.patch.object(experiments, "HERE", Path(folder)):
+                call("publish", "--output", Path(folder) / "nothing")
+            self.assertEqual((Path(folder) / "README.md").read_text(), (experiments.HERE / "README.md").read_text())
 
 
 class Definitions(unittest.TestCase):
