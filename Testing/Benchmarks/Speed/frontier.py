@@ -4,9 +4,9 @@
 """Speed against error: the table that `bigus bench frontier --csv` writes, as one log-log plot and as Markdown.
 
     build/bin/bigus bench frontier --csv frontier.csv
-    Testing/Benchmarks/frontier.py frontier.csv [--output FOLDER]
+    Testing/Benchmarks/Speed/frontier.py frontier.csv [--output FOLDER]
 
-Writes frontier.png, frontier.svg and frontier.md into FOLDER (default: beside the table) and prints the Markdown.
+Writes frontier.png and frontier.md into FOLDER (default: beside the table) and prints the Markdown.
 """
 
 import argparse
