@@ -4,6 +4,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "PipelineSupport.h"
 #include "vtkBigusConvert.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
@@ -157,12 +158,7 @@ int vtkBigusPhantomSource::RequestData(vtkInformation*, vtkInformationVector**, 
   try
   {
     const bigus::Phantom phantom(this->GetOptions());
-    const bigus::Sweep sweep = phantom.MakeSweep(
-        [this](double share)
-        {
-          this->UpdateProgress(share);
-          return !this->GetAbortExecute();
-        });
+    const bigus::Sweep sweep = phantom.MakeSweep([this](double share) { return bigus::ReportProgress(this, share); });
     output->Initialize();
     if (sweep.NumberOfFrames() == 0)
     {
@@ -187,6 +183,20 @@ int vtkBigusPhantomSource::RequestData(vtkInformation*, vtkInformationVector**, 
     vtkErrorMacro(<< error.what());
     this->SetErrorCode(vtkErrorCode::UnknownError);
     output->Initialize();
+    return 0;
+  }
+}
+
+double vtkBigusPhantomSource::GetScatterersPerResolutionCell()
+{
+  try
+  {
+    return bigus::Phantom(this->GetOptions()).ScatterersPerResolutionCell();
+  }
+  catch (const bigus::Error& error)
+  {
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UnknownError);
     return 0;
   }
 }

@@ -254,6 +254,12 @@ public:
   ///@}
 
   /**
+   * Mean number of scatterers of parenchyma in a resolution cell; see ScattererDensity. Reports an error and returns 0
+   * when an option is out of range.
+   */
+  double GetScatterersPerResolutionCell();
+
+  /**
    * Writes into `truth` the exact image of the plane whose pixel (i, j) lies at `imageToReference` (i, j, 0,
    * 1), in mm: one frame in the form of the output (a sweep of one, with its pose and mask). The columns of
    * the matrix must be orthogonal: the second is the direction of the beams, and the probe's face is centred

@@ -31,6 +31,9 @@ void AddMetrics(Program& program);
 void AddConvert(Program& program);
 void AddBench(Program& program);
 
+/// Makes `work` the program's job where the arguments choose the subcommand `app`.
+void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work);
+
 /// Text to a finite number; the whole text counts, with a point as decimal mark whatever the locale. False
 /// otherwise.
 bool ParseNumber(const std::string& text, double& value);

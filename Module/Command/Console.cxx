@@ -15,6 +15,11 @@
 namespace bigus::command
 {
 
+double SecondsSince(std::chrono::steady_clock::time_point start)
+{
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
 std::string FormatDuration(double seconds)
 {
   const long total = std::lround(std::min(std::max(seconds, 0.0), 3.6e6));
@@ -101,7 +106,7 @@ void Console::Progress(const std::string& job, double fraction, const std::strin
   drawn_ = now;
   open_ = true;
 
-  const double elapsed = std::chrono::duration<double>(now - start_).count();
+  const double elapsed = SecondsSince(start_);
   if (secondsLeft < 0 && fraction > 0)
   {
     secondsLeft = elapsed * (1 - fraction) / fraction;

@@ -48,6 +48,9 @@ private:
   bool open_ = false;
 };
 
+/// Seconds from `start` to now.
+double SecondsSince(std::chrono::steady_clock::time_point start);
+
 /// "0:07", "12:34", "1:02:03".
 std::string FormatDuration(double seconds);
 

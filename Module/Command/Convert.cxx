@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus convert: fields between .vtp and .ply, any tracked sequence to .igs.mha.
 #include <memory>
+#include <numeric>
 
 #include "Command.h"
 #include "Files.h"
@@ -47,10 +48,7 @@ ExitCode Convert(Console& console, const Options& options)
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
   const int frames = sequence->GetDimensions()[2];
   std::vector<int> numbers(frames);
-  for (int k = 0; k < frames; ++k)
-  {
-    numbers[k] = k;
-  }
+  std::iota(numbers.begin(), numbers.end(), 0);
   if (HasSuffix(output, ".png") && sequence->GetScalarType() != VTK_UNSIGNED_CHAR)
   {
     throw OutputError("Cannot write '" + output + "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
@@ -77,9 +75,7 @@ void AddConvert(Program& program)
       ->required()
       ->type_name("");
 
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return Convert(console, *options); }; });
+  RunWhenChosen(app, program, [options](Console& console) { return Convert(console, *options); });
 }
 
 }  // namespace bigus::command

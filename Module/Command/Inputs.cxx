@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 
 #include "Command.h"
 #include "Files.h"
@@ -45,6 +46,22 @@ void AddChainOptions(CLI::App& app, PoseChain& chain, const char* group)
       ->capture_default_str()
       ->group(group);
   app.add_flag("--assume-status", chain.assumeStatus, "Accept transforms that carry no status")->group(group);
+}
+
+/// What the readers of sequences and of poses have in common.
+template <class Reader>
+void SetFileAndChain(Reader* reader, const std::string& path, const PoseChain& chain)
+{
+  RequireFile(path);
+  reader->SetFileName(path.c_str());
+  reader->SetFromFrame(chain.from.c_str());
+  reader->SetToFrame(chain.to.c_str());
+  reader->SetAssumeMissingStatusOK(chain.assumeStatus);
+  if (!chain.config.empty())
+  {
+    RequireFile(chain.config);
+    reader->SetConfigFileName(chain.config.c_str());
+  }
 }
 
 void NoteRejected(vtkBigusSequenceReader* reader, const std::string& path, Console& console)
@@ -199,17 +216,8 @@ void AddReduceOption(CLI::App& app, int& reduce)
 
 vtkSmartPointer<vtkBigusSequenceReader> NewSequenceReader(const SequenceOptions& options)
 {
-  RequireFile(options.path);
   auto reader = vtkSmartPointer<vtkBigusSequenceReader>::New();
-  reader->SetFileName(options.path.c_str());
-  reader->SetFromFrame(options.chain.from.c_str());
-  reader->SetToFrame(options.chain.to.c_str());
-  reader->SetAssumeMissingStatusOK(options.chain.assumeStatus);
-  if (!options.chain.config.empty())
-  {
-    RequireFile(options.chain.config);
-    reader->SetConfigFileName(options.chain.config.c_str());
-  }
+  SetFileAndChain(reader.Get(), options.path, options.chain);
   if (!options.imageFolder.empty())
   {
     reader->SetImageFolder(options.imageFolder.c_str());
@@ -287,17 +295,8 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
 
 Planes ReadPlanes(const PlaneOptions& options, Console& console)
 {
-  RequireFile(options.poses);
   vtkNew<vtkBigusPoseReader> reader;
-  reader->SetFileName(options.poses.c_str());
-  reader->SetFromFrame(options.chain.from.c_str());
-  reader->SetToFrame(options.chain.to.c_str());
-  reader->SetAssumeMissingStatusOK(options.chain.assumeStatus);
-  if (!options.chain.config.empty())
-  {
-    RequireFile(options.chain.config);
-    reader->SetConfigFileName(options.chain.config.c_str());
-  }
+  SetFileAndChain(reader.Get(), options.poses, options.chain);
   if (options.spacing > 0)
   {
     reader->SetPixelSpacing(options.spacing);
@@ -314,17 +313,12 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
   vtkDataArray* sizes = column("Size");
   vtkDataArray* times = column("Timestamp");
 
-  const int count = static_cast<int>(table->GetNumberOfRows());
-  std::vector<int> chosen(count);
-  for (int i = 0; i < count; ++i)
-  {
-    chosen[i] = i;
-  }
+  std::vector<int> chosen(table->GetNumberOfRows());
+  std::iota(chosen.begin(), chosen.end(), 0);
   if (!options.frames.empty())
   {
-    chosen = ParseFrames(options.frames, count);
+    chosen = ParseFrames(options.frames, static_cast<int>(chosen.size()));
   }
-
   if (chosen.empty())
   {
     throw Error(options.poses + " holds no plane.");

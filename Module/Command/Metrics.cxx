@@ -149,9 +149,7 @@ void AddMetrics(Program& program)
       ->type_name("");
   app->add_option("B", options->truth, "The truth, of the same size")->required()->type_name("");
 
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return Measure(console, *options); }; });
+  RunWhenChosen(app, program, [options](Console& console) { return Measure(console, *options); });
 }
 
 }  // namespace bigus::command

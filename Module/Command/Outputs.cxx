@@ -213,6 +213,13 @@ vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes, co
   return stack;
 }
 
+void SetImage(vtkImageData* stack, int k, vtkImageData* image)
+{
+  vtkDataArray* pixels = image->GetPointData()->GetScalars();
+  stack->GetPointData()->GetScalars()->InsertTuples(k * pixels->GetNumberOfTuples(), pixels->GetNumberOfTuples(), 0,
+                                                    pixels);
+}
+
 void RequireStackName(const std::string& path)
 {
   if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".png"))

@@ -20,6 +20,9 @@ class Console;
 vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes, const std::vector<double>& timestamps,
                                        bool bytes);
 
+/// Copies the pixels of an image of one slice, of the stack's type, into image `k` of the stack.
+void SetImage(vtkImageData* stack, int k, vtkImageData* image);
+
 /// Throws OutputError unless the name ends in .mha (.igs.mha), .nrrd or .png.
 void RequireStackName(const std::string& path);
 /// .mha and .nrrd: one sequence with poses. .png: 8-bit; one image as it is named, more with numbers

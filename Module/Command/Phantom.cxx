@@ -1,17 +1,22 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus phantom: a made-up tracked sweep, and the exact truth at any other plane.
-#include "Core/Phantom/Phantom.h"
-
-#include <map>
+#include <algorithm>
+#include <functional>
 #include <memory>
+#include <numeric>
 
 #include "Command.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Outputs.h"
-#include "vtkBigusConvert.h"
+#include "Pipeline.h"
+#include "vtkBigusPhantomSource.h"
+#include "vtkDataArray.h"
+#include "vtkFieldData.h"
 #include "vtkImageData.h"
+#include "vtkMatrix4x4.h"
+#include "vtkNew.h"
 
 namespace bigus::command
 {
@@ -21,76 +26,85 @@ namespace
 
 struct Options
 {
-  PhantomOptions phantom;
+  vtkNew<vtkBigusPhantomSource> source;
   std::string output;
   PlaneOptions truth;  ///< with poses: image these planes instead of making a sweep
   bool truePoses = false;
 };
+
+/// The truth at planes.
+vtkSmartPointer<vtkImageData> MakeTruth(vtkBigusPhantomSource* source, const Planes& planes, Console& console)
+{
+  const auto stack = NewStack(planes.planes, planes.timestamps, true);
+  const int count = static_cast<int>(planes.planes.size());
+  vtkNew<vtkMatrix4x4> pose;
+  vtkNew<vtkImageData> truth;
+  for (int k = 0; k < count; ++k)
+  {
+    const SlicePlane& plane = planes.planes[k];
+    pose->DeepCopy(Eigen::Matrix<double, 4, 4, Eigen::RowMajor>(plane.ImageToReference()).data());
+    RequireDone(source->ComputeTruth(pose, plane.width, plane.height, truth));
+    SetImage(stack, k, truth);
+    console.Progress("Imaging", (k + 1.0) / count);
+    if (IsInterrupted())
+    {
+      throw Interrupted();
+    }
+  }
+  return stack;
+}
+
+/// The sweep, with the poses that the tracker recorded or with the true ones.
+vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool truePoses, Console& console)
+{
+  Update(source, console, "Imaging");
+  vtkImageData* sweep = source->GetOutput();
+  vtkFieldData* arrays = sweep->GetFieldData();
+  const vtkSmartPointer<vtkAbstractArray> truth = arrays->GetAbstractArray("TrueImageToReference");
+  arrays->RemoveArray("TrueImageToReference");
+  if (truePoses)
+  {
+    truth->SetName("ImageToReference");
+    arrays->AddArray(truth);  // in place of the array that has this name
+  }
+  return sweep;
+}
 
 ExitCode MakePhantom(Console& console, const Options& options)
 {
   RequireDistinct({options.truth.poses, options.truth.chain.config}, {options.output});
   RequireWritable(options.output);
   RequireStackName(options.output);
-  const Phantom phantom(options.phantom);
   const auto start = std::chrono::steady_clock::now();
-
   vtkSmartPointer<vtkImageData> stack;
   std::vector<int> numbers;  // of PNG files
   if (!options.truth.poses.empty())
   {
     const Planes planes = ReadPlanes(options.truth, console);
+    stack = MakeTruth(options.source, planes, console);
     numbers = planes.numbers;
-    stack = NewStack(planes.planes, planes.timestamps, true);
-    const std::size_t pixels = planes.planes[0].NumberOfPixels();
-    for (std::size_t k = 0; k < planes.planes.size(); ++k)
-    {
-      phantom.Frame(planes.planes[k], static_cast<std::uint8_t*>(stack->GetScalarPointer()) + k * pixels);
-      console.Progress("Imaging", (k + 1.0) / planes.planes.size());
-      if (IsInterrupted())
-      {
-        throw Interrupted();
-      }
-    }
   }
   else
   {
-    Sweep sweep = phantom.MakeSweep(
-        [&console](double fraction)
-        {
-          console.Progress("Imaging", fraction);
-          return !IsInterrupted();
-        });
-    if (IsInterrupted())
-    {
-      throw Interrupted();
-    }
-    for (int k = 0; k < sweep.NumberOfFrames(); ++k)
-    {
-      numbers.push_back(k);
-      if (options.truePoses)
-      {
-        sweep.imageToReference[k] = phantom.TruePlane(k).ImageToReference();
-      }
-    }
-    stack = vtkSmartPointer<vtkImageData>::New();
-    SweepToImage(sweep, stack);
+    stack = MakeSweep(options.source, options.truePoses, console);
+    numbers.resize(stack->GetDimensions()[2]);
+    std::iota(numbers.begin(), numbers.end(), 0);
   }
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = SecondsSince(start);
   const std::vector<std::string> files = WriteStack(stack, options.output, numbers, console);
 
   const int* size = stack->GetDimensions();
   console.Print(NameOf(files) + ": " + std::to_string(size[2]) + (size[2] == 1 ? " frame of " : " frames of ") +
                 std::to_string(size[0]) + " x " + std::to_string(size[1]) +
-                " pixels; beam thickness (standard deviation) " + FormatNumber(options.phantom.elevationSigma, 2) +
+                " pixels; beam thickness (standard deviation) " + FormatNumber(options.source->GetElevationSigma(), 2) +
                 " mm");
   console.Report({{"output", files},
                   {"frames", size[2]},
                   {"width", size[0]},
                   {"height", size[1]},
-                  {"elevation_sigma", options.phantom.elevationSigma},
-                  {"scatterers_per_resolution_cell", phantom.ScatterersPerResolutionCell()},
-                  {"seed", options.phantom.seed},
+                  {"elevation_sigma", options.source->GetElevationSigma()},
+                  {"scatterers_per_resolution_cell", options.source->GetScatterersPerResolutionCell()},
+                  {"seed", options.source->GetSeed()},
                   {"seconds", seconds}});
   return Success;
 }
@@ -100,7 +114,7 @@ ExitCode MakePhantom(Console& console, const Options& options)
 void AddPhantom(Program& program)
 {
   auto options = std::make_shared<Options>();
-  PhantomOptions& phantom = options->phantom;
+  vtkBigusPhantomSource* source = options->source;
   CLI::App* app = program.app.add_subcommand(
       "phantom",
       "Make a synthetic tracked sweep with known truth\n"
@@ -114,69 +128,91 @@ void AddPhantom(Program& program)
       ->required()
       ->type_name("OUT");
 
-  const auto number = [app](const char* name, auto& variable, const char* help, double low, double high,
-                            const char* unit, const char* group)
+  using Source = vtkBigusPhantomSource;
+  /// A property of the source, of the type of its default `value`.
+  const auto number = [app, source](const char* name, auto set, auto value, const char* help, double low, double high,
+                                    const char* unit, const char* group)
   {
-    app->add_option(name, variable, help)
+    using T = decltype(value);
+    app->add_option_function<T>(
+           name, [source, set](const T& given) { std::invoke(set, source, given); }, help)
+        ->default_str(CLI::detail::to_string(value))
         ->check(NumberIn(low, high))
         ->type_name(unit)
-        ->capture_default_str()
+        ->group(group);
+  };
+  /// A property whose values are counted from 0 in the order of their names.
+  const auto choice = [app, source](const char* name, void (Source::*set)(int), const std::vector<std::string>& names,
+                                    const char* help, const char* type, const char* group)
+  {
+    const auto apply = [source, set, names](const std::string& given)
+    { (source->*set)(static_cast<int>(std::find(names.begin(), names.end(), given) - names.begin())); };
+    app->add_option_function<std::string>(name, apply, help)
+        ->transform(CLI::IsMember(names, CLI::ignore_case).description(""))
+        ->type_name(type)
         ->group(group);
   };
   const char* world = "World";
-  static const std::map<std::string, PhantomScene> scenes = {
-      {"organ", PhantomScene::Organ}, {"speckle", PhantomScene::Speckle}, {"points", PhantomScene::Points}};
-  app->add_option("--scene", phantom.scene, "organ (default): vessels, cyst, tumour, bone; speckle; points")
-      ->transform(CLI::Transformer(scenes, CLI::ignore_case).description(""))
-      ->type_name("SCENE")
-      ->group(world);
-  app->add_option("--seed", phantom.seed, "Seed of scatterers, hand and tracker; the anatomy stays")
-      ->check(NumberIn(0, 18446744073709549568.0))
-      ->type_name("S")
-      ->capture_default_str()
-      ->group(world);
-  number("--scatterers", phantom.scattererDensity, "Scatterers per mm^3 of parenchyma", 1, 1000, "N", world);
-  number("--attenuation", phantom.attenuation, "One way, in parenchyma, dB / (cm MHz)", 0, 3, "DB", world);
+  choice("--scene", &Source::SetScene, {"organ", "speckle", "points"},
+         "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE", world);
+  number("--seed", &Source::SetSeed, source->GetSeed(), "Seed of scatterers, hand and tracker; the anatomy stays", 0,
+         18446744073709549568.0, "S", world);
+  number("--scatterers", &Source::SetScattererDensity, source->GetScattererDensity(),
+         "Scatterers per mm^3 of parenchyma", 1, 1000, "N", world);
+  number("--attenuation", &Source::SetAttenuation, source->GetAttenuation(), "One way, in parenchyma, dB / (cm MHz)", 0,
+         3, "DB", world);
 
   const char* probe = "Probe and image";
-  static const std::map<std::string, ProbeKind> probes = {
-      {"linear", ProbeKind::Linear}, {"convex", ProbeKind::Convex}, {"sector", ProbeKind::Sector}};
-  app->add_option("--probe", phantom.probe, "linear (default), convex or sector")
-      ->transform(CLI::Transformer(probes, CLI::ignore_case).description(""))
-      ->type_name("KIND")
-      ->group(probe);
-  number("--width", phantom.width, "Pixels across; 0: 256 (linear) or 384", 0, 8192, "N", probe);
-  number("--height", phantom.height, "Pixels in depth", 8, 8192, "N", probe);
-  number("--pixel-size", phantom.pixelSize, "Side of a pixel", 0.01, 5, "MM", probe);
-  number("--probe-radius", phantom.probeRadius, "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM", probe);
-  number("--half-angle", phantom.halfAngle, "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG", probe);
-  number("--frequency", phantom.frequency, "Of the axial carrier", 0.5, 50, "MHZ", probe);
-  number("--axial-sigma", phantom.axialSigma, "Resolution along the beam, standard deviation", 0.02, 5, "MM", probe);
-  number("--lateral-sigma", phantom.lateralSigma, "Resolution across the beam", 0.02, 5, "MM", probe);
-  number("--elevation-sigma", phantom.elevationSigma, "Thickness of the beam out of plane", 0.05, 10, "MM", probe);
-  number("--dynamic-range", phantom.dynamicRange, "Between black and white", 10, 120, "DB", probe);
-  number("--white-level", phantom.whiteLevel, "Above parenchyma, shown white", -40, 100, "DB", probe);
+  choice("--probe", &Source::SetProbe, {"linear", "convex", "sector"}, "linear (default), convex or sector", "KIND",
+         probe);
+  const int* size = source->GetFrameSize();
+  number(
+      "--width", [](Source* s, int width) { s->SetFrameSize(width, s->GetFrameSize()[1]); }, size[0],
+      "Pixels across; 0: 256 (linear) or 384", 0, 8192, "N", probe);
+  number(
+      "--height", [](Source* s, int height) { s->SetFrameSize(s->GetFrameSize()[0], height); }, size[1],
+      "Pixels in depth", 8, 8192, "N", probe);
+  number("--pixel-size", &Source::SetPixelSize, source->GetPixelSize(), "Side of a pixel", 0.01, 5, "MM", probe);
+  number("--probe-radius", &Source::SetProbeRadius, source->GetProbeRadius(),
+         "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM", probe);
+  number("--half-angle", &Source::SetHalfAngle, source->GetHalfAngle(),
+         "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG", probe);
+  number("--frequency", &Source::SetFrequency, source->GetFrequency(), "Of the axial carrier", 0.5, 50, "MHZ", probe);
+  number("--axial-sigma", &Source::SetAxialSigma, source->GetAxialSigma(),
+         "Resolution along the beam, standard deviation", 0.02, 5, "MM", probe);
+  number("--lateral-sigma", &Source::SetLateralSigma, source->GetLateralSigma(), "Resolution across the beam", 0.02, 5,
+         "MM", probe);
+  number("--elevation-sigma", &Source::SetElevationSigma, source->GetElevationSigma(),
+         "Thickness of the beam out of plane", 0.05, 10, "MM", probe);
+  number("--dynamic-range", &Source::SetDynamicRange, source->GetDynamicRange(), "Between black and white", 10, 120,
+         "DB", probe);
+  number("--white-level", &Source::SetWhiteLevel, source->GetWhiteLevel(), "Above parenchyma, shown white", -40, 100,
+         "DB", probe);
 
   const char* hand = "Trajectory and tracking";
-  number("--frames", phantom.frames, "Frames of the sweep", 1, 100000, "N", hand);
-  number("--frame-spacing", phantom.frameSpacing, "Mean travel between frames", 0, 20, "MM", hand);
-  number("--speed-variation", phantom.speedVariation, "Share by which the spacing varies", 0, 0.95, "SHARE", hand);
-  number("--tilt", phantom.tilt, "Bound of the probe's three angles", 0, 45, "DEG", hand);
-  number("--wander", phantom.wander, "Bound of motion sideways and in depth", 0, 20, "MM", hand);
-  number("--sweep-angle", phantom.sweepAngle, "Turns the whole sweep about the depth axis", -360, 360, "DEG", hand);
-  number("--frame-rate", phantom.frameRate, "Frames a second", 0.1, 10000, "HZ", hand);
-  number("--tracking-noise", phantom.trackingNoise, "Standard deviation of recorded positions", 0, 10, "MM", hand);
-  number("--rotation-noise", phantom.trackingRotationNoise, "Standard deviation of recorded angles", 0, 20, "DEG",
+  number("--frames", &Source::SetNumberOfFrames, source->GetNumberOfFrames(), "Frames of the sweep", 1, 100000, "N",
          hand);
+  number("--frame-spacing", &Source::SetFrameSpacing, source->GetFrameSpacing(), "Mean travel between frames", 0, 20,
+         "MM", hand);
+  number("--speed-variation", &Source::SetSpeedVariation, source->GetSpeedVariation(),
+         "Share by which the spacing varies", 0, 0.95, "SHARE", hand);
+  number("--tilt", &Source::SetTilt, source->GetTilt(), "Bound of the probe's three angles", 0, 45, "DEG", hand);
+  number("--wander", &Source::SetWander, source->GetWander(), "Bound of motion sideways and in depth", 0, 20, "MM",
+         hand);
+  number("--sweep-angle", &Source::SetSweepAngle, source->GetSweepAngle(), "Turns the whole sweep about the depth axis",
+         -360, 360, "DEG", hand);
+  number("--frame-rate", &Source::SetFrameRate, source->GetFrameRate(), "Frames a second", 0.1, 10000, "HZ", hand);
+  number("--tracking-noise", &Source::SetTrackingNoise, source->GetTrackingNoise(),
+         "Standard deviation of recorded positions", 0, 10, "MM", hand);
+  number("--rotation-noise", &Source::SetTrackingRotationNoise, source->GetTrackingRotationNoise(),
+         "Standard deviation of recorded angles", 0, 20, "DEG", hand);
   app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
       ->group(hand);
 
   AddPlaneOptions(*app, options->truth, "--truth", "--truth-frames", "Image these planes instead of making a sweep",
                   false);
 
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return MakePhantom(console, *options); }; });
+  RunWhenChosen(app, program, [options](Console& console) { return MakePhantom(console, *options); });
 }
 
 }  // namespace bigus::command

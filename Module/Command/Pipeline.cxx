@@ -72,6 +72,7 @@ struct Watch
 {
   Console* console;
   const std::string* job;
+  Part part;
   bool stoppable;
 };
 
@@ -79,7 +80,7 @@ void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
 {
   const Watch* watch = static_cast<Watch*>(clientData);
   auto* algorithm = static_cast<vtkAlgorithm*>(caller);
-  watch->console->Progress(*watch->job, algorithm->GetProgress());
+  watch->console->Progress(*watch->job, (watch->part.index + algorithm->GetProgress()) / watch->part.count);
   if (watch->stoppable && IsInterrupted())
   {
     algorithm->SetAbortExecute(1);
@@ -87,17 +88,20 @@ void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
 }
 
 /// Returns the first error, or nothing.
-std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string& job, bool stoppable)
+std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string& job, Part part, bool stoppable)
 {
   Messages()->errors.clear();
-  Watch watch{&console, &job, stoppable};
+  Watch watch{&console, &job, part, stoppable};
   vtkNew<vtkCallbackCommand> command;
   command->SetCallback(OnProgress);
   command->SetClientData(&watch);
   const unsigned long tag = algorithm->AddObserver(vtkCommand::ProgressEvent, command);
   algorithm->Update();
   algorithm->RemoveObserver(tag);
-  console.EndProgress();
+  if (part.index + 1 == part.count)
+  {
+    console.EndProgress();
+  }
   if (stoppable && IsInterrupted())
   {
     throw Interrupted();
@@ -118,11 +122,19 @@ void CatchVtkMessages(Console& console)
   vtkLogger::SetStderrVerbosity(vtkLogger::VERBOSITY_OFF);  // it would print every message once more
 }
 
-void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job)
+void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job, Part part)
 {
-  if (const std::string fault = Execute(algorithm, console, job, true); !fault.empty())
+  if (const std::string fault = Execute(algorithm, console, job, part, true); !fault.empty())
   {
     throw Error(fault);
+  }
+}
+
+void RequireDone(bool done)
+{
+  if (!done)
+  {
+    throw Error(Messages()->errors.empty() ? "The job failed without saying why." : Messages()->errors.front());
   }
 }
 
@@ -138,7 +150,7 @@ void UpdateInformation(vtkAlgorithm* algorithm)
 
 void Write(vtkAlgorithm* writer, Console& console, const std::string& job)
 {
-  if (const std::string fault = Execute(writer, console, job, false); !fault.empty())
+  if (const std::string fault = Execute(writer, console, job, {}, false); !fault.empty())
   {
     throw OutputError(fault);
   }

@@ -16,9 +16,18 @@ class Console;
 /// From here on VTK's error messages are kept for Update, and its warnings become single lines on stderr.
 void CatchVtkMessages(Console& console);
 
-/// Updates `algorithm` and all it depends on, with a bar named `job`. Throws Error with the first message of
-/// any algorithm that failed, Interrupted after SIGINT.
-void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job);
+/// The share of a job that one of several updates does, counted from 0.
+struct Part
+{
+  int index = 0, count = 1;
+};
+
+/// Updates `algorithm` and all it depends on, with a bar named `job`. Throws Error with the first message of any algorithm
+/// that failed, Interrupted after SIGINT.
+void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job, Part part = {});
+
+/// Throws Error with what VTK said unless `done`: for what algorithms offer outside their update.
+void RequireDone(bool done);
 
 /// Only what the algorithm says before it makes its output (UpdateInformation).
 void UpdateInformation(vtkAlgorithm* algorithm);

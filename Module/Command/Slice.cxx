@@ -5,11 +5,19 @@
 #include <numeric>
 
 #include "Command.h"
-#include "Core/Engine/Engine.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Outputs.h"
+#include "Pipeline.h"
+#include "RenderOptions.h"
+#include "vtkBigusReslice.h"
+#include "vtkDataArray.h"
+#include "vtkFieldData.h"
 #include "vtkImageData.h"
+#include "vtkMatrix4x4.h"
+#include "vtkNew.h"
+#include "vtkPointData.h"
+#include "vtkPolyData.h"
 
 namespace bigus::command
 {
@@ -19,7 +27,8 @@ namespace
 
 struct Options
 {
-  std::string field, output, coverage, mode = "intensity", type = "uchar", engine = "auto";
+  RenderOptions render;
+  std::string output, coverage;
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
   bool lit = false;            ///< black where no frame of the sequence is lit
@@ -44,20 +53,29 @@ Sweep LitSweep(const PlaneOptions& options, const SlicePlane& plane, Console& co
   return sweep->LitBy(all);
 }
 
-/// round(255 I); I lies in [0, 1).
-void ToBytes(const std::vector<float>& image, unsigned char* bytes)
+/// Standard deviation of the beam that the field was trained under, mm.
+double TrainedSigma(vtkPolyData* field)
 {
-  for (std::size_t i = 0; i < image.size(); ++i)
+  return field->GetFieldData()->GetArray("ElevationSigma")->GetTuple1(0);
+}
+
+/// Blackens the pixels that no frame of the sweep lights.
+void Blacken(vtkImageData* image, const Sweep& sweep)
+{
+  vtkDataArray* pixels = image->GetPointData()->GetScalars();
+  for (vtkIdType pixel = 0; sweep.mask && pixel < pixels->GetNumberOfTuples(); ++pixel)
   {
-    bytes[i] = static_cast<unsigned char>(255.0f * image[i] + 0.5f);
+    if (!sweep.IsLit(pixel))
+    {
+      pixels->SetTuple1(pixel, 0);
+    }
   }
 }
 
 ExitCode Slice(Console& console, Options& options)
 {
-  const bool scattering = options.mode == "scattering";
-  const bool bytes = options.type == "uchar" && !scattering;
-  RequireDistinct({options.field, options.planes.poses, options.planes.chain.config},
+  const bool bytes = options.render.IsBytes();
+  RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config},
                   {options.output, options.coverage});
   RequireStackName(options.output);
   RequireWritable(options.output);
@@ -74,58 +92,57 @@ ExitCode Slice(Console& console, Options& options)
     }
   }
 
-  const std::unique_ptr<Engine> engine = Engine::Create(options.engine);
-  GaussianField field = ReadField(options.field, console);
-  if (options.elevationSigma >= 0)
-  {
-    field.beam.elevationSigma = options.elevationSigma;
-  }
+  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
   const Planes planes = ReadPlanes(options.planes, console);
+  const SlicePlane& first = planes.planes.front();
   const int count = static_cast<int>(planes.planes.size());
-  const Sweep probe = options.lit ? LitSweep(options.planes, planes.planes[0], console) : Sweep();
-
-  engine->SetAccuracy({1e-4});  // on intensity: a fortieth of a grey level
-  engine->SetField(field);
-
+  const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
   const auto coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
-  const std::size_t pixels = planes.planes[0].NumberOfPixels();
-  std::vector<float> image(pixels);
+
+  // The columns of a plane's matrix are steps of a pixel, so an output index is a place along the axes.
+  vtkNew<vtkMatrix4x4> axes;
+  vtkNew<vtkBigusReslice> reslice;
+  Configure(reslice, field, options.render);
+  reslice->SetElevationSigma(options.elevationSigma);
+  reslice->SetResliceAxes(axes);
+  reslice->SetOutputSpacing(1, 1, 1);
+  reslice->SetOutputOrigin(0, 0, 0);
+  reslice->SetOutputExtent(0, first.width - 1, 0, first.height - 1, 0, 0);
+  reslice->SetMaximumOutputPixels(VTK_ID_MAX);  // ReadPlanes has its own bound
+  reslice->SetGenerateCoverageOutput(coverage != nullptr);
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < count; ++k)
   {
-    float* covered = coverage ? static_cast<float*>(coverage->GetScalarPointer()) + k * pixels : nullptr;
-    float* target = bytes ? image.data() : static_cast<float*>(stack->GetScalarPointer()) + k * pixels;
-    engine->Render(planes.planes[k], scattering ? ViewOutput::Scattering : ViewOutput::Intensity, target, covered);
-    probe.BlackenUnlit(target);
-    if (bytes)
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = planes.planes[k].ImageToReference();
+    axes->DeepCopy(pose.data());
+    Update(reslice, console, "Slicing", {k, count});
+    Blacken(reslice->GetOutput(), probe);
+    SetImage(stack, k, reslice->GetOutput());
+    if (coverage)
     {
-      ToBytes(image, static_cast<unsigned char*>(stack->GetScalarPointer()) + k * pixels);
-    }
-    console.Progress("Slicing", (k + 1.0) / count);
-    if (IsInterrupted())
-    {
-      throw Interrupted();
+      SetImage(coverage, k, reslice->GetCoverageOutput());
     }
   }
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = SecondsSince(start);
 
   const std::vector<std::string> files = WriteStack(stack, options.output, planes.numbers, console);
   if (coverage)
   {
     WriteStack(coverage, options.coverage, planes.numbers, console);
   }
+  const double sigma = options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field);
   console.Print(NameOf(files) + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
-                std::to_string(planes.planes[0].width) + " x " + std::to_string(planes.planes[0].height) + " pixels, " +
-                FormatNumber(1000 * seconds / count, 1) + " ms each on " + engine->Device());
+                std::to_string(first.width) + " x " + std::to_string(first.height) + " pixels, " +
+                FormatNumber(1000 * seconds / count, 1) + " ms each on " + reslice->GetDevice());
   console.Report({{"output", files},
                   {"slices", count},
                   {"rejected", planes.rejected},
-                  {"width", planes.planes[0].width},
-                  {"height", planes.planes[0].height},
-                  {"elevation_sigma", field.beam.elevationSigma},
+                  {"width", first.width},
+                  {"height", first.height},
+                  {"elevation_sigma", sigma},
                   {"seconds", seconds},
-                  {"device", engine->Device()}});
+                  {"device", reslice->GetDevice()}});
   return Success;
 }
 
@@ -140,7 +157,6 @@ void AddSlice(Program& program)
                                  "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha\n"
                                  "  bigus slice field.vtp --poses plane.mrk.json --spacing 0.2 -o slice.png\n"
                                  "A plane that misses the field gives a black image.");
-  app->add_option("FIELD", options->field, "Field: .vtp or .ply")->required()->type_name("");
   app->add_option("-o,--output", options->output,
                   "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
       ->required()
@@ -155,22 +171,11 @@ void AddSlice(Program& program)
                 "Black where no frame of the SEQUENCE is lit, as the probe's own pictures are and held-out "
                 "frames are scored; reads its images")
       ->excludes(app->get_option("--size"), app->get_option("--spacing"));
-  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
-      ->check(CLI::IsMember({"intensity", "scattering"}).description(""))
-      ->type_name("MODE");
-  app->add_option("--type", options->type, "Pixels of intensity: uchar (default, 0 to 255) or float (0 to 1)")
-      ->check(CLI::IsMember({"uchar", "float"}).description(""))
-      ->type_name("TYPE");
   app->add_option("--coverage", options->coverage,
                   "Also write the footprints' sum, 0 where no Gaussian is: .mha, .nrrd")
       ->type_name("OUT");
-  app->add_option("--engine", options->engine, "What computes: auto, or a name from 'bigus info --devices'")
-      ->type_name("NAME")
-      ->capture_default_str();
-
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return Slice(console, *options); }; });
+  AddRenderOptions(*app, options->render, "Pixels");
+  RunWhenChosen(app, program, [options](Console& console) { return Slice(console, *options); });
 }
 
 }  // namespace bigus::command

@@ -569,9 +569,7 @@ void AddTrain(Program& program)
   app->add_flag("--no-baselines", options->withoutBaselines, "Do not score the plain methods beside the field")
       ->group(honesty);
 
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return Train(console, *options); }; });
+  RunWhenChosen(app, program, [options](Console& console) { return Train(console, *options); });
 }
 
 }  // namespace bigus::command

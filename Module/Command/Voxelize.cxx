@@ -8,6 +8,7 @@
 #include "Inputs.h"
 #include "Outputs.h"
 #include "Pipeline.h"
+#include "RenderOptions.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
@@ -21,7 +22,8 @@ namespace
 
 struct Options
 {
-  std::string field, output, mode = "intensity", type = "uchar", engine = "auto";
+  RenderOptions render;
+  std::string output;
   double spacing = 0, elevationSigma = 0;
   std::vector<double> origin;
   std::vector<int> size;
@@ -30,13 +32,12 @@ struct Options
 ExitCode Voxelize(Console& console, const Options& options)
 {
   RequireVolumeName(options.output);
-  RequireDistinct({options.field}, {options.output});
+  RequireDistinct({options.render.field}, {options.output});
   RequireWritable(options.output);
-  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.field, console);
+  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
 
   vtkNew<vtkBigusVoxelizer> voxelizer;
-  voxelizer->SetInputData(field);
-  voxelizer->SetEngine(options.engine.c_str());
+  Configure(voxelizer, field, options.render);
   voxelizer->SetElevationSigma(options.elevationSigma);
   if (options.spacing > 0)
   {
@@ -50,12 +51,9 @@ ExitCode Voxelize(Console& console, const Options& options)
   {
     voxelizer->SetOutputDimensions(options.size.data());
   }
-  const bool scattering = options.mode == "scattering";
-  voxelizer->SetOutputMode(scattering ? vtkBigusVoxelizer::ScatteringField : vtkBigusVoxelizer::Intensity);
-  voxelizer->SetOutputScalarType(options.type == "uchar" && !scattering ? VTK_UNSIGNED_CHAR : VTK_FLOAT);
   const auto start = std::chrono::steady_clock::now();
   Update(voxelizer, console, "Sampling");
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = SecondsSince(start);
   vtkImageData* volume = voxelizer->GetOutput();
   WriteVolume(volume, options.output, console);
 
@@ -83,7 +81,6 @@ void AddVoxelize(Program& program)
                                              "Turn a field into a plain volume\n"
                                              "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
                                              "Without --origin and --size the volume holds the whole field.");
-  app->add_option("FIELD", options->field, "Field: .vtp or .ply")->required()->type_name("");
   app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")->required()->type_name("OUT");
   app->add_option("--spacing", options->spacing, "Side of a voxel; default: 256 voxels along the longest side")
       ->check(PositiveNumber())
@@ -100,19 +97,8 @@ void AddVoxelize(Program& program)
                   "Beam thickness along z; 0 (default) samples the field itself")
       ->check(NumberIn(0, 100))
       ->type_name("MM");
-  app->add_option("--mode", options->mode, "intensity (default), or scattering: signed, before compression, float")
-      ->check(CLI::IsMember({"intensity", "scattering"}).description(""))
-      ->type_name("MODE");
-  app->add_option("--type", options->type, "Voxels of intensity: uchar (default, 0 to 255) or float (0 to 1)")
-      ->check(CLI::IsMember({"uchar", "float"}).description(""))
-      ->type_name("TYPE");
-  app->add_option("--engine", options->engine, "What computes: auto, or a name from 'bigus info --devices'")
-      ->type_name("NAME")
-      ->capture_default_str();
-
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return Voxelize(console, *options); }; });
+  AddRenderOptions(*app, options->render, "Voxels");
+  RunWhenChosen(app, program, [options](Console& console) { return Voxelize(console, *options); });
 }
 
 }  // namespace bigus::command

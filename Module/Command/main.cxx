@@ -170,6 +170,12 @@ bool IsInterrupted()
   return interrupted != 0;
 }
 
+void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work)
+{
+  app->callback([&program, work = std::move(work)]
+                { program.job = [&program, work] { return work(program.console); }; });
+}
+
 bool ParseNumber(const std::string& text, double& value)
 {
   const char* end = text.data() + text.size();

@@ -132,6 +132,13 @@ class CommandTest(unittest.TestCase):
     def assertNothingIn(self, folder):
         self.assertEqual(sorted(os.listdir(folder)), [])
 
+    def await_bar(self, process, name):
+        seen = b""
+        while name not in seen:
+            chunk = os.read(process.stderr.fileno(), 4096)
+            self.assertTrue(chunk, seen)
+            seen += chunk
+
     def poses_csv(self, *matrices, extra=()):
         path = self.folder / "planes.csv"
         with open(path, "w", newline="") as file:
@@ -627,11 +634,7 @@ class Train(CommandTest):
                                             "--gaussians", "2000",
                                             "--iterations", "10000000", "--hold-out", "4", "--json", "--progress"],
                                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-                seen = b""
-                while b"Training [" not in seen:  # the bar of the training phase
-                    chunk = os.read(process.stderr.fileno(), 4096)
-                    self.assertTrue(chunk, seen)
-                    seen += chunk
+                self.await_bar(process, b"Training [")
                 time.sleep(0.5)
                 process.send_signal(number)
                 stdout, _ = process.communicate(timeout=60)
@@ -655,6 +658,18 @@ class Train(CommandTest):
 
 
 class Slice(CommandTest):
+    def test_interrupt_stops_within_a_large_plane(self):
+        process = subprocess.Popen([BIGUS, "slice", str(self.field), "--poses", str(self.sweep), "--frames", "0",
+                                    "--size", "8000", "8000", "--engine", "reference", "--json", "--progress",
+                                    "-o", str(self.folder / "large.mha")],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.await_bar(process, b"Slicing [")  # the whole plane would take minutes
+        process.send_signal(signal.SIGINT)
+        stdout, _ = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, INTERRUPTED)
+        self.assertEqual(json.loads(stdout)["exit_code"], INTERRUPTED)
+        self.assertNothingIn(self.folder)
+
     def test_at_the_sweeps_planes(self):
         out = self.folder / "again.igs.mha"
         answer = self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", out)

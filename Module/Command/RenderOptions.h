@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What `slice` and `voxelize` have in common: which field, what a pixel of it shows, and what computes.
+#pragma once
+
+#include <string>
+
+class vtkBigusFieldToImage;
+class vtkPolyData;
+
+namespace CLI
+{
+class App;
+}
+
+namespace bigus::command
+{
+
+struct RenderOptions
+{
+  std::string field;  ///< path
+  std::string mode = "intensity", type = "uchar", engine = "auto";
+
+  bool IsScattering() const { return mode == "scattering"; }
+  /// Whether pixels are written as 8 bits; the scattering field never is.
+  bool IsBytes() const { return type == "uchar" && !IsScattering(); }
+};
+
+/// Adds the positional argument FIELD and --mode, --type (of `elements`: "Pixels" or "Voxels") and --engine.
+void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& elements);
+
+/// Sets input, mode, type and engine of a filter.
+void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOptions& options);
+
+}  // namespace bigus::command
