@@ -31,7 +31,15 @@ SWEEPS = {
     "brain": ("brain-sweep/us_brain_sweep.igs.mha", [], ["--hold-out", "4"]),
     "spine phantom": (SPINE, ["--config", PLUS_CONFIG], ["--hold-out", "4"]),
 }
-METHODS = ("nearest", "neighbour_average", "pose_interpolation", "compounding")
+# What the table calls it: (whether it serves any plane, name in `bigus train --json`, else method of bigusExperiment)
+METHODS = {
+    "pose interpolation at any plane": ("yes", None, "pose_any_plane"),
+    "voxel compounding": ("yes", "compounding", None),
+    "nearest frame": ("yes", "nearest", None),
+    "pose interpolation of sequence neighbours": ("no", "pose_interpolation", None),
+    "the same, cubic in the plane": ("no", None, "pose_cubic"),
+    "average of sequence neighbours, poses ignored": ("no", "neighbour_average", None),
+}
 
 
 def run(*command, output=None):
@@ -85,9 +93,23 @@ def read_volume(path):
     return {"spacing": image.GetSpacing()[0], "origin": image.GetOrigin(), "size": image.GetDimensions()}, values
 
 
+def experiment(program, data, file, config, hold_out, method):
+    """Held-out PSNR and SSIM of a method that needs no field and that `bigus train` does not score."""
+    job = {"sweep": {"file": file, **({"config": config} if config else {})}, "frames": {"hold_out": hold_out},
+           "method": {"name": method}}
+    answer = subprocess.run([str(program), "--data", str(data)], input=json.dumps(job), check=True, text=True,
+                            stdout=subprocess.PIPE).stdout
+    return json.loads(answer)["scores"]["held_out"]
+
+
+def shown(scores):
+    return f"{scores['psnr']:.2f} / {scores['ssim']:.3f}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bigus", type=Path, default=PROJECT / "build/bin/bigus")
+    parser.add_argument("--experiment", type=Path, default=PROJECT / "build/bin/bigusExperiment")
     parser.add_argument("--data", type=Path,
                         default=os.environ.get("BIGUS_DATA") or PROJECT.parent / "shared" / "data")
     parser.add_argument("--output", type=Path, default=Path("real-sweeps"))
@@ -95,9 +117,7 @@ def main():
     options = parser.parse_args()
     data = Path(options.data)
 
-    lines = ["| sweep | frames held out | Gaussians | seconds | peak MiB | this field | " +
-             " | ".join(method.replace("_", " ") for method in METHODS) + " |",
-             "|---" * (6 + len(METHODS)) + "|"]
+    columns = {}
     notes = []
     for name, (file, reading, training) in SWEEPS.items():
         if options.only and name != options.only:
@@ -113,16 +133,24 @@ def main():
         answer = json.loads(answer_file.read_text())
         slices_and_report(options.bigus, folder, sweep, int(training[1]))
         held_out = answer["held_out"]
-        cells = [name, f"{held_out['frames']} of {held_out['frames'] + answer['training_frames']}",
-                 answer["gaussians"], f"{answer['seconds']:.0f}", f"{answer['peak_memory_bytes'] / 2**20:.0f}",
-                 f"**{held_out['psnr']:.2f}** ± {held_out['psnr_std']:.2f} / {held_out['ssim']:.3f}"]
-        cells += [f"{answer['baselines'][method]['psnr']:.2f} / {answer['baselines'][method]['ssim']:.3f}"
-                  for method in METHODS]
-        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+        total = held_out["frames"] + answer["training_frames"]
+        config = next((part for part in SWEEPS[name][1] if part.endswith(".xml")), None)
+        column = {"this field": ("yes", shown(held_out))}
+        for title, (any_plane, baseline, method) in METHODS.items():
+            scores = answer["baselines"][baseline] if baseline else experiment(
+                options.experiment, data, file, config, int(training[1]), method)
+            column[title] = (any_plane, shown(scores))
+        column["frames held out"] = ("", f"{held_out['frames']} of {total}")
+        column["Gaussians; seconds; peak MiB"] = ("", f"{answer['gaussians']:,}; {answer['seconds']:.0f}; "
+                                                      f"{answer['peak_memory_bytes'] / 2**20:.0f}")
+        columns[name] = column
         if name == "spine phantom":
             correlation = plus_correlation(options.bigus, data, folder, sweep)
             notes.append("Correlation with the Plus reconstruction on its own grid: " +
                          ", ".join(f"{key} {value:.3f}" for key, value in correlation.items()) + ".")
+    lines = ["| method | serves any plane | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
+    for title, (any_plane, _) in next(iter(columns.values())).items():
+        lines.append(f"| {title} | {any_plane} | " + " | ".join(column[title][1] for column in columns.values()) + " |")
     text = "\n".join(lines + [""] + notes) + "\n"
     (options.output / "results.md").write_text(text)
     print(text)

@@ -83,8 +83,7 @@ def plot(rows, path):
                    fontsize=10, loc="left")
     axes.set_xlim(right=20 * axes.get_xlim()[1])  # room for the legend
     axes.legend(fontsize=9, frameon=False, loc="center right")
-    for suffix in (".png", ".svg"):
-        figure.savefig(path.with_suffix(suffix), dpi=150)
+    figure.savefig(path, dpi=150)
 
 
 def markdown(rows):
