@@ -1009,7 +1009,7 @@ class Bench(CommandTest):
     RATIOS = {"render_vs_plain", "render_vs_slab_reslice", "train_pass_vs_torch", "backward_vs_forward",
               "field_2m_vs_140k", "second_core"}
     TINY = ["--quick", "--repeats", 1, "--share", 0.005]
-    # On I: float sums and recurrences in float (Core/README.md), and the float that every picture is returned in.
+    # On I: float sums and recurrences in float (Core/Engine/README.md), and the float that every picture is returned in.
     ROUNDING = {"float": 1e-5, "double": 1e-7}
 
     def test_everything(self):
