@@ -20,7 +20,7 @@ constexpr int kGatherLanes = 8;
 constexpr int kLargeFootprint = 4096;  // pixels of its box
 
 /// Sums over pixels of derivative * w * powers of eta: see Moments.
-constexpr int kMoments = 7;
+constexpr int kMoments = kMomentRows;
 
 /// Sums over a footprint's pixels by `Lanes` neighbouring lanes, in all of them: of the first `Count` moments. All
 /// lanes of a warp must call it; those with nothing to do give an invalid splat.
@@ -404,15 +404,20 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
       const int k = present ? RankIn(seen[j], i) : -1;
       if (k >= 0)
       {
-        const Moments<float> m{moments[0][k], moments[1][k], moments[2][k], moments[3][k],
-                               moments[4][k], moments[5][k], 0.0f};
+        const Moments<float> m{moments[kMoment0][k],
+                               moments[kMoment1][k],
+                               moments[kMoment2][k],
+                               moments[kMoment11][k],
+                               moments[kMoment12][k],
+                               moments[kMoment22][k],
+                               0.0f};
         const GaussianGradient<float> g = ProjectAdjoint(gaussian, Project(gaussian, views[j]), m);
         gradient.mean = MultiplyAdd(1.0f, g.mean, gradient.mean);
         gradient.logScale = MultiplyAdd(1.0f, g.logScale, gradient.logScale);
         gradient.rotation = MultiplyAdd(1.0f, g.rotation, gradient.rotation);
         gradient.reflectivity += g.reflectivity;
         visits += 1;
-        error += task.scores ? moments[6][k] : 0.0f;
+        error += task.scores ? moments[kMomentError][k] : 0.0f;
       }
       __syncthreads();
     }
@@ -421,9 +426,8 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
   if (task.gradient && i < kBlock)
   {
     GradientBlock<float>& out = task.gradient[b];
-    const float values[kParametersPerGaussian] = {
-        gradient.mean.x,     gradient.mean.y,     gradient.mean.z,     gradient.logScale.x, gradient.logScale.y,
-        gradient.logScale.z, gradient.rotation.x, gradient.rotation.y, gradient.rotation.z, gradient.reflectivity};
+    float values[kParametersPerGaussian];
+    ToArray(gradient, values);
 #pragma unroll
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
@@ -452,10 +456,13 @@ __global__ void __launch_bounds__(kBackwardThreads) TakeStep(BackwardTask task)
   const int b = blockIdx.x, i = min(static_cast<int>(threadIdx.x), kBlock - 1);
   const GradientBlock<float>& in = task.gradient[b];
   Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
-  const GaussianGradient<float> gradient{{in.values[0][i], in.values[1][i], in.values[2][i]},
-                                         {in.values[3][i], in.values[4][i], in.values[5][i]},
-                                         {in.values[6][i], in.values[7][i], in.values[8][i]},
-                                         in.values[9][i]};
+  float values[kParametersPerGaussian];
+#pragma unroll
+  for (int k = 0; k < kParametersPerGaussian; ++k)
+  {
+    values[k] = in.values[k][i];
+  }
+  const GaussianGradient<float> gradient = FromArray(values);
   const bool visited = static_cast<int>(threadIdx.x) < task.field.places[b].count && in.visits[i] > 0;
   Spend(gaussian, gradient, visited, task.field, task.adam, task.parameters->adam, task.guarded);
 }

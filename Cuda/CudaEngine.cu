@@ -28,8 +28,6 @@ namespace bigus
 namespace cuda
 {
 
-constexpr int kOverlapTile = 32;    // pixels; finest grid on which overlapping footprints are counted
-constexpr int kOverlapTiles = 128;  // coarsest: so many along a side
 constexpr char kFewerGaussians[] = "Use fewer Gaussians";
 constexpr char kFewerPixels[] = "Render fewer pixels at a time";
 constexpr char kFewerFrames[] = "Use fewer frames, or frames of fewer pixels";
@@ -293,7 +291,7 @@ public:
                 [&]
                 {
                   task.lists = FindVisible(cameras_.data(), static_cast<int>(batch.size()), sweep_->width,
-                                           sweep_->height, task.tiles, Purpose::Solve);
+                                           sweep_->height, task.tiles, FootprintsFor::Solving);
                   Launch("solving", SolveTiles, Warps(task.tiles), batch.size(), kForwardWarps * kWarp, stream_, task);
                   Launch("solving", GatherZeroth, blocks, 1, kBackwardThreads, stream_, task.lists, images_.data(),
                          sweep_->width, sweep_->height, out->data());
@@ -341,15 +339,6 @@ private:
   static constexpr std::size_t kStackPixels = std::size_t(1) << 25;  // of a stack, rendered at once
   static constexpr std::size_t kStackPlanes = 64;                    // the same; their lists are held too
 
-  /// What footprints are found for, as in CpuEngine. To render: each is cut where its own |r| falls below its share.
-  /// To train: the same, but none is too dark to be seen. To solve: all as if every |r| were the field's mean.
-  enum class Purpose
-  {
-    Render,
-    Train,
-    Solve
-  };
-
   /// One window of several planes of one size.
   void RenderPlanes(const SlicePlane* planes, int views, const Window& window, ViewOutput output, float* images,
                     float* coverage)
@@ -390,7 +379,7 @@ private:
     Repeat(
         [&]
         {
-          task.lists = FindVisible(planes_.data(), views, width, height, task.tiles, Purpose::Render);
+          task.lists = FindVisible(planes_.data(), views, width, height, task.tiles, FootprintsFor::Rendering);
           Launch("rendering", RenderTiles, Warps(task.tiles), views, kForwardWarps * kWarp, stream_, task);
         });
     rendered_.Download(images, 0, pixels, stream_);
@@ -565,7 +554,7 @@ private:
   }
 
   /// Room for what FindVisible and TrainTiles leave.
-  void MakeRoom(int views, const OverlapCounts& overlaps, const Tiles& tiles)
+  void MakeRoom(int views, const OverlapGrid& overlaps, const Tiles& tiles)
   {
     const std::size_t blocks = gaussians_.size(), groups = (blocks + kGroup - 1) / kGroup;
     Grow(seen_, blocks * views, "lists", kSmallerBatch);
@@ -578,20 +567,16 @@ private:
     }
   }
 
-  static OverlapCounts OverlapsOf(int width, int height)
-  {
-    const auto tile = [](int size) { return (size + kOverlapTiles - 1) / kOverlapTiles; };
-    const int side = std::max({kOverlapTile, tile(width), tile(height)});
-    return {nullptr, side, (width + side - 1) / side, (height + side - 1) / side};
-  }
-
   /// Queues the search for what the cameras of frames_ see in some tiles of their width x height images.
-  Lists FindVisible(const Camera* cameras, int views, int width, int height, const Tiles& tiles, Purpose purpose)
+  Lists FindVisible(const Camera* cameras, int views, int width, int height, const Tiles& tiles, FootprintsFor purpose)
   {
     const std::size_t blocks = gaussians_.size(), groups = (blocks + kGroup - 1) / kGroup;
-    const double tolerance = accuracy_.tolerance / transfer_.gamma;
-    const bool shared = !accuracy_.perSplat && purpose != Purpose::Solve && tolerance > 0 && blocks > 0;
+    const OverlapGrid grid = OverlapGrid::For(width, height);
+    MakeRoom(views, grid, tiles);
     FindTask task{};
+    task.truncation = Truncation::For(purpose, accuracy_.tolerance / transfer_.gamma, accuracy_.perSplat, order_.size(),
+                                      purpose == FootprintsFor::Solving ? MeanMagnitude() : 0.0);
+    task.overlaps = {overlaps_.data(), grid};
     task.field = DeviceField();
     task.cameras = cameras;
     task.frames = frames_.data();
@@ -599,17 +584,9 @@ private:
     task.window = {tiles.columnBegin * kTileSide, (tiles.columnBegin + tiles.columns) * kTileSide,
                    tiles.rowBegin * kTileSide, (tiles.rowBegin + tiles.rows) * kTileSide};
     task.plane = {0, width, 0, height};
-    task.tolerance = tolerance;
-    task.leastMagnitude = purpose == Purpose::Render ? 0.0 : LeastMagnitude(tolerance);
     task.direct = accuracy_.direct;
-    const OverlapCounts overlaps = OverlapsOf(width, height);
-    MakeRoom(views, overlaps, tiles);
-    task.commonMagnitude = purpose == Purpose::Solve ? MeanMagnitude() : 0.0;
-    if (shared)
+    if (task.truncation.isShared)
     {
-      task.floor = tolerance / (2.0 * static_cast<double>(order_.size()));
-      task.overlaps = overlaps;
-      task.overlaps.counts = overlaps_.data();
       overlaps_.Clear(stream_);
       Launch("counting footprints", CountOverlaps, blocks, views, kBlock, stream_, task);
     }
@@ -633,7 +610,7 @@ private:
     return ReadResults().loss;
   }
 
-  /// For Purpose::Solve.
+  /// Of the field's |r|; 1 where all are 0.
   double MeanMagnitude()
   {
     const std::size_t blocks = gaussians_.size();
@@ -671,7 +648,8 @@ private:
     forward.images = images_.data();
     const auto render = [&]
     {
-      forward.lists = FindVisible(cameras_.data(), views, sweep_->width, sweep_->height, tiles, Purpose::Train);
+      forward.lists =
+          FindVisible(cameras_.data(), views, sweep_->width, sweep_->height, tiles, FootprintsFor::Training);
       forward.losses = losses_.data();
       Launch("rendering", TrainTiles, Warps(tiles), views, kForwardWarps * kWarp, stream_, forward);
     };
@@ -705,7 +683,7 @@ private:
       {
         if (step_.Empty() || recordedViews_ != views)
         {
-          MakeRoom(views, OverlapsOf(sweep_->width, sweep_->height), tiles);
+          MakeRoom(views, OverlapGrid::For(sweep_->width, sweep_->height), tiles);
           step_.Record(stream_, all);
           recordedViews_ = views;
         }

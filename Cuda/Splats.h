@@ -11,6 +11,7 @@
 #include "Core/Formula/BlockReach.h"
 #include "Core/Formula/Scalars.h"
 #include "Core/Formula/Splat.h"
+#include "Core/Formula/Truncation.h"
 #include "Device.h"
 
 namespace bigus
@@ -74,11 +75,11 @@ struct Field
   const GaussianBlock<double>* sharp;  // blocks with needles, as they came
 };
 
-/// How many Gaussians may overlap, by square tiles of each plane: see FindTask.
+/// How many Gaussians may overlap, by tiles of each plane: see Truncation.
 struct OverlapCounts
 {
-  unsigned int* counts;  // [views][rows][columns]; null: not counted
-  int side, columns, rows;
+  unsigned int* counts;  // [views][grid.rows][grid.columns]
+  OverlapGrid grid;
 };
 
 struct FindTask
@@ -87,13 +88,10 @@ struct FindTask
   const Camera* cameras;
   const int* frames;  // [views] camera of each view
   int views;
-  Box window;              // pixels to be computed, whole tiles
-  Box plane;               // all pixels
-  double tolerance;        // on magnitude * w; where overlaps are counted, of what is left out at a pixel in all
-  double floor;            // where overlaps are counted: least contribution that counts as one
-  double commonMagnitude;  // 0: every Gaussian's own |r|
-  double leastMagnitude;   // or at least this
-  bool direct;             // no recurrences
+  Box window;  // pixels to be computed, whole tiles
+  Box plane;   // all pixels
+  Truncation truncation;
+  bool direct;  // no recurrences
   OverlapCounts overlaps;
   Seen* seen;       // [blocks][views]
   Box* boxes;       // [views][blocks rounded up to whole groups]
@@ -126,16 +124,12 @@ __device__ Gaussian<T> LoadGaussian(const GaussianBlock<T>& block, int i)
           block.reflectivity[i]};
 }
 
-__device__ inline double LogMagnitude(const FindTask& task, const BlockPlace& place)
-{
-  return task.commonMagnitude > 0 ? log(task.commonMagnitude) : max(place.logMagnitude, log(task.leastMagnitude));
-}
-
 template <class T>
-__device__ T MagnitudeOf(const FindTask& task, const Gaussian<T>& gaussian)
+__device__ T MagnitudeOf(const Truncation& truncation, const Gaussian<T>& gaussian)
 {
-  return task.commonMagnitude > 0 ? static_cast<T>(task.commonMagnitude)
-                                  : max(std::abs(gaussian.reflectivity), static_cast<T>(task.leastMagnitude));
+  return truncation.commonMagnitude > 0
+             ? static_cast<T>(truncation.commonMagnitude)
+             : max(std::abs(gaussian.reflectivity), static_cast<T>(truncation.leastMagnitude));
 }
 
 /// Projects one Gaussian in T and finds its footprint in the window; false when it has none.
@@ -145,7 +139,7 @@ __device__ bool FindSplat(const FindTask& task, const Gaussian<T>& gaussian, con
 {
   const T lowest = static_cast<T>(kLowestExponent<float>);
   const Splat<T> s = Project(gaussian, view).splat;
-  const Footprint<T> f = FootprintOf(s, MagnitudeOf(task, gaussian), static_cast<T>(tolerance), lowest);
+  const Footprint<T> f = FootprintOf(s, MagnitudeOf(task.truncation, gaussian), static_cast<T>(tolerance), lowest);
   const int column = originColumn + static_cast<int>(f.column), row = originRow + static_cast<int>(f.row);
   const int half = static_cast<int>(f.half);
   out.box = {max(originColumn + static_cast<int>(f.columnBegin), task.window.columnBegin),
@@ -160,12 +154,8 @@ __device__ bool FindSplat(const FindTask& task, const Gaussian<T>& gaussian, con
   out.cut = static_cast<float>(f.cut);
   out.column = column;
   out.row = row;
-  // Recurrence. Along a column ln w is a parabola of curvature c = u12^2 + u22^2; a pixel that matters lies
-  // within k of its vertex, in units of 1 / sqrt(c). Started at most kRun / 2 rows away, ln w there is at least
-  // ln amplitude - (k + kRun / 2 sqrt(c))^2 / 2, which must not underflow. Nor may the ratio of two rows: where w
-  // does not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln ratio| <= E sqrt(c) + c / 2, which stays
-  // below -lowest for c <= (0.4 E)^2.
-  const bool recurs = !task.direct && f.margin >= T(kRun / 2) * f.rootCurvature && f.curvature <= T(-0.32) * lowest;
+  // A recurrence starts at most kRun / 2 rows away.
+  const bool recurs = !task.direct && WeightsHold(f, T(kRun / 2)) && RatiosHold(f, lowest);
   out.rowFactor = recurs ? static_cast<float>(std::exp(-f.curvature)) : 0.0f;
   return out.box.columnBegin < out.box.columnEnd && out.box.rowBegin < out.box.rowEnd && f.cut > T(0) &&
          f.logAmplitude > lowest;
@@ -214,7 +204,7 @@ __device__ inline float SquaredDistance(const Gaussian<float>& g, const View<flo
 __device__ inline bool IsSharp(const Gaussian<float>& g)
 {
   const Vector3<float>& s = g.logScale;
-  return max(max(s.x, s.y), s.z) - min(min(s.x, s.y), s.z) > static_cast<float>(4.852030263919617);  // ln kSharp
+  return max(max(s.x, s.y), s.z) - min(min(s.x, s.y), s.z) > static_cast<float>(kLogSharp);
 }
 
 /// The smallest and the largest of a warp's values, in every lane.
@@ -238,21 +228,13 @@ __device__ inline int WarpMax(int value)
 /// The tiles of OverlapCounts that a box of pixels touches.
 __device__ inline Box TilesOf(const OverlapCounts& overlaps, const PixelBox& box)
 {
-  const auto tile = [&](std::int64_t pixel, int tiles)
-  {
-    const std::int64_t t = pixel <= 0 ? 0 : pixel / overlaps.side;
-    return static_cast<int>(t < tiles ? t : tiles);
-  };
-  const std::int64_t up = overlaps.side - 1;
-  return {tile(box.columnBegin, overlaps.columns), tile(box.columnEnd + up, overlaps.columns),
-          tile(box.rowBegin, overlaps.rows), tile(box.rowEnd + up, overlaps.rows)};
+  const PixelBox tiles = overlaps.grid.TilesOf(box);
+  return {static_cast<int>(tiles.columnBegin), static_cast<int>(tiles.columnEnd), static_cast<int>(tiles.rowBegin),
+          static_cast<int>(tiles.rowEnd)};
 }
 
-/// Unless the tolerance is on each splat, all that is left out at any pixel adds up to at most the tolerance.
-/// With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half the tolerance. The
-/// other half goes to the Gaussians that can contribute more than the floor to a pixel: counted here, with their
-/// block's whole reach, on tiles; each may leave out tolerance / (2 n) where at most n overlap.
-/// Launched as (blocks, views) of kBlock threads.
+/// Where the tolerance is shared: counts by tiles the Gaussians that can contribute more than the floor; see
+/// Truncation. Launched as (blocks, views) of kBlock threads.
 __global__ void __launch_bounds__(kBlock) CountOverlaps(FindTask task)
 {
   const int b = blockIdx.x, f = blockIdx.y, i = threadIdx.x;
@@ -260,7 +242,8 @@ __global__ void __launch_bounds__(kBlock) CountOverlaps(FindTask task)
   const Camera& camera = task.cameras[task.frames[f]];
   const PixelBox plane{task.plane.columnBegin, task.plane.columnEnd, task.plane.rowBegin, task.plane.rowEnd};
   Reach reach;
-  if (!Reaches<float>(place, camera, LogMagnitude(task, place), log(task.floor), reach) || !Overlap(reach.box, plane))
+  if (!Reaches<float>(place, camera, task.truncation.LogMagnitude(place), task.truncation.logFloor, reach) ||
+      !Overlap(reach.box, plane))
   {
     return;  // all threads alike
   }
@@ -284,9 +267,9 @@ __global__ void __launch_bounds__(kBlock) CountOverlaps(FindTask task)
   const int across = tiles.columnEnd - tiles.columnBegin, all = across * (tiles.rowEnd - tiles.rowBegin);
   for (int t = i; t < all && count > 0; t += kBlock)
   {
-    const std::size_t tile =
-        (static_cast<std::size_t>(f) * task.overlaps.rows + tiles.rowBegin + t / across) * task.overlaps.columns +
-        tiles.columnBegin + t % across;
+    const std::size_t tile = (static_cast<std::size_t>(f) * task.overlaps.grid.rows + tiles.rowBegin + t / across) *
+                                 task.overlaps.grid.columns +
+                             tiles.columnBegin + t % across;
     atomicAdd(task.overlaps.counts + tile, static_cast<unsigned int>(count));
   }
 }
@@ -300,8 +283,9 @@ __device__ inline void FindMost(const FindTask& task, const BlockPlace& place, i
   if (i < kChunk)
   {
     Reach reach;
-    const bool reached = first + i < task.views && Reaches<float>(place, task.cameras[task.frames[first + i]],
-                                                                  LogMagnitude(task, place), log(task.floor), reach);
+    const bool reached =
+        first + i < task.views && Reaches<float>(place, task.cameras[task.frames[first + i]],
+                                                 task.truncation.LogMagnitude(place), task.truncation.logFloor, reach);
     tiles[i] = reached ? TilesOf(task.overlaps, reach.box) : Box{0, 0, 0, 0};
     most[i] = 1;
   }
@@ -312,8 +296,9 @@ __device__ inline void FindMost(const FindTask& task, const BlockPlace& place, i
     unsigned int mine = 0;
     for (int t = i; t < (across > 0 && down > 0 ? across * down : 0); t += kBlock)
     {
-      const std::size_t row = static_cast<std::size_t>(first + j) * task.overlaps.rows + tiles[j].rowBegin + t / across;
-      mine = max(mine, task.overlaps.counts[row * task.overlaps.columns + tiles[j].columnBegin + t % across]);
+      const std::size_t row =
+          static_cast<std::size_t>(first + j) * task.overlaps.grid.rows + tiles[j].rowBegin + t / across;
+      mine = max(mine, task.overlaps.counts[row * task.overlaps.grid.columns + tiles[j].columnBegin + t % across]);
     }
     if (mine > 1)
     {
@@ -342,7 +327,7 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
   const bool present = i < place.count;
   const Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
   const bool sharp = present && IsSharp(gaussian);
-  const double logMagnitude = LogMagnitude(task, place);
+  const double logMagnitude = task.truncation.LogMagnitude(place);
   const float scale = std::exp(max(max(gaussian.logScale.x, gaussian.logScale.y), gaussian.logScale.z));
   const PixelBox window{task.window.columnBegin, task.window.columnEnd, task.window.rowBegin, task.window.rowEnd};
 
@@ -350,7 +335,7 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
   for (int first = 0; first < task.views; first += kChunk)
   {
     __syncthreads();
-    if (task.overlaps.counts)
+    if (task.truncation.isShared)
     {
       FindMost(task, place, first, tiles, most);
       __syncthreads();
@@ -359,7 +344,7 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
     if (i < kChunk && f < task.views)
     {
       const Camera& camera = task.cameras[task.frames[f]];
-      tolerances[i] = task.overlaps.counts ? 0.5 * task.tolerance / most[i] : task.tolerance;
+      tolerances[i] = task.truncation.Share(most[i]);
       Reach reach;
       const bool reached =
           Reaches<float>(place, camera, logMagnitude, log(tolerances[i]), reach) && Overlap(reach.box, window);
@@ -386,7 +371,7 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
       // A Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2. A thousandth more
       // than the bound, so that its own rounding drops nothing.
       const float squared = SquaredDistance(gaussian, views[j]);
-      const float farthest = 1.001f * CutFor(MagnitudeOf(task, gaussian), static_cast<float>(tolerances[j]));
+      const float farthest = 1.001f * CutFor(MagnitudeOf(task.truncation, gaussian), static_cast<float>(tolerances[j]));
       if (present && squared <= slabs[j] && squared <= farthest * (scale * scale + views[j].elevationVariance) &&
           farthest > 0)
       {

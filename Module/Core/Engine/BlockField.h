@@ -114,12 +114,17 @@ FieldGradient GradientOf(const std::vector<GradientBlock<T>>& blocks, const std:
   out.reflectivities.resize(n);
   for (std::size_t slot = 0; slot < n; ++slot)
   {
-    const auto value = [&](int k) { return static_cast<double>(blocks[slot / kBlock].values[k][slot % kBlock]); };
+    double values[kParametersPerGaussian];
+    for (int k = 0; k < kParametersPerGaussian; ++k)
+    {
+      values[k] = blocks[slot / kBlock].values[k][slot % kBlock];
+    }
+    const GaussianGradient<double> g = FromArray(values);
     const std::size_t i = order[slot];
-    out.means[i] = {value(0), value(1), value(2)};
-    out.logScales[i] = {value(3), value(4), value(5)};
-    out.rotations[i] = {value(6), value(7), value(8)};
-    out.reflectivities[i] = value(9);
+    out.means[i] = {g.mean.x, g.mean.y, g.mean.z};
+    out.logScales[i] = {g.logScale.x, g.logScale.y, g.logScale.z};
+    out.rotations[i] = {g.rotation.x, g.rotation.y, g.rotation.z};
+    out.reflectivities[i] = g.reflectivity;
   }
   return out;
 }

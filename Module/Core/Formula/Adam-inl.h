@@ -10,6 +10,31 @@ struct AdamState
   Real updates;                         ///< how many gradients went into them: corrects the bias of young averages
 };
 
+/// A gradient's numbers in the order of Parameter.
+template <class Real>
+BIGUS_FORMULA void ToArray(const GaussianGradient<Real>& g, Real (&values)[kParametersPerGaussian])
+{
+  values[kMeanAt] = g.mean.x;
+  values[kMeanAt + 1] = g.mean.y;
+  values[kMeanAt + 2] = g.mean.z;
+  values[kLogScaleAt] = g.logScale.x;
+  values[kLogScaleAt + 1] = g.logScale.y;
+  values[kLogScaleAt + 2] = g.logScale.z;
+  values[kTurnAt] = g.rotation.x;
+  values[kTurnAt + 1] = g.rotation.y;
+  values[kTurnAt + 2] = g.rotation.z;
+  values[kReflectivityAt] = g.reflectivity;
+}
+
+template <class Real>
+BIGUS_FORMULA GaussianGradient<Real> FromArray(const Real (&values)[kParametersPerGaussian])
+{
+  return {{values[kMeanAt], values[kMeanAt + 1], values[kMeanAt + 2]},
+          {values[kLogScaleAt], values[kLogScaleAt + 1], values[kLogScaleAt + 2]},
+          {values[kTurnAt], values[kTurnAt + 1], values[kTurnAt + 2]},
+          values[kReflectivityAt]};
+}
+
 template <class Real>
 BIGUS_FORMULA Real Clamp(Real value, Real low, Real high)
 {
@@ -27,9 +52,8 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
   using std::exp;
   using std::sqrt;
   const Real zero = Real(0), one = Real(1);
-  const Real g[kParametersPerGaussian] = {
-      gradient.mean.x,     gradient.mean.y,     gradient.mean.z,     gradient.logScale.x, gradient.logScale.y,
-      gradient.logScale.z, gradient.rotation.x, gradient.rotation.y, gradient.rotation.z, gradient.reflectivity};
+  Real g[kParametersPerGaussian];
+  ToArray(gradient, g);
   state.updates = state.updates + one;
   const Real correction =
       sqrt(one - exp(Real(kLogSecondDecay) * state.updates)) / (one - exp(Real(kLogFirstDecay) * state.updates));
@@ -45,18 +69,18 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     // The tiny floor only keeps 0 / 0 away: Adam is meant to be blind to the gradient's unit.
     move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));
   }
-  gaussian.mean = MultiplyAdd(Real(step.mean), {move[0], move[1], move[2]}, gaussian.mean);
+  gaussian.mean = MultiplyAdd(Real(step.mean), {move[kMeanAt], move[kMeanAt + 1], move[kMeanAt + 2]}, gaussian.mean);
   const Real farthest = Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
   gaussian.mean = {Clamp(gaussian.mean.x, zero - farthest, farthest), Clamp(gaussian.mean.y, zero - farthest, farthest),
                    Clamp(gaussian.mean.z, zero - farthest, farthest)};
   const Real low = Real(step.minimumLogScale), high = Real(step.maximumLogScale), stretch = Real(step.logScale);
-  gaussian.logScale.x = Clamp(gaussian.logScale.x + stretch * move[3], low, high);
-  gaussian.logScale.y = Clamp(gaussian.logScale.y + stretch * move[4], low, high);
-  gaussian.logScale.z = Clamp(gaussian.logScale.z + stretch * move[5], low, high);
+  gaussian.logScale.x = Clamp(gaussian.logScale.x + stretch * move[kLogScaleAt], low, high);
+  gaussian.logScale.y = Clamp(gaussian.logScale.y + stretch * move[kLogScaleAt + 1], low, high);
+  gaussian.logScale.z = Clamp(gaussian.logScale.z + stretch * move[kLogScaleAt + 2], low, high);
 
   // q <- q (1, omega / 2), normalised: a turn about the Gaussian's own axes, exact to second order.
   const Real half = Real(0.5 * step.rotation);
-  const Real x = half * move[6], y = half * move[7], z = half * move[8];
+  const Real x = half * move[kTurnAt], y = half * move[kTurnAt + 1], z = half * move[kTurnAt + 2];
   const Real* q = gaussian.rotation;
   const Real turned[4] = {q[0] - q[1] * x - q[2] * y - q[3] * z, q[1] + q[0] * x + q[2] * z - q[3] * y,
                           q[2] + q[0] * y + q[3] * x - q[1] * z, q[3] + q[0] * z + q[1] * y - q[2] * x};
@@ -66,7 +90,7 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
   {
     gaussian.rotation[k] = turned[k] / length;
   }
-  gaussian.reflectivity = Clamp(gaussian.reflectivity + Real(step.reflectivity) * move[9],
+  gaussian.reflectivity = Clamp(gaussian.reflectivity + Real(step.reflectivity) * move[kReflectivityAt],
                                 Real(step.minimumReflectivity), Real(step.maximumReflectivity));
   return guarded;
 }

@@ -13,7 +13,16 @@
 namespace bigus
 {
 
-constexpr int kParametersPerGaussian = 10;  // mean 3, ln scale 3, turn 3, reflectivity 1
+/// Where a Gaussian's parameters begin in arrays of their gradients and averages.
+enum Parameter
+{
+  kMeanAt = 0,
+  kLogScaleAt = 3,
+  kTurnAt = 6,
+  kReflectivityAt = 9,
+  kParametersPerGaussian = 10
+};
+
 // What a step keeps of the averages: beta 0.9 and 0.99. A Gaussian is seen by a few frames a pass, so the usual 0.999
 // would remember a hundred passes, gradients among them that are long gone, and hold back every step.
 constexpr double kFirstShare = 0.1;

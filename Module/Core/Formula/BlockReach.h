@@ -32,14 +32,6 @@ struct BlockPlace
   int count;
 };
 
-/// In training a Gaussian is cut as if |r| were at least this, `tolerance` being on S: two standard deviations of it
-/// are always seen. Else one whose r comes to lie within the tolerance of 0, as some do in every step, would be left
-/// out from then on, and with it the gradient that could bring it back.
-inline double LeastMagnitude(double tolerance)
-{
-  return max(7.4 * tolerance, 1e-30);  // e^2
-}
-
 /// Half-open ranges of pixels.
 struct PixelBox
 {

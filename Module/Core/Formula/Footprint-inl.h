@@ -61,3 +61,22 @@ BIGUS_FORMULA Footprint<Real> FootprintOf(const Splat<Real>& s, Real magnitude, 
   out.margin = sqrt(max(Real(T(2)) * (out.logAmplitude - Real(lowestExponent)), zero)) - k;
   return out;
 }
+
+/// Along a column ln w is a parabola of curvature c = u12^2 + u22^2. A recurrence (rows w <- w q, q <- q exp(-c)) may
+/// run over it where neither w nor q underflows.
+///
+/// w: a pixel that matters lies within k of the parabola's vertex, in units of 1 / sqrt(c). Started n rows away, ln w
+/// there is at least ln amplitude - (k + n sqrt(c))^2 / 2.
+template <class Real>
+BIGUS_FORMULA auto WeightsHold(const Footprint<Real>& f, Real rows)
+{
+  return f.margin >= rows * f.rootCurvature;
+}
+
+/// q: where w does not underflow, it lies within E = sqrt(-2 lowest) of the vertex, so |ln q| <= E sqrt(c) + c / 2,
+/// which stays below -lowest for c <= (0.4 E)^2 = -0.32 lowest.
+template <class Real, class T>
+BIGUS_FORMULA auto RatiosHold(const Footprint<Real>& f, T lowestExponent)
+{
+  return f.curvature <= Real(T(-kSteepestRecurrence) * lowestExponent);
+}

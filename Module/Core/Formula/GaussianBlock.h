@@ -30,8 +30,20 @@ struct alignas(64) AdamBlock
   T updates[kBlock];
 };
 
-/// A gradient as AdamState orders it: mean, log-scale, rotation, reflectivity; and how many frames
-/// contributed.
+/// Sums over a footprint's pixels, in the order of Moments: rows of a MomentBlock.
+enum MomentRow
+{
+  kMoment0,
+  kMoment1,
+  kMoment2,
+  kMoment11,
+  kMoment12,
+  kMoment22,
+  kMomentError,
+  kMomentRows
+};
+
+/// A gradient in the order of Parameter, and how many frames contributed.
 template <class T>
 struct alignas(64) GradientBlock
 {
@@ -52,6 +64,7 @@ constexpr int kLargestImage = 1 << 24;
 /// Aspect ratio from which float parameters lose too much, 1e-7 of the ratio: such a needle is projected in
 /// double.
 constexpr double kSharp = 128;
+constexpr double kLogSharp = 4.852030263919617;  // ln kSharp
 
 /// mm; beyond, squares leave float's range.
 constexpr double kSmallestScale = 1e-9, kLargestScale = 1e7;
@@ -63,5 +76,9 @@ constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
 /// k^2 where nothing is to be left out: what lies beyond underflows.
 template <class T>
 constexpr T kWholeCut = sizeof(T) == 4 ? T(180) : T(1480);
+
+/// A recurrence along a column serves only where the column's curvature is at most this times -kLowestExponent: see
+/// RatiosHold in Footprint-inl.h.
+constexpr double kSteepestRecurrence = 0.32;
 
 }  // namespace bigus

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // How far a training step moves what, and between which bounds.
 #pragma once
 

@@ -33,6 +33,7 @@
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Engine/MortonOrder.h"
 #include "Core/Formula/Adam.h"
+#include "Core/Formula/Truncation.h"
 
 namespace bigus
 {
@@ -41,8 +42,6 @@ namespace
 
 constexpr int kSmallestBand = 32,
               kLargestBand = 128;   // rows rendered together: few footprints should lie in two bands
-constexpr int kTile = 32;           // pixels; finest grid on which overlapping footprints are counted
-constexpr int kTiles = 128;         // coarsest: so many along a side
 constexpr std::size_t kGroup = 32;  // neighbouring blocks tested together first: large fields have many blocks
 
 /// While it lives, this thread's results too small for a normal number become 0. They occur far out in
@@ -74,10 +73,8 @@ class TileCounts
 {
 public:
   TileCounts(int width, int height)
-      : tile_(std::max({kTile, (width + kTiles - 1) / kTiles, (height + kTiles - 1) / kTiles})),
-        columns_((width + tile_ - 1) / tile_),
-        rows_((height + tile_ - 1) / tile_),
-        counts_(new std::atomic<std::uint32_t>[static_cast<std::size_t>(columns_) * rows_] {})
+      : grid_(OverlapGrid::For(width, height)),
+        counts_(new std::atomic<std::uint32_t>[static_cast<std::size_t>(grid_.columns) * grid_.rows] {})
   {
   }
   void Add(const PixelBox& box, int count)
@@ -96,18 +93,17 @@ private:
   template <class Body>
   void ForTiles(const PixelBox& box, Body&& body) const
   {
-    const std::int64_t lastColumn = std::min<std::int64_t>((box.columnEnd + tile_ - 1) / tile_, columns_);
-    const std::int64_t lastRow = std::min<std::int64_t>((box.rowEnd + tile_ - 1) / tile_, rows_);
-    for (std::int64_t row = std::max<std::int64_t>(box.rowBegin, 0) / tile_; row < lastRow; ++row)
+    const PixelBox tiles = grid_.TilesOf(box);
+    for (std::int64_t row = tiles.rowBegin; row < tiles.rowEnd; ++row)
     {
-      for (std::int64_t column = std::max<std::int64_t>(box.columnBegin, 0) / tile_; column < lastColumn; ++column)
+      for (std::int64_t column = tiles.columnBegin; column < tiles.columnEnd; ++column)
       {
-        body(counts_[static_cast<std::size_t>(row) * columns_ + column]);
+        body(counts_[static_cast<std::size_t>(row) * grid_.columns + column]);
       }
     }
   }
 
-  int tile_, columns_, rows_;
+  OverlapGrid grid_;
   std::unique_ptr<std::atomic<std::uint32_t>[]> counts_;
 };
 
@@ -172,7 +168,7 @@ public:
                   " pixels is larger than 16777216 along a side.");
     }
     const std::vector<Camera> cameras{CameraOf(plane, beam_)};
-    FindVisible(cameras, plane.width, plane.height, window, Purpose::Render);
+    FindVisible(cameras, plane.width, plane.height, window, FootprintsFor::Rendering);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
     ForBands(1, window.rows,
              [&](int, int begin, int end)
@@ -316,7 +312,7 @@ public:
                     T* sums = out.data() + seenBlocks_[slot] * std::size_t(kBlock);
                     for (int k = 0; k < list.count; ++k)
                     {
-                      sums[static_cast<int>(splats[k].gaussian)] += moments.values[0][k];
+                      sums[static_cast<int>(splats[k].gaussian)] += moments.values[kMoment0][k];
                     }
                   }
                 });
@@ -348,16 +344,6 @@ public:
 
 private:
   static constexpr std::size_t kSolveBatch = 8;  // frames held at once while solving
-
-  /// What footprints are found for, which says how they are cut. To render: each where its own |r| falls below its
-  /// share. To train: the same, but none is too dark to be seen, because a step may make it brighter. To solve for
-  /// reflectivities: all as if every |r| were the field's mean, because the values change while the footprints stay.
-  enum class Purpose
-  {
-    Render,
-    Train,
-    Solve
-  };
 
   /// What one view sees of one block: splats_[offset, offset + count), all in rows [rowBegin, rowEnd).
   struct Seen
@@ -432,7 +418,7 @@ private:
     range(2, place.centre.z, place.middle.z, place.half.z);
     place.variance = std::exp(2.0 * bounds.logScale);
     place.logMagnitude = std::log(static_cast<double>(bounds.magnitude));  // of 0: -infinity, never seen
-    if (sizeof(T) == sizeof(double) || !(bounds.logAspect > std::log(kSharp)))
+    if (sizeof(T) == sizeof(double) || !(bounds.logAspect > kLogSharp))
     {
       sharp_[b].reset();
       return;
@@ -541,9 +527,10 @@ private:
     return {window.firstColumn, window.firstColumn + window.columns, window.firstRow, window.firstRow + window.rows};
   }
 
-  /// Projects a block, in double if it is sharp. Returns how many splats were found.
-  int Project(std::size_t b, const Camera& camera, const Window& window, double slab, double tolerance,
-              double commonMagnitude, double leastMagnitude, SplatBuffer<T>& found) const
+  /// Projects a block, in double if it is sharp; each of its Gaussians may drop `share`. Returns how many splats were
+  /// found.
+  int Project(std::size_t b, const Camera& camera, const Window& window, double slab, double share,
+              const Truncation& truncation, SplatBuffer<T>& found) const
   {
     const BlockPlace& place = places_[b];
     const auto task = [&](auto number)
@@ -556,9 +543,9 @@ private:
       out.rowBegin = window.firstRow;
       out.rowEnd = window.firstRow + window.rows;
       out.slab = static_cast<U>(std::min(slab, 1e30));
-      out.tolerance = static_cast<U>(tolerance);
-      out.commonMagnitude = static_cast<U>(commonMagnitude);
-      out.leastMagnitude = static_cast<U>(leastMagnitude);
+      out.tolerance = static_cast<U>(share);
+      out.commonMagnitude = static_cast<U>(truncation.commonMagnitude);
+      out.leastMagnitude = static_cast<U>(truncation.leastMagnitude);
       out.direct = accuracy_.direct;
       out.lowestExponent = kLowestExponent<T>;
       return out;
@@ -578,27 +565,16 @@ private:
 
   /// Fills seenBlocks_, seen_ and splats_ with what the cameras see inside the window of their width x height
   /// images.
-  ///
-  /// Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at most the
-  /// tolerance. With N Gaussians, floor = tolerance / (2 N): contributions below it add up to at most half
-  /// the tolerance. The other half goes to the Gaussians that can contribute more than the floor to a pixel:
-  /// counted, with their block's whole reach, on tiles; each drops at most tolerance / (2 n) where at most n
-  /// overlap.
-  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window, Purpose purpose)
+  void FindVisible(const std::vector<Camera>& cameras, int width, int height, const Window& window,
+                   FootprintsFor purpose)
   {
-    const double tolerance = accuracy_.tolerance / transfer_.gamma;
-    const bool shared = !accuracy_.perSplat && purpose != Purpose::Solve && tolerance > 0 && !blocks_.empty();
-    const double floor = shared ? tolerance / (2.0 * static_cast<double>(order_.size())) : tolerance;
-    const double logFloor = std::log(floor);
-    const double common = purpose == Purpose::Solve ? MeanMagnitude() : 0.0;
-    const double least = purpose == Purpose::Render ? 0.0 : LeastMagnitude(tolerance);
-    const double logCommon = std::log(common), logLeast = std::log(least);
-    const auto magnitudeOf = [=](const BlockPlace& place)
-    { return purpose == Purpose::Solve ? logCommon : std::max(place.logMagnitude, logLeast); };
+    const Truncation truncation =
+        Truncation::For(purpose, accuracy_.tolerance / transfer_.gamma, accuracy_.perSplat, order_.size(),
+                        purpose == FootprintsFor::Solving ? MeanMagnitude() : 0.0);
     const PixelBox whole{0, width, 0, height};
     views_ = cameras.size();
     std::vector<TileCounts> overlaps;
-    for (std::size_t f = 0; f < (shared ? cameras.size() : 0); ++f)
+    for (std::size_t f = 0; f < (truncation.isShared ? cameras.size() : 0); ++f)
     {
       overlaps.emplace_back(width, height);
     }
@@ -608,16 +584,16 @@ private:
     const auto lookInto = [&](std::size_t b)
     {
       const BlockPlace& place = places_[b];
-      const double logMagnitude = magnitudeOf(place);
-      for (std::size_t f = 0; f < cameras.size() && (shared || !reached[b]); ++f)
+      const double logMagnitude = truncation.LogMagnitude(place);
+      for (std::size_t f = 0; f < cameras.size() && (truncation.isShared || !reached[b]); ++f)
       {
         Reach reach;
-        if (!Reaches<T>(place, cameras[f], logMagnitude, logFloor, reach) || !Overlap(reach.box, whole))
+        if (!Reaches<T>(place, cameras[f], logMagnitude, truncation.logFloor, reach) || !Overlap(reach.box, whole))
         {
           continue;
         }
         reached[b] = 1;
-        if (shared)
+        if (truncation.isShared)
         {
           std::int32_t column, row;
           const View<T> view = LocalView<T>(cameras[f], place, column, row);
@@ -626,22 +602,23 @@ private:
         }
       }
     };
-    tbb::parallel_for(std::size_t(0), groups_.size(),
-                      [&](std::size_t g)
-                      {
-                        const double logMagnitude = magnitudeOf(groups_[g]);
-                        Reach reach;
-                        if (std::none_of(cameras.begin(), cameras.end(),
-                                         [&](const Camera& camera)
-                                         { return Reaches<T>(groups_[g], camera, logMagnitude, logFloor, reach); }))
-                        {
-                          return;
-                        }
-                        for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
-                        {
-                          lookInto(b);
-                        }
-                      });
+    tbb::parallel_for(
+        std::size_t(0), groups_.size(),
+        [&](std::size_t g)
+        {
+          const double logMagnitude = truncation.LogMagnitude(groups_[g]);
+          Reach reach;
+          if (std::none_of(cameras.begin(), cameras.end(),
+                           [&](const Camera& camera)
+                           { return Reaches<T>(groups_[g], camera, logMagnitude, truncation.logFloor, reach); }))
+          {
+            return;
+          }
+          for (std::size_t b = g * kGroup; b < std::min((g + 1) * kGroup, blocks_.size()); ++b)
+          {
+            lookInto(b);
+          }
+        });
     seenBlocks_.clear();
     for (std::size_t b = 0; b < blocks_.size(); ++b)
     {
@@ -668,21 +645,20 @@ private:
           {
             const std::size_t b = seenBlocks_[slot];
             const BlockPlace& place = places_[b];
-            const double logMagnitude = magnitudeOf(place);
+            const double logMagnitude = truncation.LogMagnitude(place);
             Reach reach;
-            double share = tolerance;
-            if (shared)
+            std::uint32_t most = 1;
+            if (truncation.isShared)
             {
-              std::uint32_t most = 1;
               for (std::size_t f = 0; f < cameras.size(); ++f)
               {
-                if (Reaches<T>(place, cameras[f], logMagnitude, logFloor, reach))
+                if (Reaches<T>(place, cameras[f], logMagnitude, truncation.logFloor, reach))
                 {
                   most = std::max(most, overlaps[f].Most(reach.box));
                 }
               }
-              share = 0.5 * tolerance / most;
             }
+            const double share = truncation.Share(most);
             const double logShare = std::log(share);
             SplatBuffer<T> found;
             for (std::size_t f = 0; f < cameras.size(); ++f)
@@ -694,12 +670,12 @@ private:
               {
                 continue;
               }
-              list.count = Project(b, cameras[f], window, reach.slab, share, common, least, found);
+              list.count = Project(b, cameras[f], window, reach.slab, share, truncation, found);
               if (list.count == 0)
               {
                 continue;
               }
-              const T *rowBegin = found.fields[12], *rowEnd = found.fields[13];
+              const T *rowBegin = found.fields[kRowBegin], *rowEnd = found.fields[kRowEnd];
               list.rowBegin = static_cast<int>(*std::min_element(rowBegin, rowBegin + list.count));
               list.rowEnd = static_cast<int>(*std::max_element(rowEnd, rowEnd + list.count));
               list.offset = used.fetch_add(list.count, std::memory_order_relaxed);
@@ -729,7 +705,7 @@ private:
     }
   }
 
-  /// For Purpose::Solve.
+  /// Of the field's |r|; 1 where all are 0.
   double MeanMagnitude() const
   {
     double sum = 0;
@@ -764,7 +740,8 @@ private:
       cameras_.push_back(CameraOf(sweep_->Plane(frame), beam_));
     }
     const int width = sweep_->width, height = sweep_->height;
-    FindVisible(cameras_, width, height, {0, 0, width, height}, values ? Purpose::Solve : Purpose::Train);
+    FindVisible(cameras_, width, height, {0, 0, width, height},
+                values ? FootprintsFor::Solving : FootprintsFor::Training);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on

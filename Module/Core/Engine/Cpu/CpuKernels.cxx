@@ -250,39 +250,36 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     const L rowBegin = clip(originRow + (f.row - f.half), firstRow, lastRow);
     const L rowEnd = clip(originRow + (f.row + f.half), firstRow, lastRow);
 
-    // Recurrence (see there): how far it may run. Along a column ln w is a parabola of that curvature, c =
-    // u12^2 + u22^2; a pixel that matters lies within k of its vertex, in units of 1 / sqrt(c). Started n
-    // rows away, ln w there is at least ln amplitude - (k + n sqrt(c))^2 / 2, which must not underflow. Nor
-    // may the ratio of two rows: where w does not, it lies within E = sqrt(-2 lowest) of the vertex, so |ln
-    // ratio| <= E sqrt(c) + c / 2, which stays below -lowest for c <= (0.4 E)^2.
+    // How many rows a recurrence (see there) may run.
     L reach = zero;
     for (const T rows : {T(kReachInside / 4), T(kReachInside / 2), T(kReachInside)})
     {
-      reach = Select(f.margin >= min(L(rows), f.half) * f.rootCurvature, L(rows), reach);
+      reach = Select(WeightsHold(f, min(L(rows), f.half)), L(rows), reach);
     }
-    const auto whole = hn::And(f.half <= L(T(kLongestReach)), f.margin >= f.half * f.rootCurvature);
+    const auto whole = hn::And(f.half <= L(T(kLongestReach)), WeightsHold(f, f.half));
     reach = Select(whole, L(T(kLongestReach)), reach);
-    reach = Select(f.curvature <= L(task.direct ? T(-1) : T(-0.32) * task.lowestExponent), reach, zero);
+    reach = task.direct ? zero : Select(RatiosHold(f, task.lowestExponent), reach, zero);
 
     auto visible = hn::And(columnBegin < columnEnd, rowBegin < rowEnd);
     visible = hn::And(visible, hn::And(f.cut > zero, f.logAmplitude > lowest));
     visible = hn::And(visible, hn::FirstN(d, static_cast<std::size_t>(found - first)));
-    const L fields[kSplatFields] = {s.u11,
-                                    s.u12,
-                                    s.u22,
-                                    f.mu,
-                                    f.mv,
-                                    f.logAmplitude,
-                                    f.cut,
-                                    exp(max(-f.curvature, lowest)),
-                                    originColumn + f.column,
-                                    originRow + f.row,
-                                    columnBegin,
-                                    columnEnd,
-                                    rowBegin,
-                                    rowEnd,
-                                    reach,
-                                    at(kRows)};
+    L fields[kSplatFields];
+    fields[kU11] = s.u11;
+    fields[kU12] = s.u12;
+    fields[kU22] = s.u22;
+    fields[kMu] = f.mu;
+    fields[kMv] = f.mv;
+    fields[kLogAmplitude] = f.logAmplitude;
+    fields[kCut] = f.cut;
+    fields[kRowFactor] = exp(max(-f.curvature, lowest));
+    fields[kColumn] = originColumn + f.column;
+    fields[kRow] = originRow + f.row;
+    fields[kColumnBegin] = columnBegin;
+    fields[kColumnEnd] = columnEnd;
+    fields[kRowBegin] = rowBegin;
+    fields[kRowEnd] = rowEnd;
+    fields[kReach] = reach;
+    fields[kGaussian] = at(kRows);
     for (int k = 0; k < kSplatFields; ++k)
     {
       hn::CompressStore(fields[k].v, visible, d, out.fields[k] + kept);
@@ -391,8 +388,8 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
     m12 = hn::MulAdd(row1, eta2, m12);
     m22 = hn::MulAdd(row2, eta2, m22);
   }
-  const hn::Vec<hn::ScalableTag<T>> sums[7] = {m0, m1, m2, m11, m12, m22, error};
-  for (int m = 0; m < 7; ++m)
+  const hn::Vec<hn::ScalableTag<T>> sums[kMomentRows] = {m0, m1, m2, m11, m12, m22, error};
+  for (int m = 0; m < kMomentRows; ++m)
   {
     out[m * kBlock] = hn::GetLane(hn::SumOfLanes(d, sums[m]));
   }
@@ -811,13 +808,13 @@ static void GatherAll(const bigus::VisibleSplat<T>* splats, int count, const Pix
     const auto sum = [&d](auto v) HWY_ATTR { return hn::GetLane(hn::SumOfLanes(d, v)); };
     const T u = sum(sums.u), v = sum(sums.v), uu = sum(sums.uu), uv = sum(sums.uv), vv = sum(sums.vv);
     const T a = s.u11, b = s.u12, e = s.u22;  // U, applied to the sums: eta1 = a u + b v, eta2 = e v
-    out[0] = sum(sums.one);
-    out[kBlock] = a * u + b * v;
-    out[2 * kBlock] = e * v;
-    out[3 * kBlock] = a * a * uu + 2 * a * b * uv + b * b * vv;
-    out[4 * kBlock] = e * (a * uv + b * vv);
-    out[5 * kBlock] = e * e * vv;
-    out[6 * kBlock] = WithError ? sum(sums.error) : T(0);
+    out[kMoment0 * kBlock] = sum(sums.one);
+    out[kMoment1 * kBlock] = a * u + b * v;
+    out[kMoment2 * kBlock] = e * v;
+    out[kMoment11 * kBlock] = a * a * uu + 2 * a * b * uv + b * b * vv;
+    out[kMoment12 * kBlock] = e * (a * uv + b * vv);
+    out[kMoment22 * kBlock] = e * e * vv;
+    out[kMomentError * kBlock] = WithError ? sum(sums.error) : T(0);
   }
 }
 
@@ -857,16 +854,16 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     const Gaussian<L> gaussian{{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
     Moments<L> m;
     const auto moment = [&](int row) { return L::Load(moments.values[row] + first); };
-    m.m0 = moment(0);
-    m.m1 = moment(1);
-    m.m2 = moment(2);
-    m.m11 = moment(3);
-    m.m12 = moment(4);
-    m.m22 = moment(5);
+    m.m0 = moment(kMoment0);
+    m.m1 = moment(kMoment1);
+    m.m2 = moment(kMoment2);
+    m.m11 = moment(kMoment11);
+    m.m12 = moment(kMoment12);
+    m.m22 = moment(kMoment22);
     const GaussianGradient<L> g = ProjectAdjoint(gaussian, Project(gaussian, view), m);
     alignas(64) T lane[kParametersPerGaussian][16];
-    const L values[kParametersPerGaussian] = {g.mean.x,     g.mean.y,     g.mean.z,     g.logScale.x, g.logScale.y,
-                                              g.logScale.z, g.rotation.x, g.rotation.y, g.rotation.z, g.reflectivity};
+    L values[kParametersPerGaussian];
+    ToArray(g, values);
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
       values[k].Store(lane[k]);
@@ -880,11 +877,11 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
       gradient.visits[indices[i]] += 1;
       if (scores)
       {
-        scores->error[indices[i]] += moments.values[6][first + i];
+        scores->error[indices[i]] += moments.values[kMomentError][first + i];
         scores->visits[indices[i]] += 1;
         for (int k = 0; k < 3; ++k)
         {
-          scores->descent[k][indices[i]] -= lane[k][i];
+          scores->descent[k][indices[i]] -= lane[kMeanAt + k][i];
         }
       }
     }
@@ -910,17 +907,15 @@ static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const Gradi
     }
     Gaussian<L> gaussian = LoadGaussian<T>(RowsOf(block), first);
     AdamState<L> adam;
-    GaussianGradient<L> g;
-    L* parts[kParametersPerGaussian] = {&g.mean.x,     &g.mean.y,     &g.mean.z,     &g.logScale.x, &g.logScale.y,
-                                        &g.logScale.z, &g.rotation.x, &g.rotation.y, &g.rotation.z, &g.reflectivity};
+    L g[kParametersPerGaussian];
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
-      *parts[k] = L::Load(gradient.values[k] + first);
+      g[k] = L::Load(gradient.values[k] + first);
       adam.first[k] = L::Load(state.first[k] + first);
       adam.second[k] = L::Load(state.second[k] + first);
     }
     adam.updates = L::Load(state.updates + first);
-    const L bad = UpdateGaussian(gaussian, adam, g, step);
+    const L bad = UpdateGaussian(gaussian, adam, FromArray(g), step);
     guarded += hn::CountTrue(d, hn::And(touched, bad > L(T(0))));
     const L changed[kRows] = {gaussian.mean.x,      gaussian.mean.y,      gaussian.mean.z,      gaussian.logScale.x,
                               gaussian.logScale.y,  gaussian.logScale.z,  gaussian.rotation[0], gaussian.rotation[1],

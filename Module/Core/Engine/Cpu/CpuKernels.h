@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "Core/Formula/GaussianBlock.h"
 #include "Core/Formula/PixelLoss.h"
@@ -40,8 +41,31 @@ struct VisibleSplat
   T reach;                                     // rows a recurrence may run from its start; 0: direct
   T gaussian;                                  // index in its block
 };
-constexpr int kSplatFields = 16;
+
+/// The members of a VisibleSplat in their order: rows of a SplatBuffer.
+enum SplatField
+{
+  kU11,
+  kU12,
+  kU22,
+  kMu,
+  kMv,
+  kLogAmplitude,
+  kCut,
+  kRowFactor,
+  kColumn,
+  kRow,
+  kColumnBegin,
+  kColumnEnd,
+  kRowBegin,
+  kRowEnd,
+  kReach,
+  kGaussian,
+  kSplatFields
+};
 static_assert(sizeof(VisibleSplat<float>) == kSplatFields * sizeof(float));
+static_assert(offsetof(VisibleSplat<float>, cut) == kCut * sizeof(float));
+static_assert(offsetof(VisibleSplat<float>, rowEnd) == kRowEnd * sizeof(float));
 
 /// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write
 /// beyond.
@@ -56,9 +80,12 @@ struct alignas(64) SplatBuffer
   {
     for (int i = 0; i < count; ++i)
     {
-      out[i] = {fields[0][i],  fields[1][i],  fields[2][i],  fields[3][i], fields[4][i],  fields[5][i],
-                fields[6][i],  fields[7][i],  fields[8][i],  fields[9][i], fields[10][i], fields[11][i],
-                fields[12][i], fields[13][i], fields[14][i], fields[15][i]};
+      T record[kSplatFields];
+      for (int field = 0; field < kSplatFields; ++field)
+      {
+        record[field] = fields[field][i];
+      }
+      std::memcpy(out + i, record, sizeof(record));
     }
   }
 };
@@ -97,7 +124,7 @@ struct ProjectionTask
 template <class T>
 struct alignas(64) MomentBlock
 {
-  T values[7][kBlock];  // in the order of Moments
+  T values[kMomentRows][kBlock];
 };
 
 /// The kernels, compiled for one instruction set.
