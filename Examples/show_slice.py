@@ -59,11 +59,7 @@ def main():
     plane.DeepCopy(pose.ravel())
     reslice = bigus.vtkBigusReslice()
     reslice.SetInputData(bigus.read(options.field))
-    reslice.SetResliceAxes(plane)
-    reslice.SetOutputDimensionality(2)
-    reslice.SetOutputOrigin(0, 0, 0)
-    reslice.SetOutputSpacing(1, 1, 1)
-    reslice.SetOutputExtent(0, width - 1, 0, height - 1, 0, 0)
+    reslice.SetOutputToFrame(plane, width, height)
 
     mapper = vtkImageSliceMapper()
     mapper.SetInputConnection(reslice.GetOutputPort())

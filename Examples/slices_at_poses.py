@@ -56,11 +56,7 @@ def main():
     axes = vtkMatrix4x4()
     reslice = bigus.vtkBigusReslice()
     reslice.SetInputData(bigus.read(options.field))
-    reslice.SetResliceAxes(axes)
-    reslice.SetOutputDimensionality(2)
-    reslice.SetOutputOrigin(0, 0, 0)
-    reslice.SetOutputSpacing(1, 1, 1)
-    reslice.SetOutputExtent(0, width - 1, 0, height - 1, 0, 0)
+    reslice.SetOutputToFrame(axes, width, height)
     reslice.SetOutputScalarTypeToUnsignedChar()
     flip = vtkImageFlip()  # VTK's PNG writer puts the last row on top
     flip.SetInputConnection(reslice.GetOutputPort())

@@ -67,13 +67,12 @@ public:
   /// The field of this input, read again only when it changed. Throws Error.
   const GaussianField& Load(vtkPolyData* input);
 
-  /// Makes the engine hold the field of this input. Uploads only what changed since the last call. Throws
-  /// Error.
+  /// Makes the engine hold the field of this input. Uploads only what changed since the last call. Throws Error.
   void Upload(vtkPolyData* input, const Settings& settings);
 
-  /// Renders `extent`, a part of `whole`, of the grid whose index (i, j, k) lies at `indexToWorld` (i, j, k,
-  /// 1), mm. Every slice k is a plane of its own. What a pixel gets does not depend on `extent`. `receive`
-  /// takes the bands in order and returns false to stop; so does Render then.
+  /// Renders `extent`, a part of `whole`, of the grid whose index (i, j, k) lies at `indexToWorld` (i, j, k, 1), mm. Every
+  /// slice k is a plane of its own. What a pixel gets does not depend on `extent`. `receive` takes the bands in order and
+  /// returns false to stop; then Render returns false, too.
   bool Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6], ViewOutput output,
               bool coverage, const std::function<bool(const PixelBand&)>& receive);
 

@@ -12,6 +12,7 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Statistics.h"
 #include "PipelineSupport.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
@@ -73,16 +74,6 @@ std::vector<float> SliceIntensities(vtkDataArray* scalars, vtkIdType first, vtkI
   return values;
 }
 
-double Mean(const std::vector<double>& values)
-{
-  double sum = 0;
-  for (double value : values)
-  {
-    sum += value;
-  }
-  return sum / static_cast<double>(values.size());
-}
-
 // Of the population: one slice has 0. Equal slices of infinite PSNR do not spread either.
 double StandardDeviation(const std::vector<double>& values)
 {
@@ -90,13 +81,7 @@ double StandardDeviation(const std::vector<double>& values)
   {
     return 0;
   }
-  const double mean = Mean(values);
-  double sum = 0;
-  for (double value : values)
-  {
-    sum += (value - mean) * (value - mean);
-  }
-  return std::sqrt(sum / static_cast<double>(values.size()));
+  return std::sqrt(bigus::MeanSquare(values, bigus::Mean(values)));
 }
 
 void AddColumn(vtkTable* table, const char* name, const std::vector<double>& values)
@@ -238,14 +223,14 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     AddColumn(table, "ContrastDistribution", contrastDistribution);
     AddColumn(table, "Rayleigh", rayleigh);
     AddTextureColumns(table, textures);
-    this->PSNR = Mean(psnr);
+    this->PSNR = bigus::Mean(psnr);
     this->PSNRStandardDeviation = StandardDeviation(psnr);
-    this->SSIM = Mean(ssim);
+    this->SSIM = bigus::Mean(ssim);
     this->SSIMStandardDeviation = StandardDeviation(ssim);
-    this->BFS = Mean(bfs);
-    this->MeanContrast = Mean(meanContrast);
-    this->ContrastDistribution = Mean(contrastDistribution);
-    this->Rayleigh = Mean(rayleigh);
+    this->BFS = bigus::Mean(bfs);
+    this->MeanContrast = bigus::Mean(meanContrast);
+    this->ContrastDistribution = bigus::Mean(contrastDistribution);
+    this->Rayleigh = bigus::Mean(rayleigh);
     const bigus::TextureComparison texture = bigus::MeanTexture(textures);
     this->ContrastRatio = texture.contrastRatio;
     this->ContrastDistance = texture.contrastDistance;

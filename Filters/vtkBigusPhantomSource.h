@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 /**
- * @class vtkBigusPhantomSource
- * @brief a synthetic tracked ultrasound sweep, with the exact image of any other plane
+ * @class   vtkBigusPhantomSource
+ * @brief   A synthetic tracked ultrasound sweep, with the exact image of any other plane
  *
  * A world of sub-resolution scatterers (parenchyma, vessels, a cyst, a tumour, a bone with its bright
  * boundary and shadow) is seen by a probe with a complex point-spread function: axial carrier and Gaussian
@@ -24,7 +24,7 @@
 #ifndef vtkBigusPhantomSource_h
 #define vtkBigusPhantomSource_h
 
-#include "vtkBigusFiltersModule.h"  // For export macro
+#include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkImageAlgorithm.h"
 
 class vtkImageData;
@@ -260,8 +260,8 @@ public:
   double GetScatterersPerResolutionCell();
 
   /**
-   * Writes into `truth` the exact image of the plane whose pixel (i, j) lies at `imageToReference` (i, j, 0,
-   * 1), in mm: one frame in the form of the output (a sweep of one, with its pose and mask). The columns of
+   * Writes into `truth` the exact image of the plane whose pixel (i, j) lies at `imageToReference` (i, j, 0, 1),
+   * in mm: one frame in the form of the output (a sweep of one, with its pose and mask). The columns of
    * the matrix must be orthogonal: the second is the direction of the beams, and the probe's face is centred
    * on the first row. A linear probe is as wide and deep as the plane; a fan keeps its size. Returns false
    * after reporting an error.

@@ -241,6 +241,16 @@ void vtkBigusReslice::SetOutputExtentToDefault()
   }
 }
 
+void vtkBigusReslice::SetOutputToFrame(vtkMatrix4x4* imageToReference, int width, int height)
+{
+  // The columns of the matrix are steps of a pixel, so an output index is a place along the axes.
+  this->SetResliceAxes(imageToReference);
+  this->SetOutputSpacing(1, 1, 1);
+  this->SetOutputOrigin(0, 0, 0);
+  this->SetOutputExtent(0, width - 1, 0, height - 1, 0, 0);
+  this->SetOutputDimensionality(2);
+}
+
 vtkMTimeType vtkBigusReslice::GetMTime()
 {
   vtkMTimeType time = this->Superclass::GetMTime();

@@ -87,6 +87,13 @@ public:
   vtkAbstractTransform* GetResliceTransform() const { return this->ResliceTransform; }
   ///@}
 
+  /**
+   * Makes the output the image of a tracked frame: pixel (i, j) lies at `imageToReference` (i, j, 0, 1), mm in the field's
+   * frame. Sets ResliceAxes to the matrix (by reference), OutputSpacing to 1, OutputOrigin to 0, OutputExtent to one slice
+   * of `width` x `height` pixels and OutputDimensionality to 2.
+   */
+  void SetOutputToFrame(vtkMatrix4x4* imageToReference, int width, int height);
+
   ///@{
   /**
    * An image from which the default OutputSpacing, OutputOrigin and OutputExtent are derived, turned to the

@@ -65,11 +65,7 @@ int main(int argumentCount, char** arguments)
 
   vtkNew<vtkBigusReslice> reslice;
   reslice->SetInputConnection(trainer->GetOutputPort());
-  reslice->SetResliceAxes(pose);  // the pose scales pixels to mm, so output coordinates count pixels
-  reslice->SetOutputDimensionality(2);
-  reslice->SetOutputOrigin(0, 0, 0);
-  reslice->SetOutputSpacing(1, 1, 1);
-  reslice->SetOutputExtent(0, sweep->GetDimensions()[0] - 1, 0, sweep->GetDimensions()[1] - 1, 0, 0);
+  reslice->SetOutputToFrame(pose, sweep->GetDimensions()[0], sweep->GetDimensions()[1]);
   reslice->SetOutputScalarTypeToUnsignedChar();
 
   vtkNew<vtkImageFlip> flip;  // VTK's PNG writer puts the last row on top; an ultrasound image starts there

@@ -100,15 +100,11 @@ ExitCode Slice(Console& console, Options& options)
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
   const auto coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
 
-  // The columns of a plane's matrix are steps of a pixel, so an output index is a place along the axes.
   vtkNew<vtkMatrix4x4> axes;
   vtkNew<vtkBigusReslice> reslice;
   Configure(reslice, field, options.render);
   reslice->SetElevationSigma(options.elevationSigma);
-  reslice->SetResliceAxes(axes);
-  reslice->SetOutputSpacing(1, 1, 1);
-  reslice->SetOutputOrigin(0, 0, 0);
-  reslice->SetOutputExtent(0, first.width - 1, 0, first.height - 1, 0, 0);
+  reslice->SetOutputToFrame(axes, first.width, first.height);
   reslice->SetMaximumOutputPixels(VTK_ID_MAX);  // ReadPlanes has its own bound
   reslice->SetGenerateCoverageOutput(coverage != nullptr);
   const auto start = std::chrono::steady_clock::now();

@@ -91,6 +91,35 @@ TEST(Reslice, PixelsLieWhereTheChainPutsThem)
   }
 }
 
+TEST(Reslice, AFramesPixelsLieWhereItsPosePutsThem)
+{
+  const GaussianField field = RandomField(60, 9);
+  const auto input = ToPolyData(field);
+  Eigen::Matrix4d pose = RigidMatrix(Numbers(3).Rotation(), {-4, -3, 1});
+  pose.col(0) *= 0.5;  // mm a column
+  pose.col(1) *= 0.4;  // mm a row
+  vtkNew<vtkBigusReslice> reslice;
+  reslice->SetInputData(input);
+  reslice->SetOutputToFrame(ToVtk(pose), 18, 15);
+  reslice->SetOutputModeToScatteringField();
+  reslice->SetElevationSigma(0);
+  reslice->SetTolerance(0);
+  reslice->Update();
+  const int* extent = reslice->GetOutput()->GetExtent();
+  EXPECT_EQ(std::vector<int>(extent, extent + 6), std::vector<int>({0, 17, 0, 14, 0, 0}));
+  double worst = 0;
+  for (int j = 0; j < 15; ++j)
+  {
+    for (int i = 0; i < 18; ++i)
+    {
+      const Eigen::Vector4d x = pose * Eigen::Vector4d(i, j, 0, 1);
+      worst = std::max(worst, std::abs(FloatAt(reslice->GetOutput(), i, j, 0) - ThinScattering(field, x.head<3>())));
+    }
+  }
+  EXPECT_LT(worst, 2e-4);
+  EXPECT_GT(LargestValue(reslice->GetOutput()), 0.1);
+}
+
 TEST(Reslice, DirectionCosinesAndOriginAreTheMatrix)
 {
   vtkNew<vtkBigusReslice> ours;

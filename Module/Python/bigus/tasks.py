@@ -190,11 +190,7 @@ def reslice(
 
     filter = vtkBigusReslice()
     filter.SetInputDataObject(field)
-    filter.SetResliceAxes(axes)
-    filter.SetOutputDimensionality(2)
-    filter.SetOutputOrigin(0, 0, 0)
-    filter.SetOutputSpacing(1, 1, 1)
-    filter.SetOutputExtent(0, int(width) - 1, 0, int(height) - 1, 0, 0)
+    filter.SetOutputToFrame(axes, int(width), int(height))
     filter.GenerateCoverageOutputOff()
     set_properties(filter, properties)
     return _pixels(update(filter).GetOutput())[0]
