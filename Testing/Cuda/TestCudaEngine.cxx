@@ -14,33 +14,21 @@
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Emulator.h"
-#include "Engines.h"
-#include "Gradient/RandomField.h"
-#include "Unit/SyntheticSweep.h"
+#include "Support/Engines.h"
+#include "Support/Fields.h"
+#include "Support/Sweeps.h"
 
 namespace
 {
 
 using namespace bigus;
+using bigus::test::Problem;
 using bigus::test::Random;
 
-struct Problem
+Problem SmallProblem()
 {
-  GaussianField field;
-  std::shared_ptr<Sweep> sweep;
-
-  Problem()
-  {
-    Random random(3);
-    field = bigus::test::RandomField(random, 500, 6.0, 0.2, 1.5, 0.4);
-    std::vector<SlicePlane> planes;
-    for (int i = 0; i < 5; ++i)
-    {
-      planes.push_back(bigus::test::RandomPlane(random, random.Vector(2), 0.25, 50, 37));
-    }
-    sweep = bigus::test::RandomSweep(random, planes, 0.0, 1.0);
-  }
-};
+  return bigus::test::RandomProblem(3, 500, 6, 5, 0.25, 50, 37);
+}
 
 std::vector<float> RenderFirst(Engine& engine, const Problem& problem)
 {
@@ -63,7 +51,7 @@ protected:
 
 TEST_F(EmulatedCuda, MemoryThatRunsOutIsSaidAndTheEngineGoesOn)
 {
-  const Problem problem;
+  const Problem problem = SmallProblem();
   const auto engine = Engine::Create("cuda-emulated");
   engine->SetField(problem.field);
   const std::vector<float> before = RenderFirst(*engine, problem);
@@ -95,7 +83,7 @@ TEST_F(EmulatedCuda, AllMemoryIsGivenBack)
 {
   const std::size_t before = emulator::MemoryUsed();
   {
-    const Problem problem;
+    const Problem problem = SmallProblem();
     const auto engine = Engine::Create("cuda-emulated");
     engine->SetFrames(problem.sweep);
     engine->SetField(problem.field);
@@ -109,7 +97,7 @@ TEST_F(EmulatedCuda, AllMemoryIsGivenBack)
 
 TEST_F(EmulatedCuda, SpectraAreTheHostsWithoutCuFft)
 {
-  const Problem problem;
+  const Problem problem = SmallProblem();
   double losses[2];
   std::vector<double> gradients[2];
   for (const bool has : {false, true})
@@ -133,7 +121,7 @@ class CudaEngine : public bigus::test::EngineTest
 /// losses in between, the field is the one that Backpropagate and Step give.
 TEST_P(CudaEngine, RepeatsRecordedStepsOfAnyBatch)
 {
-  const Problem problem;
+  const Problem problem = SmallProblem();
   const LearningRates fast{0.1, 0.05, 0.05, 0.02}, slow{0.01, 0.005, 0.005, 0.002};
   std::vector<double> results[2];
   for (const bool fused : {false, true})
@@ -181,7 +169,7 @@ TEST_P(CudaEngine, RepeatsRecordedStepsOfAnyBatch)
 
 TEST_P(CudaEngine, RendersStacksAsSinglePlanes)
 {
-  const Problem problem;
+  const Problem problem = SmallProblem();
   engine_->SetField(problem.field);
   std::vector<SlicePlane> planes;
   for (int frame = 0; frame < 5; ++frame)
@@ -236,6 +224,7 @@ TEST_P(CudaEngine, TrainsAsWellAsTheCpu)
   std::cout << "held-out PSNR " << difference << " dB above the CPU's " << mean << " dB; bound " << bound << "\n";
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, CudaEngine, ::testing::ValuesIn(bigus::test::FastEngines()), bigus::test::NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, CudaEngine, ::testing::ValuesIn(bigus::test::FastEngines()),
+                         bigus::test::EngineTestName);
 
 }  // namespace

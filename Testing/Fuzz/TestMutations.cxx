@@ -9,9 +9,9 @@
 #include <functional>
 #include <random>
 
-#include "ErrorObserver.h"
+#include "Support/ErrorObserver.h"
 #include "IO/SmallFiles.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkBigusPoseReader.h"

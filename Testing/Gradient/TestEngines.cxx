@@ -13,15 +13,18 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
-#include "Engines.h"
-#include "Gradient/RandomField.h"
+#include "Support/Engines.h"
+#include "Support/Fields.h"
+#include "Support/Sweeps.h"
 
 namespace
 {
 
 using bigus::test::EngineTest;
+using bigus::test::EngineTestName;
 using bigus::test::FastEngines;
-using bigus::test::NameOf;
+using bigus::test::Flat;
+using bigus::test::Problem;
 using bigus::test::Random;
 using bigus::test::RelativeError;
 
@@ -132,32 +135,9 @@ TEST_P(GradientTest, EqualsCentralDifferences)
 INSTANTIATE_TEST_SUITE_P(Beams, GradientTest, testing::Values(0.0, 0.3, 1.0, 5.0));
 
 /// A problem large enough to use several chunks, bands and batches.
-struct LargeProblem
+Problem LargeProblem()
 {
-  bigus::GaussianField field;
-  std::shared_ptr<bigus::Sweep> sweep;
-
-  LargeProblem()
-  {
-    Random random(11);
-    field = bigus::test::RandomField(random, 3000, 12.0, 0.2, 2.0, 0.5);
-    std::vector<bigus::SlicePlane> planes;
-    for (int i = 0; i < 4; ++i)
-    {
-      planes.push_back(bigus::test::RandomPlane(random, random.Vector(3), 0.3, 90, 71));
-    }
-    sweep = bigus::test::RandomSweep(random, planes, 0.0, 1.0);
-  }
-};
-
-std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
-{
-  std::vector<double> flat;
-  for (const Eigen::Vector3d& v : values)
-  {
-    flat.insert(flat.end(), {v[0], v[1], v[2]});
-  }
-  return flat;
+  return bigus::test::RandomProblem(11, 3000, 12, 4, 0.3, 90, 71);
 }
 
 class FastEngine : public EngineTest
@@ -167,7 +147,7 @@ class FastEngine : public EngineTest
 /// With tolerance 0 most exponentials are computed; with 1e-9 most footprints use the recurrence.
 TEST_P(FastEngine, GradientEqualsTheReference)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   const auto reference = bigus::Engine::Create("reference");
   for (const double tolerance : {0.0, 1e-9})
   {
@@ -198,7 +178,7 @@ TEST_P(FastEngine, GradientEqualsTheReference)
 
 TEST_P(FastEngine, DropsNoMoreThanTheTolerance)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   const bigus::SlicePlane plane = problem.sweep->Plane(0);
   std::vector<float> expected(plane.NumberOfPixels()), image(plane.NumberOfPixels());
   const auto reference = bigus::Engine::Create("reference");
@@ -238,7 +218,7 @@ public:
 
 TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   const auto reference = bigus::Engine::Create("reference");
   reference->SetFrames(problem.sweep);
   reference->SetField(problem.field);
@@ -277,7 +257,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
 std::vector<double> TrainBriefly(const std::string& name, int threads)
 {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   const auto engine = bigus::Engine::Create(name);
   engine->SetFrames(problem.sweep);
   engine->SetField(problem.field);
@@ -311,7 +291,7 @@ TEST_P(FastEngine, BitsDoNotDependOnTheNumberOfThreads)
 
 TEST_P(FastEngine, ATrainStepIsBackpropagateAndStep)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   const bigus::LearningRates rates{0.1, 0.05, 0.05, 0.02};
   std::vector<double> results[2];
   for (int fused = 0; fused < 2; ++fused)
@@ -350,7 +330,7 @@ TEST_P(FastEngine, ATrainStepIsBackpropagateAndStep)
 
 TEST_P(FastEngine, AWindowHoldsTheBitsOfTheWhole)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   const bigus::SlicePlane plane = problem.sweep->Plane(1);
   engine_->SetField(problem.field);
   std::vector<float> whole(plane.NumberOfPixels());
@@ -369,7 +349,7 @@ TEST_P(FastEngine, AWindowHoldsTheBitsOfTheWhole)
                bigus::Error);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, FastEngine, testing::ValuesIn(FastEngines()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, FastEngine, testing::ValuesIn(FastEngines()), EngineTestName);
 
 TEST(Engine, SolvesForReflectivities)
 {
@@ -427,7 +407,7 @@ TEST(Engine, RefusesWhatItCannotDo)
   {
     const auto engine = bigus::Engine::Create(name);
     EXPECT_THROW(engine->Backpropagate({0}, bigus::Loss()), bigus::Error);  // no frames
-    const LargeProblem problem;
+    const Problem problem = LargeProblem();
     engine->SetFrames(problem.sweep);
     EXPECT_THROW(engine->Backpropagate({}, bigus::Loss()), bigus::Error);
     EXPECT_THROW(engine->Backpropagate({4}, bigus::Loss()), bigus::Error);

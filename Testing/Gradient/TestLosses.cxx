@@ -18,9 +18,10 @@
 #include "Core/Engine/EngineDetail.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/TransferFunction.h"
-#include "Engines.h"
-#include "Gradient/CentralDifferences.h"
-#include "Gradient/RandomField.h"
+#include "Support/CentralDifferences.h"
+#include "Support/Engines.h"
+#include "Support/Fields.h"
+#include "Support/Sweeps.h"
 
 namespace
 {
@@ -31,6 +32,8 @@ using bigus::Loss;
 using bigus::SlicePlane;
 using bigus::Sweep;
 using bigus::test::CompareGradient;
+using bigus::test::Flat;
+using bigus::test::Problem;
 using bigus::test::Random;
 using bigus::test::RelativeError;
 
@@ -156,8 +159,8 @@ public:
   {
     for (std::size_t t = 0; t < turns_.size(); ++t)
     {
-      turns_[t] = {std::polar(1.0, -2 * M_PI * static_cast<double>(t) / sweep.width),
-                   std::polar(1.0, -2 * M_PI * static_cast<double>(t) / sweep.height)};
+      turns_[t] = {std::polar(1.0, -2 * bigus::kPi * static_cast<double>(t) / sweep.width),
+                   std::polar(1.0, -2 * bigus::kPi * static_cast<double>(t) / sweep.height)};
     }
   }
 
@@ -202,37 +205,12 @@ TEST_P(LossGradientTest, EqualsCentralDifferences)
 
 INSTANTIATE_TEST_SUITE_P(Terms, LossGradientTest, testing::Combine(testing::ValuesIn(kTerms), testing::Bool()));
 
-/// 400 Gaussians of both signs, so that some pixels are black; frames of 61 x 47 pixels, some of which are masked.
-struct LargeProblem
+/// Frames of 61 x 47 pixels, some of which are masked.
+Problem LargeProblem()
 {
-  GaussianField field;
-  std::shared_ptr<Sweep> sweep;
-
-  LargeProblem()
-  {
-    Random random(12);
-    field = bigus::test::RandomField(random, 400, 7.0, 0.2, 2.0, 0.5);
-    std::vector<SlicePlane> planes;
-    for (int i = 0; i < 3; ++i)
-    {
-      planes.push_back(bigus::test::RandomPlane(random, random.Vector(2), 0.25, 61, 47));
-    }
-    sweep = bigus::test::RandomSweep(random, planes, 0.0, 1.0);
-    sweep->mask = Mask(61, 47);
-  }
-};
-
-std::vector<double> Flat(const bigus::FieldGradient& gradient)
-{
-  std::vector<double> flat = gradient.reflectivities;
-  for (const auto* group : {&gradient.means, &gradient.logScales, &gradient.rotations})
-  {
-    for (const Eigen::Vector3d& v : *group)
-    {
-      flat.insert(flat.end(), {v[0], v[1], v[2]});
-    }
-  }
-  return flat;
+  Problem problem = bigus::test::RandomProblem(12, 400, 7, 3, 0.25, 61, 47);
+  problem.sweep->mask = Mask(61, 47);
+  return problem;
 }
 
 class LossOfEngines : public bigus::test::EngineTest
@@ -241,7 +219,7 @@ class LossOfEngines : public bigus::test::EngineTest
 
 TEST_P(LossOfEngines, EqualsTheReference)
 {
-  LargeProblem problem;
+  Problem problem = LargeProblem();
   const auto mask = problem.sweep->mask;
   const auto reference = Engine::Create("reference");
   const double bound = bigus::test::IsDouble(GetParam()) ? 1e-6 : 3e-5;  // what the tolerance drops; rounding
@@ -274,7 +252,7 @@ TEST_P(LossOfEngines, EqualsTheReference)
 
 TEST(Losses, PixelsNeverLitHaveNoPartInAnyTerm)
 {
-  LargeProblem problem;
+  Problem problem = LargeProblem();
   for (const std::string& name : Engine::Names())
   {
     double losses[2];
@@ -334,7 +312,7 @@ TEST(Losses, FramesWithoutAWindowAreRefusedBySizeAndTheFieldIsLeftAlone)
 
 TEST_P(LossOfEngines, BlackConstantAndWhiteFramesTrainSoundly)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   for (const float grey : {0.0f, 0.5f, 1.0f})
   {
     auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
@@ -364,7 +342,7 @@ TEST_P(LossOfEngines, BlackConstantAndWhiteFramesTrainSoundly)
 
 TEST_P(LossOfEngines, TrainingMakesEveryTermSmaller)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   auto* pixels = static_cast<float*>(const_cast<void*>(problem.sweep->pixels.get()));
   engine_->SetField(problem.field);
   for (int f = 0; f < 3; ++f)  // frames that a field can show
@@ -400,7 +378,7 @@ TEST_P(LossOfEngines, TrainingMakesEveryTermSmaller)
 
 TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
 {
-  const LargeProblem problem;
+  const Problem problem = LargeProblem();
   std::vector<double> one;
   for (const int threads : {1, 2, 5})
   {
@@ -425,6 +403,7 @@ TEST_P(LossOfEngines, BitsDoNotDependOnTheNumberOfThreads)
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, LossOfEngines, testing::ValuesIn(bigus::test::FastEngines()), bigus::test::NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, LossOfEngines, testing::ValuesIn(bigus::test::FastEngines()),
+                         bigus::test::EngineTestName);
 
 }  // namespace

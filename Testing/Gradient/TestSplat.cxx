@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "Core/Engine/EngineDetail.h"
-#include "Gradient/RandomField.h"
+#include "Support/Fields.h"
 
 namespace
 {

@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <functional>
 
-#include "ErrorObserver.h"
+#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusPoseReader.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkErrorCode.h"

@@ -13,9 +13,9 @@
 #include <limits>
 #include <random>
 
-#include "ErrorObserver.h"
+#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkCellArray.h"

@@ -5,9 +5,9 @@
 
 #include <cmath>
 
-#include "ErrorObserver.h"
+#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusPoseReader.h"
 #include "vtkDataArray.h"
 #include "vtkErrorCode.h"

@@ -8,9 +8,9 @@
 #include <cstring>
 #include <filesystem>
 
-#include "ErrorObserver.h"
+#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkDataArray.h"
 #include "vtkFieldData.h"

@@ -12,9 +12,9 @@
 #include <locale>
 #include <random>
 
-#include "ErrorObserver.h"
+#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkBigusSequenceWriter.h"
 #include "vtkDataArray.h"

@@ -14,7 +14,7 @@
 #include <string>
 
 #include "Core/Model/Sweep.h"
-#include "TestSupport.h"
+#include "Support/TestSupport.h"
 #include "vtkBigusConvert.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusReslice.h"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "HardCases.h"
+#include "Stability/HardCases.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -231,9 +231,9 @@ std::size_t CountNonFinite(const GaussianField& field)
   return count;
 }
 
-Image RenderWhole(Engine& engine, const SlicePlane& plane, ViewOutput output)
+RenderedPlane RenderWhole(Engine& engine, const SlicePlane& plane, ViewOutput output)
 {
-  Image image;
+  RenderedPlane image;
   image.values.assign(plane.NumberOfPixels(), std::nanf(""));  // a pixel left unwritten must show
   image.coverage = image.values;
   engine.Render(plane, output, image.values.data(), image.coverage.data());

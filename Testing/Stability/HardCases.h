@@ -14,8 +14,9 @@
 #include <vector>
 
 #include "Core/Engine/Engine.h"
-#include "Engines.h"
-#include "Gradient/RandomField.h"
+#include "Support/Engines.h"
+#include "Support/Fields.h"
+#include "Support/Sweeps.h"
 
 namespace bigus::test
 {
@@ -107,11 +108,11 @@ std::size_t CountNonFinite(const FieldGradient& gradient);
 std::size_t CountNonFinite(const GaussianField& field);
 
 /// A whole plane rendered by an engine that already holds a field.
-struct Image
+struct RenderedPlane
 {
   std::vector<float> values, coverage;
 };
-Image RenderWhole(Engine& engine, const SlicePlane& plane, ViewOutput output);
+RenderedPlane RenderWhole(Engine& engine, const SlicePlane& plane, ViewOutput output);
 
 /// A plane through the origin, z = 0: pixel (0, 0) at its lower left, centre at (0, 0, 0).
 SlicePlane FlatPlane(int width, int height, double columnSpacing, double rowSpacing);

@@ -91,7 +91,7 @@ TEST_P(Fields, PlanesThroughAndTangent)
       {
         SlicePlane plane = RandomPlane(random, {0, 0, 0}, 0.3, 40, 30);
         plane.origin += (k % 2 ? distance : -distance) * plane.Normal();
-        const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
+        const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
         nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
         const Difference here = Compare(field, plane, image.values, tolerance / field.transfer.gamma);
         worst = {std::max(worst.error, here.error), std::max(worst.excess, here.excess)};
@@ -113,7 +113,7 @@ TEST_P(Fields, PlanesThatMissTheFieldAreBlack)
     for (const double distance : {50.0, 1e4, 1e6})
     {
       const SlicePlane plane = RandomPlane(random, {distance, distance, -distance}, 0.2, 20, 20);
-      const Image image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
+      const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
       nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
       lit += std::count_if(image.values.begin(), image.values.end(), [](float v) { return v != 0; });
     }
@@ -134,7 +134,7 @@ TEST_P(Fields, APatientFarFromTheTrackersOriginLooksTheSame)
   }
   plane.origin += far;
   engine_->SetField(field);
-  const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
+  const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
   const Difference difference = Compare(field, plane, image.values, Accuracy().tolerance / field.transfer.gamma, 7);
   const std::size_t nonFinite = CountNonFinite(image.values) + CountNonFinite(image.coverage);
   Conclude("coordinates", "400 Gaussians 1e5 mm away, dS", GetParam(), difference.error, difference.excess, nonFinite);
@@ -165,7 +165,7 @@ TEST_P(Fields, ReflectivitiesOver24OrdersAndCancellingPairs)
       const SlicePlane plane = RandomPlane(random, {0, 0, 0}, 0.3, 40, 30);
       engine_->SetAccuracy({k % 2 ? 1e-4 : 0.0});
       engine_->SetField(field);
-      const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
+      const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
       const Difference here = Compare(field, plane, image.values, k % 2 ? 1e-4 / field.transfer.gamma : 0.0, 3);
       // The field's own unit: what its largest Gaussian alone adds.
       double largest = 0;
@@ -174,7 +174,7 @@ TEST_P(Fields, ReflectivitiesOver24OrdersAndCancellingPairs)
         largest = std::max(largest, std::abs(r));
       }
       worst = {std::max(worst.error, here.error / largest), std::max(worst.excess, here.excess)};
-      const Image intensity = RenderWhole(*engine_, plane, ViewOutput::Intensity);
+      const RenderedPlane intensity = RenderWhole(*engine_, plane, ViewOutput::Intensity);
       nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage) + CountNonFinite(intensity.values);
       for (const float value : intensity.values)
       {
@@ -195,7 +195,7 @@ TEST_P(Fields, NoGaussian)
   EXPECT_EQ(engine_->GetField().Size(), 0u);
   Random random(25);
   const SlicePlane plane = RandomPlane(random, {0, 0, 0}, 0.3, 21, 17);
-  const Image image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
+  const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
   EXPECT_EQ(image.values, std::vector<float>(plane.NumberOfPixels(), 0.0f));
   EXPECT_EQ(image.coverage, std::vector<float>(plane.NumberOfPixels(), 0.0f));
 
@@ -223,7 +223,7 @@ TEST_P(Fields, OneGaussianAndOnePixel)
     PlaceInView(field, 0, plane, 0, 0, {random.Uniform(-2, 2), random.Uniform(-2, 2)}, random.Uniform(-2, 2));
     engine_->SetAccuracy({k % 2 ? 1e-4 : 0.0});
     engine_->SetField(field);
-    const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
+    const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
     const Difference here = Compare(field, plane, image.values, k % 2 ? 1e-4 / field.transfer.gamma : 0.0);
     worst = {std::max(worst.error, here.error), std::max(worst.excess, here.excess)};
     engine_->SetFrames(RandomSweep(random, {plane}, 0, 1));
@@ -299,7 +299,7 @@ TEST_P(Fields, SixteenMillionGaussians)
   engine_->SetAccuracy({1e-4});
   engine_->SetField(field);
   ASSERT_EQ(engine_->FieldSize(), std::size_t(1) << 24);
-  const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
+  const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
   // Positions are relative to the middle of 256 mm, which the bound learns from two Gaussians in the corners.
   near.means.insert(near.means.end(), {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(256, 256, 256)});
   near.Resize(near.means.size());
@@ -382,7 +382,7 @@ TEST_P(Fields, MoreThan2To31PairsOfPixelsAndSplats)
 
   engine_->SetAccuracy({1e-4});
   engine_->SetField(field);
-  const Image image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
+  const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Scattering);
   // S is below 4. A splat's own error, as everywhere; the sum rounds 600 times.
   const double allowed = 1e-4 / field.transfer.gamma + 4 * (FlatError(unit_) + 600 * unit_ + kFloatRounding);
   double worst = 0;
@@ -431,6 +431,6 @@ TEST_P(Fields, MoreThan2To31PairsOfPixelsAndSplats)
   Conclude("pairs", name, GetParam(), worstGradient, worstGradient / allowedGradient, nonFinite);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Fields, ::testing::ValuesIn(FastEngines()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, Fields, ::testing::ValuesIn(FastEngines()), EngineTestName);
 
 }  // namespace

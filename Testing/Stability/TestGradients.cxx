@@ -17,13 +17,6 @@ using namespace bigus::test;
 constexpr double kPixel = 0.3;  // mm
 constexpr int kWidth = 40, kHeight = 32;
 
-struct Problem
-{
-  GaussianField field;
-  std::shared_ptr<Sweep> sweep;
-  std::vector<int> frames;
-};
-
 /// Three planes, and Gaussians that lie where one of them sees them: needles and pancakes of the given
 /// aspect, the longest axis up to the image's width, within 1.5 deviations on or off the plane.
 Problem Shaped(std::uint64_t seed, std::size_t count, double aspect, double elevationSigma, double low, double high)
@@ -34,7 +27,6 @@ Problem Shaped(std::uint64_t seed, std::size_t count, double aspect, double elev
   for (int f = 0; f < 3; ++f)
   {
     planes.push_back(RandomPlane(random, random.Vector(1), kPixel, kWidth, kHeight));
-    problem.frames.push_back(f);
   }
   problem.sweep = RandomSweep(random, planes, low, high);
   problem.field = RandomField(random, count, 5, 1, 2, elevationSigma);
@@ -56,7 +48,7 @@ FieldGradient GradientOf(Engine& engine, const Problem& problem, const Loss& los
   engine.SetField(problem.field);
   engine.SetFrames(problem.sweep);
   engine.ResetScores();
-  const double result = engine.Backpropagate(problem.frames, loss);
+  const double result = engine.Backpropagate(AllFrames(*problem.sweep), loss);
   if (value)
   {
     *value = result;
@@ -274,6 +266,6 @@ TEST_P(Gradients, AHundredMetresFromTheTrackersOrigin)
   Check("1e5 mm from the origin", {problem}, kDirection);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Gradients, ::testing::ValuesIn(FastEngines()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, Gradients, ::testing::ValuesIn(FastEngines()), EngineTestName);
 
 }  // namespace

@@ -46,7 +46,7 @@ struct OneSplat
 
   void Place(Random& random, double rho)
   {
-    const double radius = random.Uniform(0, 1.5), angle = random.Uniform(0, 2 * M_PI);
+    const double radius = random.Uniform(0, 1.5), angle = random.Uniform(0, 2 * kPi);
     PlaceInView(field, 0, plane, std::floor(random.Uniform(0, plane.width)),
                 std::floor(random.Uniform(0, plane.height)), {radius * std::cos(angle), radius * std::sin(angle)}, rho);
   }
@@ -56,7 +56,7 @@ struct OneSplat
 /// field.
 void MeasureImage(Engine& engine, const OneSplat& one, const ExactSplat& exact, Long unit, double allowed, Worst& worst)
 {
-  const Image image = RenderWhole(engine, one.plane, ViewOutput::Scattering);
+  const RenderedPlane image = RenderWhole(engine, one.plane, ViewOutput::Scattering);
   worst.nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
   double largest = 0;
   for (int row = 0; row < one.plane.height; ++row)
@@ -114,7 +114,7 @@ TEST(Exact, IsTheBeamIntegral)
           (toLocal * (plane.Point(column, row, z) - one.field.means[0])).cwiseQuotient(one.field.scales[0]);
       sum += std::exp(Long(-0.5) * (y.squaredNorm() + z * z / (sigma * sigma)));
     }
-    sum *= step / (std::sqrt(2 * M_PI) * sigma);
+    sum *= step / (std::sqrt(2 * kPi) * sigma);
     ASSERT_NEAR(exact.Weight(column, row), sum, 1e-12 * exact.PeakOfAllPlanes()) << "case " << k;
   }
 }
@@ -138,9 +138,9 @@ Eigen::Vector4d Turn(Random& random, const SlicePlane& plane, Attitude attitude)
   frame.col(0) = plane.columnStep.normalized();
   frame.col(2) = plane.Normal();
   frame.col(1) = frame.col(2).cross(frame.col(0));
-  const double angle = random.Uniform(0, 2 * M_PI);
+  const double angle = random.Uniform(0, 2 * kPi);
   const Eigen::Matrix3d spin = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  const double tilt = attitude == Attitude::Upright ? M_PI / 2 : (attitude == Attitude::Grazing ? 1e-3 : 0.0);
+  const double tilt = attitude == Attitude::Upright ? kPi / 2 : (attitude == Attitude::Grazing ? 1e-3 : 0.0);
   return Quaternion(frame * spin * Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitY()).toRotationMatrix());
 }
 
@@ -332,10 +332,10 @@ TEST_P(Shapes, PixelsLongSmallAndSheared)
   {
     const char* name;
     double column, row, angle;  // mm, mm, radians between rows and columns
-  } spacings[] = {{"1 x 1e-3 mm", 1, 1e-3, M_PI / 2},       {"1e-3 x 1 mm", 1e-3, 1, M_PI / 2},
-                  {"100 x 1e-2 mm", 100, 1e-2, M_PI / 2},   {"1e-3 x 1e-3 mm", 1e-3, 1e-3, M_PI / 2},
-                  {"2e-6 x 2e-6 mm", 2e-6, 2e-6, M_PI / 2}, {"2e-6 x 1 mm", 2e-6, 1, M_PI / 2},
-                  {"1e3 x 1e3 mm", 1e3, 1e3, M_PI / 2},     {"0.2 x 0.2 mm at 5 degrees", 0.2, 0.2, 0.0873}};
+  } spacings[] = {{"1 x 1e-3 mm", 1, 1e-3, kPi / 2},       {"1e-3 x 1 mm", 1e-3, 1, kPi / 2},
+                  {"100 x 1e-2 mm", 100, 1e-2, kPi / 2},   {"1e-3 x 1e-3 mm", 1e-3, 1e-3, kPi / 2},
+                  {"2e-6 x 2e-6 mm", 2e-6, 2e-6, kPi / 2}, {"2e-6 x 1 mm", 2e-6, 1, kPi / 2},
+                  {"1e3 x 1e3 mm", 1e3, 1e3, kPi / 2},     {"0.2 x 0.2 mm at 5 degrees", 0.2, 0.2, 0.0873}};
   for (const auto& spacing : spacings)
   {
     Random random(16);
@@ -378,7 +378,7 @@ TEST_P(Shapes, AHundredMetresFromTheTrackersOrigin)
   Conclude("coordinates", "one splat 1e5 mm away", GetParam(), worst.error, worst.excess, worst.nonFinite);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Shapes, ::testing::ValuesIn(FastEngines()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, Shapes, ::testing::ValuesIn(FastEngines()), EngineTestName);
 
 /// The reference engine is what fields of many Gaussians are held against, so it is held against the
 /// integral.

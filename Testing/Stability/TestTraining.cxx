@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "Stability/HardCases.h"
-#include "Unit/SyntheticSweep.h"
+#include "Support/Sweeps.h"
 
 namespace
 {
@@ -106,7 +106,7 @@ TEST_P(Training, AThousandStepsFromABadStart)
       ASSERT_NEAR(field.rotations[i].norm(), 1, 1e-5) << start.name;
     }
     // And what it has become still renders.
-    const Image image = RenderWhole(*engine_, BadFrames(random, 0, 0)->Plane(0), ViewOutput::Intensity);
+    const RenderedPlane image = RenderWhole(*engine_, BadFrames(random, 0, 0)->Plane(0), ViewOutput::Intensity);
     nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
     Conclude("training", std::string("1000 steps: ") + start.name + ": guarded updates", GetParam(),
              static_cast<double>(engine_->GuardedUpdates()), kOnlyStated, nonFinite);
@@ -213,6 +213,6 @@ TEST_P(Training, ReflectivitiesSolvedOnBlackAndSaturatedFrames)
   Conclude("training", "reflectivities solved from a bad start", GetParam(), 0, kOnlyStated, nonFinite);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Training, ::testing::ValuesIn(FastEngines()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, Training, ::testing::ValuesIn(FastEngines()), EngineTestName);
 
 }  // namespace

@@ -61,7 +61,7 @@ protected:
     const std::vector<float> magnitude = RenderWhole(*reference_, plane, ViewOutput::Scattering).values;
     engine_->SetAccuracy(accuracy);
     engine_->SetField(field);
-    const Image image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
+    const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
     outcome.nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
     const bool isFloat = unit_ > 1e-10;
     const double relative = isFloat ? RoundingOf(field, plane) : 0;
@@ -313,6 +313,6 @@ TEST_P(Truncation, NothingIsDroppedAtToleranceZero)
   Conclude("random fields", 0, outcome);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Truncation, ::testing::ValuesIn(FastEngines()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Engines, Truncation, ::testing::ValuesIn(FastEngines()), EngineTestName);
 
 }  // namespace

@@ -10,13 +10,14 @@
 #include <memory>
 #include <vector>
 
+#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Poses/Alignment.h"
-#include "Core/Deciding/Trainer.h"
-#include "Gradient/RandomField.h"
-#include "Unit/SyntheticSweep.h"
+#include "Support/Errors.h"
+#include "Support/Fields.h"
+#include "Support/Sweeps.h"
 
 namespace bigus::test
 {
@@ -382,15 +383,7 @@ TEST(Alignment, OptionsOutOfRange)
   {
     AlignmentOptions options;
     change(options);
-    try
-    {
-      options.Validate();
-      FAIL() << name;
-    }
-    catch (const Error& error)
-    {
-      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
-    }
+    ExpectRefused([&] { options.Validate(); }, {name});
   };
   expectError([](AlignmentOptions& o) { o.maximumTranslation = -1; }, "maximum translation");
   expectError([](AlignmentOptions& o) { o.maximumRotation = 46; }, "maximum rotation");

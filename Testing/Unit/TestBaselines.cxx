@@ -13,11 +13,16 @@
 
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Model/Error.h"
+#include "Support/Errors.h"
+#include "Support/Sweeps.h"
 
 using bigus::Compounding;
 using bigus::Error;
 using bigus::SlicePlane;
 using bigus::Sweep;
+using bigus::test::AllFrames;
+using bigus::test::FrameOf;
+using bigus::test::Message;
 
 namespace
 {
@@ -102,18 +107,6 @@ std::vector<int> AllBut(const Sweep& sweep, int frame)
   return frames;
 }
 
-std::vector<int> All(const Sweep& sweep)
-{
-  return AllBut(sweep, -1);
-}
-
-std::vector<float> Frame(const Sweep& sweep, int frame)
-{
-  std::vector<float> image(sweep.PixelsPerFrame());
-  sweep.CopyFrame(frame, image.data());
-  return image;
-}
-
 std::vector<float> Nearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane)
 {
   std::vector<float> image(plane.NumberOfPixels(), -1.0f);
@@ -184,36 +177,22 @@ SlicePlane Crossing()
   return plane;
 }
 
-template <class Action>
-std::string Message(Action action)
-{
-  try
-  {
-    action();
-  }
-  catch (const Error& error)
-  {
-    return error.what();
-  }
-  return "";
-}
-
 }  // namespace
 
 TEST(NearestFrame, IsTheOneWithTheNearestPose)
 {
   const Sweep sweep = Parallel(Linear);
-  EXPECT_EQ(Nearest(sweep, All(sweep), sweep.Plane(3)), Frame(sweep, 3));
-  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 1), sweep.Plane(1)), Frame(sweep, 2));  // 0.4 mm away; frame 0 is 0.6
-  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 3), sweep.Plane(3)), Frame(sweep, 4));
-  EXPECT_EQ(Nearest(sweep, {0, 6}, sweep.Plane(3)), Frame(sweep, 6));
-  EXPECT_EQ(Nearest(sweep, {5}, sweep.Plane(0)), Frame(sweep, 5));
+  EXPECT_EQ(Nearest(sweep, AllFrames(sweep), sweep.Plane(3)), FrameOf(sweep, 3));
+  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 1), sweep.Plane(1)), FrameOf(sweep, 2));  // 0.4 mm away; frame 0 is 0.6
+  EXPECT_EQ(Nearest(sweep, AllBut(sweep, 3), sweep.Plane(3)), FrameOf(sweep, 4));
+  EXPECT_EQ(Nearest(sweep, {0, 6}, sweep.Plane(3)), FrameOf(sweep, 6));
+  EXPECT_EQ(Nearest(sweep, {5}, sweep.Plane(0)), FrameOf(sweep, 5));
 
   const Sweep fan = Fan(Linear);
-  EXPECT_EQ(Nearest(fan, {0, 1, 7}, fan.Plane(5)), Frame(fan, 7));
+  EXPECT_EQ(Nearest(fan, {0, 1, 7}, fan.Plane(5)), FrameOf(fan, 7));
   SlicePlane outside = fan.Plane(8);
   outside.origin += 100 * outside.Normal();
-  EXPECT_EQ(Nearest(fan, All(fan), outside), Frame(fan, 8));
+  EXPECT_EQ(Nearest(fan, AllFrames(fan), outside), FrameOf(fan, 8));
 }
 
 TEST(NearestFrame, NeedsAPlaneOfTheSameSize)
@@ -221,7 +200,7 @@ TEST(NearestFrame, NeedsAPlaneOfTheSameSize)
   const Sweep sweep = Parallel(Linear);
   SlicePlane plane = sweep.Plane(0);
   plane.width = 40;
-  EXPECT_NE(Message([&] { Nearest(sweep, All(sweep), plane); }).find("40 x 33"), std::string::npos);
+  EXPECT_NE(Message([&] { Nearest(sweep, AllFrames(sweep), plane); }).find("40 x 33"), std::string::npos);
 }
 
 TEST(NeighbourAverage, IsTheMeanOfTheFramesBeforeAndAfter)
@@ -229,8 +208,8 @@ TEST(NeighbourAverage, IsTheMeanOfTheFramesBeforeAndAfter)
   const Sweep sweep = Parallel([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(x.sum()); });
   const auto mean = [&](int a, int b)
   {
-    std::vector<float> m = Frame(sweep, a);
-    const std::vector<float> other = Frame(sweep, b);
+    std::vector<float> m = FrameOf(sweep, a);
+    const std::vector<float> other = FrameOf(sweep, b);
     for (std::size_t p = 0; p < m.size(); ++p)
     {
       m[p] = (m[p] + other[p]) / 2;
@@ -238,11 +217,11 @@ TEST(NeighbourAverage, IsTheMeanOfTheFramesBeforeAndAfter)
     return m;
   };
   EXPECT_EQ(Average(sweep, AllBut(sweep, 3), 3), mean(2, 4));
-  EXPECT_EQ(Average(sweep, All(sweep), 3), mean(2, 4));  // never the frame itself
+  EXPECT_EQ(Average(sweep, AllFrames(sweep), 3), mean(2, 4));  // never the frame itself
   EXPECT_EQ(Average(sweep, {0, 1, 6}, 3), mean(1, 6));
-  EXPECT_EQ(Average(sweep, AllBut(sweep, 0), 0), Frame(sweep, 1));
-  EXPECT_EQ(Average(sweep, AllBut(sweep, 6), 6), Frame(sweep, 5));
-  EXPECT_EQ(Average(sweep, {2}, 5), Frame(sweep, 2));
+  EXPECT_EQ(Average(sweep, AllBut(sweep, 0), 0), FrameOf(sweep, 1));
+  EXPECT_EQ(Average(sweep, AllBut(sweep, 6), 6), FrameOf(sweep, 5));
+  EXPECT_EQ(Average(sweep, {2}, 5), FrameOf(sweep, 2));
 }
 
 TEST(PoseInterpolation, IsExactWhereIntensityIsLinear)
@@ -259,7 +238,7 @@ TEST(PoseInterpolation, IsExactWhereIntensityIsLinear)
     }
   }
   const Sweep sweep = Parallel(Linear);
-  EXPECT_LT(LargestError(Interpolated(sweep, All(sweep), Crossing()), Crossing(), Linear), 1e-6);
+  EXPECT_LT(LargestError(Interpolated(sweep, AllFrames(sweep), Crossing()), Crossing(), Linear), 1e-6);
 }
 
 TEST(PoseInterpolation, DoesNotMindReflectedFrames)
@@ -286,8 +265,8 @@ TEST(PoseInterpolation, DoesNotMindReflectedFrames)
 TEST(PoseInterpolation, ReproducesATrainingFrameAtItsOwnPlane)
 {
   const Sweep sweep = Parallel([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(9 * x.sum()); });
-  const std::vector<float> truth = Frame(sweep, 3);
-  const std::vector<float> image = Interpolated(sweep, All(sweep), sweep.Plane(3));
+  const std::vector<float> truth = FrameOf(sweep, 3);
+  const std::vector<float> image = Interpolated(sweep, AllFrames(sweep), sweep.Plane(3));
   for (std::size_t p = 0; p < truth.size(); ++p)
   {
     EXPECT_NEAR(image[p], truth[p], 1e-6);
@@ -318,19 +297,19 @@ TEST(PoseInterpolation, BeyondTheSweepTakesTheNearestFrame)
   const Sweep sweep = Parallel([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(x.sum()); });
   SlicePlane beyond = sweep.Plane(6);
   beyond.origin += 3 * beyond.Normal();
-  const std::vector<float> last = Frame(sweep, 6);
-  const std::vector<float> image = Interpolated(sweep, All(sweep), beyond);
+  const std::vector<float> last = FrameOf(sweep, 6);
+  const std::vector<float> image = Interpolated(sweep, AllFrames(sweep), beyond);
   const std::vector<float> end = Interpolated(sweep, AllBut(sweep, 6), 6);
   const std::vector<float> single = Interpolated(sweep, {5}, sweep.Plane(0));
   for (std::size_t p = 0; p < last.size(); ++p)
   {
     EXPECT_NEAR(image[p], last[p], 1e-6);
-    EXPECT_NEAR(end[p], Frame(sweep, 5)[p], 1e-6);
-    EXPECT_NEAR(single[p], Frame(sweep, 5)[p], 1e-6);
+    EXPECT_NEAR(end[p], FrameOf(sweep, 5)[p], 1e-6);
+    EXPECT_NEAR(single[p], FrameOf(sweep, 5)[p], 1e-6);
   }
   SlicePlane aside = sweep.Plane(3);
   aside.origin += 100 * aside.columnStep;
-  EXPECT_EQ(Interpolated(sweep, All(sweep), aside), std::vector<float>(aside.NumberOfPixels(), 0.0f));
+  EXPECT_EQ(Interpolated(sweep, AllFrames(sweep), aside), std::vector<float>(aside.NumberOfPixels(), 0.0f));
 }
 
 TEST(PoseInterpolation, CubicSamplesLieOnTheCurveBetweenPixels)
@@ -394,7 +373,7 @@ TEST(CubicInterpolation, TakesWhatFramesThereAre)
   {
     EXPECT_LT(LargestError(Cubic(sweep, training, 3), sweep.Plane(3), Linear), 1e-6);
   }
-  const std::vector<float> end = Cubic(sweep, {0, 1, 2}, 5), last = Frame(sweep, 2);
+  const std::vector<float> end = Cubic(sweep, {0, 1, 2}, 5), last = FrameOf(sweep, 2);
   for (std::size_t p = 0; p < end.size(); ++p)
   {
     ASSERT_NEAR(end[p], last[p], 1e-6);
@@ -416,7 +395,7 @@ TEST(Compounding, OfAConstantIsThatConstantWithoutHoles)
   {
     for (double voxel : {0.0, 0.3, 0.5, 0.9})
     {
-      const Compounding volume(sweep, All(sweep), voxel);
+      const Compounding volume(sweep, AllFrames(sweep), voxel);
       for (int frame = 0; frame < sweep.NumberOfFrames(); ++frame)
       {
         EXPECT_LT(LargestError(Resliced(volume, sweep.Plane(frame)), sweep.Plane(frame), constant, 1), 1e-6);
@@ -426,7 +405,7 @@ TEST(Compounding, OfAConstantIsThatConstantWithoutHoles)
     }
   }
   const Sweep sweep = Parallel(constant);
-  const Compounding volume(sweep, All(sweep), 0.4);
+  const Compounding volume(sweep, AllFrames(sweep), 0.4);
   EXPECT_LT(LargestError(Resliced(volume, Crossing()), Crossing(), constant), 1e-6);
 }
 
@@ -442,7 +421,7 @@ TEST(Compounding, OfALinearFunctionIsRightToAVoxel)
       EXPECT_LT(LargestError(image, plane, Linear, 4), 2 * voxel * slope.norm());
     }
     // With every frame there, and voxels below the spacing, nothing is shifted to one side.
-    const Compounding volume(sweep, All(sweep), 0.4);
+    const Compounding volume(sweep, AllFrames(sweep), 0.4);
     const SlicePlane plane = sweep.Plane(3);
     const std::vector<float> image = Resliced(volume, plane);
     double bias = 0;
@@ -467,7 +446,7 @@ TEST(Compounding, PutsAPointWhereItIs)
   Sweep sweep = empty;
   sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
   const Eigen::Vector3d place = sweep.Plane(3).Point(25, 14);
-  const Compounding volume(sweep, All(sweep), 0.25);
+  const Compounding volume(sweep, AllFrames(sweep), 0.25);
   double sum = 0;
   Eigen::Vector3d moment = Eigen::Vector3d::Zero();
   for (int k = -20; k <= 20; ++k)
@@ -523,7 +502,7 @@ TEST(Compounding, OfASingleFrameReproducesIt)
 TEST(Compounding, IsBlackWhereThePlaneMissesTheVolume)
 {
   const Sweep sweep = Parallel([](const Eigen::Vector3d&) { return 1.0; });
-  const Compounding volume(sweep, All(sweep));
+  const Compounding volume(sweep, AllFrames(sweep));
   SlicePlane plane = sweep.Plane(3);
   plane.origin += Eigen::Vector3d(0, 0, 200);
   EXPECT_EQ(Resliced(volume, plane), std::vector<float>(plane.NumberOfPixels(), 0.0f));
@@ -534,30 +513,32 @@ TEST(Compounding, IsBlackWhereThePlaneMissesTheVolume)
 TEST(Compounding, KeepsToItsMemory)
 {
   const Sweep sweep = Parallel(Linear);
-  const std::string message = Message([&] { Compounding(sweep, All(sweep), 0.01); });
+  const std::string message = Message([&] { Compounding(sweep, AllFrames(sweep), 0.01); });
   EXPECT_NE(message.find("0.01"), std::string::npos) << message;
-  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 1e-30); }).find("choose larger"), std::string::npos);
-  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), 0.5, 1000); }).find("1000 are allowed"), std::string::npos);
-  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), -1); }).find("-1"), std::string::npos);
-  EXPECT_NE(Message([&] { Compounding(sweep, All(sweep), std::numeric_limits<double>::quiet_NaN()); }), "");
+  EXPECT_NE(Message([&] { Compounding(sweep, AllFrames(sweep), 1e-30); }).find("choose larger"), std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, AllFrames(sweep), 0.5, 1000); }).find("1000 are allowed"),
+            std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, AllFrames(sweep), -1); }).find("-1"), std::string::npos);
+  EXPECT_NE(Message([&] { Compounding(sweep, AllFrames(sweep), std::numeric_limits<double>::quiet_NaN()); }), "");
 
   // The voxel size for some bytes: they suffice, and hardly smaller voxels would need more.
   for (std::size_t bytes : {std::size_t(40), std::size_t(4000), std::size_t(4400000)})
   {
-    const double voxel = Compounding::VoxelSizeForMemory(sweep, All(sweep), bytes);
-    EXPECT_LE(Compounding(sweep, All(sweep), voxel).MemoryUse(), bytes);
-    EXPECT_GT(Compounding(sweep, All(sweep), voxel * 0.998).MemoryUse(), bytes);
+    const double voxel = Compounding::VoxelSizeForMemory(sweep, AllFrames(sweep), bytes);
+    EXPECT_LE(Compounding(sweep, AllFrames(sweep), voxel).MemoryUse(), bytes);
+    EXPECT_GT(Compounding(sweep, AllFrames(sweep), voxel * 0.998).MemoryUse(), bytes);
   }
-  EXPECT_NE(Message([&] { Compounding::VoxelSizeForMemory(sweep, All(sweep), 31); }).find("31"), std::string::npos);
+  EXPECT_NE(Message([&] { Compounding::VoxelSizeForMemory(sweep, AllFrames(sweep), 31); }).find("31"),
+            std::string::npos);
 
   // A size of its own choice grows until it fits.
-  const Compounding coarse(sweep, All(sweep), 0, 1000);
-  EXPECT_EQ(Message([&] { Compounding(sweep, All(sweep), coarse.VoxelSize(), 1000); }), "");
+  const Compounding coarse(sweep, AllFrames(sweep), 0, 1000);
+  EXPECT_EQ(Message([&] { Compounding(sweep, AllFrames(sweep), coarse.VoxelSize(), 1000); }), "");
   EXPECT_GT(coarse.VoxelSize(), 1.0);
   Sweep strayed = sweep;
   strayed.imageToReference[6](0, 3) += 1e9;
-  const double size = Compounding(strayed, All(strayed), 0, 100000).VoxelSize();
-  EXPECT_EQ(Message([&] { Compounding(strayed, All(strayed), size, 100000); }), "");
+  const double size = Compounding(strayed, AllFrames(strayed), 0, 100000).VoxelSize();
+  EXPECT_EQ(Message([&] { Compounding(strayed, AllFrames(strayed), size, 100000); }), "");
 }
 
 TEST(Compounding, DoesNotDependOnTheNumberOfThreads)

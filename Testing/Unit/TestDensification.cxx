@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "Core/Training/Densification.h"
-#include "Gradient/RandomField.h"
+#include "Support/Fields.h"
 
 namespace
 {

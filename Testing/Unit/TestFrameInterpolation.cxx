@@ -11,7 +11,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/VirtualPlanes.h"
-#include "Unit/SyntheticSweep.h"
+#include "Support/Sweeps.h"
 
 namespace bigus
 {

@@ -6,11 +6,12 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 #include <string>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/GaussianField.h"
+#include "Support/Errors.h"
+#include "Support/Random.h"
 
 using bigus::Error;
 using bigus::GaussianField;
@@ -24,15 +25,7 @@ std::string Complaint(const std::function<void(GaussianField&)>& change)
   GaussianField field;
   field.Resize(4);
   change(field);
-  try
-  {
-    field.Validate();
-  }
-  catch (const Error& error)
-  {
-    return error.what();
-  }
-  return "";
+  return bigus::test::Message([&] { field.Validate(); });
 }
 
 bool Names(const std::string& complaint, const std::string& word)
@@ -132,12 +125,10 @@ TEST(Rotation, OfAQuaternionIsTheTurnItSays)
 
 TEST(Rotation, AndBackKeepsTheMatrix)
 {
-  std::mt19937_64 random(1);
-  const auto uniform = [&] { return static_cast<double>(random() >> 11) / 4503599627370496.0 - 1; };
+  bigus::test::Random random(1);
   for (int k = 0; k < 500; ++k)
   {
-    const double w = uniform(), x = uniform(), y = uniform(), z = uniform();
-    const Eigen::Matrix3d r = bigus::RotationMatrix(Eigen::Vector4d(w, x, y, z));
+    const Eigen::Matrix3d r = bigus::RotationMatrix(random.UnitQuaternion());
     EXPECT_LT((r * r.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-14);
     EXPECT_NEAR(r.determinant(), 1, 1e-14);
     const Eigen::Vector4d q = bigus::Quaternion(r);

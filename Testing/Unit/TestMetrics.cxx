@@ -8,13 +8,12 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 #include <vector>
 
 #include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
-#include "TestImages.h"
+#include "Support/Images.h"
 
 using bigus::BackscatterFidelity;
 using bigus::Bfs;
@@ -27,31 +26,20 @@ using bigus::test::Image;
 using bigus::test::Mixed;
 using bigus::test::Noise;
 using bigus::test::Ramp;
+using bigus::test::RandomImage;
 
 namespace
 {
 
-double Uniform(std::mt19937_64& random)
+/// Speckle as an image holds it: clamped to 1.
+Image ClampedSpeckle(int w, int h, double mean, std::uint64_t seed)
 {
-  return static_cast<double>(random() >> 11) / 9007199254740992.0;
-}
-
-Image Random(int w, int h, std::uint64_t seed)
-{
-  std::mt19937_64 random(seed);
-  return {w, h, [&](int, int) { return Uniform(random); }};
-}
-
-/// Fully developed speckle, `mean` bright: every pixel Rayleigh distributed, independent.
-Image Speckle(int w, int h, double mean, std::uint64_t seed)
-{
-  std::mt19937_64 random(seed);
-  return {w, h,
-          [&](int, int)
-          {
-            const double amplitude = std::sqrt(-2 * std::log1p(-Uniform(random)));
-            return std::min(1.0, mean * amplitude / std::sqrt(std::acos(-1.0) / 2));
-          }};
+  Image image = bigus::test::Speckle(w, h, mean, seed);
+  for (float& pixel : image.pixels)
+  {
+    pixel = std::min(pixel, 1.0f);
+  }
+  return image;
 }
 
 double PsnrOf(const Image& a, const Image& b)
@@ -207,7 +195,7 @@ TEST(Psnr, OfOneWrongPixel)
 
 TEST(Psnr, OfRoundingToBytesIsThatOfUniformNoise)
 {
-  const Image truth = Random(700, 500, 1);
+  const Image truth = RandomImage(700, 500, 1);
   Image rounded = truth;
   for (float& p : rounded.pixels)
   {
@@ -259,8 +247,8 @@ TEST(Ssim, AgreesWithItsDefinition)
 {
   for (const auto& [w, h] : {std::pair(11, 11), std::pair(11, 30), std::pair(33, 12), std::pair(29, 23)})
   {
-    for (const auto& [a, b] : {std::pair(Noise(w, h), Mixed(w, h)), std::pair(Ramp(w, h), Random(w, h, 5)),
-                               std::pair(Constant(w, h, 0.3), Speckle(w, h, 0.3, 2))})
+    for (const auto& [a, b] : {std::pair(Noise(w, h), Mixed(w, h)), std::pair(Ramp(w, h), RandomImage(w, h, 5)),
+                               std::pair(Constant(w, h, 0.3), ClampedSpeckle(w, h, 0.3, 2))})
     {
       EXPECT_NEAR(SsimOf(a, b), LiteralSsim(a, b, true), 1e-11);
       EXPECT_NEAR(SsimOf(a, b, SsimWindows::Same), LiteralSsim(a, b, false), 1e-11);
@@ -299,8 +287,8 @@ TEST(Bfs, AgreesWithItsDefinition)
 {
   for (const auto& [w, h] : {std::pair(7, 7), std::pair(8, 40), std::pair(61, 47)})
   {
-    const Image truths[] = {Random(w, h, 1), Speckle(w, h, 0.3, 2), Mixed(w, h)};
-    const Image images[] = {Random(w, h, 3), Speckle(w, h, 0.2, 4), Ramp(w, h)};
+    const Image truths[] = {RandomImage(w, h, 1), ClampedSpeckle(w, h, 0.3, 2), Mixed(w, h)};
+    const Image images[] = {RandomImage(w, h, 3), ClampedSpeckle(w, h, 0.2, 4), Ramp(w, h)};
     for (const Image& truth : truths)
     {
       for (const Image& image : images)
@@ -320,7 +308,7 @@ TEST(Bfs, AgreesWithItsDefinition)
 
 TEST(Bfs, OfIdenticalImagesIsOne)
 {
-  for (const Image& image : {Speckle(50, 40, 0.3, 1), Noise(50, 40), Constant(50, 40, 0.4), Constant(50, 40, 0)})
+  for (const Image& image : {ClampedSpeckle(50, 40, 0.3, 1), Noise(50, 40), Constant(50, 40, 0.4), Constant(50, 40, 0)})
   {
     ExpectSame(BfsOf(image, image), {1, 1, 1, 1}, 1e-14);
   }
@@ -328,8 +316,8 @@ TEST(Bfs, OfIdenticalImagesIsOne)
 
 TEST(Bfs, TermsLieBetweenZeroAndOne)
 {
-  const Image images[] = {Speckle(50, 40, 0.3, 1), Noise(50, 40),       Ramp(50, 40),
-                          Constant(50, 40, 0.4),   Constant(50, 40, 0), Speckle(50, 40, 0.03, 1)};
+  const Image images[] = {ClampedSpeckle(50, 40, 0.3, 1), Noise(50, 40),       Ramp(50, 40),
+                          Constant(50, 40, 0.4),          Constant(50, 40, 0), ClampedSpeckle(50, 40, 0.03, 1)};
   for (const Image& image : images)
   {
     for (const Image& truth : images)
@@ -346,8 +334,8 @@ TEST(Bfs, TermsLieBetweenZeroAndOne)
 
 TEST(Bfs, RewardsSpeckleOfTheSameStatisticsNotOfTheSamePixels)
 {
-  const Image truth = Speckle(200, 150, 0.2, 1);
-  const BackscatterFidelity other = BfsOf(Speckle(200, 150, 0.2, 2), truth);
+  const Image truth = ClampedSpeckle(200, 150, 0.2, 1);
+  const BackscatterFidelity other = BfsOf(ClampedSpeckle(200, 150, 0.2, 2), truth);
   const BackscatterFidelity smooth = BfsOf(Constant(200, 150, 0.2), truth);
   EXPECT_GT(other.score, 0.95);
   EXPECT_LT(smooth.score, 0.2);
@@ -375,7 +363,7 @@ TEST(Bfs, RewardsSpeckleOfTheSameStatisticsNotOfTheSamePixels)
 
 TEST(Bfs, DoesNotChangeWithBrightness)
 {
-  const Image truth = Speckle(80, 60, 0.2, 1);
+  const Image truth = ClampedSpeckle(80, 60, 0.2, 1);
   Image brighter = truth;
   for (float& p : brighter.pixels)
   {
@@ -388,7 +376,7 @@ TEST(Bfs, SkipsPatchesThatAreDarkInTheTruth)
 {
   // Right half black in the truth: what the image holds beyond the reach of a lit patch must not matter.
   const Image truth(61, 40,
-                    [speckle = Speckle(61, 40, 0.3, 1)](int x, int y) { return x < 28 ? speckle.At(x, y) : 0; });
+                    [speckle = ClampedSpeckle(61, 40, 0.3, 1)](int x, int y) { return x < 28 ? speckle.At(x, y) : 0; });
   Image image = truth;
   for (int y = 0; y < 40; ++y)
   {
@@ -419,7 +407,7 @@ TEST(Bfs, OfAConstantTruthAsksForAConstantImage)
 
 TEST(Metrics, DoNotDependOnTheNumberOfThreads)
 {
-  const Image a = Speckle(301, 203, 0.3, 1), b = Speckle(301, 203, 0.3, 2);
+  const Image a = ClampedSpeckle(301, 203, 0.3, 1), b = ClampedSpeckle(301, 203, 0.3, 2);
   const auto measure = [&]
   {
     const BackscatterFidelity bfs = BfsOf(a, b);

@@ -15,7 +15,9 @@
 #include <vector>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
 #include "Core/Phantom/Phantom.h"
+#include "Support/Errors.h"
 
 namespace bigus
 {
@@ -30,7 +32,6 @@ namespace
 {
 
 using Complex = std::complex<float>;
-constexpr double Pi = 3.14159265358979323846;
 
 /// An upright plane: columns along x, rows along depth, its first row centred on (0, y, z).
 SlicePlane Upright(double width, double height, double pixel, double y, double z)
@@ -119,14 +120,14 @@ TEST_P(SpeckleStatistics, EnvelopeIsRayleigh)
   EXPECT_NEAR(intensity.Mean(), 1.0, 0.04);  // parenchyma is the unit
 }
 
-std::string NameOf(const ::testing::TestParamInfo<ProbeKind>& probe)
+std::string ProbeTestName(const ::testing::TestParamInfo<ProbeKind>& probe)
 {
   constexpr const char* names[] = {"Linear", "Convex", "Sector"};
   return names[static_cast<int>(probe.param)];
 }
 
 INSTANTIATE_TEST_SUITE_P(Probes, SpeckleStatistics,
-                         ::testing::Values(ProbeKind::Linear, ProbeKind::Convex, ProbeKind::Sector), NameOf);
+                         ::testing::Values(ProbeKind::Linear, ProbeKind::Convex, ProbeKind::Sector), ProbeTestName);
 
 TEST(Phantom, SpeckleDecorrelatesOutOfPlaneAsTheGaussianBeamSays)
 {
@@ -219,7 +220,8 @@ TEST(Phantom, PointSpreadTurnsWithTheLinesOfAFan)
   const SlicePlane plane = Upright(50, 30, 0.05, 0, 0);
   const auto echo = EchoOf(phantom, plane);
   const Eigen::Vector3d target(20, 25, 0);
-  const Eigen::Vector3d apex(0, -phantom.Options().probeRadius * std::cos(phantom.Options().halfAngle * Pi / 180), 0);
+  const Eigen::Vector3d apex(
+      0, -phantom.Options().probeRadius * std::cos(phantom.Options().halfAngle * kRadiansPerDegree), 0);
   const Eigen::Vector3d beam = (target - apex).normalized(), across(beam[1], -beam[0], 0);
   double sum = 0, along2 = 0, across2 = 0, mixed = 0;
   for (std::size_t p = 0; p < echo.size(); ++p)
@@ -281,7 +283,7 @@ TEST(Phantom, CarrierTurnsTheStatedNumberOfTimes)
     return EchoOf(phantom, plane)[25 * static_cast<std::size_t>(plane.width) + plane.width / 2];
   };
   const std::complex<double> start = echoAt(0), eighth = echoAt(wavelength / 8), half = echoAt(wavelength / 2);
-  EXPECT_NEAR(std::arg(eighth / start), Pi / 2, 1e-3);  // the point comes nearer by a quarter turn both ways
+  EXPECT_NEAR(std::arg(eighth / start), kPi / 2, 1e-3);  // the point comes nearer by a quarter turn both ways
   EXPECT_NEAR(std::arg(half / start), 0, 1e-3);
 }
 
@@ -502,7 +504,7 @@ TEST(Phantom, NothingIsLitOutsideTheFan)
     const Sweep sweep = phantom.MakeSweep();
     const auto* pixels = static_cast<const std::uint8_t*>(sweep.pixels.get());
     ASSERT_TRUE(sweep.mask);
-    const double radius = phantom.Options().probeRadius, half = phantom.Options().halfAngle * Pi / 180;
+    const double radius = phantom.Options().probeRadius, half = phantom.Options().halfAngle * kRadiansPerDegree;
     const double apex = -radius * std::cos(half), last = 255 * 0.2 - apex;
     std::size_t lit = 0, dark = 0;
     for (int j = 0; j < sweep.height; ++j)
@@ -546,7 +548,7 @@ TEST(Phantom, TrajectoryTravelsUnevenlyAndTilts)
     EXPECT_NEAR(plane.rowStep.norm(), 0.2, 1e-12);
     EXPECT_NEAR(plane.columnStep.dot(plane.rowStep), 0, 1e-12);
     faces.push_back(plane.Point(127.5, 0));
-    steepest = std::max(steepest, std::acos(std::min(1.0, plane.Normal()[2])) * 180 / Pi);
+    steepest = std::max(steepest, std::acos(std::min(1.0, plane.Normal()[2])) / kRadiansPerDegree);
     EXPECT_LE(std::abs(faces.back()[0]), 0.5);
     EXPECT_LE(std::abs(faces.back()[1]), 0.5);
   }
@@ -594,7 +596,7 @@ TEST(Phantom, TrackingNoiseHasTheStatedSize)
     for (int axis = 0; axis < 3; ++axis)
     {
       shift.Add(offset[axis]);
-      turn.Add(rotation.angle() * rotation.axis()[axis] * 180 / Pi);
+      turn.Add(rotation.angle() * rotation.axis()[axis] / kRadiansPerDegree);
     }
     lagged += offset.dot(before);
     before = offset;
@@ -634,15 +636,7 @@ TEST(Phantom, OptionsOutOfRangeAreNamed)
     PhantomOptions options;
     options.probe = ProbeKind::Convex;
     change(options);
-    try
-    {
-      Phantom phantom(options);
-    }
-    catch (const Error& error)
-    {
-      return error.what();
-    }
-    return "";
+    return bigus::test::Message([&] { Phantom phantom(options); });
   };
   EXPECT_EQ(message([](PhantomOptions&) {}), "");
 #define BIGUS_EXPECT_NAMED(member, value)                                                           \

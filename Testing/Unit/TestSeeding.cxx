@@ -7,7 +7,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Training/Seeding.h"
-#include "Unit/SyntheticSweep.h"
+#include "Support/Sweeps.h"
 
 namespace
 {

@@ -5,41 +5,32 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/SlicePlane.h"
+#include "Support/Errors.h"
+#include "Support/Random.h"
 
 using bigus::Error;
 using bigus::SlicePlane;
+using bigus::test::Message;
+using bigus::test::Random;
 
 namespace
 {
 
-/// Uniform in [-1, 1).
-double Signed(std::mt19937_64& random)
-{
-  return static_cast<double>(random() >> 11) / 4503599627370496.0 - 1.0;
-}
-
-Eigen::Vector3d RandomVector(std::mt19937_64& random)
-{
-  const double x = Signed(random), y = Signed(random), z = Signed(random);
-  return {x, y, z};
-}
-
 /// Any steps, also far from orthogonal, but not near parallel.
-SlicePlane RandomPlane(std::mt19937_64& random)
+SlicePlane RandomPlane(Random& random)
 {
   SlicePlane plane;
   do
   {
-    plane.columnStep = RandomVector(random);
-    plane.rowStep = RandomVector(random);
+    plane.columnStep = random.Vector(1);
+    plane.rowStep = random.Vector(1);
   } while (plane.columnStep.cross(plane.rowStep).norm() < 0.05);
-  plane.origin = 100 * RandomVector(random);
-  plane.width = 1 + static_cast<int>(random() % 900);
-  plane.height = 1 + static_cast<int>(random() % 900);
+  plane.origin = 100 * random.Vector(1);
+  plane.width = random.Integer(1, 900);
+  plane.height = random.Integer(1, 900);
   return plane;
 }
 
@@ -61,12 +52,12 @@ TEST(SlicePlane, ReadsATrackedSequencesMatrix)
 
 TEST(SlicePlane, PointsAgreeWithTheMatrix)
 {
-  std::mt19937_64 random(1);
+  Random random(1);
   for (int k = 0; k < 200; ++k)
   {
     const SlicePlane plane = RandomPlane(random);
     const Eigen::Matrix4d m = plane.ImageToReference();
-    const double i = 500 * Signed(random), j = 500 * Signed(random), z = 5 * Signed(random);
+    const double i = 500 * random.Uniform(-1, 1), j = 500 * random.Uniform(-1, 1), z = 5 * random.Uniform(-1, 1);
     const Eigen::Vector4d expected = m * Eigen::Vector4d(i, j, z, 1);
     EXPECT_LT((plane.Point(i, j, z) - expected.head<3>()).norm(), 1e-10);
     EXPECT_EQ(expected[3], 1.0);
@@ -81,11 +72,11 @@ TEST(SlicePlane, PointsAgreeWithTheMatrix)
 
 TEST(SlicePlane, WorldToSliceInvertsPoint)
 {
-  std::mt19937_64 random(2);
+  Random random(2);
   for (int k = 0; k < 200; ++k)
   {
     const SlicePlane plane = RandomPlane(random);
-    const Eigen::Vector3d ijz(300 * Signed(random), 300 * Signed(random), 20 * Signed(random));
+    const Eigen::Vector3d ijz(300 * random.Uniform(-1, 1), 300 * random.Uniform(-1, 1), 20 * random.Uniform(-1, 1));
     const Eigen::Vector3d found = plane.WorldToSlice() * (plane.Point(ijz[0], ijz[1], ijz[2]) - plane.origin);
     EXPECT_LT((found - ijz).norm(), 1e-8);
   }
@@ -106,7 +97,7 @@ TEST(SlicePlane, WorldToSliceOfOrthogonalStepsIsTheModelsT)
 
 TEST(SlicePlane, NormalIsUnitAndPerpendicular)
 {
-  std::mt19937_64 random(3);
+  Random random(3);
   for (int k = 0; k < 100; ++k)
   {
     const SlicePlane plane = RandomPlane(random);
@@ -124,15 +115,7 @@ TEST(SlicePlane, ValidationRefusesWhatHasNoPlane)
   {
     SlicePlane plane = good;
     change(plane);
-    try
-    {
-      plane.Validate("frame 12");
-    }
-    catch (const Error& error)
-    {
-      return error.what();
-    }
-    return "";
+    return Message([&] { plane.Validate("frame 12"); });
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();

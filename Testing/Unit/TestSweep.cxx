@@ -5,15 +5,19 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 #include <set>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/Sweep.h"
+#include "Support/Errors.h"
+#include "Support/Sweeps.h"
 
 using bigus::Error;
 using bigus::SplitHoldOut;
 using bigus::Sweep;
+using bigus::test::FrameOf;
+using bigus::test::Message;
+using bigus::test::Random;
 
 namespace
 {
@@ -46,10 +50,10 @@ Sweep MakeSweep(int width, int height, int frames, std::shared_ptr<std::vector<P
 Sweep RandomBytes(int width, int height, int frames)
 {
   auto pixels = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(width) * height * frames);
-  std::mt19937_64 random(7);
+  Random random(7);
   for (auto& p : *pixels)
   {
-    p = static_cast<std::uint8_t>(random() & 255);
+    p = static_cast<std::uint8_t>(random.Below(256));
   }
   return MakeSweep<std::uint8_t>(width, height, frames, pixels);
 }
@@ -57,34 +61,12 @@ Sweep RandomBytes(int width, int height, int frames)
 Sweep RandomFloats(int width, int height, int frames)
 {
   auto pixels = std::make_shared<std::vector<float>>(static_cast<std::size_t>(width) * height * frames);
-  std::mt19937_64 random(8);
+  Random random(8);
   for (auto& p : *pixels)
   {
-    p = static_cast<float>(random() >> 40) / 16777216.0f;
+    p = static_cast<float>(random.Uniform());
   }
   return MakeSweep<float>(width, height, frames, pixels);
-}
-
-std::vector<float> Frame(const Sweep& sweep, int frame)
-{
-  std::vector<float> image(sweep.PixelsPerFrame());
-  sweep.CopyFrame(frame, image.data());
-  return image;
-}
-
-/// The message of the Error that `action` throws, or "" when it throws none.
-template <class Action>
-std::string Message(Action action)
-{
-  try
-  {
-    action();
-  }
-  catch (const Error& error)
-  {
-    return error.what();
-  }
-  return "";
 }
 
 }  // namespace
@@ -95,21 +77,21 @@ TEST(Sweep, BytesAreReadAsFractionsOf255)
   const auto* bytes = static_cast<const std::uint8_t*>(sweep.pixels.get());
   for (int f = 0; f < 3; ++f)
   {
-    const std::vector<float> image = Frame(sweep, f);
+    const std::vector<float> image = FrameOf(sweep, f);
     for (int p = 0; p < 20; ++p)
     {
       EXPECT_FLOAT_EQ(image[p], bytes[f * 20 + p] / 255.0);
     }
   }
   auto ends = std::make_shared<std::vector<std::uint8_t>>(std::vector<std::uint8_t>{0, 255});
-  EXPECT_EQ(Frame(MakeSweep<std::uint8_t>(2, 1, 1, ends), 0), (std::vector<float>{0.0f, 1.0f}));
+  EXPECT_EQ(FrameOf(MakeSweep<std::uint8_t>(2, 1, 1, ends), 0), (std::vector<float>{0.0f, 1.0f}));
 }
 
 TEST(Sweep, FloatsAreReadAsTheyAre)
 {
   const Sweep sweep = RandomFloats(5, 4, 3);
   const auto* values = static_cast<const float*>(sweep.pixels.get());
-  EXPECT_EQ(Frame(sweep, 2), std::vector<float>(values + 40, values + 60));
+  EXPECT_EQ(FrameOf(sweep, 2), std::vector<float>(values + 40, values + 60));
 }
 
 TEST(Sweep, AFrameThatIsNotThereIsRefused)
@@ -136,8 +118,8 @@ TEST(Sweep, ReductionAveragesBlocks)
       EXPECT_EQ(small.timestamps, sweep.timestamps);
       for (int f = 0; f < 4; ++f)
       {
-        const std::vector<float> in = Frame(sweep, f);
-        const std::vector<float> out = Frame(small, f);
+        const std::vector<float> in = FrameOf(sweep, f);
+        const std::vector<float> out = FrameOf(small, f);
         for (int y = 0; y < small.height; ++y)
         {
           for (int x = 0; x < small.width; ++x)
@@ -226,7 +208,7 @@ TEST(Sweep, SubsetKeepsOrderPixelsAndPoses)
     ASSERT_EQ(part.NumberOfFrames(), 3);
     for (int k = 0; k < 3; ++k)
     {
-      EXPECT_EQ(Frame(part, k), Frame(sweep, frames[k]));
+      EXPECT_EQ(FrameOf(part, k), FrameOf(sweep, frames[k]));
       EXPECT_EQ(part.imageToReference[k], sweep.imageToReference[frames[k]]);
       EXPECT_EQ(part.timestamps[k], sweep.timestamps[frames[k]]);
     }
@@ -241,10 +223,10 @@ TEST(Sweep, SubsetOutlivesItsSource)
   std::vector<float> expected;
   {
     const Sweep sweep = RandomBytes(6, 5, 4);
-    expected = Frame(sweep, 2);
+    expected = FrameOf(sweep, 2);
     part = sweep.Subset({2});
   }
-  EXPECT_EQ(Frame(part, 0), expected);
+  EXPECT_EQ(FrameOf(part, 0), expected);
 }
 
 TEST(Sweep, IsLitWhereSomeFrameIsAndInItsShadows)

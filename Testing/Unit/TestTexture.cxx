@@ -8,17 +8,17 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
-#include "TestImages.h"
+#include "Support/Images.h"
 
 using bigus::CompareTexture;
 using bigus::Error;
 using bigus::ForEachNumber;
+using bigus::kPi;
 using bigus::kSpectrumBins;
 using bigus::MeanTexture;
 using bigus::SpectrumFrequency;
@@ -29,29 +29,11 @@ using bigus::test::Image;
 using bigus::test::Mixed;
 using bigus::test::Noise;
 using bigus::test::Ramp;
+using bigus::test::Random;
+using bigus::test::Speckle;
 
 namespace
 {
-
-const double pi = std::acos(-1.0);
-
-class Numbers
-{
-public:
-  explicit Numbers(std::uint64_t seed) : engine_(seed) {}
-  double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
-  double Normal() { return std::sqrt(-2 * std::log1p(-Uniform())) * std::cos(2 * pi * Uniform()); }
-  double Rayleigh(double mean) { return mean * std::sqrt(-2 * std::log1p(-Uniform())) / std::sqrt(pi / 2); }
-
-private:
-  std::mt19937_64 engine_;
-};
-
-Image Speckle(int w, int h, double mean, std::uint64_t seed)
-{
-  Numbers numbers(seed);
-  return {w, h, [&](int, int) { return numbers.Rayleigh(mean); }};
-}
 
 TextureComparison Compare(const Image& image, const Image& truth)
 {
@@ -151,11 +133,11 @@ TEST(Texture, AgreesWithNumpyAndScipy)
 TEST(Texture, OfRayleighSpeckleHasItsConstants)
 {
   const TextureStatistics found = Of(Speckle(700, 500, 0.1, 1));
-  const double snr = std::sqrt(pi / (4 - pi));  // 1.913
+  const double snr = std::sqrt(kPi / (4 - kPi));  // 1.913
   EXPECT_NEAR(found.intensity.mean, 0.1, 5e-4);
   EXPECT_NEAR(found.intensity.snr, snr, 0.01);
-  EXPECT_NEAR(found.intensity.skewness, 2 * std::sqrt(pi) * (pi - 3) / std::pow(4 - pi, 1.5), 0.02);  // 0.631
-  EXPECT_NEAR(found.intensity.kurtosis, -(6 * pi * pi - 24 * pi + 16) / std::pow(4 - pi, 2), 0.06);   // 0.245
+  EXPECT_NEAR(found.intensity.skewness, 2 * std::sqrt(kPi) * (kPi - 3) / std::pow(4 - kPi, 1.5), 0.02);  // 0.631
+  EXPECT_NEAR(found.intensity.kurtosis, -(6 * kPi * kPi - 24 * kPi + 16) / std::pow(4 - kPi, 2), 0.06);  // 0.245
   EXPECT_NEAR(found.contrast.mean, 1 / snr, 0.01);  // 0.5227, and a little less for patches of 49 pixels
   EXPECT_NEAR(found.intensity.localSnr, snr, 0.05);
   EXPECT_NEAR(found.contrast.q50, found.contrast.mean, 0.01);
@@ -175,7 +157,7 @@ TEST(Texture, OfAWaveHasItsPowerAtItsFrequency)
   {
     // Amplitude a on a circle of directions' worth: the wave runs along x, the ring of 2 pi f pixels shares
     // its power.
-    const Image wave(200, 150, [&](int x, int) { return 0.5 + 0.2 * std::cos(2 * pi * frequency * x / 32.0); });
+    const Image wave(200, 150, [&](int x, int) { return 0.5 + 0.2 * std::cos(2 * kPi * frequency * x / 32.0); });
     const auto power = Of(wave).power;
     const auto peak = std::max_element(power.begin(), power.end()) - power.begin();
     EXPECT_EQ(peak, frequency - 1);

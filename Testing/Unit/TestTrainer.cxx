@@ -10,7 +10,7 @@
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
-#include "Unit/SyntheticSweep.h"
+#include "Support/Sweeps.h"
 
 namespace
 {

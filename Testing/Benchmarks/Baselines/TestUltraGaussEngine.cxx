@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "Core/Model/Error.h"
-#include "Gradient/CentralDifferences.h"
-#include "Gradient/RandomField.h"
+#include "Support/CentralDifferences.h"
+#include "Support/Sweeps.h"
 #include "UltraGaussEngine.h"
 
 namespace

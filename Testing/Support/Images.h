@@ -7,6 +7,8 @@
 #include <functional>
 #include <vector>
 
+#include "Support/Random.h"
+
 namespace bigus::test
 {
 
@@ -47,6 +49,20 @@ inline Image Mixed(int w, int h)
 inline Image Constant(int w, int h, double value)
 {
   return {w, h, [value](int, int) { return value; }};
+}
+
+/// Every pixel in [0, 1), independent.
+inline Image RandomImage(int w, int h, std::uint64_t seed)
+{
+  Random random(seed);
+  return {w, h, [&](int, int) { return random.Uniform(); }};
+}
+
+/// Fully developed speckle of this mean, not clamped: every pixel Rayleigh distributed, independent.
+inline Image Speckle(int w, int h, double mean, std::uint64_t seed)
+{
+  Random random(seed);
+  return {w, h, [&](int, int) { return random.Rayleigh(mean); }};
 }
 
 }  // namespace bigus::test

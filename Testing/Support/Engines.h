@@ -32,7 +32,7 @@ inline std::vector<std::string> FastEngines()
 }
 
 /// For INSTANTIATE_TEST_SUITE_P: "cpu-double" becomes "cpu_double".
-inline std::string NameOf(const ::testing::TestParamInfo<std::string>& test)
+inline std::string EngineTestName(const ::testing::TestParamInfo<std::string>& test)
 {
   std::string name = test.param;
   std::replace_if(

@@ -1,39 +1,19 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Random fields, planes and sweeps for tests; everything follows from a seed.
+// Random fields and planes, and comparisons of fields.
 #pragma once
 
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
 #include <cmath>
-#include <memory>
-#include <random>
 #include <vector>
 
+#include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
-#include "Core/Model/Sweep.h"
+#include "Core/Model/SlicePlane.h"
+#include "Support/Random.h"
 
 namespace bigus::test
 {
-
-class Random
-{
-public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double Uniform(double low = 0, double high = 1)
-  {
-    return low + (high - low) * std::uniform_real_distribution<double>()(engine_);
-  }
-  double LogUniform(double low, double high) { return std::exp(Uniform(std::log(low), std::log(high))); }
-  Eigen::Vector4d UnitQuaternion()
-  {
-    std::normal_distribution<double> normal;
-    return Eigen::Vector4d(normal(engine_), normal(engine_), normal(engine_), normal(engine_)).normalized();
-  }
-  Eigen::Vector3d Vector(double half) { return {Uniform(-half, half), Uniform(-half, half), Uniform(-half, half)}; }
-
-private:
-  std::mt19937_64 engine_;
-};
 
 /// A plane of random orientation through `centre` with pixels of about `pixel` mm, not quite square.
 inline SlicePlane RandomPlane(Random& random, const Eigen::Vector3d& centre, double pixel, int width, int height)
@@ -67,25 +47,34 @@ inline GaussianField RandomField(Random& random, std::size_t count, double radiu
   return field;
 }
 
-/// Frames of random float intensities in [low, high] at the given planes, all of one size.
-inline std::shared_ptr<Sweep> RandomSweep(Random& random, const std::vector<SlicePlane>& planes, double low,
-                                          double high)
+/// Whether every number of two fields is the same.
+inline bool SameField(const GaussianField& a, const GaussianField& b)
 {
-  auto sweep = std::make_shared<Sweep>();
-  sweep->width = planes[0].width;
-  sweep->height = planes[0].height;
-  sweep->pixelType = Sweep::PixelType::Float32;
-  auto pixels = std::make_shared<std::vector<float>>();
-  for (const SlicePlane& plane : planes)
+  return a.means == b.means && a.scales == b.scales && a.rotations == b.rotations &&
+         a.reflectivities == b.reflectivities && a.transfer.gamma == b.transfer.gamma &&
+         a.beam.elevationSigma == b.beam.elevationSigma;
+}
+
+/// Number after number.
+inline std::vector<double> Flat(const std::vector<Eigen::Vector3d>& values)
+{
+  std::vector<double> flat;
+  for (const Eigen::Vector3d& v : values)
   {
-    sweep->imageToReference.push_back(plane.ImageToReference());
-    for (std::size_t i = 0; i < plane.NumberOfPixels(); ++i)
-    {
-      pixels->push_back(static_cast<float>(random.Uniform(low, high)));
-    }
+    flat.insert(flat.end(), {v[0], v[1], v[2]});
   }
-  sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
-  return sweep;
+  return flat;
+}
+
+inline std::vector<double> Flat(const FieldGradient& gradient)
+{
+  std::vector<double> flat = gradient.reflectivities;
+  for (const auto* group : {&gradient.means, &gradient.logScales, &gradient.rotations})
+  {
+    const std::vector<double> numbers = Flat(*group);
+    flat.insert(flat.end(), numbers.begin(), numbers.end());
+  }
+  return flat;
 }
 
 /// |value - reference| / |reference| of a whole group.

@@ -11,7 +11,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
-#include "Gradient/RandomField.h"
+#include "Support/Fields.h"
 
 namespace bigus::test
 {
