@@ -274,14 +274,13 @@ class Train(unittest.TestCase):
         self.assertIs(field, trained.field)
         self.assertIs(log, trained.log)
         trained = bigus.train(
-            small_sweep(), NumberOfGaussians=300, Iterations=10, ElevationSigma=0.4, SignedReflectivity=True, VirtualPlanes=1,
-            Interpolation="probe", FrameGains=False)
+            small_sweep(), NumberOfGaussians=300, Iterations=10, VirtualPlanes=1, Interpolation="probe")
         found = {decision["decision"]: decision for decision in trained.decisions}
         self.assertEqual(found["Gaussians"]["choice"], "300")
         self.assertEqual(found["interpolation"]["choice"], "probe")
-        self.assertEqual(found["frame gains"]["evidence"], "given")
-        self.assertIn("dB", found["pose refinement"]["evidence"])
-        self.assertGreater(found["pose refinement"]["seconds"], 0)
+        self.assertEqual(found["interpolation"]["evidence"], "given")
+        self.assertIn("dB", found["elevation sigma"]["evidence"])
+        self.assertGreater(found["elevation sigma"]["seconds"], 0)
         for wrong in ({"Preset": "beauty"}, {"Interpolation": "sideways"}, {"Price": -1.0}):
             with self.subTest(wrong), self.assertRaisesRegex(RuntimeError, "(?i)" + "|".join(wrong)):
                 bigus.train(small_sweep(), **wrong)
