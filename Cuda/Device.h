@@ -2,17 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // CUDA as this folder uses it: checked calls, arrays on the device, launches. Private to Cuda.
 //
-// Without nvcc the same sources compile as plain C++ against an emulation of these few functions on the CPU
-// (Testing/Cuda/Emulator.h): that is how the kernels are tested on machines without a device.
+// CudaRuntime.h is found by include path: Nvcc/CudaRuntime.h for nvcc, or an emulation on the CPU, which is how the
+// kernels are tested on machines without a device.
 #pragma once
 
-#if defined(__CUDACC__)
-#include <cuda_runtime.h>
-#define BIGUS_APART __noinline__
-#else
-#include "Emulator.h"
-#define BIGUS_APART __attribute__((noinline))
-#endif
+#include <CudaRuntime.h>
 
 #include <cstddef>
 #include <cstring>
@@ -59,13 +53,7 @@ void Launch(const char* name, void (*kernel)(Parameters...), std::size_t blocks,
                 " thread blocks are more than a device takes; render fewer pixels or frames at a time.");
   }
   const dim3 grid(static_cast<unsigned int>(blocks), static_cast<unsigned int>(rows), 1);
-#if defined(__CUDACC__)
-  kernel<<<grid, dim3(threads, 1, 1), 0, stream>>>(static_cast<Parameters>(arguments)...);
-#else
-  emulator::Run(grid, threads, stream,
-                [kernel, values = std::make_tuple(static_cast<Parameters>(arguments)...)]
-                { std::apply(kernel, values); });
-#endif
+  LaunchKernel<Parameters...>(kernel, grid, threads, stream, static_cast<Parameters>(arguments)...);
   Check(cudaGetLastError(), name);
 }
 

@@ -6,65 +6,12 @@
 #include <memory>
 
 #include "Forward.h"
-
-#if defined(__CUDACC__)
-#include <dlfcn.h>
-#endif
+#include "FourierLibrary.h"
 
 namespace bigus
 {
 namespace cuda
 {
-
-/// The functions of cuFFT used here. It is loaded when first wanted: everything else works without it, and a library
-/// of 200 MB is not linked into ours.
-struct FourierLibrary
-{
-  int (*planMany)(int* plan, int rank, int* size, int* inEmbed, int inStride, int inDistance, int* outEmbed,
-                  int outStride, int outDistance, int type, int batch);
-  int (*setStream)(int plan, cudaStream_t stream);
-  int (*realToComplex)(int plan, float* in, float* out);
-  int (*complexToReal)(int plan, float* in, float* out);
-  int (*destroy)(int plan);
-
-  /// Null when it is not installed.
-  static const FourierLibrary* Find()
-  {
-#if defined(__CUDACC__)
-    static const std::unique_ptr<FourierLibrary> library = []
-    {
-      std::unique_ptr<FourierLibrary> found;
-      for (const char* name : {"libcufft.so.12", "libcufft.so.11", "libcufft.so"})
-      {
-        void* const handle = dlopen(name, RTLD_NOW | RTLD_LOCAL);
-        if (!handle)
-        {
-          continue;
-        }
-        found = std::make_unique<FourierLibrary>();
-        const auto load = [handle](auto& function, const char* symbol)
-        {
-          function = reinterpret_cast<std::decay_t<decltype(function)>>(dlsym(handle, symbol));
-          return function != nullptr;
-        };
-        if (load(found->planMany, "cufftPlanMany") && load(found->setStream, "cufftSetStream") &&
-            load(found->realToComplex, "cufftExecR2C") && load(found->complexToReal, "cufftExecC2R") &&
-            load(found->destroy, "cufftDestroy"))
-        {
-          return found;
-        }
-        found.reset();
-      }
-      return found;
-    }();
-    return library.get();
-#else
-    static const FourierLibrary library{emulator::PlanMany, emulator::SetStream, emulator::RealToComplex,
-                                        emulator::ComplexToReal, emulator::Destroy};
-    return emulator::HasFourier() ? &library : nullptr;
-#endif
-  }
-};
 
 /// Transforms of stacks of images of one size, [views][height][width] to [views][height][width / 2 + 1] complex
 /// numbers and back, neither normalised.

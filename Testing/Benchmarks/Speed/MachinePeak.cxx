@@ -10,7 +10,7 @@
 #include <vector>
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "Command/MachinePeak.cxx"
+#define HWY_TARGET_INCLUDE "Testing/Benchmarks/Speed/MachinePeak.cxx"
 // foreach_target.h comes first: it compiles the rest once for every instruction set.
 // clang-format off
 #include <hwy/foreach_target.h>
@@ -18,7 +18,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
+namespace bigus::bench
 {
 namespace HWY_NAMESPACE
 {
@@ -66,11 +66,11 @@ double Triad(float* a, const float* b, const float* c, std::size_t count)
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::bench
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace bigus
+namespace bigus::bench
 {
 
 HWY_EXPORT(MultiplyAdds);
@@ -155,5 +155,5 @@ MachinePeak MeasurePeak(int threads, int repeats)
   return peak;
 }
 
-}  // namespace bigus
+}  // namespace bigus::bench
 #endif  // HWY_ONCE

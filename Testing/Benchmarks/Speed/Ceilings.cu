@@ -3,12 +3,14 @@
 #include <algorithm>
 
 #include "Ceilings.h"
-#include "Device.h"
+#include "Cuda/Device.h"
 
-namespace bigus
+namespace bigus::bench
 {
-namespace cuda
+namespace
 {
+
+using namespace cuda;
 
 constexpr int kThreads = 256, kChains = 8, kSteps = 4096;
 
@@ -68,11 +70,10 @@ double Fastest(Run&& run)
   return fastest;
 }
 
-}  // namespace cuda
+}  // namespace
 
 Ceilings MeasureCeilings()
 {
-  using namespace cuda;
   cudaDeviceProp properties;
   Check(cudaGetDeviceProperties(&properties, 0), "asking for the device");
   const std::size_t blocks = static_cast<std::size_t>(properties.multiProcessorCount) * 32;
@@ -94,4 +95,4 @@ Ceilings MeasureCeilings()
           2.0 * quads * sizeof(float4) / copying};
 }
 
-}  // namespace bigus
+}  // namespace bigus::bench

@@ -16,11 +16,11 @@
 #include <nlohmann/json.hpp>
 
 #include "BenchTorchScript.h"
-#include "Exit.h"
+#include "Core/Model/Error.h"
 
 extern char** environ;
 
-namespace bigus::command
+namespace bigus::bench
 {
 
 namespace
@@ -35,7 +35,7 @@ public:
     const int file = mkstemp(path_.data());
     if (file < 0)
     {
-      throw OutputError("No temporary file can be made in " + std::filesystem::temp_directory_path().string() + ".");
+      throw Error("No temporary file can be made in " + std::filesystem::temp_directory_path().string() + ".");
     }
     close(file);
   }
@@ -101,13 +101,14 @@ void WriteWorkload(const TrainingPass& pass, const std::string& path)
              static_cast<std::streamsize>(sweep.PixelsPerFrame() * sweep.NumberOfFrames()));
   if (!file.flush())
   {
-    throw OutputError("The temporary file " + path + " could not be written.");
+    throw Error("The temporary file " + path + " could not be written.");
   }
 }
 
 /// Runs a program that reads `input` and puts what it prints into `output`; its stderr goes nowhere. Returns
 /// its exit status, or -1 if it cannot be started. Throws Interrupted, with the program ended.
-int RunProgram(const std::vector<std::string>& arguments, const std::string& input, std::string& output)
+int RunProgram(const std::vector<std::string>& arguments, const std::string& input, std::string& output,
+               const Listener& listener)
 {
   int toChild[2], fromChild[2];
   if (pipe2(toChild, O_CLOEXEC) != 0)
@@ -162,7 +163,7 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
   for (;;)
   {
     pollfd ready{fromChild[0], POLLIN, 0};
-    if (IsInterrupted())
+    if (listener.IsInterrupted())
     {
       kill(child, SIGTERM);
     }
@@ -182,7 +183,7 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
   while (waitpid(child, &status, 0) < 0 && errno == EINTR)
   {
   }
-  if (IsInterrupted())
+  if (listener.IsInterrupted())
   {
     throw Interrupted();
   }
@@ -190,12 +191,12 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
 }
 
 /// The first Python that can import PyTorch, or nothing.
-std::string FindPython()
+std::string FindPython(const Listener& listener)
 {
   for (const char* python : {"python3", "/usr/bin/python3"})
   {
     std::string output;
-    if (RunProgram({python, "-c", "import numpy, torch"}, "", output) == 0)
+    if (RunProgram({python, "-c", "import numpy, torch"}, "", output, listener) == 0)
     {
       return python;
     }
@@ -205,10 +206,10 @@ std::string FindPython()
 
 }  // namespace
 
-TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads)
+TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads, const Listener& listener)
 {
   TorchResult result;
-  const std::string python = FindPython();
+  const std::string python = FindPython(listener);
   if (python.empty())
   {
     result.missing = "neither python3 nor /usr/bin/python3 can import torch";
@@ -218,12 +219,12 @@ TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads)
   WriteWorkload(pass, workload.Path());
   std::string output;
   const int status = RunProgram({python, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
-                                kBenchTorchScript, output);
+                                kBenchTorchScript, output, listener);
   const nlohmann::json answer = nlohmann::json::parse(output, nullptr, false);
   if (status != 0 || !answer.is_object())
   {
     throw Error("The training pass in PyTorch failed (" + python + ", exit status " + std::to_string(status) +
-                "). Run Module/Command/bench_torch.py by hand to see why.");
+                "). Run Testing/Benchmarks/Speed/bench_torch.py by hand to see why.");
   }
   result.version = answer.at("torch");
   result.losses = answer.at("losses").get<std::vector<double>>();
@@ -231,4 +232,4 @@ TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads)
   return result;
 }
 
-}  // namespace bigus::command
+}  // namespace bigus::bench

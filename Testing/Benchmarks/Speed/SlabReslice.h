@@ -5,23 +5,22 @@
 
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
+#include "Listener.h"
 #include "vtkImageSlabReslice.h"
 #include "vtkSmartPointer.h"
 
 class vtkImageData;
 
-namespace bigus::command
+namespace bigus::bench
 {
-
-class Console;
 
 /// S of the field itself (no beam) as float voxels of a workload pixel's side, over a box (pixels) around the
 /// origin. Throws Interrupted.
-vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, Console& console);
+vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, Listener& listener);
 
 /// The mean of 9 linear samples across a slab whose variance is the beam's, at the plane's pixels; one
 /// thread.
 vtkSmartPointer<vtkImageSlabReslice> NewSlabReslice(vtkImageData* volume, const SlicePlane& plane,
                                                     double elevationSigma);
 
-}  // namespace bigus::command
+}  // namespace bigus::bench

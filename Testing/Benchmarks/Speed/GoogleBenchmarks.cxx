@@ -7,10 +7,10 @@
 #include <memory>
 #include <vector>
 
-#include "Command/Workloads.h"
 #include "Core/Engine/Engine.h"
+#include "Testing/Benchmarks/Speed/Workloads.h"
 
-namespace bigus
+namespace bigus::bench
 {
 namespace
 {
@@ -137,6 +137,6 @@ BENCHMARK(TrainPass)
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace
-}  // namespace bigus
+}  // namespace bigus::bench
 
 BENCHMARK_MAIN();

@@ -3,7 +3,7 @@
 // What a CUDA device can do at most, measured: what speeds are to be compared with.
 #pragma once
 
-namespace bigus
+namespace bigus::bench
 {
 
 struct Ceilings
@@ -15,4 +15,4 @@ struct Ceilings
 /// Of the first device, in about half a second. Throws Error.
 Ceilings MeasureCeilings();
 
-}  // namespace bigus
+}  // namespace bigus::bench

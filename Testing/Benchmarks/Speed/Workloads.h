@@ -16,7 +16,7 @@
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
 
-namespace bigus
+namespace bigus::bench
 {
 
 /// Side of a pixel of every made-up plane, mm.
@@ -135,4 +135,4 @@ private:
   std::unique_ptr<Data> data_;
 };
 
-}  // namespace bigus
+}  // namespace bigus::bench

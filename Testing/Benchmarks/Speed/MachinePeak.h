@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace bigus
+namespace bigus::bench
 {
 
 /// Names of the instruction sets that Highway can use here, the best first.
@@ -25,4 +25,4 @@ struct MachinePeak
 /// The best of `repeats` tries with as many threads at once.
 MachinePeak MeasurePeak(int threads, int repeats);
 
-}  // namespace bigus
+}  // namespace bigus::bench

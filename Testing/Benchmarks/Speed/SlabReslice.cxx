@@ -4,18 +4,16 @@
 
 #include <cmath>
 
-#include "Console.h"
 #include "Core/Engine/Engine.h"
-#include "Exit.h"
 #include "Workloads.h"
 #include "vtkImageData.h"
 #include "vtkMatrix4x4.h"
 #include "vtkNew.h"
 
-namespace bigus::command
+namespace bigus::bench
 {
 
-vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, Console& console)
+vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, Listener& listener)
 {
   const Eigen::Vector3i size = box.cast<int>();
   const Eigen::Vector3d origin = -0.5 * kWorkloadPixel * (size.cast<double>() - Eigen::Vector3d::Ones());
@@ -38,13 +36,13 @@ vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vect
     plane.origin = origin + k * kWorkloadPixel * Eigen::Vector3d::UnitZ();
     engine->Render(plane, ViewOutput::Scattering,
                    static_cast<float*>(volume->GetScalarPointer()) + k * plane.NumberOfPixels());
-    console.Progress("Voxelizing", (k + 1.0) / size[2]);
-    if (IsInterrupted())
+    listener.Progress("Voxelizing", (k + 1.0) / size[2]);
+    if (listener.IsInterrupted())
     {
       throw Interrupted();
     }
   }
-  console.EndProgress();
+  listener.EndProgress();
   return volume;
 }
 
@@ -76,4 +74,4 @@ vtkSmartPointer<vtkImageSlabReslice> NewSlabReslice(vtkImageData* volume, const 
   return reslice;
 }
 
-}  // namespace bigus::command
+}  // namespace bigus::bench

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus-cuda-bench: how fast an engine is at what the CUDA engine is for, beside what its device could do at most. Needs
-// Core alone; see README.md of this folder.
+// Core alone; see Cuda/README.md.
 
 #include <algorithm>
 #include <chrono>
@@ -16,17 +16,18 @@
 #include <string>
 #include <vector>
 
-#include "Command/Workloads.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
-#include "Cuda/Ceilings.h"
+#include "Testing/Benchmarks/Speed/Ceilings.h"
+#include "Testing/Benchmarks/Speed/Workloads.h"
 
 namespace
 {
 
 using namespace bigus;
+using namespace bigus::bench;
 
 struct Options
 {

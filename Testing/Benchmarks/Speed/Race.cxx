@@ -8,9 +8,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "Exit.h"
-
-namespace bigus::command
+namespace bigus::bench
 {
 
 namespace
@@ -51,11 +49,11 @@ double Contender::Slowest() const
   return *std::max_element(seconds.begin(), seconds.end());
 }
 
-void Race(const std::vector<Contender*>& contenders, int rounds, Console& console, const std::string& job)
+void Race(const std::vector<Contender*>& contenders, int rounds, Listener& listener, const std::string& job)
 {
   constexpr double kEnough = 0.03;  // seconds a clock measures well
   constexpr double kWarm = 0.3;     // seconds until a processor that was idle runs at its speed
-  for (double seconds = 0; seconds < kWarm && !IsInterrupted();)
+  for (double seconds = 0; seconds < kWarm && !listener.IsInterrupted();)
   {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, contenders[0]->threads);
     seconds += Once(*contenders[0]);
@@ -65,7 +63,7 @@ void Race(const std::vector<Contender*>& contenders, int rounds, Console& consol
   {
     for (std::size_t i = 0; i < contenders.size(); ++i)
     {
-      if (IsInterrupted())
+      if (listener.IsInterrupted())
       {
         throw Interrupted();
       }
@@ -88,10 +86,10 @@ void Race(const std::vector<Contender*>& contenders, int rounds, Console& consol
       {
         contender.seconds.push_back(seconds / runs[i]);
       }
-      console.Progress(job, (round + 1 + (i + 1.0) / contenders.size()) / (rounds + 1));
+      listener.Progress(job, (round + 1 + (i + 1.0) / contenders.size()) / (rounds + 1));
     }
   }
-  console.EndProgress();
+  listener.EndProgress();
 }
 
 Ratio Over(const std::vector<double>& numerator, const std::vector<double>& denominator)
@@ -110,4 +108,4 @@ Ratio Over(const Contender& numerator, const Contender& denominator)
   return Over(numerator.seconds, denominator.seconds);
 }
 
-}  // namespace bigus::command
+}  // namespace bigus::bench

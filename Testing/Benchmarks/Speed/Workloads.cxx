@@ -16,7 +16,7 @@
 #include "Core/Engine/EngineDetail.h"
 #include "Core/Engine/MortonOrder.h"
 
-namespace bigus
+namespace bigus::bench
 {
 namespace
 {
@@ -534,4 +534,4 @@ std::size_t KernelRun::Pairs() const
   return data_->pairs;
 }
 
-}  // namespace bigus
+}  // namespace bigus::bench
