@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What the filter tests share: fields to look at, the model written out plainly, and errors counted.
+// What the filter tests share: fields to look at, the model written out plainly, and images compared.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -9,16 +9,15 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "Core/Model/GaussianField.h"
+#include "Support/ErrorObserver.h"
+#include "Support/Random.h"
 #include "vtkAlgorithm.h"
 #include "vtkBigusConvert.h"
-#include "vtkCommand.h"
 #include "vtkErrorCode.h"
-#include "vtkExecutive.h"
 #include "vtkImageData.h"
 #include "vtkMatrix4x4.h"
 #include "vtkNew.h"
@@ -29,43 +28,28 @@
 namespace bigus::test
 {
 
-/// Uniform numbers, the same on every machine.
-class Numbers
+inline Eigen::Matrix3d RandomRotation(Random& random)
 {
-public:
-  explicit Numbers(std::uint64_t seed) : generator_(seed) {}
-  double Between(double low, double high)
-  {
-    return low + (high - low) * static_cast<double>(generator_() >> 11) * 0x1p-53;
-  }
-  Eigen::Vector3d Vector(double low, double high)
-  {
-    const double x = Between(low, high), y = Between(low, high);
-    return {x, y, Between(low, high)};
-  }
-  Eigen::Vector4d Quaternion()
-  {
-    const Eigen::Vector3d v = Vector(-1, 1);
-    return {Between(-1, 1) + 1.5, v[0], v[1], v[2]};
-  }
-  Eigen::Matrix3d Rotation() { return RotationMatrix(Quaternion()); }
-
-private:
-  std::mt19937_64 generator_;
-};
+  return RotationMatrix(random.UnitQuaternion());
+}
+inline Eigen::Matrix3d RandomRotation(std::uint64_t seed)
+{
+  Random random(seed);
+  return RandomRotation(random);
+}
 
 /// Gaussians of all shapes and signs in a box of +-10 mm.
 inline GaussianField RandomField(std::size_t size, std::uint64_t seed)
 {
-  Numbers numbers(seed);
+  Random random(seed);
   GaussianField field;
   field.Resize(size);
   for (std::size_t i = 0; i < size; ++i)
   {
-    field.means[i] = numbers.Vector(-10, 10);
-    field.scales[i] = numbers.Vector(0.4, 2.5);
-    field.rotations[i] = numbers.Quaternion();
-    field.reflectivities[i] = numbers.Between(-0.3, 1);
+    field.means[i] = random.Vector(-10, 10);
+    field.scales[i] = random.Vector(0.4, 2.5);
+    field.rotations[i] = random.UnitQuaternion();
+    field.reflectivities[i] = random.Uniform(-0.3, 1);
   }
   field.beam.elevationSigma = 0.6;
   field.transfer.gamma = 0.7;
@@ -151,53 +135,22 @@ inline ::testing::AssertionResult SameBits(vtkImageData* part, vtkImageData* who
   return ::testing::AssertionSuccess();
 }
 
-/// Collects the errors of a filter, and keeps those of its executive quiet.
-class ErrorLog
-{
-public:
-  explicit ErrorLog(vtkAlgorithm* filter)
-  {
-    own_->messages = &messages_;
-    filter->AddObserver(vtkCommand::ErrorEvent, own_);
-    filter->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, executive_);
-  }
-  const std::vector<std::string>& Messages() const { return messages_; }
-
-private:
-  struct Listener : vtkCommand
-  {
-    static Listener* New() { return new Listener; }
-    void Execute(vtkObject*, unsigned long, void* text) override
-    {
-      if (messages)
-      {
-        messages->push_back(static_cast<const char*>(text));
-      }
-    }
-    std::vector<std::string>* messages = nullptr;
-  };
-  std::vector<std::string> messages_;
-  vtkNew<Listener> own_, executive_;
-};
-
 /// Updates the filter, which must fail with exactly one error that holds all of `parts`, and leave the output
 /// empty.
 inline void ExpectOneError(vtkAlgorithm* filter, const std::vector<std::string>& parts)
 {
-  ErrorLog log(filter);
+  const ErrorObserver observer(filter);
   filter->Update();
-  ASSERT_EQ(log.Messages().size(), 1u) << "for an error about " << parts[0];
+  ASSERT_EQ(observer.Errors().size(), 1u) << "for an error about " << parts[0];
   for (const std::string& part : parts)
   {
-    EXPECT_NE(log.Messages()[0].find(part), std::string::npos) << "no '" << part << "' in: " << log.Messages()[0];
+    EXPECT_NE(observer.Errors()[0].find(part), std::string::npos) << "no '" << part << "' in: " << observer.Errors()[0];
   }
   EXPECT_NE(filter->GetErrorCode(), static_cast<unsigned long>(vtkErrorCode::NoError));
   if (auto* data = vtkDataSet::SafeDownCast(filter->GetOutputDataObject(0)))
   {
     EXPECT_EQ(data->GetNumberOfPoints(), 0);
   }
-  filter->RemoveObservers(vtkCommand::ErrorEvent);
-  filter->GetExecutive()->RemoveObservers(vtkCommand::ErrorEvent);
 }
 
 }  // namespace bigus::test

@@ -3,7 +3,7 @@
 // Sweeps and fields, from VTK to Core and back.
 
 #include "Core/Model/Error.h"
-#include "FilterTestSupport.h"
+#include "Filters/FilterTestSupport.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"

@@ -9,7 +9,7 @@
 
 #include <algorithm>
 
-#include "FilterTestSupport.h"
+#include "Filters/FilterTestSupport.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkImageReslice.h"
@@ -24,12 +24,12 @@ constexpr double pointSize = 0.9;   // mm, standard deviation
 constexpr double voxelSize = 0.45;  // mm
 
 /// Points at least 9 mm apart in a box of +-24 mm.
-std::vector<Eigen::Vector3d> IsolatedPoints(Numbers& numbers, std::size_t count)
+std::vector<Eigen::Vector3d> IsolatedPoints(Random& random, std::size_t count)
 {
   std::vector<Eigen::Vector3d> points;
   while (points.size() < count)
   {
-    const Eigen::Vector3d point = numbers.Vector(-24, 24);
+    const Eigen::Vector3d point = random.Vector(-24, 24);
     if (std::all_of(points.begin(), points.end(), [&](const auto& other) { return (point - other).norm() > 9; }))
     {
       points.push_back(point);
@@ -126,9 +126,9 @@ class Geometry : public ::testing::TestWithParam<int>
 TEST_P(Geometry, PeaksLieWhereVtkImageReslicePutsThem)
 {
   const int trial = GetParam();
-  Numbers numbers(1000 + trial);
+  Random random(1000 + trial);
   const int dimensionality = trial % 2 ? 3 : 2;
-  const std::vector<Eigen::Vector3d> points = IsolatedPoints(numbers, 9);
+  const std::vector<Eigen::Vector3d> points = IsolatedPoints(random, 9);
   const auto field = ToPolyData(FieldOf(points));
 
   // The transform comes first: axes are chosen so that the plane, after it, passes through three of the
@@ -136,9 +136,9 @@ TEST_P(Geometry, PeaksLieWhereVtkImageReslicePutsThem)
   vtkNew<vtkTransform> transform;
   if (trial % 3)
   {
-    transform->RotateWXYZ(numbers.Between(-180, 180), numbers.Vector(-1, 1).data());
-    transform->Translate(numbers.Vector(-8, 8).data());
-    transform->Scale(numbers.Between(0.8, 1.25), numbers.Between(0.8, 1.25), numbers.Between(0.8, 1.25));
+    transform->RotateWXYZ(random.Uniform(-180, 180), random.Vector(-1, 1).data());
+    transform->Translate(random.Vector(-8, 8).data());
+    transform->Scale(random.Uniform(0.8, 1.25), random.Uniform(0.8, 1.25), random.Uniform(0.8, 1.25));
   }
   const auto toAxes = [&](const Eigen::Vector3d& point)
   {
@@ -149,13 +149,13 @@ TEST_P(Geometry, PeaksLieWhereVtkImageReslicePutsThem)
   const Eigen::Vector3d a = toAxes(points[0]), b = toAxes(points[1]), c = toAxes(points[2]);
   Eigen::Matrix3d rotation;
   rotation.col(2) = (b - a).cross(c - a).normalized();
-  rotation.col(0) = (Eigen::AngleAxisd(numbers.Between(-3, 3), rotation.col(2)) * (b - a)).normalized();
+  rotation.col(0) = (Eigen::AngleAxisd(random.Uniform(-3, 3), rotation.col(2)) * (b - a)).normalized();
   rotation.col(1) = rotation.col(2).cross(rotation.col(0));
-  const Eigen::Vector3d centre = (a + b + c) / 3 + rotation.leftCols<2>() * Eigen::Vector2d(numbers.Between(-2, 2), 1);
+  const Eigen::Vector3d centre = (a + b + c) / 3 + rotation.leftCols<2>() * Eigen::Vector2d(random.Uniform(-2, 2), 1);
   const auto axes = ToVtk(RigidMatrix(rotation, centre));
-  const Eigen::Vector3d spacing(numbers.Between(0.35, 0.6), numbers.Between(0.35, 0.6), numbers.Between(0.5, 0.8));
+  const Eigen::Vector3d spacing(random.Uniform(0.35, 0.6), random.Uniform(0.35, 0.6), random.Uniform(0.5, 0.8));
   // In 2-D the origin along z is 0 whatever is set.
-  Eigen::Vector3d origin(numbers.Between(-41, -39), numbers.Between(-41, -39), numbers.Between(-6.2, -5.8));
+  Eigen::Vector3d origin(random.Uniform(-41, -39), random.Uniform(-41, -39), random.Uniform(-6.2, -5.8));
   const int extent[6] = {-2,
                          static_cast<int>(80 / spacing[0]),
                          5,

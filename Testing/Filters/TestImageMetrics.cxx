@@ -7,7 +7,7 @@
 #include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Metrics/Texture.h"
-#include "FilterTestSupport.h"
+#include "Filters/FilterTestSupport.h"
 #include "vtkBigusImageMetrics.h"
 #include "vtkDoubleArray.h"
 #include "vtkTable.h"
@@ -23,13 +23,13 @@ constexpr int width = 40, height = 32, slices = 3;
 /// Speckle-like floats in [0.1, 0.8].
 vtkSmartPointer<vtkImageData> Noise(std::uint64_t seed, int type = VTK_FLOAT)
 {
-  Numbers numbers(seed);
+  Random random(seed);
   auto image = vtkSmartPointer<vtkImageData>::New();
   image->SetExtent(3, 3 + width - 1, 0, height - 1, 7, 7 + slices - 1);
   image->AllocateScalars(type, 1);
   for (vtkIdType i = 0; i < image->GetNumberOfPoints(); ++i)
   {
-    const double value = numbers.Between(0.1, 0.8);
+    const double value = random.Uniform(0.1, 0.8);
     image->GetPointData()->GetScalars()->SetTuple1(i, type == VTK_FLOAT ? value : std::floor(255 * value));
   }
   return image;

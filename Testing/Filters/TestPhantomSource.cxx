@@ -191,17 +191,17 @@ TEST(PhantomSource, OptionOutOfRangeIsOneErrorThatNamesIt)
 TEST(PhantomSource, TruthAtAPlaneNoProbeCouldSeeIsAnError)
 {
   auto source = SmallSource();
-  const bigus::test::ErrorLog errors(source);
+  const bigus::test::ErrorObserver errors(source);
   vtkNew<vtkMatrix4x4> pose;
   vtkNew<vtkImageData> truth;
   pose->Zero();
   EXPECT_FALSE(source->ComputeTruth(pose, 10, 10, truth));
-  EXPECT_EQ(errors.Messages().size(), 1u);
+  EXPECT_EQ(errors.Errors().size(), 1u);
   EXPECT_FALSE(source->ComputeTruth(nullptr, 10, 10, truth));
-  EXPECT_EQ(errors.Messages().size(), 2u);
+  EXPECT_EQ(errors.Errors().size(), 2u);
   pose->Identity();
   EXPECT_FALSE(source->ComputeTruth(pose, 1000000, 1000000, truth));
-  EXPECT_EQ(errors.Messages().size(), 3u);
+  EXPECT_EQ(errors.Errors().size(), 3u);
   EXPECT_EQ(truth->GetNumberOfPoints(), 0);
   EXPECT_TRUE(source->ComputeTruth(pose, 10, 10, truth));
   EXPECT_EQ(source->GetErrorCode(), static_cast<unsigned long>(vtkErrorCode::NoError));

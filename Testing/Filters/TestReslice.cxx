@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-#include "FilterTestSupport.h"
+#include "Filters/FilterTestSupport.h"
 #include "vtkBigusReslice.h"
 #include "vtkCallbackCommand.h"
 #include "vtkFloatArray.h"
@@ -32,9 +32,9 @@ struct Tilted
   vtkNew<vtkBigusReslice> reslice;
   Tilted()
   {
-    Numbers numbers(8);
+    Random random(8);
     reslice->SetInputData(input);
-    reslice->SetResliceAxes(ToVtk(RigidMatrix(numbers.Rotation(), {1, -2, 0.5})));
+    reslice->SetResliceAxes(ToVtk(RigidMatrix(RandomRotation(random), {1, -2, 0.5})));
     reslice->SetOutputSpacing(0.31, 0.43, 1.7);
     reslice->SetOutputOrigin(-9, -8, -4);
     reslice->SetOutputExtent(-3, 52, 2, 43, -1, 4);
@@ -45,13 +45,13 @@ TEST(Reslice, PixelsLieWhereTheChainPutsThem)
 {
   for (int trial = 0; trial < 6; ++trial)
   {
-    Numbers numbers(100 + trial);
+    Random random(100 + trial);
     const GaussianField field = RandomField(40, trial);
-    const Eigen::Vector3d origin = numbers.Vector(-6, 2), spacing = numbers.Vector(0.2, 0.9);
-    const auto axes = ToVtk(RigidMatrix(numbers.Rotation(), numbers.Vector(-3, 3)));
+    const Eigen::Vector3d origin = random.Vector(-6, 2), spacing = random.Vector(0.2, 0.9);
+    const auto axes = ToVtk(RigidMatrix(RandomRotation(random), random.Vector(-3, 3)));
     vtkNew<vtkTransform> transform;
-    transform->RotateWXYZ(numbers.Between(-90, 90), numbers.Vector(-1, 1).data());
-    transform->Translate(numbers.Vector(-2, 2).data());
+    transform->RotateWXYZ(random.Uniform(-90, 90), random.Vector(-1, 1).data());
+    transform->Translate(random.Vector(-2, 2).data());
     transform->Scale(1.2, 0.8, 1.1);
 
     vtkNew<vtkBigusReslice> reslice;
@@ -95,7 +95,7 @@ TEST(Reslice, AFramesPixelsLieWhereItsPosePutsThem)
 {
   const GaussianField field = RandomField(60, 9);
   const auto input = ToPolyData(field);
-  Eigen::Matrix4d pose = RigidMatrix(Numbers(3).Rotation(), {-4, -3, 1});
+  Eigen::Matrix4d pose = RigidMatrix(RandomRotation(3), {-4, -3, 1});
   pose.col(0) *= 0.5;  // mm a column
   pose.col(1) *= 0.4;  // mm a row
   vtkNew<vtkBigusReslice> reslice;
@@ -157,7 +157,7 @@ TEST(Reslice, DefaultGeometryIsThatOfVtkImageReslice)
 {
   for (int trial = 0; trial < 24; ++trial)
   {
-    Numbers numbers(trial);
+    Random random(trial);
     vtkNew<vtkImageData> image;
     image->SetExtent(2, 31, -5, 14, 0, 9);
     image->SetSpacing(0.5, 0.7, 1.9);
@@ -169,7 +169,7 @@ TEST(Reslice, DefaultGeometryIsThatOfVtkImageReslice)
     ours->SetInputData(input);
     ours->SetInformationInput(image);
     theirs->SetInputData(image);
-    const auto axes = ToVtk(RigidMatrix(numbers.Rotation(), numbers.Vector(-5, 5)));
+    const auto axes = ToVtk(RigidMatrix(RandomRotation(random), random.Vector(-5, 5)));
     ours->SetResliceAxes(trial % 3 ? axes : nullptr);
     theirs->SetResliceAxes(trial % 3 ? axes : nullptr);
     const int dimensionality = trial % 4;
@@ -388,8 +388,8 @@ TEST(Reslice, ElevationProfileAveragesAcrossThePlane)
 {
   const GaussianField field = RandomField(25, 11);
   const auto input = ToPolyData(field);
-  Numbers numbers(3);
-  const Eigen::Matrix4d axes = RigidMatrix(numbers.Rotation(), {0, 1, 0});
+  Random random(3);
+  const Eigen::Matrix4d axes = RigidMatrix(RandomRotation(random), {0, 1, 0});
   const Eigen::Vector3d normal = axes.block<3, 1>(0, 2);
   for (double sigma : {-1.0, 0.0, 2.5})
   {
@@ -481,7 +481,7 @@ TEST(Reslice, APlaneThatMissesAndAnEmptyFieldAreBackground)
   for (const char* engine : {"cpu", "reference"})
   {
     Tilted missing;
-    ErrorLog errors(missing.reslice);
+    ErrorObserver errors(missing.reslice);
     missing.reslice->SetEngine(engine);
     missing.reslice->SetResliceAxesOrigin(1e4, -3e5, 1e4);
     missing.reslice->SetBackgroundLevel(0.25);
@@ -499,7 +499,7 @@ TEST(Reslice, APlaneThatMissesAndAnEmptyFieldAreBackground)
     missing.reslice->SetOutputExtentToDefault();
     missing.reslice->Update();
     EXPECT_EQ(missing.reslice->GetOutput()->GetNumberOfPoints(), 1);
-    EXPECT_TRUE(errors.Messages().empty()) << errors.Messages()[0];
+    EXPECT_TRUE(errors.Errors().empty()) << errors.Errors()[0];
   }
 }
 
@@ -522,12 +522,12 @@ TEST(Reslice, AnAbortIsHeardAndTheNextUpdateCompletes)
         }
       });
   tilted.reslice->AddObserver(vtkCommand::ProgressEvent, stop);
-  ErrorLog errors(tilted.reslice);
+  ErrorObserver errors(tilted.reslice);
   tilted.reslice->Update();
   const double late = std::chrono::duration<double>(std::chrono::steady_clock::now() - asked).count();
   EXPECT_LT(late, 0.5);  // 0.1 s on a machine that does nothing else
   EXPECT_EQ(tilted.reslice->GetOutput()->GetNumberOfPoints(), 0);
-  EXPECT_TRUE(errors.Messages().empty());
+  EXPECT_TRUE(errors.Errors().empty());
 
   tilted.reslice->RemoveObservers(vtkCommand::ProgressEvent);
   tilted.reslice->Update();
@@ -560,9 +560,9 @@ TEST(Reslice, FieldsOfExtremeSizeHaveADefaultGeometryOrAnError)
     vtkNew<vtkBigusReslice> reslice;
     reslice->SetInputData(input);
     reslice->SetOutputDimensionality(2);
-    ErrorLog errors(reslice);
+    ErrorObserver errors(reslice);
     reslice->Update();
-    EXPECT_EQ(reslice->GetOutput()->GetNumberOfPoints() > 0, errors.Messages().empty()) << size;
+    EXPECT_EQ(reslice->GetOutput()->GetNumberOfPoints() > 0, errors.Errors().empty()) << size;
   }
 }
 
@@ -724,7 +724,7 @@ TEST(ResliceBadInput, OtherDataThanAField)
   vtkNew<vtkImageData> image;
   image->SetDimensions(3, 3, 3);
   image->AllocateScalars(VTK_FLOAT, 1);
-  ErrorLog errors(reslice);  // the executive complains for the filter
+  ErrorObserver errors(reslice);  // the executive complains for the filter
   reslice->SetInputData(image);
   reslice->Update();
   EXPECT_EQ(reslice->GetOutput()->GetNumberOfPoints(), 0);
@@ -735,7 +735,7 @@ TEST(ResliceBadInput, OtherDataThanAField)
   ExpectOneError(other, {"missing"});
 
   vtkNew<vtkBigusReslice> unconnected;
-  ErrorLog quiet(unconnected);
+  ErrorObserver quiet(unconnected);
   unconnected->Update();
   EXPECT_EQ(unconnected->GetOutput()->GetNumberOfPoints(), 0);
 }

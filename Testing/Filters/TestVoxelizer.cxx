@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusVoxelizer: the field at voxel centres, on the grid asked for.
 
-#include "FilterTestSupport.h"
+#include "Filters/FilterTestSupport.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkImageDataStreamer.h"
@@ -17,15 +17,15 @@ TEST(Voxelizer, VoxelsHoldTheFieldAtTheirCentres)
 {
   for (int trial = 0; trial < 4; ++trial)
   {
-    Numbers numbers(trial);
+    Random random(trial);
     const GaussianField field = RandomField(40, 50 + trial);
     const auto input = ToPolyData(field);
-    const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> direction = numbers.Rotation();
+    const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> direction = RandomRotation(random);
     vtkNew<vtkBigusVoxelizer> voxelizer;
     voxelizer->SetInputData(input);
     voxelizer->SetOutputDirection(direction.data());
-    voxelizer->SetOutputSpacing(numbers.Vector(0.4, 1).data());
-    voxelizer->SetOutputOrigin(numbers.Vector(-8, 0).data());
+    voxelizer->SetOutputSpacing(random.Vector(0.4, 1).data());
+    voxelizer->SetOutputOrigin(random.Vector(-8, 0).data());
     voxelizer->SetOutputDimensions(11, 12, 9);
     voxelizer->SetOutputModeToScatteringField();
     voxelizer->SetTolerance(0);
