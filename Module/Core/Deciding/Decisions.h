@@ -1,27 +1,25 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What a scene needs, found out before training: every choice a caller left open, made on validation frames.
-// Private to Core.
+// What a scene needs, found out before training: choices that a caller left open, made on validation frames. Private to
+// Core.
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "Core/Deciding/Decision.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
+#include "Core/Training/TrainingPlan.h"
 #include "Core/Training/TrainingProgress.h"
 
 namespace bigus
 {
 
-/// Makes the choices that `options` leaves open, with what it cost and why. Frames to train on are split into
-/// frames to try on and validation frames (the caller's held-out frames are not among them); short trainings
-/// on at most 32 consecutive frames are compared on the latter, a choice at a time. Something costly or
-/// unusual is taken when it gains more than 0.03 dB, more than half the standard error of the gain, and on at
-/// least half of the frames. With fewer than 8 frames nothing can be compared, and all is left to
-/// PlanByGeometry. When `progress` returns false the choices made so far stand.
-std::vector<Decision> Decide(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                             TrainerOptions& options, const ProgressCallback& progress);
+/// Improves `plan`, which is PlanByGeometry's for these frames, where `asked` leaves a choice open: virtual planes, their
+/// interpolation, the beam and the number of Gaussians, in this order. Returns a record of each. Short trainings on a part
+/// of the frames are compared on others of them (Trials.h) by the rules of DecisionRules.h. With fewer than kFewestFrames
+/// frames the plan stays as it is. When `progress` returns false the choices made so far stand.
+std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
+                             TrainingPlan& plan, const ProgressCallback& progress);
 
 }  // namespace bigus

@@ -107,11 +107,12 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
   sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
 
-  TrainerOptions open = options;
-  if (start && !open.elevationSigma)
+  TrainerOptions asked = options;
+  if (start && !asked.elevationSigma)
   {
-    open.elevationSigma = start->beam.elevationSigma;
+    asked.elevationSigma = start->beam.elevationSigma;
   }
+  TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
   double from = 0, share = 1;  // of the progress bar, for what runs now
   bool aborted = false;
   const auto passOn = [&](TrainingProgress now)
@@ -128,13 +129,12 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   {
     share = kDecidingShare;
     result.decisions = Decide(
-        sweep, frames, open,
+        *sweep, frames, asked, plan,
         [&](const TrainingProgress& now)
         { return passOn(now) && (options.timeLimit == 0 || watch.Seconds() < kDecidingTime * options.timeLimit); });
     from = kDecidingShare;
     share = 1 - kDecidingShare;
   }
-  TrainingPlan plan = PlanByGeometry(open, *sweep, frames);
   result.settled = Settled(options, plan);
   if (options.timeLimit > 0)
   {

@@ -14,7 +14,6 @@ struct SweepGeometry
   double pixelSize = 0;      ///< geometric mean of the pixel sides
   double medianSpacing = 0;  ///< between neighbouring planes, at the image centre, along the normal
   double largestSpacing = 0;
-  bool IsSparse() const { return medianSpacing > 1.0; }
 };
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames);
 

@@ -6,16 +6,24 @@
 #include <vector>
 
 #include "Core/Model/Sweep.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Training/TrainingPlan.h"
 
 namespace bigus
 {
 
-/// Optimizer steps for so many passes over `frames` frames and `perGap` virtual planes in each of their gaps.
-int StepsForPasses(double passes, std::size_t frames, int perGap, int batch);
+/// Whether planes lie so far apart that neighbours share little: farther than the beam is thick, and farther than two
+/// pixels. The beam is that of kThinBeam, since a sweep does not tell its own.
+bool IsSparse(const SweepGeometry& geometry);
 
 /// The plan that `options` ask for; what they leave open follows from the geometry of `frames`.
 TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, const std::vector<int>& frames);
+
+/// Optimizer steps for so many passes over `frames` frames and `perGap` virtual planes in each of their gaps.
+int StepsForPasses(double passes, std::size_t frames, int perGap, int batch);
+
+/// The optimizer steps that `options` ask for; else those for the plan's virtual planes.
+int IterationsByGeometry(const TrainerOptions& options, std::size_t frames, const TrainingPlan& plan);
 
 /// Sets what the plan counts in pixels (mm each): the pixel itself and the limits of a Gaussian's scales.
 void ScaleToPixels(const TrainerOptions& options, double pixelSize, TrainingPlan& plan);

@@ -199,7 +199,6 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   }
 
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
-  const bool sparse = geometry.IsSparse();
   // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.
   const double usualGap =
       geometry.medianSpacing > 0 ? geometry.medianSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
@@ -295,8 +294,8 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
         }
         else
         {
-          const double elevation = (sparse ? 0.5 : 1.6) * gap;
-          const double inPlane = (sparse ? 1.0 : 0.8) * std::sqrt(0.125 * volume / elevation);
+          const double elevation = (options.sparse ? 0.5 : 1.6) * gap;
+          const double inPlane = (options.sparse ? 1.0 : 0.8) * std::sqrt(0.125 * volume / elevation);
           field.scales[out] = {inPlane, inPlane, elevation};
         }
         field.means[out] = mean3;

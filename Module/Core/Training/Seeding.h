@@ -25,6 +25,7 @@ struct SeedingOptions
   SeedPlacement placement = SeedPlacement::Intensity;
   std::size_t count = 100000;  ///< Gaussians, 1 to 2^26
   std::uint64_t seed = 1;
+  bool sparse = false;  ///< planes lie so far apart (IsSparse) that seeds should not reach their neighbours
 };
 
 /// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function

@@ -263,7 +263,8 @@ void TrainingLoop::UploadTargets()
 Start TrainingLoop::SeedAndSolve()
 {
   Start start;
-  start.field = Seed(*sweep_, frames_, Beam{plan_.elevationSigma}, {plan_.seeding, plan_.gaussians, plan_.seed});
+  start.field =
+      Seed(*sweep_, frames_, Beam{plan_.elevationSigma}, {plan_.seeding, plan_.gaussians, plan_.seed, plan_.sparse});
   engine_->SetField(start.field);
   ScaleReflectivities(*engine_, *sweep_, frames_, start.field);
   if (plan_.solveIterations > 0 && !aborted_)

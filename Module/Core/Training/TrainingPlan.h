@@ -13,6 +13,7 @@ namespace bigus
 /// The settings, and for every choice that options leave open what was chosen. Made by PlanByGeometry.
 struct TrainingPlan : TrainingSettings
 {
+  bool sparse = false;  ///< the frames' planes lie far apart (IsSparse)
   std::size_t gaussians = 0;
   double elevationSigma = 0;  ///< mm
   int virtualPlanes = 0;      ///< in every gap

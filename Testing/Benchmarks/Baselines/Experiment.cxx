@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/ElevationEstimate.h"
+#include "Elevation/ElevationEstimate.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"

@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Deciding/Trials.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "Core/Deciding/DecisionRules.h"
+#include "Core/Deciding/Format.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Model/SweepGeometry.h"
+#include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/TrainingLoop.h"
+#include "Core/Training/VirtualPlanes.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// Progress shows this share of what is left with every trial, since how many trials it will take is not known.
+constexpr double kProgressOfATrial = 0.07;
+
+double Mean(const std::vector<double>& values)
+{
+  double sum = 0;
+  for (double value : values)
+  {
+    sum += value;
+  }
+  return sum / static_cast<double>(values.size());
+}
+
+Gain GainOf(const std::vector<double>& psnr, const std::vector<double>& over)
+{
+  Gain gain;
+  const double n = static_cast<double>(psnr.size());
+  gain.mean = Mean(psnr) - Mean(over);
+  double squares = 0;
+  std::size_t gained = 0;
+  for (std::size_t k = 0; k < psnr.size(); ++k)
+  {
+    const double difference = psnr[k] - over[k] - gain.mean;
+    squares += difference * difference;
+    gained += psnr[k] > over[k];
+  }
+  gain.mostGain = 2 * gained >= psnr.size();
+  gain.error = n > 1 ? std::sqrt(squares / (n * (n - 1))) : 0.0;
+  return gain;
+}
+
+/// The whole number by which a frame's sides are divided, so that it has at most kTrialPixels.
+int Reduction(const Sweep& sweep)
+{
+  return static_cast<int>(std::ceil(std::sqrt(static_cast<double>(sweep.PixelsPerFrame()) / kTrialPixels) - 1e-9));
+}
+
+}  // namespace
+
+std::string Gain::ToString() const
+{
+  return Format("%+.2f", mean) + Format(" +- %.2f dB", error);
+}
+
+Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
+               const ProgressCallback& progress)
+    : asked_(asked), progress_(progress)
+{
+  const std::size_t tried = std::min(kTrialFrames, frames.size());
+  const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - tried) / 2);
+  share_ = static_cast<double>(tried) / static_cast<double>(frames.size());
+  const Sweep part = sweep.Subset({begin, begin + static_cast<std::ptrdiff_t>(tried)});
+  const int reduction = Reduction(part);
+  sweep_ = std::make_shared<const Sweep>(reduction > 1 ? part.Reduced(reduction) : part);
+  std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), kValidationEvery);
+  pixelSize_ = MeasureGeometry(*sweep_, training_).pixelSize;
+}
+
+std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes)
+{
+  if (!Proceed())
+  {
+    return std::nullopt;
+  }
+  const Psnrs &over = Score(best, passes), &psnr = Score(candidate, passes);
+  // A trial cut short says nothing.
+  return stopped_ ? std::nullopt : std::optional(GainOf(psnr, over));
+}
+
+double Trials::Predict(const FrameInterpolation& interpolation) const
+{
+  return ScoreInterpolation(*sweep_, training_, interpolation);
+}
+
+bool Trials::Proceed()
+{
+  if (progress_ && !stopped_)
+  {
+    TrainingProgress now;
+    now.phase = TrainingProgress::Phase::Deciding;
+    now.fraction = 1 - std::pow(1 - kProgressOfATrial, trained_);
+    stopped_ = !progress_(now);
+  }
+  return !stopped_;
+}
+
+const Trials::Psnrs& Trials::Score(const TrainingPlan& plan, double passes)
+{
+  const Choices choices{plan.gaussians, plan.elevationSigma, plan.virtualPlanes, plan.interpolation.ToString(), passes};
+  const auto known = scores_.find(choices);
+  return known != scores_.end() ? known->second : scores_[choices] = Train(plan, passes);
+}
+
+Trials::Psnrs Trials::Train(TrainingPlan plan, double passes)
+{
+  plan.gaussians =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(static_cast<double>(plan.gaussians) * share_)));
+  const int steps =
+      std::max(kFewestTrialSteps, StepsForPasses(passes, training_.size(), plan.virtualPlanes, plan.batch));
+  plan.iterations = std::min(steps, asked_.iterations.value_or(steps));
+  plan.timeLimit = 0;
+  plan.densification.interval = 0;
+  ScaleToPixels(asked_, pixelSize_, plan);
+  TrainingLoop loop(
+      sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, WithVirtualPlanes(plan));
+  const Fitted fitted = loop.Run(loop.SeedAndSolve(), {});
+  ++trained_;
+  Engine& engine = loop.engine();
+  engine.SetAccuracy({});
+  engine.SetField(fitted.field);
+  std::vector<float> image(sweep_->PixelsPerFrame()), truth(image.size());
+  Psnrs psnrs;
+  for (int frame : validation_)
+  {
+    engine.Render(sweep_->Plane(frame), ViewOutput::Intensity, image.data());
+    sweep_->BlackenUnlit(image.data());
+    sweep_->CopyFrame(frame, truth.data());
+    psnrs.push_back(std::min(kMostPsnr, Psnr(image.data(), truth.data(), image.size())));
+  }
+  return psnrs;
+}
+
+std::shared_ptr<const Sweep> Trials::WithVirtualPlanes(const TrainingPlan& plan)
+{
+  if (plan.virtualPlanes == 0)
+  {
+    return nullptr;
+  }
+  std::shared_ptr<const Sweep>& made = withVirtualPlanes_[{plan.virtualPlanes, plan.interpolation.ToString()}];
+  if (!made)
+  {
+    made = AddVirtualPlanes(*sweep_, training_, plan.virtualPlanes, plan.interpolation);
+  }
+  return made;
+}
+
+}  // namespace bigus

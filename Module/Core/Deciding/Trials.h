@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Short trainings on a part of the sweep, scored on frames of it that they do not see. Private to Core.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "Core/Model/Sweep.h"
+#include "Core/Training/FrameInterpolation.h"
+#include "Core/Training/TrainingPlan.h"
+#include "Core/Training/TrainingProgress.h"
+
+namespace bigus
+{
+
+/// Mean gain of one trial over another and the standard error of that mean, paired frame by frame.
+struct Gain
+{
+  double mean = 0, error = 0;  ///< dB
+  bool mostGain = false;       ///< at least half of the validation frames gain: one frame does not decide
+
+  /// "+0.12 +- 0.03 dB".
+  std::string ToString() const;
+};
+
+/// Runs trials and remembers them: equal choices are trained once.
+class Trials
+{
+public:
+  /// Of the `frames` of the sweep the middle ones are tried on. `asked` is what the caller set; it bounds what a trial
+  /// may do. What is referred to must outlive this.
+  Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
+         const ProgressCallback& progress);
+
+  /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.
+  std::optional<Gain> Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes);
+
+  /// How well an interpolation predicts frames from their neighbours: mean PSNR, dB. Costs no training.
+  double Predict(const FrameInterpolation& interpolation) const;
+
+  /// Asks the callback; false from when it first said stop.
+  bool Proceed();
+  bool Stopped() const { return stopped_; }
+
+  /// Share of the frames to train on that trials look at.
+  double Share() const { return share_; }
+
+private:
+  using Psnrs = std::vector<double>;                                          // of each validation frame, dB
+  using Choices = std::tuple<std::size_t, double, int, std::string, double>;  // all that trials differ in
+
+  const Psnrs& Score(const TrainingPlan& plan, double passes);
+  Psnrs Train(TrainingPlan plan, double passes);
+  std::shared_ptr<const Sweep> WithVirtualPlanes(const TrainingPlan& plan);
+
+  const TrainerOptions& asked_;
+  const ProgressCallback& progress_;
+  std::shared_ptr<const Sweep> sweep_;  // what is tried on
+  std::vector<int> training_, validation_;
+  double pixelSize_ = 0;  // mm, of sweep_
+  double share_ = 1;
+  std::map<Choices, Psnrs> scores_;
+  std::map<std::pair<int, std::string>, std::shared_ptr<const Sweep>> withVirtualPlanes_;
+  int trained_ = 0;
+  bool stopped_ = false;
+};
+
+}  // namespace bigus
