@@ -86,7 +86,6 @@ void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, co
   image->SetExtent(const_cast<int*>(extent));
   image->AllocateScalars(scalarType, 1);
   image->GetPointData()->GetScalars()->SetName(name);
-  image->GetPointData()->GetScalars()->Fill(0);
 }
 
 void StorePixels(const float* values, vtkIdType first, vtkIdType count, vtkImageData* image)
@@ -156,22 +155,22 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
   const int columns = extent[1] - extent[0] + 1, rows = extent[3] - extent[2] + 1;
   const int width = whole[1] - whole[0] + 1, height = whole[3] - whole[2] + 1;
   const double total = ExtentSize(extent);
-  std::vector<float> image, covered;
   vtkIdType first = 0;
 
-  // Renders so many pixels into image and covered, and passes them on.
+  // Renders so many pixels into image_ and coverage_, and passes them on.
   const auto deliver = [&](std::size_t count, auto&& render)
   {
-    image.resize(count);
-    covered.resize(coverage ? count : 0);
+    image_.resize(count);
+    coverage_.resize(coverage ? count : 0);
+    float* covered = coverage ? coverage_.data() : nullptr;
     const auto before = std::chrono::steady_clock::now();
-    render(image.data(), coverage ? covered.data() : nullptr);
+    render(image_.data(), covered);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
     // Aim at kBandSeconds from what this band took; a plane that is nearly free says little about the next.
     pixelsPerBand_ = std::clamp(count * std::clamp(kBandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
     const vtkIdType pixels = static_cast<vtkIdType>(count);
     const double fraction = (static_cast<double>(first) + pixels) / total;
-    const PixelBand band{first, pixels, image.data(), coverage ? covered.data() : nullptr, fraction};
+    const PixelBand band{first, pixels, image_.data(), covered, fraction};
     first += pixels;
     return receive(band);
   };

@@ -38,7 +38,7 @@ void CheckGrid(const double spacing[3], const double origin[3]);
 /// Number of indices in a VTK extent, as a double because that cannot overflow.
 double ExtentSize(const int extent[6]);
 
-/// Gives the image its extent and pixels, all 0.
+/// Gives the image its extent and pixels, whose values are not set yet.
 void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, const char* name);
 
 /// Writes values into pixels from `first` on: as they are in float, round(255 v) clamped in unsigned char.
@@ -85,6 +85,7 @@ private:
   std::unique_ptr<Engine> engine_;
   std::string engineName_, device_;
   std::optional<double> uploadedSigma_;  // mm, of the field on the engine; none when it holds another
+  std::vector<float> image_, coverage_;  // of a band, kept because memory that is new is slow
   double pixelsPerBand_ = 0;             // as many as take about 30 ms, so that an abort is heard in time
 };
 

@@ -144,7 +144,7 @@ protected:
   /// bigus::Error.
   virtual void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) = 0;
 
-  /// Gives the outputs their geometry and their pixels, all 0. `extent` is what was asked for.
+  /// Gives the outputs their geometry and memory for their pixels. `extent` is what was asked for.
   virtual void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]);
 
   /// Whether bands must come with coverage.

@@ -91,9 +91,7 @@ void AddBench(Program& program)
       ->type_name("SHARE")
       ->capture_default_str();
 
-  Console& console = program.console;
-  app->callback([&program, &console, options]
-                { program.job = [&console, options] { return Bench(console, *options); }; });
+  RunWhenChosen(app, program, [options](Console& console) { return Bench(console, *options); });
 }
 
 }  // namespace bigus::command
