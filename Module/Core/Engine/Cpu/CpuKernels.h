@@ -35,7 +35,7 @@ struct VisibleSplat
   T mu, mv;
   T logAmplitude;
   T cut;        // k^2: pixels with |U (p - m)|^2 <= k^2 are evaluated, others may be
-  T rowFactor;  // exp(-(u12^2 + u22^2)); see Recurrence in CpuKernels.cxx
+  T rowFactor;  // exp(-(u12^2 + u22^2)); see FootprintRecurrence-inl.h
   T column, row;
   T columnBegin, columnEnd, rowBegin, rowEnd;  // half-open, in pixels of the plane
   T reach;                                     // rows a recurrence may run from its start; 0: direct

@@ -1,0 +1,100 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A SIMD vector as a number, the formulas compiled for it, and Gaussians of a block in its lanes.
+// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+#if defined(BIGUS_CPU_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef BIGUS_CPU_LANES_INL_H
+#undef BIGUS_CPU_LANES_INL_H
+#else
+#define BIGUS_CPU_LANES_INL_H
+#endif
+
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+#include "Core/Engine/Cpu/CpuKernels.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace bigus
+{
+namespace HWY_NAMESPACE
+{
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+template <class T>
+struct Lanes
+{
+  using D = hn::ScalableTag<T>;
+  using V = hn::Vec<D>;
+  V v;
+  Lanes() = default;
+  HWY_INLINE Lanes(V vector) : v(vector) {}
+  HWY_INLINE Lanes(T scalar) : v(hn::Set(D(), scalar)) {}
+  static int Count() { return static_cast<int>(hn::Lanes(D())); }
+  static HWY_INLINE Lanes Load(const T* p) { return hn::LoadU(D(), p); }
+  HWY_INLINE void Store(T* p) const { hn::StoreU(v, D(), p); }
+
+  friend HWY_INLINE Lanes operator+(Lanes a, Lanes b) { return hn::Add(a.v, b.v); }
+  friend HWY_INLINE Lanes operator-(Lanes a, Lanes b) { return hn::Sub(a.v, b.v); }
+  friend HWY_INLINE Lanes operator*(Lanes a, Lanes b) { return hn::Mul(a.v, b.v); }
+  friend HWY_INLINE Lanes operator/(Lanes a, Lanes b) { return hn::Div(a.v, b.v); }
+  friend HWY_INLINE Lanes operator-(Lanes a) { return hn::Neg(a.v); }
+  friend HWY_INLINE Lanes& operator+=(Lanes& a, Lanes b) { return a = a + b; }
+  friend HWY_INLINE auto operator<(Lanes a, Lanes b) { return hn::Lt(a.v, b.v); }
+  friend HWY_INLINE auto operator>(Lanes a, Lanes b) { return hn::Gt(a.v, b.v); }
+  friend HWY_INLINE auto operator<=(Lanes a, Lanes b) { return hn::Le(a.v, b.v); }
+  friend HWY_INLINE auto operator>=(Lanes a, Lanes b) { return hn::Ge(a.v, b.v); }
+  friend HWY_INLINE auto operator==(Lanes a, Lanes b) { return hn::Eq(a.v, b.v); }
+  friend HWY_INLINE Lanes sqrt(Lanes a) { return hn::Sqrt(a.v); }
+  friend HWY_INLINE Lanes exp(Lanes a) { return hn::Exp(D(), a.v); }
+  friend HWY_INLINE Lanes log(Lanes a) { return hn::Log(D(), a.v); }
+  friend HWY_INLINE Lanes abs(Lanes a) { return hn::Abs(a.v); }
+  friend HWY_INLINE Lanes floor(Lanes a) { return hn::Floor(a.v); }
+  friend HWY_INLINE Lanes ceil(Lanes a) { return hn::Ceil(a.v); }
+  friend HWY_INLINE Lanes min(Lanes a, Lanes b) { return hn::Min(a.v, b.v); }
+  friend HWY_INLINE Lanes max(Lanes a, Lanes b) { return hn::Max(a.v, b.v); }
+};
+
+template <class M, class T>
+HWY_INLINE Lanes<T> Select(M condition, Lanes<T> a, Lanes<T> b)
+{
+  return hn::IfThenElse(condition, a.v, b.v);
+}
+
+#include "Core/Formula/PixelLoss-inl.h"
+#include "Core/Formula/Splat-inl.h"
+// Use the types above.
+#include "Core/Formula/Adam-inl.h"
+#include "Core/Formula/Footprint-inl.h"
+
+/// One number in every lane.
+template <class T>
+static HWY_INLINE View<Lanes<T>> Broadcast(const bigus::View<T>& v)
+{
+  const auto vector = [](const bigus::Vector3<T>& p) { return Vector3<Lanes<T>>{p.x, p.y, p.z}; };
+  return {vector(v.origin), vector(v.a),     vector(v.b), vector(v.n),
+          vector(v.dualA),  vector(v.dualB), v.area,      v.elevationVariance};
+}
+
+/// The block's arrays one after the other: mean, logScale, rotation, reflectivity.
+constexpr int kRows = 11;
+template <class T>
+static HWY_INLINE const T (*RowsOf(const GaussianBlock<T>& block))[kBlock]
+{
+  static_assert(sizeof(GaussianBlock<T>) == kRows * kBlock * sizeof(T));
+  return block.mean;
+}
+
+/// The Gaussians of numbers at(row), with rows as above.
+template <class At>
+static HWY_INLINE auto GaussianOf(At&& at) -> Gaussian<decltype(at(0))>
+{
+  return {{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace bigus
+HWY_AFTER_NAMESPACE();
+
+#endif  // BIGUS_CPU_LANES_INL_H

@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// From the Gaussians of a block to the footprints that a plane sees.
+// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+#if defined(BIGUS_CPU_PROJECT_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef BIGUS_CPU_PROJECT_INL_H
+#undef BIGUS_CPU_PROJECT_INL_H
+#else
+#define BIGUS_CPU_PROJECT_INL_H
+#endif
+
+#include "Core/Engine/Cpu/CpuKernels.h"
+#include "Core/Engine/Cpu/Lanes-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace bigus
+{
+namespace HWY_NAMESPACE
+{
+
+/// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is
+/// still large at the end and so is the error (see FootprintRecurrence-inl.h).
+constexpr int kLongestReach = 32, kReachInside = 16;
+
+/// mu_z^2, mm^2.
+template <class T>
+static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int first, const bigus::View<T>& view)
+{
+  const auto offset = [&](int axis, T origin) { return Lanes<T>::Load(block.mean[axis] + first) - Lanes<T>(origin); };
+  const Lanes<T> z = Lanes<T>(view.n.x) * offset(0, view.origin.x) + Lanes<T>(view.n.y) * offset(1, view.origin.y) +
+                     Lanes<T>(view.n.z) * offset(2, view.origin.z);
+  return z * z;
+}
+
+/// The slab test: a Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2.
+template <class T>
+static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance, T elevationVariance,
+                              Lanes<T> magnitude, T tolerance)
+{
+  const Lanes<T> scale =
+      exp(max(max(Lanes<T>::Load(block.logScale[0] + first), Lanes<T>::Load(block.logScale[1] + first)),
+              Lanes<T>::Load(block.logScale[2] + first)));
+  // A thousandth more than the bound, so that its own rounding drops nothing.
+  const Lanes<T> reach =
+      CutFor(magnitude, tolerance) * (scale * scale + Lanes<T>(elevationVariance)) * Lanes<T>(T(1.001));
+  return hn::And(squaredDistance <= reach, reach > Lanes<T>(T(0)));
+}
+
+template <class T>
+static int CountInSlab(const GaussianBlock<T>& block, int count, const bigus::View<T>& view, T slab)
+{
+  const hn::ScalableTag<T> d;
+  std::size_t inside = 0;
+  for (int first = 0; first < count; first += Lanes<T>::Count())
+  {
+    const auto valid = hn::FirstN(d, static_cast<std::size_t>(count - first));
+    inside += hn::CountTrue(d, hn::And(valid, SquaredDistance(block, first, view) <= Lanes<T>(slab)));
+  }
+  return static_cast<int>(inside);
+}
+
+template <class T>
+static int ProjectBlock(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out)
+{
+  using L = Lanes<T>;
+  const hn::ScalableTag<T> d;
+  const int lanes = L::Count();
+  const T(*rows)[kBlock] = RowsOf(block);
+
+  // Those near the plane, moved together so that no lane is projected in vain.
+  alignas(64) T near[kRows + 1][SplatBuffer<T>::kStride];
+  int found = 0;
+  for (int first = 0; first < count; first += lanes)
+  {
+    const L squaredDistance = SquaredDistance(block, first, task.view);
+    const auto valid = hn::FirstN(d, static_cast<std::size_t>(count - first));
+    auto inside = hn::And(valid, squaredDistance <= L(task.slab));
+    if (hn::AllFalse(d, inside))
+    {
+      continue;
+    }
+    const L magnitude = task.commonMagnitude > 0
+                            ? L(task.commonMagnitude)
+                            : max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
+    inside =
+        hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude, task.tolerance));
+    for (int row = 0; row < kRows; ++row)
+    {
+      hn::CompressStore(hn::LoadU(d, rows[row] + first), inside, d, near[row] + found);
+    }
+    found += static_cast<int>(hn::CompressStore(hn::Iota(d, static_cast<T>(first)), inside, d, near[kRows] + found));
+  }
+
+  const View<L> view = Broadcast(task.view);
+  const L originColumn(static_cast<T>(task.originColumn)), originRow(static_cast<T>(task.originRow));
+  const L firstColumn(static_cast<T>(task.columnBegin)), lastColumn(static_cast<T>(task.columnEnd));
+  const L firstRow(static_cast<T>(task.rowBegin)), lastRow(static_cast<T>(task.rowEnd));
+  const L zero(T(0)), one(T(1)), lowest(task.lowestExponent);
+  int kept = 0;
+  for (int first = 0; first < found; first += lanes)
+  {
+    const auto at = [&](int row) { return L::Load(near[row] + first); };
+    const Gaussian<L> gaussian = GaussianOf(at);
+    const Splat<L> s = Project(gaussian, view).splat;
+    const L magnitude =
+        task.commonMagnitude > 0 ? L(task.commonMagnitude) : max(abs(gaussian.reflectivity), L(task.leastMagnitude));
+    const Footprint<L> f = FootprintOf(s, magnitude, task.tolerance, task.lowestExponent);
+    const auto clip = [](L value, L low, L high) { return min(max(value, low), high); };
+    const L columnBegin = clip(originColumn + f.columnBegin, firstColumn, lastColumn);
+    const L columnEnd = clip(originColumn + f.columnEnd, firstColumn, lastColumn);
+    const L rowBegin = clip(originRow + (f.row - f.half), firstRow, lastRow);
+    const L rowEnd = clip(originRow + (f.row + f.half), firstRow, lastRow);
+
+    // How many rows a recurrence (see there) may run.
+    L reach = zero;
+    for (const T rows : {T(kReachInside / 4), T(kReachInside / 2), T(kReachInside)})
+    {
+      reach = Select(WeightsHold(f, min(L(rows), f.half)), L(rows), reach);
+    }
+    const auto whole = hn::And(f.half <= L(T(kLongestReach)), WeightsHold(f, f.half));
+    reach = Select(whole, L(T(kLongestReach)), reach);
+    reach = task.direct ? zero : Select(RatiosHold(f, task.lowestExponent), reach, zero);
+
+    auto visible = hn::And(columnBegin < columnEnd, rowBegin < rowEnd);
+    visible = hn::And(visible, hn::And(f.cut > zero, f.logAmplitude > lowest));
+    visible = hn::And(visible, hn::FirstN(d, static_cast<std::size_t>(found - first)));
+    L fields[kSplatFields];
+    fields[kU11] = s.u11;
+    fields[kU12] = s.u12;
+    fields[kU22] = s.u22;
+    fields[kMu] = f.mu;
+    fields[kMv] = f.mv;
+    fields[kLogAmplitude] = f.logAmplitude;
+    fields[kCut] = f.cut;
+    fields[kRowFactor] = exp(max(-f.curvature, lowest));
+    fields[kColumn] = originColumn + f.column;
+    fields[kRow] = originRow + f.row;
+    fields[kColumnBegin] = columnBegin;
+    fields[kColumnEnd] = columnEnd;
+    fields[kRowBegin] = rowBegin;
+    fields[kRowEnd] = rowEnd;
+    fields[kReach] = reach;
+    fields[kGaussian] = at(kRows);
+    for (int k = 0; k < kSplatFields; ++k)
+    {
+      hn::CompressStore(fields[k].v, visible, d, out.fields[k] + kept);
+    }
+    kept += static_cast<int>(hn::CountTrue(d, visible));
+  }
+  return kept;
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace bigus
+HWY_AFTER_NAMESPACE();
+
+#endif  // BIGUS_CPU_PROJECT_INL_H
