@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs what building, testing and drawing need on Debian 12; asks apt only for what is missing.
+# Installs what building, testing and drawing need on Debian 12; asks apt only for what is missing. With --checks also
+# what checks the code itself.
 set -euo pipefail
 
 packages=(
@@ -13,6 +14,7 @@ packages=(
   libgtest-dev xvfb libgl1-mesa-dri                  # tests
   libbenchmark-dev                                   # benchmarks
 )
+[[ ${1:-} != --checks ]] || packages+=(clang-format clang-tidy)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -194,7 +194,7 @@ TEST_P(CudaEngine, RendersStacksAsSinglePlanes)
 // seeds, and the bound is three standard errors of the difference of two means that have the CPU engine's spread.
 TEST_P(CudaEngine, TrainsAsWellAsTheCpu)
 {
-  constexpr int kSeeds = 5;
+  constexpr int kSeeds = 3;
   const auto sweep = bigus::test::RenderedSweep();
   const auto train = [&sweep](const std::string& engine, int seed)
   {
