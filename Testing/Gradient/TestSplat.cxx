@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The closed-form footprint against adaptive quadrature of the beam integral (paper eq 4), in long double.
+// The closed-form footprint against adaptive quadrature of the beam integral (BIGUS, eq 4), in long double.
 
 #include <gtest/gtest.h>
 

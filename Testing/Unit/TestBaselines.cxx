@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Compounding.h"
 #include "Core/Model/Error.h"
 #include "Support/Errors.h"
 #include "Support/Sweeps.h"

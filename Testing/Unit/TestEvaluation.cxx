@@ -11,6 +11,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Compounding.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"

@@ -3,8 +3,6 @@
 // What one can do without a field: plain ways to predict a plane from other tracked frames.
 #pragma once
 
-#include <Eigen/Dense>
-#include <cstddef>
 #include <vector>
 
 #include "Core/Model/SlicePlane.h"
@@ -13,15 +11,15 @@
 namespace bigus
 {
 
-/// Each predictor sees only the `training` frames of the sweep (indices in ascending order, at least one) and
-/// writes an intensity in [0, 1] for every pixel of the plane, row by row. Errors are thrown as bigus::Error.
+/// Each predictor sees only the `training` frames of the sweep (indices in ascending order, at least one) and writes an
+/// intensity in [0, 1] for every pixel of the plane, row by row. Errors are thrown as bigus::Error.
 
-/// The training frame that lies nearest, pixel for pixel: the plane must be of the frames' size. Nearest is
-/// the root mean square distance, mm, between the corners of the two images; of equals the first.
+/// The training frame that lies nearest, pixel for pixel: the plane must be of the frames' size. Nearest is the root
+/// mean square distance, mm, between the corners of the two images; of equals the first.
 void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, float* image);
 
-/// Mean of the training frames before and after index `frame` in the sequence, pixel for pixel (poses
-/// ignored). At an end of the sweep the single neighbour.
+/// Mean of the training frames before and after index `frame` in the sequence, pixel for pixel (poses ignored). At an
+/// end of the sweep the single neighbour.
 void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& training, int frame, float* image);
 
 /// How a frame is sampled between its pixels. Outside of it the edge's pixels repeat.
@@ -31,60 +29,24 @@ enum class PixelInterpolation
   Cubic    ///< bicubic convolution with Keys' kernel, a = -1/2 (Catmull-Rom), clamped to [0, 1]
 };
 
-/// Pose-aware interpolation between the training frames before and after index `frame` in the sequence (at an
-/// end, the one there is): from every pixel's point a line along the mean of their normals meets both planes;
-/// the frames are sampled there and mixed linearly, each weighing as much as the point's distance from the
-/// other. Where the line misses one of the images (by more than half a pixel) the other is taken, where it
-/// misses both 0.
+/// Pose-aware interpolation between the training frames before and after index `frame` in the sequence (at an end, the
+/// one there is): from every pixel's point a line along the mean of their normals meets both planes; the frames are
+/// sampled there and mixed linearly, each weighing as much as the point's distance from the other. Where the line
+/// misses one of the images (by more than half a pixel) the other is taken, where it misses both 0.
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image,
                               PixelInterpolation sampling = PixelInterpolation::Linear);
 
-/// The same at any plane, which has no place in the sequence: for every pixel, of the consecutive training
-/// frames that have its point between them, the two with the smallest sum of distances. A point between none
-/// takes the sample of the nearest plane it projects onto at right angles, if any.
+/// The same at any plane, which has no place in the sequence: for every pixel, of the consecutive training frames that
+/// have its point between them, the two with the smallest sum of distances. A point between none takes the sample of
+/// the nearest plane it projects onto at right angles, if any.
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image, PixelInterpolation sampling = PixelInterpolation::Linear);
 
-/// Cubic in all three directions: two training frames on each side of index `frame`, sampled by bicubic
-/// convolution where the line along the mean of the middle two's normals meets them, and between those
-/// two the cubic whose slope at either is that of the parabola through it and its neighbours (evenly spaced:
-/// Catmull-Rom); clamped to [0, 1]. Where an outer frame is missing, the line does not meet it, or the four
-/// planes do not follow each other along the line, the slope is that between the middle two; where a middle
-/// one is missing, as PredictPoseInterpolation.
+/// Cubic in all three directions: two training frames on each side of index `frame`, sampled by bicubic convolution
+/// where the line along the mean of the middle two's normals meets them, and between those two the cubic whose slope at
+/// either is that of the parabola through it and its neighbours (evenly spaced: Catmull-Rom); clamped to [0, 1]. Where
+/// an outer frame is missing, the line does not meet it, or the four planes do not follow each other along the line,
+/// the slope is that between the middle two; where a middle one is missing, as PredictPoseInterpolation.
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image);
-
-/// Voxel compounding: trilinear paste of every training pixel into an axis-aligned grid, weighted mean, hole
-/// filling, trilinear reslice. Holes are filled layer by layer, each voxel with the mean of its filled
-/// neighbours (of 26), as far as half the widest gap between neighbouring planes, 3 to 64 voxels. What is
-/// left empty is 0.
-class Compounding
-{
-public:
-  /// voxelSize in mm; 0 chooses the geometric mean of the pixel size and the median plane spacing, but not
-  /// less than the pixel size, and not so small that the grid would exceed maximumVoxels (4 bytes each).
-  /// Throws Error when a given size makes it exceed them.
-  Compounding(const Sweep& sweep, const std::vector<int>& training, double voxelSize = 0,
-              std::size_t maximumVoxels = std::size_t(1) << 28);
-
-  void Predict(const SlicePlane& plane, float* image) const;
-
-  double VoxelSize() const { return voxelSize_; }                           ///< mm
-  std::size_t MemoryUse() const { return voxels_.size() * sizeof(float); }  ///< bytes of the grid
-
-  /// The smallest voxel size, mm, to a thousandth, whose grid takes at most so many bytes. Throws Error when
-  /// they hold not even the 8 voxels of the coarsest grid.
-  static double VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training, std::size_t bytes);
-
-private:
-  std::size_t Index(int x, int y, int z) const { return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x; }
-  std::vector<unsigned char> Paste(const Sweep& sweep, const std::vector<int>& training);
-  void FillHoles(std::vector<unsigned char> filled, int passes);
-  bool FillVoxel(const std::vector<unsigned char>& filled, int x, int y, int z);
-
-  Eigen::Vector3d origin_;  // centre of voxel (0, 0, 0), mm
-  Eigen::Vector3i size_;
-  double voxelSize_;
-  std::vector<float> voxels_;
-};
 
 }  // namespace bigus

@@ -7,23 +7,15 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Compounding.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
 namespace
 {
-
-double Mean(const std::vector<double>& values)
-{
-  double sum = 0;
-  for (double value : values)
-  {
-    sum += value;
-  }
-  return sum / static_cast<double>(values.size());
-}
 
 double Deviation(const std::vector<double>& values)
 {
@@ -32,12 +24,7 @@ double Deviation(const std::vector<double>& values)
   {
     return 0;  // a frame was met exactly
   }
-  double squares = 0;
-  for (double value : values)
-  {
-    squares += (value - mean) * (value - mean);
-  }
-  return std::sqrt(squares / static_cast<double>(values.size()));
+  return std::sqrt(MeanSquare(values, mean));
 }
 
 }  // namespace

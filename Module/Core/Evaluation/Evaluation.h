@@ -16,8 +16,8 @@
 namespace bigus
 {
 
-/// Scores over a set of frames: each metric per frame, then mean and (population) standard deviation over
-/// frames. A frame met exactly makes the mean PSNR infinite; its standard deviation is then given as 0.
+/// Scores over a set of frames: each metric per frame, then mean and (population) standard deviation over frames. A
+/// frame met exactly makes the mean PSNR infinite; its standard deviation is then given as 0.
 struct FrameScores
 {
   std::vector<int> frames;
@@ -27,9 +27,9 @@ struct FrameScores
   TextureComparison texture;     ///< number by number, mean over frames
 };
 
-/// Scores what `predict(frame, image)` writes against the frames themselves: whole frames, black where the
-/// sweep's mask says that the probe lights nothing (see Sweep::LitBy). It is called for one frame after another. Throws Error when there is no frame to score, or frames
-/// are below 11 x 11.
+/// Scores what `predict(frame, image)` writes against the frames themselves: whole frames, black where the sweep's mask
+/// says that the probe lights nothing (see Sweep::LitBy). It is called for one frame after another. Throws Error when
+/// there is no frame to score, or frames are below 11 x 11.
 FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
                         const std::function<void(int, float*)>& predict);
 
@@ -37,9 +37,8 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
 FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
                        const std::string& engine = "auto");
 
-/// A diagnostic, not a prediction: the frame itself chose the pose it is scored at. What it gains over
-/// ScoreField is the share of the error that tracking (or tissue that moved as a whole) explains; what
-/// remains is the model's.
+/// A diagnostic, not a prediction: the frame itself chose the pose it is scored at. What it gains over ScoreField is
+/// the share of the error that tracking (or tissue that moved as a whole) explains; what remains is the model's.
 struct AlignedScores
 {
   FrameScores scores;                                  ///< at the aligned poses
@@ -51,8 +50,8 @@ struct AlignedScores
 AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
                                 const AlignmentOptions& options = {}, const std::string& engine = "auto");
 
-/// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the
-/// held-out pose; neighbour average and pose interpolation the held-out frame's place in the sequence.
+/// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the held-out pose;
+/// neighbour average and pose interpolation the held-out frame's place in the sequence.
 struct BaselineScores
 {
   FrameScores nearest, neighbourAverage, poseInterpolation, compounding;

@@ -9,7 +9,7 @@
 //
 //     y = cu d_u + cv d_v + cz (z - mu'_z),    cu = S^-1 R^T a,  cv = S^-1 R^T b,  cz = S^-1 R^T n.
 //
-// The beam integral (paper eq 4, normalised to unit area) over N(z; 0, sigma_E^2) acts along e = cz / |cz|
+// The beam integral (BIGUS, eq 4, normalised to unit area) over N(z; 0, sigma_E^2) acts along e = cz / |cz|
 // alone: with N = 1 + sigma_E^2 |cz|^2 it shrinks that component by 1 / sqrt(N) and multiplies the result by
 // the same factor:
 //

@@ -14,9 +14,9 @@
 namespace bigus
 {
 
-/// N Gaussians r_i exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 R^T (paper eq 1), with the beam and
-/// the transfer function they were trained under. Arrays are of equal length. Values are kept in double; engines
-/// move them near the origin and compute in float.
+/// N Gaussians r_i exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 R^T (BIGUS, eq 1), with the beam and the
+/// transfer function they were trained under. Arrays are of equal length. Values are kept in double; engines move them
+/// near the origin and compute in float.
 struct GaussianField
 {
   std::vector<Eigen::Vector3d> means;      ///< [N] mu, mm, world frame
@@ -34,9 +34,9 @@ struct GaussianField
   std::size_t Size() const { return means.size(); }
   void Resize(std::size_t n);
 
-  /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite, scales
-  /// are positive, quaternions are not zero, reflectivities and coordinates
-  /// lie within the limits above, gamma > 0 and elevationSigma >= 0. An empty field is valid.
+  /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite, scales are
+  /// positive, quaternions are not zero, reflectivities and coordinates lie within the limits above, gamma > 0 and
+  /// elevationSigma >= 0. An empty field is valid.
   void Validate() const;
 };
 

@@ -35,7 +35,8 @@ struct SlicePlane
   /// Unit vector columnStep x rowStep / |...|. The beam is symmetric, so its sign changes no image.
   Eigen::Vector3d Normal() const { return columnStep.cross(rowStep).normalized(); }
 
-  /// T of MODEL: T (x - origin) = (i, j, z) with i, j in pixels and z in mm. Steps need not be orthogonal.
+  /// The matrix T for which T (x - origin) = (i, j, z): the pixel (i, j) on which the point x (mm) stands, and its signed
+  /// distance z (mm) along Normal(). Steps need not be orthogonal.
   Eigen::Matrix3d WorldToSlice() const;
 
   /// Geometric mean of the pixel sides, mm.
@@ -43,8 +44,8 @@ struct SlicePlane
 
   std::size_t NumberOfPixels() const { return static_cast<std::size_t>(width) * height; }
 
-  /// Throws Error, starting with `what` (for example "frame 12"), unless every number is finite, the steps span
-  /// a plane (angle between them above 0.06 degrees) with sides from 1e-6 to 1e6 mm, and the size is positive.
+  /// Throws Error, starting with `what` (for example "frame 12"), unless every number is finite, the steps span a plane
+  /// (angle between them above 0.06 degrees) with sides from 1e-6 to 1e6 mm, and the size is positive.
   void Validate(const std::string& what) const;
 };
 

@@ -181,7 +181,7 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
 
 Sweep Sweep::LitBy(const std::vector<int>& frames) const
 {
-  cv::Mat bright = cv::Mat::zeros(height, width, CV_8U), seen = bright.clone();
+  cv::Mat bright = cv::Mat::zeros(height, width, CV_8U);
   std::vector<float> image(PixelsPerFrame());
   for (int frame : frames)
   {
@@ -190,8 +190,12 @@ Sweep Sweep::LitBy(const std::vector<int>& frames) const
     for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
     {
       bright.data[pixel] |= image[pixel] > 0;
-      seen.data[pixel] = bright.data[pixel] && IsLit(pixel);
     }
+  }
+  cv::Mat seen = cv::Mat::zeros(height, width, CV_8U);
+  for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
+  {
+    seen.data[pixel] = bright.data[pixel] && IsLit(pixel);
   }
   std::vector<cv::Point> points, hull;
   cv::findNonZero(seen, points);

@@ -15,8 +15,8 @@
 namespace bigus
 {
 
-/// Frames are stored once, in the type they came in. Intensities are read as float in [0, 1]: 8-bit pixels divided
-/// by 255, float pixels as they are.
+/// Frames are stored once, in the type they came in. Intensities are read as float in [0, 1]: 8-bit pixels divided by
+/// 255, float pixels as they are.
 struct Sweep
 {
   enum class PixelType

@@ -15,7 +15,7 @@ namespace bigus
 
 enum class SeedPlacement
 {
-  Harris,     ///< density from the Harris corner response plus a uniform floor (paper section 2.3)
+  Harris,     ///< density from the Harris corner response plus a uniform floor (BIGUS, section 2.3)
   Intensity,  ///< density 0.3 I + 0.025, spread evenly (blue noise); the default
   Random      ///< uniform in the swept volume, isotropic (the plain start, for comparison)
 };

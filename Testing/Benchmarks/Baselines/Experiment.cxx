@@ -24,6 +24,7 @@
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Compounding.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
