@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
@@ -356,6 +357,43 @@ TEST(Decisions, UnsurePosesAskForAThickBeam)
   options.elevationSigma = 0.3;  // what geometry suggests
   const TrainingResult thin = Train(rough, options);
   EXPECT_GT(PsnrOn(open.field, *rough, open.heldOutFrames), PsnrOn(thin.field, *rough, thin.heldOutFrames));
+}
+
+// Every decision is made on frames that the score does not see. On each it may be wrong by chance by as much as a choice
+// must gain at the least; four are made.
+TEST(Decisions, AreNotWorseThanGeometryOnFramesHeldOut)
+{
+  struct Scene
+  {
+    const char* name;
+    ProbeKind probe;
+    double spacing;  // mm
+  };
+  for (const Scene& scene :
+       {Scene{"linear, dense", ProbeKind::Linear, 0.5}, Scene{"convex, sparse", ProbeKind::Convex, 2.0},
+        Scene{"sector, dense", ProbeKind::Sector, 0.8}})
+  {
+    PhantomOptions world;
+    world.probe = scene.probe;
+    world.frames = 20;
+    world.width = world.height = 48;
+    world.pixelSize = 0.8;
+    world.frameSpacing = scene.spacing;
+    world.scattererDensity = 5;
+    const auto sweep = std::make_shared<const Sweep>(Phantom(world).MakeSweep());
+    TrainerOptions options;
+    options.holdOut = 6;
+    options.iterations = 80;
+    options.maximumGaussians = 2000;
+    const TrainingResult decided = Train(sweep, options);
+    options.automatic = false;
+    const TrainingResult byGeometry = Train(sweep, options);
+    const double gain =
+        PsnrOn(decided.field, *sweep, decided.heldOutFrames) - PsnrOn(byGeometry.field, *sweep, decided.heldOutFrames);
+    RecordProperty(scene.name, std::to_string(gain));
+    EXPECT_GE(gain, -static_cast<double>(decided.decisions.size()) * kLeastGain) << scene.name << "\n"
+                                                                                 << Account(decided.decisions);
+  }
 }
 
 TEST(Decisions, EmptySpaceGetsNoGaussians)

@@ -9,6 +9,7 @@
 #include "Core/Deciding/Format.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Statistics.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/TrainingLoop.h"
 #include "Core/Training/VirtualPlanes.h"
@@ -20,16 +21,6 @@ namespace
 
 /// Progress shows this share of what is left with every trial, since how many trials it will take is not known.
 constexpr double kProgressOfATrial = 0.07;
-
-double Mean(const std::vector<double>& values)
-{
-  double sum = 0;
-  for (double value : values)
-  {
-    sum += value;
-  }
-  return sum / static_cast<double>(values.size());
-}
 
 Gain GainOf(const std::vector<double>& psnr, const std::vector<double>& over)
 {

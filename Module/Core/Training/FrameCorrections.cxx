@@ -14,6 +14,20 @@ namespace bigus
 namespace
 {
 
+/// The gains that are believed, and the offset, in intensity: beyond them something else is wrong with the frame.
+constexpr double kSmallestGain = 0.5, kLargestGain = 2.0, kLargestOffset = 0.1;
+
+/// Frames to either side that make the smooth curve which belongs to the scene.
+constexpr int kReach = 4;
+
+/// Gain 1 weighs as much as this share of the frame's own contrast: a frame that the field hardly explains keeps its
+/// brightness.
+constexpr double kPriorOnGain = 0.1;
+
+/// Gauss-Newton steps of an alignment, and pixels from one that it looks at to the next: a frame is aligned twice in a
+/// training, and each time only has to come nearer.
+constexpr int kAlignmentSteps = 3, kAlignmentStride = 2;
+
 /// The frame's pixels without the gain and the offset that were found for it.
 void Undo(double gain, double offset, float* pixels, std::size_t size)
 {
@@ -49,9 +63,8 @@ Moments MomentsOf(const Sweep& sweep, const float* a, const float* b)
   return m;
 }
 
-/// A first guess at frames' gains, from neighbours alone: a field that began with bands of brightness keeps
-/// them between frames. The ratio of neighbours' contrasts counts as far as they correlate; what is left of
-/// its running product without a smooth curve belongs to frames, the curve to the scene.
+/// A first guess at frames' gains, from neighbours alone. The ratio of neighbours' contrasts counts as far as they
+/// correlate. Of its running product a smooth curve belongs to the scene, and what is left to the frames.
 void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
 {
   const std::size_t size = poses.PixelsPerFrame();
@@ -63,7 +76,6 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
     const bool alike = varX > 0 && varY > 0 && covariance > 0;
     logGains[k + 1] = logGains[k] + (alike ? covariance / std::sqrt(varX * varY) * 0.5 * std::log(varY / varX) : 0.0);
   }
-  constexpr int kReach = 4;  // frames to either side that make the smooth curve
   for (std::size_t k = 0; k < frames; ++k)
   {
     double sum = 0, weights = 0;
@@ -77,13 +89,12 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
         weights += weight;
       }
     }
-    Undo(std::clamp(std::exp(logGains[k] - sum / weights), 0.5, 2.0), 0, pixels + k * size, size);
+    Undo(std::clamp(std::exp(logGains[k] - sum / weights), kSmallestGain, kLargestGain), 0, pixels + k * size, size);
   }
 }
 
-/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by as much as a tenth
-/// of the frame's own contrast would: a frame that the field hardly explains keeps its brightness. The mean
-/// gain and offset of all frames stay 1 and 0, since they belong to the scene.
+/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by kPriorOnGain. The mean gain and
+/// offset of all frames stay 1 and 0, since they belong to the scene.
 void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* pixels)
 {
   const std::size_t size = poses.PixelsPerFrame();
@@ -95,9 +106,9 @@ void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* 
     const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, image.data(), pixels + k * size);
     const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
     const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
-    const double prior = 0.1 * variance;
-    gains[k] = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), 0.5, 2.0) : 1.0;
-    offsets[k] = n > 0 ? std::clamp(y / n - gains[k] * x / n, -0.1, 0.1) : 0.0;
+    const double prior = kPriorOnGain * variance;
+    gains[k] = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), kSmallestGain, kLargestGain) : 1.0;
+    offsets[k] = n > 0 ? std::clamp(y / n - gains[k] * x / n, -kLargestOffset, kLargestOffset) : 0.0;
   }
   const auto mean = [](const std::vector<double>& values)
   { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
@@ -108,8 +119,8 @@ void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* 
   }
 }
 
-/// Gives `sweep`, which begins with the recorded `frames`, these frames' pixels as `change` makes them of the
-/// recorded ones; those after them stay as they are.
+/// Gives `sweep`, which begins with the recorded `frames`, these frames' pixels as `change` makes them of the recorded
+/// ones; those after them stay as they are.
 void WithPixels(Sweep& sweep, const Sweep& recorded, const std::vector<int>& frames,
                 const std::function<void(float*)>& change)
 {
@@ -144,8 +155,8 @@ std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, co
     AlignmentOptions alignment;
     alignment.translationPrior = plan.trackerTranslation;
     alignment.rotationPrior = plan.trackerRotation;
-    alignment.iterations = 3;
-    alignment.stride = 2;
+    alignment.iterations = kAlignmentSteps;
+    alignment.stride = kAlignmentStride;
     Eigen::Vector3d drift = Eigen::Vector3d::Zero();  // the mean shift says nothing about any one frame
     for (std::size_t k = 0; k < frames.size(); ++k)
     {

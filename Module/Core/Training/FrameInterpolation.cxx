@@ -19,13 +19,26 @@ namespace bigus
 namespace
 {
 
-constexpr int kBands = 4;
-constexpr int kWindow = 65;          // pixels over which a band's correlation is taken
-constexpr double kDecay = 1.5;       // exponent of the share in rho^(share^kDecay)
-constexpr int kFlowColumns = 320;    // flow is smooth: it is sought in pictures no wider than this
-constexpr int kFlowWindow = 41;      // pixels of those pictures
-constexpr double kAlike = 1 - 1e-6;  // correlation of equal pictures, whose weights would be 0 / 0
-constexpr std::size_t kScored = 12;  // frames that a score looks at
+constexpr int kBands = 4;           // octaves; what is below them is the same in both frames
+constexpr double kFirstBlur = 0.8;  // pixels: the blur that the finest octave is without; it doubles with each
+constexpr int kWindow = 65;         // pixels over which a band's correlation is taken
+constexpr double kDecay = 1.5;  // exponent of the share in rho^(share^kDecay): 1 for an exponential, 2 for a Gaussian
+constexpr double kAlike = 1 - 1e-6;   // correlation that equal pictures count with, because at 1 the weights are 0 / 0
+constexpr double kNothing = 1e-10;    // power of a band, (1e-5 of white)^2, below which there is no contrast to mix
+constexpr double kMostContrast = 4;   // gain that keeps contrast; two frames with nothing in common ask for 1.4
+constexpr double kLeastNormal = 0.5;  // length of the sum of two normals, below which frames face opposite ways
+constexpr std::size_t kScored = 12;   // frames that a score looks at
+
+// Farneback's optical flow, in pictures no wider than kFlowColumns, because flow is smooth, and blurred, because speckle
+// is noise to it. The polynomial's size and width are the pair that OpenCV recommends.
+constexpr int kFlowColumns = 320, kFlowBlurSize = 5;
+constexpr double kFlowBlur = 1.0;     // pixels
+constexpr double kFlowPyramid = 0.5;  // a level of the pyramid over the one before
+constexpr int kFlowLevels = 4;
+constexpr int kFlowWindow = 41;         // pixels of those pictures
+constexpr int kFlowIterations = 3;      // on each level
+constexpr int kFlowPolynomialSize = 7;  // pixels
+constexpr double kFlowPolynomialWidth = 1.5;
 
 /// Two pictures of one plane and how far the plane lies from the first, as a share, pixel by pixel.
 struct Pair
@@ -96,7 +109,7 @@ Pair PairAlongNormals(const Sweep& sweep, int a, int b, const SlicePlane& plane,
 {
   const SlicePlane first = sweep.Plane(a), second = sweep.Plane(b);
   Eigen::Vector3d direction = first.Normal() + second.Normal();
-  if (direction.norm() < 0.5)  // neighbours that face opposite ways
+  if (direction.norm() < kLeastNormal)
   {
     direction = first.Normal();
   }
@@ -127,14 +140,19 @@ cv::Mat Flow(const cv::Mat& from, const cv::Mat& to)
   {
     cv::Mat small, bytes;
     cv::resize(picture, small, cv::Size(), scale, scale, cv::INTER_AREA);
-    cv::GaussianBlur(small, small, cv::Size(5, 5), 1.0);
+    cv::GaussianBlur(small, small, cv::Size(kFlowBlurSize, kFlowBlurSize), kFlowBlur);
     small.convertTo(bytes, CV_8U, 255.0);
     return bytes;
   };
   const cv::Mat first = prepare(from), second = prepare(to);
   cv::Mat forth, back;
-  cv::calcOpticalFlowFarneback(first, second, forth, 0.5, 4, kFlowWindow, 3, 7, 1.5, 0);
-  cv::calcOpticalFlowFarneback(second, first, back, 0.5, 4, kFlowWindow, 3, 7, 1.5, 0);
+  const auto flowOf = [](const cv::Mat& a, const cv::Mat& b, cv::Mat& out)
+  {
+    cv::calcOpticalFlowFarneback(a, b, out, kFlowPyramid, kFlowLevels, kFlowWindow, kFlowIterations,
+                                 kFlowPolynomialSize, kFlowPolynomialWidth, 0);
+  };
+  flowOf(first, second, forth);
+  flowOf(second, first, back);
   cv::Mat flow = 0.5 * (forth - back);
   cv::resize(flow, flow, from.size(), 0, 0, cv::INTER_LINEAR);
   return flow * (1.0 / scale);
@@ -184,11 +202,13 @@ cv::Mat LocalMean(const cv::Mat& a, const cv::Mat& b)
   return mean;
 }
 
-/// The mix of both pictures, band by band. With v = value in units of its standard deviation, the best linear
-/// estimate from two values of correlation rho, which correlate with the truth by p and q, has the weights
-/// (p - rho q) / (1 - rho^2) and (q - rho p) / (1 - rho^2). To keep contrast, `recorded` are the two frames
-/// as they were recorded: bands are mixed by the shares 1 - s and s, and get the power that recorded bands
-/// have around the same pixel, which sampling between pixels and mixing have both taken from.
+/// The mix of both pictures, band by band. The best linear estimate from two values of equal deviation and correlation rho,
+/// which correlate with the truth by p and q, has the weights
+///
+///   (p - rho q) / (1 - rho^2)   and   (q - rho p) / (1 - rho^2).
+///
+/// To keep contrast, `recorded` are the two frames as they were recorded. Then bands are mixed by the shares 1 - s and s and
+/// get the power that recorded bands have around the same pixel, because sampling between pixels and mixing take from it.
 cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
 {
   cv::Mat first = pair.first, second = pair.second, mix = cv::Mat::zeros(first.size(), CV_32F);
@@ -199,7 +219,7 @@ cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
   }
   for (int band = 0; band < kBands; ++band)
   {
-    const double sigma = 0.8 * (1 << band);
+    const double sigma = kFirstBlur * (1 << band);
     const cv::Mat u = TakeBand(first, sigma), v = TakeBand(second, sigma);
     const cv::Mat uu = LocalMean(u, u), vv = LocalMean(v, v), uv = LocalMean(u, v);
     std::array<cv::Mat, 2> power;
@@ -211,7 +231,6 @@ cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
         power[k] = LocalMean(wholeBand, wholeBand);
       }
     }
-    constexpr double kNothing = 1e-10;  // (1e-5 of white)^2: no contrast to mix
     for (int y = 0; y < mix.rows; ++y)
     {
       for (int x = 0; x < mix.cols; ++x)
@@ -221,10 +240,9 @@ cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
         double ofFirst, ofSecond;
         if (recorded)
         {
-          constexpr double kMost = 4;  // two frames without anything in common ask for 1.4
           const double left = (1 - s) * (1 - s) * a + s * s * b + 2 * s * (1 - s) * ab;
           const double wanted = (1 - s) * power[0].at<float>(y, x) + s * power[1].at<float>(y, x);
-          const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMost) : 1.0;
+          const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMostContrast) : 1.0;
           ofFirst = gain * (1 - s);
           ofSecond = gain * s;
         }

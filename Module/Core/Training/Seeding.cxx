@@ -11,15 +11,44 @@
 #include <random>
 
 #include "Core/Model/Error.h"
+#include "Core/Training/GeometryDefaults.h"
 
 namespace bigus
 {
 namespace
 {
 
-/// Frames further apart than this many median spacings belong to different strokes: nothing is seeded between
-/// them.
-constexpr double kBreak = 4.0;
+/// OpenCV's cornerHarris: pixels of the block, of the derivative's aperture, and k in det(M) - k tr(M)^2, all as usual.
+constexpr int kHarrisBlock = 2, kHarrisAperture = 3;
+constexpr double kHarrisK = 0.04;
+/// Added to a response whose mean is 1: without it flat speckle would get no seeds.
+constexpr float kHarrisFloor = 0.1f;
+
+/// Density kPerIntensity I + kDark: thirteen times as many seeds in white as in dark places.
+constexpr float kPerIntensity = 0.3f, kDark = 0.025f;
+
+/// Cells of the density grid for one seed: fine enough to follow structure, coarse enough for millions of seeds.
+constexpr double kCellsPerSeed = 12.0;
+constexpr int kLargestBlock = 16;  // pixels: no coarser, however few the seeds
+
+/// Error diffusion: what a cell owes goes to its neighbour in the row, to the next row, and the rest to the next frame, in
+/// about equal parts, since the grid has three dimensions.
+constexpr double kToSide = 0.35, kBelow = 0.3;
+/// It rounds up at 0.7 less a random number below 0.4, 0.5 on average: a threshold that wavers breaks up the regular worms
+/// of plain error diffusion.
+constexpr double kRounding = 0.3, kWaver = 0.4;
+
+/// Median gaps that a seed's own gap counts at the least: where the hand stood still seeds would be flat.
+constexpr double kLeastGap = 0.25;
+
+/// The same for the equal scales of random seeds: one scale over the cube root of V.
+constexpr double kIsotropicScale = 0.5;
+/// The product of a seed's three scales over the volume V that is its share: a box of two deviations a side fills V.
+constexpr double kVolumeShare = 0.125;
+/// Elevation scale in gaps, and what the in-plane scale is multiplied by. Where planes are near, seeds reach their
+/// neighbours; where they are far, frames share too little for that.
+constexpr double kSparseReach = 0.5, kDenseReach = 1.6;
+constexpr double kSparseInPlane = 1.0, kDenseInPlane = 0.8;
 
 /// A repeatable number in [0, 1) from the standard engine, the same on every library.
 double Uniform(std::mt19937_64& random)
@@ -35,33 +64,31 @@ struct DensityGrid
   std::vector<int> litPixels;  // [rows][columns]
 };
 
-/// Harris corner response det(M) - k tr(M)^2 (block 2, aperture 3, k 0.04), negative values set to 0,
-/// normalised to mean 1 over the frame, plus a uniform floor of a tenth: without it flat speckle would get no
-/// seeds.
+/// Root of the Harris corner response det(M) - k tr(M)^2, negative values set to 0, divided by its mean over the frame,
+/// plus kHarrisFloor.
 void HarrisDensity(const Sweep& sweep, const std::vector<float>& image, std::vector<float>& density)
 {
   const cv::Mat input(sweep.height, sweep.width, CV_32F, const_cast<float*>(image.data()));
   cv::Mat response;
-  cv::cornerHarris(input, response, 2, 3, 0.04);
+  cv::cornerHarris(input, response, kHarrisBlock, kHarrisAperture, kHarrisK);
   double sum = 0;
   for (std::size_t p = 0; p < density.size(); ++p)
   {
-    // The response is of fourth order in contrast; its square root keeps one bright specular from taking
-    // every seed.
+    // The response is of fourth order in contrast; its root keeps one bright specular line from taking every seed.
     density[p] = std::sqrt(std::max(response.ptr<float>()[p], 0.0f));
     sum += density[p];
   }
   const float mean = static_cast<float>(sum / static_cast<double>(density.size()));
   for (float& value : density)
   {
-    value = (mean > 0 ? value / mean : 0.0f) + 0.1f;
+    value = (mean > 0 ? value / mean : 0.0f) + kHarrisFloor;
   }
 }
 
 /// Density of one pixel where placement follows intensity.
 float IntensityDensity(float intensity)
 {
-  return 0.3f * intensity + 0.025f;
+  return kPerIntensity * intensity + kDark;
 }
 
 DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, const SeedingOptions& options,
@@ -69,10 +96,9 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
 {
   const std::size_t litPixels = static_cast<std::size_t>(std::count(lit.begin(), lit.end(), 1));
   DensityGrid grid;
-  // About a dozen cells a seed: fine enough to follow structure, coarse enough for millions of seeds.
   const double pixelsPerSeed =
       static_cast<double>(litPixels) * static_cast<double>(frames.size()) / static_cast<double>(options.count);
-  grid.block = std::clamp(static_cast<int>(std::lround(std::sqrt(pixelsPerSeed / 12.0))), 1, 16);
+  grid.block = std::clamp(static_cast<int>(std::lround(std::sqrt(pixelsPerSeed / kCellsPerSeed))), 1, kLargestBlock);
   grid.columns = (sweep.width + grid.block - 1) / grid.block;
   grid.rows = (sweep.height + grid.block - 1) / grid.block;
   const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
@@ -115,9 +141,8 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   return grid;
 }
 
-/// Turns expected numbers of seeds a cell into counts whose local sums stay close to expectation: error
-/// diffusion, in alternating direction along rows, to the next row and to the next frame. This is what makes
-/// seeds blue noise.
+/// Turns expected numbers of seeds in a cell into counts whose local sums stay close to expectation, by error diffusion, in
+/// alternating direction along rows. This makes seeds evenly spread (blue noise).
 std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass, std::mt19937_64& random)
 {
   const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
@@ -135,23 +160,22 @@ std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double see
         const std::size_t cell = static_cast<std::size_t>(y) * grid.columns + x;
         const double expected = grid.mass[f * cells + cell] * seedsPerMass;
         const double owed = expected + error[cell];
-        // A threshold that wavers breaks up the regular worms of plain error diffusion. An empty cell gets
-        // nothing.
+        // An empty cell gets nothing.
         const int count =
-            expected > 0 ? std::max(0, static_cast<int>(std::floor(owed + 0.3 + 0.4 * Uniform(random)))) : 0;
+            expected > 0 ? std::max(0, static_cast<int>(std::floor(owed + kRounding + kWaver * Uniform(random)))) : 0;
         counts[f * cells + cell] = count;
         const double left = owed - count;
         const bool hasSide = x + step >= 0 && x + step < grid.columns, hasBelow = y + 1 < grid.rows;
         double given = 0;
         if (hasSide)
         {
-          error[cell + step] += 0.35 * left;
-          given += 0.35;
+          error[cell + step] += kToSide * left;
+          given += kToSide;
         }
         if (hasBelow)
         {
-          error[cell + grid.columns] += 0.3 * left;
-          given += 0.3;
+          error[cell + grid.columns] += kBelow * left;
+          given += kBelow;
         }
         next[cell] += (1.0 - given) * left;
       }
@@ -194,8 +218,7 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   if (std::count(lit.begin(), lit.end(), 1) == 0)
   {
     throw Error("Seeding: all " + std::to_string(frames.size()) +
-                " frames are black inside the mask, so there is nothing to learn. Check the clip region and "
-                "the file.");
+                " frames are black inside the mask, so there is nothing to learn. Check the clip region and the file.");
   }
 
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
@@ -281,7 +304,7 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
           const double distance = GapBetween(sweep, frames[f], frames[neighbour], i, j);
           if (distance <= kBreak * usualGap)
           {
-            gap = std::max(distance, 0.25 * usualGap);
+            gap = std::max(distance, kLeastGap * usualGap);
             mean3 += std::abs(along) * (sweep.Plane(frames[neighbour]).Point(i, j) - mean3);
           }
         }
@@ -290,12 +313,13 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
         const double volume = area * gap * grid.litPixels[cell] / (grid.mass[index] * seedsPerMass);
         if (options.placement == SeedPlacement::Random)
         {
-          field.scales[out].setConstant(0.5 * std::cbrt(volume));
+          field.scales[out].setConstant(kIsotropicScale * std::cbrt(volume));
         }
         else
         {
-          const double elevation = (options.sparse ? 0.5 : 1.6) * gap;
-          const double inPlane = (options.sparse ? 1.0 : 0.8) * std::sqrt(0.125 * volume / elevation);
+          const double elevation = (options.sparse ? kSparseReach : kDenseReach) * gap;
+          const double inPlane =
+              (options.sparse ? kSparseInPlane : kDenseInPlane) * std::sqrt(kVolumeShare * volume / elevation);
           field.scales[out] = {inPlane, inPlane, elevation};
         }
         field.means[out] = mean3;

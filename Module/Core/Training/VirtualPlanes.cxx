@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "Core/Model/SweepGeometry.h"
+#include "Core/Training/GeometryDefaults.h"
 
 namespace bigus
 {
@@ -32,7 +32,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     double share;
   };
   std::vector<Gap> gaps;
-  const double widest = 4 * MeasureGeometry(sweep, frames).medianSpacing;
+  const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
     const SlicePlane from = sweep.Plane(frames[k]), to = sweep.Plane(frames[k + 1]);

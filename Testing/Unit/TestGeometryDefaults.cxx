@@ -1,0 +1,103 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What the geometry of a sweep alone asks for.
+#include <gtest/gtest.h>
+
+#include "Core/Training/GeometryDefaults.h"
+#include "Support/Sweeps.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// A sweep of lit frames, planes `spacing` mm apart with pixels of `pixel` mm.
+TrainingPlan PlanFor(double spacing, double pixel, const TrainerOptions& options = {})
+{
+  const auto sweep = test::BlackSweep(20, 16, 16, pixel, spacing);
+  std::fill_n(test::Pixels(*sweep), 20 * sweep->PixelsPerFrame(), 0.5f);
+  return PlanByGeometry(options, *sweep, test::AllFrames(*sweep));
+}
+
+bool Sparse(double spacing, double pixel)
+{
+  SweepGeometry geometry;
+  geometry.medianSpacing = spacing;
+  geometry.pixelSize = pixel;
+  return IsSparse(geometry);
+}
+
+TEST(GeometryDefaults, SparseIsFartherThanABeamAndThanTwoPixels)
+{
+  EXPECT_FALSE(Sparse(0.999, 0.2));
+  EXPECT_TRUE(Sparse(1.001, 0.2));
+  EXPECT_FALSE(Sparse(1.999, 1.0));
+  EXPECT_TRUE(Sparse(2.001, 1.0));
+  EXPECT_FALSE(Sparse(0, 0.2));  // one frame
+}
+
+// Median spacing and pixel size of the sweeps that the defaults were found on, mm, in full and at half resolution.
+TEST(GeometryDefaults, KnownSweepsAreWhatTheyWereFoundToBe)
+{
+  for (const double reduce : {1.0, 2.0})
+  {
+    EXPECT_FALSE(Sparse(0.477, reduce * 0.315)) << "liver";
+    EXPECT_FALSE(Sparse(0.954, reduce * 0.315)) << "liver, half its frames";
+    EXPECT_TRUE(Sparse(1.678, reduce * 0.206)) << "brain";
+    EXPECT_TRUE(Sparse(1.638, reduce * 0.082)) << "spine";
+    EXPECT_FALSE(Sparse(0.5, reduce * 0.2)) << "phantom";
+  }
+}
+
+TEST(GeometryDefaults, SparseSweepsGetAThickBeamAndVirtualPlanes)
+{
+  const TrainingPlan dense = PlanFor(0.9, 0.3), sparse = PlanFor(1.1, 0.3);
+  EXPECT_FALSE(dense.sparse);
+  EXPECT_TRUE(sparse.sparse);
+  EXPECT_EQ(dense.virtualPlanes, 0);
+  EXPECT_EQ(sparse.virtualPlanes, 1);
+  EXPECT_LT(dense.elevationSigma, sparse.elevationSigma);
+  EXPECT_GT(dense.solveIterations, 0);
+  EXPECT_EQ(sparse.solveIterations, 0);
+  EXPECT_EQ(dense.iterations, 200);   // 80 passes over 20 frames, 8 a step
+  EXPECT_EQ(sparse.iterations, 292);  // 60 over 20 frames and 19 planes
+  EXPECT_DOUBLE_EQ(dense.minimumScale, 0.25 * 0.3);
+  EXPECT_DOUBLE_EQ(dense.maximumScale, 48 * 0.3);
+}
+
+TEST(GeometryDefaults, WhatIsGivenStays)
+{
+  TrainerOptions options;
+  options.gaussians = 7;
+  options.elevationSigma = 0.6;
+  options.virtualPlanes = 3;
+  options.iterations = 5;
+  options.solveIterations = 2;
+  options.minimumScale = 0.01;
+  options.interpolation = FrameInterpolation{FrameInterpolation::Path::Probe, true};
+  options.batch = 3;
+  options.frameGains = true;
+  const TrainingPlan plan = PlanFor(1.5, 0.3, options);
+  EXPECT_EQ(plan.gaussians, 7u);
+  EXPECT_EQ(plan.elevationSigma, 0.6);
+  EXPECT_EQ(plan.virtualPlanes, 3);
+  EXPECT_EQ(plan.iterations, 5);
+  EXPECT_EQ(plan.solveIterations, 2);
+  EXPECT_EQ(plan.minimumScale, 0.01);
+  EXPECT_EQ(plan.interpolation.ToString(), "probe+flow");
+  EXPECT_EQ(plan.batch, 3);
+  EXPECT_TRUE(plan.frameGains);
+}
+
+TEST(GeometryDefaults, KeptContrastAsksForThinBeamsAndContrastBetweenFrames)
+{
+  TrainerOptions options;
+  options.keepContrast = true;
+  const TrainingPlan plan = PlanFor(1.5, 0.3, options);
+  EXPECT_EQ(plan.virtualPlanes, 2);
+  EXPECT_TRUE(plan.interpolation.keepContrast);
+  EXPECT_EQ(plan.elevationSigma, PlanFor(0.5, 0.3).elevationSigma);
+}
+
+}  // namespace
+}  // namespace bigus
