@@ -92,6 +92,41 @@ void InsertRuns(const bigus::PixelBand& band, float threshold, vtkImageStencilDa
   }
 }
 
+constexpr int kDefaultDimension = 256;  // pixels along the longest side of a field, where no geometry is given
+constexpr double kLargestIndex = 1e9;   // fits an int; so large an output is refused later
+
+// The grid that default geometry is derived from, mm along the axes of the field's frame.
+struct InputGrid
+{
+  Eigen::Vector3d spacing, origin;
+  int extent[6];
+
+  Eigen::Vector3d Centre() const
+  {
+    Eigen::Vector3d centre;
+    for (int j = 0; j < 3; ++j)
+    {
+      centre[j] = origin[j] + 0.5 * (static_cast<double>(extent[2 * j]) + extent[2 * j + 1]) * spacing[j];
+    }
+    return centre;
+  }
+};
+
+InputGrid GridOf(vtkImageData* image)
+{
+  InputGrid grid;
+  image->GetSpacing(grid.spacing.data());
+  image->GetOrigin(grid.origin.data());
+  image->GetExtent(grid.extent);
+  return grid;
+}
+
+InputGrid GridOf(const bigus::FieldGrid& field)
+{
+  const Eigen::Vector3i last = field.dimensions - Eigen::Vector3i::Ones();
+  return {Eigen::Vector3d::Constant(field.spacing), field.origin, {0, last[0], 0, last[1], 0, last[2]}};
+}
+
 vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
 {
   return vtkImageStencilData::SafeDownCast(vtkDataObject::GetData(outputs, 2));
@@ -293,36 +328,16 @@ void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int exten
   std::copy_n(this->OutputExtent, 6, extent);
   if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
   {
-    Eigen::Vector3d inSpacing, inOrigin;
-    int inExtent[6];
-    if (this->InformationInput)
-    {
-      this->InformationInput->GetSpacing(inSpacing.data());
-      this->InformationInput->GetOrigin(inOrigin.data());
-      this->InformationInput->GetExtent(inExtent);
-    }
-    else
-    {
-      const bigus::FieldGrid grid = bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(), 256);
-      inSpacing.setConstant(grid.spacing);
-      inOrigin = grid.origin;
-      for (int axis = 0; axis < 3; ++axis)
-      {
-        inExtent[2 * axis] = 0;
-        inExtent[2 * axis + 1] = grid.dimensions[axis] - 1;
-      }
-    }
+    const InputGrid in =
+        this->InformationInput
+            ? GridOf(this->InformationInput)
+            : GridOf(bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(), kDefaultDimension));
 
-    // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with
-    // the squares of the direction cosines as weights, and the centre is kept.
+    // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with the squares of
+    // the direction cosines as weights, and the centre is kept.
     const Eigen::Matrix4d axes = this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
     const Eigen::Matrix4d toOutput = axes.inverse();
-    Eigen::Vector3d inCentre;
-    for (int j = 0; j < 3; ++j)
-    {
-      inCentre[j] = inOrigin[j] + 0.5 * (static_cast<double>(inExtent[2 * j]) + inExtent[2 * j + 1]) * inSpacing[j];
-    }
-    const Eigen::Vector4d centre = toOutput * inCentre.homogeneous();
+    const Eigen::Vector4d centre = toOutput * in.Centre().homogeneous();
     if (!centre.allFinite())
     {
       throw bigus::Error(
@@ -336,19 +351,18 @@ void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int exten
       double length = 0, first = 0;
       for (int j = 0; j < 3; ++j)
       {
-        length += weight[j] * (static_cast<double>(inExtent[2 * j + 1]) - inExtent[2 * j]) * std::abs(inSpacing[j]);
-        first += weight[j] * inExtent[2 * j];
+        length += weight[j] * (static_cast<double>(in.extent[2 * j + 1]) - in.extent[2 * j]) * std::abs(in.spacing[j]);
+        first += weight[j] * in.extent[2 * j];
       }
       length /= sum * std::sqrt(sum);
       if (this->ComputeOutputSpacing)
       {
-        spacing[i] = (weight * inSpacing.array().abs()).sum() / sum;
+        spacing[i] = (weight * in.spacing.array().abs()).sum() / sum;
       }
       if (this->ComputeOutputExtent)
       {
-        constexpr double limit = 1e9;  // fits an int; so large an output is refused later
-        extent[2 * i] = vtkMath::Round(std::clamp(first / sum, -limit, limit));
-        extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + std::min(std::abs(length / spacing[i]), limit));
+        extent[2 * i] = vtkMath::Round(std::clamp(first / sum, -kLargestIndex, kLargestIndex));
+        extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + std::min(std::abs(length / spacing[i]), kLargestIndex));
       }
       if (this->ComputeOutputOrigin)
       {

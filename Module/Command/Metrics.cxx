@@ -136,14 +136,13 @@ ExitCode Measure(Console& console, const Options& options)
 void AddMetrics(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app =
-      program.app.add_subcommand("metrics",
-                                 "Compare images, sequences or volumes, frame by frame\n"
-                                 "  bigus metrics again.igs.mha sweep.igs.mha\n"
-                                 "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 "
-                                 "x 11 windows), BFS, the speckle\n"
-                                 "score, and texture: speckle contrast, histogram and power spectrum. These look at B "
-                                 "for what is\nright: give the truth second.");
+  CLI::App* app = program.app.add_subcommand(
+      "metrics",
+      "Compare images, sequences or volumes, frame by frame\n"
+      "  bigus metrics again.igs.mha sweep.igs.mha\n"
+      "Intensities count as [0, 1]. PSNR in dB (none for equal images), SSIM (11 x 11 windows), BFS, the speckle\n"
+      "score, and texture: speckle contrast, histogram and power spectrum. These look at B for what is\n"
+      "right: give the truth second.");
   app->add_option("A", options->image, "Image to judge: .png (grey) .mha .mhd .nrrd or a CSV of poses")
       ->required()
       ->type_name("");

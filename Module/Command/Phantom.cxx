@@ -119,17 +119,18 @@ void AddPhantom(Program& program)
       "phantom",
       "Make a synthetic tracked sweep with known truth\n"
       "  bigus phantom -o sweep.igs.mha --probe convex --frames 80\n"
-      "  bigus phantom -o truth.png --truth plane.csv --size 256 256 --spacing 0.2     (what is really "
-      "there)\n"
-      "World: x right, y down from the skin (depth), z along the sweep, mm. The same options and seed give "
-      "the same\n"
+      "  bigus phantom -o truth.png --truth plane.csv --size 256 256 --spacing 0.2     (what is really there)\n"
+      "World: x right, y down from the skin (depth), z along the sweep, mm. The same options and seed give the same\n"
       "world, so --truth with a sweep's options shows what that sweep's probe would see at other planes.");
   app->add_option("-o,--output", options->output, "Sequence to write: .igs.mha .mha .nrrd, or .png (numbered)")
       ->required()
       ->type_name("OUT");
 
   using Source = vtkBigusPhantomSource;
-  /// A property of the source, of the type of its default `value`.
+// How a property of the source is set, and its default.
+#define PROPERTY(name) &Source::Set##name, source->Get##name()
+
+  /// An option for a property of the source, of the type of its default `value`.
   const auto number = [app, source](const char* name, auto set, auto value, const char* help, double low, double high,
                                     const char* unit, const char* group)
   {
@@ -141,7 +142,7 @@ void AddPhantom(Program& program)
         ->type_name(unit)
         ->group(group);
   };
-  /// A property whose values are counted from 0 in the order of their names.
+  /// An option for a property whose values are counted from 0 in the order of their names.
   const auto choice = [app, source](const char* name, void (Source::*set)(int), const std::vector<std::string>& names,
                                     const char* help, const char* type, const char* group)
   {
@@ -155,12 +156,10 @@ void AddPhantom(Program& program)
   const char* world = "World";
   choice("--scene", &Source::SetScene, {"organ", "speckle", "points"},
          "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE", world);
-  number("--seed", &Source::SetSeed, source->GetSeed(), "Seed of scatterers, hand and tracker; the anatomy stays", 0,
-         18446744073709549568.0, "S", world);
-  number("--scatterers", &Source::SetScattererDensity, source->GetScattererDensity(),
-         "Scatterers per mm^3 of parenchyma", 1, 1000, "N", world);
-  number("--attenuation", &Source::SetAttenuation, source->GetAttenuation(), "One way, in parenchyma, dB / (cm MHz)", 0,
-         3, "DB", world);
+  number("--seed", PROPERTY(Seed), "Seed of scatterers, hand and tracker; the anatomy stays", 0, 18446744073709549568.0,
+         "S", world);
+  number("--scatterers", PROPERTY(ScattererDensity), "Scatterers per mm^3 of parenchyma", 1, 1000, "N", world);
+  number("--attenuation", PROPERTY(Attenuation), "One way, in parenchyma, dB / (cm MHz)", 0, 3, "DB", world);
 
   const char* probe = "Probe and image";
   choice("--probe", &Source::SetProbe, {"linear", "convex", "sector"}, "linear (default), convex or sector", "KIND",
@@ -172,40 +171,31 @@ void AddPhantom(Program& program)
   number(
       "--height", [](Source* s, int height) { s->SetFrameSize(s->GetFrameSize()[0], height); }, size[1],
       "Pixels in depth", 8, 8192, "N", probe);
-  number("--pixel-size", &Source::SetPixelSize, source->GetPixelSize(), "Side of a pixel", 0.01, 5, "MM", probe);
-  number("--probe-radius", &Source::SetProbeRadius, source->GetProbeRadius(),
-         "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM", probe);
-  number("--half-angle", &Source::SetHalfAngle, source->GetHalfAngle(),
-         "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG", probe);
-  number("--frequency", &Source::SetFrequency, source->GetFrequency(), "Of the axial carrier", 0.5, 50, "MHZ", probe);
-  number("--axial-sigma", &Source::SetAxialSigma, source->GetAxialSigma(),
-         "Resolution along the beam, standard deviation", 0.02, 5, "MM", probe);
-  number("--lateral-sigma", &Source::SetLateralSigma, source->GetLateralSigma(), "Resolution across the beam", 0.02, 5,
-         "MM", probe);
-  number("--elevation-sigma", &Source::SetElevationSigma, source->GetElevationSigma(),
-         "Thickness of the beam out of plane", 0.05, 10, "MM", probe);
-  number("--dynamic-range", &Source::SetDynamicRange, source->GetDynamicRange(), "Between black and white", 10, 120,
-         "DB", probe);
-  number("--white-level", &Source::SetWhiteLevel, source->GetWhiteLevel(), "Above parenchyma, shown white", -40, 100,
-         "DB", probe);
+  number("--pixel-size", PROPERTY(PixelSize), "Side of a pixel", 0.01, 5, "MM", probe);
+  number("--probe-radius", PROPERTY(ProbeRadius), "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM",
+         probe);
+  number("--half-angle", PROPERTY(HalfAngle), "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG",
+         probe);
+  number("--frequency", PROPERTY(Frequency), "Of the axial carrier", 0.5, 50, "MHZ", probe);
+  number("--axial-sigma", PROPERTY(AxialSigma), "Resolution along the beam, standard deviation", 0.02, 5, "MM", probe);
+  number("--lateral-sigma", PROPERTY(LateralSigma), "Resolution across the beam", 0.02, 5, "MM", probe);
+  number("--elevation-sigma", PROPERTY(ElevationSigma), "Thickness of the beam out of plane", 0.05, 10, "MM", probe);
+  number("--dynamic-range", PROPERTY(DynamicRange), "Between black and white", 10, 120, "DB", probe);
+  number("--white-level", PROPERTY(WhiteLevel), "Above parenchyma, shown white", -40, 100, "DB", probe);
 
   const char* hand = "Trajectory and tracking";
-  number("--frames", &Source::SetNumberOfFrames, source->GetNumberOfFrames(), "Frames of the sweep", 1, 100000, "N",
+  number("--frames", PROPERTY(NumberOfFrames), "Frames of the sweep", 1, 100000, "N", hand);
+  number("--frame-spacing", PROPERTY(FrameSpacing), "Mean travel between frames", 0, 20, "MM", hand);
+  number("--speed-variation", PROPERTY(SpeedVariation), "Share by which the spacing varies", 0, 0.95, "SHARE", hand);
+  number("--tilt", PROPERTY(Tilt), "Bound of the probe's three angles", 0, 45, "DEG", hand);
+  number("--wander", PROPERTY(Wander), "Bound of motion sideways and in depth", 0, 20, "MM", hand);
+  number("--sweep-angle", PROPERTY(SweepAngle), "Turns the whole sweep about the depth axis", -360, 360, "DEG", hand);
+  number("--frame-rate", PROPERTY(FrameRate), "Frames a second", 0.1, 10000, "HZ", hand);
+  number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM", hand);
+  number("--rotation-noise", PROPERTY(TrackingRotationNoise), "Standard deviation of recorded angles", 0, 20, "DEG",
          hand);
-  number("--frame-spacing", &Source::SetFrameSpacing, source->GetFrameSpacing(), "Mean travel between frames", 0, 20,
-         "MM", hand);
-  number("--speed-variation", &Source::SetSpeedVariation, source->GetSpeedVariation(),
-         "Share by which the spacing varies", 0, 0.95, "SHARE", hand);
-  number("--tilt", &Source::SetTilt, source->GetTilt(), "Bound of the probe's three angles", 0, 45, "DEG", hand);
-  number("--wander", &Source::SetWander, source->GetWander(), "Bound of motion sideways and in depth", 0, 20, "MM",
-         hand);
-  number("--sweep-angle", &Source::SetSweepAngle, source->GetSweepAngle(), "Turns the whole sweep about the depth axis",
-         -360, 360, "DEG", hand);
-  number("--frame-rate", &Source::SetFrameRate, source->GetFrameRate(), "Frames a second", 0.1, 10000, "HZ", hand);
-  number("--tracking-noise", &Source::SetTrackingNoise, source->GetTrackingNoise(),
-         "Standard deviation of recorded positions", 0, 10, "MM", hand);
-  number("--rotation-noise", &Source::SetTrackingRotationNoise, source->GetTrackingRotationNoise(),
-         "Standard deviation of recorded angles", 0, 20, "DEG", hand);
+#undef PROPERTY
+
   app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
       ->group(hand);
 

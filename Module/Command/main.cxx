@@ -41,8 +41,7 @@ const char* const description =
     "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
     "  bigus bench --quick                                             how fast and exact it is here\n"
     "\n"
-    "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference "
-    "frame;\n"
+    "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
     "intensities lie in [0, 1].";
 
 const char* const footer =
