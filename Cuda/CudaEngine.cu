@@ -15,9 +15,10 @@
 
 #include "Backward.h"
 #include "Core/Engine/BlockField.h"
-#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/Checks.h"
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Engine/MortonOrder.h"
+#include "Core/Numerics/ConjugateGradients.h"
 #include "CudaEngine.h"
 #include "Spectrum.h"
 #include "Vector.h"

@@ -7,7 +7,6 @@
 // every run; each pixel is written once.
 #pragma once
 
-#include "Core/Engine/EngineDetail.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/PixelLoss.h"
 #include "Splats.h"

@@ -15,7 +15,7 @@
 #include <iostream>
 
 #include "Core/Engine/Engine.h"
-#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/Packing.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/TransferFunction.h"
 #include "Support/CentralDifferences.h"

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/Packing.h"
 #include "Support/Fields.h"
 
 namespace

@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/Checks.h"
 #include "Core/Model/Error.h"
 
 namespace bigus

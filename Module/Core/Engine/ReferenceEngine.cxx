@@ -8,11 +8,13 @@
 #include <cmath>
 #include <optional>
 
+#include "Core/Engine/Checks.h"
 #include "Core/Engine/Engine.h"
-#include "Core/Engine/EngineDetail.h"
 #include "Core/Engine/ImageLoss.h"
+#include "Core/Engine/Packing.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/PixelLoss.h"
+#include "Core/Numerics/ConjugateGradients.h"
 
 namespace bigus
 {

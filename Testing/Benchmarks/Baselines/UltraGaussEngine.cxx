@@ -10,8 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "Core/Engine/EngineDetail.h"
+#include "Core/Engine/Checks.h"
 #include "Core/Engine/ImageLoss.h"
+#include "Core/Engine/Packing.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/PixelLoss.h"
 #include "Core/Model/Error.h"

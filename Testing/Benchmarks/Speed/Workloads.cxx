@@ -13,8 +13,8 @@
 #include <unordered_set>
 
 #include "Core/Engine/Cpu/CpuKernels.h"
-#include "Core/Engine/EngineDetail.h"
 #include "Core/Engine/MortonOrder.h"
+#include "Core/Engine/Packing.h"
 
 namespace bigus::bench
 {

@@ -21,15 +21,16 @@
 #include <utility>
 
 #include "Core/Engine/BlockField.h"
+#include "Core/Engine/Checks.h"
 #include "Core/Engine/Cpu/CpuField.h"
 #include "Core/Engine/Cpu/CpuKernels.h"
 #include "Core/Engine/Cpu/FlushDenormals.h"
 #include "Core/Engine/Cpu/VisibleSplats.h"
 #include "Core/Engine/Engine.h"
-#include "Core/Engine/EngineDetail.h"
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/Truncation.h"
+#include "Core/Numerics/ConjugateGradients.h"
 
 namespace bigus
 {

@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What every engine needs between the public nouns and its kernels. Private to Core and Cuda.
+// A field, a plane and a gradient as the formulas take them, one Gaussian at a time; BlockField.h has them in blocks.
+// Private to Core.
 #pragma once
 
 #include <Eigen/Dense>
-#include <cmath>
-#include <cstdint>
-#include <optional>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -15,7 +14,6 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
-#include "Core/Model/Sweep.h"
 
 namespace bigus
 {
@@ -148,129 +146,6 @@ std::vector<State> InheritState(const std::vector<State>& old, std::size_t size,
     }
   }
   return state;
-}
-
-/// 1 where a pixel has a part in the loss, else 0; empty when all have.
-inline std::vector<std::uint8_t> CountedPixels(const Sweep& sweep)
-{
-  std::vector<std::uint8_t> counted(sweep.mask ? sweep.PixelsPerFrame() : 0);
-  for (std::size_t pixel = 0; pixel < counted.size(); ++pixel)
-  {
-    counted[pixel] = sweep.IsLit(pixel);
-  }
-  return counted;
-}
-
-inline void CheckFrames(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames)
-{
-  if (!sweep)
-  {
-    throw Error("Engine: no frames were uploaded; call SetFrames first.");
-  }
-  if (frames.empty())
-  {
-    throw Error("Engine: the batch holds no frame.");
-  }
-  for (int frame : frames)
-  {
-    if (frame < 0 || frame >= sweep->NumberOfFrames())
-    {
-      throw Error("Engine: frame " + std::to_string(frame) + " is not one of the " +
-                  std::to_string(sweep->NumberOfFrames()) + " frames of the sweep.");
-    }
-  }
-}
-
-inline void CheckWindow(const SlicePlane& plane, int firstColumn, int firstRow, int columns, int rows)
-{
-  if (firstColumn < 0 || firstRow < 0 || columns < 0 || rows < 0 || columns > plane.width - firstColumn ||
-      rows > plane.height - firstRow)
-  {
-    throw Error("Engine: the window of " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels at (" +
-                std::to_string(firstColumn) + ", " + std::to_string(firstRow) + ") does not lie inside the plane of " +
-                std::to_string(plane.width) + " x " + std::to_string(plane.height) + ".");
-  }
-}
-
-inline void CheckStack(const std::vector<SlicePlane>& planes)
-{
-  for (const SlicePlane& plane : planes)
-  {
-    if (plane.width != planes[0].width || plane.height != planes[0].height)
-    {
-      throw Error("Engine: a stack of planes of " + std::to_string(planes[0].width) + " x " +
-                  std::to_string(planes[0].height) + " and of " + std::to_string(plane.width) + " x " +
-                  std::to_string(plane.height) + " pixels; render planes of one size together.");
-    }
-  }
-}
-
-// What ConjugateGradients asks of vectors, here those of the host. Sums are serial: the same order for any number
-// of threads.
-
-template <class Real>
-double Dot(const std::vector<Real>& p, const std::vector<Real>& q)
-{
-  double sum = 0;
-  for (std::size_t i = 0; i < p.size(); ++i)
-  {
-    sum += static_cast<double>(p[i]) * q[i];
-  }
-  return sum;
-}
-
-/// y <- y + alpha x
-template <class Real>
-void AddScaled(std::vector<Real>& y, double alpha, const std::vector<Real>& x)
-{
-  for (std::size_t i = 0; i < y.size(); ++i)
-  {
-    y[i] += static_cast<Real>(alpha * x[i]);
-  }
-}
-
-/// y <- x + beta y
-template <class Real>
-void ScaleAndAdd(std::vector<Real>& y, double beta, const std::vector<Real>& x)
-{
-  for (std::size_t i = 0; i < y.size(); ++i)
-  {
-    y[i] = x[i] + static_cast<Real>(beta * y[i]);
-  }
-}
-
-/// Reduces the squared weighted residual sum_p (1 - I_gt)^2 (S - S_gt)^2 by conjugate gradients on its normal
-/// equations. `product(x, target)` returns sum_p omega w_i (sum_j w_j x_j - [target] S_gt) for every i: a
-/// forward and a zeroth-moment backward pass, as std::optional; nothing means: stop here. Returns |gradient| at
-/// the end over |gradient| at the start.
-template <class Vector, class Product>
-double ConjugateGradients(Vector& x, int iterations, Product&& product)
-{
-  const std::optional<Vector> gradient = product(x, true);
-  if (!gradient)
-  {
-    return 1.0;
-  }
-  // The gradient g falls by alpha A d where x falls by alpha d; d are the directions, made of gradients.
-  Vector g = *gradient, direction = *gradient;
-  const double start = Dot(g, g);
-  double now = start;
-  for (int iteration = 0; iteration < iterations && now > 0; ++iteration)
-  {
-    const std::optional<Vector> image = product(direction, false);
-    const double curvature = image ? Dot(direction, *image) : 0.0;
-    if (!(curvature > 0))
-    {
-      break;
-    }
-    const double alpha = now / curvature;
-    AddScaled(x, -alpha, direction);
-    AddScaled(g, -alpha, *image);
-    const double next = Dot(g, g);
-    ScaleAndAdd(direction, next / now, g);
-    now = next;
-  }
-  return start > 0 ? std::sqrt(now / start) : 0.0;
 }
 
 }  // namespace bigus

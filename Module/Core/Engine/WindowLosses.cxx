@@ -1,0 +1,247 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Engine/WindowLosses.h"
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <string>
+
+#include "Core/Engine/RowRanges.h"
+#include "Core/Formula/WindowLoss.h"
+#include "Core/Model/Error.h"
+#include "Core/Numerics/Statistics.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr int kMargin = ssimTaps - 1;  // so many fewer windows than pixels along an axis
+
+/// SSIM's kernel from its centre outwards.
+template <class Real>
+std::array<Real, ssimRadius + 1> HalfKernel()
+{
+  const std::array<double, ssimTaps> kernel = SsimKernel();
+  std::array<Real, ssimRadius + 1> half;
+  for (int t = 0; t <= ssimRadius; ++t)
+  {
+    half[t] = static_cast<Real>(kernel[ssimRadius + t]);
+  }
+  return half;
+}
+
+/// out[x] = sum_t kernel[t] in[x + t step] for x in [0, count): along a row with step 1, down the columns
+/// with the rows' distance.
+template <class Real>
+void Filter(const std::array<Real, ssimRadius + 1>& k, const Real* in, std::size_t step, std::size_t count,
+            Real* __restrict out)
+{
+  const Real* c = in + ssimRadius * step;
+  for (std::size_t x = 0; x < count; ++x)
+  {
+    out[x] = k[0] * c[x] + k[1] * (c[x - step] + c[x + step]) + k[2] * (c[x - 2 * step] + c[x + 2 * step]) +
+             k[3] * (c[x - 3 * step] + c[x + 3 * step]) + k[4] * (c[x - 4 * step] + c[x + 4 * step]) +
+             k[5] * (c[x - 5 * step] + c[x + 5 * step]);
+  }
+}
+
+/// One row of windows: their weighted means of x, y, x^2, y^2 and xy, and room for what follows from them.
+template <class Real>
+struct WindowRow
+{
+  std::vector<Real> means[5];
+  std::vector<Real> share;     // of the whole loss; 0 where a window does not count
+  std::vector<Real> value;     // share * loss
+  std::vector<Real> slope[3];  // dL/d means[0], [2] and [4]
+};
+
+/// term(weight, x, y, xx, yy, xy, loss) of every window of a row.
+template <class Real, class Term>
+void AddTerm(Real weight, int count, WindowRow<Real>& row, Term&& term)
+{
+  const Real *x = row.means[0].data(), *y = row.means[1].data(), *xx = row.means[2].data(), *yy = row.means[3].data(),
+             *xy = row.means[4].data(), *share = row.share.data();
+  Real* __restrict value = row.value.data();
+  Real* __restrict p = row.slope[0].data();
+  Real* __restrict q = row.slope[1].data();
+  Real* __restrict r = row.slope[2].data();
+  for (int i = 0; i < count; ++i)
+  {
+    WindowLoss<Real> loss{value[i], p[i], q[i], r[i]};
+    term(weight * share[i], x[i], y[i], xx[i], yy[i], xy[i], loss);
+    value[i] = loss.value;
+    p[i] = loss.slopeX;
+    q[i] = loss.slopeXX;
+    r[i] = loss.slopeXY;
+  }
+}
+
+}  // namespace
+
+WindowLosses::WindowLosses(int width, int height, const std::vector<std::uint8_t>& counted)
+    : width_(width), height_(height)
+{
+  const std::size_t w = width, h = height;
+  if (width < ssimTaps || height < ssimTaps)
+  {
+    return;
+  }
+  if (std::count(counted.begin(), counted.end(), 0) == 0)
+  {
+    countedWindows_ = (w - kMargin) * (h - kMargin);
+    return;
+  }
+  // A window counts when the last ssimTaps rows all have ssimTaps counted pixels in a row.
+  windows_.assign((w - kMargin) * (h - kMargin), 0);
+  std::vector<int> above(w, 0);
+  for (std::size_t y = 0; y < h; ++y)
+  {
+    int run = 0;
+    for (std::size_t x = 0; x < w; ++x)
+    {
+      run = counted[y * w + x] ? run + 1 : 0;
+      above[x] = run >= ssimTaps ? above[x] + 1 : 0;
+      if (above[x] >= ssimTaps)
+      {
+        windows_[(y - kMargin) * (w - kMargin) + x - kMargin] = 1;
+        ++countedWindows_;
+      }
+    }
+  }
+}
+
+void WindowLosses::Check(const Loss& loss) const
+{
+  if ((loss.dssim == 0 && loss.contrast == 0) || countedWindows_ > 0)
+  {
+    return;
+  }
+  const std::string size = std::to_string(width_) + " x " + std::to_string(height_);
+  throw Error(width_ < ssimTaps || height_ < ssimTaps
+                  ? "Loss: frames of " + size +
+                        " pixels are smaller than one window of 11 x 11, which dssim and contrast need."
+                  : "Loss: no window of 11 x 11 pixels of the frames (" + size +
+                        ") is wholly lit, as dssim and contrast need; count masked pixels or leave these "
+                        "terms out.");
+}
+
+template <class Real>
+double WindowLosses::Evaluate(const Loss& loss, double weight, const Real* image, const Real* truth, std::size_t stride,
+                              Real* derivative) const
+{
+  const std::size_t width = width_, height = height_, across = width - kMargin, down = height - kMargin;
+  const auto kernel = HalfKernel<Real>();
+
+  // Along the rows ...
+  const std::unique_ptr<Real[]> filtered(new Real[5 * height * across]);
+  const auto means = [&](int k, std::size_t y) { return filtered.get() + (k * height + y) * across; };
+  ForRanges(height_,
+            [&](int begin, int end)
+            {
+              std::vector<Real> products[3];
+              for (std::vector<Real>& product : products)
+              {
+                product.resize(width);
+              }
+              for (int y = begin; y < end; ++y)
+              {
+                const Real *a = image + y * stride, *b = truth + y * stride;
+                for (std::size_t x = 0; x < width; ++x)
+                {
+                  products[0][x] = a[x] * a[x];
+                  products[1][x] = b[x] * b[x];
+                  products[2][x] = a[x] * b[x];
+                }
+                Filter(kernel, a, 1, across, means(0, y));
+                Filter(kernel, b, 1, across, means(1, y));
+                for (int k = 0; k < 3; ++k)
+                {
+                  Filter(kernel, products[k].data(), 1, across, means(2 + k, y));
+                }
+              }
+            });
+
+  // ... and down the columns: the windows, their loss and its slopes. These get a margin of zeros on all
+  // sides, for the way back.
+  const std::size_t wide = across + 2 * kMargin, tall = down + 2 * kMargin;
+  const std::unique_ptr<Real[]> slopes(new Real[3 * tall * wide]());
+  const auto slope = [&](int k, std::size_t y) { return slopes.get() + (k * tall + y) * wide; };
+  std::vector<double> sums(down);
+  ForRanges(static_cast<int>(down),
+            [&](int begin, int end)
+            {
+              WindowRow<Real> row;
+              for (std::vector<Real>& mean : row.means)
+              {
+                mean.resize(across);
+              }
+              const Real share = static_cast<Real>(weight / static_cast<double>(countedWindows_));
+              row.share.assign(across, share);
+              for (int y = begin; y < end; ++y)
+              {
+                for (int k = 0; k < 5; ++k)
+                {
+                  Filter(kernel, means(k, y), across, across, row.means[k].data());
+                }
+                for (std::size_t x = 0; x < (windows_.empty() ? 0 : across); ++x)
+                {
+                  row.share[x] = windows_[y * across + x] ? share : Real(0);
+                }
+                row.value.assign(across, Real(0));
+                for (std::vector<Real>& values : row.slope)
+                {
+                  values.assign(across, Real(0));
+                }
+                if (loss.dssim > 0)
+                {
+                  AddTerm(static_cast<Real>(loss.dssim), static_cast<int>(across), row,
+                          [](Real w, Real x, Real y, Real xx, Real yy, Real xy, WindowLoss<Real>& out)
+                          { AddDssim(w, x, y, xx, yy, xy, out); });
+                }
+                if (loss.contrast > 0)
+                {
+                  AddTerm(static_cast<Real>(loss.contrast), static_cast<int>(across), row,
+                          [](Real w, Real x, Real y, Real xx, Real yy, Real, WindowLoss<Real>& out)
+                          { AddContrast(w, x, y, xx, yy, out); });
+                }
+                sums[y] = SumInOrder(row.value);
+                for (int k = 0; k < 3; ++k)
+                {
+                  std::copy(row.slope[k].begin(), row.slope[k].end(), slope(k, y + kMargin) + kMargin);
+                }
+              }
+            });
+
+  // Every pixel from the windows it lies in: dL/dx = sum_windows kernel (dL/dmx + 2 x dL/dmxx + y dL/dmxy).
+  ForRanges(height_,
+            [&](int begin, int end)
+            {
+              std::vector<Real> column(wide), result[3];
+              for (std::vector<Real>& values : result)
+              {
+                values.resize(width);
+              }
+              for (int y = begin; y < end; ++y)
+              {
+                for (int k = 0; k < 3; ++k)
+                {
+                  Filter(kernel, slope(k, y), wide, wide, column.data());
+                  Filter(kernel, column.data(), 1, width, result[k].data());
+                }
+                const Real *a = image + y * stride, *b = truth + y * stride;
+                Real* out = derivative + y * stride;
+                for (std::size_t x = 0; x < width; ++x)
+                {
+                  out[x] += result[0][x] + 2 * a[x] * result[1][x] + b[x] * result[2][x];
+                }
+              }
+            });
+  return SumInOrder(sums);
+}
+
+template double WindowLosses::Evaluate(const Loss&, double, const float*, const float*, std::size_t, float*) const;
+template double WindowLosses::Evaluate(const Loss&, double, const double*, const double*, std::size_t, double*) const;
+
+}  // namespace bigus
