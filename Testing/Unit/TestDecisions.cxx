@@ -257,8 +257,8 @@ TEST(Decisions, AFieldToContinueWasDecidedOn)
   EXPECT_TRUE(second.decisions.empty());
 }
 
-// Trials that differ in what follows share what they start from, which a training must leave as it is: the same field as
-// from seeds of its own, positive or signed.
+// A start may serve several trainings, which must leave it as it is: the same field as from seeds of its own, positive
+// or signed.
 TEST(Decisions, ATrainingFromASharedStartIsTheSame)
 {
   const std::vector<int> frames = {0, 1, 2, 4, 5, 6};
@@ -359,8 +359,8 @@ TEST(Decisions, UnsurePosesAskForAThickBeam)
   EXPECT_GT(PsnrOn(open.field, *rough, open.heldOutFrames), PsnrOn(thin.field, *rough, thin.heldOutFrames));
 }
 
-// Every decision is made on frames that the score does not see. On each it may be wrong by chance by as much as a choice
-// must gain at the least; four are made.
+// Decisions are made on other frames than those scored here. Each may be wrong by chance by as much as a choice must
+// gain at the least.
 TEST(Decisions, AreNotWorseThanGeometryOnFramesHeldOut)
 {
   struct Scene

@@ -9,10 +9,10 @@
 namespace bigus
 {
 
-// ------------------------------------------------------------------------------------------------ what a trial is
+// ---- what a trial is ----
 
-/// Frames to train on, below which nothing is compared: of 8 frames 6 are trained on and 2 validate. With fewer there is
-/// hardly a sweep, or one validation frame and no standard error.
+/// Frames to train on, below which nothing is compared: of 8 frames 6 are trained on and 2 validate. With fewer there
+/// is hardly a sweep, or one validation frame and no standard error.
 constexpr std::size_t kFewestFrames = 8;
 
 /// Frames that trials look at. They lie in the middle of the sweep, because its ends show least. With 8 of them for
@@ -22,8 +22,8 @@ constexpr std::size_t kTrialFrames = 32;
 /// One in this many of them validates.
 constexpr int kValidationEvery = 4;
 
-/// Pixels of a trial's frame; the sides of larger ones are divided by a whole number, the liver sweep's by 3. A trial with
-/// this many takes some two seconds of 16 cores.
+/// Pixels of a trial's frame; the sides of larger ones are divided by a whole number, the liver sweep's by 3. A trial
+/// with this many takes some two seconds of 16 cores.
 constexpr double kTrialPixels = 8e4;
 
 /// Passes of a trial over its frames and virtual planes. A full training takes 60 to 80.
@@ -36,39 +36,40 @@ constexpr int kFewestTrialSteps = 40;
 /// liver sweep 10 passes gave +0.00 dB to 676,000 instead of 338,000, and 40 passes gave +0.2 dB, as the full training.
 constexpr double kLongTrialPasses = 40;
 
-/// The largest share of a sweep's frames that a trial of kLongTrialPasses may look at: with more of them, deciding would
-/// take longer than training.
+/// The largest share of a sweep's frames that a trial of kLongTrialPasses may look at: with more of them, deciding
+/// would take longer than training.
 constexpr double kLongTrialShare = 0.5;
 
 /// dB that a frame of a trial can reach: 8-bit frames have no more to say, and a frame met exactly must not make a mean
 /// infinite.
 constexpr double kMostPsnr = 100;
 
-// ------------------------------------------------------------------------------------------------ when a choice is taken
+// ------------------------------------------------------------------------------------------------ when a choice is
+// taken
 
 /// dB that something costly or unusual must gain: most of the published gains below it are smaller than their standard
 /// error, so they say nothing.
 constexpr double kLeastGain = 0.03;
 
-/// Standard errors of the gain that it must gain as well. Half a one, and not two: both choices are sound, so a wrong one
-/// costs little, while the few validation frames leave a large standard error.
+/// Standard errors of the gain that it must gain as well. Half a one, and not two: both choices are sound, so a wrong
+/// one costs little, while the few validation frames leave a large standard error.
 constexpr double kLeastStandardErrors = 0.5;
 
 /// dB that the probe's path may lose in a trial, with one standard error to its disadvantage. It is tried only where it
 /// predicts frames better, which is evidence of its own: on the liver sweep 1.9 dB, where trials say -0.01 to +0.09 dB.
 constexpr double kPathMayLose = 0.05;
 
-/// dB by which the path of the probe predicts frames better than their poses do, from which poses count as off. Phantoms
-/// tracked to 0.3 and 0.5 mm show 1.2 to 2.8 dB, phantoms tracked to 0.1 mm 0.0 to 0.2 dB, the brain, spine and liver
-/// sweeps -0.5, 0.5 and 1.9 dB (E2, E9).
+/// dB by which the path of the probe predicts frames better than their poses do, from which poses count as off.
+/// Phantoms tracked to 0.3 and 0.5 mm show 1.2 to 2.8 dB, phantoms tracked to 0.1 mm 0.0 to 0.2 dB, the brain, spine
+/// and liver sweeps -0.5, 0.5 and 1.9 dB (E2, E9).
 constexpr double kPosesOff = 1.0;
 
 /// The most virtual planes tried in a gap. Of 25 published trainings 23 chose 2 and 2 chose 1. The second gained 0.0 to
 /// 1.2 dB where the first had gained 0.5 to 2.2, and each makes training longer by the number of gaps.
 constexpr int kMostVirtualPlanes = 2;
 
-/// dB that half the Gaussians may lose and still be taken. A trial is too short to show all that a Gaussian is worth, so
-/// fewer must lose next to nothing.
+/// dB that half the Gaussians may lose and still be taken. A trial is too short to show all that a Gaussian is worth,
+/// so fewer must lose next to nothing.
 constexpr double kFewerMayLose = 0.02;
 
 /// Gaussians below which no half is tried: they take no time any more.

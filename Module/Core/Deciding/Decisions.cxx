@@ -79,8 +79,8 @@ bool Try(State& state, const TrainingPlan& candidate, const std::string& label, 
   return true;
 }
 
-/// With flow or without, for each path. Which path is left to DecidePath: one that follows the probe is scored here where
-/// its own path leads, while slices are asked for at tracked poses.
+/// With flow or without, for each path. Which path is left to DecidePath: one that follows the probe is scored here
+/// where its own path leads, while slices are asked for at tracked poses.
 Prediction PredictFrames(Trials& trials, bool keepContrast)
 {
   const Stopwatch watch;
@@ -150,10 +150,10 @@ Decision DecidePath(State& state)
               state.prediction.seconds + watch.Seconds());
 }
 
-/// A beam twice as thick as geometry suggests helps where sweeps cross: planes seen from two sides tell how thick it is.
-/// There is one such step, because validation frames widen the gaps of trials, and wider gaps ask for ever thicker beams.
-/// Where tracked poses are off, frames contradict each other and only a blurred picture can be known. A beam much thicker
-/// than the probe's gives such a picture, so there 4 and 8 times need only not lose.
+/// A beam twice as thick as geometry suggests helps where sweeps cross: planes seen from two sides tell how thick it
+/// is. There is one such step, because validation frames widen the gaps of trials, and wider gaps ask for ever thicker
+/// beams. Where tracked poses are off, frames contradict each other and only a blurred picture can be known. A beam
+/// much thicker than the probe's gives such a picture, so there 4 and 8 times need only not lose.
 Decision DecideBeam(State& state)
 {
   const auto choice = [&state] { return Format("%.3g mm", state.plan.elevationSigma); };

@@ -15,10 +15,10 @@
 namespace bigus
 {
 
-/// Improves `plan`, which is PlanByGeometry's for these frames, where `asked` leaves a choice open: virtual planes, their
-/// interpolation, the beam and the number of Gaussians, in this order. Returns a record of each. Short trainings on a part
-/// of the frames are compared on others of them (Trials.h) by the rules of DecisionRules.h. With fewer than kFewestFrames
-/// frames the plan stays as it is. When `progress` returns false the choices made so far stand.
+/// Improves `plan`, which is PlanByGeometry's for these frames, where `asked` leaves a choice open: virtual planes,
+/// their interpolation, the beam and the number of Gaussians, in this order. Returns a record of each. Short trainings
+/// on a part of the frames are compared on others of them (Trials.h) by the rules of DecisionRules.h. With fewer than
+/// kFewestFrames frames the plan stays as it is. When `progress` returns false the choices made so far stand.
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
                              TrainingPlan& plan, const ProgressCallback& progress);
 

@@ -29,8 +29,8 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
   if (frames.size() < 2)
   {
     throw Error(
-        "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field that exists "
-        "already can be continued with one.)");
+        "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field that "
+        "exists already can be continued with one.)");
   }
   std::vector<float> image(sweep.PixelsPerFrame());
   sweep.CopyFrame(frames[0], image.data());

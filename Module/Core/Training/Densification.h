@@ -13,8 +13,8 @@
 namespace bigus
 {
 
-/// Off by default: on held-out frames it gains -0.00 dB on the brain sweep and +0.09 dB on a phantom (Testing/Benchmarks,
-/// E3).
+/// Off by default: on held-out frames it gains -0.00 dB on the brain sweep and +0.09 dB on a phantom
+/// (Testing/Benchmarks, E3).
 struct DensificationOptions
 {
   int interval = 0;        ///< iterations between restructurings; 0 = never
@@ -31,10 +31,10 @@ struct Restructured
 
 /// One restructuring of `field` by the scores gathered since the last; pixelSize in mm. Gaussians that no frame saw
 /// (inactive) or whose |r| is negligible are pruned. Of the rest, those whose error score per frame lies above the
-/// percentile are densified, worst first, until the cap. One larger than two pixels is split in two along its axis nearest
-/// to the descent direction, keeping mass and covariance. A smaller one is cloned, the clone a quarter of a standard
-/// deviation down the descent direction; each of the pair has half of r. Children of a split and clones start with a
-/// fresh optimizer state. Nothing is random.
+/// percentile are densified, worst first, until the cap. One larger than two pixels is split in two along its axis
+/// nearest to the descent direction, keeping mass and covariance. A smaller one is cloned, the clone a quarter of a
+/// standard deviation down the descent direction; each of the pair has half of r. Children of a split and clones start
+/// with a fresh optimizer state. Nothing is random.
 Restructured Densify(const GaussianField& field, const Engine::Scores& scores, double pixelSize,
                      const DensificationOptions& options);
 

@@ -93,8 +93,8 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
   }
 }
 
-/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by kPriorOnGain. The mean gain and
-/// offset of all frames stay 1 and 0, since they belong to the scene.
+/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by kPriorOnGain. The mean gain
+/// and offset of all frames stay 1 and 0, since they belong to the scene.
 void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* pixels)
 {
   const std::size_t size = poses.PixelsPerFrame();

@@ -29,8 +29,8 @@ constexpr double kMostContrast = 4;   // gain that keeps contrast; two frames wi
 constexpr double kLeastNormal = 0.5;  // length of the sum of two normals, below which frames face opposite ways
 constexpr std::size_t kScored = 12;   // frames that a score looks at
 
-// Farneback's optical flow, in pictures no wider than kFlowColumns, because flow is smooth, and blurred, because speckle
-// is noise to it. The polynomial's size and width are the pair that OpenCV recommends.
+// Farneback's optical flow, in pictures no wider than kFlowColumns, because flow is smooth, and blurred, because
+// speckle is noise to it. The polynomial's size and width are the pair that OpenCV recommends.
 constexpr int kFlowColumns = 320, kFlowBlurSize = 5;
 constexpr double kFlowBlur = 1.0;     // pixels
 constexpr double kFlowPyramid = 0.5;  // a level of the pyramid over the one before
@@ -202,13 +202,14 @@ cv::Mat LocalMean(const cv::Mat& a, const cv::Mat& b)
   return mean;
 }
 
-/// The mix of both pictures, band by band. The best linear estimate from two values of equal deviation and correlation rho,
-/// which correlate with the truth by p and q, has the weights
+/// The mix of both pictures, band by band. The best linear estimate from two values of equal deviation and correlation
+/// rho, which correlate with the truth by p and q, has the weights
 ///
 ///   (p - rho q) / (1 - rho^2)   and   (q - rho p) / (1 - rho^2).
 ///
-/// To keep contrast, `recorded` are the two frames as they were recorded. Then bands are mixed by the shares 1 - s and s and
-/// get the power that recorded bands have around the same pixel, because sampling between pixels and mixing take from it.
+/// To keep contrast, `recorded` are the two frames as they were recorded. Then bands are mixed by the shares 1 - s and
+/// s and get the power that recorded bands have around the same pixel, because sampling between pixels and mixing take
+/// from it.
 cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
 {
   cv::Mat first = pair.first, second = pair.second, mix = cv::Mat::zeros(first.size(), CV_32F);

@@ -31,11 +31,11 @@ constexpr float kPerIntensity = 0.3f, kDark = 0.025f;
 constexpr double kCellsPerSeed = 12.0;
 constexpr int kLargestBlock = 16;  // pixels: no coarser, however few the seeds
 
-/// Error diffusion: what a cell owes goes to its neighbour in the row, to the next row, and the rest to the next frame, in
-/// about equal parts, since the grid has three dimensions.
+/// Error diffusion: what a cell owes goes to its neighbour in the row, to the next row, and the rest to the next frame,
+/// in about equal parts, since the grid has three dimensions.
 constexpr double kToSide = 0.35, kBelow = 0.3;
-/// It rounds up at 0.7 less a random number below 0.4, 0.5 on average: a threshold that wavers breaks up the regular worms
-/// of plain error diffusion.
+/// It rounds up at 0.7 less a random number below 0.4, 0.5 on average: a threshold that wavers breaks up the regular
+/// worms of plain error diffusion.
 constexpr double kRounding = 0.3, kWaver = 0.4;
 
 /// Median gaps that a seed's own gap counts at the least: where the hand stood still seeds would be flat.
@@ -141,8 +141,8 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   return grid;
 }
 
-/// Turns expected numbers of seeds in a cell into counts whose local sums stay close to expectation, by error diffusion, in
-/// alternating direction along rows. This makes seeds evenly spread (blue noise).
+/// Turns expected numbers of seeds in a cell into counts whose local sums stay close to expectation, by error
+/// diffusion, in alternating direction along rows. This makes seeds evenly spread (blue noise).
 std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass, std::mt19937_64& random)
 {
   const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;

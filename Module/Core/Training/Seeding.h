@@ -28,8 +28,8 @@ struct SeedingOptions
   bool sparse = false;  ///< planes lie so far apart (IsSparse) that seeds should not reach their neighbours
 };
 
-/// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function at the seed;
-/// gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
+/// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function at the
+/// seed; gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options);
 
 }  // namespace bigus

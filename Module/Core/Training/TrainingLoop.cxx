@@ -126,8 +126,8 @@ void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<i
   }
 }
 
-/// Passes over the frames beyond which the rates fall with the root of their number: see Decay. On a volume of 64 slices
-/// no such fall gives 0.8 dB less after 2500 passes, and 100 instead of 300 gives 0.25 dB less after 125.
+/// Passes over the frames beyond which the rates fall with the root of their number: see Decay. On a volume of 64
+/// slices no such fall gives 0.8 dB less after 2500 passes, and 100 instead of 300 gives 0.25 dB less after 125.
 constexpr double kSettledPasses = 300;
 
 /// When frames' gains and poses are found, as fractions of training: once the field says more than one frame does, and

@@ -12,10 +12,10 @@
 namespace bigus
 {
 
-/// A sweep of `frames` (in that order) followed by `perGap` planes evenly spaced in every gap between neighbours. A virtual
-/// plane's pose is interpolated between its neighbours' and its pixels are guessed from them. Gaps wider than four times the
-/// median are breaks in the sweep and get none. Pixels of the result are of the sweep's type, its mask is the sweep's.
-/// perGap >= 1.
+/// A sweep of `frames` (in that order) followed by `perGap` planes evenly spaced in every gap between neighbours. A
+/// virtual plane's pose is interpolated between its neighbours' and its pixels are guessed from them. Gaps wider than
+/// four times the median are breaks in the sweep and get none. Pixels of the result are of the sweep's type, its mask
+/// is the sweep's. perGap >= 1.
 std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vector<int>& frames, int perGap,
                                               const FrameInterpolation& interpolation = {});
 
