@@ -32,8 +32,7 @@ std::vector<std::uint32_t> MortonOrder(const std::vector<Eigen::Vector3d>& point
   {
     return {};
   }
-  // The bulk: between the 1st and the 99th percentile of a sample along each axis, and a tenth more on either
-  // side.
+  // The bulk: between the 1st and the 99th percentile of a sample along each axis, and a tenth more on either side.
   constexpr std::size_t kSample = 4096;
   const std::size_t stride = (points.size() + kSample - 1) / kSample;
   Eigen::Vector3d low, high;

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The reference engine: double precision, every Gaussian at every pixel, no shortcut. Slow; what the others
-// must equal.
+// The reference engine: double precision, every Gaussian at every pixel, no shortcut. Slow; what the others must equal.
 
 #include <tbb/parallel_for.h>
 

@@ -91,8 +91,8 @@ double SpectrumLoss::Evaluate(double weight, const Real* image, const Real* trut
     return 0;
   }
 
-  // The loss is sum w |dF|^2 with w = |dF| / most held, so its derivative is twice the inverse transform of w
-  // dF. It is done with the forward transform, of conjugates.
+  // The loss is sum w |dF|^2 with w = |dF| / most held, so its derivative is twice the inverse transform of w dF. It is
+  // done with the forward transform, of conjugates.
   std::vector<double> sums(columns);
   ForRanges(columns,
             [&](int begin, int end)

@@ -32,8 +32,8 @@ std::array<Real, ssimRadius + 1> HalfKernel()
   return half;
 }
 
-/// out[x] = sum_t kernel[t] in[x + t step] for x in [0, count): along a row with step 1, down the columns
-/// with the rows' distance.
+/// out[x] = sum_t kernel[t] in[x + t step] for x in [0, count): along a row with step 1, down the columns with the
+/// rows' distance.
 template <class Real>
 void Filter(const std::array<Real, ssimRadius + 1>& k, const Real* in, std::size_t step, std::size_t count,
             Real* __restrict out)
@@ -163,8 +163,8 @@ double WindowLosses::Evaluate(const Loss& loss, double weight, const Real* image
               }
             });
 
-  // ... and down the columns: the windows, their loss and its slopes. These get a margin of zeros on all
-  // sides, for the way back.
+  // ... and down the columns: the windows, their loss and its slopes. These get a margin of zeros on all sides, for the
+  // way back.
   const std::size_t wide = across + 2 * kMargin, tall = down + 2 * kMargin;
   const std::unique_ptr<Real[]> slopes(new Real[3 * tall * wide]());
   const auto slope = [&](int k, std::size_t y) { return slopes.get() + (k * tall + y) * wide; };

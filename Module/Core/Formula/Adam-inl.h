@@ -41,9 +41,9 @@ BIGUS_FORMULA Real Clamp(Real value, Real low, Real high)
   return Select(value < low, low, Select(value > high, high, value));
 }
 
-/// Moves one Gaussian along its gradient and reports how many of its components had to be guarded. A
-/// component that is not finite counts as 0, and one beyond kLargestGradient as that: one bad pixel must not
-/// poison the field, and the square must stay finite. Training as it should be never gets near either.
+/// Moves one Gaussian along its gradient and reports how many of its components had to be guarded. A component that is
+/// not finite counts as 0, and one beyond kLargestGradient as that: one bad pixel must not poison the field, and the
+/// square must stay finite. Training as it should be never gets near either.
 template <class Real>
 BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& state,
                                   const GaussianGradient<Real>& gradient, const AdamStep& step)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Where a block of Gaussians is, whether a plane can see it, and the plane in the block's own coordinates: in
-// double, for host and device. Private to Core and Cuda.
+// Where a block of Gaussians is, whether a plane can see it, and the plane in the block's own coordinates: in double,
+// for host and device. Private to Core and Cuda.
 #pragma once
 
 #include <cmath>
@@ -55,10 +55,10 @@ struct Reach
   double slab;
 };
 
-/// Whether a block can reach `tolerance` (given as its logarithm) on the plane, and where. The region where
-/// magnitude * w >= tolerance is the slice of an ellipsoid k times the Gaussian's, thickened by the beam along
-/// the normal: it stays within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across. T is
-/// the type in which footprints are evaluated.
+/// Whether a block can reach `tolerance` (given as its logarithm) on the plane, and where. The region where magnitude *
+/// w >= tolerance is the slice of an ellipsoid k times the Gaussian's, thickened by the beam along the normal: it stays
+/// within k s of the mean in the plane and within k sqrt(s^2 + sigma_E^2) across. T is the type in which footprints are
+/// evaluated.
 template <class T>
 BIGUS_FORMULA bool Reaches(const BlockPlace& place, const Camera& camera, double logMagnitude, double logTolerance,
                            Reach& reach)
@@ -96,8 +96,8 @@ BIGUS_FORMULA Vector3<U> Narrowed(const Vector3<double>& v)
   return {static_cast<U>(v.x), static_cast<U>(v.y), static_cast<U>(v.z)};
 }
 
-/// The view in the block's coordinates, relative to the pixel (column, row) nearest to the block's centre,
-/// which lies within kLargestImage / 4 of pixel (0, 0), so that sums of whole numbers stay exact in float.
+/// The view in the block's coordinates, relative to the pixel (column, row) nearest to the block's centre, which lies
+/// within kLargestImage / 4 of pixel (0, 0), so that sums of whole numbers stay exact in float.
 template <class U>
 BIGUS_FORMULA View<U> LocalView(const Camera& camera, const BlockPlace& place, std::int32_t& column, std::int32_t& row)
 {

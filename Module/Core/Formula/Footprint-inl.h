@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Where a splat ends: the pixels in which it matters. Written for scalars and SIMD vectors, like Splat-inl.h:
-// no include guard.
+// Where a splat ends: the pixels in which it matters. Written for scalars and SIMD vectors, like Splat-inl.h: no
+// include guard.
 
-/// A footprint, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2): the ellipse |U (p - m)|^2 <= cut, relative to the
-/// pixel where the view's origin lies. Its centre m is kept as a pixel and a fraction, |mu| <= 1/2 and -1 < mv
-/// <= 0: so float loses nothing in a large image.
+/// A footprint, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2): the ellipse |U (p - m)|^2 <= cut, relative to the pixel
+/// where the view's origin lies. Its centre m is kept as a pixel and a fraction, |mu| <= 1/2 and -1 < mv <= 0: so float
+/// loses nothing in a large image.
 template <class Real>
 struct Footprint
 {
@@ -18,8 +18,8 @@ struct Footprint
   Real margin;  ///< standard deviations along a column that w has left, where it is cut, before it underflows
 };
 
-/// k^2, the squared number of standard deviations within which magnitude * w can reach the tolerance: 2
-/// ln(magnitude / tolerance), 0 when it never does. Without a tolerance everything counts until T underflows.
+/// k^2, the squared number of standard deviations within which magnitude * w can reach the tolerance: 2 ln(magnitude /
+/// tolerance), 0 when it never does. Without a tolerance everything counts until T underflows.
 template <class Real, class T>
 BIGUS_FORMULA Real CutFor(Real magnitude, T tolerance)
 {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Gaussians in blocks, as the fast engines hold them: neighbours in space, projected and updated together.
-// Private to Core and Cuda.
+// Gaussians in blocks, as the fast engines hold them: neighbours in space, projected and updated together. Private to
+// Core and Cuda.
 #pragma once
 
 #include "Core/Formula/Adam.h"
@@ -12,8 +12,8 @@ namespace bigus
 /// Gaussians of a block. Enough for any SIMD width, few enough that a plane does not touch many in vain.
 constexpr int kBlock = 128;
 
-/// Positions are relative to the block's own centre, so float keeps them exact to a ten-millionth of the
-/// block. Structure of arrays, in lanes.
+/// Positions are relative to the block's own centre, so float keeps them exact to a ten-millionth of the block.
+/// Structure of arrays, in lanes.
 template <class T>
 struct alignas(64) GaussianBlock
 {
@@ -61,8 +61,7 @@ struct alignas(64) ScoreBlock
 /// No image has more rows or columns than this: float must count them.
 constexpr int kLargestImage = 1 << 24;
 
-/// Aspect ratio from which float parameters lose too much, 1e-7 of the ratio: such a needle is projected in
-/// double.
+/// Aspect ratio from which float parameters lose too much, 1e-7 of the ratio: such a needle is projected in double.
 constexpr double kSharp = 128;
 constexpr double kLogSharp = 4.852030263919617;  // ln kSharp
 

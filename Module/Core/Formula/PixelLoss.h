@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// A pixel's loss and its derivative with respect to the scattering field S, for scalar numbers. Private to
-// Core and Cuda.
+// A pixel's loss and its derivative with respect to the scattering field S, for scalar numbers. Private to Core and
+// Cuda.
 #pragma once
 
 #include <cmath>

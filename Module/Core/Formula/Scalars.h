@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Functions of plain numbers that SIMD vectors also have, so that formulas are written once for both; for host
-// and device. Private to Core and Cuda.
+// Functions of plain numbers that SIMD vectors also have, so that formulas are written once for both; for host and
+// device. Private to Core and Cuda.
 #pragma once
 
 #include <type_traits>

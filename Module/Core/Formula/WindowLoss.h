@@ -12,9 +12,9 @@
 namespace bigus
 {
 
-/// sigma is taken as sqrt(variance + this), so that it has a derivative where the image is constant. It is
-/// the variance of rounding to 8 bits, (1/255)^2 / 12: less contrast than that no 8-bit frame can show, and
-/// more is not changed by it.
+/// sigma is taken as sqrt(variance + this), so that it has a derivative where the image is constant. It is the variance
+/// of rounding to 8 bits, (1/255)^2 / 12: less contrast than that no 8-bit frame can show, and more is not changed by
+/// it.
 constexpr double kRoundingVariance = 1.0 / (255.0 * 255.0 * 12.0);
 
 /// A window's loss and its slopes by the means of x, x^2 and xy, each held while the others change.

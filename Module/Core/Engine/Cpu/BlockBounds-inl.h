@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What bounds the effect of a block.
-// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+// What bounds the effect of a block. Compiled once for every instruction set, hence the guard that foreach_target.h
+// turns over.
 #if defined(BIGUS_CPU_BOUNDS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef BIGUS_CPU_BOUNDS_INL_H
 #undef BIGUS_CPU_BOUNDS_INL_H

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// From sums over footprints to gradients of Gaussians, and a step along them.
-// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+// From sums over footprints to gradients of Gaussians, and a step along them. Compiled once for every instruction set,
+// hence the guard that foreach_target.h turns over.
 #if defined(BIGUS_CPU_CHAINRULE_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef BIGUS_CPU_CHAINRULE_INL_H
 #undef BIGUS_CPU_CHAINRULE_INL_H

@@ -1,14 +1,12 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The CPU engine, in float and in double: blocks of neighbouring Gaussians, projected only where a plane
-// crosses them, footprints cut by an error bound and evaluated by recurrence, and a backward pass that
-// gathers.
+// The CPU engine, in float and in double: blocks of neighbouring Gaussians, projected only where a plane crosses them,
+// footprints cut by an error bound and evaluated by recurrence, and a backward pass that gathers.
 //
-// Work is cut into blocks of Gaussians and bands of rows. A band adds its splats in the order of the blocks,
-// a block adds its gradients in the order of the frames, and what a pixel gets does not depend on its band.
-// So the bits do not depend on the number of threads, and only counts are atomic. A training step passes over
-// memory three times: blocks to splats, splats to images and their derivatives, and images back to gradients
-// that are spent at once.
+// Work is cut into blocks of Gaussians and bands of rows. A band adds its splats in the order of the blocks, a block
+// adds its gradients in the order of the frames, and what a pixel gets does not depend on its band. So the bits do not
+// depend on the number of threads, and only counts are atomic. A training step passes over memory three times: blocks
+// to splats, splats to images and their derivatives, and images back to gradients that are spent at once.
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/global_control.h>
@@ -263,9 +261,9 @@ private:
     return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(truth, counts,
-  /// S) for every row, which replaces S by what is to be propagated back. counts is 1 where a pixel
-  /// counts and 0 elsewhere. Returns the sum of the results.
+  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(truth, counts, S) for every
+  /// row, which replaces S by what is to be propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns
+  /// the sum of the results.
   template <class Line>
   double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
   {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The CPU engine's inner loops, over blocks of Gaussians and over footprints, in float and in double.
-// Compiled for each SIMD instruction set by Highway and chosen at run time. Private to Core.
+// The CPU engine's inner loops, over blocks of Gaussians and over footprints, in float and in double. Compiled for each
+// SIMD instruction set by Highway and chosen at run time. Private to Core.
 #pragma once
 
 #include <cstddef>
@@ -15,8 +15,7 @@
 namespace bigus
 {
 
-/// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an
-/// aspect ratio.
+/// What bounds a block's effect: the box of its means, its largest ln s and |r|; and the largest ln of an aspect ratio.
 template <class T>
 struct BlockBounds
 {
@@ -24,10 +23,9 @@ struct BlockBounds
   T logScale, magnitude, logAspect;
 };
 
-/// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be
-/// computed. Its centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 <
-/// mv <= 0: so float loses nothing in a large image. Whole numbers are kept as T, which holds them exactly up
-/// to 2^24.
+/// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be computed. Its
+/// centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 < mv <= 0: so float loses
+/// nothing in a large image. Whole numbers are kept as T, which holds them exactly up to 2^24.
 template <class T>
 struct VisibleSplat
 {
@@ -67,8 +65,7 @@ static_assert(sizeof(VisibleSplat<float>) == kSplatFields * sizeof(float));
 static_assert(offsetof(VisibleSplat<float>, cut) == kCut * sizeof(float));
 static_assert(offsetof(VisibleSplat<float>, rowEnd) == kRowEnd * sizeof(float));
 
-/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write
-/// beyond.
+/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write beyond.
 template <class T>
 struct alignas(64) SplatBuffer
 {
@@ -90,8 +87,8 @@ struct alignas(64) SplatBuffer
   }
 };
 
-/// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column -
-/// firstColumn]. Each row is followed by kRowPadding numbers that kernels may read and write.
+/// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column - firstColumn]. Each row
+/// is followed by kRowPadding numbers that kernels may read and write.
 constexpr int kRowPadding = 16;  // a vector less one
 template <class T>
 struct PixelRows
@@ -104,9 +101,9 @@ struct PixelRows
   T* Row(int row) const { return data + static_cast<std::ptrdiff_t>(row - firstRow) * stride - firstColumn; }
 };
 
-/// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so
-/// that sums of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends
-/// it where T would underflow.
+/// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so that sums
+/// of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends it where T would
+/// underflow.
 template <class T>
 struct ProjectionTask
 {
@@ -146,8 +143,8 @@ struct Kernels
   void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative, bool withError,
                         MomentBlock<T>& moments);
 
-  /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores
-  /// if not null.
+  /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores if not
+  /// null.
   void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats, int count,
                       const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores);
 
@@ -161,9 +158,8 @@ struct Kernels
   /// kRowPadding numbers beyond `count`.
   void (*toIntensity)(const T* scattering, std::size_t count, T gamma, T* out);
 
-  /// Replaces scattering by dL/dS and returns the sum of L, see PixelLoss-inl.h; `others` may be null for 0.
-  /// Arrays are read and written up to kRowPadding numbers beyond `count`; weights and others should be 0
-  /// there.
+  /// Replaces scattering by dL/dS and returns the sum of L, see PixelLoss-inl.h; `others` may be null for 0. Arrays are
+  /// read and written up to kRowPadding numbers beyond `count`; weights and others should be 0 there.
   double (*toDerivative)(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others, std::size_t count,
                          T* scattering);
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Exponentials of bounded arguments.
-// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+// Exponentials of bounded arguments. Compiled once for every instruction set, hence the guard that foreach_target.h
+// turns over.
 #if defined(BIGUS_CPU_EXP_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef BIGUS_CPU_EXP_INL_H
 #undef BIGUS_CPU_EXP_INL_H
@@ -20,8 +20,8 @@ namespace HWY_NAMESPACE
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// e^x = power (1 + q) for |x| <= -kLowestExponent, in float: Cody-Waite reduction by a power of two and a
-/// Taylor polynomial of q on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
+/// e^x = power (1 + q) for |x| <= -kLowestExponent, in float: Cody-Waite reduction by a power of two and a Taylor
+/// polynomial of q on [-ln 2 / 2, ln 2 / 2], relative error below 1.2e-7.
 template <class D>
 static HWY_INLINE hn::Vec<D> SplitExp(D d, hn::Vec<D> x, hn::Vec<D>& power)
 {

@@ -9,9 +9,8 @@
 namespace bigus
 {
 
-/// While it lives, this thread's results too small for a normal number become 0. They occur far out in
-/// footprints, and x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not
-/// mind.)
+/// While it lives, this thread's results too small for a normal number become 0. They occur far out in footprints, and
+/// x86 is slow on them: training a sweep takes 4 % longer with them. (Other machines do not mind.)
 class FlushDenormals
 {
 #if defined(__SSE2__)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Footprints by an exponential a pixel.
-// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+// Footprints by an exponential a pixel. Compiled once for every instruction set, hence the guard that foreach_target.h
+// turns over.
 #if defined(BIGUS_CPU_DIRECT_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef BIGUS_CPU_DIRECT_INL_H
 #undef BIGUS_CPU_DIRECT_INL_H
@@ -21,8 +21,8 @@ namespace bigus
 namespace HWY_NAMESPACE
 {
 
-/// A row of a footprint: the pixels inside |U (p - m)|^2 <= cut, and w there. The ridge, where eta1 = 0, is
-/// found in double and kept as a pixel and a fraction: along a needle u11 du and u12 dv are large and cancel.
+/// A row of a footprint: the pixels inside |U (p - m)|^2 <= cut, and w there. The ridge, where eta1 = 0, is found in
+/// double and kept as a pixel and a fraction: along a needle u11 du and u12 dv are large and cancel.
 template <class T>
 struct DirectRow
 {
@@ -46,8 +46,7 @@ struct DirectRow
     const double bounded = std::min(std::max(centre, -1e15), 1e15);
     ridge = static_cast<std::int64_t>(std::floor(bounded + 0.5));
     fraction = static_cast<T>(bounded - static_cast<double>(ridge));
-    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is
-    // harmless.
+    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless.
     const double half = std::sqrt(static_cast<double>(rest)) / s.u11;
     const auto clip = [&s](double column)
     { return static_cast<int>(std::min<double>(std::max<double>(column, s.columnBegin), s.columnEnd)); };

@@ -6,13 +6,12 @@
 //
 //     w <- w q,   q <- q c,   q = exp(ln w(v + 1) - ln w(v)),   c = exp(-(u12^2 + u22^2)),
 //
-// and upwards with c / q instead of q: two multiplications a pixel instead of an exponential. w and q are
-// computed at a start row; from there it runs `reach` rows up and as many down, both at once, since each step
-// waits for the one before. A footprint taller than that has several starts, 2 reach rows apart, counted from
-// its own centre: so what a pixel gets does not depend on which pixels are computed. After n rows the
-// relative error is about n^2 / 2 + n |ln q| roundings, 1e-5 at worst after 16; a footprint that ends within
-// 32, at k standard deviations, has fallen so far by then that no error exceeds 0.4 (32 / k)^2 roundings of
-// its peak.
+// and upwards with c / q instead of q: two multiplications a pixel instead of an exponential. w and q are computed at a
+// start row; from there it runs `reach` rows up and as many down, both at once, since each step waits for the one
+// before. A footprint taller than that has several starts, 2 reach rows apart, counted from its own centre: so what a
+// pixel gets does not depend on which pixels are computed. After n rows the relative error is about n^2 / 2 + n |ln q|
+// roundings, 1e-5 at worst after 16; a footprint that ends within 32, at k standard deviations, has fallen so far by
+// then that no error exceeds 0.4 (32 / k)^2 roundings of its peak.
 //
 // Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
 #if defined(BIGUS_CPU_RECURRENCE_INL_H) == defined(HWY_TARGET_TOGGLE)
@@ -52,8 +51,8 @@ static HWY_INLINE bool IsShort(const bigus::VisibleSplat<T>& s)
   return s.cut < eta2 * eta2;
 }
 
-/// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in
-/// all rows that it might have, so that they too do not depend on which are wanted.
+/// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in all rows
+/// that it might have, so that they too do not depend on which are wanted.
 template <class T>
 static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, int start, int begin, int end)
 {
@@ -94,8 +93,8 @@ static HWY_INLINE void ForStretches(const bigus::VisibleSplat<T>& s, int begin, 
   }
 }
 
-/// w and its ratios to the next row and the row before, for C vectors of columns; 0 beyond the footprint's
-/// box and where w would underflow.
+/// w and its ratios to the next row and the row before, for C vectors of columns; 0 beyond the footprint's box and
+/// where w would underflow.
 template <class T, int C>
 struct Columns
 {
@@ -258,8 +257,8 @@ static HWY_INLINE OffsetSums<T> NoSums()
   return {zero, zero, zero, zero, zero, zero, zero};
 }
 
-/// Rows are counted from the line between the two at a start, t = n + 1/2 down and -t up: what a pair of rows
-/// gives to even and odd powers of t are a sum and a difference.
+/// Rows are counted from the line between the two at a start, t = n + 1/2 down and -t up: what a pair of rows gives to
+/// even and odd powers of t are a sum and a difference.
 template <class T>
 struct RowOffsets
 {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// A SIMD vector as a number, the formulas compiled for it, and Gaussians of a block in its lanes.
-// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+// A SIMD vector as a number, the formulas compiled for it, and Gaussians of a block in its lanes. Compiled once for
+// every instruction set, hence the guard that foreach_target.h turns over.
 #if defined(BIGUS_CPU_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef BIGUS_CPU_LANES_INL_H
 #undef BIGUS_CPU_LANES_INL_H

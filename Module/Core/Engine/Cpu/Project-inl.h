@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// From the Gaussians of a block to the footprints that a plane sees.
-// Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
+// From the Gaussians of a block to the footprints that a plane sees. Compiled once for every instruction set, hence the
+// guard that foreach_target.h turns over.
 #if defined(BIGUS_CPU_PROJECT_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef BIGUS_CPU_PROJECT_INL_H
 #undef BIGUS_CPU_PROJECT_INL_H
@@ -18,8 +18,8 @@ namespace bigus
 namespace HWY_NAMESPACE
 {
 
-/// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is
-/// still large at the end and so is the error (see FootprintRecurrence-inl.h).
+/// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is still large
+/// at the end and so is the error (see FootprintRecurrence-inl.h).
 constexpr int kLongestReach = 32, kReachInside = 16;
 
 /// mu_z^2, mm^2.

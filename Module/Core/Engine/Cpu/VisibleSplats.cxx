@@ -9,8 +9,8 @@
 namespace bigus
 {
 
-/// How many Gaussians may overlap, by tiles of an image. Adding is safe from several threads; sums of whole
-/// numbers do not depend on their order.
+/// How many Gaussians may overlap, by tiles of an image. Adding is safe from several threads; sums of whole numbers do
+/// not depend on their order.
 class TileCounts
 {
 public:
@@ -162,8 +162,8 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
   std::atomic<std::size_t> used;
   do
   {
-    // Where a list begins depends on the order in which blocks finish; what it holds does not. When room
-    // runs out the pass goes on to learn how much is needed, and is repeated.
+    // Where a list begins depends on the order in which blocks finish; what it holds does not. When room runs out the
+    // pass goes on to learn how much is needed, and is repeated.
     if (used = 0; needed_ > capacity_)
     {
       capacity_ = needed_ + needed_ / 32;
