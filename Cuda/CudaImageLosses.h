@@ -57,14 +57,14 @@ private:
     WindowTask task{};
     task.frames = batch;
     task.sweep = frames_.View();
-    const std::array<double, ssimTaps> kernel = SsimKernel();
+    const std::array<double, kSsimTaps> kernel = SsimKernel();
     std::copy(kernel.begin(), kernel.end(), task.kernel);
     task.dssim = static_cast<float>(loss.dssim);
     task.contrast = static_cast<float>(loss.contrast);
     task.share = static_cast<float>(1.0 / (static_cast<double>(frames_.LossOfImages().CountedWindows()) * views));
     task.windows = frames_.Windows();
-    task.across = sweep.width - ssimTaps + 1;
-    task.down = sweep.height - ssimTaps + 1;
+    task.across = sweep.width - kSsimTaps + 1;
+    task.down = sweep.height - kSsimTaps + 1;
     work_.Grow(slopes_, static_cast<std::size_t>(views) * 3 * task.across * task.down, "slopes", kSmallerBatch);
     const auto blocks = [](int width, int height)
     {

@@ -16,13 +16,13 @@ namespace cuda
 
 constexpr int kWindowSide = 16;
 constexpr int kWindowThreads = kWindowSide * kWindowSide;
-constexpr int kSeenSide = kWindowSide + ssimTaps - 1;
+constexpr int kSeenSide = kWindowSide + kSsimTaps - 1;
 
 struct WindowTask
 {
   const int* frames;  // [views]
   Frames sweep;
-  float kernel[ssimTaps];
+  float kernel[kSsimTaps];
   float dssim, contrast;
   float share;                  // of one window in the loss
   const std::uint8_t* windows;  // [down][across] by their first pixel, 1 where a window counts; null: all do
@@ -34,12 +34,12 @@ struct WindowTask
 };
 
 /// One row of kSeenSide numbers filtered to kWindowSide.
-__device__ inline float FilterAt(const float (&kernel)[ssimTaps], const float* in, int step)
+__device__ inline float FilterAt(const float (&kernel)[kSsimTaps], const float* in, int step)
 {
-  float sum = kernel[ssimRadius] * in[ssimRadius * step];
-  for (int t = 0; t < ssimRadius; ++t)
+  float sum = kernel[kSsimRadius] * in[kSsimRadius * step];
+  for (int t = 0; t < kSsimRadius; ++t)
   {
-    sum += kernel[t] * (in[t * step] + in[(ssimTaps - 1 - t) * step]);
+    sum += kernel[t] * (in[t * step] + in[(kSsimTaps - 1 - t) * step]);
   }
   return sum;
 }
@@ -66,25 +66,25 @@ __global__ void __launch_bounds__(kWindowThreads) FindSlopes(WindowTask task)
   for (int k = threadIdx.x; k < kSeenSide * kWindowSide; k += kWindowThreads)
   {
     const int from = k / kWindowSide * kSeenSide + k % kWindowSide;
-    float x[ssimTaps], y[ssimTaps], product[ssimTaps];
-    for (int t = 0; t < ssimTaps; ++t)
+    float x[kSsimTaps], y[kSsimTaps], product[kSsimTaps];
+    for (int t = 0; t < kSsimTaps; ++t)
     {
       x[t] = image[from + t];
       y[t] = truth[from + t];
     }
     rows[0][k] = FilterAt(task.kernel, x, 1);
     rows[1][k] = FilterAt(task.kernel, y, 1);
-    for (int t = 0; t < ssimTaps; ++t)
+    for (int t = 0; t < kSsimTaps; ++t)
     {
       product[t] = x[t] * x[t];
     }
     rows[2][k] = FilterAt(task.kernel, product, 1);
-    for (int t = 0; t < ssimTaps; ++t)
+    for (int t = 0; t < kSsimTaps; ++t)
     {
       product[t] = y[t] * y[t];
     }
     rows[3][k] = FilterAt(task.kernel, product, 1);
-    for (int t = 0; t < ssimTaps; ++t)
+    for (int t = 0; t < kSsimTaps; ++t)
     {
       product[t] = x[t] * y[t];
     }
@@ -139,7 +139,7 @@ __global__ void __launch_bounds__(kWindowThreads) SpreadSlopes(WindowTask task)
   const std::size_t plane = static_cast<std::size_t>(task.across) * task.down;
   for (int k = threadIdx.x; k < kSeenSide * kSeenSide; k += kWindowThreads)
   {
-    const int column = left + k % kSeenSide - (ssimTaps - 1), row = top + k / kSeenSide - (ssimTaps - 1);
+    const int column = left + k % kSeenSide - (kSsimTaps - 1), row = top + k / kSeenSide - (kSsimTaps - 1);
     const bool inside = column >= 0 && column < task.across && row >= 0 && row < task.down;
     const std::size_t window = static_cast<std::size_t>(inside ? row : 0) * task.across + (inside ? column : 0);
     for (int m = 0; m < 3; ++m)

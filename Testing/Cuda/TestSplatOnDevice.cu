@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "Core/Formula/Splat.h"
+#include "Core/Numerics/Random.h"
 
 namespace
 {
@@ -42,42 +43,28 @@ __global__ void EvaluateAll(int n, const Case* __restrict__ cases, Result* __res
   results[i] = Evaluate(cases[i]);
 }
 
-/// Numbers in [low, high), the same on every machine.
-class Random
-{
-public:
-  double operator()(double low, double high)
-  {
-    state_ = state_ * 6364136223846793005u + 1442695040888963407u;
-    return low + (high - low) * static_cast<double>(state_ >> 11) * 0x1p-53;
-  }
-
-private:
-  std::uint64_t state_ = 1;
-};
-
 std::vector<Case> RandomCases(int n)
 {
-  Random random;
+  bigus::RandomNumbers random(1);
   std::vector<Case> cases(n);
   for (Case& c : cases)
   {
-    c.gaussian.mean = {random(-5, 5), random(-5, 5), random(-1, 1)};
-    c.gaussian.logScale = {random(-3, 1), random(-3, 1), random(-3, 1)};
+    c.gaussian.mean = {random.Uniform(-5, 5), random.Uniform(-5, 5), random.Uniform(-1, 1)};
+    c.gaussian.logScale = {random.Uniform(-3, 1), random.Uniform(-3, 1), random.Uniform(-3, 1)};
     double length = 0;
     for (double& q : c.gaussian.rotation)
     {
-      q = random(-1, 1);
+      q = random.Uniform(-1, 1);
       length += q * q;
     }
     for (double& q : c.gaussian.rotation)
     {
       q /= std::sqrt(length);
     }
-    c.gaussian.reflectivity = random(-2, 2);
+    c.gaussian.reflectivity = random.Uniform(-2, 2);
     // A plane at z = 0 with pixels of a x b mm, so T's first rows are 1 / a and 1 / b.
-    const double a = random(0.05, 0.5), b = random(0.05, 0.5), sigma = random(0, 2);
-    c.view = {{random(-1, 1), random(-1, 1), 0},
+    const double a = random.Uniform(0.05, 0.5), b = random.Uniform(0.05, 0.5), sigma = random.Uniform(0, 2);
+    c.view = {{random.Uniform(-1, 1), random.Uniform(-1, 1), 0},
               {a, 0, 0},
               {0, b, 0},
               {0, 0, 1},
@@ -85,7 +72,8 @@ std::vector<Case> RandomCases(int n)
               {0, 1 / b, 0},
               a * b,
               sigma * sigma};
-    c.moments = {random(-1, 1), random(-1, 1), random(-1, 1), random(-1, 1), random(-1, 1), random(-1, 1), 0};
+    const auto moment = [&random] { return random.Uniform(-1, 1); };
+    c.moments = {moment(), moment(), moment(), moment(), moment(), moment(), 0};
   }
   return cases;
 }

@@ -9,7 +9,6 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -94,13 +93,15 @@ double Displacement(const GaussianField& field, std::size_t i, const SlicePlane&
 double SplatErrorAt(const ExactSplat& splat, Long w, double displacement, double u);
 double SplatErrorBound(const GaussianField& field, std::size_t i, const SlicePlane& plane, double u);
 
-/// Ends a case: nothing may be other than finite, and no error beyond its bound. `error` is the largest by
-/// the case's own definition, `ofBound` the largest error over what was allowed there (NaN: the error is only
-/// stated). Adds a row to the table that is printed when the tests end.
+/// Ends a case: nothing may be other than finite, and no error beyond its bound. `error` is the largest by the case's own
+/// definition, `ofBound` the largest error over what was allowed there. Adds a row to the table that is printed when the
+/// tests end.
 void Conclude(const std::string& group, const std::string& name, const std::string& engine, double error,
               double ofBound, std::size_t nonFinite);
 
-constexpr double kOnlyStated = std::numeric_limits<double>::quiet_NaN();
+/// Ends a case of which nothing is asked but that all is finite. The table states `number` without a bound.
+void ConcludeFinite(const std::string& group, const std::string& name, const std::string& engine, double number,
+                    std::size_t nonFinite);
 
 /// Counts what is not finite.
 std::size_t CountNonFinite(const std::vector<float>& values);

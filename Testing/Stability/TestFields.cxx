@@ -118,7 +118,7 @@ TEST_P(Fields, PlanesThatMissTheFieldAreBlack)
       lit += std::count_if(image.values.begin(), image.values.end(), [](float v) { return v != 0; });
     }
   }
-  Conclude("planes", "50 mm to 1 km away, pixels lit", GetParam(), static_cast<double>(lit), kOnlyStated, nonFinite);
+  ConcludeFinite("planes", "50 mm to 1 km away, pixels lit", GetParam(), static_cast<double>(lit), nonFinite);
   EXPECT_EQ(lit, 0u);
 }
 
@@ -208,7 +208,7 @@ TEST_P(Fields, NoGaussian)
   EXPECT_TRUE(std::isfinite(engine_->SolveReflectivities({0, 1}, 3)));
   EXPECT_TRUE(engine_->GetScores().error.empty());
   EXPECT_EQ(engine_->GuardedUpdates(), 0u);
-  Conclude("numbers", "0 Gaussians", GetParam(), 0, kOnlyStated, CountNonFinite(image.values));
+  ConcludeFinite("numbers", "0 Gaussians", GetParam(), 0, CountNonFinite(image.values));
 }
 
 TEST_P(Fields, OneGaussianAndOnePixel)

@@ -108,8 +108,8 @@ TEST_P(Training, AThousandStepsFromABadStart)
     // And what it has become still renders.
     const RenderedPlane image = RenderWhole(*engine_, BadFrames(random, 0, 0)->Plane(0), ViewOutput::Intensity);
     nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
-    Conclude("training", std::string("1000 steps: ") + start.name + ": guarded updates", GetParam(),
-             static_cast<double>(engine_->GuardedUpdates()), kOnlyStated, nonFinite);
+    ConcludeFinite("training", std::string("1000 steps: ") + start.name + ": guarded updates", GetParam(),
+                   static_cast<double>(engine_->GuardedUpdates()), nonFinite);
   }
 }
 
@@ -138,8 +138,8 @@ TEST_P(Training, AGradientBeyondAnyUseIsGuardedAndCounted)
     ASSERT_TRUE(std::isfinite(engine_->TrainStep({0}, Loss::Parse("l2"), {1e-11, 0.01, 0.01, 1}, {1e-12, 1e6, false})));
     ASSERT_EQ(CountNonFinite(engine_->GetField()), 0u) << "step " << step;
   }
-  Conclude("training", "gradients of 1e20: guarded updates", GetParam(), static_cast<double>(engine_->GuardedUpdates()),
-           kOnlyStated, 0);
+  ConcludeFinite("training", "gradients of 1e20: guarded updates", GetParam(),
+                 static_cast<double>(engine_->GuardedUpdates()), 0);
   EXPECT_GT(engine_->GuardedUpdates(), 0u);
 }
 
@@ -169,8 +169,7 @@ TEST_P(Training, SoundTrainingIsNeverGuarded)
   }
   Conclude("training", "sound: loss after 300 steps over before", GetParam(), last / first, last / first / 0.5,
            CountNonFinite(engine_->GetField()));
-  Conclude("training", "sound: guarded updates", GetParam(), static_cast<double>(engine_->GuardedUpdates()),
-           kOnlyStated, 0);
+  ConcludeFinite("training", "sound: guarded updates", GetParam(), static_cast<double>(engine_->GuardedUpdates()), 0);
   EXPECT_EQ(engine_->GuardedUpdates(), 0u);
 }
 
@@ -210,7 +209,7 @@ TEST_P(Training, ReflectivitiesSolvedOnBlackAndSaturatedFrames)
     engine_->SetFrames(BadFrames(random, level, level));
     nonFinite += !std::isfinite(engine_->SolveReflectivities({0, 1, 2, 3}, 10)) + CountNonFinite(engine_->GetField());
   }
-  Conclude("training", "reflectivities solved from a bad start", GetParam(), 0, kOnlyStated, nonFinite);
+  ConcludeFinite("training", "reflectivities solved from a bad start", GetParam(), 0, nonFinite);
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, Training, ::testing::ValuesIn(FastEngines()), EngineTestName);

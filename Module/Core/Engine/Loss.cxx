@@ -25,7 +25,7 @@ constexpr std::array<Term, 5> terms{{{"l1", &Loss::l1},
                                      {"dssim", &Loss::dssim},
                                      {"ffl", &Loss::ffl},
                                      {"contrast", &Loss::contrast}}};
-constexpr double largestWeight = 1e6;
+constexpr double kLargestWeight = 1e6;
 
 /// The shortest text that reads back as the same number, whatever the locale.
 std::string Shortest(double value)
@@ -37,13 +37,13 @@ std::string Shortest(double value)
 /// Text fit for a message: not long, nothing unprintable.
 std::string Quoted(std::string_view text)
 {
-  constexpr std::size_t longest = 60;
+  constexpr std::size_t kLongest = 60;
   std::string quoted = "\"";
-  for (const char c : text.substr(0, longest))
+  for (const char c : text.substr(0, kLongest))
   {
     quoted += std::isprint(static_cast<unsigned char>(c)) ? c : '?';
   }
-  return quoted + (text.size() > longest ? "...\"" : "\"");
+  return quoted + (text.size() > kLongest ? "...\"" : "\"");
 }
 
 /// Reads a text from its front.
@@ -108,7 +108,7 @@ void Loss::Validate() const
   for (const Term& term : terms)
   {
     const double weight = this->*term.weight;
-    if (!(weight >= 0 && weight <= largestWeight))
+    if (!(weight >= 0 && weight <= kLargestWeight))
     {
       throw Error(std::string("Loss: the weight of ") + term.name + " is " + Shortest(weight) +
                   "; it must lie in [0, 1e6].");

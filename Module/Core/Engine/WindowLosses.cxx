@@ -17,17 +17,17 @@ namespace bigus
 namespace
 {
 
-constexpr int kMargin = ssimTaps - 1;  // so many fewer windows than pixels along an axis
+constexpr int kMargin = kSsimTaps - 1;  // so many fewer windows than pixels along an axis
 
 /// SSIM's kernel from its centre outwards.
 template <class Real>
-std::array<Real, ssimRadius + 1> HalfKernel()
+std::array<Real, kSsimRadius + 1> HalfKernel()
 {
-  const std::array<double, ssimTaps> kernel = SsimKernel();
-  std::array<Real, ssimRadius + 1> half;
-  for (int t = 0; t <= ssimRadius; ++t)
+  const std::array<double, kSsimTaps> kernel = SsimKernel();
+  std::array<Real, kSsimRadius + 1> half;
+  for (int t = 0; t <= kSsimRadius; ++t)
   {
-    half[t] = static_cast<Real>(kernel[ssimRadius + t]);
+    half[t] = static_cast<Real>(kernel[kSsimRadius + t]);
   }
   return half;
 }
@@ -35,10 +35,10 @@ std::array<Real, ssimRadius + 1> HalfKernel()
 /// out[x] = sum_t kernel[t] in[x + t step] for x in [0, count): along a row with step 1, down the columns with the
 /// rows' distance.
 template <class Real>
-void Filter(const std::array<Real, ssimRadius + 1>& k, const Real* in, std::size_t step, std::size_t count,
+void Filter(const std::array<Real, kSsimRadius + 1>& k, const Real* in, std::size_t step, std::size_t count,
             Real* __restrict out)
 {
-  const Real* c = in + ssimRadius * step;
+  const Real* c = in + kSsimRadius * step;
   for (std::size_t x = 0; x < count; ++x)
   {
     out[x] = k[0] * c[x] + k[1] * (c[x - step] + c[x + step]) + k[2] * (c[x - 2 * step] + c[x + 2 * step]) +
@@ -84,7 +84,7 @@ WindowLosses::WindowLosses(int width, int height, const std::vector<std::uint8_t
     : width_(width), height_(height)
 {
   const std::size_t w = width, h = height;
-  if (width < ssimTaps || height < ssimTaps)
+  if (width < kSsimTaps || height < kSsimTaps)
   {
     return;
   }
@@ -93,7 +93,7 @@ WindowLosses::WindowLosses(int width, int height, const std::vector<std::uint8_t
     countedWindows_ = (w - kMargin) * (h - kMargin);
     return;
   }
-  // A window counts when the last ssimTaps rows all have ssimTaps counted pixels in a row.
+  // A window counts when the last kSsimTaps rows all have kSsimTaps counted pixels in a row.
   windows_.assign((w - kMargin) * (h - kMargin), 0);
   std::vector<int> above(w, 0);
   for (std::size_t y = 0; y < h; ++y)
@@ -102,8 +102,8 @@ WindowLosses::WindowLosses(int width, int height, const std::vector<std::uint8_t
     for (std::size_t x = 0; x < w; ++x)
     {
       run = counted[y * w + x] ? run + 1 : 0;
-      above[x] = run >= ssimTaps ? above[x] + 1 : 0;
-      if (above[x] >= ssimTaps)
+      above[x] = run >= kSsimTaps ? above[x] + 1 : 0;
+      if (above[x] >= kSsimTaps)
       {
         windows_[(y - kMargin) * (w - kMargin) + x - kMargin] = 1;
         ++countedWindows_;
@@ -119,7 +119,7 @@ void WindowLosses::Check(const Loss& loss) const
     return;
   }
   const std::string size = std::to_string(width_) + " x " + std::to_string(height_);
-  throw Error(width_ < ssimTaps || height_ < ssimTaps
+  throw Error(width_ < kSsimTaps || height_ < kSsimTaps
                   ? "Loss: frames of " + size +
                         " pixels are smaller than one window of 11 x 11, which dssim and contrast need."
                   : "Loss: no window of 11 x 11 pixels of the frames (" + size +

@@ -9,19 +9,19 @@
 namespace bigus
 {
 
-constexpr int ssimRadius = 5;
-constexpr int ssimTaps = 2 * ssimRadius + 1;
-constexpr double ssimC1 = 0.01 * 0.01;  // (K1 range)^2
-constexpr double ssimC2 = 0.03 * 0.03;
+constexpr int kSsimRadius = 5;
+constexpr int kSsimTaps = 2 * kSsimRadius + 1;
+constexpr double kSsimC1 = 0.01 * 0.01;  // (K1 range)^2
+constexpr double kSsimC2 = 0.03 * 0.03;
 
 /// The window's factor along one axis: a Gaussian of 1.5 pixels, of sum 1.
-inline std::array<double, ssimTaps> SsimKernel()
+inline std::array<double, kSsimTaps> SsimKernel()
 {
-  std::array<double, ssimTaps> kernel;
+  std::array<double, kSsimTaps> kernel;
   double sum = 0;
-  for (int t = 0; t < ssimTaps; ++t)
+  for (int t = 0; t < kSsimTaps; ++t)
   {
-    const double d = t - ssimRadius;
+    const double d = t - kSsimRadius;
     kernel[t] = std::exp(-d * d / (2 * 1.5 * 1.5));
     sum += kernel[t];
   }

@@ -31,7 +31,7 @@ struct WindowLoss
 template <class Real>
 BIGUS_FORMULA void AddDssim(Real weight, Real x, Real y, Real xx, Real yy, Real xy, WindowLoss<Real>& out)
 {
-  constexpr Real c1 = static_cast<Real>(ssimC1), c2 = static_cast<Real>(ssimC2);
+  constexpr Real c1 = static_cast<Real>(kSsimC1), c2 = static_cast<Real>(kSsimC2);
   const Real a1 = 2 * x * y + c1, a2 = 2 * (xy - x * y) + c2;
   const Real b1 = x * x + y * y + c1;
   const Real b2 = (xx - x * x) + (yy - y * y) + c2;

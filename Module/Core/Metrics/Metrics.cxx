@@ -47,13 +47,13 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                 " pixels; both sides must be at least 1.");
   }
   const bool valid = windows == SsimWindows::Valid;
-  if (valid && (width < ssimTaps || height < ssimTaps))
+  if (valid && (width < kSsimTaps || height < kSsimTaps))
   {
     throw Error("SSIM: the images are " + std::to_string(width) + " x " + std::to_string(height) +
                 " pixels, less than one window of 11 x 11; use larger images or windows of the same size.");
   }
-  const std::array<double, ssimTaps> kernel = SsimKernel();
-  const int margin = valid ? ssimRadius : 0;  // of window centres, from the edge
+  const std::array<double, kSsimTaps> kernel = SsimKernel();
+  const int margin = valid ? kSsimRadius : 0;  // of window centres, from the edge
   std::vector<double> rows(height - 2 * margin);
 
   tbb::parallel_for(0, static_cast<int>(rows.size()),
@@ -62,13 +62,13 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                       // The window is separable: first down the columns, for the weighted sums of x, y, x^2, y^2 and xy
                       // ...
                       constexpr int kMoments = 5;
-                      const std::size_t padded = static_cast<std::size_t>(width) + 2 * ssimRadius;
+                      const std::size_t padded = static_cast<std::size_t>(width) + 2 * kSsimRadius;
                       std::vector<double> columns(kMoments * padded,
                                                   0.0);  // zero beyond the image's left and right edges
                       const int centre = row + margin;
-                      for (int t = 0; t < ssimTaps; ++t)
+                      for (int t = 0; t < kSsimTaps; ++t)
                       {
-                        const int y = centre + t - ssimRadius;
+                        const int y = centre + t - kSsimRadius;
                         if (y < 0 || y >= height)
                         {
                           continue;
@@ -76,7 +76,7 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                         const float* a = image + static_cast<std::size_t>(y) * width;
                         const float* b = truth + static_cast<std::size_t>(y) * width;
                         const double w = kernel[t];
-                        double* out = columns.data() + ssimRadius;
+                        double* out = columns.data() + kSsimRadius;
                         for (int x = 0; x < width; ++x)
                         {
                           const double ax = a[x], bx = b[x];
@@ -94,7 +94,7 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                         double m[kMoments] = {};
                         for (int k = 0; k < kMoments; ++k)
                         {
-                          for (int t = 0; t < ssimTaps; ++t)
+                          for (int t = 0; t < kSsimTaps; ++t)
                           {
                             m[k] += kernel[t] * columns[k * padded + x + t];
                           }
@@ -102,8 +102,8 @@ double Ssim(const float* image, const float* truth, int width, int height, SsimW
                         const double varianceA = m[2] - m[0] * m[0];
                         const double varianceB = m[3] - m[1] * m[1];
                         const double covariance = m[4] - m[0] * m[1];
-                        sum += (2 * m[0] * m[1] + ssimC1) * (2 * covariance + ssimC2) /
-                               ((m[0] * m[0] + m[1] * m[1] + ssimC1) * (varianceA + varianceB + ssimC2));
+                        sum += (2 * m[0] * m[1] + kSsimC1) * (2 * covariance + kSsimC2) /
+                               ((m[0] * m[0] + m[1] * m[1] + kSsimC1) * (varianceA + varianceB + kSsimC2));
                       }
                       rows[row] = sum;
                     });

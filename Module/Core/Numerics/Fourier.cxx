@@ -41,9 +41,9 @@ int LargestPrimeFactor(int n)
 template <class Real>
 void PlainTransform(const std::complex<Real>* in, std::complex<Real>* out, int n, int rows = 1, int flags = 0)
 {
-  constexpr int type = sizeof(Real) == sizeof(float) ? CV_32FC2 : CV_64FC2;
-  cv::Mat result(rows, n, type, out);
-  cv::dft(cv::Mat(rows, n, type, const_cast<std::complex<Real>*>(in)), result, flags);
+  constexpr int kType = sizeof(Real) == sizeof(float) ? CV_32FC2 : CV_64FC2;
+  cv::Mat result(rows, n, kType, out);
+  cv::dft(cv::Mat(rows, n, kType, const_cast<std::complex<Real>*>(in)), result, flags);
 }
 
 }  // namespace

@@ -41,13 +41,13 @@ void Undo(double gain, double offset, float* pixels, std::size_t size)
 }
 
 /// Sums over the lit pixels of two images.
-struct Moments
+struct PixelSums
 {
   double x = 0, y = 0, xx = 0, yy = 0, xy = 0, n = 0;
 };
-Moments MomentsOf(const Sweep& sweep, const float* a, const float* b)
+PixelSums SumsOf(const Sweep& sweep, const float* a, const float* b)
 {
-  Moments m;
+  PixelSums m;
   for (std::size_t p = 0; p < sweep.PixelsPerFrame(); ++p)
   {
     if (sweep.IsLit(p))
@@ -71,7 +71,7 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
   std::vector<double> logGains(frames, 0.0);
   for (std::size_t k = 0; k + 1 < frames; ++k)
   {
-    const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, pixels + k * size, pixels + (k + 1) * size);
+    const auto [x, y, xx, yy, xy, n] = SumsOf(poses, pixels + k * size, pixels + (k + 1) * size);
     const double varX = n * xx - x * x, varY = n * yy - y * y, covariance = n * xy - x * y;
     const bool alike = varX > 0 && varY > 0 && covariance > 0;
     logGains[k + 1] = logGains[k] + (alike ? covariance / std::sqrt(varX * varY) * 0.5 * std::log(varY / varX) : 0.0);
@@ -103,7 +103,7 @@ void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* 
   for (std::size_t k = 0; k < frames; ++k)
   {
     engine.Render(poses.Plane(static_cast<int>(k)), ViewOutput::Intensity, image.data());
-    const auto [x, y, xx, yy, xy, n] = MomentsOf(poses, image.data(), pixels + k * size);
+    const auto [x, y, xx, yy, xy, n] = SumsOf(poses, image.data(), pixels + k * size);
     const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
     const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
     const double prior = kPriorOnGain * variance;

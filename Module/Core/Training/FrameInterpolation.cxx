@@ -159,7 +159,7 @@ cv::Mat Flow(const cv::Mat& from, const cv::Mat& to)
 }
 
 /// Both pictures of a pair moved along the flow, each to the plane between.
-Pair Moved(const Pair& pair)
+Pair MovedByFlow(const Pair& pair)
 {
   const cv::Mat flow = Flow(pair.first, pair.second);
   std::array<cv::Mat, 4> maps;  // i and j in the first picture, i and j in the second
@@ -310,14 +310,14 @@ void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane
   cv::Mat mix;
   if (interpolation.keepContrast)
   {
-    mix = Mix(interpolation.flow ? Moved(pair) : pair, &recorded);
+    mix = Mix(interpolation.flow ? MovedByFlow(pair) : pair, &recorded);
   }
   else
   {
     mix = Mix(pair, nullptr);
     if (interpolation.flow)  // the mean of two estimates is the better one; their mean texture is neither's
     {
-      mix = 0.5 * (mix + Mix(Moved(pair), nullptr));
+      mix = 0.5 * (mix + Mix(MovedByFlow(pair), nullptr));
     }
   }
   for (int y = 0; y < mix.rows; ++y)

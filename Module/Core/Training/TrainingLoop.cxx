@@ -87,7 +87,7 @@ std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMa
   if (sweep.mask && !ignoreMasked)
   {
     cv::Mat beside;
-    cv::dilate(cv::Mat(*sweep.mask).reshape(1, sweep.height), beside, cv::Mat::ones(ssimTaps, ssimTaps, CV_8U));
+    cv::dilate(cv::Mat(*sweep.mask).reshape(1, sweep.height), beside, cv::Mat::ones(kSsimTaps, kSsimTaps, CV_8U));
     auto counted = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame());
     for (std::size_t pixel = 0; pixel < counted->size(); ++pixel)
     {

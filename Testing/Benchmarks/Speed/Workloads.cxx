@@ -15,45 +15,21 @@
 #include "Core/Engine/Cpu/CpuKernels.h"
 #include "Core/Engine/MortonOrder.h"
 #include "Core/Engine/Packing.h"
+#include "Core/Numerics/Constants.h"
+#include "Core/Numerics/Random.h"
 
 namespace bigus::bench
 {
 namespace
 {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kMargin = 24;  // pixels by which a field reaches beyond its planes
 constexpr int kDepth = 160;  // pixels: as many frames as a training pass has
 
-/// Evenly distributed numbers by splitmix64: the same bits with every standard library.
-class Random
-{
-public:
-  explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u) {}
-
-  std::uint64_t Bits()
-  {
-    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15u);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return z ^ (z >> 31);
-  }
-
-  double Between(double low, double high) { return low + (high - low) * static_cast<double>(Bits() >> 11) * 0x1p-53; }
-
-  std::size_t Below(std::size_t count)
-  {
-    return std::min(static_cast<std::size_t>(Between(0, static_cast<double>(count))), count - 1);
-  }
-
-private:
-  std::uint64_t state_;
-};
-
 /// A turn, all turns alike likely (Shoemake).
-Eigen::Vector4d RandomTurn(Random& random)
+Eigen::Vector4d RandomTurn(RandomNumbers& random)
 {
-  const double u = random.Between(0, 1), a = random.Between(0, 2 * kPi), b = random.Between(0, 2 * kPi);
+  const double u = random.Uniform(0, 1), a = random.Uniform(0, 2 * kPi), b = random.Uniform(0, 2 * kPi);
   const double p = std::sqrt(1 - u), q = std::sqrt(u);
   return {q * std::cos(b), p * std::sin(a), p * std::cos(a), q * std::sin(b)};
 }
@@ -92,7 +68,7 @@ MadeUpField Grown(const MadeUpField& field, std::size_t gaussians)
 
 GaussianField MakeField(const MadeUpField& description)
 {
-  Random random(description.seed);
+  RandomNumbers random(description.seed);
   const double low = description.size.smallest, high = description.size.largest;
   // The mean over the box of sum r (2 pi)^(3/2) s_1 s_2 s_3, with four fifths of all r positive.
   const double meanSize = 0.5 * (low + high);
@@ -108,12 +84,12 @@ GaussianField MakeField(const MadeUpField& description)
   {
     for (int axis = 0; axis < 3; ++axis)
     {
-      field.means[i][axis] = kWorkloadPixel * description.box[axis] * random.Between(-0.5, 0.5);
-      field.scales[i][axis] = kWorkloadPixel * random.Between(low, high);
+      field.means[i][axis] = kWorkloadPixel * description.box[axis] * random.Uniform(-0.5, 0.5);
+      field.scales[i][axis] = kWorkloadPixel * random.Uniform(low, high);
     }
     field.rotations[i] = RandomTurn(random);
-    const double sign = random.Between(0, 1) < 0.2 ? -1 : 1;
-    field.reflectivities[i] = sign * meanMagnitude * random.Between(0.5, 1.5);
+    const double sign = random.Uniform(0, 1) < 0.2 ? -1 : 1;
+    field.reflectivities[i] = sign * meanMagnitude * random.Uniform(0.5, 1.5);
   }
   return field;
 }
@@ -165,7 +141,7 @@ TrainingPass MakeTrainingPass(std::size_t gaussians, int frames, int width, int 
 
   std::vector<int> order(frames);
   std::iota(order.begin(), order.end(), 0);
-  Random random(4);
+  RandomNumbers random(4);
   for (std::size_t i = order.size(); i > 1; --i)
   {
     std::swap(order[i - 1], order[random.Below(i)]);
@@ -349,7 +325,7 @@ std::size_t PlainRenderer::Pairs() const
 
 std::vector<std::size_t> SamplePixels(const SlicePlane& plane, std::size_t count, std::uint64_t seed)
 {
-  Random random(seed);
+  RandomNumbers random(seed);
   count = std::min(count, plane.NumberOfPixels());
   std::unordered_set<std::size_t> taken;
   std::vector<std::size_t> pixels;
@@ -463,13 +439,13 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
   task.commonMagnitude = 1;
   task.slab = 1;
   task.tolerance = std::exp(-4.5f);  // where w falls below this: three standard deviations
-  Random random(5);
+  RandomNumbers random(5);
   const auto block = std::make_unique<GaussianBlock<float>>();
   // Neighbours follow each other, as in the engine.
   std::vector<Eigen::Vector3d> points(splats);
   for (Eigen::Vector3d& point : points)
   {
-    const double u = random.Between(0, plane.width), v = random.Between(0, plane.height);
+    const double u = random.Uniform(0, plane.width), v = random.Uniform(0, plane.height);
     point = {u, v, 0};
   }
   const std::vector<std::uint32_t> order = MortonOrder(points);
@@ -479,7 +455,7 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
     for (int i = 0; i < count; ++i)
     {
       const double u = points[order[first + i]].x(), v = points[order[first + i]].y();
-      const double angle = random.Between(0, kPi), c = std::cos(angle), d = std::sin(angle);
+      const double angle = random.Uniform(0, kPi), c = std::cos(angle), d = std::sin(angle);
       const double scale[3] = {1.15 * sigma, sigma / 1.15, sigma};
       const double turn[4] = {std::cos(angle / 2), 0, 0, std::sin(angle / 2)};
       const double mean[3] = {u, v, 0};
@@ -492,7 +468,7 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
       {
         block->rotation[k][i] = static_cast<float>(turn[k]);
       }
-      block->reflectivity[i] = static_cast<float>(random.Between(-1, 1));
+      block->reflectivity[i] = static_cast<float>(random.Uniform(-1, 1));
 
       const double halfU = 3 * std::hypot(c * scale[0], d * scale[1]);
       const double halfV = 3 * std::hypot(d * scale[0], c * scale[1]);
