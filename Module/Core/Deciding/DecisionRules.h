@@ -22,8 +22,8 @@ constexpr std::size_t kTrialFrames = 32;
 /// One in this many of them validates.
 constexpr int kValidationEvery = 4;
 
-/// Pixels of a trial's frame; the sides of larger ones are divided by a whole number, the liver sweep's by 3. A trial
-/// with this many takes some two seconds of 16 cores.
+/// Pixels of a trial's frame; the sides of larger ones are divided by a whole number, the liver sweep's by 3. It
+/// bounds the time of a trial; its value was chosen, not measured.
 constexpr double kTrialPixels = 8e4;
 
 /// Passes of a trial over its frames and virtual planes. A full training takes 60 to 80.
@@ -44,11 +44,10 @@ constexpr double kLongTrialShare = 0.5;
 /// infinite.
 constexpr double kMostPsnr = 100;
 
-// ------------------------------------------------------------------------------------------------ when a choice is
-// taken
+// ---- when a choice is taken ----
 
-/// dB that something costly or unusual must gain: most of the published gains below it are smaller than their standard
-/// error, so they say nothing.
+/// dB that something costly or unusual must gain. Half of the published gains have a standard error of up to 0.05 dB, so
+/// smaller ones say nothing.
 constexpr double kLeastGain = 0.03;
 
 /// Standard errors of the gain that it must gain as well. Half a one, and not two: both choices are sound, so a wrong
