@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "Core/Model/Error.h"
-#include "vtkBigusConvert.h"
+#include "Data/FieldData.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"

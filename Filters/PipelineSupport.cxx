@@ -2,24 +2,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "PipelineSupport.h"
 
-#include "vtkAlgorithm.h"
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
-#include "vtkVersionMacros.h"
 
 namespace bigus
 {
-
-bool ReportProgress(vtkAlgorithm* filter, double fraction)
-{
-  filter->UpdateProgress(fraction);
-#if VTK_MAJOR_VERSION > 9 || (VTK_MAJOR_VERSION == 9 && VTK_MINOR_VERSION >= 3)
-  return !filter->CheckAbort();  // hears of an abort further down the pipeline as well
-#else
-  return !filter->GetAbortExecute();
-#endif
-}
 
 void RequestWholeInput(vtkInformationVector* connections)
 {

@@ -1,20 +1,16 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What the filters share of VTK's pipeline: progress, requests, and properties that may be left to a default.
+// What the filters share of VTK's pipeline: requests, and properties that may be left to a default.
 #ifndef BigusPipelineSupport_h
 #define BigusPipelineSupport_h
 
 #include <algorithm>
 #include <cstddef>
 
-class vtkAlgorithm;
 class vtkInformationVector;
 
 namespace bigus
 {
-
-/// Reports progress from 0 to 1 to the filter's observers; false when they asked it to stop.
-bool ReportProgress(vtkAlgorithm* filter, double fraction);
 
 /// Asks the connections of an input port for all of their data, whole images and undivided fields.
 void RequestWholeInput(vtkInformationVector* connections);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "Core/Model/Error.h"
+#include "Data/Progress.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
 #include "vtkErrorCode.h"

@@ -13,6 +13,7 @@
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Statistics.h"
+#include "Data/Progress.h"
 #include "PipelineSupport.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"

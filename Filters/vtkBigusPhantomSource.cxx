@@ -4,8 +4,9 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Data/Progress.h"
+#include "Data/SweepData.h"
 #include "PipelineSupport.h"
-#include "vtkBigusConvert.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
 #include "vtkFieldData.h"

@@ -9,8 +9,11 @@
 
 #include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Data/FieldData.h"
+#include "Data/Progress.h"
+#include "Data/Provenance.h"
+#include "Data/SweepData.h"
 #include "PipelineSupport.h"
-#include "vtkBigusConvert.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
 #include "vtkFieldData.h"

@@ -10,9 +10,10 @@
 #include <numeric>
 
 #include "Command.h"
+#include "Data/FieldData.h"
+#include "Data/SweepData.h"
 #include "Files.h"
 #include "Pipeline.h"
-#include "vtkBigusConvert.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkBigusPoseReader.h"

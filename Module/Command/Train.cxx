@@ -15,10 +15,11 @@
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
+#include "Data/FieldData.h"
+#include "Data/Provenance.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Scores.h"
-#include "vtkBigusConvert.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "AtomicFile.h"
+#include "IO/AtomicFile.h"
 
 #include <atomic>
 #include <cerrno>
@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "FileError.h"
+#include "IO/FileError.h"
 
 namespace bigus
 {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Poses.h"
+#include "IO/Poses.h"
 
 #include <cmath>
 #include <deque>
@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "Core/Model/SlicePlane.h"
-#include "FileError.h"
-#include "Text.h"
+#include "IO/FileError.h"
+#include "IO/Text.h"
 #include "vtk_pugixml.h"
 
 namespace bigus

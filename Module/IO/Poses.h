@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "SequenceFile.h"
+#include "IO/SequenceFile.h"
 
 namespace bigus
 {

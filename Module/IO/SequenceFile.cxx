@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "SequenceFile.h"
+#include "IO/SequenceFile.h"
 
 #include <algorithm>
 #include <filesystem>
 #include <system_error>
 
-#include "FileError.h"
-#include "PngFile.h"
-#include "Text.h"
+#include "IO/FileError.h"
+#include "IO/Formats/PngFile.h"
+#include "IO/Text.h"
 
 namespace bigus
 {

@@ -2,36 +2,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The pixels of a tracked sequence, decoded into buffers whose size the caller has checked.
 #include <algorithm>
-#include <cstring>
 
-#include "FileError.h"
-#include "SequenceFile.h"
-#include "Text.h"
+#include "IO/Bytes.h"
+#include "IO/FileError.h"
+#include "IO/SequenceFile.h"
+#include "IO/Text.h"
 #include "vtk_zlib.h"
 
 namespace bigus
 {
-namespace
-{
-
-bool ThisMachineIsBigEndian()
-{
-  const std::uint16_t one = 1;
-  unsigned char first = 0;
-  std::memcpy(&first, &one, 1);
-  return first == 0;
-}
-
-void SwapBytes(unsigned char* bytes, std::size_t count, std::size_t elementBytes)
-{
-  for (std::size_t i = 0; i + elementBytes <= count; i += elementBytes)
-  {
-    std::reverse(bytes + i, bytes + i + elementBytes);
-  }
-}
-
-}  // namespace
-
 class PixelStream::Decoder
 {
 public:
@@ -131,7 +110,7 @@ void PixelStream::Read(void* bytes, std::size_t count)
     throw TruncationError(file_.fileName + ": the pixels end early; the file is truncated or its sizes are wrong");
   }
   const std::size_t elementBytes = BytesPerElement(file_.elementType);
-  if (elementBytes > 1 && file_.bigEndian != ThisMachineIsBigEndian())
+  if (elementBytes > 1 && file_.bigEndian != kThisMachineIsBigEndian)
   {
     SwapBytes(out, count, elementBytes);
   }

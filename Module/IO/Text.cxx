@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Text.h"
+#include "IO/Text.h"
 
 #include <algorithm>
 #include <cctype>
@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "FileError.h"
+#include "IO/FileError.h"
 
 namespace bigus
 {

@@ -4,9 +4,12 @@
 
 #include <string>
 
-#include "FieldData.h"
-#include "FileError.h"
-#include "Text.h"
+#include "Data/FieldData.h"
+#include "Data/Provenance.h"
+#include "IO/FileError.h"
+#include "IO/Formats/Ply.h"
+#include "IO/Formats/Vtp.h"
+#include "IO/Text.h"
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkObjectFactory.h"
@@ -67,7 +70,29 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
       throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
                              fileName + ": neither a VTK XML PolyData file (.vtp) nor a PLY file (.ply)");
     }
-    bigus::FieldToPolyData(LooksLikePly(beginning) ? bigus::ReadPly(fileName) : bigus::ReadVtp(fileName), output);
+    try
+    {
+      if (LooksLikePly(beginning))
+      {
+        const bigus::PlyField ply = bigus::ReadPly(fileName);
+        ply.field.Validate();
+        bigus::FieldToPolyData(ply.field, output);
+        bigus::ReplaceProvenance(output, ply.provenance);
+      }
+      else
+      {
+        bigus::ReadVtp(fileName, output);
+        bigus::ShareField(output, output);
+      }
+    }
+    catch (const bigus::FileError&)
+    {
+      throw;
+    }
+    catch (const bigus::Error& error)  // what is wrong with the field
+    {
+      throw bigus::FormatError(fileName + ": " + error.what());
+    }
   }
   catch (const std::exception& error)
   {

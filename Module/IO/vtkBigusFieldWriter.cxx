@@ -5,15 +5,17 @@
 #include <algorithm>
 #include <string>
 
-#include "AtomicFile.h"
-#include "FieldData.h"
-#include "FileError.h"
-#include "Text.h"
+#include "Data/FieldData.h"
+#include "Data/Provenance.h"
+#include "IO/AtomicFile.h"
+#include "IO/FileError.h"
+#include "IO/Formats/Ply.h"
+#include "IO/Formats/Vtp.h"
+#include "IO/Text.h"
 #include "vtkInformation.h"
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
-#include "vtkXMLPolyDataWriter.h"
 
 vtkStandardNewMacro(vtkBigusFieldWriter);
 
@@ -51,28 +53,32 @@ void vtkBigusFieldWriter::WriteData()
       throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
                              fileName + ": fields are written as .vtp or .ply; name the file so");
     }
-    const bigus::StoredField stored = bigus::FieldFromPolyData(this->GetInput(), "the field");
+    vtkNew<vtkPolyData> field;
+    bigus::PlyField ply;
+    try
+    {
+      if (ending == ".vtp")
+      {
+        bigus::ShareField(this->GetInput(), field);
+      }
+      else
+      {
+        ply = {bigus::FieldFromPolyData(this->GetInput()), bigus::ProvenanceOf(this->GetInput())};
+      }
+    }
+    catch (const bigus::Error& error)  // what is wrong with the field
+    {
+      throw bigus::FormatError(error.what());
+    }
     bigus::AtomicFile file(fileName);
     if (ending == ".ply")
     {
-      bigus::WritePly(stored, file);
+      bigus::WritePly(ply, file);
     }
-    else
+    else if (!bigus::WriteVtp(field, file.TemporaryName()))
     {
-      vtkNew<vtkPolyData> clean;
-      bigus::FieldToPolyData(stored, clean);
-      vtkNew<vtkXMLPolyDataWriter> writer;
-      writer->SetFileName(file.TemporaryName().c_str());
-      writer->SetInputData(clean);
-      writer->SetDataModeToAppended();
-      writer->EncodeAppendedDataOff();
-      writer->SetCompressorTypeToZLib();
-      writer->SetHeaderTypeToUInt64();
-      if (!writer->Write() || writer->GetErrorCode() != vtkErrorCode::NoError)
-      {
-        throw bigus::FileError(vtkErrorCode::OutOfDiskSpaceError,
-                               fileName + ": writing failed, perhaps for want of space; nothing was written");
-      }
+      throw bigus::FileError(vtkErrorCode::OutOfDiskSpaceError,
+                             fileName + ": writing failed, perhaps for want of space; nothing was written");
     }
     file.Commit();
   }

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "FileError.h"
-#include "Markups.h"
-#include "Poses.h"
-#include "SequenceFile.h"
-#include "Text.h"
+#include "IO/FileError.h"
+#include "IO/Formats/Markups.h"
+#include "IO/Poses.h"
+#include "IO/SequenceFile.h"
+#include "IO/Text.h"
 #include "vtkDataObject.h"
 #include "vtkDoubleArray.h"
 #include "vtkInformation.h"

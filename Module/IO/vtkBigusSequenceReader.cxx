@@ -11,11 +11,12 @@
 #include <vector>
 
 #include "Core/Model/SlicePlane.h"
-#include "FileError.h"
-#include "PngFile.h"
-#include "Poses.h"
-#include "SequenceFile.h"
-#include "Text.h"
+#include "Data/Progress.h"
+#include "IO/FileError.h"
+#include "IO/Formats/PngFile.h"
+#include "IO/Poses.h"
+#include "IO/SequenceFile.h"
+#include "IO/Text.h"
 #include "vtkDataArray.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"
@@ -28,7 +29,6 @@
 #include "vtkSmartPointer.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
 #include "vtkUnsignedCharArray.h"
-#include "vtkVersionMacros.h"
 
 vtkStandardNewMacro(vtkBigusSequenceReader);
 
@@ -166,17 +166,6 @@ void Reorder(const bigus::SequenceFile& file, const unsigned char* from, unsigne
   }
 }
 
-// False when the user wants to stop.
-bool ReportProgress(vtkAlgorithm* reader, std::size_t done, std::size_t of)
-{
-  reader->UpdateProgress(static_cast<double>(done) / static_cast<double>(of));
-#if VTK_MAJOR_VERSION > 9 || (VTK_MAJOR_VERSION == 9 && VTK_MINOR_VERSION >= 3)
-  return !reader->CheckAbort();
-#else
-  return !reader->GetAbortExecute();
-#endif
-}
-
 // Reads a sequence whose list axis comes first. `place` says where each frame goes in `pixels`, or -1. False
 // when the user wants to stop.
 bool ReadInterleaved(vtkAlgorithm* reader, const bigus::SequenceFile& file, const std::vector<int>& place,
@@ -199,7 +188,9 @@ bool ReadInterleaved(vtkAlgorithm* reader, const bigus::SequenceFile& file, cons
                     &row[(i * frames + frame) * bytes], bytes);
       }
     }
-    if (!ReportProgress(reader, j + 1, 2 * height))  // the other half is for sorting the pixels out
+    if (!bigus::ReportProgress(reader,
+                               0.5 * static_cast<double>(j + 1) /
+                                   static_cast<double>(height)))  // the other half is for sorting the pixels out
     {
       return false;
     }
@@ -481,8 +472,8 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
         std::vector<unsigned char> ignored(poses.frames[i].accepted ? 0 : pixelsPerFrame);
         ClipAndNote(file, clip, target, ignored.empty() ? lit.data() : ignored.data());
       }
-      const std::size_t before = file.framesFastest ? place.size() : 0;
-      if (!ReportProgress(this, before + i + 1, before + place.size()))
+      const double share = static_cast<double>(i + 1) / static_cast<double>(place.size());
+      if (!bigus::ReportProgress(this, file.framesFastest ? 0.5 + 0.5 * share : share))
       {
         output->Initialize();
         return 1;

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "AtomicFile.h"
-#include "FileError.h"
-#include "Text.h"
+#include "IO/AtomicFile.h"
+#include "IO/FileError.h"
+#include "IO/Text.h"
 #include "vtkDataArray.h"
 #include "vtkFieldData.h"
 #include "vtkImageData.h"

@@ -13,10 +13,12 @@
 #include <vector>
 
 #include "Core/Model/GaussianField.h"
+#include "Data/FieldData.h"
+#include "Data/Provenance.h"
+#include "Data/SweepData.h"
 #include "Support/ErrorObserver.h"
 #include "Support/Random.h"
 #include "vtkAlgorithm.h"
-#include "vtkBigusConvert.h"
 #include "vtkErrorCode.h"
 #include "vtkImageData.h"
 #include "vtkMatrix4x4.h"

@@ -9,8 +9,8 @@
 #include <string>
 
 #include "Core/Phantom/Phantom.h"
+#include "Data/SweepData.h"
 #include "Filters/FilterTestSupport.h"
-#include "vtkBigusConvert.h"
 #include "vtkBigusPhantomSource.h"
 #include "vtkCallbackCommand.h"
 #include "vtkDoubleArray.h"

@@ -14,8 +14,8 @@
 #include <string>
 
 #include "Core/Model/Sweep.h"
+#include "Data/SweepData.h"
 #include "Support/TestSupport.h"
-#include "vtkBigusConvert.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSequenceReader.h"

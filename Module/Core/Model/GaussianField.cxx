@@ -47,25 +47,31 @@ void GaussianField::Validate() const
   }
   for (std::size_t i = 0; i < n; ++i)
   {
-    if (!means[i].allFinite() || means[i].cwiseAbs().maxCoeff() > kLargestCoordinate)
-    {
-      throw Error("Gaussian field: " + At("Points", i) + " is not finite or farther than 1e12 mm from the origin.");
-    }
-    if (!scales[i].allFinite() || !(scales[i].minCoeff() > 0))
-    {
-      throw Error("Gaussian field: " + At("Scale", i) + " is (" + std::to_string(scales[i][0]) + ", " +
-                  std::to_string(scales[i][1]) + ", " + std::to_string(scales[i][2]) +
-                  ") mm; standard deviations must be positive and finite (not logarithms).");
-    }
-    const double length = rotations[i].stableNorm();
-    if (!rotations[i].allFinite() || !(length > 0) || !std::isfinite(length))
-    {
-      throw Error("Gaussian field: " + At("Rotation", i) + " is not a quaternion (w, x, y, z) of non-zero length.");
-    }
-    if (!(std::abs(reflectivities[i]) <= kLargestReflectivity))
-    {
-      throw Error("Gaussian field: " + At("Reflectivity", i) + " is not finite or larger than 1e20.");
-    }
+    ValidateGaussian(i, means[i], scales[i], rotations[i], reflectivities[i]);
+  }
+}
+
+void ValidateGaussian(std::size_t index, const Eigen::Vector3d& mean, const Eigen::Vector3d& scale,
+                      const Eigen::Vector4d& rotation, double reflectivity)
+{
+  if (!mean.allFinite() || mean.cwiseAbs().maxCoeff() > GaussianField::kLargestCoordinate)
+  {
+    throw Error("Gaussian field: " + At("Points", index) + " is not finite or farther than 1e12 mm from the origin.");
+  }
+  if (!scale.allFinite() || !(scale.minCoeff() > 0))
+  {
+    throw Error("Gaussian field: " + At("Scale", index) + " is (" + std::to_string(scale[0]) + ", " +
+                std::to_string(scale[1]) + ", " + std::to_string(scale[2]) +
+                ") mm; standard deviations must be positive and finite (not logarithms).");
+  }
+  const double length = rotation.stableNorm();
+  if (!rotation.allFinite() || !(length > 0) || !std::isfinite(length))
+  {
+    throw Error("Gaussian field: " + At("Rotation", index) + " is not a quaternion (w, x, y, z) of non-zero length.");
+  }
+  if (!(std::abs(reflectivity) <= GaussianField::kLargestReflectivity))
+  {
+    throw Error("Gaussian field: " + At("Reflectivity", index) + " is not finite or larger than 1e20.");
   }
 }
 

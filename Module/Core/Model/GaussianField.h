@@ -40,6 +40,10 @@ struct GaussianField
   void Validate() const;
 };
 
+/// The part of GaussianField::Validate that looks at one Gaussian, for fields that are kept in other arrays.
+void ValidateGaussian(std::size_t index, const Eigen::Vector3d& mean, const Eigen::Vector3d& scale,
+                      const Eigen::Vector4d& rotation, double reflectivity);
+
 /// R of a quaternion (w, x, y, z) of any non-zero length.
 Eigen::Matrix3d RotationMatrix(const Eigen::Vector4d& wxyz);
 

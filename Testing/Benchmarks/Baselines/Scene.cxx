@@ -16,8 +16,8 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Data/SweepData.h"
 #include "JobFields.h"
-#include "vtkBigusConvert.h"
 #include "vtkBigusSequenceReader.h"
 
 using bigus::Error;

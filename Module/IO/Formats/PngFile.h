@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "SequenceFile.h"
+#include "IO/SequenceFile.h"
 
 namespace bigus
 {

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Markups.h"
+#include "IO/Formats/Markups.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "Core/Model/SlicePlane.h"
-#include "FileError.h"
-#include "SequenceFile.h"
-#include "Text.h"
+#include "IO/FileError.h"
+#include "IO/SequenceFile.h"
+#include "IO/Text.h"
 
 namespace bigus
 {

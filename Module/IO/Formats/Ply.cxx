@@ -1,14 +1,15 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The PLY side of FieldData.h.
+#include "IO/Formats/Ply.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <map>
 
-#include "FieldData.h"
-#include "FileError.h"
-#include "Text.h"
+#include "IO/Bytes.h"
+#include "IO/FileError.h"
+#include "IO/Text.h"
 
 namespace bigus
 {
@@ -163,14 +164,6 @@ double Decode(const Property& property, const unsigned char* bytes)
   }
 }
 
-bool ThisMachineIsBigEndian()
-{
-  const std::uint16_t one = 1;
-  unsigned char first = 0;
-  std::memcpy(&first, &one, 1);
-  return first == 0;
-}
-
 // Reads vertex after vertex into `values`, [properties].
 class VertexReader
 {
@@ -208,14 +201,14 @@ public:
       {
         throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) + " vertices; it is truncated");
       }
-      const bool swap = ThisMachineIsBigEndian() != (header_.layout == Layout::Big);
+      const bool swap = kThisMachineIsBigEndian != (header_.layout == Layout::Big);
       unsigned char* at = bytes_.data();
       for (std::size_t p = 0; p < values.size(); ++p)
       {
         const Property& property = header_.properties[p];
         if (swap)
         {
-          std::reverse(at, at + property.bytes);
+          SwapBytes(at, property.bytes, property.bytes);
         }
         values[p] = Decode(property, at);
         at += property.bytes;
@@ -244,7 +237,7 @@ bool OwnComment(const std::string& comment, const std::string& key, std::string&
   return true;
 }
 
-void ReadComments(const std::string& fileName, const PlyHeader& header, StoredField& stored)
+void ReadComments(const std::string& fileName, const PlyHeader& header, PlyField& ply)
 {
   std::string value;
   for (const std::string& comment : header.comments)
@@ -264,30 +257,30 @@ void ReadComments(const std::string& fileName, const PlyHeader& header, StoredFi
     }
     if (OwnComment(comment, "gamma", value))
     {
-      stored.field.transfer.gamma = number();
+      ply.field.transfer.gamma = number();
     }
     if (OwnComment(comment, "elevation_sigma", value))
     {
-      stored.field.beam.elevationSigma = number();
+      ply.field.beam.elevationSigma = number();
     }
     if (OwnComment(comment, "provenance", value))
     {
-      stored.provenance.push_back(value);
+      ply.provenance.push_back(value);
     }
   }
 }
 
 }  // namespace
 
-StoredField ReadPly(const std::string& fileName)
+PlyField ReadPly(const std::string& fileName)
 {
   InputFile input(fileName);
   const PlyHeader header = ReadHeader(input);
-  StoredField stored;
-  GaussianField& field = stored.field;
+  PlyField ply;
+  GaussianField& field = ply.field;
   field.transfer.gamma = 1.0;
   field.beam.elevationSigma = 0.0;
-  ReadComments(fileName, header, stored);
+  ReadComments(fileName, header, ply);
 
   std::map<std::string, std::size_t> columns;
   for (std::size_t p = 0; p < header.properties.size(); ++p)
@@ -340,31 +333,23 @@ StoredField ReadPly(const std::string& fileName)
         const double luminance = 0.5 + sphericalHarmonic0 * (0.2126 * values[colour[0]] + 0.7152 * values[colour[1]] +
                                                              0.0722 * values[colour[2]]);
         const double alpha = 1.0 / (1.0 + std::exp(-values[reflectivity]));
-        // Written so that NaN stays NaN and is refused below.
+        // Written so that NaN stays NaN and is refused by Validate.
         field.reflectivities[i] = alpha * (luminance < 0 ? 0 : luminance > 1 ? 1 : luminance);
       }
     }
   }
-  try
-  {
-    field.Validate();
-  }
-  catch (const Error& error)
-  {
-    throw FormatError(fileName + ": " + error.what());
-  }
-  return stored;
+  return ply;
 }
 
-void WritePly(const StoredField& stored, AtomicFile& file)
+void WritePly(const PlyField& ply, AtomicFile& file)
 {
-  const GaussianField& field = stored.field;
+  const GaussianField& field = ply.field;
   std::string header = "ply\nformat binary_little_endian 1.0\n";
   header += "comment Signed 3-D Gaussians of an ultrasound sweep, positions and scales in mm\n";
   header += "comment bigus.format_version 1\n";
   header += "comment bigus.gamma " + FormatNumber(field.transfer.gamma) + "\n";
   header += "comment bigus.elevation_sigma " + FormatNumber(field.beam.elevationSigma) + "\n";
-  for (std::string line : stored.provenance)
+  for (std::string line : ply.provenance)
   {
     std::replace_if(
         line.begin(), line.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
@@ -388,9 +373,9 @@ void WritePly(const StoredField& stored, AtomicFile& file)
   const auto put = [](unsigned char*& at, auto number)
   {
     std::memcpy(at, &number, sizeof(number));
-    if (ThisMachineIsBigEndian())
+    if (kThisMachineIsBigEndian)
     {
-      std::reverse(at, at + sizeof(number));
+      SwapBytes(at, sizeof(number), sizeof(number));
     }
     at += sizeof(number);
   };

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // https://www.w3.org/TR/png
-#include "PngFile.h"
+#include "IO/Formats/PngFile.h"
 
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <vector>
 
-#include "FileError.h"
-#include "Text.h"
+#include "IO/FileError.h"
+#include "IO/Text.h"
 #include "vtk_zlib.h"
 
 namespace bigus

@@ -1,0 +1,185 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Data/FieldData.h"
+
+#include <sstream>
+
+#include "Core/Model/Error.h"
+#include "Data/Arrays.h"
+#include "Data/Provenance.h"
+#include "vtkCellArray.h"
+#include "vtkIntArray.h"
+#include "vtkPointData.h"
+#include "vtkPoints.h"
+#include "vtkPolyData.h"
+#include "vtkSmartPointer.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr int kFormatVersion = 1;
+
+// Where the field's numbers are. The arrays are null when there is no point.
+struct FieldArrays
+{
+  vtkIdType size = 0;
+  vtkDataArray* points = nullptr;
+  vtkDataArray* scales = nullptr;
+  vtkDataArray* rotations = nullptr;
+  vtkDataArray* reflectivities = nullptr;
+  GaussianField none;  // no Gaussians, but the beam and the transfer function
+};
+
+// The arrays of the right shape, or Error.
+FieldArrays FindArrays(vtkPolyData* polyData)
+{
+  const std::string owner = "Gaussian field";
+  if (!polyData)
+  {
+    throw Error(owner + ": there is no input; connect a field (vtkPolyData).");
+  }
+  FieldArrays found;
+  found.size = polyData->GetNumberOfPoints();
+  const bool required = found.size > 0;
+  vtkFieldData* data = polyData->GetFieldData();
+  if (vtkDataArray* version = FindArray(data, owner, "FormatVersion", 1, 1, false);
+      version && version->GetTuple1(0) != kFormatVersion)
+  {
+    std::ostringstream number;
+    number << version->GetTuple1(0);
+    throw Error(owner + ": FormatVersion is " + number.str() + ", a version that this program cannot read (it reads " +
+                std::to_string(kFormatVersion) + "); a newer BIGUS is needed.");
+  }
+  if (vtkDataArray* gamma = FindArray(data, owner, "Gamma", 1, 1, required))
+  {
+    found.none.transfer.gamma = gamma->GetTuple1(0);
+  }
+  if (vtkDataArray* sigma = FindArray(data, owner, "ElevationSigma", 1, 1, required))
+  {
+    found.none.beam.elevationSigma = sigma->GetTuple1(0);
+  }
+  if (required)
+  {
+    vtkPointData* arrays = polyData->GetPointData();
+    found.points = polyData->GetPoints()->GetData();
+    found.scales = FindArray(arrays, owner, "Scale", 3, found.size, true);
+    found.rotations = FindArray(arrays, owner, "Rotation", 4, found.size, true);
+    found.reflectivities = FindArray(arrays, owner, "Reflectivity", 1, found.size, true);
+  }
+  return found;
+}
+
+void AddScalar(vtkFieldData* data, const char* name, double value)
+{
+  vtkNew<vtkDoubleArray> array = NewDoubles(name, 1, 1);
+  array->SetValue(0, value);
+  data->AddArray(array);
+}
+
+// The array itself when it holds doubles, else a copy that does.
+vtkSmartPointer<vtkDoubleArray> AsDoubles(vtkDataArray* array, const char* name)
+{
+  vtkSmartPointer<vtkDoubleArray> doubles = vtkDoubleArray::SafeDownCast(array);
+  if (!doubles)
+  {
+    doubles = vtkSmartPointer<vtkDoubleArray>::New();
+    doubles->DeepCopy(array);
+    doubles->SetName(name);
+  }
+  return doubles;
+}
+
+// Makes `polyData` the field of these arrays.
+void Assemble(vtkPolyData* polyData, vtkDataArray* coordinates, vtkDataArray* scales, vtkDataArray* rotations,
+              vtkDataArray* reflectivities, const Beam& beam, const TransferFunction& transfer)
+{
+  vtkNew<vtkPoints> points;
+  points->SetData(coordinates);
+  const vtkIdType n = points->GetNumberOfPoints();
+  vtkNew<vtkCellArray> vertices;
+  vertices->AllocateExact(n, n);
+  for (vtkIdType i = 0; i < n; ++i)
+  {
+    vertices->InsertNextCell(1, &i);
+  }
+  polyData->Initialize();
+  polyData->SetPoints(points);
+  polyData->SetVerts(vertices);
+  polyData->GetPointData()->AddArray(scales);
+  polyData->GetPointData()->AddArray(rotations);
+  polyData->GetPointData()->SetScalars(reflectivities);
+  AddScalar(polyData->GetFieldData(), "Gamma", transfer.gamma);
+  AddScalar(polyData->GetFieldData(), "ElevationSigma", beam.elevationSigma);
+  vtkNew<vtkIntArray> version;
+  version->SetName("FormatVersion");
+  version->InsertNextValue(kFormatVersion);
+  polyData->GetFieldData()->AddArray(version);
+}
+
+}  // namespace
+
+GaussianField FieldFromPolyData(vtkPolyData* polyData)
+{
+  const FieldArrays arrays = FindArrays(polyData);
+  GaussianField field = arrays.none;
+  field.Resize(static_cast<std::size_t>(arrays.size));
+  for (vtkIdType i = 0; i < arrays.size; ++i)
+  {
+    arrays.points->GetTuple(i, field.means[i].data());
+    arrays.scales->GetTuple(i, field.scales[i].data());
+    arrays.rotations->GetTuple(i, field.rotations[i].data());
+    field.reflectivities[i] = arrays.reflectivities->GetTuple1(i);
+  }
+  field.Validate();
+  return field;
+}
+
+void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData)
+{
+  const vtkIdType n = static_cast<vtkIdType>(field.Size());
+  vtkNew<vtkDoubleArray> points = NewDoubles("Points", 3, n);
+  vtkNew<vtkDoubleArray> scales = NewDoubles("Scale", 3, n);
+  vtkNew<vtkDoubleArray> rotations = NewDoubles("Rotation", 4, n);
+  vtkNew<vtkDoubleArray> reflectivities = NewDoubles("Reflectivity", 1, n);
+  for (vtkIdType i = 0; i < n; ++i)
+  {
+    points->SetTypedTuple(i, field.means[i].data());
+    scales->SetTypedTuple(i, field.scales[i].data());
+    rotations->SetTypedTuple(i, field.rotations[i].data());
+    reflectivities->SetValue(i, field.reflectivities[i]);
+  }
+  Assemble(polyData, points, scales, rotations, reflectivities, field.beam, field.transfer);
+}
+
+void ShareField(vtkPolyData* from, vtkPolyData* to)
+{
+  const FieldArrays arrays = FindArrays(from);
+  arrays.none.Validate();
+  Eigen::Vector3d mean, scale;
+  Eigen::Vector4d rotation;
+  for (vtkIdType i = 0; i < arrays.size; ++i)
+  {
+    arrays.points->GetTuple(i, mean.data());
+    arrays.scales->GetTuple(i, scale.data());
+    arrays.rotations->GetTuple(i, rotation.data());
+    ValidateGaussian(static_cast<std::size_t>(i), mean, scale, rotation, arrays.reflectivities->GetTuple1(i));
+  }
+  const std::vector<std::string> provenance = ProvenanceOf(from);
+  if (arrays.size == 0)
+  {
+    FieldToPolyData(arrays.none, to);
+  }
+  else
+  {
+    const auto points = AsDoubles(arrays.points, "Points");
+    const auto scales = AsDoubles(arrays.scales, "Scale");
+    const auto rotations = AsDoubles(arrays.rotations, "Rotation");
+    const auto reflectivities = AsDoubles(arrays.reflectivities, "Reflectivity");
+    Assemble(to, points, scales, rotations, reflectivities, arrays.none.beam, arrays.none.transfer);
+  }
+  ReplaceProvenance(to, provenance);
+}
+
+}  // namespace bigus

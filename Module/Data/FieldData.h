@@ -1,0 +1,29 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Gaussian fields between VTK and Core: the one place that knows which arrays a field is made of. They are points in mm
+// with point data `Scale` [3] mm, `Rotation` [4] w, x, y, z, `Reflectivity` [1] and field data `Gamma` [1],
+// `ElevationSigma` [1] mm and, where there is one, `FormatVersion` [1], which must be 1, and `Provenance` (Provenance.h).
+// On input any numeric type will do, cells are not looked at, and without points all arrays are optional.
+#pragma once
+
+#include "Core/Model/GaussianField.h"
+#include "vtkBigusDataModule.h"
+
+class vtkPolyData;
+
+namespace bigus
+{
+
+/// Throws Error naming the array, the index, the value and what to do. The result is valid in the sense of
+/// GaussianField::Validate.
+VTKBIGUSDATA_EXPORT GaussianField FieldFromPolyData(vtkPolyData* polyData);
+
+/// Writes a field in double, with one vertex cell a point so that viewers show it, and Reflectivity as the active
+/// scalars. Replaces everything in `polyData`.
+VTKBIGUSDATA_EXPORT void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData);
+
+/// Checks the field in `from` as FieldFromPolyData does and makes `to` that field as FieldToPolyData does, with its
+/// provenance and without other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
+VTKBIGUSDATA_EXPORT void ShareField(vtkPolyData* from, vtkPolyData* to);
+
+}  // namespace bigus

@@ -1,0 +1,16 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Progress and abort, the same for every version of VTK.
+#pragma once
+
+#include "vtkBigusDataModule.h"
+
+class vtkAlgorithm;
+
+namespace bigus
+{
+
+/// Reports progress from 0 to 1 to the algorithm's observers; false when they asked it to stop.
+VTKBIGUSDATA_EXPORT bool ReportProgress(vtkAlgorithm* algorithm, double fraction);
+
+}  // namespace bigus

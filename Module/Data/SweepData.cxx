@@ -1,0 +1,189 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Data/SweepData.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "Core/Model/Error.h"
+#include "Data/Arrays.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkPointData.h"
+#include "vtkSmartPointer.h"
+#include "vtkUnsignedCharArray.h"
+#include "vtkUnsignedShortArray.h"
+
+namespace bigus
+{
+namespace
+{
+
+std::shared_ptr<const void> Alias(vtkDataArray* array)
+{
+  vtkSmartPointer<vtkDataArray> keep = array;
+  return std::shared_ptr<const void>(array->GetVoidPointer(0), [keep](const void*) {});
+}
+
+std::shared_ptr<const void> ShortsAsFloats(vtkUnsignedShortArray* array)
+{
+  const std::size_t n = static_cast<std::size_t>(array->GetNumberOfValues());
+  auto floats = std::make_shared<std::vector<float>>(n);
+  std::transform(array->GetPointer(0), array->GetPointer(0) + n, floats->begin(),
+                 [](unsigned short value) { return static_cast<float>(value / 65535.0); });
+  return std::shared_ptr<const void>(floats, floats->data());
+}
+
+std::shared_ptr<const std::vector<std::uint8_t>> MaskOf(vtkDataArray* array)
+{
+  auto mask = std::make_shared<std::vector<std::uint8_t>>(static_cast<std::size_t>(array->GetNumberOfTuples()));
+  if (auto* bytes = vtkUnsignedCharArray::SafeDownCast(array))  // what our reader makes
+  {
+    std::transform(bytes->GetPointer(0), bytes->GetPointer(0) + mask->size(), mask->begin(),
+                   [](unsigned char value) { return value != 0; });
+  }
+  else
+  {
+    vtkIdType next = 0;
+    std::generate(mask->begin(), mask->end(), [&] { return array->GetTuple1(next++) != 0; });
+  }
+  return mask;
+}
+
+}  // namespace
+
+ImportedSweep SweepFromImage(vtkImageData* image)
+{
+  const std::string owner = "Sweep";
+  if (!image || image->GetNumberOfPoints() == 0)
+  {
+    throw Error(owner + ": the image has no pixels; connect a tracked sequence.");
+  }
+  vtkDataArray* scalars = image->GetPointData()->GetScalars();
+  if (!scalars)
+  {
+    throw Error(owner + ": the image has no active scalars, so there are no pixels.");
+  }
+  if (scalars->GetNumberOfComponents() != 1)
+  {
+    throw Error(owner + ": pixels have " + std::to_string(scalars->GetNumberOfComponents()) +
+                " components; one grey value each is expected. Convert colour to grey first.");
+  }
+  if (scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
+  {
+    throw Error(owner + ": the scalars have " + std::to_string(scalars->GetNumberOfTuples()) + " values for " +
+                std::to_string(image->GetNumberOfPoints()) + " pixels.");
+  }
+
+  int size[3];
+  int extent[6];
+  image->GetDimensions(size);
+  image->GetExtent(extent);
+  vtkFieldData* data = image->GetFieldData();
+
+  Sweep sweep;
+  sweep.width = size[0];
+  sweep.height = size[1];
+
+  vtkDataArray* poses = FindArray(data, owner, "ImageToReference", 16, size[2], true);
+  for (int k = 0; k < size[2]; ++k)
+  {
+    double row[16];
+    poses->GetTuple(k, row);
+    Eigen::Matrix4d pose = Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(row);
+    pose.col(3) += extent[0] * pose.col(0) + extent[2] * pose.col(1);  // our pixel (0, 0) is VTK's (x0, y0)
+    sweep.imageToReference.push_back(pose);
+  }
+  if (vtkDataArray* times = FindArray(data, owner, "Timestamp", 1, size[2], false))
+  {
+    for (int k = 0; k < size[2]; ++k)
+    {
+      sweep.timestamps.push_back(times->GetTuple1(k));
+    }
+  }
+  const vtkIdType framePixels = static_cast<vtkIdType>(size[0]) * size[1];
+  if (vtkDataArray* mask = FindArray(data, owner, "Mask", 1, framePixels, false))
+  {
+    sweep.mask = MaskOf(mask);
+  }
+
+  if (vtkUnsignedCharArray::SafeDownCast(scalars))
+  {
+    sweep.pixelType = Sweep::PixelType::UInt8;
+    sweep.pixels = Alias(scalars);
+  }
+  else if (vtkFloatArray::SafeDownCast(scalars))
+  {
+    sweep.pixelType = Sweep::PixelType::Float32;
+    sweep.pixels = Alias(scalars);
+  }
+  else if (auto* shorts = vtkUnsignedShortArray::SafeDownCast(scalars))
+  {
+    sweep.pixelType = Sweep::PixelType::Float32;
+    sweep.pixels = ShortsAsFloats(shorts);
+  }
+  else
+  {
+    throw Error(owner + ": pixels are of type " + scalars->GetDataTypeAsString() +
+                "; unsigned char, unsigned short, or float in [0, 1] are expected. Use vtkImageShiftScale first.");
+  }
+
+  ImportedSweep imported;
+  vtkDataArray* status = FindArray(data, owner, "Status", 1, size[2], false);
+  for (int k = 0; k < size[2]; ++k)
+  {
+    if (!status || status->GetTuple1(k) != 0)
+    {
+      imported.frames.push_back(k);
+    }
+  }
+  if (imported.frames.empty())
+  {
+    throw Error(owner + ": all " + std::to_string(size[2]) +
+                " frames are marked as rejected (Status 0); no frame has a usable pose.");
+  }
+  if (static_cast<int>(imported.frames.size()) < size[2])
+  {
+    sweep = sweep.Subset(imported.frames);
+  }
+  sweep.Validate();
+  imported.sweep = std::make_shared<const Sweep>(std::move(sweep));
+  return imported;
+}
+
+void SweepToImage(const Sweep& sweep, vtkImageData* image)
+{
+  const int frames = sweep.NumberOfFrames();
+  const bool bytes = sweep.pixelType == Sweep::PixelType::UInt8;
+  image->Initialize();
+  image->SetExtent(0, sweep.width - 1, 0, sweep.height - 1, 0, frames - 1);
+  image->AllocateScalars(bytes ? VTK_UNSIGNED_CHAR : VTK_FLOAT, 1);
+  image->GetPointData()->GetScalars()->SetName("Intensity");
+  std::memcpy(image->GetScalarPointer(), sweep.pixels.get(), frames * sweep.PixelsPerFrame() * (bytes ? 1 : 4));
+
+  vtkFieldData* data = image->GetFieldData();
+  vtkNew<vtkDoubleArray> poses = NewDoubles("ImageToReference", 16, frames);
+  for (int k = 0; k < frames; ++k)
+  {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = sweep.imageToReference[k];
+    poses->SetTypedTuple(k, pose.data());
+  }
+  data->AddArray(poses);
+  if (!sweep.timestamps.empty())
+  {
+    vtkNew<vtkDoubleArray> times = NewDoubles("Timestamp", 1, frames);
+    std::copy(sweep.timestamps.begin(), sweep.timestamps.end(), times->GetPointer(0));
+    data->AddArray(times);
+  }
+  if (sweep.mask)
+  {
+    vtkNew<vtkUnsignedCharArray> mask;
+    mask->SetName("Mask");
+    mask->SetNumberOfValues(static_cast<vtkIdType>(sweep.mask->size()));
+    std::copy(sweep.mask->begin(), sweep.mask->end(), mask->GetPointer(0));
+    data->AddArray(mask);
+  }
+}
+
+}  // namespace bigus

@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Sweeps between VTK and Core: the one place that knows which arrays a sweep is made of.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "Core/Model/Sweep.h"
+#include "vtkBigusDataModule.h"
+
+class vtkImageData;
+
+namespace bigus
+{
+
+/// A sweep and where its frames came from.
+struct ImportedSweep
+{
+  std::shared_ptr<const Sweep> sweep;
+  std::vector<int> frames;  ///< [sweep frames] index in the image's third axis; rejected frames are left out
+};
+
+/// Reads a sweep from an image stack (x, y, frame) with field data `ImageToReference` [16, row-major,
+/// frames], which maps (i, j, 0, 1) to mm; i and j are VTK indices, so a cropped image keeps its place.
+/// Spacing and origin are not used. `Timestamp` [1] seconds, `Status` [1] (0 = rejected) and `Mask` [1, width
+/// x height] are optional. Pixels are unsigned char, float in [0, 1], or unsigned short (divided by 65535).
+/// The first two are not copied while no frame is rejected: the sweep keeps the image's array alive.
+/// Throws Error naming the array and what to do. The result is valid in the sense of Sweep::Validate.
+VTKBIGUSDATA_EXPORT ImportedSweep SweepFromImage(vtkImageData* image);
+
+/// Writes a sweep as such an image stack (pixels are copied).
+VTKBIGUSDATA_EXPORT void SweepToImage(const Sweep& sweep, vtkImageData* image);
+
+}  // namespace bigus

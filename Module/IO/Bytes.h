@@ -1,0 +1,29 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The order of a number's bytes.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+
+#include "vtkConfigure.h"
+
+namespace bigus
+{
+
+#ifdef VTK_WORDS_BIGENDIAN
+constexpr bool kThisMachineIsBigEndian = true;
+#else
+constexpr bool kThisMachineIsBigEndian = false;
+#endif
+
+/// Reverses the bytes of each of the elements that lie one after the other in `count` bytes.
+inline void SwapBytes(unsigned char* bytes, std::size_t count, std::size_t elementBytes)
+{
+  for (std::size_t i = 0; i + elementBytes <= count; i += elementBytes)
+  {
+    std::reverse(bytes + i, bytes + i + elementBytes);
+  }
+}
+
+}  // namespace bigus
