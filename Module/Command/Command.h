@@ -34,10 +34,6 @@ void AddBench(Program& program);
 /// Makes `work` the program's job where the arguments choose the subcommand `app`.
 void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work);
 
-/// Text to a finite number; the whole text counts, with a point as decimal mark whatever the locale. False
-/// otherwise.
-bool ParseNumber(const std::string& text, double& value);
-
 /// An option's value must be a finite number from `low` to `high`, both included.
 CLI::Validator NumberIn(double low, double high);
 

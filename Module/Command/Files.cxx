@@ -2,30 +2,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Files.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <locale>
 
 #include "Exit.h"
+#include "IO/AtomicFile.h"
+#include "IO/FileError.h"
 
 namespace bigus::command
 {
 
 namespace
 {
-
-/// A name in the same folder that nobody else uses; renaming within a folder replaces a file in one step.
-std::string TemporaryPath(const std::string& path)
-{
-  return path + "." + std::to_string(getpid()) + ".part";
-}
 
 /// Whether both paths lead to one file, be it there already or not.
 bool AreSame(const std::string& a, const std::string& b)
@@ -59,15 +50,13 @@ void RequireWritable(const std::string& path)
   {
     throw OutputError("Cannot write '" + path + "': it is not a plain file but a folder or a device.");
   }
-  const std::string temporary = TemporaryPath(path);
-  errno = 0;
-  const bool made = std::ofstream(temporary, std::ios::binary).is_open();
-  const int reason = errno;
-  std::filesystem::remove(temporary, ignored);
-  if (!made)
+  try
   {
-    throw OutputError("Cannot write '" + path + "': " + std::strerror(reason) +
-                      ". Check that its folder exists and may be written to.");
+    AtomicFile probe(path);
+  }
+  catch (const FileError& error)
+  {
+    throw OutputError(error.what());
   }
 }
 
@@ -97,11 +86,10 @@ void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<s
 void WriteAtomically(const std::string& path, const std::function<void(std::ostream&)>& write)
 {
   RequireWritable(path);
-  const std::string temporary = TemporaryPath(path);
-  std::error_code fault;
   try
   {
-    std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
+    AtomicFile whole(path);
+    std::ofstream file(whole.TemporaryName(), std::ios::binary | std::ios::trunc);
     file.imbue(std::locale::classic());
     write(file);
     file.close();
@@ -109,16 +97,11 @@ void WriteAtomically(const std::string& path, const std::function<void(std::ostr
     {
       throw OutputError("Cannot write '" + path + "': the disk is full or failed.");
     }
-    std::filesystem::rename(temporary, path, fault);
-    if (fault)
-    {
-      throw OutputError("Cannot write '" + path + "': " + fault.message() + ".");
-    }
+    whole.Commit();
   }
-  catch (...)
+  catch (const FileError& error)
   {
-    std::filesystem::remove(temporary, fault);
-    throw;
+    throw OutputError(error.what());
   }
 }
 

@@ -18,6 +18,7 @@
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
 #include "Files.h"
+#include "IO/Text.h"
 #include "Inputs.h"
 #include "Scores.h"
 #include "vtkNew.h"

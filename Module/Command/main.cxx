@@ -3,7 +3,6 @@
 // bigus: tracked ultrasound sweeps to Gaussian fields, and slices of them at any plane, from the shell.
 #include <tbb/global_control.h>
 
-#include <charconv>
 #include <cmath>
 #include <csignal>
 #include <cstring>
@@ -12,6 +11,7 @@
 #include <new>
 
 #include "Command.h"
+#include "IO/Text.h"
 #include "Pipeline.h"
 
 namespace bigus::command
@@ -173,13 +173,6 @@ void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Conso
 {
   app->callback([&program, work = std::move(work)]
                 { program.job = [&program, work] { return work(program.console); }; });
-}
-
-bool ParseNumber(const std::string& text, double& value)
-{
-  const char* end = text.data() + text.size();
-  const auto [stop, fault] = std::from_chars(text.data(), end, value);
-  return fault == std::errc() && stop == end && std::isfinite(value);
 }
 
 CLI::Validator NumberIn(double low, double high)

@@ -9,12 +9,14 @@
 #include <string>
 #include <string_view>
 
+#include "vtkBigusIOModule.h"
+
 namespace bigus
 {
 
 /// Writes to a temporary name in the same folder; Commit() renames it. Destroyed without a commit, it removes
 /// the temporary file and leaves an earlier file of the final name as it was. Every failure throws FileError.
-class AtomicFile
+class VTKBIGUSIO_EXPORT AtomicFile
 {
 public:
   explicit AtomicFile(const std::string& fileName);
