@@ -11,6 +11,7 @@
 
 #include "Core/Model/SlicePlane.h"
 #include "IO/FileError.h"
+#include "IO/Formats/HeaderFields.h"
 #include "IO/Text.h"
 #include "vtk_pugixml.h"
 
@@ -226,12 +227,6 @@ std::string Listed(const std::vector<std::string>& names)
   return names.empty()         ? "none"
          : names.size() > most ? text + " and " + std::to_string(names.size() - most) + " more"
                                : text;
-}
-
-const std::string* Find(const Fields& fields, const std::string& name)
-{
-  const auto found = fields.find(name);
-  return found == fields.end() ? nullptr : &found->second;
 }
 
 // The frame's pose, or why it has none.

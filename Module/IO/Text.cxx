@@ -129,7 +129,7 @@ bool ParseNumbers(std::string_view text, std::size_t count, double* values)
   return true;
 }
 
-std::string FormatNumber(double value)
+std::string ExactNumber(double value)
 {
   char text[40];
   const auto result = std::to_chars(text, text + sizeof(text), value);

@@ -31,7 +31,7 @@ bool ParseNumber(std::string_view text, std::int64_t& value);
 bool ParseNumbers(std::string_view text, std::size_t count, double* values);
 
 /// The shortest text that reads back as the same bits.
-std::string FormatNumber(double value);
+std::string ExactNumber(double value);
 
 /// Deflate cannot shrink anything by more than this factor: compressed data of n bytes hold at most n times
 /// as many.

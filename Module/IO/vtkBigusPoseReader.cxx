@@ -68,7 +68,7 @@ std::vector<Plane> PlanesOfMarkups(const std::string& fileName, double spacing, 
   if (!(spacing > 0 && std::isfinite(spacing)))
   {
     throw bigus::FileError(vtkErrorCode::UserError,
-                           "PixelSpacing is " + bigus::FormatNumber(spacing) + " mm; it must be positive");
+                           "PixelSpacing is " + bigus::ExactNumber(spacing) + " mm; it must be positive");
   }
   std::vector<Plane> planes;
   for (const auto& plane : bigus::ReadMarkupPlanes(fileName, spacing, worldIsLps))
@@ -81,27 +81,19 @@ std::vector<Plane> PlanesOfMarkups(const std::string& fileName, double spacing, 
 
 }  // namespace
 
-vtkBigusPoseReader::vtkBigusPoseReader()
-    : FileName(nullptr),
-      ConfigFileName(nullptr),
-      FromFrame(nullptr),
-      ToFrame(nullptr),
-      AssumeMissingStatusOK(0),
-      AllowReflectedPoses(0),
-      PixelSpacing(0.5),
-      WorldCoordinateSystem(RAS)
+vtkBigusPoseReader::vtkBigusPoseReader() = default;
+
+vtkBigusPoseReader::~vtkBigusPoseReader() = default;
+
+vtkTable* vtkBigusPoseReader::GetOutput()
 {
-  this->SetFromFrame("Image");
-  this->SetToFrame("Reference");
-  this->SetNumberOfInputPorts(0);
+  return vtkTable::SafeDownCast(this->GetOutputDataObject(0));
 }
 
-vtkBigusPoseReader::~vtkBigusPoseReader()
+int vtkBigusPoseReader::FillOutputPortInformation(int, vtkInformation* info)
 {
-  this->SetFileName(nullptr);
-  this->SetConfigFileName(nullptr);
-  this->SetFromFrame(nullptr);
-  this->SetToFrame(nullptr);
+  info->Set(vtkDataObject::DATA_TYPE_NAME(), "vtkTable");
+  return 1;
 }
 
 int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
@@ -113,21 +105,12 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtk
   this->RejectionSummary.clear();
   try
   {
-    if (!this->FileName || !*this->FileName)
-    {
-      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
-    }
-    const std::string beginning = bigus::FileBeginning(this->FileName, 4096);
+    const std::string fileName = this->RequireFileName();
+    const std::string beginning = bigus::FileBeginning(fileName, 4096);
     const bool json = !bigus::Trimmed(beginning).empty() && bigus::Trimmed(beginning).front() == '{';
-    bigus::PoseOptions options;
-    options.fromFrame = this->FromFrame ? this->FromFrame : "";
-    options.toFrame = this->ToFrame ? this->ToFrame : "";
-    options.configFileName = this->ConfigFileName ? this->ConfigFileName : "";
-    options.assumeMissingStatusOK = this->AssumeMissingStatusOK != 0;
-    options.allowReflectedPoses = this->AllowReflectedPoses != 0;
     const std::vector<Plane> planes =
-        json ? PlanesOfMarkups(this->FileName, this->PixelSpacing, this->WorldCoordinateSystem == LPS)
-             : PlanesOfSequence(this->FileName, options, this->NumberOfRejectedPoses, this->RejectionSummary);
+        json ? PlanesOfMarkups(fileName, this->PixelSpacing, this->WorldCoordinateSystem == LPS)
+             : PlanesOfSequence(fileName, this->GetPoseOptions(), this->NumberOfRejectedPoses, this->RejectionSummary);
 
     const auto count = static_cast<vtkIdType>(planes.size());
     vtkNew<vtkDoubleArray> imageToReference;
@@ -168,10 +151,8 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtk
   }
   catch (const std::exception& error)
   {
-    vtkErrorMacro(<< bigus::MessageOf(error));
-    this->SetErrorCode(bigus::ErrorCodeOf(error));
     output->Initialize();
-    return 0;
+    return this->Fail(error);
   }
   return 1;
 }
@@ -179,13 +160,6 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtk
 void vtkBigusPoseReader::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
-  const auto name = [](const char* text) { return text ? text : "(none)"; };
-  os << indent << "FileName: " << name(this->FileName) << "\n";
-  os << indent << "ConfigFileName: " << name(this->ConfigFileName) << "\n";
-  os << indent << "FromFrame: " << name(this->FromFrame) << "\n";
-  os << indent << "ToFrame: " << name(this->ToFrame) << "\n";
-  os << indent << "AssumeMissingStatusOK: " << this->AssumeMissingStatusOK << "\n";
-  os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
   os << indent << "PixelSpacing: " << this->PixelSpacing << "\n";
   os << indent << "WorldCoordinateSystem: " << (this->WorldCoordinateSystem == LPS ? "LPS" : "RAS") << "\n";
   os << indent << "NumberOfRejectedPoses: " << this->NumberOfRejectedPoses << "\n";

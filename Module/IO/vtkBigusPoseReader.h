@@ -14,9 +14,9 @@
  *
  * A sequence and a CSV are read as by vtkBigusSequenceReader (same rules, same rejections) but without
  * pixels; a CSV takes sizes from optional columns `width` and `height`, else from the PNG images named in
- * `image`. Markups
- * (.mrk.json) give one plane for each markup of type Plane: columns run along the plane's x axis, rows along
- * its y axis, PixelSpacing mm apart, centred on the plane's centre and covering its size.
+ * `image`. Markups (.mrk.json), to which the options of vtkBigusTrackedReader do not apply, give one plane for each
+ * markup of type Plane: columns run along the plane's x axis, rows along its y axis, PixelSpacing mm apart, centred on
+ * the plane's centre and covering its size.
  *
  * 3D Slicer's files carry their own coordinate system (LPS by default), while the coordinates of a tracked
  * sequence, as Slicer shows them, are RAS. WorldCoordinateSystem says which of the two the field is in.
@@ -27,40 +27,18 @@
 #include <string>
 
 #include "vtkBigusIOModule.h"
-#include "vtkTableAlgorithm.h"
+#include "vtkBigusTrackedReader.h"
 
-class VTKBIGUSIO_EXPORT vtkBigusPoseReader : public vtkTableAlgorithm
+class vtkTable;
+
+class VTKBIGUSIO_EXPORT vtkBigusPoseReader : public vtkBigusTrackedReader
 {
 public:
   static vtkBigusPoseReader* New();
-  vtkTypeMacro(vtkBigusPoseReader, vtkTableAlgorithm);
+  vtkTypeMacro(vtkBigusPoseReader, vtkBigusTrackedReader);
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
-  ///@{
-  /**
-   * The sequence, CSV or markup file. What it holds is told from its content. No default.
-   */
-  vtkSetFilePathMacro(FileName);
-  vtkGetFilePathMacro(FileName);
-  ///@}
-
-  ///@{
-  /**
-   * As in vtkBigusSequenceReader; for sequences and CSV. Defaults: none, Image, Reference, off, off.
-   */
-  vtkSetFilePathMacro(ConfigFileName);
-  vtkGetFilePathMacro(ConfigFileName);
-  vtkSetStringMacro(FromFrame);
-  vtkGetStringMacro(FromFrame);
-  vtkSetStringMacro(ToFrame);
-  vtkGetStringMacro(ToFrame);
-  vtkSetMacro(AssumeMissingStatusOK, vtkTypeBool);
-  vtkGetMacro(AssumeMissingStatusOK, vtkTypeBool);
-  vtkBooleanMacro(AssumeMissingStatusOK, vtkTypeBool);
-  vtkSetMacro(AllowReflectedPoses, vtkTypeBool);
-  vtkGetMacro(AllowReflectedPoses, vtkTypeBool);
-  vtkBooleanMacro(AllowReflectedPoses, vtkTypeBool);
-  ///@}
+  vtkTable* GetOutput();
 
   ///@{
   /**
@@ -100,16 +78,11 @@ protected:
   vtkBigusPoseReader();
   ~vtkBigusPoseReader() override;
 
+  int FillOutputPortInformation(int port, vtkInformation* info) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
-  char* FileName;
-  char* ConfigFileName;
-  char* FromFrame;
-  char* ToFrame;
-  vtkTypeBool AssumeMissingStatusOK;
-  vtkTypeBool AllowReflectedPoses;
-  double PixelSpacing;
-  int WorldCoordinateSystem;
+  double PixelSpacing = 0.5;
+  int WorldCoordinateSystem = RAS;
   int NumberOfRejectedPoses = 0;
 
 private:

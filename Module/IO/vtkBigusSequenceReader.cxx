@@ -303,39 +303,24 @@ private:
   }
 };
 
-vtkBigusSequenceReader::vtkBigusSequenceReader()
-    : FileName(nullptr),
-      ConfigFileName(nullptr),
-      FromFrame(nullptr),
-      ToFrame(nullptr),
-      ImageFolder(nullptr),
-      ImagePattern(nullptr),
-      AssumeMissingStatusOK(0),
-      AllowReflectedPoses(0),
-      RequirePoses(1),
-      KeepRejectedFrames(0),
-      AutoMask(1),
-      ClipMode(CLIP_NONE),
-      ClipRectangle{0, 0, 0, 0},
-      FanApex{0.0, 0.0},
-      FanRadii{0.0, 0.0},
-      FanAngles{-180.0, 180.0},
-      Internals(new vtkInternals)
-{
-  this->SetFromFrame("Image");
-  this->SetToFrame("Reference");
-  this->SetNumberOfInputPorts(0);
-}
+vtkBigusSequenceReader::vtkBigusSequenceReader() : Internals(new vtkInternals) {}
 
 vtkBigusSequenceReader::~vtkBigusSequenceReader()
 {
-  this->SetFileName(nullptr);
-  this->SetConfigFileName(nullptr);
-  this->SetFromFrame(nullptr);
-  this->SetToFrame(nullptr);
   this->SetImageFolder(nullptr);
   this->SetImagePattern(nullptr);
   delete this->Internals;
+}
+
+vtkImageData* vtkBigusSequenceReader::GetOutput()
+{
+  return vtkImageData::SafeDownCast(this->GetOutputDataObject(0));
+}
+
+int vtkBigusSequenceReader::FillOutputPortInformation(int, vtkInformation* info)
+{
+  info->Set(vtkDataObject::DATA_TYPE_NAME(), "vtkImageData");
+  return 1;
 }
 
 int vtkBigusSequenceReader::CanReadFile(const char* fileName)
@@ -351,29 +336,19 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
   *this->Internals = vtkInternals();
   try
   {
-    if (!this->FileName || !*this->FileName)
-    {
-      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
-    }
+    const std::string fileName = this->RequireFileName();
     bigus::ImageOptions images;
     images.folder = Text(this->ImageFolder);
     images.pattern = Text(this->ImagePattern);
     images.plain = !this->RequirePoses;
-    bigus::PoseOptions options;
-    options.fromFrame = Text(this->FromFrame);
-    options.toFrame = Text(this->ToFrame);
-    options.configFileName = Text(this->ConfigFileName);
-    options.assumeMissingStatusOK = this->AssumeMissingStatusOK != 0;
-    options.allowReflectedPoses = this->AllowReflectedPoses != 0;
+    bigus::PoseOptions options = this->GetPoseOptions();
     options.required = this->RequirePoses != 0;
-    this->Internals->Load(this->FileName, images, options);
+    this->Internals->Load(fileName, images, options);
   }
   catch (const std::exception& error)
   {
-    vtkErrorMacro(<< bigus::MessageOf(error));
-    this->SetErrorCode(bigus::ErrorCodeOf(error));
     this->GetOutput()->Initialize();
-    return 0;
+    return this->Fail(error);
   }
 
   const bigus::SequenceFile& file = this->Internals->file;
@@ -446,28 +421,34 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
       return 1;
     }
 
+    // Frames are read where they belong, unless they have to be turned or are not wanted.
+    const bool turned = file.flipColumns || file.flipRows;
     std::vector<unsigned char> buffer(frameBytes);
     const bool streamed = file.encoding != bigus::Encoding::Png && !file.framesFastest;
     std::unique_ptr<bigus::PixelStream> stream(streamed ? new bigus::PixelStream(file) : nullptr);
     for (std::size_t i = 0; i < place.size(); ++i)
     {
       unsigned char* const target = place[i] < 0 ? nullptr : pixels + static_cast<std::size_t>(place[i]) * frameBytes;
+      unsigned char* const read = target && !turned ? target : buffer.data();
       if (streamed)
       {
-        stream->Read(buffer.data(), frameBytes);
+        stream->Read(read, frameBytes);
       }
       if (target)
       {
-        if (file.framesFastest)
-        {
-          std::memcpy(buffer.data(), target, frameBytes);
-        }
-        else if (!streamed)
+        if (!streamed && !file.framesFastest)
         {
           const bigus::PngHeader expected = {file.width, file.height, file.elementType};
-          bigus::ReadPng(file.images[i], expected, buffer.data());
+          bigus::ReadPng(file.images[i], expected, read);
         }
-        Reorder(file, buffer.data(), target);
+        if (turned)
+        {
+          if (file.framesFastest)
+          {
+            std::memcpy(read, target, frameBytes);
+          }
+          Reorder(file, read, target);
+        }
         // Rejected frames are clipped too, but do not light the mask.
         std::vector<unsigned char> ignored(poses.frames[i].accepted ? 0 : pixelsPerFrame);
         ClipAndNote(file, clip, target, ignored.empty() ? lit.data() : ignored.data());
@@ -534,10 +515,8 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
   }
   catch (const std::exception& error)
   {
-    vtkErrorMacro(<< bigus::MessageOf(error));
-    this->SetErrorCode(bigus::ErrorCodeOf(error));
     output->Initialize();
-    return 0;
+    return this->Fail(error);
   }
   return 1;
 }
@@ -665,12 +644,6 @@ void vtkBigusSequenceReader::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   const auto name = [](const char* text) { return text ? text : "(none)"; };
-  os << indent << "FileName: " << name(this->FileName) << "\n";
-  os << indent << "ConfigFileName: " << name(this->ConfigFileName) << "\n";
-  os << indent << "FromFrame: " << name(this->FromFrame) << "\n";
-  os << indent << "ToFrame: " << name(this->ToFrame) << "\n";
-  os << indent << "AssumeMissingStatusOK: " << this->AssumeMissingStatusOK << "\n";
-  os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
   os << indent << "RequirePoses: " << this->RequirePoses << "\n";
   os << indent << "KeepRejectedFrames: " << this->KeepRejectedFrames << "\n";
   os << indent << "AutoMask: " << this->AutoMask << "\n";

@@ -7,8 +7,8 @@
  * The output is a stack of frames, extent (0, W-1, 0, H-1, 0, N-1), spacing 1 and origin 0, whose third axis
  * counts frames: it has no place in space of its own. Where the frames lie is in the field data:
  *
- * - `ImageToReference`: double, 16 components row-major, N tuples. Maps a 0-based pixel index (i, j, 0, 1) to
- * mm. Absent only where there are no poses (see RequirePoses).
+ * - `ImageToReference`: double, 16 components row-major, N tuples. Maps a 0-based pixel index (i, j, 0, 1) to mm.
+ * Absent only where there are no poses (see RequirePoses).
  * - `Timestamp`: double, N tuples, seconds. Only when every frame has one.
  * - `Status`: unsigned char, N tuples. 1 = usable, 0 = rejected (see KeepRejectedFrames).
  * - `SourceFrame`: int, N tuples. The frame's 0-based index in the file.
@@ -31,13 +31,15 @@
 #define vtkBigusSequenceReader_h
 
 #include "vtkBigusIOModule.h"
-#include "vtkImageAlgorithm.h"
+#include "vtkBigusTrackedReader.h"
 
-class VTKBIGUSIO_EXPORT vtkBigusSequenceReader : public vtkImageAlgorithm
+class vtkImageData;
+
+class VTKBIGUSIO_EXPORT vtkBigusSequenceReader : public vtkBigusTrackedReader
 {
 public:
   static vtkBigusSequenceReader* New();
-  vtkTypeMacro(vtkBigusSequenceReader, vtkImageAlgorithm);
+  vtkTypeMacro(vtkBigusSequenceReader, vtkBigusTrackedReader);
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   /**
@@ -45,53 +47,7 @@ public:
    */
   virtual int CanReadFile(VTK_FILEPATH const char* fileName);
 
-  ///@{
-  /**
-   * The sequence, or its header when the pixels are in a file of their own. No default.
-   */
-  vtkSetFilePathMacro(FileName);
-  vtkGetFilePathMacro(FileName);
-  ///@}
-
-  ///@{
-  /**
-   * A Plus configuration (XML) whose `CoordinateDefinitions` give transforms that the sequence lacks, such as
-   * ImageToProbe. A transform that the sequence has itself takes precedence. Default: none.
-   */
-  vtkSetFilePathMacro(ConfigFileName);
-  vtkGetFilePathMacro(ConfigFileName);
-  ///@}
-
-  ///@{
-  /**
-   * The coordinate frames that the poses lead from and to, by their names in the file. The shortest chain of
-   * transforms and inverses between them is used. Defaults: Image, Reference.
-   */
-  vtkSetStringMacro(FromFrame);
-  vtkGetStringMacro(FromFrame);
-  vtkSetStringMacro(ToFrame);
-  vtkGetStringMacro(ToFrame);
-  ///@}
-
-  ///@{
-  /**
-   * Accept a transform that has no status field. Plus writes one with every transform and refuses those
-   * without; other programs may not write any. Default: off.
-   */
-  vtkSetMacro(AssumeMissingStatusOK, vtkTypeBool);
-  vtkGetMacro(AssumeMissingStatusOK, vtkTypeBool);
-  vtkBooleanMacro(AssumeMissingStatusOK, vtkTypeBool);
-  ///@}
-
-  ///@{
-  /**
-   * Accept poses with a negative determinant. In a sweep of equal frames a reflection is nearly always a
-   * calibration or orientation mistake. Default: off.
-   */
-  vtkSetMacro(AllowReflectedPoses, vtkTypeBool);
-  vtkGetMacro(AllowReflectedPoses, vtkTypeBool);
-  vtkBooleanMacro(AllowReflectedPoses, vtkTypeBool);
-  ///@}
+  vtkImageData* GetOutput();
 
   ///@{
   /**
@@ -244,25 +200,20 @@ protected:
   vtkBigusSequenceReader();
   ~vtkBigusSequenceReader() override;
 
+  int FillOutputPortInformation(int port, vtkInformation* info) override;
   int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
-  char* FileName;
-  char* ConfigFileName;
-  char* FromFrame;
-  char* ToFrame;
-  char* ImageFolder;
-  char* ImagePattern;
-  vtkTypeBool AssumeMissingStatusOK;
-  vtkTypeBool AllowReflectedPoses;
-  vtkTypeBool RequirePoses;
-  vtkTypeBool KeepRejectedFrames;
-  vtkTypeBool AutoMask;
-  int ClipMode;
-  int ClipRectangle[4];
-  double FanApex[2];
-  double FanRadii[2];
-  double FanAngles[2];
+  char* ImageFolder = nullptr;
+  char* ImagePattern = nullptr;
+  vtkTypeBool RequirePoses = 1;
+  vtkTypeBool KeepRejectedFrames = 0;
+  vtkTypeBool AutoMask = 1;
+  int ClipMode = CLIP_NONE;
+  int ClipRectangle[4] = {0, 0, 0, 0};
+  double FanApex[2] = {0, 0};
+  double FanRadii[2] = {0, 0};
+  double FanAngles[2] = {-180, 180};
 
 private:
   vtkBigusSequenceReader(const vtkBigusSequenceReader&) = delete;

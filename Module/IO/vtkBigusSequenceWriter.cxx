@@ -211,12 +211,12 @@ void vtkBigusSequenceWriter::WriteData()
       header += prefix + transform + " =";
       for (int c = 0; c < 16; ++c)
       {
-        header += " " + bigus::FormatNumber(poses->GetComponent(frame, c));
+        header += " " + bigus::ExactNumber(poses->GetComponent(frame, c));
       }
       header += "\n" + prefix + transform + "Status = " + (usable ? "OK\n" : "INVALID\n");
       if (timestamps)
       {
-        header += prefix + "Timestamp = " + bigus::FormatNumber(timestamps->GetComponent(frame, 0)) + "\n";
+        header += prefix + "Timestamp = " + bigus::ExactNumber(timestamps->GetComponent(frame, 0)) + "\n";
       }
       header += prefix + "ImageStatus = OK\n";
     }

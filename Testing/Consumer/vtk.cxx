@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // One Gaussian written to a file, read back and resliced: as bright as it should be.
+#include <Data/FieldData.h>
 #include <vtkBigusFieldReader.h>
 #include <vtkBigusFieldWriter.h>
 #include <vtkBigusReslice.h>
@@ -55,6 +56,10 @@ int main()
   slicer->SetOutputOrigin(0, 0, 0);
   slicer->SetOutputExtent(0, 8, 0, 6, 0, 0);
   slicer->Update();
+  if (bigus::FieldFromPolyData(reader->GetOutput()).Size() != 1)
+  {
+    return 1;
+  }
 
   const double expected = 1 - std::exp(-1.0);
   const double found = slicer->GetOutput()->GetScalarComponentAsDouble(4, 3, 0, 0);

@@ -24,7 +24,6 @@
 #include "vtkPoints.h"
 #include "vtkPolyData.h"
 #include "vtkTable.h"
-#include "vtkXMLPolyDataWriter.h"
 
 namespace bigus::test
 {
@@ -350,6 +349,7 @@ TEST(Mutations, Ply)
   TortureField(folder, "ascii.ply", ascii, 10);
 }
 
+// Our own encoding; others are VTK's to read.
 TEST(Mutations, Vtp)
 {
   TemporaryFolder folder;
@@ -358,13 +358,6 @@ TEST(Mutations, Vtp)
   writer->SetInputData(SmallField());
   writer->Write();
   TortureField(folder, "appended.vtp", ReadBytes(folder / "field.vtp"), 11);
-
-  vtkNew<vtkXMLPolyDataWriter> ascii;
-  ascii->SetFileName((folder / "ascii.vtp").c_str());
-  ascii->SetDataModeToAscii();
-  ascii->SetInputData(SmallField());
-  ascii->Write();
-  TortureField(folder, "ascii.vtp", ReadBytes(folder / "ascii.vtp"), 12);
 }
 
 }  // namespace

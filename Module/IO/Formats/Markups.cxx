@@ -66,8 +66,8 @@ MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacin
   Eigen::Vector3d y(orientation[1], orientation[4], orientation[7]);
   if (!(size.minCoeff() > 0 && size.maxCoeff() / spacing <= largestSide))
   {
-    throw FormatError(what + ": size " + FormatNumber(size[0]) + " x " + FormatNumber(size[1]) + " mm at " +
-                      FormatNumber(spacing) + " mm a pixel; up to " + std::to_string(largestSide) +
+    throw FormatError(what + ": size " + ExactNumber(size[0]) + " x " + ExactNumber(size[1]) + " mm at " +
+                      ExactNumber(spacing) + " mm a pixel; up to " + std::to_string(largestSide) +
                       " pixels a side are possible");
   }
   if ((system == "LPS") != worldIsLps)

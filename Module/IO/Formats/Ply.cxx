@@ -347,8 +347,8 @@ void WritePly(const PlyField& ply, AtomicFile& file)
   std::string header = "ply\nformat binary_little_endian 1.0\n";
   header += "comment Signed 3-D Gaussians of an ultrasound sweep, positions and scales in mm\n";
   header += "comment bigus.format_version 1\n";
-  header += "comment bigus.gamma " + FormatNumber(field.transfer.gamma) + "\n";
-  header += "comment bigus.elevation_sigma " + FormatNumber(field.beam.elevationSigma) + "\n";
+  header += "comment bigus.gamma " + ExactNumber(field.transfer.gamma) + "\n";
+  header += "comment bigus.elevation_sigma " + ExactNumber(field.beam.elevationSigma) + "\n";
   for (std::string line : ply.provenance)
   {
     std::replace_if(
@@ -392,7 +392,7 @@ void WritePly(const PlyField& ply, AtomicFile& file)
       if (!std::isfinite(position))
       {
         throw FileError(vtkErrorCode::UserError, "point " + std::to_string(i) + " lies at " +
-                                                     FormatNumber(field.means[i][axis]) +
+                                                     ExactNumber(field.means[i][axis]) +
                                                      " mm, which is more than a PLY file for viewers can hold");
       }
       put(at, position);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Grey PNG images. Ours because VTK 9.1's reader crashes on a truncated one.
+// Grey PNG images, read by libspng because VTK 9.1's reader crashes on a truncated one.
 #pragma once
 
 #include <string>
@@ -17,8 +17,7 @@ struct PngHeader
   ElementType elementType = ElementType::UInt8;
 };
 
-/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG, not interlaced, that can hold the
-/// pixels it claims.
+/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG that can hold the pixels it claims.
 PngHeader ReadPngHeader(const std::string& fileName);
 
 /// Reads the pixels, top row first, in this machine's byte order. Throws FileError when the image is damaged

@@ -12,6 +12,7 @@
 #include "IO/Text.h"
 #include "vtkCallbackCommand.h"
 #include "vtkDoubleArray.h"
+#include "vtkExecutive.h"
 #include "vtkFieldData.h"
 #include "vtkIntArray.h"
 #include "vtkNew.h"
@@ -71,7 +72,12 @@ public:
       {
         throw Damaged("the appended data");
       }
-      raw = text_.substr(appended, begin - appended).find("\"raw\"") != std::string::npos;
+      const std::string tag = text_.substr(appended, begin - appended);
+      raw = tag.find("encoding=\"raw\"") != std::string::npos;
+      if (!raw && tag.find("encoding=\"base64\"") == std::string::npos)
+      {
+        throw Damaged("the encoding of the appended data");
+      }
       appended_ = std::string_view(text_).substr(begin + 1, end - begin - 1);
       beforeAppended = text_.substr(0, appended) + "</VTKFile>";
     }
@@ -364,6 +370,7 @@ void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
   observer->SetClientData(&complaint);
   vtkNew<vtkXMLPolyDataReader> reader;
   reader->AddObserver(vtkCommand::ErrorEvent, observer);
+  reader->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, observer);
   reader->SetReaderErrorObserver(observer);
   reader->SetParserErrorObserver(observer);
   reader->SetFileName(fileName.c_str());

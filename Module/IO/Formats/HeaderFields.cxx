@@ -1,0 +1,162 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "IO/Formats/HeaderFields.h"
+
+#include "IO/FileError.h"
+#include "IO/Text.h"
+
+namespace bigus
+{
+namespace
+{
+
+// In marked-far order i grows towards the marked side of the probe and j away from it. Plus brings images to
+// that order when it loads them, and transforms refer to it. The flag's third letter, where there is one, is
+// the direction of the slices of a 3-D frame; our frames have one slice, so it changes nothing.
+void SetOrientation(SequenceFile& file, const std::string* flag)
+{
+  file.orientation = flag ? std::string(Trimmed(*flag)) : "MF";
+  const std::string& o = file.orientation;
+  const bool known = (o.size() == 2 || (o.size() == 3 && (o[2] == 'A' || o[2] == 'D'))) &&
+                     (o[0] == 'M' || o[0] == 'U') && (o[1] == 'F' || o[1] == 'N');
+  if (!known)
+  {
+    Refuse(file, "UltrasoundImageOrientation = " + Quoted(o) +
+                     "; MF, MN, UF and UN, with A or D after them, are read. Scan-line orders such as FM are not: "
+                     "convert to a B-mode image first");
+  }
+  file.flipColumns = o[0] == 'U';
+  file.flipRows = o[1] == 'N';
+}
+
+void CheckImageType(const SequenceFile& file)
+{
+  const std::string* type = Find(file.fields, "UltrasoundImageType");
+  if (type && *type != "BRIGHTNESS")
+  {
+    Refuse(file, "UltrasoundImageType = " + Quoted(*type) + "; only BRIGHTNESS (B-mode) is read");
+  }
+}
+
+// Fills dataBytes, and refuses headers that claim more pixels than the data can hold.
+void CheckDataSize(SequenceFile& file)
+{
+  const std::uint64_t size = InputFile(file.dataFile).Size();
+  const std::uint64_t available = size > file.dataOffset ? size - file.dataOffset : 0;
+  if (file.dataBytes > available)
+  {
+    throw TruncationError(file.fileName + ": states CompressedDataSize = " + std::to_string(file.dataBytes) +
+                          ", but only " + std::to_string(available) +
+                          " bytes of pixels follow; the file is truncated or that number is wrong");
+  }
+  file.dataBytes = file.dataBytes == 0 ? available : file.dataBytes;
+
+  const std::uint64_t needed = file.FrameBytes() * static_cast<std::uint64_t>(file.numberOfFrames);
+  const bool compressed = file.encoding != Encoding::Raw;
+  if (compressed ? needed / deflateLimit > file.dataBytes : needed > file.dataBytes)
+  {
+    throw TruncationError(file.fileName + ": claims " + std::to_string(file.numberOfFrames) + " frames of " +
+                          std::to_string(file.width) + " x " + std::to_string(file.height) + " " +
+                          NameOf(file.elementType) + " (" + std::to_string(needed) + " bytes), but only " +
+                          std::to_string(file.dataBytes) + (compressed ? " compressed" : "") +
+                          " bytes of pixels follow; the file is truncated or its sizes are wrong");
+  }
+  if (!compressed && needed < file.dataBytes)
+  {
+    Refuse(file, "the header accounts for " + std::to_string(needed) + " bytes of pixels, but there are " +
+                     std::to_string(file.dataBytes) + "; its sizes or element type are wrong");
+  }
+}
+
+}  // namespace
+
+void Refuse(const SequenceFile& file, const std::string& message)
+{
+  throw FormatError(file.fileName + ": " + message);
+}
+
+const std::string* Find(const Fields& fields, const std::string& name)
+{
+  const auto found = fields.find(name);
+  return found == fields.end() ? nullptr : &found->second;
+}
+
+const std::string& Require(const SequenceFile& file, const Fields& fields, const std::string& name)
+{
+  const std::string* value = Find(fields, name);
+  if (!value)
+  {
+    Refuse(file, "the header has no field " + name + "; it is incomplete or not a tracked sequence");
+  }
+  return *value;
+}
+
+std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::string& name, const std::string& text)
+{
+  std::vector<std::int64_t> sizes;
+  for (const auto word : Words(text))
+  {
+    std::int64_t size = 0;
+    if (!ParseNumber(word, size) || size < 1 || sizes.size() >= 16)
+    {
+      Refuse(file, name + " = " + Quoted(text) + "; at most 16 whole numbers from 1 on are expected");
+    }
+    sizes.push_back(size);
+  }
+  return sizes;
+}
+
+void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::int64_t frames)
+{
+  if (width > largestSide || height > largestSide || frames > mostFrames)
+  {
+    Refuse(file, "claims " + std::to_string(frames) + " frames of " + std::to_string(width) + " x " +
+                     std::to_string(height) + " pixels; at most " + std::to_string(mostFrames) + " frames of " +
+                     std::to_string(largestSide) + " x " + std::to_string(largestSide) + " are read");
+  }
+  file.width = static_cast<int>(width);
+  file.height = static_cast<int>(height);
+  file.numberOfFrames = static_cast<int>(frames);
+}
+
+void FieldCollector::Add(const SequenceFile& file, std::string_view key, std::string_view value)
+{
+  constexpr std::string_view prefix = "Seq_Frame";
+  if (key.substr(0, prefix.size()) != prefix)
+  {
+    fields[std::string(key)] = value;
+    return;
+  }
+  const auto rest = key.substr(prefix.size());
+  const auto underscore = rest.find('_');
+  std::int64_t frame = -1;
+  if (underscore == std::string_view::npos || !ParseNumber(rest.substr(0, underscore), frame) || frame < 0)
+  {
+    Refuse(file, "field " + Quoted(key) + "; a per-frame field is named Seq_Frame0000_Name");
+  }
+  perFrame_[frame][std::string(rest.substr(underscore + 1))] = value;
+}
+
+void FieldCollector::MoveInto(SequenceFile& file)
+{
+  if (!perFrame_.empty() && perFrame_.rbegin()->first >= file.numberOfFrames)
+  {
+    Refuse(file, "has fields for frame " + std::to_string(perFrame_.rbegin()->first) + ", but only " +
+                     std::to_string(file.numberOfFrames) + " frames; the sizes or the fields are wrong");
+  }
+  file.frames.resize(static_cast<std::size_t>(file.numberOfFrames));
+  for (auto& [frame, frameFields] : perFrame_)
+  {
+    file.frames[static_cast<std::size_t>(frame)] = std::move(frameFields);
+  }
+}
+
+void FinishHeader(SequenceFile& file, FieldCollector& collected)
+{
+  CheckDataSize(file);
+  CheckImageType(file);
+  SetOrientation(file, Find(file.fields, "UltrasoundImageOrientation"));
+  collected.MoveInto(file);
+}
+
+}  // namespace bigus

@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What the text headers of tracked sequences share, whichever format they are in.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "IO/SequenceFile.h"
+
+namespace bigus
+{
+
+/// A text header longer than this, bytes, is refused: a million frames have 256 bytes each.
+constexpr std::uint64_t longestHeader = 256u << 20;
+
+/// Throws FileError: the file's name, then `message`.
+[[noreturn]] void Refuse(const SequenceFile& file, const std::string& message);
+
+/// The field of that name; null when there is none.
+const std::string* Find(const Fields& fields, const std::string& name);
+
+/// The field of that name. Throws FileError when there is none.
+const std::string& Require(const SequenceFile& file, const Fields& fields, const std::string& name);
+
+/// The whole numbers, from 1 on, in a field. Throws FileError.
+std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::string& name, const std::string& text);
+
+/// Sets width, height and frames. Throws FileError when there are too many.
+void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::int64_t frames);
+
+/// Fields as they come: one of a frame (Seq_Frame0012_Name) goes to that frame, any other to the file.
+class FieldCollector
+{
+public:
+  /// Throws FileError when the name begins like one of a frame and is none.
+  void Add(const SequenceFile& file, std::string_view key, std::string_view value);
+
+  /// Moves the fields of frames into the file, whose number of frames is known. Throws FileError when they do not fit.
+  void MoveInto(SequenceFile& file);
+
+  Fields fields;
+
+private:
+  std::map<std::int64_t, Fields> perFrame_;
+};
+
+/// What is left to do when a header has been understood: checks that the data can hold the pixels it claims and that
+/// they are B-mode, and takes the orientation and the fields of frames over. Throws FileError.
+void FinishHeader(SequenceFile& file, FieldCollector& collected);
+
+}  // namespace bigus

@@ -1,0 +1,176 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "IO/FileError.h"
+#include "IO/Formats/HeaderFields.h"
+#include "IO/Formats/SequenceHeaders.h"
+#include "IO/Text.h"
+
+namespace bigus
+{
+namespace
+{
+
+bool ParseBool(const SequenceFile& file, const std::string& name, const std::string& text)
+{
+  const std::string lower = Lowercase(Trimmed(text));
+  if (lower == "true" || lower == "1")
+  {
+    return true;
+  }
+  if (lower == "false" || lower == "0")
+  {
+    return false;
+  }
+  Refuse(file, name + " = " + Quoted(text) + "; True or False is expected");
+}
+
+}  // namespace
+
+bool LooksLikeMetaImage(const std::string& beginning)
+{
+  const std::string key(Trimmed(std::string_view(beginning).substr(0, beginning.find('='))));
+  return beginning.find('=') != std::string::npos &&
+         (key == "ObjectType" || key == "NDims" || key == "Comment" || key == "ObjectSubType");
+}
+
+void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
+{
+  file.format = "MetaImage sequence";
+  FieldCollector collected;
+  std::string line;
+  bool complete = false;
+  while (!complete && input.ReadLine(line))
+  {
+    if (input.Position() > longestHeader)
+    {
+      Refuse(file, "the header is longer than 256 MiB");
+    }
+    const auto equals = line.find('=');
+    if (equals == std::string::npos)
+    {
+      if (Trimmed(line).empty())
+      {
+        continue;
+      }
+      Refuse(file, "header line " + Quoted(line) + " is not \"Name = value\"");
+    }
+    const auto key = Trimmed(std::string_view(line).substr(0, equals));
+    collected.Add(file, key, Trimmed(std::string_view(line).substr(equals + 1)));
+    complete = key == "ElementDataFile";
+  }
+  if (!complete)
+  {
+    throw TruncationError(file.fileName + ": the header ends before ElementDataFile; the file is truncated");
+  }
+  file.fields = std::move(collected.fields);
+
+  if (const std::string* type = Find(file.fields, "ObjectType"); type && *type != "Image")
+  {
+    Refuse(file, "ObjectType = " + Quoted(*type) + "; only Image is read");
+  }
+  auto sizes = RequireSizes(file, "DimSize", Require(file, file.fields, "DimSize"));
+  std::int64_t dimensions = 0;
+  const std::string& nDims = Require(file, file.fields, "NDims");
+  if (!ParseNumber(nDims, dimensions) || dimensions != static_cast<std::int64_t>(sizes.size()))
+  {
+    Refuse(file, "NDims = " + Quoted(nDims) + ", but DimSize has " + std::to_string(sizes.size()) + " numbers");
+  }
+  if (sizes.size() == 4 && sizes[2] == 1)
+  {
+    sizes.erase(sizes.begin() + 2);
+  }
+  if (sizes.size() == 2)
+  {
+    sizes.push_back(1);
+  }
+  if (sizes.size() != 3)
+  {
+    Refuse(file, "DimSize = " + Quoted(file.fields["DimSize"]) +
+                     "; a sequence of single-slice frames (width height frames) is expected");
+  }
+  SetSizes(file, sizes[0], sizes[1], sizes[2]);
+
+  if (const std::string* channels = Find(file.fields, "ElementNumberOfChannels"); channels && *channels != "1")
+  {
+    Refuse(file, "ElementNumberOfChannels = " + Quoted(*channels) + "; only grey images (1) are read");
+  }
+  const std::string& type = Require(file, file.fields, "ElementType");
+  if (type == "MET_UCHAR")
+  {
+    file.elementType = ElementType::UInt8;
+  }
+  else if (type == "MET_USHORT")
+  {
+    file.elementType = ElementType::UInt16;
+  }
+  else if (type == "MET_FLOAT")
+  {
+    file.elementType = ElementType::Float32;
+  }
+  else
+  {
+    Refuse(file, "ElementType = " + Quoted(type) + "; MET_UCHAR, MET_USHORT and MET_FLOAT are read");
+  }
+
+  if (const std::string* binary = Find(file.fields, "BinaryData"); binary && !ParseBool(file, "BinaryData", *binary))
+  {
+    Refuse(file, "BinaryData = False; pixels as text are not read");
+  }
+  for (const char* name : {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"})
+  {
+    if (const std::string* order = Find(file.fields, name))
+    {
+      file.bigEndian = ParseBool(file, name, *order);
+    }
+  }
+  if (const std::string* compressed = Find(file.fields, "CompressedData");
+      compressed && ParseBool(file, "CompressedData", *compressed))
+  {
+    file.encoding = Encoding::Zlib;
+  }
+
+  const std::string& dataFile = Require(file, file.fields, "ElementDataFile");
+  if (dataFile == "LOCAL")
+  {
+    file.dataFile = file.fileName;
+    file.dataOffset = input.Position();
+  }
+  else if (Lowercase(dataFile).rfind("list", 0) == 0 || dataFile.find('%') != std::string::npos)
+  {
+    Refuse(file, "ElementDataFile = " + Quoted(dataFile) + "; one data file or LOCAL is read, lists and patterns not");
+  }
+  else
+  {
+    file.dataFile = CompanionFile(file.fileName, FolderOf(file.fileName), dataFile);
+  }
+  if (const std::string* text = Find(file.fields, "CompressedDataSize"); text && file.encoding == Encoding::Zlib)
+  {
+    std::int64_t bytes = 0;
+    if (!ParseNumber(*text, bytes) || bytes < 1)
+    {
+      Refuse(file, "CompressedDataSize = " + Quoted(*text) + "; a positive whole number is expected");
+    }
+    file.dataBytes = static_cast<std::uint64_t>(bytes);
+  }
+  if (const std::string* text = Find(file.fields, "HeaderSize"); text && dataFile != "LOCAL")
+  {
+    std::int64_t bytes = 0;
+    if (!ParseNumber(*text, bytes) || bytes < -1 || (bytes == -1 && file.encoding != Encoding::Raw))
+    {
+      Refuse(file, "HeaderSize = " + Quoted(*text) + "; bytes to skip in the data file, or -1 (raw data only)");
+    }
+    if (bytes == -1)
+    {
+      const std::uint64_t size = InputFile(file.dataFile).Size();
+      const std::uint64_t needed = file.FrameBytes() * static_cast<std::uint64_t>(file.numberOfFrames);
+      file.dataOffset = size > needed ? size - needed : 0;
+    }
+    else
+    {
+      file.dataOffset = static_cast<std::uint64_t>(bytes);
+    }
+  }
+  FinishHeader(file, collected);
+}
+
+}  // namespace bigus

@@ -1,0 +1,201 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "IO/FileError.h"
+#include "IO/Formats/HeaderFields.h"
+#include "IO/Formats/SequenceHeaders.h"
+#include "IO/Text.h"
+
+namespace bigus
+{
+
+bool LooksLikeNrrd(const std::string& beginning)
+{
+  return beginning.rfind("NRRD000", 0) == 0;
+}
+
+void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
+{
+  file.format = "NRRD sequence";
+  FieldCollector collected;
+  Fields nrrd;  // the format's own fields, by lowercase name
+  std::string line;
+  bool blankLine = false;
+  input.ReadLine(line);  // the magic
+  while (!blankLine && input.ReadLine(line))
+  {
+    if (input.Position() > longestHeader)
+    {
+      Refuse(file, "the header is longer than 256 MiB");
+    }
+    if (line.empty())
+    {
+      blankLine = true;
+      continue;
+    }
+    if (line[0] == '#')
+    {
+      continue;
+    }
+    const auto colon = line.find(':');
+    if (colon == std::string::npos)
+    {
+      Refuse(file, "header line " + Quoted(line) + " is neither \"field: value\" nor \"key:=value\"");
+    }
+    const auto key = Trimmed(std::string_view(line).substr(0, colon));
+    if (colon + 1 < line.size() && line[colon + 1] == '=')
+    {
+      collected.Add(file, key, Trimmed(std::string_view(line).substr(colon + 2)));
+    }
+    else
+    {
+      const auto value = Trimmed(std::string_view(line).substr(colon + 1));
+      nrrd[Lowercase(key)] = value;
+      collected.Add(file, key, value);  // IGSIO writes its own file-wide fields in this form too
+    }
+  }
+  file.fields = std::move(collected.fields);
+
+  const auto sizes = RequireSizes(file, "sizes", Require(file, nrrd, "sizes"));
+  if (const std::string* dimension = Find(nrrd, "dimension"))
+  {
+    std::int64_t count = 0;
+    if (!ParseNumber(*dimension, count) || count != static_cast<std::int64_t>(sizes.size()))
+    {
+      Refuse(file, "dimension: " + Quoted(*dimension) + ", but sizes has " + std::to_string(sizes.size()) + " numbers");
+    }
+  }
+  std::vector<std::string> kinds;
+  if (const std::string* text = Find(nrrd, "kinds"))
+  {
+    for (const auto word : Words(*text))
+    {
+      kinds.push_back(Lowercase(word));
+    }
+  }
+  else if (sizes.size() == 3)
+  {
+    kinds = {"domain", "domain", "list"};
+  }
+  else if (sizes.size() == 2)
+  {
+    kinds = {"domain", "domain"};
+  }
+  if (kinds.size() != sizes.size())
+  {
+    Refuse(file,
+           "kinds must name each of the " + std::to_string(sizes.size()) + " axes, such as \"domain domain list\"");
+  }
+  std::vector<std::int64_t> plane;
+  std::int64_t frames = 1;
+  int lists = 0;
+  for (std::size_t axis = 0; axis < sizes.size(); ++axis)
+  {
+    if (kinds[axis] == "list" || kinds[axis] == "time")
+    {
+      frames = sizes[axis];
+      file.framesFastest = plane.empty();
+      if (++lists > 1 || plane.size() == 1)
+      {
+        Refuse(file, "kinds: " + Quoted(nrrd["kinds"]) + "; one list axis, before or after all domain axes, is read");
+      }
+    }
+    else if (kinds[axis] == "domain" || kinds[axis] == "space")
+    {
+      if (plane.size() < 2)
+      {
+        plane.push_back(sizes[axis]);
+      }
+      else if (plain && lists == 0)
+      {
+        frames = sizes[axis];
+        ++lists;
+      }
+      else if (sizes[axis] != 1)
+      {
+        Refuse(file, "sizes: " + Quoted(nrrd["sizes"]) + "; frames of more than one slice are not read");
+      }
+    }
+    else if (sizes[axis] != 1)
+    {
+      Refuse(file, "kinds: " + Quoted(kinds[axis]) + " of size " + std::to_string(sizes[axis]) +
+                       "; only grey images (domain and list axes) are read");
+    }
+  }
+  if (plane.size() != 2)
+  {
+    Refuse(file, "kinds: " + Quoted(nrrd["kinds"]) + "; two domain axes (width and height) are needed");
+  }
+  SetSizes(file, plane[0], plane[1], frames);
+
+  const std::string type = Lowercase(Require(file, nrrd, "type"));
+  if (type == "unsigned char" || type == "uchar" || type == "uint8" || type == "uint8_t")
+  {
+    file.elementType = ElementType::UInt8;
+  }
+  else if (type == "unsigned short" || type == "ushort" || type == "unsigned short int" || type == "uint16" ||
+           type == "uint16_t")
+  {
+    file.elementType = ElementType::UInt16;
+  }
+  else if (type == "float")
+  {
+    file.elementType = ElementType::Float32;
+  }
+  else
+  {
+    Refuse(file, "type: " + Quoted(type) + "; unsigned char, unsigned short and float are read");
+  }
+  if (const std::string* endian = Find(nrrd, "endian"))
+  {
+    if (Lowercase(*endian) != "little" && Lowercase(*endian) != "big")
+    {
+      Refuse(file, "endian: " + Quoted(*endian) + "; little or big is expected");
+    }
+    file.bigEndian = Lowercase(*endian) == "big";
+  }
+  else if (BytesPerElement(file.elementType) > 1)
+  {
+    Refuse(file, "the header has no field endian, which elements of more than one byte need");
+  }
+
+  const std::string encoding = Lowercase(Require(file, nrrd, "encoding"));
+  if (encoding == "gzip" || encoding == "gz")
+  {
+    file.encoding = Encoding::Gzip;
+  }
+  else if (encoding != "raw")
+  {
+    Refuse(file, "encoding: " + Quoted(encoding) + "; raw and gzip are read");
+  }
+
+  const std::string* dataFile = Find(nrrd, "data file");
+  dataFile = dataFile ? dataFile : Find(nrrd, "datafile");
+  if (dataFile)
+  {
+    if (Lowercase(*dataFile).rfind("list", 0) == 0 || dataFile->find('%') != std::string::npos)
+    {
+      Refuse(file, "data file: " + Quoted(*dataFile) + "; one file is read, lists and patterns not");
+    }
+    file.dataFile = CompanionFile(file.fileName, FolderOf(file.fileName), *dataFile);
+  }
+  else if (blankLine)
+  {
+    file.dataFile = file.fileName;
+    file.dataOffset = input.Position();
+  }
+  else
+  {
+    throw TruncationError(file.fileName + ": the header ends without a blank line or a data file; it is truncated");
+  }
+  for (const char* name : {"line skip", "lineskip", "byte skip", "byteskip"})
+  {
+    const std::string* skip = Find(nrrd, name);
+    if (skip && *skip != "0")
+    {
+      Refuse(file, std::string(name) + ": " + Quoted(*skip) + "; skipping is not supported");
+    }
+  }
+  FinishHeader(file, collected);
+}
+
+}  // namespace bigus

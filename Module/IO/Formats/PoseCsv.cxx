@@ -1,0 +1,249 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+
+#include "IO/FileError.h"
+#include "IO/Formats/HeaderFields.h"
+#include "IO/Formats/PngFile.h"
+#include "IO/Formats/SequenceHeaders.h"
+#include "IO/Text.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::size_t mostCsvColumns = 1000;
+
+// One line's cells. Cells may be quoted with ", "" inside standing for one; they cannot contain line ends.
+std::vector<std::string> CsvCells(const SequenceFile& file, const std::string& line)
+{
+  std::vector<std::string> cells(1);
+  bool quoted = false;
+  for (std::size_t i = 0; i < line.size(); ++i)
+  {
+    const char c = line[i];
+    if (quoted && c == '"' && i + 1 < line.size() && line[i + 1] == '"')
+    {
+      cells.back() += '"';
+      ++i;
+    }
+    else if (c == '"')
+    {
+      quoted = !quoted;
+    }
+    else if (c == ',' && !quoted)
+    {
+      if (cells.size() >= mostCsvColumns)
+      {
+        Refuse(file, "has more than " + std::to_string(mostCsvColumns) + " columns");
+      }
+      cells.emplace_back();
+    }
+    else
+    {
+      cells.back() += c;
+    }
+  }
+  if (quoted)
+  {
+    Refuse(file, "line " + Quoted(line) + " has a quote that does not end");
+  }
+  for (std::string& cell : cells)
+  {
+    cell = std::string(Trimmed(cell));
+  }
+  return cells;
+}
+
+// The pattern with its one %d or %0Nd replaced.
+std::string ImageName(const SequenceFile& file, const std::string& pattern, std::int64_t number)
+{
+  const auto percent = pattern.find('%');
+  auto end = percent;
+  while (end != std::string::npos && ++end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9')
+  {
+  }
+  std::int64_t digits = 0;
+  const std::string width = end == std::string::npos ? "" : pattern.substr(percent + 1, end - percent - 1);
+  if (end == std::string::npos || end >= pattern.size() || pattern[end] != 'd' ||
+      pattern.find('%', end) != std::string::npos ||
+      (!width.empty() && (width[0] != '0' || !ParseNumber(width, digits) || digits > 20)))
+  {
+    Refuse(file, "image pattern " + Quoted(pattern) + "; one %d or %04d, where the number goes, is expected");
+  }
+  std::string text = std::to_string(number);
+  text.insert(0, text.size() < static_cast<std::size_t>(digits) ? static_cast<std::size_t>(digits) - text.size() : 0,
+              '0');
+  return pattern.substr(0, percent) + text + pattern.substr(end + 1);
+}
+
+std::vector<std::string> PngFilesOf(const std::string& folder)
+{
+  std::vector<std::string> files;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+  {
+    if (Lowercase(entry->path().extension().string()) == ".png")
+    {
+      files.push_back(entry->path().string());
+    }
+  }
+  if (error)
+  {
+    throw FileError(vtkErrorCode::CannotOpenFileError, folder + ": the folder cannot be read: " + error.message());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+}  // namespace
+
+bool LooksLikePoseCsv(const std::string& beginning)
+{
+  const std::string line = Lowercase(std::string_view(beginning).substr(0, beginning.find_first_of("\r\n")));
+  return line.find("m00") != std::string::npos && line.find(',') != std::string::npos;
+}
+
+void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
+{
+  file.format = "CSV of poses";
+  file.orientation = "MF";
+  file.encoding = Encoding::Png;
+
+  std::string line;
+  input.ReadLine(line);
+  if (line.rfind("\xef\xbb\xbf", 0) == 0)
+  {
+    line.erase(0, 3);  // a byte order mark
+  }
+  std::map<std::string, std::size_t> columns;
+  const auto names = CsvCells(file, line);
+  for (std::size_t i = 0; i < names.size(); ++i)
+  {
+    columns.emplace(Lowercase(names[i]), i);
+  }
+  const bool lastRow = columns.count("m30") || columns.count("m31") || columns.count("m32") || columns.count("m33");
+  std::vector<std::size_t> matrix;
+  for (int i = 0; i < (lastRow ? 16 : 12); ++i)
+  {
+    const std::string name = "m" + std::to_string(i / 4) + std::to_string(i % 4);
+    const auto found = columns.find(name);
+    if (found == columns.end())
+    {
+      Refuse(file, "has no column " + name + "; a pose takes m00 to m33, or m00 to m23 without the last row");
+    }
+    matrix.push_back(found->second);
+  }
+  const auto cell = [&columns](const std::vector<std::string>& cells, const char* name) -> const std::string*
+  {
+    const auto found = columns.find(name);
+    return found == columns.end() ? nullptr : &cells[found->second];
+  };
+
+  std::vector<std::string> named;
+  while (input.ReadLine(line))
+  {
+    if (Trimmed(line).empty() || line[0] == '#')
+    {
+      continue;
+    }
+    const auto cells = CsvCells(file, line);
+    const std::size_t row = file.frames.size();
+    if (cells.size() != names.size())
+    {
+      Refuse(file, "row " + std::to_string(row) + " has " + std::to_string(cells.size()) + " cells, the header " +
+                       std::to_string(names.size()));
+    }
+    if (static_cast<std::int64_t>(row) >= mostFrames || input.Position() > longestHeader)
+    {
+      Refuse(file, "has more than " + std::to_string(mostFrames) + " rows or 256 MiB");
+    }
+    Fields fields;
+    std::string& pose = fields["ImageToReferenceTransform"];
+    for (const std::size_t column : matrix)
+    {
+      pose += cells[column] + " ";
+    }
+    if (!lastRow)
+    {
+      pose += "0 0 0 1";
+    }
+    const std::string* status = cell(cells, "status");
+    fields["ImageToReferenceTransformStatus"] = status ? *status : "OK";
+    if (const std::string* timestamp = cell(cells, "timestamp"))
+    {
+      fields["Timestamp"] = *timestamp;
+    }
+    std::array<int, 2> size = {0, 0};
+    for (int side = 0; side < 2; ++side)
+    {
+      const char* const name = side == 0 ? "width" : "height";
+      const std::string* text = cell(cells, name);
+      std::int64_t pixels = 0;
+      if (text && (!ParseNumber(*text, pixels) || pixels < 1 || pixels > largestSide))
+      {
+        Refuse(file, "row " + std::to_string(row) + " has " + name + " " + Quoted(*text) + "; 1 to " +
+                         std::to_string(largestSide) + " pixels are expected");
+      }
+      size[static_cast<std::size_t>(side)] = static_cast<int>(pixels);
+    }
+    file.sizes.push_back(size);
+    const std::string* image = cell(cells, "image");
+    named.push_back(image ? *image : "");
+    file.frames.push_back(std::move(fields));
+  }
+  if (file.frames.empty())
+  {
+    throw TruncationError(file.fileName + ": has a header line but no poses");
+  }
+  file.numberOfFrames = static_cast<int>(file.frames.size());
+
+  const std::string folder = options.folder.empty() ? FolderOf(file.fileName) : options.folder;
+  if (!options.pattern.empty())
+  {
+    for (int frame = 0; frame < file.numberOfFrames; ++frame)
+    {
+      file.images.push_back((std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
+    }
+  }
+  else if (columns.count("image"))
+  {
+    for (const std::string& name : named)
+    {
+      file.images.push_back(CompanionFile(file.fileName, folder, name));
+    }
+  }
+  else if (options.wanted && !options.folder.empty())
+  {
+    file.images = PngFilesOf(folder);
+    if (file.images.size() != file.frames.size())
+    {
+      Refuse(file, "has " + std::to_string(file.frames.size()) + " poses, but " + folder + " has " +
+                       std::to_string(file.images.size()) + " PNG files");
+    }
+  }
+  else if (options.wanted)
+  {
+    Refuse(file, "has no column image; add one, or give an image folder or pattern");
+  }
+  if (options.wanted)
+  {
+    const PngHeader first = ReadPngHeader(file.images[0]);
+    file.width = first.width;
+    file.height = first.height;
+    file.elementType = first.elementType;
+  }
+  else if (!file.images.empty() && !columns.count("width") && !columns.count("height"))
+  {
+    for (std::size_t row = 0; row < file.images.size(); ++row)
+    {
+      const PngHeader header = ReadPngHeader(file.images[row]);
+      file.sizes[row] = {header.width, header.height};
+    }
+  }
+}
+
+}  // namespace bigus
