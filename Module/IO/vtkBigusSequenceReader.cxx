@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <vector>
 
-#include "Core/Model/SlicePlane.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Data/Progress.h"
 #include "IO/FileError.h"
 #include "IO/Formats/PngFile.h"
@@ -48,64 +48,54 @@ int VtkType(bigus::ElementType type)
 }
 
 // Where the accepted frames lie, mm.
-struct SweepGeometry
+struct FrameGeometry
 {
-  double pixelSize[2] = {0, 0};
-  double spacing[3] = {0, 0, 0};  // minimum, median, maximum
-  double pathLength = 0;
+  double pixelSize[2] = {0, 0};  // mean over frames
+  bigus::SweepGeometry planes;   // as the trainer measures it
+  double pathLength = 0;         // of the frames' centres
   double bounds[6] = {0, 0, 0, 0, 0, 0};
 };
 
-SweepGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::FramePose>& frames)
+FrameGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::FramePose>& frames)
 {
-  SweepGeometry geometry;
-  Eigen::AlignedBox3d box;
-  std::vector<double> distances;
-  Eigen::Vector3d previous = Eigen::Vector3d::Zero();
-  int accepted = 0;
+  FrameGeometry geometry;
+  bigus::Sweep sweep;  // without pixels
+  sweep.width = file.width;
+  sweep.height = file.height;
   for (const bigus::FramePose& frame : frames)
   {
-    if (!frame.accepted)
+    if (frame.accepted)
     {
-      continue;
+      sweep.imageToReference.push_back(frame.imageToReference);
     }
-    const auto plane = bigus::SlicePlane::FromImageToReference(frame.imageToReference, file.width, file.height);
-    geometry.pixelSize[0] += plane.columnStep.norm();
-    geometry.pixelSize[1] += plane.rowStep.norm();
-    for (const double i : {0.0, file.width - 1.0})
-    {
-      for (const double j : {0.0, file.height - 1.0})
-      {
-        box.extend(plane.Point(i, j));
-      }
-    }
-    const Eigen::Vector3d centre = plane.Point(0.5 * (file.width - 1), 0.5 * (file.height - 1));
-    if (accepted > 0)
-    {
-      distances.push_back((centre - previous).norm());
-      geometry.pathLength += distances.back();
-    }
-    previous = centre;
-    ++accepted;
   }
-  if (accepted > 0)
+  const int accepted = sweep.NumberOfFrames();
+  if (accepted == 0)
   {
-    geometry.pixelSize[0] /= accepted;
-    geometry.pixelSize[1] /= accepted;
-    for (int axis = 0; axis < 3; ++axis)
+    return geometry;
+  }
+  const double i = file.width - 1;
+  const double j = file.height - 1;
+  Eigen::AlignedBox3d box;
+  for (int k = 0; k < accepted; ++k)
+  {
+    const bigus::SlicePlane plane = sweep.Plane(k);
+    geometry.pixelSize[0] += plane.columnStep.norm() / accepted;
+    geometry.pixelSize[1] += plane.rowStep.norm() / accepted;
+    box.extend(plane.Point(0, 0)).extend(plane.Point(i, 0)).extend(plane.Point(0, j)).extend(plane.Point(i, j));
+    if (k > 0)
     {
-      geometry.bounds[2 * axis] = box.min()[axis];
-      geometry.bounds[2 * axis + 1] = box.max()[axis];
+      geometry.pathLength += (plane.Point(0.5 * i, 0.5 * j) - sweep.Plane(k - 1).Point(0.5 * i, 0.5 * j)).norm();
     }
   }
-  if (!distances.empty())
+  for (int axis = 0; axis < 3; ++axis)
   {
-    std::sort(distances.begin(), distances.end());
-    const std::size_t n = distances.size();
-    geometry.spacing[0] = distances.front();
-    geometry.spacing[1] = 0.5 * (distances[(n - 1) / 2] + distances[n / 2]);
-    geometry.spacing[2] = distances.back();
+    geometry.bounds[2 * axis] = box.min()[axis];
+    geometry.bounds[2 * axis + 1] = box.max()[axis];
   }
+  std::vector<int> all(static_cast<std::size_t>(accepted));
+  std::iota(all.begin(), all.end(), 0);
+  geometry.planes = bigus::MeasureGeometry(sweep, all);
   return geometry;
 }
 
@@ -232,7 +222,7 @@ class vtkBigusSequenceReader::vtkInternals
 public:
   bigus::SequenceFile file;
   bigus::PoseTable poses;
-  SweepGeometry geometry;
+  FrameGeometry geometry;
   std::string summary;
   std::vector<std::string> transformNames;
   bool hasTimestamps = false;
@@ -617,7 +607,10 @@ void vtkBigusSequenceReader::GetPixelSize(double size[2])
 
 void vtkBigusSequenceReader::GetPlaneSpacing(double spacing[3])
 {
-  std::copy_n(this->Internals->geometry.spacing, 3, spacing);
+  const bigus::SweepGeometry& planes = this->Internals->geometry.planes;
+  spacing[0] = planes.smallestSpacing;
+  spacing[1] = planes.medianSpacing;
+  spacing[2] = planes.largestSpacing;
 }
 
 double vtkBigusSequenceReader::GetPathLength()

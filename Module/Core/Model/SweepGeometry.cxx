@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Model/SweepGeometry.h"
 
 #include <algorithm>
@@ -25,6 +27,7 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   {
     std::sort(spacings.begin(), spacings.end());
     geometry.medianSpacing = spacings[spacings.size() / 2];
+    geometry.smallestSpacing = spacings.front();
     geometry.largestSpacing = spacings.back();
   }
   return geometry;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
 // How far the planes of a sweep lie apart, and how large its pixels are.
 #pragma once
 
@@ -13,6 +15,7 @@ struct SweepGeometry
 {
   double pixelSize = 0;      ///< geometric mean of the pixel sides
   double medianSpacing = 0;  ///< between neighbouring planes, at the image centre, along the normal
+  double smallestSpacing = 0;
   double largestSpacing = 0;
 };
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames);
