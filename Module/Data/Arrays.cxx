@@ -34,13 +34,4 @@ vtkDataArray* FindArray(vtkFieldData* data, const std::string& owner, const char
   return array;
 }
 
-vtkNew<vtkDoubleArray> NewDoubles(const char* name, int components, vtkIdType tuples)
-{
-  vtkNew<vtkDoubleArray> array;
-  array->SetName(name);
-  array->SetNumberOfComponents(components);
-  array->SetNumberOfTuples(tuples);
-  return array;
-}
-
 }  // namespace bigus

@@ -8,6 +8,7 @@
 #include "Data/Arrays.h"
 #include "Data/Provenance.h"
 #include "vtkCellArray.h"
+#include "vtkDoubleArray.h"
 #include "vtkIntArray.h"
 #include "vtkPointData.h"
 #include "vtkPoints.h"
@@ -73,7 +74,7 @@ FieldArrays FindArrays(vtkPolyData* polyData)
 
 void AddScalar(vtkFieldData* data, const char* name, double value)
 {
-  vtkNew<vtkDoubleArray> array = NewDoubles(name, 1, 1);
+  const auto array = NewArray<vtkDoubleArray>(name, 1, 1);
   array->SetValue(0, value);
   data->AddArray(array);
 }
@@ -112,9 +113,8 @@ void Assemble(vtkPolyData* polyData, vtkDataArray* coordinates, vtkDataArray* sc
   polyData->GetPointData()->SetScalars(reflectivities);
   AddScalar(polyData->GetFieldData(), "Gamma", transfer.gamma);
   AddScalar(polyData->GetFieldData(), "ElevationSigma", beam.elevationSigma);
-  vtkNew<vtkIntArray> version;
-  version->SetName("FormatVersion");
-  version->InsertNextValue(kFormatVersion);
+  const auto version = NewArray<vtkIntArray>("FormatVersion", 1, 1);
+  version->SetValue(0, kFormatVersion);
   polyData->GetFieldData()->AddArray(version);
 }
 
@@ -139,10 +139,10 @@ GaussianField FieldFromPolyData(vtkPolyData* polyData)
 void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData)
 {
   const vtkIdType n = static_cast<vtkIdType>(field.Size());
-  vtkNew<vtkDoubleArray> points = NewDoubles("Points", 3, n);
-  vtkNew<vtkDoubleArray> scales = NewDoubles("Scale", 3, n);
-  vtkNew<vtkDoubleArray> rotations = NewDoubles("Rotation", 4, n);
-  vtkNew<vtkDoubleArray> reflectivities = NewDoubles("Reflectivity", 1, n);
+  const auto points = NewArray<vtkDoubleArray>("Points", 3, n);
+  const auto scales = NewArray<vtkDoubleArray>("Scale", 3, n);
+  const auto rotations = NewArray<vtkDoubleArray>("Rotation", 4, n);
+  const auto reflectivities = NewArray<vtkDoubleArray>("Reflectivity", 1, n);
   for (vtkIdType i = 0; i < n; ++i)
   {
     points->SetTypedTuple(i, field.means[i].data());

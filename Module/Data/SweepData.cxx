@@ -8,6 +8,7 @@
 
 #include "Core/Model/Error.h"
 #include "Data/Arrays.h"
+#include "vtkDoubleArray.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
@@ -163,7 +164,7 @@ void SweepToImage(const Sweep& sweep, vtkImageData* image)
   std::memcpy(image->GetScalarPointer(), sweep.pixels.get(), frames * sweep.PixelsPerFrame() * (bytes ? 1 : 4));
 
   vtkFieldData* data = image->GetFieldData();
-  vtkNew<vtkDoubleArray> poses = NewDoubles("ImageToReference", 16, frames);
+  const auto poses = NewArray<vtkDoubleArray>("ImageToReference", 16, frames);
   for (int k = 0; k < frames; ++k)
   {
     const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = sweep.imageToReference[k];
@@ -172,15 +173,13 @@ void SweepToImage(const Sweep& sweep, vtkImageData* image)
   data->AddArray(poses);
   if (!sweep.timestamps.empty())
   {
-    vtkNew<vtkDoubleArray> times = NewDoubles("Timestamp", 1, frames);
+    const auto times = NewArray<vtkDoubleArray>("Timestamp", 1, frames);
     std::copy(sweep.timestamps.begin(), sweep.timestamps.end(), times->GetPointer(0));
     data->AddArray(times);
   }
   if (sweep.mask)
   {
-    vtkNew<vtkUnsignedCharArray> mask;
-    mask->SetName("Mask");
-    mask->SetNumberOfValues(static_cast<vtkIdType>(sweep.mask->size()));
+    const auto mask = NewArray<vtkUnsignedCharArray>("Mask", 1, static_cast<vtkIdType>(sweep.mask->size()));
     std::copy(sweep.mask->begin(), sweep.mask->end(), mask->GetPointer(0));
     data->AddArray(mask);
   }

@@ -39,8 +39,12 @@ inline FileError TruncationError(const std::string& message)
 /// The code and the text to report an exception by, whatever it is.
 inline unsigned long ErrorCodeOf(const std::exception& error)
 {
-  const auto* fileError = dynamic_cast<const FileError*>(&error);
-  return fileError ? fileError->Code() : static_cast<unsigned long>(vtkErrorCode::UnknownError);
+  if (const auto* fileError = dynamic_cast<const FileError*>(&error))
+  {
+    return fileError->Code();
+  }
+  const bool unsound = dynamic_cast<const Error*>(&error);  // what the file holds is no sweep and no field
+  return unsound ? vtkErrorCode::FileFormatError : vtkErrorCode::UnknownError;
 }
 
 inline std::string MessageOf(const std::exception& error)

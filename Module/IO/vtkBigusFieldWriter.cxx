@@ -53,29 +53,18 @@ void vtkBigusFieldWriter::WriteData()
       throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
                              fileName + ": fields are written as .vtp or .ply; name the file so");
     }
-    vtkNew<vtkPolyData> field;
-    bigus::PlyField ply;
-    try
-    {
-      if (ending == ".vtp")
-      {
-        bigus::ShareField(this->GetInput(), field);
-      }
-      else
-      {
-        ply = {bigus::FieldFromPolyData(this->GetInput()), bigus::ProvenanceOf(this->GetInput())};
-      }
-    }
-    catch (const bigus::Error& error)  // what is wrong with the field
-    {
-      throw bigus::FormatError(error.what());
-    }
-    bigus::AtomicFile file(fileName);
     if (ending == ".ply")
     {
+      const bigus::PlyField ply = {bigus::FieldFromPolyData(this->GetInput()), bigus::ProvenanceOf(this->GetInput())};
+      bigus::AtomicFile file(fileName);
       bigus::WritePly(ply, file);
+      file.Commit();
+      return;
     }
-    else if (!bigus::WriteVtp(field, file.TemporaryName()))
+    vtkNew<vtkPolyData> field;
+    bigus::ShareField(this->GetInput(), field);
+    bigus::AtomicFile file(fileName);
+    if (!bigus::WriteVtp(field, file.TemporaryName()))
     {
       throw bigus::FileError(vtkErrorCode::OutOfDiskSpaceError,
                              fileName + ": writing failed, perhaps for want of space; nothing was written");

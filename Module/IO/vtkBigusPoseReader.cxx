@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "Data/Arrays.h"
 #include "IO/FileError.h"
 #include "IO/Formats/Markups.h"
 #include "IO/Poses.h"
@@ -17,7 +18,6 @@
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkIntArray.h"
-#include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkTable.h"
 
@@ -113,20 +113,10 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtk
              : PlanesOfSequence(fileName, this->GetPoseOptions(), this->NumberOfRejectedPoses, this->RejectionSummary);
 
     const auto count = static_cast<vtkIdType>(planes.size());
-    vtkNew<vtkDoubleArray> imageToReference;
-    imageToReference->SetName("ImageToReference");
-    imageToReference->SetNumberOfComponents(16);
-    imageToReference->SetNumberOfTuples(count);
-    vtkNew<vtkIntArray> size;
-    size->SetName("Size");
-    size->SetNumberOfComponents(2);
-    size->SetNumberOfTuples(count);
-    vtkNew<vtkIntArray> sourceFrame;
-    sourceFrame->SetName("SourceFrame");
-    sourceFrame->SetNumberOfTuples(count);
-    vtkNew<vtkDoubleArray> timestamp;
-    timestamp->SetName("Timestamp");
-    timestamp->SetNumberOfTuples(count);
+    const auto imageToReference = bigus::NewArray<vtkDoubleArray>("ImageToReference", 16, count);
+    const auto size = bigus::NewArray<vtkIntArray>("Size", 2, count);
+    const auto sourceFrame = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
+    const auto timestamp = bigus::NewArray<vtkDoubleArray>("Timestamp", 1, count);
     bool allTimed = true;
     for (vtkIdType i = 0; i < count; ++i)
     {

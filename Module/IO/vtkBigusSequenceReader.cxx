@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Constants.h"
+#include "Data/Arrays.h"
 #include "Data/Progress.h"
 #include "IO/FileError.h"
 #include "IO/Formats/PngFile.h"
@@ -99,39 +101,43 @@ FrameGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::
   return geometry;
 }
 
-// [rows][columns] 1 inside the clip shape. Angles in degrees from +j towards +i.
-std::vector<unsigned char> FanMask(int width, int height, const double apex[2], const double radii[2],
-                                   const double angles[2])
+// [rows][columns] 1 where `inside(i, j)`.
+template <class Inside>
+std::vector<unsigned char> ClipMask(int width, int height, const Inside& inside)
 {
   std::vector<unsigned char> mask(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  const double degrees = 180.0 / std::acos(-1.0);
-  for (int j = 0; j < height; ++j)
+  auto pixel = mask.begin();
+  for (std::int64_t j = 0; j < height; ++j)
   {
-    for (int i = 0; i < width; ++i)
+    for (std::int64_t i = 0; i < width; ++i)
     {
-      const double di = i - apex[0];
-      const double dj = j - apex[1];
-      const double radius = std::hypot(di, dj);
-      const double angle = std::atan2(di, dj) * degrees;
-      mask[static_cast<std::size_t>(j) * static_cast<std::size_t>(width) + static_cast<std::size_t>(i)] =
-          radius >= radii[0] && radius <= radii[1] && angle >= angles[0] && angle <= angles[1];
+      *pixel++ = inside(i, j);
     }
   }
   return mask;
 }
 
+// Angles in degrees from +j towards +i.
+std::vector<unsigned char> FanMask(int width, int height, const double apex[2], const double radii[2],
+                                   const double angles[2])
+{
+  return ClipMask(width, height,
+                  [=](double i, double j)
+                  {
+                    const double radius = std::hypot(i - apex[0], j - apex[1]);
+                    const double angle = std::atan2(i - apex[0], j - apex[1]) * (180.0 / bigus::kPi);
+                    return radius >= radii[0] && radius <= radii[1] && angle >= angles[0] && angle <= angles[1];
+                  });
+}
+
 std::vector<unsigned char> RectangleMask(int width, int height, const int rectangle[4])
 {
-  std::vector<unsigned char> mask(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  for (std::int64_t j = 0; j < height; ++j)
-  {
-    for (std::int64_t i = 0; i < width; ++i)
-    {
-      mask[static_cast<std::size_t>(j * width + i)] =
-          i >= rectangle[0] && i - rectangle[0] < rectangle[2] && j >= rectangle[1] && j - rectangle[1] < rectangle[3];
-    }
-  }
-  return mask;
+  return ClipMask(width, height,
+                  [=](std::int64_t i, std::int64_t j)
+                  {
+                    return i >= rectangle[0] && i - rectangle[0] < rectangle[2] && j >= rectangle[1] &&
+                           j - rectangle[1] < rectangle[3];
+                  });
 }
 
 // One frame from the file's pixel order to marked-far order.
@@ -456,19 +462,10 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     }
     output->GetPointData()->SetScalars(scalars);
 
-    vtkNew<vtkDoubleArray> imageToReference;
-    imageToReference->SetName("ImageToReference");
-    imageToReference->SetNumberOfComponents(16);
-    imageToReference->SetNumberOfTuples(count);
-    vtkNew<vtkUnsignedCharArray> status;
-    status->SetName("Status");
-    status->SetNumberOfTuples(count);
-    vtkNew<vtkIntArray> sourceFrame;
-    sourceFrame->SetName("SourceFrame");
-    sourceFrame->SetNumberOfTuples(count);
-    vtkNew<vtkDoubleArray> timestamp;
-    timestamp->SetName("Timestamp");
-    timestamp->SetNumberOfTuples(count);
+    const auto imageToReference = bigus::NewArray<vtkDoubleArray>("ImageToReference", 16, count);
+    const auto status = bigus::NewArray<vtkUnsignedCharArray>("Status", 1, count);
+    const auto sourceFrame = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
+    const auto timestamp = bigus::NewArray<vtkDoubleArray>("Timestamp", 1, count);
     bool allTimed = true;
     for (vtkIdType i = 0; i < count; ++i)
     {
@@ -495,9 +492,7 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     }
     if (this->AutoMask || !clip.empty())
     {
-      vtkNew<vtkUnsignedCharArray> mask;
-      mask->SetName("Mask");
-      mask->SetNumberOfTuples(static_cast<vtkIdType>(pixelsPerFrame));
+      const auto mask = bigus::NewArray<vtkUnsignedCharArray>("Mask", 1, static_cast<vtkIdType>(pixelsPerFrame));
       const std::vector<unsigned char>& values = this->AutoMask ? lit : clip;
       std::copy(values.begin(), values.end(), mask->GetPointer(0));
       fields->AddArray(mask);

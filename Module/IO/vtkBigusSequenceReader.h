@@ -181,9 +181,10 @@ public:
   void GetFrameSize(int size[2]);
 
   /**
-   * Geometry of the accepted frames, mm: pixel size along i and j (mean over frames); distance between successive planes,
-   * at the image centre along the normal, as the trainer measures it (minimum, median, maximum; 0 for one frame);
-   * length of the path of the frames' centres; and the box of all frame corners (xmin, xmax, ymin, ymax, zmin, zmax).
+   * Geometry of the accepted frames, mm: pixel size along i and j (mean over frames); distance between successive
+   * planes, at the image centre along the normal, as the trainer measures it (minimum, median, maximum; 0 for one
+   * frame); length of the path of the frames' centres; and the box of all frame corners (xmin, xmax, ymin, ymax, zmin,
+   * zmax).
    */
   void GetPixelSize(double size[2]);
   void GetPlaneSpacing(double spacing[3]);

@@ -7,10 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "Data/Arrays.h"
+#include "Data/Progress.h"
 #include "IO/AtomicFile.h"
+#include "IO/Bytes.h"
 #include "IO/FileError.h"
 #include "IO/Text.h"
-#include "vtkDataArray.h"
 #include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkInformation.h"
@@ -26,19 +28,6 @@ namespace
 bigus::FileError InputError(const std::string& message)
 {
   return bigus::FileError(vtkErrorCode::UserError, message);
-}
-
-// The field-data array `name` with as many components and tuples; null when it is absent.
-vtkDataArray* FindArray(vtkImageData* image, const char* name, int components, vtkIdType tuples)
-{
-  vtkDataArray* const array = image->GetFieldData()->GetArray(name);
-  if (array && (array->GetNumberOfComponents() != components || array->GetNumberOfTuples() != tuples))
-  {
-    throw InputError(std::string("field data ") + name + " has " + std::to_string(array->GetNumberOfTuples()) +
-                     " tuples of " + std::to_string(array->GetNumberOfComponents()) + ", but " +
-                     std::to_string(tuples) + " frames need one tuple of " + std::to_string(components) + " each");
-  }
-  return array;
 }
 
 std::string ElementTypeName(int vtkType)
@@ -174,19 +163,14 @@ void vtkBigusSequenceWriter::WriteData()
       throw InputError("the sweep's pixels have " + std::to_string(scalars->GetNumberOfComponents()) +
                        " components; one is expected");
     }
-    vtkDataArray* const poses = FindArray(image, "ImageToReference", 16, size[2]);
-    if (!poses)
-    {
-      throw InputError("the sweep has no field data ImageToReference (16 components, one tuple a frame)");
-    }
-    vtkDataArray* const timestamps = FindArray(image, "Timestamp", 1, size[2]);
-    vtkDataArray* const status = FindArray(image, "Status", 1, size[2]);
+    vtkFieldData* const fields = image->GetFieldData();
+    vtkDataArray* const poses = bigus::FindArray(fields, "Sweep", "ImageToReference", 16, size[2], true);
+    vtkDataArray* const timestamps = bigus::FindArray(fields, "Sweep", "Timestamp", 1, size[2], false);
+    vtkDataArray* const status = bigus::FindArray(fields, "Sweep", "Status", 1, size[2], false);
 
     bigus::AtomicFile file(fileName);
     std::string header = "ObjectType = Image\nNDims = 3\nAnatomicalOrientation = RAI\nBinaryData = True\n";
-    const unsigned short one = 1;
-    const bool bigEndian = *reinterpret_cast<const unsigned char*>(&one) == 0;
-    header += std::string("BinaryDataByteOrderMSB = ") + (bigEndian ? "True\n" : "False\n");
+    header += std::string("BinaryDataByteOrderMSB = ") + (bigus::kThisMachineIsBigEndian ? "True\n" : "False\n");
     header += "CenterOfRotation = 0 0 0\n";
     header += std::string("CompressedData = ") + (this->Compression ? "True\n" : "False\n");
     const std::size_t sizeField = header.size() + std::string("CompressedDataSize = ").size();
@@ -231,8 +215,7 @@ void vtkBigusSequenceWriter::WriteData()
     {
       const unsigned char* const bytes = pixels + static_cast<std::size_t>(frame) * frameBytes;
       deflater ? deflater->Write(bytes, frameBytes) : file.Write(bytes, frameBytes);
-      this->UpdateProgress((frame + 1.0) / size[2]);
-      if (this->GetAbortExecute())
+      if (!bigus::ReportProgress(this, (frame + 1.0) / size[2]))
       {
         this->SetErrorCode(vtkErrorCode::UserError);  // so that Write() does not say it has written
         return;

@@ -216,6 +216,33 @@ TEST(Convert, AFieldComesBackAsItWent)
   EXPECT_EQ(FieldFromPolyData(nothing).Size(), 0u);
 }
 
+TEST(Convert, AFieldIsSharedWithoutWhatIsNotItsOwn)
+{
+  const auto from = ToPolyData(RandomField(20, 3));
+  AddArray(from->GetPointData(), "Colour", 3, 20, 0.5);
+  AddArray(from->GetFieldData(), "Note", 1, 1, 7);
+  SetProvenance(from, "seed", "1");
+  vtkNew<vtkFloatArray> single;
+  single->DeepCopy(from->GetPointData()->GetArray("Scale"));
+  from->GetPointData()->AddArray(single);
+  from->SetVerts(nullptr);
+
+  vtkNew<vtkPolyData> to;
+  ShareField(from, to);
+  EXPECT_EQ(to->GetPoints()->GetData(), from->GetPoints()->GetData());
+  EXPECT_EQ(to->GetPointData()->GetArray("Rotation"), from->GetPointData()->GetArray("Rotation"));
+  EXPECT_EQ(to->GetPointData()->GetArray("Scale")->GetDataType(), VTK_DOUBLE);
+  EXPECT_EQ(to->GetPointData()->GetArray("Scale")->GetComponent(7, 2), single->GetComponent(7, 2));
+  EXPECT_STREQ(to->GetPointData()->GetScalars()->GetName(), "Reflectivity");
+  EXPECT_EQ(to->GetPointData()->GetNumberOfArrays(), 3);
+  EXPECT_EQ(to->GetFieldData()->GetAbstractArray("Note"), nullptr);
+  EXPECT_EQ(to->GetNumberOfVerts(), 20);
+  EXPECT_EQ(GetProvenance(to, "seed"), "1");
+
+  from->GetPointData()->GetArray("Rotation")->SetTuple4(9, 0, 0, 0, 0);
+  EXPECT_THROW(ShareField(from, to), Error);
+}
+
 TEST(Convert, ProvenanceKeepsOneLineAKey)
 {
   vtkNew<vtkPolyData> data;

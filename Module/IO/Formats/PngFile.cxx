@@ -36,11 +36,12 @@ public:
   {
     spng_ihdr header;
     Require(spng_get_ihdr(png_.get(), &header));
-    if (header.color_type != SPNG_COLOR_TYPE_GRAYSCALE || (header.bit_depth != 8 && header.bit_depth != 16))
+    if (header.color_type != SPNG_COLOR_TYPE_GRAYSCALE || (header.bit_depth != 8 && header.bit_depth != 16) ||
+        header.interlace_method != SPNG_INTERLACE_NONE)
     {
-      throw FormatError(input_.Name() + ": not a grey image of 8 or 16 bits (PNG colour type " +
+      throw FormatError(input_.Name() + ": not a grey image of 8 or 16 bits without interlacing (PNG colour type " +
                         std::to_string(header.color_type) + ", depth " + std::to_string(header.bit_depth) +
-                        "); convert it to one");
+                        ", interlacing " + std::to_string(header.interlace_method) + "); convert it to one");
     }
     bytes_ = std::uint64_t(header.width) * header.height * (header.bit_depth / 8u);
     if (bytes_ / deflateLimit > input_.Size())

@@ -17,7 +17,8 @@ struct PngHeader
   ElementType elementType = ElementType::UInt8;
 };
 
-/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG that can hold the pixels it claims.
+/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG, not interlaced, that can hold the
+/// pixels it claims.
 PngHeader ReadPngHeader(const std::string& fileName);
 
 /// Reads the pixels, top row first, in this machine's byte order. Throws FileError when the image is damaged
