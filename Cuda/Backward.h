@@ -25,7 +25,7 @@ constexpr int kMoments = kMomentRows;
 /// Sums over a footprint's pixels by `Lanes` neighbouring lanes, in all of them: of the first `Count` moments. All
 /// lanes of a warp must call it; those with nothing to do give an invalid splat.
 template <int Lanes, int Count>
-__device__ void GatherSplat(const VisibleSplat& s, bool valid, const float* image, int width, int height,
+__device__ void GatherSplat(const DeviceSplat& s, bool valid, const float* image, int width, int height,
                             float (&moments)[kMoments])
 {
   const int lane = threadIdx.x % Lanes;
@@ -149,10 +149,10 @@ __device__ void GatherSplat(const VisibleSplat& s, bool valid, const float* imag
 
 /// Of all splats that a plane sees of a block, by the whole thread block: moments[m][k] of splat k.
 template <int Count>
-__device__ void GatherAll(const VisibleSplat* splats, int count, const float* image, int width, int height,
+__device__ void GatherAll(const DeviceSplat* splats, int count, const float* image, int width, int height,
                           float (*moments)[kBlock])
 {
-  const auto isLarge = [](const VisibleSplat& s)
+  const auto isLarge = [](const DeviceSplat& s)
   {
     return static_cast<std::int64_t>(s.box.columnEnd - s.box.columnBegin) * (s.box.rowEnd - s.box.rowBegin) >
            kLargeFootprint;
@@ -164,7 +164,7 @@ __device__ void GatherAll(const VisibleSplat* splats, int count, const float* im
   for (int first = 0; first < count; first += kTeams)
   {
     const int k = first + team;
-    const VisibleSplat& s = splats[min(k, count - 1)];
+    const DeviceSplat& s = splats[min(k, count - 1)];
     const bool isMine = k < count && !isLarge(s);
     large = large || (k < count && !isMine);
     GatherSplat<kGatherLanes, Count>(s, isMine, image, width, height, sums);
@@ -182,7 +182,7 @@ __device__ void GatherAll(const VisibleSplat* splats, int count, const float* im
   }
   for (int k = threadIdx.x / kWarp; k < count; k += kWarps)
   {
-    const VisibleSplat& s = splats[k];
+    const DeviceSplat& s = splats[k];
     if (!isLarge(s))
     {
       continue;  // the whole warp alike
@@ -391,7 +391,7 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
       {
         continue;
       }
-      const VisibleSplat* splats = task.lists.splats + seen[j].offset;
+      const DeviceSplat* splats = task.lists.splats + seen[j].offset;
       const std::size_t at = static_cast<std::size_t>(first + j) * task.width * task.height;
       if (task.scores)
       {

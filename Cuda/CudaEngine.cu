@@ -442,7 +442,7 @@ private:
   DeviceArray<int> batch_;      // frames of the batch
   DeviceArray<Seen> seen_;
   DeviceArray<Box> boxes_, groupBoxes_;
-  DeviceArray<VisibleSplat> splats_;
+  DeviceArray<DeviceSplat> splats_;
   DeviceArray<unsigned int> overlaps_;
   DeviceArray<float> images_, rendered_;
   DeviceArray<StepParameters> parameters_;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "CudaFrames.h"
-#include "Spectrum.h"
+#include "SpectrumKernels.h"
 #include "Windows.h"
 #include "Workspace.h"
 

@@ -9,7 +9,7 @@
 
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/PixelLoss.h"
-#include "Splats.h"
+#include "FindSplats.h"
 
 namespace bigus
 {
@@ -23,7 +23,7 @@ struct Lists
   const Seen* seen;
   const Box* boxes;
   const Box* groupBoxes;
-  const VisibleSplat* splats;
+  const DeviceSplat* splats;
   const unsigned long long* used;  // more than capacity: there was no room, and nothing must be made of it
   unsigned long long capacity;
 };
@@ -31,19 +31,19 @@ struct Lists
 /// What footprints are multiplied with: their Gaussians' reflectivity, numbers of a vector, or 1.
 struct OwnReflectivity
 {
-  __device__ float operator()(int, const VisibleSplat& s) const { return s.reflectivity; }
+  __device__ float operator()(int, const DeviceSplat& s) const { return s.reflectivity; }
 };
 struct NumberOfVector
 {
   const float* vector;  // [blocks][kBlock]
-  __device__ float operator()(int block, const VisibleSplat& s) const
+  __device__ float operator()(int block, const DeviceSplat& s) const
   {
     return vector[static_cast<std::size_t>(block) * kBlock + s.gaussian];
   }
 };
 struct One
 {
-  __device__ float operator()(int, const VisibleSplat&) const { return 1.0f; }
+  __device__ float operator()(int, const DeviceSplat&) const { return 1.0f; }
 };
 
 /// p / q to two roundings.
@@ -58,7 +58,7 @@ __device__ inline float Divide(float p, float q)
 
 /// Whether the ellipse |U (p - m)|^2 <= cut meets a tile: exact. Where the centre is outside, the tile's point
 /// that is nearest in this metric lies on an edge that faces the centre.
-__device__ inline bool Touches(const VisibleSplat& s, const Box& tile)
+__device__ inline bool Touches(const DeviceSplat& s, const Box& tile)
 {
   if (!Meet(s.box, tile))
   {
@@ -100,7 +100,7 @@ struct DirectRow
   double ridge;  // columns from the centre's pixel
 
   /// `slope` is u12 / u11.
-  __device__ DirectRow(const VisibleSplat& s, double slope, int row)
+  __device__ DirectRow(const DeviceSplat& s, double slope, int row)
   {
     const double dv = static_cast<double>(row - s.row) - s.mv;
     eta2 = static_cast<float>(s.u22 * dv);
@@ -108,7 +108,7 @@ struct DirectRow
     constant = s.logAmplitude - 0.5f * eta2 * eta2;
     ridge = s.mu - slope * dv;
   }
-  __device__ float Eta1(const VisibleSplat& s, int column) const
+  __device__ float Eta1(const DeviceSplat& s, int column) const
   {
     return s.u11 * static_cast<float>(static_cast<double>(column - s.column) - ridge);
   }
@@ -126,7 +126,7 @@ struct ColumnWalk
   float down, downRatio, up, upRatio;
 
   /// Of the column at du from the centre; `dv` is the row `start` from the centre, the first one down.
-  __device__ ColumnWalk(const VisibleSplat& s, float value, float du, float dv)
+  __device__ ColumnWalk(const DeviceSplat& s, float value, float du, float dv)
   {
     const float eta1 = s.u11 * du + s.u12 * dv, eta2 = s.u22 * dv;
     const float exponent = s.logAmplitude - 0.5f * (eta1 * eta1 + eta2 * eta2);
@@ -161,7 +161,7 @@ struct Strip
   }
 };
 
-__device__ inline void AddSplat(const VisibleSplat& s, float value, const Strip& strip, float (&sums)[kRun])
+__device__ inline void AddSplat(const DeviceSplat& s, float value, const Strip& strip, float (&sums)[kRun])
 {
   if (s.rowFactor > 0)
   {
@@ -216,13 +216,13 @@ __device__ void AddTile(const Lists& lists, const Values& values, int view, cons
                         {
                           const int block = firstBlock + b;
                           const Seen& seen = lists.seen[static_cast<std::size_t>(block) * lists.views + view];
-                          const VisibleSplat* splats = lists.splats + seen.offset;
+                          const DeviceSplat* splats = lists.splats + seen.offset;
                           for (int first = 0; first < seen.count; first += kWarp)
                           {
                             ForLanes(first + lane < seen.count && Touches(splats[first + lane], tile),
                                      [&](int k)
                                      {
-                                       const VisibleSplat& s = splats[first + k];
+                                       const DeviceSplat& s = splats[first + k];
                                        AddSplat(s, values(block, s), strip, sums);
                                      });
                           }

@@ -44,7 +44,7 @@ __device__ inline bool Meet(const Box p, const Box q)
 
 /// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), m = (column + mu, row + mv); see
 /// Footprint. Four loads of 16 bytes.
-struct alignas(16) VisibleSplat
+struct alignas(16) DeviceSplat
 {
   float u11, u12, u22, logAmplitude;
   float mu, mv, cut;
@@ -97,7 +97,7 @@ struct FindTask
   Box* boxes;       // [views][blocks rounded up to whole groups]
   Box* groupBoxes;  // [views][groups]
   int groups;
-  VisibleSplat* splats;  // [capacity]
+  DeviceSplat* splats;  // [capacity]
   unsigned long long capacity;
   unsigned long long* used;  // splats found, whether or not there was room for them
 };
@@ -135,7 +135,7 @@ __device__ T MagnitudeOf(const Truncation& truncation, const Gaussian<T>& gaussi
 /// Projects one Gaussian in T and finds its footprint in the window; false when it has none.
 template <class T>
 __device__ bool FindSplat(const FindTask& task, const Gaussian<T>& gaussian, const View<T>& view, int originColumn,
-                          int originRow, double tolerance, VisibleSplat& out)
+                          int originRow, double tolerance, DeviceSplat& out)
 {
   const T lowest = static_cast<T>(kLowestExponent<float>);
   const Splat<T> s = Project(gaussian, view).splat;
@@ -163,7 +163,7 @@ __device__ bool FindSplat(const FindTask& task, const Gaussian<T>& gaussian, con
 
 /// The same of a needle, whose projection cancels too much for float. Rare, so kept out of the way of the rest.
 __device__ BIGUS_APART bool FindSharpSplat(const FindTask& task, const Camera& camera, int block, int i,
-                                           double tolerance, VisibleSplat& out)
+                                           double tolerance, DeviceSplat& out)
 {
   const BlockPlace& place = task.field.places[block];
   Gaussian<double> gaussian;
@@ -366,7 +366,7 @@ __global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
       {
         continue;
       }
-      VisibleSplat splat;
+      DeviceSplat splat;
       bool visible = false;
       // A Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2. A thousandth more
       // than the bound, so that its own rounding drops nothing.
