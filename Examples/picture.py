@@ -54,7 +54,7 @@ def field_of(sweep, path):
     if path and path.exists():
         return bigus.read(path)
     field, _ = bigus.train(sweep, lambda share, text: print(f"\r{100 * share:3.0f} %  {text}", end="", file=sys.stderr),
-                           HoldOut=HOLD_OUT, Automatic=False, NumberOfGaussians=120000, Iterations=800)
+                           HoldOut=HOLD_OUT, Automatic=False, Gaussians=120000, Iterations=800)
     if path:
         bigus.write(field, path)
     return field

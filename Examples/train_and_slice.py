@@ -26,7 +26,7 @@ def main():
     hold_out = 8
     sweep = bigus.read(options.sweep)
     # Numbers that are given are not questioned; the rest would be decided by short trainings without Automatic=False.
-    field, log = bigus.train(sweep, progress, NumberOfGaussians=options.gaussians, Iterations=options.iterations,
+    field, log = bigus.train(sweep, progress, Gaussians=options.gaussians, Iterations=options.iterations,
                              HoldOut=hold_out, Automatic=False)
     print(file=sys.stderr)
     bigus.write(field, options.field)

@@ -2,13 +2,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusTrainer.h"
 
+#include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <optional>
 #include <sstream>
 
 #include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
@@ -34,42 +38,6 @@ vtkStandardNewMacro(vtkBigusTrainer);
 namespace
 {
 
-template <class Number>
-std::optional<Number> UnlessNegative(Number value)
-{
-  return value < 0 ? std::nullopt : std::optional<Number>(value);
-}
-
-// -1 leaves a choice open.
-std::string Text(const char* text)
-{
-  return text ? text : "";
-}
-
-// Core counts in std::size_t: a negative number must not become a huge one.
-std::size_t Count(vtkIdType value, const char* name)
-{
-  if (value < 0)
-  {
-    throw bigus::Error(std::string(name) + " is " + std::to_string(value) + "; it must not be negative.");
-  }
-  return static_cast<std::size_t>(value);
-}
-
-const char* SeedingName(int seeding)
-{
-  return seeding == vtkBigusTrainer::Harris   ? "Harris"
-         : seeding == vtkBigusTrainer::Random ? "Random"
-                                              : "IntensityBased";
-}
-
-bigus::SeedPlacement ToPlacement(int seeding)
-{
-  return seeding == vtkBigusTrainer::Harris   ? bigus::SeedPlacement::Harris
-         : seeding == vtkBigusTrainer::Random ? bigus::SeedPlacement::Random
-                                              : bigus::SeedPlacement::Intensity;
-}
-
 vtkSmartPointer<vtkIntArray> NewFrameList(const char* name)
 {
   auto list = vtkSmartPointer<vtkIntArray>::New();
@@ -90,20 +58,23 @@ void FillFrameList(vtkIntArray* list, const std::vector<int>& frames, const std:
 std::string ProgressLine(const bigus::TrainingProgress& progress)
 {
   using Phase = bigus::TrainingProgress::Phase;
+  std::ostringstream line;
+  line.imbue(std::locale::classic());
   switch (progress.phase)
   {
     case Phase::Deciding:
-      return "deciding what the sweep needs";
+      line << "deciding what the sweep needs";
+      break;
     case Phase::Seeding:
-      return "seeding";
+      line << "seeding";
+      break;
     case Phase::Solving:
-      return "solving for reflectivities";
+      line << "solving for reflectivities";
+      break;
     case Phase::Training:
+      line << "iteration " << progress.record.iteration << ", loss " << progress.record.loss;
       break;
   }
-  std::ostringstream line;
-  line.imbue(std::locale::classic());
-  line << "iteration " << progress.record.iteration << ", loss " << progress.record.loss;
   if (progress.record.validationPsnr)
   {
     line << ", validation " << *progress.record.validationPsnr << " dB";
@@ -163,6 +134,20 @@ void FillDecisions(const std::vector<bigus::Decision>& decisions, vtkTable* tabl
   }
 }
 
+const std::vector<bigus::OptionText>& Defaults()
+{
+  static const std::vector<bigus::OptionText> defaults = bigus::ListOptions();
+  return defaults;
+}
+
+const bigus::OptionText* FindOption(const char* name)
+{
+  const auto found = std::find_if(Defaults().begin(), Defaults().end(),
+                                  [name](const bigus::OptionText& option)
+                                  { return name && std::strcmp(option.info.name, name) == 0; });
+  return found == Defaults().end() ? nullptr : &*found;
+}
+
 std::string ToText(vtkIntArray* list)
 {
   std::string text;
@@ -183,59 +168,21 @@ vtkBigusTrainer::vtkBigusTrainer()
 {
   this->SetNumberOfInputPorts(2);
   this->SetNumberOfOutputPorts(2);
-  this->SetEngine("auto");
-  this->SetPreset("fidelity");
-  this->SetInterpolation("auto");
+  for (const bigus::OptionText& option : Defaults())
+  {
+    this->Options[option.info.name] = option.value;
+  }
 }
 
-vtkBigusTrainer::~vtkBigusTrainer()
-{
-  this->SetEngine(nullptr);
-  this->SetPreset(nullptr);
-  this->SetLoss(nullptr);
-  this->SetFinalLoss(nullptr);
-  this->SetInterpolation(nullptr);
-}
+vtkBigusTrainer::~vtkBigusTrainer() = default;
 
 void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
-  os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
-  os << indent << "Seeding: " << SeedingName(this->Seeding) << "\n";
-  os << indent << "Automatic: " << (this->Automatic ? "On\n" : "Off\n");
-  os << indent << "NumberOfGaussians: " << this->NumberOfGaussians << "\n";
-  os << indent << "MaximumNumberOfGaussians: " << this->MaximumNumberOfGaussians << "\n";
-  os << indent << "Price: " << this->Price << "\n";
-  os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
-  os << indent << "HoldOut: " << this->HoldOut << "\n";
-  os << indent << "Validation: " << this->Validation << "\n";
-  os << indent << "Patience: " << this->Patience << "\n";
-  os << indent << "Iterations: " << this->Iterations << "\n";
-  os << indent << "TimeLimit: " << this->TimeLimit << "\n";
-  os << indent << "Batch: " << this->Batch << "\n";
-  os << indent << "Seed: " << this->Seed << "\n";
-  os << indent << "Preset: " << (this->Preset ? this->Preset : "(none)") << "\n";
-  os << indent << "Loss: " << (this->Loss ? this->Loss : "(the preset's)") << "\n";
-  os << indent << "FinalLoss: " << (this->FinalLoss ? this->FinalLoss : "(none)") << "\n";
-  os << indent << "SignedReflectivity: " << this->SignedReflectivity << "\n";
-  os << indent << "FrameGains: " << this->FrameGains << "\n";
-  os << indent << "PoseRefinement: " << this->PoseRefinement << "\n";
-  os << indent << "TrackerTranslation: " << this->TrackerTranslation << "\n";
-  os << indent << "TrackerRotation: " << this->TrackerRotation << "\n";
-  os << indent << "IgnoreMasked: " << (this->IgnoreMasked ? "On\n" : "Off\n");
-  os << indent << "Tolerance: " << this->Tolerance << "\n";
-  os << indent << "MeanRate: " << this->MeanRate << "\n";
-  os << indent << "ShapeRate: " << this->ShapeRate << "\n";
-  os << indent << "ReflectivityRate: " << this->ReflectivityRate << "\n";
-  os << indent << "FinalRate: " << this->FinalRate << "\n";
-  os << indent << "SolveIterations: " << this->SolveIterations << "\n";
-  os << indent << "VirtualPlanes: " << this->VirtualPlanes << "\n";
-  os << indent << "Interpolation: " << (this->Interpolation ? this->Interpolation : "(open)") << "\n";
-  os << indent << "MinimumScale: " << this->MinimumScale << "\n";
-  os << indent << "MaximumScale: " << this->MaximumScale << "\n";
-  os << indent << "DensificationInterval: " << this->DensificationInterval << "\n";
-  os << indent << "DensificationPercentile: " << this->DensificationPercentile << "\n";
-  os << indent << "DensificationCap: " << this->DensificationCap << "\n";
+  for (const bigus::OptionText& option : Defaults())
+  {
+    os << indent << option.info.name << ": " << this->Options[option.info.name] << "\n";
+  }
   os << indent << "IterationsDone: " << this->IterationsDone << "\n";
   os << indent << "Seconds: " << this->Seconds << "\n";
   os << indent << "Device: " << this->Device << "\n";
@@ -244,6 +191,61 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "ValidationFrames: " << ToText(this->ValidationFrames) << "\n";
   os << indent << "HeldOutFrames: " << ToText(this->HeldOutFrames) << "\n";
   os << indent << "Decisions: " << this->Decisions->GetNumberOfRows() << "\n";
+}
+
+void vtkBigusTrainer::SetOption(const char* name, const char* value)
+{
+  const bigus::OptionText* option = FindOption(name);
+  if (!option)
+  {
+    vtkErrorMacro(<< "There is no option '" << (name ? name : "") << "'.");
+    return;
+  }
+  const std::string text = value && *value ? value : option->value;
+  if (std::string& held = this->Options[option->info.name]; held != text)
+  {
+    held = text;
+    this->Modified();
+  }
+}
+
+const char* vtkBigusTrainer::GetOption(const char* name)
+{
+  const auto found = this->Options.find(name ? name : "");
+  return found == this->Options.end() ? nullptr : found->second.c_str();
+}
+
+const char* vtkBigusTrainer::GetSettledOption(const char* name)
+{
+  const auto found = this->SettledOptions.find(name ? name : "");
+  return found == this->SettledOptions.end() ? "" : found->second.c_str();
+}
+
+int vtkBigusTrainer::GetNumberOfOptions()
+{
+  return static_cast<int>(Defaults().size());
+}
+
+const char* vtkBigusTrainer::GetOptionName(int index)
+{
+  return index >= 0 && index < this->GetNumberOfOptions() ? Defaults()[index].info.name : nullptr;
+}
+
+void vtkBigusTrainer::SetNumber(const char* name, double value)
+{
+  const bigus::OptionText* option = FindOption(name);
+  const bool isSwitch = option && option->kind == bigus::OptionText::Kind::Switch;
+  this->SetOption(name, option && option->mayBeOpen && value < 0 ? "auto"
+                        : isSwitch && (value == 0 || value == 1) ? (value == 1 ? "on" : "off")
+                                                                 : bigus::NumberText(value).c_str());
+}
+
+double vtkBigusTrainer::GetNumber(const char* name)
+{
+  const std::string text = this->Options.at(name);
+  double number = text == "on" ? 1 : text == "off" ? 0 : -1;  // -1: open
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
 }
 
 vtkIntArray* vtkBigusTrainer::GetTrainingFrames()
@@ -298,6 +300,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   vtkTable* log = vtkTable::GetData(outputs, 1);
   output->Initialize();
   log->Initialize();
+  this->SettledOptions.clear();
   this->IterationsDone = 0;
   this->Seconds = 0;
   this->Device.clear();
@@ -309,62 +312,11 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
-    if (!this->Engine)
-    {
-      throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
-    }
     bigus::TrainerOptions options;
-    options.engine = this->Engine;
-    options.seeding = ToPlacement(this->Seeding);
-    options.automatic = this->Automatic != 0;
-    if (const std::size_t count = Count(this->NumberOfGaussians, "NumberOfGaussians"))
+    for (const auto& [name, value] : this->Options)
     {
-      options.gaussians = count;
+      bigus::SetOption(options, name, value);
     }
-    options.maximumGaussians = Count(this->MaximumNumberOfGaussians, "MaximumNumberOfGaussians");
-    options.price = this->Price;
-    options.elevationSigma = UnlessNegative(this->ElevationSigma);
-    options.holdOut = this->HoldOut;
-    options.validation = this->Validation;
-    options.patience = this->Patience;
-    options.iterations = UnlessNegative(this->Iterations);
-    options.timeLimit = this->TimeLimit;
-    options.batch = this->Batch;
-    options.seed = this->Seed;
-    bigus::ApplyPreset(Text(this->Preset), options);
-    if (!Text(this->Loss).empty())
-    {
-      options.loss = bigus::Loss::Parse(this->Loss);
-      options.finalLoss.reset();  // the preset's would lead away from what was asked for
-    }
-    if (!Text(this->FinalLoss).empty())
-    {
-      options.finalLoss = bigus::Loss::Parse(this->FinalLoss);
-    }
-    options.signedReflectivity = this->SignedReflectivity != 0;  // -1, automatic, is the default
-    options.frameGains = this->FrameGains > 0;
-    options.poseRefinement = this->PoseRefinement > 0;
-    options.trackerTranslation = this->TrackerTranslation;
-    options.trackerRotation = this->TrackerRotation;
-    options.ignoreMasked = this->IgnoreMasked != 0;
-    options.tolerance = this->Tolerance;
-    options.meanRate = this->MeanRate;
-    options.shapeRate = this->ShapeRate;
-    options.reflectivityRate = this->ReflectivityRate;
-    options.finalRate = this->FinalRate;
-    options.solveIterations = UnlessNegative(this->SolveIterations);
-    options.virtualPlanes = UnlessNegative(this->VirtualPlanes);
-    if (const std::string name = Text(this->Interpolation); !name.empty() && name != "auto")
-    {
-      options.interpolation = bigus::FrameInterpolation::Parse(name);
-      options.interpolation->keepContrast = options.keepContrast;
-    }
-    options.minimumScale = UnlessNegative(this->MinimumScale);
-    options.maximumScale = UnlessNegative(this->MaximumScale);
-    options.densification.interval = this->DensificationInterval;
-    options.densification.percentile = this->DensificationPercentile;
-    options.densification.cap = Count(this->DensificationCap, "DensificationCap");
-    options.Validate();
 
     vtkImageData* image = vtkImageData::GetData(inputs[0]);
     const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
@@ -381,6 +333,10 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     };
     const bigus::TrainingResult result = bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress);
 
+    for (const bigus::OptionText& option : bigus::ListOptions(result.settled))
+    {
+      this->SettledOptions[option.info.name] = option.value;
+    }
     this->IterationsDone = result.iterations;
     this->Seconds = result.seconds;
     this->Device = result.device;
@@ -399,9 +355,11 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
       output->GetFieldData()->AddArray(history);  // where the sweep came from
     }
     bigus::SetProvenance(output, "filter", "vtkBigusTrainer");
-    bigus::SetProvenance(output, "device", result.device);
-    bigus::SetProvenance(output, "seeding", start ? "continued" : SeedingName(this->Seeding));
     bigus::SetTrainingProvenance(output, result);
+    if (start)
+    {
+      bigus::SetProvenance(output, "seeding", "continued");
+    }
     bigus::SetProvenance(output, "trainingFrames", ToText(this->TrainingFrames));
     bigus::SetProvenance(output, "validationFrames", ToText(this->ValidationFrames));
     bigus::SetProvenance(output, "heldOutFrames", ToText(this->HeldOutFrames));

@@ -37,7 +37,7 @@ int main(int argumentCount, char** arguments)
   vtkNew<vtkBigusTrainer> trainer;
   trainer->SetInputConnection(reader->GetOutputPort());
   trainer->AutomaticOff();  // by default the trainer tries out what this sweep needs, which takes longer
-  trainer->SetNumberOfGaussians(5000);
+  trainer->SetGaussians(5000);
   trainer->SetIterations(60);
   trainer->SetHoldOut(4);
 

@@ -83,7 +83,7 @@ bool Console::ShowsBar() const
   return bar == Bar::Always || (bar == Bar::WhenTerminal && isatty(STDERR_FILENO));
 }
 
-void Console::Progress(const std::string& job, double fraction, const std::string& rate, double secondsLeft)
+void Console::Progress(const std::string& job, double fraction, const std::string& text)
 {
   if (!ShowsBar())
   {
@@ -107,22 +107,18 @@ void Console::Progress(const std::string& job, double fraction, const std::strin
   open_ = true;
 
   const double elapsed = SecondsSince(start_);
-  if (secondsLeft < 0 && fraction > 0)
-  {
-    secondsLeft = elapsed * (1 - fraction) / fraction;
-  }
   const int width = 30;
   const int filled = static_cast<int>(fraction * width);
   std::ostringstream line;
   line << '\r' << job << " [" << std::string(filled, '#') << std::string(width - filled, '.') << "] "
        << FormatNumber(100 * fraction, 0) << " %  " << FormatDuration(elapsed);
-  if (secondsLeft >= 0 && fraction < 1)
+  if (!text.empty())
   {
-    line << ", " << FormatDuration(secondsLeft) << " left";
+    line << ", " << text;
   }
-  if (!rate.empty())
+  else if (fraction > 0 && fraction < 1)
   {
-    line << ", " << rate;
+    line << ", " << FormatDuration(elapsed * (1 - fraction) / fraction) << " left";
   }
   line << "\x1b[K";  // what a longer line left behind
   std::cerr << line.str() << std::flush;

@@ -34,8 +34,8 @@ public:
   void Report(const Json& object);
 
   /// Draws a bar, at most ten times a second; on a terminal only for jobs that take longer than half a
-  /// second. `secondsLeft` < 0: estimated from the time since the job's start.
-  void Progress(const std::string& job, double fraction, const std::string& rate = "", double secondsLeft = -1);
+  /// second. Without a text of the job's own it tells how long the job will take, by the time since its start.
+  void Progress(const std::string& job, double fraction, const std::string& text = "");
   /// Ends the bar's line. Note and Print do it themselves.
   void EndProgress();
 

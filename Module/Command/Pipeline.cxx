@@ -80,7 +80,9 @@ void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
 {
   const Watch* watch = static_cast<Watch*>(clientData);
   auto* algorithm = static_cast<vtkAlgorithm*>(caller);
-  watch->console->Progress(*watch->job, (watch->part.index + algorithm->GetProgress()) / watch->part.count);
+  const char* text = algorithm->GetProgressText();
+  watch->console->Progress(*watch->job, (watch->part.index + algorithm->GetProgress()) / watch->part.count,
+                           text ? text : "");
   if (watch->stoppable && IsInterrupted())
   {
     algorithm->SetAbortExecute(1);
@@ -102,10 +104,6 @@ std::string Execute(vtkAlgorithm* algorithm, Console& console, const std::string
   {
     console.EndProgress();
   }
-  if (stoppable && IsInterrupted())
-  {
-    throw Interrupted();
-  }
   if (!Messages()->errors.empty())
   {
     return Messages()->errors.front();
@@ -124,7 +122,20 @@ void CatchVtkMessages(Console& console)
 
 void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job, Part part)
 {
-  if (const std::string fault = Execute(algorithm, console, job, part, true); !fault.empty())
+  const std::string fault = Execute(algorithm, console, job, part, true);
+  if (IsInterrupted())
+  {
+    throw Interrupted();
+  }
+  if (!fault.empty())
+  {
+    throw Error(fault);
+  }
+}
+
+void UpdateUntilInterrupted(vtkAlgorithm* algorithm, Console& console, const std::string& job)
+{
+  if (const std::string fault = Execute(algorithm, console, job, {}, true); !fault.empty())
   {
     throw Error(fault);
   }

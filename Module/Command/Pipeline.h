@@ -29,6 +29,9 @@ void Update(vtkAlgorithm* algorithm, Console& console, const std::string& job, P
 /// Throws Error with what VTK said unless `done`: for what algorithms offer outside their update.
 void RequireDone(bool done);
 
+/// As Update, for an algorithm that keeps what it has when it is stopped: an interruption ends it early and is no fault.
+void UpdateUntilInterrupted(vtkAlgorithm* algorithm, Console& console, const std::string& job);
+
 /// Only what the algorithm says before it makes its output (UpdateInformation).
 void UpdateInformation(vtkAlgorithm* algorithm);
 

@@ -3,10 +3,11 @@
 #include "Data/Provenance.h"
 
 #include <algorithm>
-#include <locale>
-#include <sstream>
+#include <cctype>
+#include <string>
 
 #include "Core/Deciding/Trainer.h"
+#include "Core/Training/OptionList.h"
 #include "vtkDataObject.h"
 #include "vtkFieldData.h"
 #include "vtkNew.h"
@@ -74,27 +75,19 @@ std::string GetProvenance(vtkDataObject* data, const std::string& key)
 
 void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result)
 {
-  const TrainerOptions& settled = result.settled;
-  const auto set = [data](const char* key, const std::string& value) { SetProvenance(data, key, value); };
-  const auto yes = [](bool value) { return std::string(value ? "yes" : "no"); };
-  set("seed", std::to_string(settled.seed));
-  set("iterations", std::to_string(result.iterations));
-  set("aborted", yes(result.aborted));
-  set("loss", settled.loss.ToString());
-  if (settled.finalLoss)
+  for (const OptionText& option : ListOptions(result.settled))
   {
-    set("finalLoss", settled.finalLoss->ToString());
+    if (!(option.mayBeOpen && option.value == "auto"))
+    {
+      std::string key = option.info.name;
+      key[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(key[0])));
+      SetProvenance(data, key, option.value);
+    }
   }
-  std::ostringstream sigma;
-  sigma.imbue(std::locale::classic());
-  sigma << *settled.elevationSigma;
-  set("elevationSigma", sigma.str());
-  set("gaussians", std::to_string(result.field.Size()));
-  set("signedReflectivity", yes(settled.signedReflectivity));
-  set("virtualPlanes", std::to_string(*settled.virtualPlanes));
-  set("interpolation", settled.interpolation->ToString());
-  set("frameGains", yes(settled.frameGains));
-  set("poseRefinement", yes(settled.poseRefinement));
+  // What came of it, rather than what was asked for.
+  SetProvenance(data, "gaussians", std::to_string(result.field.Size()));
+  SetProvenance(data, "iterations", std::to_string(result.iterations));
+  SetProvenance(data, "aborted", result.aborted ? "yes" : "no");
   for (const Decision& decision : result.decisions)
   {
     SetProvenance(data, "decision." + decision.what, decision.choice + " (" + decision.evidence + ")");

@@ -507,14 +507,14 @@ class Train(CommandTest):
         path = self.folder / "f.vtp"
         forced = ["--signed", "--virtual-planes", 1, "--interpolation", "probe+flow", "--frame-gains", "on",
                   "--refine-poses", "on", "--elevation-sigma", 0.55, "--final-loss", "l2"]
-        settled = {"gaussians": 400, "elevation_sigma": 0.55, "signed": True, "virtual_planes": 1,
-                   "interpolation": "probe+flow", "frame_gains": True, "refine_poses": True, "iterations": 12,
+        settled = {"gaussians": 400, "elevation_sigma": 0.55, "signed_reflectivity": True, "virtual_planes": 1,
+                   "interpolation": "probe+flow", "frame_gains": True, "pose_refinement": True, "iterations": 12,
                    "loss": "l1", "final_loss": "l2"}
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced)
-        self.assertEqual(answer["settled"], settled)
+        self.assertEqual({name: answer["settled"][name] for name in settled}, settled)
         self.assertEqual(answer["decisions"], [], "nothing is decided with --no-auto")
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced, "--auto")
-        self.assertEqual(answer["settled"], settled)
+        self.assertEqual({name: answer["settled"][name] for name in settled}, settled)
         self.assertEqual({decision["evidence"] for decision in answer["decisions"]}, {"given"})
         found = {decision["decision"]: decision["choice"] for decision in answer["decisions"]}
         self.assertEqual(found["Gaussians"], "400")
@@ -539,6 +539,37 @@ class Train(CommandTest):
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, "--iterations", 12, "--hold-out", 2)
         self.assertEqual([decision["decision"] for decision in answer["decisions"]], ["everything"])
         self.assertIn("5 frames", answer["decisions"][0]["evidence"])
+
+    def test_every_option_can_be_given(self):
+        path = self.folder / "f.vtp"
+        first = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY)["settled"]
+        self.assertGreater(len(first), 30)
+        words = {None: "auto", True: "on", False: "off"}
+        given = [part for name, value in first.items() for part in
+                 ("--" + name.replace("_", "-"), words[value] if value is None or value is True or value is False else value)]
+        field = path.read_bytes()
+        self.assertEqual(self.expect(SUCCESS, "train", self.sweep, "-o", path, *given)["settled"], first)
+        self.assertEqual(path.read_bytes(), field)
+        usage = run("train", "--help").stdout
+        for name in first:
+            self.assertRegex(usage, "--" + name.replace("_", "-") + r"[ ,].*")
+
+    def test_values_out_of_range_name_option_value_and_range(self):
+        for option, value, says in (("--virtual-planes", 9, "virtual planes is 9; it must be 0 to 8 or auto"),
+                                    ("--price", -1, "price is -1; it must be 0 to 100 dB"),
+                                    ("--hold-out", 1, "hold out is 1; it must be 0 or 2 to 1000000"),
+                                    ("--batch", 2.5, "batch is 2.5; it must be 1 to 4096"),
+                                    ("--frame-gains", "perhaps", "frame gains is 'perhaps'; it must be on|off"),
+                                    ("--final-loss", "l3", "final loss: ")):
+            self.expect(USAGE, "train", self.sweep, "-o", self.folder / "f.vtp", option, value, says=says)
+
+    def test_a_named_interpolation_keeps_contrast_where_the_preset_asks_for_it(self):
+        fields = []
+        for options in ([], ["--interpolation", "normals"]):  # what geometry chooses, too
+            path = self.folder / "f.vtp"
+            self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, "--preset", "texture", *options)
+            fields.append(path.read_bytes())
+        self.assertEqual(fields[0], fields[1])
 
     def test_presets_choose_the_loss_unless_one_is_given(self):
         def loss(*options):

@@ -4,7 +4,9 @@
 
 #include <chrono>
 #include <map>
+#include <sstream>
 
+#include "Core/Training/OptionList.h"
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusImageMetrics.h"
 #include "vtkBigusReslice.h"
@@ -60,7 +62,7 @@ struct Quick
   {
     trainer->SetInputData(sweep);
     trainer->AutomaticOff();
-    trainer->SetNumberOfGaussians(1500);
+    trainer->SetGaussians(1500);
     trainer->SetIterations(60);
     trainer->SetHoldOut(4);
   }
@@ -239,7 +241,7 @@ TEST(Trainer, SignAndThicknessAreAsAsked)
   const GaussianField field = FieldFromPolyData(quick.trainer->GetOutput());
   EXPECT_EQ(field.beam.elevationSigma, 0.7);
   EXPECT_GE(*std::min_element(field.reflectivities.begin(), field.reflectivities.end()), 0);
-  quick.trainer->SetElevationSigmaToAutomatic();
+  quick.trainer->SetElevationSigma(-1);
   quick.trainer->Update();
   EXPECT_EQ(FieldFromPolyData(quick.trainer->GetOutput()).beam.elevationSigma, 0.3);
 }
@@ -258,7 +260,7 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
 {
   Quick quick;
   quick.trainer->SetIterations(10);
-  quick.trainer->SetNumberOfGaussians(0);
+  quick.trainer->SetGaussians(-1);
   quick.trainer->Update();
   EXPECT_EQ(quick.trainer->GetDecisions()->GetNumberOfRows(), 0);
   EXPECT_EQ(quick.trainer->GetDecisions()->GetNumberOfColumns(), 4);
@@ -270,13 +272,13 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
   EXPECT_EQ(GetProvenance(field, "loss"), "l1");
   EXPECT_EQ(GetProvenance(field, "finalLoss"), "");
   EXPECT_EQ(GetProvenance(field, "elevationSigma"), "0.3");
-  EXPECT_EQ(GetProvenance(field, "signedReflectivity"), "yes");
+  EXPECT_EQ(GetProvenance(field, "signedReflectivity"), "on");
   EXPECT_EQ(GetProvenance(field, "virtualPlanes"), "0");
   EXPECT_EQ(GetProvenance(field, "interpolation"), "normals");
-  EXPECT_EQ(GetProvenance(field, "frameGains"), "no");
-  EXPECT_EQ(GetProvenance(field, "poseRefinement"), "no");
+  EXPECT_EQ(GetProvenance(field, "frameGains"), "off");
+  EXPECT_EQ(GetProvenance(field, "poseRefinement"), "off");
 
-  quick.trainer->SetPresetToTexture();
+  quick.trainer->SetPreset("texture");
   quick.trainer->SetInterpolation("probe+flow");
   quick.trainer->SetVirtualPlanes(1);
   quick.trainer->FrameGainsOn();
@@ -286,8 +288,8 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
   EXPECT_NE(GetProvenance(field, "loss").find("contrast"), std::string::npos);
   EXPECT_EQ(GetProvenance(field, "interpolation"), "probe+flow");
   EXPECT_EQ(GetProvenance(field, "virtualPlanes"), "1");
-  EXPECT_EQ(GetProvenance(field, "frameGains"), "yes");
-  EXPECT_EQ(GetProvenance(field, "poseRefinement"), "yes");
+  EXPECT_EQ(GetProvenance(field, "frameGains"), "on");
+  EXPECT_EQ(GetProvenance(field, "poseRefinement"), "on");
 
   quick.trainer->SetLoss("l2");  // wins over the preset
   quick.trainer->SetFinalLoss("l1");
@@ -351,32 +353,108 @@ TEST(TrainerBadInput, OptionsOutOfRange)
     ExpectOneError(quick.trainer, parts);
     EXPECT_EQ(quick.trainer->GetLog()->GetNumberOfRows(), 0);
   };
-  expect([](vtkBigusTrainer* f) { f->SetMaximumNumberOfGaussians(0); }, {"maximum of gaussians"});
-  expect([](vtkBigusTrainer* f) { f->SetMaximumNumberOfGaussians(-1); }, {"MaximumNumberOfGaussians", "-1"});
-  expect([](vtkBigusTrainer* f) { f->SetPrice(-0.1); }, {"price", "-0.1"});
-  expect([](vtkBigusTrainer* f) { f->SetPrice(std::nan("")); }, {"price"});
-  expect([](vtkBigusTrainer* f) { f->SetTrackerTranslation(0); }, {"tracker translation"});
-  expect([](vtkBigusTrainer* f) { f->SetTrackerRotation(90); }, {"tracker rotation", "90"});
-  expect([](vtkBigusTrainer* f) { f->SetInterpolation("sideways"); }, {"sideways", "probe+flow"});
-  expect([](vtkBigusTrainer* f) { f->SetPreset("beauty"); }, {"beauty", "fidelity", "texture"});
-  expect([](vtkBigusTrainer* f) { f->SetPreset(nullptr); }, {"preset"});
-  expect([](vtkBigusTrainer* f) { f->SetFinalLoss("l1+l3"); }, {"l1+l3", "dssim"});
-  expect([](vtkBigusTrainer* f) { f->SetNumberOfGaussians(-5); }, {"NumberOfGaussians", "-5"});
-  expect([](vtkBigusTrainer* f) { f->SetNumberOfGaussians(vtkIdType(1) << 40); }, {"67108864"});
-  expect([](vtkBigusTrainer* f) { f->SetHoldOut(1); }, {"hold-out", "1"});
-  expect([](vtkBigusTrainer* f) { f->SetValidation(-2); }, {"validation", "-2"});
-  expect([](vtkBigusTrainer* f) { f->SetIterations(20000000); }, {"iterations", "2e+07"});
-  expect([](vtkBigusTrainer* f) { f->SetTimeLimit(std::nan("")); }, {"time limit"});
-  expect([](vtkBigusTrainer* f) { f->SetBatch(0); }, {"batch"});
-  expect([](vtkBigusTrainer* f) { f->SetElevationSigma(std::nan("")); }, {"elevation sigma"});
-  expect([](vtkBigusTrainer* f) { f->SetElevationSigma(1e9); }, {"elevation sigma"});
-  expect([](vtkBigusTrainer* f) { f->SetLoss("l1+l3"); }, {"l1+l3", "dssim"});
-  expect([](vtkBigusTrainer* f) { f->SetLoss("-1*ffl"); }, {"ffl", "-1"});
-  expect([](vtkBigusTrainer* f) { f->SetMeanRate(-1); }, {"mean rate"});
-  expect([](vtkBigusTrainer* f) { f->SetVirtualPlanes(9); }, {"virtual planes"});
-  expect([](vtkBigusTrainer* f) { f->SetDensificationCap(-1); }, {"DensificationCap"});
+  expect([](vtkBigusTrainer* f) { f->SetMaximumGaussians(0); }, {"maximum gaussians is 0", "1 to 67108864"});
+  expect([](vtkBigusTrainer* f) { f->SetMaximumGaussians(-1); }, {"maximum gaussians is -1"});
+  expect([](vtkBigusTrainer* f) { f->SetPrice(std::nan("")); }, {"price is nan", "0 to 100 dB"});
+  expect([](vtkBigusTrainer* f) { f->SetInterpolation("sideways"); }, {"interpolation", "sideways", "probe+flow"});
+  expect([](vtkBigusTrainer* f) { f->SetPreset("beauty"); }, {"preset", "beauty", "fidelity", "texture"});
+  expect([](vtkBigusTrainer* f) { f->SetFinalLoss("l1+l3"); }, {"final loss", "l1+l3", "dssim"});
+  expect([](vtkBigusTrainer* f) { f->SetLoss("-1*ffl"); }, {"loss", "ffl", "-1"});
+  expect([](vtkBigusTrainer* f) { f->SetGaussians(vtkIdType(1) << 40); }, {"gaussians is 1099511627776", "67108864"});
+  expect([](vtkBigusTrainer* f) { f->SetHoldOut(1); }, {"hold out is 1", "0 or 2"});
+  expect([](vtkBigusTrainer* f) { f->SetOption("Batch", "many"); }, {"batch is many", "1 to 4096"});
+  expect([](vtkBigusTrainer* f) { f->SetOption("Batch", "2.5"); }, {"batch is 2.5"});
+  expect([](vtkBigusTrainer* f) { f->SetFrameGains(2); }, {"frame gains is '2'", "on|off"});
   expect([](vtkBigusTrainer* f) { f->SetEngine("abacus"); }, {"abacus"});
-  expect([](vtkBigusTrainer* f) { f->SetEngine(nullptr); }, {"Engine"});
+}
+
+/// A number outside an option's range on either side.
+TEST(TrainerBadInput, EveryOptionOutOfItsRangeIsOneErrorWithNameValueAndRange)
+{
+  int numbers = 0;
+  for (const OptionText& option : ListOptions())
+  {
+    if (option.kind == OptionText::Kind::Number)
+    {
+      ++numbers;
+      const double below = option.info.zeroIsNone ? 1 : option.info.least - 1, above = 2 * option.info.most;
+      for (const double number : {below, above})
+      {
+        Quick quick;
+        quick.trainer->SetOption(option.info.name, NumberText(number).c_str());
+        ExpectOneError(quick.trainer,
+                       {SpellOption(option.info.name) + " is " + NumberText(number) + ";", option.values});
+      }
+    }
+  }
+  EXPECT_GT(numbers, 15);
+}
+
+TEST(Trainer, AnOptionHasOneValueWhetherSetByItsPropertyOrByItsName)
+{
+  vtkNew<vtkBigusTrainer> trainer;
+  EXPECT_EQ(trainer->GetNumberOfOptions(), static_cast<int>(ListOptions().size()));
+  EXPECT_STREQ(trainer->GetOptionName(0), "Automatic");
+  EXPECT_EQ(trainer->GetOptionName(-1), nullptr);
+  EXPECT_TRUE(trainer->GetAutomatic());
+  trainer->AutomaticOff();
+  EXPECT_STREQ(trainer->GetOption("Automatic"), "off");
+  EXPECT_EQ(trainer->GetVirtualPlanes(), -1);
+  trainer->SetOption("VirtualPlanes", "2");
+  EXPECT_EQ(trainer->GetVirtualPlanes(), 2);
+  trainer->SetVirtualPlanes(-1);
+  EXPECT_STREQ(trainer->GetOption("VirtualPlanes"), "auto");
+  trainer->SetReflectivityRate(0.1);
+  EXPECT_STREQ(trainer->GetOption("ReflectivityRate"), "0.1");
+  EXPECT_EQ(trainer->GetReflectivityRate(), 0.1);
+  trainer->SetLoss("l2");
+  EXPECT_STREQ(trainer->GetLoss(), "l2");
+  trainer->SetLoss(nullptr);
+  EXPECT_STREQ(trainer->GetLoss(), "auto");
+  const vtkMTimeType before = trainer->GetMTime();
+  trainer->SetReflectivityRate(0.1);
+  EXPECT_EQ(trainer->GetMTime(), before) << "nothing has changed";
+  trainer->SetReflectivityRate(0.2);
+  EXPECT_GT(trainer->GetMTime(), before);
+
+  std::ostringstream printed;
+  trainer->Print(printed);
+  for (const OptionText& option : ListOptions())
+  {
+    EXPECT_NE(printed.str().find(std::string(option.info.name) + ": " + trainer->GetOption(option.info.name) + "\n"),
+              std::string::npos)
+        << option.info.name;
+  }
+  ErrorObserver errors(trainer);
+  trainer->SetOption("Colour", "blue");
+  ASSERT_EQ(errors.Errors().size(), 1u);
+  EXPECT_NE(errors.Errors()[0].find("Colour"), std::string::npos);
+}
+
+TEST(Trainer, ANamedInterpolationKeepsContrastWhereThePresetAsksForIt)
+{
+  Quick open, named;
+  for (Quick* quick : {&open, &named})
+  {
+    quick->trainer->SetPreset("texture");
+    quick->trainer->SetIterations(5);
+  }
+  named.trainer->SetInterpolation("normals");  // what geometry chooses, too
+  open.trainer->Update();
+  named.trainer->Update();
+  EXPECT_EQ(FieldFromPolyData(open.trainer->GetOutput()).means, FieldFromPolyData(named.trainer->GetOutput()).means);
+}
+
+TEST(Trainer, SettledOptionsAreTold)
+{
+  Quick quick;
+  EXPECT_STREQ(quick.trainer->GetSettledOption("Gaussians"), "");
+  quick.trainer->SetIterations(2);
+  quick.trainer->Update();
+  EXPECT_STREQ(quick.trainer->GetSettledOption("Gaussians"), "1500");
+  EXPECT_STREQ(quick.trainer->GetSettledOption("ElevationSigma"), "0.3");
+  EXPECT_STREQ(quick.trainer->GetSettledOption("Interpolation"), "normals");
+  EXPECT_STREQ(quick.trainer->GetSettledOption("Loss"), "l1");
 }
 
 TEST(TrainerBadInput, SweepsThatAreNone)
@@ -441,8 +519,8 @@ TEST(Trainer, PrintsWhatItIs)
   Quick quick;
   std::ostringstream text;
   quick.trainer->Print(text);
-  for (const char* part : {"NumberOfGaussians: 1500", "Automatic: Off", "Preset: fidelity", "Loss: (the preset's)",
-                           "FrameGains: -1", "Interpolation: auto", "SolveIterations: -1", "VirtualPlanes: -1"})
+  for (const char* part : {"Gaussians: 1500", "Automatic: off", "Preset: fidelity", "Loss: auto", "FrameGains: off",
+                           "Tolerance: 0.0001", "MaximumGaussians: 2000000", "IterationsDone: 0"})
   {
     EXPECT_NE(text.str().find(part), std::string::npos) << part;
   }

@@ -230,7 +230,7 @@ class Train(unittest.TestCase):
         sweep = small_sweep()
         seen = []
         field, log = bigus.train(
-            sweep, progress=lambda fraction, text: seen.append(fraction), Automatic=False, NumberOfGaussians=300,
+            sweep, progress=lambda fraction, text: seen.append(fraction), Automatic=False, Gaussians=300,
             Iterations=60, Batch=4, HoldOut=4)
         self.assertGreater(field.GetNumberOfPoints(), 0)
         self.assertGreater(log.GetNumberOfRows(), 0)
@@ -250,7 +250,7 @@ class Train(unittest.TestCase):
             calls.append(fraction)
             return fraction < 0.05
 
-        field, _ = bigus.train(small_sweep(), progress, Automatic=False, NumberOfGaussians=300, Iterations=1000000)
+        field, _ = bigus.train(small_sweep(), progress, Automatic=False, Gaussians=300, Iterations=1000000)
         self.assertGreater(field.GetNumberOfPoints(), 0)
         self.assertLess(calls[-1], 0.5)
 
@@ -259,22 +259,22 @@ class Train(unittest.TestCase):
             raise KeyError("mine")
 
         with self.assertRaisesRegex(KeyError, "mine"):
-            bigus.train(small_sweep(), progress, Automatic=False, NumberOfGaussians=300, Iterations=1000000)
+            bigus.train(small_sweep(), progress, Automatic=False, Gaussians=300, Iterations=1000000)
 
     def test_continues_from_a_field(self):
         sweep = small_sweep()
-        field, _ = bigus.train(sweep, NumberOfGaussians=300, Iterations=0)
+        field, _ = bigus.train(sweep, Gaussians=300, Iterations=0)
         again, _ = bigus.train(sweep, start=field, Iterations=0)
         self.assertEqual(again.GetNumberOfPoints(), field.GetNumberOfPoints())
 
     def test_decisions_come_with_the_field(self):
-        trained = bigus.train(small_sweep(), Automatic=False, NumberOfGaussians=300, Iterations=0)
+        trained = bigus.train(small_sweep(), Automatic=False, Gaussians=300, Iterations=0)
         self.assertEqual(trained.decisions, [])
         field, log = trained
         self.assertIs(field, trained.field)
         self.assertIs(log, trained.log)
         trained = bigus.train(
-            small_sweep(), NumberOfGaussians=300, Iterations=10, VirtualPlanes=1, Interpolation="probe")
+            small_sweep(), Gaussians=300, Iterations=10, VirtualPlanes=1, Interpolation="probe")
         found = {decision["decision"]: decision for decision in trained.decisions}
         self.assertEqual(found["Gaussians"]["choice"], "300")
         self.assertEqual(found["interpolation"]["choice"], "probe")
@@ -284,6 +284,22 @@ class Train(unittest.TestCase):
         for wrong in ({"Preset": "beauty"}, {"Interpolation": "sideways"}, {"Price": -1.0}):
             with self.subTest(wrong), self.assertRaisesRegex(RuntimeError, "(?i)" + "|".join(wrong)):
                 bigus.train(small_sweep(), **wrong)
+
+    def test_every_option_is_a_property(self):
+        trainer = bigus.vtkBigusTrainer()
+        for index in range(trainer.GetNumberOfOptions()):
+            name = trainer.GetOptionName(index)
+            with self.subTest(name):
+                default = trainer.GetOption(name)
+                value = getattr(trainer, "Get" + name)()
+                other = value + 1 if isinstance(value, (int, float)) and default not in ("on", "off") else \
+                    "other" if isinstance(value, str) else 1 - value
+                getattr(trainer, "Set" + name)(other)
+                self.assertEqual(getattr(trainer, "Get" + name)(), other)
+                self.assertNotEqual(trainer.GetOption(name), default)
+                getattr(trainer, "Set" + name)(value)
+                self.assertEqual(trainer.GetOption(name), default)
+                self.assertRegex(getattr(type(trainer), "Set" + name).__doc__, r"\n.*\w", "what it means")
 
     def test_bad_input_is_an_exception(self):
         with self.assertRaisesRegex(RuntimeError, "ImageToReference"):
@@ -342,7 +358,7 @@ class Documentation(unittest.TestCase):
         self.assertEqual(len(blocks), 1)
         indented = re.search(r"::\n\n((?:(?:    .*)?\n)+)", bigus.__doc__).group(1)
         for block in (blocks[0], textwrap.dedent(indented)):
-            bounded, replaced = re.subn(r"NumberOfGaussians=\d+", "NumberOfGaussians=300", block)
+            bounded, replaced = re.subn(r"Gaussians=\d+", "Gaussians=300", block)
             self.assertEqual(replaced, 1)
             with self.subTest(block), tempfile.TemporaryDirectory() as folder:
                 bigus.write(small_sweep(), os.path.join(folder, "sweep.igs.mha"))

@@ -176,7 +176,7 @@ TEST(Baseline, Brain)
   vtkNew<vtkBigusTrainer> trainer;
   trainer->SetInputData(small);
   trainer->SetEngine("reference");
-  trainer->SetNumberOfGaussians(5000);
+  trainer->SetGaussians(5000);
   trainer->SetIterations(0);
   trainer->SetSolveIterations(0);
   trainer->SetVirtualPlanes(0);

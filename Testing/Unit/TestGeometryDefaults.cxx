@@ -73,7 +73,6 @@ TEST(GeometryDefaults, WhatIsGivenStays)
   options.virtualPlanes = 3;
   options.iterations = 5;
   options.solveIterations = 2;
-  options.minimumScale = 0.01;
   options.interpolation = FrameInterpolation{FrameInterpolation::Path::Probe, true};
   options.batch = 3;
   options.frameGains = true;
@@ -83,7 +82,6 @@ TEST(GeometryDefaults, WhatIsGivenStays)
   EXPECT_EQ(plan.virtualPlanes, 3);
   EXPECT_EQ(plan.iterations, 5);
   EXPECT_EQ(plan.solveIterations, 2);
-  EXPECT_EQ(plan.minimumScale, 0.01);
   EXPECT_EQ(plan.interpolation.ToString(), "probe+flow");
   EXPECT_EQ(plan.batch, 3);
   EXPECT_TRUE(plan.frameGains);
@@ -92,7 +90,7 @@ TEST(GeometryDefaults, WhatIsGivenStays)
 TEST(GeometryDefaults, KeptContrastAsksForThinBeamsAndContrastBetweenFrames)
 {
   TrainerOptions options;
-  options.keepContrast = true;
+  options.preset = Preset::Texture;
   const TrainingPlan plan = PlanFor(1.5, 0.3, options);
   EXPECT_EQ(plan.virtualPlanes, 2);
   EXPECT_TRUE(plan.interpolation.keepContrast);

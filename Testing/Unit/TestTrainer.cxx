@@ -222,30 +222,31 @@ TEST(Trainer, StepsFollowTheNumberOfFrames)
   EXPECT_EQ(bigus::Train(sweep, options).iterations, 200);
 }
 
-TEST(Trainer, PresetsSetTheLossAndNothingElse)
+TEST(Trainer, PresetsChooseTheLossUnlessOneIsGiven)
 {
-  TrainerOptions options;
-  options.gaussians = 7;
-  options.finalLoss = bigus::Loss::Parse("l2");
-  bigus::ApplyPreset("texture", options);
-  EXPECT_GT(options.loss.contrast, 0);
-  EXPECT_EQ(options.gaussians, 7u);
-  EXPECT_FALSE(options.finalLoss);
-  bigus::ApplyPreset("fidelity", options);
-  EXPECT_EQ(options.loss.ToString(), TrainerOptions().loss.ToString());
-  EXPECT_EQ(options.keepContrast, TrainerOptions().keepContrast);
-  try
-  {
-    bigus::ApplyPreset("beauty", options);
-    ADD_FAILURE() << "a preset of no meaning was accepted";
-  }
-  catch (const bigus::Error& error)
-  {
-    for (const char* part : {"beauty", "fidelity", "texture"})
-    {
-      EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
-    }
-  }
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions options = Small();
+  options.iterations = 1;
+  EXPECT_EQ(bigus::Train(sweep, options).settled.loss->ToString(), "l1");
+  options.preset = bigus::Preset::Texture;
+  EXPECT_GT(bigus::Train(sweep, options).settled.loss->contrast, 0);
+  options.loss = bigus::Loss::Parse("l2");
+  EXPECT_EQ(bigus::Train(sweep, options).settled.loss->ToString(), "l2");
+}
+
+TEST(Trainer, ANamedInterpolationKeepsContrastWhereThePresetAsksForIt)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  TrainerOptions open = Small();
+  open.preset = bigus::Preset::Texture;
+  open.virtualPlanes = 1;
+  TrainerOptions named = open;
+  named.interpolation = bigus::FrameInterpolation::Parse("normals");  // what geometry chooses, too
+  const bigus::TrainingResult result = bigus::Train(sweep, named);
+  EXPECT_TRUE(result.settled.interpolation->keepContrast);
+  EXPECT_TRUE(Same(bigus::Train(sweep, open).field, result.field));
+  named.preset = bigus::Preset::Fidelity;
+  EXPECT_FALSE(bigus::Train(sweep, named).settled.interpolation->keepContrast);
 }
 
 // The first step is all of the first loss, the last nearly all of the final one.
@@ -361,14 +362,14 @@ TEST(Trainer, OptionsOutOfRangeAreNamed)
   refused("gaussians", [](TrainerOptions& o) { o.gaussians = 0; });
   refused("elevation sigma", [](TrainerOptions& o) { o.elevationSigma = -1; });
   refused("elevation sigma", [](TrainerOptions& o) { o.elevationSigma = std::nan(""); });
-  refused("hold-out", [](TrainerOptions& o) { o.holdOut = 1; });
+  refused("hold out", [](TrainerOptions& o) { o.holdOut = 1; });
   refused("validation", [](TrainerOptions& o) { o.validation = 1; });
   refused("iterations", [](TrainerOptions& o) { o.iterations = -1; });
   refused("time limit", [](TrainerOptions& o) { o.timeLimit = std::nan(""); });
   refused("batch", [](TrainerOptions& o) { o.batch = 0; });
   refused("tolerance", [](TrainerOptions& o) { o.tolerance = -1; });
   refused("final rate", [](TrainerOptions& o) { o.finalRate = 0; });
-  refused("maximum of gaussians", [](TrainerOptions& o) { o.maximumGaussians = 0; });
+  refused("maximum gaussians", [](TrainerOptions& o) { o.maximumGaussians = 0; });
   refused("price", [](TrainerOptions& o) { o.price = std::nan(""); });
   refused("virtual planes", [](TrainerOptions& o) { o.virtualPlanes = 9; });
   refused("tracker translation", [](TrainerOptions& o) { o.trackerTranslation = 0; });

@@ -139,7 +139,7 @@ Decision DecidePath(State& state)
   }
   const Stopwatch watch;
   std::string evidence = state.prediction.evidence;
-  if (state.plan.virtualPlanes > 0 && state.prediction.pathGain > 0 && !state.asked.keepContrast)
+  if (state.plan.virtualPlanes > 0 && state.prediction.pathGain > 0 && state.asked.preset != Preset::Texture)
   {
     TrainingPlan candidate = state.plan;
     candidate.interpolation = state.prediction.alongProbe;
@@ -231,17 +231,17 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   State state{asked, trials, plan, {}};
   const bool interpolates = plan.virtualPlanes > 0 || !asked.virtualPlanes;
   const bool interpolationOpen = interpolates && !asked.interpolation;
-  const bool beamOpen = !asked.elevationSigma && !asked.keepContrast;
+  const bool beamOpen = !asked.elevationSigma && asked.preset != Preset::Texture;
   if ((interpolationOpen || beamOpen) && trials.Proceed())
   {
-    state.prediction = PredictFrames(trials, asked.keepContrast);
+    state.prediction = PredictFrames(trials, asked.preset == Preset::Texture);
     if (interpolationOpen)
     {
       plan.interpolation = state.prediction.alongNormals;
     }
   }
   std::vector<Decision> decisions;
-  if (!asked.keepContrast)
+  if (asked.preset != Preset::Texture)
   {
     decisions.push_back(DecideVirtualPlanes(state));
     plan.iterations = IterationsByGeometry(asked, frames.size(), plan);
@@ -250,7 +250,7 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   {
     decisions.push_back(DecidePath(state));
   }
-  if (asked.keepContrast)
+  if (asked.preset == Preset::Texture)
   {
     decisions.push_back({"the rest", "by geometry", "PSNR is best for smooth pictures, so it cannot judge texture", 0});
     return decisions;

@@ -69,8 +69,7 @@ TrainerOptions Settled(TrainerOptions options, const TrainingPlan& plan)
   options.interpolation = plan.interpolation;
   options.iterations = plan.iterations;
   options.solveIterations = plan.solveIterations;
-  options.minimumScale = plan.minimumScale;
-  options.maximumScale = plan.maximumScale;
+  options.loss = plan.loss;
   return options;
 }
 

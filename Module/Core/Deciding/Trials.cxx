@@ -111,7 +111,7 @@ Trials::Psnrs Trials::Train(TrainingPlan plan, double passes)
   plan.iterations = std::min(steps, asked_.iterations.value_or(steps));
   plan.timeLimit = 0;
   plan.densification.interval = 0;
-  ScaleToPixels(asked_, pixelSize_, plan);
+  ScaleToPixels(pixelSize_, plan);
   TrainingLoop loop(
       sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, WithVirtualPlanes(plan));
   const Fitted fitted = loop.Run(loop.SeedAndSolve(), {});

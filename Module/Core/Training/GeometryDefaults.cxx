@@ -76,7 +76,7 @@ bool IsSparse(const SweepGeometry& geometry)
 TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, const std::vector<int>& frames)
 {
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
-  const bool sparse = IsSparse(geometry), contrast = options.keepContrast;
+  const bool sparse = IsSparse(geometry), contrast = options.preset == Preset::Texture;
   TrainingPlan plan;
   static_cast<TrainingSettings&>(plan) = options;
   plan.sparse = sparse;
@@ -88,9 +88,10 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
                                                                : kDensePlanes);
   plan.interpolation = options.interpolation.value_or(FrameInterpolation{});
   plan.interpolation.keepContrast = contrast;
+  plan.loss = options.loss.value_or(contrast ? Loss::Parse("l1+30*contrast") : Loss{});
   plan.solveIterations = options.solveIterations.value_or(sparse ? kSparseSolve : kDenseSolve);
   plan.iterations = IterationsByGeometry(options, frames.size(), plan);
-  ScaleToPixels(options, geometry.pixelSize, plan);
+  ScaleToPixels(geometry.pixelSize, plan);
   return plan;
 }
 
@@ -108,11 +109,11 @@ int IterationsByGeometry(const TrainerOptions& options, std::size_t frames, cons
                StepsForPasses(plan.sparse ? kSparsePasses : kDensePasses, frames, plan.virtualPlanes, options.batch)));
 }
 
-void ScaleToPixels(const TrainerOptions& options, double pixelSize, TrainingPlan& plan)
+void ScaleToPixels(double pixelSize, TrainingPlan& plan)
 {
   plan.pixelSize = pixelSize;
-  plan.minimumScale = options.minimumScale.value_or(kSmallestScale * pixelSize);
-  plan.maximumScale = std::max(options.maximumScale.value_or(kLargestScale * pixelSize), plan.minimumScale);
+  plan.minimumScale = kSmallestScale * pixelSize;
+  plan.maximumScale = kLargestScale * pixelSize;
 }
 
 }  // namespace bigus

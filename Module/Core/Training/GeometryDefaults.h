@@ -30,6 +30,6 @@ int StepsForPasses(double passes, std::size_t frames, int perGap, int batch);
 int IterationsByGeometry(const TrainerOptions& options, std::size_t frames, const TrainingPlan& plan);
 
 /// Sets what the plan counts in pixels (mm each): the pixel itself and the limits of a Gaussian's scales.
-void ScaleToPixels(const TrainerOptions& options, double pixelSize, TrainingPlan& plan);
+void ScaleToPixels(double pixelSize, TrainingPlan& plan);
 
 }  // namespace bigus

@@ -15,6 +15,15 @@
 namespace bigus
 {
 
+/// What a field is for. Where the place of speckle cannot be known, the least error is a smooth picture.
+enum class Preset
+{
+  Fidelity,  ///< the least error: the loss is l1
+  /// Speckle as strong as in the frames, which costs error: the loss, l1+30*contrast, asks for grains of the right
+  /// strength wherever they lie, and virtual planes keep the contrast of frames.
+  Texture
+};
+
 /// What has a plain default, which does not depend on the sweep.
 struct TrainingSettings
 {
@@ -32,8 +41,7 @@ struct TrainingSettings
   int patience = 10;                ///< evaluations without a better validation PSNR before stopping, >= 1
   double timeLimit = 0;             ///< seconds, all included, 0 = none; the rate schedule is fitted to it
   int batch = 8;                    ///< frames a step, 1 to 4096
-  Loss loss;
-  std::optional<Loss> finalLoss;   ///< weights move linearly from `loss` to these during training; empty: they stay
+  std::optional<Loss> finalLoss;    ///< weights move linearly from `loss` to these during training; empty: they stay
   bool ignoreMasked = false;       ///< true: no pixel never lit counts in the loss; false: those far from lit are black
   double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
   double meanRate = 0.3;           ///< Adam step for means, pixels
@@ -47,9 +55,11 @@ struct TrainingSettings
 /// `automatic` is set (Deciding/Decisions.h); the rest follow from the sweep's geometry (GeometryDefaults.h).
 struct TrainerOptions : TrainingSettings
 {
-  bool automatic = true;  ///< decide by short trainings scored on validation frames
-  int holdOut = 0;        ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
-  int validation = 0;     ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
+  Preset preset = Preset::Fidelity;
+  std::optional<Loss> loss;  ///< what is made small; the preset's
+  bool automatic = true;     ///< decide by short trainings scored on validation frames
+  int holdOut = 0;           ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
+  int validation = 0;        ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
 
   std::optional<std::size_t> gaussians;    ///< seeds, 1 to 2^26; decided
   std::size_t maximumGaussians = 2000000;  ///< the most that `automatic` chooses, 1 to 2^26
@@ -57,18 +67,11 @@ struct TrainerOptions : TrainingSettings
   std::optional<double> elevationSigma;    ///< mm, 0 to 1000; decided where the tracked poses are off
   std::optional<int> virtualPlanes;        ///< planes added in every gap, 0 to 8; decided
   std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show; decided. Its keepContrast is not read
-  bool keepContrast = false;                        ///< virtual planes keep the frames' speckle contrast
   std::optional<int> iterations;                    ///< optimizer steps, 0 (seeding only) to 10^7; by geometry
   std::optional<int> solveIterations;               ///< conjugate-gradient steps on r at the start, 0 to 1000
-  std::optional<double> minimumScale;               ///< mm; default 0.25 pixel
-  std::optional<double> maximumScale;               ///< mm; default 48 pixels
 
-  /// Throws Error naming the option, its value and its range.
+  /// Throws Error naming the option, its value and its range, which OptionList.h lists.
   void Validate() const;
 };
-
-/// Sets what belongs to one aim, and leaves the rest as it is: "fidelity" (the least error, the default), "texture"
-/// (speckle as strong as in the frames, which costs error). Throws Error with the names for any other.
-void ApplyPreset(const std::string& name, TrainerOptions& options);
 
 }  // namespace bigus

@@ -20,6 +20,7 @@ struct TrainingPlan : TrainingSettings
   FrameInterpolation interpolation;
   int iterations = 0;
   int solveIterations = 0;
+  Loss loss;
   double pixelSize = 0;                       ///< mm, of the frames to train on
   double minimumScale = 0, maximumScale = 0;  ///< mm
 };

@@ -7,7 +7,7 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
     import bigus
 
     sweep = bigus.read("sweep.igs.mha")
-    field, log = bigus.train(sweep, NumberOfGaussians=50000, HoldOut=8)
+    field, log = bigus.train(sweep, Gaussians=50000, HoldOut=8)
     frames = bigus.frames(sweep)
     image = bigus.reslice(field, bigus.poses(sweep)[4], size=frames.shape[:0:-1])
     print(bigus.metrics(image, frames[4]))

@@ -82,7 +82,7 @@ def train(
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
 
     What no property sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
-    sweep's geometry. To force all of it: NumberOfGaussians, ElevationSigma (mm), SignedReflectivity, VirtualPlanes,
+    sweep's geometry. To force all of it: Gaussians, ElevationSigma (mm), SignedReflectivity, VirtualPlanes,
     Interpolation ("normals", "normals+flow", "probe", "probe+flow"), FrameGains, PoseRefinement, Iterations.
     Preset="texture" asks for speckle as strong as in the frames, at a price in error.
 

@@ -20,7 +20,6 @@
 #include <string>
 #include <vector>
 
-#include "Elevation/ElevationEstimate.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
@@ -28,7 +27,9 @@
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
+#include "Core/Training/OptionList.h"
 #include "Core/Training/Seeding.h"
+#include "Elevation/ElevationEstimate.h"
 #include "JobFields.h"
 #include "Scene.h"
 #include "UltraGaussEngine.h"
@@ -124,63 +125,25 @@ struct Method
   Json facts = Json::object();
 };
 
+/// The trainer's options by their names in snake_case. Seed and held-out frames are the job's own.
 TrainerOptions ReadTrainerOptions(JobFields& fields, TrainerOptions options)
 {
-  static const std::map<std::string, SeedPlacement> placements = {
-      {"intensity", SeedPlacement::Intensity}, {"harris", SeedPlacement::Harris}, {"random", SeedPlacement::Random}};
-  std::string preset, loss, finalLoss, seeding, interpolation;
-  fields.Read("interpolation", interpolation);
-  fields.Read("preset", preset);
-  if (!preset.empty())
+  for (const OptionText& option : ListOptions())
   {
-    ApplyPreset(preset, options);
+    const std::string name = option.info.name;
+    Json value;
+    if (name != "Seed" && name != "HoldOut")
+    {
+      fields.Read(SpellOption(name, '_'), value);
+    }
+    if (!value.is_null())
+    {
+      SetOption(options, name,
+                value.is_boolean()  ? (value.get<bool>() ? "on" : "off")
+                : value.is_string() ? value.get<std::string>()
+                                    : value.dump());
+    }
   }
-  fields.Read("loss", loss);
-  fields.Read("final_loss", finalLoss);
-  fields.Read("seeding", seeding);
-  if (!seeding.empty() && placements.count(seeding) == 0)
-  {
-    throw Error("method: there is no seeding '" + seeding + "'.");
-  }
-  options.loss = loss.empty() ? options.loss : Loss::Parse(loss);
-  options.seeding = seeding.empty() ? options.seeding : placements.at(seeding);
-  if (!finalLoss.empty())
-  {
-    options.finalLoss = Loss::Parse(finalLoss);
-  }
-  if (!interpolation.empty())
-  {
-    options.interpolation = FrameInterpolation::Parse(interpolation);
-  }
-  fields.Read("engine", options.engine);
-  fields.Read("automatic", options.automatic);
-  fields.Read("gaussians", options.gaussians);
-  fields.Read("maximum_gaussians", options.maximumGaussians);
-  fields.Read("price", options.price);
-  fields.Read("elevation_sigma", options.elevationSigma);
-  fields.Read("signed", options.signedReflectivity);
-  fields.Read("virtual_planes", options.virtualPlanes);
-  fields.Read("keep_contrast", options.keepContrast);
-  fields.Read("frame_gains", options.frameGains);
-  fields.Read("pose_refinement", options.poseRefinement);
-  fields.Read("tracker_translation", options.trackerTranslation);
-  fields.Read("tracker_rotation", options.trackerRotation);
-  fields.Read("validation", options.validation);
-  fields.Read("patience", options.patience);
-  fields.Read("iterations", options.iterations);
-  fields.Read("time_limit", options.timeLimit);
-  fields.Read("batch", options.batch);
-  fields.Read("ignore_masked", options.ignoreMasked);
-  fields.Read("tolerance", options.tolerance);
-  fields.Read("mean_rate", options.meanRate);
-  fields.Read("shape_rate", options.shapeRate);
-  fields.Read("reflectivity_rate", options.reflectivityRate);
-  fields.Read("final_rate", options.finalRate);
-  fields.Read("solve", options.solveIterations);
-  fields.Read("minimum_scale", options.minimumScale);
-  fields.Read("densify", options.densification.interval);
-  fields.Read("densify_percentile", options.densification.percentile);
-  fields.Read("cap", options.densification.cap);
   return options;
 }
 
@@ -242,6 +205,10 @@ Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& s
                   {"iterations", result.iterations},
                   {"validation_frames", result.validationFrames.size()},
                   {"elevation_sigma", result.field.beam.elevationSigma}};
+  for (const OptionText& option : ListOptions(result.settled))
+  {
+    method.facts["settled"][SpellOption(option.info.name, '_')] = ToJson<Json>(option);
+  }
   for (const Decision& decision : result.decisions)
   {
     method.facts["decisions"].push_back({{"what", decision.what},

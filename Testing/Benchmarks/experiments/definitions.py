@@ -50,7 +50,7 @@ class Scale:
     def job(self, scene, frames, method, labels, seconds=4, priority=1, **more):
         """Seconds: what all of it should take. Gaussian counts and time limits of the method are scaled."""
         method = dict(method)
-        for name, scaled in (("gaussians", self.count), ("cap", self.count), ("equal_gaussians", self.count),
+        for name, scaled in (("gaussians", self.count), ("densification_cap", self.count), ("equal_gaussians", self.count),
                              ("time_limit", self.limit)):
             if name in method:
                 method[name] = scaled(method[name])
@@ -288,7 +288,7 @@ def e3_jobs(scale):
             cost = (8 if name == "brain" else 12) * max(1, count / 100000) * (2 if loss not in ("l1", "l2") else 1)
             jobs.append(scale.job(
                 scene, {"hold_out": 4},
-                forced(count, 4 * cost, seeding=seeding, loss=loss, densify=interval, cap=2 * count),
+                forced(count, 4 * cost, seeding=seeding, loss=loss, densification_interval=interval, densification_cap=2 * count),
                 {"scene": name, "seeds": seeding, "loss": loss, "densified": "yes" if interval else "",
                  "count": short(count)}, cost + 4, 1 if count <= 100000 else 2, score=["held_out", "training"]))
     return jobs
@@ -345,7 +345,7 @@ def e4_jobs(scale):
 
         for is_signed in (False, True):
             for beam in (0, sigma):
-                add(forced(count, 4 * cost, **{"signed": is_signed, "elevation_sigma": beam, **options}),
+                add(forced(count, 4 * cost, **{"signed_reflectivity": is_signed, "elevation_sigma": beam, **options}),
                     {"signed": "yes" if is_signed else "", "beam": "yes" if beam else "", "sigma mm": beam}, cost + 2)
         add(auto(count, **options), {"signed": "auto", "beam": "auto", "sigma mm": ""}, 2 * cost + 2)
     # What the decorrelation of speckle says, from all frames at full size; known where the label says so.

@@ -11,6 +11,7 @@ import csv
 import io
 import json
 import shutil
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -28,6 +29,39 @@ def call(*arguments):
     said = io.StringIO()
     with mock.patch.object(sys, "argv", ["experiments.py", *map(str, arguments)]), contextlib.redirect_stdout(said):
         return experiments.main(), said.getvalue()
+
+
+def run_job(method):
+    """The result of a small phantom's training with these options."""
+    job = {"sweep": {"phantoms": [{"width": 48, "height": 40, "pixel_size": 0.8, "frames": 9, "axial_sigma": 0.8,
+                                   "lateral_sigma": 0.8, "scatterer_density": 1}]},
+           "frames": {"hold_out": 4},
+           "method": {"name": "bigus", "automatic": False, "gaussians": 400, "iterations": 12, **method}}
+    return subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+
+
+class Options(unittest.TestCase):
+    def test_every_option_of_the_trainer_can_be_given(self):
+        first = json.loads(run_job({}).stdout)
+        settled = first["facts"]["settled"]
+        self.assertGreater(len(settled), 30)
+        given = {name: value for name, value in settled.items() if name not in ("seed", "hold_out")}
+        again = json.loads(run_job(given).stdout)
+        self.assertEqual(again["facts"]["settled"], settled)
+        self.assertEqual(again["scores"], first["scores"])
+
+    def test_values_out_of_range_and_misspelt_names_are_errors(self):
+        for method, says in (({"virtual_planes": 9}, "virtual planes is 9; it must be 0 to 8 or auto"),
+                             ({"batch": 0}, "batch is 0; it must be 1 to 4096"), ({"gaussian": 3}, "gaussian")):
+            answer = run_job(method)
+            self.assertEqual(answer.returncode, 1)
+            self.assertIn(says, answer.stderr)
+
+    def test_a_named_interpolation_keeps_contrast_where_the_preset_asks_for_it(self):
+        texture = {"preset": "texture", "virtual_planes": 1}
+        plain, named = (json.loads(run_job(method).stdout)["scores"]
+                        for method in (texture, {**texture, "interpolation": "normals"}))  # what geometry chooses, too
+        self.assertEqual(plain, named)
 
 
 class Harness(unittest.TestCase):
