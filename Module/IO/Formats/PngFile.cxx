@@ -27,7 +27,6 @@ public:
     const auto read = [](spng_ctx*, void* input, void* bytes, std::size_t count) -> int
     { return static_cast<InputFile*>(input)->Read(bytes, count) == count ? SPNG_OK : SPNG_IO_EOF; };
     Require(spng_set_crc_action(png_.get(), SPNG_CRC_ERROR, SPNG_CRC_ERROR));
-    Require(spng_set_image_limits(png_.get(), largestSide, largestSide));
     Require(spng_set_chunk_limits(png_.get(), largestChunk, largestChunks));
     Require(spng_set_png_stream(png_.get(), read, &input_));
   }
@@ -36,6 +35,12 @@ public:
   {
     spng_ihdr header;
     Require(spng_get_ihdr(png_.get(), &header));
+    if (header.width > largestSide || header.height > largestSide)
+    {
+      throw FormatError(input_.Name() + ": has " + std::to_string(header.width) + " x " +
+                        std::to_string(header.height) + " pixels; at most " + std::to_string(largestSide) +
+                        " a side are read");
+    }
     if (header.color_type != SPNG_COLOR_TYPE_GRAYSCALE || (header.bit_depth != 8 && header.bit_depth != 16) ||
         header.interlace_method != SPNG_INTERLACE_NONE)
     {
@@ -66,8 +71,7 @@ private:
   {
     if (result != SPNG_OK)
     {
-      throw FormatError(input_.Name() + ": not a PNG image, damaged, truncated or more than " +
-                        std::to_string(largestSide) + " pixels a side: " + spng_strerror(result));
+      throw FormatError(input_.Name() + ": not a PNG image, damaged or truncated: " + spng_strerror(result));
     }
   }
 
