@@ -9,8 +9,8 @@
 #include <functional>
 #include <random>
 
-#include "Support/ErrorObserver.h"
 #include "IO/SmallFiles.h"
+#include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <functional>
 
-#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
+#include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusPoseReader.h"
 #include "vtkBigusSequenceReader.h"

@@ -13,8 +13,8 @@
 #include <limits>
 #include <random>
 
-#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
+#include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"

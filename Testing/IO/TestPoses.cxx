@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
+#include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusPoseReader.h"
 #include "vtkDataArray.h"

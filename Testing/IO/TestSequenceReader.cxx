@@ -8,8 +8,8 @@
 #include <cstring>
 #include <filesystem>
 
-#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
+#include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkDataArray.h"

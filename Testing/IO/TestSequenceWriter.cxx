@@ -12,8 +12,8 @@
 #include <locale>
 #include <random>
 
-#include "Support/ErrorObserver.h"
 #include "SmallFiles.h"
+#include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkBigusSequenceWriter.h"

@@ -9,7 +9,7 @@ namespace bigus
 {
 
 /// A weighted sum of losses between a rendered frame I and a recorded one I_gt, each a mean over the frame's
-/// pixels (or windows); README.md of this folder defines the terms. Weights lie in [0, 1e6], and one of them
+/// pixels (or windows); Losses.md of this folder defines the terms. Weights lie in [0, 1e6], and one of them
 /// must not be 0.
 struct Loss
 {
