@@ -186,7 +186,7 @@ class Usage(CommandTest):
         self.expect(USAGE, "nosuch", self.sweep, "-o", "x.mha", says="'nosuch'")
 
     def test_ranges_are_plain_numbers(self):
-        self.expect(USAGE, "train", self.sweep, "-o", "x.vtp", "--gaussians", "1e9", says="from 1 to 67108864")
+        self.expect(USAGE, "train", self.sweep, "-o", "x.vtp", "--gaussians", "1e9", says="it must be 1 to 67108864")
         self.expect(USAGE, "phantom", "-o", "x.mha", "--axial-sigma", "0", says="from 0.02 to 5")
 
     def test_bad_numbers(self):
