@@ -3,10 +3,9 @@
 #include "Core/Phantom/Hand.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
-#include <cstdint>
 
-#include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Random.h"
 
@@ -15,88 +14,78 @@ namespace bigus
 namespace
 {
 
-/// Standard normal number `index` of a stream.
-double TrackerNoise(std::uint64_t seed, std::uint64_t stream, std::uint64_t index)
+enum Stream : std::uint64_t
 {
-  return Normal(Mix(Mix(Mix(seed) + stream) + index));
+  kSpeedStream = 101,
+  kSwayStream = 111  // and the four after it
+};
+
+}  // namespace
+
+Eigen::Matrix3d RotationBy(const Eigen::Vector3d& vector)
+{
+  const double angle = vector.norm();
+  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
 }
 
-/// A smooth random motion in [-1, 1]: three slow sines (hertz) of random phase.
-double Sway(std::uint64_t seed, std::uint64_t stream, double seconds)
+double Sway(std::uint64_t seed, std::uint64_t stream, double time)
 {
   constexpr double kShare[3] = {0.5, 0.3, 0.2};
-  constexpr double kHertz[3] = {0.21, 0.53, 0.92};
+  constexpr double kFrequency[3] = {0.21, 0.53, 0.92};
   double sum = 0;
   for (int m = 0; m < 3; ++m)
   {
     const double phase = OpenUniform(static_cast<std::uint32_t>(Mix(Mix(Mix(seed) + stream) + m)));
-    sum += kShare[m] * std::sin(2 * kPi * (kHertz[m] * seconds + phase));
+    sum += kShare[m] * std::sin(2 * kPi * (kFrequency[m] * time + phase));
   }
   return sum;
 }
 
-enum Stream : std::uint64_t
+Hand::Hand(const PhantomOptions& options, int lastPicture, int margin)
+    : options_(options),
+      margin_(margin),
+      length_(lastPicture * options.frameSpacing),
+      travel_(static_cast<std::size_t>(margin) + lastPicture + 1 + margin, 0.0)
 {
-  kSpeedStream = 101,
-  kSwayStream = 111,           // and the four after it
-  kPositionNoiseStream = 121,  // and the two after it
-  kRotationNoiseStream = 131   // and the two after it
-};
-
-/// The pose of an image whose first row's middle is at `face` and whose axes are the columns of `axes`.
-Eigen::Matrix4d PoseAt(const Eigen::Vector3d& face, const Eigen::Matrix3d& axes, const PhantomOptions& options)
-{
-  SlicePlane plane;
-  plane.columnStep = options.pixelSize * axes.col(0);
-  plane.rowStep = options.pixelSize * axes.col(1);
-  plane.origin = face - 0.5 * (options.width - 1) * plane.columnStep;
-  return plane.ImageToReference();
+  const auto unevenness = [&](int from)
+  { return options_.speedVariation * Sway(options_.seed, kSpeedStream, (from + 0.5) / options_.frameRate); };
+  for (int p = 1; p <= lastPicture + margin; ++p)
+  {
+    travel_[margin + p] = travel_[margin + p - 1] + 1 + unevenness(p - 1);
+  }
+  for (int p = -1; p >= -margin; --p)
+  {
+    travel_[margin + p] = travel_[margin + p + 1] - 1 - unevenness(p);
+  }
 }
 
-}  // namespace
-
-HandPoses MoveHand(const PhantomOptions& o)
+ProbePose Hand::At(double picture) const
 {
-  HandPoses poses;
-  std::vector<double> travel(o.frames, 0.0);
-  for (int k = 1; k < o.frames; ++k)
-  {
-    travel[k] = travel[k - 1] + 1 + o.speedVariation * Sway(o.seed, kSpeedStream, (k - 0.5) / o.frameRate);
-  }
-  const double length = (o.frames - 1) * o.frameSpacing;
-  const double scale = o.frames > 1 ? length / travel.back() : 0;
+  const PhantomOptions& o = options_;
+  const int last = static_cast<int>(travel_.size()) - 1;
+  const int before = std::clamp(static_cast<int>(std::floor(picture)) + margin_, 0, last);
+  const double travel =
+      travel_[before] + (picture + margin_ - before) * (travel_[std::min(before + 1, last)] - travel_[before]);
+  const double whole = travel_[last - margin_];
+  const double scale = whole > 0 ? length_ / whole : 0;
+  const double z = o.passes == 1 || !(whole > 0)
+                       ? scale * travel - 0.5 * length_
+                       : -0.5 * length_ / o.passes * std::cos(kPi * o.passes * travel / whole);
 
-  const auto rotation = [](const Eigen::Vector3d& vector) -> Eigen::Matrix3d
+  const double seconds = picture / o.frameRate;
+  Eigen::Vector3d angles;
+  for (int axis = 0; axis < 3; ++axis)
   {
-    const double angle = vector.norm();
-    return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
-  };
-  const Eigen::Matrix3d turn = rotation(Eigen::Vector3d(0, o.sweepAngle * kRadiansPerDegree, 0));
-  for (int k = 0; k < o.frames; ++k)
-  {
-    const double seconds = k / o.frameRate;
-    Eigen::Vector3d angles, place;
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      angles[axis] = o.tilt * kRadiansPerDegree * Sway(o.seed, kSwayStream + axis, seconds);
-    }
-    place = {o.wander * Sway(o.seed, kSwayStream + 3, seconds), o.wander * Sway(o.seed, kSwayStream + 4, seconds),
-             scale * travel[k] - 0.5 * length};
-    const Eigen::Matrix3d axes = turn * rotation(angles[0] * Eigen::Vector3d::UnitX()) *
-                                 rotation(angles[1] * Eigen::Vector3d::UnitY()) *
-                                 rotation(angles[2] * Eigen::Vector3d::UnitZ());
-    const Eigen::Vector3d face = turn * place;
-    poses.truth.push_back(PoseAt(face, axes, o));
-
-    Eigen::Vector3d shift, twist;
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      shift[axis] = o.trackingNoise * TrackerNoise(o.seed, kPositionNoiseStream + axis, k);
-      twist[axis] = o.trackingRotationNoise * kRadiansPerDegree * TrackerNoise(o.seed, kRotationNoiseStream + axis, k);
-    }
-    poses.recorded.push_back(PoseAt(face + shift, rotation(twist) * axes, o));
+    angles[axis] = o.tilt * kRadiansPerDegree * Sway(o.seed, kSwayStream + axis, seconds);
   }
-  return poses;
+  const Eigen::Vector3d place(o.wander * Sway(o.seed, kSwayStream + 3, seconds),
+                              o.wander * Sway(o.seed, kSwayStream + 4, seconds), z);
+  const Eigen::Matrix3d turn = RotationBy(Eigen::Vector3d(0, o.sweepAngle * kRadiansPerDegree, 0));
+  ProbePose pose;
+  pose.axes = turn * RotationBy(angles[0] * Eigen::Vector3d::UnitX()) *
+              RotationBy(angles[1] * Eigen::Vector3d::UnitY()) * RotationBy(angles[2] * Eigen::Vector3d::UnitZ());
+  pose.face = turn * place;
+  return pose;
 }
 
 }  // namespace bigus

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The hand that moves the probe, and the tracker that watches it.
+// The hand that moves the probe. Private to this room.
 #pragma once
 
 #include <Eigen/Dense>
+#include <cstdint>
 #include <vector>
 
 #include "Core/Phantom/PhantomOptions.h"
@@ -11,13 +12,36 @@
 namespace bigus
 {
 
-struct HandPoses
+/// Where a probe is: the middle of the image's first row, mm, and the directions of rows, beams and normal as columns.
+struct ProbePose
 {
-  std::vector<Eigen::Matrix4d> truth;     ///< [frames] ImageToReference: where the probe was
-  std::vector<Eigen::Matrix4d> recorded;  ///< [frames] ImageToReference: where the tracker says it was
+  Eigen::Vector3d face;
+  Eigen::Matrix3d axes;
 };
 
-/// `options` are valid and have their width and height.
-HandPoses MoveHand(const PhantomOptions& options);
+/// The rotation by |vector| radians about `vector`.
+Eigen::Matrix3d RotationBy(const Eigen::Vector3d& vector);
+
+/// A smooth random motion in [-1, 1] that follows from seed and stream: three slow sines of random phase, of 0.21, 0.53
+/// and 0.92 periods in a unit of time.
+double Sway(std::uint64_t seed, std::uint64_t stream, double time);
+
+/// The motion of a sweep. Pictures are taken at a constant rate; picture p at p / frameRate seconds.
+class Hand
+{
+public:
+  /// `options` are valid; the sweep's last picture is `lastPicture`. `margin` pictures before the first and after the
+  /// last can be asked for, too.
+  Hand(const PhantomOptions& options, int lastPicture, int margin);
+
+  /// Between two pictures the hand travels at constant speed.
+  ProbePose At(double picture) const;
+
+private:
+  PhantomOptions options_;
+  int margin_;
+  double length_;               // of the path, mm
+  std::vector<double> travel_;  // [margin + pictures + margin] along the path, in steps of average length
+};
 
 }  // namespace bigus

@@ -44,7 +44,7 @@ Phantom::Phantom(const PhantomOptions& options) : options_(options)
   {
     options_.halfAngle = convex ? 32 : 44;
   }
-  poses_ = MoveHand(options_);
+  poses_ = TrackHand(options_);
   Aperture(options_, TruePlane(0));  // throws for a frame too large to make
 }
 
@@ -136,10 +136,7 @@ Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
   sweep.height = options_.height;
   sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
   sweep.imageToReference = poses_.recorded;
-  for (int k = 0; k < options_.frames; ++k)
-  {
-    sweep.timestamps.push_back(k / options_.frameRate);
-  }
+  sweep.timestamps = poses_.timestamps;
   if (options_.probe != ProbeKind::Linear)
   {
     sweep.mask = std::make_shared<const std::vector<std::uint8_t>>(Mask(TruePlane(0)));

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// A synthetic tracked sweep with exact truth at any plane: a scattering world, a probe, and a hand that moves
-// it.
+// A synthetic tracked sweep with exact truth at any plane: a scattering world, a probe, and a hand that moves it.
 #pragma once
 
 #include <Eigen/Dense>
@@ -13,8 +12,8 @@
 
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
-#include "Core/Phantom/Hand.h"
 #include "Core/Phantom/PhantomOptions.h"
+#include "Core/Phantom/Tracker.h"
 #include "Core/Phantom/World.h"
 
 namespace bigus
@@ -45,9 +44,12 @@ public:
   /// parenchyma. Fully developed speckle needs 10 or more.
   double ScatterersPerResolutionCell() const;
 
-  /// Where frame k of the sweep was taken, and where the tracker says it was (equal without tracking noise).
+  /// Where frame k of the sweep was taken, and where the tracker says it was (equal without tracking errors).
   SlicePlane TruePlane(int frame) const;
   SlicePlane RecordedPlane(int frame) const;
+
+  /// [frames] seconds: when each frame was taken.
+  const std::vector<double>& Timestamps() const { return poses_.timestamps; }
 
   /// 8-bit image, width * height: 255 (1 + 20 log10(envelope / white) / dynamicRange), clamped and rounded; 0 outside
   /// the fan. The plane's rows and columns must be orthogonal; throws Error for one that is not, or that is too large.
@@ -71,7 +73,7 @@ public:
 
 private:
   PhantomOptions options_;
-  HandPoses poses_;
+  TrackedPoses poses_;
 };
 
 }  // namespace bigus

@@ -55,9 +55,23 @@ void PhantomOptions::Validate() const
   check("tilt", tilt, 0, 45, " degrees");
   check("wander", wander, 0, 20, " mm");
   check("sweepAngle", sweepAngle, -360, 360, " degrees");
+  check("passes", passes, 1, 100, "");
   check("frameRate", frameRate, 0.1, 10000, " frames a second");
+  check("droppedShare", droppedShare, 0, 0.9, "");
   check("trackingNoise", trackingNoise, 0, 10, " mm");
   check("trackingRotationNoise", trackingRotationNoise, 0, 20, " degrees");
+  check("trackingDrift", trackingDrift, 0, 100, " mm");
+  check("trackingRotationDrift", trackingRotationDrift, 0, 20, " degrees");
+  check("outlierShare", outlierShare, 0, 0.5, "");
+  check("outlierSize", outlierSize, 0, 100, " mm");
+  check("trackingDelay", trackingDelay, -1, 1, " seconds");
+  check("trackingQuantum", trackingQuantum, 0, 10, " mm");
+  check("trackingRotationQuantum", trackingRotationQuantum, 0, 20, " degrees");
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    check("calibrationShift", calibrationShift[axis], -100, 100, " mm");
+    check("calibrationRotation", calibrationRotation[axis], -45, 45, " degrees");
+  }
 }
 
 }  // namespace bigus

@@ -3,6 +3,7 @@
 // What a phantom is made of: its scene, probe, hand and tracker.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 namespace bigus
@@ -19,12 +20,11 @@ enum class PhantomScene
 {
   Organ,    ///< parenchyma with vessels, a cyst, a tumour and a bone with its bright boundary and shadow
   Speckle,  ///< parenchyma everywhere: fully developed speckle
-  Points    ///< nothing but point scatterers, 10 mm apart at (10 a, 10 b + 5, 10 c): shows the point-spread
-            ///< function
+  Points    ///< nothing but point scatterers, 10 mm apart at (10 a, 10 b + 5, 10 c): shows the point-spread function
 };
 
-/// World frame: x to the right, y away from the skin (depth), z along an unrotated sweep; mm. The skin is y =
-/// 0.
+/// World frame: x to the right, y away from the skin (depth), z along an unrotated sweep; mm. The skin is y = 0. A
+/// stepper motor's sweep has exactly equal steps: speedVariation, tilt and wander 0.
 struct PhantomOptions
 {
   PhantomScene scene = PhantomScene::Organ;
@@ -47,14 +47,30 @@ struct PhantomOptions
   double dynamicRange = 50;      ///< dB between black and white, 10 to 120
   double whiteLevel = 24;        ///< dB above the parenchyma's root-mean-square echo that is shown white, -40 to 100
 
-  double frameSpacing = 0.5;         ///< mm of travel between frames on average, 0 to 20
-  double speedVariation = 0.4;       ///< the spacing varies smoothly by at most this share, 0 to 0.95
-  double tilt = 3;                   ///< degrees, 0 to 45; each of the probe's three angles wanders within this bound
-  double wander = 0.5;               ///< mm, 0 to 20; sideways and in depth the hand wanders within this bound
-  double sweepAngle = 0;             ///< degrees, -360 to 360; turns probe and travel about the depth axis
-  double frameRate = 20;             ///< frames a second, 0.1 to 10000
+  double frameSpacing = 0.5;    ///< mm of travel between frames on average, 0 to 20
+  double speedVariation = 0.4;  ///< the spacing varies smoothly by at most this share, 0 to 0.95
+  double tilt = 3;              ///< degrees, 0 to 45; each of the probe's three angles wanders within this bound
+  double wander = 0.5;          ///< mm, 0 to 20; sideways and in depth the hand wanders within this bound
+  double sweepAngle = 0;        ///< degrees, -360 to 360; turns probe and travel about the depth axis
+  int passes = 1;         ///< 1 to 100; the hand goes there and back so often, and slows down where it turns round
+  double frameRate = 20;  ///< frames a second, 0.1 to 10000
+  double droppedShare =
+      0;  ///< 0 to 0.9 of the pictures taken are lost; `frames` are kept, and timestamps show the gaps
+
+  // Errors of the tracker. They move the recorded poses and nothing else.
   double trackingNoise = 0;          ///< mm, 0 to 10; standard deviation of the recorded position, each axis
   double trackingRotationNoise = 0;  ///< degrees, 0 to 20; standard deviation of the recorded rotation, each axis
+  double trackingDrift = 0;  ///< mm, 0 to 100; the position wanders within this bound on each axis, slower than a sweep
+  double trackingRotationDrift = 0;    ///< degrees, 0 to 20; the same of the rotation
+  double outlierShare = 0;             ///< 0 to 0.5 of the frames are recorded outlierSize away, in any direction
+  double outlierSize = 2;              ///< mm, 0 to 100
+  double trackingDelay = 0;            ///< seconds, -1 to 1; a frame is given the pose of so long before it was taken
+  double trackingQuantum = 0;          ///< mm, 0 to 10; recorded positions are rounded to multiples; 0: not rounded
+  double trackingRotationQuantum = 0;  ///< degrees, 0 to 20; so are the three components of the rotation vector
+  /// The image's place on the probe is wrong by the same rigid motion in every frame, in the image's own axes and about
+  /// its centre, as Moved (Core/Poses/Alignment.h) takes it: along its rows, down, along its normal.
+  std::array<double, 3> calibrationShift{};     ///< mm, each -100 to 100
+  std::array<double, 3> calibrationRotation{};  ///< degrees, each -45 to 45; axis times angle
 
   /// Throws Error naming the option, its value and its range.
   void Validate() const;
