@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusPhantomSource.h"
 
+#include <algorithm>
+
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
 #include "Data/Progress.h"
@@ -48,6 +50,17 @@ vtkBigusPhantomSource::vtkBigusPhantomSource()
   this->FrameRate = defaults.frameRate;
   this->TrackingNoise = defaults.trackingNoise;
   this->TrackingRotationNoise = defaults.trackingRotationNoise;
+  this->Passes = defaults.passes;
+  this->DroppedShare = defaults.droppedShare;
+  this->TrackingDrift = defaults.trackingDrift;
+  this->TrackingRotationDrift = defaults.trackingRotationDrift;
+  this->OutlierShare = defaults.outlierShare;
+  this->OutlierSize = defaults.outlierSize;
+  this->TrackingDelay = defaults.trackingDelay;
+  this->TrackingQuantum = defaults.trackingQuantum;
+  this->TrackingRotationQuantum = defaults.trackingRotationQuantum;
+  std::copy_n(defaults.calibrationShift.data(), 3, this->CalibrationShift);
+  std::copy_n(defaults.calibrationRotation.data(), 3, this->CalibrationRotation);
   this->SetNumberOfInputPorts(0);
 }
 
@@ -92,6 +105,19 @@ void vtkBigusPhantomSource::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "FrameRate: " << this->FrameRate << "\n";
   os << indent << "TrackingNoise: " << this->TrackingNoise << "\n";
   os << indent << "TrackingRotationNoise: " << this->TrackingRotationNoise << "\n";
+  os << indent << "Passes: " << this->Passes << "\n";
+  os << indent << "DroppedShare: " << this->DroppedShare << "\n";
+  os << indent << "TrackingDrift: " << this->TrackingDrift << "\n";
+  os << indent << "TrackingRotationDrift: " << this->TrackingRotationDrift << "\n";
+  os << indent << "OutlierShare: " << this->OutlierShare << "\n";
+  os << indent << "OutlierSize: " << this->OutlierSize << "\n";
+  os << indent << "TrackingDelay: " << this->TrackingDelay << "\n";
+  os << indent << "TrackingQuantum: " << this->TrackingQuantum << "\n";
+  os << indent << "TrackingRotationQuantum: " << this->TrackingRotationQuantum << "\n";
+  const double* shift = this->CalibrationShift;
+  os << indent << "CalibrationShift: " << shift[0] << " " << shift[1] << " " << shift[2] << "\n";
+  const double* rotation = this->CalibrationRotation;
+  os << indent << "CalibrationRotation: " << rotation[0] << " " << rotation[1] << " " << rotation[2] << "\n";
 }
 
 bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
@@ -122,6 +148,17 @@ bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
   options.frameRate = this->FrameRate;
   options.trackingNoise = this->TrackingNoise;
   options.trackingRotationNoise = this->TrackingRotationNoise;
+  options.passes = this->Passes;
+  options.droppedShare = this->DroppedShare;
+  options.trackingDrift = this->TrackingDrift;
+  options.trackingRotationDrift = this->TrackingRotationDrift;
+  options.outlierShare = this->OutlierShare;
+  options.outlierSize = this->OutlierSize;
+  options.trackingDelay = this->TrackingDelay;
+  options.trackingQuantum = this->TrackingQuantum;
+  options.trackingRotationQuantum = this->TrackingRotationQuantum;
+  std::copy_n(this->CalibrationShift, 3, options.calibrationShift.data());
+  std::copy_n(this->CalibrationRotation, 3, options.calibrationRotation.data());
   return options;
 }
 

@@ -11,7 +11,7 @@
  *
  * The output is a sweep: a stack (column, row, frame) of unsigned char with origin 0 and spacing 1, and the
  * field data `ImageToReference` (16 components, row-major, one tuple a frame: pixel (i, j, 0, 1) to
- * millimetres as recorded by the tracker), `TrueImageToReference` (the same without tracking noise),
+ * millimetres as recorded by the tracker), `TrueImageToReference` (the same without the tracker's errors),
  * `Timestamp` (seconds) and, for convex and sector probes, `Mask` (0 = outside the fan). The whole sweep is
  * made, whatever part of it is asked for.
  *
@@ -84,7 +84,7 @@ public:
 
   ///@{
   /**
-   * Places the scatterers, moves the hand and draws the tracker's noise; the anatomy stays. Any value.
+   * Places the scatterers, moves the hand and draws the tracker's errors; the anatomy stays. Any value.
    * Default: 1.
    */
   vtkSetMacro(Seed, vtkTypeUInt64);
@@ -243,6 +243,24 @@ public:
 
   ///@{
   /**
+   * How often the hand goes over its path, there and back, 1 to 100; with several it slows down where it turns round.
+   * Default: 1.
+   */
+  vtkSetMacro(Passes, int);
+  vtkGetMacro(Passes, int);
+  ///@}
+
+  ///@{
+  /**
+   * Share of the pictures taken that are lost, 0 to 0.9. NumberOfFrames are kept, and the timestamps show the gaps.
+   * Default: 0.
+   */
+  vtkSetMacro(DroppedShare, double);
+  vtkGetMacro(DroppedShare, double);
+  ///@}
+
+  ///@{
+  /**
    * Tracking noise: standard deviations of the recorded position in mm (0 to 10) and rotation in degrees (0
    * to 20), for each axis, about the middle of the image's first row. Frames stay where they truly were.
    * Default: 0 and 0.
@@ -251,6 +269,59 @@ public:
   vtkGetMacro(TrackingNoise, double);
   vtkSetMacro(TrackingRotationNoise, double);
   vtkGetMacro(TrackingRotationNoise, double);
+  ///@}
+
+  ///@{
+  /**
+   * Drift of the tracker: the recorded position wanders within this bound in mm (0 to 100) on each axis, the rotation
+   * in degrees (0 to 20), more slowly than a sweep takes. Default: 0 and 0.
+   */
+  vtkSetMacro(TrackingDrift, double);
+  vtkGetMacro(TrackingDrift, double);
+  vtkSetMacro(TrackingRotationDrift, double);
+  vtkGetMacro(TrackingRotationDrift, double);
+  ///@}
+
+  ///@{
+  /**
+   * Outliers of the tracker: this share of the frames (0 to 0.5) is recorded OutlierSize mm (0 to 100) away, in any
+   * direction. Default: 0 and 2.
+   */
+  vtkSetMacro(OutlierShare, double);
+  vtkGetMacro(OutlierShare, double);
+  vtkSetMacro(OutlierSize, double);
+  vtkGetMacro(OutlierSize, double);
+  ///@}
+
+  ///@{
+  /**
+   * A frame is given the pose of so many seconds (-1 to 1) before it was taken. Default: 0.
+   */
+  vtkSetMacro(TrackingDelay, double);
+  vtkGetMacro(TrackingDelay, double);
+  ///@}
+
+  ///@{
+  /**
+   * Recorded positions are rounded to multiples of so many mm (0 to 10), the components of the rotation vector to
+   * multiples of so many degrees (0 to 20); 0 does not round. Default: 0 and 0.
+   */
+  vtkSetMacro(TrackingQuantum, double);
+  vtkGetMacro(TrackingQuantum, double);
+  vtkSetMacro(TrackingRotationQuantum, double);
+  vtkGetMacro(TrackingRotationQuantum, double);
+  ///@}
+
+  ///@{
+  /**
+   * Error of the image-to-probe calibration, the same in every frame: a shift in mm (each -100 to 100) along the
+   * image's rows, down and along its normal, and a rotation about the image's centre in degrees (axis times angle, each
+   * -45 to 45) in the same axes. Default: 0, 0, 0 and 0, 0, 0.
+   */
+  vtkSetVector3Macro(CalibrationShift, double);
+  vtkGetVector3Macro(CalibrationShift, double);
+  vtkSetVector3Macro(CalibrationRotation, double);
+  vtkGetVector3Macro(CalibrationRotation, double);
   ///@}
 
   /**
@@ -302,6 +373,17 @@ protected:
   double FrameRate;
   double TrackingNoise;
   double TrackingRotationNoise;
+  int Passes;
+  double DroppedShare;
+  double TrackingDrift;
+  double TrackingRotationDrift;
+  double OutlierShare;
+  double OutlierSize;
+  double TrackingDelay;
+  double TrackingQuantum;
+  double TrackingRotationQuantum;
+  double CalibrationShift[3];
+  double CalibrationRotation[3];
 
 private:
   bigus::PhantomOptions GetOptions();

@@ -3,6 +3,8 @@
 // bigus phantom: a made-up tracked sweep, and the exact truth at any other plane.
 #include <algorithm>
 #include <functional>
+#include <iomanip>
+#include <limits>
 #include <memory>
 #include <numeric>
 
@@ -30,6 +32,7 @@ struct Options
   std::string output;
   PlaneOptions truth;  ///< with poses: image these planes instead of making a sweep
   bool truePoses = false;
+  std::string truePosesFile;  ///< CSV
 };
 
 /// The truth at planes.
@@ -54,11 +57,42 @@ vtkSmartPointer<vtkImageData> MakeTruth(vtkBigusPhantomSource* source, const Pla
   return stack;
 }
 
+/// A CSV that `slice --poses` reads, from a sweep whose field data have the true poses.
+void WriteTruePoses(vtkImageData* sweep, const std::string& path)
+{
+  vtkDataArray* poses = sweep->GetFieldData()->GetArray("TrueImageToReference");
+  const int* size = sweep->GetDimensions();
+  WriteAtomically(path,
+                  [&](std::ostream& out)
+                  {
+                    out << "width,height";
+                    for (int n = 0; n < 16; ++n)
+                    {
+                      out << ",m" << n / 4 << n % 4;
+                    }
+                    out << std::setprecision(std::numeric_limits<double>::max_digits10) << "\n";
+                    for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
+                    {
+                      out << size[0] << "," << size[1];
+                      for (int n = 0; n < 16; ++n)
+                      {
+                        out << "," << poses->GetComponent(k, n);
+                      }
+                      out << "\n";
+                    }
+                  });
+}
+
 /// The sweep, with the poses that the tracker recorded or with the true ones.
-vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool truePoses, Console& console)
+vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool truePoses, const std::string& truePosesFile,
+                                        Console& console)
 {
   Update(source, console, "Imaging");
   vtkImageData* sweep = source->GetOutput();
+  if (!truePosesFile.empty())
+  {
+    WriteTruePoses(sweep, truePosesFile);
+  }
   vtkFieldData* arrays = sweep->GetFieldData();
   const vtkSmartPointer<vtkAbstractArray> truth = arrays->GetAbstractArray("TrueImageToReference");
   arrays->RemoveArray("TrueImageToReference");
@@ -72,8 +106,12 @@ vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool true
 
 ExitCode MakePhantom(Console& console, const Options& options)
 {
-  RequireDistinct({options.truth.poses, options.truth.chain.config}, {options.output});
+  RequireDistinct({options.truth.poses, options.truth.chain.config}, {options.output, options.truePosesFile});
   RequireWritable(options.output);
+  if (!options.truePosesFile.empty())
+  {
+    RequireWritable(options.truePosesFile);
+  }
   RequireStackName(options.output);
   const auto start = std::chrono::steady_clock::now();
   vtkSmartPointer<vtkImageData> stack;
@@ -86,7 +124,7 @@ ExitCode MakePhantom(Console& console, const Options& options)
   }
   else
   {
-    stack = MakeSweep(options.source, options.truePoses, console);
+    stack = MakeSweep(options.source, options.truePoses, options.truePosesFile, console);
     numbers.resize(stack->GetDimensions()[2]);
     std::iota(numbers.begin(), numbers.end(), 0);
   }
@@ -99,6 +137,7 @@ ExitCode MakePhantom(Console& console, const Options& options)
                 " pixels; beam thickness (standard deviation) " + FormatNumber(options.source->GetElevationSigma(), 2) +
                 " mm");
   console.Report({{"output", files},
+                  {"true_poses", options.truePosesFile.empty() ? Json() : Json(options.truePosesFile)},
                   {"frames", size[2]},
                   {"width", size[0]},
                   {"height", size[1]},
@@ -191,16 +230,49 @@ void AddPhantom(Program& program)
   number("--wander", PROPERTY(Wander), "Bound of motion sideways and in depth", 0, 20, "MM", hand);
   number("--sweep-angle", PROPERTY(SweepAngle), "Turns the whole sweep about the depth axis", -360, 360, "DEG", hand);
   number("--frame-rate", PROPERTY(FrameRate), "Frames a second", 0.1, 10000, "HZ", hand);
-  number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM", hand);
+  number("--passes", PROPERTY(Passes), "Goes over the path so often, there and back", 1, 100, "N", hand);
+  number("--dropped", PROPERTY(DroppedShare), "Share of the pictures taken that are lost", 0, 0.9, "SHARE", hand);
+
+  const char* tracker = "Errors of the tracker, which move recorded poses only";
+  number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM", tracker);
   number("--rotation-noise", PROPERTY(TrackingRotationNoise), "Standard deviation of recorded angles", 0, 20, "DEG",
-         hand);
+         tracker);
+  number("--tracking-drift", PROPERTY(TrackingDrift), "Bound of a slow drift of positions", 0, 100, "MM", tracker);
+  number("--rotation-drift", PROPERTY(TrackingRotationDrift), "Bound of a slow drift of angles", 0, 20, "DEG", tracker);
+  number("--outliers", PROPERTY(OutlierShare), "Share of frames recorded far off", 0, 0.5, "SHARE", tracker);
+  number("--outlier-size", PROPERTY(OutlierSize), "How far off they are", 0, 100, "MM", tracker);
+  number("--tracking-delay", PROPERTY(TrackingDelay), "A frame has the pose of so long before it was taken", -1, 1, "S",
+         tracker);
+  number("--tracking-quantum", PROPERTY(TrackingQuantum), "Positions are rounded to multiples; 0: not", 0, 10, "MM",
+         tracker);
+  number("--rotation-quantum", PROPERTY(TrackingRotationQuantum), "So are angles; 0: not", 0, 20, "DEG", tracker);
 #undef PROPERTY
 
+  const auto vector = [app, source, tracker](const char* name, void (Source::*set)(const double*), const char* help,
+                                             double bound, const char* unit)
+  {
+    app->add_option_function<std::vector<double>>(
+           name, [source, set](const std::vector<double>& given) { (source->*set)(given.data()); }, help)
+        ->expected(3)
+        ->check(NumberIn(-bound, bound))
+        ->type_name(unit)
+        ->group(tracker);
+  };
+  vector("--calibration-shift", &Source::SetCalibrationShift,
+         "Error of the image on the probe: along its rows, down, along its normal", 100, "MM");
+  vector("--calibration-rotation", &Source::SetCalibrationRotation,
+         "The same about the image's centre, axis times angle in these axes", 45, "DEG");
+
   app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
-      ->group(hand);
+      ->group(tracker);
+  CLI::Option* truePosesFile =
+      app->add_option("--write-true-poses", options->truePosesFile, "The same beside the sweep, as a CSV of poses")
+          ->type_name("CSV")
+          ->group(tracker);
 
   AddPlaneOptions(*app, options->truth, "--truth", "--truth-frames", "Image these planes instead of making a sweep",
                   false);
+  truePosesFile->excludes(app->get_option("--truth"));
 
   RunWhenChosen(app, program, [options](Console& console) { return MakePhantom(console, *options); });
 }

@@ -304,6 +304,24 @@ class Phantom(CommandTest):
         self.assertEqual(read_sequence(true)[0], read_sequence(self.sweep)[0])
 
 
+    def test_every_error_of_the_tracker_leaves_the_pixels(self):
+        for error in (["--tracking-drift", 1], ["--rotation-drift", 1], ["--outliers", 0.3, "--outlier-size", 3],
+                      ["--tracking-delay", 0.1], ["--tracking-quantum", 0.5], ["--rotation-quantum", 0.5],
+                      ["--calibration-shift", 0, 0, 2], ["--calibration-rotation", 0, 3, 0]):
+            out = self.folder / "p.mha"
+            self.expect(SUCCESS, "phantom", "-o", out, *PHANTOM, *error)
+            self.assertEqual(read_sequence(out)[1], read_sequence(self.sweep)[1], error)
+            self.assertNotEqual(read_sequence(out)[0], read_sequence(self.sweep)[0], error)
+
+    def test_true_poses_beside_the_sweep(self):
+        noisy, poses, truth = (self.folder / name for name in ("noisy.mha", "poses.csv", "truth.mha"))
+        answer = self.expect(SUCCESS, "phantom", "-o", noisy, *PHANTOM, "--tracking-noise", 2, "--write-true-poses", poses)
+        self.assertEqual(answer["true_poses"], str(poses))
+        self.expect(SUCCESS, "phantom", "-o", truth, *PHANTOM, "--truth", poses)
+        self.assertEqual(read_sequence(truth)[1], read_sequence(noisy)[1])
+        self.expect(USAGE, "phantom", "-o", noisy, *PHANTOM, "--truth", poses, "--write-true-poses", poses)
+
+
 class Info(CommandTest):
     def test_sequence(self):
         answer = self.expect(SUCCESS, "info", self.sweep)

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The phantom as a VTK source: a sweep in the agreed form, the truth at any plane, and errors that name the
-// option.
+// The phantom as a VTK source: a sweep in the agreed form, the truth at any plane, and errors that name the option.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -67,7 +66,18 @@ TEST(PhantomSource, DefaultsAreCores)
                            "SweepAngle",
                            "FrameRate",
                            "TrackingNoise",
-                           "TrackingRotationNoise"})
+                           "TrackingRotationNoise",
+                           "Passes",
+                           "DroppedShare",
+                           "TrackingDrift",
+                           "TrackingRotationDrift",
+                           "OutlierShare",
+                           "OutlierSize",
+                           "TrackingDelay",
+                           "TrackingQuantum",
+                           "TrackingRotationQuantum",
+                           "CalibrationShift",
+                           "CalibrationRotation"})
   {
     EXPECT_NE(text.str().find(std::string(name) + ": "), std::string::npos) << name;
   }
@@ -133,6 +143,16 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
   EXPECT_TRUE(differs([](Source* s) { s->SetFrameRate(10); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingNoise(1); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingRotationNoise(1); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetPasses(2); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetDroppedShare(0.5); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetTrackingDrift(1); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetTrackingRotationDrift(1); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetOutlierShare(0.4); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetTrackingDelay(0.1); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetTrackingQuantum(0.5); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetTrackingRotationQuantum(0.5); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetCalibrationShift(0, 0, 1); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetCalibrationRotation(0, 1, 0); }));
 }
 
 TEST(PhantomSource, OutputIsASweep)

@@ -110,10 +110,34 @@ PhantomOptions ReadPhantomOptions(const Json& object)
   fields.Read("tilt", options.tilt);
   fields.Read("wander", options.wander);
   fields.Read("sweep_angle", options.sweepAngle);
+  fields.Read("frame_rate", options.frameRate);
   fields.Read("tracking_noise", options.trackingNoise);
   fields.Read("tracking_rotation_noise", options.trackingRotationNoise);
+  fields.Read("passes", options.passes);
+  fields.Read("dropped_share", options.droppedShare);
+  fields.Read("tracking_drift", options.trackingDrift);
+  fields.Read("tracking_rotation_drift", options.trackingRotationDrift);
+  fields.Read("outlier_share", options.outlierShare);
+  fields.Read("outlier_size", options.outlierSize);
+  fields.Read("tracking_delay", options.trackingDelay);
+  fields.Read("tracking_quantum", options.trackingQuantum);
+  fields.Read("tracking_rotation_quantum", options.trackingRotationQuantum);
+  fields.Read("calibration_shift", options.calibrationShift);
+  fields.Read("calibration_rotation", options.calibrationRotation);
   fields.Done();
   return options;
+}
+
+/// What of a phantom's description its pixels follow from. The tracker moves no frame.
+Json WithoutTracker(Json description)
+{
+  for (const char* name : {"tracking_noise", "tracking_rotation_noise", "tracking_drift", "tracking_rotation_drift",
+                           "outlier_share", "outlier_size", "tracking_delay", "tracking_quantum",
+                           "tracking_rotation_quantum", "calibration_shift", "calibration_rotation"})
+  {
+    description.erase(name);
+  }
+  return description;
 }
 
 /// A phantom's sweep; pixels, which take seconds to minutes, come from the cache when they are there.
@@ -125,12 +149,14 @@ Sweep MakePhantom(const Json& description, const fs::path& cache)
     return phantom.MakeSweep();
   }
   char name[64];
-  std::snprintf(name, sizeof name, "phantom-%016zx.pixels", std::hash<std::string>()(description.dump()));
+  std::snprintf(name, sizeof name, "phantom-%016zx.pixels",
+                std::hash<std::string>()(WithoutTracker(description).dump()));
   const fs::path file = cache / name;
   Sweep sweep;
   const bigus::SlicePlane first = phantom.RecordedPlane(0);
   sweep.width = first.width;
   sweep.height = first.height;
+  sweep.timestamps = phantom.Timestamps();
   for (int frame = 0; frame < phantom.Options().frames; ++frame)
   {
     sweep.imageToReference.push_back(phantom.RecordedPlane(frame).ImageToReference());
@@ -161,6 +187,9 @@ Sweep MakePhantom(const Json& description, const fs::path& cache)
   return sweep;
 }
 
+// The hand needs this long to begin the next sweep.
+constexpr double kPauseBetweenSweeps = 2;  // seconds
+
 /// Frames of several sweeps, one sweep after another.
 Sweep Merged(const std::vector<Sweep>& sweeps)
 {
@@ -178,6 +207,11 @@ Sweep Merged(const std::vector<Sweep>& sweeps)
     bytes.insert(bytes.end(), pixels, pixels + sweep.PixelsPerFrame() * sweep.NumberOfFrames());
     merged.imageToReference.insert(merged.imageToReference.end(), sweep.imageToReference.begin(),
                                    sweep.imageToReference.end());
+    const double start = merged.timestamps.empty() ? 0 : merged.timestamps.back() + kPauseBetweenSweeps;
+    for (const double seconds : sweep.timestamps)
+    {
+      merged.timestamps.push_back(start + seconds);
+    }
   }
   SetPixels(merged, std::move(bytes));
   return merged;
