@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Whether and how strongly the tracker's noise is taken out of a sweep's poses, by how well frames predict their
+// neighbours at the changed poses. Needs no training.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "Core/Deciding/Decision.h"
+#include "Core/Model/Sweep.h"
+#include "Core/Poses/Trajectory.h"
+
+namespace bigus
+{
+
+struct PoseCorrectionOptions
+{
+  /// As TrajectoryOptions::strength; empty: chosen by evidence, and 0 where there is none.
+  std::optional<double> strength;
+};
+
+struct PoseCorrection
+{
+  Trajectory trajectory;  ///< corrected poses of all frames, and what is known of the tracker
+  double strength = 0;    ///< that was chosen; 0: every pose is the recorded one, bit for bit
+  Decision decision;      ///< the choice, what it rests on, and seconds
+};
+
+/// Corrects the poses of all frames of the sweep. Of pixels only those of `frames` are looked at; other frames go
+/// through the trajectory by their poses alone. With fewer than 8 `frames` there is no evidence, and poses are kept
+/// unless a strength is given. The same for every number of threads. Throws Error as SmoothTrajectory does.
+PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames,
+                            const PoseCorrectionOptions& options = {});
+
+/// The sweep at the corrected poses, pixels shared.
+Sweep AtCorrectedPoses(const Sweep& sweep, const PoseCorrection& correction);
+
+}  // namespace bigus

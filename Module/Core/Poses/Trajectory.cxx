@@ -1,0 +1,560 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Poses/Trajectory.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
+#include "Core/Numerics/SmoothingSpline.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr double kLongestStep = 1000;  // median steps of time, beyond which a clock was set and did not run
+constexpr int kFewestInStroke = 5;     // poses of a stroke: two make a line, and three tell noise from it
+constexpr int kFewestToEstimate = 8;   // poses of all strokes: with fewer, noise and smoothness cannot be told apart
+
+/// Noise at the image's corners, in pixels, below which poses are exact: a shift by a twentieth of a pixel changes no
+/// image that one could tell.
+constexpr double kLeastNoise = 0.05;
+
+// ---- stepped motion ----
+
+constexpr double kSameStep = 1e-3;    // mm at the corners, between steps that are equal; files round poses to 1e-5
+constexpr double kStepsOfAMotor = 8;  // stepped: there are this many times more steps than different ones, at least
+
+// ---- strokes ----
+
+constexpr int kWindow = 5;            // poses before and after a gap from which lines are drawn to its middle
+constexpr double kJumpOverNoise = 8;  // a jump is as wide as so many times the median distance between those lines
+constexpr double kJumpOverStep = 4;   // and so many median steps
+constexpr double kSteadyTurn = 0.5;   // median steps a frame, before and after: slower turns are smooth by themselves
+
+// ---- noise and smoothness ----
+
+// drive = q / sigma^2 in a median step's time: from curves of 300 frames to no smoothing at all
+constexpr double kLeastDrive = 1e-8, kMostDrive = 1e4;
+constexpr double kDriveStep = 0.5;  // of log10(drive), between the values tried first
+constexpr int kDriveRefinements = 5;
+constexpr int kRobustRounds = 6;
+
+/// Squared deviation of a pose in units of the noise, six numbers each of variance 1, up to which it counts in full:
+/// 1.4 % of sound poses lie above. Beyond, its weight falls with the square.
+constexpr double kFullWeight = 16;
+constexpr double kOutlier = 36;  // from here on a pose is reported as an outlier; 2 in a million sound ones are
+constexpr double kLeastWeight = 1e-6;
+constexpr double kSuspect = 5;  // median errors of prediction, from which a pose begins with little weight
+constexpr double kSuspectWeight = 1e-3;
+
+/// A ridge that keeps the pivot at the image where orientations hold no noise, mm.
+constexpr double kFarthestPivot = 1000;
+
+using Points = Eigen::Matrix<double, 9, 1>;  // three corners of an image, mm
+
+struct Pose
+{
+  Eigen::Matrix3d axes;  // along the rows, across them in the plane, along the normal
+  Eigen::Vector3d centre;
+};
+
+Pose PoseOf(const SlicePlane& plane)
+{
+  Pose pose;
+  pose.axes.col(0) = plane.columnStep.normalized();
+  pose.axes.col(2) = plane.Normal();
+  pose.axes.col(1) = pose.axes.col(2).cross(pose.axes.col(0));
+  pose.centre = plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+  return pose;
+}
+
+double Median(std::vector<double> values)
+{
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// What is smoothed: all poses, and when they were taken.
+struct Path
+{
+  std::vector<double> times;  // in median steps
+  std::vector<Pose> poses;
+  std::vector<Points> points;                // corners at pixels (0, 0), (width - 1, 0) and (0, height - 1)
+  std::vector<std::pair<int, int>> strokes;  // first frame and the one after the last
+
+  int Size() const { return static_cast<int>(times.size()); }
+};
+
+std::vector<double> TimesOf(const Sweep& sweep, FrameClock clock)
+{
+  std::vector<double> times(sweep.imageToReference.size()), steps;
+  for (std::size_t k = 0; k < times.size(); ++k)
+  {
+    times[k] = clock == FrameClock::Times ? sweep.timestamps[k] : static_cast<double>(k);
+    if (k > 0)
+    {
+      steps.push_back(times[k] - times[k - 1]);
+    }
+  }
+  const double first = times[0], unit = steps.empty() ? 1.0 : Median(steps);
+  for (double& time : times)
+  {
+    time = (time - first) / unit;
+  }
+  return times;
+}
+
+/// The distance between points, root mean square over the three.
+double Distance(const Points& a, const Points& b)
+{
+  return (a - b).norm() / std::sqrt(3.0);
+}
+
+/// Whether there are few different steps from a pose to the next: a motor makes them, no hand does.
+bool IsStepped(const Path& path, const Sweep& sweep)
+{
+  const double right = sweep.width - 1.0, down = sweep.height - 1.0;
+  const SlicePlane image = sweep.Plane(0);
+  const Eigen::Vector3d across = image.columnStep.norm() * right * Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d along = path.poses[0].axes.transpose() * (image.rowStep * down);
+  std::vector<Points> different;
+  const std::size_t steps = path.poses.size() - 1;
+  for (std::size_t k = 0; k < steps; ++k)
+  {
+    // The next image seen from this one.
+    const Eigen::Matrix3d turn = path.poses[k].axes.transpose() * path.poses[k + 1].axes;
+    const Eigen::Vector3d shift = path.poses[k].axes.transpose() * (path.poses[k + 1].centre - path.poses[k].centre);
+    Points step;
+    step << shift, shift + turn * across - across, shift + turn * along - along;
+    if (std::none_of(different.begin(), different.end(),
+                     [&step](const Points& known) { return Distance(known, step) < kSameStep; }))
+    {
+      different.push_back(step);
+      if (kStepsOfAMotor * static_cast<double>(different.size()) > static_cast<double>(steps))
+      {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+/// A line through poses [begin, end), coordinate by coordinate: the median of the slopes between any two, and the
+/// median height (Theil and Sen), so that one pose far off changes nothing.
+struct Line
+{
+  Points at, slope;
+};
+Line LineThrough(const Path& path, int begin, int end, double time)
+{
+  Line line;
+  std::vector<double> slopes, heights;
+  for (int c = 0; c < 9; ++c)
+  {
+    slopes.clear();
+    heights.clear();
+    for (int a = begin; a < end; ++a)
+    {
+      for (int b = a + 1; b < end; ++b)
+      {
+        slopes.push_back((path.points[b][c] - path.points[a][c]) / (path.times[b] - path.times[a]));
+      }
+    }
+    line.slope[c] = Median(slopes);
+    for (int a = begin; a < end; ++a)
+    {
+      heights.push_back(path.points[a][c] + line.slope[c] * (time - path.times[a]));
+    }
+    line.at[c] = Median(heights);
+  }
+  return line;
+}
+
+/// Cuts where lines through the poses before and after a gap do not meet, or lead against each other.
+std::vector<std::pair<int, int>> StrokesOf(const Path& path)
+{
+  const int n = path.Size();
+  std::vector<int> cuts = {0};
+  if (n >= 2 * kWindow)
+  {
+    std::vector<double> apart(n, 0.0), slower(n, 0.0), inner, steps;
+    std::vector<char> turnsBack(n, 0);
+    for (int k = kWindow; k + kWindow <= n; ++k)
+    {
+      const double time = 0.5 * (path.times[k - 1] + path.times[k]);
+      const Line before = LineThrough(path, k - kWindow, k, time), after = LineThrough(path, k, k + kWindow, time);
+      apart[k] = Distance(before.at, after.at);
+      slower[k] = std::min(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
+      turnsBack[k] = before.slope.dot(after.slope) < 0;
+      inner.push_back(apart[k]);
+      steps.push_back(before.slope.norm() / std::sqrt(3.0));
+    }
+    const double noise = Median(inner), step = Median(steps);
+    for (int k = kWindow; k + kWindow <= n; ++k)
+    {
+      const auto near = apart.begin() + k;
+      const bool widest = *std::max_element(near - 2, near + 3) == apart[k];
+      const bool jumps = apart[k] > kJumpOverNoise * noise && apart[k] > kJumpOverStep * step;
+      const bool reverses =
+          turnsBack[k] && slower[k] > kSteadyTurn * step && slower[k] * kWindow > kJumpOverNoise * noise;
+      if (widest && (jumps || reverses))
+      {
+        cuts.push_back(k);
+      }
+    }
+  }
+  cuts.push_back(n);
+  std::vector<std::pair<int, int>> strokes;
+  for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
+  {
+    strokes.emplace_back(cuts[k], cuts[k + 1]);
+  }
+  return strokes;
+}
+
+/// The body's point c for which c's recorded places are least noisy: noise of the orientation at the place that is
+/// tracked moves the image's centre, but not that place. Third differences of the path hold noise and little else, so
+/// c minimises the sum of |D p + D R c|^2 over them, each weighing less the larger it is.
+Eigen::Vector3d PivotOf(const Path& path)
+{
+  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();
+  constexpr int kRounds = 10;
+  std::vector<double> sizes;
+  for (int round = 0; round < kRounds; ++round)
+  {
+    const double typical = sizes.empty() ? 0.0 : Median(sizes);
+    if (round > 0 && !(typical > 0))
+    {
+      break;
+    }
+    Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    double noise = 0;
+    std::vector<double> found;
+    for (const auto& [begin, end] : path.strokes)
+    {
+      for (int k = begin; k + 3 < end; ++k)
+      {
+        const auto& p = path.poses;
+        const Eigen::Matrix3d turn = p[k + 3].axes - 3 * p[k + 2].axes + 3 * p[k + 1].axes - p[k].axes;
+        const Eigen::Vector3d shift = p[k + 3].centre - 3 * p[k + 2].centre + 3 * p[k + 1].centre - p[k].centre;
+        const double size = (shift + turn * pivot).norm();
+        const double weight = round == 0 ? 1.0 : 1 / std::max(size, typical);
+        matrix += weight * turn.transpose() * turn;
+        right -= weight * turn.transpose() * shift;
+        noise += weight * size * size;
+        found.push_back(size);
+      }
+    }
+    if (found.empty())
+    {
+      break;
+    }
+    matrix.diagonal().array() += noise / static_cast<double>(found.size()) / (kFarthestPivot * kFarthestPivot);
+    sizes = std::move(found);
+    const Eigen::Vector3d next = matrix.ldlt().solve(right);
+    if (!next.allFinite())
+    {
+      break;
+    }
+    pivot = next;
+  }
+  return pivot;
+}
+
+/// One of the two motions: places of the pivot (3 numbers a pose) or orientations as unit quaternions (4 numbers, of
+/// which noise moves 3). Both are smoothed number by number. That depends neither on the choice of axes in the world nor
+/// on those of the probe, and a path of quaternions has no seam.
+struct Motion
+{
+  std::vector<Eigen::MatrixXd> values;  // of every stroke
+  int freedoms = 3;
+  double drive = 0, noise = 0;        // noise: standard deviation of each number
+  std::vector<SmoothedCurve> curves;  // of every stroke
+};
+
+struct Weighted
+{
+  std::vector<std::vector<double>> times, weights;  // of every stroke
+};
+
+/// -2 ln L of a drive, sigma chosen best, which is set.
+double Cost(Motion& motion, const Weighted& data, double drive)
+{
+  double squares = 0, logDeterminant = 0, count = 0;
+  for (std::size_t s = 0; s < motion.values.size(); ++s)
+  {
+    const SmoothedCurve curve = Smooth(data.times[s], motion.values[s], data.weights[s], drive);
+    squares += curve.squares;
+    logDeterminant += motion.freedoms * curve.logDeterminant;
+    count += motion.freedoms * (static_cast<double>(data.times[s].size()) - 2);
+  }
+  const double variance = std::max(squares / count, 1e-30);
+  motion.drive = drive;
+  motion.noise = std::sqrt(variance);
+  return count * std::log(variance) + logDeterminant;
+}
+
+/// Noise and smoothness of most likelihood.
+void Estimate(Motion& motion, const Weighted& data)
+{
+  double best = 0, lowest = 0, step = kDriveStep;
+  bool first = true;
+  const auto consider = [&](double exponent)
+  {
+    const double cost = Cost(motion, data, std::pow(10.0, exponent));
+    if (first || cost < lowest)
+    {
+      first = false;
+      lowest = cost;
+      best = exponent;
+    }
+  };
+  const double low = std::log10(kLeastDrive), high = std::log10(kMostDrive);
+  for (double exponent = low; exponent <= high + 1e-9; exponent += step)
+  {
+    consider(exponent);
+  }
+  for (int k = 0; k < kDriveRefinements; ++k)
+  {
+    step /= 2;
+    const double middle = best;
+    consider(std::max(middle - step, low));
+    consider(std::min(middle + step, high));
+  }
+  Cost(motion, data, std::pow(10.0, best));
+}
+
+void SmoothAll(Motion& motion, const Weighted& data, double strength)
+{
+  motion.curves.clear();
+  for (std::size_t s = 0; s < motion.values.size(); ++s)
+  {
+    const double drive = std::max(motion.drive / (strength * strength), kLeastDrive);
+    motion.curves.push_back(Smooth(data.times[s], motion.values[s], data.weights[s], drive));
+  }
+}
+
+/// Squared deviation of a pose from what the others say, in units of the noise.
+double Deviation(const Motion& motion, std::size_t stroke, int row)
+{
+  const SmoothedCurve& curve = motion.curves[stroke];
+  const double left = std::max(1 - curve.leverage[row], 1e-9);
+  const double squares = (motion.values[stroke].row(row) - curve.values.row(row)).squaredNorm();
+  return squares / (motion.noise * motion.noise * left);
+}
+
+/// How far pose k lies from what two of its four neighbours say, whichever two say it best, mm.
+double PredictionError(const Path& path, const std::pair<int, int>& stroke, int k)
+{
+  double least = -1;
+  for (int a = std::max(stroke.first, k - 2); a < std::min(stroke.second, k + 3); ++a)
+  {
+    for (int b = a + 1; b < std::min(stroke.second, k + 3); ++b)
+    {
+      if (a != k && b != k)
+      {
+        const double share = (path.times[k] - path.times[a]) / (path.times[b] - path.times[a]);
+        const double error = Distance(path.points[a] + share * (path.points[b] - path.points[a]), path.points[k]);
+        least = least < 0 ? error : std::min(least, error);
+      }
+    }
+  }
+  return std::max(least, 0.0);
+}
+
+}  // namespace
+
+bool HasUsableTimes(const Sweep& sweep)
+{
+  const std::vector<double>& times = sweep.timestamps;
+  if (times.size() != sweep.imageToReference.size() || times.size() < 2)
+  {
+    return false;
+  }
+  std::vector<double> steps;
+  for (std::size_t k = 0; k < times.size(); ++k)
+  {
+    if (!std::isfinite(times[k]) || (k > 0 && !(times[k] > times[k - 1])))
+    {
+      return false;
+    }
+    if (k > 0)
+    {
+      steps.push_back(times[k] - times[k - 1]);
+    }
+  }
+  return *std::max_element(steps.begin(), steps.end()) <= kLongestStep * Median(steps);
+}
+
+void TrajectoryOptions::Validate() const
+{
+  if (!(strength >= 0 && strength <= 1000))
+  {
+    throw Error("Trajectory: the strength is " + std::to_string(strength) + "; it must lie between 0 and 1000.");
+  }
+}
+
+bool Trajectory::IsChanged() const
+{
+  return std::any_of(displacement.begin(), displacement.end(), [](double d) { return d > 0; });
+}
+
+double CornerDistance(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b, int width, int height)
+{
+  const Eigen::Matrix4d difference = a - b;
+  double sum = 0;
+  for (int corner = 0; corner < 4; ++corner)
+  {
+    const Eigen::Vector4d pixel((corner & 1) * (width - 1.0), (corner >> 1) * (height - 1.0), 0, 1);
+    sum += (difference * pixel).head<3>().norm();
+  }
+  return sum / 4;
+}
+
+Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options)
+{
+  options.Validate();
+  const int n = sweep.NumberOfFrames();
+  Trajectory found;
+  found.imageToReference = sweep.imageToReference;
+  found.displacement.assign(n, 0.0);
+  found.rotation.assign(n, 0.0);
+  found.isOutlier.assign(n, 0);
+  found.stroke.assign(n, 0);
+  found.clock = options.clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
+  if (n < kFewestToEstimate)
+  {
+    return found;
+  }
+
+  Path path;
+  path.times = TimesOf(sweep, found.clock);
+  for (int k = 0; k < n; ++k)
+  {
+    const SlicePlane plane = sweep.Plane(k);
+    plane.Validate("frame " + std::to_string(k));
+    path.poses.push_back(PoseOf(plane));
+    Points points;
+    points << plane.Point(0, 0), plane.Point(sweep.width - 1, 0), plane.Point(0, sweep.height - 1);
+    path.points.push_back(points);
+  }
+  path.strokes = StrokesOf(path);
+  for (std::size_t s = 0; s < path.strokes.size(); ++s)
+  {
+    std::fill(found.stroke.begin() + path.strokes[s].first, found.stroke.begin() + path.strokes[s].second,
+              static_cast<int>(s));
+  }
+  found.isStepped = IsStepped(path, sweep);
+  path.strokes.erase(std::remove_if(path.strokes.begin(), path.strokes.end(),
+                                    [](const auto& s) { return s.second - s.first < kFewestInStroke; }),
+                     path.strokes.end());
+  int usable = 0;
+  for (const auto& [begin, end] : path.strokes)
+  {
+    usable += end - begin;
+  }
+  if (found.isStepped || usable < kFewestToEstimate)
+  {
+    return found;
+  }
+  found.pivot = PivotOf(path);
+
+  Motion places, turns;
+  Weighted data;
+  std::vector<double> errors;
+  for (const auto& [begin, end] : path.strokes)
+  {
+    Eigen::MatrixXd place(end - begin, 3), turn(end - begin, 4);
+    for (int k = begin; k < end; ++k)
+    {
+      place.row(k - begin) = (path.poses[k].centre + path.poses[k].axes * found.pivot).transpose();
+      Eigen::Vector4d quaternion = Eigen::Quaterniond(path.poses[k].axes).coeffs();
+      if (k > begin && quaternion.dot(turn.row(k - begin - 1)) < 0)
+      {
+        quaternion = -quaternion;
+      }
+      turn.row(k - begin) = quaternion.transpose();
+      errors.push_back(PredictionError(path, {begin, end}, k));
+    }
+    places.values.push_back(std::move(place));
+    turns.values.push_back(std::move(turn));
+    data.times.emplace_back(path.times.begin() + begin, path.times.begin() + end);
+    data.weights.emplace_back(end - begin, 1.0);
+  }
+  const double suspect = kSuspect * Median(errors);
+  std::size_t next = 0;
+  for (auto& weights : data.weights)
+  {
+    for (double& weight : weights)
+    {
+      weight = suspect > 0 && errors[next] > suspect ? kSuspectWeight : 1.0;
+      ++next;
+    }
+  }
+  for (int round = 0; round < kRobustRounds; ++round)
+  {
+    Estimate(places, data);
+    Estimate(turns, data);
+    SmoothAll(places, data, 1);
+    SmoothAll(turns, data, 1);
+    for (std::size_t s = 0; s < path.strokes.size(); ++s)
+    {
+      for (std::size_t row = 0; row < data.weights[s].size(); ++row)
+      {
+        const int r = static_cast<int>(row);
+        const double deviation = Deviation(places, s, r) + Deviation(turns, s, r);
+        const double ratio = deviation > kFullWeight ? kFullWeight / deviation : 1.0;
+        data.weights[s][row] = std::max(ratio * ratio, kLeastWeight);
+        found.isOutlier[path.strokes[s].first + r] = deviation > kOutlier;
+      }
+    }
+  }
+  found.translationNoise = places.noise;
+  found.rotationNoise = 2 * turns.noise / kRadiansPerDegree;  // a turn by an angle moves a quaternion by half of it
+  double lever = 0;                                           // mean square of the corners' distance from the pivot
+  const SlicePlane image = sweep.Plane(0);
+  for (int corner = 0; corner < 4; ++corner)
+  {
+    const Eigen::Vector3d point = image.Point((corner & 1) * (sweep.width - 1.0), (corner >> 1) * (sweep.height - 1.0));
+    const Eigen::Vector3d fromCentre = path.poses[0].axes.transpose() * (point - path.poses[0].centre);
+    lever += (fromCentre - found.pivot).squaredNorm() / 4;
+  }
+  const double turned = 2 * turns.noise;
+  found.cornerNoise = std::sqrt(3 * places.noise * places.noise + 2 * turned * turned * lever);
+  if (options.strength == 0 || found.cornerNoise < kLeastNoise * image.PixelSize())
+  {
+    return found;
+  }
+
+  SmoothAll(places, data, options.strength);
+  SmoothAll(turns, data, options.strength);
+  for (std::size_t s = 0; s < path.strokes.size(); ++s)
+  {
+    for (int k = path.strokes[s].first; k < path.strokes[s].second; ++k)
+    {
+      const int row = k - path.strokes[s].first;
+      const Eigen::Vector4d quaternion = turns.curves[s].values.row(row).transpose().normalized();
+      const Eigen::Matrix3d axes = Eigen::Quaterniond(quaternion).toRotationMatrix();
+      const Eigen::Vector3d centre = places.curves[s].values.row(row).transpose() - axes * found.pivot;
+      const Eigen::Matrix3d turn = axes * path.poses[k].axes.transpose();
+      Eigen::Matrix4d& pose = found.imageToReference[k];
+      pose.topLeftCorner<3, 3>() = (turn * pose.topLeftCorner<3, 3>()).eval();
+      pose.topRightCorner<3, 1>() = (centre + turn * (pose.topRightCorner<3, 1>() - path.poses[k].centre)).eval();
+      found.displacement[k] = CornerDistance(pose, sweep.imageToReference[k], sweep.width, sweep.height);
+      found.rotation[k] = std::abs(Eigen::AngleAxisd(turn).angle()) / kRadiansPerDegree;
+    }
+  }
+  return found;
+}
+
+}  // namespace bigus
