@@ -143,6 +143,13 @@ std::vector<float> Cubic(const Sweep& sweep, const std::vector<int>& training, i
   return image;
 }
 
+std::vector<float> Cubic(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane)
+{
+  std::vector<float> image(plane.NumberOfPixels(), -1.0f);
+  bigus::PredictCubicInterpolation(sweep, training, plane, image.data());
+  return image;
+}
+
 std::vector<float> Resliced(const Compounding& volume, const SlicePlane& plane)
 {
   std::vector<float> image(plane.NumberOfPixels(), -1.0f);
@@ -387,6 +394,51 @@ TEST(CubicInterpolation, TakesWhatFramesThereAre)
   }
   const Sweep twice = MakeSweep(12, 12, poses, Linear);
   EXPECT_LT(LargestError(Cubic(twice, {0, 1, 3, 4}, 2), twice.Plane(2), Linear), 1e-6);
+}
+
+TEST(CubicInterpolation, AtAnyPlaneIsExactForParabolasBetweenTheInnerFrames)
+{
+  const Function parabola = [](const Eigen::Vector3d& x)
+  {
+    const Eigen::Vector3d p = oblique.transpose() * x;
+    return 0.4 + 0.03 * p[2] - 0.02 * p[2] * p[2] + 0.01 * p[0] - 0.001 * p[1] * p[1] + 0.002 * p[0] * p[2];
+  };
+  const Sweep sweep = Parallel(parabola);
+  SlicePlane plane = Crossing();
+  plane.origin += 0.6 * oblique.col(2);  // from 0.7 mm, past the second frame, to 3.1 mm
+  plane.height = 10;
+  EXPECT_LT(LargestError(Cubic(sweep, AllFrames(sweep), plane), plane, parabola), 1e-6);
+  EXPECT_GT(LargestError(Interpolated(sweep, AllFrames(sweep), plane), plane, parabola), 1e-3);
+  // A frame's own plane: by the sequence and by what encloses its points it is the same two frames.
+  const std::vector<float> bySequence = Cubic(sweep, AllBut(sweep, 3), 3);
+  const std::vector<float> byPlane = Cubic(sweep, AllBut(sweep, 3), sweep.Plane(3));
+  EXPECT_EQ(bySequence, byPlane);
+  const Sweep fan = Fan(Linear);
+  EXPECT_LT(LargestError(Cubic(fan, AllBut(fan, 4), fan.Plane(4)), fan.Plane(4), Linear, 4), 1e-6);
+}
+
+TEST(FindEnclosed, IsWhatLiesBetweenTwoFramesInsideBothAndLit)
+{
+  Sweep sweep = Parallel(Linear);  // 41 x 33 pixels of 0.5 mm, at 0 to 3.5 mm
+  const auto lies = [&](double x, double y, double z)
+  {
+    SlicePlane plane;
+    plane.origin = oblique * Eigen::Vector3d(x, y, z);
+    std::uint8_t enclosed = 9;
+    bigus::FindEnclosed(sweep, {0, 1, 4}, plane, &enclosed);
+    return enclosed == 1;
+  };
+  EXPECT_TRUE(lies(0, 0, 0.3));
+  EXPECT_TRUE(lies(9.9, -7.9, 2.2));
+  EXPECT_FALSE(lies(0, 0, 2.4));  // behind frame 4
+  EXPECT_FALSE(lies(0, 0, -0.1));
+  EXPECT_FALSE(lies(10.3, 0, 1));  // the images end half a pixel beyond 10 mm
+  EXPECT_FALSE(lies(0, 8.3, 1));
+  auto mask = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame(), 1);
+  (*mask)[16 * 41 + 24] = 0;  // 2 mm to the right of the middle
+  sweep.mask = mask;
+  EXPECT_FALSE(lies(2, 0, 1));
+  EXPECT_TRUE(lies(2.5, 0, 1));
 }
 
 TEST(Compounding, OfAConstantIsThatConstantWithoutHoles)

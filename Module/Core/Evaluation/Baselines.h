@@ -3,6 +3,7 @@
 // What one can do without a field: plain ways to predict a plane from other tracked frames.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "Core/Model/SlicePlane.h"
@@ -48,5 +49,16 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 /// an outer frame is missing, the line does not meet it, or the four planes do not follow each other along the line,
 /// the slope is that between the middle two; where a middle one is missing, as PredictPoseInterpolation.
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image);
+
+/// The same at any plane: for every pixel the two frames that PredictPoseInterpolation at any plane chooses, and those
+/// before and after them in `training`. A point between no two frames gets what PredictPoseInterpolation gives.
+void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
+                               float* image);
+
+/// What the training frames enclose: 1 for each pixel of the plane that lies between two consecutive frames, with both
+/// feet of the line along the mean of their normals inside the images and lit; else 0. There a plane is predicted from
+/// what was seen on both sides of it, so there methods can be compared.
+void FindEnclosed(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
+                  std::uint8_t* enclosed);
 
 }  // namespace bigus

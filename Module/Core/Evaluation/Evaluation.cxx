@@ -3,31 +3,17 @@
 #include "Core/Evaluation/Evaluation.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
+#include "Core/Evaluation/Deviation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
-namespace
-{
-
-double Deviation(const std::vector<double>& values)
-{
-  const double mean = Mean(values);
-  if (!std::isfinite(mean))
-  {
-    return 0;  // a frame was met exactly
-  }
-  return std::sqrt(MeanSquare(values, mean));
-}
-
-}  // namespace
 
 FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
                         const std::function<void(int, float*)>& predict)

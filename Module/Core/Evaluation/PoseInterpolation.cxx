@@ -68,6 +68,152 @@ private:
   Eigen::Vector3d alongA_, alongB_;  // 1 mm along the line, in each frame's (i, j, z)
 };
 
+/// Cubic in all directions, between two frames with one more on either side where there is one.
+class CubicPair
+{
+public:
+  /// The frames at places k and k + 1 of `frames`, which are in the order of the sweep.
+  CubicPair(const std::vector<FrameInSpace>& frames, std::size_t k)
+      : pair_(frames[k], frames[k + 1]),
+        a_(frames[k]),
+        b_(frames[k + 1]),
+        outerA_(k == 0 ? std::nullopt : std::optional(frames[k - 1])),
+        outerB_(k + 2 == frames.size() ? std::nullopt : std::optional(frames[k + 2]))
+  {
+  }
+
+  double At(const Eigen::Vector3d& x) const
+  {
+    const Knot a = Meet(a_, x), b = Meet(b_, x);
+    const double gap = b.t - a.t;
+    const double share = -a.t / gap;  // of the way from a to b
+    if (!a.seen || !b.seen || !(share >= 0 && share <= 1))
+    {
+      return pair_.Mix(pair_.Find(x));
+    }
+    const double chord = (b.value - a.value) / gap;
+    double slopeA = chord, slopeB = chord;
+    if (outerA_)
+    {
+      const Knot outer = Meet(*outerA_, x);
+      slopeA = outer.seen && (a.t - outer.t) * gap > 0 ? Slope(outer, a, b) : chord;
+    }
+    if (outerB_)
+    {
+      const Knot outer = Meet(*outerB_, x);
+      slopeB = outer.seen && (outer.t - b.t) * gap > 0 ? Slope(a, b, outer) : chord;
+    }
+    // Cubic Hermite.
+    const double s = share, r = 1 - share;
+    const double value =
+        r * r * (1 + 2 * s) * a.value + s * s * (1 + 2 * r) * b.value + gap * s * r * (r * slopeA - s * slopeB);
+    return std::clamp(value, 0.0, 1.0);
+  }
+
+private:
+  /// Where the line through a point along the mean normal meets a frame.
+  struct Knot
+  {
+    double t = 0, value = 0;  // mm along the line; intensity there
+    bool seen = false;
+  };
+
+  Knot Meet(const FrameInSpace& plane, const Eigen::Vector3d& x) const
+  {
+    const Eigen::Vector3d along = plane.Direction(pair_.Direction());
+    const Eigen::Vector3d p = plane.Project(x);
+    const double t = -p[2] / along[2];
+    const Eigen::Vector3d foot = p + t * along;
+    return plane.Contains(foot) ? Knot{t, plane.Sample(foot), true} : Knot{};
+  }
+
+  /// The derivative at `at` of the parabola through three knots; the middle one's neighbours lie on its two sides.
+  static double Slope(const Knot& from, const Knot& at, const Knot& to)
+  {
+    const double h = at.t - from.t, k = to.t - at.t;
+    return ((at.value - from.value) * k / h + (to.value - at.value) * h / k) / (h + k);
+  }
+
+  FramePair pair_;
+  FrameInSpace a_, b_;
+  std::optional<FrameInSpace> outerA_, outerB_;
+};
+
+/// The training frames in space, in order, and which two consecutive ones enclose a point.
+class FrameStack
+{
+public:
+  FrameStack(const Sweep& sweep, const std::vector<int>& training, PixelInterpolation sampling)
+  {
+    CheckTraining(sweep, training);
+    for (int frame : training)
+    {
+      frames_.emplace_back(sweep, frame, sampling);
+      Eigen::Vector3d normal = frames_.back().Plane().Normal();
+      if (!normals_.empty())
+      {
+        pairs_.emplace_back(frames_[frames_.size() - 2], frames_.back());
+        normal *= normal.dot(normals_.back()) < 0 ? -1.0 : 1.0;
+      }
+      normals_.push_back(normal);
+    }
+  }
+
+  const std::vector<FrameInSpace>& Frames() const { return frames_; }
+  const FramePair& Pair(int k) const { return pairs_[k]; }  ///< frames k and k + 1
+
+  /// Of the pairs that have the point between them and for which `accept(feet)` holds, the one with the smallest sum of
+  /// distances; kNoFrame when there is none.
+  template <class Accept>
+  int Enclosing(const Eigen::Vector3d& x, const Accept& accept) const
+  {
+    int found = kNoFrame;
+    double smallest = std::numeric_limits<double>::infinity();
+    double before = 0;  // signed distance from the frame before
+    for (std::size_t k = 0; k < frames_.size(); ++k)
+    {
+      const double distance = normals_[k].dot(x - frames_[k].Plane().origin);
+      const double gap = std::abs(before) + std::abs(distance);
+      if (k > 0 && before * distance <= 0 && gap < smallest && accept(pairs_[k - 1].Find(x)))
+      {
+        smallest = gap;
+        found = static_cast<int>(k) - 1;
+      }
+      before = distance;
+    }
+    return found;
+  }
+
+  /// `between(k)` where frames k and k + 1 enclose the point; else the sample of the nearest frame that it projects onto
+  /// at right angles, if any.
+  template <class Between>
+  double At(const Eigen::Vector3d& x, const Between& between) const
+  {
+    const int k = Enclosing(x, [](const FramePair::Feet& feet) { return feet.inA || feet.inB; });
+    if (k != kNoFrame)
+    {
+      return between(k);
+    }
+    double smallest = std::numeric_limits<double>::infinity();
+    double intensity = 0;
+    for (const FrameInSpace& frame : frames_)
+    {
+      const Eigen::Vector3d p = frame.Project(x);
+      if (std::abs(p[2]) < smallest && frame.Contains(p))
+      {
+        smallest = std::abs(p[2]);
+        intensity = frame.Sample(p);
+      }
+    }
+    return intensity;
+  }
+
+private:
+  std::vector<FrameInSpace> frames_;
+  std::vector<FramePair> pairs_;
+  std::vector<Eigen::Vector3d> normals_;  // all to the same side
+};
+
 }  // namespace
 
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image,
@@ -83,56 +229,16 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image, PixelInterpolation sampling)
 {
-  CheckTraining(sweep, training);
-  std::vector<FrameInSpace> frames;
-  std::vector<FramePair> pairs;          // pairs[k] are frames k and k + 1
-  std::vector<Eigen::Vector3d> normals;  // all to the same side
-  for (int frame : training)
-  {
-    frames.emplace_back(sweep, frame, sampling);
-    Eigen::Vector3d normal = frames.back().Plane().Normal();
-    if (!normals.empty())
-    {
-      pairs.emplace_back(frames[frames.size() - 2], frames.back());
-      normal *= normal.dot(normals.back()) < 0 ? -1.0 : 1.0;
-    }
-    normals.push_back(normal);
-  }
+  const FrameStack stack(sweep, training, sampling);
   ForEachPixel(plane, image,
                [&](const Eigen::Vector3d& x)
                {
-                 double smallest = std::numeric_limits<double>::infinity();
-                 double intensity = 0;
-                 double before = 0;  // signed distance from the frame before
-                 for (std::size_t k = 0; k < frames.size(); ++k)
-                 {
-                   const double distance = normals[k].dot(x - frames[k].Plane().origin);
-                   const double gap = std::abs(before) + std::abs(distance);
-                   if (k > 0 && before * distance <= 0 && gap < smallest)
-                   {
-                     const FramePair::Feet feet = pairs[k - 1].Find(x);
-                     if (feet.inA || feet.inB)
-                     {
-                       smallest = gap;
-                       intensity = pairs[k - 1].Mix(feet);
-                     }
-                   }
-                   before = distance;
-                 }
-                 if (std::isfinite(smallest))
-                 {
-                   return intensity;
-                 }
-                 for (const FrameInSpace& frame : frames)
-                 {
-                   const Eigen::Vector3d p = frame.Project(x);
-                   if (std::abs(p[2]) < smallest && frame.Contains(p))
-                   {
-                     smallest = std::abs(p[2]);
-                     intensity = frame.Sample(p);
-                   }
-                 }
-                 return intensity;
+                 return stack.At(x,
+                                 [&](int k)
+                                 {
+                                   const FramePair& pair = stack.Pair(k);
+                                   return pair.Mix(pair.Find(x));
+                                 });
                });
 }
 
@@ -145,62 +251,52 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
     PredictPoseInterpolation(sweep, training, frame, image, PixelInterpolation::Cubic);
     return;
   }
-  const auto inSpace = [&](int index) { return FrameInSpace(sweep, index, PixelInterpolation::Cubic); };
-  const FrameInSpace a = inSpace(before), b = inSpace(after);
-  const FramePair pair(a, b);
+  std::vector<FrameInSpace> frames;
   const int first = Neighbours(training, before).first, last = Neighbours(training, after).second;
-  const std::optional<FrameInSpace> outerA = first == kNoFrame ? std::nullopt : std::optional(inSpace(first));
-  const std::optional<FrameInSpace> outerB = last == kNoFrame ? std::nullopt : std::optional(inSpace(last));
+  for (int near : {first, before, after, last})
+  {
+    if (near != kNoFrame)
+    {
+      frames.emplace_back(sweep, near, PixelInterpolation::Cubic);
+    }
+  }
+  const CubicPair cubic(frames, first == kNoFrame ? 0 : 1);
+  ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return cubic.At(x); });
+}
 
-  // Where the line through x along `direction` meets a frame.
-  struct Knot
+void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
+                               float* image)
+{
+  const FrameStack stack(sweep, training, PixelInterpolation::Cubic);
+  std::vector<CubicPair> pairs;
+  for (std::size_t k = 0; k + 1 < training.size(); ++k)
   {
-    double t = 0, value = 0;  // mm along the line; intensity there
-    bool seen = false;
-  };
-  const Eigen::Vector3d direction = pair.Direction();
-  const auto meet = [&direction](const FrameInSpace& plane, const Eigen::Vector3d& x)
+    pairs.emplace_back(stack.Frames(), k);
+  }
+  ForEachPixel(plane, image,
+               [&](const Eigen::Vector3d& x) { return stack.At(x, [&](int k) { return pairs[k].At(x); }); });
+}
+
+void FindEnclosed(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, std::uint8_t* enclosed)
+{
+  const FrameStack stack(sweep, training, PixelInterpolation::Linear);
+  const auto lights = [&sweep](const Eigen::Vector3d& foot)
   {
-    const Eigen::Vector3d along = plane.Direction(direction);
-    const Eigen::Vector3d p = plane.Project(x);
-    const double t = -p[2] / along[2];
-    const Eigen::Vector3d foot = p + t * along;
-    return plane.Contains(foot) ? Knot{t, plane.Sample(foot), true} : Knot{};
+    const auto pixel = [](double at, int size)
+    { return static_cast<std::size_t>(std::clamp(static_cast<int>(std::lround(at)), 0, size - 1)); };
+    return sweep.IsLit(pixel(foot[1], sweep.height) * sweep.width + pixel(foot[0], sweep.width));
   };
-  // The derivative at `at` of the parabola through three knots; the middle one's neighbours lie on its two sides.
-  const auto slope = [](const Knot& from, const Knot& at, const Knot& to)
-  {
-    const double h = at.t - from.t, k = to.t - at.t;
-    return ((at.value - from.value) * k / h + (to.value - at.value) * h / k) / (h + k);
-  };
-  ForEachPixel(sweep.Plane(frame), image,
-               [&](const Eigen::Vector3d& x)
-               {
-                 const Knot knotA = meet(a, x), knotB = meet(b, x);
-                 const double gap = knotB.t - knotA.t;
-                 const double share = -knotA.t / gap;  // of the way from a to b
-                 if (!knotA.seen || !knotB.seen || !(share >= 0 && share <= 1))
-                 {
-                   return pair.Mix(pair.Find(x));
-                 }
-                 const double chord = (knotB.value - knotA.value) / gap;
-                 double slopeA = chord, slopeB = chord;
-                 if (outerA)
-                 {
-                   const Knot outer = meet(*outerA, x);
-                   slopeA = outer.seen && (knotA.t - outer.t) * gap > 0 ? slope(outer, knotA, knotB) : chord;
-                 }
-                 if (outerB)
-                 {
-                   const Knot outer = meet(*outerB, x);
-                   slopeB = outer.seen && (outer.t - knotB.t) * gap > 0 ? slope(knotA, knotB, outer) : chord;
-                 }
-                 // Cubic Hermite.
-                 const double s = share, r = 1 - share;
-                 const double value = r * r * (1 + 2 * s) * knotA.value + s * s * (1 + 2 * r) * knotB.value +
-                                      gap * s * r * (r * slopeA - s * slopeB);
-                 return std::clamp(value, 0.0, 1.0);
-               });
+  const auto isInside = [&](const FramePair::Feet& feet)
+  { return feet.inA && feet.inB && lights(feet.a) && lights(feet.b); };
+  tbb::parallel_for(0, plane.height,
+                    [&](int j)
+                    {
+                      for (int i = 0; i < plane.width; ++i)
+                      {
+                        enclosed[static_cast<std::size_t>(j) * plane.width + i] =
+                            stack.Enclosing(plane.Point(i, j), isInside) != kNoFrame;
+                      }
+                    });
 }
 
 }  // namespace bigus

@@ -25,12 +25,14 @@
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
 #include "Core/Evaluation/Evaluation.h"
+#include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/Seeding.h"
 #include "Elevation/ElevationEstimate.h"
 #include "JobFields.h"
+#include "OtherPlanes.h"
 #include "Scene.h"
 #include "UltraGaussEngine.h"
 
@@ -62,6 +64,19 @@ Split ReadSplit(const Json& description, int count)
   if (fields.Has("hold_out"))
   {
     std::tie(split.training, split.heldOut) = SplitHoldOut(count, fields.Required<int>("hold_out"));
+  }
+  else if (fields.Has("every"))
+  {
+    const int step = fields.Required<int>("every");
+    if (step < 1)
+    {
+      throw Error("frames: 'every' must be at least 1.");
+    }
+    // What lies behind the last of them is in neither set: nothing encloses it.
+    for (int frame = 0; frame <= (count - 1) / step * step; ++frame)
+    {
+      add(frame % step == 0, frame);
+    }
   }
   else if (fields.Has("spread"))
   {
@@ -117,8 +132,9 @@ Split ReadSplit(const Json& description, int count)
 struct Method
 {
   std::function<void(int, float*)> predict;
-  std::string engine;                  ///< that renders it
-  std::optional<GaussianField> field;  ///< of trained methods, which alone can be aligned to
+  std::function<void(const SlicePlane&, float*)> predictPlane;  ///< any plane; empty: frames of the sweep only
+  std::string engine;                                           ///< that renders it
+  std::optional<GaussianField> field;                           ///< of trained methods, which alone can be aligned to
   bool seesItsOwnFrame = true;  ///< false: knows frames by their neighbours only, so training frames have no score
   double seconds = 0;           ///< to prepare
   double bytes = 0;             ///< of what must be kept to render
@@ -181,7 +197,9 @@ GaussianField UltraGaussSeeds(const TrainerOptions& options, const Sweep& seen)
   return field;
 }
 
-Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& split)
+/// `renderedSigma`, mm, takes the place of the trained beam in pictures.
+Method Trained(const TrainerOptions& options, std::optional<double> renderedSigma, const Sweep& sweep,
+               const Split& split)
 {
   // The trainer gets the frames it may see and nothing else: its own validation comes out of these.
   const auto seen = std::make_shared<const Sweep>(sweep.Subset(split.training));
@@ -195,16 +213,19 @@ Method Trained(const TrainerOptions& options, const Sweep& sweep, const Split& s
   Method method;
   method.seconds = SecondsSince(begin);
   const std::shared_ptr<Engine> engine = Engine::Create(options.engine);
-  engine->SetField(result.field);
-  method.predict = [engine, &sweep](int frame, float* image)
-  { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); };
+  GaussianField rendered = result.field;
+  rendered.beam.elevationSigma = renderedSigma.value_or(rendered.beam.elevationSigma);
+  engine->SetField(rendered);
+  method.predictPlane = [engine](const SlicePlane& plane, float* image)
+  { engine->Render(plane, ViewOutput::Intensity, image); };
   method.engine = options.engine;
-  method.field = result.field;
+  method.field = rendered;
   method.bytes = static_cast<double>(result.field.Size() * GaussianBytes);
   method.facts = {{"gaussians", result.field.Size()},
                   {"iterations", result.iterations},
                   {"validation_frames", result.validationFrames.size()},
-                  {"elevation_sigma", result.field.beam.elevationSigma}};
+                  {"elevation_sigma", result.field.beam.elevationSigma},
+                  {"rendered_elevation_sigma", rendered.beam.elevationSigma}};
   for (const OptionText& option : ListOptions(result.settled))
   {
     method.facts["settled"][SpellOption(option.info.name, '_')] = ToJson<Json>(option);
@@ -238,7 +259,7 @@ Method Compounded(JobFields& fields, const Sweep& sweep, const Split& split)
   }
   const auto volume = std::make_shared<const Compounding>(sweep, split.training, voxelSize);
   Method method;
-  method.predict = [volume, &sweep](int frame, float* image) { volume->Predict(sweep.Plane(frame), image); };
+  method.predictPlane = [volume](const SlicePlane& plane, float* image) { volume->Predict(plane, image); };
   method.seconds = SecondsSince(start);
   method.bytes = static_cast<double>(volume->MemoryUse());
   method.facts = {{"voxel_size", volume->VoxelSize()}};
@@ -264,26 +285,58 @@ void PredictFrameInterpolation(const Sweep& sweep, const std::vector<int>& train
   InterpolateFrames(sweep, a, b, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation, image);
 }
 
+/// Interpolation. A frame of the sweep is predicted from its neighbours in the sequence, another plane from the frames
+/// that enclose each of its points; `pose_any_plane` and `cubic_any_plane` do the latter for frames, too.
 Method FromNeighbours(const std::string& name, const Sweep& sweep, const Split& split)
 {
-  static const std::map<std::string, std::function<void(const Sweep&, const std::vector<int>&, int, float*)>>
-      predictors = {{"neighbour_average", PredictNeighbourAverage},
-                    {"pose_linear", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
-                     { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Linear); }},
-                    {"pose_cubic", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
-                     { PredictPoseInterpolation(s, training, frame, image, PixelInterpolation::Cubic); }},
-                    {"pose_any_plane", [](const Sweep& s, const std::vector<int>& training, int frame, float* image)
-                     { PredictPoseInterpolation(s, training, s.Plane(frame), image); }},
-                    {"cubic", PredictCubicInterpolation}};
-  const auto found = predictors.find(name);
-  if (found == predictors.end())
+  const std::vector<int>& training = split.training;
+  const auto linearAt = [&sweep, &training](PixelInterpolation sampling)
+  {
+    return [&sweep, &training, sampling](const SlicePlane& plane, float* image)
+    { PredictPoseInterpolation(sweep, training, plane, image, sampling); };
+  };
+  const auto cubicAt = [&sweep, &training](const SlicePlane& plane, float* image)
+  { PredictCubicInterpolation(sweep, training, plane, image); };
+  const auto linear = [&sweep, &training](PixelInterpolation sampling)
+  {
+    return [&sweep, &training, sampling](int frame, float* image)
+    { PredictPoseInterpolation(sweep, training, frame, image, sampling); };
+  };
+  Method method;
+  method.seesItsOwnFrame = false;
+  if (name == "neighbour_average")
+  {
+    method.predict = [&sweep, &training](int frame, float* image)
+    { PredictNeighbourAverage(sweep, training, frame, image); };
+  }
+  else if (name == "pose_linear")
+  {
+    method.predict = linear(PixelInterpolation::Linear);
+    method.predictPlane = linearAt(PixelInterpolation::Linear);
+  }
+  else if (name == "pose_cubic")
+  {
+    method.predict = linear(PixelInterpolation::Cubic);
+    method.predictPlane = linearAt(PixelInterpolation::Cubic);
+  }
+  else if (name == "cubic")
+  {
+    method.predict = [&sweep, &training](int frame, float* image)
+    { PredictCubicInterpolation(sweep, training, frame, image); };
+    method.predictPlane = cubicAt;
+  }
+  else if (name == "pose_any_plane")
+  {
+    method.predictPlane = linearAt(PixelInterpolation::Linear);
+  }
+  else if (name == "cubic_any_plane")
+  {
+    method.predictPlane = cubicAt;
+  }
+  else
   {
     throw Error("method: there is none called '" + name + "'.");
   }
-  Method method;
-  method.predict = [&sweep, &split, predictor = found->second](int frame, float* image)
-  { predictor(sweep, split.training, frame, image); };
-  method.seesItsOwnFrame = false;
   return method;
 }
 
@@ -315,6 +368,17 @@ Method VirtualPlane(JobFields& fields, const Sweep& sweep, const Split& split)
   return method;
 }
 
+/// A method that serves any plane serves those of the sweep's frames.
+Method ServingFrames(Method method, const Sweep& sweep)
+{
+  if (!method.predict && method.predictPlane)
+  {
+    method.predict = [&sweep, atPlane = method.predictPlane](int frame, float* image)
+    { atPlane(sweep.Plane(frame), image); };
+  }
+  return method;
+}
+
 Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& sweep, const Split& split)
 {
   JobFields fields(description, "method");
@@ -324,8 +388,10 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
   {
     TrainerOptions options = ReadTrainerOptions(fields, name == "bigus" ? TrainerOptions() : UltraGauss());
     options.seed = seed;
+    std::optional<double> renderedSigma;
+    fields.Read("rendered_elevation_sigma", renderedSigma);
     fields.Done();
-    return Trained(options, sweep, split);
+    return ServingFrames(Trained(options, renderedSigma, sweep, split), sweep);
   }
   if (name == "elevation")
   {
@@ -349,6 +415,7 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
     method = FromNeighbours(name, sweep, split);
   }
   fields.Done();
+  method = ServingFrames(std::move(method), sweep);
   if (method.predict && name != "compounding")
   {
     method.bytes = static_cast<double>(split.training.size() * sweep.PixelsPerFrame());  // a byte each
@@ -397,6 +464,16 @@ Json ToJson(const FrameScores& scores)
           {"bfs_contrast_distribution", scores.bfs.contrastDistribution},
           {"bfs_rayleigh", scores.bfs.rayleigh},
           {"texture", ToJson(scores.texture)}};
+}
+
+Json ToJson(const PlaneScores& scores)
+{
+  return {{"planes", scores.planes},
+          {"scored_share", scores.scoredShare},
+          {"psnr", Number(scores.psnr)},
+          {"psnr_std", Number(scores.psnrStd)},
+          {"structure", Number(scores.structure)},
+          {"structure_std", Number(scores.structureStd)}};
 }
 
 /// The field at poses that the held-out frames chose for themselves: a diagnostic of the tracking.
@@ -453,9 +530,19 @@ Json Run(const Json& job, const SceneFolders& folders)
       {"held_out", &split.heldOut}, {"aligned", &split.heldOut}, {"training", &split.training}, {"all", &all}};
   for (const std::string& set : scored)
   {
+    if (IsSetOfOtherPlanes(set))
+    {
+      if (method.predictPlane)
+      {
+        const std::vector<KnownPlane> planes =
+            MakeOtherPlanes(set, scene, folders, *sweep, split.training, static_cast<int>(scoredFrames));
+        scores[set] = ToJson(ScorePlanes(planes, method.predictPlane));
+      }
+      continue;
+    }
     if (sets.count(set) == 0)
     {
-      throw Error("job: 'score' knows held_out, training, all and aligned, not '" + set + "'.");
+      throw Error("job: 'score' knows held_out, training, all, aligned, planes_* and turned_*, not '" + set + "'.");
     }
     const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);
     if (!method.predict)
