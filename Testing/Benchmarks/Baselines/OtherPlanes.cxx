@@ -169,9 +169,8 @@ std::vector<KnownPlane> TurnedSweep(double degrees, Json scene, const SceneFolde
     throw Error("score: turned frames need the sweep of one phantom, whose world is known from any side.");
   }
   Json& phantom = scene["phantoms"][0];
+  phantom = WithoutTracker(phantom);  // the truth is where the probe was
   phantom["sweep_angle"] = phantom.value("sweep_angle", 0.0) + degrees;
-  phantom.erase("tracking_noise");  // the truth is where the probe was
-  phantom.erase("tracking_rotation_noise");
   const std::shared_ptr<const Sweep> turned = MakeScene(scene, folders);
   std::vector<KnownPlane> seen;
   for (int frame = 0; frame < turned->NumberOfFrames(); ++frame)

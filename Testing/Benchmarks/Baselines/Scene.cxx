@@ -27,6 +27,17 @@ using bigus::Sweep;
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
+Json WithoutTracker(Json description)
+{
+  for (const char* name : {"tracking_noise", "tracking_rotation_noise", "tracking_drift", "tracking_rotation_drift",
+                           "outlier_share", "outlier_size", "tracking_delay", "tracking_quantum",
+                           "tracking_rotation_quantum", "calibration_shift", "calibration_rotation"})
+  {
+    description.erase(name);
+  }
+  return description;
+}
+
 namespace
 {
 
@@ -126,18 +137,6 @@ PhantomOptions ReadPhantomOptions(const Json& object)
   fields.Read("calibration_rotation", options.calibrationRotation);
   fields.Done();
   return options;
-}
-
-/// What of a phantom's description its pixels follow from. The tracker moves no frame.
-Json WithoutTracker(Json description)
-{
-  for (const char* name : {"tracking_noise", "tracking_rotation_noise", "tracking_drift", "tracking_rotation_drift",
-                           "outlier_share", "outlier_size", "tracking_delay", "tracking_quantum",
-                           "tracking_rotation_quantum", "calibration_shift", "calibration_rotation"})
-  {
-    description.erase(name);
-  }
-  return description;
 }
 
 /// A phantom's sweep; pixels, which take seconds to minutes, come from the cache when they are there.

@@ -17,3 +17,6 @@ struct SceneFolders
 
 /// Throws bigus::Error naming the field or file at fault.
 std::shared_ptr<const bigus::Sweep> MakeScene(const nlohmann::json& scene, const SceneFolders& folders);
+
+/// What of a phantom's description its pixels follow from. The tracker moves no frame.
+nlohmann::json WithoutTracker(nlohmann::json phantom);
