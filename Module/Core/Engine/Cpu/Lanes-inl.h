@@ -12,6 +12,8 @@
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
+#include <cstdint>
+
 #include "Core/Engine/Cpu/CpuKernels.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -61,6 +63,74 @@ HWY_INLINE Lanes<T> Select(M condition, Lanes<T> a, Lanes<T> b)
 {
   return hn::IfThenElse(condition, a.v, b.v);
 }
+
+/// Which lanes a mask chooses, in their order, by the bits of the mask: four bits for each index.
+template <int N>
+struct ChosenIndices
+{
+  std::uint32_t packed[1 << N];
+  constexpr ChosenIndices() : packed()
+  {
+    for (int bits = 0; bits < 1 << N; ++bits)
+    {
+      for (int lane = 0, found = 0; lane < N; ++lane)
+      {
+        if (bits >> lane & 1)
+        {
+          packed[bits] |= static_cast<std::uint32_t>(lane) << 4 * found++;
+        }
+      }
+    }
+  }
+};
+template <int N>
+constexpr ChosenIndices<N> kChosenIndices{};
+
+/// Moves the chosen lanes of vectors together, in their order. The permutation is found once for any number of vectors.
+/// Highway's CompressStore finds it for each. With AVX2, GCC 12 copies Highway's whole table of permutations to the
+/// stack to do so. With AVX-512, Zen 4 runs the compression to memory as microcode.
+template <class T>
+class ChosenLanes
+{
+public:
+  template <class M>
+  HWY_INLINE explicit ChosenLanes(M chosen)
+      : count_(static_cast<int>(hn::CountTrue(D(), chosen))), indices_(hn::IndicesFromVec(D(), IndicesOf(chosen)))
+  {
+  }
+  HWY_INLINE int Count() const { return count_; }
+  /// Writes a whole vector, of which the first Count() numbers have a meaning.
+  HWY_INLINE void Store(hn::Vec<hn::ScalableTag<T>> v, T* p) const
+  {
+    hn::StoreU(hn::TableLookupLanes(v, indices_), D(), p);
+  }
+
+private:
+  using D = hn::ScalableTag<T>;
+  using Whole = hn::RebindToUnsigned<D>;
+
+  template <class M>
+  static HWY_INLINE hn::Vec<Whole> IndicesOf(M chosen)
+  {
+    constexpr int kLanes = static_cast<int>(hn::MaxLanes(D()));
+    const Whole du;
+    if constexpr (kLanes <= 8)
+    {
+      std::uint8_t bits[8];
+      hn::StoreMaskBits(D(), chosen, bits);
+      const auto packed = hn::Set(du, kChosenIndices<kLanes>.packed[bits[0]]);
+      return hn::And(packed >> hn::ShiftLeft<2>(hn::Iota(du, 0)), hn::Set(du, kLanes - 1));
+    }
+    else
+    {
+      // A table of 2^16 would be too large, but these instruction sets compress in a register.
+      return hn::Compress(hn::Iota(du, 0), hn::MaskFromVec(hn::BitCast(du, hn::VecFromMask(D(), chosen))));
+    }
+  }
+
+  int count_;
+  decltype(hn::IndicesFromVec(D(), hn::Zero(Whole()))) indices_;
+};
 
 #include "Core/Formula/PixelLoss-inl.h"
 #include "Core/Formula/Splat-inl.h"

@@ -67,7 +67,9 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   const int lanes = L::Count();
   const T(*rows)[kBlock] = RowsOf(block);
 
-  // Those near the plane, moved together so that no lane is projected in vain.
+  // Those near the plane, moved together so that no lane is projected in vain. Whole vectors are written at `found` and
+  // at `kept`, which never exceed `first`: so none ends beyond kBlock.
+  static_assert(kBlock % hn::MaxLanes(d) == 0);
   alignas(64) T near[kRows + 1][SplatBuffer<T>::kStride];
   int found = 0;
   for (int first = 0; first < count; first += lanes)
@@ -84,11 +86,13 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
                             : max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
     inside =
         hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude, task.tolerance));
+    const ChosenLanes<T> chosen(inside);
     for (int row = 0; row < kRows; ++row)
     {
-      hn::CompressStore(hn::LoadU(d, rows[row] + first), inside, d, near[row] + found);
+      chosen.Store(hn::LoadU(d, rows[row] + first), near[row] + found);
     }
-    found += static_cast<int>(hn::CompressStore(hn::Iota(d, static_cast<T>(first)), inside, d, near[kRows] + found));
+    chosen.Store(hn::Iota(d, static_cast<T>(first)), near[kRows] + found);
+    found += chosen.Count();
   }
 
   const View<L> view = Broadcast(task.view);
@@ -141,11 +145,12 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     fields[kRowEnd] = rowEnd;
     fields[kReach] = reach;
     fields[kGaussian] = at(kRows);
+    const ChosenLanes<T> chosen(visible);
     for (int k = 0; k < kSplatFields; ++k)
     {
-      hn::CompressStore(fields[k].v, visible, d, out.fields[k] + kept);
+      chosen.Store(fields[k].v, out.fields[k] + kept);
     }
-    kept += static_cast<int>(hn::CountTrue(d, visible));
+    kept += chosen.Count();
   }
   return kept;
 }
