@@ -4,10 +4,13 @@
 // may be seen, a method that predicts the others, and its scores. README.md of this folder lists what can be
 // asked for.
 #include <tbb/info.h>
+#include <vtkNew.h>
+#include <vtkPolyData.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -24,17 +27,20 @@
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
+#include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/Seeding.h"
+#include "Data/FieldData.h"
 #include "Elevation/ElevationEstimate.h"
 #include "JobFields.h"
 #include "OtherPlanes.h"
 #include "Scene.h"
 #include "UltraGaussEngine.h"
+#include "vtkBigusFieldReader.h"
 
 using namespace bigus;
 using Json = nlohmann::json;
@@ -246,6 +252,30 @@ Method Trained(const TrainerOptions& options, std::optional<double> renderedSigm
   return method;
 }
 
+/// A field from a file, trained elsewhere.
+Method FromFile(JobFields& fields)
+{
+  const auto file = fields.Required<std::string>("file");
+  vtkNew<vtkBigusFieldReader> reader;
+  reader->SetFileName(file.c_str());
+  reader->Update();
+  if (reader->GetErrorCode() != 0)
+  {
+    throw Error("The field '" + file + "' could not be read.");
+  }
+  Method method;
+  method.field = FieldFromPolyData(reader->GetOutput());
+  fields.Read("rendered_elevation_sigma", method.field->beam.elevationSigma);
+  method.engine = "auto";
+  const std::shared_ptr<Engine> engine = Engine::Create(method.engine);
+  engine->SetField(*method.field);
+  method.predictPlane = [engine](const SlicePlane& plane, float* image)
+  { engine->Render(plane, ViewOutput::Intensity, image); };
+  method.bytes = static_cast<double>(method.field->Size() * GaussianBytes);
+  method.facts = {{"gaussians", method.field->Size()}, {"elevation_sigma", method.field->beam.elevationSigma}};
+  return method;
+}
+
 Method Compounded(JobFields& fields, const Sweep& sweep, const Split& split)
 {
   double voxelSize = 0;
@@ -393,7 +423,11 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
     fields.Done();
     return ServingFrames(Trained(options, renderedSigma, sweep, split), sweep);
   }
-  if (name == "elevation")
+  if (name == "field")
+  {
+    method = FromFile(fields);
+  }
+  else if (name == "elevation")
   {
     method = EstimatedElevation(sweep, split);
   }
@@ -416,7 +450,7 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
   }
   fields.Done();
   method = ServingFrames(std::move(method), sweep);
-  if (method.predict && name != "compounding")
+  if (method.predict && method.bytes == 0)
   {
     method.bytes = static_cast<double>(split.training.size() * sweep.PixelsPerFrame());  // a byte each
   }
@@ -502,7 +536,27 @@ std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
   return some;
 }
 
-Json Run(const Json& job, const SceneFolders& folders)
+/// What `--pictures` asks for: every picture of cross-planes as an 8-bit PGM file.
+void WritePictures(const std::filesystem::path& folder, const std::string& set, const std::vector<CrossPlane>& planes,
+                   const Method& method)
+{
+  std::filesystem::create_directories(folder);
+  for (std::size_t k = 0; k < planes.size(); ++k)
+  {
+    const SlicePlane& plane = planes[k].plane;
+    std::vector<float> image(plane.NumberOfPixels());
+    method.predictPlane(plane, image.data());
+    std::string bytes;
+    for (std::size_t p = 0; p < image.size(); ++p)
+    {
+      bytes += static_cast<char>(planes[k].enclosed[p] ? std::lround(255 * std::clamp(image[p], 0.0f, 1.0f)) : 0);
+    }
+    std::ofstream out(folder / (set + "-" + std::to_string(k) + ".pgm"), std::ios::binary);
+    out << "P5\n" << plane.width << ' ' << plane.height << "\n255\n" << bytes;
+  }
+}
+
+Json Run(const Json& job, const SceneFolders& folders, const std::string& pictures)
 {
   JobFields fields(job, "job");
   std::uint64_t seed = 1;
@@ -530,6 +584,24 @@ Json Run(const Json& job, const SceneFolders& folders)
       {"held_out", &split.heldOut}, {"aligned", &split.heldOut}, {"training", &split.training}, {"all", &all}};
   for (const std::string& set : scored)
   {
+    if (set == "cross")
+    {
+      if (method.predictPlane)
+      {
+        if (!pictures.empty())
+        {
+          WritePictures(pictures, set, MakeCrossPlanes(*sweep, split.training, 3, sweep->Plane(0).PixelSize()), method);
+        }
+        if (const auto cross = ScoreCrossPlanes(*sweep, split.training, method.predictPlane))
+        {
+          scores[set] = {{"detail", cross->detail},
+                         {"scratches", cross->scratches},
+                         {"within", cross->power.within},
+                         {"beyond", cross->power.beyond}};
+        }
+      }
+      continue;
+    }
     if (IsSetOfOtherPlanes(set))
     {
       if (method.predictPlane)
@@ -542,7 +614,8 @@ Json Run(const Json& job, const SceneFolders& folders)
     }
     if (sets.count(set) == 0)
     {
-      throw Error("job: 'score' knows held_out, training, all, aligned, planes_* and turned_*, not '" + set + "'.");
+      throw Error("job: 'score' knows held_out, training, all, aligned, cross, planes_* and turned_*, not '" + set +
+                  "'.");
     }
     const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);
     if (!method.predict)
@@ -578,7 +651,7 @@ Json Run(const Json& job, const SceneFolders& folders)
 int main(int argc, char* argv[])
 {
   SceneFolders folders;
-  std::string jobFile = "-";
+  std::string jobFile = "-", pictures;
   for (int i = 1; i < argc; ++i)
   {
     const std::string argument = argv[i];
@@ -586,9 +659,13 @@ int main(int argc, char* argv[])
     {
       (argument == "--data" ? folders.data : folders.cache) = argv[++i];
     }
+    else if (argument == "--pictures" && i + 1 < argc)
+    {
+      pictures = argv[++i];
+    }
     else if (argument.rfind("--", 0) == 0)
     {
-      std::cerr << "bigusExperiment [--data FOLDER] [--cache FOLDER] [JOB.json]\n"
+      std::cerr << "bigusExperiment [--data FOLDER] [--cache FOLDER] [--pictures FOLDER] [JOB.json]\n"
                    "Runs the job (default: from standard input) and prints its result.\n";
       return 2;
     }
@@ -611,7 +688,7 @@ int main(int argc, char* argv[])
     }
     std::istream& in = jobFile == "-" ? std::cin : file;
     const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-    std::cout << Run(Json::parse(text), folders).dump(1) << '\n';
+    std::cout << Run(Json::parse(text), folders, pictures).dump(1) << '\n';
     return 0;
   }
   catch (const std::exception& error)

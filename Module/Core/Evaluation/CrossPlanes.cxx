@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Evaluation/CrossPlanes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <string>
+
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Constants.h"
+#include "Core/Numerics/Fourier.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr int kWindowGaps = 8;
+constexpr int kWindow = kWindowGaps * kSamplesPerGap;  // pixels
+constexpr int kStride = kWindow / 2;
+constexpr int kNyquist = kWindowGaps / 2;  // index of the frequency 1 / (2 d)
+constexpr int kPlanesEach = 3;
+constexpr double kRounding = 1e-6;  // steps: a last pixel on the last frame stays
+
+/// Hann's taper over a window, of mean square 1.
+std::array<double, kWindow> Taper()
+{
+  std::array<double, kWindow> taper;
+  double squares = 0;
+  for (int n = 0; n < kWindow; ++n)
+  {
+    const double s = std::sin(kPi * (n + 0.5) / kWindow);
+    taper[n] = s * s;
+    squares += taper[n] * taper[n];
+  }
+  for (double& value : taper)
+  {
+    value *= std::sqrt(kWindow / squares);
+  }
+  return taper;
+}
+
+struct PowerSum
+{
+  PowerAlong power;
+  double windows = 0;
+
+  void Add(const PowerSum& other)
+  {
+    power.within += other.power.within;
+    power.beyond += other.power.beyond;
+    windows += other.windows;
+  }
+
+  PowerAlong Mean() const { return {power.within / windows, power.beyond / windows}; }
+};
+
+PowerSum SumPowerAlong(const float* picture, const std::uint8_t* counted, int width, int height)
+{
+  using Complex = std::complex<double>;
+  static const std::array<double, kWindow> taper = Taper();
+  static const FourierTable<double> table(kWindow);
+  Fourier<double> fourier(table);
+  PowerSum sum;
+  for (int i = 0; i < width; ++i)
+  {
+    for (int first = 0; first + kWindow <= height; first += kStride)
+    {
+      std::array<Complex, kWindow> samples, transform;
+      Complex mean = 0;
+      bool whole = true;
+      for (int n = 0; n < kWindow && whole; ++n)
+      {
+        const std::size_t p = (static_cast<std::size_t>(first) + n) * width + i;
+        whole = counted[p] != 0;
+        samples[n] = picture[p];
+        mean += samples[n] / static_cast<double>(kWindow);
+      }
+      if (!whole)
+      {
+        continue;
+      }
+      for (int n = 0; n < kWindow; ++n)
+      {
+        samples[n] = (samples[n] - mean) * taper[n];
+      }
+      fourier.Transform(samples.data(), transform.data());
+      for (int k = 1; k <= kWindow / 2; ++k)
+      {
+        // Parseval: frequencies k and -k of a real signal hold the same; the last stands alone.
+        const double share = (k < kWindow / 2 ? 2.0 : 1.0) * std::norm(transform[k]) / (kWindow * kWindow);
+        (k <= kNyquist ? sum.power.within : sum.power.beyond) += k == kNyquist + 1 ? 0 : share;
+      }
+      sum.windows += 1;
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step)
+{
+  if (frames.size() < 2 || each < 1 || !(step > 0))
+  {
+    throw Error("Cross-planes: " + std::to_string(frames.size()) + " frames, " + std::to_string(each) + " planes and " +
+                std::to_string(step) + " mm were given; two frames, one plane and a positive step are the least.");
+  }
+  const SlicePlane middle = sweep.Plane(frames[frames.size() / 2]);
+  const Eigen::Vector3d normal = middle.Normal();
+  double first = 0, last = 0;  // mm along the normal
+  for (int frame : frames)
+  {
+    const Eigen::Vector3d centre = sweep.Plane(frame).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    const double z = normal.dot(centre - middle.origin);
+    first = std::min(first, z);
+    last = std::max(last, z);
+  }
+  const int height = static_cast<int>(std::floor((last - first) / step + kRounding)) + 1;
+  std::vector<CrossPlane> planes;
+  for (int k = 0; k < 2 * each; ++k)
+  {
+    const bool axial = k < each;
+    const double across = (k % each + 0.5) / each * ((axial ? sweep.width : sweep.height) - 1);
+    CrossPlane cross;
+    cross.plane.origin = (axial ? middle.Point(across, 0) : middle.Point(0, across)) + first * normal;
+    cross.plane.columnStep = axial ? middle.rowStep : middle.columnStep;
+    cross.plane.rowStep = step * normal;
+    cross.plane.width = axial ? sweep.height : sweep.width;
+    cross.plane.height = height;
+    cross.enclosed.resize(cross.plane.NumberOfPixels());
+    FindEnclosed(sweep, frames, cross.plane, cross.enclosed.data());
+    planes.push_back(std::move(cross));
+  }
+  return planes;
+}
+
+std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uint8_t* counted, int width, int height)
+{
+  const PowerSum sum = SumPowerAlong(picture, counted, width, height);
+  return sum.windows > 0 ? std::optional(sum.Mean()) : std::nullopt;
+}
+
+std::optional<CrossScores> ScoreCrossPlanes(const Sweep& sweep, const std::vector<int>& frames,
+                                            const std::function<void(const SlicePlane&, float*)>& predict)
+{
+  const double gap = frames.size() < 2 ? 0 : MeasureGeometry(sweep, frames).medianSpacing;
+  if (!(gap > 0))
+  {
+    return std::nullopt;
+  }
+  PowerSum ours, linear;
+  for (const CrossPlane& cross : MakeCrossPlanes(sweep, frames, kPlanesEach, gap / kSamplesPerGap))
+  {
+    std::vector<float> picture(cross.plane.NumberOfPixels());
+    const auto power = [&]
+    { return SumPowerAlong(picture.data(), cross.enclosed.data(), cross.plane.width, cross.plane.height); };
+    predict(cross.plane, picture.data());
+    ours.Add(power());
+    PredictPoseInterpolation(sweep, frames, cross.plane, picture.data());
+    linear.Add(power());
+  }
+  if (!(linear.power.within > 0 && linear.power.beyond > 0))
+  {
+    return std::nullopt;
+  }
+  CrossScores scores{ours.Mean(), linear.Mean()};
+  scores.detail = scores.power.within / scores.linear.within;
+  scores.scratches = scores.power.beyond / scores.linear.beyond;
+  return scores;
+}
+
+}  // namespace bigus

@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Planes at right angles to a sweep's frames, along the sweep: what nobody recorded, and what a field is for. There is no
+// truth, but there is a limit: frames a gap d apart support nothing finer than a wave of 2 d along the sweep.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "Core/Model/SlicePlane.h"
+#include "Core/Model/Sweep.h"
+
+namespace bigus
+{
+
+/// A plane along the sweep. Pixels (i, j): i runs along a direction of the middle frame, j along its normal.
+struct CrossPlane
+{
+  SlicePlane plane;
+  std::vector<std::uint8_t> enclosed;  ///< [height][width], as by FindEnclosed
+};
+
+/// Through the middle frame of `frames`: `each` planes along its columns (axial) and then `each` along its rows
+/// (lateral), evenly spread over the frame. Pixels are as large as the frames' along i and `step` mm along j. They reach
+/// as far along the middle frame's normal as the frames' centres. Throws Error for fewer than two frames.
+std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step);
+
+/// Power of a picture along j, as variance: a wave of amplitude a has a^2 / 2.
+struct PowerAlong
+{
+  double within = 0;  ///< below the frames' Nyquist frequency, 1 / (2 d); the mean has no part in it
+  double beyond = 0;  ///< above it
+};
+
+/// Samples a gap of the frames; what is finer than half of that would be missed.
+constexpr int kSamplesPerGap = 4;
+
+/// Mean over all windows of 8 gaps (32 pixels, stride 16, Hann's taper, mean removed) along j whose pixels all count,
+/// with kSamplesPerGap pixels a gap. Between the two bands lies one frequency that belongs to neither, because the taper
+/// spreads each over its neighbours. Nothing when no window fits. Sums are in double and in order.
+std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uint8_t* counted, int width, int height);
+
+/// A method's pictures of cross-planes beside linear interpolation between the frames (PredictPoseInterpolation), over
+/// the same pixels.
+struct CrossScores
+{
+  PowerAlong power, linear;
+  double detail = 0;     ///< power.within / linear.within: below 1, the picture is blurred along the sweep
+  double scratches = 0;  ///< power.beyond / linear.beyond: above 1, it has what frames cannot support
+};
+
+/// Over three axial and three lateral cross-planes with kSamplesPerGap pixels to the median gap of the frames. Nothing
+/// for sweeps with fewer than nine gaps, or when linear interpolation is flat. `predict(plane, image)` is called for one
+/// plane after another.
+std::optional<CrossScores> ScoreCrossPlanes(const Sweep& sweep, const std::vector<int>& frames,
+                                            const std::function<void(const SlicePlane&, float*)>& predict);
+
+}  // namespace bigus

@@ -1,0 +1,165 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Power along a sweep, beside waves and noise whose power is known.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/CrossPlanes.h"
+#include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
+#include "Support/Random.h"
+#include "Support/Sweeps.h"
+
+using bigus::CrossPlane;
+using bigus::CrossScores;
+using bigus::PowerAlong;
+using bigus::SlicePlane;
+using bigus::Sweep;
+using bigus::test::AllFrames;
+using bigus::test::BlackSweep;
+
+namespace
+{
+
+constexpr int kWidth = 12, kHeight = 96;  // 24 gaps of four pixels
+
+PowerAlong PowerOf(const std::function<double(int, int)>& intensity)
+{
+  std::vector<float> picture;
+  for (int j = 0; j < kHeight; ++j)
+  {
+    for (int i = 0; i < kWidth; ++i)
+    {
+      picture.push_back(static_cast<float>(intensity(i, j)));
+    }
+  }
+  const std::vector<std::uint8_t> all(picture.size(), 1);
+  return bigus::MeasurePowerAlong(picture.data(), all.data(), kWidth, kHeight).value();
+}
+
+/// 20 frames 0.8 mm apart, with grey noise.
+std::shared_ptr<Sweep> NoisySweep()
+{
+  auto sweep = BlackSweep(20, 24, 16, 0.4, 0.8);
+  bigus::test::Random random(5);
+  for (std::size_t p = 0; p < sweep->PixelsPerFrame() * 20; ++p)
+  {
+    bigus::test::Pixels(*sweep)[p] = static_cast<float>(random.Uniform(0.2, 0.8));
+  }
+  return sweep;
+}
+
+}  // namespace
+
+TEST(PowerAlong, OfAWaveIsHalfItsSquareInItsBand)
+{
+  for (int i : {0, 3})  // across the sweep it may be anything
+  {
+    const auto wave = [i](double gaps)
+    {
+      return PowerOf([gaps, i](int column, int j)
+                     { return 0.5 + 0.1 * std::sin(2 * bigus::kPi * j / (4 * gaps) + i * column); });
+    };
+    for (double gaps : {2.7, 4.0})  // long waves: what frames show
+    {
+      EXPECT_NEAR(wave(gaps).within, 0.005, 2e-4) << gaps;
+      EXPECT_LT(wave(gaps).beyond, 1e-5) << gaps;
+    }
+    for (double gaps : {1.0, 0.8, 0.6})  // shorter than two gaps: what they cannot
+    {
+      EXPECT_NEAR(wave(gaps).beyond, 0.005, 2e-4) << gaps;
+      EXPECT_LT(wave(gaps).within, 1e-5) << gaps;
+    }
+  }
+  const PowerAlong still = PowerOf([](int i, int) { return 0.3 + 0.05 * i; });
+  EXPECT_LT(still.within + still.beyond, 1e-12);
+}
+
+TEST(PowerAlong, OfWhiteNoiseIsSpreadEvenly)
+{
+  bigus::test::Random random(3);
+  PowerAlong mean;
+  for (int k = 0; k < 40; ++k)
+  {
+    const PowerAlong power = PowerOf([&](int, int) { return random.Uniform(0, 1); });
+    mean.within += power.within / 40;
+    mean.beyond += power.beyond / 40;
+  }
+  // Of 32 frequencies of both signs 1 to 4 are within, 6 to 16 beyond; the taper costs the lowest some of the mean.
+  EXPECT_NEAR(mean.beyond, 21.0 / 32 / 12, 0.002);
+  EXPECT_NEAR(mean.within, 8.0 / 32 / 12, 0.002);
+}
+
+TEST(PowerAlong, CountsWholeWindowsOnly)
+{
+  std::vector<float> picture(kWidth * kHeight, 0.5f);
+  std::vector<std::uint8_t> counted(picture.size(), 1);
+  for (int i = 0; i < kWidth; ++i)
+  {
+    picture[50 * kWidth + i] = 1.0f;
+    counted[50 * kWidth + i] = 0;
+  }
+  EXPECT_LT(bigus::MeasurePowerAlong(picture.data(), counted.data(), kWidth, kHeight)->beyond, 1e-12);
+  EXPECT_FALSE(bigus::MeasurePowerAlong(picture.data(), counted.data(), kWidth, 31));
+}
+
+TEST(CrossPlanes, LieAlongTheSweepWithinItsFrames)
+{
+  const auto sweep = NoisySweep();
+  const std::vector<CrossPlane> planes = bigus::MakeCrossPlanes(*sweep, AllFrames(*sweep), 2, 0.2);
+  ASSERT_EQ(planes.size(), 4u);
+  for (std::size_t k = 0; k < 4; ++k)
+  {
+    const SlicePlane& plane = planes[k].plane;
+    EXPECT_EQ(plane.width, k < 2 ? 16 : 24);
+    EXPECT_EQ(plane.height, 77);  // 19 gaps of four steps, and one
+    EXPECT_NEAR(std::abs(plane.Normal()[k < 2 ? 0 : 1]), 1, 1e-12);
+    EXPECT_NEAR(plane.Point(0, 0)[2], -7.6, 1e-12);
+    EXPECT_NEAR(plane.Point(0, 76)[2], 7.6, 1e-9);
+    for (int j = 1; j < 76; ++j)
+    {
+      ASSERT_EQ(planes[k].enclosed[j * plane.width + 3], 1) << j;
+    }
+  }
+  EXPECT_NEAR(planes[0].plane.Point(3, 0)[0], -0.25 * 23 * 0.4, 1e-12);  // quarters of the frame
+  EXPECT_NEAR(planes[3].plane.Point(3, 0)[1], 0.25 * 15 * 0.4, 1e-12);
+  EXPECT_THROW(bigus::MakeCrossPlanes(*sweep, {3}, 2, 0.2), bigus::Error);
+}
+
+TEST(CrossPlanes, AreScoredBesideLinearInterpolation)
+{
+  const auto sweep = NoisySweep();
+  const std::vector<int> frames = AllFrames(*sweep);
+  const auto score = [&](double contrast, double wave)
+  {
+    return bigus::ScoreCrossPlanes(
+               *sweep, frames,
+               [&](const SlicePlane& plane, float* picture)
+               {
+                 PredictPoseInterpolation(*sweep, frames, plane, picture);
+                 for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
+                 {
+                   const double z = plane.Point(0, static_cast<double>(p / plane.width))[2];
+                   picture[p] = static_cast<float>(contrast * picture[p] + wave * std::sin(2 * bigus::kPi * z / 0.8));
+                 }
+               })
+        .value();
+  };
+  const CrossScores same = score(1, 0);
+  EXPECT_NEAR(same.detail, 1, 1e-6);
+  EXPECT_NEAR(same.scratches, 1, 1e-6);
+  const CrossScores faint = score(0.5, 0);
+  EXPECT_NEAR(faint.detail, 0.25, 1e-3);
+  EXPECT_NEAR(faint.scratches, 0.25, 1e-3);
+  const CrossScores ridged = score(1, 0.1);  // a bright line between every two frames
+  EXPECT_NEAR(ridged.detail, 1, 0.01);
+  EXPECT_NEAR(ridged.power.beyond - ridged.linear.beyond, 0.005, 5e-4);
+  EXPECT_GT(ridged.scratches, 2);
+  const auto black = [](const SlicePlane&, float*) {};
+  EXPECT_FALSE(bigus::ScoreCrossPlanes(*sweep, {0, 1, 2, 3, 4, 5, 6, 7}, black));  // seven gaps
+  EXPECT_FALSE(bigus::ScoreCrossPlanes(*BlackSweep(20, 24, 16, 0.4, 0.8), frames, black));
+}
