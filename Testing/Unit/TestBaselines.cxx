@@ -429,11 +429,11 @@ TEST(FindEnclosed, IsWhatLiesBetweenTwoFramesInsideBothAndLit)
     return enclosed == 1;
   };
   EXPECT_TRUE(lies(0, 0, 0.3));
-  EXPECT_TRUE(lies(9.9, -7.9, 2.2));
+  EXPECT_TRUE(lies(9.99, -7.99, 2.2));
   EXPECT_FALSE(lies(0, 0, 2.4));  // behind frame 4
   EXPECT_FALSE(lies(0, 0, -0.1));
-  EXPECT_FALSE(lies(10.3, 0, 1));  // the images end half a pixel beyond 10 mm
-  EXPECT_FALSE(lies(0, 8.3, 1));
+  EXPECT_FALSE(lies(10.1, 0, 1));  // the last pixels' centres lie at 10 and 8 mm
+  EXPECT_FALSE(lies(0, 8.1, 1));
   auto mask = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame(), 1);
   (*mask)[16 * 41 + 24] = 0;  // 2 mm to the right of the middle
   sweep.mask = mask;

@@ -56,7 +56,7 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
                                float* image);
 
 /// What the training frames enclose: 1 for each pixel of the plane that lies between two consecutive frames, with both
-/// feet of the line along the mean of their normals inside the images and lit; else 0. There a plane is predicted from
+/// feet of the line along the mean of their normals within the images' outermost pixel centres and lit; else 0. There a plane is predicted from
 /// what was seen on both sides of it, so there methods can be compared.
 void FindEnclosed(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                   std::uint8_t* enclosed);

@@ -18,6 +18,8 @@ namespace bigus
 namespace
 {
 
+constexpr double kRounding = 1e-6;  // voxels: a point on the grid's border stays on it
+
 /// The box around the frames' pixel centres, in voxels of any size: x, y, z of a grid that holds it.
 struct Box
 {
@@ -287,11 +289,12 @@ void Compounding::Predict(const SlicePlane& plane, float* image) const
   ForEachPixel(plane, image,
                [&](const Eigen::Vector3d& point)
                {
-                 const Eigen::Vector3d p = (point - origin_) / voxelSize_;
-                 if (!((p.array() >= 0).all() && (p.array() <= last.array()).all()))
+                 Eigen::Vector3d p = (point - origin_) / voxelSize_;
+                 if (!((p.array() >= -kRounding).all() && (p.array() <= last.array() + kRounding).all()))
                  {
                    return 0.0;
                  }
+                 p = p.cwiseMax(0.0);
                  const int x = std::min(static_cast<int>(p[0]), size_[0] - 2);
                  const int y = std::min(static_cast<int>(p[1]), size_[1] - 2);
                  const int z = std::min(static_cast<int>(p[2]), size_[2] - 2);

@@ -280,14 +280,16 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
 void FindEnclosed(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, std::uint8_t* enclosed)
 {
   const FrameStack stack(sweep, training, PixelInterpolation::Linear);
-  const auto lights = [&sweep](const Eigen::Vector3d& foot)
+  // Within the outermost pixel centres; a plane along the images' border stays inside in spite of rounding.
+  constexpr double kRounding = 1e-6;  // pixels
+  const auto isInImage = [&sweep](const Eigen::Vector3d& foot)
   {
-    const auto pixel = [](double at, int size)
-    { return static_cast<std::size_t>(std::clamp(static_cast<int>(std::lround(at)), 0, size - 1)); };
-    return sweep.IsLit(pixel(foot[1], sweep.height) * sweep.width + pixel(foot[0], sweep.width));
+    const auto nearest = [](double at, int size)
+    { return at >= -kRounding && at <= size - 1 + kRounding ? static_cast<int>(std::lround(at)) : kNoFrame; };
+    const int i = nearest(foot[0], sweep.width), j = nearest(foot[1], sweep.height);
+    return i >= 0 && j >= 0 && sweep.IsLit(static_cast<std::size_t>(j) * sweep.width + i);
   };
-  const auto isInside = [&](const FramePair::Feet& feet)
-  { return feet.inA && feet.inB && lights(feet.a) && lights(feet.b); };
+  const auto isInside = [&](const FramePair::Feet& feet) { return isInImage(feet.a) && isInImage(feet.b); };
   tbb::parallel_for(0, plane.height,
                     [&](int j)
                     {

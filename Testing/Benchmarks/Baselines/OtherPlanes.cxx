@@ -21,7 +21,7 @@ using Json = nlohmann::json;
 namespace
 {
 
-constexpr int kVolumePlanes = 40;            // of a set, when the job does not say: every fourth of 160 voxels
+constexpr int kPlanes = 40;                  // of a set, when the job does not say: every fourth of 160 voxels
 constexpr double kLeastScoredShare = 0.25;   // of a turned frame; one that is hardly crossed says little
 constexpr double kCentralShare = 0.6;        // of a volume's side, over which centres of oblique planes are spread
 constexpr double kSmallestDeviation = 1e-6;  // mm, of a stack's frames from their even grid
@@ -148,7 +148,7 @@ std::vector<KnownPlane> CutVolume(const std::string& name, const Sweep& sweep, c
   std::vector<int> all(sweep.NumberOfFrames());
   std::iota(all.begin(), all.end(), 0);
   std::vector<KnownPlane> cut;
-  for (const SlicePlane& plane : PlanesOfVolume(name, stack, count > 0 ? count : kVolumePlanes))
+  for (const SlicePlane& plane : PlanesOfVolume(name, stack, count))
   {
     KnownPlane known{plane, std::vector<float>(plane.NumberOfPixels()),
                      std::vector<std::uint8_t>(plane.NumberOfPixels())};
@@ -195,7 +195,7 @@ std::vector<KnownPlane> TurnedSweep(double degrees, Json scene, const SceneFolde
   {
     throw Error("score: the training frames enclose no quarter of any turned frame.");
   }
-  const int kept = count > 0 ? std::min(count, size) : size;
+  const int kept = std::min(count, size);
   std::vector<KnownPlane> some;
   for (int k = 0; k < kept; ++k)
   {
@@ -215,6 +215,7 @@ std::vector<KnownPlane> MakeOtherPlanes(const std::string& name, const Json& sce
                                         const Sweep& sweep, const std::vector<int>& training, int count)
 {
   const std::optional<double> degrees = NumberAfter(name, "turned_");
+  count = count > 0 ? count : kPlanes;
   return degrees ? TurnedSweep(*degrees, scene, folders, sweep, training, count)
                  : CutVolume(name, sweep, training, count);
 }

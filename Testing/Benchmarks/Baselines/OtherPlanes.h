@@ -16,7 +16,7 @@ bool IsSetOfOtherPlanes(const std::string& name);
 
 /// The planes of set `name`: planes_x, planes_y, or planes_D and turned_D with D in degrees. `sweep` is what MakeScene
 /// made of `scene`, with the mask of what its training frames light. Scored is what the training frames enclose (see
-/// FindEnclosed). At most `count` planes, 0: a number of its own. Throws bigus::Error when the scene has no such planes.
+/// FindEnclosed). At most `count` planes, 0: 40. Throws bigus::Error when the scene has no such planes.
 std::vector<bigus::KnownPlane> MakeOtherPlanes(const std::string& name, const nlohmann::json& scene,
                                                const SceneFolders& folders, const bigus::Sweep& sweep,
                                                const std::vector<int>& training, int count);

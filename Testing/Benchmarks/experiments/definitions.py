@@ -111,6 +111,21 @@ def with_speckle(frames, title):
         ("Rayleigh", f"scores.{frames}.bfs_rayleigh", 3)]
 
 
+# Planes that are no frames: of a volume, of a phantom swept in another direction, and along a sweep, which has no truth.
+VOLUME_PLANES = {"planes_x": "x", "planes_y": "y", "planes_30": "30°", "planes_45": "45°", "planes_60": "60°"}
+TURNED_FRAMES = {"turned_30": "30°", "turned_60": "60°", "turned_90": "90°"}
+CROSS = [("detail along", "scores.cross.detail", 2), ("scratches", "scores.cross.scratches", 2)]
+
+
+def at_planes(sets):
+    """Columns of PSNR at other planes."""
+    return [(f"{title} PSNR", f"scores.{name}.psnr", 2) for name, title in sets.items()]
+
+
+def structure_at(sets):
+    return [(f"{title} structure", f"scores.{name}.structure", 2) for name, title in sets.items()]
+
+
 TRAINED = scored("training", "training") + [("training BFS", "scores.training.bfs", 3)]
 COST = [("seconds", "seconds", 1), ("Gaussians", "facts.gaussians", 0)]
 
@@ -122,16 +137,20 @@ VOLUME_PHANTOM = {"pixel_size": 0.6, "frame_spacing": 0.6, "speed_variation": 0,
                   "scatterer_density": 1}
 
 
-def e1_jobs(scale):
+def volumes(scale):
     n = scale.cube
     # Centred in the lit part of the volume: 97 % of the cube's voxels are lit.
     middle = [104 + (160 - n) // 2, 160 + (160 - n) // 2, 36 + (160 - n) // 2]
-    scenes = {"liver volume": {**VOLUME, "offset": middle, "size": n},
-              "phantom": {"phantoms": [{**VOLUME_PHANTOM, "width": n, "height": n, "frames": n}]}}
+    return {"liver volume": {**VOLUME, "offset": middle, "size": n},
+            "phantom": {"phantoms": [{**VOLUME_PHANTOM, "width": n, "height": n, "frames": n}]}}
+
+
+def e1_jobs(scale):
+    n = scale.cube
     fit = {"loss": "l2", "iterations": FOREVER, "tolerance": 1e-5}
     rates = {"mean_rate": 0.15, "reflectivity_rate": 0.025}  # found on a cube of 64 voxels; UltraGauss has its own
     jobs = []
-    for name, scene in scenes.items():
+    for name, scene in volumes(scale).items():
         for slices in (160, 80, 40):
             frames = {"spread": n * slices // 160}
 
@@ -140,7 +159,7 @@ def e1_jobs(scale):
                 jobs.append(scale.job(scene, frames, method,
                                       {"scene": name, "slices": slices, "method": title,
                                        "limit": f"{limit} s" if limit else ""},
-                                      seconds, priority, score=["all", "held_out"]))
+                                      seconds, priority, score=["all", "held_out", "planes_x"]))
 
             liver = name == "liver volume"
             # All slices seen: nothing lies between them, and they have no thickness. Else the trainer decides.
@@ -162,7 +181,7 @@ def e1_jobs(scale):
 
 E1 = Experiment(
     "e1", "E1: slices of a volume, as in the paper's Table 1", e1_jobs,
-    scored("all", "all 160") + scored("held_out", "unseen") + COST + [("iterations", "facts.iterations", 0)],
+    scored("all", "all 160") + scored("held_out", "unseen") + at_planes({"planes_x": "x"}) + COST + [("iterations", "facts.iterations", 0)],
     lambda jobs: [curves([job for job in jobs if job.labels["scene"] == scene], lambda labels, _: labels["slices"],
                          psnr(frames), lambda labels: f"{labels['method']} {labels['limit']}".strip(),
                          ("slices trained on", f"PSNR, {title} (dB)", scene))
@@ -206,10 +225,15 @@ def sweeps(scale):
         "phantom, sector": (scale.phantom(probe="sector"), {"hold_out": 4}, {None: 200, 100000: 70})}
 
 
+def other_planes(scene):
+    """What a sweep can be scored on besides its frames."""
+    return ["cross"] + (["turned_90"] if "phantoms" in scene else [])
+
+
 def headline_job(scale, name, count, seed, labels, priority):
     scene, frames, counts = sweeps(scale)[name]
     return scale.job(scene, frames, auto(count), labels, counts[count] + 3, priority,
-                     score=["held_out", "training", "aligned"], seed=seed)
+                     score=["held_out", "training", "aligned", *other_planes(scene)], seed=seed)
 
 
 def headline(scale, seeds):
@@ -230,9 +254,9 @@ def headline(scale, seeds):
 def e2_jobs(scale):
     jobs = headline(scale, [1])
     for name, (scene, frames, counts) in sweeps(scale).items():
-        def add(title, method, cost=1, priority=1, name=name, scene=scene, frames=frames, **more):
+        def add(title, method, cost=1, priority=1, name=name, scene=scene, frames=frames, score=("held_out",)):
             jobs.append(scale.job(scene, frames, method, {"scene": name, "method": title, "seed": 1}, cost, priority,
-                                  **more))
+                                  score=[*score, *other_planes(scene)]))
         kind = name.split(",")[0]
         if name == "liver, half":  # what there is to gain when size and time do not count
             add("BIGUS 1.5M, two virtual planes a gap along the probe's path",
@@ -257,7 +281,8 @@ def e2_jobs(scale):
 
 E2 = Experiment(
     "e2", "E2: sweeps, as in the paper's Table 2", e2_jobs,
-    with_speckle("held_out", "held-out") + TRAINED + [("aligned PSNR", "scores.aligned.psnr", 2),
+    with_speckle("held_out", "held-out") + at_planes({"turned_90": "90°"}) + structure_at({"turned_90": "90°"}) + CROSS
+    + TRAINED + [("aligned PSNR", "scores.aligned.psnr", 2),
                                             ("voxel mm", "facts.voxel_size", 2)] + COST,
     lambda jobs: [dots([job for job in jobs if job.labels["scene"] == scene], "scores.held_out.psnr",
                        f"{scene}: held-out PSNR (dB)", lambda labels: labels["method"])
@@ -586,4 +611,64 @@ E9 = Experiment(
                                     ("neighbour average", "neighbour average"))}),
     split="scene", shows_decisions=True)
 
-EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9)}
+# ---- E11: any plane ----
+
+ANY_PLANE = {"pose interpolation": {"name": "pose_any_plane"}, "cubic": {"name": "cubic_any_plane"}}
+VOLUME_VOXELS, PHANTOM_VOXELS = (0.6, 0.9, 1.2), (0.3, 0.4, 0.6, 0.8, 1)
+
+
+def e11_jobs(scale):
+    jobs = []
+
+    def add(name, scene, every, frames, count, voxels, sets, seconds):
+        def row(title, method, seconds, priority=1):
+            jobs.append(scale.job(scene, frames, method, {"scene": name, "every": every, "method": title}, seconds,
+                                  priority, score=["held_out", *sets]))
+        row("BIGUS", auto(count), seconds, 1 if every in ("", 4) else 2)
+        for title, method in ANY_PLANE.items():
+            row(title, method, 6)
+        for voxel in voxels:
+            row(f"compounding, {voxel} mm", {"name": "compounding", "voxel_size": voxel}, 4)
+
+    for name, scene in volumes(scale).items():
+        for every in (2, 4, 8):
+            add(name, scene, every, {"every": every}, 140000, VOLUME_VOXELS, VOLUME_PLANES, 140)
+    for probe in ("linear", "convex"):
+        add(f"phantom, {probe}", scale.phantom(probe=probe), "", {"hold_out": 4}, 60000, PHANTOM_VOXELS,
+            [*TURNED_FRAMES, "cross"], 110)
+    for name in ("liver, half", "brain, half", "spine, half"):
+        scene, frames, counts = sweeps(scale)[name]
+        count = [count for count in counts if count][0]
+        jobs.append(headline_job(scale, name, count, 1, {"scene": name, "every": "", "method": "BIGUS"}, 1))
+        for title, method in ANY_PLANE.items():
+            jobs.append(scale.job(scene, frames, method, {"scene": name, "every": "", "method": title}, 3,
+                                  score=["held_out", *other_planes(scene)]))
+        for voxel in COMPOUNDING[name.split(",")[0]]:
+            jobs.append(scale.job(scene, frames, {"name": "compounding", "voxel_size": voxel},
+                                  {"scene": name, "every": "", "method": f"compounding, {voxel} mm"}, 3,
+                                  score=["held_out", *other_planes(scene)]))
+    return jobs
+
+
+def e11_panels(jobs):
+    def of(scene):
+        return [job for job in jobs if job.labels["scene"] == scene]
+
+    def method(labels):
+        return labels["method"]
+
+    return [curves(of(scene), lambda labels, _: labels["every"], psnr(planes), method,
+                   ("every so manieth z-plane trained on", f"PSNR, {title} planes (dB)", scene))
+            for scene in ("liver volume", "phantom") for planes, title in (("planes_x", "x-"), ("planes_45", "45°"))] + [
+        dots(of("phantom, linear"), "scores.turned_90.structure", "phantom turned by 90°: structure (dB)", method),
+        dots(of("brain, half"), "scores.cross.scratches", "brain: scratches, linear interpolation = 1", method)]
+
+
+E11 = Experiment(
+    "e11", "E11: any plane", e11_jobs,
+    scored("held_out", "held-out")[:1] + at_planes({**VOLUME_PLANES, **{name: f"turned {title}" for name, title in
+                                                                       TURNED_FRAMES.items()}})
+    + structure_at({name: f"turned {title}" for name, title in TURNED_FRAMES.items()}) + CROSS + COST
+    + [("sigma mm", "facts.elevation_sigma", 2)], e11_panels, split="scene", shows_decisions=True)
+
+EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E11)}

@@ -185,8 +185,8 @@ def table(jobs, columns):
 
 
 def markdown(rows, without=""):
-    """Rows of table() for a reader. `without`: a column to leave out."""
-    names = [name for name in rows[0] if name != without]
+    """Rows of table() for a reader. `without`: a column to leave out. So are columns in which no row says anything."""
+    names = [name for name in rows[0] if name != without and any(row[name] not in ("", "–") for row in rows)]
     lines = ["| " + " | ".join(names) + " |", "|---" * len(names) + "|"]
     lines += ["| " + " | ".join(row[name] for name in names) + " |" for row in rows]
     return "\n".join(lines) + "\n"
