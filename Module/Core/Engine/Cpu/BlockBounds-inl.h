@@ -53,14 +53,13 @@ static BlockBounds<T> BoundsOf(const GaussianBlock<T>& block, int count)
   }
   extreme(block.reflectivity, low, high);
   bounds.magnitude = std::max(std::abs(low), std::abs(high));
-  alignas(64) T aspects[kBlock] = {};
+  L logAspect(T(0));
   for (int first = 0; first < count; first += L::Count())
   {
-    const L x = L::Load(block.logScale[0] + first), y = L::Load(block.logScale[1] + first),
-            z = L::Load(block.logScale[2] + first);
-    (max(max(x, y), z) - min(min(x, y), z)).Store(aspects + first);
+    const L x(load(block.logScale[0], first)), y(load(block.logScale[1], first)), z(load(block.logScale[2], first));
+    logAspect = max(logAspect, max(max(x, y), z) - min(min(x, y), z));
   }
-  extreme(aspects, low, bounds.logAspect);
+  bounds.logAspect = hn::GetLane(hn::MaxOfLanes(d, logAspect.v));
   return bounds;
 }
 
