@@ -217,6 +217,10 @@ def write_report(folder, sweep, n, answer):
              f"   (PSNR varies by {held_out['psnr_std']:.2f} between frames; BFS {held_out['bfs']:.3f})"]
     for name, score in scored_methods(answer):
         lines.append(f"  {name:<22}{score['psnr']:>11.2f}{score['ssim']:>9.4f}")
+    if answer["cross_planes"]:
+        cross = answer["cross_planes"]
+        lines += ["", f"Along the sweep  detail {cross['detail']:.2f}, scratches {cross['scratches']:.2f}"
+                      "; linear interpolation between frames has 1 and 1"]
     lines += ["", "The held-out frames took no part in training. The four methods below the field need no model: the",
               "nearest frame as it is, the mean of the two neighbouring frames, these two weighted by distance along",
               "their poses, and a voxel volume compounded from all training frames."]

@@ -10,6 +10,7 @@
 
 #include "Command.h"
 #include "Core/Engine/Engine.h"
+#include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/OptionList.h"
@@ -185,6 +186,22 @@ void ScoreAligned(const GaussianField& field, const Sweep& sweep, const std::vec
                 " degrees at most");
 }
 
+/// What the field shows along the sweep, where there is no truth: beside linear interpolation between the frames.
+void ScoreCrossPlanes(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
+                      const std::string& engineName, Json& answer, Console& console)
+{
+  const std::unique_ptr<Engine> engine = Engine::Create(engineName);
+  engine->SetField(field);
+  const auto render = [&engine](const SlicePlane& plane, float* image)
+  { engine->Render(plane, ViewOutput::Intensity, image); };
+  if (const std::optional<CrossScores> scores = bigus::ScoreCrossPlanes(sweep, training, render))
+  {
+    answer["cross_planes"] = {{"detail", scores->detail}, {"scratches", scores->scratches}};
+    console.Print("Planes along the sweep (linear interpolation between frames: 1 and 1)");
+    console.Print("  detail " + FormatNumber(scores->detail, 2) + ", scratches " + FormatNumber(scores->scratches, 2));
+  }
+}
+
 /// The sequence as it is trained on, --reduce applied.
 vtkSmartPointer<vtkImageData> ReadTrainingImage(const SequenceOptions& options, Console& console)
 {
@@ -289,6 +306,7 @@ ExitCode Train(Console& console, const Options& options)
                  {"held_out_aligned", nullptr},
                  {"trained", nullptr},
                  {"baselines", nullptr},
+                 {"cross_planes", nullptr},
                  {"interrupted", interrupted},
                  {"decisions", decisions},
                  {"settled", SettledJson(trainer)},
@@ -307,11 +325,11 @@ ExitCode Train(Console& console, const Options& options)
     PrintDecisions(decisions, console);
   }
 
+  // Held-out frames have no say in what the probe lights, either.
+  const Sweep lit = sweep->LitBy(trainingFrames);
   if (!heldOutFrames.empty() && !interrupted)
   {
     console.Note("Scoring " + std::to_string(heldOutFrames.size()) + " held-out frames.");
-    // Held-out frames have no say in what the probe lights, either.
-    const Sweep lit = sweep->LitBy(trainingFrames);
     const FrameScores scores = ScoreField(field, lit, heldOutFrames, settings.engine);
     answer["held_out"] = ToFullJson(scores);
     const std::vector<int> trainedFrames = SweepFrames(trainer->GetTrainingFrames(), usableFrames);
@@ -335,6 +353,10 @@ ExitCode Train(Console& console, const Options& options)
     {
       ScoreAligned(field, lit, heldOutFrames, settings.engine, answer, console);
     }
+  }
+  if (!interrupted)
+  {
+    ScoreCrossPlanes(field, lit, trainingFrames, settings.engine, answer, console);
   }
   if (interrupted)
   {

@@ -431,6 +431,15 @@ class Train(CommandTest):
         self.assertEqual(int(rows[-1]["iteration"]), 12)
         self.assertGreater(float(rows[-1]["loss"]), 0)
 
+    def test_planes_along_the_sweep_are_scored_with_and_without_held_out_frames(self):
+        sweep = self.folder / "long.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", 24, "--width", 32, "--height", 32,
+                    "--pixel-size", 0.8, "--tilt", 0)
+        for more in ((), ("--hold-out", 4)):
+            cross = self.expect(SUCCESS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, *more)["cross_planes"]
+            self.assertGreater(cross["detail"], 0)
+            self.assertGreater(cross["scratches"], 0)
+
     def test_without_hold_out_there_is_no_score(self):
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.ply", *TINY)
         self.assertIsNone(answer["held_out"])

@@ -24,6 +24,7 @@ constexpr int kWindow = kWindowGaps * kSamplesPerGap;  // pixels
 constexpr int kStride = kWindow / 2;
 constexpr int kNyquist = kWindowGaps / 2;  // index of the frequency 1 / (2 d)
 constexpr int kPlanesEach = 3;
+constexpr int kMostColumns = 128;   // columns are measured one by one; more of them say little more
 constexpr double kRounding = 1e-6;  // steps: a last pixel on the last frame stays
 
 /// Hann's taper over a window, of mean square 1.
@@ -103,9 +104,10 @@ PowerSum SumPowerAlong(const float* picture, const std::uint8_t* counted, int wi
 
 }  // namespace
 
-std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step)
+std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step,
+                                        int stride)
 {
-  if (frames.size() < 2 || each < 1 || !(step > 0))
+  if (frames.size() < 2 || each < 1 || !(step > 0) || stride < 1)
   {
     throw Error("Cross-planes: " + std::to_string(frames.size()) + " frames, " + std::to_string(each) + " planes and " +
                 std::to_string(step) + " mm were given; two frames, one plane and a positive step are the least.");
@@ -128,9 +130,9 @@ std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<in
     const double across = (k % each + 0.5) / each * ((axial ? sweep.width : sweep.height) - 1);
     CrossPlane cross;
     cross.plane.origin = (axial ? middle.Point(across, 0) : middle.Point(0, across)) + first * normal;
-    cross.plane.columnStep = axial ? middle.rowStep : middle.columnStep;
+    cross.plane.columnStep = stride * (axial ? middle.rowStep : middle.columnStep);
     cross.plane.rowStep = step * normal;
-    cross.plane.width = axial ? sweep.height : sweep.width;
+    cross.plane.width = ((axial ? sweep.height : sweep.width) - 1) / stride + 1;
     cross.plane.height = height;
     cross.enclosed.resize(cross.plane.NumberOfPixels());
     FindEnclosed(sweep, frames, cross.plane, cross.enclosed.data());
@@ -153,8 +155,9 @@ std::optional<CrossScores> ScoreCrossPlanes(const Sweep& sweep, const std::vecto
   {
     return std::nullopt;
   }
+  const int stride = (std::max(sweep.width, sweep.height) - 1) / kMostColumns + 1;
   PowerSum ours, linear;
-  for (const CrossPlane& cross : MakeCrossPlanes(sweep, frames, kPlanesEach, gap / kSamplesPerGap))
+  for (const CrossPlane& cross : MakeCrossPlanes(sweep, frames, kPlanesEach, gap / kSamplesPerGap, stride))
   {
     std::vector<float> picture(cross.plane.NumberOfPixels());
     const auto power = [&]

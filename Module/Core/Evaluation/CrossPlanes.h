@@ -23,9 +23,11 @@ struct CrossPlane
 };
 
 /// Through the middle frame of `frames`: `each` planes along its columns (axial) and then `each` along its rows
-/// (lateral), evenly spread over the frame. Pixels are as large as the frames' along i and `step` mm along j. They reach
-/// as far along the middle frame's normal as the frames' centres. Throws Error for fewer than two frames.
-std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step);
+/// (lateral), evenly spread over the frame. Along i there is a pixel for every `stride` pixels of the frame, along j one
+/// for every `step` mm. They reach as far along the middle frame's normal as the frames' centres. Throws Error for fewer
+/// than two frames, and unless the other numbers are positive.
+std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step,
+                                        int stride = 1);
 
 /// Power of a picture along j, as variance: a wave of amplitude a has a^2 / 2.
 struct PowerAlong
@@ -51,9 +53,9 @@ struct CrossScores
   double scratches = 0;  ///< power.beyond / linear.beyond: above 1, it has what frames cannot support
 };
 
-/// Over three axial and three lateral cross-planes with kSamplesPerGap pixels to the median gap of the frames. Nothing
-/// for sweeps with fewer than nine gaps, or when linear interpolation is flat. `predict(plane, image)` is called for one
-/// plane after another.
+/// Over three axial and three lateral cross-planes of at most 128 columns, with kSamplesPerGap pixels to the median gap of
+/// the frames. Nothing for sweeps of eight frames or fewer, or when linear interpolation is flat. `predict(plane, image)`
+/// is called for one plane after another.
 std::optional<CrossScores> ScoreCrossPlanes(const Sweep& sweep, const std::vector<int>& frames,
                                             const std::function<void(const SlicePlane&, float*)>& predict);
 
