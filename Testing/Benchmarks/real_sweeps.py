@@ -140,6 +140,8 @@ def main():
             scores = answer["baselines"][baseline] if baseline else experiment(
                 options.experiment, data, file, config, int(training[1]), method)
             column[title] = (any_plane, shown(scores))
+        along = answer["cross_planes"]
+        column["detail; scratches along the sweep"] = ("", f"{along['detail']:.2f}; {along['scratches']:.1f}")
         column["frames held out"] = ("", f"{held_out['frames']} of {total}")
         column["Gaussians; seconds; peak MiB"] = ("", f"{answer['gaussians']:,}; {answer['seconds']:.0f}; "
                                                       f"{answer['peak_memory_bytes'] / 2**20:.0f}")
