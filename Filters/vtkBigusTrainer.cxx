@@ -148,6 +148,22 @@ const bigus::OptionText* FindOption(const char* name)
   return found == Defaults().end() ? nullptr : &*found;
 }
 
+/// The image's poses with those of its usable frames replaced. Pixel (0, 0) of the sweep is the image's first.
+void FillPoses(vtkImageData* image, const std::vector<Eigen::Matrix4d>& poses, const std::vector<int>& imageIndices,
+               vtkDoubleArray* corrected)
+{
+  corrected->DeepCopy(image->GetFieldData()->GetArray("ImageToReference"));
+  corrected->SetName("ImageToReference");
+  int extent[6];
+  image->GetExtent(extent);
+  for (std::size_t k = 0; k < poses.size(); ++k)
+  {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = poses[k];
+    pose.col(3) -= extent[0] * pose.col(0) + extent[2] * pose.col(1);
+    corrected->SetTuple(imageIndices[k], pose.data());
+  }
+}
+
 std::string ToText(vtkIntArray* list)
 {
   std::string text;
@@ -164,7 +180,8 @@ vtkBigusTrainer::vtkBigusTrainer()
     : TrainingFrames(NewFrameList("TrainingFrames")),
       ValidationFrames(NewFrameList("ValidationFrames")),
       HeldOutFrames(NewFrameList("HeldOutFrames")),
-      Decisions(vtkSmartPointer<vtkTable>::New())
+      Decisions(vtkSmartPointer<vtkTable>::New()),
+      CorrectedPoses(vtkSmartPointer<vtkDoubleArray>::New())
 {
   this->SetNumberOfInputPorts(2);
   this->SetNumberOfOutputPorts(2);
@@ -190,6 +207,7 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "TrainingFrames: " << ToText(this->TrainingFrames) << "\n";
   os << indent << "ValidationFrames: " << ToText(this->ValidationFrames) << "\n";
   os << indent << "HeldOutFrames: " << ToText(this->HeldOutFrames) << "\n";
+  os << indent << "CorrectedPoses: " << this->CorrectedPoses->GetNumberOfTuples() << "\n";
   os << indent << "Decisions: " << this->Decisions->GetNumberOfRows() << "\n";
 }
 
@@ -261,6 +279,11 @@ vtkIntArray* vtkBigusTrainer::GetHeldOutFrames()
   return this->HeldOutFrames;
 }
 
+vtkDoubleArray* vtkBigusTrainer::GetCorrectedPoses()
+{
+  return this->CorrectedPoses;
+}
+
 vtkTable* vtkBigusTrainer::GetDecisions()
 {
   return this->Decisions;
@@ -308,6 +331,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->TrainingFrames->Initialize();
   this->ValidationFrames->Initialize();
   this->HeldOutFrames->Initialize();
+  this->CorrectedPoses->Initialize();
   FillDecisions({}, this->Decisions);
   this->SetErrorCode(vtkErrorCode::NoError);
   try
@@ -344,6 +368,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
     FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
     FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
+    FillPoses(image, result.imageToReference, imported.frames, this->CorrectedPoses);
     FillLog(result.log, log);
     FillDecisions(result.decisions, this->Decisions);
 

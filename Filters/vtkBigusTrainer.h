@@ -44,6 +44,7 @@
 #include "vtkPolyDataAlgorithm.h"
 #include "vtkSmartPointer.h"  // for the lists of frames and decisions
 
+class vtkDoubleArray;
 class vtkIntArray;
 class vtkTable;
 
@@ -111,6 +112,8 @@ public:
   vtkBigusTextOptionMacro(Interpolation);
   /** Whether a gain and an offset are removed from every training frame, default off. */
   vtkBigusSwitchOptionMacro(FrameGains);
+  /** How strongly the tracker's noise is taken out of poses, 0 (not at all) to 1000. Negative (default): open. */
+  vtkBigusNumberOptionMacro(PoseSmoothing, double);
   /** Whether training frames are aligned rigidly to the field twice on the way, default off. */
   vtkBigusSwitchOptionMacro(PoseRefinement);
   /** How far PoseRefinement trusts a tracked position, standard deviation in mm, above 0 to 1000, default 0.3. */
@@ -185,6 +188,12 @@ public:
   vtkIntArray* GetHeldOutFrames();
   ///@}
 
+  /**
+   * The poses that the field was trained at: `ImageToReference` [16, row-major, frames of the image], as in the input's
+   * field data. Frames that were rejected keep the pose they came with.
+   */
+  vtkDoubleArray* GetCorrectedPoses();
+
   /** Output 1, the training log. */
   vtkTable* GetLog();
 
@@ -216,6 +225,7 @@ protected:
   vtkSmartPointer<vtkIntArray> ValidationFrames;
   vtkSmartPointer<vtkIntArray> HeldOutFrames;
   vtkSmartPointer<vtkTable> Decisions;
+  vtkSmartPointer<vtkDoubleArray> CorrectedPoses;
 
 private:
   vtkBigusTrainer(const vtkBigusTrainer&) = delete;

@@ -24,6 +24,7 @@
 #include "Scores.h"
 #include "vtkBigusTrainer.h"
 #include "vtkDataArray.h"
+#include "vtkDoubleArray.h"
 #include "vtkImageData.h"
 #include "vtkIntArray.h"
 #include "vtkNew.h"
@@ -228,6 +229,19 @@ std::vector<int> SweepFrames(vtkIntArray* imageFrames, const std::vector<int>& u
   return frames;
 }
 
+/// The poses that the trainer trained at, of the image's usable frames.
+std::vector<Eigen::Matrix4d> CorrectedPoses(vtkBigusTrainer* trainer, const std::vector<int>& usable)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  for (const int frame : usable)
+  {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+    trainer->GetCorrectedPoses()->GetTypedTuple(frame, pose.data());
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
 /// At most `count` of the frames, evenly spread.
 std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
 {
@@ -303,6 +317,7 @@ ExitCode Train(Console& console, const Options& options)
                  {"seed", settings.seed},
                  {"peak_memory_bytes", PeakMemory()},  // of training; the baselines may need more
                  {"held_out", nullptr},
+                 {"held_out_tracked", nullptr},
                  {"held_out_aligned", nullptr},
                  {"trained", nullptr},
                  {"baselines", nullptr},
@@ -326,12 +341,17 @@ ExitCode Train(Console& console, const Options& options)
   }
 
   // Held-out frames have no say in what the probe lights, either.
-  const Sweep lit = sweep->LitBy(trainingFrames);
+  const Sweep tracked = sweep->LitBy(trainingFrames);
+  Sweep lit = tracked;
+  lit.imageToReference = CorrectedPoses(trainer, usableFrames);
+  const bool corrected = lit.imageToReference != tracked.imageToReference;
   if (!heldOutFrames.empty() && !interrupted)
   {
     console.Note("Scoring " + std::to_string(heldOutFrames.size()) + " held-out frames.");
     const FrameScores scores = ScoreField(field, lit, heldOutFrames, settings.engine);
+    const FrameScores scoresTracked = corrected ? ScoreField(field, tracked, heldOutFrames, settings.engine) : scores;
     answer["held_out"] = ToFullJson(scores);
+    answer["held_out_tracked"] = ToFullJson(scoresTracked);
     const std::vector<int> trainedFrames = SweepFrames(trainer->GetTrainingFrames(), usableFrames);
     const FrameScores trained = ScoreField(field, lit, Spread(trainedFrames, heldOutFrames.size()), settings.engine);
     answer["trained"] = {{"frames", trained.frames.size()},
@@ -342,9 +362,14 @@ ExitCode Train(Console& console, const Options& options)
     console.Print("Frames it was trained on (" + std::to_string(trained.frames.size()) + " of them)");
     console.Print(Row("this field", trained) + "   BFS " + FormatNumber(trained.bfs.score, 3));
     console.Print(TextureLine(trained.texture));
-    console.Print("Held-out frames (" + std::to_string(scores.frames.size()) + "), tracked poses");
+    console.Print("Held-out frames (" + std::to_string(scores.frames.size()) + "), " +
+                  (corrected ? "corrected poses (their own pixels had no part in them)" : "tracked poses"));
     console.Print(Row("this field", scores) + "   BFS " + FormatNumber(scores.bfs.score, 3));
     console.Print(TextureLine(scores.texture));
+    if (corrected)
+    {
+      console.Print(Row("  at tracked poses", scoresTracked) + "   BFS " + FormatNumber(scoresTracked.bfs.score, 3));
+    }
     if (!options.withoutBaselines)
     {
       ScoreBaselines(lit, trainingFrames, heldOutFrames, answer, console);

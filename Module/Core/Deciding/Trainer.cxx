@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/GeometryDefaults.h"
@@ -47,6 +48,17 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
               (level == 0 ? std::string("all frames are black")
                           : "every pixel of all frames is " + std::to_string(level) + " (of 1)") +
               ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
+}
+
+/// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it.
+std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
+                                     TrainerOptions& options, std::vector<Decision>& decisions)
+{
+  const PoseCorrection correction = CorrectPoses(*sweep, frames, {options.poseSmoothing});
+  options.poseSmoothing = correction.strength;
+  decisions.push_back(correction.decision);
+  return correction.trajectory.IsChanged() ? std::make_shared<const Sweep>(AtCorrectedPoses(*sweep, correction))
+                                           : sweep;
 }
 
 /// The elements of `values` at `indices`.
@@ -106,7 +118,15 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
   sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
 
+  TrainingResult result;
   TrainerOptions asked = options;
+  const bool isJudged = asked.automatic && frames.size() >= kFewestFrames;
+  if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
+  {
+    sweep = Correct(sweep, frames, asked, result.decisions);
+  }
+  asked.poseSmoothing = asked.poseSmoothing.value_or(0);
+  result.imageToReference = sweep->imageToReference;
   if (start && !asked.elevationSigma)
   {
     asked.elevationSigma = start->beam.elevationSigma;
@@ -122,19 +142,19 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     aborted = aborted || (progress && !progress(now));
     return !aborted;
   };
-  TrainingResult result;
   // A field to continue from was decided on before.
   if (options.automatic && !start && options.iterations.value_or(1) > 0)
   {
     share = kDecidingShare;
-    result.decisions = Decide(
+    std::vector<Decision> decisions = Decide(
         *sweep, frames, asked, plan,
         [&](const TrainingProgress& now)
         { return passOn(now) && (options.timeLimit == 0 || watch.Seconds() < kDecidingTime * options.timeLimit); });
+    result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
     from = kDecidingShare;
     share = 1 - kDecidingShare;
   }
-  result.settled = Settled(options, plan);
+  result.settled = Settled(asked, plan);
   if (options.timeLimit > 0)
   {
     plan.timeLimit = std::max(options.timeLimit - watch.Seconds(), kLeastTime);

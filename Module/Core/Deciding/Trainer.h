@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "Core/Deciding/Decision.h"
+#include "Core/Deciding/PoseCorrection.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
@@ -21,6 +22,9 @@ struct TrainingResult
   GaussianField field;
   std::vector<TrainingRecord> log;
   std::vector<Decision> decisions;
+  /// The poses, of all frames of the sweep, that the field was trained at; as recorded where nothing was corrected.
+  /// Held-out frames belong at these, too: their own pixels had no part in them.
+  std::vector<Eigen::Matrix4d> imageToReference;
   TrainerOptions settled;  ///< the options with every choice made, none left open
   int iterations = 0;
   double seconds = 0;

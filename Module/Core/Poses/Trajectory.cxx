@@ -199,18 +199,29 @@ std::vector<std::pair<int, int>> StrokesOf(const Path& path)
       steps.push_back(before.slope.norm() / std::sqrt(3.0));
     }
     const double noise = Median(inner), step = Median(steps);
+    int turn = -1;  // of those that follow each other the one where lines meet best
     for (int k = kWindow; k + kWindow <= n; ++k)
     {
       const auto near = apart.begin() + k;
-      const bool widest = *std::max_element(near - 2, near + 3) == apart[k];
-      const bool jumps = apart[k] > kJumpOverNoise * noise && apart[k] > kJumpOverStep * step;
-      const bool reverses =
-          turnsBack[k] && slower[k] > kSteadyTurn * step && slower[k] * kWindow > kJumpOverNoise * noise;
-      if (widest && (jumps || reverses))
+      const bool isWidest = *std::max_element(near - 2, near + 3) == apart[k];
+      if (isWidest && apart[k] > kJumpOverNoise * noise && apart[k] > kJumpOverStep * step)
       {
         cuts.push_back(k);
       }
+      // Where the probe turns back, lines meet best at the turn. Natural turns are slow and smooth by themselves.
+      const bool turns = turnsBack[k] && slower[k] > kSteadyTurn * step && slower[k] * kWindow > kJumpOverNoise * noise;
+      if (turns && (turn < 0 || apart[k] < apart[turn]))
+      {
+        turn = k;
+      }
+      if (turn >= 0 && (!turns || k + kWindow == n))
+      {
+        cuts.push_back(turn);
+        turn = -1;
+      }
     }
+    std::sort(cuts.begin(), cuts.end());
+    cuts.erase(std::unique(cuts.begin(), cuts.end()), cuts.end());
   }
   cuts.push_back(n);
   std::vector<std::pair<int, int>> strokes;
@@ -372,6 +383,27 @@ double PredictionError(const Path& path, const std::pair<int, int>& stroke, int 
   return std::max(least, 0.0);
 }
 
+/// Moves every pose to the smoothed one.
+void PutBack(const Path& path, const Motion& places, const Motion& turns, const Sweep& sweep, Trajectory& trajectory)
+{
+  for (std::size_t s = 0; s < path.strokes.size(); ++s)
+  {
+    for (int k = path.strokes[s].first; k < path.strokes[s].second; ++k)
+    {
+      const int row = k - path.strokes[s].first;
+      const Eigen::Vector4d quaternion = turns.curves[s].values.row(row).transpose().normalized();
+      const Eigen::Matrix3d axes = Eigen::Quaterniond(quaternion).toRotationMatrix();
+      const Eigen::Vector3d centre = places.curves[s].values.row(row).transpose() - axes * trajectory.pivot;
+      const Eigen::Matrix3d turn = axes * path.poses[k].axes.transpose();
+      Eigen::Matrix4d& pose = trajectory.imageToReference[k];
+      pose.topLeftCorner<3, 3>() = (turn * pose.topLeftCorner<3, 3>()).eval();
+      pose.topRightCorner<3, 1>() = (centre + turn * (pose.topRightCorner<3, 1>() - path.poses[k].centre)).eval();
+      trajectory.displacement[k] = CornerDistance(pose, sweep.imageToReference[k], sweep.width, sweep.height);
+      trajectory.rotation[k] = std::abs(Eigen::AngleAxisd(turn).angle()) / kRadiansPerDegree;
+    }
+  }
+}
+
 }  // namespace
 
 bool HasUsableTimes(const Sweep& sweep)
@@ -423,7 +455,15 @@ double CornerDistance(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b, int wi
 
 Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options)
 {
-  options.Validate();
+  return SmoothTrajectories(sweep, options.clock, {options.strength})[0];
+}
+
+std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock, const std::vector<double>& strengths)
+{
+  for (const double strength : strengths)
+  {
+    TrajectoryOptions{strength, clock}.Validate();
+  }
   const int n = sweep.NumberOfFrames();
   Trajectory found;
   found.imageToReference = sweep.imageToReference;
@@ -431,10 +471,10 @@ Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options
   found.rotation.assign(n, 0.0);
   found.isOutlier.assign(n, 0);
   found.stroke.assign(n, 0);
-  found.clock = options.clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
+  found.clock = clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
   if (n < kFewestToEstimate)
   {
-    return found;
+    return std::vector<Trajectory>(strengths.size(), found);
   }
 
   Path path;
@@ -465,7 +505,7 @@ Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options
   }
   if (found.isStepped || usable < kFewestToEstimate)
   {
-    return found;
+    return std::vector<Trajectory>(strengths.size(), found);
   }
   found.pivot = PivotOf(path);
 
@@ -531,30 +571,21 @@ Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options
   }
   const double turned = 2 * turns.noise;
   found.cornerNoise = std::sqrt(3 * places.noise * places.noise + 2 * turned * turned * lever);
-  if (options.strength == 0 || found.cornerNoise < kLeastNoise * image.PixelSize())
+  std::vector<Trajectory> all(strengths.size(), found);
+  if (found.cornerNoise < kLeastNoise * image.PixelSize())
   {
-    return found;
+    return all;
   }
-
-  SmoothAll(places, data, options.strength);
-  SmoothAll(turns, data, options.strength);
-  for (std::size_t s = 0; s < path.strokes.size(); ++s)
+  for (std::size_t which = 0; which < strengths.size(); ++which)
   {
-    for (int k = path.strokes[s].first; k < path.strokes[s].second; ++k)
+    if (strengths[which] > 0)
     {
-      const int row = k - path.strokes[s].first;
-      const Eigen::Vector4d quaternion = turns.curves[s].values.row(row).transpose().normalized();
-      const Eigen::Matrix3d axes = Eigen::Quaterniond(quaternion).toRotationMatrix();
-      const Eigen::Vector3d centre = places.curves[s].values.row(row).transpose() - axes * found.pivot;
-      const Eigen::Matrix3d turn = axes * path.poses[k].axes.transpose();
-      Eigen::Matrix4d& pose = found.imageToReference[k];
-      pose.topLeftCorner<3, 3>() = (turn * pose.topLeftCorner<3, 3>()).eval();
-      pose.topRightCorner<3, 1>() = (centre + turn * (pose.topRightCorner<3, 1>() - path.poses[k].centre)).eval();
-      found.displacement[k] = CornerDistance(pose, sweep.imageToReference[k], sweep.width, sweep.height);
-      found.rotation[k] = std::abs(Eigen::AngleAxisd(turn).angle()) / kRadiansPerDegree;
+      SmoothAll(places, data, strengths[which]);
+      SmoothAll(turns, data, strengths[which]);
+      PutBack(path, places, turns, sweep, all[which]);
     }
   }
-  return found;
+  return all;
 }
 
 }  // namespace bigus

@@ -62,6 +62,9 @@ struct Trajectory
 /// Throws Error for options out of range and poses that SlicePlane::Validate refuses.
 Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options = {});
 
+/// The same for several strengths: noise and smoothness are estimated once.
+std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock, const std::vector<double>& strengths);
+
 /// mm between the corners of images at two poses, mean of the four.
 double CornerDistance(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b, int width, int height);
 

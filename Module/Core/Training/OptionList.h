@@ -70,6 +70,11 @@ void ForEachOption(Options& options, const Visit& visit)
       OptionInfo{"FrameGains", field,
                  "Remove a gain and an offset from every training frame, for sweeps whose frames differ in brightness"},
       options.frameGains);
+  visit(OptionInfo{"PoseSmoothing", field,
+                   "How strongly the tracker's noise is taken out of all poses, in units of the noise found in them; 0 "
+                   "keeps them as tracked",
+                   0, 1000, "", "begins at 1, or 0 where pictures do not confirm it; 0 without Automatic"},
+        options.poseSmoothing);
   visit(OptionInfo{"PoseRefinement", field,
                    "Align training frames to the field on the way, for sweeps tracked worse than their pixels"},
         options.poseRefinement);

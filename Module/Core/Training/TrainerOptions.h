@@ -61,6 +61,7 @@ struct TrainerOptions : TrainingSettings
   int holdOut = 0;           ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
   int validation = 0;        ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
 
+  std::optional<double> poseSmoothing;     ///< strength, 0 to 1000, in units of the tracker's noise; 0: none; decided
   std::optional<std::size_t> gaussians;    ///< seeds, 1 to 2^26; decided
   std::size_t maximumGaussians = 2000000;  ///< the most that `automatic` chooses, 1 to 2^26
   double price = 0.1;                      ///< dB on validation frames that twice the Gaussians must gain, 0 to 100

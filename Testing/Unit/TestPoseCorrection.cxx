@@ -1,0 +1,233 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <memory>
+#include <vector>
+
+#include "Core/Deciding/PoseCorrection.h"
+#include "Core/Deciding/Trainer.h"
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
+#include "Core/Poses/PoseError.h"
+#include "Support/Sweeps.h"
+
+namespace
+{
+
+using bigus::CorrectPoses;
+using bigus::Phantom;
+using bigus::PhantomOptions;
+using bigus::PoseCorrection;
+using bigus::Sweep;
+
+PhantomOptions SmallWorld(int frames = 40)
+{
+  PhantomOptions world;
+  world.frames = frames;
+  world.width = world.height = 96;
+  world.pixelSize = 0.3;
+  return world;
+}
+
+std::vector<Eigen::Matrix4d> TruePoses(const Phantom& phantom, int frames)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  for (int k = 0; k < frames; ++k)
+  {
+    poses.push_back(phantom.TruePlane(k).ImageToReference());
+  }
+  return poses;
+}
+
+double ErrorOf(const Sweep& sweep, const std::vector<Eigen::Matrix4d>& poses, const std::vector<Eigen::Matrix4d>& truth)
+{
+  return bigus::MeasurePoseError(poses, truth, sweep.width, sweep.height).distance;
+}
+
+/// What the phantom shows at any poses.
+Sweep Taken(const Phantom& phantom, const std::vector<Eigen::Matrix4d>& poses, int side)
+{
+  Sweep sweep;
+  sweep.width = sweep.height = side;
+  sweep.imageToReference = poses;
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(poses.size() * sweep.PixelsPerFrame());
+  for (std::size_t k = 0; k < poses.size(); ++k)
+  {
+    phantom.Frame(sweep.Plane(static_cast<int>(k)), pixels->data() + k * sweep.PixelsPerFrame());
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return sweep;
+}
+
+TEST(PoseCorrection, NoiseIsTakenOutWherePicturesConfirmIt)
+{
+  PhantomOptions world = SmallWorld(48);
+  world.trackingNoise = 0.2;
+  world.trackingRotationNoise = 0.3;
+  const Phantom phantom(world);
+  const Sweep sweep = phantom.MakeSweep();
+  const auto truth = TruePoses(phantom, 48);
+  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  EXPECT_GE(found.strength, 1) << found.decision.evidence;
+  EXPECT_LT(ErrorOf(sweep, found.trajectory.imageToReference, truth),
+            0.5 * ErrorOf(sweep, sweep.imageToReference, truth));
+  EXPECT_EQ(found.decision.what, "poses");
+  EXPECT_NE(found.decision.choice.find("smoothed"), std::string::npos) << found.decision.choice;
+  EXPECT_NE(found.decision.evidence.find("dB"), std::string::npos) << found.decision.evidence;
+  EXPECT_EQ(bigus::AtCorrectedPoses(sweep, found).imageToReference, found.trajectory.imageToReference);
+  EXPECT_EQ(bigus::AtCorrectedPoses(sweep, found).pixels, sweep.pixels);
+}
+
+// A probe that really shakes: to the poses alone that is noise, and only pictures tell.
+TEST(PoseCorrection, AShakingProbeIsLeftAsTracked)
+{
+  PhantomOptions world = SmallWorld(48);
+  world.trackingNoise = 0.2;
+  world.trackingRotationNoise = 0.3;
+  const Phantom phantom(world);
+  std::vector<Eigen::Matrix4d> shaken;
+  for (int k = 0; k < 48; ++k)
+  {
+    shaken.push_back(phantom.RecordedPlane(k).ImageToReference());
+  }
+  const Sweep sweep = Taken(phantom, shaken, 96);
+  ASSERT_TRUE(bigus::SmoothTrajectory(sweep).IsChanged());
+  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  EXPECT_EQ(found.strength, 0) << found.decision.evidence;
+  EXPECT_EQ(found.trajectory.imageToReference, sweep.imageToReference);
+  EXPECT_EQ(found.decision.choice, "as tracked");
+  EXPECT_NEAR(found.trajectory.translationNoise, 0.2, 0.06) << "of the shaking";
+}
+
+TEST(PoseCorrection, ExactPosesAndStepsAreLeftAsTracked)
+{
+  const Sweep exact = Phantom(SmallWorld(24)).MakeSweep();
+  EXPECT_EQ(CorrectPoses(exact, bigus::test::AllFrames(exact)).trajectory.imageToReference, exact.imageToReference);
+  PhantomOptions world = SmallWorld(24);
+  world.tilt = world.wander = world.speedVariation = 0;
+  const Sweep stepped = Phantom(world).MakeSweep();
+  EXPECT_EQ(CorrectPoses(stepped, bigus::test::AllFrames(stepped)).trajectory.imageToReference,
+            stepped.imageToReference);
+}
+
+// Pictures came evenly, poses are those of the times at which they arrived.
+TEST(PoseCorrection, FramesNumbersAreTheClockWherePicturesCameEvenly)
+{
+  PhantomOptions world = SmallWorld(48);
+  const Phantom phantom(world);
+  Sweep sweep = phantom.MakeSweep();
+  const auto truth = sweep.imageToReference;
+  for (int k = 1; k + 1 < 48; ++k)
+  {
+    const double late = 0.3 * (k % 3 == 0) + 0.25 * (k % 5 == 1) - 0.3 * (k % 4 == 2);  // of a frame
+    const int next = late > 0 ? k + 1 : k - 1;
+    sweep.timestamps[k] += late / world.frameRate;
+    sweep.imageToReference[k] += std::abs(late) * (truth[next] - truth[k]);
+  }
+  ASSERT_TRUE(HasUsableTimes(sweep));
+  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  EXPECT_EQ(found.trajectory.clock, bigus::FrameClock::Numbers) << found.decision.evidence;
+  EXPECT_LT(ErrorOf(sweep, found.trajectory.imageToReference, truth),
+            0.6 * ErrorOf(sweep, sweep.imageToReference, truth));
+  // A given strength uses the same clock.
+  EXPECT_EQ(CorrectPoses(sweep, bigus::test::AllFrames(sweep), {found.strength}).trajectory.imageToReference,
+            found.trajectory.imageToReference);
+}
+
+TEST(PoseCorrection, ExactPosesAreLeftWhereFramesWereDropped)
+{
+  const Sweep whole = Phantom(SmallWorld(60)).MakeSweep();
+  std::vector<int> kept;
+  for (int k = 0; k < 60; ++k)
+  {
+    if (k % 5 != 1 && k % 7 != 3)
+    {
+      kept.push_back(k);
+    }
+  }
+  const Sweep sweep = whole.Subset(kept);
+  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  EXPECT_EQ(found.trajectory.imageToReference, sweep.imageToReference) << found.decision.evidence;
+}
+
+TEST(PoseCorrection, HeldOutPixelsHaveNoPartAndThreadsDoNotMatter)
+{
+  PhantomOptions world = SmallWorld(36);
+  world.trackingNoise = 0.15;
+  const Sweep sweep = Phantom(world).MakeSweep();
+  const auto [frames, heldOut] = bigus::SplitHoldOut(36, 4);
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(36 * sweep.PixelsPerFrame());
+  std::copy_n(static_cast<const std::uint8_t*>(sweep.pixels.get()), pixels->size(), pixels->begin());
+  for (const int frame : heldOut)
+  {
+    for (std::size_t p = 0; p < sweep.PixelsPerFrame(); ++p)
+    {
+      (*pixels)[frame * sweep.PixelsPerFrame() + p] = p % 3 ? 255 : 0;
+    }
+  }
+  Sweep poisoned = sweep;
+  poisoned.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const auto correct = [frames = frames](const Sweep& what, int threads)
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return CorrectPoses(what, frames);
+  };
+  const PoseCorrection one = correct(sweep, 1), three = correct(sweep, 3), held = correct(poisoned, 2);
+  ASSERT_GT(one.strength, 0) << one.decision.evidence;
+  for (const PoseCorrection* other : {&three, &held})
+  {
+    EXPECT_EQ(other->trajectory.imageToReference, one.trajectory.imageToReference);
+    EXPECT_EQ(other->decision.evidence, one.decision.evidence);
+    EXPECT_EQ(other->decision.choice, one.decision.choice);
+  }
+
+  // The same through the trainer.
+  bigus::TrainerOptions options;
+  options.holdOut = 4;
+  options.gaussians = 500;
+  options.iterations = 10;
+  options.virtualPlanes = 0;
+  options.elevationSigma = 0.5;
+  const bigus::TrainingResult a = Train(std::make_shared<const Sweep>(sweep), options);
+  const bigus::TrainingResult b = Train(std::make_shared<const Sweep>(poisoned), options);
+  EXPECT_EQ(a.imageToReference, one.trajectory.imageToReference);
+  EXPECT_EQ(b.imageToReference, a.imageToReference);
+  EXPECT_EQ(b.field.means, a.field.means);
+  EXPECT_EQ(b.field.reflectivities, a.field.reflectivities);
+  EXPECT_EQ(*a.settled.poseSmoothing, one.strength);
+}
+
+TEST(PoseCorrection, WhatIsGivenIsObeyedAndFewFramesAreNoEvidence)
+{
+  PhantomOptions world = SmallWorld(24);
+  world.trackingNoise = 0.2;
+  const Sweep sweep = Phantom(world).MakeSweep();
+  const std::vector<int> all = bigus::test::AllFrames(sweep);
+  const PoseCorrection kept = CorrectPoses(sweep, all, {0.0});
+  EXPECT_EQ(kept.trajectory.imageToReference, sweep.imageToReference);
+  EXPECT_EQ(kept.decision.evidence, "given");
+  const PoseCorrection given = CorrectPoses(sweep, all, {3.0});
+  EXPECT_EQ(given.strength, 3);
+  EXPECT_EQ(given.trajectory.imageToReference, SmoothTrajectory(sweep, {3, bigus::FrameClock::Times}).imageToReference);
+  const PoseCorrection few = CorrectPoses(sweep, {1, 4, 7, 9, 12, 15, 20});
+  EXPECT_EQ(few.trajectory.imageToReference, sweep.imageToReference);
+  EXPECT_NE(few.decision.evidence.find("7 frames"), std::string::npos) << few.decision.evidence;
+
+  bigus::TrainerOptions options;
+  options.gaussians = 300;
+  options.iterations = 5;
+  options.automatic = false;
+  const auto shared = std::make_shared<const Sweep>(sweep);
+  const bigus::TrainingResult plain = Train(shared, options);
+  EXPECT_EQ(plain.imageToReference, sweep.imageToReference);
+  EXPECT_EQ(*plain.settled.poseSmoothing, 0);
+  EXPECT_TRUE(plain.decisions.empty());
+  options.poseSmoothing = 3;
+  const bigus::TrainingResult smoothed = Train(shared, options);
+  EXPECT_EQ(smoothed.imageToReference, given.trajectory.imageToReference);
+  EXPECT_NE(smoothed.field.means, plain.field.means);
+}
+
+}  // namespace
