@@ -199,8 +199,8 @@ public:
 
   /**
    * What the last training rested on: the string columns Decision, Choice and Evidence ("given" where the
-   * property was set) and the column Seconds, what finding out cost. Empty when nothing was decided: with
-   * Automatic off, when continuing from a field, and without iterations.
+   * property was set) and the column Seconds, what finding out cost. Empty with Automatic off; when
+   * continuing from a field and without iterations only poses are decided.
    */
   vtkTable* GetDecisions();
 

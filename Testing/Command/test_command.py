@@ -165,7 +165,7 @@ class Help(CommandTest):
     def test_train_has_every_promised_option(self):
         text = run("train", "--help").stdout
         for option in ("--auto", "--no-auto", "--max-gaussians", "--price", "--signed", "--positive", "--virtual-planes",
-                       "--interpolation", "--frame-gains", "--refine-poses", "--tracker-translation", "--tracker-rotation",
+                       "--interpolation", "--frame-gains", "--pose-smoothing", "--refine-poses", "--tracker-translation", "--tracker-rotation",
                        "--preset", "--loss", "--final-loss", "--validation", "--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
                        "--time-limit", "--seed", "--config", "--image-to", "--log"):
             self.assertIn(option, text)
@@ -206,6 +206,7 @@ class Usage(CommandTest):
                "--virtual-planes": ["-1", "9", "0.5", "some"],
                "--interpolation": ["", "sideways", "probe+flo", "x" * 10000],
                "--frame-gains": ["maybe", "", "1"],
+               "--pose-smoothing": ["-1", "1001", "nan", "on"],
                "--refine-poses": ["yes"],
                "--tracker-translation": ["0", "nan", "1e9"],
                "--tracker-rotation": ["0", "90"],
@@ -415,6 +416,7 @@ class Train(CommandTest):
         self.assertGreater(answer["peak_memory_bytes"], 1 << 20)
         self.assertIs(answer["interrupted"], False)
         held_out = answer["held_out"]
+        self.assertEqual(answer["held_out_tracked"], held_out, "exact poses are kept")
         self.assertEqual(held_out["frames"], 2, "frames 2 and 6 of 9")
         self.assertEqual(answer["training_frames"], 7)
         for key in ("psnr", "psnr_std", "ssim", "bfs"):
@@ -466,6 +468,28 @@ class Train(CommandTest):
         text = run(*training, "--align").stdout
         self.assertIn("tracked poses", text)
         self.assertIn("aligned poses (diagnostic: the frame itself chose its pose)", text)
+
+    def test_noisy_poses_are_corrected_and_both_scores_are_told(self):
+        sweep = self.folder / "noisy.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", sweep, "--width", 64, "--height", 64, "--pixel-size", 0.4, "--frames", 24,
+                    "--tracking-noise", 0.3, "--rotation-noise", 0.3)
+        training = ["train", sweep, "-o", self.folder / "f.vtp", "--gaussians", 2000, "--iterations", 60, "--hold-out", 4,
+                    "--virtual-planes", 0, "--elevation-sigma", 0.5]
+        answer = self.expect(SUCCESS, *training)
+        poses = answer["decisions"][0]
+        self.assertEqual(poses["decision"], "poses")
+        self.assertIn("smoothed by", poses["choice"])
+        self.assertRegex(poses["evidence"], r"tracker's noise 0\.\d+ mm and 0\.\d+ degrees.*pictures confirm")
+        self.assertGreater(answer["settled"]["pose_smoothing"], 0)
+        self.assertGreater(answer["held_out"]["psnr"], answer["held_out_tracked"]["psnr"] + 0.5)
+        plain = self.expect(SUCCESS, *training, "--pose-smoothing", 0)
+        self.assertEqual(plain["held_out"], plain["held_out_tracked"])
+        self.assertGreater(answer["held_out"]["psnr"], plain["held_out"]["psnr"] + 0.5)
+        baselines = [run["baselines"]["pose_interpolation"]["psnr"] for run in (answer, plain)]
+        self.assertGreater(baselines[0], baselines[1])
+        text = run(*training).stdout
+        self.assertIn("corrected poses (their own pixels had no part in them)", text)
+        self.assertIn("at tracked poses", text)
 
     def test_training_predicts_better_than_its_seeds(self):
         scores = []
@@ -533,10 +557,10 @@ class Train(CommandTest):
     def test_forced_choices_are_obeyed_and_reported(self):
         path = self.folder / "f.vtp"
         forced = ["--signed", "--virtual-planes", 1, "--interpolation", "probe+flow", "--frame-gains", "on",
-                  "--refine-poses", "on", "--elevation-sigma", 0.55, "--final-loss", "l2"]
+                  "--pose-smoothing", 0, "--refine-poses", "on", "--elevation-sigma", 0.55, "--final-loss", "l2"]
         settled = {"gaussians": 400, "elevation_sigma": 0.55, "signed_reflectivity": True, "virtual_planes": 1,
-                   "interpolation": "probe+flow", "frame_gains": True, "pose_refinement": True, "iterations": 12,
-                   "loss": "l1", "final_loss": "l2"}
+                   "interpolation": "probe+flow", "frame_gains": True, "pose_smoothing": 0, "pose_refinement": True,
+                   "iterations": 12, "loss": "l1", "final_loss": "l2"}
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced)
         self.assertEqual({name: answer["settled"][name] for name in settled}, settled)
         self.assertEqual(answer["decisions"], [], "nothing is decided with --no-auto")

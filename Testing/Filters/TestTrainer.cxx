@@ -336,12 +336,12 @@ TEST(Trainer, DecidesWhatIsLeftOpenAndSaysWhy)
     EXPECT_NE(evidence[found].find("dB"), std::string::npos) << found << ": " << evidence[found];
   }
 
-  // A field to continue from was decided on before.
+  // A field to continue from was decided on before; poses are the sweep's.
   Quick second;
   second.trainer->AutomaticOn();
   second.trainer->SetInitialFieldConnection(quick.trainer->GetOutputPort());
   second.trainer->Update();
-  EXPECT_EQ(second.trainer->GetDecisions()->GetNumberOfRows(), 0);
+  EXPECT_EQ(Column(second.trainer->GetDecisions(), "Decision"), std::vector<std::string>{"poses"});
 }
 
 TEST(TrainerBadInput, OptionsOutOfRange)
