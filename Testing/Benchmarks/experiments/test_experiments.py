@@ -64,6 +64,53 @@ class Options(unittest.TestCase):
         self.assertEqual(plain, named)
 
 
+class OtherPlanes(unittest.TestCase):
+    PHANTOM = {"width": 40, "height": 40, "frames": 40, "pixel_size": 0.8, "frame_spacing": 0.8, "axial_sigma": 0.8,
+               "lateral_sigma": 0.8, "scatterer_density": 1}
+    EVEN = {"speed_variation": 0, "tilt": 0, "wander": 0}  # a volume
+
+    def score(self, options, every, method, sets):
+        job = {"sweep": {"phantoms": [{**self.PHANTOM, **options}]}, "frames": {"every": every}, "method": method,
+               "score": sets}
+        return subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+
+    def test_planes_of_a_volume_are_its_voxels_and_worse_the_fewer_are_seen(self):
+        sets = ["planes_x", "planes_y", "planes_45"]
+        for name in ("pose_any_plane", "cubic_any_plane"):
+            whole, half, quarter = (json.loads(self.score(self.EVEN, every, {"name": name}, sets).stdout)["scores"]
+                                    for every in (1, 2, 4))
+            for planes in sets[:2]:
+                self.assertTrue(whole[planes]["psnr"] is None or whole[planes]["psnr"] > 120, "met exactly")
+            for planes in sets:
+                self.assertEqual(whole[planes]["planes"], 40)
+                self.assertGreater(half[planes]["psnr"], quarter[planes]["psnr"] + 1)
+                self.assertGreater(half[planes]["structure"], half[planes]["psnr"] + 5)
+        self.assertTrue(whole["planes_45"]["psnr"] is None or whole["planes_45"]["psnr"] > 120, "the truth is cubic")
+
+    def test_compounding_has_what_the_frames_enclose(self):
+        # Black pixels where a grid ends would cost decibels on turned planes and none on x-planes.
+        scores = json.loads(self.score(self.EVEN, 2, {"name": "compounding", "voxel_size": 0.8},
+                                       ["planes_x", "planes_30", "planes_60"]).stdout)["scores"]
+        for planes in ("planes_30", "planes_60"):
+            self.assertGreater(scores[planes]["psnr"], scores["planes_x"]["psnr"] - 2)
+
+    def test_turned_frames_show_the_same_world(self):
+        scores = json.loads(self.score({}, 2, {"name": "pose_any_plane"}, ["turned_0", "turned_90"]).stdout)["scores"]
+        self.assertGreater(scores["turned_0"]["psnr"], scores["turned_90"]["psnr"] + 3)
+        self.assertGreater(scores["turned_90"]["structure"], scores["turned_90"]["psnr"] + 5)
+        self.assertTrue(0.25 < scores["turned_90"]["scored_share"] <= 1)
+
+    def test_cross_planes_of_linear_interpolation_are_the_measure(self):
+        cross = json.loads(self.score({}, 2, {"name": "pose_any_plane"}, ["cross"]).stdout)["scores"]["cross"]
+        self.assertEqual((cross["detail"], cross["scratches"]), (1, 1))
+
+    def test_a_freehand_sweep_is_no_volume_and_a_misspelt_set_none(self):
+        for sets, says in ((["planes_x"], "frames that lie above one another"), (["plane_x"], "not 'plane_x'")):
+            answer = self.score({}, 2, {"name": "pose_any_plane"}, sets)
+            self.assertEqual(answer.returncode, 1)
+            self.assertIn(says, answer.stderr)
+
+
 class Harness(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
