@@ -23,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "Core/Deciding/PoseCorrection.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
@@ -418,6 +419,7 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
   {
     TrainerOptions options = ReadTrainerOptions(fields, name == "bigus" ? TrainerOptions() : UltraGauss());
     options.seed = seed;
+    options.poseSmoothing = options.poseSmoothing.value_or(0);  // the job's poses are those to train at
     std::optional<double> renderedSigma;
     fields.Read("rendered_elevation_sigma", renderedSigma);
     fields.Done();
@@ -556,6 +558,20 @@ void WritePictures(const std::filesystem::path& folder, const std::string& set, 
   }
 }
 
+/// How strongly poses are smoothed; empty where pictures decide.
+std::optional<double> Strength(const std::string& poses)
+{
+  if (poses == "corrected")
+  {
+    return std::nullopt;
+  }
+  if (poses == "tracked")
+  {
+    return 0.0;
+  }
+  throw Error("job: 'poses' is corrected or tracked, not '" + poses + "'.");
+}
+
 Json Run(const Json& job, const SceneFolders& folders, const std::string& pictures)
 {
   JobFields fields(job, "job");
@@ -565,15 +581,20 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
   fields.Read("score", scored);
   std::size_t scoredFrames = 0;
   fields.Read("scored_frames", scoredFrames);
+  std::string poses = "corrected";
+  fields.Read("poses", poses);
   const Json& scene = fields.Object("sweep");
   const Json& frames = fields.Object("frames");
   const Json& description = fields.Object("method");
   fields.Done();
 
-  const std::shared_ptr<const Sweep> recorded = MakeScene(scene, folders);
-  const Split split = ReadSplit(frames, recorded->NumberOfFrames());
+  const std::shared_ptr<const Sweep> made = MakeScene(scene, folders);
+  const Split split = ReadSplit(frames, made->NumberOfFrames());
   // No method need predict what a probe shows where it shows nothing.
-  const auto sweep = std::make_shared<const Sweep>(recorded->LitBy(split.training));
+  const Sweep recorded = made->LitBy(split.training);
+  // Every method works and is scored at the same poses: as tracked, or corrected by pixels of training frames alone.
+  const PoseCorrection correction = CorrectPoses(recorded, split.training, {Strength(poses)});
+  const auto sweep = std::make_shared<const Sweep>(AtCorrectedPoses(recorded, correction));
   const Method method = MakeMethod(description, seed, *sweep, split);
 
   Json scores = Json::object();
@@ -602,6 +623,16 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
       }
       continue;
     }
+    if (set == "held_out_tracked")
+    {
+      if (method.predictPlane && !split.heldOut.empty())
+      {
+        scores[set] =
+            ToJson(ScoreFrames(recorded, Spread(split.heldOut, scoredFrames),
+                               [&](int frame, float* image) { method.predictPlane(recorded.Plane(frame), image); }));
+      }
+      continue;
+    }
     if (IsSetOfOtherPlanes(set))
     {
       if (method.predictPlane)
@@ -614,8 +645,9 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
     }
     if (sets.count(set) == 0)
     {
-      throw Error("job: 'score' knows held_out, training, all, aligned, cross, planes_* and turned_*, not '" + set +
-                  "'.");
+      throw Error(
+          "job: 'score' knows held_out, held_out_tracked, training, all, aligned, cross, planes_* and turned_*, not '" +
+          set + "'.");
     }
     const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);
     if (!method.predict)
@@ -636,6 +668,10 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
           {"seconds", method.seconds},
           {"scoring_seconds", SecondsSince(start)},
           {"bytes", method.bytes},
+          {"poses",
+           {{"choice", correction.decision.choice},
+            {"evidence", correction.decision.evidence},
+            {"seconds", correction.decision.seconds}}},
           {"facts", method.facts},
           {"width", sweep->width},
           {"height", sweep->height},
