@@ -195,7 +195,7 @@ void ScoreCrossPlanes(const GaussianField& field, const Sweep& sweep, const std:
   engine->SetField(field);
   const auto render = [&engine](const SlicePlane& plane, float* image)
   { engine->Render(plane, ViewOutput::Intensity, image); };
-  if (const std::optional<CrossScores> scores = bigus::ScoreCrossPlanes(sweep, training, render))
+  if (const std::optional<CrossScores> scores = CrossPlaneScorer(sweep, training).Score(render))
   {
     answer["cross_planes"] = {{"detail", scores->detail}, {"scratches", scores->scratches}};
     console.Print("Planes along the sweep (linear interpolation between frames: 1 and 1)");

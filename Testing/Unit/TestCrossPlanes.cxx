@@ -134,19 +134,20 @@ TEST(CrossPlanes, AreScoredBesideLinearInterpolation)
 {
   const auto sweep = NoisySweep();
   const std::vector<int> frames = AllFrames(*sweep);
+  const bigus::CrossPlaneScorer scorer(*sweep, frames);
   const auto score = [&](double contrast, double wave)
   {
-    return bigus::ScoreCrossPlanes(
-               *sweep, frames,
-               [&](const SlicePlane& plane, float* picture)
-               {
-                 PredictPoseInterpolation(*sweep, frames, plane, picture);
-                 for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
-                 {
-                   const double z = plane.Point(0, static_cast<double>(p / plane.width))[2];
-                   picture[p] = static_cast<float>(contrast * picture[p] + wave * std::sin(2 * bigus::kPi * z / 0.8));
-                 }
-               })
+    return scorer
+        .Score(
+            [&](const SlicePlane& plane, float* picture)
+            {
+              PredictPoseInterpolation(*sweep, frames, plane, picture);
+              for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
+              {
+                const double z = plane.Point(0, static_cast<double>(p / plane.width))[2];
+                picture[p] = static_cast<float>(contrast * picture[p] + wave * std::sin(2 * bigus::kPi * z / 0.8));
+              }
+            })
         .value();
   };
   const CrossScores same = score(1, 0);
@@ -160,6 +161,6 @@ TEST(CrossPlanes, AreScoredBesideLinearInterpolation)
   EXPECT_NEAR(ridged.power.beyond - ridged.linear.beyond, 0.005, 5e-4);
   EXPECT_GT(ridged.scratches, 2);
   const auto black = [](const SlicePlane&, float*) {};
-  EXPECT_FALSE(bigus::ScoreCrossPlanes(*sweep, {0, 1, 2, 3, 4, 5, 6, 7}, black));  // seven gaps
-  EXPECT_FALSE(bigus::ScoreCrossPlanes(*BlackSweep(20, 24, 16, 0.4, 0.8), frames, black));
+  EXPECT_FALSE(bigus::CrossPlaneScorer(*sweep, {0, 1, 2, 3, 4, 5, 6, 7}).Score(black));  // seven gaps
+  EXPECT_FALSE(bigus::CrossPlaneScorer(*BlackSweep(20, 24, 16, 0.4, 0.8), frames).Score(black));
 }

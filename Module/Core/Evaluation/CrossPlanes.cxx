@@ -57,7 +57,10 @@ struct PowerSum
     windows += other.windows;
   }
 
-  PowerAlong Mean() const { return {power.within / windows, power.beyond / windows}; }
+  std::optional<PowerAlong> Mean() const
+  {
+    return windows > 0 ? std::optional(PowerAlong{power.within / windows, power.beyond / windows}) : std::nullopt;
+  }
 };
 
 PowerSum SumPowerAlong(const float* picture, const std::uint8_t* counted, int width, int height)
@@ -102,6 +105,19 @@ PowerSum SumPowerAlong(const float* picture, const std::uint8_t* counted, int wi
   return sum;
 }
 
+std::optional<PowerAlong> MeanPower(const std::vector<CrossPlane>& planes,
+                                    const std::function<void(const SlicePlane&, float*)>& predict)
+{
+  PowerSum sum;
+  for (const CrossPlane& cross : planes)
+  {
+    std::vector<float> picture(cross.plane.NumberOfPixels());
+    predict(cross.plane, picture.data());
+    sum.Add(SumPowerAlong(picture.data(), cross.enclosed.data(), cross.plane.width, cross.plane.height));
+  }
+  return sum.Mean();
+}
+
 }  // namespace
 
 std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step,
@@ -143,35 +159,28 @@ std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<in
 
 std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uint8_t* counted, int width, int height)
 {
-  const PowerSum sum = SumPowerAlong(picture, counted, width, height);
-  return sum.windows > 0 ? std::optional(sum.Mean()) : std::nullopt;
+  return SumPowerAlong(picture, counted, width, height).Mean();
 }
 
-std::optional<CrossScores> ScoreCrossPlanes(const Sweep& sweep, const std::vector<int>& frames,
-                                            const std::function<void(const SlicePlane&, float*)>& predict)
+CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& frames)
 {
   const double gap = frames.size() < 2 ? 0 : MeasureGeometry(sweep, frames).medianSpacing;
-  if (!(gap > 0))
+  if (gap > 0)
+  {
+    const int stride = (std::max(sweep.width, sweep.height) - 1) / kMostColumns + 1;
+    planes_ = MakeCrossPlanes(sweep, frames, kPlanesEach, gap / kSamplesPerGap, stride);
+    linear_ = MeanPower(planes_, [&](const SlicePlane& plane, float* picture)
+                        { PredictPoseInterpolation(sweep, frames, plane, picture); });
+  }
+}
+
+std::optional<CrossScores> CrossPlaneScorer::Score(const std::function<void(const SlicePlane&, float*)>& predict) const
+{
+  if (!linear_ || !(linear_->within > 0 && linear_->beyond > 0))
   {
     return std::nullopt;
   }
-  const int stride = (std::max(sweep.width, sweep.height) - 1) / kMostColumns + 1;
-  PowerSum ours, linear;
-  for (const CrossPlane& cross : MakeCrossPlanes(sweep, frames, kPlanesEach, gap / kSamplesPerGap, stride))
-  {
-    std::vector<float> picture(cross.plane.NumberOfPixels());
-    const auto power = [&]
-    { return SumPowerAlong(picture.data(), cross.enclosed.data(), cross.plane.width, cross.plane.height); };
-    predict(cross.plane, picture.data());
-    ours.Add(power());
-    PredictPoseInterpolation(sweep, frames, cross.plane, picture.data());
-    linear.Add(power());
-  }
-  if (!(linear.power.within > 0 && linear.power.beyond > 0))
-  {
-    return std::nullopt;
-  }
-  CrossScores scores{ours.Mean(), linear.Mean()};
+  CrossScores scores{*MeanPower(planes_, predict), *linear_};
   scores.detail = scores.power.within / scores.linear.within;
   scores.scratches = scores.power.beyond / scores.linear.beyond;
   return scores;

@@ -53,10 +53,21 @@ struct CrossScores
   double scratches = 0;  ///< power.beyond / linear.beyond: above 1, it has what frames cannot support
 };
 
-/// Over three axial and three lateral cross-planes of at most 128 columns, with kSamplesPerGap pixels to the median gap of
-/// the frames. Nothing for sweeps of eight frames or fewer, or when linear interpolation is flat. `predict(plane, image)`
-/// is called for one plane after another.
-std::optional<CrossScores> ScoreCrossPlanes(const Sweep& sweep, const std::vector<int>& frames,
-                                            const std::function<void(const SlicePlane&, float*)>& predict);
+/// Scores methods on one sweep; the planes, what is enclosed and linear interpolation are made once.
+class CrossPlaneScorer
+{
+public:
+  /// Three axial and three lateral cross-planes of at most 128 columns, with kSamplesPerGap pixels to the median gap of
+  /// `frames`.
+  CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& frames);
+
+  /// `predict(plane, image)` is called for one plane after another. Nothing for sweeps of eight frames or fewer, and where
+  /// linear interpolation is flat.
+  std::optional<CrossScores> Score(const std::function<void(const SlicePlane&, float*)>& predict) const;
+
+private:
+  std::vector<CrossPlane> planes_;
+  std::optional<PowerAlong> linear_;
+};
 
 }  // namespace bigus

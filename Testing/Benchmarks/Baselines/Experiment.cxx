@@ -613,7 +613,7 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
         {
           WritePictures(pictures, set, MakeCrossPlanes(*sweep, split.training, 3, sweep->Plane(0).PixelSize()), method);
         }
-        if (const auto cross = ScoreCrossPlanes(*sweep, split.training, method.predictPlane))
+        if (const auto cross = CrossPlaneScorer(*sweep, split.training).Score(method.predictPlane))
         {
           scores[set] = {{"detail", cross->detail},
                          {"scratches", cross->scratches},
