@@ -148,22 +148,6 @@ const bigus::OptionText* FindOption(const char* name)
   return found == Defaults().end() ? nullptr : &*found;
 }
 
-/// The image's poses with those of its usable frames replaced. Pixel (0, 0) of the sweep is the image's first.
-void FillPoses(vtkImageData* image, const std::vector<Eigen::Matrix4d>& poses, const std::vector<int>& imageIndices,
-               vtkDoubleArray* corrected)
-{
-  corrected->DeepCopy(image->GetFieldData()->GetArray("ImageToReference"));
-  corrected->SetName("ImageToReference");
-  int extent[6];
-  image->GetExtent(extent);
-  for (std::size_t k = 0; k < poses.size(); ++k)
-  {
-    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = poses[k];
-    pose.col(3) -= extent[0] * pose.col(0) + extent[2] * pose.col(1);
-    corrected->SetTuple(imageIndices[k], pose.data());
-  }
-}
-
 std::string ToText(vtkIntArray* list)
 {
   std::string text;
@@ -368,7 +352,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
     FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
     FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
-    FillPoses(image, result.imageToReference, imported.frames, this->CorrectedPoses);
+    bigus::FillImagePoses(image, imported, result.imageToReference, this->CorrectedPoses);
     FillLog(result.log, log);
     FillDecisions(result.decisions, this->Decisions);
 

@@ -153,6 +153,24 @@ ImportedSweep SweepFromImage(vtkImageData* image)
   return imported;
 }
 
+void FillImagePoses(vtkImageData* image, const ImportedSweep& imported, const std::vector<Eigen::Matrix4d>& poses,
+                    vtkDoubleArray* array)
+{
+  array->DeepCopy(image->GetFieldData()->GetArray("ImageToReference"));
+  array->SetName("ImageToReference");
+  int extent[6];
+  image->GetExtent(extent);
+  for (std::size_t k = 0; k < poses.size(); ++k)
+  {
+    if (poses[k] != imported.sweep->imageToReference[k])
+    {
+      Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = poses[k];
+      pose.col(3) -= extent[0] * pose.col(0) + extent[2] * pose.col(1);  // VTK's (x0, y0) is our pixel (0, 0)
+      array->SetTypedTuple(imported.frames[k], pose.data());
+    }
+  }
+}
+
 void SweepToImage(const Sweep& sweep, vtkImageData* image)
 {
   const int frames = sweep.NumberOfFrames();

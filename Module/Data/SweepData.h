@@ -9,6 +9,7 @@
 #include "Core/Model/Sweep.h"
 #include "vtkBigusDataModule.h"
 
+class vtkDoubleArray;
 class vtkImageData;
 
 namespace bigus
@@ -28,6 +29,11 @@ struct ImportedSweep
 /// The first two are not copied while no frame is rejected: the sweep keeps the image's array alive.
 /// Throws Error naming the array and what to do. The result is valid in the sense of Sweep::Validate.
 VTKBIGUSDATA_EXPORT ImportedSweep SweepFromImage(vtkImageData* image);
+
+/// Fills `array` with the image's `ImageToReference` in which the frames that `imported` read from it lie at other poses,
+/// [sweep frames] as Sweep's. Poses of rejected frames, and poses that did not change, are the image's, bit for bit.
+VTKBIGUSDATA_EXPORT void FillImagePoses(vtkImageData* image, const ImportedSweep& imported,
+                                        const std::vector<Eigen::Matrix4d>& poses, vtkDoubleArray* array);
 
 /// Writes a sweep as such an image stack (pixels are copied).
 VTKBIGUSDATA_EXPORT void SweepToImage(const Sweep& sweep, vtkImageData* image);

@@ -379,12 +379,18 @@ std::vector<std::array<Test, kLags>> TestsOf(const std::vector<int>& frames, con
   return some;
 }
 
+/// Thrown where the caller's progress function says stop.
+struct Stopped
+{
+};
+
 /// Looks at pictures, once for all candidates.
 class Evidence
 {
 public:
-  Evidence(const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& stroke)
-      : sweep_(sweep), tests_(TestsOf(frames, stroke))
+  Evidence(const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& stroke,
+           const std::function<bool(double)>& progress)
+      : sweep_(sweep), tests_(TestsOf(frames, stroke)), progress_(progress)
   {
     // Only frames that a test needs are looked at.
     std::vector<int> place(frames.size(), -1);
@@ -430,6 +436,11 @@ public:
 
   Candidate Judge(Trajectory trajectory, double strength) const
   {
+    constexpr double kMostCandidates = 2 + kStrengths.size();  // two clocks, and every strength
+    if (progress_ && !progress_(std::min(judged_++ / kMostCandidates, 1.0)))
+    {
+      throw Stopped();
+    }
     Candidate candidate;
     candidate.strength = strength;
     candidate.findings.resize(tests_.size());
@@ -458,6 +469,8 @@ private:
   std::vector<int> frames_;
   Pictures pictures_;
   std::vector<SlicePlane> recorded_;
+  const std::function<bool(double)>& progress_;
+  mutable int judged_ = 0;
 };
 
 std::string NoiseText(const Trajectory& trajectory)
@@ -529,7 +542,9 @@ Candidate Choose(const Sweep& sweep, const Evidence& evidence)
 
 }  // namespace
 
-PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames, const PoseCorrectionOptions& options)
+PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames, const PoseCorrectionOptions& options,
+                            const std::function<bool(double)>& progress)
+try
 {
   const Stopwatch watch;
   PoseCorrection correction;
@@ -548,7 +563,7 @@ PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames, 
   }
   if (wouldChange && frames.size() >= kFewestFrames)
   {
-    const Evidence pictures(sweep, frames, correction.trajectory.stroke);
+    const Evidence pictures(sweep, frames, correction.trajectory.stroke, progress);
     if (options.strength)
     {
       correction.trajectory = ChooseClock(sweep, pictures, {correction.strength}, 0)[0];
@@ -571,6 +586,13 @@ PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames, 
   }
   correction.decision = {"poses", ChoiceText(correction.trajectory, correction.strength), evidence, watch.Seconds()};
   return correction;
+}
+catch (const Stopped&)
+{
+  PoseCorrection recorded;
+  recorded.trajectory = SmoothTrajectory(sweep, {0, FrameClock::Numbers});
+  recorded.aborted = true;
+  return recorded;
 }
 
 Sweep AtCorrectedPoses(const Sweep& sweep, const PoseCorrection& correction)

@@ -4,6 +4,7 @@
 // neighbours at the changed poses. Needs no training.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -25,13 +26,17 @@ struct PoseCorrection
   Trajectory trajectory;  ///< corrected poses of all frames, and what is known of the tracker
   double strength = 0;    ///< that was chosen; 0: every pose is the recorded one, bit for bit
   Decision decision;      ///< the choice, what it rests on, and seconds
+  bool aborted = false;   ///< `progress` said stop; every pose is the recorded one
 };
 
 /// Corrects the poses of all frames of the sweep. Of pixels only those of `frames` are looked at; other frames go
 /// through the trajectory by their poses alone. With fewer than 8 `frames` there is no evidence, and poses are kept
 /// unless a strength is given. The same for every number of threads. Throws Error as SmoothTrajectory does.
+/// `progress` (may be empty) is called with a number from 0 to 1 before each strength is compared; returning false
+/// stops the work.
 PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames,
-                            const PoseCorrectionOptions& options = {});
+                            const PoseCorrectionOptions& options = {},
+                            const std::function<bool(double)>& progress = {});
 
 /// The sweep at the corrected poses, pixels shared.
 Sweep AtCorrectedPoses(const Sweep& sweep, const PoseCorrection& correction);

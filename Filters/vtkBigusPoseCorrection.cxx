@@ -1,0 +1,132 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusPoseCorrection.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Core/Deciding/PoseCorrection.h"
+#include "Core/Model/Sweep.h"
+#include "Data/Progress.h"
+#include "Data/Provenance.h"
+#include "Data/SweepData.h"
+#include "PipelineSupport.h"
+#include "vtkDoubleArray.h"
+#include "vtkErrorCode.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkIntArray.h"
+#include "vtkNew.h"
+#include "vtkObjectFactory.h"
+#include "vtkStringArray.h"
+#include "vtkUnsignedCharArray.h"
+
+vtkStandardNewMacro(vtkBigusPoseCorrection);
+
+namespace
+{
+
+/// Adds one number a frame of the image; `rejected` where it has no usable pose.
+template <class Array, class T>
+void AddFrameArray(vtkImageData* image, const char* name, const std::vector<T>& values, const std::vector<int>& frames,
+                   T rejected)
+{
+  vtkNew<Array> array;
+  array->SetName(name);
+  array->SetNumberOfValues(image->GetDimensions()[2]);
+  array->FillValue(rejected);
+  for (std::size_t k = 0; k < frames.size(); ++k)
+  {
+    array->SetValue(frames[k], values[k]);
+  }
+  image->GetFieldData()->AddArray(array);
+}
+
+void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const std::vector<int>& frames)
+{
+  const bigus::Trajectory& path = found.trajectory;
+  AddFrameArray<vtkDoubleArray>(image, "PoseDisplacement", path.displacement, frames, 0.0);
+  AddFrameArray<vtkDoubleArray>(image, "PoseRotation", path.rotation, frames, 0.0);
+  AddFrameArray<vtkUnsignedCharArray>(image, "PoseOutlier", path.isOutlier, frames, std::uint8_t(0));
+  AddFrameArray<vtkIntArray>(image, "PoseStroke", path.stroke, frames, -1);
+
+  vtkNew<vtkDoubleArray> noise;
+  noise->SetName("TrackerNoise");
+  noise->SetNumberOfComponents(3);
+  noise->SetComponentName(0, "Translation");
+  noise->SetComponentName(1, "Rotation");
+  noise->SetComponentName(2, "Corner");
+  noise->InsertNextTuple3(path.translationNoise, path.rotationNoise, path.cornerNoise);
+  image->GetFieldData()->AddArray(noise);
+
+  vtkNew<vtkDoubleArray> strength;
+  strength->SetName("PoseStrength");
+  strength->InsertNextValue(found.strength);
+  image->GetFieldData()->AddArray(strength);
+
+  vtkNew<vtkStringArray> decision;
+  decision->SetName("PoseDecision");
+  decision->InsertNextValue(found.decision.choice);
+  decision->InsertNextValue(found.decision.evidence);
+  image->GetFieldData()->AddArray(decision);
+  bigus::SetProvenance(image, "sweep.poses", found.decision.choice + " (" + found.decision.evidence + ")");
+}
+
+}  // namespace
+
+void vtkBigusPoseCorrection::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "Strength: " << this->Strength << "\n";
+  os << indent << "HoldOut: " << this->HoldOut << "\n";
+  os << indent << "ChosenStrength: " << this->ChosenStrength << "\n";
+}
+
+int vtkBigusPoseCorrection::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
+{
+  bigus::RequestWholeInput(inputs[0]);
+  return 1;
+}
+
+int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
+{
+  vtkImageData* output = vtkImageData::GetData(outputs);
+  output->Initialize();
+  this->ChosenStrength = 0;
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    vtkImageData* image = vtkImageData::GetData(inputs[0]);
+    const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
+    const bigus::Sweep& sweep = *imported.sweep;
+    const auto [frames, heldOut] = bigus::SplitHoldOut(sweep.NumberOfFrames(), this->HoldOut);
+    const bigus::PoseCorrection found =
+        bigus::CorrectPoses(sweep, frames, {this->Strength < 0 ? std::nullopt : std::optional<double>(this->Strength)},
+                            [this](double fraction) { return bigus::ReportProgress(this, fraction); });
+    if (found.aborted)
+    {
+      return 1;  // the output stays empty, and the next update begins anew
+    }
+    vtkNew<vtkDoubleArray> poses, recorded;
+    bigus::FillImagePoses(image, imported, found.trajectory.imageToReference, poses);
+    recorded->DeepCopy(image->GetFieldData()->GetArray("ImageToReference"));
+    recorded->SetName("RecordedImageToReference");
+    output->ShallowCopy(image);
+    output->GetFieldData()->AddArray(poses);
+    output->GetFieldData()->AddArray(recorded);
+    AddFindings(output, found, imported.frames);
+    this->ChosenStrength = found.strength;
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    output->Initialize();
+    bigus::ForgetRequests(outputs);
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+}

@@ -1,0 +1,83 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusPoseCorrection
+ * @brief   Takes the tracker's noise out of a sweep's poses
+ *
+ * The input is a sweep as vtkBigusTrainer takes it: an image stack (x, y, frame) with the field data `ImageToReference`.
+ * The output is the same sweep, pixels shared, whose `ImageToReference` follows a smooth path of the probe. No field
+ * is trained. What uses poses gains by it: a reconstruction of a volume, a compounding, a training.
+ *
+ * The noise is estimated from the poses alone. Whether and how strongly it is taken out is chosen by how well frames
+ * predict their neighbours at the changed poses. Poses that are exact, move in equal steps, or are not confirmed by
+ * pictures pass bit for bit, and so do frames that `Status` rejects. Core/Poses and Core/Deciding tell how.
+ *
+ * The output's field data hold, besides all that the input's do:
+ *
+ * | array | tuples | meaning |
+ * |---|---|---|
+ * | `ImageToReference` [16] | frames | corrected; pixel indices (i, j, 0, 1) to mm, row by row |
+ * | `RecordedImageToReference` [16] | frames | as they came |
+ * | `PoseDisplacement` [1] | frames | mm that the image's corners moved, mean of four |
+ * | `PoseRotation` [1] | frames | degrees between the recorded and the corrected orientation |
+ * | `PoseOutlier` [1] | frames | 1: recorded so far off that the pose follows from its neighbours |
+ * | `PoseStroke` [1] | frames | number of the continuous motion that the frame belongs to, from 0; -1: rejected |
+ * | `TrackerNoise` [3] | 1 | Translation (mm), Rotation (degrees): standard deviation on each axis; Corner (mm): see below |
+ * | `PoseStrength` [1] | 1 | how strongly noise was taken out, in units of what was found; 0: poses are as they came |
+ * | `PoseDecision` | 2 strings | what was chosen, and the evidence ("given" where Strength was set) |
+ * | `Provenance` | strings | one more line, `sweep.poses` = what was chosen, which a field trained on the output keeps |
+ *
+ * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Results are the same
+ * for every number of threads.
+ */
+#ifndef vtkBigusPoseCorrection_h
+#define vtkBigusPoseCorrection_h
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkImageAlgorithm.h"
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusPoseCorrection : public vtkImageAlgorithm
+{
+public:
+  static vtkBigusPoseCorrection* New();
+  vtkTypeMacro(vtkBigusPoseCorrection, vtkImageAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * How strongly noise is taken out, 0 (not at all) to 1000, in units of the noise found: 1 assumes what was found, 2
+   * twice that. Negative (default): chosen by evidence, and 0 where there is none, as with fewer than 8 frames.
+   */
+  vtkSetMacro(Strength, double);
+  vtkGetMacro(Strength, double);
+  ///@}
+
+  ///@{
+  /**
+   * The pixels of frames with index % HoldOut == HoldOut / 2, of those not rejected, are not looked at, so that a
+   * training with the same HoldOut can be judged by them; at least 2. 0 (default): all are looked at.
+   */
+  vtkSetMacro(HoldOut, int);
+  vtkGetMacro(HoldOut, int);
+  ///@}
+
+  /** Strength as the last update chose it; 0: poses are as they came. */
+  vtkGetMacro(ChosenStrength, double);
+
+protected:
+  vtkBigusPoseCorrection() = default;
+  ~vtkBigusPoseCorrection() override = default;
+
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  double Strength = -1;
+  int HoldOut = 0;
+  double ChosenStrength = 0;
+
+private:
+  vtkBigusPoseCorrection(const vtkBigusPoseCorrection&) = delete;
+  void operator=(const vtkBigusPoseCorrection&) = delete;
+};
+
+#endif
