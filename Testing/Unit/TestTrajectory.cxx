@@ -293,6 +293,24 @@ TEST(Trajectory, ExactPosesAreKept)
   EXPECT_EQ(Outliers(found), 0);
 }
 
+TEST(Trajectory, AmongExactPosesOnlyThoseFarOffAreMoved)
+{
+  const auto truth = Motion(80, HandAt);
+  auto recorded = truth;
+  for (const int k : {0, 23, 60})
+  {
+    recorded[k](1, 3) += 2;
+  }
+  const Trajectory found = SmoothTrajectory(PosesOnly(recorded));
+  for (int k = 0; k < 80; ++k)
+  {
+    const bool isOff = k == 0 || k == 23 || k == 60;
+    EXPECT_EQ(found.isOutlier[k] != 0, isOff) << k;
+    EXPECT_EQ(found.imageToReference[k] == recorded[k], !isOff) << k;
+    EXPECT_LT(bigus::CornerDistance(found.imageToReference[k], truth[k], 200, 160), 0.02) << k;
+  }
+}
+
 TEST(Trajectory, StepsOfAMotorAreKept)
 {
   // Dwelling, double steps, and a corner from where the probe moves along another axis, too.

@@ -24,8 +24,11 @@ constexpr int kFewestInStroke = 5;     // poses of a stroke: two make a line, an
 constexpr int kFewestToEstimate = 8;   // poses of all strokes: with fewer, noise and smoothness cannot be told apart
 
 /// Noise at the image's corners, in pixels, below which poses are exact: a shift by a twentieth of a pixel changes no
-/// image that one could tell.
+/// image that one could tell. Then only outliers are moved.
 constexpr double kLeastNoise = 0.05;
+
+/// Pixels at the corners by which a pose must be off to be an outlier: among exact poses small things stand out.
+constexpr double kLeastOutlier = 0.5;
 
 // ---- stepped motion ----
 
@@ -541,6 +544,7 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
       ++next;
     }
   }
+  std::vector<double> deviations(n, 0.0);
   for (int round = 0; round < kRobustRounds; ++round)
   {
     Estimate(places, data);
@@ -555,7 +559,7 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
         const double deviation = Deviation(places, s, r) + Deviation(turns, s, r);
         const double ratio = deviation > kFullWeight ? kFullWeight / deviation : 1.0;
         data.weights[s][row] = std::max(ratio * ratio, kLeastWeight);
-        found.isOutlier[path.strokes[s].first + r] = deviation > kOutlier;
+        deviations[path.strokes[s].first + r] = deviation;
       }
     }
   }
@@ -571,11 +575,15 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
   }
   const double turned = 2 * turns.noise;
   found.cornerNoise = std::sqrt(3 * places.noise * places.noise + 2 * turned * turned * lever);
-  std::vector<Trajectory> all(strengths.size(), found);
-  if (found.cornerNoise < kLeastNoise * image.PixelSize())
+  // What strength 1 changes tells outliers, and with exact poses they alone are moved.
+  const double pixel = image.PixelSize();
+  Trajectory one = found;
+  PutBack(path, places, turns, sweep, one);
+  for (int k = 0; k < n; ++k)
   {
-    return all;
+    found.isOutlier[k] = deviations[k] > kOutlier && one.displacement[k] > kLeastOutlier * pixel;
   }
+  std::vector<Trajectory> all(strengths.size(), found);
   for (std::size_t which = 0; which < strengths.size(); ++which)
   {
     if (strengths[which] > 0)
@@ -583,6 +591,14 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
       SmoothAll(places, data, strengths[which]);
       SmoothAll(turns, data, strengths[which]);
       PutBack(path, places, turns, sweep, all[which]);
+      for (int k = 0; k < n; ++k)
+      {
+        if (found.cornerNoise < kLeastNoise * pixel && !found.isOutlier[k])
+        {
+          all[which].imageToReference[k] = sweep.imageToReference[k];
+          all[which].displacement[k] = all[which].rotation[k] = 0;
+        }
+      }
     }
   }
   return all;
