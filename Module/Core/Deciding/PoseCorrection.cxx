@@ -183,7 +183,7 @@ Bands BandsOf(cv::Mat picture)
 }
 
 /// What a test says of new poses against the recorded ones, in a band. With r and r' the residuals at recorded and at new
-/// poses, d = r - r' is what the new poses change. Squares are in units of the band's level, the mean of |r|^2 and
+/// poses (PoseCorrection.md), d = r - r' is what the new poses change. Squares are in units of the band's level, the mean of |r|^2 and
 /// |r'|^2.
 struct Finding
 {
@@ -571,7 +571,11 @@ try
     else if (pictures.NumberOfTests() > 0)
     {
       Candidate best = Choose(sweep, pictures);
-      evidence = NoiseText(best.trajectory) + "; " + EvidenceText(best);
+      evidence = NoiseText(best.trajectory);
+      if (best.trajectory.IsChanged())
+      {
+        evidence += "; " + EvidenceText(best);
+      }
       correction.strength = best.IsConfirmed() ? best.strength : 0;
       correction.trajectory = std::move(best.trajectory);
     }

@@ -56,7 +56,7 @@ struct Trajectory
   bool IsChanged() const;  ///< whether any pose is not the recorded one
 };
 
-/// A smooth path through the recorded poses of all frames (see README.md for the model). A stroke ends where the path
+/// A smooth path through the recorded poses of all frames (its model is in Trajectory.md). A stroke ends where the path
 /// jumps, breaks or turns back; each is smoothed on its own, and one shorter than 5 frames is kept. Poses are also kept,
 /// bit for bit, where motion is stepped or noise is below what matters. The same for every number of threads. O(n).
 /// Throws Error for options out of range and poses that SlicePlane::Validate refuses.
