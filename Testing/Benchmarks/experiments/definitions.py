@@ -669,6 +669,15 @@ E11 = Experiment(
     scored("held_out", "held-out")[:1] + at_planes({**VOLUME_PLANES, **{name: f"turned {title}" for name, title in
                                                                        TURNED_FRAMES.items()}})
     + structure_at({name: f"turned {title}" for name, title in TURNED_FRAMES.items()}) + CROSS + COST
-    + [("sigma mm", "facts.elevation_sigma", 2)], e11_panels, split="scene", shows_decisions=True)
+    + [("sigma mm", "facts.elevation_sigma", 2)], e11_panels,
+    summary=("PSNR in dB",
+             {title: {"method": method}
+              for title, method in (("field", "BIGUS"), ("pose interpolation, any plane", "pose interpolation"),
+                                    ("cubic, any plane", "cubic"), ("compounding, best voxel", "compounding, * mm"))},
+             {**{f"volume, {title}": ({"scene": "liver volume", "every": 4}, f"{column} PSNR")
+                 for title, column in {"unseen z": "held-out", **{name: name for name in VOLUME_PLANES.values()}}.items()},
+              "phantom, 90°": ({"scene": "phantom, linear"}, "turned 90° PSNR"),
+              "its structure": ({"scene": "phantom, linear"}, "turned 90° structure")}),
+    split="scene", shows_decisions=True)
 
 EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E11)}
