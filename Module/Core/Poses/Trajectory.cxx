@@ -53,7 +53,8 @@ constexpr int kRobustRounds = 6;
 /// Squared deviation of a pose in units of the noise, six numbers each of variance 1, up to which it counts in full:
 /// 1.4 % of sound poses lie above. Beyond, its weight falls with the square.
 constexpr double kFullWeight = 16;
-constexpr double kOutlier = 36;  // from here on a pose is reported as an outlier; 2 in a million sound ones are
+constexpr double kOutlier = 36;     // from here on a pose is reported as an outlier; 2 in a million sound ones are
+constexpr double kRounding = 1e-9;  // mm, and of quaternions: files round more
 constexpr double kLeastWeight = 1e-6;
 constexpr double kSuspect = 5;  // median errors of prediction, from which a pose begins with little weight
 constexpr double kSuspectWeight = 1e-3;
@@ -364,7 +365,8 @@ double Deviation(const Motion& motion, std::size_t stroke, int row)
   const SmoothedCurve& curve = motion.curves[stroke];
   const double left = std::max(1 - curve.leverage[row], 1e-9);
   const double squares = (motion.values[stroke].row(row) - curve.values.row(row)).squaredNorm();
-  return squares / (motion.noise * motion.noise * left);
+  const double noise = std::max(motion.noise, kRounding);
+  return squares / (noise * noise * left);
 }
 
 /// How far pose k lies from what two of its four neighbours say, whichever two say it best, mm.

@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What is decided about the poses of real sweeps, half resolution, and that the decision helps frames that had no part
+// in it.
+#include <string>
+
+#include "Core/Deciding/PoseCorrection.h"
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Evaluation/Evaluation.h"
+#include "Data/SweepData.h"
+#include "Support/TestSupport.h"
+#include "vtkBigusSequenceReader.h"
+#include "vtkNew.h"
+
+namespace bigus::test
+{
+namespace
+{
+
+Sweep Read(const std::string& path, const std::string& config = "")
+{
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetFileName(path.c_str());
+  if (!config.empty())
+  {
+    reader->SetConfigFileName(config.c_str());
+  }
+  reader->Update();
+  return SweepFromImage(reader->GetOutput()).sweep->Reduced(2);
+}
+
+/// dB that interpolation between training frames predicts held-out frames better at corrected poses.
+double HeldOutGain(const Sweep& sweep, int holdOut, PoseCorrection& correction)
+{
+  const auto [frames, heldOut] = SplitHoldOut(sweep.NumberOfFrames(), holdOut);
+  correction = CorrectPoses(sweep, frames);
+  const auto score = [frames = frames, heldOut = heldOut](const Sweep& at)
+  {
+    return ScoreFrames(at, heldOut,
+                       [&](int frame, float* image) { PredictPoseInterpolation(at, frames, frame, image); })
+        .psnr;
+  };
+  return score(AtCorrectedPoses(sweep, correction)) - score(sweep);
+}
+
+TEST(RealPoses, LiverIsSmoothedByFramesNumbers)
+{
+  BIGUS_REQUIRE_DATA(path, "liver-sweep/liver_sweep.igs.mha");
+  PoseCorrection found;
+  EXPECT_GT(HeldOutGain(Read(path), 8, found), 0.9) << found.decision.evidence;
+  EXPECT_GE(found.strength, 1);
+  EXPECT_EQ(found.trajectory.clock, FrameClock::Numbers);
+  EXPECT_NEAR(found.trajectory.rotationNoise, 0.08, 0.03);
+}
+
+TEST(RealPoses, WirePhantomsAreSmoothed)
+{
+  const std::string folder = "nwire-fcal/fCal_Test_";
+  for (const std::string name : {"Calibration", "Validation"})
+  {
+    BIGUS_REQUIRE_DATA(path, folder + name + "_3NWires_fCal2.0.igs.mha");
+    BIGUS_REQUIRE_DATA(config, "nwire-fcal/PlusDeviceSet_fCal_Sim_VolumeReconstruction.xml");
+    PoseCorrection found;
+    EXPECT_GT(HeldOutGain(Read(path, config), 8, found), 5) << found.decision.evidence;
+    EXPECT_GE(found.strength, 1);
+  }
+}
+
+TEST(RealPoses, SpineIsSmoothedWhateverIsHeldOut)
+{
+  BIGUS_REQUIRE_DATA(path, "spine-phantom/SpinePhantomFreehand.igs.mha");
+  BIGUS_REQUIRE_DATA(config, "spine-phantom/PlusDeviceSet_SpinePhantomFreehandReconstructionOnly.xml");
+  const Sweep sweep = Read(path, config);
+  for (const int holdOut : {0, 4, 5, 8})
+  {
+    const PoseCorrection found = CorrectPoses(sweep, SplitHoldOut(sweep.NumberOfFrames(), holdOut).first);
+    EXPECT_GT(found.strength, 0) << holdOut << ": " << found.decision.evidence;
+  }
+}
+
+TEST(RealPoses, BrainIsLeftAsTrackedWhateverIsHeldOut)
+{
+  BIGUS_REQUIRE_DATA(path, "brain-sweep/us_brain_sweep.igs.mha");
+  const Sweep sweep = Read(path);
+  for (const int holdOut : {0, 3, 4, 5})
+  {
+    const PoseCorrection found = CorrectPoses(sweep, SplitHoldOut(sweep.NumberOfFrames(), holdOut).first);
+    EXPECT_EQ(found.trajectory.imageToReference, sweep.imageToReference) << holdOut << ": " << found.decision.evidence;
+  }
+}
+
+}  // namespace
+}  // namespace bigus::test
