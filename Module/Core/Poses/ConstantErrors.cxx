@@ -1,0 +1,1066 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Poses/ConstantErrors.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "Core/Model/SlicePlane.h"
+#include "Core/Numerics/Constants.h"
+#include "Core/Numerics/LevenbergMarquardt.h"
+#include "Core/Numerics/Random.h"
+#include "Core/Poses/Alignment.h"
+#include "Core/Poses/PoseError.h"
+
+namespace bigus
+{
+namespace
+{
+
+// What is sought, in this order: delay in seconds, shift in mm, rotation in degrees; of the correction.
+constexpr int kParameters = 7;
+using Vector = Eigen::Matrix<double, kParameters, 1>;
+using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+
+/// The same three numbers for the three kinds of parameter.
+Vector PerKind(double delay, double shift, double rotation)
+{
+  Vector all;
+  all << delay, shift, shift, shift, rotation, rotation, rotation;
+  return all;
+}
+
+// Errors of this size (standard deviation) are expected before a picture is seen.
+const Vector kPrior = PerKind(0.1, 3, 3);
+// A parameter whose standard error is larger is left at 0, ...
+const Vector kObservable = PerKind(0.01, 0.3, 0.3);
+// ... unless it differs from 0 by so many standard errors, and they are at most so many times larger. Fewer standard
+// errors are no evidence of an error; much larger ones come with what single poses are off by.
+constexpr double kTold = 2;
+constexpr double kLeastKnown = 2;
+// Estimates of phantoms without error scatter by twice their standard errors: beams of different directions do not show
+// the same, and that is the same in all of the overlap.
+constexpr double kSystematic = 2;
+constexpr double kLeastBending = 0.1;  // mm: a correction that bends the sweep less is not worth the change
+constexpr double kSure = 2;            // standard errors by which corrected frames must agree better
+constexpr std::size_t kFewestPlaces = 500;
+
+Eigen::Vector3d RotationVector(const Eigen::Matrix3d& rotation)
+{
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix3d RotationBy(const Eigen::Vector3d& vector)
+{
+  const double angle = vector.norm();
+  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
+}
+
+Eigen::Matrix3d AxesOf(const SlicePlane& plane)
+{
+  Eigen::Matrix3d axes;
+  axes.col(0) = plane.columnStep.normalized();
+  axes.col(2) = plane.Normal();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  return axes;
+}
+
+Eigen::Vector3d CentreOf(const SlicePlane& plane)
+{
+  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+}
+
+double Median(std::vector<double> values)
+{
+  if (values.empty())
+  {
+    return 0;
+  }
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
+}
+
+// ---- The path ----
+
+constexpr double kBreak = 5;   // times the median time or distance between frames: the path does not go on
+constexpr int kPathReach = 5;  // frames to each side that say how the path bends; a quarter of a second at 20 Hz
+
+/// The recorded poses and how they go on in time.
+class Path
+{
+public:
+  explicit Path(const Sweep& sweep)
+  {
+    const int frames = sweep.NumberOfFrames();
+    std::vector<double> waits, steps;
+    for (int k = 0; k < frames; ++k)
+    {
+      planes_.push_back(sweep.Plane(k));
+      if (k > 0)
+      {
+        steps.push_back((CentreOf(planes_[k]) - CentreOf(planes_[k - 1])).norm());
+        waits.push_back(sweep.timestamps.empty() ? 1 : sweep.timestamps[k] - sweep.timestamps[k - 1]);
+      }
+    }
+    const double wait = Median(waits), step = Median(steps);
+    segment_.assign(frames, 0);
+    for (int k = 1; k < frames; ++k)
+    {
+      const bool breaks = !(waits[k - 1] > 0 && waits[k - 1] <= kBreak * wait) || steps[k - 1] > kBreak * step;
+      segment_[k] = segment_[k - 1] + (breaks ? 1 : 0);
+    }
+    bends_.assign(frames, Bend::Zero());
+    for (int k = 0; k < frames && !sweep.timestamps.empty(); ++k)
+    {
+      bends_[k] = BendAt(sweep, k);
+      speed_ += bends_[k].block<1, 3>(0, 0).norm() / frames;
+    }
+  }
+
+  /// mm a second, on average; 0 when there are no times.
+  double Speed() const { return speed_; }
+  /// Frames of one segment follow each other without a break.
+  int Segment(int frame) const { return segment_[frame]; }
+  const SlicePlane& Recorded(int frame) const { return planes_[frame]; }
+
+  /// Where the frame is once q is corrected. The motion of the smooth path within the delay is added to the recorded
+  /// pose, so the tracker's noise stays as it is: to read the path between frames would average noise away, which
+  /// makes any delay of half a frame look good.
+  SlicePlane Corrected(int frame, const Vector& q) const
+  {
+    SlicePlane plane = planes_[frame];
+    if (q[0] != 0)
+    {
+      const Eigen::Matrix<double, 1, 6> motion = q[0] * bends_[frame].row(0) + q[0] * q[0] * bends_[frame].row(1);
+      const Eigen::Matrix3d turn = RotationBy(motion.tail<3>().transpose());
+      const Eigen::Vector3d centre = CentreOf(plane);
+      plane.columnStep = turn * plane.columnStep;
+      plane.rowStep = turn * plane.rowStep;
+      plane.origin = centre + motion.head<3>().transpose() + turn * (plane.origin - centre);
+    }
+    return Moved(plane, q.segment<3>(1), q.tail<3>());
+  }
+
+private:
+  using Bend = Eigen::Matrix<double, 2, 6>;  // of tau and tau^2: position of the centre, mm; rotation vector, radians
+
+  /// Least squares of a parabola in time through the poses around frame k.
+  Bend BendAt(const Sweep& sweep, int k) const
+  {
+    std::vector<int> near;
+    for (int n = std::max(0, k - kPathReach); n <= std::min(sweep.NumberOfFrames() - 1, k + kPathReach); ++n)
+    {
+      if (segment_[n] == segment_[k])
+      {
+        near.push_back(n);
+      }
+    }
+    Bend bend = Bend::Zero();
+    const int terms = near.size() >= 5 ? 3 : near.size() >= 2 ? 2 : 1;
+    Eigen::MatrixXd powers(near.size(), terms), motions(near.size(), 6);
+    const Eigen::Matrix3d axes = AxesOf(planes_[k]);
+    for (std::size_t n = 0; n < near.size(); ++n)
+    {
+      const SlicePlane& there = planes_[near[n]];
+      for (int term = 0; term < terms; ++term)
+      {
+        powers(n, term) = std::pow(sweep.timestamps[near[n]] - sweep.timestamps[k], term);
+      }
+      motions.row(n) << (CentreOf(there) - CentreOf(planes_[k])).transpose(),
+          RotationVector(AxesOf(there) * axes.transpose()).transpose();
+    }
+    if (terms > 1)
+    {
+      bend.topRows(terms - 1) = powers.colPivHouseholderQr().solve(motions).bottomRows(terms - 1);
+    }
+    return bend;
+  }
+
+  std::vector<SlicePlane> planes_;
+  std::vector<int> segment_;
+  std::vector<Bend> bends_;
+  double speed_ = 0;
+};
+
+// ---- Places that are seen twice ----
+
+constexpr int kTries = 40000;  // places looked at for a second view
+constexpr std::size_t kMostPlaces = 12000;
+constexpr double kCrossing = 10;    // degrees between two planes from which on they cross
+constexpr double kAway = 4;         // mm: a place that the probe left so far and came back to is seen anew
+constexpr double kWidestGap = 0.8;  // mm between two frames that a place between them is predicted from
+
+/// Where a frame is, for points to be projected onto it.
+struct View
+{
+  SlicePlane plane;
+  Eigen::Matrix3d toSlice;
+  Eigen::Vector3d normal;
+  double offset;  // of the plane along its normal, mm
+
+  double Height(const Eigen::Vector3d& point) const { return normal.dot(point) - offset; }
+  Eigen::Vector3d Project(const Eigen::Vector3d& point) const { return toSlice * (point - plane.origin); }
+};
+
+constexpr double kCell = 8;  // mm: what places of different cells say is independent; 4 to 15 gave the same errors
+using Cell = std::array<int, 3>;
+
+Cell CellOf(const Eigen::Vector3d& point, double size)
+{
+  const Eigen::Vector3d cell = (point / size).array().floor();
+  return {static_cast<int>(cell[0]), static_cast<int>(cell[1]), static_cast<int>(cell[2])};
+}
+
+/// A pixel of one frame, and the first of two consecutive frames between which it lies. Frames are counted among those
+/// whose pixels may be read.
+struct Place
+{
+  int frame;
+  double i, j;
+  int before;
+};
+
+/// The frames whose pixels may be read, on the path.
+class Sight
+{
+public:
+  Sight(const Sweep& sweep, const std::vector<int>& frames) : path_(sweep), frames_(frames) {}
+
+  const Path& ThePath() const { return path_; }
+  int Count() const { return static_cast<int>(frames_.size()); }
+  const SlicePlane& Recorded(int k) const { return path_.Recorded(frames_[k]); }
+  bool Follow(int a, int b) const { return path_.Segment(frames_[a]) == path_.Segment(frames_[b]); }
+
+  std::vector<View> Views(const Vector& q) const
+  {
+    std::vector<View> views;
+    for (const int frame : frames_)
+    {
+      const SlicePlane plane = path_.Corrected(frame, q);
+      const Eigen::Vector3d normal = plane.Normal();
+      views.push_back({plane, plane.WorldToSlice(), normal, normal.dot(plane.origin)});
+    }
+    return views;
+  }
+
+  /// Places of frames that lie between two consecutive frames which cross this one, or which were taken after the probe
+  /// had been away or had been lifted. Frames next to each other on the path tell nothing: an oblique vessel seems to
+  /// move in the image just as if the image were turned on the probe.
+  std::vector<Place> FindPlaces(const Vector& q) const
+  {
+    const std::vector<View> views = Views(q);
+    std::vector<std::vector<Place>> found(Count());
+    tbb::parallel_for(0, Count(), [&](int a) { found[a] = PlacesOf(a, views); });
+    std::vector<Place> all;
+    for (const std::vector<Place>& places : found)
+    {
+      all.insert(all.end(), places.begin(), places.end());
+    }
+    const std::size_t kept = std::min(all.size(), kMostPlaces);
+    for (std::size_t n = 0; n < kept; ++n)
+    {
+      all[n] = all[n * all.size() / kept];
+    }
+    all.resize(kept);
+    return all;
+  }
+
+private:
+  std::vector<Place> PlacesOf(int a, const std::vector<View>& views) const
+  {
+    std::vector<Place> places;
+    RandomNumbers random(static_cast<std::uint64_t>(a));
+    const SlicePlane& plane = views[a].plane;
+    std::vector<double> height(views.size());
+    for (int n = 0; n < std::max(1, kTries / Count()); ++n)
+    {
+      Place place{a, random.Uniform(0, plane.width - 1), random.Uniform(0, plane.height - 1), 0};
+      const std::uint64_t choice = random.Bits();
+      const Eigen::Vector3d point = plane.Point(place.i, place.j);
+      for (std::size_t b = 0; b < views.size(); ++b)
+      {
+        height[b] = views[b].Height(point);
+      }
+      std::vector<int> pairs;
+      AddPairs(a, -1, point, views, height, pairs);
+      AddPairs(a, 1, point, views, height, pairs);
+      if (!pairs.empty())
+      {
+        place.before = pairs[choice % pairs.size()];
+        places.push_back(place);
+      }
+    }
+    return places;
+  }
+
+  void AddPairs(int a, int side, const Eigen::Vector3d& point, const std::vector<View>& views,
+                const std::vector<double>& height, std::vector<int>& pairs) const
+  {
+    const double crossing = std::cos(kCrossing * kRadiansPerDegree);
+    double away = 0;
+    for (int b = a + side, c = b + side; b >= 0 && c >= 0 && b < Count() && c < Count(); b = c, c += side)
+    {
+      away = std::max(away, std::abs(height[b]));
+      if ((height[b] > 0) != (height[c] > 0) && std::abs(height[b] - height[c]) <= kWidestGap && Follow(b, c))
+      {
+        const bool isAnew = std::abs(views[b].normal.dot(views[a].normal)) < crossing || away > kAway || !Follow(a, b);
+        const Eigen::Vector3d at = views[b].Project(point);
+        const bool isInside =
+            at[0] >= 0 && at[1] >= 0 && at[0] <= views[b].plane.width - 1 && at[1] <= views[b].plane.height - 1;
+        if (isAnew && isInside)
+        {
+          pairs.push_back(std::min(b, c));
+        }
+      }
+    }
+  }
+
+  Path path_;
+  const std::vector<int> frames_;
+};
+
+// ---- Pictures ----
+
+constexpr std::size_t kMostPixels = std::size_t(1) << 24;  // of all pictures of a level: 64 MB of floats
+// Standard deviations: what is wider is taken out of the pictures, because gain and enhancement depend on the beam.
+constexpr double kFlattening = 3;
+// Of white: what is darker is left out. Shadows turn with the beam.
+constexpr float kDark = 0.1f;
+
+/// The frames smoothed, in the frame and across frames.
+class Pictures
+{
+public:
+  /// `sigma` is in mm.
+  Pictures(const Sweep& seen, const Sight& sight, double sigma)
+  {
+    const double pixel = seen.Plane(0).PixelSize();
+    block_ = std::max(1, static_cast<int>(std::lround(0.7 * sigma / pixel)));
+    const int coarsest = std::max(1, std::min(seen.width, seen.height) / 8);
+    while (seen.PixelsPerFrame() * seen.NumberOfFrames() / (block_ * block_) > kMostPixels)
+    {
+      ++block_;
+    }
+    block_ = std::min(block_, coarsest);
+    // A box of n pixels has the variance n^2 / 12.
+    const double blur = std::sqrt(std::max(0.01, std::pow(sigma / (pixel * block_), 2) - 1.0 / 12));
+    SmoothInPlane(seen.Reduced(block_), blur);
+    SmoothAcross(sight, sigma);
+    Flatten(kFlattening * sigma / (pixel * block_));
+  }
+
+  /// At pixel (i, j) of the full-size frame; false where nothing is to be read.
+  bool Sample(int frame, double i, double j, double& value) const
+  {
+    const double u = (i - 0.5 * (block_ - 1)) / block_, v = (j - 0.5 * (block_ - 1)) / block_;
+    const cv::Mat& image = images_[frame];
+    if (!(u >= 0 && v >= 0 && u < image.cols - 1 && v < image.rows - 1))
+    {
+      return false;
+    }
+    const int x = static_cast<int>(u), y = static_cast<int>(v);
+    const auto* m0 = usable_[frame].ptr<std::uint8_t>(y) + x;
+    const auto* m1 = usable_[frame].ptr<std::uint8_t>(y + 1) + x;
+    if (!(m0[0] && m0[1] && m1[0] && m1[1]))
+    {
+      return false;
+    }
+    const double fx = u - x, fy = v - y;
+    const float* p0 = image.ptr<float>(y) + x;
+    const float* p1 = image.ptr<float>(y + 1) + x;
+    value = (1 - fy) * ((1 - fx) * p0[0] + fx * p0[1]) + fy * ((1 - fx) * p1[0] + fx * p1[1]);
+    return true;
+  }
+
+private:
+  static cv::Mat Blurred(const cv::Mat& image, double sigma)
+  {
+    cv::Mat out;
+    cv::GaussianBlur(image, out, {}, sigma, sigma, cv::BORDER_CONSTANT);
+    return out;
+  }
+
+  /// Weighted by what is lit.
+  void SmoothInPlane(const Sweep& reduced, double blur)
+  {
+    cv::Mat lit(reduced.height, reduced.width, CV_32F), isLit(reduced.height, reduced.width, CV_8U);
+    for (std::size_t p = 0; p < reduced.PixelsPerFrame(); ++p)
+    {
+      isLit.ptr()[p] = reduced.IsLit(p) ? 1 : 0;
+      lit.ptr<float>()[p] = isLit.ptr()[p];
+    }
+    const cv::Mat weight = cv::max(Blurred(lit, blur), 1e-3f);
+    images_.resize(reduced.NumberOfFrames());
+    usable_.assign(images_.size(), isLit);
+    tbb::parallel_for(0, reduced.NumberOfFrames(),
+                      [&](int k)
+                      {
+                        cv::Mat image(reduced.height, reduced.width, CV_32F);
+                        reduced.CopyFrame(k, image.ptr<float>());
+                        images_[k] = Blurred(image.mul(lit), blur) / weight;
+                      });
+  }
+
+  /// Speckle of two directions is alike only when it is smoothed alike in all directions. Frames that cross, or were
+  /// taken another time, must not flow together, or they would agree at the given poses whatever these are: the sum
+  /// ends at 2 sigma and at a third of the angle from which on planes cross.
+  void SmoothAcross(const Sight& sight, double sigma)
+  {
+    const double parallel = std::cos(kCrossing / 3 * kRadiansPerDegree);
+    std::vector<cv::Mat> smoothed(images_.size());
+    tbb::parallel_for(0, sight.Count(),
+                      [&](int k)
+                      {
+                        const SlicePlane& plane = sight.Recorded(k);
+                        cv::Mat sum = images_[k] * Spacing(sight, k);
+                        cv::Mat weights(sum.rows, sum.cols, CV_32F, cv::Scalar(Spacing(sight, k)));
+                        for (const int side : {-1, 1})
+                        {
+                          cv::Mat going(sum.rows, sum.cols, CV_8U, cv::Scalar(1));
+                          bool any = true;
+                          for (int b = k + side; any && b >= 0 && b < sight.Count(); b += side)
+                          {
+                            const SlicePlane& there = sight.Recorded(b);
+                            any = sight.Follow(k, b) && std::abs(there.Normal().dot(plane.Normal())) > parallel &&
+                                  AddAcross(plane, there, b, Spacing(sight, b), sigma, going, sum, weights);
+                          }
+                        }
+                        smoothed[k] = sum / weights;
+                      });
+    images_ = std::move(smoothed);
+  }
+
+  /// Length of the path that frame k stands for, mm.
+  static double Spacing(const Sight& sight, int k)
+  {
+    const int before = k > 0 && sight.Follow(k - 1, k) ? k - 1 : k;
+    const int after = k + 1 < sight.Count() && sight.Follow(k, k + 1) ? k + 1 : k;
+    const double length = (CentreOf(sight.Recorded(after)) - CentreOf(sight.Recorded(before))).norm();
+    return std::max(1e-3, length / std::max(1, after - before));
+  }
+
+  /// Adds frame `b`, which is `there`, to a weighted sum at `plane`, where it is near. False when it is near nowhere.
+  bool AddAcross(const SlicePlane& plane, const SlicePlane& there, int b, double share, double sigma, cv::Mat& going,
+                 cv::Mat& sum, cv::Mat& weights) const
+  {
+    const double first = 0.5 * (block_ - 1);
+    const Eigen::Matrix3d toSlice = there.WorldToSlice();
+    const Eigen::Vector3d origin = toSlice * (plane.Point(first, first) - there.origin);
+    const Eigen::Vector3d right = block_ * toSlice * plane.columnStep, down = block_ * toSlice * plane.rowStep;
+    bool any = false;
+    for (int y = 0; y < sum.rows; ++y)
+    {
+      auto* s = sum.ptr<float>(y);
+      auto* w = weights.ptr<float>(y);
+      auto* go = going.ptr<std::uint8_t>(y);
+      for (int x = 0; x < sum.cols; ++x)
+      {
+        const Eigen::Vector3d at = origin + x * right + y * down;
+        const double distance = at[2] / sigma;
+        go[x] = go[x] && distance * distance < 4 ? 1 : 0;
+        double value = 0;
+        if (go[x] && Sample(b, at[0], at[1], value))
+        {
+          const double weight = share * std::exp(-0.5 * distance * distance);
+          s[x] += static_cast<float>(weight * value);
+          w[x] += static_cast<float>(weight);
+        }
+        any = any || go[x];
+      }
+    }
+    return any;
+  }
+
+  void Flatten(double blur)
+  {
+    tbb::parallel_for(std::size_t(0), images_.size(),
+                      [&](std::size_t k)
+                      {
+                        cv::Mat bright = (images_[k] > kDark) & (usable_[k] > 0), weight;
+                        bright.convertTo(weight, CV_32F, 1.0 / 255);
+                        const cv::Mat mean = Blurred(images_[k].mul(weight), blur);
+                        images_[k] = images_[k] - mean / cv::max(Blurred(weight, blur), 1e-3f);
+                        usable_[k] = bright;
+                      });
+  }
+
+  int block_ = 1;  // pixels a side that became one
+  std::vector<cv::Mat> images_, usable_;
+};
+
+// ---- What is minimised ----
+
+/// The disagreement of frames at places that are seen twice: the difference r between what one frame shows there and
+/// what two consecutive others show in between, in sum of w log(1 + r^2 / s^2), and the prior.
+class Disagreement
+{
+public:
+  struct State
+  {
+    std::vector<float> differences;  // not a number where the place is not seen
+    double cost = 0;
+  };
+
+  /// `sigma`, mm, is that of the pictures. `free` parameters may change.
+  Disagreement(const Sight& sight, const Pictures& pictures, double sigma, const std::vector<Place>& places,
+               const std::vector<bool>& free, const Vector& q)
+      : sight_(sight), pictures_(pictures), free_(free)
+  {
+    const SlicePlane& plane = sight.Recorded(0);
+    // Root mean square distance of the pixels from the centre of a square image of this diagonal.
+    const double lever = 0.29 * std::hypot(plane.width * plane.columnStep.norm(), plane.height * plane.rowStep.norm());
+    const double speed = sight.ThePath().Speed();
+    step_ = PerKind(speed > 0 ? 1 / speed : 0, 1, 1 / lever / kRadiansPerDegree) * 0.25 * sigma;
+    KeepSeen(places, q);
+    Calibrate(sigma, q);
+  }
+
+  const std::vector<Place>& Places() const { return places_; }
+
+  State Evaluate(const Vector& q) const
+  {
+    State state;
+    state.differences = Differences(q);
+    double sum = 0;
+    for (std::size_t n = 0; n < places_.size(); ++n)
+    {
+      // A place that is lost counts as it was: to lose sight of it is no gain.
+      const double r = std::isnan(state.differences[n]) ? start_[n] : state.differences[n];
+      sum += Cost(r);
+    }
+    state.cost = share_ * sum + q.cwiseQuotient(kPrior).squaredNorm();
+    return state;
+  }
+
+  /// Of one difference.
+  double Cost(double r) const { return std::log1p(r * r / (scale_ * scale_)); }
+
+  std::pair<Matrix, Vector> Linearise(const Vector& q, const State& state) const
+  {
+    Matrix hessian = Matrix::Zero();
+    Vector gradient = Vector::Zero();
+    ForEachRow(q, state,
+               [&](std::size_t, double weight, const Vector& row, double r)
+               {
+                 hessian.noalias() += weight * row * row.transpose();
+                 gradient += weight * r * row;
+               });
+    hessian.diagonal() += kPrior.cwiseAbs2().cwiseInverse();
+    for (int p = 0; p < kParameters; ++p)
+    {
+      gradient[p] += free_[p] ? q[p] / (kPrior[p] * kPrior[p]) : 0;
+    }
+    return {hessian, gradient};
+  }
+
+  Vector Bounded(const Vector& q) const { return q.cwiseMax(-3 * kPrior).cwiseMin(3 * kPrior); }
+
+  bool IsConverged(const Vector& from, const Vector& to, double /*costFrom*/, double /*costTo*/) const
+  {
+    return ((to - from).cwiseAbs() - 0.06 * step_).maxCoeff() <= 0;
+  }
+
+  /// Covariance of the free parameters at the minimum. Differences of places close together are alike, and so are those
+  /// of one frame, whose pose has an error of its own. So gradients are added up by cell of space and by frame before
+  /// they are squared; what both count is taken away once (clustering in two ways: Cameron, Gelbach and Miller, 2011).
+  Matrix Covariance(const Vector& q, const State& state) const
+  {
+    const std::vector<View> views = sight_.Views(q);
+    std::map<Cell, Vector> cells;
+    std::map<int, Vector> frames;
+    std::map<std::pair<Cell, int>, Vector> both;
+    Matrix hessian = Matrix::Zero();
+    ForEachRow(q, state,
+               [&](std::size_t n, double weight, const Vector& row, double r)
+               {
+                 const Place& place = places_[n];
+                 const Cell cell = CellOf(views[place.frame].plane.Point(place.i, place.j), kCell);
+                 const Vector gradient = weight * r * row;
+                 cells.try_emplace(cell, Vector::Zero()).first->second += gradient;
+                 frames.try_emplace(place.frame, Vector::Zero()).first->second += gradient;
+                 both.try_emplace({cell, place.frame}, Vector::Zero()).first->second += gradient;
+                 hessian.noalias() += weight * row * row.transpose();
+               });
+    const Matrix prior = kPrior.cwiseAbs2().cwiseInverse().asDiagonal();
+    const Matrix inverse = (Bending(q, state, hessian) * hessian + prior).inverse();
+    const Matrix byCell = Squares(cells);
+    Matrix scatter = byCell + Squares(frames) - Squares(both);
+    Matrix covariance = inverse * (scatter + prior) * inverse;
+    // What is taken away may be more than was there by chance.
+    const Matrix least = inverse * (byCell + prior) * inverse;
+    covariance.diagonal() = covariance.diagonal().cwiseMax(least.diagonal());
+    return covariance;
+  }
+
+  /// Differences where the search began, one a place.
+  const std::vector<float>& Start() const { return start_; }
+
+private:
+  template <class Key>
+  static Matrix Squares(const std::map<Key, Vector>& sums)
+  {
+    Matrix squares = Matrix::Zero();
+    for (const auto& [key, sum] : sums)
+    {
+      squares += sum * sum.transpose();
+    }
+    return squares;
+  }
+
+  void KeepSeen(const std::vector<Place>& places, const Vector& q)
+  {
+    places_ = places;
+    const std::vector<float> differences = Differences(q);
+    places_.clear();
+    for (std::size_t n = 0; n < places.size(); ++n)
+    {
+      if (!std::isnan(differences[n]))
+      {
+        places_.push_back(places[n]);
+      }
+    }
+  }
+
+  /// Regression of the one view on the other, scale of the differences, and how many of them are independent.
+  void Calibrate(double sigma, const Vector& q)
+  {
+    if (places_.empty())
+    {
+      return;
+    }
+    // Two views of speckle are alike only in part. Without the slope the cost would also fall where the prediction is
+    // merely smoother, and bend more than what the two views share.
+    const std::vector<float> differences = Differences(q);
+    const double n = static_cast<double>(places_.size());
+    Eigen::MatrixX2d views(places_.size(), 2);
+    for (std::size_t k = 0; k < places_.size(); ++k)
+    {
+      double here = 0;
+      pictures_.Sample(places_[k].frame, places_[k].i, places_[k].j, here);
+      views.row(k) << here + differences[k], here;
+    }
+    const Eigen::RowVector2d mean = views.colwise().sum() / n;
+    const Eigen::MatrixX2d centred = views.rowwise() - mean;
+    const double variance = centred.col(0).squaredNorm();
+    slope_ = variance > 0 ? std::max(0.0, centred.col(0).dot(centred.col(1)) / variance) : 1;
+    offset_ = mean[1] - slope_ * mean[0];
+
+    start_ = Differences(q);
+    std::vector<double> sizes;
+    for (const float r : start_)
+    {
+      sizes.push_back(std::abs(r));
+    }
+    // Cauchy's weights are 95 % efficient at 2.385 standard deviations; one is 1.4826 times the median size.
+    scale_ = std::max(1e-3, 2.385 * 1.4826 * Median(sizes));
+
+    // Places closer than the smoothing say the same.
+    std::set<Cell> cells;
+    const std::vector<View> frames = sight_.Views(q);
+    for (const Place& place : places_)
+    {
+      cells.insert(CellOf(frames[place.frame].plane.Point(place.i, place.j), 3 * sigma));
+    }
+    share_ = static_cast<double>(cells.size()) / n;
+  }
+
+  /// How much less the cost bends than its linearisation says, because outliers hardly count and two views share less
+  /// fine structure than each has; the same in all directions, so taken from those that bend it well.
+  double Bending(const Vector& q, const State& state, const Matrix& hessian) const
+  {
+    std::vector<double> ratios;
+    for (int p = 0; p < kParameters; ++p)
+    {
+      const double step = 2 * step_[p], bend = hessian(p, p) * step * step;
+      if (free_[p] && step > 0 && bend > 0)
+      {
+        const double up = Evaluate(q + step * Vector::Unit(p)).cost, down = Evaluate(q - step * Vector::Unit(p)).cost;
+        ratios.push_back((up + down - 2 * state.cost) / (2 * bend));
+      }
+    }
+    return std::clamp(Median(ratios), 0.1, 1.0);
+  }
+
+  std::vector<float> Differences(const Vector& q) const
+  {
+    const std::vector<View> views = sight_.Views(q);
+    std::vector<float> differences(places_.size());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places_.size(), 256),
+                      [&](const tbb::blocked_range<std::size_t>& range)
+                      {
+                        for (std::size_t n = range.begin(); n < range.end(); ++n)
+                        {
+                          differences[n] = Difference(views, places_[n]);
+                        }
+                      });
+    return differences;
+  }
+
+  float Difference(const std::vector<View>& views, const Place& place) const
+  {
+    constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+    const Eigen::Vector3d point = views[place.frame].plane.Point(place.i, place.j);
+    // The pair that encloses the point, looked for from where it was.
+    int b = place.before;
+    double low = views[b].Height(point), high = views[b + 1].Height(point);
+    for (int direction = 0; (low > 0) == (high > 0);)
+    {
+      const int towards = std::abs(high) < std::abs(low) ? 1 : -1;
+      b += towards;
+      if (direction * towards < 0 || b < 0 || b + 1 >= sight_.Count() || !sight_.Follow(b, b + 1))
+      {
+        return kNone;  // the path turns round here, or ends
+      }
+      direction = towards;
+      low = views[b].Height(point);
+      high = views[b + 1].Height(point);
+    }
+    const Eigen::Vector3d p = views[b].Project(point), s = views[b + 1].Project(point);
+    double here = 0, first = 0, second = 0;
+    if (std::abs(high - low) > kWidestGap || !pictures_.Sample(place.frame, place.i, place.j, here) ||
+        !pictures_.Sample(b, p[0], p[1], first) || !pictures_.Sample(b + 1, s[0], s[1], second))
+    {
+      return kNone;
+    }
+    const double share = low / (low - high);
+    return static_cast<float>(offset_ + slope_ * ((1 - share) * first + share * second) - here);
+  }
+
+  /// Calls add(place, weight, derivatives, difference) for each place that counts.
+  template <class Add>
+  void ForEachRow(const Vector& q, const State& state, Add add) const
+  {
+    std::array<std::vector<float>, kParameters> after, before;
+    for (int p = 0; p < kParameters; ++p)
+    {
+      if (free_[p])
+      {
+        after[p] = Differences(q + step_[p] * Vector::Unit(p));
+        before[p] = Differences(q - step_[p] * Vector::Unit(p));
+      }
+    }
+    for (std::size_t n = 0; n < places_.size(); ++n)
+    {
+      Vector row = Vector::Zero();
+      for (int p = 0; p < kParameters; ++p)
+      {
+        row[p] = free_[p] ? (after[p][n] - before[p][n]) / (2 * step_[p]) : 0;
+      }
+      const double r = state.differences[n];
+      if (!std::isnan(r) && row.allFinite())
+      {
+        add(n, share_ / (scale_ * scale_ + r * r), row, r);
+      }
+    }
+  }
+
+  const Sight& sight_;
+  const Pictures& pictures_;
+  std::vector<bool> free_;
+  std::vector<Place> places_;
+  std::vector<float> start_;  // differences where the search began
+  Vector step_;               // of central differences: a quarter of the smoothing
+  double scale_ = 1;          // s
+  double share_ = 1;          // w: of the places that are independent
+  double slope_ = 1, offset_ = 0;
+};
+
+struct Fit
+{
+  Vector value = Vector::Zero();
+  // Of all parameters at once.
+  Vector standardError = Vector::Constant(std::numeric_limits<double>::infinity());
+  std::vector<bool> free;  // those that were not left at 0
+  int places = 0;
+};
+
+/// Coarse to fine.
+class Search
+{
+public:
+  Search(const Sweep& seen, const Sight& sight) : seen_(seen), sight_(sight) {}
+
+  /// No place where hardly any is seen twice.
+  Fit Run()
+  {
+    Fit fit;
+    finest_ = std::max(kFinest, seen_.Plane(0).PixelSize());
+    for (double sigma = kCoarsest * finest_; sigma >= finest_; sigma /= 2)
+    {
+      if (sight_.FindPlaces(fit.value).size() < kFewestPlaces)
+      {
+        return Fit();
+      }
+      pictures_ = std::make_unique<Pictures>(seen_, sight_, sigma);
+      if (!RunLevel(sigma, fit))
+      {
+        return Fit();
+      }
+    }
+    return fit;
+  }
+
+  /// How frames that did not tell a correction judge it.
+  struct Judgement
+  {
+    double before = 0, after = 0;  // root mean square differences without and with the correction
+    double sureness = 0;           // the gain, in its standard errors
+  };
+
+  /// Each half of the frames judges what the other half says.
+  Judgement Judge(const Fit& fit) const
+  {
+    const std::vector<Place> all = sight_.FindPlaces(fit.value);
+    const std::vector<View> views = sight_.Views(fit.value);
+    Judgement out;
+    std::map<Cell, double> cells;
+    std::map<int, double> frames;
+    double count = 0;
+    for (const int half : {0, 1})
+    {
+      const Vector told = Minimum(Problem(Half(all, half), finest_, fit.free, fit.value), fit.value).first;
+      // Both times the same places, and a regression of their own.
+      const Vector none = Vector::Zero();
+      const Disagreement seenBefore = Problem(Half(all, 1 - half), finest_, fit.free, none);
+      const Disagreement after = Problem(seenBefore.Places(), finest_, fit.free, told);
+      const Disagreement before = Problem(after.Places(), finest_, fit.free, none);
+      for (std::size_t n = 0; n < before.Places().size(); ++n)
+      {
+        const Place& place = before.Places()[n];
+        const double gain = before.Cost(before.Start()[n]) - before.Cost(after.Start()[n]);
+        cells[CellOf(views[place.frame].plane.Point(place.i, place.j), kCell)] += gain;
+        frames[place.frame] += gain;
+        out.before += std::pow(before.Start()[n], 2);
+        out.after += std::pow(after.Start()[n], 2);
+        ++count;
+      }
+    }
+    out.before = std::sqrt(out.before / std::max(1.0, count));
+    out.after = std::sqrt(out.after / std::max(1.0, count));
+    out.sureness = std::min(Sureness(cells), Sureness(frames));
+    return out;
+  }
+
+private:
+  static constexpr double kFinest = 0.3;  // mm: the width of the finest smoothing, about a speckle's
+  static constexpr double kCoarsest = 8;  // times that: errors of 3 mm and 3 degrees are found from there
+  static constexpr int kIterations = 12;  // Gauss-Newton steps at most
+
+  Disagreement Problem(const std::vector<Place>& places, double sigma, const std::vector<bool>& free,
+                       const Vector& q) const
+  {
+    return Disagreement(sight_, *pictures_, sigma, places, free, q);
+  }
+
+  /// A sum in standard errors. What is counted under one key is alike.
+  template <class Key>
+  static double Sureness(const std::map<Key, double>& gains)
+  {
+    double sum = 0, squares = 0;
+    for (const auto& [key, gain] : gains)
+    {
+      sum += gain;
+      squares += gain * gain;
+    }
+    return squares > 0 ? sum / std::sqrt(squares) : 0;
+  }
+
+  static std::pair<Vector, Disagreement::State> Minimum(const Disagreement& problem, Vector q)
+  {
+    LevenbergMarquardtOptions descent;
+    descent.iterations = kIterations;
+    Disagreement::State state = problem.Evaluate(q);
+    MinimiseByLevenbergMarquardt(problem, descent, q, state);
+    return {q, state};
+  }
+
+  /// Those of which both frames are of every second block of frames: no frame serves two halves, so that the errors of
+  /// single poses cannot speak for the same correction in both.
+  static std::vector<Place> Half(const std::vector<Place>& places, int which)
+  {
+    constexpr int kBlock = 6;  // frames
+    std::vector<Place> half;
+    for (const Place& place : places)
+    {
+      if (place.frame / kBlock % 2 == which && place.before / kBlock % 2 == which)
+      {
+        half.push_back(place);
+      }
+    }
+    return half;
+  }
+
+  /// Those of every second cell of a checkerboard in space.
+  /// What the pictures do not tell is left at 0, the least known parameter first. False when too few places are seen.
+  bool RunLevel(double sigma, Fit& fit)
+  {
+    const bool hasTimes = sight_.ThePath().Speed() > 0;
+    fit.free.assign(kParameters, true);
+    fit.free[0] = hasTimes;
+    for (bool isFirst = true, isDone = false; !isDone; isFirst = false)
+    {
+      const Disagreement problem = Problem(sight_.FindPlaces(fit.value), sigma, fit.free, fit.value);
+      fit.places = static_cast<int>(problem.Places().size());
+      if (problem.Places().size() < kFewestPlaces)
+      {
+        return false;
+      }
+      const auto [q, state] = Minimum(problem, fit.value);
+      fit.value = q;
+      if (isFirst)
+      {
+        continue;  // the places are looked for once more, now that it is better known where they are
+      }
+      const Vector errors = kSystematic * problem.Covariance(q, state).diagonal().cwiseSqrt();
+      if (std::count(fit.free.begin(), fit.free.end(), true) == (hasTimes ? kParameters : kParameters - 1))
+      {
+        fit.standardError = errors;
+      }
+      int worst = 0;
+      Vector excess = errors.cwiseQuotient(kObservable * (sigma / finest_));
+      for (int p = 0; p < kParameters; ++p)
+      {
+        const bool isTold = std::abs(q[p]) >= kTold * errors[p] && excess[p] <= kLeastKnown;
+        excess[p] = fit.free[p] && !isTold ? excess[p] : 0;
+      }
+      isDone = !(excess.maxCoeff(&worst) > 1);
+      if (!isDone)
+      {
+        fit.free[worst] = false;
+        fit.value[worst] = 0;
+      }
+    }
+    if (!hasTimes)
+    {
+      fit.standardError[0] = std::numeric_limits<double>::infinity();
+    }
+    return true;
+  }
+
+  const Sweep& seen_;
+  const Sight& sight_;
+  double finest_ = kFinest;  // mm
+  std::unique_ptr<Pictures> pictures_;
+};
+
+std::string Percent(double share)
+{
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f %%", 100 * share);
+  return text;
+}
+
+Vector ParametersOf(const ConstantErrors& errors)
+{
+  Vector q;
+  q << errors.delay.value, errors.shift[0].value, errors.shift[1].value, errors.shift[2].value,
+      errors.rotation[0].value, errors.rotation[1].value, errors.rotation[2].value;
+  return q;
+}
+
+std::vector<Eigen::Matrix4d> CorrectedPoses(const Sweep& sweep, const Vector& q)
+{
+  const Path path(sweep);
+  std::vector<Eigen::Matrix4d> poses;
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    poses.push_back(path.Corrected(k, q).ImageToReference());
+  }
+  return poses;
+}
+
+}  // namespace
+
+ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>& frames)
+{
+  sweep.ValidateLayout();
+  ConstantErrors out;
+  out.delay.standardError = std::numeric_limits<double>::infinity();
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    out.shift[axis].standardError = out.rotation[axis].standardError = std::numeric_limits<double>::infinity();
+  }
+  out.evidence = "no place is seen a second time, from another direction or after the probe had been away";
+  if (frames.empty())
+  {
+    return out;
+  }
+  const Sight sight(sweep, frames);
+  const Sweep seen = sweep.Subset(frames);
+  Search search(seen, sight);
+  const Fit fit = search.Run();
+  out.comparisons = fit.places;
+  if (fit.places == 0)
+  {
+    return out;
+  }
+
+  const auto number = [&](int p)
+  {
+    ConstantError error;
+    error.value = fit.value[p];
+    error.standardError = fit.standardError[p];
+    error.isObservable =
+        fit.free[p] && (error.standardError <= kObservable[p] || std::abs(error.value) >= kTold * error.standardError);
+    return error;
+  };
+  out.delay = number(0);
+  bool isFound = std::abs(fit.value[0]) > kTold * fit.standardError[0];
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    out.shift[axis] = number(1 + axis);
+    out.rotation[axis] = number(4 + axis);
+    isFound = isFound || std::abs(fit.value[1 + axis]) > kTold * fit.standardError[1 + axis] ||
+              std::abs(fit.value[4 + axis]) > kTold * fit.standardError[4 + axis];
+  }
+
+  const Search::Judgement judgement = search.Judge(fit);
+  out.differenceBefore = judgement.before;
+  out.differenceAfter = judgement.after;
+  const double change = std::pow(judgement.after / std::max(judgement.before, 1e-9), 2) - 1;
+  const std::string agreement = "the square of their difference " +
+                                std::string(change < 0 ? "falls by " : "grows by ") + Percent(std::abs(change)) +
+                                " where they did not tell the correction";
+  const double bending =
+      MeasurePoseError(CorrectedPoses(sweep, fit.value), sweep.imageToReference, sweep.width, sweep.height).bending;
+  if (!isFound)
+  {
+    out.evidence =
+        "nothing differs from 0 by more than " + std::to_string(static_cast<int>(kTold)) + " standard errors";
+  }
+  else if (judgement.sureness < kSure)
+  {
+    out.evidence = "frames that see the same place do not surely agree better once corrected: " + agreement;
+  }
+  else if (bending < kLeastBending)
+  {
+    out.evidence = "the correction would move frames against each other by less than 0.1 mm";
+  }
+  else
+  {
+    out.isSignificant = true;
+    out.evidence = "frames that see the same place agree better once corrected: " + agreement;
+  }
+  return out;
+}
+
+std::vector<Eigen::Matrix4d> WithoutConstantErrors(const Sweep& sweep, const ConstantErrors& errors)
+{
+  return errors.isSignificant ? CorrectedPoses(sweep, ParametersOf(errors)) : sweep.imageToReference;
+}
+
+}  // namespace bigus
