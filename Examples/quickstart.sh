@@ -53,11 +53,12 @@ plan=$(/usr/bin/python3 "$source_folder/Examples/plan.py" "$sweep" "$output/plan
 read -r reduce hold_out held_out_frame <<<"$plan"
 
 bigus train "$sweep" -o "$output/field.vtp" --log "$output/training.csv" --json \
+  --write-poses "$output/trained-poses.igs.mha" \
   --reduce "$reduce" --hold-out "$hold_out" "${training[@]}" >"$output/training.json"
 
 slice() { bigus slice "$output/field.vtp" -o "$output/$1.png" "${@:2}"; }
 echo "Held-out frame $held_out_frame, an orthogonal and an oblique plane"
-slice held-out --poses "$sweep" --frames "$held_out_frame" --reduce "$reduce" --lit
+slice held-out --poses "$output/trained-poses.igs.mha" --frames "$held_out_frame" --lit
 slice orthogonal --poses "$output/planes.csv" --frames 0
 slice oblique --poses "$output/planes.csv" --frames 1
 if [[ -z $sequence ]]; then  # the phantom knows what is really there

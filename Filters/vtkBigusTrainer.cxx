@@ -12,6 +12,7 @@
 
 #include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Core/Poses/Trajectory.h"
 #include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
 #include "Data/Progress.h"
@@ -146,6 +147,21 @@ const bigus::OptionText* FindOption(const char* name)
                                   [name](const bigus::OptionText& option)
                                   { return name && std::strcmp(option.info.name, name) == 0; });
   return found == Defaults().end() ? nullptr : &*found;
+}
+
+/// What was done to poses: how far the image's corners moved on average.
+std::string PosesText(const bigus::Sweep& sweep, const std::vector<Eigen::Matrix4d>& poses)
+{
+  if (poses == sweep.imageToReference)
+  {
+    return bigus::kAsTracked;
+  }
+  double sum = 0;
+  for (std::size_t k = 0; k < poses.size(); ++k)
+  {
+    sum += bigus::CornerDistance(sweep.imageToReference[k], poses[k], sweep.width, sweep.height);
+  }
+  return "corrected by " + bigus::NumberText(std::round(1000 * sum / poses.size()) / 1000) + " mm on average";
 }
 
 std::string ToText(vtkIntArray* list)
@@ -365,6 +381,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     }
     bigus::SetProvenance(output, "filter", "vtkBigusTrainer");
     bigus::SetTrainingProvenance(output, result);
+    bigus::SetProvenance(output, "poses", PosesText(*imported.sweep, result.imageToReference));
     if (start)
     {
       bigus::SetProvenance(output, "seeding", "continued");

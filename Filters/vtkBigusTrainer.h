@@ -19,7 +19,7 @@
  * | `Gamma` [1] | field data | display compression: I = 1 - exp(-Gamma max(S, 0)) |
  * | `ElevationSigma` [1] | field data | standard deviation of the elevation profile trained under, mm |
  * | `FormatVersion` [1] | field data | 1 |
- * | `Provenance` | field data | strings key=value: every option, and `decision.<what>` = choice and evidence |
+ * | `Provenance` | field data | strings key=value: every option, `decision.<what>` = choice and evidence, and `poses` |
  *
  * Output 1 is the training log, a vtkTable with the columns Iteration, Seconds, Loss, ValidationPSNR (dB, NaN
  * where not measured), Gaussians and Rate (share of the first learning rate).

@@ -24,6 +24,7 @@ struct Program
 
 void AddInfo(Program& program);
 void AddPhantom(Program& program);
+void AddPoses(Program& program);
 void AddTrain(Program& program);
 void AddSlice(Program& program);
 void AddVoxelize(Program& program);

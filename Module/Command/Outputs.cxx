@@ -257,6 +257,68 @@ std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path
   return {path};
 }
 
+void RequirePosesName(const std::string& path)
+{
+  if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".csv"))
+  {
+    throw OutputError("Cannot write '" + path + "': the name must end in .mha (.igs.mha), .nrrd or .csv.");
+  }
+}
+
+void WritePosesCsv(vtkDataArray* poses, int width, int height, const std::string& path,
+                   const std::vector<CsvColumn>& columns)
+{
+  WriteAtomically(path,
+                  [&](std::ostream& file)
+                  {
+                    file.precision(std::numeric_limits<double>::max_digits10);
+                    file << "width,height";
+                    for (int n = 0; n < 16; ++n)
+                    {
+                      file << ",m" << n / 4 << n % 4;
+                    }
+                    for (const CsvColumn& column : columns)
+                    {
+                      file << ',' << column.first;
+                    }
+                    file << '\n';
+                    for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
+                    {
+                      file << width << ',' << height;
+                      for (int n = 0; n < 16; ++n)
+                      {
+                        file << ',' << poses->GetComponent(k, n);
+                      }
+                      for (const CsvColumn& column : columns)
+                      {
+                        file << ',' << column.second[k];
+                      }
+                      file << '\n';
+                    }
+                  });
+}
+
+void WritePoses(vtkImageData* stack, const std::string& path, const std::vector<CsvColumn>& columns, Console& console)
+{
+  if (!HasSuffix(path, ".csv"))
+  {
+    WriteStack(stack, path, {}, console);
+    return;
+  }
+  std::vector<CsvColumn> all;
+  if (vtkDataArray* times = stack->GetFieldData()->GetArray("Timestamp"))
+  {
+    all.emplace_back("timestamp", std::vector<double>());
+    for (vtkIdType k = 0; k < times->GetNumberOfTuples(); ++k)
+    {
+      all.back().second.push_back(times->GetTuple1(k));
+    }
+  }
+  all.insert(all.end(), columns.begin(), columns.end());
+  const int* size = stack->GetDimensions();
+  WritePosesCsv(stack->GetFieldData()->GetArray("ImageToReference"), size[0], size[1], path, all);
+}
+
 std::string NameOf(const std::vector<std::string>& files)
 {
   return files.size() == 1 ? files.front() : files.front() + " ... " + files.back();

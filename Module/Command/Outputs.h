@@ -4,11 +4,13 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Core/Model/SlicePlane.h"
 #include "vtkSmartPointer.h"
 
+class vtkDataArray;
 class vtkImageData;
 
 namespace bigus::command
@@ -29,6 +31,18 @@ void RequireStackName(const std::string& path);
 /// (`numbers`, one an image) before the ending. Returns the names of the files.
 std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path, const std::vector<int>& numbers,
                                     Console& console);
+
+/// A column of a CSV: its name, and one number a row.
+using CsvColumn = std::pair<std::string, std::vector<double>>;
+
+/// Throws OutputError unless the name ends in .mha (.igs.mha), .nrrd or .csv.
+void RequirePosesName(const std::string& path);
+/// .mha and .nrrd: the sequence with its poses. .csv: width, height, m00 to m33 and, where the stack has it, timestamp,
+/// one row a frame, as `slice --poses` and the readers take it; then `columns`.
+void WritePoses(vtkImageData* stack, const std::string& path, const std::vector<CsvColumn>& columns, Console& console);
+/// Such a CSV of `poses`, 16 components a row, of images of width x height pixels.
+void WritePosesCsv(vtkDataArray* poses, int width, int height, const std::string& path,
+                   const std::vector<CsvColumn>& columns);
 
 /// For messages: the file's name, or the first and last of many.
 std::string NameOf(const std::vector<std::string>& files);

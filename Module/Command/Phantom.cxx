@@ -57,32 +57,6 @@ vtkSmartPointer<vtkImageData> MakeTruth(vtkBigusPhantomSource* source, const Pla
   return stack;
 }
 
-/// A CSV that `slice --poses` reads, from a sweep whose field data have the true poses.
-void WriteTruePoses(vtkImageData* sweep, const std::string& path)
-{
-  vtkDataArray* poses = sweep->GetFieldData()->GetArray("TrueImageToReference");
-  const int* size = sweep->GetDimensions();
-  WriteAtomically(path,
-                  [&](std::ostream& out)
-                  {
-                    out << "width,height";
-                    for (int n = 0; n < 16; ++n)
-                    {
-                      out << ",m" << n / 4 << n % 4;
-                    }
-                    out << std::setprecision(std::numeric_limits<double>::max_digits10) << "\n";
-                    for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
-                    {
-                      out << size[0] << "," << size[1];
-                      for (int n = 0; n < 16; ++n)
-                      {
-                        out << "," << poses->GetComponent(k, n);
-                      }
-                      out << "\n";
-                    }
-                  });
-}
-
 /// The sweep, with the poses that the tracker recorded or with the true ones.
 vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool truePoses, const std::string& truePosesFile,
                                         Console& console)
@@ -91,7 +65,8 @@ vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool true
   vtkImageData* sweep = source->GetOutput();
   if (!truePosesFile.empty())
   {
-    WriteTruePoses(sweep, truePosesFile);
+    const int* size = sweep->GetDimensions();
+    WritePosesCsv(sweep->GetFieldData()->GetArray("TrueImageToReference"), size[0], size[1], truePosesFile, {});
   }
   vtkFieldData* arrays = sweep->GetFieldData();
   const vtkSmartPointer<vtkAbstractArray> truth = arrays->GetAbstractArray("TrueImageToReference");

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "Command.h"
+#include "Data/Provenance.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Outputs.h"
@@ -53,6 +54,25 @@ Sweep LitSweep(const PlaneOptions& options, const SlicePlane& plane, Console& co
   return sweep->LitBy(all);
 }
 
+/// What was done to the poses that the field was trained at; empty where it does not say.
+std::string TrainedPoses(vtkPolyData* field)
+{
+  return GetProvenance(field, "poses");
+}
+
+/// The planes of the training sequence are not those that the field was trained at, if that corrected them.
+void NoteTrackedPlanes(vtkPolyData* field, const Options& options, Console& console)
+{
+  const std::string sequence = GetProvenance(field, "sequence"), poses = TrainedPoses(field);
+  if (poses.empty() || poses == kAsTracked || FileName(options.planes.poses) != sequence)
+  {
+    return;
+  }
+  console.Note(
+      "The field was trained at poses of " + sequence + " that were " + poses +
+      "; these planes are as tracked. For the frames' own planes give the poses that 'train --write-poses' wrote.");
+}
+
 /// Standard deviation of the beam that the field was trained under, mm.
 double TrainedSigma(vtkPolyData* field)
 {
@@ -93,6 +113,7 @@ ExitCode Slice(Console& console, Options& options)
   }
 
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
+  NoteTrackedPlanes(field, options, console);
   const Planes planes = ReadPlanes(options.planes, console);
   const SlicePlane& first = planes.planes.front();
   const int count = static_cast<int>(planes.planes.size());
@@ -137,6 +158,7 @@ ExitCode Slice(Console& console, Options& options)
                   {"width", first.width},
                   {"height", first.height},
                   {"elevation_sigma", sigma},
+                  {"trained_poses", TrainedPoses(field).empty() ? Json() : Json(TrainedPoses(field))},
                   {"seconds", seconds},
                   {"device", reslice->GetDevice()}});
   return Success;

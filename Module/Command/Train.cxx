@@ -20,11 +20,13 @@
 #include "Files.h"
 #include "IO/Text.h"
 #include "Inputs.h"
+#include "Outputs.h"
 #include "Pipeline.h"
 #include "Scores.h"
 #include "vtkBigusTrainer.h"
 #include "vtkDataArray.h"
 #include "vtkDoubleArray.h"
+#include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkIntArray.h"
 #include "vtkNew.h"
@@ -41,7 +43,7 @@ namespace
 struct Options
 {
   SequenceOptions sequence;
-  std::string output, log, continueFrom;
+  std::string output, log, continueFrom, poses;
   std::map<std::string, std::string> trainer;  ///< values of the trainer's options that were given, by name
   bool withoutBaselines = false, align = false;
 };
@@ -257,9 +259,14 @@ std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
 ExitCode Train(Console& console, const Options& options)
 {
   RequireDistinct({options.sequence.path, options.sequence.chain.config, options.continueFrom},
-                  {options.output, options.log});
+                  {options.output, options.log, options.poses});
   RequireWritable(options.output);
   RequireFieldName(options.output);
+  if (!options.poses.empty())
+  {
+    RequirePosesName(options.poses);
+    RequireWritable(options.poses);
+  }
   if (!options.log.empty())
   {
     RequireWritable(options.log);
@@ -306,6 +313,13 @@ ExitCode Train(Console& console, const Options& options)
   if (!options.log.empty())
   {
     WriteLog(options.log, trainer->GetLog());
+  }
+  if (!options.poses.empty())
+  {
+    vtkNew<vtkImageData> trained;
+    trained->ShallowCopy(image);
+    trained->GetFieldData()->AddArray(trainer->GetCorrectedPoses());
+    WritePoses(trained, options.poses, {}, console);
   }
 
   const GaussianField field = FieldFromPolyData(output);
@@ -466,6 +480,11 @@ void AddTrain(Program& program)
   app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")->required()->type_name("FIELD");
   app->add_option("--log", options->log, "Write the training curve: loss and validation PSNR over time")
       ->type_name("CSV");
+  app->add_option(
+         "--write-poses", options->poses,
+         "Write the poses that the field is trained at: the sequence, after --reduce, at these poses (.igs.mha, "
+         ".nrrd), or a CSV; 'slice --poses' takes either")
+      ->type_name("OUT");
   app->add_option("--continue", options->continueFrom, "Start from this field instead of seeding")->type_name("FIELD");
   AddTrainerOptions(*app, options->trainer);
   const char* judged = "How it is judged";

@@ -34,8 +34,9 @@ const char* const description =
     "A first tour, without any data:\n"
     "  bigus phantom -o sweep.igs.mha                                  a made-up sweep with known truth\n"
     "  bigus info sweep.igs.mha                                        what is in it\n"
-    "  bigus train sweep.igs.mha -o field.vtp --hold-out 8             frames to a Gaussian field\n"
-    "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha    the field at the sweep's planes\n"
+    "  bigus poses sweep.igs.mha -o corrected.igs.mha                  without the tracker's noise, no training\n"
+    "  bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv  frames to a Gaussian field\n"
+    "  bigus slice field.vtp --poses poses.csv -o again.igs.mha        the field at the sweep's planes\n"
     "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
     "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
     "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
@@ -102,6 +103,7 @@ ExitCode Run(int argumentCount, char** arguments)
 
   AddInfo(program);
   AddPhantom(program);
+  AddPoses(program);
   AddTrain(program);
   AddSlice(program);
   AddVoxelize(program);

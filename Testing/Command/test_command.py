@@ -153,7 +153,7 @@ class Help(CommandTest):
     def test_every_subcommand_teaches(self):
         top = run("--help")
         self.assertEqual(top.returncode, SUCCESS)
-        for name in ("info", "phantom", "train", "slice", "voxelize", "metrics", "convert"):
+        for name in ("info", "phantom", "poses", "train", "slice", "voxelize", "metrics", "convert"):
             with self.subTest(name):
                 self.assertIn(f"bigus {name} ", top.stdout)
                 own = run(name, "--help")
@@ -223,6 +223,12 @@ class Usage(CommandTest):
                           ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--elevation-sigma=-1"],
                           ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--mode=colour"],
                           ["voxelize", self.field, "-o", "x.mha", "--spacing=nan"],
+                          ["poses", self.sweep, "-o", "x.mha", "--strength=-1"],
+                          ["poses", self.sweep, "-o", "x.mha", "--strength=1001"],
+                          ["poses", self.sweep, "-o", "x.mha", "--strength=nan"],
+                          ["poses", self.sweep, "-o", "x.mha", "--strength=strong"],
+                          ["poses", self.sweep, "-o", "x.mha", "--hold-out=1"],
+                          ["poses", self.sweep, "-o", "x.mha", "--hold-out=2.5"],
                           ["phantom", "-o", "x.mha", "--frames=0"],
                           ["phantom", "-o", "x.mha", "--tilt=90"],
                           ["phantom", "-o", "x.mha", "--probe=round"]):
@@ -249,6 +255,9 @@ class Outputs(CommandTest):
                 (sweep, sweep, ["slice", field, "--poses", sweep, "-o", sweep]),
                 (sweep, link, ["slice", field, "--poses", link, "-o", sweep]),
                 (link, sweep, ["slice", field, "--poses", sweep, "-o", link]),
+                (sweep, sweep, ["poses", sweep, "-o", sweep]),
+                (new, new, ["train", sweep, "-o", new, "--write-poses", new]),
+                (sweep, sweep, ["train", sweep, "-o", new, "--write-poses", sweep]),
                 (sweep, sweep, ["convert", sweep, sweep]),
                 (field, field, ["convert", field, field]),
                 (sweep, sweep, ["phantom", "--truth", sweep, "-o", sweep])):
@@ -734,6 +743,151 @@ class Train(CommandTest):
         quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
         self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
         self.assertRegex(quiet.stdout, r"\d+ Gaussians, 12 iterations")
+
+
+def centres(path):
+    """Where the image's upper left pixel lies in every frame, mm, and the poses themselves, of a sequence or a CSV."""
+    if str(path).endswith(".csv"):
+        with open(path, newline="") as file:
+            poses = [[float(row[f"m{i}{j}"]) for i in range(4) for j in range(4)] for row in csv.DictReader(file)]
+    else:
+        poses = [[float(value) for value in line.split()]
+                 for line in re.findall(r"ImageToReferenceTransform = (.*)", read_sequence(path)[0])]
+    return [(pose[3], pose[7], pose[11]) for pose in poses], poses
+
+
+class Poses(CommandTest):
+    WORLD = ["--width", 64, "--height", 64, "--pixel-size", 0.4, "--frames", 24]
+    NOISE = ["--tracking-noise", 0.3, "--rotation-noise", 0.3]
+
+    def noisy(self, name="noisy.igs.mha"):
+        path = self.folder / name
+        self.expect(SUCCESS, "phantom", "-o", path, *self.WORLD, *self.NOISE, "--write-true-poses",
+                    self.folder / "true.csv")
+        return path
+
+    def error(self, path):
+        """Mean distance of the first pixels from where they truly are, mm."""
+        found, truth = centres(path)[0], centres(self.folder / "true.csv")[0]
+        return sum(map(math.dist, found, truth)) / len(truth)
+
+    def test_a_sequence_comes_nearer_to_the_truth_with_the_same_pixels(self):
+        sweep, out = self.noisy(), self.folder / "corrected.igs.mha"
+        answer = self.expect(SUCCESS, "poses", sweep, "-o", out)
+        self.assertLess(self.error(out), 0.6 * self.error(sweep))
+        self.assertEqual(read_sequence(out)[1], read_sequence(sweep)[1])
+        self.assertEqual(re.findall("Timestamp = .*", read_sequence(out)[0]),
+                         re.findall("Timestamp = .*", read_sequence(sweep)[0]))
+        self.assertEqual(set(answer), {"output", "frames", "changed", "strength", "decision", "noise", "outliers",
+                                       "strokes", "displacement", "rotation", "each_frame"})
+        self.assertEqual((answer["output"], answer["frames"], answer["changed"]), (str(out), 24, True))
+        self.assertGreater(answer["strength"], 0)
+        self.assertIn("smoothed by", answer["decision"]["choice"])
+        self.assertAlmostEqual(answer["noise"]["translation"], 0.3, delta=0.15)
+        self.assertAlmostEqual(answer["noise"]["rotation"], 0.3, delta=0.15)
+        each = answer["each_frame"]
+        self.assertEqual({len(values) for values in each.values()}, {24})
+        self.assertEqual(each["source_frame"], list(range(24)))
+        self.assertEqual(max(each["displacement"]), answer["displacement"]["largest"])
+        self.assertAlmostEqual(sum(each["displacement"]) / 24, answer["displacement"]["mean"])
+        before, after = each["recorded_centre"], each["corrected_centre"]
+        self.assertNotEqual(before, after)
+        self.assertLessEqual(answer["displacement"]["median"], answer["displacement"]["q95"])
+        text = run("poses", sweep, "-o", out).stdout
+        for part in ("tracker's noise", "outliers", "1 continuous motion", "95 % below", "pictures confirm"):
+            self.assertIn(part, text)
+
+    def test_every_format_holds_the_same_poses(self):
+        sweep = self.noisy()
+        mha, nrrd, table, back = (self.folder / name for name in ("c.igs.mha", "c.nrrd", "c.csv", "back.igs.mha"))
+        for out in (mha, nrrd, table):
+            self.expect(SUCCESS, "poses", sweep, "-o", out)
+        self.expect(SUCCESS, "convert", nrrd, back)
+        self.assertEqual(centres(back)[1], centres(mha)[1])
+        self.assertEqual(centres(table)[1], centres(mha)[1])
+        with open(table, newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual({row["width"] + row["height"] for row in rows}, {"6464"})
+        self.assertGreater(float(rows[3]["displacement"]), 0)
+        recorded = centres(sweep)[1][3]
+        self.assertAlmostEqual(float(rows[3]["recorded_y"]), 31.5 * (recorded[4] + recorded[5]) + recorded[7])
+        slices = [self.folder / "a.mha", self.folder / "b.mha"]
+        for poses, out in zip((mha, table), slices):
+            self.expect(SUCCESS, "slice", self.field, "--poses", poses, "-o", out)
+        self.assertEqual(slices[0].read_bytes(), slices[1].read_bytes())
+
+    def test_exact_poses_and_strength_off_are_kept_bit_for_bit(self):
+        for sweep, strength in ((self.sweep, "auto"), (self.noisy(), "off"), (self.noisy(), "0")):
+            out = self.folder / "kept.mha"
+            answer = self.expect(SUCCESS, "poses", sweep, "-o", out, "--strength", strength)
+            self.assertEqual((answer["changed"], answer["strength"], answer["displacement"]["largest"]), (False, 0, 0))
+            self.assertEqual(centres(out)[1], centres(sweep)[1])
+
+    def test_strength_and_threads(self):
+        sweep, one, many = self.noisy(), self.folder / "one.mha", self.folder / "many.mha"
+        answer = self.expect(SUCCESS, "poses", sweep, "-o", one, "--strength", 2.5, "--threads", 1)
+        self.assertEqual((answer["strength"], answer["decision"]["evidence"]), (2.5, "given"))
+        run("poses", sweep, "-o", one, threads=1)
+        run("poses", sweep, "-o", many, threads=3)
+        self.assertEqual(one.read_bytes(), many.read_bytes())
+
+    def test_held_out_pixels_are_not_looked_at(self):
+        sweep, inverted, out = self.noisy(), self.folder / "inverted.igs.mha", self.folder / "out.mha"
+        header, pixels, _ = read_sequence(sweep)
+        frame = 64 * 64
+        write_sequence(inverted, header, bytes(255 - v if k // frame % 4 == 2 else v for k, v in enumerate(pixels)))
+        found = []
+        for path in (sweep, inverted):
+            found.append(self.expect(SUCCESS, "poses", path, "-o", out, "--hold-out", 4)["decision"])
+            found.append(centres(out)[1])
+        self.assertEqual(found[:2], found[2:])
+
+    def test_slices_agree_with_the_report_of_training(self):
+        sweep, field = self.noisy(), self.folder / "f.vtp"
+        table, sequence = self.folder / "poses.csv", self.folder / "poses.igs.mha"
+        training = ["train", sweep, "-o", field, "--no-auto", "--pose-smoothing", 1, "--gaussians", 2000, "--iterations",
+                    60, "--hold-out", 4, "--no-baselines"]
+        answer = self.expect(SUCCESS, *training, "--write-poses", sequence)
+        self.expect(SUCCESS, *training, "--write-poses", table)
+        self.assertEqual(centres(table)[1], centres(sequence)[1])
+        self.assertEqual(read_sequence(sequence)[1], read_sequence(sweep)[1])
+        self.assertLess(self.error(sequence), 0.6 * self.error(sweep))
+        out, truth = self.folder / "s.mha", self.folder / "t.mha"
+        frames = ["--frames", "2,6,10,14,18,22"]
+        header, pixels, _ = read_sequence(sweep)
+        held_out = b"".join(pixels[k * 4096:(k + 1) * 4096] for k in range(2, 24, 4))
+        scores, notes = {}, {}
+        for poses in (sequence, table, sweep):
+            sliced = run("slice", field, "--poses", poses, *frames, "-o", out, "--json")
+            self.assertEqual(sliced.returncode, SUCCESS)
+            self.assertRegex(json.loads(sliced.stdout)["trained_poses"], r"^corrected by 0\.\d+ mm on average$")
+            write_sequence(truth, *read_sequence(out)[:1], held_out)
+            scores[poses] = self.expect(SUCCESS, "metrics", out, truth)["psnr"]
+            notes[poses] = sliced.stderr
+        # The report scores intensities before they are rounded to bytes.
+        self.assertAlmostEqual(scores[sequence], answer["held_out"]["psnr"], delta=0.02)
+        self.assertEqual(scores[table], scores[sequence])
+        self.assertAlmostEqual(scores[sweep], answer["held_out_tracked"]["psnr"], delta=0.02)
+        self.assertGreater(scores[sequence], scores[sweep] + 0.1)
+        self.assertIn("these planes are as tracked", notes[sweep])
+        self.assertIn("--write-poses", notes[sweep])
+        self.assertEqual(notes[table] + notes[sequence], "")
+
+    def test_written_poses_follow_reduce_and_say_nothing_of_exact_ones(self):
+        field, poses = self.folder / "f.vtp", self.folder / "poses.mha"
+        self.expect(SUCCESS, "train", self.sweep, "-o", field, *TINY, "--reduce", 2, "--write-poses", poses)
+        sliced = run("slice", field, "--poses", poses, "-o", self.folder / "s.mha", "--json")
+        self.assertEqual((json.loads(sliced.stdout)["width"], json.loads(sliced.stdout)["height"]), (24, 20))
+        self.assertEqual(json.loads(sliced.stdout)["trained_poses"], "as tracked")
+        self.assertEqual(run("slice", field, "--poses", self.sweep, "-o", self.folder / "s.mha").stderr, "")
+
+    def test_errors(self):
+        self.expect(CANNOT_WRITE, "poses", self.sweep, "-o", self.folder / "x.png", says=".csv")
+        self.expect(CANNOT_WRITE, "poses", self.sweep, "-o", self.folder / "no" / "x.mha")
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "f.vtp", "--write-poses", "x.txt", says=".csv")
+        self.expect(BAD_INPUT, "poses", self.folder / "none.mha", "-o", self.folder / "x.mha", says="none.mha")
+        self.expect(BAD_INPUT, "poses", self.field, "-o", self.folder / "x.mha")
+        self.assertNothingIn(self.folder)
 
 
 class Slice(CommandTest):

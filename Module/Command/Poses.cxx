@@ -1,0 +1,246 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// bigus poses: a sequence without the tracker's noise.
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "Command.h"
+#include "Core/Numerics/Statistics.h"
+#include "Files.h"
+#include "IO/Text.h"
+#include "Inputs.h"
+#include "Outputs.h"
+#include "Pipeline.h"
+#include "vtkBigusPoseCorrection.h"
+#include "vtkDataArray.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkStringArray.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+constexpr double kMostStrength = 1000;   // as TrajectoryOptions::strength
+constexpr std::size_t kMostListed = 12;  // outliers named to people; --json has all
+
+struct Options
+{
+  SequenceOptions sequence;
+  std::string output;
+  std::string strength = "auto";
+  int holdOut = 0;
+};
+
+/// Negative for auto, as the filter has it.
+double StrengthOf(const std::string& text)
+{
+  double strength = text == "off" ? 0 : -1;
+  ParseNumber(text, strength);
+  return strength;
+}
+
+CLI::Validator Strength()
+{
+  const auto check = [](const std::string& text) -> std::string
+  {
+    double value = 0;
+    const bool isNumber = ParseNumber(text, value) && value >= 0 && value <= kMostStrength;
+    return isNumber || text == "auto" || text == "off" ? ""
+                                                       : "'" + text + "' is not auto, off or a number from 0 to 1000";
+  };
+  return CLI::Validator(check, "");
+}
+
+/// One component of a field data array, all tuples.
+std::vector<double> Values(vtkImageData* sweep, const char* name, int component = 0)
+{
+  vtkDataArray* array = sweep->GetFieldData()->GetArray(name);
+  std::vector<double> values;
+  for (vtkIdType k = 0; array && k < array->GetNumberOfTuples(); ++k)
+  {
+    values.push_back(array->GetComponent(k, component));
+  }
+  return values;
+}
+
+/// The same of an array of whole numbers.
+std::vector<int> Numbers(vtkImageData* sweep, const char* name)
+{
+  const std::vector<double> values = Values(sweep, name);
+  return {values.begin(), values.end()};
+}
+
+/// Where the image's centre lies in every frame, mm: x, y and z apart.
+std::array<std::vector<double>, 3> Centres(vtkImageData* sweep, const char* poses)
+{
+  std::array<std::vector<double>, 3> centres;
+  const int* size = sweep->GetDimensions();
+  vtkDataArray* array = sweep->GetFieldData()->GetArray(poses);
+  for (vtkIdType k = 0; k < array->GetNumberOfTuples(); ++k)
+  {
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      centres[axis].push_back(0.5 * (size[0] - 1) * array->GetComponent(k, 4 * axis) +
+                              0.5 * (size[1] - 1) * array->GetComponent(k, 4 * axis + 1) +
+                              array->GetComponent(k, 4 * axis + 3));
+    }
+  }
+  return centres;
+}
+
+Json Points(const std::array<std::vector<double>, 3>& axes)
+{
+  Json points = Json::array();
+  for (std::size_t k = 0; k < axes[0].size(); ++k)
+  {
+    points.push_back({axes[0][k], axes[1][k], axes[2][k]});
+  }
+  return points;
+}
+
+Json Summary(std::vector<double> values)
+{
+  std::sort(values.begin(), values.end());
+  return {{"mean", Mean(values)},
+          {"median", Quantile(values, 0.5)},
+          {"q95", Quantile(values, 0.95)},
+          {"largest", values.back()}};
+}
+
+std::string SummaryText(const Json& summary, int decimals, const std::string& unit)
+{
+  std::string text;
+  for (const auto& [name, value] : summary.items())
+  {
+    text += (text.empty() ? "" : ", ") + (name == "q95" ? "95 % below" : name) + " " +
+            FormatNumber(value.get<double>(), decimals);
+  }
+  return text + " " + unit;
+}
+
+std::string OutlierText(const std::vector<int>& outliers)
+{
+  std::string text = std::to_string(outliers.size());
+  for (std::size_t k = 0; k < std::min(outliers.size(), kMostListed); ++k)
+  {
+    text += (k ? ", " : ": frame ") + std::to_string(outliers[k]);
+  }
+  return text + (outliers.size() > kMostListed ? ", ..." : "");
+}
+
+ExitCode CorrectPoses(Console& console, const Options& options)
+{
+  RequireDistinct({options.sequence.path, options.sequence.chain.config}, {options.output});
+  RequirePosesName(options.output);
+  RequireWritable(options.output);
+  vtkNew<vtkBigusPoseCorrection> correction;
+  correction->SetInputData(ReadSequence(options.sequence, console));
+  correction->SetStrength(StrengthOf(options.strength));
+  correction->SetHoldOut(options.holdOut);
+  Update(correction, console, "Comparing");
+
+  vtkImageData* sweep = correction->GetOutput();
+  const std::vector<double> displacement = Values(sweep, "PoseDisplacement"), rotation = Values(sweep, "PoseRotation");
+  const std::vector<double> isOutlier = Values(sweep, "PoseOutlier"), stroke = Values(sweep, "PoseStroke");
+  const auto recorded = Centres(sweep, "RecordedImageToReference"), corrected = Centres(sweep, "ImageToReference");
+  WritePoses(sweep, options.output,
+             {{"displacement", displacement},
+              {"rotation", rotation},
+              {"outlier", isOutlier},
+              {"stroke", stroke},
+              {"recorded_x", recorded[0]},
+              {"recorded_y", recorded[1]},
+              {"recorded_z", recorded[2]}},
+             console);
+
+  std::vector<int> outliers;
+  for (std::size_t k = 0; k < isOutlier.size(); ++k)
+  {
+    if (isOutlier[k] != 0)
+    {
+      outliers.push_back(static_cast<int>(k));
+    }
+  }
+  const std::size_t frames = displacement.size();
+  const int strokes = 1 + static_cast<int>(*std::max_element(stroke.begin(), stroke.end()));
+  const bool isChanged = std::any_of(displacement.begin(), displacement.end(), [](double mm) { return mm > 0; });
+  const Json moved = Summary(displacement), turned = Summary(rotation);
+  double noise[3];
+  sweep->GetFieldData()->GetArray("TrackerNoise")->GetTuple(0, noise);
+  auto* decision = vtkStringArray::SafeDownCast(sweep->GetFieldData()->GetAbstractArray("PoseDecision"));
+
+  console.Print(options.output + ": " + std::to_string(frames) + (frames == 1 ? " frame" : " frames") + ", poses " +
+                decision->GetValue(0));
+  console.Print("  evidence         " + decision->GetValue(1));
+  console.Print("  tracker's noise  " + FormatNumber(noise[0], 3) + " mm and " + FormatNumber(noise[1], 3) +
+                " degrees on each axis, " + FormatNumber(noise[2], 3) + " mm at the image's corners");
+  console.Print("  outliers         " + OutlierText(outliers));
+  console.Print("  path             " + std::to_string(strokes) +
+                (strokes == 1 ? " continuous motion" : " continuous motions"));
+  if (isChanged)
+  {
+    console.Print("  moved            " + SummaryText(moved, 3, "mm (the image's corners)"));
+    console.Print("  turned           " + SummaryText(turned, 3, "degrees"));
+  }
+  const std::vector<double> times = Values(sweep, "Timestamp");
+  console.Report({{"output", options.output},
+                  {"frames", frames},
+                  {"changed", isChanged},
+                  {"strength", correction->GetChosenStrength()},
+                  {"decision", {{"choice", decision->GetValue(0)}, {"evidence", decision->GetValue(1)}}},
+                  {"noise", {{"translation", noise[0]}, {"rotation", noise[1]}, {"corner", noise[2]}}},
+                  {"outliers", outliers},
+                  {"strokes", strokes},
+                  {"displacement", moved},
+                  {"rotation", turned},
+                  {"each_frame",
+                   {{"source_frame", Numbers(sweep, "SourceFrame")},
+                    {"timestamp", times.empty() ? Json() : Json(times)},
+                    {"displacement", displacement},
+                    {"rotation", rotation},
+                    {"stroke", Numbers(sweep, "PoseStroke")},
+                    {"recorded_centre", Points(recorded)},
+                    {"corrected_centre", Points(corrected)}}}});
+  return Success;
+}
+
+}  // namespace
+
+void AddPoses(Program& program)
+{
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.app.add_subcommand(
+      "poses",
+      "Take the tracker's noise out of a sequence's poses\n"
+      "  bigus poses sweep.igs.mha -o corrected.igs.mha\n"
+      "  bigus poses plus.mha --config Plus.xml -o poses.csv --json\n"
+      "The noise is estimated from the poses. It is taken out where frames then predict their neighbours better; exact "
+      "poses are kept.");
+  AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
+  app->add_option("-o,--output", options->output,
+                  "What to write: the sequence at corrected poses (.igs.mha, .mha, .nrrd), or the poses (.csv)")
+      ->required()
+      ->type_name("OUT");
+  app->add_option("--strength", options->strength,
+                  "How strongly, in units of the noise found: auto (as pictures confirm it), off, or 0 to 1000")
+      ->check(Strength())
+      ->type_name("STRENGTH")
+      ->capture_default_str();
+  app->add_option("--hold-out", options->holdOut,
+                  "Do not look at the pixels of frames that 'train --hold-out K' keeps; 0 looks at all")
+      ->check(NumberIn(0, 1e6))
+      ->check([](const std::string& text)
+              { return text == "1" ? "'1' is not 0 or a number from 2 up" : std::string(); })
+      ->type_name("K")
+      ->capture_default_str();
+
+  RunWhenChosen(app, program, [options](Console& console) { return CorrectPoses(console, *options); });
+}
+
+}  // namespace bigus::command
