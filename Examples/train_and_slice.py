@@ -26,12 +26,13 @@ def main():
     hold_out = 8
     sweep = bigus.read(options.sweep)
     # Numbers that are given are not questioned; the rest would be decided by short trainings without Automatic=False.
-    field, log = bigus.train(sweep, progress, Gaussians=options.gaussians, Iterations=options.iterations,
-                             HoldOut=hold_out, Automatic=False)
+    training = bigus.train(sweep, progress, Gaussians=options.gaussians, Iterations=options.iterations,
+                           HoldOut=hold_out, Automatic=False)
+    field, log = training
     print(file=sys.stderr)
     bigus.write(field, options.field)
 
-    frames, poses = bigus.frames(sweep), bigus.poses(sweep)
+    frames, poses = bigus.frames(sweep), training.poses  # as trained at, not always as tracked
     height, width = frames.shape[1:]
     for frame in range(hold_out // 2, len(frames), hold_out):
         prediction = bigus.reslice(field, poses[frame], size=(width, height))

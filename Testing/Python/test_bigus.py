@@ -225,6 +225,65 @@ class Reslice(unittest.TestCase):
             bigus.reslice(field, pose(), (4, 4))
 
 
+def noisy_sweeps():
+    """The same sweep with and without a tracker's noise."""
+    sweeps = []
+    for noise in (0, 0.3):
+        phantom = bigus.vtkBigusPhantomSource()
+        phantom.SetFrameSize(64, 64)
+        phantom.SetPixelSize(0.4)
+        phantom.SetNumberOfFrames(24)
+        phantom.SetTrackingNoise(noise)
+        phantom.SetTrackingRotationNoise(noise)
+        sweeps.append(bigus.update(phantom).GetOutput())
+    return sweeps
+
+
+class CorrectPoses(unittest.TestCase):
+    def test_noisy_poses_come_nearer_to_the_truth(self):
+        truth, sweep = noisy_sweeps()
+        found = bigus.correct_poses(sweep)
+
+        def error(data):
+            corners = np.array([(0, 0, 0, 1), (63, 0, 0, 1), (0, 63, 0, 1), (63, 63, 0, 1)], dtype=float)
+            return np.linalg.norm((bigus.poses(data) - bigus.poses(truth)) @ corners.T, axis=1).mean()
+
+        self.assertLess(error(found.sweep), 0.6 * error(sweep))
+        self.assertGreater(found.strength, 0)
+        self.assertIn("smoothed by", found.decision["choice"])
+        self.assertEqual(set(found.noise), {"translation", "rotation", "corner"})
+        self.assertAlmostEqual(found.noise["translation"], 0.3, delta=0.15)
+        for values in (found.displacement, found.rotation, found.outlier):
+            self.assertEqual(values.shape, (24,))
+        self.assertEqual(found.outlier.dtype, bool)
+        self.assertTrue(np.shares_memory(bigus.frames(found.sweep), bigus.frames(sweep)))
+
+    def test_exact_poses_and_strength_0_keep_every_bit(self):
+        truth, sweep = noisy_sweeps()
+        self.assertEqual(bigus.poses(bigus.correct_poses(truth).sweep).tobytes(), bigus.poses(truth).tobytes())
+        kept = bigus.correct_poses(sweep, Strength=0)
+        self.assertEqual(bigus.poses(kept.sweep).tobytes(), bigus.poses(sweep).tobytes())
+        self.assertEqual((kept.strength, kept.displacement.max()), (0, 0))
+
+    def test_training_gives_the_poses_it_trained_at(self):
+        _, sweep = noisy_sweeps()
+        few = {"Automatic": False, "Gaussians": 200, "Iterations": 1}
+        expected = bigus.correct_poses(sweep, Strength=1, HoldOut=4).sweep
+        training = bigus.train(sweep, PoseSmoothing=1, HoldOut=4, **few)
+        np.testing.assert_array_equal(training.poses, bigus.poses(expected))
+        np.testing.assert_array_equal(bigus.train(sweep, **few).poses, bigus.poses(sweep))
+
+    def test_wrong_input_is_an_exception(self):
+        with self.assertRaisesRegex(TypeError, "correct_poses takes a sweep"):
+            bigus.correct_poses(vtkPolyData())
+        with self.assertRaisesRegex(RuntimeError, "(?i)strength"):
+            bigus.correct_poses(small_sweep(), Strength=5000)
+        with self.assertRaisesRegex(RuntimeError, "ImageToReference"):
+            bigus.correct_poses(bigus.image(np.zeros((3, 8, 8), np.uint8)))
+        with self.assertRaisesRegex(TypeError, "no property Strenght"):
+            bigus.correct_poses(small_sweep(), Strenght=1)
+
+
 class Train(unittest.TestCase):
     def test_learns_a_small_sweep(self):
         sweep = small_sweep()
@@ -371,7 +430,7 @@ class Documentation(unittest.TestCase):
 class Package(unittest.TestCase):
     def test_has_the_wrapped_classes(self):
         for name in ("SequenceReader", "SequenceWriter", "FieldReader", "FieldWriter", "Trainer", "Reslice",
-                     "Voxelizer", "ImageMetrics", "PhantomSource"):
+                     "Voxelizer", "ImageMetrics", "PhantomSource", "PoseCorrection"):
             with self.subTest(name):
                 instance = getattr(bigus, "vtkBigus" + name)()
                 self.assertTrue(instance.IsA("vtkAlgorithm"))

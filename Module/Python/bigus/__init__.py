@@ -7,9 +7,9 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
     import bigus
 
     sweep = bigus.read("sweep.igs.mha")
-    field, log = bigus.train(sweep, Gaussians=50000, HoldOut=8)
+    training = bigus.train(sweep, Gaussians=50000, HoldOut=8)
     frames = bigus.frames(sweep)
-    image = bigus.reslice(field, bigus.poses(sweep)[4], size=frames.shape[:0:-1])
+    image = bigus.reslice(training.field, training.poses[4], size=frames.shape[:0:-1])
     print(bigus.metrics(image, frames[4]))
 
 Sweeps are vtkImageData, fields vtkPolyData, and the classes (vtkBigusTrainer, vtkBigusReslice, ...) are ordinary VTK
@@ -27,7 +27,8 @@ from .vtkBigusIO import *  # noqa: F401,F403
 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
-from .tasks import metrics, read, reslice, texture, train, write
+from .tasks import correct_poses, metrics, read, reslice, texture, train, write
 
-__all__ = ["frames", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train", "update", "write"]
+__all__ = ["correct_poses", "frames", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train"]
+__all__ += ["update", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]

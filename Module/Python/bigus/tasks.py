@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from .arrays import _pixels, image
 from .pipeline import set_properties, update
-from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusReslice, vtkBigusTrainer
+from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusTrainer
 from .vtkBigusIO import (
     vtkBigusFieldReader,
     vtkBigusFieldWriter,
@@ -58,19 +58,58 @@ def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike],
     update(writer)
 
 
+class PoseCorrection(NamedTuple):
+    """A sweep at corrected poses, and what was found. Arrays have one element a frame."""
+
+    sweep: vtkImageData  # pixels shared with the sweep given
+    displacement: np.ndarray  # mm that the image's corners moved, mean of four
+    rotation: np.ndarray  # degrees
+    outlier: np.ndarray  # bool: recorded so far off that the pose follows from its neighbours
+    noise: dict[str, float]  # the tracker's: translation (mm), rotation (degrees), corner (mm at the image's corners)
+    strength: float  # in units of the noise found; 0: poses are as they came
+    decision: dict[str, str]  # choice and evidence
+
+
+def correct_poses(sweep: vtkImageData, **properties: Any) -> PoseCorrection:
+    """Takes the tracker's noise out of a sweep's poses, where its pictures confirm it; exact poses are kept.
+
+    properties are those of vtkBigusPoseCorrection: Strength (negative, the default: chosen by evidence) and HoldOut.
+    """
+    _require(sweep, vtkImageData, "correct_poses", "sweep")
+    correction = vtkBigusPoseCorrection()
+    correction.SetInputDataObject(sweep)
+    set_properties(correction, properties)
+    corrected = update(correction).GetOutput()
+    data = corrected.GetFieldData()
+    decision = data.GetAbstractArray("PoseDecision")
+    return PoseCorrection(
+        corrected,
+        vtk_to_numpy(data.GetArray("PoseDisplacement")),
+        vtk_to_numpy(data.GetArray("PoseRotation")),
+        vtk_to_numpy(data.GetArray("PoseOutlier")) != 0,
+        dict(zip(("translation", "rotation", "corner"), data.GetArray("TrackerNoise").GetTuple3(0))),
+        correction.GetChosenStrength(),
+        {"choice": decision.GetValue(0), "evidence": decision.GetValue(1)},
+    )
+
+
 class _FieldAndLog(NamedTuple):
     field: vtkPolyData
     log: vtkTable
 
 
 class Training(_FieldAndLog):
-    """The field and the training log, as a pair; and decisions, what the training rested on.
+    """The field and the training log, as a pair; and decisions, what the training rested on, and poses.
 
     decisions is a list of dicts: decision, choice, evidence ("given" where the property was set) and seconds, what
     finding out cost. It is empty when nothing was decided.
+
+    poses, float64 [frames, 4, 4], are ImageToReference of every frame as the field was trained at, the tracker's noise
+    taken out where pictures confirmed it. The field belongs to these, not to poses(sweep).
     """
 
     decisions: list[dict[str, Any]]
+    poses: np.ndarray
 
 
 def train(
@@ -117,6 +156,7 @@ def train(
     if failure:
         raise failure[0]
     training = Training(trainer.GetOutputDataObject(0), trainer.GetOutputDataObject(1))
+    training.poses = vtk_to_numpy(trainer.GetCorrectedPoses()).reshape(-1, 4, 4)
     table = trainer.GetDecisions()
     training.decisions = [
         {
