@@ -80,6 +80,46 @@ TEST(PoseCorrection, NoiseIsTakenOutWherePicturesConfirmIt)
   EXPECT_EQ(bigus::AtCorrectedPoses(sweep, found).pixels, sweep.pixels);
 }
 
+/// Two crossing sweeps of one world, one after the other; a calibration error of 2 degrees about the normal.
+TEST(PoseCorrection, ConstantErrorsAreTakenOutWhereSweepsCross)
+{
+  Sweep sweep;
+  std::vector<Eigen::Matrix4d> truth;
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>();
+  for (const double angle : {0.0, 90.0})
+  {
+    PhantomOptions world = SmallWorld(48);
+    world.pixelSize = 0.5;
+    world.scattererDensity = 8;
+    world.sweepAngle = angle;
+    world.calibrationRotation = {0, 0, 2};
+    const Phantom phantom(world);
+    const Sweep part = phantom.MakeSweep();
+    const auto* first = static_cast<const std::uint8_t*>(part.pixels.get());
+    pixels->insert(pixels->end(), first, first + part.PixelsPerFrame() * 48);
+    sweep.width = part.width;
+    sweep.height = part.height;
+    for (int k = 0; k < 48; ++k)
+    {
+      sweep.imageToReference.push_back(part.imageToReference[k]);
+      sweep.timestamps.push_back(part.timestamps[k] + (angle > 0 ? 10 : 0));
+      truth.push_back(phantom.TruePlane(k).ImageToReference());
+    }
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  EXPECT_TRUE(found.constant.isSignificant) << found.constant.evidence;
+  EXPECT_NE(found.decision.choice.find("image moved on the probe"), std::string::npos) << found.decision.choice;
+  EXPECT_NE(found.decision.evidence.find(found.constant.evidence), std::string::npos) << found.decision.evidence;
+  EXPECT_TRUE(found.trajectory.IsChanged());
+  const auto bending = [&](const std::vector<Eigen::Matrix4d>& poses)
+  { return bigus::MeasurePoseError(poses, truth, sweep.width, sweep.height).bending; };
+  EXPECT_LT(bending(found.trajectory.imageToReference), 0.3 * bending(sweep.imageToReference));
+  EXPECT_NEAR(found.trajectory.rotation[5], 2, 0.4);
+  const PoseCorrection kept = CorrectPoses(sweep, bigus::test::AllFrames(sweep), {0.0});
+  EXPECT_EQ(kept.trajectory.imageToReference, sweep.imageToReference);
+}
+
 // A probe that really shakes: to the poses alone that is noise, and only pictures tell.
 TEST(PoseCorrection, AShakingProbeIsLeftAsTracked)
 {

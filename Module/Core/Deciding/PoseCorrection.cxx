@@ -4,6 +4,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +16,7 @@
 
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Format.h"
+#include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Training/Stopwatch.h"
 
@@ -540,6 +542,31 @@ Candidate Choose(const Sweep& sweep, const Evidence& evidence)
   return best;
 }
 
+double DegreesBetween(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b)
+{
+  const Eigen::Matrix3d turn = a.topLeftCorner<3, 3>() * b.topLeftCorner<3, 3>().inverse();
+  return Eigen::AngleAxisd(turn).angle() / kRadiansPerDegree;
+}
+
+/// What is the same in every frame, at poses without noise.
+void TakeOutConstantErrors(const Sweep& sweep, const std::vector<int>& frames, PoseCorrection& correction)
+{
+  const Sweep smooth = AtCorrectedPoses(sweep, correction);
+  correction.constant = EstimateConstantErrors(smooth, frames);
+  if (!correction.constant.isSignificant)
+  {
+    return;
+  }
+  Trajectory& trajectory = correction.trajectory;
+  trajectory.imageToReference = WithoutConstantErrors(smooth, correction.constant);
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    const Eigen::Matrix4d &now = trajectory.imageToReference[k], &before = sweep.imageToReference[k];
+    trajectory.displacement[k] = CornerDistance(now, before, sweep.width, sweep.height);
+    trajectory.rotation[k] = DegreesBetween(now, before);
+  }
+}
+
 }  // namespace
 
 PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames, const PoseCorrectionOptions& options,
@@ -588,7 +615,14 @@ try
   {
     correction.trajectory = SmoothTrajectory(sweep, {0, correction.trajectory.clock});
   }
-  correction.decision = {"poses", ChoiceText(correction.trajectory, correction.strength), evidence, watch.Seconds()};
+  std::string choice = ChoiceText(correction.trajectory, correction.strength);
+  if (!options.strength || *options.strength > 0)
+  {
+    TakeOutConstantErrors(sweep, frames, correction);
+    evidence += correction.constant.comparisons > 0 ? "; " + correction.constant.evidence : "";
+    choice += correction.constant.isSignificant ? "; " + Describe(correction.constant) : "";
+  }
+  correction.decision = {"poses", choice, evidence, watch.Seconds()};
   return correction;
 }
 catch (const Stopped&)

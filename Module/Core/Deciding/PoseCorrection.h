@@ -10,6 +10,7 @@
 
 #include "Core/Deciding/Decision.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Poses/ConstantErrors.h"
 #include "Core/Poses/Trajectory.h"
 
 namespace bigus
@@ -17,16 +18,18 @@ namespace bigus
 
 struct PoseCorrectionOptions
 {
-  /// As TrajectoryOptions::strength; empty: chosen by evidence, and 0 where there is none.
+  /// As TrajectoryOptions::strength; empty: chosen by evidence, and 0 where there is none. A given 0 keeps every pose,
+  /// bit for bit: nor are constant errors looked for.
   std::optional<double> strength;
 };
 
 struct PoseCorrection
 {
-  Trajectory trajectory;  ///< corrected poses of all frames, and what is known of the tracker
-  double strength = 0;    ///< that was chosen; 0: every pose is the recorded one, bit for bit
-  Decision decision;      ///< the choice, what it rests on, and seconds
-  bool aborted = false;   ///< `progress` said stop; every pose is the recorded one
+  Trajectory trajectory;    ///< corrected poses of all frames, and what is known of the tracker
+  double strength = 0;      ///< that was chosen; 0: no noise is taken out
+  ConstantErrors constant;  ///< delay and calibration error, found at poses without noise; taken out where significant
+  Decision decision;        ///< the choice, what it rests on, and seconds
+  bool aborted = false;     ///< `progress` said stop; every pose is the recorded one
 };
 
 /// Corrects the poses of all frames of the sweep. Of pixels only those of `frames` are looked at; other frames go

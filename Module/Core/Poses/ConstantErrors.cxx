@@ -18,6 +18,7 @@
 #include <string>
 #include <utility>
 
+#include "Core/Model/Error.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/LevenbergMarquardt.h"
@@ -801,10 +802,6 @@ public:
     finest_ = std::max(kFinest, seen_.Plane(0).PixelSize());
     for (double sigma = kCoarsest * finest_; sigma >= finest_; sigma /= 2)
     {
-      if (sight_.FindPlaces(fit.value).size() < kFewestPlaces)
-      {
-        return Fit();
-      }
       pictures_ = std::make_unique<Pictures>(seen_, sight_, sigma);
       if (!RunLevel(sigma, fit))
       {
@@ -978,7 +975,12 @@ std::vector<Eigen::Matrix4d> CorrectedPoses(const Sweep& sweep, const Vector& q)
   std::vector<Eigen::Matrix4d> poses;
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
-    poses.push_back(path.Corrected(k, q).ImageToReference());
+    // The motion rather than the plane, because a matrix has a third column of its own.
+    const SlicePlane from = path.Recorded(k), to = path.Corrected(k, q);
+    Eigen::Affine3d motion = Eigen::Affine3d::Identity();
+    motion.linear() = AxesOf(to) * AxesOf(from).transpose();
+    motion.translation() = to.origin - motion.linear() * from.origin;
+    poses.push_back(motion.matrix() * sweep.imageToReference[k]);
   }
   return poses;
 }
@@ -999,13 +1001,26 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
   {
     return out;
   }
+  for (const int frame : frames)
+  {
+    if (frame < 0 || frame >= sweep.NumberOfFrames())
+    {
+      throw Error("ConstantErrors: there is no frame " + std::to_string(frame) + " among " +
+                  std::to_string(sweep.NumberOfFrames()) + ".");
+    }
+  }
   const Sight sight(sweep, frames);
+  if (sight.FindPlaces(Vector::Zero()).size() < kFewestPlaces)
+  {
+    return out;
+  }
   const Sweep seen = sweep.Subset(frames);
   Search search(seen, sight);
   const Fit fit = search.Run();
   out.comparisons = fit.places;
   if (fit.places == 0)
   {
+    out.evidence = "too few places are seen a second time in light";
     return out;
   }
 
@@ -1056,6 +1071,27 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     out.evidence = "frames that see the same place agree better once corrected: " + agreement;
   }
   return out;
+}
+
+std::string Describe(const ConstantErrors& errors)
+{
+  const auto text = [](const char* format, double value)
+  {
+    char buffer[64];
+    std::snprintf(buffer, sizeof buffer, format, value);
+    return std::string(buffer);
+  };
+  const auto three = [&](const std::array<ConstantError, 3>& numbers)
+  { return text("%.2f, ", numbers[0].value) + text("%.2f, ", numbers[1].value) + text("%.2f", numbers[2].value); };
+  const auto any = [](const std::array<ConstantError, 3>& numbers)
+  { return std::any_of(numbers.begin(), numbers.end(), [](const ConstantError& n) { return n.value != 0; }); };
+  std::string out = errors.delay.value != 0 ? "poses taken" + text(" %.1f ms later", 1000 * errors.delay.value) : "";
+  if (any(errors.shift) || any(errors.rotation))
+  {
+    out += std::string(out.empty() ? "" : ", ") + "image moved on the probe by (" + three(errors.shift) + ") mm and (" +
+           three(errors.rotation) + ") degrees";
+  }
+  return out.empty() ? "none" : out;
 }
 
 std::vector<Eigen::Matrix4d> WithoutConstantErrors(const Sweep& sweep, const ConstantErrors& errors)

@@ -46,6 +46,9 @@ struct ConstantErrors
 /// not there.
 ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>& frames);
 
+/// The numbers that are not 0, in words and with units.
+std::string Describe(const ConstantErrors& errors);
+
 /// The sweep's poses without these errors, for all frames; the very bits of the sweep where they are not significant.
 std::vector<Eigen::Matrix4d> WithoutConstantErrors(const Sweep& sweep, const ConstantErrors& errors);
 
