@@ -215,6 +215,10 @@ def write_report(folder, sweep, n, answer):
              "Held-out frames, mean       PSNR dB     SSIM",
              f"  {'this field':<22}{held_out['psnr']:>11.2f}{held_out['ssim']:>9.4f}"
              f"   (PSNR varies by {held_out['psnr_std']:.2f} between frames; BFS {held_out['bfs']:.3f})"]
+    tracked = answer["held_out_tracked"]
+    if tracked != held_out:
+        lines.append(f"  {'  at tracked poses':<22}{tracked['psnr']:>11.2f}{tracked['ssim']:>9.4f}"
+                     "   (all others are at corrected poses)")
     for name, score in scored_methods(answer):
         lines.append(f"  {name:<22}{score['psnr']:>11.2f}{score['ssim']:>9.4f}")
     if answer["cross_planes"]:
