@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusPoseCorrection.h"
 
+#include <array>
+#include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Core/Deciding/PoseCorrection.h"
@@ -45,6 +48,33 @@ void AddFrameArray(vtkImageData* image, const char* name, const std::vector<T>& 
   image->GetFieldData()->AddArray(array);
 }
 
+void AddConstantErrors(vtkImageData* image, const bigus::ConstantErrors& errors)
+{
+  const std::array<std::pair<const char*, bigus::ConstantError>, 7> all{{{"Delay", errors.delay},
+                                                                         {"ShiftX", errors.shift[0]},
+                                                                         {"ShiftY", errors.shift[1]},
+                                                                         {"ShiftZ", errors.shift[2]},
+                                                                         {"RotationX", errors.rotation[0]},
+                                                                         {"RotationY", errors.rotation[1]},
+                                                                         {"RotationZ", errors.rotation[2]}}};
+  vtkNew<vtkDoubleArray> array;
+  array->SetName("ConstantErrors");
+  array->SetNumberOfComponents(static_cast<int>(all.size()));
+  array->SetNumberOfTuples(2);
+  for (int k = 0; k < static_cast<int>(all.size()); ++k)
+  {
+    const bigus::ConstantError& error = all[k].second;
+    array->SetComponentName(k, all[k].first);
+    array->SetComponent(0, k, error.value);
+    array->SetComponent(1, k, error.isObservable ? error.standardError : std::numeric_limits<double>::infinity());
+  }
+  image->GetFieldData()->AddArray(array);
+  vtkNew<vtkUnsignedCharArray> applied;
+  applied->SetName("ConstantErrorsApplied");
+  applied->InsertNextValue(errors.isSignificant ? 1 : 0);
+  image->GetFieldData()->AddArray(applied);
+}
+
 void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const std::vector<int>& frames)
 {
   const bigus::Trajectory& path = found.trajectory;
@@ -52,6 +82,8 @@ void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const 
   AddFrameArray<vtkDoubleArray>(image, "PoseRotation", path.rotation, frames, 0.0);
   AddFrameArray<vtkUnsignedCharArray>(image, "PoseOutlier", path.isOutlier, frames, std::uint8_t(0));
   AddFrameArray<vtkIntArray>(image, "PoseStroke", path.stroke, frames, -1);
+
+  AddConstantErrors(image, found.constant);
 
   vtkNew<vtkDoubleArray> noise;
   noise->SetName("TrackerNoise");

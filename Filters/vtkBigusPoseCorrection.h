@@ -23,12 +23,17 @@
  * | `PoseOutlier` [1] | frames | 1: recorded so far off that the pose follows from its neighbours |
  * | `PoseStroke` [1] | frames | number of the continuous motion that the frame belongs to, from 0; -1: rejected |
  * | `TrackerNoise` [3] | 1 | Translation (mm), Rotation (degrees): standard deviation on each axis; Corner (mm): see below |
- * | `PoseStrength` [1] | 1 | how strongly noise was taken out, in units of what was found; 0: poses are as they came |
+ * | `PoseStrength` [1] | 1 | how strongly noise was taken out, in units of what was found; 0: not at all |
+ * | `ConstantErrors` [7] | 2 | Delay (s), ShiftX, Y, Z (mm), RotationX, Y, Z (degrees): estimates; their standard errors |
+ * | `ConstantErrorsApplied` [1] | 1 | 1: the constant errors are significant and were taken out |
  * | `PoseDecision` | 2 strings | what was chosen, and the evidence ("given" where Strength was set) |
  * | `Provenance` | strings | one more line, `sweep.poses` = what was chosen, which a field trained on the output keeps |
  *
- * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Results are the same
- * for every number of threads.
+ * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Constant errors are the
+ * same in every frame: how long the tracker lags behind the pictures, and how the image must move on the probe, in its
+ * own axes (along its rows, down, along its normal) and about its centre. They are known only where the sweep sees
+ * places twice; an estimate that nothing tells is 0 with an infinite standard error. Results are the same for every
+ * number of threads.
  */
 #ifndef vtkBigusPoseCorrection_h
 #define vtkBigusPoseCorrection_h
@@ -46,7 +51,8 @@ public:
   ///@{
   /**
    * How strongly noise is taken out, 0 (not at all) to 1000, in units of the noise found: 1 assumes what was found, 2
-   * twice that. Negative (default): chosen by evidence, and 0 where there is none, as with fewer than 8 frames.
+   * twice that. Negative (default): chosen by evidence, and 0 where there is none, as with fewer than 8 frames. A given 0
+   * keeps every pose, bit for bit; constant errors are not looked for then.
    */
   vtkSetMacro(Strength, double);
   vtkGetMacro(Strength, double);
@@ -61,7 +67,7 @@ public:
   vtkGetMacro(HoldOut, int);
   ///@}
 
-  /** Strength as the last update chose it; 0: poses are as they came. */
+  /** Strength as the last update chose it; 0: no noise is taken out. */
   vtkGetMacro(ChosenStrength, double);
 
 protected:

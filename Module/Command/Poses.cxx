@@ -104,6 +104,20 @@ Json Points(const std::array<std::vector<double>, 3>& axes)
   return points;
 }
 
+/// Components first to last - 1 of what is the same in every frame, each with its standard error (null: nothing tells it).
+Json ConstantErrorJson(vtkImageData* sweep, int first, int last)
+{
+  vtkDataArray* array = sweep->GetFieldData()->GetArray("ConstantErrors");
+  Json values = Json::array(), errors = Json::array();
+  for (int k = first; k < last; ++k)
+  {
+    values.push_back(array->GetComponent(0, k));
+    errors.push_back(array->GetComponent(1, k));
+  }
+  return last - first == 1 ? Json{{"value", values[0]}, {"standard_error", errors[0]}}
+                           : Json{{"value", values}, {"standard_error", errors}};
+}
+
 Json Summary(std::vector<double> values)
 {
   std::sort(values.begin(), values.end());
@@ -195,6 +209,11 @@ ExitCode CorrectPoses(Console& console, const Options& options)
                   {"strength", correction->GetChosenStrength()},
                   {"decision", {{"choice", decision->GetValue(0)}, {"evidence", decision->GetValue(1)}}},
                   {"noise", {{"translation", noise[0]}, {"rotation", noise[1]}, {"corner", noise[2]}}},
+                  {"constant_errors",
+                   {{"applied", Values(sweep, "ConstantErrorsApplied")[0] != 0},
+                    {"delay", ConstantErrorJson(sweep, 0, 1)},
+                    {"shift", ConstantErrorJson(sweep, 1, 4)},
+                    {"rotation", ConstantErrorJson(sweep, 4, 7)}}},
                   {"outliers", outliers},
                   {"strokes", strokes},
                   {"displacement", moved},

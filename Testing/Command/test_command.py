@@ -778,13 +778,16 @@ class Poses(CommandTest):
         self.assertEqual(read_sequence(out)[1], read_sequence(sweep)[1])
         self.assertEqual(re.findall("Timestamp = .*", read_sequence(out)[0]),
                          re.findall("Timestamp = .*", read_sequence(sweep)[0]))
-        self.assertEqual(set(answer), {"output", "frames", "changed", "strength", "decision", "noise", "outliers",
-                                       "strokes", "displacement", "rotation", "each_frame"})
+        self.assertEqual(set(answer), {"output", "frames", "changed", "strength", "decision", "noise", "constant_errors",
+                                       "outliers", "strokes", "displacement", "rotation", "each_frame"})
         self.assertEqual((answer["output"], answer["frames"], answer["changed"]), (str(out), 24, True))
         self.assertGreater(answer["strength"], 0)
         self.assertIn("smoothed by", answer["decision"]["choice"])
         self.assertAlmostEqual(answer["noise"]["translation"], 0.3, delta=0.15)
         self.assertAlmostEqual(answer["noise"]["rotation"], 0.3, delta=0.15)
+        constant = answer["constant_errors"]  # one sweep there and not back tells none
+        self.assertEqual((constant["applied"], constant["delay"]), (False, {"value": 0, "standard_error": None}))
+        self.assertEqual((len(constant["shift"]["value"]), len(constant["rotation"]["standard_error"])), (3, 3))
         each = answer["each_frame"]
         self.assertEqual({len(values) for values in each.values()}, {24})
         self.assertEqual(each["source_frame"], list(range(24)))

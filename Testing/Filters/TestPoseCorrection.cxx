@@ -99,6 +99,15 @@ TEST(PoseCorrectionFilter, NoisyPosesComeNearerToTheTruthAndPixelsAreShared)
   EXPECT_STREQ(noise->GetComponentName(1), "Rotation");
   EXPECT_NEAR(noise->GetComponent(0, 0), 0.2, 0.06);
   EXPECT_NEAR(noise->GetComponent(0, 1), 0.3, 0.09);
+  // One sweep, there and not back, tells nothing that is the same in every frame.
+  vtkDataArray* constant = Field(corrected, "ConstantErrors");
+  ASSERT_EQ(constant->GetNumberOfComponents(), 7);
+  ASSERT_EQ(constant->GetNumberOfTuples(), 2);
+  EXPECT_STREQ(constant->GetComponentName(6), "RotationZ");
+  EXPECT_EQ(constant->GetComponent(0, 0), 0);
+  EXPECT_TRUE(std::isinf(constant->GetComponent(1, 0)));
+  EXPECT_EQ(Field(corrected, "ConstantErrorsApplied")->GetTuple1(0), 0);
+
   auto* decision = vtkStringArray::SafeDownCast(corrected->GetFieldData()->GetAbstractArray("PoseDecision"));
   ASSERT_EQ(decision->GetNumberOfValues(), 2);
   EXPECT_NE(decision->GetValue(0).find("smoothed"), std::string::npos) << decision->GetValue(0);

@@ -66,7 +66,7 @@ class PoseCorrection(NamedTuple):
     rotation: np.ndarray  # degrees
     outlier: np.ndarray  # bool: recorded so far off that the pose follows from its neighbours
     noise: dict[str, float]  # the tracker's: translation (mm), rotation (degrees), corner (mm at the image's corners)
-    strength: float  # in units of the noise found; 0: poses are as they came
+    strength: float  # in units of the noise found; 0: no noise is taken out
     decision: dict[str, str]  # choice and evidence
 
 
