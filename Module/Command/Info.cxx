@@ -7,6 +7,8 @@
 #include "Command.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
+#include "Core/Poses/PoseDoubts.h"
+#include "Core/Poses/Trajectory.h"
 #include "Data/FieldData.h"
 #include "Inputs.h"
 #include "Pipeline.h"
@@ -149,6 +151,64 @@ ExitCode ShowField(Console& console, const std::string& path)
   return Success;
 }
 
+/// What the poses alone tell of the tracker: one line and one JSON value each.
+Json ShowTracker(Console& console, const Sweep& sweep)
+{
+  constexpr int kFewestFrames = 5;         // of a stroke that noise can be told of
+  constexpr std::size_t kMostListed = 12;  // outliers named to people; --json has all
+  if (sweep.NumberOfFrames() < kFewestFrames)
+  {
+    return nullptr;
+  }
+  const Trajectory path = SmoothTrajectory(sweep);
+  Json outliers = Json::array();
+  std::string listed;
+  for (std::size_t k = 0; k < path.isOutlier.size(); ++k)
+  {
+    if (path.isOutlier[k])
+    {
+      listed += outliers.size() > kMostListed    ? ""
+                : outliers.size() == kMostListed ? ", ..."
+                                                 : (listed.empty() ? "frame " : ", ") + std::to_string(k);
+      outliers.push_back(k);
+    }
+  }
+  console.Print(Line("Tracker's noise", path.isStepped
+                                            ? "none: motion in equal steps"
+                                            : FormatNumber(path.translationNoise, 3) + " mm and " +
+                                                  FormatNumber(path.rotationNoise, 3) + " degrees on each axis, " +
+                                                  FormatNumber(path.cornerNoise, 3) + " mm at the image's corners"));
+  if (!outliers.empty())
+  {
+    console.Print(Line("Outliers", std::to_string(outliers.size()) + ": " + listed));
+  }
+  return {{"translation_noise", path.translationNoise},
+          {"rotation_noise", path.rotationNoise},
+          {"corner_noise", path.cornerNoise},
+          {"outliers", outliers},
+          {"stepped", path.isStepped}};
+}
+
+/// What is doubtful about poses, those that were rejected among them.
+Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* reader)
+{
+  std::vector<std::string> doubts = DoubtsAboutPoses(sweep);
+  for (int i = 0; i < reader->GetNumberOfRejectionReasons(); ++i)
+  {
+    if (std::string(reader->GetRejectionReason(i)).find("reflected") != std::string::npos)
+    {
+      const int count = reader->GetRejectionCount(i);
+      doubts.push_back("The matrices of " + std::to_string(count) + (count == 1 ? " frame" : " frames") +
+                       " mirror the image: an axis is reversed, and the frames are not used.");
+    }
+  }
+  for (const std::string& doubt : doubts)
+  {
+    console.Print(Line("Doubtful", doubt));
+  }
+  return doubts;
+}
+
 ExitCode ShowSequence(Console& console, const SequenceOptions& options)
 {
   const auto reader = NewSequenceReader(options);
@@ -213,6 +273,9 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
     console.Print(Line("Rejected", reader->GetRejectionSummary()));
   }
 
+  const Sweep poses = accepted > 0 ? ReadPosesOnly(options, console) : Sweep();
+  const Json tracker = ShowTracker(console, poses), doubts = ShowDoubts(console, poses, reader);
+
   Json answer = {{"kind", "sequence"},
                  {"format", reader->GetFormat()},
                  {"encoding", reader->GetEncoding()},
@@ -229,7 +292,9 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
                  {"path_length", reader->GetPathLength()},
                  {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
                  {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
-                 {"rejected", rejected}};
+                 {"rejected", rejected},
+                 {"tracker", tracker},
+                 {"doubts", doubts}};
   if (!fault.empty())
   {
     answer["error"] = fault;

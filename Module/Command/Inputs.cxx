@@ -294,6 +294,29 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
   AddChainOptions(app, options.chain, planeGroup);
 }
 
+Sweep ReadPosesOnly(const SequenceOptions& options, Console& console)
+{
+  vtkNew<vtkBigusPoseReader> reader;
+  SetFileAndChain(reader.Get(), options.path, options.chain);
+  Update(reader, console, "Reading");
+  vtkTable* table = reader->GetOutput();
+  const auto column = [table](const char* name) { return vtkDataArray::SafeDownCast(table->GetColumnByName(name)); };
+  Sweep sweep;
+  for (vtkIdType k = 0; k < table->GetNumberOfRows(); ++k)
+  {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+    column("ImageToReference")->GetTuple(k, pose.data());
+    sweep.imageToReference.push_back(pose);
+    sweep.width = static_cast<int>(column("Size")->GetComponent(k, 0));
+    sweep.height = static_cast<int>(column("Size")->GetComponent(k, 1));
+    if (column("Timestamp"))
+    {
+      sweep.timestamps.push_back(column("Timestamp")->GetComponent(k, 0));
+    }
+  }
+  return sweep;
+}
+
 Planes ReadPlanes(const PlaneOptions& options, Console& console)
 {
   vtkNew<vtkBigusPoseReader> reader;

@@ -363,6 +363,42 @@ class Info(CommandTest):
         self.assertEqual(answer["rejected"][0]["frames"], 9)
         self.expect(BAD_INPUT, "train", none, "-o", self.folder / "x.vtp")
 
+    def test_tracker_and_doubtful_poses(self):
+        answer = self.expect(SUCCESS, "info", self.sweep)
+        self.assertLess(answer["tracker"]["corner_noise"], 0.01)
+        self.assertEqual((answer["tracker"]["outliers"], answer["doubts"]), ([], []))
+        self.assertNotIn("Doubtful", run("info", self.sweep).stdout)
+
+        noisy = self.folder / "noisy.mha"
+        self.expect(SUCCESS, "phantom", "-o", noisy, "--frames=60", "--width=48", "--height=40", "--pixel-size=0.6",
+                    "--scatterers=1", "--tracking-noise=0.3", "--rotation-noise=0.4")
+        tracker = self.expect(SUCCESS, "info", noisy)["tracker"]
+        self.assertAlmostEqual(tracker["translation_noise"], 0.3, delta=0.1)
+        self.assertAlmostEqual(tracker["rotation_noise"], 0.4, delta=0.12)
+        self.assertRegex(run("info", noisy).stdout, r"Tracker's noise +0\.\d+ mm and 0\.\d+ degrees")
+
+        def changed(name, change):
+            """The sweep with every pose changed, row-major."""
+            header, pixels, _ = read_sequence(self.sweep)
+            lines = []
+            for line in header.split("\n"):
+                key, mark, value = line.partition(" = ")
+                if key.endswith("ImageToReferenceTransform"):
+                    line = key + mark + " ".join(repr(x) for x in change([float(x) for x in value.split()]))
+                lines.append(line)
+            write_sequence(self.folder / name, "\n".join(lines), pixels)
+            return self.folder / name
+
+        metres = changed("metres.mha", lambda m: [x / 1000 for x in m[:12]] + m[12:])
+        self.assertIn("metres", self.expect(SUCCESS, "info", metres)["doubts"][0])
+        self.assertRegex(run("info", metres).stdout, "Doubtful +Pixels of .*metres")
+        sheared = changed("sheared.mha", lambda m: [x + 0.1 * m[k - 1] * (k % 4 == 1) for k, x in enumerate(m)])
+        self.assertIn("shear", self.expect(SUCCESS, "info", sheared)["doubts"][0])
+        flat = changed("flat.mha", lambda m: [0.6, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
+        self.assertIn("one plane", self.expect(SUCCESS, "info", flat)["doubts"][0])
+        mirrored = changed("mirrored.mha", lambda m: [-x if k % 4 == 0 else x for k, x in enumerate(m)])
+        self.assertIn("mirror", self.expect(BAD_INPUT, "info", mirrored)["doubts"][0])
+
     def test_without_a_chain_frames_are_not_called_bad(self):
         self.expect(BAD_INPUT, "info", self.sweep, "--image-to", "Moon", says="Moon")
         text = run("info", self.sweep, "--image-to", "Moon").stdout

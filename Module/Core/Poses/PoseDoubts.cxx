@@ -1,0 +1,123 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Poses/PoseDoubts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "Core/Model/SlicePlane.h"
+#include "Core/Numerics/Constants.h"
+
+namespace bigus
+{
+namespace
+{
+
+// mm. Probes of 1 to 60 MHz show 5 to 300 mm of depth on 200 to 2000 rows: 0.0025 to 1.5 mm. Matrices in metres give a
+// thousandth of that, those in micrometres a thousand times as much.
+constexpr double kSmallestPixel = 0.002, kLargestPixel = 5;
+// Of the image's diagonal. A sweep that moves less shows one slice; one that moves further left the patient.
+constexpr double kShortestPath = 0.003, kLongestPath = 100;
+constexpr double kCoplanar = 0.005;  // pixels: as near do no two frames of a hand come
+constexpr double kSheared = 0.5;     // degrees that rows and columns may be off a right angle
+constexpr double kScaled = 0.01;     // share by which the sides of pixels may differ between frames
+
+std::string Text(const char* format, double value)
+{
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+std::string FramesOf(int some, int all)
+{
+  return some == all ? "all " + std::to_string(all) + " frames"
+                     : std::to_string(some) + " of " + std::to_string(all) + " frames";
+}
+
+double LargestHeight(const SlicePlane& plane, const SlicePlane& above)
+{
+  double height = 0;
+  for (const double i : {0.0, plane.width - 1.0})
+  {
+    for (const double j : {0.0, plane.height - 1.0})
+    {
+      height = std::max(height, std::abs(above.Normal().dot(plane.Point(i, j) - above.origin)));
+    }
+  }
+  return height;
+}
+
+}  // namespace
+
+std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep)
+{
+  std::vector<std::string> doubts;
+  const int frames = sweep.NumberOfFrames();
+  int sheared = 0, coplanar = 0;
+  double angle = 90, smallest = 1e300, largest = 0, path = 0;
+  for (int k = 0; k < frames; ++k)
+  {
+    const SlicePlane plane = sweep.Plane(k);
+    const double between =
+        std::acos(std::clamp(plane.columnStep.normalized().dot(plane.rowStep.normalized()), -1.0, 1.0)) /
+        kRadiansPerDegree;
+    sheared += std::abs(between - 90) > kSheared ? 1 : 0;
+    angle = std::abs(between - 90) > std::abs(angle - 90) ? between : angle;
+    smallest = std::min(smallest, plane.PixelSize());
+    largest = std::max(largest, plane.PixelSize());
+    if (k > 0)
+    {
+      const SlicePlane before = sweep.Plane(k - 1);
+      const double i = 0.5 * (plane.width - 1), j = 0.5 * (plane.height - 1);
+      path += (plane.Point(i, j) - before.Point(i, j)).norm();
+      coplanar += LargestHeight(plane, before) < kCoplanar * plane.PixelSize() ? 1 : 0;
+    }
+  }
+  if (frames == 0)
+  {
+    return doubts;
+  }
+  const SlicePlane first = sweep.Plane(0);
+  const double diagonal = (sweep.width * first.columnStep + sweep.height * first.rowStep).norm();
+  if (smallest < kSmallestPixel)
+  {
+    doubts.push_back("Pixels of " + Text("%.3g mm", smallest) +
+                     " are too small for ultrasound: matrices must be in millimetres, not in metres.");
+  }
+  else if (largest > kLargestPixel)
+  {
+    doubts.push_back("Pixels of " + Text("%.3g mm", largest) +
+                     " are too large for ultrasound: matrices must be in millimetres, and contain the image's scale.");
+  }
+  else if (frames > 1 && coplanar < frames - 1 && path < kShortestPath * diagonal)
+  {
+    doubts.push_back("A path of " + Text("%.3g mm", path) + " is short beside an image of " +
+                     Text("%.3g mm", diagonal) + ": the probe hardly moved, or translations are in metres.");
+  }
+  else if (frames > 1 && path > kLongestPath * diagonal)
+  {
+    doubts.push_back("A path of " + Text("%.3g mm", path) + " is long beside an image of " + Text("%.3g mm", diagonal) +
+                     ": translations must be in millimetres.");
+  }
+  if (largest > (1 + kScaled) * smallest)
+  {
+    doubts.push_back("Pixels measure from " + Text("%.4g", smallest) + Text(" to %.4g mm", largest) +
+                     ": the matrices of a sweep should have one scale.");
+  }
+  if (sheared > 0)
+  {
+    doubts.push_back("The matrices of " + FramesOf(sheared, frames) + " shear the image: rows and columns meet at" +
+                     Text(" %.1f degrees.", angle));
+  }
+  if (coplanar > 0)
+  {
+    doubts.push_back(coplanar == frames - 1 ? "All frames lie in one plane, so there is no volume to learn."
+                                            : FramesOf(coplanar, frames) +
+                                                  " lie in the plane of the frame before them, within 0.005 pixels.");
+  }
+  return doubts;
+}
+
+}  // namespace bigus

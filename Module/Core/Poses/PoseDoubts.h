@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Poses that are sound as numbers but hardly those of a probe: wrong units, sheared images, frames in one plane.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "Core/Model/Sweep.h"
+
+namespace bigus
+{
+
+/// One plain sentence for each doubt, none for a usual sweep. Looks at size and poses, at no pixel.
+std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep);
+
+}  // namespace bigus
