@@ -3,7 +3,6 @@
 #include "vtkBigusPoseCorrection.h"
 
 #include <array>
-#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -60,13 +59,14 @@ void AddConstantErrors(vtkImageData* image, const bigus::ConstantErrors& errors)
   vtkNew<vtkDoubleArray> array;
   array->SetName("ConstantErrors");
   array->SetNumberOfComponents(static_cast<int>(all.size()));
-  array->SetNumberOfTuples(2);
+  array->SetNumberOfTuples(3);
   for (int k = 0; k < static_cast<int>(all.size()); ++k)
   {
     const bigus::ConstantError& error = all[k].second;
     array->SetComponentName(k, all[k].first);
     array->SetComponent(0, k, error.value);
-    array->SetComponent(1, k, error.isObservable ? error.standardError : std::numeric_limits<double>::infinity());
+    array->SetComponent(1, k, error.standardError);
+    array->SetComponent(2, k, error.isObservable ? 1 : 0);
   }
   image->GetFieldData()->AddArray(array);
   vtkNew<vtkUnsignedCharArray> applied;

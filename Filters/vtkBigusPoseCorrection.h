@@ -24,7 +24,7 @@
  * | `PoseStroke` [1] | frames | number of the continuous motion that the frame belongs to, from 0; -1: rejected |
  * | `TrackerNoise` [3] | 1 | Translation (mm), Rotation (degrees): standard deviation on each axis; Corner (mm): see below |
  * | `PoseStrength` [1] | 1 | how strongly noise was taken out, in units of what was found; 0: not at all |
- * | `ConstantErrors` [7] | 2 | Delay (s), ShiftX, Y, Z (mm), RotationX, Y, Z (degrees): estimates; their standard errors |
+ * | `ConstantErrors` [7] | 3 | Delay (s), ShiftX, Y, Z (mm), RotationX, Y, Z (degrees): see below |
  * | `ConstantErrorsApplied` [1] | 1 | 1: the constant errors are significant and were taken out |
  * | `PoseDecision` | 2 strings | what was chosen, and the evidence ("given" where Strength was set) |
  * | `Provenance` | strings | one more line, `sweep.poses` = what was chosen, which a field trained on the output keeps |
@@ -32,8 +32,8 @@
  * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Constant errors are the
  * same in every frame: how long the tracker lags behind the pictures, and how the image must move on the probe, in its
  * own axes (along its rows, down, along its normal) and about its centre. They are known only where the sweep sees
- * places twice; an estimate that nothing tells is 0 with an infinite standard error. Results are the same for every
- * number of threads.
+ * places twice. The first tuple holds estimates, the second their standard errors (infinite: unknown), the third 1 where
+ * pictures tell the number apart from the other six. Results are the same for every number of threads.
  */
 #ifndef vtkBigusPoseCorrection_h
 #define vtkBigusPoseCorrection_h

@@ -104,18 +104,18 @@ Json Points(const std::array<std::vector<double>, 3>& axes)
   return points;
 }
 
-/// Components first to last - 1 of what is the same in every frame, each with its standard error (null: nothing tells it).
+/// Components first to last - 1 of what is the same in every frame; standard errors are null where unknown.
 Json ConstantErrorJson(vtkImageData* sweep, int first, int last)
 {
   vtkDataArray* array = sweep->GetFieldData()->GetArray("ConstantErrors");
-  Json values = Json::array(), errors = Json::array();
+  Json values = Json::array(), errors = Json::array(), observable = Json::array();
   for (int k = first; k < last; ++k)
   {
     values.push_back(array->GetComponent(0, k));
     errors.push_back(array->GetComponent(1, k));
+    observable.push_back(array->GetComponent(2, k) != 0);
   }
-  return last - first == 1 ? Json{{"value", values[0]}, {"standard_error", errors[0]}}
-                           : Json{{"value", values}, {"standard_error", errors}};
+  return {{"value", values}, {"standard_error", errors}, {"observable", observable}};
 }
 
 Json Summary(std::vector<double> values)

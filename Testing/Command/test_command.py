@@ -822,7 +822,8 @@ class Poses(CommandTest):
         self.assertAlmostEqual(answer["noise"]["translation"], 0.3, delta=0.15)
         self.assertAlmostEqual(answer["noise"]["rotation"], 0.3, delta=0.15)
         constant = answer["constant_errors"]  # one sweep there and not back tells none
-        self.assertEqual((constant["applied"], constant["delay"]), (False, {"value": 0, "standard_error": None}))
+        self.assertEqual((constant["applied"], constant["delay"]), (False, {"value": [0], "standard_error": [None],
+                                                                            "observable": [False]}))
         self.assertEqual((len(constant["shift"]["value"]), len(constant["rotation"]["standard_error"])), (3, 3))
         each = answer["each_frame"]
         self.assertEqual({len(values) for values in each.values()}, {24})

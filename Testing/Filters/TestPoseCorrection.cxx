@@ -102,10 +102,11 @@ TEST(PoseCorrectionFilter, NoisyPosesComeNearerToTheTruthAndPixelsAreShared)
   // One sweep, there and not back, tells nothing that is the same in every frame.
   vtkDataArray* constant = Field(corrected, "ConstantErrors");
   ASSERT_EQ(constant->GetNumberOfComponents(), 7);
-  ASSERT_EQ(constant->GetNumberOfTuples(), 2);
+  ASSERT_EQ(constant->GetNumberOfTuples(), 3);
   EXPECT_STREQ(constant->GetComponentName(6), "RotationZ");
   EXPECT_EQ(constant->GetComponent(0, 0), 0);
   EXPECT_TRUE(std::isinf(constant->GetComponent(1, 0)));
+  EXPECT_EQ(constant->GetComponent(2, 0), 0);
   EXPECT_EQ(Field(corrected, "ConstantErrorsApplied")->GetTuple1(0), 0);
 
   auto* decision = vtkStringArray::SafeDownCast(corrected->GetFieldData()->GetAbstractArray("PoseDecision"));
@@ -113,6 +114,29 @@ TEST(PoseCorrectionFilter, NoisyPosesComeNearerToTheTruthAndPixelsAreShared)
   EXPECT_NE(decision->GetValue(0).find("smoothed"), std::string::npos) << decision->GetValue(0);
   EXPECT_NE(decision->GetValue(1).find("pictures confirm"), std::string::npos) << decision->GetValue(1);
   EXPECT_EQ(GetProvenance(corrected, "sweep.poses"), decision->GetValue(0) + " (" + decision->GetValue(1) + ")");
+}
+
+// There and back over one path, which tells the delay.
+TEST(PoseCorrectionFilter, ADelayIsFoundAndTakenOut)
+{
+  vtkNew<vtkBigusPhantomSource> source;
+  source->SetNumberOfFrames(80);
+  source->SetFrameSize(kSide, kSide);
+  source->SetPixelSize(0.4);
+  source->SetPasses(2);
+  source->SetTrackingDelay(0.08);
+  source->SetTrackingNoise(0.1);
+  source->SetTrackingRotationNoise(0.1);
+  source->Update();
+  Correction correct;
+  vtkImageData* corrected = correct(source->GetOutput());
+  EXPECT_EQ(Field(corrected, "ConstantErrorsApplied")->GetTuple1(0), 1);
+  EXPECT_NEAR(Field(corrected, "ConstantErrors")->GetComponent(0, 0), 0.08, 0.012);
+  EXPECT_LT(Field(corrected, "ConstantErrors")->GetComponent(1, 0), 0.01);
+  EXPECT_EQ(Field(corrected, "ConstantErrors")->GetComponent(2, 0), 1);
+  const auto bending = [&](const std::vector<Eigen::Matrix4d>& poses)
+  { return MeasurePoseError(poses, PosesOf(corrected, "TrueImageToReference"), kSide, kSide).bending; };
+  EXPECT_LT(bending(PosesOf(corrected)), 0.5 * bending(PosesOf(source->GetOutput())));
 }
 
 TEST(PoseCorrectionFilter, ExactPosesPassBitForBit)
