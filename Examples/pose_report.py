@@ -6,7 +6,8 @@
     bigus poses sweep.igs.mha -o corrected.igs.mha --json > poses.json
     pose_report.py poses.json PICTURE.png
 
-The CSV of 'bigus poses SWEEP -o poses.csv' will do, too; it does not hold the noise.
+The CSV of 'bigus poses SWEEP -o poses.csv' will do, too; it does not hold the noise. Several are drawn one below the
+other, to compare settings.
 """
 import argparse
 import csv
@@ -51,7 +52,7 @@ def read_csv(path):
     return found
 
 
-def draw(found, picture):
+def draw(figure, found):
     """Four panels over the same frames."""
     recorded, corrected = found["recorded_centre"], found["corrected_centre"]
     outliers = np.asarray(found["outliers"], dtype=int)
@@ -59,7 +60,7 @@ def draw(found, picture):
     when = np.arange(len(recorded)) if found["times"] is None else np.asarray(found["times"], dtype=float)
     breaks = when[1:][np.diff(found["stroke"]) != 0]
 
-    figure, axes = plt.subplots(2, 2, figsize=(13, 7.5), constrained_layout=True)
+    axes = figure.subplots(2, 2)
     told = f"; tracker's noise {noise['translation']:.3f} mm and {noise['rotation']:.3f} degrees" if noise else ""
     figure.suptitle(found["title"] + told, fontsize=12)
 
@@ -98,16 +99,18 @@ def draw(found, picture):
         panel.set_xlabel("frame" if found["times"] is None else "s")
         for where in breaks:
             panel.axvline(where, color="black", linewidth=0.6, alpha=0.5)
-    figure.savefig(picture, dpi=110)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("poses", help="what 'bigus poses --json' printed, or its CSV")
+    parser.add_argument("poses", nargs="+", help="what 'bigus poses --json' printed, or its CSV")
     parser.add_argument("picture")
     options = parser.parse_args()
-    draw(read_csv(options.poses) if options.poses.lower().endswith(".csv") else read_json(options.poses),
-         options.picture)
+    figure = plt.figure(figsize=(13, 7.5 * len(options.poses)), constrained_layout=True)
+    parts = figure.subfigures(len(options.poses), 1, squeeze=False)[:, 0]
+    for part, path in zip(parts, options.poses):
+        draw(part, read_csv(path) if path.lower().endswith(".csv") else read_json(path))
+    figure.savefig(options.picture, dpi=110)
     print(options.picture)
 
 

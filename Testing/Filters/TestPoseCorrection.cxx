@@ -9,6 +9,7 @@
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusPhantomSource.h"
 #include "vtkBigusPoseCorrection.h"
+#include "vtkBigusTrainer.h"
 #include "vtkCallbackCommand.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"
@@ -149,6 +150,25 @@ TEST(PoseCorrectionFilter, ExactPosesPassBitForBit)
   double moved[2];
   Field(corrected, "PoseDisplacement")->GetRange(moved);
   EXPECT_EQ(moved[1], 0);
+}
+
+TEST(PoseCorrectionFilter, AFieldKeepsWhatWasDoneToItsSweepAndToItsPoses)
+{
+  Correction correct;
+  vtkNew<vtkBigusTrainer> trainer;
+  trainer->SetInputData(correct(PhantomSweep(0.2, 0.3)));
+  trainer->AutomaticOff();
+  trainer->SetGaussians(100);
+  trainer->SetIterations(1);
+  trainer->Update();
+  vtkPolyData* field = trainer->GetOutput();
+  EXPECT_EQ(GetProvenance(field, "sweep.poses").find("smoothed by"), 0u);
+  EXPECT_EQ(GetProvenance(field, "poses"), "as tracked");
+  trainer->SetInputData(PhantomSweep(0.2, 0.3));
+  trainer->SetPoseSmoothing(1);
+  trainer->Update();
+  EXPECT_EQ(GetProvenance(field, "sweep.poses"), "");
+  EXPECT_EQ(GetProvenance(field, "poses").find("corrected by 0."), 0u) << GetProvenance(field, "poses");
 }
 
 TEST(PoseCorrectionFilter, StrengthIsObeyed)
