@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -268,6 +269,43 @@ TEST(PoseCorrection, WhatIsGivenIsObeyedAndFewFramesAreNoEvidence)
   const bigus::TrainingResult smoothed = Train(shared, options);
   EXPECT_EQ(smoothed.imageToReference, given.trajectory.imageToReference);
   EXPECT_NE(smoothed.field.means, plain.field.means);
+}
+
+TEST(PoseCorrection, ItCanBeStoppedAndThenKeepsEveryPose)
+{
+  PhantomOptions world = SmallWorld(24);
+  world.trackingNoise = 0.2;
+  const auto sweep = std::make_shared<const Sweep>(Phantom(world).MakeSweep());
+  std::vector<double> seen;
+  const auto stopAt = [&seen](std::size_t call)
+  {
+    return [&seen, call](double fraction)
+    {
+      seen.push_back(fraction);
+      return seen.size() < call;
+    };
+  };
+  ASSERT_FALSE(CorrectPoses(*sweep, bigus::test::AllFrames(*sweep), {}, stopAt(1000)).aborted);
+  const std::size_t calls = seen.size();
+  ASSERT_GE(calls, 2u);
+  EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
+  EXPECT_LE(seen.back(), 1);
+  for (const std::size_t call : {std::size_t(1), calls})
+  {
+    seen.clear();
+    const PoseCorrection stopped = CorrectPoses(*sweep, bigus::test::AllFrames(*sweep), {}, stopAt(call));
+    EXPECT_TRUE(stopped.aborted);
+    EXPECT_EQ(stopped.trajectory.imageToReference, sweep->imageToReference);
+    EXPECT_EQ(stopped.strength, 0);
+  }
+
+  bigus::TrainerOptions options;
+  options.gaussians = 300;
+  const bigus::TrainingResult result =
+      Train(sweep, options, nullptr, [](const bigus::TrainingProgress&) { return false; });
+  EXPECT_TRUE(result.aborted);
+  EXPECT_EQ(result.imageToReference, sweep->imageToReference);
+  EXPECT_GT(result.field.Size(), 0u);
 }
 
 }  // namespace

@@ -618,6 +618,10 @@ try
   std::string choice = ChoiceText(correction.trajectory, correction.strength);
   if (!options.strength || *options.strength > 0)
   {
+    if (progress && !progress(1))
+    {
+      throw Stopped();
+    }
     TakeOutConstantErrors(sweep, frames, correction);
     evidence += correction.constant.comparisons > 0 ? "; " + correction.constant.evidence : "";
     choice += correction.constant.isSignificant ? "; " + Describe(correction.constant) : "";

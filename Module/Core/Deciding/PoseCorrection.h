@@ -35,8 +35,8 @@ struct PoseCorrection
 /// Corrects the poses of all frames of the sweep. Of pixels only those of `frames` are looked at; other frames go
 /// through the trajectory by their poses alone. With fewer than 8 `frames` there is no evidence, and poses are kept
 /// unless a strength is given. The same for every number of threads. Throws Error as SmoothTrajectory does.
-/// `progress` (may be empty) is called with a number from 0 to 1 before each strength is compared; returning false
-/// stops the work.
+/// `progress` (may be empty) is called with a number from 0 to 1 before each strength is compared, and before constant
+/// errors are looked for; returning false stops the work.
 PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames,
                             const PoseCorrectionOptions& options = {},
                             const std::function<bool(double)>& progress = {});

@@ -3,6 +3,7 @@
 #include "Core/Deciding/Trainer.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
@@ -50,12 +51,19 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
               ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
 }
 
-/// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it.
+/// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it. Poses are kept
+/// where `goOn` says stop.
 std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
-                                     TrainerOptions& options, std::vector<Decision>& decisions)
+                                     TrainerOptions& options, std::vector<Decision>& decisions,
+                                     const std::function<bool()>& goOn)
 {
-  const PoseCorrection correction = CorrectPoses(*sweep, frames, {options.poseSmoothing});
+  const PoseCorrection correction =
+      CorrectPoses(*sweep, frames, {options.poseSmoothing}, [&goOn](double) { return goOn(); });
   options.poseSmoothing = correction.strength;
+  if (correction.aborted)
+  {
+    return sweep;
+  }
   decisions.push_back(correction.decision);
   return correction.trajectory.IsChanged() ? std::make_shared<const Sweep>(AtCorrectedPoses(*sweep, correction))
                                            : sweep;
@@ -118,20 +126,6 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
   sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
 
-  TrainingResult result;
-  TrainerOptions asked = options;
-  const bool isJudged = asked.automatic && frames.size() >= kFewestFrames;
-  if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
-  {
-    sweep = Correct(sweep, frames, asked, result.decisions);
-  }
-  asked.poseSmoothing = asked.poseSmoothing.value_or(0);
-  result.imageToReference = sweep->imageToReference;
-  if (start && !asked.elevationSigma)
-  {
-    asked.elevationSigma = start->beam.elevationSigma;
-  }
-  TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
   double from = 0, share = 1;  // of the progress bar, for what runs now
   bool aborted = false;
   const auto passOn = [&](TrainingProgress now)
@@ -142,6 +136,20 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     aborted = aborted || (progress && !progress(now));
     return !aborted;
   };
+  TrainingResult result;
+  TrainerOptions asked = options;
+  const bool isJudged = asked.automatic && frames.size() >= kFewestFrames;
+  if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
+  {
+    sweep = Correct(sweep, frames, asked, result.decisions, [&passOn] { return passOn({}); });
+  }
+  asked.poseSmoothing = asked.poseSmoothing.value_or(0);
+  result.imageToReference = sweep->imageToReference;
+  if (start && !asked.elevationSigma)
+  {
+    asked.elevationSigma = start->beam.elevationSigma;
+  }
+  TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
   // A field to continue from was decided on before.
   if (options.automatic && !start && options.iterations.value_or(1) > 0)
   {
