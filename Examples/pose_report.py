@@ -12,6 +12,7 @@ other, to compare settings.
 import argparse
 import csv
 import json
+import textwrap
 
 import matplotlib
 import numpy as np
@@ -62,7 +63,7 @@ def draw(figure, found):
 
     axes = figure.subplots(2, 2)
     told = f"; tracker's noise {noise['translation']:.3f} mm and {noise['rotation']:.3f} degrees" if noise else ""
-    figure.suptitle(found["title"] + told, fontsize=12)
+    figure.suptitle(textwrap.fill(found["title"] + told, 120), fontsize=12)
 
     # The plane in which the path is longest.
     middle = corrected.mean(axis=0)

@@ -59,7 +59,10 @@ def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike],
 
 
 class PoseCorrection(NamedTuple):
-    """A sweep at corrected poses, and what was found. Arrays have one element a frame."""
+    """A sweep at corrected poses, and what was found. Arrays have one element a frame.
+
+    The sweep's field data have more: vtkBigusPoseCorrection lists them.
+    """
 
     sweep: vtkImageData  # pixels shared with the sweep given
     displacement: np.ndarray  # mm that the image's corners moved, mean of four
