@@ -32,6 +32,7 @@
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Error.h"
+#include "Core/Poses/PoseError.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/Seeding.h"
@@ -572,6 +573,18 @@ std::optional<double> Strength(const std::string& poses)
   throw Error("job: 'poses' is corrected or tracked, not '" + poses + "'.");
 }
 
+/// How far poses are from the true ones, mm and degrees; null where these are not known.
+Json PoseErrorOf(const std::vector<Eigen::Matrix4d>& poses, const std::vector<Eigen::Matrix4d>& truth,
+                 const Sweep& sweep)
+{
+  if (truth.empty())
+  {
+    return nullptr;
+  }
+  const bigus::PoseError error = bigus::MeasurePoseError(poses, truth, sweep.width, sweep.height);
+  return {{"distance", error.distance}, {"bending", error.bending}, {"angle", error.angle}};
+}
+
 Json Run(const Json& job, const SceneFolders& folders, const std::string& pictures)
 {
   JobFields fields(job, "job");
@@ -595,6 +608,7 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
   // Every method works and is scored at the same poses: as tracked, or corrected by pixels of training frames alone.
   const PoseCorrection correction = CorrectPoses(recorded, split.training, {Strength(poses)});
   const auto sweep = std::make_shared<const Sweep>(AtCorrectedPoses(recorded, correction));
+  const std::vector<Eigen::Matrix4d> truth = TruePoses(scene);
   const Method method = MakeMethod(description, seed, *sweep, split);
 
   Json scores = Json::object();
@@ -671,7 +685,9 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
           {"poses",
            {{"choice", correction.decision.choice},
             {"evidence", correction.decision.evidence},
-            {"seconds", correction.decision.seconds}}},
+            {"seconds", correction.decision.seconds},
+            {"error_tracked", PoseErrorOf(recorded.imageToReference, truth, recorded)},
+            {"error", PoseErrorOf(sweep->imageToReference, truth, recorded)}}},
           {"facts", method.facts},
           {"width", sweep->width},
           {"height", sweep->height},

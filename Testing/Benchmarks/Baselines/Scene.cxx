@@ -328,3 +328,25 @@ std::shared_ptr<const Sweep> MakeScene(const Json& scene, const SceneFolders& fo
   fields.Done();
   return std::make_shared<const Sweep>(sweep.Reduced(reduce));
 }
+
+std::vector<Eigen::Matrix4d> TruePoses(const Json& scene)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  if (!scene.contains("phantoms") || scene.contains("crop"))
+  {
+    return poses;
+  }
+  const int block = scene.value("reduce", 1);
+  for (const Json& description : scene.at("phantoms"))
+  {
+    const Phantom phantom(ReadPhantomOptions(description));
+    for (int frame = 0; frame < phantom.Options().frames; ++frame)
+    {
+      Eigen::Matrix4d pose = phantom.TruePlane(frame).ImageToReference();
+      pose.col(3) += 0.5 * (block - 1) * (pose.col(0) + pose.col(1));  // as Sweep::Reduced
+      pose.leftCols<2>() *= block;
+      poses.push_back(pose);
+    }
+  }
+  return poses;
+}

@@ -611,6 +611,60 @@ E9 = Experiment(
                                     ("neighbour average", "neighbour average"))}),
     split="scene", shows_decisions=True)
 
+# ---- E10: errors of the tracker ----
+
+STEPPER = {"speed_variation": 0, "tilt": 0, "wander": 0}
+TRACKERS = {"exact": {}, "stepper, exact": STEPPER,
+            "noise 0.05 mm, 0.05°": {"tracking_noise": 0.05, "tracking_rotation_noise": 0.05},
+            "noise 0.2 mm, 0.3°": {"tracking_noise": 0.2, "tracking_rotation_noise": 0.3},
+            "noise 0.2 mm, 0.3°, a quarter dropped":
+                {"tracking_noise": 0.2, "tracking_rotation_noise": 0.3, "dropped_share": 0.25},
+            "drift 1 mm, 1°": {"tracking_drift": 1, "tracking_rotation_drift": 1},
+            "5 % outliers, 2 mm": {"outlier_share": 0.05, "outlier_size": 2},
+            "rounded to 0.25 mm, 0.25°": {"tracking_quantum": 0.25, "tracking_rotation_quantum": 0.25}}
+# Two sweeps that cross at right angles, or one there and back, whose errors are the same in every frame.
+CALIBRATION = {"calibration_shift": [1, 1, 1], "calibration_rotation": [1, -1, 1]}
+CONSTANT = {"crossing, exact": (True, {}), "crossing, 1 mm and 1° of calibration": (True, CALIBRATION),
+            "crossing, the same with noise 0.1 mm, 0.1°":
+                (True, {**CALIBRATION, "tracking_noise": 0.1, "tracking_rotation_noise": 0.1}),
+            "crossing, delay 50 ms": (True, {"tracking_delay": 0.05}),
+            "there and back, exact": (False, {}), "there and back, delay 50 ms": (False, {"tracking_delay": 0.05})}
+
+
+def e10_jobs(scale):
+    scenes = {name: scale.phantom(**tracker) for name, tracker in TRACKERS.items()}
+    for name, (crosses, tracker) in CONSTANT.items():
+        sweeps = [scale.phantom(**tracker, sweep_angle=angle, frames=48)["phantoms"][0] for angle in (0, 90)]
+        scenes[name] = {"phantoms": sweeps} if crosses else scale.phantom(**tracker, passes=2, frames=96)
+    jobs = []
+    for name, scene in scenes.items():
+        for poses in ("tracked", "corrected"):
+            for title, method, seconds, priority in (
+                    ("BIGUS", auto(60000), 110, 1 if name in ("exact", "noise 0.2 mm, 0.3°") else 2),
+                    ("pose interpolation, any plane", {"name": "pose_any_plane"}, 6, 1),
+                    ("neighbour average", {"name": "neighbour_average"}, 3, 2),
+                    ("compounding", {"name": "compounding"}, 4, 2)):
+                jobs.append(scale.job(scene, {"hold_out": 8}, method,
+                                      {"tracker": name, "poses": poses, "method": title}, seconds, priority,
+                                      poses=poses))
+    return jobs
+
+
+E10 = Experiment(
+    "e10", "E10: errors of the tracker", e10_jobs,
+    scored("held_out", "held-out") + [("corner error mm", "poses.error.distance", 3),
+                                      ("bent by mm", "poses.error.bending", 3),
+                                      ("angle °", "poses.error.angle", 3)] + COST,
+    lambda jobs: [dots([job for job in jobs if job.labels["method"] == "pose interpolation, any plane"], path, title,
+                       lambda labels: f"{labels['tracker']}, {labels['poses']}")
+                  for path, title in (("poses.error.bending", "poses are bent by (mm)"),
+                                      ("scores.held_out.psnr", "pose interpolation: PSNR (dB)"))],
+    summary=("pose interpolation at any plane",
+             {name: {"tracker": name, "method": "pose interpolation, any plane"} for name in (*TRACKERS, *CONSTANT)},
+             {f"{column}, {poses}": ({"poses": poses}, column)
+              for column in ("bent by mm", "held-out PSNR") for poses in ("tracked", "corrected")}),
+    split="method", shows_decisions=False)
+
 # ---- E11: any plane ----
 
 ANY_PLANE = {"pose interpolation": {"name": "pose_any_plane"}, "cubic": {"name": "cubic_any_plane"}}
@@ -680,4 +734,4 @@ E11 = Experiment(
               "its structure": ({"scene": "phantom, linear"}, "turned 90° structure")}),
     split="scene", shows_decisions=True)
 
-EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E11)}
+EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11)}
