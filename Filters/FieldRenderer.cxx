@@ -137,13 +137,16 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
     device_ = engine_->Device();
     uploadedSigma_.reset();
   }
-  const double trainedSigma = field_.beam.elevationSigma;
-  const double sigma = settings.elevationSigma < 0 ? trainedSigma : settings.elevationSigma;
+  const double sigma = std::max(settings.elevationSigma, -1.0);  // every negative number is the field's beam
   if (uploadedSigma_ != sigma)
   {
-    field_.beam.elevationSigma = sigma;
+    const Beam own = field_.beam;
+    if (sigma >= 0)
+    {
+      field_.beam = Beam{sigma};
+    }
     engine_->SetField(field_);
-    field_.beam.elevationSigma = trainedSigma;
+    field_.beam = own;
     uploadedSigma_ = sigma;
   }
   engine_->SetAccuracy({settings.tolerance});

@@ -60,7 +60,7 @@ public:
   struct Settings
   {
     std::string engine = "auto";
-    double elevationSigma = -1;  ///< mm; negative: the field's own
+    double elevationSigma = -1;  ///< mm, of every plane; negative: the field's beam (Core/Model/Beam.h)
     double tolerance = 1e-4;     ///< on the intensity of a pixel; 0 leaves nothing out
   };
 

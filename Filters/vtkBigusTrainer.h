@@ -18,6 +18,8 @@
  * | `Reflectivity` [1] | points, active scalars | signed, dimensionless |
  * | `Gamma` [1] | field data | display compression: I = 1 - exp(-Gamma max(S, 0)) |
  * | `ElevationSigma` [1] | field data | standard deviation of the elevation profile trained under, mm |
+ * | `ProbeElevationSigma` [1] | field data | that of the probe, mm; only where it is known |
+ * | `TrainedNormals` [3] | field data | normals of the planes trained on; only with a known probe |
  * | `FormatVersion` [1] | field data | 1 |
  * | `Provenance` | field data | strings key=value: every option, `decision.<what>` = choice and evidence, and `poses` |
  *
@@ -102,8 +104,12 @@ public:
   vtkBigusNumberOptionMacro(MaximumGaussians, vtkIdType);
   /** What twice the Gaussians must gain on validation frames to be chosen, dB of PSNR, 0 to 100, default 0.1. */
   vtkBigusNumberOptionMacro(Price, double);
-  /** Standard deviation of the probe's elevation profile, mm, 0 (a thin plane) to 1000. Negative (default): open. */
+  /** Standard deviation of the elevation profile of the planes trained on, mm, 0 (a thin plane) to 1000. Negative
+   * (default): open. */
   vtkBigusNumberOptionMacro(ElevationSigma, double);
+  /** Standard deviation of the probe's elevation profile, mm, 0 (not known) to 1000. Planes across the sweep show it.
+   * Negative (default): open, measured where it can be. */
+  vtkBigusNumberOptionMacro(ProbeElevationSigma, double);
   /** Whether a Gaussian may have negative reflectivity and so darken others, default on. */
   vtkBigusSwitchOptionMacro(SignedReflectivity);
   /** Planes added in every gap between neighbouring training frames, 0 to 8. Negative (default): open. */

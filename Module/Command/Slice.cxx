@@ -73,7 +73,7 @@ void NoteTrackedPlanes(vtkPolyData* field, const Options& options, Console& cons
       "; these planes are as tracked. For the frames' own planes give the poses that 'train --write-poses' wrote.");
 }
 
-/// Standard deviation of the beam that the field was trained under, mm.
+/// Standard deviation of the beam that the planes trained on have in the field, mm.
 double TrainedSigma(vtkPolyData* field)
 {
   return field->GetFieldData()->GetArray("ElevationSigma")->GetTuple1(0);

@@ -33,6 +33,34 @@ struct FieldArrays
   GaussianField none;  // no Gaussians, but the beam and the transfer function
 };
 
+// Directions in which space can be seen, five degrees apart, are some thousand; more would only take time.
+constexpr vtkIdType kMostNormals = 10000;
+
+// What a field may say of the probe: its thickness, and the normals of the planes trained on.
+void ReadProbeBeam(vtkFieldData* data, const std::string& owner, Beam& beam)
+{
+  if (vtkDataArray* sigma = FindArray(data, owner, "ProbeElevationSigma", 1, 1, false))
+  {
+    beam.probeElevationSigma = sigma->GetTuple1(0);
+  }
+  vtkDataArray* normals = data ? data->GetArray("TrainedNormals") : nullptr;
+  const vtkIdType count = normals ? normals->GetNumberOfTuples() : 0;
+  if (count > kMostNormals)
+  {
+    throw Error(owner + ": TrainedNormals holds " + std::to_string(count) + " normals; at most " +
+                std::to_string(kMostNormals) + " are read.");
+  }
+  if (normals)
+  {
+    FindArray(data, owner, "TrainedNormals", 3, count, true);
+    beam.trainedNormals.resize(static_cast<std::size_t>(count));
+    for (vtkIdType k = 0; k < count; ++k)
+    {
+      normals->GetTuple(k, beam.trainedNormals[k].data());
+    }
+  }
+}
+
 // The arrays of the right shape, or Error.
 FieldArrays FindArrays(vtkPolyData* polyData)
 {
@@ -61,6 +89,7 @@ FieldArrays FindArrays(vtkPolyData* polyData)
   {
     found.none.beam.elevationSigma = sigma->GetTuple1(0);
   }
+  ReadProbeBeam(data, owner, found.none.beam);
   if (required)
   {
     vtkPointData* arrays = polyData->GetPointData();
@@ -113,6 +142,19 @@ void Assemble(vtkPolyData* polyData, vtkDataArray* coordinates, vtkDataArray* sc
   polyData->GetPointData()->SetScalars(reflectivities);
   AddScalar(polyData->GetFieldData(), "Gamma", transfer.gamma);
   AddScalar(polyData->GetFieldData(), "ElevationSigma", beam.elevationSigma);
+  if (beam.probeElevationSigma > 0)
+  {
+    AddScalar(polyData->GetFieldData(), "ProbeElevationSigma", beam.probeElevationSigma);
+  }
+  if (!beam.trainedNormals.empty())
+  {
+    const auto normals = NewArray<vtkDoubleArray>("TrainedNormals", 3, beam.trainedNormals.size());
+    for (std::size_t k = 0; k < beam.trainedNormals.size(); ++k)
+    {
+      normals->SetTypedTuple(k, beam.trainedNormals[k].data());
+    }
+    polyData->GetFieldData()->AddArray(normals);
+  }
   const auto version = NewArray<vtkIntArray>("FormatVersion", 1, 1);
   version->SetValue(0, kFormatVersion);
   polyData->GetFieldData()->AddArray(version);

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Gaussian fields between VTK and Core: the one place that knows which arrays a field is made of. They are points in mm
 // with point data `Scale` [3] mm, `Rotation` [4] w, x, y, z, `Reflectivity` [1] and field data `Gamma` [1],
-// `ElevationSigma` [1] mm. There may be `FormatVersion` [1], which must be 1, and `Provenance` (Provenance.h).
+// `ElevationSigma` [1] mm. There may be `ProbeElevationSigma` [1] mm and `TrainedNormals` [3] unit vectors (Beam.h),
+// `FormatVersion` [1], which must be 1, and `Provenance` (Provenance.h).
 // On input any numeric type will do, cells are not looked at, and without points all arrays are optional.
 #pragma once
 

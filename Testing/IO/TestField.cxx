@@ -103,6 +103,25 @@ vtkPolyData* Read(vtkBigusFieldReader* reader, const std::string& fileName)
   return reader->GetOutput();
 }
 
+TEST(Field, TheProbesBeamIsKeptExactlyByEveryFormat)
+{
+  TemporaryFolder folder;
+  const auto field = RandomField(3);
+  AddDoubles(field->GetFieldData(), "ProbeElevationSigma", 1, {1.0 / 7});
+  AddDoubles(field->GetFieldData(), "TrainedNormals", 3, {0, 0, 1, 0.6, -0.8, 0});
+  for (const char* name : {"field.vtp", "field.ply"})
+  {
+    Write(field, folder / name);
+    vtkNew<vtkBigusFieldReader> reader;
+    vtkFieldData* const back = Read(reader, folder / name)->GetFieldData();
+    ASSERT_TRUE(back->GetArray("ProbeElevationSigma") && back->GetArray("TrainedNormals")) << name;
+    EXPECT_EQ(back->GetArray("ProbeElevationSigma")->GetComponent(0, 0), 1.0 / 7) << name;
+    ASSERT_EQ(back->GetArray("TrainedNormals")->GetNumberOfTuples(), 2) << name;
+    EXPECT_EQ(back->GetArray("TrainedNormals")->GetComponent(1, 0), 0.6) << name;
+    EXPECT_EQ(back->GetArray("TrainedNormals")->GetComponent(1, 1), -0.8) << name;
+  }
+}
+
 TEST(Field, VtpRoundTripIsExact)
 {
   TemporaryFolder folder;
@@ -362,6 +381,15 @@ TEST(Field, RefusesUnsoundFields)
       {[=](vtkPolyData* field) { field->GetPoints()->SetPoint(9, nan, 0, 0); }, {"9"}},
       {[](vtkPolyData* field) { field->GetFieldData()->RemoveArray("Gamma"); }, {"Gamma", "missing"}},
       {[](vtkPolyData* field) { field->GetFieldData()->RemoveArray("ElevationSigma"); }, {"ElevationSigma", "missing"}},
+      {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "ProbeElevationSigma", 1, {-1}); }, {"probe"}},
+      {[](vtkPolyData* field) {
+         AddDoubles(field->GetFieldData(), "TrainedNormals", 3, {1, 1, 0});
+       },
+       {"normal"}},
+      {[](vtkPolyData* field) {
+         AddDoubles(field->GetFieldData(), "TrainedNormals", 2, {1, 0});
+       },
+       {"TrainedNormals"}},
       {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "Gamma", 1, {0}); }, {"amma"}},
       {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "ElevationSigma", 1, {-1}); }, {"levation"}},
       {[](vtkPolyData* field) { AddDoubles(field->GetFieldData(), "FormatVersion", 1, {2}); }, {"FormatVersion"}},

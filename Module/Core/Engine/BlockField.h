@@ -34,7 +34,7 @@ inline Camera CameraOf(const SlicePlane& plane, const Beam& beam)
           ToVector(t.row(0)),
           ToVector(t.row(1)),
           plane.columnStep.cross(plane.rowStep).norm(),
-          beam.elevationSigma * beam.elevationSigma};
+          beam.Variance(plane.Normal())};
 }
 
 inline std::size_t NumberOfBlocks(std::size_t gaussians)

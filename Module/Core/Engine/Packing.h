@@ -43,7 +43,7 @@ View<Real> MakeView(const SlicePlane& plane, const Beam& beam, const Eigen::Vect
   view.dualA = ToVector3<Real>(t.row(0));
   view.dualB = ToVector3<Real>(t.row(1));
   view.area = static_cast<Real>(plane.columnStep.cross(plane.rowStep).norm());
-  view.elevationVariance = static_cast<Real>(beam.elevationSigma * beam.elevationSigma);
+  view.elevationVariance = static_cast<Real>(beam.Variance(plane.Normal()));
   return view;
 }
 

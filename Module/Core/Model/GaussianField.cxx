@@ -12,6 +12,9 @@ namespace bigus
 namespace
 {
 
+/// How far the square of a unit vector's length may lie from 1: what a text file with seven digits leaves.
+constexpr double kUnitLength = 1e-5;
+
 std::string At(const char* array, std::size_t i)
 {
   return std::string(array) + "[" + std::to_string(i) + "]";
@@ -44,6 +47,19 @@ void GaussianField::Validate() const
   {
     throw Error("Gaussian field: the elevation sigma is " + std::to_string(beam.elevationSigma) +
                 " mm; it must be zero or positive, and finite.");
+  }
+  if (!(std::isfinite(beam.probeElevationSigma) && beam.probeElevationSigma >= 0))
+  {
+    throw Error("Gaussian field: the probe's elevation sigma is " + std::to_string(beam.probeElevationSigma) +
+                " mm; it must be zero or positive, and finite.");
+  }
+  for (const Eigen::Vector3d& normal : beam.trainedNormals)
+  {
+    if (!(std::abs(normal.squaredNorm() - 1) <= kUnitLength))
+    {
+      throw Error("Gaussian field: a normal of the planes trained on has the length " + std::to_string(normal.norm()) +
+                  "; it must have length 1.");
+    }
   }
   for (std::size_t i = 0; i < n; ++i)
   {

@@ -36,7 +36,7 @@ struct GaussianField
 
   /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite, scales are
   /// positive, quaternions are not zero, reflectivities and coordinates lie within the limits above, gamma > 0 and
-  /// elevationSigma >= 0. An empty field is valid.
+  /// both thicknesses of the beam >= 0, its normals of length 1. An empty field is valid.
   void Validate() const;
 };
 

@@ -3,10 +3,50 @@
 #include "Core/Model/SweepGeometry.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace bigus
 {
+namespace
+{
+
+/// Cosines of the angles between normals: below which one normal stands for another's plane too, and from which planes
+/// cross. 5 degrees of a beam of 1 mm are 0.09 mm, less than a pixel.
+constexpr double kSameDirection = 0.99619470, kCrossing = 0.86602540;
+
+/// Share of a length that counts as no difference: what text files with seven digits leave.
+constexpr double kExact = 1e-6;
+
+constexpr std::size_t kLookedAt = 24;  // frames: 276 pairs
+
+/// Whether the line in which two planes meet runs through both images, seen at the middle of what lies in the second.
+bool Meet(const SlicePlane& a, const SlicePlane& b)
+{
+  const double right = b.width - 1, bottom = b.height - 1;
+  const std::array<Eigen::Vector3d, 4> corners = {b.Point(0, 0), b.Point(right, 0), b.Point(right, bottom),
+                                                  b.Point(0, bottom)};
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int cuts = 0;
+  for (int k = 0; k < 4; ++k)
+  {
+    const Eigen::Vector3d &p = corners[k], &q = corners[(k + 1) % 4];
+    const double from = (p - a.origin).dot(a.Normal()), to = (q - a.origin).dot(a.Normal());
+    if ((from < 0) != (to < 0))
+    {
+      sum += p + from / (from - to) * (q - p);
+      ++cuts;
+    }
+  }
+  if (cuts != 2)
+  {
+    return false;
+  }
+  const Eigen::Vector3d ijz = a.WorldToSlice() * (0.5 * sum - a.origin);
+  return ijz[0] >= 0 && ijz[0] <= a.width - 1 && ijz[1] >= 0 && ijz[1] <= a.height - 1;
+}
+
+}  // namespace
 
 double GapBetween(const Sweep& sweep, int from, int to, double i, double j)
 {
@@ -31,6 +71,61 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
     geometry.largestSpacing = spacings.back();
   }
   return geometry;
+}
+
+std::vector<Eigen::Vector3d> DistinctNormals(const Sweep& sweep, const std::vector<int>& frames)
+{
+  std::vector<Eigen::Vector3d> distinct;
+  for (const int frame : frames)
+  {
+    const Eigen::Vector3d normal = sweep.Plane(frame).Normal();
+    if (std::none_of(distinct.begin(), distinct.end(),
+                     [&normal](const Eigen::Vector3d& known) { return std::abs(known.dot(normal)) >= kSameDirection; }))
+    {
+      distinct.push_back(normal);
+    }
+  }
+  return distinct;
+}
+
+bool IsVolume(const Sweep& sweep, const std::vector<int>& frames)
+{
+  if (frames.size() < 3)
+  {
+    return false;
+  }
+  const Eigen::Matrix4d& first = sweep.imageToReference[frames[0]];
+  const double indices = frames[1] - frames[0];
+  const Eigen::Vector3d step = (sweep.imageToReference[frames[1]] - first).block<3, 1>(0, 3) / indices;
+  const Eigen::Vector3d normal = sweep.Plane(frames[0]).Normal();
+  const double allowed = kExact * step.norm();
+  bool isVolume = step.norm() > 0 && (step - step.dot(normal) * normal).norm() <= allowed;
+  for (const int frame : frames)
+  {
+    const Eigen::Matrix4d difference = sweep.imageToReference[frame] - first;
+    isVolume = isVolume && difference.leftCols<3>().norm() <= kExact * first.leftCols<2>().norm() &&
+               (difference.block<3, 1>(0, 3) - (frame - frames[0]) * step).norm() <= allowed * sweep.NumberOfFrames();
+  }
+  return isVolume;
+}
+
+bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const std::size_t count = std::min(kLookedAt, frames.size());
+  std::vector<SlicePlane> planes;
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    planes.push_back(sweep.Plane(frames[(2 * k + 1) * frames.size() / (2 * count)]));
+  }
+  std::size_t crossing = 0;
+  for (const SlicePlane& a : planes)
+  {
+    crossing += std::any_of(planes.begin(), planes.end(),
+                            [&a](const SlicePlane& b) {
+                              return std::abs(a.Normal().dot(b.Normal())) <= kCrossing && (Meet(a, b) || Meet(b, a));
+                            });
+  }
+  return count > 0 && 2 * crossing >= count;
 }
 
 }  // namespace bigus

@@ -23,4 +23,16 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
 /// Distance along the normal of frame `from` between its pixel (i, j) and the same pixel of frame `to`, mm.
 double GapBetween(const Sweep& sweep, int from, int to, double i, double j);
 
+/// Normals of the frames' planes that stand for all. Every frame has one of them within 5 degrees (a plane's two sides
+/// are the same), and no two of them are that near to each other.
+std::vector<Eigen::Vector3d> DistinctNormals(const Sweep& sweep, const std::vector<int>& frames);
+
+/// True for the slices of a volume: planes of one orientation, one exactly above another (to 1e-6 of the median spacing),
+/// at equal steps. Needs three frames.
+bool IsVolume(const Sweep& sweep, const std::vector<int>& frames);
+
+/// True where space is seen from more than one side. At least half of the frames (24 are looked at) meet another within
+/// both images, at 30 degrees or more.
+bool FramesCross(const Sweep& sweep, const std::vector<int>& frames);
+
 }  // namespace bigus

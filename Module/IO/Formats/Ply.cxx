@@ -237,6 +237,16 @@ bool OwnComment(const std::string& comment, const std::string& key, std::string&
   return true;
 }
 
+Eigen::Vector3d ParseNormal(const std::string& fileName, const std::string& comment, const std::string& value)
+{
+  Eigen::Vector3d normal;
+  if (!ParseNumbers(value, 3, normal.data()))
+  {
+    throw FormatError(fileName + ": the comment " + Quoted(comment) + " does not end in three numbers");
+  }
+  return normal;
+}
+
 void ReadComments(const std::string& fileName, const PlyHeader& header, PlyField& ply)
 {
   std::string value;
@@ -262,6 +272,14 @@ void ReadComments(const std::string& fileName, const PlyHeader& header, PlyField
     if (OwnComment(comment, "elevation_sigma", value))
     {
       ply.field.beam.elevationSigma = number();
+    }
+    if (OwnComment(comment, "probe_elevation_sigma", value))
+    {
+      ply.field.beam.probeElevationSigma = number();
+    }
+    if (OwnComment(comment, "trained_normal", value))
+    {
+      ply.field.beam.trainedNormals.push_back(ParseNormal(fileName, comment, value));
     }
     if (OwnComment(comment, "provenance", value))
     {
@@ -349,6 +367,15 @@ void WritePly(const PlyField& ply, AtomicFile& file)
   header += "comment bigus.format_version 1\n";
   header += "comment bigus.gamma " + ExactNumber(field.transfer.gamma) + "\n";
   header += "comment bigus.elevation_sigma " + ExactNumber(field.beam.elevationSigma) + "\n";
+  if (field.beam.probeElevationSigma > 0)
+  {
+    header += "comment bigus.probe_elevation_sigma " + ExactNumber(field.beam.probeElevationSigma) + "\n";
+  }
+  for (const Eigen::Vector3d& normal : field.beam.trainedNormals)
+  {
+    header += "comment bigus.trained_normal " + ExactNumber(normal[0]) + " " + ExactNumber(normal[1]) + " " +
+              ExactNumber(normal[2]) + "\n";
+  }
   for (std::string line : ply.provenance)
   {
     std::replace_if(

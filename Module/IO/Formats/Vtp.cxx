@@ -41,9 +41,14 @@ struct ArrayName
   const char* name;
   const char* ownType;
 };
-constexpr ArrayName kArrays[] = {{"PointData", "Scale", "Float64"},          {"PointData", "Rotation", "Float64"},
-                                 {"PointData", "Reflectivity", "Float64"},   {"FieldData", "Gamma", "Float64"},
-                                 {"FieldData", "ElevationSigma", "Float64"}, {"FieldData", "FormatVersion", "Int32"},
+constexpr ArrayName kArrays[] = {{"PointData", "Scale", "Float64"},
+                                 {"PointData", "Rotation", "Float64"},
+                                 {"PointData", "Reflectivity", "Float64"},
+                                 {"FieldData", "Gamma", "Float64"},
+                                 {"FieldData", "ElevationSigma", "Float64"},
+                                 {"FieldData", "FormatVersion", "Int32"},
+                                 {"FieldData", "ProbeElevationSigma", "Float64"},
+                                 {"FieldData", "TrainedNormals", "Float64"},
                                  {"FieldData", "Provenance", "String"}};
 
 bool IsOneOf(const std::string& text, std::initializer_list<const char*> known)
