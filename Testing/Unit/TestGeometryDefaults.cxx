@@ -49,18 +49,22 @@ TEST(GeometryDefaults, KnownSweepsAreWhatTheyWereFoundToBe)
   }
 }
 
-TEST(GeometryDefaults, SparseSweepsGetAThickBeamAndVirtualPlanes)
+TEST(GeometryDefaults, PlanesLieAPixelApartAndTheBeamIsThin)
 {
   const TrainingPlan dense = PlanFor(0.9, 0.3), sparse = PlanFor(1.1, 0.3);
   EXPECT_FALSE(dense.sparse);
   EXPECT_TRUE(sparse.sparse);
-  EXPECT_EQ(dense.virtualPlanes, 0);
-  EXPECT_EQ(sparse.virtualPlanes, 1);
-  EXPECT_LT(dense.elevationSigma, sparse.elevationSigma);
+  EXPECT_EQ(dense.virtualPlanes, 2);
+  EXPECT_EQ(sparse.virtualPlanes, 3);
+  EXPECT_EQ(PlanFor(0.2, 0.3).virtualPlanes, 2);
+  EXPECT_EQ(PlanFor(30, 0.3).virtualPlanes, 7);
+  EXPECT_EQ(dense.elevationSigma, 0);
+  EXPECT_EQ(sparse.elevationSigma, 0);
+  EXPECT_EQ(sparse.probeElevationSigma, 0);  // not known
   EXPECT_GT(dense.solveIterations, 0);
   EXPECT_EQ(sparse.solveIterations, 0);
-  EXPECT_EQ(dense.iterations, 200);   // 80 passes over 20 frames, 8 a step
-  EXPECT_EQ(sparse.iterations, 292);  // 60 over 20 frames and 19 planes
+  EXPECT_EQ(dense.iterations, 580);   // 80 passes over 20 frames and 38 planes, 8 a step
+  EXPECT_EQ(sparse.iterations, 577);  // 60 over 20 frames and 57 planes
   EXPECT_DOUBLE_EQ(dense.minimumScale, 0.25 * 0.3);
   EXPECT_DOUBLE_EQ(dense.maximumScale, 48 * 0.3);
 }
@@ -87,14 +91,13 @@ TEST(GeometryDefaults, WhatIsGivenStays)
   EXPECT_TRUE(plan.frameGains);
 }
 
-TEST(GeometryDefaults, KeptContrastAsksForThinBeamsAndContrastBetweenFrames)
+TEST(GeometryDefaults, KeptContrastAsksForContrastBetweenFrames)
 {
   TrainerOptions options;
   options.preset = Preset::Texture;
   const TrainingPlan plan = PlanFor(1.5, 0.3, options);
-  EXPECT_EQ(plan.virtualPlanes, 2);
+  EXPECT_EQ(plan.virtualPlanes, PlanFor(1.5, 0.3).virtualPlanes);
   EXPECT_TRUE(plan.interpolation.keepContrast);
-  EXPECT_EQ(plan.elevationSigma, PlanFor(0.5, 0.3).elevationSigma);
 }
 
 }  // namespace

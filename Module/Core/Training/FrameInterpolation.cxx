@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
@@ -19,19 +20,27 @@ namespace bigus
 namespace
 {
 
-constexpr int kBands = 4;           // octaves; what is below them is the same in both frames
-constexpr double kFirstBlur = 0.8;  // pixels: the blur that the finest octave is without; it doubles with each
-constexpr int kWindow = 65;         // pixels over which a band's correlation is taken
-constexpr double kDecay = 1.5;  // exponent of the share in rho^(share^kDecay): 1 for an exponential, 2 for a Gaussian
-constexpr double kAlike = 1 - 1e-6;   // correlation that equal pictures count with, because at 1 the weights are 0 / 0
+constexpr int kBands = 4;             // octaves; what is below them is the same in all frames
+constexpr double kFirstBlur = 0.8;    // pixels: the blur that the finest octave is without; it doubles with each
+constexpr int kWindow = 65;           // pixels over which a band's correlation is taken
+constexpr int kCell = 16;             // pixels a side of a cell: correlations of windows four times as wide vary slowly
+constexpr double kAlike = 1 - 1e-6;   // correlation that equal pictures count with
 constexpr double kNothing = 1e-10;    // power of a band, (1e-5 of white)^2, below which there is no contrast to mix
 constexpr double kMostContrast = 4;   // gain that keeps contrast; two frames with nothing in common ask for 1.4
 constexpr double kLeastNormal = 0.5;  // length of the sum of two normals, below which frames face opposite ways
 constexpr std::size_t kScored = 12;   // frames that a score looks at
 
-// Farneback's optical flow, in pictures no wider than kFlowColumns, because flow is smooth, and blurred, because
-// speckle is noise to it. The polynomial's size and width are the pair that OpenCV recommends.
-constexpr int kFlowColumns = 320, kFlowBlurSize = 5;
+// Share of a band's power that frames do not have in common at any distance. It keeps the equations regular.
+constexpr double kNoise = 1e-3;
+
+// Gaps to the two inner frames: a frame further out that comes nearer than this to them says nothing new there.
+constexpr double kLeastStep = 0.1;
+
+// Optical flow in pictures no wider than kFlowColumns, because flow is smooth.
+constexpr int kFlowColumns = 320;
+// Farneback's, of blurred pictures, because speckle is noise to it. The polynomial's size and width are the pair that
+// OpenCV recommends.
+constexpr int kFlowBlurSize = 5;
 constexpr double kFlowBlur = 1.0;     // pixels
 constexpr double kFlowPyramid = 0.5;  // a level of the pyramid over the one before
 constexpr int kFlowLevels = 4;
@@ -39,11 +48,27 @@ constexpr int kFlowWindow = 41;         // pixels of those pictures
 constexpr int kFlowIterations = 3;      // on each level
 constexpr int kFlowPolynomialSize = 7;  // pixels
 constexpr double kFlowPolynomialWidth = 1.5;
+// Dense inverse search by OpenCV's preset FAST, but down to single pixels. Patches do not pass their flow on to their
+// neighbours, because the result would depend on the number of threads.
+constexpr int kFinestFlow = 0;
+
+constexpr int kFrames = 4;  // around a plane: before, first, second, after
+constexpr int kFirst = 1, kSecond = 2;
 
 /// Two pictures of one plane and how far the plane lies from the first, as a share, pixel by pixel.
 struct Pair
 {
   cv::Mat first, second, share;
+};
+
+/// Pictures of one plane from the frames around it, and where each frame lies, pixel by pixel: its signed distance from
+/// the plane, in units of the distance between the first and the second. A frame that shows nothing of a pixel has a
+/// position that is not a number there. Empty where there is no frame.
+struct Views
+{
+  std::array<cv::Mat, kFrames> picture, position;
+
+  Pair InnerPair() const { return {picture[kFirst], picture[kSecond], -position[kFirst]}; }
 };
 
 /// An orthonormal frame of the plane: along its rows, in the plane across them, along its normal.
@@ -105,83 +130,151 @@ bool Inside(const Meeting& meeting, int x, int y, int width, int height)
   return i >= -0.5f && i <= static_cast<float>(width) - 0.5f && j >= -0.5f && j <= static_cast<float>(height) - 0.5f;
 }
 
-Pair PairAlongNormals(const Sweep& sweep, int a, int b, const SlicePlane& plane, double share)
+/// Frames sampled along lines parallel to the mean normal of the inner two.
+Views ViewsAlongNormals(const Sweep& sweep, const std::array<int, kFrames>& frames, const SlicePlane& plane,
+                        double share)
 {
-  const SlicePlane first = sweep.Plane(a), second = sweep.Plane(b);
-  Eigen::Vector3d direction = first.Normal() + second.Normal();
+  const SlicePlane first = sweep.Plane(frames[kFirst]);
+  Eigen::Vector3d direction = first.Normal() + sweep.Plane(frames[kSecond]).Normal();
   if (direction.norm() < kLeastNormal)
   {
     direction = first.Normal();
   }
   direction.normalize();
-  const Meeting toFirst = Meet(plane, direction, first), toSecond = Meet(plane, direction, second);
-  Pair pair{Sample(Picture(sweep, a), toFirst.i, toFirst.j), Sample(Picture(sweep, b), toSecond.i, toSecond.j),
-            cv::Mat(sweep.height, sweep.width, CV_32F)};
+  Views views;
+  std::array<Meeting, kFrames> meetings;
+  for (int k = 0; k < kFrames; ++k)
+  {
+    if (frames[k] != FramesAround::kNone)
+    {
+      meetings[k] = Meet(plane, direction, sweep.Plane(frames[k]));
+      views.picture[k] = Sample(Picture(sweep, frames[k]), meetings[k].i, meetings[k].j);
+      views.position[k].create(sweep.height, sweep.width, CV_32F);
+    }
+  }
+  const auto inside = [&](int k, int x, int y) { return Inside(meetings[k], x, y, sweep.width, sweep.height); };
   for (int y = 0; y < sweep.height; ++y)
   {
     for (int x = 0; x < sweep.width; ++x)
     {
-      const float u = toFirst.distance.at<float>(y, x), v = toSecond.distance.at<float>(y, x);
-      const bool inFirst = Inside(toFirst, x, y, sweep.width, sweep.height);
-      const bool inSecond = Inside(toSecond, x, y, sweep.width, sweep.height);
-      pair.share.at<float>(y, x) = inFirst != inSecond ? (inFirst ? 0.0f : 1.0f)
-                                   : u + v > 0         ? u / (u + v)
-                                                       : static_cast<float>(share);
+      const float u = meetings[kFirst].distance.at<float>(y, x), v = meetings[kSecond].distance.at<float>(y, x);
+      const bool inFirst = inside(kFirst, x, y), inSecond = inside(kSecond, x, y);
+      const float s = inFirst != inSecond ? (inFirst ? 0.0f : 1.0f)
+                      : u + v > 0         ? u / (u + v)
+                                          : static_cast<float>(share);
+      views.position[kFirst].at<float>(y, x) = -s;
+      views.position[kSecond].at<float>(y, x) = 1 - s;
+      for (const int k : {0, kFrames - 1})
+      {
+        if (!views.picture[k].empty())
+        {
+          const bool known = inFirst && inSecond && u + v > 0 && inside(k, x, y);
+          const float distance = known ? meetings[k].distance.at<float>(y, x) / (u + v) : 0.0f;
+          views.position[k].at<float>(y, x) = !known   ? std::numeric_limits<float>::quiet_NaN()
+                                              : k == 0 ? -distance
+                                                       : distance;
+        }
+      }
     }
   }
-  return pair;
+  return views;
+}
+
+/// Frames pixel for pixel, at the distances of their centres.
+Views ViewsAlongProbe(const Sweep& sweep, const std::array<int, kFrames>& frames, double share)
+{
+  const auto centre = [&](int k)
+  { return sweep.Plane(frames[k]).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
+  const double gap = (centre(kSecond) - centre(kFirst)).norm();
+  Views views;
+  for (int k = 0; k < kFrames; ++k)
+  {
+    if (frames[k] == FramesAround::kNone)
+    {
+      continue;
+    }
+    double position = k <= kFirst ? -share : 1 - share;
+    if (k == 0)
+    {
+      position -= gap > 0 ? (centre(kFirst) - centre(0)).norm() / gap : 1;
+    }
+    else if (k == kFrames - 1)
+    {
+      position += gap > 0 ? (centre(k) - centre(kSecond)).norm() / gap : 1;
+    }
+    views.picture[k] = Picture(sweep, frames[k]);
+    views.position[k] = cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(position));
+  }
+  return views;
+}
+
+/// A displacement in pixels from one picture to another, both of bytes.
+using FindFlow = cv::Mat (*)(const cv::Mat& from, const cv::Mat& to);
+
+cv::Mat FarnebackFlow(const cv::Mat& from, const cv::Mat& to)
+{
+  cv::Mat a, b, flow;
+  cv::GaussianBlur(from, a, cv::Size(kFlowBlurSize, kFlowBlurSize), kFlowBlur);
+  cv::GaussianBlur(to, b, cv::Size(kFlowBlurSize, kFlowBlurSize), kFlowBlur);
+  cv::calcOpticalFlowFarneback(a, b, flow, kFlowPyramid, kFlowLevels, kFlowWindow, kFlowIterations, kFlowPolynomialSize,
+                               kFlowPolynomialWidth, 0);
+  return flow;
+}
+
+cv::Mat InverseSearchFlow(const cv::Mat& from, const cv::Mat& to)
+{
+  const auto search = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_FAST);
+  search->setFinestScale(kFinestFlow);
+  search->setUseSpatialPropagation(false);
+  search->setUseMeanNormalization(false);
+  cv::Mat flow;
+  search->calc(from, to, flow);
+  return flow;
 }
 
 /// The displacement from `from` to `to`, mean of both directions, in pixels.
-cv::Mat Flow(const cv::Mat& from, const cv::Mat& to)
+cv::Mat Flow(const cv::Mat& from, const cv::Mat& to, FindFlow find)
 {
   const double scale = std::min(1.0, static_cast<double>(kFlowColumns) / from.cols);
   const auto prepare = [scale](const cv::Mat& picture)
   {
     cv::Mat small, bytes;
     cv::resize(picture, small, cv::Size(), scale, scale, cv::INTER_AREA);
-    cv::GaussianBlur(small, small, cv::Size(kFlowBlurSize, kFlowBlurSize), kFlowBlur);
     small.convertTo(bytes, CV_8U, 255.0);
     return bytes;
   };
   const cv::Mat first = prepare(from), second = prepare(to);
-  cv::Mat forth, back;
-  const auto flowOf = [](const cv::Mat& a, const cv::Mat& b, cv::Mat& out)
-  {
-    cv::calcOpticalFlowFarneback(a, b, out, kFlowPyramid, kFlowLevels, kFlowWindow, kFlowIterations,
-                                 kFlowPolynomialSize, kFlowPolynomialWidth, 0);
-  };
-  flowOf(first, second, forth);
-  flowOf(second, first, back);
-  cv::Mat flow = 0.5 * (forth - back);
+  cv::Mat flow = 0.5 * (find(first, second) - find(second, first));
   cv::resize(flow, flow, from.size(), 0, 0, cv::INTER_LINEAR);
   return flow * (1.0 / scale);
 }
 
-/// Both pictures of a pair moved along the flow, each to the plane between.
-Pair MovedByFlow(const Pair& pair)
+/// All pictures moved along the flow between the inner two, each to the plane.
+Views MovedByFlow(const Views& views, FindFlow find)
 {
-  const cv::Mat flow = Flow(pair.first, pair.second);
-  std::array<cv::Mat, 4> maps;  // i and j in the first picture, i and j in the second
-  for (cv::Mat& map : maps)
+  const cv::Mat flow = Flow(views.picture[kFirst], views.picture[kSecond], find);
+  Views moved;
+  moved.position = views.position;
+  cv::Mat i(flow.size(), CV_32F), j(flow.size(), CV_32F);
+  for (int k = 0; k < kFrames; ++k)
   {
-    map.create(flow.size(), CV_32F);
-  }
-  for (int y = 0; y < flow.rows; ++y)
-  {
-    for (int x = 0; x < flow.cols; ++x)
+    if (views.picture[k].empty())
     {
-      const cv::Vec2f step = flow.at<cv::Vec2f>(y, x);
-      const float share = pair.share.at<float>(y, x);
-      for (int k = 0; k < 2; ++k)
+      continue;
+    }
+    for (int y = 0; y < flow.rows; ++y)
+    {
+      for (int x = 0; x < flow.cols; ++x)
       {
-        const float start = static_cast<float>(k == 0 ? x : y);
-        maps[k].at<float>(y, x) = start - share * step[k];
-        maps[2 + k].at<float>(y, x) = start + (1 - share) * step[k];
+        const cv::Vec2f step = flow.at<cv::Vec2f>(y, x);
+        const float position = views.position[k].at<float>(y, x), known = std::isnan(position) ? 0.0f : position;
+        i.at<float>(y, x) = static_cast<float>(x) + known * step[0];
+        j.at<float>(y, x) = static_cast<float>(y) + known * step[1];
       }
     }
+    moved.picture[k] = Sample(views.picture[k], i, j);
   }
-  return {Sample(pair.first, maps[0], maps[1]), Sample(pair.second, maps[2], maps[3]), pair.share};
+  return moved;
 }
 
 /// Takes an octave out of a picture: what blurring by `sigma` pixels removes. The picture keeps the rest.
@@ -202,35 +295,178 @@ cv::Mat LocalMean(const cv::Mat& a, const cv::Mat& b)
   return mean;
 }
 
-/// The mix of both pictures, band by band. The best linear estimate from two values of equal deviation and correlation
-/// rho, which correlate with the truth by p and q, has the weights
-///
-///   (p - rho q) / (1 - rho^2)   and   (q - rho p) / (1 - rho^2).
-///
-/// To keep contrast, `recorded` are the two frames as they were recorded. Then bands are mixed by the shares 1 - s and
-/// s and get the power that recorded bands have around the same pixel, because sampling between pixels and mixing take
-/// from it.
-cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
+/// Weights of the frames around a plane.
+using Weights = std::array<double, kFrames>;
+/// Their positions; not a number where a frame says nothing.
+using Positions = std::array<double, kFrames>;
+
+/// The positions at one pixel, without outer frames that come too near to the inner two.
+Positions PositionsAt(const Views& views, int x, int y)
+{
+  Positions positions;
+  for (int k = 0; k < kFrames; ++k)
+  {
+    positions[k] = views.picture[k].empty() ? std::nan("") : views.position[k].at<float>(y, x);
+  }
+  if (!(positions[0] < positions[kFirst] - kLeastStep))
+  {
+    positions[0] = std::nan("");
+  }
+  if (!(positions[kFrames - 1] > positions[kSecond] + kLeastStep))
+  {
+    positions[kFrames - 1] = std::nan("");
+  }
+  return positions;
+}
+
+/// Weights of the best linear estimate, K w = k. K_ij = rho^(|p_i - p_j|^e) + noise and k_i = rho^(|p_i|^e) are the
+/// correlations between frames and with the plane, rho that of frames one gap apart.
+Weights BestLinear(const Positions& positions, double rho, double exponent)
+{
+  std::array<int, kFrames> known{};
+  int count = 0;
+  for (int k = 0; k < kFrames; ++k)
+  {
+    if (!std::isnan(positions[k]))
+    {
+      known[count++] = k;
+    }
+  }
+  const auto correlation = [&](double distance) { return std::pow(rho, std::pow(std::abs(distance), exponent)); };
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kFrames, kFrames> between(count, count);
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kFrames, 1> with(count);
+  for (int a = 0; a < count; ++a)
+  {
+    for (int b = 0; b < count; ++b)
+    {
+      between(a, b) = correlation(positions[known[a]] - positions[known[b]]) + (a == b ? kNoise : 0.0);
+    }
+    with[a] = correlation(positions[known[a]]);
+  }
+  const auto solved = between.llt().solve(with).eval();
+  Weights weights{};
+  for (int a = 0; a < count; ++a)
+  {
+    weights[known[a]] = solved[a];
+  }
+  return weights;
+}
+
+/// Weights of a cubic through the inner two frames: slopes are those of the parabola through three frames or, where
+/// there is no third, of the line.
+Weights Cubic(const Positions& p)
+{
+  const double h = p[kSecond] - p[kFirst];
+  if (!(h > 0))
+  {
+    return {0, 0.5, 0.5, 0};
+  }
+  const double s = -p[kFirst] / h, s2 = s * s, s3 = s2 * s;
+  Weights weights{0, 2 * s3 - 3 * s2 + 1, -2 * s3 + 3 * s2, 0};
+  // Adds `factor` times the slope at an inner frame, times h.
+  const auto addSlope = [&](double factor, int inner, int outer)
+  {
+    weights[kFirst] -= factor;
+    weights[kSecond] += factor;
+    if (!std::isnan(p[outer]))
+    {
+      // With the outer frame at a distance g beyond the inner one: (slope - secant) = (outer secant - secant) h / (g + h).
+      const double g = std::abs(p[inner] - p[outer]), share = factor * h / (g + h), sign = outer == 0 ? -1 : 1;
+      weights[kFirst] += share;
+      weights[kSecond] -= share;
+      weights[outer] += sign * share * h / g;
+      weights[inner] -= sign * share * h / g;
+    }
+  };
+  addSlope(s3 - 2 * s2 + s, kFirst, 0);
+  addSlope(s3 - s2, kSecond, kFrames - 1);
+  return weights;
+}
+
+/// Adds the weighted sum of `pictures` to `sum`. `weights(x, y)` gives the weights at a pixel; they are found at the
+/// middle of every cell and interpolated between.
+template <class Find>
+void AddWeighted(const std::array<cv::Mat, kFrames>& pictures, const Find& weights, cv::Mat& sum)
+{
+  const cv::Size cells((sum.cols + kCell - 1) / kCell, (sum.rows + kCell - 1) / kCell);
+  std::array<cv::Mat, kFrames> maps;
+  for (cv::Mat& map : maps)
+  {
+    map.create(cells, CV_32F);
+  }
+  for (int y = 0; y < cells.height; ++y)
+  {
+    for (int x = 0; x < cells.width; ++x)
+    {
+      const Weights found =
+          weights(std::min(x * kCell + kCell / 2, sum.cols - 1), std::min(y * kCell + kCell / 2, sum.rows - 1));
+      for (int k = 0; k < kFrames; ++k)
+      {
+        maps[k].at<float>(y, x) = static_cast<float>(found[k]);
+      }
+    }
+  }
+  for (int k = 0; k < kFrames; ++k)
+  {
+    if (!pictures[k].empty())
+    {
+      cv::Mat whole;
+      cv::resize(maps[k], whole, cells * kCell, 0, 0, cv::INTER_LINEAR);
+      sum += whole(cv::Rect(cv::Point(), sum.size())).mul(pictures[k]);
+    }
+  }
+}
+
+/// The pictures mixed band by band, each by the best linear estimate under the correlation that the inner two have in a
+/// window. What is below the last octave follows a cubic.
+cv::Mat Estimate(const Views& views, double exponent)
+{
+  std::array<cv::Mat, kFrames> rest = views.picture;
+  cv::Mat sum = cv::Mat::zeros(rest[kFirst].size(), CV_32F);
+  for (int band = 0; band < kBands; ++band)
+  {
+    std::array<cv::Mat, kFrames> bands;
+    for (int k = 0; k < kFrames; ++k)
+    {
+      if (!rest[k].empty())
+      {
+        bands[k] = TakeBand(rest[k], kFirstBlur * (1 << band));
+      }
+    }
+    const cv::Mat &u = bands[kFirst], &v = bands[kSecond];
+    const cv::Mat uu = LocalMean(u, u), vv = LocalMean(v, v), uv = LocalMean(u, v);
+    AddWeighted(
+        bands,
+        [&](int x, int y)
+        {
+          const double a = std::max(0.0f, uu.at<float>(y, x)), b = std::max(0.0f, vv.at<float>(y, x));
+          const double deviations = std::sqrt(a * b);
+          const double rho = deviations > kNothing ? std::clamp(uv.at<float>(y, x) / deviations, 0.0, kAlike) : 0.0;
+          return BestLinear(PositionsAt(views, x, y), rho, exponent);
+        },
+        sum);
+  }
+  AddWeighted(
+      rest, [&](int x, int y) { return Cubic(PositionsAt(views, x, y)); }, sum);
+  return sum;
+}
+
+/// Two pictures mixed band by band by the shares 1 - s and s. Bands get the power that those of the frames as they were
+/// `recorded` have around the same pixel, because sampling between pixels and mixing take from it.
+cv::Mat MixKeepingContrast(const Pair& pair, const std::array<cv::Mat, 2>& recorded)
 {
   cv::Mat first = pair.first, second = pair.second, mix = cv::Mat::zeros(first.size(), CV_32F);
-  std::array<cv::Mat, 2> whole;
-  if (recorded)
-  {
-    whole = *recorded;
-  }
+  std::array<cv::Mat, 2> whole = recorded;
   for (int band = 0; band < kBands; ++band)
   {
     const double sigma = kFirstBlur * (1 << band);
     const cv::Mat u = TakeBand(first, sigma), v = TakeBand(second, sigma);
     const cv::Mat uu = LocalMean(u, u), vv = LocalMean(v, v), uv = LocalMean(u, v);
     std::array<cv::Mat, 2> power;
-    if (recorded)
+    for (int k = 0; k < 2; ++k)
     {
-      for (int k = 0; k < 2; ++k)
-      {
-        const cv::Mat wholeBand = TakeBand(whole[k], sigma);
-        power[k] = LocalMean(wholeBand, wholeBand);
-      }
+      const cv::Mat wholeBand = TakeBand(whole[k], sigma);
+      power[k] = LocalMean(wholeBand, wholeBand);
     }
     for (int y = 0; y < mix.rows; ++y)
     {
@@ -238,28 +474,26 @@ cv::Mat Mix(const Pair& pair, const std::array<cv::Mat, 2>* recorded)
       {
         const double a = std::max(0.0f, uu.at<float>(y, x)), b = std::max(0.0f, vv.at<float>(y, x));
         const double ab = uv.at<float>(y, x), s = pair.share.at<float>(y, x);
-        double ofFirst, ofSecond;
-        if (recorded)
-        {
-          const double left = (1 - s) * (1 - s) * a + s * s * b + 2 * s * (1 - s) * ab;
-          const double wanted = (1 - s) * power[0].at<float>(y, x) + s * power[1].at<float>(y, x);
-          const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMostContrast) : 1.0;
-          ofFirst = gain * (1 - s);
-          ofSecond = gain * s;
-        }
-        else
-        {
-          const double deviations = std::sqrt(a * b);
-          const double rho = deviations > kNothing ? std::clamp(ab / deviations, 0.0, kAlike) : 0.0;
-          const double p = std::pow(rho, std::pow(s, kDecay)), q = std::pow(rho, std::pow(1 - s, kDecay));
-          ofFirst = (p - rho * q) / (1 - rho * rho);
-          ofSecond = (q - rho * p) / (1 - rho * rho);
-        }
-        mix.at<float>(y, x) += static_cast<float>(ofFirst * u.at<float>(y, x) + ofSecond * v.at<float>(y, x));
+        const double left = (1 - s) * (1 - s) * a + s * s * b + 2 * s * (1 - s) * ab;
+        const double wanted = (1 - s) * power[0].at<float>(y, x) + s * power[1].at<float>(y, x);
+        const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMostContrast) : 1.0;
+        mix.at<float>(y, x) += static_cast<float>(gain * ((1 - s) * u.at<float>(y, x) + s * v.at<float>(y, x)));
       }
     }
   }
   return mix + first + pair.share.mul(second - first);
+}
+
+double Exponent(FrameInterpolation::Decay decay)
+{
+  using Decay = FrameInterpolation::Decay;
+  return decay == Decay::Rough ? 1.0 : decay == Decay::Smooth ? 1.9 : 1.5;
+}
+
+const char* Suffix(FrameInterpolation::Decay decay)
+{
+  using Decay = FrameInterpolation::Decay;
+  return decay == Decay::Rough ? "+rough" : decay == Decay::Smooth ? "+smooth" : "";
 }
 
 }  // namespace
@@ -270,19 +504,32 @@ FrameInterpolation FrameInterpolation::Parse(const std::string& name)
   {
     for (const bool flow : {false, true})
     {
-      if (const FrameInterpolation candidate{path, flow}; candidate.ToString() == name)
+      for (const Decay decay : {Decay::Rough, Decay::Medium, Decay::Smooth})
       {
-        return candidate;
+        if (const FrameInterpolation candidate{path, flow, decay}; candidate.ToString() == name)
+        {
+          return candidate;
+        }
       }
     }
   }
   throw Error("Interpolation: there is no \"" + name.substr(0, 60) +
-              "\"; it is normals, normals+flow, probe or probe+flow.");
+              "\"; it is normals or probe, then +flow or not, then +rough, +smooth or neither.");
 }
 
 std::string FrameInterpolation::ToString() const
 {
-  return std::string(path == Path::Normals ? "normals" : "probe") + (flow ? "+flow" : "");
+  return std::string(path == Path::Normals ? "normals" : "probe") + (flow ? "+flow" : "") + Suffix(decay);
+}
+
+FramesAround FramesAround::Gap(const std::vector<int>& frames, std::size_t gap)
+{
+  FramesAround around;
+  around.first = frames[gap];
+  around.second = frames[gap + 1];
+  around.before = gap > 0 ? frames[gap - 1] : kNone;
+  around.after = gap + 2 < frames.size() ? frames[gap + 2] : kNone;
+  return around;
 }
 
 SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double share)
@@ -300,24 +547,28 @@ SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double sha
   return plane;
 }
 
-void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane, double share,
+void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const SlicePlane& plane, double share,
                        const FrameInterpolation& interpolation, float* image)
 {
-  const std::array<cv::Mat, 2> recorded = {Picture(sweep, a), Picture(sweep, b)};
-  const Pair pair = interpolation.path == FrameInterpolation::Path::Normals
-                        ? PairAlongNormals(sweep, a, b, plane, share)
-                        : Pair{recorded[0], recorded[1], cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(share))};
+  const std::array<int, kFrames> frames = {around.before, around.first, around.second, around.after};
+  const Views views = interpolation.path == FrameInterpolation::Path::Normals
+                          ? ViewsAlongNormals(sweep, frames, plane, share)
+                          : ViewsAlongProbe(sweep, frames, share);
   cv::Mat mix;
   if (interpolation.keepContrast)
   {
-    mix = Mix(interpolation.flow ? MovedByFlow(pair) : pair, &recorded);
+    const Views moved = interpolation.flow ? MovedByFlow(views, FarnebackFlow) : views;
+    mix = MixKeepingContrast(moved.InnerPair(), {Picture(sweep, around.first), Picture(sweep, around.second)});
   }
   else
   {
-    mix = Mix(pair, nullptr);
-    if (interpolation.flow)  // the mean of two estimates is the better one; their mean texture is neither's
+    const double exponent = Exponent(interpolation.decay);
+    mix = Estimate(views, exponent);
+    if (interpolation.flow)  // the mean of several estimates has less error than any; its texture is none of theirs
     {
-      mix = 0.5 * (mix + Mix(MovedByFlow(pair), nullptr));
+      mix += Estimate(MovedByFlow(views, FarnebackFlow), exponent);
+      mix += Estimate(MovedByFlow(views, InverseSearchFlow), exponent);
+      mix /= 3;
     }
   }
   for (int y = 0; y < mix.rows; ++y)
@@ -348,7 +599,9 @@ double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames, co
                       };
                       const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
                       std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
-                      InterpolateFrames(sweep, frames[k - 1], frames[k + 1], plane, u + v > 0 ? u / (u + v) : 0.5,
+                      std::vector<int> others = frames;
+                      others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+                      InterpolateFrames(sweep, FramesAround::Gap(others, k - 1), plane, u + v > 0 ? u / (u + v) : 0.5,
                                         interpolation, image.data());
                       sweep.BlackenUnlit(image.data());
                       sweep.CopyFrame(frames[k], truth.data());

@@ -21,16 +21,24 @@ struct FrameInterpolation
     Normals,  ///< those on a line along the frames' mean normal: trusts the tracked poses
     Probe     ///< those of the same pixel: trusts the smoothness of the probe's path more than its poses
   };
+  /// How fast what frames show changes with the distance between them.
+  enum class Decay
+  {
+    Rough,   ///< correlation falls as exp(-d): every frame brings speckle of its own
+    Medium,  ///< as exp(-d^1.5)
+    Smooth   ///< as exp(-d^1.9), almost a Gaussian: frames lie closer than the beam is thick
+  };
   Path path = Path::Normals;
-  /// Structures that run obliquely through both frames are moved to the plane by optical flow (Farneback 2003); the
-  /// picture is averaged with the one without it.
+  /// Structures that run obliquely through the frames are moved to the plane by optical flow. The picture is the mean
+  /// of those with Farneback's flow (2003), with that of dense inverse search (Kroeger 2016), and without flow.
   bool flow = false;
+  Decay decay = Decay::Medium;
   /// Every band keeps the power it has in the frames, as speckle in a real frame does. The best estimate is smoother,
   /// so this has larger error and truer texture.
   bool keepContrast = false;
 
-  /// Reads "normals", "normals+flow", "probe" or "probe+flow", and ToString writes it. Throws Error with the names for
-  /// any other.
+  /// Reads "normals" or "probe", followed by "+flow" or not and by "+rough", "+smooth" or neither, and ToString writes
+  /// it. Throws Error with the names for any other.
   static FrameInterpolation Parse(const std::string& name);
   std::string ToString() const;
 };
@@ -39,13 +47,24 @@ struct FrameInterpolation
 /// a calibration with shear keeps it.
 SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double share);
 
-/// The picture at `plane`, which lies a share of the way from frame `a` to frame `b` of the sweep. Both are sampled
-/// bicubically and mixed band by band (four octaves). Speckle that the two do not share is noise to the plane between
-/// them, so each band gets the best linear estimate under the correlation rho found between the frames in a window
-/// around the pixel. The correlation with a plane a share s away is taken as rho^(s^1.5), between an exponential's
-/// exponent, 1, and a Gaussian's, 2. `image` gets plane.NumberOfPixels() values in [0, 1]; the plane is of the frames'
-/// size.
-void InterpolateFrames(const Sweep& sweep, int a, int b, const SlicePlane& plane, double share,
+/// The frames of a sweep around a plane.
+struct FramesAround
+{
+  static constexpr int kNone = -1;
+  int before = kNone;         ///< the frame before `first`, or none
+  int first = 0, second = 0;  ///< the plane lies between these
+  int after = kNone;          ///< the frame after `second`, or none
+
+  /// Those around the gap between frames[gap] and frames[gap + 1].
+  static FramesAround Gap(const std::vector<int>& frames, std::size_t gap);
+};
+
+/// The picture at `plane`, which lies a share of the way from the first to the second frame. Frames are sampled
+/// bicubically and mixed band by band (four octaves). Speckle that they do not share is noise to the plane between
+/// them, so each band gets the best linear estimate (simple kriging) under the correlation rho found between the inner
+/// two in a window around the pixel. Frames a share d of their distance apart count as correlated by rho^(d^e), e by
+/// `decay`. `image` gets plane.NumberOfPixels() values in [0, 1]; the plane is of the frames' size.
+void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const SlicePlane& plane, double share,
                        const FrameInterpolation& interpolation, float* image);
 
 /// How well `interpolation` predicts frames (at most 12, evenly chosen) from their neighbours among `frames`: mean

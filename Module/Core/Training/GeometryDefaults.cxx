@@ -3,6 +3,7 @@
 #include "Core/Training/GeometryDefaults.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace bigus
 {
@@ -11,11 +12,11 @@ namespace
 
 // "E2" and the like are experiments, listed in Testing/Benchmarks/experiments.
 
-/// mm, standard deviation across the plane of a thin beam. Speckle says 1.0 mm on the spine sweep, 1.4 to 1.6 mm on the
+/// mm, standard deviation across the plane of a usual beam. Speckle says 1.0 mm on the spine sweep, 1.4 to 1.6 mm on the
 /// brain sweep and 1.8 to 2.2 mm on the liver sweep. At this distance the intensities of two planes' speckle correlate
 /// by exp(-1/2) = 0.61. The sweeps that the defaults were found on lie on both sides: the liver sweep at 0.48 mm and,
 /// with half its frames, 0.95 mm; the spine sweep at 1.64 and the brain sweep at 1.68 mm.
-constexpr double kThinBeam = 1.0;
+constexpr double kUsualBeam = 1.0;
 
 /// Pixels: planes nearer than this are sampled about as finely across as within, whatever the unit of length.
 constexpr double kNearPixels = 2.0;
@@ -28,16 +29,15 @@ constexpr std::size_t kPixelsPerGrain = 8;
 /// Fewer take no time; more are for deciding to choose.
 constexpr std::size_t kFewestGaussians = 1000, kMostGaussians = 300000;
 
-/// mm, the field's beam. The field's Gaussians have a thickness too, so it is thinner than the probe's. Sparse: on the
-/// brain sweep 0.8 gains 0.08 to 0.09 dB over a beam without thickness (E4), and 0.4 and 1.6 lose 0.05 to 0.09 dB in
-/// trials (E2). Dense: on the liver sweep 0.3 is worth 0.0 dB (E4) and 0.6 loses 0.4 dB in trials (E2). A thick beam
-/// smooths what lies between frames: less error, less speckle; so where speckle is to be kept it is the thin one.
-constexpr double kSparseBeam = 0.8, kDenseBeam = 0.3;
+/// mm, the beam that the field is trained under: none. Frames that lie side by side fit a thick beam as well as a thin
+/// one, and planes across them are blurred by it (liver volume, every 4th plane: 8 dB for 1.7 mm).
+constexpr double kThinBeam = 0;
 
-/// In every gap. Without one sparse sweeps lose 1.1 to 2.2 dB (E2: brain, spine). On dense sweeps they gain as well,
-/// but make training twice as long, so there it is left to deciding. Where speckle is to be kept there are two, because
-/// without planes that keep contrast the loss alone would ask for grains where no frame says where.
-constexpr int kSparsePlanes = 1, kDensePlanes = 0, kContrastPlanes = 2;
+/// Virtual planes in every gap, so many that all planes lie about a pixel apart: then the field is sampled as finely
+/// across the frames as within them. At least two, because the second gains 0.0 to 1.2 dB on dense sweeps as well. At
+/// most seven, because training takes a time proportional to the planes.
+constexpr double kSamePixel = 0.01;  // pixels that a gap may be wider and still need no further plane
+constexpr int kFewestPlanes = 2, kMostPlanes = 7;
 
 /// Conjugate-gradient steps on r before training. On sparse sweeps they gained nothing on frames not trained on.
 constexpr int kSparseSolve = 0, kDenseSolve = 8;
@@ -68,9 +68,15 @@ std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames, b
 
 }  // namespace
 
+int PlanesPerGap(const SweepGeometry& geometry)
+{
+  const double pixels = std::ceil(geometry.medianSpacing / geometry.pixelSize - kSamePixel);
+  return static_cast<int>(std::clamp(pixels - 1, double(kFewestPlanes), double(kMostPlanes)));
+}
+
 bool IsSparse(const SweepGeometry& geometry)
 {
-  return geometry.medianSpacing > std::max(kThinBeam, kNearPixels * geometry.pixelSize);
+  return geometry.medianSpacing > std::max(kUsualBeam, kNearPixels * geometry.pixelSize);
 }
 
 TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, const std::vector<int>& frames)
@@ -82,10 +88,9 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
   plan.sparse = sparse;
   plan.gaussians = options.gaussians ? *options.gaussians
                                      : std::min(UsualGaussians(sweep, frames, contrast), options.maximumGaussians);
-  plan.elevationSigma = options.elevationSigma.value_or(sparse && !contrast ? kSparseBeam : kDenseBeam);
-  plan.virtualPlanes = options.virtualPlanes.value_or(contrast ? kContrastPlanes
-                                                      : sparse ? kSparsePlanes
-                                                               : kDensePlanes);
+  plan.elevationSigma = options.elevationSigma.value_or(kThinBeam);
+  plan.probeElevationSigma = options.probeElevationSigma.value_or(0);
+  plan.virtualPlanes = options.virtualPlanes.value_or(PlanesPerGap(geometry));
   plan.interpolation = options.interpolation.value_or(FrameInterpolation{});
   plan.interpolation.keepContrast = contrast;
   plan.loss = options.loss.value_or(contrast ? Loss::Parse("l1+30*contrast") : Loss{});

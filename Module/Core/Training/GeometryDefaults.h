@@ -17,8 +17,11 @@ namespace bigus
 constexpr double kBreak = 4.0;
 
 /// Whether planes lie so far apart that neighbours share little: farther than the beam is thick, and farther than two
-/// pixels. The beam is that of kThinBeam, since a sweep does not tell its own.
+/// pixels. The beam is that of kUsualBeam, since a sweep does not tell its own.
 bool IsSparse(const SweepGeometry& geometry);
+
+/// Virtual planes for every gap of such a sweep, so that planes lie about a pixel apart: 2 to 7.
+int PlanesPerGap(const SweepGeometry& geometry);
 
 /// The plan that `options` ask for; what they leave open follows from the geometry of `frames`.
 TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, const std::vector<int>& frames);

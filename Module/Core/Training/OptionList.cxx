@@ -117,7 +117,7 @@ std::string ValuesOf(const OptionInfo& info)
   }
   else
   {
-    return std::is_same_v<T, FrameInterpolation> ? "normals|normals+flow|probe|probe+flow" : "";
+    return std::is_same_v<T, FrameInterpolation> ? "normals|probe[+flow][+rough|+smooth]" : "";
   }
 }
 

@@ -51,20 +51,30 @@ void ForEachOption(Options& options, const Visit& visit)
   visit(OptionInfo{"Price", field, "What twice the Gaussians must gain on validation frames to be chosen, PSNR", 0, 100,
                    "dB"},
         options.price);
-  visit(OptionInfo{"ElevationSigma", field, "Beam thickness out of plane, standard deviation; 0 is a thin plane", 0,
-                   1000, "mm", "begins at 0.3, or 0.8 where planes are sparse; the field's own when continuing"},
+  visit(OptionInfo{"ElevationSigma", field,
+                   "Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane", 0, 1000,
+                   "mm", "0, or the probe's where sweeps cross; the field's own when continuing"},
         options.elevationSigma);
+  visit(
+      OptionInfo{"ProbeElevationSigma", field,
+                 "Thickness of the probe's beam out of plane, standard deviation, which planes across the sweep show; "
+                 "0 where it is not known",
+                 0, 1000, "mm",
+                 "measured by how fast speckle changes, where it can be; the field's own when continuing"},
+      options.probeElevationSigma);
   visit(OptionInfo{"SignedReflectivity", field, "Allow negative reflectivity, which darkens"},
         options.signedReflectivity);
   visit(
       OptionInfo{"VirtualPlanes", field, "Interpolated planes added in every gap between neighbouring training frames",
-                 0, 8, "", "begins at 1 where planes are sparse (preset texture: 2), else 0"},
+                 0, 8, "", "so many that planes lie about a pixel apart, 2 to 7"},
       options.virtualPlanes);
   visit(
-      OptionInfo{"Interpolation", field,
-                 "What virtual planes show: points meet along the frames' normals (trusts poses) or at the same pixel "
-                 "(trusts the smoothness of the probe's path), with or without optical flow",
-                 0, 0, "", "begins at normals"},
+      OptionInfo{
+          "Interpolation", field,
+          "What virtual planes show: points meet along the frames' normals (trusts poses) or at the same pixel "
+          "(trusts the smoothness of the probe's path), with or without optical flow; frames change smoothly along the "
+          "sweep, roughly, or in between",
+          0, 0, "", "chosen by how well frames predict each other"},
       options.interpolation);
   visit(
       OptionInfo{"FrameGains", field,

@@ -65,8 +65,9 @@ struct TrainerOptions : TrainingSettings
   std::optional<std::size_t> gaussians;    ///< seeds, 1 to 2^26; decided
   std::size_t maximumGaussians = 2000000;  ///< the most that `automatic` chooses, 1 to 2^26
   double price = 0.1;                      ///< dB on validation frames that twice the Gaussians must gain, 0 to 100
-  std::optional<double> elevationSigma;    ///< mm, 0 to 1000; decided where the tracked poses are off
-  std::optional<int> virtualPlanes;        ///< planes added in every gap, 0 to 8; decided
+  std::optional<double> elevationSigma;    ///< mm, 0 to 1000: Beam::elevationSigma
+  std::optional<double> probeElevationSigma;  ///< mm, 0 to 1000: Beam::probeElevationSigma; measured where it can be
+  std::optional<int> virtualPlanes;           ///< planes added in every gap, 0 to 8; decided
   std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show; decided. Its keepContrast is not read
   std::optional<int> iterations;                    ///< optimizer steps, 0 (seeding only) to 10^7; by geometry
   std::optional<int> solveIterations;               ///< conjugate-gradient steps on r at the start, 0 to 1000

@@ -15,8 +15,9 @@ struct TrainingPlan : TrainingSettings
 {
   bool sparse = false;  ///< the frames' planes lie far apart (IsSparse)
   std::size_t gaussians = 0;
-  double elevationSigma = 0;  ///< mm
-  int virtualPlanes = 0;      ///< in every gap
+  double elevationSigma = 0;       ///< mm, of the planes trained on
+  double probeElevationSigma = 0;  ///< mm; 0 where it is not known
+  int virtualPlanes = 0;           ///< in every gap
   FrameInterpolation interpolation;
   int iterations = 0;
   int solveIterations = 0;

@@ -28,20 +28,37 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   }
   struct Gap
   {
-    int from, to;
+    FramesAround around;
     double share;
   };
   std::vector<Gap> gaps;
   const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
+  const auto isBreak = [&](const SlicePlane& from, const SlicePlane& to)
+  {
+    const Eigen::Vector3d step = to.Point(0.5 * (to.width - 1), 0.5 * (to.height - 1)) -
+                                 from.Point(0.5 * (from.width - 1), 0.5 * (from.height - 1));
+    return std::abs(step.dot(from.Normal())) > widest;
+  };
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
     const SlicePlane from = sweep.Plane(frames[k]), to = sweep.Plane(frames[k + 1]);
-    const Eigen::Vector3d step = to.Point(0.5 * (to.width - 1), 0.5 * (to.height - 1)) -
-                                 from.Point(0.5 * (from.width - 1), 0.5 * (from.height - 1));
-    for (int v = 1; v <= perGap && std::abs(step.dot(from.Normal())) <= widest; ++v)
+    if (isBreak(from, to))
+    {
+      continue;
+    }
+    FramesAround around = FramesAround::Gap(frames, k);
+    if (around.before != FramesAround::kNone && isBreak(sweep.Plane(around.before), from))
+    {
+      around.before = FramesAround::kNone;
+    }
+    if (around.after != FramesAround::kNone && isBreak(to, sweep.Plane(around.after)))
+    {
+      around.after = FramesAround::kNone;
+    }
+    for (int v = 1; v <= perGap; ++v)
     {
       const double share = v / (perGap + 1.0);
-      gaps.push_back({frames[k], frames[k + 1], share});
+      gaps.push_back({around, share});
       out->imageToReference.push_back(PlaneBetween(from, to, share).ImageToReference());
     }
   }
@@ -51,25 +68,24 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     using Pixel = decltype(zero);
     const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
     auto values = std::make_shared<std::vector<Pixel>>(pixels * planes);
-    tbb::parallel_for(std::size_t(0), planes,
-                      [&](std::size_t k)
-                      {
-                        Pixel* to = values->data() + k * pixels;
-                        if (k < frames.size())
-                        {
-                          std::copy_n(recorded + frames[k] * pixels, pixels, to);
-                          return;
-                        }
-                        const Gap& gap = gaps[k - frames.size()];
-                        std::vector<float> image(pixels);
-                        InterpolateFrames(sweep, gap.from, gap.to, out->Plane(static_cast<int>(k)), gap.share,
-                                          interpolation, image.data());
-                        std::transform(
-                            image.begin(), image.end(), to,
-                            [](float value) {
-                              return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
-                            });
-                      });
+    tbb::parallel_for(
+        std::size_t(0), planes,
+        [&](std::size_t k)
+        {
+          Pixel* to = values->data() + k * pixels;
+          if (k < frames.size())
+          {
+            std::copy_n(recorded + frames[k] * pixels, pixels, to);
+            return;
+          }
+          const Gap& gap = gaps[k - frames.size()];
+          std::vector<float> image(pixels);
+          InterpolateFrames(sweep, gap.around, out->Plane(static_cast<int>(k)), gap.share, interpolation, image.data());
+          std::transform(image.begin(), image.end(), to,
+                         [](float value) {
+                           return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
+                         });
+        });
     out->pixels = std::shared_ptr<const void>(values, values->data());
   };
   if (sweep.pixelType == Sweep::PixelType::UInt8)
