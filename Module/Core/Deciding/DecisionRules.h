@@ -58,14 +58,12 @@ constexpr double kLeastStandardErrors = 0.5;
 /// predicts frames better, which is evidence of its own: on the liver sweep 1.9 dB, where trials say -0.01 to +0.09 dB.
 constexpr double kPathMayLose = 0.05;
 
-/// dB by which the path of the probe predicts frames better than their poses do, from which poses count as off.
-/// Phantoms tracked to 0.3 and 0.5 mm show 1.2 to 2.8 dB, phantoms tracked to 0.1 mm 0.0 to 0.2 dB, the brain, spine
-/// and liver sweeps -0.5, 0.5 and 1.9 dB (E2, E9).
-constexpr double kPosesOff = 1.0;
+/// dB that a choice may lose on planes across the frames. The same that counts as nothing along them.
+constexpr double kAcrossMayLose = kLeastGain;
 
-/// The most virtual planes tried in a gap. Of 25 published trainings 23 chose 2 and 2 chose 1. The second gained 0.0 to
-/// 1.2 dB where the first had gained 0.5 to 2.2, and each makes training longer by the number of gaps.
-constexpr int kMostVirtualPlanes = 2;
+/// mm, standard deviation: the beams tried where sweeps cross and the probe's is not known. Each is twice the one
+/// before, from about a pixel to what no diagnostic probe exceeds at its focus.
+constexpr double kThinnestCrossing = 0.4, kThickestCrossing = 3.2;
 
 /// dB that half the Gaussians may lose and still be taken. A trial is too short to show all that a Gaussian is worth,
 /// so fewer must lose next to nothing.

@@ -6,8 +6,10 @@
 #include <optional>
 
 #include "Core/Deciding/DecisionRules.h"
+#include "Core/Deciding/ElevationEstimate.h"
 #include "Core/Deciding/Format.h"
 #include "Core/Deciding/Trials.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Stopwatch.h"
 
@@ -57,7 +59,8 @@ struct Rule
 
 bool Passes(const Gain& gain, const Rule& rule)
 {
-  return gain.mean > rule.least && (!rule.clear || (gain.mean > kLeastStandardErrors * gain.error && gain.mostGain));
+  return gain.mean > rule.least && gain.across > -kAcrossMayLose &&
+         (!rule.clear || (gain.mean > kLeastStandardErrors * gain.error && gain.mostGain));
 }
 
 /// Tries a candidate against the plan, which becomes it when the gain passes. Adds what was found to `evidence`.
@@ -79,55 +82,41 @@ bool Try(State& state, const TrainingPlan& candidate, const std::string& label, 
   return true;
 }
 
-/// With flow or without, for each path. Which path is left to DecidePath: one that follows the probe is scored here
-/// where its own path leads, while slices are asked for at tracked poses.
+/// How fast frames change and whether flow helps, for each path. Which path is left to DecidePath, because one that
+/// follows the probe is scored here where its own path leads, while slices are asked for at tracked poses.
 Prediction PredictFrames(Trials& trials, bool keepContrast)
 {
+  using Decay = FrameInterpolation::Decay;
   const Stopwatch watch;
   Prediction prediction;
   const auto bestOf = [&](FrameInterpolation::Path path, FrameInterpolation& best)
   {
-    best = {path, false, false};
-    const FrameInterpolation moved{path, true, false};
-    const double without = trials.Predict(best), with = trials.Predict(moved);
-    prediction.evidence += (prediction.evidence.empty() ? "" : "; ") + best.ToString() + Format(" %.2f dB", without) +
-                           ", with flow" + Format(" %.2f dB", with);
-    best.flow = with > without + kLeastGain;
+    best.path = path;
+    double most = trials.Predict(best);
+    const auto note = [&](const FrameInterpolation& how, double psnr)
+    { prediction.evidence += (prediction.evidence.empty() ? "" : ", ") + how.ToString() + Format(" %.2f dB", psnr); };
+    note(best, most);
+    const auto take = [&](const FrameInterpolation& candidate, double least)
+    {
+      const double psnr = trials.Predict(candidate);
+      note(candidate, psnr);
+      if (psnr > most + least)
+      {
+        best = candidate;
+        most = psnr;
+      }
+    };
+    take({path, false, Decay::Rough}, 0);
+    take({path, false, Decay::Smooth}, 0);
+    take({path, true, best.decay}, kLeastGain);
     best.keepContrast = keepContrast;
-    return best.flow ? with : without;
+    return most;
   };
   const double normals = bestOf(FrameInterpolation::Path::Normals, prediction.alongNormals);
   const double probe = bestOf(FrameInterpolation::Path::Probe, prediction.alongProbe);
   prediction.pathGain = probe - normals;
   prediction.seconds = watch.Seconds();
   return prediction;
-}
-
-/// From what geometry suggests down to none where it suggests any, else up while it gains.
-Decision DecideVirtualPlanes(State& state)
-{
-  if (state.asked.virtualPlanes)
-  {
-    return Given("virtual planes", std::to_string(*state.asked.virtualPlanes));
-  }
-  const Stopwatch watch;
-  std::string evidence;
-  const auto take = [&](int perGap, const Rule& rule)
-  {
-    TrainingPlan candidate = state.plan;
-    candidate.virtualPlanes = perGap;
-    return Try(state, candidate, std::to_string(perGap) + " instead of " + std::to_string(state.plan.virtualPlanes),
-               evidence, [&rule](const Gain& gain) { return Passes(gain, rule); });
-  };
-  const int start = state.plan.virtualPlanes;
-  // Without them training is faster, so none is taken where that is as good.
-  if (start == 0 || !take(0, {-kLeastGain, false}))
-  {
-    for (int perGap = start + 1; perGap <= kMostVirtualPlanes && take(perGap, {}); ++perGap)
-    {
-    }
-  }
-  return Made(state, "virtual planes", std::to_string(state.plan.virtualPlanes), evidence, watch.Seconds());
 }
 
 /// A path that predicts frames worse is not tried.
@@ -144,44 +133,73 @@ Decision DecidePath(State& state)
     TrainingPlan candidate = state.plan;
     candidate.interpolation = state.prediction.alongProbe;
     Try(state, candidate, "along the probe's path in a trial", evidence,
-        [](const Gain& gain) { return Passes(gain, {}) || gain.mean - gain.error > -kPathMayLose; });
+        [](const Gain& gain)
+        { return Passes(gain, {}) || (gain.mean - gain.error > -kPathMayLose && gain.across > -kAcrossMayLose); });
   }
   return Made(state, "interpolation", state.plan.interpolation.ToString(), evidence,
               state.prediction.seconds + watch.Seconds());
 }
 
-/// A beam twice as thick as geometry suggests helps where sweeps cross: planes seen from two sides tell how thick it
-/// is. There is one such step, because validation frames widen the gaps of trials, and wider gaps ask for ever thicker
-/// beams. Where tracked poses are off, frames contradict each other and only a blurred picture can be known. A beam
-/// much thicker than the probe's gives such a picture, so there 4 and 8 times need only not lose.
-Decision DecideBeam(State& state)
+/// The probe's beam is physics. It is given, measured by how fast speckle changes, or not known.
+Decision DecideProbeBeam(State& state, const Sweep& sweep, const std::vector<int>& frames)
+{
+  const auto choice = [&state]
+  { return state.plan.probeElevationSigma > 0 ? Format("%.3g mm", state.plan.probeElevationSigma) : "not known"; };
+  if (state.asked.probeElevationSigma)
+  {
+    return Given("probe's beam", choice());
+  }
+  const Stopwatch watch;
+  std::string evidence;
+  if (IsVolume(sweep, frames))
+  {
+    evidence = "frames lie exactly above one another, as the slices of a volume, which no probe made";
+  }
+  else
+  {
+    const ElevationEstimate estimate = EstimateElevationSigma(sweep, frames);
+    evidence = estimate.reliable ? "speckle changes as for" + Format(" %.2f", estimate.sigma) +
+                                       Format(" +- %.2f mm", estimate.standardError)
+                                 : estimate.reason;
+    if (estimate.reliable)
+    {
+      state.plan.probeElevationSigma = estimate.sigma;
+    }
+  }
+  return Made(state, "probe's beam", choice(), evidence, watch.Seconds());
+}
+
+/// The beam that the field is trained under. Frames that lie side by side cannot tell it, because what is blurred across
+/// them fits them as well, so there it is thin. Where sweeps cross, each shows what the other's beam has blurred. There
+/// it is the probe's or, if that is not known, the one that predicts frames best.
+Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& frames)
 {
   const auto choice = [&state] { return Format("%.3g mm", state.plan.elevationSigma); };
   if (state.asked.elevationSigma)
   {
     return Given("elevation sigma", choice());
   }
+  if (!FramesCross(sweep, frames))
+  {
+    return Made(state, "elevation sigma", choice(), "frames do not cross", 0);
+  }
   const Stopwatch watch;
-  const double gain = state.prediction.pathGain;
-  std::string evidence = state.prediction.evidence.empty() ? ""
-                                                           : "the probe's path predicts frames" +
-                                                                 Format(" %+.2f dB", gain) + " better than their poses";
-  const double start = state.plan.elevationSigma;
-  const auto take = [&](double sigma, const Rule& rule)
+  std::string evidence = "frames cross";
+  if (state.plan.probeElevationSigma > 0)
+  {
+    state.plan.elevationSigma = state.plan.probeElevationSigma;
+    evidence += ", so it is the probe's";
+    return Made(state, "elevation sigma", choice(), evidence, watch.Seconds());
+  }
+  for (double sigma = kThinnestCrossing; sigma <= kThickestCrossing; sigma *= 2)
   {
     TrainingPlan candidate = state.plan;
     candidate.elevationSigma = sigma;
-    return Try(state, candidate, Format("%.2f mm", sigma) + Format(" instead of %.2f", state.plan.elevationSigma),
-               evidence, [&rule](const Gain& g) { return Passes(g, rule); });
-  };
-  const Rule notWorse{0, false};
-  if (gain >= kPosesOff && take(4 * start, notWorse))
-  {
-    take(8 * start, notWorse);
-  }
-  else
-  {
-    take(2 * start, {});
+    const std::string label = Format("%.2f mm", sigma) + Format(" instead of %.2f", state.plan.elevationSigma);
+    if (!Try(state, candidate, label, evidence, [](const Gain& gain) { return Passes(gain, {}); }))
+    {
+      break;
+    }
   }
   return Made(state, "elevation sigma", choice(), evidence, watch.Seconds());
 }
@@ -229,33 +247,27 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   }
   Trials trials(sweep, frames, asked, progress);
   State state{asked, trials, plan, {}};
-  const bool interpolates = plan.virtualPlanes > 0 || !asked.virtualPlanes;
-  const bool interpolationOpen = interpolates && !asked.interpolation;
-  const bool beamOpen = !asked.elevationSigma && asked.preset != Preset::Texture;
-  if ((interpolationOpen || beamOpen) && trials.Proceed())
+  const bool isTexture = asked.preset == Preset::Texture;
+  std::vector<Decision> decisions;
+  if (plan.virtualPlanes > 0)
   {
-    state.prediction = PredictFrames(trials, asked.preset == Preset::Texture);
-    if (interpolationOpen)
+    if (!asked.interpolation && trials.Proceed())
     {
+      state.prediction = PredictFrames(trials, isTexture);
       plan.interpolation = state.prediction.alongNormals;
     }
-  }
-  std::vector<Decision> decisions;
-  if (asked.preset != Preset::Texture)
-  {
-    decisions.push_back(DecideVirtualPlanes(state));
-    plan.iterations = IterationsByGeometry(asked, frames.size(), plan);
-  }
-  if (interpolates)
-  {
     decisions.push_back(DecidePath(state));
   }
-  if (asked.preset == Preset::Texture)
+  if (trials.Proceed())
+  {
+    decisions.push_back(DecideProbeBeam(state, sweep, frames));
+  }
+  if (isTexture)
   {
     decisions.push_back({"the rest", "by geometry", "PSNR is best for smooth pictures, so it cannot judge texture", 0});
     return decisions;
   }
-  decisions.push_back(DecideBeam(state));
+  decisions.push_back(DecideBeam(state, sweep, frames));
   decisions.push_back(DecideGaussians(state));
   return decisions;
 }

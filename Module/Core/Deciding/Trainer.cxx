@@ -8,6 +8,7 @@
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/TrainingLoop.h"
 
@@ -85,6 +86,7 @@ TrainerOptions Settled(TrainerOptions options, const TrainingPlan& plan)
 {
   options.gaussians = plan.gaussians;
   options.elevationSigma = plan.elevationSigma;
+  options.probeElevationSigma = plan.probeElevationSigma;
   options.virtualPlanes = plan.virtualPlanes;
   options.interpolation = plan.interpolation;
   options.iterations = plan.iterations;
@@ -149,6 +151,10 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   {
     asked.elevationSigma = start->beam.elevationSigma;
   }
+  if (start && !asked.probeElevationSigma)
+  {
+    asked.probeElevationSigma = start->beam.probeElevationSigma;
+  }
   TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
   // A field to continue from was decided on before.
   if (options.automatic && !start && options.iterations.value_or(1) > 0)
@@ -172,7 +178,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   if (start)
   {
     first = {*start, false};
-    first.field.beam.elevationSigma = plan.elevationSigma;
+    first.field.beam = Beam{plan.elevationSigma};
   }
   else
   {
@@ -180,6 +186,17 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   }
   Fitted fitted = loop.Run(std::move(first), validation);
   result.field = std::move(fitted.field);
+  // Set last, because training itself needs the beam of its own planes only.
+  result.field.beam.probeElevationSigma = plan.probeElevationSigma;
+  if (plan.probeElevationSigma > plan.elevationSigma)
+  {
+    std::vector<Eigen::Vector3d>& normals = result.field.beam.trainedNormals;
+    normals = DistinctNormals(*sweep, frames);
+    if (start)
+    {
+      normals.insert(normals.end(), start->beam.trainedNormals.begin(), start->beam.trainedNormals.end());
+    }
+  }
   result.log = std::move(fitted.log);
   result.iterations = fitted.iterations;
   result.device = loop.engine().Device();

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Format.h"
+#include "Core/Evaluation/Baselines.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Statistics.h"
@@ -21,6 +23,26 @@ namespace
 
 /// Progress shows this share of what is left with every trial, since how many trials it will take is not known.
 constexpr double kProgressOfATrial = 0.07;
+
+/// Planes across the frames, half of them along columns and half along rows.
+constexpr int kAcrossEach = 2;
+
+/// Mean PSNR where a cross-plane lies between frames; both pictures equal elsewhere.
+double PsnrWithin(const CrossPlane& cross, const std::vector<float>& image, const std::vector<float>& truth)
+{
+  double squares = 0;
+  std::size_t counted = 0;
+  for (std::size_t p = 0; p < image.size(); ++p)
+  {
+    if (cross.enclosed[p])
+    {
+      const double difference = static_cast<double>(image[p]) - truth[p];
+      squares += difference * difference;
+      ++counted;
+    }
+  }
+  return squares > 0 ? std::min(kMostPsnr, -10 * std::log10(squares / static_cast<double>(counted))) : kMostPsnr;
+}
 
 Gain GainOf(const std::vector<double>& psnr, const std::vector<double>& over)
 {
@@ -50,7 +72,7 @@ int Reduction(const Sweep& sweep)
 
 std::string Gain::ToString() const
 {
-  return Format("%+.2f", mean) + Format(" +- %.2f dB", error);
+  return Format("%+.2f", mean) + Format(" +- %.2f dB", error) + Format(" and across %+.2f dB", across);
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
@@ -65,6 +87,24 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const Trainer
   sweep_ = std::make_shared<const Sweep>(reduction > 1 ? part.Reduced(reduction) : part);
   std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), kValidationEvery);
   pixelSize_ = MeasureGeometry(*sweep_, training_).pixelSize;
+  MakeAcross();
+}
+
+/// Interpolation between all frames has gaps half as wide as those between the frames trained on, and no beam.
+void Trials::MakeAcross()
+{
+  std::vector<int> all(sweep_->NumberOfFrames());
+  std::iota(all.begin(), all.end(), 0);
+  for (CrossPlane& cross : MakeCrossPlanes(*sweep_, all, kAcrossEach, pixelSize_))
+  {
+    if (std::none_of(cross.enclosed.begin(), cross.enclosed.end(), [](std::uint8_t inside) { return inside != 0; }))
+    {
+      continue;
+    }
+    std::vector<float> image(cross.enclosed.size());
+    PredictPoseInterpolation(*sweep_, all, cross.plane, image.data());
+    across_.push_back({std::move(cross), std::move(image)});
+  }
 }
 
 std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes)
@@ -75,7 +115,13 @@ std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const Trainin
   }
   const Psnrs &over = Score(best, passes), &psnr = Score(candidate, passes);
   // A trial cut short says nothing.
-  return stopped_ ? std::nullopt : std::optional(GainOf(psnr, over));
+  if (stopped_)
+  {
+    return std::nullopt;
+  }
+  Gain gain = GainOf(psnr.frames, over.frames);
+  gain.across = across_.empty() ? 0.0 : Mean(psnr.across) - Mean(over.across);
+  return gain;
 }
 
 double Trials::Predict(const FrameInterpolation& interpolation) const
@@ -126,7 +172,13 @@ Trials::Psnrs Trials::Train(TrainingPlan plan, double passes)
     engine.Render(sweep_->Plane(frame), ViewOutput::Intensity, image.data());
     sweep_->BlackenUnlit(image.data());
     sweep_->CopyFrame(frame, truth.data());
-    psnrs.push_back(std::min(kMostPsnr, Psnr(image.data(), truth.data(), image.size())));
+    psnrs.frames.push_back(std::min(kMostPsnr, Psnr(image.data(), truth.data(), image.size())));
+  }
+  for (const auto& [cross, seen] : across_)
+  {
+    image.resize(seen.size());
+    engine.Render(cross.plane, ViewOutput::Intensity, image.data());
+    psnrs.across.push_back(PsnrWithin(cross, image, seen));
   }
   return psnrs;
 }

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/TrainingPlan.h"
@@ -24,8 +25,9 @@ struct Gain
 {
   double mean = 0, error = 0;  ///< dB
   bool mostGain = false;       ///< at least half of the validation frames gain: one frame does not decide
+  double across = 0;           ///< dB, mean gain on planes across the frames
 
-  /// "+0.12 +- 0.03 dB".
+  /// "+0.12 +- 0.03 dB and across +0.05 dB".
   std::string ToString() const;
 };
 
@@ -52,17 +54,29 @@ public:
   double Share() const { return share_; }
 
 private:
-  using Psnrs = std::vector<double>;                                          // of each validation frame, dB
+  /// dB, of each validation frame and of each plane across.
+  struct Psnrs
+  {
+    std::vector<double> frames, across;
+  };
+  /// A plane across the frames and what all frames, those for validation included, show there by interpolation.
+  struct AcrossTruth
+  {
+    CrossPlane cross;
+    std::vector<float> image;
+  };
   using Choices = std::tuple<std::size_t, double, int, std::string, double>;  // all that trials differ in
 
   const Psnrs& Score(const TrainingPlan& plan, double passes);
   Psnrs Train(TrainingPlan plan, double passes);
+  void MakeAcross();
   std::shared_ptr<const Sweep> WithVirtualPlanes(const TrainingPlan& plan);
 
   const TrainerOptions& asked_;
   const ProgressCallback& progress_;
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;
+  std::vector<AcrossTruth> across_;
   double pixelSize_ = 0;  // mm, of sweep_
   double share_ = 1;
   std::map<Choices, Psnrs> scores_;

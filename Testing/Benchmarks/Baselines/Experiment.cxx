@@ -23,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "Core/Deciding/ElevationEstimate.h"
 #include "Core/Deciding/PoseCorrection.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
@@ -37,7 +38,6 @@
 #include "Core/Training/OptionList.h"
 #include "Core/Training/Seeding.h"
 #include "Data/FieldData.h"
-#include "Elevation/ElevationEstimate.h"
 #include "JobFields.h"
 #include "OtherPlanes.h"
 #include "Scene.h"
@@ -310,11 +310,12 @@ void PredictFrameInterpolation(const Sweep& sweep, const std::vector<int>& train
     return;
   }
   // How far between the two the plane lies, by the distances of its centre.
-  const int a = *(before - 1), b = *after;
+  const FramesAround around = FramesAround::Gap(training, static_cast<std::size_t>(before - 1 - training.begin()));
+  const int a = around.first, b = around.second;
   const auto centre = [&sweep](int k)
   { return sweep.Plane(k).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
   const double toA = (centre(frame) - centre(a)).norm(), toB = (centre(frame) - centre(b)).norm();
-  InterpolateFrames(sweep, a, b, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation, image);
+  InterpolateFrames(sweep, around, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation, image);
 }
 
 /// Interpolation. A frame of the sweep is predicted from its neighbours in the sequence, another plane from the frames

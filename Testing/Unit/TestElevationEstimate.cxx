@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "Core/Deciding/ElevationEstimate.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
-#include "Elevation/ElevationEstimate.h"
 
 using namespace bigus;
 

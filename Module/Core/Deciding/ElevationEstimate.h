@@ -32,7 +32,7 @@ struct ElevationEstimate
 /// Speckle of two planes z apart has coherence exp(-z^2 / (4 sigma^2)); its correlation over plane distance,
 /// fitted, gives sigma. It needs speckle of at least a pixel's size, neighbouring planes nearer than about
 /// sigma and others farther than that; what is missing is told in `reason`. The derivation is in
-/// README.md of this folder.
+/// ElevationEstimate.md.
 ///
 /// Of more than 400 frames the 400 in the middle are used: a second or two of one core at most.
 /// Deterministic, the same bits for any number of threads. Throws Error for a frame that is not there.

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Elevation/ElevationEstimate.h"
+#include "Core/Deciding/ElevationEstimate.h"
 
 #include <tbb/parallel_for.h>
 
