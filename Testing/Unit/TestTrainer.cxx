@@ -217,9 +217,9 @@ TEST(Trainer, StepsFollowTheNumberOfFrames)
   TrainerOptions options;
   options.automatic = false;
   options.gaussians = 20;
-  EXPECT_EQ(bigus::Train(sweep, options).iterations, 400);  // 80 x 40 / 8
+  EXPECT_EQ(bigus::Train(sweep, options).iterations, 1180);  // 80 x (40 + 2 x 39) / 8
   options.batch = 40;
-  EXPECT_EQ(bigus::Train(sweep, options).iterations, 200);
+  EXPECT_EQ(bigus::Train(sweep, options).iterations, 236);
 }
 
 TEST(Trainer, PresetsChooseTheLossUnlessOneIsGiven)
