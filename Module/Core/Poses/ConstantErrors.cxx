@@ -800,8 +800,9 @@ public:
   {
     Fit fit;
     finest_ = std::max(kFinest, seen_.Plane(0).PixelSize());
-    for (double sigma = kCoarsest * finest_; sigma >= finest_; sigma /= 2)
+    for (int times = kCoarsest; times >= 1; times /= 2)
     {
+      const double sigma = times * finest_;
       pictures_ = std::make_unique<Pictures>(seen_, sight_, sigma);
       if (!RunLevel(sigma, fit))
       {
@@ -854,7 +855,7 @@ public:
 
 private:
   static constexpr double kFinest = 0.3;  // mm: the width of the finest smoothing, about a speckle's
-  static constexpr double kCoarsest = 8;  // times that: errors of 3 mm and 3 degrees are found from there
+  static constexpr int kCoarsest = 8;     // times that: errors of 3 mm and 3 degrees are found from there
   static constexpr int kIterations = 12;  // Gauss-Newton steps at most
 
   Disagreement Problem(const std::vector<Place>& places, double sigma, const std::vector<bool>& free,
@@ -976,7 +977,8 @@ std::vector<Eigen::Matrix4d> CorrectedPoses(const Sweep& sweep, const Vector& q)
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
     // The motion rather than the plane, because a matrix has a third column of its own.
-    const SlicePlane from = path.Recorded(k), to = path.Corrected(k, q);
+    const SlicePlane& from = path.Recorded(k);
+    const SlicePlane to = path.Corrected(k, q);
     Eigen::Affine3d motion = Eigen::Affine3d::Identity();
     motion.linear() = AxesOf(to) * AxesOf(from).transpose();
     motion.translation() = to.origin - motion.linear() * from.origin;
