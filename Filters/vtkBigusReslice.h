@@ -16,9 +16,9 @@
  * own.
  *
  * Output 0 is the image, output 1 the coverage (float): the summed weight of all footprints at the pixel with
- * reflectivity left out. It falls to 0 where the sweep never looked, so a viewer can grey that out. Output 2,
- * filled when GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds
- * CoverageThreshold.
+ * reflectivity left out. It falls to 0 beside the probe's fan and before and behind the sweep, so a viewer can grey
+ * that out. It does not tell gaps between frames, because the trainer fills them. Output 2, filled when
+ * GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds CoverageThreshold.
  *
  * Any part of the output may be asked for, whole or streamed: each pixel comes out with the same bits.
  * A plane that misses the field, and a field without Gaussians, give a background image. The uploaded field

@@ -1,11 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus slice: the field seen at any planes.
+#include <algorithm>
 #include <memory>
 #include <numeric>
 
 #include "Command.h"
+#include "Core/Model/FrameDistance.h"
 #include "Data/Provenance.h"
+#include "Exit.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Outputs.h"
@@ -29,7 +32,8 @@ namespace
 struct Options
 {
   RenderOptions render;
-  std::string output, coverage;
+  std::string output, coverage, distance;
+  std::string recorded;  ///< sequence or CSV: the frames that `distance` is measured to
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
   bool lit = false;            ///< black where no frame of the sequence is lit
@@ -92,21 +96,53 @@ void Blacken(vtkImageData* image, const Sweep& sweep)
   }
 }
 
+/// How far every pixel of the planes lies from the nearest frame that was recorded, mm.
+vtkSmartPointer<vtkImageData> Distances(const Options& options, const Planes& planes, Console& console)
+{
+  SequenceOptions sequence;
+  sequence.path = options.recorded;
+  sequence.chain = options.planes.chain;
+  const Sweep sweep = ReadPosesOnly(sequence, console);
+  std::vector<int> frames(sweep.NumberOfFrames());
+  std::iota(frames.begin(), frames.end(), 0);
+  for (const int frame : frames)
+  {
+    sweep.Plane(frame).Validate(options.recorded + ", frame " + std::to_string(frame));
+  }
+  const auto stack = NewStack(planes.planes, planes.timestamps, false);
+  auto* pixels = static_cast<float*>(stack->GetScalarPointer());
+  const int count = static_cast<int>(planes.planes.size());
+  for (int k = 0; k < count; ++k)
+  {
+    DistanceToFrames(sweep, frames, planes.planes[k], pixels);
+    pixels += planes.planes[k].NumberOfPixels();
+    console.Progress("Measuring", (k + 1.0) / count);
+    if (IsInterrupted())
+    {
+      throw Interrupted();
+    }
+  }
+  return stack;
+}
+
 ExitCode Slice(Console& console, Options& options)
 {
   const bool bytes = options.render.IsBytes();
-  RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config},
-                  {options.output, options.coverage});
+  RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
+                  {options.output, options.coverage, options.distance});
   RequireStackName(options.output);
   RequireWritable(options.output);
-  if (!options.coverage.empty())
+  for (const std::string& path : {options.coverage, options.distance})
   {
-    RequireStackName(options.coverage);
-    RequireWritable(options.coverage);
+    if (!path.empty())
+    {
+      RequireStackName(path);
+      RequireWritable(path);
+    }
   }
-  for (const std::string& path : {options.output, options.coverage})
+  for (const std::string& path : {options.output, options.coverage, options.distance})
   {
-    if (HasSuffix(path, ".png") && (!bytes || path == options.coverage))
+    if (HasSuffix(path, ".png") && (!bytes || path != options.output))
     {
       throw OutputError("Cannot write '" + path + "': PNG holds 8-bit intensities; name it .mha or .nrrd.");
     }
@@ -120,6 +156,7 @@ ExitCode Slice(Console& console, Options& options)
   const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
   const auto coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
+  const auto distance = options.distance.empty() ? nullptr : Distances(options, planes, console);
 
   vtkNew<vtkMatrix4x4> axes;
   vtkNew<vtkBigusReslice> reslice;
@@ -147,6 +184,10 @@ ExitCode Slice(Console& console, Options& options)
   if (coverage)
   {
     WriteStack(coverage, options.coverage, planes.numbers, console);
+  }
+  if (distance)
+  {
+    WriteStack(distance, options.distance, planes.numbers, console);
   }
   const double sigma = options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field);
   console.Print(NameOf(files) + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
@@ -192,6 +233,16 @@ void AddSlice(Program& program)
   app->add_option("--coverage", options->coverage,
                   "Also write the footprints' sum, 0 where no Gaussian is: .mha, .nrrd")
       ->type_name("OUT");
+  CLI::Option* distance =
+      app->add_option("--distance", options->distance,
+                      "Also write how far every pixel lies from the nearest frame of --recorded, mm, which tells where "
+                      "a plane runs through a gap: .mha, .nrrd")
+          ->type_name("OUT");
+  CLI::Option* recorded = app->add_option("--recorded", options->recorded,
+                                          "The frames that the field was trained on: their poses; images are not read")
+                              ->needs(distance)
+                              ->type_name("SEQUENCE|CSV");
+  distance->needs(recorded);
   AddRenderOptions(*app, options->render, "Pixels");
   RunWhenChosen(app, program, [options](Console& console) { return Slice(console, *options); });
 }

@@ -1108,6 +1108,44 @@ class Slice(CommandTest):
         self.assertEqual(read_sequence(out)[1], bytes(9 * 48 * 40))
         self.assertEqual(self.expect(SUCCESS, "info", ply)["gaussians"], 0)
 
+    def test_distance_tells_where_a_plane_runs_through_a_gap(self):
+        # 24 frames 0.5 mm apart; without three of them a gap of 2 mm stays, which training fills with virtual planes.
+        sweep, gap, field = (self.folder / name for name in ("whole.igs.mha", "gap.igs.mha", "gap.vtp"))
+        self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", 24, "--width", 48, "--height", 40, "--pixel-size", 0.6,
+                    "--frame-spacing", 0.5, "--speed-variation", 0, "--tilt", 0, "--wander", 0)
+        data = sweep.read_bytes()
+        for frame in range(8, 11):
+            name = f"Seq_Frame{frame:04d}_ImageToReferenceTransformStatus = ".encode()
+            self.assertIn(name + b"OK", data)
+            data = data.replace(name + b"OK", name + b"INVALID")
+        gap.write_bytes(data)
+        self.expect(SUCCESS, "train", gap, "-o", field, "--no-auto", "--gaussians", 2000, "--iterations", 40)
+        # A plane at right angles to the frames: columns along the sweep at steps of 0.25 mm from its first frame, at
+        # z = -5.75, to its last; the gap is from -2.25 to -0.25 mm.
+        columns = 47
+        across = self.poses_csv([0, 0, -1, 1.5, 0, 0.6, 0, 3, 0.25, 0, 0, -5.75, 0, 0, 0, 1])
+        coverage, distance = self.folder / "c.mha", self.folder / "d.mha"
+        self.expect(SUCCESS, "slice", field, "--poses", across, "--size", columns, 30, "-o", self.folder / "x.mha",
+                    "--coverage", coverage, "--distance", distance, "--recorded", gap)
+
+        def column_means(path):
+            values = [v[0] for v in struct.iter_unpack("<f", read_sequence(path)[1])]
+            return [sum(values[u::columns]) / 30 for u in range(columns)]
+        frames = [-5.75 + 0.5 * k for k in range(24) if not 8 <= k < 11]
+        distances, covered = column_means(distance), column_means(coverage)
+        for u in range(columns):
+            self.assertAlmostEqual(distances[u], min(abs(-5.75 + 0.25 * u - z) for z in frames), places=4)
+        self.assertAlmostEqual(max(distances), 1, places=4)
+        self.assertGreater(covered[distances.index(max(distances))], 0.7 * sum(covered) / columns,
+                           "coverage alone does not tell the gap")
+
+        both = ["slice", field, "--poses", across, "--size", columns, 30, "-o", self.folder / "x.mha"]
+        self.expect(USAGE, *both, "--distance", distance, says="--recorded")
+        self.expect(USAGE, *both, "--recorded", gap, says="--distance")
+        self.expect(BAD_INPUT, *both, "--distance", distance, "--recorded", self.folder / "no.csv", says="no.csv")
+        self.expect(CANNOT_WRITE, *both, "--distance", self.folder / "d.png", "--recorded", gap, says="PNG")
+        self.expect(CANNOT_WRITE, *both, "--distance", gap, "--recorded", gap, says="read")
+
     def test_coverage_is_there_where_the_sweep_was(self):
         coverage = self.folder / "c.mha"
         self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "x.mha", "--frames", 4,
