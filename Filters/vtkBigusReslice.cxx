@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <string>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/FrameDistance.h"
+#include "Data/SweepData.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
 #include "vtkExecutive.h"
@@ -24,6 +27,14 @@ vtkStandardNewMacro(vtkBigusReslice);
 vtkCxxSetObjectMacro(vtkBigusReslice, ResliceAxes, vtkMatrix4x4);
 vtkCxxSetObjectMacro(vtkBigusReslice, ResliceTransform, vtkAbstractTransform);
 vtkCxxSetObjectMacro(vtkBigusReslice, InformationInput, vtkImageData);
+vtkCxxSetObjectMacro(vtkBigusReslice, RecordedFrames, vtkImageData);
+
+struct vtkBigusReslice::Recorded
+{
+  std::shared_ptr<const bigus::Sweep> sweep;
+  vtkImageData* image = nullptr;  // what it was read from, and when
+  vtkMTimeType time = 0;
+};
 
 namespace
 {
@@ -134,9 +145,9 @@ vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
 
 }  // namespace
 
-vtkBigusReslice::vtkBigusReslice()
+vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>())
 {
-  this->SetNumberOfOutputPorts(3);
+  this->SetNumberOfOutputPorts(4);
   // VTK's executive cannot make stencils by name.
   this->GetExecutive()->SetOutputData(2, vtkSmartPointer<vtkImageStencilData>::New());
 }
@@ -146,6 +157,7 @@ vtkBigusReslice::~vtkBigusReslice()
   this->SetResliceAxes(nullptr);
   this->SetResliceTransform(nullptr);
   this->SetInformationInput(nullptr);
+  this->SetRecordedFrames(nullptr);
 }
 
 void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
@@ -158,6 +170,7 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   }
   os << indent << "ResliceTransform: " << this->ResliceTransform << "\n";
   os << indent << "InformationInput: " << this->InformationInput << "\n";
+  os << indent << "RecordedFrames: " << this->RecordedFrames << "\n";
   os << indent << "OutputExtent:";
   for (int bound : this->OutputExtent)
   {
@@ -289,8 +302,9 @@ void vtkBigusReslice::SetOutputToFrame(vtkMatrix4x4* imageToReference, int width
 vtkMTimeType vtkBigusReslice::GetMTime()
 {
   vtkMTimeType time = this->Superclass::GetMTime();
-  for (vtkObject* part : {static_cast<vtkObject*>(this->ResliceAxes), static_cast<vtkObject*>(this->ResliceTransform),
-                          static_cast<vtkObject*>(this->InformationInput)})
+  for (vtkObject* part :
+       {static_cast<vtkObject*>(this->ResliceAxes), static_cast<vtkObject*>(this->ResliceTransform),
+        static_cast<vtkObject*>(this->InformationInput), static_cast<vtkObject*>(this->RecordedFrames)})
   {
     time = part ? std::max(time, part->GetMTime()) : time;
   }
@@ -300,6 +314,11 @@ vtkMTimeType vtkBigusReslice::GetMTime()
 vtkImageData* vtkBigusReslice::GetCoverageOutput()
 {
   return vtkImageData::SafeDownCast(this->GetOutputDataObject(1));
+}
+
+vtkImageData* vtkBigusReslice::GetDistanceOutput()
+{
+  return vtkImageData::SafeDownCast(this->GetOutputDataObject(3));
 }
 
 vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
@@ -319,7 +338,10 @@ int vtkBigusReslice::FillOutputPortInformation(int port, vtkInformation* info)
 int vtkBigusReslice::RequestInformation(vtkInformation* request, vtkInformationVector** inputs,
                                         vtkInformationVector* outputs)
 {
-  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(1), VTK_FLOAT, 1);
+  for (const int port : {1, 3})
+  {
+    vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(port), VTK_FLOAT, 1);
+  }
   return this->Superclass::RequestInformation(request, inputs, outputs);
 }
 
@@ -417,6 +439,41 @@ void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int e
     stencil->SetSpacing(image->GetSpacing());
     stencil->SetExtent(extent);
     stencil->AllocateExtents();
+  }
+  if (this->RecordedFrames)
+  {
+    this->FillDistance(outputs, extent);
+  }
+}
+
+void vtkBigusReslice::FillDistance(vtkInformationVector* outputs, const int extent[6])
+{
+  Recorded& recorded = *this->Sweep;
+  if (recorded.image != this->RecordedFrames || recorded.time != this->RecordedFrames->GetMTime())
+  {
+    recorded = {bigus::SweepFromImage(this->RecordedFrames).sweep, this->RecordedFrames,
+                this->RecordedFrames->GetMTime()};
+  }
+  vtkImageData* image = vtkImageData::GetData(outputs, 0);
+  vtkImageData* distance = vtkImageData::GetData(outputs, 3);
+  distance->SetOrigin(image->GetOrigin());
+  distance->SetSpacing(image->GetSpacing());
+  bigus::AllocatePixels(distance, extent, VTK_FLOAT, "Distance");
+
+  RowMajorMatrix indexToWorld;
+  this->ComputeIndexToWorld(image->GetSpacing(), image->GetOrigin(), indexToWorld.data());
+  bigus::SlicePlane plane;
+  plane.columnStep = indexToWorld.col(0).head<3>();
+  plane.rowStep = indexToWorld.col(1).head<3>();
+  plane.width = extent[1] - extent[0] + 1;
+  plane.height = extent[3] - extent[2] + 1;
+  std::vector<int> frames(recorded.sweep->NumberOfFrames());
+  std::iota(frames.begin(), frames.end(), 0);
+  for (int k = extent[4]; k <= extent[5]; ++k)
+  {
+    plane.origin = (indexToWorld * Eigen::Vector4d(extent[0], extent[2], k, 1)).head<3>();
+    bigus::DistanceToFrames(*recorded.sweep, frames, plane,
+                            static_cast<float*>(distance->GetScalarPointer(extent[0], extent[2], k)));
   }
 }
 

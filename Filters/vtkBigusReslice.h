@@ -19,6 +19,7 @@
  * reflectivity left out. It falls to 0 beside the probe's fan and before and behind the sweep, so a viewer can grey
  * that out. It does not tell gaps between frames, because the trainer fills them. Output 2, filled when
  * GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds CoverageThreshold.
+ * Output 3, filled when RecordedFrames is set, tells gaps: it holds how far every pixel lies from the nearest frame.
  *
  * Any part of the output may be asked for, whole or streamed: each pixel comes out with the same bits.
  * A plane that misses the field, and a field without Gaussians, give a background image. The uploaded field
@@ -28,6 +29,8 @@
  */
 #ifndef vtkBigusReslice_h
 #define vtkBigusReslice_h
+
+#include <memory>
 
 #include "vtkBigusFieldToImage.h"
 #include "vtkBigusFiltersModule.h"  // for the export macro
@@ -163,6 +166,17 @@ public:
 
   ///@{
   /**
+   * The sweep that the field was trained on, as vtkBigusTrainer takes it. Output 3 is then filled: a float for every
+   * pixel, the distance to the nearest frame in mm. A frame counts as the whole rectangle of its pixels; rejected frames
+   * do not count. Its pixels are not read. It costs 0.3 s of one thread for 400 x 300 pixels and 1,000 frames. Default:
+   * none, and output 3 is empty.
+   */
+  virtual void SetRecordedFrames(vtkImageData* sweep);
+  vtkImageData* GetRecordedFrames() const { return this->RecordedFrames; }
+  ///@}
+
+  ///@{
+  /**
    * The coverage, float.
    */
   vtkAlgorithmOutput* GetCoverageOutputPort() { return this->GetOutputPort(1); }
@@ -177,7 +191,15 @@ public:
   vtkImageStencilData* GetStencilOutput();
   ///@}
 
-  /** Follows ResliceAxes, ResliceTransform and InformationInput. */
+  ///@{
+  /**
+   * The distance to the nearest recorded frame, float, mm.
+   */
+  vtkAlgorithmOutput* GetDistanceOutputPort() { return this->GetOutputPort(3); }
+  vtkImageData* GetDistanceOutput();
+  ///@}
+
+  /** Follows ResliceAxes, ResliceTransform, InformationInput and RecordedFrames. */
   vtkMTimeType GetMTime() override;
 
 protected:
@@ -195,6 +217,7 @@ protected:
   vtkMatrix4x4* ResliceAxes = nullptr;
   vtkAbstractTransform* ResliceTransform = nullptr;
   vtkImageData* InformationInput = nullptr;
+  vtkImageData* RecordedFrames = nullptr;
   int OutputExtent[6] = {0, 0, 0, 0, 0, 0};
   bool ComputeOutputExtent = true;
   int OutputDimensionality = 3;
@@ -208,6 +231,10 @@ private:
   void operator=(const vtkBigusReslice&) = delete;
 
   bool FillsBackground() const;
+  void FillDistance(vtkInformationVector* outputs, const int extent[6]);
+
+  struct Recorded;
+  std::unique_ptr<Recorded> Sweep;  // RecordedFrames as read last
 };
 
 #endif

@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "Filters/FilterTestSupport.h"
+#include "Support/Sweeps.h"
 #include "vtkBigusReslice.h"
 #include "vtkCallbackCommand.h"
 #include "vtkFloatArray.h"
@@ -18,6 +19,7 @@
 #include "vtkStreamingDemandDrivenPipeline.h"
 #include "vtkThinPlateSplineTransform.h"
 #include "vtkTransform.h"
+#include "vtkUnsignedCharArray.h"
 
 namespace bigus::test
 {
@@ -474,6 +476,55 @@ TEST(Reslice, CoverageTellsSeenFromUnseen)
   reslice->Update();
   EXPECT_EQ(reslice->GetCoverageOutput()->GetNumberOfPoints(), 0);
   EXPECT_EQ(reslice->GetOutput()->GetScalarComponentAsDouble(0, 0, 0, 0), 100);
+}
+
+TEST(Reslice, DistanceTellsGapsBetweenRecordedFrames)
+{
+  // Frames at z = -2.5 to 2.5 mm, 1 mm apart, but for those at -0.5 and 0.5, which are rejected: a gap of 3 mm.
+  const auto sweep = BlackSweep(6, 60, 60, 1.0, 1.0);
+  vtkNew<vtkImageData> recorded;
+  SweepToImage(*sweep, recorded);
+  vtkNew<vtkUnsignedCharArray> status;
+  status->SetName("Status");
+  for (const int accepted : {1, 1, 0, 0, 1, 1})
+  {
+    status->InsertNextValue(accepted);
+  }
+  recorded->GetFieldData()->AddArray(status);
+
+  Tilted tilted;
+  tilted.reslice->Update();
+  EXPECT_EQ(tilted.reslice->GetDistanceOutput()->GetNumberOfPoints(), 0) << "not asked for";
+  tilted.reslice->SetRecordedFrames(recorded);
+  tilted.reslice->Update();
+  vtkImageData* distance = tilted.reslice->GetDistanceOutput();
+  EXPECT_EQ(distance->GetNumberOfPoints(), tilted.reslice->GetOutput()->GetNumberOfPoints());
+  vtkMatrix4x4* axes = tilted.reslice->GetResliceAxes();
+  for (int k = -1; k <= 4; ++k)
+  {
+    for (int j = 2; j <= 43; ++j)
+    {
+      for (int i = -3; i <= 52; ++i)
+      {
+        const double place[4] = {-9 + 0.31 * i, -8 + 0.43 * j, -4 + 1.7 * k, 1};
+        double world[4], nearest = VTK_DOUBLE_MAX;
+        axes->MultiplyPoint(place, world);
+        for (const double z : {-2.5, -1.5, 1.5, 2.5})
+        {
+          nearest = std::min(nearest, std::abs(world[2] - z));
+        }
+        EXPECT_NEAR(FloatAt(distance, i, j, k), nearest, 1e-5);
+      }
+    }
+  }
+
+  vtkNew<vtkImageData> noSweep;
+  Tilted wrong;
+  wrong.reslice->SetRecordedFrames(noSweep);
+  ErrorObserver errors(wrong.reslice);
+  wrong.reslice->Update();
+  EXPECT_FALSE(errors.Errors().empty());
+  EXPECT_EQ(wrong.reslice->GetDistanceOutput()->GetNumberOfPoints(), 0);
 }
 
 TEST(Reslice, APlaneThatMissesAndAnEmptyFieldAreBackground)
