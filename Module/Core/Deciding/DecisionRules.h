@@ -63,7 +63,7 @@ constexpr double kAcrossMayLose = kLeastGain;
 
 /// mm, standard deviation: the beams tried where sweeps cross and the probe's is not known. Each is twice the one
 /// before, from about a pixel to what no diagnostic probe exceeds at its focus.
-constexpr double kThinnestCrossing = 0.4, kThickestCrossing = 3.2;
+constexpr double kCrossingBeams[] = {0.4, 0.8, 1.6, 3.2};
 
 /// dB that half the Gaussians may lose and still be taken. A trial is too short to show all that a Gaussian is worth,
 /// so fewer must lose next to nothing.

@@ -191,7 +191,7 @@ Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& fr
     evidence += ", so it is the probe's";
     return Made(state, "elevation sigma", choice(), evidence, watch.Seconds());
   }
-  for (double sigma = kThinnestCrossing; sigma <= kThickestCrossing; sigma *= 2)
+  for (const double sigma : kCrossingBeams)
   {
     TrainingPlan candidate = state.plan;
     candidate.elevationSigma = sigma;

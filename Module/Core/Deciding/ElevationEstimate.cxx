@@ -909,7 +909,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   const SlicePlane plane = sweep.Plane(frames[0]);
   const Model model(size, speckle.size, {plane.columnStep.norm(), plane.rowStep.norm()});
   Fit fit;
-  for (double sigma = 0.2; sigma < 20; sigma *= 4)
+  for (const double sigma : {0.2, 0.8, 3.2, 12.8})  // mm
   {
     Vector start;
     start << 0.5 / (sigma * sigma), 2 * model.Low()[Carrier], 0.05, 0.5, 0.01 * model.High()[Jitter], 0.9;
