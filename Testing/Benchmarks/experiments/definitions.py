@@ -712,7 +712,7 @@ def e11_panels(jobs):
         return labels["method"]
 
     return [curves(of(scene), lambda labels, _: labels["every"], psnr(planes), method,
-                   ("every so manieth z-plane trained on", f"PSNR, {title} planes (dB)", scene))
+                   ("one z-plane in so many trained on", f"PSNR, {title} planes (dB)", scene))
             for scene in ("liver volume", "phantom") for planes, title in (("planes_x", "x-"), ("planes_45", "45°"))] + [
         dots(of("phantom, linear"), "scores.turned_90.structure", "phantom turned by 90°: structure (dB)", method),
         dots(of("brain, half"), "scores.cross.scratches", "brain: scratches, linear interpolation = 1", method)]
