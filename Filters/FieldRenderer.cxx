@@ -24,6 +24,31 @@ constexpr double kFirstBandPixels = 65536;
 constexpr double kBandSeconds = 0.03;
 constexpr double kMinimumSpacing = 1e-6, kMaximumSpacing = 1e6;  // mm
 
+// How much plane i of a slab counts.
+float PlaneWeight(const Slab& slab, int i)
+{
+  if (slab.planes == 1 || slab.mode == Slab::Min || slab.mode == Slab::Max)
+  {
+    return 1;
+  }
+  const float share = slab.mode == Slab::Sum ? 1.0f : 1.0f / static_cast<float>(slab.planes - slab.trapezoid);
+  return slab.trapezoid && (i == 0 || i == slab.planes - 1) ? 0.5f * share : share;
+}
+
+// Adds plane i, count pixels, to what the slab's earlier planes gave.
+void JoinPlane(const Slab& slab, int i, const float* plane, float* joined, std::size_t count)
+{
+  const float weight = PlaneWeight(slab, i);
+  for (std::size_t pixel = 0; pixel < count; ++pixel)
+  {
+    const float value = weight * plane[pixel];
+    joined[pixel] = i == 0                   ? value
+                    : slab.mode == Slab::Min ? std::min(joined[pixel], value)
+                    : slab.mode == Slab::Max ? std::max(joined[pixel], value)
+                                             : joined[pixel] + value;
+  }
+}
+
 }  // namespace
 
 FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension)
@@ -153,21 +178,41 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
 }
 
 bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6],
-                           ViewOutput output, bool coverage, const std::function<bool(const PixelBand&)>& receive)
+                           ViewOutput output, bool coverage, const Slab& slab,
+                           const std::function<bool(const PixelBand&)>& receive)
 {
   const int columns = extent[1] - extent[0] + 1, rows = extent[3] - extent[2] + 1;
   const int width = whole[1] - whole[0] + 1, height = whole[3] - whole[2] + 1;
   const double total = ExtentSize(extent);
   vtkIdType first = 0;
 
-  // Renders so many pixels into image_ and coverage_, and passes them on.
+  // Renders so many pixels into image_ and coverage_, and passes them on. `render` gets the place of a plane of the slab,
+  // in steps from its middle.
   const auto deliver = [&](std::size_t count, auto&& render)
   {
     image_.resize(count);
     coverage_.resize(coverage ? count : 0);
     float* covered = coverage ? coverage_.data() : nullptr;
     const auto before = std::chrono::steady_clock::now();
-    render(image_.data(), covered);
+    if (slab.planes == 1)
+    {
+      render(0.0, image_.data(), covered);
+    }
+    else
+    {
+      planeImage_.resize(count);
+      planeCoverage_.resize(coverage_.size());
+      for (int i = 0; i < slab.planes; ++i)
+      {
+        render((i - 0.5 * (slab.planes - 1)) * slab.spacing, planeImage_.data(),
+               coverage ? planeCoverage_.data() : nullptr);
+        JoinPlane(slab, i, planeImage_.data(), image_.data(), count);
+        for (std::size_t pixel = 0; pixel < coverage_.size(); ++pixel)
+        {
+          covered[pixel] = i == 0 ? planeCoverage_[pixel] : std::max(covered[pixel], planeCoverage_[pixel]);
+        }
+      }
+    }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
     // Aim at kBandSeconds from what this band took; a plane that is nearly free says little about the next.
     pixelsPerBand_ = std::clamp(count * std::clamp(kBandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
@@ -177,7 +222,7 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
     first += pixels;
     return receive(band);
   };
-  const auto planeAt = [&](int k)
+  const auto planeAt = [&](double k)
   {
     const Eigen::Vector4d start = indexToWorld * Eigen::Vector4d(whole[0], whole[2], k, 1);
     SlicePlane plane;
@@ -186,7 +231,7 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
     plane.rowStep = indexToWorld.block<3, 1>(0, 1);
     plane.width = width;
     plane.height = height;
-    plane.Validate("Output slice " + std::to_string(k));
+    plane.Validate("Output slice " + std::to_string(std::lround(k)));
     return plane;
   };
 
@@ -199,27 +244,29 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
                            : 1;
     if (planes > 1)
     {
-      std::vector<SlicePlane> stack;
-      for (int i = 0; i < planes; ++i)
+      const auto renderStack = [&](double offset, float* pixels, float* cover)
       {
-        stack.push_back(planeAt(k + i));
-      }
-      if (!deliver(stack.size() * stack[0].NumberOfPixels(),
-                   [&](float* pixels, float* cover) { engine_->RenderStack(stack, output, pixels, cover); }))
+        std::vector<SlicePlane> stack;
+        for (int i = 0; i < planes; ++i)
+        {
+          stack.push_back(planeAt(k + i + offset));
+        }
+        engine_->RenderStack(stack, output, pixels, cover);
+      };
+      if (!deliver(static_cast<std::size_t>(planes) * width * height, renderStack))
       {
         return false;
       }
       k += planes;
       continue;
     }
-    const SlicePlane plane = planeAt(k);
     for (int row = extent[2]; row <= extent[3];)
     {
       const int wanted = static_cast<int>(std::min(1e9, pixelsPerBand_ / columns));
       const int band = std::clamp(wanted, 1, extent[3] - row + 1);
       const Engine::Window window{extent[0] - whole[0], row - whole[2], columns, band};
-      if (!deliver(static_cast<std::size_t>(band) * columns,
-                   [&](float* pixels, float* cover) { engine_->Render(plane, window, output, pixels, cover); }))
+      if (!deliver(static_cast<std::size_t>(band) * columns, [&](double offset, float* pixels, float* cover)
+                   { engine_->Render(planeAt(k + offset), window, output, pixels, cover); }))
       {
         return false;
       }

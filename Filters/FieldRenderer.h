@@ -53,6 +53,22 @@ struct PixelBand
   double fraction;         ///< of the whole work, after this band
 };
 
+/// A thick slice: several parallel planes, joined pixel by pixel into one. What vtkImageReslice calls a slab.
+struct Slab
+{
+  enum Mode
+  {
+    Min,
+    Max,
+    Mean,
+    Sum
+  };
+  int planes = 1;          ///< 1 is a single plane, as it is
+  double spacing = 1;      ///< between the planes, in steps between two slices of the grid
+  Mode mode = Mean;        ///< how pixels are joined; coverage is always the largest of the planes'
+  bool trapezoid = false;  ///< the first and last plane count half in Mean and Sum
+};
+
 /// A field on an engine, rendered on a grid of planes band by band.
 class FieldRenderer
 {
@@ -71,10 +87,10 @@ public:
   void Upload(vtkPolyData* input, const Settings& settings);
 
   /// Renders `extent`, a part of `whole`, of the grid whose index (i, j, k) lies at `indexToWorld` (i, j, k, 1), mm. Every
-  /// slice k is a plane of its own. What a pixel gets does not depend on `extent`. `receive` takes the bands in order and
-  /// returns false to stop; then Render returns false, too.
+  /// slice k is a slab of its own, whose middle lies there. What a pixel gets does not depend on `extent`. `receive` takes
+  /// the bands in order and returns false to stop; then Render returns false, too.
   bool Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6], ViewOutput output,
-              bool coverage, const std::function<bool(const PixelBand&)>& receive);
+              bool coverage, const Slab& slab, const std::function<bool(const PixelBand&)>& receive);
 
   const std::string& Device() const { return device_; }
 
@@ -84,9 +100,10 @@ private:
   vtkMTimeType inputTime_ = 0;
   std::unique_ptr<Engine> engine_;
   std::string engineName_, device_;
-  std::optional<double> uploadedSigma_;  // mm, of the field on the engine; none when it holds another
-  std::vector<float> image_, coverage_;  // of a band, kept because memory that is new is slow
-  double pixelsPerBand_ = 0;             // as many as take about 30 ms, so that an abort is heard in time
+  std::optional<double> uploadedSigma_;            // mm, of the field on the engine; none when it holds another
+  std::vector<float> image_, coverage_;            // of a band, kept because memory that is new is slow
+  std::vector<float> planeImage_, planeCoverage_;  // of one plane of a slab
+  double pixelsPerBand_ = 0;                       // as many as take about 30 ms, so that an abort is heard in time
 };
 
 }  // namespace bigus

@@ -232,9 +232,10 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
     Eigen::Matrix<double, 4, 4, Eigen::RowMajor> indexToWorld;
     this->ComputeIndexToWorld(info->Get(vtkDataObject::SPACING()), info->Get(vtkDataObject::ORIGIN()),
                               indexToWorld.data());
+    const bigus::Slab slab = this->ComputeSlab();
     this->AllocateOutputs(outputs, extent);
     const bool finished =
-        this->Renderer->Render(indexToWorld, whole, extent, ToViewOutput(this->OutputMode), this->NeedsCoverage(),
+        this->Renderer->Render(indexToWorld, whole, extent, ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
                                [&](const bigus::PixelBand& band)
                                {
                                  this->StoreBand(band, outputs);
@@ -254,6 +255,11 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
     this->SetErrorCode(vtkErrorCode::UserError);
     return 0;
   }
+}
+
+bigus::Slab vtkBigusFieldToImage::ComputeSlab()
+{
+  return {};
 }
 
 void vtkBigusFieldToImage::AllocateOutputs(vtkInformationVector* outputs, const int extent[6])

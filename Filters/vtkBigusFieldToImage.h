@@ -27,6 +27,7 @@ namespace bigus
 class FieldRenderer;
 struct GaussianField;
 struct PixelBand;
+struct Slab;
 }  // namespace bigus
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusFieldToImage : public vtkImageAlgorithm
@@ -143,6 +144,10 @@ protected:
   /// The 4 x 4 matrix, row by row, that takes an output index (i, j, k, 1) to mm in the field's frame. Throws
   /// bigus::Error.
   virtual void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) = 0;
+
+  /// The planes that every slice of the output is joined from; a single one unless a subclass says otherwise. Throws
+  /// bigus::Error.
+  virtual bigus::Slab ComputeSlab();
 
   /// Gives the outputs their geometry and memory for their pixels. `extent` is what was asked for.
   virtual void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]);

@@ -121,6 +121,22 @@ struct InputGrid
     }
     return centre;
   }
+
+  // The box around the grid's corners after a transform.
+  Eigen::AlignedBox3d BoundsFrom(const Eigen::Matrix4d& transform) const
+  {
+    Eigen::AlignedBox3d box;
+    for (int corner = 0; corner < 8; ++corner)
+    {
+      Eigen::Vector3d point;
+      for (int j = 0; j < 3; ++j)
+      {
+        point[j] = origin[j] + extent[2 * j + (corner >> j & 1)] * spacing[j];
+      }
+      box.extend((transform * point.homogeneous()).hnormalized());
+    }
+    return box;
+  }
 };
 
 InputGrid GridOf(vtkImageData* image)
@@ -178,6 +194,12 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   }
   os << (this->ComputeOutputExtent ? " (default)\n" : "\n");
   os << indent << "OutputDimensionality: " << this->OutputDimensionality << "\n";
+  os << indent << "TransformInputSampling: " << (this->TransformInputSampling ? "On\n" : "Off\n");
+  os << indent << "AutoCropOutput: " << (this->AutoCropOutput ? "On\n" : "Off\n");
+  os << indent << "SlabNumberOfSlices: " << this->SlabNumberOfSlices << "\n";
+  os << indent << "SlabMode: " << this->GetSlabModeAsString() << "\n";
+  os << indent << "SlabSliceSpacingFraction: " << this->SlabSliceSpacingFraction << "\n";
+  os << indent << "SlabTrapezoidIntegration: " << (this->SlabTrapezoidIntegration ? "On\n" : "Off\n");
   os << indent << "CoverageThreshold: " << this->CoverageThreshold << "\n";
   os << indent << "BackgroundLevel: " << this->BackgroundLevel << "\n";
   os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
@@ -299,6 +321,80 @@ void vtkBigusReslice::SetOutputToFrame(vtkMatrix4x4* imageToReference, int width
   this->SetOutputDimensionality(2);
 }
 
+const char* vtkBigusReslice::GetSlabModeAsString()
+{
+  const char* const names[] = {"Min", "Max", "Mean", "Sum"};
+  return names[this->SlabMode];
+}
+
+//------------------------------------------------------------------------------
+// Names of vtkImageReslice that mean nothing here
+
+const char* vtkBigusReslice::GetInterpolationModeAsString()
+{
+  const char* const names[] = {"NearestNeighbor", "Linear", "Cubic"};
+  return names[this->InterpolationMode];
+}
+
+void vtkBigusReslice::Refuse(const char* what, const char* instead)
+{
+  vtkErrorMacro(<< "vtkBigusReslice has no " << what << "; " << instead);
+}
+
+void vtkBigusReslice::SetWrap(vtkTypeBool wrap)
+{
+  if (wrap)
+  {
+    this->Refuse("Wrap",
+                 "a field does not end at a border. Apply vtkImageWrapPad or vtkImageReslice to the output of "
+                 "vtkBigusVoxelizer.");
+  }
+}
+
+void vtkBigusReslice::SetMirror(vtkTypeBool mirror)
+{
+  if (mirror)
+  {
+    this->Refuse("Mirror",
+                 "a field does not end at a border. Apply vtkImageMirrorPad or vtkImageReslice to the output of "
+                 "vtkBigusVoxelizer.");
+  }
+}
+
+void vtkBigusReslice::SetInterpolator(vtkAbstractImageInterpolator* interpolator)
+{
+  if (interpolator)
+  {
+    this->Refuse("Interpolator",
+                 "a field has a value at every point. To smooth across the plane set ElevationSigma; to smooth in it "
+                 "apply vtkImageGaussianSmooth to the output.");
+  }
+}
+
+void vtkBigusReslice::SetScalarShift(double shift)
+{
+  if (shift != 0)
+  {
+    this->Refuse("ScalarShift", "apply vtkImageShiftScale to the output.");
+  }
+}
+
+void vtkBigusReslice::SetScalarScale(double scale)
+{
+  if (scale != 1)
+  {
+    this->Refuse("ScalarScale", "apply vtkImageShiftScale to the output.");
+  }
+}
+
+void vtkBigusReslice::SetStencilData(vtkImageStencilData* stencil)
+{
+  if (stencil)
+  {
+    this->Refuse("input stencil", "apply vtkImageStencil to the output.");
+  }
+}
+
 vtkMTimeType vtkBigusReslice::GetMTime()
 {
   vtkMTimeType time = this->Superclass::GetMTime();
@@ -356,19 +452,22 @@ void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int exten
             : GridOf(bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(), kDefaultDimension));
 
     // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with the squares of
-    // the direction cosines as weights, and the centre is kept.
+    // the direction cosines as weights, and the centre is kept. Weights of the identity leave it as it stands.
     const Eigen::Matrix4d axes = this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
-    const Eigen::Matrix4d toOutput = axes.inverse();
-    const Eigen::Vector4d centre = toOutput * in.Centre().homogeneous();
-    if (!centre.allFinite())
+    const Eigen::Matrix4d turn = this->TransformInputSampling ? axes : Eigen::Matrix4d::Identity();
+    const Eigen::Vector4d centre = turn.inverse() * in.Centre().homogeneous();
+    if (!centre.allFinite() || !axes.inverse().allFinite())
     {
       throw bigus::Error(
           "ResliceAxes cannot be inverted, so there is no default output geometry; set "
           "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
     }
+    const Eigen::AlignedBox3d crop =
+        this->AutoCropOutput ? in.BoundsFrom(OutputToWorld(this->ResliceAxes, this->ResliceTransform).inverse())
+                             : Eigen::AlignedBox3d();
     for (int i = 0; i < 3; ++i)
     {
-      const Eigen::Array3d weight = axes.block<3, 1>(0, i).array().square();
+      const Eigen::Array3d weight = turn.block<3, 1>(0, i).array().square();
       const double sum = weight.sum();
       double length = 0, first = 0;
       for (int j = 0; j < 3; ++j)
@@ -376,7 +475,7 @@ void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int exten
         length += weight[j] * (static_cast<double>(in.extent[2 * j + 1]) - in.extent[2 * j]) * std::abs(in.spacing[j]);
         first += weight[j] * in.extent[2 * j];
       }
-      length /= sum * std::sqrt(sum);
+      length = this->AutoCropOutput ? crop.sizes()[i] : length / (sum * std::sqrt(sum));
       if (this->ComputeOutputSpacing)
       {
         spacing[i] = (weight * in.spacing.array().abs()).sum() / sum;
@@ -388,7 +487,9 @@ void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int exten
       }
       if (this->ComputeOutputOrigin)
       {
-        origin[i] = centre[i] - 0.5 * (static_cast<double>(extent[2 * i]) + extent[2 * i + 1]) * spacing[i];
+        origin[i] = this->AutoCropOutput
+                        ? crop.min()[i] - extent[2 * i] * spacing[i]
+                        : centre[i] - 0.5 * (static_cast<double>(extent[2 * i]) + extent[2 * i + 1]) * spacing[i];
       }
     }
   }
@@ -475,6 +576,17 @@ void vtkBigusReslice::FillDistance(vtkInformationVector* outputs, const int exte
     bigus::DistanceToFrames(*recorded.sweep, frames, plane,
                             static_cast<float*>(distance->GetScalarPointer(extent[0], extent[2], k)));
   }
+}
+
+bigus::Slab vtkBigusReslice::ComputeSlab()
+{
+  if (!std::isfinite(this->SlabSliceSpacingFraction))
+  {
+    throw bigus::Error("SlabSliceSpacingFraction is not finite; 1 puts a slab's planes one OutputSpacing apart.");
+  }
+  static_assert(bigus::Slab::Min == VTK_IMAGE_SLAB_MIN && bigus::Slab::Sum == VTK_IMAGE_SLAB_SUM);
+  return {this->SlabNumberOfSlices, this->SlabSliceSpacingFraction, static_cast<bigus::Slab::Mode>(this->SlabMode),
+          this->SlabTrapezoidIntegration != 0};
 }
 
 bool vtkBigusReslice::FillsBackground() const

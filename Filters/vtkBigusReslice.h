@@ -35,6 +35,7 @@
 #include "vtkBigusFieldToImage.h"
 #include "vtkBigusFiltersModule.h"  // for the export macro
 
+class vtkAbstractImageInterpolator;
 class vtkAbstractTransform;
 class vtkAlgorithmOutput;
 class vtkImageStencilData;
@@ -110,6 +111,51 @@ public:
 
   ///@{
   /**
+   * Whether default OutputSpacing, OutputOrigin and OutputExtent are turned to ResliceAxes (on, default) or are those of
+   * InformationInput or of the grid over the field as they stand (off).
+   */
+  vtkSetMacro(TransformInputSampling, vtkTypeBool);
+  vtkGetMacro(TransformInputSampling, vtkTypeBool);
+  vtkBooleanMacro(TransformInputSampling, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Whether a default OutputExtent and OutputOrigin hold all of InformationInput, or without one all of the field,
+   * whichever way ResliceAxes and ResliceTransform turn. Default: off.
+   */
+  vtkSetMacro(AutoCropOutput, vtkTypeBool);
+  vtkGetMacro(AutoCropOutput, vtkTypeBool);
+  vtkBooleanMacro(AutoCropOutput, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * Thick slices: each slice of the output is joined from SlabNumberOfSlices parallel planes (1 to 4096, default 1), which
+   * lie SlabSliceSpacingFraction (default 1) times the output's spacing along z apart, half of them on either side. Each
+   * is seen through the beam. SlabMode is VTK_IMAGE_SLAB_MIN, MAX, MEAN (default) or SUM of what a pixel holds in them;
+   * with SlabTrapezoidIntegration (default off) the first and last plane count half in MEAN and SUM. The coverage is the
+   * largest of the planes'. One plane costs as much as a slice of its own: for a slice that is seen through a thicker
+   * beam ElevationSigma costs nothing.
+   */
+  vtkSetClampMacro(SlabNumberOfSlices, int, 1, 4096);
+  vtkGetMacro(SlabNumberOfSlices, int);
+  vtkSetClampMacro(SlabMode, int, VTK_IMAGE_SLAB_MIN, VTK_IMAGE_SLAB_SUM);
+  vtkGetMacro(SlabMode, int);
+  void SetSlabModeToMin() { this->SetSlabMode(VTK_IMAGE_SLAB_MIN); }
+  void SetSlabModeToMax() { this->SetSlabMode(VTK_IMAGE_SLAB_MAX); }
+  void SetSlabModeToMean() { this->SetSlabMode(VTK_IMAGE_SLAB_MEAN); }
+  void SetSlabModeToSum() { this->SetSlabMode(VTK_IMAGE_SLAB_SUM); }
+  const char* GetSlabModeAsString();
+  vtkSetMacro(SlabSliceSpacingFraction, double);
+  vtkGetMacro(SlabSliceSpacingFraction, double);
+  vtkSetMacro(SlabTrapezoidIntegration, vtkTypeBool);
+  vtkGetMacro(SlabTrapezoidIntegration, vtkTypeBool);
+  vtkBooleanMacro(SlabTrapezoidIntegration, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
    * First and last index along each axis. Default: from InformationInput.
    */
   virtual void SetOutputExtent(int x0, int x1, int y0, int y1, int z0, int z1);
@@ -144,6 +190,14 @@ public:
    */
   vtkSetMacro(BackgroundLevel, double);
   vtkGetMacro(BackgroundLevel, double);
+  ///@}
+
+  ///@{
+  /**
+   * BackgroundLevel by the name for coloured images: the first component, because the image is grey.
+   */
+  void SetBackgroundColor(double grey, double, double, double) { this->SetBackgroundLevel(grey); }
+  void SetBackgroundColor(const double color[4]) { this->SetBackgroundLevel(color[0]); }
   ///@}
 
   ///@{
@@ -199,6 +253,54 @@ public:
   vtkImageData* GetDistanceOutput();
   ///@}
 
+  ///@{
+  /**
+   * How vtkImageReslice reads between voxels and at the border of its volume. A field has a value at every point and no
+   * border, so all of these give the same image. They are kept so that code written for vtkImageReslice runs.
+   */
+  vtkSetClampMacro(InterpolationMode, int, VTK_NEAREST_INTERPOLATION, VTK_CUBIC_INTERPOLATION);
+  vtkGetMacro(InterpolationMode, int);
+  void SetInterpolationModeToNearestNeighbor() { this->SetInterpolationMode(VTK_NEAREST_INTERPOLATION); }
+  void SetInterpolationModeToLinear() { this->SetInterpolationMode(VTK_LINEAR_INTERPOLATION); }
+  void SetInterpolationModeToCubic() { this->SetInterpolationMode(VTK_CUBIC_INTERPOLATION); }
+  const char* GetInterpolationModeAsString();
+  void SetInterpolate(int linear) { this->SetInterpolationMode(linear ? VTK_LINEAR_INTERPOLATION : 0); }
+  int GetInterpolate() { return this->InterpolationMode != VTK_NEAREST_INTERPOLATION; }
+  void InterpolateOn() { this->SetInterpolate(1); }
+  void InterpolateOff() { this->SetInterpolate(0); }
+  vtkSetMacro(Border, vtkTypeBool);
+  vtkGetMacro(Border, vtkTypeBool);
+  vtkBooleanMacro(Border, vtkTypeBool);
+  vtkSetMacro(BorderThickness, double);
+  vtkGetMacro(BorderThickness, double);
+  vtkSetMacro(Optimization, vtkTypeBool);
+  vtkGetMacro(Optimization, vtkTypeBool);
+  vtkBooleanMacro(Optimization, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * What a field cannot do. Each is an error that says what to use instead and changes nothing, unless it sets what is
+   * the case anyway.
+   */
+  void SetWrap(vtkTypeBool wrap);
+  vtkTypeBool GetWrap() { return 0; }
+  void WrapOn() { this->SetWrap(1); }
+  void WrapOff() { this->SetWrap(0); }
+  void SetMirror(vtkTypeBool mirror);
+  vtkTypeBool GetMirror() { return 0; }
+  void MirrorOn() { this->SetMirror(1); }
+  void MirrorOff() { this->SetMirror(0); }
+  void SetInterpolator(vtkAbstractImageInterpolator* interpolator);
+  vtkAbstractImageInterpolator* GetInterpolator() { return nullptr; }
+  void SetScalarShift(double shift);
+  double GetScalarShift() { return 0; }
+  void SetScalarScale(double scale);
+  double GetScalarScale() { return 1; }
+  void SetStencilData(vtkImageStencilData* stencil);
+  vtkImageStencilData* GetStencil() { return nullptr; }
+  ///@}
+
   /** Follows ResliceAxes, ResliceTransform, InformationInput and RecordedFrames. */
   vtkMTimeType GetMTime() override;
 
@@ -211,6 +313,7 @@ protected:
   void ComputeGrid(double spacing[3], double origin[3], int extent[6]) override;
   void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) override;
   void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]) override;
+  bigus::Slab ComputeSlab() override;
   bool NeedsCoverage() override;
   void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs) override;
 
@@ -221,6 +324,16 @@ protected:
   int OutputExtent[6] = {0, 0, 0, 0, 0, 0};
   bool ComputeOutputExtent = true;
   int OutputDimensionality = 3;
+  vtkTypeBool TransformInputSampling = 1;
+  vtkTypeBool AutoCropOutput = 0;
+  int SlabNumberOfSlices = 1;
+  int SlabMode = VTK_IMAGE_SLAB_MEAN;
+  double SlabSliceSpacingFraction = 1;
+  vtkTypeBool SlabTrapezoidIntegration = 0;
+  int InterpolationMode = VTK_NEAREST_INTERPOLATION;
+  vtkTypeBool Border = 1;
+  double BorderThickness = 0.5;
+  vtkTypeBool Optimization = 1;
   double CoverageThreshold = 0;
   double BackgroundLevel = 0;
   vtkTypeBool GenerateCoverageOutput = 1;
@@ -230,6 +343,7 @@ private:
   vtkBigusReslice(const vtkBigusReslice&) = delete;
   void operator=(const vtkBigusReslice&) = delete;
 
+  void Refuse(const char* what, const char* instead);
   bool FillsBackground() const;
   void FillDistance(vtkInformationVector* outputs, const int extent[6]);
 

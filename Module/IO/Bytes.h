@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "vtkConfigure.h"
+#include "vtkEndian.h"
 
 namespace bigus
 {
