@@ -2,28 +2,85 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/AtomicFile.h"
 
-#include <atomic>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
 
 #include "IO/FileError.h"
+#include "IO/Text.h"
 
 namespace bigus
 {
-
-AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName)
+namespace
 {
-  // The name is unique among the writers of this process and, by the clock, very likely among all; opening in
-  // mode "x" refuses it should it exist after all.
-  static std::atomic<unsigned> counter{0};
-  const auto clock = std::chrono::steady_clock::now().time_since_epoch().count();
-  for (int attempt = 0; attempt < 10 && !file_; ++attempt)
+
+/// Of temporary names. No other program's, because a leftover is removed.
+constexpr const char* kSuffix = ".bigus-part";
+
+/// So many programs may write one name at a time; each has a temporary name of its own.
+constexpr int kWriters = 16;
+
+/// Whether `file`, opened under that name, still has it.
+bool HasName(int file, const std::string& name)
+{
+  struct stat opened, named;
+  return fstat(file, &opened) == 0 && lstat(name.c_str(), &named) == 0 && opened.st_dev == named.st_dev &&
+         opened.st_ino == named.st_ino;
+}
+
+/// Removes a temporary file whose writer has ended.
+void RemoveLeftover(const std::string& name)
+{
+  const int file = open(name.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+  if (file < 0)
   {
-    temporaryName_ = fileName + ".part-" + std::to_string(clock) + "-" + std::to_string(counter++);
-    file_ = std::fopen(temporaryName_.c_str(), "wbx");
+    return;
+  }
+  struct stat status;
+  if (fstat(file, &status) == 0 && S_ISREG(status.st_mode) && flock(file, LOCK_EX | LOCK_NB) == 0 &&
+      HasName(file, name))
+  {
+    unlink(name.c_str());
+  }
+  close(file);
+}
+
+/// Where a chain of symbolic links ends, whether a file is there or not.
+std::string FollowLinks(const std::string& name)
+{
+  std::error_code fault;
+  if (!std::filesystem::is_symlink(name, fault))
+  {
+    return name;
+  }
+  const std::filesystem::path target = std::filesystem::weakly_canonical(name, fault);
+  if (fault)
+  {
+    return name;
+  }
+  // A link to a file that is not there stays unresolved.
+  const std::filesystem::path next = std::filesystem::read_symlink(target, fault);
+  return fault ? target.string() : (target.parent_path() / next).string();
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName), finalName_(FollowLinks(fileName))
+{
+  for (int writer = 0; writer < kWriters && !file_; ++writer)
+  {
+    const std::string name = finalName_ + kSuffix + (writer ? "-" + std::to_string(writer) : "");
+    if (!Open(name) && errno == EEXIST)
+    {
+      RemoveLeftover(name);
+      Open(name);
+    }
     if (!file_ && errno != EEXIST)
     {
       break;
@@ -31,22 +88,60 @@ AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName)
   }
   if (!file_)
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError, fileName + ": cannot be written: " + std::strerror(errno) +
-                                                           "; check that the folder exists and can be written to");
+    throw FileError(
+        vtkErrorCode::CannotOpenFileError,
+        fileName + ": cannot be written: " +
+            (errno == EEXIST
+                 ? "other programs are writing it, or " + finalName_ + kSuffix + " is not theirs"
+                 : std::string(std::strerror(errno)) + "; check that the folder exists and can be written to"));
+  }
+  struct stat earlier;
+  if (stat(finalName_.c_str(), &earlier) == 0)
+  {
+    fchmod(fileno(file_), earlier.st_mode & 0777);
   }
 }
 
 AtomicFile::~AtomicFile()
 {
-  if (file_)
-  {
-    std::fclose(file_);
-  }
   if (!committed_)
   {
     std::error_code ignored;
     std::filesystem::remove(temporaryName_, ignored);
   }
+  if (file_)
+  {
+    std::fclose(file_);
+  }
+}
+
+/// Makes the temporary file and locks it; else leaves the reason in errno.
+bool AtomicFile::Open(const std::string& temporaryName)
+{
+  constexpr mode_t kLessTheUsersMask = 0666;
+  const int file = open(temporaryName.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kLessTheUsersMask);
+  if (file < 0)
+  {
+    return false;
+  }
+  // Between opening and locking, another program may have taken the file for a leftover and removed it.
+  const bool locked =
+      flock(file, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;  // some network folders have no locks
+  if (!locked || !HasName(file, temporaryName))
+  {
+    close(file);
+    errno = EEXIST;
+    return false;
+  }
+  file_ = fdopen(file, "wb");
+  if (!file_)
+  {
+    unlink(temporaryName.c_str());
+    close(file);
+    return false;
+  }
+  temporaryName_ = temporaryName;
+  return true;
 }
 
 void AtomicFile::Fail(const std::string& what)
@@ -81,8 +176,17 @@ void AtomicFile::Seek(std::uint64_t position)
   }
 }
 
-void AtomicFile::Close()
+void AtomicFile::Finish()
 {
+  if (!file_)
+  {
+    return;
+  }
+  // Some file systems cannot be told to write; they say EINVAL.
+  if (std::fflush(file_) != 0 || (fsync(fileno(file_)) != 0 && errno != EINVAL))
+  {
+    Fail("writing failed");
+  }
   std::FILE* file = file_;
   file_ = nullptr;
   if (std::fclose(file) != 0)
@@ -93,15 +197,22 @@ void AtomicFile::Close()
 
 void AtomicFile::Commit()
 {
-  Close();
+  Finish();
   std::error_code error;
-  std::filesystem::rename(temporaryName_, fileName_, error);
+  std::filesystem::rename(temporaryName_, finalName_, error);
   if (error)
   {
     throw FileError(vtkErrorCode::CannotOpenFileError,
                     fileName_ + ": cannot be written: " + error.message() + "; nothing was written");
   }
   committed_ = true;
+  // The new name reaches the disk with its folder. Where a folder cannot be opened for that, the file is there all the same.
+  const int folder = open(FolderOf(finalName_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder >= 0)
+  {
+    fsync(folder);
+    close(folder);
+  }
 }
 
 }  // namespace bigus

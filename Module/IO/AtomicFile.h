@@ -14,8 +14,12 @@
 namespace bigus
 {
 
-/// Writes to a temporary name in the same folder; Commit() renames it. Destroyed without a commit, it removes
-/// the temporary file and leaves an earlier file of the final name as it was. Every failure throws FileError.
+/// Writes to a temporary file in the same folder, which Commit() renames. Destroyed without a commit, it removes the
+/// temporary file and leaves an earlier file of the final name as it was. Every failure throws FileError.
+///
+/// The temporary file is made exclusively, with an advisory lock on it. One without a lock was left behind by a program
+/// that was killed; the next that writes the same name removes it. An earlier file of the final name passes its
+/// permissions on. Where that name is a symbolic link, the file that it leads to is replaced, and the link stays.
 class VTKBIGUSIO_EXPORT AtomicFile
 {
 public:
@@ -32,13 +36,17 @@ public:
   std::uint64_t Position();
   void Seek(std::uint64_t position);
 
+  /// Puts all bytes on the disk and closes the file, so that many files may wait for their commit.
+  void Finish();
+  /// Finishes, then gives the file its name, which survives a power cut, too.
   void Commit();
 
 private:
-  void Close();
+  bool Open(const std::string& temporaryName);
   [[noreturn]] void Fail(const std::string& what);
 
-  std::string fileName_;
+  std::string fileName_;  ///< as it was given, for messages
+  std::string finalName_;
   std::string temporaryName_;
   std::FILE* file_ = nullptr;
   bool committed_ = false;

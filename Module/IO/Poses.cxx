@@ -183,6 +183,13 @@ std::vector<Link> CollectLinks(const SequenceFile& file, const PoseOptions& opti
 std::vector<Step> FindChain(const std::vector<Link>& links, const std::string& from, const std::string& to,
                             std::vector<std::string>& reached)
 {
+  // Sorted by coordinate frame once, because a file may name any number of them.
+  std::map<std::string, std::vector<Step>> stepsFrom;
+  for (const Link& link : links)
+  {
+    stepsFrom[link.name.from].push_back({&link, false});
+    stepsFrom[link.name.to].push_back({&link, true});
+  }
   std::map<std::string, Step> cameBy;
   std::set<std::string> seen = {from};
   std::deque<std::string> queue = {from};
@@ -191,18 +198,14 @@ std::vector<Step> FindChain(const std::vector<Link>& links, const std::string& f
   {
     const std::string here = queue.front();
     queue.pop_front();
-    for (const Link& link : links)
+    for (const Step& step : stepsFrom[here])
     {
-      for (const bool inverse : {false, true})
+      const std::string& end = step.inverse ? step.link->name.from : step.link->name.to;
+      if (seen.insert(end).second)
       {
-        const std::string& start = inverse ? link.name.to : link.name.from;
-        const std::string& end = inverse ? link.name.from : link.name.to;
-        if (start == here && seen.insert(end).second)
-        {
-          cameBy[end] = {&link, inverse};
-          queue.push_back(end);
-          reached.push_back(end);
-        }
+        cameBy[end] = step;
+        queue.push_back(end);
+        reached.push_back(end);
       }
     }
   }
@@ -222,7 +225,7 @@ std::string Listed(const std::vector<std::string>& names)
   std::string text;
   for (std::size_t i = 0; i < names.size() && i < most; ++i)
   {
-    text += (i ? ", " : "") + names[i];
+    text += (i ? ", " : "") + Shortened(names[i]);
   }
   return names.empty()         ? "none"
          : names.size() > most ? text + " and " + std::to_string(names.size() - most) + " more"
@@ -242,7 +245,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
   for (const Step& step : chain)
   {
     const Link& link = *step.link;
-    const std::string name = link.name.Name();
+    const std::string name = Shortened(link.name.Name());
     Eigen::Matrix4d matrix = link.matrix;
     std::string problem = link.problem;
     if (!link.field.empty())

@@ -91,15 +91,18 @@ std::vector<std::string_view> Words(std::string_view text)
   return words;
 }
 
-std::string Quoted(std::string_view text)
+std::string Shortened(std::string_view text)
 {
   constexpr std::size_t longest = 60;
-  std::string quoted = "\"";
-  for (const char c : text.substr(0, longest))
-  {
-    quoted += static_cast<unsigned char>(c) < 32 || c == 127 ? '?' : c;
-  }
-  return quoted + (text.size() > longest ? "...\"" : "\"");
+  std::string printable(text.substr(0, longest));
+  std::replace_if(
+      printable.begin(), printable.end(), [](unsigned char c) { return c < 32 || c == 127; }, '?');
+  return text.size() > longest ? printable + "..." : printable;
+}
+
+std::string Quoted(std::string_view text)
+{
+  return '"' + Shortened(text) + '"';
 }
 
 bool ParseNumber(std::string_view text, double& value)

@@ -19,7 +19,8 @@ std::string Lowercase(std::string_view text);
 /// The words between blanks.
 std::vector<std::string_view> Words(std::string_view text);
 
-/// Text from a file made fit for a message: at most 60 characters, none of them unprintable.
+/// Text from a file made fit for a message: at most 60 characters, none of them unprintable; Quoted adds quotation marks.
+std::string Shortened(std::string_view text);
 std::string Quoted(std::string_view text);
 
 /// Whole-text conversions; blanks around the number are ignored. "nan" and "inf" are numbers. False, with

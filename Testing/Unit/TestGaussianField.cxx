@@ -65,6 +65,14 @@ TEST(GaussianField, SoundFieldsPass)
   EXPECT_EQ(Complaint([](GaussianField& f) { f.beam.elevationSigma = 0; }), "");
 }
 
+TEST(GaussianField, ScalesWhoseSquaresLeaveTheRangeOfDoublesAreRefused)
+{
+  for (const double bad : {1e-300, 1e-13, 1e13, 1e300})
+  {
+    EXPECT_TRUE(Names(Complaint([bad](GaussianField& f) { f.scales[2][1] = bad; }), "Scale[2]")) << bad;
+  }
+}
+
 TEST(GaussianField, ArraysOfDifferentLengthAreRefused)
 {
   EXPECT_TRUE(Names(Complaint([](GaussianField& f) { f.means.pop_back(); }), "3 means"));

@@ -74,11 +74,12 @@ void ValidateGaussian(std::size_t index, const Eigen::Vector3d& mean, const Eige
   {
     throw Error("Gaussian field: " + At("Points", index) + " is not finite or farther than 1e12 mm from the origin.");
   }
-  if (!scale.allFinite() || !(scale.minCoeff() > 0))
+  if (!scale.allFinite() || !(scale.minCoeff() >= GaussianField::kSmallestScale) ||
+      !(scale.maxCoeff() <= GaussianField::kLargestScale))
   {
     throw Error("Gaussian field: " + At("Scale", index) + " is (" + std::to_string(scale[0]) + ", " +
                 std::to_string(scale[1]) + ", " + std::to_string(scale[2]) +
-                ") mm; standard deviations must be positive and finite (not logarithms).");
+                ") mm; standard deviations must be from 1e-12 to 1e12 mm (not logarithms).");
   }
   const double length = rotation.stableNorm();
   if (!rotation.allFinite() || !(length > 0) || !std::isfinite(length))

@@ -30,12 +30,15 @@ struct GaussianField
   /// Engines compute in float; beyond these, squares or sums of many Gaussians might overflow.
   static constexpr double kLargestReflectivity = 1e20;
   static constexpr double kLargestCoordinate = 1e12;  ///< mm
+  /// Beyond these the reference's squares of squares leave the range of a double, and its pictures would be no numbers.
+  static constexpr double kSmallestScale = 1e-12;  ///< mm
+  static constexpr double kLargestScale = 1e12;    ///< mm
 
   std::size_t Size() const { return means.size(); }
   void Resize(std::size_t n);
 
-  /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite, scales are
-  /// positive, quaternions are not zero, reflectivities and coordinates lie within the limits above, gamma > 0 and
+  /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite,
+  /// quaternions are not zero, scales, reflectivities and coordinates lie within the limits above, gamma > 0 and
   /// both thicknesses of the beam >= 0, its normals of length 1. An empty field is valid.
   void Validate() const;
 };

@@ -33,6 +33,9 @@ namespace
 constexpr std::uint64_t largestFile = std::uint64_t(4) << 30;
 constexpr std::int64_t mostPoints = 1000000000;
 constexpr std::int64_t mostComponents = 16;
+// Of the provenance. Every string costs 32 bytes in memory, however short it is, so their number needs a bound of its own.
+constexpr std::uint64_t mostTextBytes = 1u << 20;
+constexpr std::int64_t mostStrings = 10000;
 
 // The arrays of a field: where each is, and what it holds as we write it.
 struct ArrayName
@@ -176,6 +179,12 @@ private:
     return FormatError(name_ + ": " + what + " is damaged, truncated or of another size than stated");
   }
 
+  FileError TooMuchText(const std::string& what) const
+  {
+    return FormatError(name_ + ": " + what + " has more than " + std::to_string(mostTextBytes) + " bytes or " +
+                       std::to_string(mostStrings) + " lines; shorten or remove it");
+  }
+
   pugi::xml_node PointsNode() const { return piece_.child("Points").child("DataArray"); }
 
   pugi::xml_node Node(const ArrayName& wanted) const
@@ -217,6 +226,11 @@ private:
       {
         throw FormatError(name_ + ": " + name + " has the type " + Quoted(type) + " and the format " + Quoted(format) +
                           "; numbers of 8 to 64 bits in ascii, binary or appended are read");
+      }
+      std::int64_t strings = 0;
+      if (type == "String" && ParseNumber(node.attribute("NumberOfTuples").value(), strings) && strings > mostStrings)
+      {
+        throw TooMuchText(name);
       }
       ours_ = ours_ && type == ownType && format == "appended";
     };
@@ -266,8 +280,16 @@ private:
   void ReadStrings(pugi::xml_node node, const char* name, vtkStringArray* strings)
   {
     const Blocks blocks = FindBlocks(node, name);
+    if (blocks.total > mostTextBytes)
+    {
+      throw TooMuchText(name);
+    }
     std::string bytes(blocks.total, '\0');
     Inflate(blocks, name, bytes.data());
+    if (std::count(bytes.begin(), bytes.end(), '\0') > mostStrings)
+    {
+      throw TooMuchText(name);
+    }
     strings->SetName(name);
     for (std::size_t begin = 0; begin < bytes.size();)
     {

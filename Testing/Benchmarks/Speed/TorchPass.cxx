@@ -30,12 +30,16 @@ namespace
 class TemporaryFile
 {
 public:
-  TemporaryFile() : path_((std::filesystem::temp_directory_path() / "bigus-bench-XXXXXX").string())
+  TemporaryFile()
   {
-    const int file = mkstemp(path_.data());
+    std::error_code fault;
+    const std::string folder = std::filesystem::temp_directory_path(fault).string();
+    path_ = folder + "/bigus-bench-XXXXXX";
+    const int file = fault ? -1 : mkstemp(path_.data());
     if (file < 0)
     {
-      throw Error("No temporary file can be made in " + std::filesystem::temp_directory_path().string() + ".");
+      throw Error("No temporary file can be made in '" + folder +
+                  "'. Let TMPDIR name a folder that can be written to.");
     }
     close(file);
   }
@@ -190,13 +194,16 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
+/// Python puts neither the working directory nor folders of the environment on its path, so that nobody's torch.py runs.
+constexpr const char* kIsolated = "-I";
+
 /// The first Python that can import PyTorch, or nothing.
 std::string FindPython(const Listener& listener)
 {
   for (const char* python : {"python3", "/usr/bin/python3"})
   {
     std::string output;
-    if (RunProgram({python, "-c", "import numpy, torch"}, "", output, listener) == 0)
+    if (RunProgram({python, kIsolated, "-c", "import numpy, torch"}, "", output, listener) == 0)
     {
       return python;
     }
@@ -218,8 +225,9 @@ TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads, con
   const TemporaryFile workload;
   WriteWorkload(pass, workload.Path());
   std::string output;
-  const int status = RunProgram({python, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
-                                kBenchTorchScript, output, listener);
+  const int status =
+      RunProgram({python, kIsolated, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
+                 kBenchTorchScript, output, listener);
   const nlohmann::json answer = nlohmann::json::parse(output, nullptr, false);
   if (status != 0 || !answer.is_object())
   {
