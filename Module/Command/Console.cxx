@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Console.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -78,6 +79,18 @@ void Console::Report(const Json& object)
   }
 }
 
+namespace
+{
+
+/// Columns of the terminal that stderr is; enough for a bar where it is none.
+std::size_t TerminalWidth()
+{
+  winsize size{};
+  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 ? size.ws_col : 120;
+}
+
+}  // namespace
+
 bool Console::ShowsBar() const
 {
   return bar == Bar::Always || (bar == Bar::WhenTerminal && isatty(STDERR_FILENO));
@@ -85,7 +98,7 @@ bool Console::ShowsBar() const
 
 void Console::Progress(const std::string& job, double fraction, const std::string& text)
 {
-  if (!ShowsBar())
+  if (bar == Bar::Never)
   {
     return;
   }
@@ -98,6 +111,27 @@ void Console::Progress(const std::string& job, double fraction, const std::strin
     drawn_ = {};
   }
   fraction = std::isfinite(fraction) ? std::min(std::max(fraction, 0.0), 1.0) : 0.0;
+  const double ofJob = SecondsSince(start_);
+  std::string rest = FormatNumber(100 * fraction, 0) + " %  " + FormatDuration(SecondsSince(begin_));
+  if (!text.empty())
+  {
+    rest += ", " + text;
+  }
+  else if (fraction > 0 && fraction < 1)
+  {
+    rest += ", " + FormatDuration(ofJob * (1 - fraction) / fraction) + " left";
+  }
+
+  if (!ShowsBar())
+  {
+    // A log: rare whole lines.
+    if (now - std::max(start_, drawn_) >= std::chrono::seconds(10))
+    {
+      drawn_ = now;
+      std::cerr << job << ": " << rest << '\n' << std::flush;
+    }
+    return;
+  }
   const bool brief = bar == Bar::WhenTerminal && !open_ && now - start_ < std::chrono::milliseconds(500);
   if (brief || (now - drawn_ < std::chrono::milliseconds(100) && fraction < 1))
   {
@@ -106,22 +140,17 @@ void Console::Progress(const std::string& job, double fraction, const std::strin
   drawn_ = now;
   open_ = true;
 
-  const double elapsed = SecondsSince(start_);
-  const int width = 30;
-  const int filled = static_cast<int>(fraction * width);
-  std::ostringstream line;
-  line << '\r' << job << " [" << std::string(filled, '#') << std::string(width - filled, '.') << "] "
-       << FormatNumber(100 * fraction, 0) << " %  " << FormatDuration(elapsed);
-  if (!text.empty())
+  // A line that wrapped could not be drawn over. What is told comes before the bar.
+  const std::size_t room = TerminalWidth() - 1;
+  const std::size_t width = room >= 110 ? 30 : room >= 95 ? 10 : 0;
+  std::string line = job + " ";
+  if (width > 0)
   {
-    line << ", " << text;
+    const auto filled = static_cast<std::size_t>(fraction * static_cast<double>(width));
+    line += "[" + std::string(filled, '#') + std::string(width - filled, '.') + "] ";
   }
-  else if (fraction > 0 && fraction < 1)
-  {
-    line << ", " << FormatDuration(elapsed * (1 - fraction) / fraction) << " left";
-  }
-  line << "\x1b[K";  // what a longer line left behind
-  std::cerr << line.str() << std::flush;
+  line += rest;
+  std::cerr << '\r' << line.substr(0, room) << "\x1b[K" << std::flush;  // the last: what a longer line left behind
 }
 
 void Console::EndProgress()

@@ -33,8 +33,9 @@ public:
   /// The answer for machines; printed only with --json.
   void Report(const Json& object);
 
-  /// Draws a bar, at most ten times a second; on a terminal only for jobs that take longer than half a
-  /// second. Without a text of the job's own it tells how long the job will take, by the time since its start.
+  /// Draws a bar, at most ten times a second and as wide as the terminal at most; on a terminal only for jobs that take
+  /// longer than half a second. It tells the time since the program's start and, without a text of the job's own, how long
+  /// the job will take. Without a terminal a line is written every ten seconds.
   void Progress(const std::string& job, double fraction, const std::string& text = "");
   /// Ends the bar's line. Note and Print do it themselves.
   void EndProgress();
@@ -44,7 +45,8 @@ private:
   bool ShowsBar() const;
 
   std::string job_;
-  Clock::time_point start_, drawn_;
+  Clock::time_point begin_ = Clock::now();  ///< of the program
+  Clock::time_point start_, drawn_;         ///< of the job, of its last drawing
   bool open_ = false;
 };
 

@@ -17,7 +17,7 @@ enum ExitCode
   UsageFault = 1,   ///< an option that does not exist, or a value out of its range
   InputFault = 2,   ///< a file that is missing, broken, or unfit for the job
   OutputFault = 3,  ///< a file that cannot be written
-  Stopped = 130     ///< interrupted (SIGINT or SIGTERM)
+  Stopped = 128     ///< plus the number of the signal that ended it, as shells count: 130 by SIGINT, 143 by SIGTERM
 };
 
 /// An output that cannot be written. Every other Error counts as bad input.
@@ -32,7 +32,9 @@ class Interrupted : public std::exception
 {
 };
 
-/// True once the process got SIGINT or SIGTERM. A second signal ends it at once.
+/// True once the process got SIGINT, SIGTERM or SIGHUP. A second signal ends it at once.
 bool IsInterrupted();
+/// What a process returns that was interrupted.
+ExitCode InterruptedCode();
 
 }  // namespace bigus::command

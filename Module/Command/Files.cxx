@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <locale>
@@ -85,19 +86,32 @@ void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<s
 
 void WriteAtomically(const std::string& path, const std::function<void(std::ostream&)>& write)
 {
-  RequireWritable(path);
+  WriteTogether({path}, [&write](std::size_t, std::ostream& file) { write(file); });
+}
+
+void WriteTogether(const std::vector<std::string>& paths, const std::function<void(std::size_t, std::ostream&)>& write)
+{
   try
   {
-    AtomicFile whole(path);
-    std::ofstream file(whole.TemporaryName(), std::ios::binary | std::ios::trunc);
-    file.imbue(std::locale::classic());
-    write(file);
-    file.close();
-    if (!file)
+    std::deque<AtomicFile> files;
+    for (std::size_t i = 0; i < paths.size(); ++i)
     {
-      throw OutputError("Cannot write '" + path + "': the disk is full or failed.");
+      RequireWritable(paths[i]);
+      AtomicFile& whole = files.emplace_back(paths[i]);
+      std::ofstream file(whole.TemporaryName(), std::ios::binary | std::ios::trunc);
+      file.imbue(std::locale::classic());
+      write(i, file);
+      file.close();
+      if (!file)
+      {
+        throw OutputError("Cannot write '" + paths[i] + "': the disk is full or failed.");
+      }
+      whole.Finish();
     }
-    whole.Commit();
+    for (AtomicFile& whole : files)
+    {
+      whole.Commit();
+    }
   }
   catch (const FileError& error)
   {

@@ -157,7 +157,7 @@ void WriteMetaVolume(vtkImageData* volume, const std::string& path)
                   });
 }
 
-void WritePng(vtkImageData* stack, int slice, const std::string& path)
+void WritePng(vtkImageData* stack, int slice, std::ostream& file)
 {
   int extent[6];
   stack->GetExtent(extent);
@@ -176,8 +176,7 @@ void WritePng(vtkImageData* stack, int slice, const std::string& path)
   writer->WriteToMemoryOn();
   writer->Write();
   vtkUnsignedCharArray* png = writer->GetResult();
-  WriteAtomically(path, [png](std::ostream& file)
-                  { file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues()); });
+  file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues());
 }
 
 }  // namespace
@@ -239,9 +238,17 @@ std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path
     for (int k = 0; k < count; ++k)
     {
       names.push_back(count == 1 ? path : NumberedPath(path, numbers[k], last + 1));
-      WritePng(stack, k, names.back());
-      console.Progress("Writing", (k + 1.0) / count);
     }
+    WriteTogether(names,
+                  [&](std::size_t k, std::ostream& file)
+                  {
+                    if (IsInterrupted())
+                    {
+                      throw Interrupted();
+                    }
+                    WritePng(stack, static_cast<int>(k), file);
+                    console.Progress("Writing", (static_cast<double>(k) + 1) / count);
+                  });
     console.EndProgress();
     return names;
   }

@@ -11,7 +11,7 @@
 #include <vtkOutputWindow.h>
 #include <vtkSmartPointer.h>
 
-#include <regex>
+#include <string_view>
 #include <vector>
 
 #include "Console.h"
@@ -23,14 +23,51 @@ namespace bigus::command
 namespace
 {
 
-/// "ERROR: In file.cxx, line 12\nvtkClass (0x...): what happened\n\n" to "what happened".
+/// The length of "(0x55d0c3a2)" at the text's start; 0 where there is none.
+std::size_t AddressLength(std::string_view text)
+{
+  constexpr std::string_view start = "(0x";
+  if (text.substr(0, start.size()) != start)
+  {
+    return 0;
+  }
+  const std::size_t end = text.find_first_not_of("0123456789abcdef", start.size());
+  return end != std::string_view::npos && end > start.size() && text[end] == ')' ? end + 1 : 0;
+}
+
+/// "ERROR: In file.cxx, line 12\nvtkClass (0x...): what happened\n\n" to "what happened". Searches by hand, because a
+/// hostile file chooses how long the message is, and std::regex would call itself once for every character of it.
 std::string Essence(const char* text)
 {
-  std::string message = text ? text : "";
-  static const std::regex origin("^((ERROR|Warning|Generic Warning): In [^\\n]*\\n)?(\\w+ \\(0x[0-9a-f]+\\): )?");
-  static const std::regex address(" \\(0x[0-9a-f]+\\)");
-  message = std::regex_replace(message, origin, "", std::regex_constants::format_first_only);
-  message = std::regex_replace(message, address, "");
+  std::string_view rest = text ? text : "";
+  for (const std::string_view origin : {"ERROR: In ", "Warning: In ", "Generic Warning: In "})
+  {
+    if (const std::size_t line = rest.find('\n');
+        rest.substr(0, origin.size()) == origin && line != std::string_view::npos)
+    {
+      rest.remove_prefix(line + 1);
+      break;
+    }
+  }
+  // The class that complains.
+  const std::size_t space = rest.find(' ');
+  if (const std::size_t length = space == std::string_view::npos ? 0 : AddressLength(rest.substr(space + 1));
+      length > 0 && rest.substr(space + 1 + length, 2) == ": ")
+  {
+    rest.remove_prefix(space + 1 + length + 2);
+  }
+  // Addresses of other objects.
+  std::string message;
+  message.reserve(rest.size());
+  for (std::size_t at = 0; at < rest.size(); ++at)
+  {
+    if (const std::size_t length = rest[at] == ' ' ? AddressLength(rest.substr(at + 1)) : 0)
+    {
+      at += length;
+      continue;
+    }
+    message += rest[at];
+  }
   message.erase(message.find_last_not_of(" \n\r\t") + 1);
   return message;
 }

@@ -402,7 +402,7 @@ ExitCode Train(Console& console, const Options& options)
     console.Note("Interrupted: the best field so far was saved.");
   }
   console.Report(answer);
-  return interrupted ? Stopped : Success;
+  return interrupted ? InterruptedCode() : Success;
 }
 
 /// The trainer's options by the list that Core keeps of them: their names, ranges, defaults and help.

@@ -24,7 +24,7 @@ volatile std::sig_atomic_t interrupted = 0;
 
 extern "C" void OnSignal(int number)
 {
-  interrupted = 1;
+  interrupted = number;
   std::signal(number, SIG_DFL);
 }
 
@@ -46,7 +46,8 @@ const char* const description =
     "intensities lie in [0, 1].";
 
 const char* const footer =
-    "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted.\n"
+    "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted\n"
+    "(129 by SIGHUP, 143 by SIGTERM).\n"
     "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
 
 /// CLI11's help, but the list of subcommands holds only the first line of each.
@@ -138,16 +139,27 @@ ExitCode Run(int argumentCount, char** arguments)
   {
     limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
   }
-  std::signal(SIGINT, OnSignal);
-  std::signal(SIGTERM, OnSignal);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP})
+  {
+    if (std::signal(number, OnSignal) == SIG_IGN)  // nohup, or a shell's background job
+    {
+      std::signal(number, SIG_IGN);
+    }
+  }
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large fails to be written, with a message
 
   try
   {
-    return program.job();
+    const ExitCode code = program.job();
+    if (!std::cout.flush())
+    {
+      throw OutputError("Cannot write to stdout: the disk is full or the reader is gone.");
+    }
+    return code;
   }
   catch (const Interrupted&)
   {
-    return Fail(console, Stopped, "Interrupted: nothing was written.");
+    return Fail(console, InterruptedCode(), "Interrupted: nothing was written.");
   }
   catch (const OutputError& error)
   {
@@ -162,6 +174,10 @@ ExitCode Run(int argumentCount, char** arguments)
     return Fail(console, InputFault,
                 "Not enough memory for this job: use --reduce, fewer Gaussians or a smaller output.");
   }
+  catch (const std::exception& error)  // of a library
+  {
+    return Fail(console, InputFault, std::string("Failed for a reason that was not foreseen: ") + error.what());
+  }
 }
 
 }  // namespace
@@ -169,6 +185,11 @@ ExitCode Run(int argumentCount, char** arguments)
 bool IsInterrupted()
 {
   return interrupted != 0;
+}
+
+ExitCode InterruptedCode()
+{
+  return static_cast<ExitCode>(Stopped + interrupted);
 }
 
 void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work)

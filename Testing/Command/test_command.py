@@ -7,17 +7,21 @@
 """
 import base64
 import csv
+import fcntl
 import json
 import math
 import os
 import pathlib
+import pty
 import re
+import resource
 import shutil
 import signal
 import struct
 import subprocess
 import sys
 import tempfile
+import termios
 import time
 import unittest
 import zlib
@@ -751,7 +755,7 @@ class Train(CommandTest):
             self.assertEqual(b, a if 10 <= i < 30 and 5 <= j < 35 else 0)
 
     def test_interrupt_saves_the_best_so_far(self):
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             with self.subTest(number):
                 path = self.folder / "f.vtp"
                 process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--no-auto",
@@ -762,7 +766,7 @@ class Train(CommandTest):
                 time.sleep(0.5)
                 process.send_signal(number)
                 stdout, _ = process.communicate(timeout=60)
-                self.assertEqual(process.returncode, INTERRUPTED)
+                self.assertEqual(process.returncode, 128 + number)
                 answer = json.loads(stdout)
                 self.assertIs(answer["interrupted"], True)
                 self.assertGreater(answer["iterations"], 0)
@@ -772,6 +776,16 @@ class Train(CommandTest):
                 self.assertEqual(os.listdir(self.folder), ["f.vtp"])
                 path.unlink()
 
+    def test_nohup_is_obeyed(self):
+        path = self.folder / "f.vtp"
+        process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--no-auto", "--gaussians", "500",
+                                    "--iterations", "300", "--progress"], stderr=subprocess.PIPE,
+                                   stdout=subprocess.DEVNULL, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+        self.await_bar(process, b"Training [")
+        process.send_signal(signal.SIGHUP)
+        process.communicate(timeout=60)
+        self.assertEqual(process.returncode, SUCCESS)
+
     def test_messages_and_bar_keep_off_stdout(self):
         result = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--progress", "--json")
         json.loads(result.stdout)
@@ -779,6 +793,29 @@ class Train(CommandTest):
         quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
         self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
         self.assertRegex(quiet.stdout, r"\d+ Gaussians, 12 iterations")
+
+    def test_the_bar_fits_the_terminal(self):
+        for columns in (40, 80, 120):
+            with self.subTest(columns):
+                ours, theirs = pty.openpty()
+                fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+                process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(self.folder / "f.vtp"), *TINY,
+                                            "--progress"], stdout=subprocess.DEVNULL, stderr=theirs)
+                os.close(theirs)
+                seen = b""
+                while True:
+                    try:
+                        chunk = os.read(ours, 4096)
+                    except OSError:  # the other side is closed
+                        break
+                    if not chunk:
+                        break
+                    seen += chunk
+                os.close(ours)
+                self.assertEqual(process.wait(timeout=60), SUCCESS)
+                drawn = [text.split(b"\x1b[K")[0] for text in seen.split(b"\r") if b"Training " in text and b"\x1b[K" in text]
+                self.assertTrue(drawn)
+                self.assertLess(max(map(len, drawn)), columns)
 
 
 def centres(path):
@@ -928,6 +965,92 @@ class Poses(CommandTest):
         self.expect(BAD_INPUT, "poses", self.folder / "none.mha", "-o", self.folder / "x.mha", says="none.mha")
         self.expect(BAD_INPUT, "poses", self.field, "-o", self.folder / "x.mha")
         self.assertNothingIn(self.folder)
+
+
+class Hostile(CommandTest):
+    """Files that mean harm, and places where nothing can be written."""
+
+    def sequence_with(self, *lines):
+        """The sweep with these lines in its header, and no pose under the name that is looked for."""
+        header, pixels, _ = read_sequence(self.sweep)
+        header = header.replace("ImageToReference", "ImageToNowhere")
+        path = self.folder / "hostile.mha"
+        write_sequence(path, header.replace("ElementDataFile", "\n".join(lines) + "\nElementDataFile"), pixels)
+        return path
+
+    def test_long_names_do_not_exhaust_the_stack(self):
+        matrix = " ".join(map(str, IDENTITY))
+        names = [f"A{i}To{'0x' + 'a' * 60000}Transform = {matrix}" for i in range(6)]
+        result = run("info", self.sequence_with(*names))
+        self.assertEqual(result.returncode, BAD_INPUT)
+        self.assertIn("no way from Image to Reference", result.stderr)
+        self.assertLess(len(result.stderr), 3000)
+
+    def test_many_transforms_are_searched_once(self):
+        matrix = " ".join(map(str, IDENTITY))
+        chain = [f"F{i}ToF{i + 1}Transform = {matrix}" for i in range(60000)]
+        chain.append(f"ImageToF0Transform = {matrix}")
+        answer = self.expect(BAD_INPUT, "info", self.sequence_with(*chain), says="no way from Image to Reference")
+        self.assertLess(len(answer["error"]), 4000)
+
+    def test_provenance_of_a_million_lines(self):
+        text = self.field.read_bytes()
+        raw = text.index(b"_", text.index(b"<AppendedData")) + 1
+        tail = text.rindex(b"</AppendedData>")
+        array = re.search(rb'<Array type="String" Name="Provenance"[^>]*>', text)
+        for size in (100_000, 10_000_000):  # bytes, each a line of its own
+            lines = zlib.compress(bytes(size))
+            block = struct.pack("<4Q", 1, size, 0, len(lines)) + lines
+            appended = text[raw:tail].rstrip(b"\n ")
+            tag = re.sub(rb'offset="\d+"', b'offset="%d"' % len(appended), array.group(0))
+            path = self.folder / "bomb.vtp"
+            path.write_bytes(text[:array.start()] + tag + text[array.end():raw] + appended + block + b"\n  " + text[tail:])
+            self.expect(BAD_INPUT, "info", path, says="Provenance")
+
+    def test_bench_runs_nothing_of_the_working_directory(self):
+        for name in ("torch.py", "numpy.py", "json.py"):
+            (self.folder / name).write_text(f"open('{self.folder}/ran', 'w')\n")
+        environment = {**os.environ, "PYTHONPATH": str(self.folder)}
+        result = subprocess.run([BIGUS, "bench", "train-pass", "--quick", "--repeats", "1", "--share", "0.005"],
+                                capture_output=True, cwd=self.folder, env=environment, timeout=300)
+        self.assertEqual(result.returncode, SUCCESS, result.stderr)
+        self.assertFalse((self.folder / "ran").exists())
+
+    def test_bench_without_a_temporary_folder(self):
+        environment = {**os.environ, "TMPDIR": str(self.folder / "absent")}
+        result = subprocess.run([BIGUS, "bench", "train-pass", "--quick", "--repeats", "1", "--share", "0.005"],
+                                capture_output=True, env=environment, timeout=300)
+        self.assertIn(result.returncode, (SUCCESS, BAD_INPUT), "success where PyTorch is missing")
+
+    def test_stdout_that_cannot_be_written(self):
+        if not os.path.exists("/dev/full"):
+            self.skipTest("there is no /dev/full here")
+        with open("/dev/full", "w") as full:
+            for arguments in (["info", self.field], ["info", self.field, "--json"]):
+                result = subprocess.run([BIGUS, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True)
+                self.assertEqual(result.returncode, CANNOT_WRITE)
+                self.assertIn("stdout", result.stderr)
+
+    def test_a_series_appears_whole_or_not_at_all(self):
+        (self.folder / "s_005.png").mkdir()
+        self.expect(CANNOT_WRITE, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "s.png", says="s_005.png")
+        self.assertEqual(os.listdir(self.folder), ["s_005.png"])
+
+    def test_a_file_that_may_not_grow_is_an_error(self):
+        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+        for name in ("v.mha", "v.nrrd", "v.vti"):
+            with self.subTest(name):
+                result = subprocess.run([BIGUS, "voxelize", self.field, "-o", self.folder / name, "--spacing", "1"],
+                                        capture_output=True, text=True, preexec_fn=limit, timeout=60)
+                self.assertEqual(result.returncode, CANNOT_WRITE, result.stderr)
+                self.assertNothingIn(self.folder)
+
+    def test_killed_runs_leave_nothing_to_the_next(self):
+        path = self.folder / "v.mha"
+        leftover = self.folder / "v.mha.bigus-part"
+        leftover.write_bytes(b"half")
+        self.expect(SUCCESS, "voxelize", self.field, "-o", path, "--spacing", "1")
+        self.assertEqual(os.listdir(self.folder), ["v.mha"])
 
 
 class Slice(CommandTest):
@@ -1384,5 +1507,5 @@ class Bench(CommandTest):
 
 
 if __name__ == "__main__":
-    BIGUS = sys.argv.pop(1)
+    BIGUS = os.path.abspath(sys.argv.pop(1))
     unittest.main()
