@@ -3,14 +3,19 @@
 """The Python package as its users see it: numpy in, numpy out, errors as exceptions, nothing printed."""
 
 import ast
+import copy
 import math
 import os
 import pathlib
+import pickle
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 import textwrap
+import threading
+import time
 import unittest
 
 import numpy as np
@@ -284,6 +289,55 @@ class CorrectPoses(unittest.TestCase):
             bigus.correct_poses(small_sweep(), Strenght=1)
 
 
+class Copies(unittest.TestCase):
+    """Fields and sweeps reach other processes with every bit."""
+
+    def assertSame(self, a, b):
+        self.assertIsNot(a, b)
+        self.assertEqual(a.GetClassName(), b.GetClassName())
+        for mine, other in ((a.GetPointData(), b.GetPointData()), (a.GetFieldData(), b.GetFieldData())):
+            self.assertEqual(mine.GetNumberOfArrays(), other.GetNumberOfArrays())
+            for i in range(mine.GetNumberOfArrays()):
+                array = mine.GetAbstractArray(i)
+                same = other.GetAbstractArray(array.GetName())
+                for k in range(array.GetNumberOfValues()):
+                    self.assertEqual(array.GetVariantValue(k), same.GetVariantValue(k), array.GetName())
+
+    def test_pickle_copy_and_deepcopy(self):
+        field, sweep = two_blobs(), small_sweep()
+        field.GetPoints().SetPoint(0, math.pi, 1 / 3, 1e-300)
+        for data in (field, sweep):
+            for made in (pickle.loads(pickle.dumps(data)), copy.copy(data), copy.deepcopy(data)):
+                self.assertSame(data, made)
+        again = pickle.loads(pickle.dumps(field))
+        self.assertEqual(again.GetPoint(0), field.GetPoint(0))
+        self.assertEqual(again.GetPointData().GetScalars().GetName(), "Reflectivity")
+        np.testing.assert_array_equal(bigus.reslice(again, pose(), (36, 28)), bigus.reslice(field, pose(), (36, 28)))
+        np.testing.assert_array_equal(bigus.frames(pickle.loads(pickle.dumps(sweep))), bigus.frames(sweep))
+
+
+class Environment(unittest.TestCase):
+    def test_what_cannot_load_the_compiled_part_is_told(self):
+        from bigus.environment import PYTHON, VTK_LIBRARY, complaint
+        ours = ["/usr/lib/" + VTK_LIBRARY + "9.1.0", "/usr/lib/libc.so.6"]
+        self.assertEqual(complaint((*PYTHON, 0), ours), "")
+        self.assertEqual(complaint((*PYTHON, 0), []), "")
+        self.assertIn("3.99", complaint((3, 99, 0), ours))
+        foreign = "/venv/vtkmodules/libvtkCommonCore-9.7.so"
+        self.assertIn(foreign, complaint((*PYTHON, 0), [*ours[1:], foreign]))
+
+    def test_a_foreign_vtk_is_an_import_error_and_no_crash(self):
+        with tempfile.TemporaryDirectory() as folder:
+            library = os.path.join(folder, "libvtkCommonCore-0.0.so")
+            built = subprocess.run(["cc", "-shared", "-x", "c", "/dev/null", "-o", library], capture_output=True)
+            if built.returncode:
+                self.skipTest("no C compiler")
+            script = f"import ctypes; ctypes.CDLL({library!r}); import bigus"
+            result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+            self.assertEqual(result.returncode, 1, result.stderr)
+            self.assertRegex(result.stderr, "ImportError: BIGUS was built for the VTK .*libvtkCommonCore-0.0.so")
+
+
 class Train(unittest.TestCase):
     def test_learns_a_small_sweep(self):
         sweep = small_sweep()
@@ -319,6 +373,52 @@ class Train(unittest.TestCase):
 
         with self.assertRaisesRegex(KeyError, "mine"):
             bigus.train(small_sweep(), progress, Automatic=False, Gaussians=300, Iterations=1000000)
+
+    def test_other_threads_run_meanwhile(self):
+        ticks, stop = [], threading.Event()
+
+        def tick():
+            while not stop.wait(0.005):
+                ticks.append(time.monotonic())
+
+        thread = threading.Thread(target=tick)
+        thread.start()
+        begin = time.monotonic()
+        bigus.train(small_sweep(), progress=False, Automatic=False, Gaussians=300, Iterations=4000)
+        end = time.monotonic()
+        stop.set()
+        thread.join()
+        waits = np.diff([begin, *(t for t in ticks if begin < t < end), end])
+        self.assertGreater(len(waits), 10, "training is long enough to see")
+        self.assertLess(max(waits), (end - begin) / 2, "nobody waited for its end")
+
+    def test_ctrl_c_keeps_the_best_so_far(self):
+        script = textwrap.dedent("""
+            import sys, numpy as np, bigus
+            sweep = bigus.read(sys.argv[1])
+            print("ready", flush=True)
+            try:
+                bigus.train(sweep, Automatic=False, Gaussians=300, Iterations=10**7)
+            except KeyboardInterrupt as stop:
+                bigus.write(stop.training.field, sys.argv[2])
+                print(type(stop).__name__, stop.training.field.GetNumberOfPoints(), len(stop.training.poses))
+            print("goes on")
+        """)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "sweep.mha")
+            bigus.write(small_sweep(), path)
+            child = subprocess.Popen([sys.executable, "-c", script, path, os.path.join(folder, "f.vtp")],
+                                     stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            self.assertEqual(child.stdout.readline(), "ready\n")
+            time.sleep(1.5)
+            child.send_signal(signal.SIGINT)
+            out, err = child.communicate(timeout=60)
+            self.assertEqual(child.returncode, 0, err)
+            name, points, poses = out.splitlines()[0].split()
+            self.assertEqual((name, int(poses)), ("TrainingInterrupted", 9))
+            self.assertGreater(int(points), 0)
+            self.assertEqual(out.splitlines()[1], "goes on")
+            self.assertEqual(bigus.read(os.path.join(folder, "f.vtp")).GetNumberOfPoints(), int(points))
 
     def test_continues_from_a_field(self):
         sweep = small_sweep()

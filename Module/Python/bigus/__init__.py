@@ -17,6 +17,10 @@ classes, so everything mixes with any VTK pipeline. Lengths are millimetres, int
 8-bit arrays), matrices are row-major as numpy has them.
 """
 
+from . import environment
+
+environment.require()  # before anything compiled is loaded
+
 # VTK's own wrapped classes must be there before the classes derived from them.
 import vtkmodules.vtkCommonDataModel  # noqa: F401
 import vtkmodules.vtkCommonExecutionModel  # noqa: F401
@@ -27,8 +31,10 @@ from .vtkBigusIO import *  # noqa: F401,F403
 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
-from .tasks import correct_poses, metrics, read, reslice, texture, train, write
+from .tasks import TrainingInterrupted, correct_poses, metrics, read, reslice, texture, train, write
 
-__all__ = ["correct_poses", "frames", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train"]
+from . import pickling  # noqa: F401,E402
+
+__all__ = ["TrainingInterrupted", "correct_poses", "frames", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train"]
 __all__ += ["update", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]

@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 import re
+import threading
 import warnings
 from typing import Any, Callable
 
 from vtkmodules.vtkCommonCore import VTK_STRING
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
+
+from . import _update
 
 # What VTK puts before a message: "ERROR: In file.cxx, line 12\nvtkClass (0x55d0): "
 _PREFIX = re.compile(r"^(?:ERROR|Warning): In [^\n]*, line \d+\n(?:\w+ \([^)]*\): )?")
@@ -33,6 +36,7 @@ def set_properties(algorithm: vtkAlgorithm, properties: dict[str, Any]) -> None:
 def _run(algorithm: vtkAlgorithm, action: Callable[[], Any]) -> None:
     errors: list[str] = []
     consequences: list[str] = []
+    cautions: list[str] = []
 
     def collect(messages: list[str]) -> Callable[..., None]:
         def on_message(caller: Any, event: str, text: str) -> None:
@@ -41,16 +45,11 @@ def _run(algorithm: vtkAlgorithm, action: Callable[[], Any]) -> None:
         on_message.CallDataType = VTK_STRING
         return on_message
 
-    def on_warning(caller: Any, event: str, text: str) -> None:
-        warnings.warn(_PREFIX.sub("", text).strip(), RuntimeWarning, stacklevel=5)
-
-    on_warning.CallDataType = VTK_STRING
-
     # An observed message is not printed. The executive only reports that the algorithm failed, not why.
     executive = algorithm.GetExecutive()
     observed = [
         (algorithm, algorithm.AddObserver("ErrorEvent", collect(errors))),
-        (algorithm, algorithm.AddObserver("WarningEvent", on_warning)),
+        (algorithm, algorithm.AddObserver("WarningEvent", collect(cautions))),
         (executive, executive.AddObserver("ErrorEvent", collect(consequences))),
     ]
     try:
@@ -58,6 +57,8 @@ def _run(algorithm: vtkAlgorithm, action: Callable[[], Any]) -> None:
     finally:
         for subject, tag in observed:
             subject.RemoveObserver(tag)
+    for text in cautions:
+        warnings.warn(text, RuntimeWarning, stacklevel=4)
     messages = errors or consequences
     if messages:
         raise RuntimeError("\n".join(messages))
@@ -68,4 +69,43 @@ def _run(algorithm: vtkAlgorithm, action: Callable[[], Any]) -> None:
 def update(algorithm: vtkAlgorithm) -> vtkAlgorithm:
     """Updates an algorithm (a writer writes); its VTK errors become RuntimeError, its warnings RuntimeWarning."""
     _run(algorithm, algorithm.Write if hasattr(algorithm, "Write") else algorithm.Update)
+    return algorithm
+
+
+def update_alone(algorithm: vtkAlgorithm) -> vtkAlgorithm:
+    """The same for one of our own algorithms whose inputs are data, while other Python threads run.
+
+    Ctrl-C aborts the algorithm; KeyboardInterrupt is raised when it has ended, a fraction of a second later. A second
+    Ctrl-C does not wait for that.
+    """
+
+    def work() -> None:
+        failure: list[BaseException] = []
+
+        def call() -> None:
+            try:
+                _update.update(algorithm)
+            except BaseException as error:  # belongs to the thread that waits
+                failure.append(error)
+            done.set()
+
+        # Signals reach Python's main thread only, and only while it is in Python. Thread.join cannot be used, because some
+        # versions of Python take a thread for ended when a signal interrupts it.
+        done = threading.Event()
+        threading.Thread(target=call, name=algorithm.GetClassName(), daemon=True).start()
+        interrupt = None
+        while not done.is_set():
+            try:
+                done.wait(0.1)  # seconds; some systems deliver signals only between such waits
+            except KeyboardInterrupt as error:
+                if interrupt is not None:
+                    raise
+                interrupt = error
+                algorithm.SetAbortExecute(1)
+        if interrupt is not None:
+            raise interrupt
+        if failure:
+            raise failure[0]
+
+    _run(algorithm, work)
     return algorithm

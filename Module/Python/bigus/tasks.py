@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from typing import Any, Callable, NamedTuple, Optional, Union
 
 import numpy as np
@@ -14,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkTable
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from .arrays import _pixels, image
-from .pipeline import set_properties, update
+from .pipeline import set_properties, update, update_alone
 from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusTrainer
 from .vtkBigusIO import (
     vtkBigusFieldReader,
@@ -42,7 +43,7 @@ def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData
     reader = vtkBigusFieldReader() if is_field else vtkBigusSequenceReader()
     reader.SetFileName(name)
     set_properties(reader, properties)
-    return update(reader).GetOutput()
+    return update_alone(reader).GetOutput()
 
 
 def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike], **properties: Any) -> None:
@@ -82,7 +83,7 @@ def correct_poses(sweep: vtkImageData, **properties: Any) -> PoseCorrection:
     correction = vtkBigusPoseCorrection()
     correction.SetInputDataObject(sweep)
     set_properties(correction, properties)
-    corrected = update(correction).GetOutput()
+    corrected = update_alone(correction).GetOutput()
     data = corrected.GetFieldData()
     decision = data.GetAbstractArray("PoseDecision")
     return PoseCorrection(
@@ -115,9 +116,35 @@ class Training(_FieldAndLog):
     poses: np.ndarray
 
 
+class TrainingInterrupted(KeyboardInterrupt):
+    """Ctrl-C while training. ``training`` is the best so far."""
+
+    training: Training
+
+
+def _bar() -> Optional[Callable[[float, str], None]]:
+    """A progress bar by tqdm where somebody watches and it is installed."""
+    notebook = "ipykernel" in sys.modules
+    if not notebook and not (sys.stderr and sys.stderr.isatty()):
+        return None
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None
+    bar = tqdm(total=100, desc="Training", unit="%", bar_format="{desc} {bar} {percentage:3.0f} %  {elapsed}{postfix}")
+
+    def show(fraction: float, text: str) -> None:
+        bar.set_postfix_str(text, refresh=False)
+        bar.update(100 * fraction - bar.n)
+        if fraction >= 1:
+            bar.close()
+
+    return show
+
+
 def train(
     sweep: vtkImageData,
-    progress: Optional[Callable[[float, str], Optional[bool]]] = None,
+    progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
     start: Optional[vtkPolyData] = None,
     **properties: Any,
 ) -> Training:
@@ -128,8 +155,11 @@ def train(
     Interpolation ("normals", "normals+flow", "probe", "probe+flow"), FrameGains, PoseRefinement, Iterations.
     Preset="texture" asks for speckle as strong as in the frames, at a price in error.
 
-    progress(fraction, text) is called now and then; when it returns False training stops there and gives the best
-    field so far. start is a field to continue from. properties are those of vtkBigusTrainer by their VTK names.
+    progress(fraction, text) is called now and then, in another thread; when it returns False training stops there and
+    gives the best field so far. Without it tqdm, where it is installed, draws a bar in a terminal or a notebook;
+    progress=False draws none. Other Python threads run meanwhile. Ctrl-C raises TrainingInterrupted, a
+    KeyboardInterrupt that keeps the best so far. start is a field to continue from. properties are those of
+    vtkBigusTrainer by their VTK names.
     """
     _require(sweep, vtkImageData, "train", "sweep")
     if start is not None:
@@ -139,6 +169,8 @@ def train(
     if start is not None:
         trainer.SetInputDataObject(1, start)
     set_properties(trainer, properties)
+    if progress is None or progress is True:
+        progress = _bar()
 
     failure: list[BaseException] = []
 
@@ -153,13 +185,23 @@ def train(
         if go_on is False:
             trainer.SetAbortExecute(1)
 
-    if progress is not None:
+    if progress:
         trainer.AddObserver("ProgressEvent", on_progress)
-    update(trainer)
+    try:
+        update_alone(trainer)
+    except KeyboardInterrupt as interrupt:
+        stopped = TrainingInterrupted("the field so far is in .training")
+        stopped.training = _result(trainer)
+        raise stopped from interrupt
     if failure:
         raise failure[0]
+    return _result(trainer)
+
+
+def _result(trainer: vtkBigusTrainer) -> Training:
     training = Training(trainer.GetOutputDataObject(0), trainer.GetOutputDataObject(1))
-    training.poses = vtk_to_numpy(trainer.GetCorrectedPoses()).reshape(-1, 4, 4)
+    poses = trainer.GetCorrectedPoses()
+    training.poses = np.empty((0, 4, 4)) if poses is None else vtk_to_numpy(poses).reshape(-1, 4, 4)
     table = trainer.GetDecisions()
     training.decisions = [
         {
@@ -236,14 +278,14 @@ def reslice(
     filter.SetOutputToFrame(axes, int(width), int(height))
     filter.GenerateCoverageOutputOff()
     set_properties(filter, properties)
-    return _pixels(update(filter).GetOutput())[0]
+    return _pixels(update_alone(filter).GetOutput())[0]
 
 
 def _compare(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> vtkBigusImageMetrics:
     filter = vtkBigusImageMetrics()
     filter.SetInputDataObject(0, a if isinstance(a, vtkImageData) else image(a))
     filter.SetInputDataObject(1, b if isinstance(b, vtkImageData) else image(b))
-    return update(filter)
+    return update_alone(filter)
 
 
 def metrics(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> dict[str, float]:

@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The module bigus._update: vtkAlgorithm::Update() without Python's lock, which VTK's own wrapping keeps for the whole call.
+#include "vtkPython.h"  // before every other header
+
+#include <exception>
+
+#include "vtkAlgorithm.h"
+#include "vtkPythonUtil.h"
+#include "vtkSmartPointer.h"
+
+namespace
+{
+
+PyObject* Update(PyObject*, PyObject* object)
+{
+  vtkSmartPointer<vtkAlgorithm> algorithm =
+      vtkAlgorithm::SafeDownCast(vtkPythonUtil::GetPointerFromObject(object, "vtkAlgorithm"));
+  if (!algorithm)
+  {
+    if (!PyErr_Occurred())
+    {
+      PyErr_SetString(PyExc_TypeError, "a vtkAlgorithm is expected");
+    }
+    return nullptr;
+  }
+  PyThreadState* const state = PyEval_SaveThread();
+  try
+  {
+    algorithm->Update();
+  }
+  catch (const std::exception& error)
+  {
+    PyEval_RestoreThread(state);
+    PyErr_SetString(PyExc_RuntimeError, error.what());
+    return nullptr;
+  }
+  PyEval_RestoreThread(state);
+  Py_RETURN_NONE;
+}
+
+PyMethodDef methods[] = {
+    {"update", Update, METH_O,
+     "update(algorithm): updates it while other Python threads run. Observers take the lock for their calls. Neither "
+     "the algorithm nor anything before it in its pipeline may be written in Python, because VTK calls such without it."},
+    {nullptr, nullptr, 0, nullptr}};
+
+PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_update", nullptr, -1, methods, nullptr, nullptr, nullptr, nullptr};
+
+}  // namespace
+
+PyMODINIT_FUNC PyInit__update()
+{
+  return PyModule_Create(&definition);
+}
