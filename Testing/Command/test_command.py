@@ -1007,6 +1007,17 @@ class Hostile(CommandTest):
             path.write_bytes(text[:array.start()] + tag + text[array.end():raw] + appended + block + b"\n  " + text[tail:])
             self.expect(BAD_INPUT, "info", path, says="Provenance")
 
+    def test_no_byte_past_the_last_frame_is_read(self):
+        guard = self.folder / "guard.so"
+        source = pathlib.Path(__file__).with_name("guard_pages.c")
+        if shutil.which("cc") is None or subprocess.run(["cc", "-O1", "-shared", "-fPIC", source, "-o", guard]).returncode:
+            self.skipTest("no C compiler")
+        sweep = self.folder / "sweep.mha"
+        self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", "6", "--width", "256", "--height", "256")
+        result = subprocess.run([BIGUS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, "--no-baselines"],
+                                capture_output=True, text=True, env={**os.environ, "LD_PRELOAD": str(guard)}, timeout=300)
+        self.assertEqual(result.returncode, SUCCESS, result.stderr)
+
     def test_bench_runs_nothing_of_the_working_directory(self):
         for name in ("torch.py", "numpy.py", "json.py"):
             (self.folder / name).write_text(f"open('{self.folder}/ran', 'w')\n")
