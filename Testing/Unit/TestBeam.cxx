@@ -134,7 +134,7 @@ TEST(SweepGeometry, DistinctNormalsStandForAllWithinFiveDegrees)
   }
 }
 
-TEST(SweepGeometry, OnlyEqualStepsOfEqualPlanesAreAVolume)
+TEST(SweepGeometry, OnlyPlanesExactlyAboveOneAnotherAreAVolume)
 {
   const auto volume = Parallel(20, 0.4);
   EXPECT_TRUE(IsVolume(*volume, All(*volume)));
@@ -143,9 +143,18 @@ TEST(SweepGeometry, OnlyEqualStepsOfEqualPlanesAreAVolume)
   const auto shifted = Parallel(20, 0.4);
   shifted->imageToReference[7](0, 3) += 0.01;
   EXPECT_FALSE(IsVolume(*shifted, All(*shifted)));
-  const auto uneven = Parallel(20, 0.4);
-  uneven->imageToReference[19](2, 3) += 0.01;
-  EXPECT_FALSE(IsVolume(*uneven, All(*uneven)));
+  const auto missing = Parallel(20, 0.4);  // slices that are not in the sweep at all
+  for (int f = 7; f < 20; ++f)
+  {
+    missing->imageToReference[f](2, 3) += 0.4 * (1 + f % 3);
+  }
+  EXPECT_TRUE(IsVolume(*missing, All(*missing)));
+  const auto rounded = Parallel(20, 0.4);  // as text with five digits leaves poses
+  for (int f = 0; f < 20; ++f)
+  {
+    rounded->imageToReference[f](0, 3) += f % 2 ? 1e-5 : -1e-5;
+  }
+  EXPECT_TRUE(IsVolume(*rounded, All(*rounded)));
   const auto tilted = Turning(20, 0.01, Eigen::Vector3d::UnitX());
   EXPECT_FALSE(IsVolume(*tilted, All(*tilted)));
 }

@@ -15,8 +15,9 @@ namespace
 /// cross. 5 degrees of a beam of 1 mm are 0.09 mm, less than a pixel.
 constexpr double kSameDirection = 0.99619470, kCrossing = 0.86602540;
 
-/// Share of a length that counts as no difference: what text files with seven digits leave.
-constexpr double kExact = 1e-6;
+/// Share of a length that counts as no difference: more than text files with five digits leave, and a hundredth of the
+/// noise of a good tracker (0.01 mm and 0.01 degrees for frames 0.5 mm apart).
+constexpr double kExact = 1e-4;
 
 constexpr std::size_t kLookedAt = 24;  // frames: 276 pairs
 
@@ -95,18 +96,17 @@ bool IsVolume(const Sweep& sweep, const std::vector<int>& frames)
     return false;
   }
   const Eigen::Matrix4d& first = sweep.imageToReference[frames[0]];
-  const double indices = frames[1] - frames[0];
-  const Eigen::Vector3d step = (sweep.imageToReference[frames[1]] - first).block<3, 1>(0, 3) / indices;
   const Eigen::Vector3d normal = sweep.Plane(frames[0]).Normal();
-  const double allowed = kExact * step.norm();
-  bool isVolume = step.norm() > 0 && (step - step.dot(normal) * normal).norm() <= allowed;
-  for (const int frame : frames)
-  {
-    const Eigen::Matrix4d difference = sweep.imageToReference[frame] - first;
-    isVolume = isVolume && difference.leftCols<3>().norm() <= kExact * first.leftCols<2>().norm() &&
-               (difference.block<3, 1>(0, 3) - (frame - frames[0]) * step).norm() <= allowed * sweep.NumberOfFrames();
-  }
-  return isVolume;
+  const double spacing = MeasureGeometry(sweep, frames).medianSpacing;
+  return spacing > 0 && std::all_of(frames.begin(), frames.end(),
+                                    [&](int frame)
+                                    {
+                                      const Eigen::Matrix4d difference = sweep.imageToReference[frame] - first;
+                                      const Eigen::Vector3d step = difference.block<3, 1>(0, 3);
+                                      return difference.leftCols<2>().norm() <= kExact * first.leftCols<2>().norm() &&
+                                             (step - step.dot(normal) * normal).norm() <=
+                                                 kExact * std::max(spacing, step.norm());
+                                    });
 }
 
 bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)

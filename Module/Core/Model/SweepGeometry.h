@@ -27,8 +27,8 @@ double GapBetween(const Sweep& sweep, int from, int to, double i, double j);
 /// are the same), and no two of them are that near to each other.
 std::vector<Eigen::Vector3d> DistinctNormals(const Sweep& sweep, const std::vector<int>& frames);
 
-/// True for the slices of a volume: planes of one orientation, one exactly above another (to 1e-6 of the median spacing),
-/// at equal steps. Needs three frames.
+/// True for the slices of a volume: planes of one orientation, one exactly above another (to 1e-4 of the distance). Some
+/// may be missing. Needs three frames.
 bool IsVolume(const Sweep& sweep, const std::vector<int>& frames);
 
 /// True where space is seen from more than one side. At least half of the frames (24 are looked at) meet another within
