@@ -3,7 +3,6 @@
 // bigus bench: how fast and how exact this build is on this machine, beside what one would use otherwise.
 #include "Command.h"
 #include "Files.h"
-#include "Testing/Benchmarks/Speed/MachinePeak.h"
 #include "Testing/Benchmarks/Speed/SpeedReport.h"
 
 namespace bigus::command
@@ -80,11 +79,6 @@ void AddBench(Program& program)
       ->check(NumberIn(1, 1000))
       ->type_name("N");
   app->add_option("--csv", options->csv, "Also write the frontier as a table")->type_name("FILE");
-  app->add_option("--simd", options->simd,
-                  "Use no better instruction set than this; here: " + CLI::detail::join(bench::SimdNames(), ", ") +
-                      " (AVX3 is AVX-512)")
-      ->check(CLI::IsMember(bench::SimdNames()).description(""))
-      ->type_name("NAME");
   app->add_option("--share", options->share,
                   "Share of all numbers of Gaussians, to try things out; ratios do not count then")
       ->check(NumberIn(0.001, 1))

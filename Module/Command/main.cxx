@@ -11,6 +11,7 @@
 #include <new>
 
 #include "Command.h"
+#include "Core/Engine/InstructionSets.h"
 #include "IO/Text.h"
 #include "Pipeline.h"
 
@@ -102,6 +103,12 @@ ExitCode Run(int argumentCount, char** arguments)
       ->check(NumberIn(0, 4096))
       ->type_name("N");
 
+  std::string instructionSet;
+  app.add_option("--simd", instructionSet,
+                 "Use no better instructions than these; here: " + CLI::detail::join(InstructionSets(), ", ") +
+                     ". A published field comes back bit for bit with the set it was trained with")
+      ->type_name("NAME");
+
   AddInfo(program);
   AddPhantom(program);
   AddPoses(program);
@@ -134,6 +141,21 @@ ExitCode Run(int argumentCount, char** arguments)
     console.bar = wantsBar ? Console::Bar::Always : Console::Bar::Never;
   }
 
+  try
+  {
+    if (!instructionSet.empty())
+    {
+      UseInstructionSet(instructionSet);
+    }
+    else
+    {
+      UseInstructionSetOfEnvironment();
+    }
+  }
+  catch (const Error& error)
+  {
+    return Fail(console, UsageFault, error.what());
+  }
   std::unique_ptr<tbb::global_control> limit;
   if (threads > 0)
   {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "Core/Deciding/Trainer.h"
+#include "Core/Engine/InstructionSets.h"
 #include "Core/Training/OptionList.h"
 #include "vtkDataObject.h"
 #include "vtkFieldData.h"
@@ -84,6 +85,8 @@ void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result)
       SetProvenance(data, key, option.value);
     }
   }
+  // The same field comes back only with these, whatever the number of threads.
+  SetProvenance(data, "instructionSet", InstructionSets().front());
   // What came of it, rather than what was asked for.
   SetProvenance(data, "gaussians", std::to_string(result.field.Size()));
   SetProvenance(data, "iterations", std::to_string(result.iterations));

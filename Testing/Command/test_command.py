@@ -39,6 +39,12 @@ def run(*arguments, threads=None):
     return subprocess.run([BIGUS, *map(str, arguments), *extra], capture_output=True, text=True, timeout=120)
 
 
+def instruction_sets():
+    """Those of this machine, the best first, but the slow one for any machine."""
+    names = re.search(r"here: (.+?)\. A published", " ".join(run("--help").stdout.split())).group(1)
+    return [name for name in names.split(", ") if name != "SCALAR"]
+
+
 def read_sequence(path):
     """(header text, pixels, offset of the pixels) of an uncompressed or zlib .mha, by other means than bigus."""
     data = pathlib.Path(path).read_bytes()
@@ -967,6 +973,29 @@ class Poses(CommandTest):
         self.assertNothingIn(self.folder)
 
 
+class InstructionSets(CommandTest):
+    def test_each_repeats_its_field_whichever_way_it_is_asked_for(self):
+        fields = {}
+        for name in instruction_sets():
+            path = self.folder / f"{name}.vtp"
+            answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, "--simd", name, "--hold-out", "4")
+            self.assertIn(f"({name},", answer["device"])
+            self.assertEqual(self.expect(SUCCESS, "info", path)["provenance"]["instructionSet"], name)
+            again = self.folder / "again.vtp"
+            subprocess.run([BIGUS, "train", self.sweep, "-o", again, *TINY, "--hold-out", "4"], check=True,
+                           capture_output=True, env={**os.environ, "BIGUS_SIMD": name})
+            self.assertEqual(path.read_bytes(), again.read_bytes())
+            fields[name] = answer["held_out"]["psnr"]
+        self.assertLess(max(fields.values()) - min(fields.values()), 0.1, "dB; rounding, grown by training")
+
+    def test_errors(self):
+        self.expect(USAGE, "info", self.field, "--simd", "AVX9", says="AVX9")
+        result = subprocess.run([BIGUS, "info", self.field], capture_output=True, text=True,
+                                env={**os.environ, "BIGUS_SIMD": "AVX9"})
+        self.assertEqual(result.returncode, USAGE)
+        self.assertIn("BIGUS_SIMD", result.stderr)
+
+
 class Hostile(CommandTest):
     """Files that mean harm, and places where nothing can be written."""
 
@@ -1504,8 +1533,7 @@ class Bench(CommandTest):
         self.assertEqual(set(answer["ratios"].values()), {None})
         self.assertEqual({point["threads"] for point in answer["frontier"]}, {1})
         self.assertFrontier(answer)
-        names = re.search(r"here: ([\w, ]+) \(", run("bench", "--help").stdout.replace("\n", " ")).group(1)
-        worst = [name.strip() for name in names.split(",") if name.strip() != "SCALAR"][-1]
+        worst = instruction_sets()[-1]
         answer = self.expect(SUCCESS, "bench", "evaluation", *self.TINY, "--simd", worst)
         self.assertIn(f"({worst},", answer["machine"]["device"])
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "Core/Engine/Checks.h"
+#include "Core/Engine/InstructionSets.h"
 #include "Core/Model/Error.h"
 
 namespace bigus
@@ -77,6 +78,7 @@ Registry& TheRegistry()
 
 std::unique_ptr<Engine> Engine::Create(const std::string& name)
 {
+  UseInstructionSetOfEnvironment();
   const Registry& registry = TheRegistry();
   if (name == "auto")
   {

@@ -98,15 +98,15 @@ bool IsVolume(const Sweep& sweep, const std::vector<int>& frames)
   const Eigen::Matrix4d& first = sweep.imageToReference[frames[0]];
   const Eigen::Vector3d normal = sweep.Plane(frames[0]).Normal();
   const double spacing = MeasureGeometry(sweep, frames).medianSpacing;
-  return spacing > 0 && std::all_of(frames.begin(), frames.end(),
-                                    [&](int frame)
-                                    {
-                                      const Eigen::Matrix4d difference = sweep.imageToReference[frame] - first;
-                                      const Eigen::Vector3d step = difference.block<3, 1>(0, 3);
-                                      return difference.leftCols<2>().norm() <= kExact * first.leftCols<2>().norm() &&
-                                             (step - step.dot(normal) * normal).norm() <=
-                                                 kExact * std::max(spacing, step.norm());
-                                    });
+  return spacing > 0 &&
+         std::all_of(frames.begin(), frames.end(),
+                     [&](int frame)
+                     {
+                       const Eigen::Matrix4d difference = sweep.imageToReference[frame] - first;
+                       const Eigen::Vector3d step = difference.block<3, 1>(0, 3);
+                       return difference.leftCols<2>().norm() <= kExact * first.leftCols<2>().norm() &&
+                              (step - step.dot(normal) * normal).norm() <= kExact * std::max(spacing, step.norm());
+                     });
 }
 
 bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)

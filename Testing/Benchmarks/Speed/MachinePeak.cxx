@@ -110,31 +110,6 @@ double BestRate(int threads, int repeats, const std::function<double(int)>& body
 
 }  // namespace
 
-std::vector<std::string> SimdNames()
-{
-  std::vector<std::string> names;
-  for (std::int64_t bit = 1; bit < std::int64_t(1) << 62; bit <<= 1)
-  {
-    if (bit & hwy::SupportedTargets() & HWY_TARGETS)
-    {
-      names.push_back(hwy::TargetName(bit));
-    }
-  }
-  return names;
-}
-
-void UseSimd(const std::string& name)
-{
-  // The better an instruction set, the lower its bit.
-  std::int64_t targets = hwy::SupportedTargets();
-  for (std::int64_t bit = 1; targets != 0 && name != hwy::TargetName(bit); bit <<= 1)
-  {
-    targets &= ~bit;
-  }
-  hwy::SetSupportedTargetsForTest(targets);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-}
-
 MachinePeak MeasurePeak(int threads, int repeats)
 {
   MachinePeak peak;

@@ -3,18 +3,8 @@
 // What this machine can do at best, measured: the roof that engines' speeds are held against.
 #pragma once
 
-#include <cstddef>
-#include <string>
-#include <vector>
-
 namespace bigus::bench
 {
-
-/// Names of the instruction sets that Highway can use here, the best first.
-std::vector<std::string> SimdNames();
-
-/// From now on Highway uses no better one than `name`, one of SimdNames(), in the library and in the program.
-void UseSimd(const std::string& name);
 
 struct MachinePeak
 {

@@ -121,10 +121,6 @@ public:
 
   SpeedReport Run(Json& json)
   {
-    if (!options_.simd.empty())
-    {
-      UseSimd(options_.simd);
-    }
     engine_ = Engine::Create("cpu");
     machine_ = {{"device", engine_->Device()},
                 {"processor", Processor()},

@@ -19,7 +19,6 @@ struct SpeedOptions
   bool quick = false;                  ///< fewer rounds, fields and frames
   int repeats = 0;                     ///< rounds of which medians are taken; 0: 9, or 3 if quick
   double share = 1;                    ///< of all numbers of Gaussians
-  std::string simd;                    ///< no better instruction set than this, one of SimdNames(); empty: the best
   bool frontier = false;               ///< measure the frontier whatever `workloads` says
 };
 

@@ -26,6 +26,7 @@
 #include "Core/Engine/Cpu/VisibleSplats.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Engine/ImageLoss.h"
+#include "Core/Engine/InstructionSets.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/Truncation.h"
 #include "Core/Numerics/ConjugateGradients.h"
@@ -44,7 +45,7 @@ class CpuEngine final : public Engine
 public:
   std::string Device() const override
   {
-    return std::string("CPU (") + (sizeof(T) == 8 ? "double, " : "") + kernels_.instructionSet + ", " +
+    return std::string("CPU (") + (sizeof(T) == 8 ? "double, " : "") + InstructionSets().front() + ", " +
            std::to_string(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)) +
            " threads)";
   }

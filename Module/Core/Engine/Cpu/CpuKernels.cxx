@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Engine/Cpu/CpuKernels.h"
 
-// Vectors of unknown size cannot be kept in structures, as is done here.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#include "Core/Engine/Cpu/Targets.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "Core/Engine/Cpu/CpuKernels.cxx"
 // foreach_target.h comes first: it compiles the rest once for every instruction set.
@@ -28,7 +28,7 @@ template <class T>
 static Kernels<T> Table()
 {
   return {CountInSlab<T>, ProjectBlock<T>, AddFootprints<T>, GatherMoments<T>, AddAdjoints<T>,
-          UpdateBlock<T>, BoundsOf<T>,     ToIntensity<T>,   ToDerivative<T>,  hwy::TargetName(HWY_TARGET)};
+          UpdateBlock<T>, BoundsOf<T>,     ToIntensity<T>,   ToDerivative<T>};
 }
 Kernels<float> FloatTable()
 {

@@ -162,8 +162,6 @@ struct Kernels
   /// read and written up to kRowPadding numbers beyond `count`; weights and others should be 0 there.
   double (*toDerivative)(T l1, T l2, T gamma, const T* truth, const T* weights, const T* others, std::size_t count,
                          T* scattering);
-
-  const char* instructionSet;  // name, for reports
 };
 
 /// The best this machine has. Chosen at the call.
