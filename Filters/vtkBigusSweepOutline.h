@@ -1,0 +1,66 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusSweepOutline
+ * @brief   Where a sweep's frames lie, and the probe's path, as lines
+ *
+ * The input is a sweep (see vtkBigusTrainer for its arrays). Its pixels are not read, but they must be there.
+ *
+ * Output 0 holds the outline of every FrameStride-th usable frame, a closed line through the centres of its corner
+ * pixels, mm, in the order (0, 0), (width - 1, 0), (width - 1, height - 1), (0, height - 1). Cell data: `Frame`, the
+ * frame's index in the input's third axis, and `Timestamp` in seconds where the sweep has it.
+ *
+ * Output 1 holds the probe's path: one polyline through the middle of the first row of every usable frame, where images
+ * of a probe begin. Point data: `Frame` and `Timestamp` as above. A sweep of one usable frame gives a single point
+ * without a line.
+ *
+ * @sa vtkBigusFieldMapper
+ */
+#ifndef vtkBigusSweepOutline_h
+#define vtkBigusSweepOutline_h
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkPolyDataAlgorithm.h"
+
+class vtkAlgorithmOutput;
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusSweepOutline : public vtkPolyDataAlgorithm
+{
+public:
+  static vtkBigusSweepOutline* New();
+  vtkTypeMacro(vtkBigusSweepOutline, vtkPolyDataAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  ///@{
+  /**
+   * Outlines of every n-th usable frame, beginning with the first; at least 1, default 1. The last usable frame has an
+   * outline whatever the stride. The path goes through all.
+   */
+  vtkSetClampMacro(FrameStride, int, 1, VTK_INT_MAX);
+  vtkGetMacro(FrameStride, int);
+  ///@}
+
+  ///@{
+  /**
+   * The probe's path.
+   */
+  vtkAlgorithmOutput* GetPathOutputPort() { return this->GetOutputPort(1); }
+  vtkPolyData* GetPathOutput();
+  ///@}
+
+protected:
+  vtkBigusSweepOutline();
+  ~vtkBigusSweepOutline() override = default;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  int FrameStride = 1;
+
+private:
+  vtkBigusSweepOutline(const vtkBigusSweepOutline&) = delete;
+  void operator=(const vtkBigusSweepOutline&) = delete;
+};
+
+#endif
