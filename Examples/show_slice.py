@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A slice of a field in a 3-D window, at its place among the sweep's frames. Up and Down move it along its normal.
+"""A slice of a field in a 3-D window, at its place among the sweep's frames. Up and Down move it along its normal, b
+shows the probe's beam, c greys what the sweep never saw.
 
     show_slice.py FIELD SWEEP [--frame K] [--screenshot PNG]
 
@@ -18,8 +19,8 @@ from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkActor, vtkImageSlice, vtkImageSliceMapper, vtkPolyDataMapper, vtkRenderer,
-                                         vtkRenderWindow, vtkRenderWindowInteractor, vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import (vtkActor, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow,
+                                         vtkRenderWindowInteractor, vtkWindowToImageFilter)
 
 import bigus
 
@@ -54,20 +55,12 @@ def main():
     poses = bigus.poses(sweep)
     pose = poses[count // 2 if options.frame is None else options.frame].copy()
 
-    # The slice's pixels are indices (spacing 1); one matrix places both the plane to render and its picture.
+    # One matrix places both the plane to render and its picture.
     plane = vtkMatrix4x4()
     plane.DeepCopy(pose.ravel())
-    reslice = bigus.vtkBigusReslice()
-    reslice.SetInputData(bigus.read(options.field))
-    reslice.SetOutputToFrame(plane, width, height)
-
-    mapper = vtkImageSliceMapper()
-    mapper.SetInputConnection(reslice.GetOutputPort())
-    picture = vtkImageSlice()
-    picture.SetMapper(mapper)
-    picture.SetUserMatrix(plane)
-    picture.GetProperty().SetColorWindow(1)
-    picture.GetProperty().SetColorLevel(0.5)
+    picture = bigus.vtkBigusSliceProp()
+    picture.SetInputData(bigus.read(options.field))
+    picture.SetPlaneToFrame(plane, width, height)
 
     outlines = vtkPolyDataMapper()
     outlines.SetInputData(frame_outlines(poses, width, height))
@@ -103,20 +96,24 @@ def main():
         writer.SetInputConnection(grab.GetOutputPort())
         writer.SetFileName(options.screenshot)
         writer.Write()
-        print(f"{options.screenshot}: {np.mean(bigus.frames(reslice.GetOutput())):.3f} mean intensity of the slice")
+        print(f"{options.screenshot}: {np.mean(bigus.frames(picture.GetReslice().GetOutput())):.3f} mean intensity of the slice")
         return
 
-    def move(interactor, event):
-        step = {"Up": 0.5, "Down": -0.5}.get(interactor.GetKeySym())  # mm
-        if step:
-            normal = np.cross(across, down)
-            for row in range(3):
-                plane.SetElement(row, 3, plane.GetElement(row, 3) + step * normal[row])
-            window.Render()
+    def press(interactor, event):
+        key = interactor.GetKeySym()
+        step = {"Up": 0.5, "Down": -0.5}.get(key, 0)  # mm
+        normal = np.cross(across, down)
+        for row in range(3):
+            plane.SetElement(row, 3, plane.GetElement(row, 3) + step * normal[row])
+        if key == "b":
+            picture.SetBeamVisibility(not picture.GetBeamVisibility())
+        if key == "c":
+            picture.SetCoverageVisibility(not picture.GetCoverageVisibility())
+        window.Render()
 
     interactor = vtkRenderWindowInteractor()
     interactor.SetRenderWindow(window)
-    interactor.AddObserver("KeyPressEvent", move)
+    interactor.AddObserver("KeyPressEvent", press)
     interactor.Initialize()
     window.Render()
     interactor.Start()

@@ -24,10 +24,14 @@ environment.require()  # before anything compiled is loaded
 # VTK's own wrapped classes must be there before the classes derived from them.
 import vtkmodules.vtkCommonDataModel  # noqa: F401
 import vtkmodules.vtkCommonExecutionModel  # noqa: F401
+import vtkmodules.vtkInteractionWidgets  # noqa: F401
 import vtkmodules.vtkIOCore  # noqa: F401
+import vtkmodules.vtkRenderingCore  # noqa: F401
+import vtkmodules.vtkRenderingImage  # noqa: F401
 
 from .vtkBigusFilters import *  # noqa: F401,F403
 from .vtkBigusIO import *  # noqa: F401,F403
+from .vtkBigusRendering import *  # noqa: F401,F403
 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
