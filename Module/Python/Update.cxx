@@ -1,10 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // The module bigus._update: vtkAlgorithm::Update() without Python's lock, which VTK's own wrapping keeps for the whole call.
+// Python's header comes before every other.
+// clang-format off
+#include "vtkPython.h"
+// clang-format on
+
 #include <exception>
 
 #include "vtkAlgorithm.h"
-#include "vtkPython.h"  // before every other header
 #include "vtkPythonUtil.h"
 #include "vtkSmartPointer.h"
 

@@ -55,11 +55,13 @@ struct Rule
 {
   double least = kLeastGain;  // dB
   bool clear = true;          // beyond chance, and on most frames; false where either choice will do
+  bool together = false;      // what is lost across the frames may be gained along them: the mean of both must pass
 };
 
 bool Passes(const Gain& gain, const Rule& rule)
 {
-  return gain.mean > rule.least && gain.across > -kAcrossMayLose &&
+  const bool isSoundAcross = rule.together ? gain.mean + gain.across > 2 * rule.least : gain.across > -kAcrossMayLose;
+  return gain.mean > rule.least && isSoundAcross &&
          (!rule.clear || (gain.mean > kLeastStandardErrors * gain.error && gain.mostGain));
 }
 
@@ -224,7 +226,10 @@ Decision DecideGaussians(State& state)
   };
   bool grew = false;
   while (2 * state.plan.gaussians <= state.asked.maximumGaussians &&
-         take(2 * state.plan.gaussians, {state.asked.price, state.asked.price > 0}))
+         // A trial is short, and the more Gaussians there are, the less finished they are in it, which shows across the
+         // frames first. At full length more of them lose nothing there: on every 4th slice of the liver volume 300,000
+         // instead of 140,000 change 41.73 to 41.77 dB at right angles.
+         take(2 * state.plan.gaussians, {state.asked.price, state.asked.price > 0, true}))
   {
     grew = true;
   }
