@@ -389,6 +389,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     bigus::SetProvenance(output, "trainingFrames", ToText(this->TrainingFrames));
     bigus::SetProvenance(output, "validationFrames", ToText(this->ValidationFrames));
     bigus::SetProvenance(output, "heldOutFrames", ToText(this->HeldOutFrames));
+    bigus::KeepOutput(this);
     return 1;
   }
   catch (const std::exception& error)

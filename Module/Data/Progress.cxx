@@ -5,16 +5,27 @@
 #include "vtkAlgorithm.h"
 #include "vtkVersionMacros.h"
 
+#define BIGUS_VTK_ABORTS_PIPELINES (VTK_VERSION_NUMBER >= VTK_VERSION_CHECK(9, 3, 0))
+
 namespace bigus
 {
 
 bool ReportProgress(vtkAlgorithm* algorithm, double fraction)
 {
   algorithm->UpdateProgress(fraction);
-#if VTK_MAJOR_VERSION > 9 || (VTK_MAJOR_VERSION == 9 && VTK_MINOR_VERSION >= 3)
+#if BIGUS_VTK_ABORTS_PIPELINES
   return !algorithm->CheckAbort();  // hears of an abort further down the pipeline as well
 #else
   return !algorithm->GetAbortExecute();
+#endif
+}
+
+void KeepOutput(vtkAlgorithm* algorithm)
+{
+#if BIGUS_VTK_ABORTS_PIPELINES
+  algorithm->SetAbortOutput(false);
+#else
+  static_cast<void>(algorithm);
 #endif
 }
 

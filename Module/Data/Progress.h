@@ -13,4 +13,7 @@ namespace bigus
 /// Reports progress from 0 to 1 to the algorithm's observers; false when they asked it to stop.
 VTKBIGUSDATA_EXPORT bool ReportProgress(vtkAlgorithm* algorithm, double fraction);
 
+/// Lets an algorithm that was asked to stop keep what it has; VTK empties outputs then, from 9.3 on.
+VTKBIGUSDATA_EXPORT void KeepOutput(vtkAlgorithm* algorithm);
+
 }  // namespace bigus

@@ -37,7 +37,20 @@ vtkPolyData* vtkBigusFieldWriter::GetInput()
   return vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
 }
 
+#if VTK_VERSION_NUMBER >= VTK_VERSION_CHECK(9, 7, 0)
+bool vtkBigusFieldWriter::WriteDataAndReturn()
+{
+  this->WriteFile();
+  return this->GetErrorCode() == vtkErrorCode::NoError;
+}
+#else
 void vtkBigusFieldWriter::WriteData()
+{
+  this->WriteFile();
+}
+#endif
+
+void vtkBigusFieldWriter::WriteFile()
 {
   try
   {

@@ -21,6 +21,7 @@
 #define vtkBigusFieldWriter_h
 
 #include "vtkBigusIOModule.h"
+#include "vtkVersionMacros.h"
 #include "vtkWriter.h"
 
 class vtkPolyData;
@@ -47,13 +48,19 @@ protected:
   ~vtkBigusFieldWriter() override;
 
   int FillInputPortInformation(int port, vtkInformation* info) override;
+#if VTK_VERSION_NUMBER >= VTK_VERSION_CHECK(9, 7, 0)
+  bool WriteDataAndReturn() override;
+#else
   void WriteData() override;
+#endif
 
   char* FileName;
 
 private:
   vtkBigusFieldWriter(const vtkBigusFieldWriter&) = delete;
   void operator=(const vtkBigusFieldWriter&) = delete;
+
+  void WriteFile();  // sets the error code when it fails
 };
 
 #endif

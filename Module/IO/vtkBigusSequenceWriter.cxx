@@ -134,7 +134,20 @@ vtkImageData* vtkBigusSequenceWriter::GetInput()
   return vtkImageData::SafeDownCast(this->GetInputDataObject(0, 0));
 }
 
+#if VTK_VERSION_NUMBER >= VTK_VERSION_CHECK(9, 7, 0)
+bool vtkBigusSequenceWriter::WriteDataAndReturn()
+{
+  this->WriteFile();
+  return this->GetErrorCode() == vtkErrorCode::NoError;
+}
+#else
 void vtkBigusSequenceWriter::WriteData()
+{
+  this->WriteFile();
+}
+#endif
+
+void vtkBigusSequenceWriter::WriteFile()
 {
   try
   {

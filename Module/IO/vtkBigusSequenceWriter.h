@@ -16,6 +16,7 @@
 #define vtkBigusSequenceWriter_h
 
 #include "vtkBigusIOModule.h"
+#include "vtkVersionMacros.h"
 #include "vtkWriter.h"
 
 class vtkImageData;
@@ -62,7 +63,11 @@ protected:
   ~vtkBigusSequenceWriter() override;
 
   int FillInputPortInformation(int port, vtkInformation* info) override;
+#if VTK_VERSION_NUMBER >= VTK_VERSION_CHECK(9, 7, 0)
+  bool WriteDataAndReturn() override;
+#else
   void WriteData() override;
+#endif
 
   char* FileName;
   char* FromFrame;
@@ -72,6 +77,8 @@ protected:
 private:
   vtkBigusSequenceWriter(const vtkBigusSequenceWriter&) = delete;
   void operator=(const vtkBigusSequenceWriter&) = delete;
+
+  void WriteFile();  // sets the error code when it fails
 };
 
 #endif

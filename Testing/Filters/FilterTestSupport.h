@@ -27,6 +27,12 @@
 #include "vtkPolyData.h"
 #include "vtkSmartPointer.h"
 
+// A lean build of VTK may leave the streamer out.
+#if __has_include("vtkImageDataStreamer.h")
+#include "vtkImageDataStreamer.h"
+#define BIGUS_WITH_STREAMER 1
+#endif
+
 namespace bigus::test
 {
 

