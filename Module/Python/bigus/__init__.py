@@ -17,6 +17,8 @@ classes, so everything mixes with any VTK pipeline. Lengths are millimetres, int
 8-bit arrays), matrices are row-major as numpy has them.
 """
 
+import importlib.util
+
 from . import environment
 
 environment.require()  # before anything compiled is loaded
@@ -24,14 +26,17 @@ environment.require()  # before anything compiled is loaded
 # VTK's own wrapped classes must be there before the classes derived from them.
 import vtkmodules.vtkCommonDataModel  # noqa: F401
 import vtkmodules.vtkCommonExecutionModel  # noqa: F401
-import vtkmodules.vtkInteractionWidgets  # noqa: F401
 import vtkmodules.vtkIOCore  # noqa: F401
-import vtkmodules.vtkRenderingCore  # noqa: F401
-import vtkmodules.vtkRenderingImage  # noqa: F401
 
 from .vtkBigusFilters import *  # noqa: F401,F403
 from .vtkBigusIO import *  # noqa: F401,F403
-from .vtkBigusRendering import *  # noqa: F401,F403
+
+if importlib.util.find_spec(__name__ + ".vtkBigusRendering"):  # not there when built without BIGUS_WITH_RENDERING
+    import vtkmodules.vtkInteractionWidgets  # noqa: F401
+    import vtkmodules.vtkRenderingCore  # noqa: F401
+    import vtkmodules.vtkRenderingImage  # noqa: F401
+
+    from .vtkBigusRendering import *  # noqa: F401,F403
 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
