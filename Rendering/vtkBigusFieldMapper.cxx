@@ -199,7 +199,7 @@ Level& vtkBigusFieldMapper::Drawing::ChooseLevel(vtkIdType most, vtkIdType trian
   return found == this->levels.end() ? *this->levels.back() : **found;
 }
 
-vtkBigusFieldMapper::vtkBigusFieldMapper() : Drawn(std::make_unique<Drawing>())
+vtkBigusFieldMapper::vtkBigusFieldMapper() : MaximumNumberOfEllipsoids(VTK_ID_MAX), Drawn(std::make_unique<Drawing>())
 {
   for (std::size_t k = 0; k < kShapes.size(); ++k)
   {

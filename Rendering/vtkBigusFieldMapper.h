@@ -130,7 +130,7 @@ protected:
   double ReflectivityRange = 0;
   vtkTypeBool OpacityByReflectivity = 1;
   vtkTypeBool LevelOfDetail = 1;
-  vtkIdType MaximumNumberOfEllipsoids = VTK_ID_MAX;
+  vtkIdType MaximumNumberOfEllipsoids;
   double PointsBelow = 0.5;
   vtkIdType NumberOfEllipsoidsDrawn = 0;
   vtkIdType NumberOfPointsDrawn = 0;
