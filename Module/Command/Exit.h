@@ -4,6 +4,7 @@
 #pragma once
 
 #include <exception>
+#include <string>
 
 #include "Core/Model/Error.h"
 
@@ -19,6 +20,10 @@ enum ExitCode
   OutputFault = 3,  ///< a file that cannot be written
   Stopped = 128     ///< plus the number of the signal that ended it, as shells count: 130 by SIGINT, 143 by SIGTERM
 };
+
+/// The message with the options that cure what the library complains about. It speaks of settings, because it does not
+/// know of options.
+std::string WithRemedy(const std::string& message);
 
 /// An output that cannot be written. Every other Error counts as bad input.
 class OutputError : public Error

@@ -209,6 +209,24 @@ Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* re
   return doubts;
 }
 
+/// A volume, or pictures without any transform.
+ExitCode ShowImages(Console& console, const std::string& path, vtkBigusSequenceReader* reader)
+{
+  int size[2];
+  reader->GetFrameSize(size);
+  const int count = reader->GetNumberOfFramesInFile();
+  console.Print(Line("Images", path));
+  console.Print(Line(
+      "Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " + reader->GetElementType()));
+  console.Print(Line("Size", std::to_string(count) + (count == 1 ? " image" : " images") + " of " +
+                                 std::to_string(size[0]) + " x " + std::to_string(size[1]) + " pixels"));
+  console.Print(Line("Poses",
+                     "none: a volume, or a sequence without transforms. 'bigus metrics' compares it; to train on "
+                     "it give a Plus configuration or poses in a CSV"));
+  console.Report({{"kind", "images"}, {"images", count}, {"width", size[0]}, {"height", size[1]}});
+  return Success;
+}
+
 ExitCode ShowSequence(Console& console, const SequenceOptions& options)
 {
   const auto reader = NewSequenceReader(options);
@@ -222,8 +240,21 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
     fault = error.what();
     if (reader->GetNumberOfFramesInFile() == 0)
     {
-      throw;
+      // A volume or a picture, which have no poses and are no fault?
+      reader->RequirePosesOff();
+      try
+      {
+        UpdateInformation(reader);
+      }
+      catch (const Error&)
+      {
+        throw Error(fault);
+      }
     }
+  }
+  if (reader->GetNumberOfFramesInFile() > 0 && reader->GetNumberOfTransforms() == 0)
+  {
+    return ShowImages(console, options.path, reader);
   }
 
   const int inFile = reader->GetNumberOfFramesInFile(), accepted = reader->GetNumberOfAcceptedFrames();
@@ -297,6 +328,7 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
                  {"doubts", doubts}};
   if (!fault.empty())
   {
+    fault = WithRemedy(fault);
     answer["error"] = fault;
     console.Note("bigus: " + fault);
   }

@@ -73,48 +73,6 @@ void NoteRejected(vtkBigusSequenceReader* reader, const std::string& path, Conso
   }
 }
 
-/// "0,4,10-20" to indices below `count`, in the order given.
-std::vector<int> ParseFrames(const std::string& list, int count)
-{
-  const auto fault = [&list, count]() -> Error
-  {
-    return Error("--frames '" + list + "': expected numbers and ranges such as 0,4,10-20, from 0 to " +
-                 std::to_string(count - 1) + ".");
-  };
-  std::vector<int> frames;
-  const char* at = list.data();
-  const char* end = at + list.size();
-  while (true)
-  {
-    int first = 0;
-    auto [stop, error] = std::from_chars(at, end, first);
-    int last = first;
-    if (error == std::errc() && stop != end && *stop == '-')
-    {
-      const auto upper = std::from_chars(stop + 1, end, last);
-      stop = upper.ptr;
-      error = upper.ec;
-    }
-    if (error != std::errc() || first < 0 || last < first || last >= count)
-    {
-      throw fault();
-    }
-    for (int frame = first; frame <= last; ++frame)
-    {
-      frames.push_back(frame);
-    }
-    if (stop == end)
-    {
-      return frames;
-    }
-    if (*stop != ',')
-    {
-      throw fault();
-    }
-    at = stop + 1;
-  }
-}
-
 /// Square pixels of another size on the same plane, its upper left corner kept.
 SlicePlane WithSteps(SlicePlane plane, const Eigen::Vector3d& columnStep, const Eigen::Vector3d& rowStep)
 {
@@ -163,6 +121,47 @@ SlicePlane Adapted(SlicePlane plane, const PlaneOptions& options)
 }
 
 }  // namespace
+
+std::vector<int> ParseFrames(const std::string& list, int count)
+{
+  const auto fault = [&list, count]() -> Error
+  {
+    return Error("--frames '" + list + "': expected numbers and ranges such as 0,4,10-20, from 0 to " +
+                 std::to_string(count - 1) + ".");
+  };
+  std::vector<int> frames;
+  const char* at = list.data();
+  const char* end = at + list.size();
+  while (true)
+  {
+    int first = 0;
+    auto [stop, error] = std::from_chars(at, end, first);
+    int last = first;
+    if (error == std::errc() && stop != end && *stop == '-')
+    {
+      const auto upper = std::from_chars(stop + 1, end, last);
+      stop = upper.ptr;
+      error = upper.ec;
+    }
+    if (error != std::errc() || first < 0 || last < first || last >= count)
+    {
+      throw fault();
+    }
+    for (int frame = first; frame <= last; ++frame)
+    {
+      frames.push_back(frame);
+    }
+    if (stop == end)
+    {
+      return frames;
+    }
+    if (*stop != ',')
+    {
+      throw fault();
+    }
+    at = stop + 1;
+  }
+}
 
 std::string FileName(const std::string& path)
 {

@@ -27,6 +27,9 @@ namespace bigus::command
 
 class Console;
 
+/// "0,4,10-20" to indices below `count`, in the order given. Throws Error.
+std::vector<int> ParseFrames(const std::string& list, int count);
+
 /// The last part of a path.
 std::string FileName(const std::string& path);
 

@@ -25,7 +25,8 @@ namespace
 
 struct Options
 {
-  std::string image, truth;
+  std::string image, truth, frames;
+  int reduce = 1;
 };
 
 /// 16-bit pixels become float in [0, 1], which the metrics take.
@@ -62,6 +63,62 @@ vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, Console& consol
   return image;
 }
 
+/// The images with these numbers.
+vtkSmartPointer<vtkImageData> Chosen(vtkImageData* images, const std::vector<int>& numbers)
+{
+  int size[3];
+  images->GetDimensions(size);
+  const vtkIdType pixels = vtkIdType(size[0]) * size[1];
+  vtkDataArray* all = images->GetPointData()->GetScalars();
+  auto chosen = vtkSmartPointer<vtkImageData>::New();
+  chosen->SetDimensions(size[0], size[1], static_cast<int>(numbers.size()));
+  chosen->AllocateScalars(images->GetScalarType(), 1);
+  for (std::size_t k = 0; k < numbers.size(); ++k)
+  {
+    chosen->GetPointData()->GetScalars()->InsertTuples(static_cast<vtkIdType>(k) * pixels, pixels, numbers[k] * pixels,
+                                                       all);
+  }
+  return chosen;
+}
+
+/// Means of n x n pixels, in [0, 1], as `train --reduce` makes them.
+vtkSmartPointer<vtkImageData> Reduced(vtkImageData* images, int n)
+{
+  int size[3];
+  images->GetDimensions(size);
+  const int width = size[0] / n, height = size[1] / n;
+  if (width < 1 || height < 1)
+  {
+    throw Error("--reduce " + std::to_string(n) + " leaves no pixel of images of " + std::to_string(size[0]) + " x " +
+                std::to_string(size[1]) + ".");
+  }
+  vtkDataArray* all = images->GetPointData()->GetScalars();
+  const double one = images->GetScalarType() == VTK_UNSIGNED_CHAR ? 255 : 1;
+  auto reduced = vtkSmartPointer<vtkImageData>::New();
+  reduced->SetDimensions(width, height, size[2]);
+  reduced->AllocateScalars(VTK_FLOAT, 1);
+  auto* out = static_cast<float*>(reduced->GetScalarPointer());
+  for (int k = 0; k < size[2]; ++k)
+  {
+    for (int j = 0; j < height; ++j)
+    {
+      for (int i = 0; i < width; ++i)
+      {
+        double sum = 0;
+        for (int row = j * n; row < (j + 1) * n; ++row)
+        {
+          for (int column = i * n; column < (i + 1) * n; ++column)
+          {
+            sum += all->GetComponent((vtkIdType(k) * size[1] + row) * size[0] + column, 0);
+          }
+        }
+        *out++ = static_cast<float>(sum / (one * n * n));
+      }
+    }
+  }
+  return reduced;
+}
+
 /// Means over the table's rows.
 TextureComparison ReadTexture(vtkTable* table)
 {
@@ -87,8 +144,21 @@ TextureComparison ReadTexture(vtkTable* table)
 
 ExitCode Measure(Console& console, const Options& options)
 {
-  const vtkSmartPointer<vtkImageData> image = ReadImage(options.image, console);
-  const vtkSmartPointer<vtkImageData> truth = ReadImage(options.truth, console);
+  vtkSmartPointer<vtkImageData> image = ReadImage(options.image, console);
+  vtkSmartPointer<vtkImageData> truth = ReadImage(options.truth, console);
+  if (!options.frames.empty())
+  {
+    const std::vector<int> numbers = ParseFrames(options.frames, truth->GetDimensions()[2]);
+    if (image->GetDimensions()[2] == truth->GetDimensions()[2])
+    {
+      image = Chosen(image, numbers);
+    }
+    truth = Chosen(truth, numbers);
+  }
+  if (options.reduce > 1)
+  {
+    truth = Reduced(truth, options.reduce);
+  }
   int size[3], truthSize[3];
   image->GetDimensions(size);
   truth->GetDimensions(truthSize);
@@ -96,8 +166,9 @@ ExitCode Measure(Console& console, const Options& options)
   {
     const auto text = [](const int* s)
     { return std::to_string(s[0]) + " x " + std::to_string(s[1]) + " x " + std::to_string(s[2]); };
-    throw Error("'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " + text(truthSize) +
-                ": only images of equal size compare.");
+    throw Error(
+        "'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " + text(truthSize) +
+        ": only images of equal size compare. --reduce averages the pixels of the second, --frames chooses images.");
   }
 
   vtkNew<vtkBigusImageMetrics> metrics;
@@ -147,6 +218,13 @@ void AddMetrics(Program& program)
       ->required()
       ->type_name("");
   app->add_option("B", options->truth, "The truth, of the same size")->required()->type_name("");
+  app->add_option(
+         "--frames", options->frames,
+         "Compare only these images of B, such as 0,4,10-20, with the same of A or, where A has fewer, with all of A")
+      ->type_name("LIST");
+  app->add_option("--reduce", options->reduce, "Average N x N pixels of B first, for slices of 'train --reduce N'")
+      ->check(NumberIn(1, 1000))
+      ->type_name("N");
 
   RunWhenChosen(app, program, [options](Console& console) { return Measure(console, *options); });
 }

@@ -3,12 +3,14 @@
 // bigus: tracked ultrasound sweeps to Gaussian fields, and slices of them at any plane, from the shell.
 #include <tbb/global_control.h>
 
+#include <cctype>
 #include <cmath>
 #include <csignal>
 #include <cstring>
 #include <iostream>
 #include <memory>
 #include <new>
+#include <utility>
 
 #include "Command.h"
 #include "Core/Engine/InstructionSets.h"
@@ -72,6 +74,31 @@ ExitCode Fail(Console& console, ExitCode code, const std::string& message)
   return code;
 }
 
+/// "--hold-out" for "--holdout": an option of `app` that differs in hyphens and case only; else nothing.
+std::string NearestOption(const CLI::App& app, const std::string& given)
+{
+  const auto letters = [](const std::string& text)
+  {
+    std::string plain;
+    for (const unsigned char c : text.substr(0, text.find('=')))
+    {
+      plain += c == '-' || c == '_' ? "" : std::string(1, static_cast<char>(std::tolower(c)));
+    }
+    return plain;
+  };
+  for (const CLI::Option* option : app.get_options())
+  {
+    for (const std::string& name : option->get_lnames())
+    {
+      if (letters(name) == letters(given))
+      {
+        return "--" + name;
+      }
+    }
+  }
+  return {};
+}
+
 ExitCode Run(int argumentCount, char** arguments)
 {
   Program program;
@@ -118,6 +145,10 @@ ExitCode Run(int argumentCount, char** arguments)
   AddMetrics(program);
   AddConvert(program);
   AddBench(program);
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+  {
+    command->footer("Also: --json, --progress, --no-progress, --threads N, --simd NAME; 'bigus --help' explains them.");
+  }
 
   try
   {
@@ -130,10 +161,18 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const CLI::ParseError& error)
   {
-    const std::vector<std::string> unknown = app.remaining();
-    const std::string message = app.get_subcommands().empty() && !unknown.empty()
-                                    ? "There is no command or option '" + unknown.front() + "'."
-                                    : error.what();
+    const std::vector<std::string> unknown = app.remaining(true);
+    std::string message = app.get_subcommands().empty() && !unknown.empty()
+                              ? "There is no command or option '" + unknown.front() + "'."
+                              : error.what();
+    for (const std::string& word : unknown)
+    {
+      for (const CLI::App* known : app.get_subcommands())
+      {
+        const std::string meant = word.compare(0, 2, "--") == 0 ? NearestOption(*known, word) : "";
+        message += meant.empty() ? "" : "\nDid you mean " + meant + " instead of " + word + "?";
+      }
+    }
     return Fail(console, UsageFault, message + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
   }
   if (barOption->count() > 0)
@@ -189,7 +228,7 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const Error& error)
   {
-    return Fail(console, InputFault, error.what());
+    return Fail(console, InputFault, WithRemedy(error.what()));
   }
   catch (const std::bad_alloc&)
   {
@@ -207,6 +246,21 @@ ExitCode Run(int argumentCount, char** arguments)
 bool IsInterrupted()
 {
   return interrupted != 0;
+}
+
+std::string WithRemedy(const std::string& message)
+{
+  const std::pair<const char*, const char*> remedies[] = {
+      {"no way from", " (--image-from, --image-to and --config)"},
+      {"without a status", " (--assume-status accepts transforms without a status)"}};
+  for (const auto& [phrase, remedy] : remedies)
+  {
+    if (message.find(phrase) != std::string::npos)
+    {
+      return message + remedy;
+    }
+  }
+  return message;
 }
 
 ExitCode InterruptedCode()

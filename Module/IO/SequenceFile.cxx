@@ -2,6 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/SequenceFile.h"
 
+#include <algorithm>
+#include <initializer_list>
+#include <string_view>
+
 #include "IO/FileError.h"
 #include "IO/Formats/PngFile.h"
 #include "IO/Formats/SequenceHeaders.h"
@@ -29,6 +33,35 @@ void ReadPlainPng(SequenceFile& file)
   file.numberOfFrames = 1;
   file.images = {file.fileName};
   file.frames.resize(1);
+}
+
+/// What to do with a file of another kind, by the ending of its name; nothing where the ending says nothing.
+std::string HowToBring(const std::string& fileName)
+{
+  const std::string name = Lowercase(fileName);
+  const auto endsWith = [&name](std::initializer_list<std::string_view> endings)
+  {
+    return std::any_of(endings.begin(), endings.end(),
+                       [&name](std::string_view ending) {
+                         return name.size() >= ending.size() &&
+                                name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
+                       });
+  };
+  if (endsWith({".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif"}))
+  {
+    return ". A video has no poses: make grey PNG images of it (ffmpeg -i VIDEO -pix_fmt gray %04d.png) and a CSV of poses "
+           "beside them";
+  }
+  if (endsWith({".dcm", ".dicom", ".h5", ".hdf5", ".nii", ".nii.gz", ".npy", ".npz"}))
+  {
+    return ". Read it in Python, with pydicom, h5py, nibabel or numpy, and hand pixels and poses over: "
+           "bigus.write(bigus.sweep(frames, poses), \"sweep.igs.mha\")";
+  }
+  if (endsWith({".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}))
+  {
+    return ". Images are read as grey PNG, with a CSV of poses";
+  }
+  return {};
 }
 
 }  // namespace
@@ -97,7 +130,7 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
                         (images.plain ? ": neither a MetaImage (.mha, .mhd), an NRRD, a PNG image, nor a CSV of "
                                       : ": neither a MetaImage sequence (.igs.mha, .mha, .mhd), an NRRD sequence, "
                                         "nor a CSV of ") +
-                        "poses with columns m00 to m33");
+                        "poses with columns m00 to m33" + HowToBring(fileName));
   }
   return file;
 }

@@ -40,7 +40,7 @@ def run(*arguments, threads=None):
 
 
 def instruction_sets():
-    """Those of this machine, the best first, but the slow one for any machine."""
+    """Those of this machine, the best first, but the slow one that any machine has."""
     names = re.search(r"here: (.+?)\. A published", " ".join(run("--help").stdout.split())).group(1)
     return [name for name in names.split(", ") if name != "SCALAR"]
 
@@ -190,6 +190,15 @@ class Usage(CommandTest):
                           ["info", self.sweep, "--devices"], ["train", self.sweep, "-o", "x.vtp", "--no-such-option"]):
             with self.subTest(arguments):
                 self.expect(USAGE, *arguments)
+
+    def test_an_option_spelt_otherwise_is_recognised(self):
+        result = run("train", self.sweep, "-o", self.folder / "f.vtp", "--holdout", "4")
+        self.assertEqual(result.returncode, USAGE)
+        self.assertIn("Did you mean --hold-out instead of --holdout?", result.stderr)
+
+    def test_global_options_are_in_every_help(self):
+        for command in ("info", "train", "slice"):
+            self.assertIn("--threads", run(command, "--help").stdout)
 
     def test_an_unknown_command_is_named(self):
         self.expect(USAGE, "nosuch", says="'nosuch'")
@@ -443,6 +452,32 @@ class Info(CommandTest):
         out = self.folder / "x.igs.mha"
         self.expect(BAD_INPUT, "slice", self.field, "--poses", cut, "-o", out, says="truncated")
         self.assertFalse(out.exists())
+
+    def test_own_volumes_and_pictures(self):
+        for name in ("v.mha", "v.nrrd"):
+            path = self.folder / name
+            self.expect(SUCCESS, "voxelize", self.field, "-o", path, "--spacing", "1")
+            answer = self.expect(SUCCESS, "info", path)
+            self.assertEqual(answer["kind"], "images")
+            self.assertGreater(answer["images"] * answer["width"] * answer["height"], 1)
+        picture = self.folder / "s.png"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", "0", "-o", picture)
+        self.assertEqual(self.expect(SUCCESS, "info", picture), {"kind": "images", "images": 1, "width": 48, "height": 40})
+
+    def test_other_kinds_of_files_are_told_how_to_come_in(self):
+        for name, says in (("a.mp4", "ffmpeg"), ("a.DCM", "pydicom"), ("a.h5", "bigus.sweep"), ("a.nii.gz", "nibabel"),
+                           ("a.jpg", "grey PNG")):
+            path = self.folder / name
+            path.write_bytes(bytes(range(256)))
+            self.expect(BAD_INPUT, "info", path, says=says)
+
+    def test_errors_name_the_options_that_cure_them(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        path = self.folder / "s.mha"
+        write_sequence(path, header.replace("ImageToReference", "ImageToTracker"), pixels)
+        self.expect(BAD_INPUT, "info", path, says="--image-to")
+        write_sequence(path, re.sub(r"Seq_Frame\d+_ImageToReferenceTransformStatus = OK\n", "", header), pixels)
+        self.expect(BAD_INPUT, "train", path, "-o", self.folder / "f.vtp", says="--assume-status")
 
     def test_bad_files(self):
         self.expect(BAD_INPUT, "info", self.folder / "absent.mha", says="absent.mha")
@@ -1372,6 +1407,26 @@ class Voxelize(CommandTest):
 
 
 class Metrics(CommandTest):
+    def test_chosen_frames_of_one_or_both(self):
+        again, some = self.folder / "again.mha", self.folder / "some.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", again)
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", some, "--frames", "2,5-6")
+        both = self.expect(SUCCESS, "metrics", again, self.sweep, "--frames", "2,5-6")
+        self.assertEqual(both["images"], 3)
+        self.assertEqual(both, self.expect(SUCCESS, "metrics", some, self.sweep, "--frames", "2,5-6"))
+        self.assertNotEqual(both["psnr"], self.expect(SUCCESS, "metrics", again, self.sweep)["psnr"])
+        self.expect(BAD_INPUT, "metrics", again, self.sweep, "--frames", "9", says="0 to 8")
+
+    def test_reduced_truth_compares_with_reduced_slices(self):
+        field, again = self.folder / "f.vtp", self.folder / "again.mha"
+        trained = self.expect(SUCCESS, "train", self.sweep, "-o", field, *TINY, "--reduce", "2", "--hold-out", "3",
+                              "--write-poses", self.folder / "poses.csv", "--pose-smoothing", "0")
+        self.expect(SUCCESS, "slice", field, "--poses", self.sweep, "--reduce", "2", "-o", again, "--type", "float")
+        self.expect(BAD_INPUT, "metrics", again, self.sweep, says="--reduce")
+        scores = self.expect(SUCCESS, "metrics", again, self.sweep, "--reduce", "2", "--frames", "1,4,7")
+        self.assertAlmostEqual(scores["psnr"], trained["held_out"]["psnr"], delta=0.01)
+        self.expect(BAD_INPUT, "metrics", again, self.sweep, "--reduce", "50", says="no pixel")
+
     def test_keys_and_an_exact_number(self):
         header, pixels, _ = read_sequence(self.sweep)
         shifted = self.folder / "shifted.mha"
