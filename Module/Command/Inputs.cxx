@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <numeric>
 
 #include "Command.h"
@@ -259,6 +260,17 @@ std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& 
   return options.reduce > 1 ? std::make_shared<const Sweep>(sweep->Reduced(options.reduce)) : sweep;
 }
 
+CLI::Option* AddWorldSystemOption(CLI::App& app, WorldSystem& world)
+{
+  const std::map<std::string, WorldSystem> names = {{"ras", WorldSystem::Ras}, {"lps", WorldSystem::Lps}};
+  return app
+      .add_option("--world-system,--markup-system", world,
+                  "The patient system that the field's world stands for, ras (default) or lps: decides where markups "
+                  "and volumes lie")
+      ->transform(CLI::CheckedTransformer(names, CLI::ignore_case).description(""))
+      ->type_name("SYSTEM");
+}
+
 void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
                      const std::string& help, bool required)
 {
@@ -284,12 +296,7 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
       ->type_name("N")
       ->capture_default_str()
       ->group(planeGroup);
-  app.add_option("--markup-system", options.markupSystem,
-                 "For markups: the patient system that the field's world stands for, ras or lps")
-      ->check(CLI::IsMember({"ras", "lps"}, CLI::ignore_case).description(""))
-      ->type_name("SYSTEM")
-      ->capture_default_str()
-      ->group(planeGroup);
+  AddWorldSystemOption(app, options.world)->group(planeGroup);
   AddChainOptions(app, options.chain, planeGroup);
 }
 
@@ -324,7 +331,7 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
   {
     reader->SetPixelSpacing(options.spacing);
   }
-  if (options.markupSystem == "lps")
+  if (options.world == WorldSystem::Lps)
   {
     reader->SetWorldCoordinateSystemToLPS();
   }

@@ -20,7 +20,8 @@ class vtkPolyData;
 namespace CLI
 {
 class App;
-}
+class Option;
+}  // namespace CLI
 
 namespace bigus::command
 {
@@ -62,6 +63,16 @@ vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Conso
 /// The same as a sweep, reduced.
 std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& console);
 
+/// What x, y and z of the field's world mean for a patient: right, anterior, superior, as 3D Slicer shows tracked
+/// sequences, or left, posterior, superior, as MetaImage and ITK count.
+enum class WorldSystem
+{
+  Ras,
+  Lps
+};
+/// Adds --world-system.
+CLI::Option* AddWorldSystemOption(CLI::App& app, WorldSystem& world);
+
 struct PlaneOptions
 {
   std::string poses;  ///< sequence, CSV or markup planes
@@ -70,7 +81,7 @@ struct PlaneOptions
   double spacing = 0;     ///< mm per pixel; 0 = what the file says
   std::string frames;     ///< "0,4,10-20"; empty = all
   int reduce = 1;
-  std::string markupSystem = "ras";
+  WorldSystem world = WorldSystem::Ras;
 };
 /// Adds `--poses` and `--frames`, under the names given, and the other options above.
 void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,

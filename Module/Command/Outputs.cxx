@@ -12,6 +12,7 @@
 #include "Console.h"
 #include "Exit.h"
 #include "Files.h"
+#include "Inputs.h"
 #include "Pipeline.h"
 #include "vtkBigusSequenceWriter.h"
 #include "vtkDataArray.h"
@@ -88,8 +89,8 @@ void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
                   [stack](std::ostream& file)
                   {
                     BeginNrrd(file, stack);
-                    file << "kinds: domain domain list\nUltrasoundImageOrientation:=MF\n"
-                         << "UltrasoundImageType:=BRIGHTNESS\n";
+                    file << "kinds: domain domain list\nultrasound image orientation:=MF\n"  // IGSIO's names
+                         << "ultrasound image type:=BRIGHTNESS\n";
                     vtkFieldData* data = stack->GetFieldData();
                     vtkDataArray* poses = data->GetArray("ImageToReference");
                     vtkDataArray* times = data->GetArray("Timestamp");
@@ -102,7 +103,7 @@ void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
                       {
                         file << (c ? " " : "") << poses->GetComponent(k, c);
                       }
-                      file << '\n' << frame << "ImageToReferenceTransformStatus:=OK\n" << frame << "ImageStatus:=OK\n";
+                      file << '\n' << frame << "ImageToReferenceTransformStatus:=OK\n" << frame << "Status:=OK\n";
                       if (times)
                       {
                         file << frame << "Timestamp:=" << times->GetTuple1(k) << '\n';
@@ -113,13 +114,15 @@ void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
                   });
 }
 
-void WriteNrrdVolume(vtkImageData* volume, const std::string& path)
+void WriteNrrdVolume(vtkImageData* volume, const std::string& path, WorldSystem world)
 {
   WriteAtomically(path,
-                  [volume](std::ostream& file)
+                  [volume, world](std::ostream& file)
                   {
                     BeginNrrd(file, volume);
-                    file << "kinds: domain domain domain\nspace dimension: 3\nspace directions:";
+                    file << "kinds: domain domain domain\nspace: "
+                         << (world == WorldSystem::Ras ? "right-anterior-superior" : "left-posterior-superior")
+                         << "\nspace directions:";
                     for (int k = 0; k < 3; ++k)
                     {
                       const std::array<double, 3> axis = Axis(volume, k);
@@ -132,21 +135,27 @@ void WriteNrrdVolume(vtkImageData* volume, const std::string& path)
                   });
 }
 
-void WriteMetaVolume(vtkImageData* volume, const std::string& path)
+// MetaImage volumes are in LPS by convention: what reads them takes x for left and y for posterior.
+void WriteMetaVolume(vtkImageData* volume, const std::string& path, WorldSystem world)
 {
   WriteAtomically(path,
-                  [volume](std::ostream& file)
+                  [volume, world](std::ostream& file)
                   {
+                    const auto toLps = [world](std::array<double, 3> v)
+                    {
+                      // Not -x, because that of 0 is written as -0.
+                      return world == WorldSystem::Ras ? std::array<double, 3>{0 - v[0], 0 - v[1], v[2]} : v;
+                    };
                     int size[3];
                     volume->GetDimensions(size);
                     const double* spacing = volume->GetSpacing();
-                    const std::array<double, 3> first = FirstVoxel(volume);
+                    const std::array<double, 3> first = toLps(FirstVoxel(volume));
                     file.precision(17);
                     file << "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
                          << "CompressedData = False\nTransformMatrix =";
                     for (int k = 0; k < 3; ++k)
                     {
-                      const std::array<double, 3> axis = Axis(volume, k);
+                      const std::array<double, 3> axis = toLps(Axis(volume, k));
                       file << ' ' << axis[0] << ' ' << axis[1] << ' ' << axis[2];
                     }
                     file << "\nOffset = " << first[0] << ' ' << first[1] << ' ' << first[2]
@@ -339,15 +348,15 @@ void RequireVolumeName(const std::string& path)
   }
 }
 
-void WriteVolume(vtkImageData* volume, const std::string& path, Console& console)
+void WriteVolume(vtkImageData* volume, const std::string& path, WorldSystem world, Console& console)
 {
   if (HasSuffix(path, ".nrrd"))
   {
-    WriteNrrdVolume(volume, path);
+    WriteNrrdVolume(volume, path, world);
   }
   else if (HasSuffix(path, ".mha"))
   {
-    WriteMetaVolume(volume, path);
+    WriteMetaVolume(volume, path, world);
   }
   else
   {

@@ -17,6 +17,7 @@ namespace bigus::command
 {
 
 class Console;
+enum class WorldSystem;
 
 /// An image stack as filters and writers take it, with the planes' poses, pixels not set yet; 8-bit or float.
 vtkSmartPointer<vtkImageData> NewStack(const std::vector<SlicePlane>& planes, const std::vector<double>& timestamps,
@@ -50,6 +51,6 @@ std::string NameOf(const std::vector<std::string>& files);
 /// Throws OutputError unless the name ends in .mha, .nrrd or .vti.
 void RequireVolumeName(const std::string& path);
 /// A volume with its origin, spacing and direction.
-void WriteVolume(vtkImageData* volume, const std::string& path, Console& console);
+void WriteVolume(vtkImageData* volume, const std::string& path, WorldSystem world, Console& console);
 
 }  // namespace bigus::command

@@ -27,6 +27,7 @@ struct Options
   double spacing = 0, elevationSigma = 0;
   std::vector<double> origin;
   std::vector<int> size;
+  WorldSystem world = WorldSystem::Ras;
 };
 
 ExitCode Voxelize(Console& console, const Options& options)
@@ -55,7 +56,7 @@ ExitCode Voxelize(Console& console, const Options& options)
   Update(voxelizer, console, "Sampling");
   const double seconds = SecondsSince(start);
   vtkImageData* volume = voxelizer->GetOutput();
-  WriteVolume(volume, options.output, console);
+  WriteVolume(volume, options.output, options.world, console);
 
   const int* size = volume->GetDimensions();
   const double* spacing = volume->GetSpacing();
@@ -66,6 +67,7 @@ ExitCode Voxelize(Console& console, const Options& options)
   console.Report({{"output", options.output},
                   {"size", {size[0], size[1], size[2]}},
                   {"spacing", {spacing[0], spacing[1], spacing[2]}},
+                  {"world_system", options.world == WorldSystem::Ras ? "ras" : "lps"},
                   {"origin", {origin[0], origin[1], origin[2]}},
                   {"seconds", seconds},
                   {"device", voxelizer->GetDevice()}});
@@ -97,6 +99,7 @@ void AddVoxelize(Program& program)
                   "Beam thickness along z; 0 (default) samples the field itself")
       ->check(NumberIn(0, 100))
       ->type_name("MM");
+  AddWorldSystemOption(*app, options->world);
   AddRenderOptions(*app, options->render, "Voxels");
   RunWhenChosen(app, program, [options](Console& console) { return Voxelize(console, *options); });
 }

@@ -236,9 +236,12 @@ std::string Listed(const std::vector<std::string>& names)
 std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, const PoseOptions& options,
                         const SequenceFile& file, Eigen::Matrix4d& pose)
 {
-  if (const std::string* status = Find(fields, "ImageStatus"); status && *status != "OK")
+  for (const char* name : {"ImageStatus", "Status"})  // the second is IGSIO's name in NRRD
   {
-    return "image status " + Quoted(*status);
+    if (const std::string* status = Find(fields, name); status && *status != "OK")
+    {
+      return "image status " + Quoted(*status);
+    }
   }
   bool first = true;
   pose.setIdentity();

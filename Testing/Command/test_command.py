@@ -1394,9 +1394,25 @@ class Voxelize(CommandTest):
         nx, ny, nz = answers["mha"]["size"]
         self.assertIn(f"DimSize = {nx} {ny} {nz}\n", header)
         self.assertEqual(len(pixels), nx * ny * nz)
-        offset = [float(v) for v in re.search(r"Offset = (.*)", header).group(1).split()]
-        for a, b in zip(offset, answers["mha"]["origin"]):
-            self.assertAlmostEqual(a, b, places=9)
+
+    def test_every_file_says_where_it_lies(self):
+        """NRRD names its system; MetaImage is LPS, so x and y of a world in RAS change their signs."""
+        for system, name, sign in (("ras", "right-anterior-superior", -1), ("lps", "left-posterior-superior", 1)):
+            mha, nrrd = self.folder / f"{system}.mha", self.folder / f"{system}.nrrd"
+            for path in (mha, nrrd):
+                answer = self.expect(SUCCESS, "voxelize", self.field, "-o", path, "--spacing", 2,
+                                     "--origin", -7, 5, 3, "--size", 4, 5, 6, "--world-system", system)
+                self.assertEqual((answer["world_system"], answer["origin"]), (system, [-7, 5, 3]))
+            header = read_sequence(mha)[0]
+            self.assertIn(f"Offset = {-7 * sign} {5 * sign} 3\n", header)
+            self.assertIn(f"TransformMatrix = {sign} 0 0 0 {sign} 0 0 0 1\n", header)
+            text = nrrd.read_bytes().split(b"\n\n")[0].decode()
+            self.assertIn(f"space: {name}\n", text)
+            self.assertIn("space directions: (2,0,0) (0,2,0) (0,0,2)\nspace origin: (-7,5,3)", text)
+            self.assertNotIn("space dimension", text)  # a named space has one
+        self.expect(SUCCESS, "voxelize", self.field, "-o", self.folder / "default.mha", "--spacing", 2,
+                    "--origin", -7, 5, 3, "--size", 4, 5, 6)
+        self.assertEqual((self.folder / "default.mha").read_bytes(), (self.folder / "ras.mha").read_bytes())
 
     def test_errors(self):
         self.expect(BAD_INPUT, "voxelize", self.folder / "no.vtp", "-o", self.folder / "v.mha", says="no.vtp")

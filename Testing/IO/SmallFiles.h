@@ -92,7 +92,7 @@ struct Sequence
                          "\nkinds: " + kinds + "\nencoding: " + encoding + "\n";
     for (const auto& field : fields)
     {
-      if (field.first.rfind("Seq_", 0) == 0 || field.first.rfind("Ultrasound", 0) == 0)
+      if (field.first.rfind("Seq_", 0) == 0 || field.first.find("ltrasound") == 1)
       {
         header += field.first + ":=" + field.second + "\n";
       }

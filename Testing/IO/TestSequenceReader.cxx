@@ -238,6 +238,53 @@ TEST(SequenceReader, BringsEveryOrientationToMarkedFar)
   ExpectSmall(Read(reader, folder / "unflagged.mha"));
 }
 
+TEST(SequenceReader, NrrdByIgsioIsReadByItsOwnNames)
+{
+  // IGSIO writes other names in NRRD than in MetaImage.
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  Sequence sequence = SmallSequence();
+  const auto read = [&](const Sequence& file) -> vtkImageData*
+  {
+    WriteBytes(folder / "igsio.nrrd", file.NrrdBytes("4 3 3", "domain domain list", "raw", file.pixels));
+    reader->SetFileName((folder / "igsio.nrrd").c_str());
+    reader->Modified();
+    reader->Update();
+    return reader->GetOutput();
+  };
+  vtkNew<vtkImageData> plain;
+  plain->DeepCopy(read(sequence));
+  ASSERT_EQ(plain->GetNumberOfPoints(), 4 * 3 * 3);
+
+  sequence.Remove("UltrasoundImageOrientation");
+  sequence.Set("ultrasound image orientation", "UF");
+  vtkImageData* mirrored = read(sequence);
+  EXPECT_STREQ(reader->GetOrientation(), "UF");
+  for (int i = 0; i < 4; ++i)
+  {
+    EXPECT_EQ(mirrored->GetScalarComponentAsDouble(i, 1, 2, 0), plain->GetScalarComponentAsDouble(3 - i, 1, 2, 0));
+  }
+
+  Sequence rejected = sequence;
+  rejected.Set(SmallField(1, "Status"), "INVALID");
+  EXPECT_EQ(read(rejected)->GetDimensions()[2], 2);
+  EXPECT_NE(std::string(reader->GetRejectionSummary()).find("INVALID"), std::string::npos);
+
+  const auto expectRefused = [&](const Sequence& file, const std::string& words)
+  {
+    const ErrorObserver errors(reader);
+    EXPECT_EQ(read(file)->GetNumberOfPoints(), 0);
+    EXPECT_NE(errors.Text().find(words), std::string::npos) << errors.Text();
+  };
+  Sequence contradicting = sequence;
+  contradicting.Set("UltrasoundImageOrientation", "MF");
+  expectRefused(contradicting, "remove the one that is wrong");
+  Sequence raw = sequence;
+  raw.Remove("UltrasoundImageType");
+  raw.Set("ultrasound image type", "RF_REAL");
+  expectRefused(raw, "BRIGHTNESS");
+}
+
 TEST(SequenceReader, ReadsNrrd)
 {
   TemporaryFolder folder;

@@ -10,11 +10,25 @@ namespace bigus
 namespace
 {
 
+// A field of the whole file by its name in MetaImage sequences, or else by the one that IGSIO gives it in NRRD.
+const std::string* FindEither(const SequenceFile& file, const char* name, const char* nrrdName)
+{
+  const std::string* value = Find(file.fields, name);
+  const std::string* other = Find(file.fields, nrrdName);
+  if (value && other && Trimmed(*value) != Trimmed(*other))
+  {
+    Refuse(file, std::string(name) + " = " + Quoted(*value) + ", but " + nrrdName + " = " + Quoted(*other) +
+                     "; remove the one that is wrong");
+  }
+  return value ? value : other;
+}
+
 // In marked-far order i grows towards the marked side of the probe and j away from it. Plus brings images to
 // that order when it loads them, and transforms refer to it. The flag's third letter, where there is one, is
 // the direction of the slices of a 3-D frame; our frames have one slice, so it changes nothing.
-void SetOrientation(SequenceFile& file, const std::string* flag)
+void SetOrientation(SequenceFile& file)
 {
+  const std::string* flag = FindEither(file, "UltrasoundImageOrientation", "ultrasound image orientation");
   file.orientation = flag ? std::string(Trimmed(*flag)) : "MF";
   const std::string& o = file.orientation;
   const bool known = (o.size() == 2 || (o.size() == 3 && (o[2] == 'A' || o[2] == 'D'))) &&
@@ -31,7 +45,7 @@ void SetOrientation(SequenceFile& file, const std::string* flag)
 
 void CheckImageType(const SequenceFile& file)
 {
-  const std::string* type = Find(file.fields, "UltrasoundImageType");
+  const std::string* type = FindEither(file, "UltrasoundImageType", "ultrasound image type");
   if (type && *type != "BRIGHTNESS")
   {
     Refuse(file, "UltrasoundImageType = " + Quoted(*type) + "; only BRIGHTNESS (B-mode) is read");
@@ -155,7 +169,7 @@ void FinishHeader(SequenceFile& file, FieldCollector& collected)
 {
   CheckDataSize(file);
   CheckImageType(file);
-  SetOrientation(file, Find(file.fields, "UltrasoundImageOrientation"));
+  SetOrientation(file);
   collected.MoveInto(file);
 }
 
