@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -32,10 +33,11 @@ vtkStandardNewMacro(vtkBigusSliceProp);
 namespace
 {
 
-constexpr double kLargestReduction = 8;    // a 512 x 512 slice becomes 64 x 64, the coarsest that shows anything
-constexpr double kReductionStep = 0.25;    // so that noise of the clock does not change the pixels of every picture
-constexpr double kHalfMaximum = 1.177410;  // sqrt(2 ln 2): where a Gaussian profile has fallen to half, in sigmas
-constexpr int kOverlayShades = 64;         // greys between a coverage of 0 and the threshold
+constexpr double kLargestReduction = 8;      // a 512 x 512 slice becomes 64 x 64, the coarsest that shows anything
+constexpr double kReductionStep = 0.25;      // so that noise of the clock does not change the pixels of every picture
+constexpr double kHalfMaximum = 1.177410;    // sqrt(2 ln 2): where a Gaussian profile has fallen to half, in sigmas
+constexpr double kSmallestCoverage = 1e-30;  // a threshold above 0, because a table of no width shows nothing
+constexpr int kOverlayShades = 64;           // greys between a coverage of 0 and the threshold
 
 Eigen::Vector3d Column(vtkMatrix4x4* matrix, int column)
 {
@@ -70,6 +72,13 @@ struct vtkBigusSliceProp::Known
   vtkMTimeType time = 0;
 };
 
+// What is drawn as it stands, so that VTK does not do again what has not changed.
+struct vtkBigusSliceProp::Made
+{
+  std::array<double, 5> shades = {};   // of the overlay: threshold, opacity, colour
+  std::array<double, 16> shapes = {};  // corners of the slice, normal, half the slab
+};
+
 vtkBigusSliceProp::vtkBigusSliceProp()
     : Reslice(vtkBigusReslice::New()),
       Picture(vtkImageSlice::New()),
@@ -79,7 +88,8 @@ vtkBigusSliceProp::vtkBigusSliceProp()
       Beam(vtkActor::New()),
       OutlineShape(vtkPolyData::New()),
       BeamShape(vtkPolyData::New()),
-      FieldKnown(std::make_unique<Known>())
+      FieldKnown(std::make_unique<Known>()),
+      Drawn(std::make_unique<Made>())
 {
   vtkNew<vtkMatrix4x4> plane;
   this->SetPlane(plane);
@@ -373,8 +383,15 @@ void vtkBigusSliceProp::UpdateOverlay()
   {
     return;
   }
-  const double limit = std::max(this->CoverageThreshold * this->KnownOfField().meanCoverage, 1e-30);
+  const double limit = std::max(this->CoverageThreshold * this->KnownOfField().meanCoverage, kSmallestCoverage);
   vtkLookupTable* table = this->CoverageTable;
+  const std::array<double, 5> shades = {limit, this->CoverageOpacity, this->CoverageColor[0], this->CoverageColor[1],
+                                        this->CoverageColor[2]};
+  if (shades == this->Drawn->shades)
+  {
+    return;  // a table that is touched makes VTK colour the whole picture anew
+  }
+  this->Drawn->shades = shades;
   table->SetNumberOfTableValues(kOverlayShades);
   table->SetTableRange(0, limit);
   for (int i = 0; i < kOverlayShades; ++i)
@@ -430,7 +447,8 @@ void vtkBigusSliceProp::UpdateShapes()
     placement->DeepCopy(wanted);
   }
 
-  // The border of the slice's pixels, and the same on either side of the beam.
+  // The border of the slice's pixels, and the same on either side of the beam. Doubles without gaps.
+  static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
   Eigen::Vector3d corners[4];
   for (int corner = 0; corner < 4; ++corner)
   {
@@ -442,11 +460,20 @@ void vtkBigusSliceProp::UpdateShapes()
       corners[corner] += (this->SliceOrigin[axis] + index * this->SliceSpacing[axis]) * Column(this->Plane, axis);
     }
   }
+  const double half = this->BeamVisibility ? kHalfMaximum * this->GetBeamSigma() : 0;
+  std::array<double, 16> shapes;
+  std::copy_n(corners[0].data(), 12, shapes.begin());
+  std::copy_n(normal.data(), 3, shapes.begin() + 12);
+  shapes[15] = half;
+  if (shapes == this->Drawn->shapes)
+  {
+    return;
+  }
+  this->Drawn->shapes = shapes;
   vtkNew<vtkPoints> border;
   border->SetDataTypeToDouble();
   vtkNew<vtkPoints> box;
   box->SetDataTypeToDouble();
-  const double half = this->BeamVisibility ? kHalfMaximum * this->GetBeamSigma() : 0;
   for (const Eigen::Vector3d& corner : corners)
   {
     border->InsertNextPoint(corner.data());

@@ -214,6 +214,7 @@ private:
   void operator=(const vtkBigusSliceProp&) = delete;
 
   struct Known;
+  struct Made;
   const Known& KnownOfField();
   bool HasField();
   double NextReduction() const;
@@ -231,6 +232,7 @@ private:
   double ExactTolerance = -1;  // the reslice's, kept while a larger one is in use; negative: none is
   vtkTimeStamp SliceTime;      // when the last slice was rendered
   std::unique_ptr<Known> FieldKnown;
+  std::unique_ptr<Made> Drawn;
 };
 
 #endif
