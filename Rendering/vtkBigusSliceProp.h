@@ -218,6 +218,7 @@ private:
   const Known& KnownOfField();
   bool HasField();
   double NextReduction() const;
+  int RenderLayers(vtkViewport* viewport);
   void SetResliceGeometry();
   void UpdateOverlay();
   void UpdateShapes();

@@ -154,6 +154,38 @@ TEST(SliceProp, OverlayGreysWhatHasNoCoverageAndNothingElse)
   EXPECT_GT(clear, 200);
 }
 
+TEST(SliceProp, PictureAndOverlayAreDrawnAsAStackDrawsThem)
+{
+  BIGUS_NEEDS_DISPLAY();
+  SliceScene scene;
+  scene.prop->CoverageVisibilityOn();
+  scene.prop->OutlineVisibilityOn();
+  scene.prop->BeamVisibilityOn();
+  scene.plane->SetElement(0, 3, scene.plane->GetElement(0, 3) + 5);
+  scene.LookAtPlane();
+  scene.renderer->GetActiveCamera()->Azimuth(35);
+  // Something that is partly behind the slice, so that depth counts.
+  vtkNew<vtkBigusSliceProp> crossing;
+  crossing->SetInputData(scene.field);
+  crossing->PlaceInField(0, 80);
+  scene.renderer->AddViewProp(crossing);
+  scene.renderer->ResetCameraClippingRange();
+  const auto own = scene.Pixels();
+  // A third layer, which nobody sees, leaves the drawing to VTK's stack.
+  for (vtkBigusSliceProp* prop : {scene.prop.Get(), crossing.Get()})
+  {
+    vtkNew<vtkImageSlice> unseen;
+    unseen->VisibilityOff();
+    prop->AddImage(unseen);
+  }
+  const auto stacked = scene.Pixels();
+  ASSERT_EQ(own->GetNumberOfValues(), stacked->GetNumberOfValues());
+  for (vtkIdType k = 0; k < own->GetNumberOfValues(); ++k)
+  {
+    ASSERT_EQ(own->GetValue(k), stacked->GetValue(k)) << k;
+  }
+}
+
 TEST(SliceProp, BeamIsASlabOfTheProfilesWidthAtHalfMaximum)
 {
   SliceScene scene;
