@@ -566,8 +566,9 @@ int vtkBigusSliceProp::RenderTranslucentPolygonalGeometry(vtkViewport* viewport)
     return 0;
   }
   int drawn = this->Superclass::RenderTranslucentPolygonalGeometry(viewport);
-  if (this->BeamVisibility)
+  if (this->BeamVisibility && this->GetBeamSigma() > 0)  // a plane has no slab
   {
+    this->Beam->SetPropertyKeys(this->GetPropertyKeys());  // the renderer's pass, which the slab's shader must follow
     drawn += this->Beam->RenderTranslucentPolygonalGeometry(viewport);
   }
   return drawn;

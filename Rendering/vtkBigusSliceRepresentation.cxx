@@ -534,6 +534,7 @@ int vtkBigusSliceRepresentation::RenderOpaqueGeometry(vtkViewport* viewport)
 
 int vtkBigusSliceRepresentation::RenderTranslucentPolygonalGeometry(vtkViewport* viewport)
 {
+  this->SliceProp->SetPropertyKeys(this->GetPropertyKeys());
   return this->SliceProp->RenderTranslucentPolygonalGeometry(viewport);
 }
 

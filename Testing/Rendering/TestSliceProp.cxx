@@ -203,6 +203,38 @@ TEST(SliceProp, BeamIsASlabOfTheProfilesWidthAtHalfMaximum)
   EXPECT_NEAR(bounds[5] - bounds[4], 2.3548 * 2, 1e-4);
 }
 
+TEST(SliceProp, TheSlabIsOneTintOverTheSliceHoweverTheRendererBlends)
+{
+  BIGUS_NEEDS_DISPLAY();
+  for (const bool peeling : {false, true})
+  {
+    SliceScene scene;
+    scene.renderer->SetUseDepthPeeling(peeling);
+    scene.prop->GetProperty()->SetColorLevel(1e6);  // black
+    scene.prop->BeamVisibilityOn();
+    scene.prop->GetReslice()->SetElevationSigma(2);
+    scene.prop->GetBeamProperty()->SetColor(1, 0.6, 0.2);
+    scene.prop->GetBeamProperty()->SetOpacity(0.5);
+    const double colour[3] = {1, 0.6, 0.2};
+    for (int again = 0; again < 2; ++again)
+    {
+      const auto pixels = scene.Pixels();
+      for (int j = 2; j < kHeight - 2; ++j)
+      {
+        for (int i = 2; i < kWidth - 2; ++i)
+        {
+          for (int k = 0; k < 3; ++k)
+          {
+            ASSERT_NEAR(pixels->GetComponent(j * kWidth + i, k), 0.5 * 255 * colour[k], 2) << peeling << i << " " << j;
+          }
+        }
+      }
+    }
+    scene.prop->GetReslice()->SetElevationSigma(0);  // a plane has no slab, and nothing flickers in its place
+    EXPECT_EQ(scene.Pixels()->GetComponent(kHeight / 2 * kWidth + kWidth / 2, 0), 0) << peeling;
+  }
+}
+
 TEST(SliceProp, ABudgetMakesItCoarseAndWithoutItIsExactAgain)
 {
   SliceScene scene;
