@@ -179,6 +179,29 @@ public:
     return residual;
   }
 
+  void SaveState(StateWriter& to) const override
+  {
+    BlockState<float> state = field_.State();
+    state.scores.resize(keepScores_ ? scores_.size() : 0);
+    scores_.Download(state.scores.data(), 0, state.scores.size(), work_.stream);
+    state.keepsScores = keepScores_;
+    state.Save(to);
+  }
+
+  void LoadState(StateReader& from) override
+  {
+    const BlockState<float> state = BlockState<float>::Load(from);
+    hasGradient_ = false;
+    frames_.ForgetCameras();
+    field_.SetState(state);
+    keepScores_ = state.keepsScores;
+    if (keepScores_)
+    {
+      ResetScores();
+      scores_.Upload(state.scores.data(), state.scores.size(), work_.stream);
+    }
+  }
+
   FieldGradient GetGradient() const override
   {
     std::vector<GradientBlock<float>> gradient(hasGradient_ ? gradient_.size() : 0);

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "Backward.h"
-#include "Core/Engine/BlockField.h"
+#include "Core/Engine/BlockState.h"
 #include "Core/Engine/MortonOrder.h"
 #include "Workspace.h"
 
@@ -108,6 +108,67 @@ public:
     return field;
   }
 
+  /// All but the scores, which are the engine's.
+  BlockState<float> State() const
+  {
+    BlockState<float> state;
+    state.beam = beam_;
+    state.transfer = transfer_;
+    state.order = order_;
+    std::vector<BlockPlace> places(places_.size());
+    places_.Download(places.data(), 0, places.size(), work_.stream);
+    for (const BlockPlace& place : places)
+    {
+      state.centres.push_back(place.centre);
+    }
+    state.gaussians.resize(gaussians_.size());
+    gaussians_.Download(state.gaussians.data(), 0, state.gaussians.size(), work_.stream);
+    std::vector<int> slots(sharpSlots_.size());
+    sharpSlots_.Download(slots.data(), 0, slots.size(), work_.stream);
+    for (std::size_t b = 0; b < slots.size(); ++b)
+    {
+      if (slots[b] >= 0)
+      {
+        state.sharp.emplace_back(static_cast<std::uint32_t>(b), GaussianBlock<double>{});
+        sharp_.Download(&state.sharp.back().second, slots[b], 1, work_.stream);
+      }
+    }
+    state.adam.resize(hasAdam_ ? adam_.size() : 0);
+    adam_.Download(state.adam.data(), 0, state.adam.size(), work_.stream);
+    state.guarded = work_.ReadResults().guarded;
+    return state;
+  }
+
+  void SetState(const BlockState<float>& state)
+  {
+    const std::size_t blocks = state.gaussians.size();
+    std::vector<BlockPlace> places;
+    for (std::size_t b = 0; b < blocks; ++b)
+    {
+      places.push_back(state.Place(b));
+    }
+    std::vector<int> slots(blocks, -1);
+    std::vector<GaussianBlock<double>> sharp;
+    for (const auto& [b, block] : state.sharp)
+    {
+      slots[b] = static_cast<int>(sharp.size());
+      sharp.push_back(block);
+    }
+    beam_ = state.beam;
+    transfer_ = state.transfer;
+    order_ = state.order;
+    work_.step.Forget();
+    UploadBlocks(state.gaussians, places, slots, sharp);
+    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBackwardThreads, work_.stream, View());
+    hasAdam_ = !state.adam.empty();
+    if (hasAdam_)
+    {
+      work_.Grow(adam_, blocks, "optimizer state", kFewerGaussians);
+      adam_.Upload(state.adam.data(), blocks, work_.stream);
+    }
+    work_.SetGuarded(state.guarded);
+  }
+
   /// As kernels see it.
   Field View() const
   {
@@ -185,6 +246,12 @@ private:
         PackBlock(field, order, b, places[b], sharp.back());
       }
     }
+    UploadBlocks(gaussians, places, sharpSlots, sharp);
+  }
+
+  void UploadBlocks(const std::vector<GaussianBlock<float>>& gaussians, const std::vector<BlockPlace>& places,
+                    const std::vector<int>& sharpSlots, const std::vector<GaussianBlock<double>>& sharp)
+  {
     const auto fill = [this](auto& array, const auto& from)
     {
       work_.Grow(array, from.size(), "Gaussians", kFewerGaussians);

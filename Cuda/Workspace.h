@@ -74,6 +74,11 @@ public:
 
   Results* Reported() { return results_.data(); }
   void ClearReports() { results_.Clear(stream); }
+  void SetGuarded(unsigned long long updates)
+  {
+    const Results results{0, updates, 0};
+    results_.Upload(&results, 1, stream);
+  }
   std::size_t Bytes() const { return results_.Bytes() + losses.Bytes(); }
 
   Stream stream;

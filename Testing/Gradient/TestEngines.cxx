@@ -13,6 +13,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/StateBytes.h"
 #include "Support/Engines.h"
 #include "Support/Fields.h"
 #include "Support/Sweeps.h"
@@ -325,6 +326,42 @@ TEST_P(FastEngine, ATrainStepIsBackpropagateAndStep)
   for (std::size_t i = 0; i < results[0].size(); ++i)
   {
     ASSERT_EQ(results[0][i], results[1][i]) << "number " << i;
+  }
+}
+
+TEST_P(FastEngine, AStateGoesOnWithTheSameBits)
+{
+  Problem problem = LargeProblem();
+  for (std::size_t i = 0; i < problem.field.Size(); i += 5)
+  {
+    problem.field.scales[i][0] = 300 * problem.field.scales[i][2];  // needles, which are held in double as well
+  }
+  const bigus::LearningRates rates{0.1, 0.05, 0.05, 0.02};
+  const auto stateOf = [](const bigus::Engine& engine)
+  {
+    bigus::StateWriter to;
+    engine.SaveState(to);
+    return to.Take();
+  };
+  const auto engine = bigus::Engine::Create(GetParam());
+  engine->SetFrames(problem.sweep);
+  engine->SetField(problem.field);
+  engine->ResetScores();
+  for (const int frame : {0, 1, 2, 3})
+  {
+    const std::string state = stateOf(*engine);
+    const auto other = bigus::Engine::Create(GetParam());
+    other->SetFrames(problem.sweep);
+    other->SetField(problem.field);
+    bigus::StateReader from(state);
+    other->LoadState(from);
+    from.End();
+    EXPECT_EQ(stateOf(*other), state);
+    const double loss = other->TrainStep({frame}, bigus::Loss(), rates, {});
+    EXPECT_EQ(engine->TrainStep({frame}, bigus::Loss(), rates, {}), loss);
+    EXPECT_EQ(Flat(other->GetField().means), Flat(engine->GetField().means));
+    EXPECT_EQ(other->GetScores().error, engine->GetScores().error);
+    EXPECT_TRUE(stateOf(*other) == stateOf(*engine)) << frame;
   }
 }
 

@@ -244,13 +244,13 @@ Decision DecideGaussians(State& state)
 }  // namespace
 
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-                             TrainingPlan& plan, const ProgressCallback& progress)
+                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper)
 {
   if (frames.size() < kFewestFrames)
   {
     return {{"everything", "by geometry", std::to_string(frames.size()) + " frames are too few to compare on", 0}};
   }
-  Trials trials(sweep, frames, asked, progress);
+  Trials trials(sweep, frames, asked, progress, keeper);
   State state{asked, trials, plan, {}};
   const bool isTexture = asked.preset == Preset::Texture;
   std::vector<Decision> decisions;

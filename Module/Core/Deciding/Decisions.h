@@ -6,6 +6,7 @@
 
 #include <vector>
 
+#include "Core/Deciding/Checkpointer.h"
 #include "Core/Deciding/Decision.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
@@ -18,8 +19,9 @@ namespace bigus
 /// Improves `plan`, which is PlanByGeometry's for these frames, where `asked` leaves a choice open: virtual planes,
 /// their interpolation, the beam and the number of Gaussians, in this order. Returns a record of each. Short trainings
 /// on a part of the frames are compared on others of them (Trials.h) by the rules of DecisionRules.h. With fewer than
-/// kFewestFrames frames the plan stays as it is. When `progress` returns false the choices made so far stand.
+/// kFewestFrames frames the plan stays as it is. When `progress` returns false the choices made so far stand. `keeper` has the
+/// scores of trials that were made before.
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-                             TrainingPlan& plan, const ProgressCallback& progress);
+                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper);
 
 }  // namespace bigus

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <functional>
 
+#include "Core/Deciding/Checkpointer.h"
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"
 
 namespace bigus
@@ -25,6 +27,12 @@ constexpr double kDecidingTime = 1.0 / 3;
 
 /// Seconds that a time limit leaves to training at the least, since 0 would mean no limit.
 constexpr double kLeastTime = 1e-3;
+
+/// The option that may be another when a training goes on.
+const std::string kTimeLimit = "TimeLimit";
+
+/// Names the loop that is no trial's.
+const std::string kTheTraining;
 
 /// Refuses what no field can be seeded from: a single plane says nothing about space, equal pixels nothing at all.
 void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
@@ -95,14 +103,53 @@ TrainerOptions Settled(TrainerOptions options, const TrainingPlan& plan)
   return options;
 }
 
+/// All but the time limit, which may be another when a training goes on.
+NamedTexts TextsOf(const TrainerOptions& options)
+{
+  NamedTexts texts;
+  for (const OptionText& option : ListOptions(options))
+  {
+    if (option.info.name != kTimeLimit)
+    {
+      texts.emplace_back(option.info.name, option.value);
+    }
+  }
+  return texts;
+}
+
+/// The sweep at the poses that were settled, with all options and decisions.
+std::shared_ptr<const Sweep> Restore(const Settlement& settled, const std::shared_ptr<const Sweep>& sweep,
+                                     TrainerOptions& options, std::vector<Decision>& decisions)
+{
+  for (const auto& [name, value] : settled.options)
+  {
+    SetOption(options, name, value);
+  }
+  options.Validate();
+  decisions = settled.decisions;
+  auto posed = std::make_shared<Sweep>(*sweep);
+  if (settled.imageToReference.size() != posed->imageToReference.size())
+  {
+    throw Error("The checkpoint has poses of " + std::to_string(settled.imageToReference.size()) +
+                " frames; there are " + std::to_string(posed->imageToReference.size()) +
+                ". Begin anew, without the checkpoint.");
+  }
+  posed->imageToReference = settled.imageToReference;
+  posed->ValidateLayout();
+  return posed;
+}
+
 }  // namespace
 
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
-                     const ProgressCallback& progress)
+                     const ProgressCallback& progress, const Checkpoints& checkpoints)
 {
-  const Stopwatch watch;
+  const Stopwatch call;
   options.Validate();
   sweep->Validate();
+  const bool isKept = checkpoints.save || !checkpoints.resume.empty();
+  Checkpointer keeper(checkpoints, isKept ? IdentityOf(*sweep, options, start) : NamedTexts());
+  const Stopwatch watch(call.Seconds() + keeper.Seconds());
 
   auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
   std::vector<int> validation;
@@ -140,42 +187,68 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   };
   TrainingResult result;
   TrainerOptions asked = options;
-  const bool isJudged = asked.automatic && frames.size() >= kFewestFrames;
-  if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
+  if (keeper.Settled())
   {
-    sweep = Correct(sweep, frames, asked, result.decisions, [&passOn] { return passOn({}); });
+    sweep = Restore(*keeper.Settled(), sweep, asked, result.decisions);
   }
-  asked.poseSmoothing = asked.poseSmoothing.value_or(0);
+  else
+  {
+    const bool isJudged = asked.automatic && frames.size() >= kFewestFrames;
+    if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
+    {
+      sweep = Correct(sweep, frames, asked, result.decisions, [&passOn] { return passOn({}); });
+    }
+    asked.poseSmoothing = asked.poseSmoothing.value_or(0);
+    if (start && !asked.elevationSigma)
+    {
+      asked.elevationSigma = start->beam.elevationSigma;
+    }
+    if (start && !asked.probeElevationSigma)
+    {
+      asked.probeElevationSigma = start->beam.probeElevationSigma;
+    }
+  }
   result.imageToReference = sweep->imageToReference;
-  if (start && !asked.elevationSigma)
-  {
-    asked.elevationSigma = start->beam.elevationSigma;
-  }
-  if (start && !asked.probeElevationSigma)
-  {
-    asked.probeElevationSigma = start->beam.probeElevationSigma;
-  }
   TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
   // A field to continue from was decided on before.
   if (options.automatic && !start && options.iterations.value_or(1) > 0)
   {
     share = kDecidingShare;
-    std::vector<Decision> decisions = Decide(
-        *sweep, frames, asked, plan,
-        [&](const TrainingProgress& now)
-        { return passOn(now) && (options.timeLimit == 0 || watch.Seconds() < kDecidingTime * options.timeLimit); });
-    result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
+    if (!keeper.Settled())
+    {
+      std::vector<Decision> decisions = Decide(
+          *sweep, frames, asked, plan,
+          [&](const TrainingProgress& now)
+          { return passOn(now) && (options.timeLimit == 0 || watch.Seconds() < kDecidingTime * options.timeLimit); },
+          keeper);
+      result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
+    }
     from = kDecidingShare;
     share = 1 - kDecidingShare;
   }
   result.settled = Settled(asked, plan);
+  if (aborted)
+  {
+    keeper.Close();
+  }
+  else if (!keeper.Settled())
+  {
+    keeper.Settle({TextsOf(result.settled), result.decisions, result.imageToReference});
+    keeper.Save();
+  }
   if (options.timeLimit > 0)
   {
     plan.timeLimit = std::max(options.timeLimit - watch.Seconds(), kLeastTime);
   }
   TrainingLoop loop(sweep, frames, plan, passOn);
+  loop.SetKeeping(keeper.KeepingOf(kTheTraining));
+  const std::string_view state = keeper.TakeLoop(kTheTraining);
   Start first;
-  if (start)
+  if (!state.empty())
+  {
+    // The engine's state has it.
+  }
+  else if (start)
   {
     first = {*start, false};
     first.field.beam = Beam{plan.elevationSigma};
@@ -184,7 +257,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   {
     first = loop.SeedAndSolve();
   }
-  Fitted fitted = loop.Run(std::move(first), validation);
+  Fitted fitted = state.empty() ? loop.Run(std::move(first), validation) : loop.Resume(state, validation);
   result.field = std::move(fitted.field);
   // Set last, because training itself needs the beam of its own planes only.
   result.field.beam.probeElevationSigma = plan.probeElevationSigma;
@@ -204,6 +277,7 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   result.validationFrames = std::move(validation);
   result.heldOutFrames = std::move(heldOut);
   result.aborted = aborted;
+  result.finished = fitted.finished;
   result.seconds = watch.Seconds();
   return result;
 }

@@ -3,6 +3,7 @@
 // From a tracked sweep to a Gaussian field: decide, then train.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -30,13 +31,30 @@ struct TrainingResult
   double seconds = 0;
   std::string device;
   bool aborted = false;  ///< the callback said stop; the field is the best so far
+  /// All steps were taken, or validation said stop. Else a training can go on from its last checkpoint.
+  bool finished = false;
   std::vector<int> trainingFrames, validationFrames, heldOutFrames;
+};
+
+/// What of a training must survive the end of its program.
+struct Checkpoints
+{
+  double interval = 60;  ///< s, >= 0, from one call of `save` to the next
+  /// Gets the whole state as bytes of this machine: at intervals, when all is decided, and at the end of a training that
+  /// is not finished. Empty: nothing is kept. What it throws ends the training.
+  std::function<void(const std::string& state)> save;
+  /// What `save` got, to go on from there; empty: begin. The field that a training ends with is then the same, bit for
+  /// bit, as if it had never stopped, for any number of threads. (A time limit bounds the time of all parts together.
+  /// It alone may differ from then; bits that depend on the clock are nobody's.) Bytes that are damaged, or of a training
+  /// with another sweep, start, engine or option, are an Error that says which.
+  std::string resume;
 };
 
 /// `progress` (may be empty) is called at least every 100 ms or once an iteration; returning false stops training and
 /// keeps the best field so far. `start` (may be null) is a field to continue from instead of seeding; without one,
 /// fewer than two frames to train on or frames of equal pixels throughout are an Error.
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
-                     const GaussianField* start = nullptr, const ProgressCallback& progress = {});
+                     const GaussianField* start = nullptr, const ProgressCallback& progress = {},
+                     const Checkpoints& checkpoints = {});
 
 }  // namespace bigus

@@ -13,6 +13,7 @@
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"
 #include "Core/Training/VirtualPlanes.h"
 
@@ -76,8 +77,8 @@ std::string Gain::ToString() const
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-               const ProgressCallback& progress)
-    : asked_(asked), progress_(progress)
+               const ProgressCallback& progress, Checkpointer& keeper)
+    : asked_(asked), progress_(progress), keeper_(keeper)
 {
   const std::size_t tried = std::min(kTrialFrames, frames.size());
   const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - tried) / 2);
@@ -113,7 +114,7 @@ std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const Trainin
   {
     return std::nullopt;
   }
-  const Psnrs &over = Score(best, passes), &psnr = Score(candidate, passes);
+  const TrialScores over = Score(best, passes), psnr = Score(candidate, passes);
   // A trial cut short says nothing.
   if (stopped_)
   {
@@ -141,14 +142,20 @@ bool Trials::Proceed()
   return !stopped_;
 }
 
-const Trials::Psnrs& Trials::Score(const TrainingPlan& plan, double passes)
+/// Trains unless that was done before. All that trials differ in names one.
+TrialScores Trials::Score(const TrainingPlan& plan, double passes)
 {
-  const Choices choices{plan.gaussians, plan.elevationSigma, plan.virtualPlanes, plan.interpolation.ToString(), passes};
-  const auto known = scores_.find(choices);
-  return known != scores_.end() ? known->second : scores_[choices] = Train(plan, passes);
+  const std::string name = std::to_string(plan.gaussians) + " Gaussians, beam " + NumberText(plan.elevationSigma) +
+                           ", " + std::to_string(plan.virtualPlanes) + " planes, " + plan.interpolation.ToString() +
+                           ", " + NumberText(passes) + " passes";
+  if (const TrialScores* known = keeper_.FindTrial(name))
+  {
+    return *known;
+  }
+  return Train(plan, passes, name);
 }
 
-Trials::Psnrs Trials::Train(TrainingPlan plan, double passes)
+TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& name)
 {
   plan.gaussians =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(static_cast<double>(plan.gaussians) * share_)));
@@ -160,13 +167,15 @@ Trials::Psnrs Trials::Train(TrainingPlan plan, double passes)
   ScaleToPixels(pixelSize_, plan);
   TrainingLoop loop(
       sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, WithVirtualPlanes(plan));
-  const Fitted fitted = loop.Run(loop.SeedAndSolve(), {});
+  loop.SetKeeping(keeper_.KeepingOf(name));
+  const std::string_view state = keeper_.TakeLoop(name);
+  const Fitted fitted = state.empty() ? loop.Run(loop.SeedAndSolve(), {}) : loop.Resume(state, {});
   ++trained_;
   Engine& engine = loop.engine();
   engine.SetAccuracy({});
   engine.SetField(fitted.field);
   std::vector<float> image(sweep_->PixelsPerFrame()), truth(image.size());
-  Psnrs psnrs;
+  TrialScores psnrs;
   for (int frame : validation_)
   {
     engine.Render(sweep_->Plane(frame), ViewOutput::Intensity, image.data());
@@ -179,6 +188,10 @@ Trials::Psnrs Trials::Train(TrainingPlan plan, double passes)
     image.resize(seen.size());
     engine.Render(cross.plane, ViewOutput::Intensity, image.data());
     psnrs.across.push_back(PsnrWithin(cross, image, seen));
+  }
+  if (fitted.finished)
+  {
+    keeper_.NoteTrial(name, psnrs);
   }
   return psnrs;
 }

@@ -7,10 +7,10 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
+#include "Core/Deciding/Checkpointer.h"
 #include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/FrameInterpolation.h"
@@ -36,9 +36,9 @@ class Trials
 {
 public:
   /// Of the `frames` of the sweep the middle ones are tried on. `asked` is what the caller set; it bounds what a trial
-  /// may do. What is referred to must outlive this.
+  /// may do. Finished trials and the one under way are kept by `keeper`. What is referred to must outlive this.
   Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-         const ProgressCallback& progress);
+         const ProgressCallback& progress, Checkpointer& keeper);
 
   /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.
   std::optional<Gain> Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes);
@@ -54,32 +54,25 @@ public:
   double Share() const { return share_; }
 
 private:
-  /// dB, of each validation frame and of each plane across.
-  struct Psnrs
-  {
-    std::vector<double> frames, across;
-  };
   /// A plane across the frames and what all frames, those for validation included, show there by interpolation.
   struct AcrossTruth
   {
     CrossPlane cross;
     std::vector<float> image;
   };
-  using Choices = std::tuple<std::size_t, double, int, std::string, double>;  // all that trials differ in
-
-  const Psnrs& Score(const TrainingPlan& plan, double passes);
-  Psnrs Train(TrainingPlan plan, double passes);
+  TrialScores Score(const TrainingPlan& plan, double passes);
+  TrialScores Train(TrainingPlan plan, double passes, const std::string& name);
   void MakeAcross();
   std::shared_ptr<const Sweep> WithVirtualPlanes(const TrainingPlan& plan);
 
   const TrainerOptions& asked_;
   const ProgressCallback& progress_;
+  Checkpointer& keeper_;
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;
   std::vector<AcrossTruth> across_;
   double pixelSize_ = 0;  // mm, of sweep_
   double share_ = 1;
-  std::map<Choices, Psnrs> scores_;
   std::map<std::pair<int, std::string>, std::shared_ptr<const Sweep>> withVirtualPlanes_;
   int trained_ = 0;
   bool stopped_ = false;

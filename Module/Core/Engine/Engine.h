@@ -22,6 +22,9 @@
 namespace bigus
 {
 
+class StateReader;
+class StateWriter;
+
 /// Derivatives of the loss, in world frame and natural units.
 struct FieldGradient
 {
@@ -137,6 +140,12 @@ public:
   /// relative residual.
   virtual double SolveReflectivities(const std::vector<int>& frames, int iterations,
                                      const std::function<bool(double)>& progress = {}) = 0;
+
+  /// All that further steps depend on, frames and accuracy apart: field, optimizer state, scores. LoadState of an engine
+  /// of the same name, which computes with the same instructions, goes on with the same bits. LoadState throws Error for
+  /// bytes that no SaveState wrote. By default both throw Error, since not every engine can.
+  virtual void SaveState(StateWriter& to) const;
+  virtual void LoadState(StateReader& from);
 
   /// For tests and densification; not part of a step.
   virtual FieldGradient GetGradient() const = 0;

@@ -147,4 +147,14 @@ std::vector<std::string> Engine::Names()
   return names;
 }
 
+void Engine::SaveState(StateWriter&) const
+{
+  throw Error("The engine " + Device() + " cannot save its state.");
+}
+
+void Engine::LoadState(StateReader&)
+{
+  throw Error("The engine " + Device() + " cannot load a state.");
+}
+
 }  // namespace bigus

@@ -6,9 +6,12 @@
 
 #include <cmath>
 #include <optional>
+#include <type_traits>
+#include <utility>
 
 #include "Core/Engine/Checks.h"
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/FieldState.h"
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Engine/Packing.h"
 #include "Core/Formula/Adam.h"
@@ -199,6 +202,57 @@ public:
     return residual;
   }
 
+  void SaveState(StateWriter& to) const override
+  {
+    SaveBeam(beam_, to);
+    to.Number(transfer_.gamma);
+    to.Numbers(origin_.data(), 3);
+    to.Number<std::uint64_t>(gaussians_.size());
+    for (std::size_t i = 0; i < gaussians_.size(); ++i)
+    {
+      to.Numbers(NumbersOf(gaussians_[i]), kGaussianNumbers);
+      to.Numbers(NumbersOf(adam_[i]), kAdamNumbers);
+      to.Number(scores_[i].error);
+      to.Numbers(scores_[i].descent.data(), 3);
+      to.Number(scores_[i].visits);
+    }
+    to.Number(guarded_);
+  }
+
+  void LoadState(StateReader& from) override
+  {
+    const Beam beam = LoadBeam(from);
+    const TransferFunction transfer{from.Number<double>()};
+    Eigen::Vector3d origin;
+    from.Numbers(origin.data(), 3);
+    const std::size_t count = from.Count(sizeof(double) * (kGaussianNumbers + kAdamNumbers + kScoreNumbers));
+    std::vector<Gaussian<double>> gaussians(count);
+    std::vector<AdamState<double>> adam(count);
+    std::vector<Score> scores(count);
+    for (std::size_t i = 0; i < count; ++i)
+    {
+      from.Numbers(NumbersOf(gaussians[i]), kGaussianNumbers);
+      from.Numbers(NumbersOf(adam[i]), kAdamNumbers);
+      for (const double square : adam[i].second)
+      {
+        StateReader::Require(square >= 0, "a negative square");
+      }
+      StateReader::Require(adam[i].updates >= 0, "a negative count");
+      scores[i].error = from.Number<double>();
+      from.Numbers(scores[i].descent.data(), 3);
+      scores[i].visits = from.Number<double>();
+    }
+    UnpackField(gaussians, origin, beam, transfer).Validate();
+    guarded_ = from.Number<std::uint64_t>();
+    beam_ = beam;
+    transfer_ = transfer;
+    origin_ = origin;
+    gaussians_ = std::move(gaussians);
+    adam_ = std::move(adam);
+    scores_ = std::move(scores);
+    gradient_.assign(count, {});
+  }
+
   FieldGradient GetGradient() const override { return UnpackGradient(gradient_); }
 
   Scores GetScores() const override
@@ -222,6 +276,22 @@ private:
     Eigen::Vector3d descent = Eigen::Vector3d::Zero();
     double visits = 0;
   };
+
+  static constexpr std::size_t kGaussianNumbers = sizeof(Gaussian<double>) / sizeof(double),
+                               kAdamNumbers = sizeof(AdamState<double>) / sizeof(double), kScoreNumbers = 5;
+
+  /// The members of a structure of doubles.
+  template <class Structure>
+  static const double* NumbersOf(const Structure& structure)
+  {
+    static_assert(sizeof(Structure) % sizeof(double) == 0 && std::is_trivially_copyable_v<Structure>);
+    return reinterpret_cast<const double*>(&structure);
+  }
+  template <class Structure>
+  static double* NumbersOf(Structure& structure)
+  {
+    return const_cast<double*>(NumbersOf(std::as_const(structure)));
+  }
 
   static double Weight(const Splat<double>& splat, double u, double v)
   {

@@ -94,28 +94,33 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
 }
 
 /// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by kPriorOnGain. The mean gain
-/// and offset of all frames stay 1 and 0, since they belong to the scene.
-void RemoveGains(Engine& engine, const Sweep& poses, std::size_t frames, float* pixels)
+/// and offset of all frames stay 1 and 0, since they belong to the scene. Poses are those of `poses`.
+void FindGains(Engine& engine, const Sweep& poses, const Sweep& recorded, const std::vector<int>& frames,
+               Corrections& found)
 {
   const std::size_t size = poses.PixelsPerFrame();
-  std::vector<double> gains(frames), offsets(frames);
-  std::vector<float> image(size);
-  for (std::size_t k = 0; k < frames; ++k)
+  found.gains.resize(frames.size());
+  found.offsets.resize(frames.size());
+  std::vector<float> image(size), pixels(size);
+  for (std::size_t k = 0; k < frames.size(); ++k)
   {
     engine.Render(poses.Plane(static_cast<int>(k)), ViewOutput::Intensity, image.data());
-    const auto [x, y, xx, yy, xy, n] = SumsOf(poses, image.data(), pixels + k * size);
+    recorded.CopyFrame(frames[k], pixels.data());
+    const auto [x, y, xx, yy, xy, n] = SumsOf(poses, image.data(), pixels.data());
     const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
     const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
     const double prior = kPriorOnGain * variance;
-    gains[k] = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), kSmallestGain, kLargestGain) : 1.0;
-    offsets[k] = n > 0 ? std::clamp(y / n - gains[k] * x / n, -kLargestOffset, kLargestOffset) : 0.0;
+    double& gain = found.gains[k];
+    gain = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), kSmallestGain, kLargestGain) : 1.0;
+    found.offsets[k] = n > 0 ? std::clamp(y / n - gain * x / n, -kLargestOffset, kLargestOffset) : 0.0;
   }
   const auto mean = [](const std::vector<double>& values)
   { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
-  const double meanGain = mean(gains), meanOffset = mean(offsets);
-  for (std::size_t k = 0; k < frames; ++k)
+  const double meanGain = mean(found.gains), meanOffset = mean(found.offsets);
+  for (std::size_t k = 0; k < frames.size(); ++k)
   {
-    Undo(gains[k] / meanGain, offsets[k] - meanOffset, pixels + k * size, size);
+    found.gains[k] /= meanGain;
+    found.offsets[k] -= meanOffset;
   }
 }
 
@@ -146,10 +151,10 @@ std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<i
   return levelled;
 }
 
-std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, const std::vector<int>& frames,
-                                       const Sweep& present, const TrainingPlan& plan)
+Corrections FindCorrections(Engine& engine, const Sweep& recorded, const std::vector<int>& frames, const Sweep& present,
+                            const TrainingPlan& plan)
 {
-  auto corrected = std::make_shared<Sweep>(present);
+  Corrections found;
   if (plan.poseRefinement)
   {
     AlignmentOptions alignment;
@@ -158,22 +163,42 @@ std::shared_ptr<const Sweep> Corrected(Engine& engine, const Sweep& recorded, co
     alignment.iterations = kAlignmentSteps;
     alignment.stride = kAlignmentStride;
     Eigen::Vector3d drift = Eigen::Vector3d::Zero();  // the mean shift says nothing about any one frame
-    for (std::size_t k = 0; k < frames.size(); ++k)
+    for (const int frame : frames)
     {
-      const RigidAlignment found = AlignFrame(engine, recorded, frames[k], alignment);
-      corrected->imageToReference[k] = found.plane.ImageToReference();
+      const RigidAlignment aligned = AlignFrame(engine, recorded, frame, alignment);
+      found.imageToReference.push_back(aligned.plane.ImageToReference());
       const double i = 0.5 * (recorded.width - 1), j = 0.5 * (recorded.height - 1);
-      drift += (found.plane.Point(i, j) - recorded.Plane(frames[k]).Point(i, j)) / static_cast<double>(frames.size());
+      drift += (aligned.plane.Point(i, j) - recorded.Plane(frame).Point(i, j)) / static_cast<double>(frames.size());
     }
-    for (std::size_t k = 0; k < frames.size(); ++k)
+    for (Eigen::Matrix4d& pose : found.imageToReference)
     {
-      corrected->imageToReference[k].block<3, 1>(0, 3) -= drift;
+      pose.block<3, 1>(0, 3) -= drift;
     }
   }
   if (plan.frameGains)
   {
+    const auto posed = Corrected(found, recorded, frames, present);
+    FindGains(engine, *posed, recorded, frames, found);
+  }
+  return found;
+}
+
+std::shared_ptr<const Sweep> Corrected(const Corrections& found, const Sweep& recorded, const std::vector<int>& frames,
+                                       const Sweep& present)
+{
+  auto corrected = std::make_shared<Sweep>(present);
+  std::copy(found.imageToReference.begin(), found.imageToReference.end(), corrected->imageToReference.begin());
+  if (!found.gains.empty())
+  {
+    const std::size_t size = corrected->PixelsPerFrame();
     WithPixels(*corrected, recorded, frames,
-               [&](float* pixels) { RemoveGains(engine, *corrected, frames.size(), pixels); });
+               [&](float* pixels)
+               {
+                 for (std::size_t k = 0; k < frames.size(); ++k)
+                 {
+                   Undo(found.gains[k], found.offsets[k], pixels + k * size, size);
+                 }
+               });
   }
   return corrected;
 }

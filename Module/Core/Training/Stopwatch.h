@@ -7,13 +7,19 @@
 namespace bigus
 {
 
-/// Seconds since it was made.
+/// Seconds since it was made, and what went before.
 class Stopwatch
 {
 public:
-  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  explicit Stopwatch(double before = 0) : before_(before) {}
+
+  double Seconds() const
+  {
+    return before_ + std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
 
 private:
+  double before_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 

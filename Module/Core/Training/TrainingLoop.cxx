@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <random>
 
+#include "Core/Engine/FieldState.h"
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Training/FrameCorrections.h"
@@ -197,35 +199,89 @@ LearningRates Scaled(const LearningRates& rates, double factor)
   return {rates.mean * factor, rates.logScale * factor, rates.rotation * factor, rates.reflectivity * factor};
 }
 
-/// The best field on the validation frames so far.
-class EarlyStop
+/// PSNR of equal images is infinite; a state holds finite numbers only.
+constexpr double kEqualImages = std::numeric_limits<double>::max();
+
+void SavePsnr(double psnr, StateWriter& to)
 {
-public:
-  explicit EarlyStop(int patience) : patience_(patience) {}
+  to.Number(std::min(psnr, kEqualImages));
+}
 
-  /// False when `patience` evaluations in a row were no better than the best.
-  bool Note(double psnr, const Engine& engine)
+double LoadPsnr(StateReader& from)
+{
+  const double psnr = from.Number<double>();
+  return psnr == kEqualImages ? std::numeric_limits<double>::infinity() : psnr;
+}
+
+void SaveLog(const std::vector<TrainingRecord>& log, StateWriter& to)
+{
+  to.Number<std::uint64_t>(log.size());
+  for (const TrainingRecord& line : log)
   {
-    if (!best_ || psnr > bestPsnr_)
-    {
-      best_ = engine.GetField();
-      bestPsnr_ = psnr;
-      sinceBest_ = 0;
-      return true;
-    }
-    return ++sinceBest_ < patience_;
+    to.Number(line.iteration);
+    to.Number(line.seconds);
+    to.Number(line.loss);
+    to.Flag(line.validationPsnr.has_value());
+    SavePsnr(line.validationPsnr.value_or(0), to);
+    to.Number<std::uint64_t>(line.gaussians);
+    to.Number(line.rate);
   }
+}
 
-  GaussianField BestOr(const Engine& engine) { return best_ ? std::move(*best_) : engine.GetField(); }
-
-private:
-  int patience_;
-  std::optional<GaussianField> best_;
-  double bestPsnr_ = 0;
-  int sinceBest_ = 0;
-};
+std::vector<TrainingRecord> LoadLog(StateReader& from)
+{
+  constexpr std::size_t kLineBytes = sizeof(int) + 4 * sizeof(double) + sizeof(std::uint64_t) + 1;
+  std::vector<TrainingRecord> log(from.Count(kLineBytes));
+  for (TrainingRecord& line : log)
+  {
+    line.iteration = from.Number<int>();
+    line.seconds = from.Number<double>();
+    line.loss = from.Number<double>();
+    const bool isValidated = from.Flag();
+    const double psnr = LoadPsnr(from);
+    if (isValidated)
+    {
+      line.validationPsnr = psnr;
+    }
+    line.gaussians = from.Number<std::uint64_t>();
+    line.rate = from.Number<double>();
+  }
+  return log;
+}
 
 }  // namespace
+
+/// What training keeps from one step to the next, the engine's state apart. The order of the batches follows from the
+/// seed and the number of steps.
+struct TrainingLoop::Course
+{
+  int iteration = 0;  ///< steps taken
+  LearningRates rates;
+  std::size_t cap = 0;      ///< DensificationOptions::cap
+  double trainingTime = 0;  ///< s, of steps before the last resumption
+  double lossSum = 0;       ///< since the last line of the log
+  int lossCount = 0;
+  std::size_t corrections = 0;  ///< how often frames were corrected
+  Corrections corrected;        ///< what was found the last time
+  std::vector<TrainingRecord> log;
+  std::optional<GaussianField> best;  ///< on the validation frames
+  double bestPsnr = 0;
+  int sinceBest = 0;  ///< evaluations
+
+  /// Notes what the validation frames say of the engine's field. False when `patience` evaluations in a row were no
+  /// better than the best.
+  bool Note(double psnr, const Engine& engine, int patience)
+  {
+    if (!best || psnr > bestPsnr)
+    {
+      best = engine.GetField();
+      bestPsnr = psnr;
+      sinceBest = 0;
+      return true;
+    }
+    return ++sinceBest < patience;
+  }
+};
 
 TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
                            ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes)
@@ -331,9 +387,9 @@ double TrainingLoop::Fraction(int iteration, double trainingStart) const
   return fraction;
 }
 
-void TrainingLoop::Correct()
+void TrainingLoop::Correct(const Corrections& found)
 {
-  targetSweep_ = Corrected(*engine_, *sweep_, frames_, *targetSweep_, plan_);
+  targetSweep_ = Corrected(found, *sweep_, frames_, *targetSweep_);
   UploadTargets();
 }
 
@@ -349,44 +405,121 @@ void TrainingLoop::Restructure(const DensificationOptions& densification)
 
 Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
 {
-  Fitted fitted;
-  LearningRates rates;
-  DensificationOptions densification = plan_.densification;
+  Course course;
   {
     const GaussianField field = Load(std::move(start));
-    rates = FirstRates(field);
-    densification.cap = densification.cap > 0 ? densification.cap : 2 * field.Size();
+    course.rates = FirstRates(field);
+    course.cap = plan_.densification.cap > 0 ? plan_.densification.cap : 2 * field.Size();
   }
-  const ParameterLimits limits = Limits();
-  Batches batches(targets_, plan_.batch, plan_.seed);
-  EarlyStop earlyStop(plan_.patience);
-  const int logInterval = std::max(1, plan_.iterations / kLogLines);
-  const double trainingStart = watch_.Seconds();
-  double lossSum = 0;
-  int lossCount = 0;
-  std::size_t corrections = 0;
-  if (densification.interval > 0)
+  if (plan_.densification.interval > 0)
   {
     engine_->ResetScores();
   }
-  for (int iteration = 1; iteration <= plan_.iterations && !aborted_; ++iteration)
+  return GoOn(course, validationFrames);
+}
+
+Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& validationFrames)
+{
+  StateReader from(state);
+  Course course;
+  course.iteration = from.NumberIn(1, std::max(plan_.iterations, 1));
+  for (double* rate : {&course.rates.mean, &course.rates.logScale, &course.rates.rotation, &course.rates.reflectivity})
   {
+    *rate = from.Number<double>();
+  }
+  course.cap = from.Number<std::uint64_t>();
+  course.trainingTime = from.Number<double>();
+  course.lossSum = from.Number<double>();
+  course.lossCount = from.NumberIn(0, course.iteration);
+  course.corrections = from.NumberIn<std::uint64_t>(0, kCorrections.size());
+  course.corrected.imageToReference = LoadVectors<Eigen::Matrix4d>(from);
+  course.corrected.gains = from.Array<double>();
+  course.corrected.offsets = from.Array<double>();
+  const auto isOfFrames = [&](std::size_t size, bool isAsked)
+  { return size == (isAsked && course.corrections > 0 ? frames_.size() : 0); };
+  StateReader::Require(isOfFrames(course.corrected.imageToReference.size(), plan_.poseRefinement) &&
+                           isOfFrames(course.corrected.gains.size(), plan_.frameGains) &&
+                           isOfFrames(course.corrected.offsets.size(), plan_.frameGains),
+                       "corrections of other frames");
+  course.log = LoadLog(from);
+  if (from.Flag())
+  {
+    course.best = LoadField(from);
+  }
+  course.bestPsnr = LoadPsnr(from);
+  course.sinceBest = from.NumberIn(0, plan_.patience);
+  engine_->LoadState(from);
+  from.End();
+  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->Size() > 0), "a field of no Gaussian");
+  if (course.corrections > 0)
+  {
+    Correct(course.corrected);
+    targetSweep_->Validate();
+  }
+  return GoOn(course, validationFrames);
+}
+
+void TrainingLoop::Save(const Course& course, StateWriter& to) const
+{
+  to.Number(course.iteration);
+  for (const double rate : {course.rates.mean, course.rates.logScale, course.rates.rotation, course.rates.reflectivity})
+  {
+    to.Number(rate);
+  }
+  to.Number<std::uint64_t>(course.cap);
+  to.Number(course.trainingTime);
+  to.Number(course.lossSum);
+  to.Number(course.lossCount);
+  to.Number<std::uint64_t>(course.corrections);
+  SaveVectors(course.corrected.imageToReference, to);
+  to.Array(course.corrected.gains);
+  to.Array(course.corrected.offsets);
+  SaveLog(course.log, to);
+  to.Flag(course.best.has_value());
+  if (course.best)
+  {
+    SaveField(*course.best, to);
+  }
+  SavePsnr(course.bestPsnr, to);
+  to.Number(course.sinceBest);
+  engine_->SaveState(to);
+}
+
+/// Trains on from where `course` and the engine are.
+Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFrames)
+{
+  DensificationOptions densification = plan_.densification;
+  densification.cap = course.cap;
+  const ParameterLimits limits = Limits();
+  Batches batches(targets_, plan_.batch, plan_.seed);
+  for (int iteration = 0; iteration < course.iteration; ++iteration)
+  {
+    batches.Next();
+  }
+  const int logInterval = std::max(1, plan_.iterations / kLogLines);
+  const double trainingStart = watch_.Seconds() - course.trainingTime;
+  const auto save = [this, &course](StateWriter& to) { Save(course, to); };
+  bool isFinished = course.iteration >= plan_.iterations;
+  while (!isFinished && !aborted_)
+  {
+    const int iteration = course.iteration + 1;
     const double fraction = Fraction(iteration, trainingStart);
     if (fraction >= 1.0)
     {
       break;
     }
-    if ((plan_.frameGains || plan_.poseRefinement) && corrections < kCorrections.size() &&
-        fraction >= kCorrections[corrections])
+    if ((plan_.frameGains || plan_.poseRefinement) && course.corrections < kCorrections.size() &&
+        fraction >= kCorrections[course.corrections])
     {
-      ++corrections;
-      Correct();
+      ++course.corrections;
+      course.corrected = FindCorrections(*engine_, *sweep_, frames_, *targetSweep_, plan_);
+      Correct(course.corrected);
     }
     const double passes = static_cast<double>(iteration) * plan_.batch / static_cast<double>(targets_.size());
     const double decay = Decay(plan_.finalRate, fraction, passes);
-    lossSum += engine_->TrainStep(batches.Next(), Blend(plan_, fraction), Scaled(rates, decay), limits);
-    ++lossCount;
-    fitted.iterations = iteration;
+    course.lossSum += engine_->TrainStep(batches.Next(), Blend(plan_, fraction), Scaled(course.rates, decay), limits);
+    ++course.lossCount;
+    course.iteration = iteration;
     if (densification.interval > 0 && iteration % densification.interval == 0 && fraction >= kFirstDensification &&
         fraction <= kLastDensification)
     {
@@ -395,10 +528,11 @@ Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
 
     TrainingRecord& line = report_.record;
     line.iteration = iteration;
-    line.loss = lossSum / lossCount;
+    line.loss = course.lossSum / course.lossCount;
     line.gaussians = engine_->FieldSize();
     line.rate = decay;
-    if (iteration % logInterval == 0 || iteration == plan_.iterations)
+    isFinished = iteration == plan_.iterations;
+    if (iteration % logInterval == 0 || isFinished)
     {
       line.seconds = watch_.Seconds();
       line.validationPsnr.reset();
@@ -406,18 +540,32 @@ Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
       {
         line.validationPsnr = FieldPsnr(*engine_, *sweep_, validationFrames);
       }
-      fitted.log.push_back(line);
-      if (line.validationPsnr && !earlyStop.Note(*line.validationPsnr, *engine_))
+      course.log.push_back(line);
+      if (line.validationPsnr && !course.Note(*line.validationPsnr, *engine_, plan_.patience))
       {
+        isFinished = true;
         break;
       }
-      lossSum = 0;
-      lossCount = 0;
+      course.lossSum = 0;
+      course.lossCount = 0;
     }
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
+    course.trainingTime = watch_.Seconds() - trainingStart;
+    if (keeping_.due && !isFinished && !aborted_ && keeping_.due())
+    {
+      keeping_.keep(save);
+    }
+  }
+  if (keeping_.keep && !isFinished && course.iteration > 0)
+  {
+    keeping_.keep(save);
   }
 
-  fitted.field = earlyStop.BestOr(*engine_);
+  Fitted fitted;
+  fitted.log = std::move(course.log);
+  fitted.iterations = course.iteration;
+  fitted.finished = isFinished;
+  fitted.field = course.best ? std::move(*course.best) : engine_->GetField();
   if (plan_.iterations > 0)
   {
     RemoveInvisible(fitted.field, plan_.tolerance);

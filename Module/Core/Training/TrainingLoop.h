@@ -3,13 +3,17 @@
 // One training with every choice made: what Train ends with, and what decisions are tried on. Private to Core.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Training/FrameCorrections.h"
 #include "Core/Training/Stopwatch.h"
 #include "Core/Training/TrainingPlan.h"
 #include "Core/Training/TrainingProgress.h"
@@ -32,7 +36,16 @@ struct Fitted
   GaussianField field;
   std::vector<TrainingRecord> log;
   int iterations = 0;
-  bool aborted = false;  ///< the callback said stop; the field is the best so far
+  bool aborted = false;   ///< the callback said stop; the field is the best so far
+  bool finished = false;  ///< all steps were taken, or validation said stop
+};
+
+/// When and where the state of a training is kept, as bytes for TrainingLoop::Resume. Both may be empty.
+struct Keeping
+{
+  std::function<bool()> due;  ///< asked after every step
+  /// Called when it is due, and at the end of a training that is not finished, with what writes the state.
+  std::function<void(const std::function<void(StateWriter&)>& write)> keep;
 };
 
 /// One training: upload the frames once, seed and solve, then run. SeedAndSolve and Run may be called more than once.
@@ -50,16 +63,27 @@ public:
   /// Trains from `start`, which is of the plan's beam. `validationFrames` (may be empty) serve early stop.
   Fitted Run(Start start, const std::vector<int>& validationFrames);
 
+  /// Goes on where a loop of the same sweep, frames and plan was when it gave this state to its Keeping, and ends with
+  /// the same bits. The time that a limit bounds goes on, too. Throws Error for bytes that are no such state.
+  Fitted Resume(std::string_view state, const std::vector<int>& validationFrames);
+
+  /// From now on the state is kept.
+  void SetKeeping(Keeping keeping) { keeping_ = std::move(keeping); }
+
   /// For what the caller renders afterwards.
   Engine& engine() { return *engine_; }
 
 private:
+  struct Course;
+
   void UploadTargets();
   ParameterLimits Limits() const;
   LearningRates FirstRates(const GaussianField& field) const;
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;
-  void Correct();
+  void Correct(const Corrections& found);
+  Fitted GoOn(Course& course, const std::vector<int>& validationFrames);
+  void Save(const Course& course, StateWriter& to) const;
   void Restructure(const DensificationOptions& densification);
   bool Proceed(TrainingProgress::Phase phase, double fraction);
 
@@ -68,6 +92,7 @@ private:
   std::vector<int> frames_;
   TrainingPlan plan_;
   ProgressCallback progress_;
+  Keeping keeping_;
   std::unique_ptr<Engine> engine_;
   std::shared_ptr<const Sweep> targetSweep_;  // what the engine trains on: the frames, perhaps corrected, then
   std::vector<int> targets_;                  // virtual planes; and which of its frames

@@ -221,6 +221,23 @@ public:
     return residual;
   }
 
+  void SaveState(StateWriter& to) const override
+  {
+    BlockState<T> state = field_.State();
+    state.scores = scores_;
+    state.keepsScores = keepScores_;
+    state.Save(to);
+  }
+
+  void LoadState(StateReader& from) override
+  {
+    BlockState<T> state = BlockState<T>::Load(from);
+    gradient_ = {};
+    scores_ = std::move(state.scores);
+    keepScores_ = state.keepsScores;
+    field_.SetState(std::move(state));
+  }
+
   FieldGradient GetGradient() const override { return GradientOf(gradient_, field_.Order()); }
   Scores GetScores() const override { return ScoresOf(scores_, field_.Order()); }
 

@@ -54,6 +54,57 @@ GaussianField CpuField<T>::Get() const
 }
 
 template <class T>
+BlockState<T> CpuField<T>::State() const
+{
+  BlockState<T> state;
+  state.beam = beam_;
+  state.transfer = transfer_;
+  state.order = order_;
+  for (const BlockPlace& place : places_)
+  {
+    state.centres.push_back(place.centre);
+  }
+  state.gaussians = blocks_;
+  for (std::size_t b = 0; b < sharp_.size(); ++b)
+  {
+    if (sharp_[b])
+    {
+      state.sharp.emplace_back(static_cast<std::uint32_t>(b), *sharp_[b]);
+    }
+  }
+  state.adam = adam_;
+  state.guarded = guarded_;
+  return state;
+}
+
+template <class T>
+void CpuField<T>::SetState(BlockState<T> state)
+{
+  beam_ = state.beam;
+  transfer_ = state.transfer;
+  places_.clear();
+  for (std::size_t b = 0; b < state.gaussians.size(); ++b)
+  {
+    places_.push_back(state.Place(b));
+  }
+  order_ = std::move(state.order);
+  blocks_ = std::move(state.gaussians);
+  adam_ = std::move(state.adam);
+  guarded_ = state.guarded;
+  groupsAreStale_ = true;
+  sharp_.clear();
+  sharp_.resize(blocks_.size());
+  tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
+  for (const auto& [b, block] : state.sharp)
+  {
+    if (sharp_[b])
+    {
+      *sharp_[b] = block;
+    }
+  }
+}
+
+template <class T>
 void CpuField<T>::FillBlock(const GaussianField& field, std::size_t b)
 {
   places_[b] = PlaceOf(field, order_, b);

@@ -10,6 +10,7 @@
 #include <memory>
 #include <vector>
 
+#include "Core/Engine/BlockState.h"
 #include "Core/Engine/Cpu/CpuKernels.h"
 #include "Core/Formula/BlockReach.h"
 #include "Core/Formula/GaussianBlock.h"
@@ -27,6 +28,10 @@ public:
   /// See Engine::SetField.
   void Set(const GaussianField& field, const std::vector<int>* parents);
   GaussianField Get() const;
+
+  /// All but the scores, which are the engine's.
+  BlockState<T> State() const;
+  void SetState(BlockState<T> state);
 
   std::size_t Size() const { return order_.size(); }
   std::size_t NumberOfBlocks() const { return blocks_.size(); }

@@ -1,0 +1,343 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Deciding/Checkpointer.h"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+#include <cstring>
+
+#include "Core/Engine/FieldState.h"
+#include "Core/Model/Error.h"
+#include "Core/Numerics/Checksum.h"
+#include "Core/Numerics/StateBytes.h"
+#include "Core/Training/OptionList.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr char kMagic[8] = {'B', 'I', 'G', 'U', 'S', 'C', 'K', 'P'};
+
+/// Another number for every change of what follows the header.
+constexpr std::uint32_t kFormat = 1;
+
+/// Tells machines with another order of bytes.
+constexpr std::uint32_t kByteOrder = 0x01020304;
+
+constexpr std::size_t kHeaderBytes = sizeof(kMagic) + 2 * sizeof(std::uint32_t) + 2 * sizeof(std::uint64_t);
+
+/// s, longer than any training.
+constexpr double kLongest = 1e10;
+
+/// Characters of a text from a state that a message quotes.
+constexpr std::size_t kQuoted = 60;
+
+constexpr const char* kBegin = " Begin anew, without a checkpoint.";
+
+/// Fills the room for a header in front of a body.
+void SetHeader(std::string& bytes)
+{
+  const std::string_view body = std::string_view(bytes).substr(kHeaderBytes);
+  StateWriter header;
+  header.Numbers(kMagic, sizeof(kMagic));
+  header.Number(kFormat);
+  header.Number(kByteOrder);
+  header.Number<std::uint64_t>(body.size());
+  header.Number(Checksum().Add(body.data(), body.size()).Value());
+  bytes.replace(0, kHeaderBytes, header.Take());
+}
+
+/// What follows the header. Throws Error unless the bytes are whole.
+std::string_view BodyOf(std::string_view bytes)
+{
+  if (bytes.substr(0, sizeof(kMagic)) != std::string_view(kMagic, sizeof(kMagic)))
+  {
+    throw Error(std::string("This is no checkpoint of a training.") + kBegin);
+  }
+  if (bytes.size() < kHeaderBytes)
+  {
+    throw Error("The checkpoint ends after " + std::to_string(bytes.size()) + " bytes: it was cut off." + kBegin);
+  }
+  StateReader header(bytes.substr(sizeof(kMagic), kHeaderBytes - sizeof(kMagic)));
+  const auto format = header.Number<std::uint32_t>(), order = header.Number<std::uint32_t>();
+  const auto size = header.Number<std::uint64_t>(), checksum = header.Number<std::uint64_t>();
+  const std::string_view body = bytes.substr(kHeaderBytes);
+  if (format != kFormat || order != kByteOrder)
+  {
+    throw Error("The checkpoint has format " + std::to_string(format) +
+                (order != kByteOrder ? ", of another machine" : "") + "; this program reads format " +
+                std::to_string(kFormat) + "." + kBegin);
+  }
+  if (body.size() != size)
+  {
+    throw Error("The checkpoint holds " + std::to_string(body.size()) + " bytes and says " + std::to_string(size) +
+                (body.size() < size ? ": it was cut off." : ".") + kBegin);
+  }
+  if (Checksum().Add(body.data(), body.size()).Value() != checksum)
+  {
+    throw Error(std::string("The checkpoint was damaged: its checksum is wrong.") + kBegin);
+  }
+  return body;
+}
+
+void SaveTexts(const NamedTexts& texts, StateWriter& to)
+{
+  to.Number<std::uint64_t>(texts.size());
+  for (const auto& [name, text] : texts)
+  {
+    to.Text(name);
+    to.Text(text);
+  }
+}
+
+/// Of printable characters, because they are printed.
+std::string LoadText(StateReader& from)
+{
+  const std::string_view text = from.Text();
+  StateReader::Require(std::none_of(text.begin(), text.end(),
+                                    [](unsigned char character) { return character < ' ' || character == 0x7f; }),
+                       "a text of other than printable characters");
+  return std::string(text);
+}
+
+NamedTexts LoadTexts(StateReader& from)
+{
+  NamedTexts texts(from.Count(2 * sizeof(std::uint64_t)));
+  for (auto& [name, text] : texts)
+  {
+    name = LoadText(from);
+    text = LoadText(from);
+  }
+  return texts;
+}
+
+void SaveSettlement(const Settlement& settlement, StateWriter& to)
+{
+  SaveTexts(settlement.options, to);
+  to.Number<std::uint64_t>(settlement.decisions.size());
+  for (const Decision& decision : settlement.decisions)
+  {
+    to.Text(decision.what);
+    to.Text(decision.choice);
+    to.Text(decision.evidence);
+    to.Number(decision.seconds);
+  }
+  SaveVectors(settlement.imageToReference, to);
+}
+
+Settlement LoadSettlement(StateReader& from)
+{
+  Settlement settlement;
+  settlement.options = LoadTexts(from);
+  settlement.decisions.resize(from.Count(4 * sizeof(std::uint64_t)));
+  for (Decision& decision : settlement.decisions)
+  {
+    decision.what = LoadText(from);
+    decision.choice = LoadText(from);
+    decision.evidence = LoadText(from);
+    decision.seconds = from.NumberIn(0.0, kLongest);
+  }
+  settlement.imageToReference = LoadVectors<Eigen::Matrix4d>(from);
+  return settlement;
+}
+
+std::string Hexadecimal(const Checksum& checksum)
+{
+  char text[17];
+  std::snprintf(text, sizeof(text), "%016" PRIx64, checksum.Value());
+  return text;
+}
+
+/// Which engine computes, without the number of threads, which changes no bit.
+std::string EngineOf(const std::string& name)
+{
+  std::string device = Engine::Create(name)->Device();
+  const std::size_t threads = device.rfind(" threads)"), comma = device.rfind(", ", threads);
+  if (threads != std::string::npos && comma != std::string::npos)
+  {
+    device.replace(comma, std::string::npos, ")");
+  }
+  return device;
+}
+
+}  // namespace
+
+NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const GaussianField* start)
+{
+  const std::size_t frames = sweep.imageToReference.size();
+  const std::size_t pixelBytes = sweep.pixelType == Sweep::PixelType::UInt8 ? 1 : sizeof(float);
+  Checksum pixels, poses, mask, field;
+  pixels.Add(sweep.pixels.get(), pixelBytes * frames * sweep.PixelsPerFrame());
+  for (const Eigen::Matrix4d& pose : sweep.imageToReference)
+  {
+    poses.Add(pose.data(), sizeof(double) * pose.size());
+  }
+  poses.Add(sweep.timestamps.data(), sizeof(double) * sweep.timestamps.size());
+  if (sweep.mask)
+  {
+    mask.Add(sweep.mask->data(), sweep.mask->size());
+  }
+  if (start)
+  {
+    StateWriter bytes;
+    SaveField(*start, bytes);
+    const std::string text = bytes.Take();
+    field.Add(text.data(), text.size());
+  }
+  NamedTexts identity = {{"version", BIGUS_VERSION},
+                         {"engine", EngineOf(options.engine)},
+                         {"sequence", std::to_string(frames) + " frames of " + std::to_string(sweep.width) + " x " +
+                                          std::to_string(sweep.height) + " pixels"},
+                         {"checksum of the pixels", Hexadecimal(pixels)},
+                         {"checksum of the poses and times", Hexadecimal(poses)},
+                         {"checksum of the mask", sweep.mask ? Hexadecimal(mask) : "none"},
+                         {"checksum of the field to continue from", start ? Hexadecimal(field) : "none"}};
+  for (const OptionText& option : ListOptions(options))
+  {
+    const std::string name = option.info.name;
+    if (name != "TimeLimit" && name != "Engine")
+    {
+      identity.emplace_back(SpellOption(name), option.value);
+    }
+  }
+  return identity;
+}
+
+Checkpointer::Checkpointer(const Checkpoints& checkpoints, NamedTexts identity)
+    : checkpoints_(checkpoints), identity_(std::move(identity))
+{
+  if (!checkpoints.resume.empty())
+  {
+    Load(BodyOf(checkpoints.resume));
+  }
+}
+
+const TrialScores* Checkpointer::FindTrial(const std::string& name) const
+{
+  const auto found = trials_.find(name);
+  return found == trials_.end() ? nullptr : &found->second;
+}
+
+void Checkpointer::NoteTrial(const std::string& name, const TrialScores& scores)
+{
+  trials_[name] = scores;
+  isSaved_ = false;
+}
+
+void Checkpointer::Settle(Settlement settlement)
+{
+  settled_ = std::move(settlement);
+  trials_.clear();
+  state_ = {};
+  isSaved_ = false;
+}
+
+std::string_view Checkpointer::TakeLoop(const std::string& name)
+{
+  return name == loop_ ? std::exchange(state_, {}) : std::string_view();
+}
+
+Keeping Checkpointer::KeepingOf(const std::string& name)
+{
+  if (!checkpoints_.save)
+  {
+    return {};
+  }
+  return {[this] { return IsDue(); }, [this, name](const auto& write) { Save(name, write); }};
+}
+
+void Checkpointer::Save()
+{
+  Save(loop_, [this](StateWriter& to) { to.Numbers(state_.data(), state_.size()); });
+}
+
+void Checkpointer::Close()
+{
+  if (!isSaved_)
+  {
+    Save();
+  }
+  isClosed_ = true;
+}
+
+bool Checkpointer::IsDue() const
+{
+  return checkpoints_.save && !isClosed_ && watch_.Seconds() - saved_ >= checkpoints_.interval;
+}
+
+void Checkpointer::Save(const std::string& loop, const std::function<void(StateWriter&)>& writeState)
+{
+  if (!checkpoints_.save || isClosed_)
+  {
+    return;
+  }
+  StateWriter to;
+  constexpr char kRoom[kHeaderBytes] = {};
+  to.Numbers(kRoom, kHeaderBytes);
+  to.Number(seconds_ + watch_.Seconds());
+  SaveTexts(identity_, to);
+  to.Number<std::uint64_t>(trials_.size());
+  for (const auto& [name, scores] : trials_)
+  {
+    to.Text(name);
+    to.Array(scores.frames);
+    to.Array(scores.across);
+  }
+  to.Flag(settled_.has_value());
+  if (settled_)
+  {
+    SaveSettlement(*settled_, to);
+  }
+  to.Text(loop);
+  writeState(to);
+  std::string bytes = to.Take();
+  SetHeader(bytes);
+  checkpoints_.save(bytes);
+  saved_ = watch_.Seconds();
+  isSaved_ = true;
+}
+
+void Checkpointer::Load(std::string_view bytes)
+{
+  StateReader from(bytes);
+  seconds_ = from.NumberIn(0.0, kLongest);
+  RequireSameTraining(LoadTexts(from));
+  for (std::size_t left = from.Count(3 * sizeof(std::uint64_t)); left > 0; --left)
+  {
+    const std::string name = LoadText(from);
+    TrialScores& scores = trials_[name];
+    scores.frames = from.Array<double>();
+    scores.across = from.Array<double>();
+  }
+  if (from.Flag())
+  {
+    settled_ = LoadSettlement(from);
+  }
+  loop_ = LoadText(from);
+  state_ = from.Rest();
+}
+
+void Checkpointer::RequireSameTraining(const NamedTexts& then) const
+{
+  std::string differences;
+  for (const auto& [name, now] : identity_)
+  {
+    const auto found =
+        std::find_if(then.begin(), then.end(), [&name = name](const auto& text) { return text.first == name; });
+    const std::string was = found == then.end() ? "not known" : found->second;
+    if (was != now)
+    {
+      differences += (differences.empty() ? "" : "; ") + name + " was " + was.substr(0, kQuoted) + " and is " +
+                     now.substr(0, kQuoted);
+    }
+  }
+  if (!differences.empty())
+  {
+    throw Error("The checkpoint is of another training: " + differences +
+                ". Give the sequence and the options of then, or begin anew, without the checkpoint.");
+  }
+}
+
+}  // namespace bigus

@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What of a training is kept so that it can go on after its program has ended, and the bytes that hold it. Private to
+// Core.
+#pragma once
+
+#include <Eigen/Dense>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "Core/Deciding/Decision.h"
+#include "Core/Deciding/Trainer.h"
+#include "Core/Training/Stopwatch.h"
+#include "Core/Training/TrainingLoop.h"
+
+namespace bigus
+{
+
+/// Names and texts: the options of a training, say.
+using NamedTexts = std::vector<std::pair<std::string, std::string>>;
+
+/// All that decides what a training ends with: the program's version, the engine and its instructions, the sequence, the
+/// field to continue from, and every option but the time limit, which may be another when a training goes on.
+NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const GaussianField* start);
+
+/// PSNRs of a trial, dB: of validation frames, and of planes across the frames.
+struct TrialScores
+{
+  std::vector<double> frames, across;
+};
+
+/// What deciding ends with.
+struct Settlement
+{
+  NamedTexts options;  ///< as ListOptions spells them, less the time limit
+  std::vector<Decision> decisions;
+  std::vector<Eigen::Matrix4d> imageToReference;  ///< of all frames
+};
+
+/// Keeps the scores of finished trials until all is decided, then what was decided; and the state of the loop that is
+/// under way, be it a trial's or the training's own. Everything else follows from these and is done again.
+class Checkpointer
+{
+public:
+  /// What is referred to must outlive this. Throws Error when there is a state to go on from and it is damaged or of a training with another identity.
+  Checkpointer(const Checkpoints& checkpoints, NamedTexts identity);
+
+  /// Seconds that the training took before.
+  double Seconds() const { return seconds_; }
+
+  /// Null where the trial was not finished.
+  const TrialScores* FindTrial(const std::string& name) const;
+  void NoteTrial(const std::string& name, const TrialScores& scores);
+
+  const std::optional<Settlement>& Settled() const { return settled_; }
+  void Settle(Settlement settlement);
+
+  /// The state that this loop was in, "" for one that begins. The training's own loop has the name "".
+  std::string_view TakeLoop(const std::string& name);
+  Keeping KeepingOf(const std::string& name);
+
+  /// Writes all that is known.
+  void Save();
+  /// Writes what is not written yet, and nothing from then on: what comes is of no use to a training that goes on.
+  void Close();
+
+private:
+  bool IsDue() const;
+  void Save(const std::string& loop, const std::function<void(StateWriter&)>& writeState);
+  void Load(std::string_view bytes);
+  void RequireSameTraining(const NamedTexts& then) const;
+
+  const Checkpoints& checkpoints_;
+  NamedTexts identity_;
+  double seconds_ = 0;
+  Stopwatch watch_;
+  double saved_ = 0;                         // s, when
+  bool isClosed_ = false, isSaved_ = false;  // saved: nothing was noted since
+  std::map<std::string, TrialScores> trials_;
+  std::optional<Settlement> settled_;
+  std::string loop_;        // to go on from
+  std::string_view state_;  // of it; in checkpoints_.resume
+};
+
+}  // namespace bigus

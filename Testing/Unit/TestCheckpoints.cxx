@@ -1,0 +1,301 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A training that stops anywhere and goes on ends with the bits of one that never stopped.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Core/Deciding/Trainer.h"
+#include "Core/Model/Error.h"
+#include "Support/Errors.h"
+#include "Support/Sweeps.h"
+
+namespace
+{
+
+using bigus::Checkpoints;
+using bigus::GaussianField;
+using bigus::TrainerOptions;
+using bigus::TrainingProgress;
+using bigus::TrainingResult;
+using bigus::test::RenderedSweep;
+
+TrainerOptions Small()
+{
+  TrainerOptions options;
+  options.automatic = false;
+  options.gaussians = 300;
+  options.iterations = 60;
+  options.holdOut = 4;
+  return options;
+}
+
+void ExpectSame(const TrainingResult& a, const TrainingResult& b)
+{
+  EXPECT_TRUE(a.field.means == b.field.means && a.field.scales == b.field.scales &&
+              a.field.rotations == b.field.rotations && a.field.reflectivities == b.field.reflectivities &&
+              a.field.transfer.gamma == b.field.transfer.gamma);
+  EXPECT_EQ(a.field.beam.elevationSigma, b.field.beam.elevationSigma);
+  EXPECT_EQ(a.field.beam.probeElevationSigma, b.field.beam.probeElevationSigma);
+  EXPECT_EQ(a.field.beam.trainedNormals, b.field.beam.trainedNormals);
+  EXPECT_EQ(a.imageToReference, b.imageToReference);
+  EXPECT_EQ(a.iterations, b.iterations);
+  ASSERT_EQ(a.log.size(), b.log.size());
+  for (std::size_t line = 0; line < a.log.size(); ++line)
+  {
+    EXPECT_EQ(a.log[line].iteration, b.log[line].iteration);
+    EXPECT_EQ(a.log[line].loss, b.log[line].loss);
+    EXPECT_EQ(a.log[line].validationPsnr, b.log[line].validationPsnr);
+  }
+  ASSERT_EQ(a.decisions.size(), b.decisions.size());
+  for (std::size_t k = 0; k < a.decisions.size(); ++k)
+  {
+    EXPECT_EQ(a.decisions[k].what, b.decisions[k].what);
+    EXPECT_EQ(a.decisions[k].choice, b.decisions[k].choice);
+    EXPECT_EQ(a.decisions[k].evidence, b.decisions[k].evidence);
+  }
+}
+
+/// When a training is stopped: at a step, or at the n-th call of its callback.
+struct Stop
+{
+  int step = 0, call = 0;
+};
+
+/// The state of a training that is stopped; nothing if it ends before.
+std::optional<std::string> StateWhenStopped(const std::shared_ptr<const bigus::Sweep>& sweep,
+                                            const TrainerOptions& options, Stop stop, const std::string& from = {},
+                                            const GaussianField* start = nullptr)
+{
+  std::string kept;
+  Checkpoints checkpoints;
+  checkpoints.save = [&kept](const std::string& state) { kept = state; };
+  checkpoints.resume = from;
+  const auto goOn = [&stop](const TrainingProgress& now)
+  {
+    const bool isTraining = now.phase == TrainingProgress::Phase::Training;
+    return stop.step > 0 ? !isTraining || now.record.iteration < stop.step : --stop.call > 0;
+  };
+  const TrainingResult part = bigus::Train(sweep, options, start, goOn, checkpoints);
+  return part.finished ? std::nullopt : std::make_optional(kept);
+}
+
+TrainingResult Resumed(const std::shared_ptr<const bigus::Sweep>& sweep, const TrainerOptions& options,
+                       const std::string& state, const GaussianField* start = nullptr)
+{
+  Checkpoints checkpoints;
+  checkpoints.resume = state;
+  return bigus::Train(sweep, options, start, {}, checkpoints);
+}
+
+/// A training that is stopped and goes on ends with the bits of one that never stopped.
+void ExpectStopsDoNotMatter(const TrainerOptions& options, const std::vector<Stop>& stops)
+{
+  const auto sweep = RenderedSweep();
+  const TrainingResult whole = bigus::Train(sweep, options);
+  for (const Stop& stop : stops)
+  {
+    SCOPED_TRACE("stopped at step " + std::to_string(stop.step) + " or call " + std::to_string(stop.call));
+    const std::optional<std::string> state = StateWhenStopped(sweep, options, stop);
+    ASSERT_TRUE(state);
+    ASSERT_FALSE(state->empty());
+    const TrainingResult resumed = Resumed(sweep, options, *state);
+    EXPECT_TRUE(resumed.finished);
+    ExpectSame(resumed, whole);
+  }
+}
+
+TEST(Checkpoints, AStoppedTrainingGoesOnWithTheSameBits)
+{
+  for (const int threads : {1, 2})
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    ExpectStopsDoNotMatter(Small(), {{0, 1}, {0, 5}, {1}, {2}, {17}, {40}, {59}});
+  }
+}
+
+TEST(Checkpoints, EveryEngineGoesOn)
+{
+  for (const char* engine : {"cpu-double", "reference"})
+  {
+    TrainerOptions options = Small();
+    options.engine = engine;
+    options.gaussians = 60;
+    options.iterations = 12;
+    options.virtualPlanes = 0;
+    ExpectStopsDoNotMatter(options, {{5}});
+  }
+}
+
+TEST(Checkpoints, ValidationAndDensificationGoOn)
+{
+  TrainerOptions options = Small();
+  options.validation = 4;
+  options.patience = 3;
+  options.reflectivityRate = 0.8;  // coarse steps, so that the best field is not the last
+  options.densification.interval = 7;
+  options.densification.percentile = 60;
+  ExpectStopsDoNotMatter(options, {{3}, {7}, {20}, {33}});
+}
+
+TEST(Checkpoints, CorrectedFramesGoOn)
+{
+  TrainerOptions options = Small();
+  options.iterations = 30;
+  options.virtualPlanes = 1;
+  options.frameGains = options.poseRefinement = true;
+  options.poseSmoothing = 1;
+  ExpectStopsDoNotMatter(options, {{5}, {12}, {25}});
+}
+
+TEST(Checkpoints, NeedlesGoOn)
+{
+  // Thin Gaussians are held in double beside float until they are moved.
+  const auto sweep = RenderedSweep();
+  TrainerOptions options = Small();
+  options.iterations = 10;
+  options.batch = 1;
+  GaussianField start = bigus::Train(sweep, options).field;
+  for (std::size_t i = 0; i < start.Size(); i += 3)
+  {
+    start.scales[i][2] = start.scales[i][0] / 1000;
+  }
+  const TrainingResult whole = bigus::Train(sweep, options, &start);
+  const std::optional<std::string> state = StateWhenStopped(sweep, options, {4}, {}, &start);
+  ASSERT_TRUE(state);
+  ExpectSame(Resumed(sweep, options, *state, &start), whole);
+}
+
+TEST(Checkpoints, DecisionsGoOn)
+{
+  TrainerOptions options;
+  options.holdOut = 4;
+  options.iterations = 40;
+  options.maximumGaussians = 2000;
+  ExpectStopsDoNotMatter(options, {{0, 1}, {0, 9}, {0, 60}, {0, 150}, {0, 250}, {20}});
+}
+
+TEST(Checkpoints, MayStopAgainAndAgain)
+{
+  const auto sweep = RenderedSweep();
+  TrainerOptions options;
+  options.holdOut = 4;
+  options.iterations = 40;
+  options.maximumGaussians = 1500;
+  const TrainingResult whole = bigus::Train(sweep, options);
+  std::string state;
+  int stops = 0;
+  for (; stops < 100; ++stops)
+  {
+    const std::optional<std::string> next = StateWhenStopped(sweep, options, {0, 90}, state);
+    if (!next)
+    {
+      break;
+    }
+    state = *next;
+  }
+  EXPECT_GE(stops, 3);
+  EXPECT_LT(stops, 100);
+  ExpectSame(Resumed(sweep, options, state), whole);
+}
+
+TEST(Checkpoints, AreSavedWhileNothingStops)
+{
+  const auto sweep = RenderedSweep();
+  const TrainingResult whole = bigus::Train(sweep, Small());
+  std::vector<std::string> states;
+  Checkpoints checkpoints;
+  checkpoints.interval = 0;
+  checkpoints.save = [&states](const std::string& state) { states.push_back(state); };
+  const TrainingResult kept = bigus::Train(sweep, Small(), nullptr, {}, checkpoints);
+  EXPECT_TRUE(kept.finished);
+  ExpectSame(kept, whole);
+  ASSERT_GE(states.size(), 60u);  // one when all is decided, and one a step but the last
+  ExpectSame(Resumed(sweep, Small(), states[30]), whole);
+  checkpoints.interval = 1e6;
+  states.clear();
+  bigus::Train(sweep, Small(), nullptr, {}, checkpoints);
+  EXPECT_EQ(states.size(), 1u);
+}
+
+TEST(Checkpoints, ATimeLimitMayBeProlonged)
+{
+  const auto sweep = RenderedSweep();
+  TrainerOptions options = Small();
+  options.iterations = 10000000;
+  options.timeLimit = 0.5;
+  std::string kept;
+  Checkpoints checkpoints;
+  checkpoints.save = [&kept](const std::string& state) { kept = state; };
+  const TrainingResult limited = bigus::Train(sweep, options, nullptr, {}, checkpoints);
+  EXPECT_FALSE(limited.finished);
+  EXPECT_FALSE(limited.aborted);
+  checkpoints.resume = kept;
+  const TrainingResult nothingMore = bigus::Train(sweep, options, nullptr, {}, checkpoints);
+  EXPECT_EQ(nothingMore.iterations, limited.iterations);
+  EXPECT_EQ(nothingMore.field.means, limited.field.means);
+  options.timeLimit = 1.0;
+  const TrainingResult longer = bigus::Train(sweep, options, nullptr, {}, checkpoints);
+  EXPECT_GT(longer.iterations, limited.iterations);
+  EXPECT_LT(longer.seconds, 1.5);
+}
+
+/// A checkpoint of a small training, in its middle.
+const std::string& AState()
+{
+  static const std::string state = *StateWhenStopped(RenderedSweep(), Small(), {30});
+  return state;
+}
+
+TEST(Checkpoints, ACutOrChangedCheckpointIsRefused)
+{
+  const auto sweep = RenderedSweep();
+  const std::string& state = AState();
+  ASSERT_GT(state.size(), 10000u);
+  for (std::size_t size = 1; size < state.size(); size += size < 2000 ? 1 : 997)
+  {
+    EXPECT_THROW(Resumed(sweep, Small(), state.substr(0, size)), bigus::Error) << size;
+  }
+  for (std::size_t at = 0; at < state.size(); at += at < 2000 ? 1 : 997)
+  {
+    std::string changed = state;
+    changed[at] ^= static_cast<char>(1 << at % 8);
+    EXPECT_THROW(Resumed(sweep, Small(), changed), bigus::Error) << at;
+  }
+  EXPECT_THROW(Resumed(sweep, Small(), state + "x"), bigus::Error);
+  EXPECT_THROW(Resumed(sweep, Small(), "a text"), bigus::Error);
+}
+
+TEST(Checkpoints, AnotherTrainingIsNamed)
+{
+  const auto expectRefused = [](const std::shared_ptr<const bigus::Sweep>& sweep, const TrainerOptions& options,
+                                const char* difference) {
+    bigus::test::ExpectRefused([&] { Resumed(sweep, options, AState()); }, {"another training", difference});
+  };
+  TrainerOptions options = Small();
+  options.seed = 7;
+  expectRefused(RenderedSweep(), options, "seed was 1 and is 7");
+  options = Small();
+  options.engine = "cpu-double";
+  expectRefused(RenderedSweep(), options, "engine was");
+  auto sweep = RenderedSweep();
+  bigus::test::Pixels(*sweep)[1234] *= 0.999f;
+  expectRefused(sweep, Small(), "checksum of the pixels");
+  sweep = RenderedSweep();
+  sweep->imageToReference[3](2, 3) += 1e-9;
+  expectRefused(sweep, Small(), "checksum of the poses");
+  sweep = bigus::test::BlackSweep(12, 48, 40, 0.4, 0.4);
+  bigus::test::Pixels(*sweep)[0] = 1;
+  expectRefused(sweep, Small(), "was 24 frames of 48 x 40 pixels and is 12 frames");
+  options = Small();
+  options.timeLimit = 1000;  // may be another
+  EXPECT_NO_THROW(Resumed(RenderedSweep(), options, AState()));
+}
+
+}  // namespace
