@@ -1,17 +1,22 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus convert: fields between .vtp and .ply, any tracked sequence to .igs.mha.
+#include <cmath>
 #include <memory>
 #include <numeric>
 
 #include "Command.h"
 #include "Files.h"
+#include "IO/Formats/LinearTransform.h"
 #include "Inputs.h"
 #include "Outputs.h"
+#include "Pipeline.h"
 #include "vtkBigusFieldReader.h"
+#include "vtkBigusTransformField.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
+#include "vtkTransform.h"
 
 namespace bigus::command
 {
@@ -23,27 +28,66 @@ struct Options
 {
   SequenceOptions input;
   std::string output;
+  std::string transform;  ///< file; empty: none
+  bool inverse = false;
+  WorldSystem world = WorldSystem::Ras;
 };
+
+/// The way of a field's points, in the coordinates of its world.
+vtkSmartPointer<vtkTransform> FieldTransform(const Options& options)
+{
+  RequireFile(options.transform);
+  const LinearTransform file = ReadLinearTransform(options.transform);
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = file.matrix;
+  if (file.isItk && options.world == WorldSystem::Ras)
+  {
+    const Eigen::Vector4d signs(-1, -1, 1, 1);  // x and y of LPS
+    matrix = signs.asDiagonal() * file.matrix * signs.asDiagonal();
+  }
+  auto transform = vtkSmartPointer<vtkTransform>::New();
+  transform->SetMatrix(matrix.data());
+  if (file.isItk != options.inverse)  // ITK's leads from where things are shown to where they were
+  {
+    if (!(std::abs(matrix.determinant()) > 0))
+    {
+      throw Error(options.transform + ": the transform has no inverse.");
+    }
+    transform->Inverse();
+  }
+  return transform;
+}
 
 ExitCode Convert(Console& console, const Options& options)
 {
   const std::string& input = options.input.path;
   const std::string& output = options.output;
   RequireFile(input);
-  RequireDistinct({input, options.input.chain.config}, {output});
+  RequireDistinct({input, options.input.chain.config, options.transform}, {output});
   RequireWritable(output);
 
   vtkNew<vtkBigusFieldReader> fieldReader;
   if (fieldReader->CanReadFile(input.c_str()))
   {
     RequireFieldName(output);
-    const vtkSmartPointer<vtkPolyData> field = ReadFieldData(input, console);
+    vtkSmartPointer<vtkPolyData> field = ReadFieldData(input, console);
+    if (!options.transform.empty())
+    {
+      vtkNew<vtkBigusTransformField> mover;
+      mover->SetInputData(field);
+      mover->SetTransform(FieldTransform(options));
+      Update(mover, console, "Moving");
+      field = mover->GetOutput();
+    }
     WriteFieldData(field, output, console);
     console.Print(output + ": " + std::to_string(field->GetNumberOfPoints()) + " Gaussians");
     console.Report({{"output", output}, {"kind", "field"}, {"gaussians", field->GetNumberOfPoints()}});
     return Success;
   }
 
+  if (!options.transform.empty())
+  {
+    throw Error("--transform moves fields (.vtp, .ply), and '" + input + "' is none.");
+  }
   RequireStackName(output);
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
   const int frames = sequence->GetDimensions()[2];
@@ -69,11 +113,22 @@ void AddConvert(Program& program)
       "Rewrite a field or a sequence in another format\n"
       "  bigus convert field.vtp field.ply                           for viewers of Gaussian splats\n"
       "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
+      "  bigus convert field.vtp placed.vtp --transform patient.tfm  moved as 3D Slicer would move it\n"
       "Rejected frames of a sequence are left out.");
   AddSequenceOptions(*app, options->input, "INPUT", "Field (.vtp .ply) or sequence (.mha .mhd .nrrd .csv)");
   app->add_option("OUTPUT", options->output, "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
       ->required()
       ->type_name("");
+  const char* const group = "Moving a field";
+  CLI::Option* transform =
+      app->add_option(
+             "--transform", options->transform,
+             "Turn, move, mirror or scale the field. An ITK or 3D Slicer transform moves it as Slicer moves what "
+             "is under it; 16 numbers, row by row, map its points")
+          ->type_name("FILE.tfm|FILE.txt")
+          ->group(group);
+  app->add_flag("--inverse", options->inverse, "The other way round")->needs(transform)->group(group);
+  AddWorldSystemOption(*app, options->world)->needs(transform)->group(group);
 
   RunWhenChosen(app, program, [options](Console& console) { return Convert(console, *options); });
 }

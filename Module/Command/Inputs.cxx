@@ -265,8 +265,8 @@ CLI::Option* AddWorldSystemOption(CLI::App& app, WorldSystem& world)
   const std::map<std::string, WorldSystem> names = {{"ras", WorldSystem::Ras}, {"lps", WorldSystem::Lps}};
   return app
       .add_option("--world-system,--markup-system", world,
-                  "The patient system that the field's world stands for, ras (default) or lps: decides where markups "
-                  "and volumes lie")
+                  "The patient system that the field's world stands for, ras (default) or lps: decides where markups, "
+                  "volumes and ITK transforms lie")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case).description(""))
       ->type_name("SYSTEM");
 }

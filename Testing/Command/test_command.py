@@ -1541,6 +1541,37 @@ class Convert(CommandTest):
         self.assertEqual(self.expect(SUCCESS, "convert", nrrd, mha)["frames"], 9)
         self.assertEqual(read_sequence(mha)[1], read_sequence(self.sweep)[1])
 
+    def test_a_moved_field(self):
+        """A slice that moves along shows the same; there and back is where it was."""
+        turn = [0, -1, 0, 10, 1, 0, 0, -20, 0, 0, 1, 30, 0, 0, 0, 1]  # 90 degrees about z
+        text, moved, back = self.folder / "t.txt", self.folder / "moved.vtp", self.folder / "back.ply"
+        text.write_text(" ".join(map(str, turn)))
+        self.expect(SUCCESS, "convert", self.field, moved, "--transform", text)
+        self.expect(SUCCESS, "convert", moved, back, "--transform", text, "--inverse")
+        x = self.expect(SUCCESS, "info", self.field)["bounds"]
+        y = self.expect(SUCCESS, "info", moved)["bounds"]
+        for a, b in zip(y, [10 - x[3], 10 - x[2], x[0] - 20, x[1] - 20, x[4] + 30, x[5] + 30]):
+            self.assertAlmostEqual(a, b, places=6)
+        for a, b in zip(self.expect(SUCCESS, "info", back)["bounds"], x):
+            self.assertAlmostEqual(a, b, places=4)
+
+        # Moved as 3D Slicer moves what is under it: by the inverse, x and y of LPS.
+        itk, placed = self.folder / "t.tfm", self.folder / "placed.vtp"
+        itk.write_text("#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\n"
+                       "Parameters: 1 0 0 0 1 0 0 0 1 5 6 7\nFixedParameters: 0 0 0\n")
+        for world, shift in (("ras", (5, 6, -7)), ("lps", (-5, -6, -7))):
+            self.expect(SUCCESS, "convert", self.field, placed, "--transform", itk, "--world-system", world)
+            for axis, value in enumerate(self.expect(SUCCESS, "info", placed)["bounds"]):
+                self.assertAlmostEqual(value, x[axis] + shift[axis // 2], places=6)
+
+        text.write_text("1 0 0 0 0 2 0 0 0 0 1 0 0 0 0 1")
+        self.expect(BAD_INPUT, "convert", self.field, placed, "--transform", text, says="evenly")
+        text.write_text("1 0 0 0 0 0 0 0 0 0 1 0 0 0 0 1")
+        self.expect(BAD_INPUT, "convert", self.field, placed, "--transform", text, "--inverse", says="no inverse")
+        self.expect(BAD_INPUT, "convert", self.sweep, self.folder / "s.nrrd", "--transform", itk, says="moves fields")
+        self.expect(BAD_INPUT, "convert", self.field, placed, "--transform", self.folder / "no.tfm", says="no.tfm")
+        self.expect(USAGE, "convert", self.field, placed, "--inverse")
+
     def test_errors(self):
         self.expect(BAD_INPUT, "convert", self.folder / "no.vtp", self.folder / "f.ply", says="no.vtp")
         self.expect(CANNOT_WRITE, "convert", self.field, self.folder / "f.mha", says=".ply")

@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusTransformField.h"
+
+#include <algorithm>
+#include <sstream>
+#include <string>
+
+#include "Core/Model/Error.h"
+#include "Core/Model/FieldTransform.h"
+#include "Data/FieldData.h"
+#include "Data/Provenance.h"
+#include "PipelineSupport.h"
+#include "vtkErrorCode.h"
+#include "vtkHomogeneousTransform.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkMatrix4x4.h"
+#include "vtkObjectFactory.h"
+#include "vtkPolyData.h"
+
+vtkStandardNewMacro(vtkBigusTransformField);
+vtkCxxSetObjectMacro(vtkBigusTransformField, Transform, vtkAbstractTransform);
+
+vtkBigusTransformField::~vtkBigusTransformField()
+{
+  this->SetTransform(nullptr);
+}
+
+void vtkBigusTransformField::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "Transform: " << this->Transform << "\n";
+}
+
+vtkMTimeType vtkBigusTransformField::GetMTime()
+{
+  const vtkMTimeType own = this->Superclass::GetMTime();
+  return this->Transform ? std::max(own, this->Transform->GetMTime()) : own;
+}
+
+int vtkBigusTransformField::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
+{
+  bigus::RequestWholeInput(inputs[0]);
+  return 1;
+}
+
+int vtkBigusTransformField::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
+{
+  vtkPolyData* output = vtkPolyData::GetData(outputs);
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    vtkPolyData* input = vtkPolyData::GetData(inputs[0]);
+    if (!this->Transform)
+    {
+      bigus::ShareField(input, output);
+      return 1;
+    }
+    auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(this->Transform);
+    if (!homogeneous)
+    {
+      throw bigus::Error(std::string("Transform is a ") + this->Transform->GetClassName() +
+                         ", which may bend space; give a linear transform, for example a vtkTransform.");
+    }
+    homogeneous->Update();
+    const double* elements = homogeneous->GetMatrix()->GetData();
+    const Eigen::Matrix4d matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(elements);
+    bigus::FieldToPolyData(bigus::Transformed(bigus::FieldFromPolyData(input), matrix), output);
+    bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
+    std::ostringstream text;
+    text.precision(17);
+    std::string before = bigus::GetProvenance(input, "transform");
+    text << before << (before.empty() ? "" : "; then ");
+    for (int i = 0; i < 16; ++i)
+    {
+      text << (i ? " " : "") << elements[i];
+    }
+    bigus::SetProvenance(output, "transform", text.str());
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    output->Initialize();
+    bigus::ForgetRequests(outputs);
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+}

@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A linear transform as ITK and 3D Slicer write it (.tfm, .txt), or as a plain 4 x 4 matrix.
+#pragma once
+
+#include <Eigen/Dense>
+#include <string>
+
+namespace bigus
+{
+
+struct LinearTransform
+{
+  Eigen::Matrix4d matrix;  ///< maps points, mm
+  /// An ITK transform file: between points in LPS, from where a resampled image is to where the input image was. 3D
+  /// Slicer writes the same and moves objects by the inverse. Else the file held 16 numbers and says nothing of it.
+  bool isItk;
+};
+
+/// Reads the text form of ITK's linear transforms between 3-D points (Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D,
+/// VersorRigid3D, Similarity3D, Translation, and a Composite of them), or 16 numbers row by row. Throws FileError naming
+/// what the file has instead.
+LinearTransform ReadLinearTransform(const std::string& fileName);
+
+}  // namespace bigus
