@@ -181,7 +181,8 @@ vtkBigusTrainer::vtkBigusTrainer()
       ValidationFrames(NewFrameList("ValidationFrames")),
       HeldOutFrames(NewFrameList("HeldOutFrames")),
       Decisions(vtkSmartPointer<vtkTable>::New()),
-      CorrectedPoses(vtkSmartPointer<vtkDoubleArray>::New())
+      CorrectedPoses(vtkSmartPointer<vtkDoubleArray>::New()),
+      Checkpoints(std::make_unique<bigus::Checkpoints>())
 {
   this->SetNumberOfInputPorts(2);
   this->SetNumberOfOutputPorts(2);
@@ -204,6 +205,7 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "Seconds: " << this->Seconds << "\n";
   os << indent << "Device: " << this->Device << "\n";
   os << indent << "Aborted: " << (this->Aborted ? "yes\n" : "no\n");
+  os << indent << "Finished: " << (this->Finished ? "yes\n" : "no\n");
   os << indent << "TrainingFrames: " << ToText(this->TrainingFrames) << "\n";
   os << indent << "ValidationFrames: " << ToText(this->ValidationFrames) << "\n";
   os << indent << "HeldOutFrames: " << ToText(this->HeldOutFrames) << "\n";
@@ -264,6 +266,12 @@ double vtkBigusTrainer::GetNumber(const char* name)
   double number = text == "on" ? 1 : text == "off" ? 0 : -1;  // -1: open
   std::from_chars(text.data(), text.data() + text.size(), number);
   return number;
+}
+
+void vtkBigusTrainer::SetCheckpoints(const bigus::Checkpoints& checkpoints)
+{
+  *this->Checkpoints = checkpoints;
+  this->Modified();
 }
 
 vtkIntArray* vtkBigusTrainer::GetTrainingFrames()
@@ -328,6 +336,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->Seconds = 0;
   this->Device.clear();
   this->Aborted = false;
+  this->Finished = false;
   this->TrainingFrames->Initialize();
   this->ValidationFrames->Initialize();
   this->HeldOutFrames->Initialize();
@@ -355,7 +364,8 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
       this->SetProgressText(ProgressLine(now).c_str());
       return bigus::ReportProgress(this, now.fraction);
     };
-    const bigus::TrainingResult result = bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress);
+    const bigus::TrainingResult result =
+        bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress, *this->Checkpoints);
 
     for (const bigus::OptionText& option : bigus::ListOptions(result.settled))
     {
@@ -365,6 +375,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     this->Seconds = result.seconds;
     this->Device = result.device;
     this->Aborted = result.aborted;
+    this->Finished = result.finished;
     FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
     FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
     FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);

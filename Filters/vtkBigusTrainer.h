@@ -40,12 +40,17 @@
 #define vtkBigusTrainer_h
 
 #include <map>     // for the options
+#include <memory>  // for the checkpoints
 #include <string>  // for their values
 
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
 #include "vtkSmartPointer.h"  // for the lists of frames and decisions
 
+namespace bigus
+{
+struct Checkpoints;
+}
 class vtkDoubleArray;
 class vtkIntArray;
 class vtkTable;
@@ -185,6 +190,20 @@ public:
   vtkGetMacro(Aborted, bool);
   ///@}
 
+  /**
+   * Whether the last training took all its steps or validation ended it. Else it was stopped or its time was up, and it
+   * can go on from its last checkpoint.
+   */
+  vtkGetMacro(Finished, bool);
+
+#ifndef __VTK_WRAP__
+  /**
+   * How the next training keeps its state, and the state that it goes on from: Core/Deciding/Trainer.h. For C++ alone.
+   * Default: it keeps nothing and begins.
+   */
+  void SetCheckpoints(const bigus::Checkpoints& checkpoints);
+#endif
+
   ///@{
   /**
    * Frames of the last training, by index in the image's third axis.
@@ -227,11 +246,13 @@ protected:
   double Seconds = 0;
   std::string Device;
   bool Aborted = false;
+  bool Finished = false;
   vtkSmartPointer<vtkIntArray> TrainingFrames;
   vtkSmartPointer<vtkIntArray> ValidationFrames;
   vtkSmartPointer<vtkIntArray> HeldOutFrames;
   vtkSmartPointer<vtkTable> Decisions;
   vtkSmartPointer<vtkDoubleArray> CorrectedPoses;
+  std::unique_ptr<bigus::Checkpoints> Checkpoints;
 
 private:
   vtkBigusTrainer(const vtkBigusTrainer&) = delete;

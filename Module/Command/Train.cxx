@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "CheckpointFile.h"
 #include "Command.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/CrossPlanes.h"
@@ -45,7 +46,8 @@ struct Options
   SequenceOptions sequence;
   std::string output, log, continueFrom, poses;
   std::map<std::string, std::string> trainer;  ///< values of the trainer's options that were given, by name
-  bool withoutBaselines = false, align = false;
+  double checkpointInterval = 60;              ///< s; 0 writes none
+  bool withoutBaselines = false, align = false, resume = false;
 };
 
 std::uint64_t PeakMemory()
@@ -258,8 +260,9 @@ std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
 
 ExitCode Train(Console& console, const Options& options)
 {
+  CheckpointFile checkpoint(options.output, console);
   RequireDistinct({options.sequence.path, options.sequence.chain.config, options.continueFrom},
-                  {options.output, options.log, options.poses});
+                  {options.output, options.log, options.poses, checkpoint.Path()});
   RequireWritable(options.output);
   RequireFieldName(options.output);
   if (!options.poses.empty())
@@ -301,6 +304,7 @@ ExitCode Train(Console& console, const Options& options)
   console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " + std::to_string(sweep->width) +
                " x " + std::to_string(sweep->height) + " pixels; " + std::to_string(heldOutFrames.size()) +
                " held out.");
+  trainer->SetCheckpoints(checkpoint.Open(options.checkpointInterval, options.resume));
   UpdateUntilInterrupted(trainer, console, "Training");
 
   const bool interrupted = trainer->GetAborted() || IsInterrupted();
@@ -310,6 +314,11 @@ ExitCode Train(Console& console, const Options& options)
   SetProvenance(output, "world", options.sequence.chain.to);
   SetProvenance(output, "reduce", std::to_string(options.sequence.reduce));
   WriteFieldData(output, options.output, console);
+  checkpoint.WriteWhatWaits();
+  if (trainer->GetFinished())
+  {
+    checkpoint.Remove();
+  }
   if (!options.log.empty())
   {
     WriteLog(options.log, trainer->GetLog());
@@ -337,6 +346,7 @@ ExitCode Train(Console& console, const Options& options)
                  {"baselines", nullptr},
                  {"cross_planes", nullptr},
                  {"interrupted", interrupted},
+                 {"finished", trainer->GetFinished()},
                  {"decisions", decisions},
                  {"settled", SettledJson(trainer)},
                  {"elevation_sigma", field.beam.elevationSigma},
@@ -400,6 +410,12 @@ ExitCode Train(Console& console, const Options& options)
   if (interrupted)
   {
     console.Note("Interrupted: the best field so far was saved.");
+  }
+  if (!trainer->GetFinished() && checkpoint.Exists())
+  {
+    console.Note("Not all steps were taken. The same command with --resume " +
+                 std::string(interrupted ? "" : "and a longer --time-limit ") + "goes on from " + checkpoint.Path() +
+                 ".");
   }
   console.Report(answer);
   return interrupted ? InterruptedCode() : Success;
@@ -468,12 +484,13 @@ void AddTrainerOptions(CLI::App& app, std::map<std::string, std::string>& given)
 void AddTrain(Program& program)
 {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.app.add_subcommand("train",
-                                             "Turn a tracked sequence into a Gaussian field\n"
-                                             "  bigus train sweep.igs.mha -o field.vtp --hold-out 8\n"
-                                             "  bigus train plus.mha --config Plus.xml -o field.vtp "
-                                             "--gaussians 300000 --time-limit 600 --log curve.csv\n"
-                                             "Ctrl-C stops early and keeps the best field so far.");
+  CLI::App* app =
+      program.app.add_subcommand("train",
+                                 "Turn a tracked sequence into a Gaussian field\n"
+                                 "  bigus train sweep.igs.mha -o field.vtp --hold-out 8\n"
+                                 "  bigus train plus.mha --config Plus.xml -o field.vtp "
+                                 "--gaussians 300000 --time-limit 600 --log curve.csv\n"
+                                 "Ctrl-C stops early and keeps the best field so far; --resume goes on from there.");
 
   AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
   AddReduceOption(*app, options->sequence.reduce);
@@ -486,6 +503,13 @@ void AddTrain(Program& program)
          ".nrrd), or a CSV; 'slice --poses' takes either")
       ->type_name("OUT");
   app->add_option("--continue", options->continueFrom, "Start from this field instead of seeding")->type_name("FIELD");
+  app->add_flag("--resume", options->resume,
+                "Go on where a training of this output was interrupted or killed, from FIELD.checkpoint; begin where "
+                "there is none. The field is the same, bit for bit, as without a stop");
+  app->add_option("--checkpoint-interval", options->checkpointInterval,
+                  "Write FIELD.checkpoint so often, and when interrupted; 0 never; 0 to 1e6 s")
+      ->check(NumberIn(0, 1e6))
+      ->type_name("N");
   AddTrainerOptions(*app, options->trainer);
   const char* judged = "How it is judged";
   app->add_flag("--align", options->align,

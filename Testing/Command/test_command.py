@@ -814,8 +814,66 @@ class Train(CommandTest):
                 gaussians = self.expect(SUCCESS, "info", path)["gaussians"]
                 self.assertEqual(gaussians, answer["gaussians"])
                 self.assertTrue(1900 < gaussians <= 2000, "but for those that no plane shows")
-                self.assertEqual(os.listdir(self.folder), ["f.vtp"])
+                self.assertEqual(sorted(os.listdir(self.folder)), ["f.vtp", "f.vtp.checkpoint"])
+                self.assertIs(answer["finished"], False)
                 path.unlink()
+                (self.folder / "f.vtp.checkpoint").unlink()
+
+    RESUMABLE = ("--no-auto", "--gaussians", "400", "--iterations", "3000")
+
+    def interrupted_training(self, path, *options):
+        process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), *self.RESUMABLE, "--progress",
+                                    "--json", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.await_bar(process, b"iteration")
+        process.send_signal(signal.SIGINT)
+        stdout, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, INTERRUPTED)
+        return json.loads(stdout)
+
+    def test_an_interrupted_training_goes_on_with_the_same_bits(self):
+        whole, path = self.folder / "whole.vtp", self.folder / "f.vtp"
+        checkpoint = self.folder / "f.vtp.checkpoint"
+        for threads in ("1", "2"):
+            with self.subTest(threads):
+                train = ("train", self.sweep, *self.RESUMABLE, "--threads", threads)
+                self.assertIs(self.expect(SUCCESS, *train, "-o", whole)["finished"], True)
+                self.interrupted_training(path, "--threads", threads)
+                self.assertTrue(checkpoint.exists())
+                self.assertNotEqual(path.read_bytes(), whole.read_bytes())
+                self.assertEqual(self.expect(SUCCESS, *train, "-o", path, "--resume")["iterations"], 3000)
+                self.assertEqual(path.read_bytes(), whole.read_bytes())
+                self.assertFalse(checkpoint.exists(), "a finished training needs none")
+
+    def test_checkpoints_of_other_trainings_and_damaged_ones_are_refused(self):
+        path, checkpoint = self.folder / "f.vtp", self.folder / "f.vtp.checkpoint"
+        self.interrupted_training(path)
+        train = ("train", self.sweep, "-o", path, *self.RESUMABLE, "--resume")
+        self.expect(BAD_INPUT, *train, "--seed", 5, says="seed was 1 and is 5")
+        other = self.folder / "other.igs.mha"
+        self.assertEqual(run("phantom", "-o", other, *PHANTOM, "--seed", 9).returncode, SUCCESS)
+        self.expect(BAD_INPUT, "train", other, *train[2:], says="checksum of the pixels")
+        sound = checkpoint.read_bytes()
+        for damaged in (b"", b"BIG", sound[:1000], sound[:-1], sound + b"0", sound[:5000] + b"\xff" + sound[5001:],
+                        self.sweep.read_bytes()):
+            if damaged != sound:
+                checkpoint.write_bytes(damaged)
+                self.expect(BAD_INPUT, *train)
+        self.assertTrue(checkpoint.exists(), "what is refused stays")
+        checkpoint.write_bytes(sound)
+        self.expect(SUCCESS, *train)
+
+    def test_where_no_checkpoint_is_or_can_be_written_training_goes_on(self):
+        path, checkpoint = self.folder / "f.vtp", self.folder / "f.vtp.checkpoint"
+        result = run("train", self.sweep, "-o", path, *TINY, "--resume")
+        self.assertEqual(result.returncode, SUCCESS)
+        self.assertIn("no " + str(checkpoint), result.stderr)
+        checkpoint.mkdir()
+        result = run("train", self.sweep, "-o", path, *self.RESUMABLE, "--checkpoint-interval", "0.01")
+        self.assertEqual(result.returncode, SUCCESS)
+        self.assertEqual(result.stderr.count("warning"), 1, result.stderr)
+        checkpoint.rmdir()
+        self.interrupted_training(path, "--checkpoint-interval", "0")
+        self.assertFalse(checkpoint.exists())
 
     def test_nohup_is_obeyed(self):
         path = self.folder / "f.vtp"
