@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <cstdint>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -13,6 +14,7 @@
 
 #include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Checksum.h"
 #include "Support/Errors.h"
 #include "Support/Sweeps.h"
 
@@ -270,6 +272,47 @@ TEST(Checkpoints, ACutOrChangedCheckpointIsRefused)
   }
   EXPECT_THROW(Resumed(sweep, Small(), state + "x"), bigus::Error);
   EXPECT_THROW(Resumed(sweep, Small(), "a text"), bigus::Error);
+}
+
+/// Magic, format, order of bytes; then size and checksum of what follows.
+constexpr std::size_t kChecksumAt = 24, kBodyAt = 32;
+
+TEST(Checkpoints, AForgedCheckpointGivesAnErrorOrASoundField)
+{
+  // Somebody who knows the checksum can write anything.
+  const auto sweep = RenderedSweep();
+  bigus::test::Random random(5);
+  int refused = 0, trained = 0;
+  for (int forgery = 0; forgery < 200; ++forgery)
+  {
+    std::string state = AState();
+    for (int change = 0; change < 1 + forgery % 3; ++change)
+    {
+      // Every second one in the last third, where numbers of the field are.
+      const double low = forgery % 2 ? 0.66 * static_cast<double>(state.size()) : double(kBodyAt);
+      const auto at = static_cast<std::size_t>(random.Uniform(low, static_cast<double>(state.size())));
+      state[at] = static_cast<char>(forgery % 5 ? state[at] ^ 1 << forgery % 8 : random.Uniform(-128, 127));
+    }
+    const std::uint64_t checksum = bigus::Checksum().Add(state.data() + kBodyAt, state.size() - kBodyAt).Value();
+    std::memcpy(state.data() + kChecksumAt, &checksum, sizeof(checksum));
+    Checkpoints checkpoints;
+    checkpoints.resume = state;
+    try
+    {
+      int calls = 8;
+      const auto field = bigus::Train(
+                             sweep, Small(), nullptr, [&](const TrainingProgress&) { return --calls > 0; }, checkpoints)
+                             .field;
+      EXPECT_NO_THROW(field.Validate());
+      ++trained;
+    }
+    catch (const bigus::Error&)
+    {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 30);
+  EXPECT_GT(trained, 30);
 }
 
 TEST(Checkpoints, AnotherTrainingIsNamed)

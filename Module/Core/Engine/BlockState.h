@@ -97,10 +97,10 @@ struct BlockState
     LoadBlocks(state.adam, from.Flag() ? blocks : 0, from);
     for (const AdamBlock<T>& block : state.adam)
     {
-      const auto isSquare = [](T value) { return value >= T(0); };
-      StateReader::Require(std::all_of(block.second[0], block.second[0] + kParametersPerGaussian * kBlock, isSquare) &&
-                               std::all_of(block.updates, block.updates + kBlock, isSquare),
-                           "a negative square");
+      RequireAverages(block.first[0], block.second[0], kParametersPerGaussian * kBlock);
+      StateReader::Require(
+          std::all_of(block.updates, block.updates + kBlock, [](T updates) { return updates >= T(0); }),
+          "a negative count");
     }
     state.keepsScores = from.Flag();
     LoadBlocks(state.scores, from.Flag() ? blocks : 0, from);

@@ -4,8 +4,12 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
+#include "Core/Formula/Adam.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Numerics/StateBytes.h"
 
@@ -32,6 +36,22 @@ std::vector<Vector> LoadVectors(StateReader& from)
     from.Numbers(vector.data(), Vector::SizeAtCompileTime);
   }
   return vectors;
+}
+
+/// Throws Error unless averages of a gradient and of its square can be Adam's. Of gradients that are at most
+/// kLargestGradient the first is at most sqrt(5.5) times the root of the second (Cauchy and Schwarz, with the weights of
+/// both), but for squares that are too small for a float. Others would make a step of any length.
+template <class T>
+void RequireAverages(const T* first, const T* second, std::size_t count)
+{
+  constexpr double kRounding = 1.01, kMostRoots = 3, kSmallest = 1e-15;
+  for (std::size_t i = 0; i < count; ++i)
+  {
+    const double mean = std::abs(static_cast<double>(first[i])), square = second[i];
+    StateReader::Require(
+        square >= 0 && mean <= kRounding * kLargestGradient && mean <= kMostRoots * std::sqrt(square) + kSmallest,
+        "averages of no gradient");
+  }
 }
 
 inline void SaveBeam(const Beam& beam, StateWriter& to)

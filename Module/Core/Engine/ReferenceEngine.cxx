@@ -233,10 +233,7 @@ public:
     {
       from.Numbers(NumbersOf(gaussians[i]), kGaussianNumbers);
       from.Numbers(NumbersOf(adam[i]), kAdamNumbers);
-      for (const double square : adam[i].second)
-      {
-        StateReader::Require(square >= 0, "a negative square");
-      }
+      RequireAverages(adam[i].first, adam[i].second, kParametersPerGaussian);
       StateReader::Require(adam[i].updates >= 0, "a negative count");
       scores[i].error = from.Number<double>();
       from.Numbers(scores[i].descent.data(), 3);

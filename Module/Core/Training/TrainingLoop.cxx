@@ -423,10 +423,10 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   StateReader from(state);
   Course course;
   course.iteration = from.NumberIn(1, std::max(plan_.iterations, 1));
-  for (double* rate : {&course.rates.mean, &course.rates.logScale, &course.rates.rotation, &course.rates.reflectivity})
-  {
-    *rate = from.Number<double>();
-  }
+  course.rates.mean = from.NumberIn(0.0, GaussianField::kLargestCoordinate);
+  course.rates.logScale = from.NumberIn(0.0, 1.0);  // OptionList.h
+  course.rates.rotation = from.NumberIn(0.0, 1.0);
+  course.rates.reflectivity = from.NumberIn(0.0, 10 * GaussianField::kLargestReflectivity);
   course.cap = from.Number<std::uint64_t>();
   course.trainingTime = from.Number<double>();
   course.lossSum = from.Number<double>();
