@@ -12,15 +12,33 @@
 #include "vtkMatrix4x4.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
+#include "vtkProperty.h"
 #include "vtkResliceCursor.h"
+#include "vtkResliceCursorActor.h"
 #include "vtkResliceCursorPolyDataAlgorithm.h"
 
 vtkStandardNewMacro(vtkBigusResliceCursorRepresentation);
+
+namespace
+{
+
+// Of the cursor's x, y and z; lighter than VTK's, because its blue cannot be seen on black.
+constexpr double kLineColours[3][3] = {{1, 0.35, 0.3}, {0.4, 0.9, 0.35}, {0.4, 0.65, 1}};
+
+}  // namespace
 
 vtkBigusResliceCursorRepresentation::vtkBigusResliceCursorRepresentation() : FieldReslice(vtkBigusReslice::New())
 {
   this->FieldReslice->SetOutputDimensionality(2);
   this->FieldReslice->GenerateCoverageOutputOff();
+  // VTK draws the cursor's lines as ribbons along the view, which have no width there; wires have.
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    vtkProperty* line = this->ResliceCursorActor->GetCenterlineProperty(axis);
+    line->SetRepresentationToWireframe();
+    line->LightingOff();
+    line->SetColor(kLineColours[axis][0], kLineColours[axis][1], kLineColours[axis][2]);
+  }
 }
 
 vtkBigusResliceCursorRepresentation::~vtkBigusResliceCursorRepresentation()

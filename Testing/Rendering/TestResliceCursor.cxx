@@ -127,6 +127,26 @@ TEST(ResliceCursor, ThreeViewsShowTheFieldAtTheCursorAndFollowItsCentre)
   }
 }
 
+TEST(ResliceCursor, TheCursorsLinesAreSeenInEveryView)
+{
+  BIGUS_NEEDS_DISPLAY();
+  const auto field = ToPolyData(RandomField(80, 11));
+  vtkNew<vtkResliceCursor> cursor;
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    CursorView view(field, cursor, axis);
+    const auto pixels = view.Pixels();
+    int coloured = 0;  // the picture is grey
+    for (vtkIdType k = 0; k < pixels->GetNumberOfTuples(); ++k)
+    {
+      coloured += pixels->GetComponent(k, 0) != pixels->GetComponent(k, 1) ||
+                  pixels->GetComponent(k, 1) != pixels->GetComponent(k, 2);
+    }
+    EXPECT_GT(coloured, 150) << axis;  // two lines in a window of 240 x 240
+    EXPECT_LT(coloured, 2000) << axis;
+  }
+}
+
 TEST(ResliceCursor, AnObliquePlaneIsShownExactly)
 {
   BIGUS_NEEDS_DISPLAY();
@@ -137,6 +157,35 @@ TEST(ResliceCursor, AnObliquePlaneIsShownExactly)
   EXPECT_TRUE(view.IsExact(field));
   const Vector3d normal(view.representation->GetPlaneSource()->GetNormal());
   EXPECT_NEAR(std::abs(normal.dot(Vector3d(0.8, 0.6, 0))), 1, 1e-6);
+}
+
+TEST(ResliceCursor, TurningALineTurnsThePlaneOfAnotherView)
+{
+  BIGUS_NEEDS_DISPLAY();
+  const auto field = ToPolyData(RandomField(80, 11));
+  vtkNew<vtkResliceCursor> cursor;
+  std::vector<std::unique_ptr<CursorView>> views;
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    views.push_back(std::make_unique<CursorView>(field, cursor, axis));
+  }
+  // Seen along z, a line is held 6 mm from the centre along x and dragged by 30 degrees about the centre.
+  CursorView& view = *views[2];
+  const Vector3d centre(cursor->GetCenter());
+  const double radius = 6, turn = 30 * kRadiansPerDegree;
+  const Eigen::Vector2d from = view.ToWindow(centre + Vector3d(radius, 0, 0));
+  const Eigen::Vector2d to = view.ToWindow(centre + radius * Vector3d(std::cos(turn), std::sin(turn), 0));
+  view.Send(vtkCommand::MouseMoveEvent, from);
+  view.Send(vtkCommand::LeftButtonPressEvent, from);
+  view.Send(vtkCommand::MouseMoveEvent, to);
+  view.Send(vtkCommand::LeftButtonReleaseEvent, to);
+  // The line along x is the plane with normal y, in the view of that plane.
+  const Vector3d normal(cursor->GetPlane(1)->GetNormal());
+  EXPECT_NEAR(std::abs(normal.dot(Vector3d(-std::sin(turn), std::cos(turn), 0))), 1, 2e-3);
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    EXPECT_TRUE(views[axis]->IsExact(field)) << axis;
+  }
 }
 
 TEST(ResliceCursor, WithoutAFieldItSaysWhatIsMissing)
