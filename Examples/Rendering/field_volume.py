@@ -10,7 +10,8 @@ import sys
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor, vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor,
+                                         vtkWindowToImageFilter)
 
 import bigus
 

@@ -11,7 +11,8 @@ import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
 import vtkmodules.vtkInteractionStyle  # noqa: F401  the window's mouse
 from vtkmodules.vtkInteractionWidgets import vtkResliceCursor, vtkResliceCursorWidget
 from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor, vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor,
+                                         vtkWindowToImageFilter)
 
 import bigus
 

@@ -11,7 +11,8 @@ import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor, vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor,
+                                         vtkWindowToImageFilter)
 
 import bigus
 
