@@ -45,6 +45,8 @@ constexpr double kShareOfTime = 0.7;  // of the actor's time, because the window
 // Seconds a triangle before any was measured: that of Mesa's llvmpipe on two cores. A graphics card is found to be
 // faster by the second picture.
 constexpr double kFirstSecondsPerTriangle = 5e-7;
+constexpr double kFirstSecondsPerPoint = 5e-7;
+constexpr double kShareOfPoints = 0.5;  // of the time of a hurried picture: its ellipsoids have the other half
 
 /// A sphere of radius 1, and the pixels of one standard deviation up to which it looks round.
 struct Shape
@@ -64,6 +66,39 @@ struct Level
   int shape = -1;      ///< of the mapper's source
   bool drawn = false;  ///< with this shape: the time of a first picture counts its upload, too
 };
+
+/// The strongest so many Gaussians as points.
+struct PointLevel
+{
+  vtkIdType size = 0;
+  vtkNew<vtkPolyDataMapper> mapper;
+  bool drawn = false;  ///< the time of a first picture counts its upload, too
+};
+
+/// Levels of `most`, of half as many and so on.
+template <typename T>
+void FillLevels(vtkIdType most, std::vector<std::unique_ptr<T>>& levels)
+{
+  if (!levels.empty() && levels.front()->size == most)
+  {
+    return;
+  }
+  levels.clear();
+  for (vtkIdType size = most; size > 0 && (size == most || size >= kSmallestLevel); size /= 2)
+  {
+    levels.push_back(std::make_unique<T>());
+    levels.back()->size = size;
+  }
+}
+
+/// The largest level that is drawn in `seconds`, with `each` for a Gaussian; the smallest if none is.
+template <typename T>
+T& ChooseLevel(const std::vector<std::unique_ptr<T>>& levels, double each, double seconds)
+{
+  const auto fits = [&](const auto& level) { return static_cast<double>(level->size) * each <= seconds; };
+  const auto found = std::find_if(levels.begin(), levels.end(), fits);
+  return found == levels.end() ? *levels.back() : **found;
+}
 
 double Quantile(std::vector<double> values, double share)
 {
@@ -129,6 +164,17 @@ void TakeFirst(vtkPolyData* sorted, vtkIdType size, vtkPolyData* first)
   first->GetPointData()->CopyData(sorted->GetPointData(), 0, size, 0);
 }
 
+/// Renders; seconds until the pixels are there.
+double SecondsOf(vtkMapper* mapper, vtkRenderer* renderer, vtkActor* actor)
+{
+  vtkRenderWindow* window = renderer->GetRenderWindow();
+  window->WaitForCompletion();
+  const auto start = std::chrono::steady_clock::now();
+  mapper->Render(renderer, actor);
+  window->WaitForCompletion();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
 }  // namespace
 
 struct vtkBigusFieldMapper::Drawing
@@ -139,16 +185,16 @@ struct vtkBigusFieldMapper::Drawing
   double medianScale = 0;  ///< mm
   vtkNew<vtkPolyData> sorted;
   std::vector<std::unique_ptr<Level>> levels;  ///< each half of the one before
+  std::vector<std::unique_ptr<PointLevel>> pointLevels;
   std::array<vtkNew<vtkSphereSource>, kShapes.size()> shapes;
-  vtkNew<vtkPolyDataMapper> points;
   vtkSmartPointer<vtkLookupTable> table;  ///< the default one
   double tableRange = -1;
   bool tableIsTranslucent = false;
   double boundsFactor = -1;  ///< ScaleFactor of the bounds that were found last
   double secondsPerTriangle = kFirstSecondsPerTriangle;
+  double secondsPerPoint = kFirstSecondsPerPoint;
 
   void Read(vtkPolyData* input);
-  Level& ChooseLevel(vtkIdType most, vtkIdType triangles, double seconds);
 };
 
 /// Throws bigus::Error.
@@ -166,37 +212,8 @@ void vtkBigusFieldMapper::Drawing::Read(vtkPolyData* input)
   this->medianScale = Quantile(std::move(scales), 0.5);
 
   this->levels.clear();
+  this->pointLevels.clear();
   this->boundsFactor = -1;
-  const vtkIdType count = this->sorted->GetNumberOfPoints();
-  vtkNew<vtkCellArray> vertices;
-  vertices->AllocateExact(count, count);
-  for (vtkIdType k = 0; k < count; ++k)
-  {
-    vertices->InsertNextCell(1, &k);
-  }
-  vtkNew<vtkPolyData> cloud;
-  cloud->SetPoints(this->sorted->GetPoints());
-  cloud->GetPointData()->SetScalars(this->sorted->GetPointData()->GetScalars());
-  cloud->SetVerts(vertices);
-  this->points->SetInputData(cloud);
-}
-
-/// The largest level, of `most` Gaussians or fewer, that is drawn in `seconds`; the smallest if none is.
-Level& vtkBigusFieldMapper::Drawing::ChooseLevel(vtkIdType most, vtkIdType triangles, double seconds)
-{
-  if (this->levels.empty() || this->levels.front()->size != most)
-  {
-    this->levels.clear();
-    for (vtkIdType size = most; size > 0 && (size == most || size >= kSmallestLevel); size /= 2)
-    {
-      this->levels.push_back(std::make_unique<Level>());
-      this->levels.back()->size = size;
-    }
-  }
-  const double each = triangles * this->secondsPerTriangle;
-  const auto fits = [&](const auto& level) { return static_cast<double>(level->size) * each <= seconds; };
-  const auto found = std::find_if(this->levels.begin(), this->levels.end(), fits);
-  return found == this->levels.end() ? *this->levels.back() : **found;
 }
 
 vtkBigusFieldMapper::vtkBigusFieldMapper() : MaximumNumberOfEllipsoids(VTK_ID_MAX), Drawn(std::make_unique<Drawing>())
@@ -389,8 +406,9 @@ double vtkBigusFieldMapper::PixelsPerSigma(vtkRenderer* renderer, vtkActor* acto
   return height > 0 ? sigma * renderer->GetSize()[1] / height : std::numeric_limits<double>::infinity();
 }
 
-/// The `most` strongest, or fewer.
-void vtkBigusFieldMapper::DrawEllipsoids(vtkRenderer* renderer, vtkActor* actor, double pixels, vtkIdType most)
+/// The `most` strongest, or as many as fit into the time beside points.
+void vtkBigusFieldMapper::DrawEllipsoids(vtkRenderer* renderer, vtkActor* actor, double pixels, vtkIdType most,
+                                         double seconds)
 {
   Drawing& drawn = *this->Drawn;
   int shape = 0;
@@ -400,8 +418,10 @@ void vtkBigusFieldMapper::DrawEllipsoids(vtkRenderer* renderer, vtkActor* actor,
   }
   drawn.shapes[shape]->Update();
   const vtkIdType triangles = drawn.shapes[shape]->GetOutput()->GetNumberOfPolys();
-  const double seconds = this->LevelOfDetail ? kShareOfTime * actor->GetAllocatedRenderTime() : VTK_DOUBLE_MAX;
-  Level& level = drawn.ChooseLevel(most, triangles, seconds);
+  FillLevels(most, drawn.levels);
+  const double each = static_cast<double>(triangles) * drawn.secondsPerTriangle;
+  const bool all = static_cast<double>(most) * each <= seconds;
+  Level& level = ChooseLevel(drawn.levels, each, all ? seconds : (1 - kShareOfPoints) * seconds);
 
   if (level.gaussians->GetNumberOfPoints() == 0)
   {
@@ -423,19 +443,45 @@ void vtkBigusFieldMapper::DrawEllipsoids(vtkRenderer* renderer, vtkActor* actor,
   level.mapper->SetLookupTable(this->LookupTable);
   level.mapper->SetClippingPlanes(this->ClippingPlanes);
 
-  vtkRenderWindow* window = renderer->GetRenderWindow();
-  window->WaitForCompletion();
-  const auto start = std::chrono::steady_clock::now();
-  level.mapper->Render(renderer, actor);
-  window->WaitForCompletion();
+  const double took = SecondsOf(level.mapper, renderer, actor) / (static_cast<double>(level.size) * triangles);
   if (level.drawn)
   {
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    const double each = took.count() / (static_cast<double>(level.size) * triangles);
-    drawn.secondsPerTriangle = 0.5 * (drawn.secondsPerTriangle + each);
+    drawn.secondsPerTriangle = 0.5 * (drawn.secondsPerTriangle + took);
   }
   level.drawn = true;
   this->NumberOfEllipsoidsDrawn = level.size;
+}
+
+/// The strongest, as many as fit into the time.
+void vtkBigusFieldMapper::DrawPoints(vtkRenderer* renderer, vtkActor* actor, double seconds)
+{
+  Drawing& drawn = *this->Drawn;
+  FillLevels(drawn.sorted->GetNumberOfPoints(), drawn.pointLevels);
+  PointLevel& level = ChooseLevel(drawn.pointLevels, drawn.secondsPerPoint, seconds);
+  if (!level.mapper->GetInput())
+  {
+    vtkNew<vtkCellArray> vertices;
+    vertices->AllocateExact(level.size, level.size);
+    for (vtkIdType k = 0; k < level.size; ++k)
+    {
+      vertices->InsertNextCell(1, &k);
+    }
+    vtkNew<vtkPolyData> cloud;
+    cloud->SetPoints(drawn.sorted->GetPoints());
+    cloud->GetPointData()->SetScalars(drawn.sorted->GetPointData()->GetScalars());
+    cloud->SetVerts(vertices);
+    level.mapper->SetInputData(cloud);
+    level.mapper->UseLookupTableScalarRangeOn();
+  }
+  level.mapper->SetLookupTable(this->LookupTable);
+  level.mapper->SetClippingPlanes(this->ClippingPlanes);
+  const double took = SecondsOf(level.mapper, renderer, actor) / static_cast<double>(level.size);
+  if (level.drawn)
+  {
+    drawn.secondsPerPoint = 0.5 * (drawn.secondsPerPoint + took);
+  }
+  level.drawn = true;
+  this->NumberOfPointsDrawn = level.size;
 }
 
 void vtkBigusFieldMapper::Render(vtkRenderer* renderer, vtkActor* actor)
@@ -449,18 +495,15 @@ void vtkBigusFieldMapper::Render(vtkRenderer* renderer, vtkActor* actor)
   const double pixels = this->PixelsPerSigma(renderer, actor);
   const vtkIdType count = this->Drawn->sorted->GetNumberOfPoints();
   const vtkIdType wanted = std::min(count, this->MaximumNumberOfEllipsoids);
-  if (pixels >= this->PointsBelow)
+  const double seconds = this->LevelOfDetail ? kShareOfTime * actor->GetAllocatedRenderTime() : VTK_DOUBLE_MAX;
+  const bool far = pixels < this->PointsBelow;
+  if (!far)
   {
-    this->DrawEllipsoids(renderer, actor, pixels, wanted);
+    this->DrawEllipsoids(renderer, actor, pixels, wanted, seconds);
   }
   if (this->NumberOfEllipsoidsDrawn < wanted)
   {
-    vtkPolyDataMapper* points = this->Drawn->points;
-    points->SetLookupTable(this->LookupTable);
-    points->UseLookupTableScalarRangeOn();
-    points->SetClippingPlanes(this->ClippingPlanes);
-    points->Render(renderer, actor);
-    this->NumberOfPointsDrawn = count;
+    this->DrawPoints(renderer, actor, far ? seconds : kShareOfPoints * seconds);
   }
 }
 
@@ -471,6 +514,10 @@ void vtkBigusFieldMapper::ReleaseGraphicsResources(vtkWindow* window)
     level->mapper->ReleaseGraphicsResources(window);
     level->drawn = false;
   }
-  this->Drawn->points->ReleaseGraphicsResources(window);
+  for (const auto& level : this->Drawn->pointLevels)
+  {
+    level->mapper->ReleaseGraphicsResources(window);
+    level->drawn = false;
+  }
   this->Superclass::ReleaseGraphicsResources(window);
 }

@@ -15,8 +15,8 @@
  *
  *     many triangles      only where a Gaussian of median size is large on the screen
  *     strongest first     when the window wants frames quickly (vtkRenderWindow::SetDesiredUpdateRate, which interactors
- *                         set while the mouse moves), only as many ellipsoids as fit into the time that the actor is
- *                         given; all Gaussians are shown as points beside them. The time of a triangle is measured
+ *                         set while the mouse moves), only as many ellipsoids as fit into half the time that the actor
+ *                         is given, beside as many points as fit into the other half. The times are measured
  *     points              far away, where a Gaussian of median size is smaller than PointsBelow pixels
  *     everything          when the window has time, as for a still picture
  *
@@ -142,7 +142,8 @@ private:
   bool UpdateField();
   void UpdateTable();
   double PixelsPerSigma(vtkRenderer* renderer, vtkActor* actor) const;
-  void DrawEllipsoids(vtkRenderer* renderer, vtkActor* actor, double pixels, vtkIdType most);
+  void DrawEllipsoids(vtkRenderer* renderer, vtkActor* actor, double pixels, vtkIdType most, double seconds);
+  void DrawPoints(vtkRenderer* renderer, vtkActor* actor, double seconds);
 
   struct Drawing;
   std::unique_ptr<Drawing> Drawn;
