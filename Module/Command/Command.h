@@ -31,6 +31,7 @@ void AddVoxelize(Program& program);
 void AddMetrics(Program& program);
 void AddConvert(Program& program);
 void AddBench(Program& program);
+void AddView(Program& program);
 
 /// Makes `work` the program's job where the arguments choose the subcommand `app`.
 void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work);

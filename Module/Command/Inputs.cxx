@@ -12,6 +12,7 @@
 
 #include "Command.h"
 #include "Data/FieldData.h"
+#include "Data/Provenance.h"
 #include "Data/SweepData.h"
 #include "Files.h"
 #include "Pipeline.h"
@@ -409,6 +410,23 @@ vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& con
 GaussianField ReadField(const std::string& path, Console& console)
 {
   return FieldFromPolyData(ReadFieldData(path, console));
+}
+
+std::string TrainedPoses(vtkPolyData* field)
+{
+  return GetProvenance(field, "poses");
+}
+
+void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, Console& console)
+{
+  const std::string poses = TrainedPoses(field);
+  if (poses.empty() || poses == kAsTracked || FileName(sequence) != GetProvenance(field, "sequence"))
+  {
+    return;
+  }
+  console.Note("The field was trained at poses of " + FileName(sequence) + " that were " + poses +
+               "; these planes are as tracked. For the frames' own planes give the poses that 'train --write-poses' "
+               "wrote.");
 }
 
 void WriteFieldData(vtkPolyData* field, const std::string& path, Console& console)

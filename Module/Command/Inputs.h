@@ -106,6 +106,11 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console);
 void RequireFieldName(const std::string& path);
 vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& console);
 GaussianField ReadField(const std::string& path, Console& console);
+/// What was done to the poses that the field was trained at; empty where it does not say.
+std::string TrainedPoses(vtkPolyData* field);
+/// Says on stderr when `sequence` is the one that the field was trained on, whose poses were corrected: then planes as
+/// tracked are not those that the field was trained at.
+void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, Console& console);
 void WriteFieldData(vtkPolyData* field, const std::string& path, Console& console);
 
 /// Throws Error when there is no file at `path`.

@@ -58,25 +58,6 @@ Sweep LitSweep(const PlaneOptions& options, const SlicePlane& plane, Console& co
   return sweep->LitBy(all);
 }
 
-/// What was done to the poses that the field was trained at; empty where it does not say.
-std::string TrainedPoses(vtkPolyData* field)
-{
-  return GetProvenance(field, "poses");
-}
-
-/// The planes of the training sequence are not those that the field was trained at, if that corrected them.
-void NoteTrackedPlanes(vtkPolyData* field, const Options& options, Console& console)
-{
-  const std::string sequence = GetProvenance(field, "sequence"), poses = TrainedPoses(field);
-  if (poses.empty() || poses == kAsTracked || FileName(options.planes.poses) != sequence)
-  {
-    return;
-  }
-  console.Note(
-      "The field was trained at poses of " + sequence + " that were " + poses +
-      "; these planes are as tracked. For the frames' own planes give the poses that 'train --write-poses' wrote.");
-}
-
 /// Standard deviation of the beam that the planes trained on have in the field, mm.
 double TrainedSigma(vtkPolyData* field)
 {
@@ -149,7 +130,7 @@ ExitCode Slice(Console& console, Options& options)
   }
 
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
-  NoteTrackedPlanes(field, options, console);
+  NoteTrackedPlanes(field, options.planes.poses, console);
   const Planes planes = ReadPlanes(options.planes, console);
   const SlicePlane& first = planes.planes.front();
   const int count = static_cast<int>(planes.planes.size());

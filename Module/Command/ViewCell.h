@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// One cell of the window of `bigus view`: a renderer, and a caption in its upper left corner.
+#pragma once
+
+#include <Eigen/Dense>
+#include <array>
+#include <string>
+
+#include "vtkNew.h"
+#include "vtkRenderer.h"
+#include "vtkTextActor.h"
+
+class vtkRenderWindow;
+class vtkTextProperty;
+
+namespace bigus::command
+{
+
+using Color = std::array<double, 3>;
+constexpr Color kBackdrop = {0.20, 0.22, 0.25}, kDark = {0.06, 0.07, 0.085}, kText = {0.85, 0.87, 0.90},
+                kAccent = {0.35, 0.85, 0.75};
+
+/// The part of the window that a cell fills, 0 to 1, from its lower left corner.
+struct Viewport
+{
+  double left, bottom, right, top;
+};
+
+struct ViewCell
+{
+  vtkNew<vtkRenderer> renderer;
+  vtkNew<vtkTextActor> caption;
+
+  void Place(vtkRenderWindow* window, const Viewport& viewport, int fontSize);
+  void SetCaption(const std::string& text) { this->caption->SetInput(text.c_str()); }
+
+  /// Looks along `normal`, without perspective and with `down` downwards, so that a rectangle of width x height mm about
+  /// `centre` fills the cell.
+  void LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& normal, const Eigen::Vector3d& down, double width,
+              double height);
+};
+
+/// Light on dark, plain.
+void StyleText(vtkTextProperty* text, int fontSize);
+
+}  // namespace bigus::command

@@ -1,0 +1,128 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ViewFrames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "Console.h"
+#include "Core/Metrics/Metrics.h"
+#include "vtkBigusReslice.h"
+#include "vtkBigusSliceProp.h"
+#include "vtkImageData.h"
+#include "vtkImageProperty.h"
+#include "vtkLookupTable.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+constexpr double kDifferenceRange = 0.2;  // of white: what has the full colour
+constexpr int kShades = 255;              // odd, so that black is exactly no difference
+
+vtkSmartPointer<vtkImageData> FloatImage(int width, int height)
+{
+  auto image = vtkSmartPointer<vtkImageData>::New();
+  image->SetDimensions(width, height, 1);
+  image->AllocateScalars(VTK_FLOAT, 1);
+  std::fill_n(static_cast<float*>(image->GetScalarPointer()), static_cast<std::size_t>(width) * height, 0.0f);
+  return image;
+}
+
+/// From blue (too dark) over black to orange (too bright).
+vtkSmartPointer<vtkLookupTable> DifferenceTable()
+{
+  auto table = vtkSmartPointer<vtkLookupTable>::New();
+  table->SetNumberOfTableValues(kShades);
+  table->SetTableRange(-kDifferenceRange, kDifferenceRange);
+  for (int k = 0; k < kShades; ++k)
+  {
+    const double share = 2.0 * k / (kShades - 1) - 1, strength = std::abs(share);
+    const Color full = share < 0 ? Color{0.25, 0.55, 1} : Color{1, 0.58, 0.15};
+    table->SetTableValue(k, strength * full[0], strength * full[1], strength * full[2], 1);
+  }
+  return table;
+}
+
+}  // namespace
+
+ViewFrames::ViewFrames(std::shared_ptr<const Sweep> sweep, vtkBigusSliceProp* slice)
+    : sweep_(std::move(sweep)),
+      slice_(slice),
+      recordedImage_(FloatImage(sweep_->width, sweep_->height)),
+      differenceImage_(FloatImage(sweep_->width, sweep_->height))
+{
+  const SlicePlane plane = sweep_->Plane(0);
+  recorded.mapper->SetInputData(recordedImage_);
+  rendered.mapper->SetInputConnection(slice_->GetReslice()->GetOutputPort());
+  difference.mapper->SetInputData(differenceImage_);
+  for (Cell* cell : Cells())
+  {
+    cell->picture->SetMapper(cell->mapper);
+    cell->picture->SetScale(plane.columnStep.norm(), plane.rowStep.norm(), 1);  // pixels to mm
+    cell->renderer->AddViewProp(cell->picture);
+  }
+  for (Cell* cell : {&recorded, &rendered})
+  {
+    cell->picture->SetProperty(slice_->GetProperty());  // window and level
+  }
+  difference.picture->GetProperty()->SetLookupTable(DifferenceTable());
+  difference.picture->GetProperty()->UseLookupTableScalarRangeOn();
+}
+
+void ViewFrames::ShowFrame(int frame)
+{
+  slice_->UpdateSlice();
+  const auto* const predicted = static_cast<const float*>(slice_->GetReslice()->GetOutput()->GetScalarPointer());
+  auto* const seen = static_cast<float*>(recordedImage_->GetScalarPointer());
+  auto* const off = static_cast<float*>(differenceImage_->GetScalarPointer());
+  sweep_->CopyFrame(frame, seen);
+  std::vector<float> litPredicted, litSeen;
+  for (std::size_t pixel = 0; pixel < sweep_->PixelsPerFrame(); ++pixel)
+  {
+    const bool lit = sweep_->IsLit(pixel);
+    off[pixel] = lit ? predicted[pixel] - seen[pixel] : 0;
+    if (lit)
+    {
+      litPredicted.push_back(predicted[pixel]);
+      litSeen.push_back(seen[pixel]);
+    }
+  }
+  psnr_ = litSeen.empty() ? std::numeric_limits<double>::quiet_NaN()
+                          : bigus::Psnr(litPredicted.data(), litSeen.data(), litSeen.size());
+  recordedImage_->Modified();
+  differenceImage_->Modified();
+  recorded.picture->VisibilityOn();
+  difference.picture->VisibilityOn();
+  recorded.SetCaption("recorded   frame " + std::to_string(frame));
+  rendered.SetCaption("rendered   " + FormatNumber(psnr_, 1) + " dB");
+  difference.SetCaption("rendered - recorded   +-" + FormatNumber(kDifferenceRange, 1) + " of white");
+}
+
+void ViewFrames::ShowNoFrame()
+{
+  psnr_ = std::numeric_limits<double>::quiet_NaN();
+  recorded.picture->VisibilityOff();
+  difference.picture->VisibilityOff();
+  recorded.SetCaption("no frame here   f: back");
+  rendered.SetCaption("rendered");
+  difference.SetCaption("");
+}
+
+void ViewFrames::Fit()
+{
+  const double* step = recorded.picture->GetScale();
+  const Eigen::Vector3d middle(0.5 * (sweep_->width - 1) * step[0], 0.5 * (sweep_->height - 1) * step[1], 0);
+  for (Cell* cell : Cells())
+  {
+    cell->LookAt(middle, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY(), sweep_->width * step[0],
+                 sweep_->height * step[1]);
+  }
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A frame as it was recorded, the field at the same pose, and their difference.
+#pragma once
+
+#include <array>
+#include <limits>
+#include <memory>
+
+#include "Core/Model/Sweep.h"
+#include "ViewCell.h"
+#include "vtkImageSlice.h"
+#include "vtkImageSliceMapper.h"
+#include "vtkSmartPointer.h"
+
+class vtkBigusSliceProp;
+class vtkImageData;
+
+namespace bigus::command
+{
+
+class ViewFrames
+{
+public:
+  /// `slice` shows the field in pixels of the sweep's frames.
+  ViewFrames(std::shared_ptr<const Sweep> sweep, vtkBigusSliceProp* slice);
+
+  struct Cell : ViewCell
+  {
+    vtkNew<vtkImageSliceMapper> mapper;
+    vtkNew<vtkImageSlice> picture;
+  };
+  Cell recorded, rendered, difference;
+  std::array<Cell*, 3> Cells() { return {&recorded, &rendered, &difference}; }
+
+  /// The slice has moved to the pose of this frame.
+  void ShowFrame(int frame);
+  /// The slice has moved to where there is no frame.
+  void ShowNoFrame();
+  /// Of the frame shown: PSNR of the rendered image against the recorded one, over lit pixels, dB. NaN without one.
+  double Psnr() const { return psnr_; }
+  /// Fits the pictures into their cells.
+  void Fit();
+
+private:
+  std::shared_ptr<const Sweep> sweep_;
+  vtkBigusSliceProp* slice_;
+  vtkSmartPointer<vtkImageData> recordedImage_, differenceImage_;
+  double psnr_ = std::numeric_limits<double>::quiet_NaN();
+};
+
+}  // namespace bigus::command

@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ViewPlanes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "Console.h"
+#include "vtkPolyData.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+constexpr int kPixels = 512;  // along a plane's longer side
+
+}  // namespace
+
+void PlaneView::Move(double distance)
+{
+  this->offset = std::clamp(this->offset + distance, -0.5 * this->depth, 0.5 * this->depth);
+  this->Fit();
+}
+
+void PlaneView::Fit()
+{
+  const Eigen::Vector3d at = this->centre + this->offset * this->normal;
+  for (int row = 0; row < 3; ++row)
+  {
+    this->plane->SetElement(row, 0, this->across[row]);
+    this->plane->SetElement(row, 1, this->down[row]);
+    this->plane->SetElement(row, 2, this->normal[row]);
+    this->plane->SetElement(row, 3, at[row]);
+  }
+  this->SetCaption(this->name + "   " + this->axis + " " + FormatNumber(this->offset, 1) + " mm");
+  this->LookAt(at, this->normal, this->down, this->width, this->height);
+}
+
+ViewPlanes::ViewPlanes(vtkPolyData* field, const ViewBox& box, bool isSweep)
+{
+  // Axes of the box that run across and down in each view. The third looks away from the viewer.
+  const int across[] = {0, 2, 0}, down[] = {1, 1, 2};
+  const std::array<const char*, 3> sweptNames = {"as the middle frame", "along the sweep", "at equal depth"};
+  const std::array<const char*, 3> sweptAxes = {"across", "depth", "sweep"};
+  const std::array<const char*, 3> plainNames = {"x y", "z y", "x z"}, plainAxes = {"x", "y", "z"};
+  for (int k = 0; k < 3; ++k)
+  {
+    PlaneView& view = this->views[k];
+    const int through = 3 - across[k] - down[k];
+    view.name = (isSweep ? sweptNames : plainNames)[k];
+    view.axis = (isSweep ? sweptAxes : plainAxes)[through];
+    view.across = box.axes.col(across[k]);
+    view.down = box.axes.col(down[k]);
+    view.normal = view.across.cross(view.down);
+    view.centre = box.centre;
+    view.width = box.size[across[k]];
+    view.height = box.size[down[k]];
+    view.depth = box.size[through];
+    const double spacing = std::max(view.width, view.height) / kPixels;
+    const int columns = std::max(1, static_cast<int>(std::lround(view.width / spacing)));
+    const int rows = std::max(1, static_cast<int>(std::lround(view.height / spacing)));
+    for (vtkBigusSliceProp* slice : {view.slice.Get(), view.inScene.Get()})
+    {
+      slice->SetInputData(field);
+      slice->SetPlane(view.plane);
+      slice->SetSliceSize(columns, rows);
+      slice->SetSliceSpacing(spacing, spacing);
+      slice->SetSliceOrigin(-0.5 * (columns - 1) * spacing, -0.5 * (rows - 1) * spacing);
+    }
+    view.slice->OutlineVisibilityOff();
+    view.inScene->CoverageVisibilityOff();
+    view.renderer->AddViewProp(view.slice);
+    view.Fit();
+  }
+}
+
+PlaneView* ViewPlanes::In(vtkRenderer* renderer)
+{
+  const auto found =
+      std::find_if(views.begin(), views.end(), [&](const PlaneView& view) { return view.renderer == renderer; });
+  return found == views.end() ? nullptr : &*found;
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,429 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ViewWindow.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+#include "Console.h"
+#include "Exit.h"
+#include "Files.h"
+#include "Outputs.h"
+#include "vtkBigusReslice.h"
+#include "vtkInteractorStyleTrackballCamera.h"
+#include "vtkPNGWriter.h"
+#include "vtkPolyData.h"
+#include "vtkProperty2D.h"
+#include "vtkTextProperty.h"
+#include "vtkUnsignedCharArray.h"
+#include "vtkWindowToImageFilter.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+constexpr int kSamples = 4;                              // a pixel, against jagged edges
+constexpr int kRowsOfText = 58;                          // that the window is high
+constexpr int kSmallestFont = 8;                         // points
+constexpr double kMovingRate = 15;                       // pictures a second while something moves
+constexpr double kStillRate = 1e-4;                      // as VTK's interactor: a still picture takes the time it needs
+constexpr auto kStill = std::chrono::milliseconds(400);  // after the last key a picture is drawn in full
+constexpr unsigned long kTick = 100;                     // ms between looks at what there is to do
+constexpr double kWheelStep = 1;                         // mm
+// The slice's widget has its observers at 0.5, VTK's style at 0.
+constexpr float kBeforeWidgets = 1, kAfterWidgets = 0.25;
+
+const char* const kHelp =
+    "Left Right    previous, next frame\n"
+    "Home End      first, last frame\n"
+    "f             slice back to the frame\n"
+    "Up Down       push the slice by 0.5 mm\n"
+    "              arrows tilt it with Shift,\n"
+    "              move it with Ctrl\n"
+    "1 2 3         ellipsoids, volume, slice\n"
+    "4 5 6         frames and path, planes, beam\n"
+    "c             cut at the slice on, off\n"
+    "g             grey over what was never seen\n"
+    "r             look from the start again\n"
+    "s             save a screenshot, .png\n"
+    "w             save the slice under the\n"
+    "              mouse, .igs.mha with its pose\n"
+    "?             this help\n"
+    "q             quit\n"
+    "\n"
+    "Mouse on the slice: push; at a margin\n"
+    "tilt; at a corner spin; its ball moves,\n"
+    "its arrow turns it; right: window, level.\n"
+    "Beside it: turn; middle: pan; right,\n"
+    "wheel: zoom. Wheel on a plane: move it.";
+
+/// The first name stem-1ending, stem-2ending, ... that no file has.
+std::string FreeName(const std::string& stem, const std::string& ending)
+{
+  int number = 1;
+  const auto name = [&] { return stem + "-" + std::to_string(number) + ending; };
+  while (std::filesystem::exists(name()))
+  {
+    ++number;
+  }
+  return name();
+}
+
+}  // namespace
+
+//------------------------------------------------------------------------------
+// Building it
+
+ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, const ViewSettings& settings,
+                       Console& console)
+    : settings_(settings),
+      console_(console),
+      sweep_(std::move(sweep)),
+      fontSize_(std::max(kSmallestFont, settings.height / kRowsOfText)),
+      scene_(field, sweep_.get(), BoxOfField(field, sweep_.get()), fontSize_),
+      planes_(field, BoxOfField(field, sweep_.get()), sweep_ != nullptr)
+{
+  interactor_->SetRenderWindow(window_);
+  vtkNew<vtkInteractorStyleTrackballCamera> style;
+  interactor_->SetInteractorStyle(style);
+  interactor_->SetDesiredUpdateRate(kMovingRate);
+
+  vtkBigusSliceProp* slice = scene_.Slice();
+  if (sweep_)
+  {
+    slice->SetSliceSize(sweep_->width, sweep_->height);
+    frames_ = std::make_unique<ViewFrames>(sweep_, slice);
+  }
+  else
+  {
+    vtkBigusSliceProp* first = planes_.views[0].slice;
+    slice->SetSliceSize(first->GetSliceSize()[0], first->GetSliceSize()[1]);
+    slice->SetSliceSpacing(first->GetSliceSpacing()[0], first->GetSliceSpacing()[1]);
+    slice->SetSliceOrigin(first->GetSliceOrigin()[0], first->GetSliceOrigin()[1]);
+    slice->GetPlane()->DeepCopy(planes_.views[0].plane);
+  }
+  for (PlaneView& view : planes_.views)
+  {
+    scene_.AddPlane(view.inScene);
+  }
+  scene_.SetInteractor(interactor_,
+                       [this]
+                       {
+                         if (frames_)
+                         {
+                           frames_->ShowNoFrame();
+                         }
+                       });
+  scene_.cell.SetCaption(settings_.name + "   " + std::to_string(field->GetNumberOfPoints()) +
+                         " Gaussians\n? lists the keys");
+  LayOut();
+  AddHelp();
+  if (sweep_)
+  {
+    AddSlider();
+    ShowFrame(0);
+  }
+  scene_.SetCut(true);
+  Fit();
+  scene_.LookFromTheStart();
+
+  interactor_->AddObserver(vtkCommand::KeyPressEvent, this, &ViewWindow::OnKey, kBeforeWidgets);
+  interactor_->AddObserver(vtkCommand::CharEvent, this, &ViewWindow::OnChar, kBeforeWidgets);
+  for (const auto event : {vtkCommand::MouseWheelForwardEvent, vtkCommand::MouseWheelBackwardEvent})
+  {
+    interactor_->AddObserver(event, this, &ViewWindow::OnWheel, kAfterWidgets);
+  }
+  for (const auto event :
+       {vtkCommand::LeftButtonPressEvent, vtkCommand::MiddleButtonPressEvent, vtkCommand::RightButtonPressEvent})
+  {
+    interactor_->AddObserver(event, this, &ViewWindow::OnButton, kAfterWidgets);
+  }
+  interactor_->AddObserver(vtkCommand::TimerEvent, this, &ViewWindow::OnTimer);
+  interactor_->AddObserver(vtkCommand::ConfigureEvent, this, &ViewWindow::OnResize);
+}
+
+/// The scene on the left, the three planes beside it, and with a sweep the frame on the right.
+void ViewWindow::LayOut()
+{
+  window_->SetOffScreenRendering(settings_.offScreen);
+  window_->SetMultiSamples(kSamples);
+  window_->SetSize(settings_.width, settings_.height);
+  window_->SetWindowName(("BIGUS: " + settings_.name).c_str());
+  backdrop_->SetBackground(kBackdrop.data());
+  backdrop_->InteractiveOff();
+  window_->AddRenderer(backdrop_);
+  const double left = sweep_ ? 0.5 : 0.66, middle = sweep_ ? 0.75 : 1;
+  scene_.cell.Place(window_, {0, 0, left, 1}, fontSize_);
+  for (int k = 0; k < 3; ++k)
+  {
+    const double bottom = (2 - k) / 3.0, top = (3 - k) / 3.0;
+    planes_.views[k].Place(window_, {left, bottom, middle, top}, fontSize_);
+    if (frames_)
+    {
+      frames_->Cells()[k]->Place(window_, {middle, bottom, 1, top}, fontSize_);
+    }
+  }
+}
+
+void ViewWindow::AddHelp()
+{
+  help_->SetInput(kHelp);
+  vtkTextProperty* text = help_->GetTextProperty();
+  StyleText(text, fontSize_);
+  text->SetFontFamilyToCourier();  // columns
+  text->SetBackgroundColor(kDark.data());
+  text->SetBackgroundOpacity(0.9);
+  text->SetLineSpacing(1.3);
+  text->SetVerticalJustificationToCentered();
+  help_->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
+  help_->SetPosition(0.03, 0.5);
+  help_->VisibilityOff();
+  scene_.cell.renderer->AddViewProp(help_);
+}
+
+void ViewWindow::AddSlider()
+{
+  vtkSliderRepresentation2D* looks = sliderLooks_;
+  looks->SetMinimumValue(0);
+  looks->SetMaximumValue(std::max(1, sweep_->NumberOfFrames() - 1));
+  looks->SetLabelFormat("frame %.0f");
+  looks->GetPoint1Coordinate()->SetCoordinateSystemToNormalizedViewport();
+  looks->GetPoint1Coordinate()->SetValue(0.08, 0.055);
+  looks->GetPoint2Coordinate()->SetCoordinateSystemToNormalizedViewport();
+  looks->GetPoint2Coordinate()->SetValue(0.92, 0.055);
+  // Sizes are shares of the cell.
+  looks->SetSliderLength(0.02);
+  looks->SetSliderWidth(0.025);
+  looks->SetTubeWidth(0.005);
+  looks->SetEndCapLength(0.004);
+  looks->SetEndCapWidth(0.012);
+  looks->SetLabelHeight(0.02);
+  looks->GetTubeProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
+  looks->GetCapProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
+  looks->GetSliderProperty()->SetColor(kAccent[0], kAccent[1], kAccent[2]);
+  looks->GetSelectedProperty()->SetColor(1, 1, 1);
+  StyleText(looks->GetLabelProperty(), fontSize_);
+  slider_->SetInteractor(interactor_);
+  slider_->SetRepresentation(looks);
+  slider_->SetDefaultRenderer(scene_.cell.renderer);
+  slider_->SetCurrentRenderer(scene_.cell.renderer);
+  slider_->SetAnimationModeToJump();
+  slider_->EnabledOn();
+  slider_->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnSlider);
+}
+
+//------------------------------------------------------------------------------
+// Showing
+
+void ViewWindow::ShowFrame(int frame)
+{
+  frame_ = std::clamp(frame, 0, sweep_->NumberOfFrames() - 1);
+  scene_.SetPlane(sweep_->Plane(frame_).ImageToReference());
+  frames_->ShowFrame(frame_);
+  sliderLooks_->SetValue(frame_);
+}
+
+double ViewWindow::FramePsnr() const
+{
+  return frames_ ? frames_->Psnr() : std::numeric_limits<double>::quiet_NaN();
+}
+
+/// Pictures fill their cells also after the window has changed its size.
+void ViewWindow::Fit()
+{
+  for (PlaneView& view : planes_.views)
+  {
+    view.Fit();
+  }
+  if (frames_)
+  {
+    frames_->Fit();
+  }
+}
+
+/// While something moves, draws what can be drawn quickly. The rest follows when it stays (OnTimer).
+void ViewWindow::Render(bool isMoving)
+{
+  isCoarse_ = isMoving;
+  coarseSince_ = std::chrono::steady_clock::now();
+  window_->SetDesiredUpdateRate(isMoving ? kMovingRate : kStillRate);
+  window_->Render();
+}
+
+void ViewWindow::Run()
+{
+  interactor_->Initialize();
+  Render(false);
+  interactor_->CreateRepeatingTimer(kTick);
+  interactor_->Start();
+}
+
+//------------------------------------------------------------------------------
+// Events; those that return true are not passed on
+
+vtkRenderer* ViewWindow::UnderMouse()
+{
+  const int* at = interactor_->GetEventPosition();
+  return interactor_->FindPokedRenderer(at[0], at[1]);
+}
+
+bool ViewWindow::OnTimer(vtkObject*, unsigned long, void*)
+{
+  if (IsInterrupted())
+  {
+    interactor_->TerminateApp();
+  }
+  else if (isCoarse_ && std::chrono::steady_clock::now() - coarseSince_ > kStill)
+  {
+    Render(false);
+  }
+  return false;
+}
+
+bool ViewWindow::OnResize(vtkObject*, unsigned long, void*)
+{
+  Fit();
+  return false;
+}
+
+bool ViewWindow::OnSlider(vtkObject*, unsigned long, void*)
+{
+  ShowFrame(static_cast<int>(std::lround(sliderLooks_->GetValue())));
+  return false;
+}
+
+/// On a plane it moves the plane, on the scene VTK's style zooms.
+bool ViewWindow::OnWheel(vtkObject*, unsigned long event, void*)
+{
+  vtkRenderer* const under = UnderMouse();
+  if (PlaneView* view = planes_.In(under))
+  {
+    view->Move(event == vtkCommand::MouseWheelForwardEvent ? kWheelStep : -kWheelStep);
+    Render(true);
+  }
+  return under != scene_.cell.renderer;
+}
+
+/// Only the scene turns.
+bool ViewWindow::OnButton(vtkObject*, unsigned long, void*)
+{
+  return UnderMouse() != scene_.cell.renderer;
+}
+
+bool ViewWindow::OnKey(vtkObject*, unsigned long, void*)
+{
+  const char* const symbol = interactor_->GetKeySym();
+  const std::string key = symbol ? symbol : "";
+  const bool isPlain = !interactor_->GetShiftKey() && !interactor_->GetControlKey();
+  const std::size_t part = key.size() == 1 ? key[0] - '1' : kViewParts.size();
+  if (key == "q" || key == "Escape")
+  {
+    interactor_->TerminateApp();
+  }
+  else if (isPlain && (key == "Left" || key == "Right" || key == "Home" || key == "End" || key == "f"))
+  {
+    if (sweep_)
+    {
+      ShowFrame(key == "Left"    ? frame_ - 1
+                : key == "Right" ? frame_ + 1
+                : key == "Home"  ? 0
+                : key == "End"   ? sweep_->NumberOfFrames() - 1
+                                 : frame_);
+    }
+  }
+  else if (part < kViewParts.size())
+  {
+    scene_.Show(kViewParts[part], !scene_.IsShown(kViewParts[part]));
+  }
+  else if (key == "c")
+  {
+    scene_.SetCut(!scene_.IsCut());
+  }
+  else if (key == "g")
+  {
+    for (PlaneView& view : planes_.views)
+    {
+      view.slice->SetCoverageVisibility(!view.slice->GetCoverageVisibility());
+    }
+  }
+  else if (key == "r")
+  {
+    scene_.LookFromTheStart();
+  }
+  else if (key == "question" || key == "h" || key == "F1")
+  {
+    help_->SetVisibility(!help_->GetVisibility());
+  }
+  else if (key == "s" || key == "w")
+  {
+    Save(key == "w");
+    return true;
+  }
+  else
+  {
+    isCoarse_ = true;  // the slice's widget may take it
+    coarseSince_ = std::chrono::steady_clock::now();
+    window_->SetDesiredUpdateRate(kMovingRate);
+    return false;
+  }
+  Render(true);
+  return true;
+}
+
+//------------------------------------------------------------------------------
+// Saving
+
+void ViewWindow::Save(bool isSlice)
+{
+  try
+  {
+    const std::string stem = std::filesystem::path(settings_.name).stem().string();
+    const std::string name = isSlice ? FreeName(stem + "-slice", ".igs.mha") : FreeName(stem + "-view", ".png");
+    isSlice ? WriteSlice(name) : WriteScreenshot(name);
+    console_.Note("Saved " + name);
+  }
+  catch (const Error& error)  // a full disk is no reason to lose the window
+  {
+    console_.Note(std::string("Not saved: ") + error.what());
+  }
+}
+
+/// The slice of the view under the mouse, or else the scene's, with its pose.
+void ViewWindow::WriteSlice(const std::string& path)
+{
+  PlaneView* const view = planes_.In(UnderMouse());
+  vtkBigusSliceProp* const slice = view ? view->slice.Get() : scene_.Slice();
+  slice->UpdateSlice();
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+  std::copy_n(slice->GetPlane()->GetData(), 16, pose.data());
+  const double* const origin = slice->GetSliceOrigin();
+  pose.col(3) += origin[0] * pose.col(0) + origin[1] * pose.col(1);
+  pose.col(0) *= slice->GetSliceSpacing()[0];
+  pose.col(1) *= slice->GetSliceSpacing()[1];
+  const int* const pixels = slice->GetSliceSize();
+  const auto stack = NewStack({SlicePlane::FromImageToReference(pose, pixels[0], pixels[1])}, {}, false);
+  SetImage(stack, 0, slice->GetReslice()->GetOutput());
+  WriteStack(stack, path, {0}, console_);
+}
+
+void ViewWindow::WriteScreenshot(const std::string& path)
+{
+  Render(false);
+  vtkNew<vtkWindowToImageFilter> grab;
+  grab->SetInput(window_);
+  grab->ReadFrontBufferOff();
+  grab->ShouldRerenderOff();
+  vtkNew<vtkPNGWriter> writer;
+  writer->SetInputConnection(grab->GetOutputPort());
+  writer->WriteToMemoryOn();
+  writer->Write();
+  vtkUnsignedCharArray* png = writer->GetResult();
+  WriteAtomically(path, [png](std::ostream& file)
+                  { file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues()); });
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The window of `bigus view`: a 3-D scene, three planes at right angles, and a recorded frame beside the rendered one.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "Core/Model/Sweep.h"
+#include "ViewFrames.h"
+#include "ViewPlanes.h"
+#include "ViewScene.h"
+#include "vtkNew.h"
+#include "vtkRenderWindow.h"
+#include "vtkRenderWindowInteractor.h"
+#include "vtkSliderRepresentation2D.h"
+#include "vtkSliderWidget.h"
+#include "vtkTextActor.h"
+
+namespace bigus::command
+{
+
+class Console;
+
+struct ViewSettings
+{
+  std::string name;                ///< of the field, for captions and names of saved files
+  int width = 1440, height = 900;  ///< pixels
+  bool offScreen = false;
+};
+
+class ViewWindow
+{
+public:
+  /// `sweep` may be null: then there is no recorded frame. Call RequireDisplay before.
+  ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, const ViewSettings& settings, Console& console);
+
+  /// Shows this frame, counted from 0 among the usable ones.
+  void ShowFrame(int frame);
+  ViewScene& Scene() { return scene_; }
+
+  /// Of the frame shown: PSNR of the rendered image against the recorded one, over lit pixels, dB. NaN without one.
+  double FramePsnr() const;
+  /// Writes what the window shows: .png.
+  void WriteScreenshot(const std::string& path);
+  /// Serves mouse and keys until the window is closed or the process is told to end.
+  void Run();
+
+private:
+  void LayOut();
+  void AddHelp();
+  void AddSlider();
+  void Fit();
+  void Render(bool isMoving);
+  bool OnKey(vtkObject*, unsigned long, void*);
+  bool OnWheel(vtkObject*, unsigned long event, void*);
+  bool OnButton(vtkObject*, unsigned long, void*);
+  bool OnChar(vtkObject*, unsigned long, void*) { return true; }
+  bool OnTimer(vtkObject*, unsigned long, void*);
+  bool OnResize(vtkObject*, unsigned long, void*);
+  bool OnSlider(vtkObject*, unsigned long, void*);
+  void Save(bool isSlice);
+  void WriteSlice(const std::string& path);
+  vtkRenderer* UnderMouse();
+
+  ViewSettings settings_;
+  Console& console_;
+  std::shared_ptr<const Sweep> sweep_;
+  int frame_ = 0, fontSize_;
+
+  vtkNew<vtkRenderWindow> window_;
+  vtkNew<vtkRenderWindowInteractor> interactor_;
+  vtkNew<vtkRenderer> backdrop_;  // shows between the cells
+  ViewScene scene_;
+  ViewPlanes planes_;
+  std::unique_ptr<ViewFrames> frames_;
+  vtkNew<vtkTextActor> help_;
+  vtkNew<vtkSliderWidget> slider_;
+  vtkNew<vtkSliderRepresentation2D> sliderLooks_;
+  bool isCoarse_ = false;  // the last picture was drawn in a hurry
+  std::chrono::steady_clock::time_point coarseSince_;
+};
+
+}  // namespace bigus::command
