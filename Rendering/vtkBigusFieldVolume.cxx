@@ -2,8 +2,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusFieldVolume.h"
 
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <vector>
 
+#include "Core/Model/Error.h"
+#include "Core/Model/GaussianField.h"
+#include "Data/FieldData.h"
 #include "vtkAutoInit.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkColorTransferFunction.h"
@@ -28,6 +36,7 @@ namespace
 constexpr int kLongestSide = 160;        // voxels; four million in a cube, which llvmpipe draws within a second
 constexpr double kDiagonalShare = 0.01;  // of the volume's diagonal: the length that opacities hold for
 constexpr int kLargestLevel = 255;
+constexpr double kReach = 3;  // standard deviations of the median Gaussian around the centres: nearly all of its echo
 
 struct Stop
 {
@@ -57,6 +66,7 @@ void vtkBigusFieldVolume::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "AutomaticTransfer: " << this->AutomaticTransfer << "\n";
+  os << indent << "CropToCenters: " << this->CropToCenters << "\n";
   os << indent << "Voxelizer:\n";
   this->Voxelizer->PrintSelf(os, indent.GetNextIndent());
 }
@@ -106,11 +116,56 @@ double vtkBigusFieldVolume::FillTransfer(vtkImageData* volume, vtkPiecewiseFunct
   return kDiagonalShare * volume->GetLength();
 }
 
+void vtkBigusFieldVolume::Crop()
+{
+  this->Voxelizer->GetInputAlgorithm()->Update();
+  auto* input = vtkPolyData::SafeDownCast(this->Voxelizer->GetInputDataObject(0, 0));
+  const int longest = this->Voxelizer->GetMaximumDimension();
+  if (!input || (input->GetMTime() == this->CropTime && longest == this->CropDimension))
+  {
+    return;
+  }
+  this->CropTime = input->GetMTime();
+  this->CropDimension = longest;
+  Eigen::AlignedBox3d box;
+  std::vector<double> scales;
+  try
+  {
+    const bigus::GaussianField field = bigus::FieldFromPolyData(input);
+    for (std::size_t i = 0; i < field.Size(); ++i)
+    {
+      box.extend(field.means[i]);
+      scales.push_back(std::cbrt(field.scales[i].prod()));
+    }
+  }
+  catch (const bigus::Error&)
+  {
+    return;  // the voxelizer tells what is wrong with it
+  }
+  if (scales.empty())
+  {
+    return;
+  }
+  const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
+  std::nth_element(scales.begin(), middle, scales.end());
+  box.min().array() -= kReach * *middle;
+  box.max().array() += kReach * *middle;
+  const double spacing = box.sizes().maxCoeff() / (longest - 1);
+  const auto voxels = [&](int axis) { return 1 + static_cast<int>(std::lround(box.sizes()[axis] / spacing)); };
+  this->Voxelizer->SetOutputOrigin(box.min().data());
+  this->Voxelizer->SetOutputSpacing(spacing, spacing, spacing);
+  this->Voxelizer->SetOutputDimensions(voxels(0), voxels(1), voxels(2));
+}
+
 void vtkBigusFieldVolume::UpdateVolume()
 {
   if (this->Voxelizer->GetNumberOfInputConnections(0) == 0)
   {
     return;
+  }
+  if (this->CropToCenters)
+  {
+    this->Crop();
   }
   this->Voxelizer->Update();
   vtkImageData* volume = this->Voxelizer->GetOutput();

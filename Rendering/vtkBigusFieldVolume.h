@@ -49,9 +49,21 @@ public:
   ///@}
 
   /**
-   * What makes the voxels. Default: cubic voxels along the field's axes, at most 160 along the longest side, 8 bits.
+   * What makes the voxels. Default: cubic voxels along the field's axes, at most 160 along the longest side, 8 bits. Its
+   * geometry may be set after CropToCentersOff.
    */
   vtkBigusVoxelizer* GetVoxelizer() { return this->Voxelizer; }
+
+  ///@{
+  /**
+   * Whether the volume is the box of the Gaussians' centres and three median standard deviations more. On (default) it
+   * sets the voxelizer's origin, spacing and dimensions. Off: whatever the voxelizer's are; its own box holds every
+   * Gaussian whole, and a few large ones beside the tissue can make that many times as large.
+   */
+  vtkSetMacro(CropToCenters, vtkTypeBool);
+  vtkGetMacro(CropToCenters, vtkTypeBool);
+  vtkBooleanMacro(CropToCenters, vtkTypeBool);
+  ///@}
 
   ///@{
   /**
@@ -84,14 +96,19 @@ protected:
   ~vtkBigusFieldVolume() override;
 
   vtkTypeBool AutomaticTransfer = 1;
+  vtkTypeBool CropToCenters = 1;
 
 private:
   vtkBigusFieldVolume(const vtkBigusFieldVolume&) = delete;
   void operator=(const vtkBigusFieldVolume&) = delete;
 
+  void Crop();
+
   vtkNew<vtkBigusVoxelizer> Voxelizer;
   vtkNew<vtkSmartVolumeMapper> SmartMapper;
   vtkMTimeType VolumeTime = 0;  // of the voxels that the property was made for
+  vtkMTimeType CropTime = 0;    // of the field that the box was made for
+  int CropDimension = 0;        // and of its longest side
 };
 
 #endif

@@ -12,14 +12,14 @@ int main(int argc, char* argv[])
   {
     return 1;
   }
-  ExampleWindow window(argc > 2 ? argv[2] : nullptr, 640, 480);
+  ExampleWindow window(argc > 2 ? argv[2] : nullptr, 520, 390);
   vtkNew<vtkBigusFieldReader> field;
   field->SetFileName(argv[1]);
   vtkNew<vtkBigusFieldVolume> volume;
   volume->SetInputConnection(field->GetOutputPort());
   vtkNew<vtkRenderer> renderer;
   renderer->AddVolume(volume);
-  window.Add(renderer, -0.7, -0.5, -1.3, 2.4);
+  window.Add(renderer, -0.7, -0.5, -1.3, 1.5);
   window.Show();
   return 0;
 }

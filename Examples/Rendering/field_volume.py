@@ -25,11 +25,11 @@ camera = renderer.GetActiveCamera()
 camera.SetViewUp(0, -1, 0)  # depth points down
 camera.SetPosition(-0.7, -0.5, -1.3)
 renderer.ResetCamera()
-camera.Zoom(2.4)
+camera.Zoom(1.5)
 
 window = vtkRenderWindow()
 window.SetOffScreenRendering(len(sys.argv) > 2)
-window.SetSize(640, 480)
+window.SetSize(520, 390)
 window.AddRenderer(renderer)
 interactor = vtkRenderWindowInteractor()
 interactor.SetRenderWindow(window)

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // vtkBigusFieldVolume: opacity follows the quantiles of the voxels, and the cloud lies where the field lies.
 
+#include <algorithm>
+
 #include "Rendering/RenderingTestSupport.h"
 #include "vtkBigusFieldVolume.h"
 #include "vtkBigusVoxelizer.h"
@@ -85,6 +87,39 @@ TEST(FieldVolume, TheCloudLiesWhereTheFieldLies)
   EXPECT_GT(sum, 1e4);
   EXPECT_NEAR(x / sum, 3, 0.1);
   EXPECT_NEAR(y / sum, 2, 0.1);
+}
+
+TEST(FieldVolume, OneLargeGaussianBesideTheTissueTakesNoVoxelsFromIt)
+{
+  GaussianField field = RandomField(201, 4);
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    field.scales[i].setConstant(0.5);
+  }
+  field.scales[0].setConstant(40);
+  double low[3], high[3];
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    const auto less = [axis](const auto& a, const auto& b) { return a[axis] < b[axis]; };
+    low[axis] = (*std::min_element(field.means.begin(), field.means.end(), less))[axis] - 1.5;
+    high[axis] = (*std::max_element(field.means.begin(), field.means.end(), less))[axis] + 1.5;
+  }
+  vtkNew<vtkBigusFieldVolume> volume;
+  volume->SetInputData(ToPolyData(field));
+  volume->GetVoxelizer()->SetMaximumDimension(50);
+  const double* bounds = volume->GetBounds();
+  const double* spacing = volume->GetVoxelizer()->GetOutput()->GetSpacing();
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    EXPECT_NEAR(bounds[2 * axis], low[axis], 1e-9);
+    EXPECT_NEAR(bounds[2 * axis + 1], high[axis], 0.5 * spacing[axis] + 1e-9);
+  }
+  volume->CropToCentersOff();
+  volume->GetVoxelizer()->SetOutputOriginToDefault();
+  volume->GetVoxelizer()->SetOutputSpacingToDefault();
+  volume->GetVoxelizer()->SetOutputDimensionsToDefault();
+  bounds = volume->GetBounds();
+  EXPECT_GT(bounds[1] - bounds[0], 200);  // the large one whole
 }
 
 TEST(FieldVolume, WithoutAFieldNothingIsDrawn)
