@@ -14,7 +14,7 @@
 namespace bigus::command
 {
 
-/// One subcommand is chosen by the arguments; it leaves its work in `job`, which main runs.
+/// One subcommand is chosen by the arguments; it leaves its work in `job`, which Run runs.
 struct Program
 {
   CLI::App app;
@@ -32,6 +32,12 @@ void AddMetrics(Program& program);
 void AddConvert(Program& program);
 void AddBench(Program& program);
 void AddView(Program& program);
+
+/// The whole program: understands the arguments and does what they ask for.
+ExitCode Run(int argumentCount, char** arguments);
+
+/// Runs `job`. Whatever it throws becomes an exit code and one message, on stderr and in JSON.
+ExitCode RunJob(Console& console, const std::function<ExitCode()>& job);
 
 /// Makes `work` the program's job where the arguments choose the subcommand `app`.
 void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work);

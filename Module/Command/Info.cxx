@@ -202,6 +202,11 @@ Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* re
                        " mirror the image: an axis is reversed, and the frames are not used.");
     }
   }
+  if (const std::string cropped = reader->GetCroppedFrame(); !cropped.empty())
+  {
+    doubts.push_back("The transforms name " + cropped + ": where the images are the cropped ones, give --image-from " +
+                     cropped + ".");
+  }
   for (const std::string& doubt : doubts)
   {
     console.Print(Line("Doubtful", doubt));

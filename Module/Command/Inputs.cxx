@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "Command.h"
+#include "Core/Poses/PoseDoubts.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
@@ -21,6 +22,7 @@
 #include "vtkBigusPoseReader.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkDataArray.h"
+#include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
@@ -72,6 +74,25 @@ void NoteRejected(vtkBigusSequenceReader* reader, const std::string& path, Conso
   if (reader->GetNumberOfRejectedFrames() > 0)
   {
     console.Note(path + ": " + reader->GetRejectionSummary());
+  }
+}
+
+/// Says what `info` says of poses that are read but look wrong.
+void NoteDoubts(vtkImageData* sequence, const std::string& path, Console& console)
+{
+  Sweep poses;
+  poses.width = sequence->GetDimensions()[0];
+  poses.height = sequence->GetDimensions()[1];
+  vtkDataArray* matrices = sequence->GetFieldData()->GetArray("ImageToReference");
+  for (vtkIdType k = 0; k < matrices->GetNumberOfTuples(); ++k)
+  {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+    matrices->GetTuple(k, pose.data());
+    poses.imageToReference.push_back(pose);
+  }
+  for (const std::string& doubt : DoubtsAboutPoses(poses))
+  {
+    console.Note("bigus: warning: " + path + ": " + doubt);
   }
 }
 
@@ -193,6 +214,12 @@ void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::stri
   app.add_option("--image-pattern", options.imagePattern, "Their names when the CSV has none, such as frame_%04d.png")
       ->type_name("PATTERN")
       ->group(sequenceGroup);
+  app.add_option("--pixel-range", options.pixelRange,
+                 "The pixel that is shown as white; default: 4095 where 16-bit pixels use 12 bits, and so on; 255 for "
+                 "float pixels of that range")
+      ->check(PositiveNumber())
+      ->type_name("MAX")
+      ->group(sequenceGroup);
   CLI::Option* rectangle =
       app.add_option("--clip-rectangle", options.clipRectangle, "Blacken what is outside: column, row, columns, rows")
           ->expected(4)
@@ -228,6 +255,7 @@ vtkSmartPointer<vtkBigusSequenceReader> NewSequenceReader(const SequenceOptions&
   {
     reader->SetImagePattern(options.imagePattern.c_str());
   }
+  reader->SetPixelRange(options.pixelRange);
   // The automatic mask looks at every frame: with it, held-out frames would have a say in training.
   reader->AutoMaskOff();
   if (!options.clipRectangle.empty())
@@ -251,6 +279,7 @@ vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Conso
   const auto reader = NewSequenceReader(options);
   Update(reader, console, "Reading");
   NoteRejected(reader, options.path, console);
+  NoteDoubts(reader->GetOutput(), options.path, console);
   return reader->GetOutput();
 }
 

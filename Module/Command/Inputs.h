@@ -49,6 +49,7 @@ struct SequenceOptions
   std::string imageFolder, imagePattern;  ///< where a CSV's PNG images are
   std::vector<int> clipRectangle;         ///< column, row, columns, rows
   std::vector<double> clipFan;            ///< apex i, j, inner and outer radius in pixels, first and last angle
+  double pixelRange = 0;                  ///< the pixel shown as white; 0: found from the pixels
   int reduce = 1;                         ///< box-average so many pixels squared
 };
 /// Adds the positional argument `name` and the options above, but for --reduce.

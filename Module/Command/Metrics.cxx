@@ -50,15 +50,19 @@ void UnpackShorts(vtkImageData* image)
 }
 
 /// Tracked or plain, by the same bounded reader: frames that a tracked sequence rejects are left out.
-vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, Console& console)
+/// `range` is the 16-bit pixel that is shown as white, 0 asks the pixels; it becomes the one taken, 0 for other types.
+vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, double& range, Console& console)
 {
   SequenceOptions options;
   options.path = path;
+  options.pixelRange = range;
   options.chain.assumeStatus = true;
   const auto reader = NewSequenceReader(options);
   reader->RequirePosesOff();
   Update(reader, console, "Reading");
   vtkImageData* image = reader->GetOutput();
+  const double used = reader->GetUsedPixelRange();
+  range = image->GetScalarType() != VTK_UNSIGNED_SHORT ? 0 : used > 0 ? used : 65535;
   UnpackShorts(image);
   return image;
 }
@@ -144,8 +148,17 @@ TextureComparison ReadTexture(vtkTable* table)
 
 ExitCode Measure(Console& console, const Options& options)
 {
-  vtkSmartPointer<vtkImageData> image = ReadImage(options.image, console);
-  vtkSmartPointer<vtkImageData> truth = ReadImage(options.truth, console);
+  double imageRange = 0, truthRange = 0;
+  vtkSmartPointer<vtkImageData> image = ReadImage(options.image, imageRange, console);
+  vtkSmartPointer<vtkImageData> truth = ReadImage(options.truth, truthRange, console);
+  if (imageRange > 0 && truthRange > 0 && imageRange != truthRange)
+  {
+    // Pixels compare on one scale.
+    double both = std::max(imageRange, truthRange);
+    console.Note("bigus: both are read with " + FormatNumber(both, 0) + " as white.");
+    const bool again = imageRange < truthRange;  // the image, else the truth
+    (again ? image : truth) = ReadImage(again ? options.image : options.truth, both, console);
+  }
   if (!options.frames.empty())
   {
     const std::vector<int> numbers = ParseFrames(options.frames, truth->GetDimensions()[2]);

@@ -93,7 +93,7 @@ private:
   {
     if (console)
     {
-      console->Note("bigus: warning: " + Essence(text));
+      console->Note("bigus: warning: " + WithRemedy(Essence(text)));
     }
   }
 };

@@ -30,6 +30,7 @@ void ReadPlainPng(SequenceFile& file)
   file.width = header.width;
   file.height = header.height;
   file.elementType = header.elementType;
+  file.channels = header.channels;
   file.numberOfFrames = 1;
   file.images = {file.fileName};
   file.frames.resize(1);
@@ -74,6 +75,12 @@ std::size_t BytesPerElement(ElementType type)
 const char* NameOf(ElementType type)
 {
   return type == ElementType::UInt8 ? "unsigned char" : type == ElementType::UInt16 ? "unsigned short" : "float";
+}
+
+std::string SequenceFile::PixelType() const
+{
+  return std::string(isSigned ? "short" : NameOf(elementType)) +
+         (channels > 1 ? ", " + std::to_string(channels) + " channels" : "");
 }
 
 const char* NameOf(Encoding encoding)

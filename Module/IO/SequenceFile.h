@@ -47,7 +47,9 @@ struct SequenceFile
   int width = 0;
   int height = 0;
   int numberOfFrames = 0;
-  ElementType elementType = ElementType::UInt8;
+  ElementType elementType = ElementType::UInt8;  ///< of a pixel as it is read
+  int channels = 1;       ///< elements of a pixel in the file; 3 or 4 are red, green, blue, and what is ignored
+  bool isSigned = false;  ///< UInt16 is short in the file, and no pixel may be negative
   bool bigEndian = false;
   bool framesFastest = false;  ///< the list axis comes first: a pixel's values in all frames lie side by side
 
@@ -65,10 +67,18 @@ struct SequenceFile
   Fields fields;               ///< of the whole file, by name
   std::vector<Fields> frames;  ///< [frames] of each frame, by name without the Seq_FrameNNNN_ prefix
 
+  /// Of a frame as it is read.
   std::uint64_t FrameBytes() const
   {
     return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * BytesPerElement(elementType);
   }
+  /// Of all frames as they are in the file, decoded.
+  std::uint64_t PixelBytesInFile() const
+  {
+    return FrameBytes() * static_cast<std::uint64_t>(channels) * static_cast<std::uint64_t>(numberOfFrames);
+  }
+  /// Such as "unsigned char, 3 channels".
+  std::string PixelType() const;
 };
 
 /// Where a CSV of poses finds its images.
@@ -87,7 +97,13 @@ bool LooksLikeSequence(const std::string& beginning, bool plain);
 /// the pixels that its header claims before anything of that size is allocated.
 SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& images);
 
-/// The decoded pixel bytes of a raw, zlib or gzip sequence, in file order and this machine's byte order.
+/// The lightness of a colour as video weighs it (ITU-R BT.601), rounded; of equal channels it is their value.
+constexpr std::uint8_t Grey(int red, int green, int blue)
+{
+  return static_cast<std::uint8_t>((299 * red + 587 * green + 114 * blue + 500) / 1000);
+}
+
+/// The decoded pixel bytes of a raw, zlib or gzip sequence, in file order and this machine's byte order, colours as grey.
 class PixelStream
 {
 public:
@@ -101,6 +117,9 @@ public:
   void Finish();
 
 private:
+  void ReadElements(unsigned char* bytes, std::size_t count);
+  void ReadColours(unsigned char* greys, std::size_t count);
+
   class Decoder;
   std::unique_ptr<Decoder> decoder_;
   const SequenceFile& file_;

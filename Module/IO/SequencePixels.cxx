@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The pixels of a tracked sequence, decoded into buffers whose size the caller has checked.
 #include <algorithm>
+#include <cstring>
 
 #include "IO/Bytes.h"
 #include "IO/FileError.h"
@@ -105,6 +106,47 @@ PixelStream::~PixelStream() = default;
 void PixelStream::Read(void* bytes, std::size_t count)
 {
   auto* const out = static_cast<unsigned char*>(bytes);
+  if (file_.channels > 1)
+  {
+    ReadColours(out, count);
+    return;
+  }
+  ReadElements(out, count);
+  if (file_.isSigned)
+  {
+    for (std::size_t at = 0; at < count; at += 2)
+    {
+      std::int16_t pixel;
+      std::memcpy(&pixel, out + at, 2);
+      if (pixel < 0)
+      {
+        throw FormatError(file_.fileName + ": has the pixel " + std::to_string(pixel) +
+                          "; pixels of type short are read where none is negative");
+      }
+    }
+  }
+}
+
+void PixelStream::ReadColours(unsigned char* greys, std::size_t count)
+{
+  constexpr std::size_t kBlock = 16384;  // pixels
+  const auto channels = static_cast<std::size_t>(file_.channels);
+  std::vector<unsigned char> colours(std::min(count, kBlock) * channels);
+  for (std::size_t done = 0; done < count;)
+  {
+    const std::size_t pixels = std::min(count - done, kBlock);
+    ReadElements(colours.data(), pixels * channels);
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      const unsigned char* colour = &colours[p * channels];
+      greys[done + p] = Grey(colour[0], colour[1], colour[2]);
+    }
+    done += pixels;
+  }
+}
+
+void PixelStream::ReadElements(unsigned char* out, std::size_t count)
+{
   if (decoder_->Read(out, count) != count)
   {
     throw TruncationError(file_.fileName + ": the pixels end early; the file is truncated or its sizes are wrong");

@@ -226,6 +226,58 @@ void ClipAndNote(const bigus::SequenceFile& file, const std::vector<unsigned cha
   }
 }
 
+// How many of an unsigned short's highest bits no pixel has, of data that have 8, 10, 12 or 14 bits; else 0. Pixels below
+// kDimmest would make the number of bits a guess.
+int UnusedBits(vtkDataArray* pixels)
+{
+  constexpr int kDimmest = 64;
+  if (pixels->GetDataType() != VTK_UNSIGNED_SHORT)
+  {
+    return 0;
+  }
+  const auto* first = static_cast<const unsigned short*>(pixels->GetVoidPointer(0));
+  const vtkIdType count = pixels->GetNumberOfTuples();
+  const int largest = count > 0 ? *std::max_element(first, first + count) : 0;
+  int bits = 8;
+  while (largest >= 1 << bits)
+  {
+    bits += 2;
+  }
+  return largest < kDimmest ? 0 : 16 - bits;
+}
+
+// Makes `range` the largest pixel of the type. Throws FileError where a pixel is larger.
+template <class Pixel>
+void ScalePixels(const bigus::SequenceFile& file, Pixel* pixels, vtkIdType count, double range, double white)
+{
+  for (vtkIdType p = 0; p < count; ++p)
+  {
+    const double pixel = pixels[p];
+    if (pixel > range)
+    {
+      throw bigus::FormatError(file.fileName + ": has the pixel " + bigus::ExactNumber(pixel) +
+                               ", above the pixel range of " + bigus::ExactNumber(range));
+    }
+    const double scaled = pixel * (white / range);
+    pixels[p] = static_cast<Pixel>(white > 1 ? std::round(scaled) : scaled);
+  }
+}
+
+void Scale(const bigus::SequenceFile& file, vtkDataArray* pixels, double range)
+{
+  void* const first = pixels->GetVoidPointer(0);
+  const vtkIdType count = pixels->GetNumberOfTuples();
+  switch (file.elementType)
+  {
+    case bigus::ElementType::Float32:
+      return ScalePixels(file, static_cast<float*>(first), count, range, 1);
+    case bigus::ElementType::UInt16:
+      return ScalePixels(file, static_cast<unsigned short*>(first), count, range, 65535);
+    default:
+      return ScalePixels(file, static_cast<unsigned char*>(first), count, range, 255);
+  }
+}
+
 }  // namespace
 
 class vtkBigusSequenceReader::vtkInternals
@@ -236,6 +288,9 @@ public:
   FrameGeometry geometry;
   std::string summary;
   std::vector<std::string> transformNames;
+  std::string croppedFrame;
+  std::string pixelType;
+  double usedRange = 0;
   bool hasTimestamps = false;
   double duration = 0;
 
@@ -263,10 +318,10 @@ public:
     }
     catch (...)
     {
-      this->Summarize();
+      this->Summarize(options.fromFrame);
       throw;
     }
-    this->Summarize();
+    this->Summarize(options.fromFrame);
     if (this->poses.NumberOfAcceptedFrames() == 0)
     {
       throw bigus::FormatError(fileName + ": no frame is left: " + this->summary);
@@ -274,12 +329,20 @@ public:
   }
 
 private:
-  void Summarize()
+  void Summarize(const std::string& fromFrame)
   {
     this->summary = this->poses.RejectionSummary();
+    this->pixelType = this->file.PixelType();
     for (const auto& transform : this->poses.transforms)
     {
       this->transformNames.push_back(transform.Name());
+      for (const std::string& frame : {transform.from, transform.to})
+      {
+        if (frame == "Cropped" + fromFrame)
+        {
+          this->croppedFrame = frame;
+        }
+      }
     }
     if (!this->poses.chain.empty())
     {
@@ -335,6 +398,7 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
 {
   this->SetErrorCode(vtkErrorCode::NoError);
   *this->Internals = vtkInternals();
+  bigus::PoseOptions options;
   try
   {
     const std::string fileName = this->RequireFileName();
@@ -342,7 +406,7 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
     images.folder = Text(this->ImageFolder);
     images.pattern = Text(this->ImagePattern);
     images.plain = !this->RequirePoses;
-    bigus::PoseOptions options = this->GetPoseOptions();
+    options = this->GetPoseOptions();
     options.required = this->RequirePoses != 0;
     this->Internals->Load(fileName, images, options);
   }
@@ -352,6 +416,12 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
     return this->Fail(error);
   }
 
+  if (!this->Internals->croppedFrame.empty())
+  {
+    vtkWarningMacro(<< this->FileName << ": poses lead from " << options.fromFrame << ", but the transforms name "
+                    << this->Internals->croppedFrame
+                    << ", too. Where the images are the cropped ones, name that coordinate frame instead");
+  }
   const bigus::SequenceFile& file = this->Internals->file;
   const auto frames = static_cast<int>(this->Internals->OutputFrames(this->KeepRejectedFrames != 0).size());
   const int extent[6] = {0, file.width - 1, 0, file.height - 1, 0, frames - 1};
@@ -465,6 +535,18 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     {
       stream->Finish();
     }
+    this->Internals->usedRange = this->PixelRange;
+    if (const int bits = this->PixelRange > 0 ? 0 : UnusedBits(scalars))
+    {
+      this->Internals->usedRange = (1 << (16 - bits)) - 1;
+      vtkWarningMacro(
+          << file.fileName << ": the pixels use " << 16 - bits << " of 16 bits, so " << this->Internals->usedRange
+          << " is shown as white. Where that is wrong, set the pixel range; 65535 keeps pixels as they are");
+    }
+    if (this->Internals->usedRange > 0)
+    {
+      Scale(file, scalars, this->Internals->usedRange);
+    }
     output->GetPointData()->SetScalars(scalars);
 
     const auto imageToReference = bigus::NewArray<vtkDoubleArray>("ImageToReference", 16, count);
@@ -569,6 +651,16 @@ const char* vtkBigusSequenceReader::GetTransformSource(int index)
              : nullptr;
 }
 
+const char* vtkBigusSequenceReader::GetCroppedFrame()
+{
+  return this->Internals->croppedFrame.c_str();
+}
+
+double vtkBigusSequenceReader::GetUsedPixelRange()
+{
+  return this->Internals->usedRange;
+}
+
 const char* vtkBigusSequenceReader::GetTransformChain()
 {
   return this->Internals->poses.chain.c_str();
@@ -586,7 +678,7 @@ const char* vtkBigusSequenceReader::GetEncoding()
 
 const char* vtkBigusSequenceReader::GetElementType()
 {
-  return bigus::NameOf(this->Internals->file.elementType);
+  return this->Internals->pixelType.c_str();
 }
 
 const char* vtkBigusSequenceReader::GetOrientation()
@@ -639,6 +731,7 @@ void vtkBigusSequenceReader::PrintSelf(ostream& os, vtkIndent indent)
   const auto name = [](const char* text) { return text ? text : "(none)"; };
   os << indent << "RequirePoses: " << this->RequirePoses << "\n";
   os << indent << "KeepRejectedFrames: " << this->KeepRejectedFrames << "\n";
+  os << indent << "PixelRange: " << this->PixelRange << "\n";
   os << indent << "AutoMask: " << this->AutoMask << "\n";
   os << indent << "ClipMode: " << this->ClipMode << "\n";
   os << indent << "ClipRectangle: " << this->ClipRectangle[0] << " " << this->ClipRectangle[1] << " "

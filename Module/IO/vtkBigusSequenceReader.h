@@ -16,8 +16,8 @@
  *
  * Formats: MetaImage sequences as written by Plus, IGSIO and 3D Slicer (`.igs.mha`, `.mha`, `.mhd`), NRRD
  * sequences with the same per-frame fields (`.nrrd`, `.seq.nrrd`, `.nhdr`), and a CSV of poses with PNG
- * images. Scalars are one component of unsigned char, unsigned short or float. Pixels are brought to the
- * marked-far (MF) order whatever the file's orientation flag says, as Plus does, because the transforms of a
+ * images. Scalars are one component of unsigned char, unsigned short or float. Colours become grey, short becomes
+ * unsigned short. Pixels are brought to the marked-far (MF) order whatever the file's orientation flag says, as Plus does, because the transforms of a
  * sequence refer to that order. See README.md beside this file for the details and for what is not supported.
  *
  * A frame is rejected, not repaired, when a transform it needs is absent, has a status other than OK, or
@@ -52,7 +52,7 @@ public:
   ///@{
   /**
    * Off: a file that holds no transform is read too, without `ImageToReference`: a plain MetaImage or NRRD
-   * image or volume as a stack of its slices, a grey PNG image as a stack of one. A file that holds
+   * image or volume as a stack of its slices, a PNG image as a stack of one. A file that holds
    * transforms is read as ever. Default: on.
    */
   vtkSetMacro(RequirePoses, vtkTypeBool);
@@ -76,6 +76,16 @@ public:
   vtkSetMacro(AutoMask, vtkTypeBool);
   vtkGetMacro(AutoMask, vtkTypeBool);
   vtkBooleanMacro(AutoMask, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * The stored pixel that is shown as white. Pixels are scaled so that it becomes the largest of their type: 255, 65535, or
+   * 1 of float. A larger pixel is an error. 0: found from the pixels, with a warning, where they have 16 bits and reach
+   * 64 to 16383, because data of 8, 10, 12 or 14 bits are often kept in 16; else pixels stay as they are. Default: 0.
+   */
+  vtkSetClampMacro(PixelRange, double, 0, 1e30);
+  vtkGetMacro(PixelRange, double);
   ///@}
 
   enum ClipModeType
@@ -166,19 +176,31 @@ public:
   const char* GetTransformSource(int index);
 
   /**
+   * A coordinate frame of the file, such as CroppedImage, that says by its name that the images may have been cut out of
+   * larger ones, so that poses should lead from there (FromFrame). Empty when there is none or poses lead from it.
+   */
+  const char* GetCroppedFrame();
+
+  /**
    * The chain used, such as "Image -> Probe -> Tracker -> Reference"; empty when there is none.
    */
   const char* GetTransformChain();
 
   /**
-   * What the file says of its pixels: format, encoding (raw, zlib, gzip, png), element type (unsigned char,
-   * unsigned short, float), orientation flag as in the file, and frame size in pixels.
+   * What the file says of its pixels: format, encoding (raw, zlib, gzip, png), element type (unsigned char, unsigned
+   * short, short, float, and "3 channels" of colours), orientation flag as in the file, and frame size in pixels.
    */
   const char* GetFormat();
   const char* GetEncoding();
   const char* GetElementType();
   const char* GetOrientation();
   void GetFrameSize(int size[2]);
+
+  /**
+   * The stored pixel that was shown as white (see PixelRange), once the pixels have been read; 0 where they stayed as they
+   * are.
+   */
+  double GetUsedPixelRange();
 
   /**
    * Geometry of the accepted frames, mm: pixel size along i and j (mean over frames); distance between successive
@@ -209,6 +231,7 @@ protected:
   char* ImagePattern = nullptr;
   vtkTypeBool RequirePoses = 1;
   vtkTypeBool KeepRejectedFrames = 0;
+  double PixelRange = 0;
   vtkTypeBool AutoMask = 1;
   int ClipMode = CLIP_NONE;
   int ClipRectangle[4] = {0, 0, 0, 0};

@@ -126,10 +126,11 @@ class CommandTest(unittest.TestCase):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="bigus-command-"))
         self.addCleanup(shutil.rmtree, self.folder)
 
-    def expect(self, code, *arguments, says=""):
-        """Runs with --json: stdout must hold one object and nothing else. Gives the object."""
+    def expect(self, code, *arguments, says="", notes=""):
+        """Runs with --json: stdout must hold one object and nothing else. Gives the object. `notes` are on stderr."""
         result = run(*arguments, "--json")
         self.assertEqual(result.returncode, code, f"{arguments}\n{result.stderr}")
+        self.assertIn(notes, result.stderr)
         answer = json.loads(result.stdout)
         self.assertIsInstance(answer, dict)
         if code not in (SUCCESS, INTERRUPTED):
@@ -1583,6 +1584,49 @@ class Metrics(CommandTest):
 
 
 class Convert(CommandTest):
+    def sequence(self, name, pixels, pixel_type="MET_USHORT", cropped=False):
+        """Eight frames of 12 x 12 pixels, 1 mm apart; the 32 pixels again and again."""
+        header = "ObjectType = Image\nNDims = 3\nDimSize = 12 12 8\n"
+        for k in range(8):
+            header += (f"Seq_Frame{k:04}_ImageToReferenceTransform = 1 0 0 0 0 1 0 0 0 0 1 {k} 0 0 0 1\n"
+                       f"Seq_Frame{k:04}_ImageToReferenceTransformStatus = OK\n")
+        if cropped:
+            header += "CroppedImageToImageTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
+        path = self.folder / name
+        layout = {"MET_USHORT": "H", "MET_FLOAT": "f"}[pixel_type]
+        path.write_bytes((header + f"ElementType = {pixel_type}\nElementDataFile = LOCAL\n").encode() +
+                         36 * struct.pack(f"<32{layout}", *pixels))
+        return path
+
+    def test_pixels_of_twelve_bits(self):
+        ramp = [132 * k for k in range(32)]  # to 4092
+        few = self.sequence("few.mha", ramp)
+        full = self.sequence("full.mha", [round(pixel * 65535 / 4095) for pixel in ramp])
+        out = self.folder / "out.igs.mha"
+        self.expect(SUCCESS, "convert", few, out, notes="4095 is shown as white")
+        self.assertEqual(read_sequence(out)[1], read_sequence(full)[1])
+        self.expect(SUCCESS, "convert", few, out, "--pixel-range", 65535)
+        self.assertEqual(read_sequence(out)[1], read_sequence(few)[1])
+        self.expect(BAD_INPUT, "convert", few, out, "--pixel-range", 4000, says="above the pixel range of 4000")
+        self.expect(USAGE, "convert", few, out, "--pixel-range", 0)
+        # Two files of 16 bits compare on one scale: a quarter as bright is not the same.
+        dim = self.sequence("dim.mha", [pixel // 4 for pixel in ramp])
+        self.assertLess(self.expect(SUCCESS, "metrics", dim, few)["psnr"], 10)
+        self.assertGreater(self.expect(SUCCESS, "metrics", few, few)["psnr"] or 99, 90)
+        # Float of 0 to 255.
+        real = self.sequence("real.mha", [8.0 * k for k in range(32)], "MET_FLOAT")
+        self.expect(SUCCESS, "convert", real, out, "--pixel-range", 255)
+
+    def test_what_is_doubtful_is_said(self):
+        sweep = self.sequence("cropped.mha", [2000 * k for k in range(32)], cropped=True)
+        out = self.folder / "out.igs.mha"
+        self.assertIn("CroppedImage", " ".join(self.expect(SUCCESS, "info", sweep)["doubts"]))
+        self.expect(SUCCESS, "convert", sweep, out, notes="(--image-from)")
+        text = sweep.read_text(errors="surrogateescape")
+        sweep.write_text(re.sub(r"1 0 0 0 0 1 0 0 0 0 1 \d 0 0 0 1", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", text),
+                         errors="surrogateescape")
+        self.expect(SUCCESS, "convert", sweep, out, notes="lie in one plane")
+
     def test_field_to_ply_and_back(self):
         ply, vtp = self.folder / "f.ply", self.folder / "f.vtp"
         self.assertEqual(self.expect(SUCCESS, "convert", self.field, ply)["gaussians"], self.gaussians)

@@ -191,7 +191,7 @@ TEST(SequenceReader, ReadsWiderElementsInEitherByteOrder)
       for (int p = 0; p < smallWidth * smallHeight * smallFrames; ++p)
       {
         char bytes[4];
-        const auto number = static_cast<std::uint16_t>(1000 + p);
+        const auto number = static_cast<std::uint16_t>(30000 + p);
         const float real = 0.25f + static_cast<float>(p);
         const std::size_t count = wide ? 4 : 2;
         std::memcpy(bytes, wide ? static_cast<const void*>(&real) : &number, count);
@@ -204,10 +204,191 @@ TEST(SequenceReader, ReadsWiderElementsInEitherByteOrder)
       ASSERT_EQ(image->GetScalarType(), wide ? VTK_FLOAT : VTK_UNSIGNED_SHORT);
       for (int p = 0; p < smallWidth * smallHeight * smallFrames; ++p)
       {
-        EXPECT_EQ(image->GetPointData()->GetScalars()->GetComponent(p, 0), wide ? 0.25 + p : 1000.0 + p);
+        EXPECT_EQ(image->GetPointData()->GetScalars()->GetComponent(p, 0), wide ? 0.25 + p : 30000.0 + p);
       }
     }
   }
+}
+
+// A sequence of 36 pixels of 16 bits, `add` and more: SmallSequence otherwise.
+Sequence ShortSequence(int add, const std::string& type)
+{
+  Sequence sequence = SmallSequence();
+  sequence.Set("ElementType", type);
+  sequence.pixels.clear();
+  for (int p = 0; p < smallWidth * smallHeight * smallFrames; ++p)
+  {
+    const auto number = static_cast<std::int16_t>(add + p);
+    sequence.pixels += {static_cast<char>(number & 255), static_cast<char>(number >> 8 & 255)};
+  }
+  return sequence;
+}
+
+TEST(SequenceReader, ShortIsReadUnlessNegative)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  WriteBytes(folder / "short.mha", ShortSequence(20000, "MET_SHORT").Bytes());
+  vtkImageData* const image = Read(reader, folder / "short.mha");
+  ASSERT_EQ(image->GetScalarType(), VTK_UNSIGNED_SHORT);
+  EXPECT_EQ(image->GetPointData()->GetScalars()->GetComponent(35, 0), 20035);
+  EXPECT_STREQ(reader->GetElementType(), "short");
+
+  WriteBytes(folder / "negative.mha", ShortSequence(-30, "MET_SHORT").Bytes());
+  ErrorObserver errors(reader);
+  reader->SetFileName((folder / "negative.mha").c_str());
+  reader->Update();
+  EXPECT_NE(errors.Text().find("has the pixel -30"), std::string::npos) << errors.Text();
+}
+
+TEST(SequenceReader, PixelsOfFewBitsAreScaledAndSaid)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  const auto read = [&](int add, double range)
+  {
+    WriteBytes(folder / "few.mha", ShortSequence(add, "MET_USHORT").Bytes());
+    reader->SetPixelRange(range);
+    reader->SetFileName((folder / "few.mha").c_str());
+    reader->Modified();
+    ErrorObserver errors(reader);
+    reader->Update();
+    return errors.Text();
+  };
+  const auto pixel = [&](int p) { return reader->GetOutput()->GetPointData()->GetScalars()->GetComponent(p, 0); };
+  for (const auto& [add, bits] :
+       {std::pair(60, 8), {220, 8}, {221, 10}, {988, 10}, {3000, 12}, {4060, 12}, {16348, 14}})
+  {
+    SCOPED_TRACE(add);
+    const double white = std::pow(2, bits) - 1;
+    EXPECT_NE(read(add, 0).find("use " + std::to_string(bits) + " of 16 bits"), std::string::npos);
+    EXPECT_EQ(reader->GetUsedPixelRange(), white);
+    EXPECT_EQ(pixel(35), std::round((add + 35) * 65535 / white));
+  }
+  // All 16 bits; too dark to tell; the user's word.
+  EXPECT_EQ(read(16349, 0), "");
+  EXPECT_EQ(pixel(0), 16349);
+  EXPECT_EQ(read(20, 0), "");
+  EXPECT_EQ(pixel(35), 55);
+  EXPECT_EQ(read(3000, 65535), "");
+  EXPECT_EQ(pixel(35), 3035);
+  EXPECT_EQ(read(3000, 6000), "");
+  EXPECT_EQ(pixel(35), std::round(3035 * 65535 / 6000.0));
+  EXPECT_NE(read(3000, 3020).find("has the pixel 3021"), std::string::npos);
+
+  Sequence real = SmallSequence();  // float of another program
+  real.Set("ElementType", "MET_FLOAT");
+  real.pixels.clear();
+  for (int p = 0; p < 36; ++p)
+  {
+    const auto number = static_cast<float>(7 * p);
+    real.pixels += std::string(reinterpret_cast<const char*>(&number), 4);
+  }
+  WriteBytes(folder / "float.mha", real.Bytes());
+  reader->SetPixelRange(255);
+  EXPECT_FLOAT_EQ(Read(reader, folder / "float.mha")->GetPointData()->GetScalars()->GetComponent(35, 0), 245.0 / 255);
+}
+
+TEST(SequenceReader, ColoursBecomeGrey)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  for (const int channels : {3, 4})
+  {
+    // Grey drawn in colour is what it was.
+    Sequence sequence = SmallSequence();
+    sequence.Set("ElementNumberOfChannels", std::to_string(channels));
+    std::string pixels;
+    for (const char grey : sequence.pixels)
+    {
+      pixels += std::string(3, grey) + std::string(std::size_t(channels - 3), '\x11');
+    }
+    sequence.pixels = pixels;
+    WriteBytes(folder / "colour.mha", sequence.Bytes());
+    reader->Modified();
+    ExpectSmall(Read(reader, folder / "colour.mha"));
+    EXPECT_EQ(reader->GetElementType(), "unsigned char, " + std::to_string(channels) + " channels");
+
+    const std::string kind = channels == 3 ? "RGB-color" : "vector";
+    std::string nrrd = sequence.NrrdBytes(std::to_string(channels) + " 4 3 3", kind + " domain domain list", "gzip",
+                                          Compressed(pixels, true));
+    nrrd.replace(nrrd.find("dimension: 3"), 12, "dimension: 4");
+    WriteBytes(folder / "colour.nrrd", nrrd);
+    reader->Modified();
+    ExpectSmall(Read(reader, folder / "colour.nrrd"));
+  }
+  // Pure red, green, blue and white by the weights 0.299, 0.587, 0.114.
+  Sequence sequence = SmallSequence();
+  sequence.Set("ElementNumberOfChannels", "3");
+  sequence.pixels = std::string("\xff\0\0\0\xff\0\0\0\xff\xff\xff\xff", 12) + std::string(96, '\1');
+  WriteBytes(folder / "pure.mha", sequence.Bytes());
+  reader->Modified();
+  vtkDataArray* const greys = Read(reader, folder / "pure.mha")->GetPointData()->GetScalars();
+  EXPECT_EQ(greys->GetComponent(0, 0), 76);
+  EXPECT_EQ(greys->GetComponent(1, 0), 150);
+  EXPECT_EQ(greys->GetComponent(2, 0), 29);
+  EXPECT_EQ(greys->GetComponent(3, 0), 255);
+}
+
+// Every colour type of PNG, written by VTK.
+TEST(SequenceReader, ColourPngsBecomeGrey)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->RequirePosesOff();
+  for (const int type : {VTK_UNSIGNED_CHAR, VTK_UNSIGNED_SHORT})
+  {
+    for (const int channels : {2, 3, 4})
+    {
+      SCOPED_TRACE(channels);
+      vtkNew<vtkImageData> image;
+      image->SetDimensions(5, 4, 1);
+      image->AllocateScalars(type, channels);
+      for (vtkIdType p = 0; p < 20; ++p)
+      {
+        for (int c = 0; c < channels; ++c)
+        {
+          const double alpha = channels % 2 == 0 && c + 1 == channels;
+          image->GetPointData()->GetScalars()->SetComponent(
+              p, c, (alpha ? 200 : double(3 * p)) * (type == VTK_UNSIGNED_CHAR ? 1 : 257));
+        }
+      }
+      vtkNew<vtkPNGWriter> writer;
+      writer->SetFileName((folder / "colour.png").c_str());
+      writer->SetInputData(image);
+      writer->Write();
+      reader->Modified();
+      vtkImageData* const read = Read(reader, folder / "colour.png");
+      ASSERT_EQ(read->GetScalarType(), VTK_UNSIGNED_CHAR);
+      for (int j = 0; j < 4; ++j)
+      {
+        for (int i = 0; i < 5; ++i)
+        {
+          EXPECT_EQ(read->GetScalarComponentAsDouble(i, j, 0, 0), 3 * (5 * (3 - j) + i));  // VTK's rows go up
+        }
+      }
+    }
+  }
+}
+
+TEST(SequenceReader, SaysThatImagesMayBeCropped)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  Sequence sequence = SmallSequence();
+  sequence.Set("CroppedImageToImageTransform", "1 0 0 2 0 1 0 3 0 0 1 0 0 0 0 1");
+  WriteBytes(folder / "cropped.mha", sequence.Bytes());
+  reader->SetFileName((folder / "cropped.mha").c_str());
+  {
+    ErrorObserver warnings(reader);
+    reader->Update();
+    EXPECT_NE(warnings.Text().find("CroppedImage"), std::string::npos) << warnings.Text();
+  }
+  EXPECT_STREQ(reader->GetCroppedFrame(), "CroppedImage");
+  reader->SetFromFrame("CroppedImage");
+  EXPECT_EQ(Read(reader, folder / "cropped.mha")->GetFieldData()->GetArray("ImageToReference")->GetComponent(0, 3),
+            0.4);
+  EXPECT_STREQ(reader->GetCroppedFrame(), "");
 }
 
 // Plus reorders pixels to marked-far and leaves transforms as they are.

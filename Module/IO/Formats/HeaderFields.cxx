@@ -46,7 +46,7 @@ void SetOrientation(SequenceFile& file)
 void CheckImageType(const SequenceFile& file)
 {
   const std::string* type = FindEither(file, "UltrasoundImageType", "ultrasound image type");
-  if (type && *type != "BRIGHTNESS")
+  if (type && *type != "BRIGHTNESS" && !(*type == "RGB_COLOR" && file.channels > 1))
   {
     Refuse(file, "UltrasoundImageType = " + Quoted(*type) + "; only BRIGHTNESS (B-mode) is read");
   }
@@ -65,14 +65,14 @@ void CheckDataSize(SequenceFile& file)
   }
   file.dataBytes = file.dataBytes == 0 ? available : file.dataBytes;
 
-  const std::uint64_t needed = file.FrameBytes() * static_cast<std::uint64_t>(file.numberOfFrames);
+  const std::uint64_t needed = file.PixelBytesInFile();
   const bool compressed = file.encoding != Encoding::Raw;
   if (compressed ? needed / deflateLimit > file.dataBytes : needed > file.dataBytes)
   {
     throw TruncationError(file.fileName + ": claims " + std::to_string(file.numberOfFrames) + " frames of " +
-                          std::to_string(file.width) + " x " + std::to_string(file.height) + " " +
-                          NameOf(file.elementType) + " (" + std::to_string(needed) + " bytes), but only " +
-                          std::to_string(file.dataBytes) + (compressed ? " compressed" : "") +
+                          std::to_string(file.width) + " x " + std::to_string(file.height) + " " + file.PixelType() +
+                          " (" + std::to_string(needed) + " bytes), but only " + std::to_string(file.dataBytes) +
+                          (compressed ? " compressed" : "") +
                           " bytes of pixels follow; the file is truncated or its sizes are wrong");
   }
   if (!compressed && needed < file.dataBytes)
@@ -118,6 +118,19 @@ std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::stri
     sizes.push_back(size);
   }
   return sizes;
+}
+
+void SetChannels(SequenceFile& file, std::int64_t channels)
+{
+  if (channels != 1 && channels != 3 && channels != 4)
+  {
+    Refuse(file, "has " + std::to_string(channels) + " channels a pixel; grey images (1) and colours (3, 4) are read");
+  }
+  if (channels > 1 && file.elementType != ElementType::UInt8)
+  {
+    Refuse(file, std::string("has colours of type ") + file.PixelType() + "; those of unsigned char are read");
+  }
+  file.channels = static_cast<int>(channels);
 }
 
 void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::int64_t frames)

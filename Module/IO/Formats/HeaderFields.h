@@ -29,6 +29,10 @@ const std::string& Require(const SequenceFile& file, const Fields& fields, const
 /// The whole numbers, from 1 on, in a field. Throws FileError.
 std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::string& name, const std::string& text);
 
+/// Takes as many channels as a pixel has: 1 for grey, 3 or 4 for colours. Throws FileError for another number, and unless
+/// colours are of unsigned char.
+void SetChannels(SequenceFile& file, std::int64_t channels);
+
 /// Sets width, height and frames. Throws FileError when there are too many.
 void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::int64_t frames);
 

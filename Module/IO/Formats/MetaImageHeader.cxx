@@ -90,18 +90,15 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   }
   SetSizes(file, sizes[0], sizes[1], sizes[2]);
 
-  if (const std::string* channels = Find(file.fields, "ElementNumberOfChannels"); channels && *channels != "1")
-  {
-    Refuse(file, "ElementNumberOfChannels = " + Quoted(*channels) + "; only grey images (1) are read");
-  }
   const std::string& type = Require(file, file.fields, "ElementType");
   if (type == "MET_UCHAR")
   {
     file.elementType = ElementType::UInt8;
   }
-  else if (type == "MET_USHORT")
+  else if (type == "MET_USHORT" || type == "MET_SHORT")
   {
     file.elementType = ElementType::UInt16;
+    file.isSigned = type == "MET_SHORT";
   }
   else if (type == "MET_FLOAT")
   {
@@ -109,7 +106,16 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   }
   else
   {
-    Refuse(file, "ElementType = " + Quoted(type) + "; MET_UCHAR, MET_USHORT and MET_FLOAT are read");
+    Refuse(file, "ElementType = " + Quoted(type) + "; MET_UCHAR, MET_USHORT, MET_SHORT and MET_FLOAT are read");
+  }
+  if (const std::string* text = Find(file.fields, "ElementNumberOfChannels"))
+  {
+    std::int64_t channels = 0;
+    if (!ParseNumber(*text, channels))
+    {
+      Refuse(file, "ElementNumberOfChannels = " + Quoted(*text) + "; a whole number is expected");
+    }
+    SetChannels(file, channels);
   }
 
   if (const std::string* binary = Find(file.fields, "BinaryData"); binary && !ParseBool(file, "BinaryData", *binary))
@@ -162,7 +168,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
     if (bytes == -1)
     {
       const std::uint64_t size = InputFile(file.dataFile).Size();
-      const std::uint64_t needed = file.FrameBytes() * static_cast<std::uint64_t>(file.numberOfFrames);
+      const std::uint64_t needed = file.PixelBytesInFile();
       file.dataOffset = size > needed ? size - needed : 0;
     }
     else

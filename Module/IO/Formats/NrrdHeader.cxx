@@ -85,6 +85,9 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
     Refuse(file,
            "kinds must name each of the " + std::to_string(sizes.size()) + " axes, such as \"domain domain list\"");
   }
+  const auto isColour = [](const std::string& kind)
+  { return kind == "rgb-color" || kind == "rgba-color" || kind == "3-color" || kind == "vector"; };
+  std::int64_t channels = 1;
   std::vector<std::int64_t> plane;
   std::int64_t frames = 1;
   int lists = 0;
@@ -115,10 +118,14 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
         Refuse(file, "sizes: " + Quoted(nrrd["sizes"]) + "; frames of more than one slice are not read");
       }
     }
+    else if (axis == 0 && isColour(kinds[axis]))
+    {
+      channels = sizes[axis];
+    }
     else if (sizes[axis] != 1)
     {
       Refuse(file, "kinds: " + Quoted(kinds[axis]) + " of size " + std::to_string(sizes[axis]) +
-                       "; only grey images (domain and list axes) are read");
+                       "; domain and list axes are read, and colours that come first (RGB-color or vector)");
     }
   }
   if (plane.size() != 2)
@@ -137,14 +144,21 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   {
     file.elementType = ElementType::UInt16;
   }
+  else if (type == "short" || type == "signed short" || type == "short int" || type == "signed short int" ||
+           type == "int16" || type == "int16_t")
+  {
+    file.elementType = ElementType::UInt16;
+    file.isSigned = true;
+  }
   else if (type == "float")
   {
     file.elementType = ElementType::Float32;
   }
   else
   {
-    Refuse(file, "type: " + Quoted(type) + "; unsigned char, unsigned short and float are read");
+    Refuse(file, "type: " + Quoted(type) + "; unsigned char, unsigned short, short and float are read");
   }
+  SetChannels(file, channels);
   if (const std::string* endian = Find(nrrd, "endian"))
   {
     if (Lowercase(*endian) != "little" && Lowercase(*endian) != "big")

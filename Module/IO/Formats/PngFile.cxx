@@ -4,6 +4,8 @@
 
 #include <spng.h>
 
+#include <vector>
+
 #include "IO/FileError.h"
 #include "IO/Text.h"
 
@@ -41,14 +43,22 @@ public:
                         std::to_string(header.height) + " pixels; at most " + std::to_string(largestSide) +
                         " a side are read");
     }
-    if (header.color_type != SPNG_COLOR_TYPE_GRAYSCALE || (header.bit_depth != 8 && header.bit_depth != 16) ||
-        header.interlace_method != SPNG_INTERLACE_NONE)
+    if ((header.bit_depth != 8 && header.bit_depth != 16) || header.interlace_method != SPNG_INTERLACE_NONE)
     {
-      throw FormatError(input_.Name() + ": not a grey image of 8 or 16 bits without interlacing (PNG colour type " +
+      throw FormatError(input_.Name() + ": not an image of 8 or 16 bits without interlacing (PNG colour type " +
                         std::to_string(header.color_type) + ", depth " + std::to_string(header.bit_depth) +
                         ", interlacing " + std::to_string(header.interlace_method) + "); convert it to one");
     }
-    bytes_ = std::uint64_t(header.width) * header.height * (header.bit_depth / 8u);
+    const std::uint64_t pixels = std::uint64_t(header.width) * header.height;
+    const int type = header.color_type;
+    const int channels = type == SPNG_COLOR_TYPE_TRUECOLOR         ? 3
+                         : type == SPNG_COLOR_TYPE_TRUECOLOR_ALPHA ? 4
+                         : type == SPNG_COLOR_TYPE_GRAYSCALE_ALPHA ? 2
+                                                                   : 1;
+    isGrey_ = type == SPNG_COLOR_TYPE_GRAYSCALE;
+    width_ = header.width;
+    height_ = header.height;
+    bytes_ = pixels * static_cast<unsigned>(channels) * (header.bit_depth / 8u);
     if (bytes_ / deflateLimit > input_.Size())
     {
       throw TruncationError(input_.Name() + ": claims " + std::to_string(header.width) + " x " +
@@ -56,17 +66,42 @@ public:
                             " bytes can hold");
     }
     return {static_cast<int>(header.width), static_cast<int>(header.height),
-            header.bit_depth == 8 ? ElementType::UInt8 : ElementType::UInt16};
+            isGrey_ && header.bit_depth == 16 ? ElementType::UInt16 : ElementType::UInt8, channels};
   }
 
   /// After Header(), whose pixels `pixels` has room for.
   void Read(void* pixels)
   {
-    Require(spng_decode_image(png_.get(), pixels, bytes_, SPNG_FMT_PNG, 0));
+    if (isGrey_)
+    {
+      Require(spng_decode_image(png_.get(), pixels, bytes_, SPNG_FMT_PNG, 0));
+    }
+    else
+    {
+      ReadColours(static_cast<unsigned char*>(pixels));
+    }
     Require(spng_decode_chunks(png_.get()));  // to the end of the file
   }
 
 private:
+  void ReadColours(unsigned char* greys)
+  {
+    Require(spng_decode_image(png_.get(), nullptr, 0, SPNG_FMT_RGB8, SPNG_DECODE_PROGRESSIVE));
+    std::vector<unsigned char> row(std::size_t(3) * width_);
+    for (std::size_t j = 0; j < height_; ++j)
+    {
+      const int result = spng_decode_row(png_.get(), row.data(), row.size());
+      if (!(result == SPNG_EOI && j + 1 == height_))  // the last row says that it is the last
+      {
+        Require(result);
+      }
+      for (std::size_t i = 0; i < width_; ++i)
+      {
+        *greys++ = Grey(row[3 * i], row[3 * i + 1], row[3 * i + 2]);
+      }
+    }
+  }
+
   void Require(int result) const
   {
     if (result != SPNG_OK)
@@ -77,7 +112,9 @@ private:
 
   InputFile input_;
   std::unique_ptr<spng_ctx, void (*)(spng_ctx*)> png_;
-  std::uint64_t bytes_ = 0;
+  std::uint64_t bytes_ = 0;  ///< decoded
+  std::size_t width_ = 0, height_ = 0;
+  bool isGrey_ = true;
 };
 
 }  // namespace

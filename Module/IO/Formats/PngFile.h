@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Grey PNG images, read by libspng because VTK 9.1's reader crashes on a truncated one.
+// PNG images as grey ones, read by libspng because VTK 9.1's reader crashes on a truncated one.
 #pragma once
 
 #include <string>
@@ -15,10 +15,11 @@ struct PngHeader
   int width = 0;
   int height = 0;
   ElementType elementType = ElementType::UInt8;
+  int channels = 1;  ///< in the file; colours, indexed ones too, and grey with alpha are read as 8-bit grey
 };
 
-/// Throws FileError unless the file begins as a grey 8- or 16-bit PNG, not interlaced, that can hold the
-/// pixels it claims.
+/// Throws FileError unless the file begins as a PNG of 8 or 16 bits a channel, not interlaced, that can hold the pixels it
+/// claims.
 PngHeader ReadPngHeader(const std::string& fileName);
 
 /// Reads the pixels, top row first, in this machine's byte order. Throws FileError when the image is damaged

@@ -235,6 +235,7 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
     file.width = first.width;
     file.height = first.height;
     file.elementType = first.elementType;
+    file.channels = first.channels;
   }
   else if (!file.images.empty() && !columns.count("width") && !columns.count("height"))
   {

@@ -412,6 +412,11 @@ void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
 
 }  // namespace
 
+bool IsOwnVtp(const std::string& fileName)
+{
+  return VtpFile(fileName).IsOurs();
+}
+
 void ReadVtp(const std::string& fileName, vtkPolyData* field)
 {
   VtpFile file(fileName);

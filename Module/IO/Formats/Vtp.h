@@ -16,6 +16,9 @@ namespace bigus
 /// withstands any damage. Other encodings go to vtkXMLPolyDataReader. Throws FileError.
 void ReadVtp(const std::string& fileName, vtkPolyData* field);
 
+/// Whether our own code reads the file. Throws FileError.
+bool IsOwnVtp(const std::string& fileName);
+
 /// Writes a field without other arrays. The file is made by name, for AtomicFile. False when that failed.
 bool WriteVtp(vtkPolyData* field, const std::string& fileName);
 

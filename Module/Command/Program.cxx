@@ -1,0 +1,316 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The program: its options, what it is interrupted by, and how a run ends.
+#include <tbb/global_control.h>
+
+#include <cctype>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <iostream>
+#include <memory>
+#include <new>
+#include <utility>
+
+#include "Command.h"
+#include "Core/Engine/InstructionSets.h"
+#include "IO/Text.h"
+#include "Pipeline.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+volatile std::sig_atomic_t interrupted = 0;
+
+extern "C" void OnSignal(int number)
+{
+  interrupted = number;
+  std::signal(number, SIG_DFL);
+}
+
+const char* const description =
+    "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
+    "\n"
+    "A first tour, without any data:\n"
+    "  bigus phantom -o sweep.igs.mha                                  a made-up sweep with known truth\n"
+    "  bigus info sweep.igs.mha                                        what is in it\n"
+    "  bigus poses sweep.igs.mha -o corrected.igs.mha                  without the tracker's noise, no training\n"
+    "  bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv  frames to a Gaussian field\n"
+    "  bigus slice field.vtp --poses poses.csv -o again.igs.mha        the field at the sweep's planes\n"
+    "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
+    "  bigus view field.vtp sweep.igs.mha                              both in a window\n"
+    "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
+    "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
+    "  bigus bench --quick                                             how fast and exact it is here\n"
+    "\n"
+    "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
+    "intensities lie in [0, 1].";
+
+const char* const footer =
+    "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted\n"
+    "(129 by SIGHUP, 143 by SIGTERM).\n"
+    "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
+
+/// CLI11's help, but the list of subcommands holds only the first line of each.
+class HelpFormatter : public CLI::Formatter
+{
+public:
+  std::string make_subcommand(const CLI::App* app) const override
+  {
+    const std::string whole = app->get_description();
+    std::ostringstream line;
+    CLI::detail::format_help(line, app->get_name(), whole.substr(0, whole.find('\n')), get_column_width());
+    return line.str();
+  }
+};
+
+/// Says what went wrong, to people or to machines.
+ExitCode Fail(Console& console, ExitCode code, const std::string& message)
+{
+  console.Note("bigus: " + message);
+  console.Report({{"error", message}, {"exit_code", static_cast<int>(code)}});
+  return code;
+}
+
+/// "--hold-out" for "--holdout": an option of `app` that differs in hyphens and case only; else nothing.
+std::string NearestOption(const CLI::App& app, const std::string& given)
+{
+  const auto letters = [](const std::string& text)
+  {
+    std::string plain;
+    for (const unsigned char c : text.substr(0, text.find('=')))
+    {
+      plain += c == '-' || c == '_' ? "" : std::string(1, static_cast<char>(std::tolower(c)));
+    }
+    return plain;
+  };
+  for (const CLI::Option* option : app.get_options())
+  {
+    for (const std::string& name : option->get_lnames())
+    {
+      if (letters(name) == letters(given))
+      {
+        return "--" + name;
+      }
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+ExitCode RunJob(Console& console, const std::function<ExitCode()>& job)
+{
+  try
+  {
+    const ExitCode code = job();
+    if (!std::cout.flush())
+    {
+      throw OutputError("Cannot write to stdout: the disk is full or the reader is gone.");
+    }
+    return code;
+  }
+  catch (const Interrupted&)
+  {
+    return Fail(console, InterruptedCode(), "Interrupted: nothing was written.");
+  }
+  catch (const OutputError& error)
+  {
+    return Fail(console, OutputFault, error.what());
+  }
+  catch (const Error& error)
+  {
+    return Fail(console, InputFault, WithRemedy(error.what()));
+  }
+  catch (const std::bad_alloc&)
+  {
+    return Fail(console, InputFault,
+                "Not enough memory for this job: use --reduce, fewer Gaussians or a smaller output.");
+  }
+  catch (const std::exception& error)  // of a library
+  {
+    return Fail(console, InputFault, std::string("Failed for a reason that was not foreseen: ") + error.what());
+  }
+}
+
+ExitCode Run(int argumentCount, char** arguments)
+{
+  Program program;
+  CLI::App& app = program.app;
+  Console& console = program.console;
+  // A wrong command line is reported in JSON too, however early parsing stops.
+  for (int i = 1; i < argumentCount; ++i)
+  {
+    console.json = console.json || std::strcmp(arguments[i], "--json") == 0;
+  }
+
+  app.name("bigus");
+  app.description(description);
+  app.footer(footer);
+  app.set_version_flag("--version", std::string("bigus ") + BIGUS_VERSION);
+  CatchVtkMessages(console);
+  app.require_subcommand(1);
+  app.fallthrough();  // --json and the like are understood after the subcommand, too
+  const auto formatter = std::make_shared<HelpFormatter>();
+  formatter->column_width(34);
+  app.formatter(formatter);
+
+  app.add_flag("--json", "Print one JSON object on stdout, nothing else");
+  bool wantsBar = false;
+  const CLI::Option* barOption =
+      app.add_flag("--progress,!--no-progress", wantsBar, "Draw the progress bar always, or never; else on a terminal");
+  int threads = 0;
+  app.add_option("--threads", threads, "Threads to use; 0 takes all cores. Results do not depend on it")
+      ->check(NumberIn(0, 4096))
+      ->type_name("N");
+
+  std::string instructionSet;
+  app.add_option("--simd", instructionSet,
+                 "Use no better instructions than these; here: " + CLI::detail::join(InstructionSets(), ", ") +
+                     ". A published field comes back bit for bit with the set it was trained with")
+      ->type_name("NAME");
+
+  AddInfo(program);
+  AddPhantom(program);
+  AddPoses(program);
+  AddTrain(program);
+  AddSlice(program);
+  AddVoxelize(program);
+  AddView(program);
+  AddMetrics(program);
+  AddConvert(program);
+  AddBench(program);
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+  {
+    command->footer("Also: --json, --progress, --no-progress, --threads N, --simd NAME; 'bigus --help' explains them.");
+  }
+
+  try
+  {
+    app.parse(argumentCount, arguments);
+  }
+  catch (const CLI::Success& request)  // --help, --version
+  {
+    app.exit(request);
+    return Success;
+  }
+  catch (const CLI::ParseError& error)
+  {
+    const std::vector<std::string> unknown = app.remaining(true);
+    std::string message = app.get_subcommands().empty() && !unknown.empty()
+                              ? "There is no command or option '" + unknown.front() + "'."
+                              : error.what();
+    for (const std::string& word : unknown)
+    {
+      for (const CLI::App* known : app.get_subcommands())
+      {
+        const std::string meant = word.compare(0, 2, "--") == 0 ? NearestOption(*known, word) : "";
+        message += meant.empty() ? "" : "\nDid you mean " + meant + " instead of " + word + "?";
+      }
+    }
+    return Fail(console, UsageFault, message + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
+  }
+  if (barOption->count() > 0)
+  {
+    console.bar = wantsBar ? Console::Bar::Always : Console::Bar::Never;
+  }
+
+  try
+  {
+    if (!instructionSet.empty())
+    {
+      UseInstructionSet(instructionSet);
+    }
+    else
+    {
+      UseInstructionSetOfEnvironment();
+    }
+  }
+  catch (const Error& error)
+  {
+    return Fail(console, UsageFault, error.what());
+  }
+  std::unique_ptr<tbb::global_control> limit;
+  if (threads > 0)
+  {
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+  }
+  for (const int number : {SIGINT, SIGTERM, SIGHUP})
+  {
+    if (std::signal(number, OnSignal) == SIG_IGN)  // nohup, or a shell's background job
+    {
+      std::signal(number, SIG_IGN);
+    }
+  }
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large fails to be written, with a message
+
+  return RunJob(console, program.job);
+}
+
+bool IsInterrupted()
+{
+  return interrupted != 0;
+}
+
+std::string WithRemedy(const std::string& message)
+{
+  const std::pair<const char*, const char*> remedies[] = {
+      {"no way from", " (--image-from, --image-to and --config)"},
+      {"name that coordinate frame", " (--image-from)"},
+      {"set the pixel range", " (--pixel-range)"},
+      {"float pixels must lie in", " (--pixel-range does so)"},
+      {"without a status", " (--assume-status accepts transforms without a status)"}};
+  for (const auto& [phrase, remedy] : remedies)
+  {
+    if (message.find(phrase) != std::string::npos)
+    {
+      return message + remedy;
+    }
+  }
+  return message;
+}
+
+ExitCode InterruptedCode()
+{
+  return static_cast<ExitCode>(Stopped + interrupted);
+}
+
+void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work)
+{
+  app->callback([&program, work = std::move(work)]
+                { program.job = [&program, work] { return work(program.console); }; });
+}
+
+CLI::Validator NumberIn(double low, double high)
+{
+  const auto check = [low, high](const std::string& text) -> std::string
+  {
+    double value = 0;
+    if (ParseNumber(text, value) && value >= low && value <= high)
+    {
+      return {};
+    }
+    const auto plain = [](double bound) { return FormatNumber(bound, bound == std::floor(bound) ? 0 : 2); };
+    return "'" + text + "' is not a number from " + plain(low) + " to " + plain(high);
+  };
+  return CLI::Validator(check, "");
+}
+
+CLI::Validator PositiveNumber()
+{
+  const auto check = [](const std::string& text) -> std::string
+  {
+    double value = 0;
+    if (ParseNumber(text, value) && value > 0 && value <= 1e6)
+    {
+      return {};
+    }
+    return "'" + text + "' is not a number above 0 (and at most 1e6)";
+  };
+  return CLI::Validator(check, "");
+}
+
+}  // namespace bigus::command
