@@ -17,6 +17,7 @@ int main(int argc, char* argv[])
     return 1;
   }
   ExampleWindow window(argc > 2 ? argv[2] : nullptr, 960, 320);
+  window.window->SetMultiSamples(0);  // smooth edges take long where software draws
   vtkNew<vtkBigusFieldReader> field;
   field->SetFileName(argv[1]);
   vtkNew<vtkResliceCursor> cursor;

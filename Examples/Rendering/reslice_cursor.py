@@ -20,6 +20,7 @@ field = bigus.read(sys.argv[1])
 window = vtkRenderWindow()
 window.SetOffScreenRendering(len(sys.argv) > 2)
 window.SetSize(960, 320)
+window.SetMultiSamples(0)  # smooth edges take long where software draws
 interactor = vtkRenderWindowInteractor()
 interactor.SetRenderWindow(window)
 

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures a second of a field's ellipsoids and of its cloud while the camera turns, and seconds of a still picture.
+"""Pictures a second of a field's ellipsoids and of its cloud while the camera turns, and seconds of a still picture; and of
+three views while a reslice cursor moves.
 
     scene_rates.py --field FIELD.vtp [--threads 2] [--pictures 60] [--rate 15]
 
-In a window of 800 x 600 off screen. While the camera turns the window wants --rate pictures a second, as an interactor
+In a window of 800 x 600 off screen (960 x 320 for the views). While the camera turns the window wants --rate pictures a second, as an interactor
 asks for; a still picture has all ellipsoids and the finest steps. Each line has the median and the 95th percentile, ms.
 Needs PYTHONPATH=build/python and an X server.
 """
@@ -58,6 +59,48 @@ def pictures(renderer, window, rate, count):
     return found
 
 
+def moved_cursor(field, count):
+    """Seconds of each picture of three views, 320 pixels along the longest side, while their cursor moves."""
+    import bigus
+    import vtkmodules.vtkRenderingFreeType  # noqa: F401  the widget's text
+    from vtkmodules.vtkInteractionWidgets import vtkResliceCursor, vtkResliceCursorWidget
+    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+    from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
+
+    window, interactor, cursor, widgets = (vtkRenderWindow(), vtkGenericRenderWindowInteractor(), vtkResliceCursor(), [])
+    window.SetOffScreenRendering(True)
+    window.SetSize(960, 320)
+    window.SetMultiSamples(0)
+    interactor.SetRenderWindow(window)
+    for axis in range(3):
+        renderer, widget = vtkRenderer(), vtkResliceCursorWidget()
+        renderer.SetViewport(axis / 3, 0, (axis + 1) / 3, 1)
+        window.AddRenderer(renderer)
+        view = bigus.vtkBigusResliceCursorRepresentation()
+        view.SetInputData(field)
+        view.PlaceCursor(cursor, axis, 320)
+        widget.SetInteractor(interactor)
+        widget.SetRepresentation(view)
+        widget.SetDefaultRenderer(renderer)
+        widget.On()
+        renderer.ResetCamera()
+        renderer.GetActiveCamera().ParallelProjectionOn()
+        renderer.GetActiveCamera().Zoom(1.45)
+        widgets.append(widget)
+    found = []
+    for k in range(count + 3):
+        centre = list(cursor.GetCenter())
+        centre[k % 3] += 0.1  # mm
+        cursor.SetCenter(centre)
+        start = time.perf_counter()
+        window.Render()
+        window.WaitForCompletion()
+        found.append(time.perf_counter() - start)
+    for widget in widgets:
+        widget.Off()
+    return found[3:]
+
+
 def report(name, found, drawn):
     import numpy as np
 
@@ -94,6 +137,7 @@ def main():
         report(f"{name}, still", still[1:], drawn if prop is ellipsoids else "")
         renderer.RemoveViewProp(prop)
         window.Finalize()
+    report("three views, cursor moving", moved_cursor(field, options.pictures), "")
 
 
 if __name__ == "__main__":
