@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vtkActor.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkImageData.h"
