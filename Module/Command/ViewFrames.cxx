@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,8 +23,10 @@ namespace bigus::command
 namespace
 {
 
-constexpr double kDifferenceRange = 0.2;  // of white: what has the full colour
-constexpr int kShades = 255;              // odd, so that black is exactly no difference
+// Differences that may have the full colour, shares of white. The least is taken that kInRange of the pixels keep to.
+constexpr double kRanges[] = {0.02, 0.05, 0.1, 0.2, 0.5, 1};
+constexpr double kInRange = 0.95;
+constexpr int kShades = 255;  // odd, so that black is exactly no difference
 
 vtkSmartPointer<vtkImageData> FloatImage(int width, int height)
 {
@@ -39,7 +42,6 @@ vtkSmartPointer<vtkLookupTable> DifferenceTable()
 {
   auto table = vtkSmartPointer<vtkLookupTable>::New();
   table->SetNumberOfTableValues(kShades);
-  table->SetTableRange(-kDifferenceRange, kDifferenceRange);
   for (int k = 0; k < kShades; ++k)
   {
     const double share = 2.0 * k / (kShades - 1) - 1, strength = std::abs(share);
@@ -49,13 +51,23 @@ vtkSmartPointer<vtkLookupTable> DifferenceTable()
   return table;
 }
 
+/// The range for these differences, which are reordered.
+double RangeFor(std::vector<float>& sizes)
+{
+  const auto most = sizes.begin() + static_cast<std::ptrdiff_t>(kInRange * (sizes.size() - 1));
+  std::nth_element(sizes.begin(), most, sizes.end());
+  const double* const range = std::lower_bound(std::begin(kRanges), std::end(kRanges) - 1, *most);
+  return *range;
+}
+
 }  // namespace
 
 ViewFrames::ViewFrames(std::shared_ptr<const Sweep> sweep, vtkBigusSliceProp* slice)
     : sweep_(std::move(sweep)),
       slice_(slice),
       recordedImage_(FloatImage(sweep_->width, sweep_->height)),
-      differenceImage_(FloatImage(sweep_->width, sweep_->height))
+      differenceImage_(FloatImage(sweep_->width, sweep_->height)),
+      differenceTable_(DifferenceTable())
 {
   const SlicePlane plane = sweep_->Plane(0);
   recorded.mapper->SetInputData(recordedImage_);
@@ -71,7 +83,7 @@ ViewFrames::ViewFrames(std::shared_ptr<const Sweep> sweep, vtkBigusSliceProp* sl
   {
     cell->picture->SetProperty(slice_->GetProperty());  // window and level
   }
-  difference.picture->GetProperty()->SetLookupTable(DifferenceTable());
+  difference.picture->GetProperty()->SetLookupTable(differenceTable_);
   difference.picture->GetProperty()->UseLookupTableScalarRangeOn();
 }
 
@@ -82,7 +94,7 @@ void ViewFrames::ShowFrame(int frame)
   auto* const seen = static_cast<float*>(recordedImage_->GetScalarPointer());
   auto* const off = static_cast<float*>(differenceImage_->GetScalarPointer());
   sweep_->CopyFrame(frame, seen);
-  std::vector<float> litPredicted, litSeen;
+  std::vector<float> litPredicted, litSeen, sizes;
   for (std::size_t pixel = 0; pixel < sweep_->PixelsPerFrame(); ++pixel)
   {
     const bool lit = sweep_->IsLit(pixel);
@@ -91,17 +103,20 @@ void ViewFrames::ShowFrame(int frame)
     {
       litPredicted.push_back(predicted[pixel]);
       litSeen.push_back(seen[pixel]);
+      sizes.push_back(std::abs(off[pixel]));
     }
   }
   psnr_ = litSeen.empty() ? std::numeric_limits<double>::quiet_NaN()
                           : bigus::Psnr(litPredicted.data(), litSeen.data(), litSeen.size());
+  const double range = sizes.empty() ? kRanges[0] : RangeFor(sizes);
+  differenceTable_->SetTableRange(-range, range);
   recordedImage_->Modified();
   differenceImage_->Modified();
   recorded.picture->VisibilityOn();
   difference.picture->VisibilityOn();
   recorded.SetCaption("recorded   frame " + std::to_string(frame));
   rendered.SetCaption("rendered   " + FormatNumber(psnr_, 1) + " dB");
-  difference.SetCaption("rendered - recorded   +-" + FormatNumber(kDifferenceRange, 1) + " of white");
+  difference.SetCaption("rendered - recorded   +-" + FormatNumber(100 * range, 0) + " % of white");
 }
 
 void ViewFrames::ShowNoFrame()

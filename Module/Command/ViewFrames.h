@@ -15,6 +15,7 @@
 
 class vtkBigusSliceProp;
 class vtkImageData;
+class vtkLookupTable;
 
 namespace bigus::command
 {
@@ -46,6 +47,7 @@ private:
   std::shared_ptr<const Sweep> sweep_;
   vtkBigusSliceProp* slice_;
   vtkSmartPointer<vtkImageData> recordedImage_, differenceImage_;
+  vtkSmartPointer<vtkLookupTable> differenceTable_;
   double psnr_ = std::numeric_limits<double>::quiet_NaN();
 };
 

@@ -199,7 +199,7 @@ void ViewScene::LookFromTheStart()
   vtkCamera* camera = cell.renderer->GetActiveCamera();
   const double halfAngle = 0.5 * camera->GetViewAngle() * kRadiansPerDegree;
   const double distance = kCloser * 0.5 * box_.size.norm() / (std::sin(halfAngle) * std::max(aspect, 1e-3));
-  const Eigen::Vector3d from = box_.axes * Eigen::Vector3d(-0.75, -0.45, -1).normalized();
+  const Eigen::Vector3d from = box_.axes * Eigen::Vector3d(-1.2, -0.6, -1).normalized();
   const Eigen::Vector3d position = box_.centre + distance * from, up = -box_.axes.col(1);
   camera->SetFocalPoint(box_.centre.data());
   camera->SetPosition(position.data());
