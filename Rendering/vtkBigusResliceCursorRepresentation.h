@@ -47,8 +47,8 @@ public:
 
   /**
    * Shows the cursor's plane with this normal: 0 x, 1 y, 2 z of the cursor. Puts the cursor into the middle of the field's
-   * box (see vtkBigusSliceProp::PlaceInField), with an image of that box whose longest side has `pixels` pixels, unless it
-   * has an image already. Updates the input.
+   * box (see vtkBigusSliceProp::PlaceInField), with an image of that box whose longest side has `pixels` pixels and a
+   * gap of 1/20 of that side where its lines meet, unless it has an image already. Updates the input.
    */
   void PlaceCursor(vtkResliceCursor* cursor, int normalAxis, int pixels);
 
