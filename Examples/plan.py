@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Looks at a sweep and plans the quickstart: prints "REDUCE HOLD_OUT HELD_OUT_FRAME" and writes two planes.
+"""Looks at a sweep and plans the quickstart: prints "REDUCE HOLD_OUT HELD_OUT_FRAME VALIDATION" and writes
+two planes.
 
     plan.py SWEEP PLANES.csv
 
@@ -39,6 +40,7 @@ def main():
     while count * (width // reduce) * (height // reduce) > PIXELS:
         reduce += 1
     hold_out = 8 if count >= 60 else 4 if count >= 8 else 2
+    validation = 16 if count >= 60 else 0  # of the others, to stop early by; a short sweep can spare none
     middle = count // 2
     held_out_frame = min(range(hold_out // 2, count, hold_out), key=lambda k: abs(k - middle))
 
@@ -67,7 +69,7 @@ def main():
             matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = columns * pixel, rows * pixel, np.cross(columns, rows)
             matrix[:3, 3] = centre - matrix[:3, 0] * (wide - 1) / 2 - matrix[:3, 1] * (deep - 1) / 2
             table.writerow([repr(value) for value in matrix.ravel()] + [wide, deep])
-    print(reduce, hold_out, held_out_frame)
+    print(reduce, hold_out, held_out_frame, validation)
 
 
 if __name__ == "__main__":

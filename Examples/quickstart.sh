@@ -48,13 +48,13 @@ else
 fi
 bigus info "$sweep"
 
-# How much of it fits into a few minutes, what to hold out, and which planes to look at (planes.csv).
+# How much of it fits into a few minutes, what to hold out and to stop by, and which planes to look at (planes.csv).
 plan=$(/usr/bin/python3 "$source_folder/Examples/plan.py" "$sweep" "$output/planes.csv")
-read -r reduce hold_out held_out_frame <<<"$plan"
+read -r reduce hold_out held_out_frame validation <<<"$plan"
 
 bigus train "$sweep" -o "$output/field.vtp" --log "$output/training.csv" --json \
   --write-poses "$output/trained-poses.igs.mha" \
-  --reduce "$reduce" --hold-out "$hold_out" "${training[@]}" >"$output/training.json"
+  --reduce "$reduce" --hold-out "$hold_out" --validation "$validation" "${training[@]}" >"$output/training.json"
 
 slice() { bigus slice "$output/field.vtp" -o "$output/$1.png" "${@:2}"; }
 echo "Held-out frame $held_out_frame, an orthogonal and an oblique plane"

@@ -57,7 +57,12 @@ def scale_bar(axes, extent, colour):
     axes.text(x + length / 2, y - 0.02 * deep, f"{length} mm", color=colour, ha="center", va="bottom", fontsize=8)
 
 
-def show(axes, image, matrix, title, colour, bar="white", **style):
+def decision(answer, name):
+    """What was chosen and why; None where it was not open."""
+    return next((d for d in answer["decisions"] if d["decision"] == name), None)
+
+
+def show(axes, image, matrix, title, colour, bar="white", down="depth, mm", **style):
     """An image with its axes in millimetres."""
     side = np.linalg.norm(matrix[:3, :2], axis=0)
     extent = image.shape[1] * side[0], image.shape[0] * side[1]
@@ -66,6 +71,7 @@ def show(axes, image, matrix, title, colour, bar="white", **style):
     axes.set_title(title, fontsize=10, color=colour)
     axes.tick_params(labelsize=7)
     axes.set_xlabel("mm", fontsize=7, labelpad=1)
+    axes.set_ylabel(down, fontsize=7, labelpad=1)
     for spine in axes.spines.values():
         spine.set_color(colour)
         spine.set_linewidth(2)
@@ -142,10 +148,11 @@ def draw_panel(folder, sweep, frame, n, answer):
     mse = np.mean(error ** 2)
     quality = f"{-10 * np.log10(mse):.1f} dB" if mse > 0 else "exact"
     show(axes[1], prediction, pose, f"Prediction from the field, {quality}", FIELD_COLOUR)
-    limit = next((step for step in (0.02, 0.05, 0.1, 0.2) if np.percentile(np.abs(error), 99) <= step), 0.5)
-    picture = show(axes[2], error, pose, "Error: prediction - truth", FIELD_COLOUR, bar="black", cmap="RdBu_r",
-                   vmin=-limit, vmax=limit)
-    bar = upper.colorbar(picture, ax=axes[2], shrink=0.8)
+    # The least range that 95 % of the pixels keep to: a wider one would leave the map white but for a few dots.
+    limit = next((step for step in (0.02, 0.05, 0.1, 0.2) if np.percentile(np.abs(error), 95) <= step), 0.5)
+    picture = show(axes[2], error, pose, f"Error, colours end at {100 * limit:.0f} % of white", FIELD_COLOUR,
+                   bar="black", cmap="RdBu_r", vmin=-limit, vmax=limit)
+    bar = upper.colorbar(picture, ax=axes[2], shrink=0.8, extend="both")
     bar.ax.tick_params(labelsize=7)
     bar.set_label("too dark    (share of white)    too bright", fontsize=7)
     show_scores(axes[3], answer)
@@ -156,55 +163,89 @@ def draw_panel(folder, sweep, frame, n, answer):
     column = 1
     for name, (matrix, _, _), colour in (("orthogonal", planes[0], ORTHOGONAL_COLOUR),
                                          ("oblique", planes[1], OBLIQUE_COLOUR)):
-        show(lower.add_subplot(grid[column]), read_png(folder / f"{name}.png"), matrix, f"Field, {name} plane", colour)
+        down = "depth, mm" if name == "orthogonal" else "down the plane, mm"
+        show(lower.add_subplot(grid[column]), read_png(folder / f"{name}.png"), matrix, f"Field, {name} plane", colour,
+             down=down)
         column += 1
         if known:
             show(lower.add_subplot(grid[column]), read_png(folder / f"{name}-truth.png"), matrix,
-                 f"Truth, {name} plane", colour)
+                 f"Truth, {name} plane", colour, down=down)
             column += 1
     note = "Black rims lie outside the sweep."
+    beam = decision(answer, "probe's beam")
+    if beam:
+        note += f"  Planes across the frames are seen through the probe's beam: {beam['choice']} (standard deviation)."
     if known:
         note += ("  A shadow lies where the sweep's probe cast it; the truth beside it is seen by a probe held at that "
                  "plane, which casts its own.")
     lower.supxlabel(note, fontsize=8, color="#555555")
-    figure.suptitle(f"BIGUS: {answer['training_frames']} frames as {answer['gaussians']:,} Gaussians, trained in "
-                    f"{answer['seconds']:.0f} s on {answer['device']}", fontsize=12)
+    figure.suptitle(f"BIGUS: {answer['training_frames']} frames as {answer['gaussians']:,} Gaussians, decided and "
+                    f"trained in {answer['seconds']:.0f} s on {answer['device']}", fontsize=12)
     figure.savefig(folder / "panel.png", dpi=100)
     plt.close(figure)
 
 
-def draw_curve(folder):
+def draw_curve(folder, answer):
     with open(folder / "training.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     seconds = [float(row["seconds"]) for row in rows]
     figure, axes = plt.subplots(figsize=(8, 4.5), constrained_layout=True)
     axes.plot(seconds, [float(row["loss"]) for row in rows], color=FIELD_COLOUR)
     axes.set_yscale("log")
-    axes.set_xlabel("seconds")
-    axes.set_ylabel("training loss: mean |error|, share of white")
+    axes.set_xlim(0, max(answer["seconds"], *seconds, 1e-3))
+    axes.set_xlabel("seconds since the start")
+    axes.set_ylabel("training loss, share of white", color=FIELD_COLOUR)
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.grid(True, which="both", alpha=0.25)
+    # What comes before the first step.
+    decided = sum(d["seconds"] for d in answer["decisions"])
+    first = seconds[0] if seconds else answer["seconds"]
+    for begin, end, what, shade in ((0, min(decided, first), "deciding", "#eef1f4"),
+                                    (min(decided, first), first, "solving for reflectivities", "#dfe5ea")):
+        if end - begin > 0.01 * answer["seconds"]:
+            axes.axvspan(begin, end, color=shade, zorder=0)
+            axes.text((begin + end) / 2, 0.5, what, rotation=90, ha="center", va="center", fontsize=8, color="#555555",
+                      transform=axes.get_xaxis_transform())
     validated = [(t, float(row["validation_psnr"])) for t, row in zip(seconds, rows) if row["validation_psnr"]]
     if validated:
         other = axes.twinx()
         other.plot(*zip(*validated), color=ORTHOGONAL_COLOUR)
-        other.set_ylabel("PSNR on validation frames, dB", color=ORTHOGONAL_COLOUR)
-    if rows:
-        axes.set_title(f"Training: {rows[-1]['iteration']} steps, {rows[-1]['gaussians']} Gaussians at the end")
+        other.axhline(answer["held_out"]["psnr"], color=OBLIQUE_COLOUR, linestyle="--", linewidth=1)
+        other.text(seconds[-1], answer["held_out"]["psnr"], "held-out frames, at the end ", color=OBLIQUE_COLOUR,
+                   ha="right", va="top", fontsize=8)
+        other.set_ylabel(f"PSNR on {answer['validation_frames']} validation frames, dB", color=ORTHOGONAL_COLOUR)
+    axes.set_title(f"{answer['iterations']} steps, {answer['gaussians']:,} Gaussians at the end")
     figure.savefig(folder / "training-curve.png", dpi=100)
     plt.close(figure)
+
+
+TERMS = """
+held out         frames that took no part in anything but this score
+validation       frames kept from training to see when it stops gaining; the field of the best moment is kept
+PSNR             10 log10(white^2 / mean squared error): 6 dB more is half the error
+SSIM             likeness of local structure, 1 for equal images
+BFS              likeness of speckle statistics, 1 for equal ones; it compares no pixels
+detail           strength of what changes along the sweep slowly enough for the frames to tell
+scratches        strength of what changes faster than the frames can tell, so was made up
+beam             thickness of the ultrasound beam out of the image plane, standard deviation
+Gaussian         one blob of the model, with place, shape and signed reflectivity
+AVX2, AVX3, ...  the processor's instructions that were used (AVX3 stands for AVX-512)"""
 
 
 def write_report(folder, sweep, n, answer):
     count = len(bigus.frames(sweep))
     held_out = answer["held_out"]
+    probe = decision(answer, "probe's beam")
+    beam = f"; the probe's is {probe['choice']} ({probe['evidence']})" if probe else ""
     lines = [f"Sweep            {count} frames, {answer['width']} x {answer['height']} pixels"
              + (f" after averaging {n} x {n}" if n > 1 else ""),
-             f"Trained on       {answer['training_frames']} frames; {held_out['frames']} held out",
+             f"Trained on       {answer['training_frames']} frames; {held_out['frames']} held out"
+             + (f", {answer['validation_frames']} for validation" if answer["validation_frames"] else ""),
              f"Gaussians        {answer['gaussians']}",
-             f"Beam thickness   {answer['elevation_sigma']:.2f} mm (standard deviation)",
-             f"Training         {answer['iterations']} steps in {answer['seconds']:.1f} s on {answer['device']}",
+             f"Beam             field trained with {answer['elevation_sigma']:.2f} mm" + beam,
+             f"Training         {answer['iterations']} steps in {answer['seconds']:.1f} s, deciding included, on "
+             f"{answer['device']}",
              f"Peak memory      {answer['peak_memory_bytes'] / 2 ** 20:.0f} MiB",
              f"Seed             {answer['seed']}"]
     # What was neither given nor left to geometry for want of time.
@@ -227,7 +268,7 @@ def write_report(folder, sweep, n, answer):
                       "; linear interpolation between frames has 1 and 1"]
     lines += ["", "The held-out frames took no part in training. The four methods below the field need no model: the",
               "nearest frame as it is, the mean of the two neighbouring frames, these two weighted by distance along",
-              "their poses, and a voxel volume compounded from all training frames."]
+              "their poses, and a voxel volume compounded from all training frames.", TERMS]
     (folder / "report.txt").write_text("\n".join(lines) + "\n")
 
 
@@ -241,7 +282,7 @@ def main():
     answer = json.loads((options.folder / "training.json").read_text())
     sweep = bigus.read(options.folder / "sweep.igs.mha")
     draw_panel(options.folder, sweep, options.frame, options.reduce, answer)
-    draw_curve(options.folder)
+    draw_curve(options.folder, answer)
     write_report(options.folder, sweep, options.reduce, answer)
 
 
