@@ -29,7 +29,8 @@
  * | `PoseDecision` | 2 strings | what was chosen, and the evidence ("given" where Strength was set) |
  * | `Provenance` | strings | one more line, `sweep.poses` = what was chosen, which a field trained on the output keeps |
  *
- * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Constant errors are the
+ * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Noise is not a number
+ * where it is unknown, which is where fewer than 8 poses lie on one path. Constant errors are the
  * same in every frame: how long the tracker lags behind the pictures, and how the image must move on the probe, in its
  * own axes (along its rows, down, along its normal) and about its centre. They are known only where the sweep sees
  * places twice. The first tuple holds estimates, the second their standard errors (infinite: unknown), the third 1 where

@@ -54,6 +54,16 @@ std::string FormatNumber(double value, int decimals)
   return text.str();
 }
 
+std::string NoiseText(double translation, double rotation, double corner)
+{
+  if (std::isnan(translation))
+  {
+    return "unknown, too few poses on one path";
+  }
+  return FormatNumber(translation, 3) + " mm and " + FormatNumber(rotation, 3) + " degrees on each axis, " +
+         FormatNumber(corner, 3) + " mm at the image's corners";
+}
+
 void Console::Print(const std::string& line)
 {
   EndProgress();

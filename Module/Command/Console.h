@@ -59,4 +59,7 @@ std::string FormatDuration(double seconds);
 /// Fixed number of decimals whatever the locale; "infinite" as such, "-" for what is no number.
 std::string FormatNumber(double value, int decimals);
 
+/// A tracker's noise, as Trajectory has it: mm and degrees on each axis, mm at the image's corners; or that it is unknown.
+std::string NoiseText(double translation, double rotation, double corner);
+
 }  // namespace bigus::command

@@ -154,12 +154,7 @@ ExitCode ShowField(Console& console, const std::string& path)
 /// What the poses alone tell of the tracker: one line and one JSON value each.
 Json ShowTracker(Console& console, const Sweep& sweep)
 {
-  constexpr int kFewestFrames = 5;         // of a stroke that noise can be told of
   constexpr std::size_t kMostListed = 12;  // outliers named to people; --json has all
-  if (sweep.NumberOfFrames() < kFewestFrames)
-  {
-    return nullptr;
-  }
   const Trajectory path = SmoothTrajectory(sweep);
   Json outliers = Json::array();
   std::string listed;
@@ -175,9 +170,7 @@ Json ShowTracker(Console& console, const Sweep& sweep)
   }
   console.Print(Line("Tracker's noise", path.isStepped
                                             ? "none: motion in equal steps"
-                                            : FormatNumber(path.translationNoise, 3) + " mm and " +
-                                                  FormatNumber(path.rotationNoise, 3) + " degrees on each axis, " +
-                                                  FormatNumber(path.cornerNoise, 3) + " mm at the image's corners"));
+                                            : NoiseText(path.translationNoise, path.rotationNoise, path.cornerNoise)));
   if (!outliers.empty())
   {
     console.Print(Line("Outliers", std::to_string(outliers.size()) + ": " + listed));

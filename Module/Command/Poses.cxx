@@ -192,8 +192,7 @@ ExitCode CorrectPoses(Console& console, const Options& options)
   console.Print(options.output + ": " + std::to_string(frames) + (frames == 1 ? " frame" : " frames") + ", poses " +
                 decision->GetValue(0));
   console.Print("  evidence         " + decision->GetValue(1));
-  console.Print("  tracker's noise  " + FormatNumber(noise[0], 3) + " mm and " + FormatNumber(noise[1], 3) +
-                " degrees on each axis, " + FormatNumber(noise[2], 3) + " mm at the image's corners");
+  console.Print("  tracker's noise  " + NoiseText(noise[0], noise[1], noise[2]));
   console.Print("  outliers         " + OutlierText(outliers));
   console.Print("  path             " + std::to_string(strokes) +
                 (strokes == 1 ? " continuous motion" : " continuous motions"));

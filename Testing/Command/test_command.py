@@ -397,6 +397,14 @@ class Info(CommandTest):
         self.assertAlmostEqual(tracker["rotation_noise"], 0.4, delta=0.12)
         self.assertRegex(run("info", noisy).stdout, r"Tracker's noise +0\.\d+ mm and 0\.\d+ degrees")
 
+        few = self.folder / "few.mha"
+        self.expect(SUCCESS, "phantom", "-o", few, "--frames=5", "--width=48", "--height=40", "--pixel-size=0.6",
+                    "--scatterers=1", "--tracking-noise=0.3")
+        self.assertIsNone(self.expect(SUCCESS, "info", few)["tracker"]["translation_noise"])
+        self.assertRegex(run("info", few).stdout, "Tracker's noise +unknown")
+        self.assertIsNone(self.expect(SUCCESS, "poses", few, "-o", self.folder / "same.mha")["noise"]["corner"])
+        self.assertRegex(run("poses", few, "-o", self.folder / "same.mha").stdout, "tracker's noise +unknown")
+
         def changed(name, change):
             """The sweep with every pose changed, row-major."""
             header, pixels, _ = read_sequence(self.sweep)

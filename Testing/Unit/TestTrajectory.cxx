@@ -333,11 +333,15 @@ TEST(Trajectory, AFewPosesAndStrengthZeroAreKept)
   const auto recorded = Tracked(Motion(40, HandAt), 0.2, 0.3, 1);
   const Trajectory kept = SmoothTrajectory(PosesOnly(recorded), {0, FrameClock::Times});
   EXPECT_EQ(kept.imageToReference, recorded);
+  EXPECT_TRUE(kept.IsNoiseKnown());
   EXPECT_NEAR(kept.translationNoise, 0.2, 0.06) << "what is known of the tracker is told all the same";
   for (const int frames : {1, 2, 7})
   {
     const std::vector<Eigen::Matrix4d> few(recorded.begin(), recorded.begin() + frames);
-    EXPECT_EQ(SmoothTrajectory(PosesOnly(few)).imageToReference, few);
+    const Trajectory found = SmoothTrajectory(PosesOnly(few));
+    EXPECT_EQ(found.imageToReference, few);
+    EXPECT_FALSE(found.IsNoiseKnown());
+    EXPECT_TRUE(std::isnan(found.rotationNoise) && std::isnan(found.cornerNoise));
   }
 }
 

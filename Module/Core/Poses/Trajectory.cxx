@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -21,7 +22,8 @@ namespace
 
 constexpr double kLongestStep = 1000;  // median steps of time, beyond which a clock was set and did not run
 constexpr int kFewestInStroke = 5;     // poses of a stroke: two make a line, and three tell noise from it
-constexpr int kFewestToEstimate = 8;   // poses of all strokes: with fewer, noise and smoothness cannot be told apart
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr int kFewestToEstimate = 8;  // poses of all strokes: with fewer, noise and smoothness cannot be told apart
 
 /// Noise at the image's corners, in pixels, below which poses are exact: a shift by a twentieth of a pixel changes no
 /// image that one could tell. Then only outliers are moved.
@@ -479,6 +481,7 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
   found.clock = clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
   if (n < kFewestToEstimate)
   {
+    found.translationNoise = found.rotationNoise = found.cornerNoise = kUnknown;
     return std::vector<Trajectory>(strengths.size(), found);
   }
 
@@ -510,6 +513,10 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
   }
   if (found.isStepped || usable < kFewestToEstimate)
   {
+    if (!found.isStepped)
+    {
+      found.translationNoise = found.rotationNoise = found.cornerNoise = kUnknown;
+    }
     return std::vector<Trajectory>(strengths.size(), found);
   }
   found.pivot = PivotOf(path);

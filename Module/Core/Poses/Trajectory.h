@@ -42,10 +42,10 @@ struct Trajectory
   std::vector<double> rotation;      ///< degrees between the recorded and the new orientation
   std::vector<std::uint8_t> isOutlier;  ///< 1: recorded so far off that the pose follows from its neighbours
   std::vector<int> stroke;              ///< number, from 0, of the continuous motion that the frame belongs to
-  double translationNoise =
-      0;                     ///< mm, standard deviation on each axis of the recorded place of `pivot`; outliers apart
-  double rotationNoise = 0;  ///< degrees, the same of the recorded orientation
-  double cornerNoise = 0;    ///< mm: what both make at the image's corners, root mean square of the distance
+  /// The tracker's noise. Not a number where it is unknown: fewer than 8 poses lie in strokes of 5 and more.
+  double translationNoise = 0;  ///< mm, standard deviation on each axis of the recorded place of `pivot`, but outliers'
+  double rotationNoise = 0;     ///< degrees, the same of the recorded orientation
+  double cornerNoise = 0;       ///< mm: what both make at the image's corners, root mean square of the distance
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< mm, in the image's axes (along its rows, across them in the
                                                     ///< plane, along its normal) from its centre: where noise of place
                                                     ///< and of orientation do not depend on each other; near what is
@@ -53,6 +53,7 @@ struct Trajectory
   FrameClock clock = FrameClock::Numbers;           ///< what was used
   bool isStepped = false;                           ///< motion in equal steps, as of a motor: every pose is kept
 
+  bool IsNoiseKnown() const { return translationNoise == translationNoise; }
   bool IsChanged() const;  ///< whether any pose is not the recorded one
 };
 
