@@ -139,6 +139,12 @@ TEST(ConstantErrors, CrossingSweepsTellTheCalibration)
     EXPECT_TRUE(found.rotation[axis].isObservable);
     EXPECT_NEAR(found.rotation[axis].value, -1, 0.3);
     EXPECT_LT(found.rotation[axis].standardError, 0.3);
+    for (int other = 0; other < 3; ++other)
+    {
+      EXPECT_TRUE(found.shift[other].isObservable || found.shift[other].value == 0) << other;
+      EXPECT_TRUE(found.rotation[other].isObservable || found.rotation[other].value == 0) << other;
+    }
+    EXPECT_TRUE(found.delay.isObservable || found.delay.value == 0);
     EXPECT_LT(found.differenceAfter, found.differenceBefore);
     const auto [before, after] = Bending(sweep, found, truth);
     EXPECT_LT(after, 0.5 * before);

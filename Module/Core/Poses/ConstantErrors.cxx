@@ -787,6 +787,12 @@ struct Fit
   Vector standardError = Vector::Constant(std::numeric_limits<double>::infinity());
   std::vector<bool> free;  // those that were not left at 0
   int places = 0;
+
+  /// Whether the pictures tell a parameter apart from all others.
+  bool IsTold(int p) const
+  {
+    return free[p] && (standardError[p] <= kObservable[p] || std::abs(value[p]) >= kTold * standardError[p]);
+  }
 };
 
 /// Coarse to fine.
@@ -809,6 +815,7 @@ public:
         return Fit();
       }
     }
+    LeaveOutWhatIsNotTold(fit);
     return fit;
   }
 
@@ -902,7 +909,6 @@ private:
     return half;
   }
 
-  /// Those of every second cell of a checkerboard in space.
   /// What the pictures do not tell is left at 0, the least known parameter first. False when too few places are seen.
   bool RunLevel(double sigma, Fit& fit)
   {
@@ -947,6 +953,31 @@ private:
       fit.standardError[0] = std::numeric_limits<double>::infinity();
     }
     return true;
+  }
+
+  /// A number that is known only while others are 0 is not told apart from them, and nothing of it is to be taken out:
+  /// it is 0 as well, and those that are left are found anew.
+  void LeaveOutWhatIsNotTold(Fit& fit) const
+  {
+    for (;;)
+    {
+      int worst = -1;
+      for (int p = 0; p < kParameters; ++p)
+      {
+        const auto excess = [&](int q) { return fit.standardError[q] / kObservable[q]; };
+        if (fit.free[p] && !fit.IsTold(p) && (worst < 0 || excess(p) > excess(worst)))
+        {
+          worst = p;
+        }
+      }
+      if (worst < 0)
+      {
+        return;
+      }
+      fit.free[worst] = false;
+      fit.value[worst] = 0;
+      fit.value = Minimum(Problem(sight_.FindPlaces(fit.value), finest_, fit.free, fit.value), fit.value).first;
+    }
   }
 
   const Sweep& seen_;
@@ -1031,8 +1062,7 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     ConstantError error;
     error.value = fit.value[p];
     error.standardError = fit.standardError[p];
-    error.isObservable =
-        fit.free[p] && (error.standardError <= kObservable[p] || std::abs(error.value) >= kTold * error.standardError);
+    error.isObservable = fit.IsTold(p);
     return error;
   };
   out.delay = number(0);

@@ -22,8 +22,8 @@ struct ConstantError
 };
 
 /// What must be done to poses to be rid of the errors, as far as pictures tell. A number that cannot be told apart from
-/// others is 0, and they carry its share: on a straight path of constant speed a delay is the same as a shift along the
-/// image's normal.
+/// others is 0: on a straight path of constant speed a delay is the same as a shift along the image's normal, and both
+/// are 0.
 struct ConstantErrors
 {
   /// Seconds. A frame belongs where the recorded path is so much after the frame's own time: positive where poses lag
