@@ -9,7 +9,8 @@
  * is trained. What uses poses gains by it: a reconstruction of a volume, a compounding, a training.
  *
  * The noise is estimated from the poses alone. Whether and how strongly it is taken out is chosen by how well frames
- * predict their neighbours at the changed poses. Poses that are exact, move in equal steps, or are not confirmed by
+ * predict their neighbours at the changed poses. Where the probe comes back, frames are then aligned to others, if
+ * frames that took no part in it are predicted better. Poses that are exact, move in equal steps, or are not confirmed by
  * pictures pass bit for bit, and so do frames that `Status` rejects. Core/Poses and Core/Deciding tell how.
  *
  * The output's field data hold, besides all that the input's do:
@@ -26,7 +27,7 @@
  * | `PoseStrength` [1] | 1 | how strongly noise was taken out, in units of what was found; 0: not at all |
  * | `ConstantErrors` [7] | 3 | Delay (s), ShiftX, Y, Z (mm), RotationX, Y, Z (degrees): see below |
  * | `ConstantErrorsApplied` [1] | 1 | 1: the constant errors are significant and were taken out |
- * | `PoseDecision` | 2 strings | what was chosen, and the evidence ("given" where Strength was set) |
+ * | `PoseDecision` | 2 strings | what was chosen, and the evidence (it begins with "given" where Strength was set) |
  * | `Provenance` | strings | one more line, `sweep.poses` = what was chosen, which a field trained on the output keeps |
  *
  * Corner is the distance that both kinds of noise make at the image's corners, root mean square. Noise is not a number

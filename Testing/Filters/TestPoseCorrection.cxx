@@ -182,7 +182,7 @@ TEST(PoseCorrectionFilter, StrengthIsObeyed)
   EXPECT_NE(PosesOf(corrected), PosesOf(sweep));
   EXPECT_EQ(Field(corrected, "PoseStrength")->GetTuple1(0), 3);
   auto* decision = vtkStringArray::SafeDownCast(corrected->GetFieldData()->GetAbstractArray("PoseDecision"));
-  EXPECT_EQ(decision->GetValue(1), "given");
+  EXPECT_EQ(decision->GetValue(1).find("given"), 0u) << decision->GetValue(1);
 
   std::ostringstream text;
   correct.filter->Print(text);

@@ -119,6 +119,57 @@ TEST(PoseCorrection, ConstantErrorsAreTakenOutWhereSweepsCross)
   EXPECT_NEAR(found.trajectory.rotation[5], 2, 0.4);
   const PoseCorrection kept = CorrectPoses(sweep, bigus::test::AllFrames(sweep), {0.0});
   EXPECT_EQ(kept.trajectory.imageToReference, sweep.imageToReference);
+
+  // A training that corrects nothing else is repeated by its settled options.
+  EXPECT_EQ(found.strength, 0);
+  bigus::TrainerOptions options;
+  options.gaussians = 300;
+  options.iterations = 3;
+  options.virtualPlanes = 0;
+  options.elevationSigma = 0.5;
+  const auto shared = std::make_shared<const Sweep>(sweep);
+  const bigus::TrainingResult first = Train(shared, options);
+  EXPECT_EQ(first.imageToReference, found.trajectory.imageToReference);
+  const bigus::TrainingResult again = Train(shared, first.settled);
+  EXPECT_EQ(again.imageToReference, first.imageToReference);
+  EXPECT_EQ(again.field.means, first.field.means);
+  EXPECT_EQ(again.field.reflectivities, first.field.reflectivities);
+}
+
+/// There and back over the same places, with noise and with drift, which no smoothing takes out.
+PhantomOptions ThereAndBack()
+{
+  PhantomOptions world;
+  world.frames = 64;
+  world.passes = 2;
+  world.width = world.height = 128;
+  world.pixelSize = 0.4;
+  world.wander = world.tilt = 0;
+  world.scattererDensity = 8;
+  world.trackingNoise = world.trackingRotationNoise = 0.1;
+  world.trackingDrift = world.trackingRotationDrift = 1;
+  return world;
+}
+
+TEST(PoseCorrection, FramesAreAlignedWhereTheProbeComesBack)
+{
+  const Phantom phantom(ThereAndBack());
+  const Sweep sweep = phantom.MakeSweep();
+  const auto truth = TruePoses(phantom, 64);
+  bigus::PoseCorrectionOptions smoothOnly;
+  smoothOnly.isRefined = false;
+  const std::vector<int> all = bigus::test::AllFrames(sweep);
+  const PoseCorrection smooth = CorrectPoses(sweep, all, smoothOnly), aligned = CorrectPoses(sweep, all);
+  EXPECT_FALSE(smooth.isRefined);
+  ASSERT_TRUE(aligned.isRefined) << aligned.decision.evidence;
+  EXPECT_EQ(aligned.strength, smooth.strength);
+  EXPECT_NE(aligned.decision.choice.find("aligned"), std::string::npos) << aligned.decision.choice;
+  EXPECT_LT(ErrorOf(sweep, aligned.trajectory.imageToReference, truth),
+            0.95 * ErrorOf(sweep, smooth.trajectory.imageToReference, truth));
+  EXPECT_NEAR(aligned.trajectory.displacement[20],
+              bigus::CornerDistance(aligned.trajectory.imageToReference[20], sweep.imageToReference[20], sweep.width,
+                                    sweep.height),
+              1e-9);
 }
 
 // A probe that really shakes: to the poses alone that is noise, and only pictures tell.
@@ -195,11 +246,10 @@ TEST(PoseCorrection, ExactPosesAreLeftWhereFramesWereDropped)
 
 TEST(PoseCorrection, HeldOutPixelsHaveNoPartAndThreadsDoNotMatter)
 {
-  PhantomOptions world = SmallWorld(36);
-  world.trackingNoise = 0.15;
-  const Sweep sweep = Phantom(world).MakeSweep();
-  const auto [frames, heldOut] = bigus::SplitHoldOut(36, 4);
-  auto pixels = std::make_shared<std::vector<std::uint8_t>>(36 * sweep.PixelsPerFrame());
+  const Sweep sweep = Phantom(ThereAndBack()).MakeSweep();
+  const int count = sweep.NumberOfFrames();
+  const auto [frames, heldOut] = bigus::SplitHoldOut(count, 8);
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(count * sweep.PixelsPerFrame());
   std::copy_n(static_cast<const std::uint8_t*>(sweep.pixels.get()), pixels->size(), pixels->begin());
   for (const int frame : heldOut)
   {
@@ -217,6 +267,7 @@ TEST(PoseCorrection, HeldOutPixelsHaveNoPartAndThreadsDoNotMatter)
   };
   const PoseCorrection one = correct(sweep, 1), three = correct(sweep, 3), held = correct(poisoned, 2);
   ASSERT_GT(one.strength, 0) << one.decision.evidence;
+  ASSERT_TRUE(one.isRefined) << one.decision.evidence;
   for (const PoseCorrection* other : {&three, &held})
   {
     EXPECT_EQ(other->trajectory.imageToReference, one.trajectory.imageToReference);
@@ -226,7 +277,7 @@ TEST(PoseCorrection, HeldOutPixelsHaveNoPartAndThreadsDoNotMatter)
 
   // The same through the trainer.
   bigus::TrainerOptions options;
-  options.holdOut = 4;
+  options.holdOut = 8;
   options.gaussians = 500;
   options.iterations = 10;
   options.virtualPlanes = 0;

@@ -18,6 +18,8 @@
 #include "Core/Deciding/Format.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Statistics.h"
+#include "Core/Poses/FramePrediction.h"
+#include "Core/Poses/PoseRefinement.h"
 #include "Core/Training/Stopwatch.h"
 
 namespace bigus
@@ -25,10 +27,10 @@ namespace bigus
 namespace
 {
 
-// Pictures of 40,000 pixels hold what is 1/100 of the image wide, and larger.
-constexpr double kPixels = 4e4;
 constexpr std::size_t kTests = 48;  // frames that are predicted, evenly chosen: 2 s for 140 frames on two cores
-constexpr int kLags = 2;            // predicted from neighbours, and from those one further
+// Predicted from neighbours, from those one further, and from frames of which the probe came back to this one's place.
+constexpr int kLags = 3;
+constexpr int kNeighbourLags = 2;
 
 /// Octaves of a residual in which poses are compared. The finest octave, which is blurring by one pixel, is left out:
 /// what frames show there depends on sampling and on what is fixed to the probe more than on poses. What is wider than
@@ -36,7 +38,6 @@ constexpr int kLags = 2;            // predicted from neighbours, and from those
 constexpr int kBands = 4;
 constexpr int kFirstBand = 1;
 
-constexpr int kEdge = 3;              // pixels inside the lit area that a picture's edge must not reach
 constexpr double kLeastCover = 0.25;  // of the lit pixels, that both neighbours must show
 constexpr double kGreyLevel = 1.0 / 255;
 
@@ -47,70 +48,6 @@ constexpr std::array<double, 5> kStrengths{0.5, 1, 2, 4, 8};
 /// at the corners grows from 0.33 to 0.35 of the recorded one. The liver sweep gains 0.11, 0.07 and 0.03 dB.
 constexpr double kStrongerGain = 0.05;
 
-/// What a frame's plane meets along a direction: pixel i, j of the other plane and the distance to it, all of them
-/// linear in the frame's own pixel.
-struct Meeting
-{
-  Eigen::Vector3d first, perColumn, perRow;
-};
-Meeting Meet(const SlicePlane& plane, const Eigen::Vector3d& direction, const SlicePlane& other)
-{
-  const Eigen::Matrix3d t = other.WorldToSlice();
-  const Eigen::Vector3d d = t * direction;
-  const auto along = [&](const Eigen::Vector3d& v) -> Eigen::Vector3d
-  {
-    const double steps = -v[2] / d[2];
-    return {v[0] + steps * d[0], v[1] + steps * d[1], steps};
-  };
-  return {along(t * (plane.origin - other.origin)), along(t * plane.columnStep), along(t * plane.rowStep)};
-}
-
-/// The frames that are looked at, small.
-struct Pictures
-{
-  std::vector<cv::Mat> frames;  // of CV_32F
-  cv::Mat inner;                // CV_8U: 1 where lit, away from what is not
-  int reduction = 1;
-  double pixels = 0;  // of the inner area
-};
-
-Pictures PicturesOf(const Sweep& sweep, const std::vector<int>& frames)
-{
-  Pictures pictures;
-  pictures.reduction =
-      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(sweep.PixelsPerFrame()) / kPixels) - 1e-9));
-  const Sweep small = sweep.Subset(frames).Reduced(std::min({pictures.reduction, sweep.width, sweep.height}));
-  std::vector<int> all(frames.size());
-  for (std::size_t k = 0; k < frames.size(); ++k)
-  {
-    all[k] = static_cast<int>(k);
-    cv::Mat picture(small.height, small.width, CV_32F);
-    small.CopyFrame(all[k], picture.ptr<float>());
-    pictures.frames.push_back(picture);
-  }
-  const Sweep lit = small.LitBy(all);
-  cv::Mat mask(small.height, small.width, CV_8U);
-  for (std::size_t p = 0; p < small.PixelsPerFrame(); ++p)
-  {
-    mask.data[p] = lit.IsLit(p) ? 1 : 0;
-  }
-  const int side = 2 * kEdge + 1;
-  cv::erode(mask, pictures.inner, cv::Mat::ones(side, side, CV_8U), cv::Point(-1, -1), 1, cv::BORDER_CONSTANT,
-            cv::Scalar(0));
-  pictures.pixels = cv::countNonZero(pictures.inner);
-  return pictures;
-}
-
-/// The plane of a small picture.
-SlicePlane PlaneOf(const Sweep& sweep, const Eigen::Matrix4d& pose, int reduction)
-{
-  SlicePlane plane = SlicePlane::FromImageToReference(pose, sweep.width / reduction, sweep.height / reduction);
-  plane.origin = plane.Point(0.5 * (reduction - 1), 0.5 * (reduction - 1));
-  plane.columnStep *= reduction;
-  plane.rowStep *= reduction;
-  return plane;
-}
-
 /// One frame predicted from one before and one after it, by their places among the pictures.
 struct Test
 {
@@ -118,54 +55,12 @@ struct Test
 };
 
 /// The predicted frame less the frame, NaN where a neighbour shows nothing or the edge is near.
-cv::Mat Residual(const Pictures& pictures, const Test& test, const std::vector<SlicePlane>& planes)
+cv::Mat Residual(const FramePictures& pictures, const Test& test, const std::vector<SlicePlane>& planes)
 {
-  const SlicePlane &plane = planes[test.frame], &before = planes[test.before], &after = planes[test.after];
-  Eigen::Vector3d direction = before.Normal() + after.Normal();
-  if (!(direction.norm() > 0.1))
-  {
-    direction = before.Normal();
-  }
-  direction.normalize();
-  const cv::Mat &frame = pictures.frames[test.frame], &inner = pictures.inner;
-  const std::array<Meeting, 2> meetings = {Meet(plane, direction, before), Meet(plane, direction, after)};
-  const std::array<const cv::Mat*, 2> sources = {&pictures.frames[test.before], &pictures.frames[test.after]};
-  cv::Mat residual(frame.size(), CV_32F, cv::Scalar(std::numeric_limits<float>::quiet_NaN()));
-  for (int y = 0; y < frame.rows; ++y)
-  {
-    for (int x = 0; x < frame.cols; ++x)
-    {
-      if (!inner.at<unsigned char>(y, x))
-      {
-        continue;
-      }
-      std::array<double, 2> value{}, distance{};
-      bool seen = true;
-      for (int side = 0; side < 2 && seen; ++side)
-      {
-        const Eigen::Vector3d at = meetings[side].first + x * meetings[side].perColumn + y * meetings[side].perRow;
-        seen = at[0] >= 0 && at[1] >= 0 && at[0] < frame.cols - 1 && at[1] < frame.rows - 1;
-        if (!seen)
-        {
-          break;
-        }
-        const int i = static_cast<int>(at[0]), j = static_cast<int>(at[1]);
-        const double u = at[0] - i, v = at[1] - j;
-        seen = inner.at<unsigned char>(j, i) != 0 && inner.at<unsigned char>(j + 1, i + 1) != 0;
-        const float* upper = sources[side]->ptr<float>(j) + i;
-        const float* lower = sources[side]->ptr<float>(j + 1) + i;
-        value[side] = (1 - v) * ((1 - u) * upper[0] + u * upper[1]) + v * ((1 - u) * lower[0] + u * lower[1]);
-        distance[side] = std::abs(at[2]);
-      }
-      if (seen)
-      {
-        const double sum = distance[0] + distance[1], share = sum > 0 ? distance[0] / sum : 0.5;
-        residual.at<float>(y, x) =
-            static_cast<float>((1 - share) * value[0] + share * value[1]) - frame.at<float>(y, x);
-      }
-    }
-  }
-  return residual;
+  const auto& frames = pictures.frames;
+  return PredictPicture(pictures.inner, planes[test.frame], planes[test.before], frames[test.before],
+                        planes[test.after], frames[test.after]) -
+         frames[test.frame];
 }
 
 using Bands = std::array<cv::Mat, kBands>;
@@ -200,8 +95,8 @@ struct Findings
   std::array<bool, kLags> isSound{};
 };
 
-Findings Find(const Pictures& pictures, const std::array<Test, kLags>& tests, const std::vector<SlicePlane>& recorded,
-              const std::vector<SlicePlane>& corrected)
+Findings Find(const FramePictures& pictures, const std::array<Test, kLags>& tests,
+              const std::vector<SlicePlane>& recorded, const std::vector<SlicePlane>& corrected)
 {
   Findings findings;
   for (int lag = 0; lag < kLags; ++lag)
@@ -362,7 +257,8 @@ std::vector<std::array<Test, kLags>> TestsOf(const std::vector<int>& frames, con
   for (int k = 1; k + 1 < n; ++k)
   {
     std::array<Test, kLags> tests;
-    for (int lag = 1; lag <= kLags; ++lag)
+    tests.fill({-1, -1, -1});
+    for (int lag = 1; lag <= kNeighbourLags; ++lag)
     {
       const bool exists = k - lag >= 0 && k + lag < n && stroke[frames[k - lag]] == stroke[frames[k + lag]];
       tests[lag - 1] = exists ? Test{k, k - lag, k + lag} : Test{-1, -1, -1};
@@ -461,7 +357,7 @@ private:
     std::vector<SlicePlane> planes;
     for (const int frame : frames_)
     {
-      planes.push_back(PlaneOf(sweep_, poses[frame], pictures_.reduction));
+      planes.push_back(PicturePlane(sweep_, poses[frame], pictures_.reduction));
     }
     return planes;
   }
@@ -469,7 +365,7 @@ private:
   const Sweep& sweep_;
   std::vector<std::array<Test, kLags>> tests_;
   std::vector<int> frames_;
-  Pictures pictures_;
+  FramePictures pictures_;
   std::vector<SlicePlane> recorded_;
   const std::function<bool(double)>& progress_;
   mutable int judged_ = 0;
@@ -477,6 +373,10 @@ private:
 
 std::string NoiseText(const Trajectory& trajectory)
 {
+  if (!trajectory.IsNoiseKnown())
+  {
+    return "tracker's noise unknown, too few poses on one path";
+  }
   const auto outliers = std::count(trajectory.isOutlier.begin(), trajectory.isOutlier.end(), 1);
   return "tracker's noise" + Format(" %.3f mm", trajectory.translationNoise) +
          Format(" and %.3f degrees", trajectory.rotationNoise) +
@@ -548,6 +448,17 @@ double DegreesBetween(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b)
   return Eigen::AngleAxisd(turn).angle() / kRadiansPerDegree;
 }
 
+/// How far poses are from the sweep's.
+void MeasureChange(const Sweep& sweep, Trajectory& trajectory)
+{
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    const Eigen::Matrix4d &now = trajectory.imageToReference[k], &before = sweep.imageToReference[k];
+    trajectory.displacement[k] = CornerDistance(now, before, sweep.width, sweep.height);
+    trajectory.rotation[k] = DegreesBetween(now, before);
+  }
+}
+
 /// What is the same in every frame, at poses without noise.
 void TakeOutConstantErrors(const Sweep& sweep, const std::vector<int>& frames, PoseCorrection& correction)
 {
@@ -557,14 +468,85 @@ void TakeOutConstantErrors(const Sweep& sweep, const std::vector<int>& frames, P
   {
     return;
   }
+  correction.trajectory.imageToReference = WithoutConstantErrors(smooth, correction.constant);
+  MeasureChange(sweep, correction.trajectory);
+}
+
+// ---- refinement ----
+
+/// Frames judge a refinement in which they took no part: every fourth in turn.
+constexpr int kFolds = 4;
+
+/// dB that these frames must gain. Sweeps that do not come back gain up to 0.06 dB by alignment to neighbours while
+/// their poses become worse: neighbours tell how three frames lie to each other, and small errors of that add up.
+constexpr double kLeastRefinementGain = 0.1;
+
+/// Aligns frames to what others predict of their places (Poses/PoseRefinement.h), where frames that take no part are
+/// then predicted better. What is said of it in words.
+std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorrection& correction)
+{
   Trajectory& trajectory = correction.trajectory;
-  trajectory.imageToReference = WithoutConstantErrors(smooth, correction.constant);
-  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  const Sweep now = AtCorrectedPoses(sweep, correction);
+  const PoseRefinement refinement(now, frames, trajectory.stroke);
+  const auto& comparisons = refinement.Comparisons();
+  if (comparisons.empty())
   {
-    const Eigen::Matrix4d &now = trajectory.imageToReference[k], &before = sweep.imageToReference[k];
-    trajectory.displacement[k] = CornerDistance(now, before, sweep.width, sweep.height);
-    trajectory.rotation[k] = DegreesBetween(now, before);
+    return "";
   }
+  const FramePictures pictures = PicturesOf(sweep, frames);
+  const auto planesAt = [&](const std::vector<Eigen::Matrix4d>& poses)
+  {
+    std::vector<SlicePlane> planes;
+    for (const int frame : frames)
+    {
+      planes.push_back(PicturePlane(sweep, poses[frame], pictures.reduction));
+    }
+    return planes;
+  };
+  const int n = static_cast<int>(frames.size());
+  std::vector<std::array<Test, kLags>> tests(n);
+  for (auto& of : tests)
+  {
+    of.fill({-1, -1, -1});
+  }
+  for (const auto& c : comparisons)
+  {
+    const int lag = c.isRevisit ? kNeighbourLags : c.after - c.frame - 1;
+    if (tests[c.frame][lag].frame < 0)
+    {
+      tests[c.frame][lag] = {c.frame, c.before, c.after};
+    }
+  }
+  const std::vector<SlicePlane> before = planesAt(now.imageToReference);
+  std::vector<Findings> findings(n);
+  for (int fold = 0; fold < kFolds; ++fold)
+  {
+    std::vector<char> isLeftOut(n);
+    for (int k = 0; k < n; ++k)
+    {
+      isLeftOut[k] = k % kFolds == fold;
+    }
+    const std::vector<SlicePlane> after = planesAt(refinement.Poses({}, isLeftOut));
+    tbb::parallel_for(0, n,
+                      [&](int k)
+                      {
+                        if (isLeftOut[k])
+                        {
+                          findings[k] = Find(pictures, tests[k], before, after);
+                        }
+                      });
+  }
+  const Estimate gain = GainOf(findings, nullptr), share = ConfirmedShare(findings);
+  correction.isRefined = share.mean - kLeastConfirmed > kLeastStandardErrors * share.error &&
+                         gain.mean > std::max(kLeastRefinementGain, gain.error);
+  if (correction.isRefined)
+  {
+    trajectory.imageToReference = refinement.Poses({});
+    MeasureChange(sweep, trajectory);
+  }
+  return "aligned to others, frames that took no part confirm" + Format(" %.2f", share.mean) +
+         Format(" +- %.2f", share.error) + Format(" and gain %+.2f", gain.mean) + Format(" +- %.2f dB", gain.error) +
+         " (" + std::to_string(refinement.NumberOfRevisits()) + " comparisons with where the probe came back)";
 }
 
 }  // namespace
@@ -625,6 +607,12 @@ try
     TakeOutConstantErrors(sweep, frames, correction);
     evidence += correction.constant.comparisons > 0 ? "; " + correction.constant.evidence : "";
     choice += correction.constant.isSignificant ? "; " + Describe(correction.constant) : "";
+    if (options.isRefined && wouldChange && frames.size() >= kFewestFrames)
+    {
+      const std::string said = Refine(sweep, frames, correction);
+      evidence += said.empty() ? "" : "; " + said;
+      choice += correction.isRefined ? Format("; aligned (%.2f mm)", Mean(correction.trajectory.displacement)) : "";
+    }
   }
   correction.decision = {"poses", choice, evidence, watch.Seconds()};
   return correction;

@@ -21,6 +21,8 @@ struct PoseCorrectionOptions
   /// As TrajectoryOptions::strength; empty: chosen by evidence, and 0 where there is none. A given 0 keeps every pose,
   /// bit for bit: nor are constant errors looked for.
   std::optional<double> strength;
+  /// Whether frames are aligned to others where evidence says so; not with a strength of 0.
+  bool isRefined = true;
 };
 
 struct PoseCorrection
@@ -28,6 +30,7 @@ struct PoseCorrection
   Trajectory trajectory;    ///< corrected poses of all frames, and what is known of the tracker
   double strength = 0;      ///< that was chosen; 0: no noise is taken out
   ConstantErrors constant;  ///< delay and calibration error, found at poses without noise; taken out where significant
+  bool isRefined = false;   ///< whether frames are aligned to each other
   Decision decision;        ///< the choice, what it rests on, and seconds
   bool aborted = false;     ///< `progress` said stop; every pose is the recorded one
 };

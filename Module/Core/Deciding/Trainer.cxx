@@ -68,7 +68,12 @@ std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const s
 {
   const PoseCorrection correction =
       CorrectPoses(*sweep, frames, {options.poseSmoothing}, [&goOn](double) { return goOn(); });
-  options.poseSmoothing = correction.strength;
+  // What pictures change where the tracker has no noise to take out is found by leaving the choice to them once more: a
+  // strength of 0 keeps every pose.
+  if (correction.strength > 0 || !correction.trajectory.IsChanged())
+  {
+    options.poseSmoothing = correction.strength;
+  }
   if (correction.aborted)
   {
     return sweep;
@@ -198,7 +203,10 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
     {
       sweep = Correct(sweep, frames, asked, result.decisions, [&passOn] { return passOn({}); });
     }
-    asked.poseSmoothing = asked.poseSmoothing.value_or(0);
+    else
+    {
+      asked.poseSmoothing = 0;
+    }
     if (start && !asked.elevationSigma)
     {
       asked.elevationSigma = start->beam.elevationSigma;

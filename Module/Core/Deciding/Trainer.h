@@ -26,7 +26,9 @@ struct TrainingResult
   /// The poses, of all frames of the sweep, that the field was trained at; as recorded where nothing was corrected.
   /// Held-out frames belong at these, too: their own pixels had no part in them.
   std::vector<Eigen::Matrix4d> imageToReference;
-  TrainerOptions settled;  ///< the options with every choice made, none left open
+  /// The options with every choice made, so that they repeat the training. Open is poseSmoothing alone, and only where
+  /// pictures corrected poses without smoothing: then they do so again.
+  TrainerOptions settled;
   int iterations = 0;
   double seconds = 0;
   std::string device;

@@ -1,0 +1,424 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Poses/PoseRefinement.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "Core/Numerics/Constants.h"
+#include "Core/Poses/Alignment.h"
+#include "Core/Poses/FramePrediction.h"
+
+namespace bigus
+{
+namespace
+{
+
+// ---- which frames are compared ----
+
+constexpr std::array<int, 2> kLags{1, 2};  // frames on each side on the path that predict one
+constexpr double kAway = 3;                // mm: a place that the probe left so far and came back to is seen anew
+constexpr double kWidestGap = 2;           // mm between the two frames that a third is predicted from
+constexpr std::size_t kMostRevisits = 2;   // of a frame: the nearest in the plane
+
+/// Degrees that frames of a revisit may be turned against each other in their plane. Speckle and shadows turn with the
+/// beam, so pictures that are turned by 4 degrees seem to fit best where they are turned by 1: at exact poses of a
+/// phantom there and back alignment is wrong by 3 degrees there, and by 0.1 degrees where they are turned by 1.
+constexpr double kMostTurned = 1;
+constexpr double kMostTilted = 20;  // degrees between their normals
+
+// ---- how they are aligned ----
+
+constexpr std::array<double, 3> kBlurs{4, 2, 1};  // pixels of small pictures, coarse to fine
+constexpr double kWidest = 4;                     // times the blur: what is wider is brightness
+constexpr int kSteps = 6;                         // Gauss-Newton steps at each blur
+constexpr double kWeakPull = 1;                   // mm: keeps what pictures do not tell
+constexpr double kFarthest = 3;                   // mm: what moves farther has lost its way
+constexpr double kLeastMove = 0.005;              // mm: a step that is shorter is the last
+constexpr double kLeastCover = 0.25;              // of the lit pixels
+constexpr double kLeastCorrelation = 0.2;
+constexpr double kRobust = 2;  // root mean square differences at which a pixel counts half
+constexpr double kAlike = 12;  // pixels that say the same, at a blur of 1: 4 pi sigma^2
+
+constexpr double kLeastSquare = 1e-12;  // of a difference of intensities: keeps equal pictures from dividing by nothing
+
+// mm, standard deviation: what pictures change by besides motion, however well they fit. Results hardly depend on
+// either from half to three times as much.
+constexpr double kNeighbourError = 0.03;
+constexpr double kRevisitError = 0.1;
+
+// ---- how alignments are reconciled ----
+
+constexpr int kRounds = 5;           // of robust weights of comparisons
+constexpr double kSuspiciousAt = 3;  // standard errors at which a comparison counts half
+
+Eigen::Vector3d CentreOf(const SlicePlane& plane)
+{
+  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+}
+
+Eigen::Matrix3d AxesOf(const SlicePlane& plane)
+{
+  Eigen::Matrix3d axes;
+  axes.col(0) = plane.columnStep.normalized();
+  axes.col(2) = plane.Normal();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  return axes;
+}
+
+SlicePlane MovedInPlane(const SlicePlane& plane, const Eigen::Vector3d& motion, double lever)
+{
+  return Moved(plane, {motion[0], motion[1], 0}, {0, 0, motion[2] / lever / kRadiansPerDegree});
+}
+
+/// Smoothed where pictures show something, without what is wider.
+cv::Mat Band(const cv::Mat& picture, const cv::Mat& inner, double sigma)
+{
+  cv::Mat weight, shown = cv::Mat::zeros(picture.size(), CV_32F);
+  inner.convertTo(weight, CV_32F);
+  picture.copyTo(shown, inner);
+  const auto blurred = [&](double width)
+  {
+    cv::Mat sum, weights;
+    cv::GaussianBlur(shown, sum, {}, width, width, cv::BORDER_CONSTANT);
+    cv::GaussianBlur(weight, weights, {}, width, width, cv::BORDER_CONSTANT);
+    return cv::Mat(sum / cv::max(weights, 1e-3));
+  };
+  return blurred(sigma) - blurred(kWidest * sigma);
+}
+
+/// Least squares of a motion in the plane (along rows, across them, and the turn times the lever, mm), robust.
+struct Equations
+{
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d pull = Eigen::Vector3d::Zero();
+  double noise = 0;        // mean square difference, robust
+  double correlation = 0;  // of the two pictures
+  int count = 0;           // of pixels
+};
+/// Of a picture at `plane` and what is predicted of it there.
+Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const SlicePlane& plane, double lever)
+{
+  const double dx = plane.columnStep.norm(), dy = plane.rowStep.norm();
+  const auto forEach = [&](auto use)
+  {
+    for (int y = 1; y + 1 < own.rows; ++y)
+    {
+      const float* above = predicted.ptr<float>(y - 1);
+      const float* row = predicted.ptr<float>(y);
+      const float* below = predicted.ptr<float>(y + 1);
+      for (int x = 1; x + 1 < own.cols; ++x)
+      {
+        const double gx = (row[x + 1] - row[x - 1]) / (2 * dx), gy = (below[x] - above[x]) / (2 * dy);
+        if (!std::isnan(gx) && !std::isnan(gy) && !std::isnan(row[x]))
+        {
+          const double across = (x - 0.5 * (own.cols - 1)) * dx, down = (y - 0.5 * (own.rows - 1)) * dy;
+          use(row[x], own.at<float>(y, x), Eigen::Vector3d(gx, gy, (across * gy - down * gx) / lever));
+        }
+      }
+    }
+  };
+  Equations found;
+  double squares = 0, pp = 0, qq = 0, pq = 0;
+  forEach(
+      [&](double p, double q, const Eigen::Vector3d&)
+      {
+        squares += (p - q) * (p - q);
+        pp += p * p;
+        qq += q * q;
+        pq += p * q;
+        ++found.count;
+      });
+  found.correlation = pp > 0 && qq > 0 ? pq / std::sqrt(pp * qq) : 0;
+  const double scale = kRobust * kRobust * squares / std::max(found.count, 1) + kLeastSquare;
+  double weights = 0;
+  forEach(
+      [&](double p, double q, const Eigen::Vector3d& gradient)
+      {
+        const double weight = 1 / (1 + (p - q) * (p - q) / scale);
+        found.hessian += weight * gradient * gradient.transpose();
+        found.pull += weight * (q - p) * gradient;
+        weights += weight;
+        found.noise += weight * (p - q) * (p - q);
+      });
+  found.noise = found.noise / std::max(weights, 1.0) + kLeastSquare;
+  return found;
+}
+
+}  // namespace
+
+PoseRefinement::PoseRefinement(const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& stroke)
+    : sweep_(sweep), frames_(frames), stroke_(stroke)
+{
+  for (const int frame : frames_)
+  {
+    planes_.push_back(sweep.Plane(frame));
+  }
+  if (!planes_.empty())
+  {
+    const SlicePlane& plane = planes_[0];
+    lever_ = 0.5 * (plane.Point(plane.width - 1, plane.height - 1) - plane.origin).norm();
+  }
+  FindNeighbours();
+  FindRevisits();
+  alignments_.resize(comparisons_.size());
+  Align();
+}
+
+int PoseRefinement::NumberOfRevisits() const
+{
+  return static_cast<int>(
+      std::count_if(comparisons_.begin(), comparisons_.end(), [](const Comparison& c) { return c.isRevisit; }));
+}
+
+void PoseRefinement::FindNeighbours()
+{
+  const int n = static_cast<int>(frames_.size());
+  for (int k = 0; k < n; ++k)
+  {
+    for (const int lag : kLags)
+    {
+      if (k - lag >= 0 && k + lag < n && stroke_[frames_[k - lag]] == stroke_[frames_[k + lag]])
+      {
+        comparisons_.push_back({k, k - lag, k + lag, false});
+      }
+    }
+  }
+}
+
+void PoseRefinement::FindRevisits()
+{
+  const int n = static_cast<int>(frames_.size());
+  const double parallel = std::cos(kMostTilted * kRadiansPerDegree);
+  const double straight = std::cos(kMostTurned * kRadiansPerDegree);
+  const auto isAlike = [&](int a, int b)
+  {
+    const Eigen::Vector3d normal = planes_[a].Normal(), along = planes_[b].columnStep;
+    const Eigen::Vector3d seen = (along - along.dot(normal) * normal).normalized();
+    return normal.dot(planes_[b].Normal()) >= parallel && planes_[a].columnStep.normalized().dot(seen) >= straight;
+  };
+  for (int a = 0; a < n; ++a)
+  {
+    std::vector<std::pair<double, int>> found;  // distance of the centre, frame before
+    const Eigen::Vector3d centre = CentreOf(planes_[a]), normal = planes_[a].Normal();
+    for (const int side : {-1, 1})
+    {
+      double away = 0;
+      bool follows = true;
+      for (int b = a + side, c = b + side; b >= 0 && c >= 0 && b < n && c < n; b = c, c += side)
+      {
+        const Eigen::Vector3d toB = CentreOf(planes_[b]) - centre, toC = CentreOf(planes_[c]) - centre;
+        const double heightB = normal.dot(toB), heightC = normal.dot(toC);
+        away = std::max(away, std::abs(heightB));
+        follows = follows && stroke_[frames_[b]] == stroke_[frames_[a]];
+        if (stroke_[frames_[b]] != stroke_[frames_[c]] || (heightB > 0) == (heightC > 0) || (follows && away < kAway) ||
+            std::abs(heightB - heightC) > kWidestGap || !isAlike(a, b) || !isAlike(a, c))
+        {
+          continue;
+        }
+        found.emplace_back((toB - heightB * normal).norm(), std::min(b, c));
+      }
+    }
+    std::sort(found.begin(), found.end());
+    for (std::size_t k = 0; k < std::min(found.size(), kMostRevisits); ++k)
+    {
+      comparisons_.push_back({a, found[k].second, found[k].second + 1, true});
+    }
+  }
+}
+
+void PoseRefinement::Align()
+{
+  const FramePictures pictures = PicturesOf(sweep_, frames_);
+  std::vector<SlicePlane> planes;
+  for (const int frame : frames_)
+  {
+    planes.push_back(PicturePlane(sweep_, sweep_.imageToReference[frame], pictures.reduction));
+  }
+  std::vector<cv::Mat> bands(frames_.size());
+  for (const double blur : kBlurs)
+  {
+    tbb::parallel_for(std::size_t(0), bands.size(),
+                      [&](std::size_t k) { bands[k] = Band(pictures.frames[k], pictures.inner, blur); });
+    tbb::parallel_for(std::size_t(0), comparisons_.size(),
+                      [&](std::size_t t)
+                      {
+                        const Comparison& c = comparisons_[t];
+                        const auto predict = [&](const SlicePlane& plane) {
+                          return PredictPicture(pictures.inner, plane, planes[c.before], bands[c.before],
+                                                planes[c.after], bands[c.after]);
+                        };
+                        AlignOne(c, bands[c.frame], planes[c.frame], predict, blur, kLeastCover * pictures.pixels,
+                                 alignments_[t]);
+                      });
+  }
+}
+
+void PoseRefinement::AlignOne(const Comparison& comparison, const cv::Mat& own, const SlicePlane& at,
+                              const std::function<cv::Mat(const SlicePlane&)>& predict, double blur, double leastCover,
+                              Alignment& out) const
+{
+  out.information.setZero();
+  for (int step = 0;; ++step)
+  {
+    const SlicePlane plane = MovedInPlane(at, out.motion, lever_);
+    const Equations found = Linearise(own, predict(plane), plane, lever_);
+    if (found.count < leastCover || !(found.correlation >= kLeastCorrelation))
+    {
+      return;
+    }
+    // In units of the noise; neighbouring pixels say the same.
+    const double unit = 1 / (kAlike * blur * blur * found.noise);
+    const Eigen::Matrix3d hessian = unit * found.hessian;
+    const Eigen::Matrix3d held = hessian + Eigen::Matrix3d::Identity() / (kWeakPull * kWeakPull);
+    const Eigen::Vector3d move = held.ldlt().solve(unit * found.pull - out.motion / (kWeakPull * kWeakPull));
+    if (step == kSteps || move.norm() <= kLeastMove)
+    {
+      const double error = comparison.isRevisit ? kRevisitError : kNeighbourError;
+      const Eigen::Matrix3d least = Eigen::Matrix3d::Identity() / (error * error);
+      out.information = hessian - hessian * (hessian + least).ldlt().solve(hessian);
+      const Eigen::Vector3d centre = CentreOf(plane), normal = plane.Normal();
+      const double before = std::abs(normal.dot(CentreOf(planes_[comparison.before]) - centre));
+      const double after = std::abs(normal.dot(CentreOf(planes_[comparison.after]) - centre));
+      out.share = before + after > 0 ? before / (before + after) : 0.5;
+      return;
+    }
+    out.motion += move;
+    if (out.motion.norm() > kFarthest)
+    {
+      out.motion.setZero();
+      return;
+    }
+  }
+}
+
+Eigen::Matrix3d PoseRefinement::Seen(int frame, int other) const
+{
+  const Eigen::Matrix3d axes = AxesOf(planes_[frame]).transpose(), there = AxesOf(planes_[other]);
+  const Eigen::Vector3d arm = CentreOf(planes_[frame]) - CentreOf(planes_[other]);
+  const Eigen::Vector3d turned = there.col(2).cross(arm) / lever_;
+  Eigen::Matrix3d seen;
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    seen.col(axis) << (axes * there.col(axis)).head<2>(), 0;
+  }
+  seen.col(2) << (axes * turned).head<2>(), (axes * there.col(2))[2];
+  return seen;
+}
+
+std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
+                                                   const std::vector<char>& isLeftOut) const
+{
+  const int n = static_cast<int>(frames_.size());
+  const auto isUsed = [&](int k) { return isLeftOut.empty() || !isLeftOut[k]; };
+  Eigen::VectorXd motions = Eigen::VectorXd::Zero(3 * n);
+  std::vector<std::array<std::pair<int, Eigen::Matrix3d>, 3>> rows(comparisons_.size());
+  std::vector<double> weights(comparisons_.size(), 1.0);
+  for (std::size_t t = 0; t < comparisons_.size(); ++t)
+  {
+    const Comparison& c = comparisons_[t];
+    const double share = alignments_[t].share;
+    rows[t] = {std::pair(c.frame, Eigen::Matrix3d::Identity().eval()),
+               std::pair(c.before, (-(1 - share) * Seen(c.frame, c.before)).eval()),
+               std::pair(c.after, (-share * Seen(c.frame, c.after)).eval())};
+    weights[t] = isUsed(c.frame) && isUsed(c.before) && isUsed(c.after) ? 1.0 : 0.0;
+  }
+  for (int round = 0; round < kRounds; ++round)
+  {
+    std::vector<Eigen::Triplet<double>> entries;
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(3 * n);
+    const auto add = [&](int a, int b, const Eigen::Matrix3d& block)
+    {
+      for (int i = 0; i < 3; ++i)
+      {
+        for (int j = 0; j < 3; ++j)
+        {
+          entries.emplace_back(3 * a + i, 3 * b + j, block(i, j));
+        }
+      }
+    };
+    const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
+    for (int k = 0; k < n; ++k)
+    {
+      add(k, k, one / (prior.drift * prior.drift));
+      if (k > 0 && stroke_[frames_[k]] == stroke_[frames_[k - 1]])
+      {
+        const double weight = 1 / (prior.step * prior.step * (frames_[k] - frames_[k - 1]));
+        add(k, k, weight * one);
+        add(k - 1, k - 1, weight * one);
+        add(k, k - 1, -weight * one);
+        add(k - 1, k, -weight * one);
+      }
+    }
+    for (std::size_t t = 0; t < comparisons_.size(); ++t)
+    {
+      Eigen::Vector3d left = alignments_[t].motion;
+      for (const auto& [k, block] : rows[t])
+      {
+        left -= block * motions.segment<3>(3 * k);
+      }
+      const Eigen::Matrix3d& information = alignments_[t].information;
+      const double robust = 1 / (1 + left.dot(information * left) / (kSuspiciousAt * kSuspiciousAt));
+      const double weight = weights[t] * (round == 0 ? 1.0 : robust);
+      if (weight == 0)
+      {
+        continue;
+      }
+      for (const auto& [k, block] : rows[t])
+      {
+        right.segment<3>(3 * k) += weight * block.transpose() * information * alignments_[t].motion;
+        for (const auto& [m, other] : rows[t])
+        {
+          add(k, m, weight * block.transpose() * information * other);
+        }
+      }
+    }
+    Eigen::SparseMatrix<double> matrix(3 * n, 3 * n);
+    matrix.setFromTriplets(entries.begin(), entries.end());
+    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(matrix);
+    motions = solver.solve(right);
+  }
+
+  // Frames between those that were aligned move as they do.
+  std::vector<Eigen::Matrix4d> poses = sweep_.imageToReference;
+  for (int frame = 0, next = 0; frame < sweep_.NumberOfFrames(); ++frame)
+  {
+    while (next < n && frames_[next] < frame)
+    {
+      ++next;
+    }
+    const bool hasAfter = next < n && stroke_[frames_[next]] == stroke_[frame];
+    const bool hasBefore = next > 0 && stroke_[frames_[next - 1]] == stroke_[frame];
+    Eigen::Vector3d motion = Eigen::Vector3d::Zero();
+    if (hasAfter && frames_[next] == frame)
+    {
+      motion = motions.segment<3>(3 * next);
+    }
+    else if (hasAfter && hasBefore)
+    {
+      const double share =
+          static_cast<double>(frame - frames_[next - 1]) / static_cast<double>(frames_[next] - frames_[next - 1]);
+      motion = (1 - share) * motions.segment<3>(3 * (next - 1)) + share * motions.segment<3>(3 * next);
+    }
+    else if (hasAfter || hasBefore)
+    {
+      motion = motions.segment<3>(3 * (hasAfter ? next : next - 1));
+    }
+    const SlicePlane from = sweep_.Plane(frame), to = MovedInPlane(from, motion, lever_);
+    Eigen::Affine3d moved = Eigen::Affine3d::Identity();
+    moved.linear() = AxesOf(to) * AxesOf(from).transpose();
+    moved.translation() = to.origin - moved.linear() * from.origin;
+    poses[frame] = moved.matrix() * poses[frame];
+  }
+  return poses;
+}
+
+}  // namespace bigus
