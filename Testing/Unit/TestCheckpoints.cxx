@@ -207,6 +207,16 @@ TEST(Checkpoints, MayStopAgainAndAgain)
   ExpectSame(Resumed(sweep, options, state), whole);
 }
 
+TEST(Checkpoints, AStopAtTheLastStepStopsNothing)
+{
+  const auto sweep = RenderedSweep();
+  const auto stop = [](const TrainingProgress& now) { return now.record.iteration < 60; };
+  const TrainingResult stopped = bigus::Train(sweep, Small(), nullptr, stop);
+  EXPECT_TRUE(stopped.finished);
+  EXPECT_FALSE(stopped.aborted);
+  ExpectSame(stopped, bigus::Train(sweep, Small()));
+}
+
 TEST(Checkpoints, AreSavedWhileNothingStops)
 {
   const auto sweep = RenderedSweep();

@@ -17,6 +17,7 @@
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Format.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Numerics/OpenCv.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Poses/FramePrediction.h"
 #include "Core/Poses/PoseRefinement.h"
@@ -616,6 +617,10 @@ try
   }
   correction.decision = {"poses", choice, evidence, watch.Seconds()};
   return correction;
+}
+catch (const cv::Exception& exception)
+{
+  ThrowAsCores(exception);
 }
 catch (const Stopped&)
 {

@@ -10,6 +10,7 @@
 #include "Core/Deciding/Decisions.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/OpenCv.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"
@@ -148,6 +149,7 @@ std::shared_ptr<const Sweep> Restore(const Settlement& settled, const std::share
 
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
                      const ProgressCallback& progress, const Checkpoints& checkpoints)
+try
 {
   const Stopwatch call;
   options.Validate();
@@ -284,10 +286,14 @@ TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& o
   result.trainingFrames = std::move(frames);
   result.validationFrames = std::move(validation);
   result.heldOutFrames = std::move(heldOut);
-  result.aborted = aborted;
+  result.aborted = aborted && !fitted.finished;  // a stop after the last step stopped nothing
   result.finished = fitted.finished;
   result.seconds = watch.Seconds();
   return result;
+}
+catch (const cv::Exception& exception)
+{
+  ThrowAsCores(exception);
 }
 
 }  // namespace bigus

@@ -499,7 +499,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   const int logInterval = std::max(1, plan_.iterations / kLogLines);
   const double trainingStart = watch_.Seconds() - course.trainingTime;
   const auto save = [this, &course](StateWriter& to) { Save(course, to); };
-  bool isFinished = course.iteration >= plan_.iterations;
+  bool isFinished = course.iteration >= plan_.iterations && !aborted_;
   while (!isFinished && !aborted_)
   {
     const int iteration = course.iteration + 1;
