@@ -15,7 +15,7 @@ packages=(
   libgtest-dev xvfb libgl1-mesa-dri                  # tests
   libbenchmark-dev                                   # benchmarks
 )
-[[ ${1:-} != --checks ]] || packages+=(clang-format clang-tidy)
+[[ ${1:-} != --checks ]] || packages+=(clang clang-format clang-tidy)
 
 missing=()
 for package in "${packages[@]}"; do

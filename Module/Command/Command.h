@@ -36,6 +36,9 @@ void AddView(Program& program);
 /// The whole program: understands the arguments and does what they ask for.
 ExitCode Run(int argumentCount, char** arguments);
 
+/// Says what went wrong, to people or to machines. Returns `code`.
+ExitCode Fail(Console& console, ExitCode code, const std::string& message);
+
 /// Runs `job`. Whatever it throws becomes an exit code and one message, on stderr and in JSON.
 ExitCode RunJob(Console& console, const std::function<ExitCode()>& job);
 

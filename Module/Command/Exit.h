@@ -37,6 +37,8 @@ class Interrupted : public std::exception
 {
 };
 
+/// From here on SIGINT, SIGTERM and SIGHUP are noted, but for those that the process was started to ignore.
+void ListenToSignals();
 /// True once the process got SIGINT, SIGTERM or SIGHUP. A second signal ends it at once.
 bool IsInterrupted();
 /// What a process returns that was interrupted.

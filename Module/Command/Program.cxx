@@ -4,12 +4,10 @@
 #include <tbb/global_control.h>
 
 #include <cctype>
-#include <cmath>
 #include <csignal>
 #include <cstring>
 #include <iostream>
 #include <memory>
-#include <new>
 #include <utility>
 
 #include "Command.h"
@@ -22,14 +20,6 @@ namespace bigus::command
 
 namespace
 {
-
-volatile std::sig_atomic_t interrupted = 0;
-
-extern "C" void OnSignal(int number)
-{
-  interrupted = number;
-  std::signal(number, SIG_DFL);
-}
 
 const char* const description =
     "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
@@ -67,14 +57,6 @@ public:
   }
 };
 
-/// Says what went wrong, to people or to machines.
-ExitCode Fail(Console& console, ExitCode code, const std::string& message)
-{
-  console.Note("bigus: " + message);
-  console.Report({{"error", message}, {"exit_code", static_cast<int>(code)}});
-  return code;
-}
-
 /// "--hold-out" for "--holdout": an option of `app` that differs in hyphens and case only; else nothing.
 std::string NearestOption(const CLI::App& app, const std::string& given)
 {
@@ -101,40 +83,6 @@ std::string NearestOption(const CLI::App& app, const std::string& given)
 }
 
 }  // namespace
-
-ExitCode RunJob(Console& console, const std::function<ExitCode()>& job)
-{
-  try
-  {
-    const ExitCode code = job();
-    if (!std::cout.flush())
-    {
-      throw OutputError("Cannot write to stdout: the disk is full or the reader is gone.");
-    }
-    return code;
-  }
-  catch (const Interrupted&)
-  {
-    return Fail(console, InterruptedCode(), "Interrupted: nothing was written.");
-  }
-  catch (const OutputError& error)
-  {
-    return Fail(console, OutputFault, error.what());
-  }
-  catch (const Error& error)
-  {
-    return Fail(console, InputFault, WithRemedy(error.what()));
-  }
-  catch (const std::bad_alloc&)
-  {
-    return Fail(console, InputFault,
-                "Not enough memory for this job: use --reduce, fewer Gaussians or a smaller output.");
-  }
-  catch (const std::exception& error)  // of a library
-  {
-    return Fail(console, InputFault, std::string("Failed for a reason that was not foreseen: ") + error.what());
-  }
-}
 
 ExitCode Run(int argumentCount, char** arguments)
 {
@@ -238,79 +186,10 @@ ExitCode Run(int argumentCount, char** arguments)
   {
     limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
   }
-  for (const int number : {SIGINT, SIGTERM, SIGHUP})
-  {
-    if (std::signal(number, OnSignal) == SIG_IGN)  // nohup, or a shell's background job
-    {
-      std::signal(number, SIG_IGN);
-    }
-  }
+  ListenToSignals();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large fails to be written, with a message
 
   return RunJob(console, program.job);
-}
-
-bool IsInterrupted()
-{
-  return interrupted != 0;
-}
-
-std::string WithRemedy(const std::string& message)
-{
-  const std::pair<const char*, const char*> remedies[] = {
-      {"no way from", " (--image-from, --image-to and --config)"},
-      {"name that coordinate frame", " (--image-from)"},
-      {"set the pixel range", " (--pixel-range)"},
-      {"float pixels must lie in", " (--pixel-range does so)"},
-      {"without a status", " (--assume-status accepts transforms without a status)"}};
-  for (const auto& [phrase, remedy] : remedies)
-  {
-    if (message.find(phrase) != std::string::npos)
-    {
-      return message + remedy;
-    }
-  }
-  return message;
-}
-
-ExitCode InterruptedCode()
-{
-  return static_cast<ExitCode>(Stopped + interrupted);
-}
-
-void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work)
-{
-  app->callback([&program, work = std::move(work)]
-                { program.job = [&program, work] { return work(program.console); }; });
-}
-
-CLI::Validator NumberIn(double low, double high)
-{
-  const auto check = [low, high](const std::string& text) -> std::string
-  {
-    double value = 0;
-    if (ParseNumber(text, value) && value >= low && value <= high)
-    {
-      return {};
-    }
-    const auto plain = [](double bound) { return FormatNumber(bound, bound == std::floor(bound) ? 0 : 2); };
-    return "'" + text + "' is not a number from " + plain(low) + " to " + plain(high);
-  };
-  return CLI::Validator(check, "");
-}
-
-CLI::Validator PositiveNumber()
-{
-  const auto check = [](const std::string& text) -> std::string
-  {
-    double value = 0;
-    if (ParseNumber(text, value) && value > 0 && value <= 1e6)
-    {
-      return {};
-    }
-    return "'" + text + "' is not a number above 0 (and at most 1e6)";
-  };
-  return CLI::Validator(check, "");
 }
 
 }  // namespace bigus::command

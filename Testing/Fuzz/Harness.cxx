@@ -1,0 +1,176 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Fuzz/Harness.h"
+
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <sstream>
+
+#include "Command.h"
+#include "Inputs.h"
+#include "Pipeline.h"
+#include "vtkBigusSequenceReader.h"
+
+namespace bigus::fuzz
+{
+namespace
+{
+
+constexpr std::size_t kLongestMessage = 16384;  // characters; names from a file are shortened, lists are cut
+
+/// A folder that goes away with the process, save when that is killed.
+class Folder
+{
+public:
+  Folder()
+  {
+    const char* memory = "/dev/shm";
+    const std::filesystem::path root =
+        access(memory, W_OK) == 0 ? std::filesystem::path(memory) : std::filesystem::temp_directory_path();
+    path = root / ("bigus-fuzz-" + std::to_string(getpid()));
+    std::filesystem::create_directories(path);
+  }
+  ~Folder()
+  {
+    std::error_code ignored;
+    std::filesystem::remove_all(path, ignored);
+  }
+  std::filesystem::path path;
+};
+
+/// Takes what is written to a stream.
+class Caught
+{
+public:
+  explicit Caught(std::ostream& stream) : stream_(stream), before_(stream.rdbuf(text_.rdbuf())) {}
+  ~Caught() { stream_.rdbuf(before_); }
+  std::string Text() const { return text_.str(); }
+
+private:
+  std::ostringstream text_;
+  std::ostream& stream_;
+  std::streambuf* before_;
+};
+
+}  // namespace
+
+void Finding(const std::string& what)
+{
+  std::fprintf(stderr, "FINDING: %s\n", what.c_str());
+  std::abort();
+}
+
+std::string PathOf(const std::string& name)
+{
+  static const Folder folder;
+  return (folder.path / name).string();
+}
+
+std::string Write(const std::string& name, const std::string& bytes)
+{
+  const std::string path = PathOf(name);
+  std::ofstream(path, std::ios::binary) << bytes;
+  return path;
+}
+
+void RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job)
+{
+  static command::Console console = []
+  {
+    command::Console made;
+    made.json = true;
+    made.bar = command::Console::Bar::Never;
+    return made;
+  }();
+  command::CatchVtkMessages(console);
+  command::ExitCode code;
+  std::string out, messages;
+  {
+    const Caught answers(std::cout), notes(std::cerr);
+    code = command::RunJob(console, [&job] { return job(console); });
+    out = answers.Text();
+    messages = notes.Text();
+  }
+  if (code != command::Success && code != command::InputFault)
+  {
+    Finding("exit code " + std::to_string(code) + ": " + messages);
+  }
+  if (code == command::InputFault && (messages.empty() || messages.size() > kLongestMessage))
+  {
+    Finding("a message of " + std::to_string(messages.size()) + " characters: " + messages.substr(0, 1000));
+  }
+  // At the start only: fuzzing learns these words and writes them into files, which messages quote.
+  for (const char* surprise : {"bigus: Failed for a reason that was not foreseen", "bigus: Not enough memory",
+                               "bigus: The job failed without saying why"})
+  {
+    if (messages.rfind(surprise, 0) == 0)
+    {
+      Finding(messages);
+    }
+  }
+  if (!out.empty() && !command::Json::accept(out))
+  {
+    Finding("not JSON: " + out);
+  }
+}
+
+void RunInfo(const std::string& path, const std::vector<std::string>& arguments)
+{
+  // Understanding the arguments takes longer than most files, so each list of them is understood once.
+  static std::map<std::vector<std::string>, std::function<command::ExitCode()>> jobs;
+  std::vector<std::string> words = arguments;
+  words.push_back(path);
+  auto& job = jobs[words];
+  if (!job)
+  {
+    static std::vector<std::unique_ptr<command::Program>> programs;
+    programs.push_back(std::make_unique<command::Program>());
+    command::Program& program = *programs.back();
+    program.console.json = true;
+    program.console.bar = command::Console::Bar::Never;
+    command::AddInfo(program);
+    std::vector<std::string> reversed(words.rbegin(), words.rend());  // as CLI11 takes them
+    reversed.push_back("info");
+    program.app.parse(reversed);
+    job = program.job;
+  }
+  RunAsProgram([&job](command::Console&) { return job(); });
+}
+
+void ReadAsSequence(const std::string& path)
+{
+  RunInfo(path);
+  command::SequenceOptions options;
+  options.path = path;
+  options.chain.assumeStatus = true;
+  RunAsProgram(
+      [&options](command::Console& console)
+      {
+        command::ReadSweep(options, console);
+        return command::Success;
+      });
+  RunAsProgram(
+      [&options](command::Console& console)
+      {
+        const auto reader = command::NewSequenceReader(options);
+        reader->RequirePosesOff();
+        command::Update(reader, console, "Reading");
+        return command::Success;
+      });
+}
+
+}  // namespace bigus::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size)
+{
+  bigus::fuzz::TryInput(std::string(reinterpret_cast<const char*>(bytes), size));
+  return 0;
+}

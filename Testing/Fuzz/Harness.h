@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What the fuzz targets share. A target's bytes become a file, the program's own code reads it, and its own error path
+// tells what was wrong.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "Console.h"
+#include "Exit.h"
+
+namespace bigus::fuzz
+{
+
+/// What a target does with the bytes of one input. Each target defines it.
+void TryInput(const std::string& bytes);
+
+/// A path in a folder of this process, in memory where the system has such a folder.
+std::string PathOf(const std::string& name);
+
+/// Writes `bytes` to PathOf(name) and returns the path.
+std::string Write(const std::string& name, const std::string& bytes);
+
+/// Runs the job as main does, its output caught. Ends the process, which the fuzzer takes for a finding, unless the job
+/// succeeds or is refused as bad input with one message of bounded length and valid JSON.
+void RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job);
+
+/// The same for `bigus info PATH`, with further arguments.
+void RunInfo(const std::string& path, const std::vector<std::string>& arguments = {});
+
+/// `bigus info`, then all the pixels and poses as `train` and `metrics` read them.
+void ReadAsSequence(const std::string& path);
+
+/// Says what is wrong and ends the process.
+[[noreturn]] void Finding(const std::string& what);
+
+}  // namespace bigus::fuzz

@@ -1,0 +1,23 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// 3D Slicer's plane markups.
+#include "Fuzz/Harness.h"
+#include "Inputs.h"
+
+namespace bigus::fuzz
+{
+
+void TryInput(const std::string& bytes)
+{
+  const std::string path = Write("plane.mrk.json", bytes);
+  RunAsProgram(
+      [&path](command::Console& console)
+      {
+        command::PlaneOptions options;
+        options.poses = path;
+        command::ReadPlanes(options, console);
+        return command::Success;
+      });
+}
+
+}  // namespace bigus::fuzz

@@ -1,0 +1,57 @@
+#!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+# Builds the fuzz targets and runs each for its share of the time, two at once. A finding ends its target and this script
+# fails; the file that caused it lies in build-fuzz/findings/TARGET.
+#   Testing/Fuzz/run.sh [SECONDS] [TARGET...]      default: 120 seconds for all targets together
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+seconds=${1:-120}
+shift $(($# > 0 ? 1 : 0))
+cmake --preset fuzz >/dev/null
+cmake --build --preset fuzz --parallel "$(nproc)"
+
+folder=$PWD/build-fuzz
+"$folder/fuzz/fuzz-seeds" "$folder/seeds"
+targets=("$@")
+if ((${#targets[@]} == 0)); then
+  for seeds in "$folder"/seeds/*/; do
+    targets+=("$(basename "$seeds")")
+  done
+fi
+atOnce=2
+each=$((seconds * atOnce / ${#targets[@]}))
+
+# VTK keeps singletons for the life of a process, so leaks are not looked for.
+run_target() {
+  local target=$1
+  mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/log"
+  ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=0 UBSAN_OPTIONS=print_stacktrace=1 \
+    "$folder/fuzz/fuzz-$target" -max_total_time="$each" -max_len=1048576 -timeout=10 -rss_limit_mb=2048 \
+    -dict="Testing/Fuzz/Dictionaries/$target.dict" -artifact_prefix="$folder/findings/$target/" -print_final_stats=1 \
+    "$folder/corpus/$target" "$folder/seeds/$target" >"$folder/log/$target.txt" 2>&1 || touch "$folder/log/$target.failed"
+}
+
+rm -f "$folder"/log/*.failed
+for target in "${targets[@]}"; do
+  while (($(jobs -rp | wc -l) >= atOnce)); do
+    wait -n
+  done
+  run_target "$target" &
+done
+wait
+
+failed=0
+for target in "${targets[@]}"; do
+  log=$folder/log/$target.txt
+  count=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
+  if [[ -e $folder/log/$target.failed ]]; then
+    failed=1
+    echo "$target: ${count:-?} executions, FINDING:"
+    grep -m 3 -E 'FINDING|ERROR:|SUMMARY:|runtime error|libFuzzer' "$log" || tail -n 5 "$log"
+  else
+    echo "$target: $count executions"
+  fi
+done
+exit "$failed"
