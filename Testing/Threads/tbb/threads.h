@@ -39,7 +39,9 @@ inline bool& IsInside()
   return inside;
 }
 
-/// body(k) for k < count, by so many threads as are allowed. What is inside another call is done by its thread.
+/// body(k) for k < count, by so many threads as are allowed. What is inside another call is done by its thread. Threads
+/// take turns, so that each does a share however short the work is, and share no counter, because that would order what
+/// they do and so hide races.
 template <class Body>
 void ForEach(std::size_t count, const Body& body)
 {
@@ -52,7 +54,7 @@ void ForEach(std::size_t count, const Body& body)
     }
     return;
   }
-  std::atomic<std::size_t> next{0};
+  std::atomic<bool> stops{false};
   std::mutex faultLock;
   std::exception_ptr fault;
   const auto work = [&](std::size_t slot)
@@ -61,7 +63,7 @@ void ForEach(std::size_t count, const Body& body)
     IsInside() = true;
     try
     {
-      for (std::size_t k = next++; k < count; k = next++)
+      for (std::size_t k = slot; k < count && !stops.load(std::memory_order_relaxed); k += threads)
       {
         body(k);
       }
@@ -70,7 +72,7 @@ void ForEach(std::size_t count, const Body& body)
     {
       const std::lock_guard<std::mutex> lock(faultLock);
       fault = std::current_exception();
-      next = count;
+      stops = true;
     }
     IsInside() = false;
   };
