@@ -19,6 +19,7 @@ LAYERS = {
     "Module/IO": ["Module/Data", "Module/Core"],
     "Filters": ["Module/Data", "Module/Core"],
     "Rendering": ["Filters", "Module/IO", "Module/Data", "Module/Core"],
+    "Module/ParaView": ["Filters", "Module/IO", "Module/Data", "Module/Core"],
     "Module/Command": ["Rendering", "Filters", "Module/IO", "Module/Data", "Module/Core", "Testing/Benchmarks/Speed"],
 }
 # How an include begins that names a layer.

@@ -1,0 +1,152 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusFieldSlice
+ * @brief   A slice of a Gaussian field as one image at its place in space
+ *
+ * Input 0 is a field (see vtkBigusTrainer). The output is what vtkBigusReslice renders, in the form that ParaView needs: an
+ * image whose origin, spacing and direction matrix put it where the plane lies in the field's frame, mm, with all that is
+ * known of a pixel as point arrays:
+ *
+ * | array | type | meaning |
+ * |---|---|---|
+ * | `Intensity` or `Scattering` | float | the pixel, as OutputMode says; active scalars |
+ * | `Coverage` | float | summed weight of all footprints: 0 where the sweep saw nothing |
+ * | `Distance` | float | mm to the nearest recorded frame; with input 1 |
+ * | `Recorded` | as the sweep | what the frame shows; with Frame |
+ *
+ * Input 1, optional, is the sweep that the field was trained on.
+ *
+ * The plane is given by a point and a normal, as a plane widget gives them. Its picture's rows run along `Down`, as seen
+ * in the plane. With Frame set, the plane and its pixels are those of that frame of the sweep instead.
+ *
+ * @sa vtkBigusReslice
+ */
+#ifndef vtkBigusFieldSlice_h
+#define vtkBigusFieldSlice_h
+
+#include <string>  // for messages
+
+#include "vtkBigusSliceModule.h"  // for the export macro
+#include "vtkImageAlgorithm.h"
+#include "vtkNew.h"  // for the reslice
+
+class vtkAlgorithmOutput;
+class vtkBigusReslice;
+class vtkPolyData;
+
+class VTKBIGUSSLICE_EXPORT vtkBigusFieldSlice : public vtkImageAlgorithm
+{
+public:
+  static vtkBigusFieldSlice* New();
+  vtkTypeMacro(vtkBigusFieldSlice, vtkImageAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  /** The sweep that the field was trained on (input 1). Default: none. */
+  void SetSweepConnection(vtkAlgorithmOutput* port) { this->SetInputConnection(1, port); }
+
+  ///@{
+  /**
+   * A point of the plane, mm. Default: 0, 0, 0.
+   */
+  vtkSetVector3Macro(Origin, double);
+  vtkGetVector3Macro(Origin, double);
+  ///@}
+
+  ///@{
+  /**
+   * The plane's normal, of any length but 0. Default: 0, 0, 1.
+   */
+  vtkSetVector3Macro(Normal, double);
+  vtkGetVector3Macro(Normal, double);
+  ///@}
+
+  ///@{
+  /**
+   * The direction in which the picture's rows follow each other, brought into the plane; columns run along Down x Normal.
+   * Where it is parallel to the normal, z stands in, and then x. Default: 0, 1, 0.
+   */
+  vtkSetVector3Macro(Down, double);
+  vtkGetVector3Macro(Down, double);
+  ///@}
+
+  ///@{
+  /**
+   * Columns and rows, 1 to 16384 each. Default: 512, 512.
+   */
+  vtkSetVector2Macro(Size, int);
+  vtkGetVector2Macro(Size, int);
+  ///@}
+
+  ///@{
+  /**
+   * Side of a pixel, mm. 0 (default): the smallest that shows the whole field, and the picture is centred on the field.
+   * Else the picture is centred on Origin.
+   */
+  vtkSetMacro(PixelSize, double);
+  vtkGetMacro(PixelSize, double);
+  ///@}
+
+  ///@{
+  /**
+   * A frame of the sweep, counted from 0, whose plane and pixels are shown. -1 (default): the plane above.
+   */
+  vtkSetMacro(Frame, int);
+  vtkGetMacro(Frame, int);
+  ///@}
+
+  ///@{
+  /**
+   * Whether pixels with a coverage of at most CoverageThreshold are left out of what is drawn (they are marked as hidden
+   * points; their values are there). Default: on.
+   */
+  vtkSetMacro(HideUnseen, vtkTypeBool);
+  vtkGetMacro(HideUnseen, vtkTypeBool);
+  vtkBooleanMacro(HideUnseen, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * As in vtkBigusReslice, which holds them.
+   */
+  void SetCoverageThreshold(double threshold);
+  double GetCoverageThreshold();
+  void SetOutputMode(int mode);
+  int GetOutputMode();
+  void SetElevationSigma(double sigma);
+  double GetElevationSigma();
+  void SetTolerance(double tolerance);
+  double GetTolerance();
+  void SetEngine(const char* engine);
+  const char* GetEngine();
+  ///@}
+
+protected:
+  vtkBigusFieldSlice();
+  ~vtkBigusFieldSlice() override;
+
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+  double Origin[3] = {0, 0, 0};
+  double Normal[3] = {0, 0, 1};
+  double Down[3] = {0, 1, 0};
+  int Size[2] = {512, 512};
+  double PixelSize = 0;
+  int Frame = -1;
+  vtkTypeBool HideUnseen = 1;
+
+private:
+  vtkBigusFieldSlice(const vtkBigusFieldSlice&) = delete;
+  void operator=(const vtkBigusFieldSlice&) = delete;
+
+  bool Fail(const std::string& message);
+  bool PlaceAtPlane(vtkPolyData* field);
+  bool PlaceAtFrame(vtkImageData* sweep);
+
+  vtkNew<vtkBigusReslice> Reslice;
+};
+
+#endif

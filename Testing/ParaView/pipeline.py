@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The plugin in ParaView gives the pixels of the pipeline in VTK, and a saved state gives them again.
+
+    pvpython pipeline.py BIGUS.so FOLDER [PACKAGE]     or pvbatch; writes into FOLDER
+
+PACKAGE is the folder that holds the Python package bigus, built against the distribution's VTK. /usr/bin/python3 renders
+with it what is compared. Without it the comparison is skipped with a message.
+"""
+import os
+import subprocess
+import sys
+
+import numpy as np
+from paraview import servermanager
+from paraview.simple import Delete, FindSource, GetSources, LoadPlugin, LoadState, SaveData, SaveState
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+IN_VTK = """
+import sys
+import numpy
+import bigus
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+folder = sys.argv[1]
+reslice = bigus.vtkBigusReslice()
+reslice.SetInputData(bigus.read(folder + "/field.vtp"))
+reslice.SetOutputDimensionality(2)
+place = numpy.load(folder + "/place.npz")
+reslice.SetResliceAxesDirectionCosines(*place["direction"].T.ravel())
+reslice.SetResliceAxesOrigin(*place["origin"])
+reslice.SetOutputOrigin(0, 0, 0)
+reslice.SetOutputSpacing(*place["spacing"])
+reslice.SetOutputExtent(*[int(i) for i in place["extent"]])
+reslice.Update()
+numpy.save(folder + "/vtk.npy", vtk_to_numpy(reslice.GetOutput().GetPointData().GetScalars()))
+"""
+
+
+def pixels(source):
+    source.UpdatePipeline()
+    image = servermanager.Fetch(source)
+    return image, {image.GetPointData().GetArrayName(i): vtk_to_numpy(image.GetPointData().GetArray(i)).copy()
+                   for i in range(image.GetPointData().GetNumberOfArrays())}
+
+
+def main(plugin, folder, package=None):
+    LoadPlugin(plugin, remote=False, ns=globals())
+    sweep = BIGUSPhantom(NumberOfFrames=17, FrameSize=[64, 48], PixelSize=0.5)
+    trainer = BIGUSTrainer(Input=sweep, Automatic=0, Gaussians=1000, Iterations=60)
+    oblique = BIGUSFieldSlice(registrationName="oblique", Input=trainer, Sweep=sweep, Size=[96, 80], PixelSize=0.3)
+    oblique.Normal = [0.3, 0.5, 0.8]
+    image, arrays = pixels(oblique)
+    assert list(image.GetDimensions()) == [96, 80, 1], image.GetDimensions()
+    assert {"Intensity", "Coverage", "Distance"} <= set(arrays), sorted(arrays)
+    assert arrays["Intensity"].std() > 0.01 and (arrays["Coverage"] > 0).any()
+    matrix = image.GetDirectionMatrix()
+    direction = np.array([[matrix.GetElement(row, column) for column in range(3)] for row in range(3)])
+    normal = np.array([0.3, 0.5, 0.8]) / np.linalg.norm([0.3, 0.5, 0.8])
+    assert np.allclose(direction[:, 2], normal, atol=1e-12) and np.isclose(np.linalg.det(direction), 1)
+    middle = image.GetOrigin() + direction @ (np.array(image.GetSpacing()) * [95 / 2, 79 / 2, 0])
+    assert np.allclose(middle, list(oblique.Origin), atol=1e-9), (middle, oblique.Origin)
+
+    frame = BIGUSFieldSlice(registrationName="frame", Input=trainer, Sweep=sweep, Frame=4)
+    _, shown = pixels(frame)
+    stack = vtk_to_numpy(servermanager.Fetch(sweep).GetPointData().GetScalars())
+    assert np.array_equal(shown["Recorded"], stack[4 * 64 * 48:5 * 64 * 48])
+    # A short training is blurred, but its picture is more like its own frame than like any other.
+    likeness = [np.corrcoef(recorded, shown["Intensity"])[0, 1] for recorded in stack.reshape(17, -1)]
+    assert np.argmax(likeness) == 4, likeness
+
+    for name, source in (("voxels", BIGUSVoxelizer(Input=trainer, MaximumDimension=32)),
+                         ("poses", BIGUSPoseCorrection(Input=sweep)), ("outline", BIGUSSweepOutline(Input=sweep)),
+                         ("tensors", BIGUSFieldTensors(Input=trainer))):
+        source.UpdatePipeline()
+        assert servermanager.Fetch(source).GetNumberOfPoints() > 0, name
+
+    SaveData(folder + "/field.vtp", proxy=trainer)
+    reader = BIGUSFieldReader(FileName=folder + "/field.vtp")
+    _, again = pixels(BIGUSFieldSlice(Input=reader, Size=[96, 80], PixelSize=0.3, Normal=[0.3, 0.5, 0.8],
+                                      Origin=list(oblique.Origin)))
+    assert np.array_equal(again["Intensity"], arrays["Intensity"]), "a field read again shows other pixels"
+
+    SaveState(folder + "/state.pvsm")
+    for source in list(GetSources().values()):
+        Delete(source)
+    LoadState(folder + "/state.pvsm")
+    assert FindSource("oblique") is not None and FindSource("oblique") != oblique
+    _, reloaded = pixels(FindSource("oblique"))
+    for name in ("Intensity", "Coverage", "Distance"):
+        assert np.array_equal(reloaded[name], arrays[name]), name + " differs after a state was loaded"
+
+    if not package:
+        print("skipped: comparison with VTK, because no folder of the package bigus was given")
+        return
+    np.savez(folder + "/place.npz", direction=direction, origin=image.GetOrigin(), spacing=image.GetSpacing(),
+             extent=image.GetExtent())
+    subprocess.run(["/usr/bin/python3", "-c", IN_VTK, folder], check=True,
+                   env={"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": package})
+    error = np.abs(np.load(folder + "/vtk.npy").ravel() - arrays["Intensity"]).max()
+    assert error <= 2e-4, error  # each side keeps to a tolerance of 1e-4
+    print("largest difference from VTK:", error)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
+    print("passed")
