@@ -12,6 +12,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/SeedShapes.h"
 
 namespace bigus
 {
@@ -269,9 +270,12 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   field.beam = beam;
   field.transfer = TransferFunction::FromMeanIntensity(mean);
   field.Resize(options.count);
+  SeedPlaces places;
+  places.pixels.resize(options.count);
   std::size_t out = 0;
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
+    places.first.push_back(out);
     const SlicePlane plane = sweep.Plane(frames[f]);
     const double area = plane.columnStep.cross(plane.rowStep).norm();
     Eigen::Matrix3d axes;
@@ -322,12 +326,18 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
               (options.sparse ? kSparseInPlane : kDenseInPlane) * std::sqrt(kVolumeShare * volume / elevation);
           field.scales[out] = {inPlane, inPlane, elevation};
         }
+        places.pixels[out] = {x, y};
         field.means[out] = mean3;
         field.rotations[out] = rotation;
         field.reflectivities[out] =
             field.transfer.Scattering<double>(image[static_cast<std::size_t>(y) * sweep.width + x]);
       }
     }
+  }
+  places.first.push_back(out);
+  if (options.placement != SeedPlacement::Random)
+  {
+    ShapeSeeds(sweep, frames, places, options.sparse ? kSparseReach : kDenseReach, field);
   }
   return field;
 }
