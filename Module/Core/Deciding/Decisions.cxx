@@ -55,13 +55,12 @@ struct Rule
 {
   double least = kLeastGain;  // dB
   bool clear = true;          // beyond chance, and on most frames; false where either choice will do
-  bool together = false;      // what is lost across the frames may be gained along them: the mean of both must pass
+  bool across = true;         // nothing lost across the frames either
 };
 
 bool Passes(const Gain& gain, const Rule& rule)
 {
-  const bool isSoundAcross = rule.together ? gain.mean + gain.across > 2 * rule.least : gain.across > -kAcrossMayLose;
-  return gain.mean > rule.least && isSoundAcross &&
+  return gain.mean > rule.least && (!rule.across || gain.across > -kAcrossMayLose) &&
          (!rule.clear || (gain.mean > kLeastStandardErrors * gain.error && gain.mostGain));
 }
 
@@ -225,11 +224,12 @@ Decision DecideGaussians(State& state)
         [&rule](const Gain& gain) { return Passes(gain, rule); }, passes);
   };
   bool grew = false;
-  while (2 * state.plan.gaussians <= state.asked.maximumGaussians &&
+  while (2 * state.plan.gaussians <= state.plan.maximumGaussians &&
          // A trial is short, and the more Gaussians there are, the less finished they are in it, which shows across the
          // frames first. At full length more of them lose nothing there: on every 4th slice of the liver volume 300,000
-         // instead of 140,000 change 41.73 to 41.77 dB at right angles.
-         take(2 * state.plan.gaussians, {state.asked.price, state.asked.price > 0, true}))
+         // instead of 140,000 change 41.73 to 41.77 dB at right angles, and on the convex phantom 100,000 instead of
+         // 53,000 change 17.09 to 17.08, where a trial says -0.66 dB.
+         take(2 * state.plan.gaussians, {state.asked.price, state.asked.price > 0, false}))
   {
     grew = true;
   }

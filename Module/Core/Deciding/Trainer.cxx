@@ -104,7 +104,6 @@ TrainerOptions Settled(TrainerOptions options, const TrainingPlan& plan)
   options.virtualPlanes = plan.virtualPlanes;
   options.interpolation = plan.interpolation;
   options.iterations = plan.iterations;
-  options.solveIterations = plan.solveIterations;
   options.loss = plan.loss;
   return options;
 }

@@ -27,6 +27,9 @@ struct GaussianField
   Beam beam;
   TransferFunction transfer;
 
+  /// A Gaussian in a file or an engine: 3 + 3 + 4 + 1 numbers of 4 bytes.
+  static constexpr std::size_t kBytesOfGaussian = 44;
+
   /// Engines compute in float; beyond these, squares or sums of many Gaussians might overflow.
   static constexpr double kLargestReflectivity = 1e20;
   static constexpr double kLargestCoordinate = 1e12;  ///< mm

@@ -39,8 +39,13 @@ constexpr double kThinBeam = 0;
 constexpr double kSamePixel = 0.01;  // pixels that a gap may be wider and still need no further plane
 constexpr int kFewestPlanes = 2, kMostPlanes = 7;
 
-/// Conjugate-gradient steps on r before training. On sparse sweeps they gained nothing on frames not trained on.
-constexpr int kSparseSolve = 0, kDenseSolve = 8;
+/// Recorded pixels for one Gaussian from which the first stage trains on frames of half the sides. Footprints are then
+/// so large that fewer pixels save time: half of it for 350 pixels (liver sweep, full size, 100,000 Gaussians), a tenth
+/// for 90 (half size).
+constexpr double kManyPixels = 100;
+constexpr int kCoarseness = 2;
+/// Pixels of the shorter side that must be left.
+constexpr int kLeastCoarseSide = 32;
 
 /// Passes over frames and virtual planes. Sparse sweeps gain nothing from more passes: what they lack is frames.
 constexpr double kSparsePasses = 60, kDensePasses = 80;
@@ -50,6 +55,13 @@ constexpr int kFewestIterations = 200;
 /// Pixels: limits of a Gaussian's scales. Below a quarter of a pixel nothing is seen of it; above 48 its footprint
 /// takes as long as hundreds of others.
 constexpr double kSmallestScale = 0.25, kLargestScale = 48;
+
+std::size_t LitPixels(const Sweep& sweep)
+{
+  return sweep.mask
+             ? sweep.PixelsPerFrame() - static_cast<std::size_t>(std::count(sweep.mask->begin(), sweep.mask->end(), 0))
+             : sweep.PixelsPerFrame();
+}
 
 std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames, bool keepContrast)
 {
@@ -86,18 +98,32 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
   TrainingPlan plan;
   static_cast<TrainingSettings&>(plan) = options;
   plan.sparse = sparse;
-  plan.gaussians = options.gaussians ? *options.gaussians
-                                     : std::min(UsualGaussians(sweep, frames, contrast), options.maximumGaussians);
+  const std::size_t usual = UsualGaussians(sweep, frames, contrast);
+  // The texture preset asks for a Gaussian a grain, which is more than the sweep's size.
+  plan.maximumGaussians =
+      options.maximumGaussians.value_or(contrast ? usual : GaussiansOfSweepsSize(sweep, frames.size()));
+  plan.gaussians = options.gaussians.value_or(std::min(usual, plan.maximumGaussians));
   plan.elevationSigma = options.elevationSigma.value_or(kThinBeam);
   plan.probeElevationSigma = options.probeElevationSigma.value_or(0);
   plan.virtualPlanes = options.virtualPlanes.value_or(PlanesPerGap(geometry));
   plan.interpolation = options.interpolation.value_or(FrameInterpolation{});
   plan.interpolation.keepContrast = contrast;
   plan.loss = options.loss.value_or(contrast ? Loss::Parse("l1+30*contrast") : Loss{});
-  plan.solveIterations = options.solveIterations.value_or(sparse ? kSparseSolve : kDenseSolve);
   plan.iterations = IterationsByGeometry(options, frames.size(), plan);
   ScaleToPixels(geometry.pixelSize, plan);
   return plan;
+}
+
+int FirstCoarseness(const Sweep& sweep, std::size_t frames, std::size_t gaussians)
+{
+  const bool isLarge = std::min(sweep.width, sweep.height) >= kLeastCoarseSide * kCoarseness;
+  const double pixels = static_cast<double>(LitPixels(sweep)) * static_cast<double>(frames);
+  return isLarge && pixels >= kManyPixels * static_cast<double>(gaussians) ? kCoarseness : 1;
+}
+
+std::size_t GaussiansOfSweepsSize(const Sweep& sweep, std::size_t frames)
+{
+  return std::max(kFewestGaussians, LitPixels(sweep) * frames / GaussianField::kBytesOfGaussian);
 }
 
 int StepsForPasses(double passes, std::size_t frames, int perGap, int batch)

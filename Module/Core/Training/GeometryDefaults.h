@@ -29,6 +29,13 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
 /// Optimizer steps for so many passes over `frames` frames and `perGap` virtual planes in each of their gaps.
 int StepsForPasses(double passes, std::size_t frames, int perGap, int batch);
 
+/// By how much the sides of frames are divided while a training of so many Gaussians begins: 1 or 2.
+int FirstCoarseness(const Sweep& sweep, std::size_t frames, std::size_t gaussians);
+
+/// As many Gaussians as fill the memory of the lit pixels of so many frames, at least 1000: a field need not be larger
+/// than the sweep that it explains.
+std::size_t GaussiansOfSweepsSize(const Sweep& sweep, std::size_t frames);
+
 /// The optimizer steps that `options` ask for; else those for the plan's virtual planes.
 int IterationsByGeometry(const TrainerOptions& options, std::size_t frames, const TrainingPlan& plan);
 

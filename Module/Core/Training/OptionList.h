@@ -46,7 +46,7 @@ void ForEachOption(Options& options, const Visit& visit)
                    "begins at one for every 50 lit pixels to train on (preset texture: 8), 1000 to 300000"},
         options.gaussians);
   visit(OptionInfo{"MaximumGaussians", field, "The most Gaussians that are chosen while Gaussians is auto", 1,
-                   kMostGaussians},
+                   kMostGaussians, "", "as many as fill the memory of the sweep's lit pixels, at 44 bytes each"},
         options.maximumGaussians);
   visit(OptionInfo{"Price", field, "What twice the Gaussians must gain on validation frames to be chosen, PSNR", 0, 100,
                    "dB"},
@@ -138,8 +138,7 @@ void ForEachOption(Options& options, const Visit& visit)
       OptionInfo{"ReflectivityRate", fine, "First step of the reflectivities, in units of their mean magnitude", 0, 10},
       options.reflectivityRate);
   visit(OptionInfo{"FinalRate", fine, "Share of the steps that is left at the end", kAboveZero, 1}, options.finalRate);
-  visit(OptionInfo{"SolveIterations", fine, "Conjugate-gradient steps on the reflectivities before training", 0, 1000,
-                   "", "8, or 0 where planes are sparse"},
+  visit(OptionInfo{"SolveIterations", fine, "Conjugate-gradient steps on the reflectivities before training", 0, 1000},
         options.solveIterations);
   visit(
       OptionInfo{"Tolerance", fine, "How much cutting off a Gaussian's footprint may change a pixel's intensity", 0, 1},

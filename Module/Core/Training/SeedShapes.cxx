@@ -38,8 +38,8 @@ struct StructureTensor
 StructureTensor MeasureStructure(const Sweep& sweep, const std::vector<int>& frames, std::size_t f, double surroundings)
 {
   StructureTensor out;
-  // What is smoothed by a pixel and more needs no more pixels than that.
-  out.reduction = std::max(1, static_cast<int>(kBeforeGradient * surroundings));
+  // What is averaged over two pixels and more needs no more pixels than that.
+  out.reduction = std::max(1, static_cast<int>(surroundings));
   const double sigma = surroundings / out.reduction;
   const auto smoothed = [&](std::size_t k)
   {

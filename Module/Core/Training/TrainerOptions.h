@@ -44,6 +44,7 @@ struct TrainingSettings
   std::optional<Loss> finalLoss;    ///< weights move linearly from `loss` to these during training; empty: they stay
   bool ignoreMasked = false;       ///< true: no pixel never lit counts in the loss; false: those far from lit are black
   double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
+  int solveIterations = 0;         ///< conjugate-gradient steps on r at the start, 0 to 1000
   double meanRate = 0.3;           ///< Adam step for means, pixels
   double shapeRate = 0.08;         ///< Adam step for log-scales and rotation (radian)
   double reflectivityRate = 0.15;  ///< Adam step for r, in units of mean |r|
@@ -61,16 +62,15 @@ struct TrainerOptions : TrainingSettings
   int holdOut = 0;           ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
   int validation = 0;        ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
 
-  std::optional<double> poseSmoothing;     ///< strength, 0 to 1000, in units of the tracker's noise; 0: none; decided
-  std::optional<std::size_t> gaussians;    ///< seeds, 1 to 2^26; decided
-  std::size_t maximumGaussians = 2000000;  ///< the most that `automatic` chooses, 1 to 2^26
-  double price = 0.1;                      ///< dB on validation frames that twice the Gaussians must gain, 0 to 100
-  std::optional<double> elevationSigma;    ///< mm, 0 to 1000: Beam::elevationSigma
+  std::optional<double> poseSmoothing;   ///< strength, 0 to 1000, in units of the tracker's noise; 0: none; decided
+  std::optional<std::size_t> gaussians;  ///< seeds, 1 to 2^26; decided
+  std::optional<std::size_t> maximumGaussians;  ///< the most that `automatic` chooses, 1 to 2^26; the sweep's size
+  double price = 0.1;                         ///< dB on validation frames that twice the Gaussians must gain, 0 to 100
+  std::optional<double> elevationSigma;       ///< mm, 0 to 1000: Beam::elevationSigma
   std::optional<double> probeElevationSigma;  ///< mm, 0 to 1000: Beam::probeElevationSigma; measured where it can be
   std::optional<int> virtualPlanes;           ///< planes added in every gap, 0 to 8; decided
   std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show; decided. Its keepContrast is not read
   std::optional<int> iterations;                    ///< optimizer steps, 0 (seeding only) to 10^7; by geometry
-  std::optional<int> solveIterations;               ///< conjugate-gradient steps on r at the start, 0 to 1000
 
   /// Throws Error naming the option, its value and its range, which OptionList.h lists.
   void Validate() const;

@@ -14,6 +14,7 @@
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Training/FrameCorrections.h"
+#include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/VirtualPlanes.h"
 
 namespace bigus
@@ -131,6 +132,22 @@ void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<i
 /// Passes over the frames beyond which the rates fall with the root of their number: see Decay. On a volume of 64
 /// slices no such fall gives 0.8 dB less after 2500 passes, and 100 instead of 300 gives 0.25 dB less after 125.
 constexpr double kSettledPasses = 300;
+
+/// Share of training that sees the recorded frames alone, perhaps reduced. Virtual planes join then.
+constexpr double kFirstStage = 0.25;
+
+/// Passes over the frames that a time limit must leave for virtual planes to be made: on the liver sweep 10 passes over
+/// frames give the same score as equally many steps over frames and virtual planes, which take as long to make as 10.
+constexpr double kPassesForVirtualPlanes = 40;
+
+/// Pixels of the reduced frames: the smallest scale while training on them. A reduced pixel is a mean over its area,
+/// while training takes it for a sample, so what is narrower would be wrong between the samples.
+constexpr double kCoarseScale = 0.5;
+
+/// Steps in all, below which every step is taken as two or four on parts of its batch. Few steps are better taken
+/// small; in long training they jitter. Held-out PSNR of the liver sweep (half, 100,000 Gaussians), whole steps, halves
+/// and quarters: 38.01, 38.32 and 38.53 dB with 153 steps, 42.45, 42.59 and 42.56 with 1376, 43.31 and 43.22 with 3670.
+constexpr double kQuarteredSteps = 500, kHalvedSteps = 2000;
 
 /// When frames' gains and poses are found, as fractions of training: once the field says more than one frame does, and
 /// again when it is better.
@@ -290,23 +307,49 @@ TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> 
       plan_(std::move(plan)),
       progress_(std::move(progress)),
       engine_(Engine::Create(plan_.engine)),
-      targetSweep_(sweep_),
-      targets_(frames_)
+      withVirtualPlanes_(std::move(withVirtualPlanes))
 {
   engine_->SetAccuracy({plan_.tolerance, true});
   Proceed(TrainingProgress::Phase::Seeding, 0.0);
-  const bool virtualPlanes = plan_.virtualPlanes > 0 && frames_.size() > 1;
-  if (virtualPlanes || plan_.frameGains || plan_.poseRefinement)
+}
+
+/// What the first stage trains on: the recorded frames, reduced where Gaussians are large.
+void TrainingLoop::TargetFrames()
+{
+  isFirstStage_ = true;
+  coarseness_ = FirstCoarseness(*sweep_, frames_.size(), engine_->FieldSize());
+  targetSweep_ = sweep_;
+  targets_ = frames_;
+  if (coarseness_ > 1)
   {
-    targetSweep_ = !virtualPlanes      ? std::make_shared<const Sweep>(sweep_->Subset(frames_))
-                   : withVirtualPlanes ? std::move(withVirtualPlanes)
-                                       : AddVirtualPlanes(*sweep_, frames_, plan_.virtualPlanes, plan_.interpolation);
-    targets_.resize(targetSweep_->NumberOfFrames());
+    targetSweep_ = std::make_shared<const Sweep>(sweep_->Subset(frames_).Reduced(coarseness_));
     std::iota(targets_.begin(), targets_.end(), 0);
   }
-  if (plan_.frameGains)
+  UploadTargets();
+}
+
+/// What the second stage trains on: the frames, and virtual planes between them if `withPlanes`.
+void TrainingLoop::TargetPlanes(bool withPlanes)
+{
+  isFirstStage_ = false;
+  targetSweep_ = sweep_;
+  targets_ = frames_;
+  const auto goOn = [this] { return Proceed(report_.phase, report_.fraction); };
+  std::shared_ptr<const Sweep> own;
+  if (withPlanes && plan_.virtualPlanes > 0 && frames_.size() > 1)
   {
-    targetSweep_ = Levelled(*sweep_, frames_, *targetSweep_);
+    own = withVirtualPlanes_ ? withVirtualPlanes_
+                             : AddVirtualPlanes(*sweep_, frames_, plan_.virtualPlanes, plan_.interpolation, goOn);
+  }
+  if (!own && (plan_.frameGains || plan_.poseRefinement))
+  {
+    own = std::make_shared<const Sweep>(sweep_->Subset(frames_));
+  }
+  if (own)
+  {
+    targetSweep_ = plan_.frameGains ? Levelled(*sweep_, frames_, *own) : own;
+    targets_.resize(targetSweep_->NumberOfFrames());
+    std::iota(targets_.begin(), targets_.end(), 0);
   }
   UploadTargets();
 }
@@ -325,6 +368,7 @@ Start TrainingLoop::SeedAndSolve()
   ScaleReflectivities(*engine_, *sweep_, frames_, start.field);
   if (plan_.solveIterations > 0 && !aborted_)
   {
+    TargetPlanes(false);
     engine_->SolveReflectivities(targets_, plan_.solveIterations,
                                  [this](double fraction)
                                  { return Proceed(TrainingProgress::Phase::Solving, kSolvingShare * fraction); });
@@ -369,7 +413,9 @@ LearningRates TrainingLoop::FirstRates(const GaussianField& field) const
 ParameterLimits TrainingLoop::Limits() const
 {
   ParameterLimits limits;
-  limits.minimumScale = plan_.minimumScale;
+  limits.minimumScale = isFirstStage_ && coarseness_ > 1
+                            ? std::max(plan_.minimumScale, kCoarseScale * coarseness_ * plan_.pixelSize)
+                            : plan_.minimumScale;
   limits.maximumScale = plan_.maximumScale;
   limits.positiveReflectivity = !plan_.signedReflectivity;
   return limits;
@@ -385,6 +431,36 @@ double TrainingLoop::Fraction(int iteration, double trainingStart) const
                     (watch_.Seconds() - trainingStart) / std::max(plan_.timeLimit - trainingStart, kLeastTime));
   }
   return fraction;
+}
+
+/// Whether a time limit leaves virtual planes the passes that they need, at the pace of the first stage. A pixel more
+/// takes half as long as a splat, so frames that were reduced are as many times slower as their sides are longer.
+bool TrainingLoop::HasTimeForPlanes(int iteration, double trainingStart) const
+{
+  if (plan_.timeLimit <= 0)
+  {
+    return true;
+  }
+  const double passes = static_cast<double>(iteration) * plan_.batch / static_cast<double>(frames_.size());
+  const double secondsOfPass = coarseness_ * (watch_.Seconds() - trainingStart) / passes;
+  return plan_.timeLimit - watch_.Seconds() > kPassesForVirtualPlanes * secondsOfPass;
+}
+
+/// The loss of one step of the batch, or of several on parts of it where there are few steps in all.
+double TrainingLoop::Step(const std::vector<int>& batch, double expectedSteps, const Loss& loss,
+                          const LearningRates& rates)
+{
+  const std::size_t parts = std::min<std::size_t>(batch.size(), expectedSteps < kQuarteredSteps ? 4
+                                                                : expectedSteps < kHalvedSteps  ? 2
+                                                                                                : 1);
+  double sum = 0;
+  for (std::size_t part = 0; part < parts; ++part)
+  {
+    const auto at = [&](std::size_t k)
+    { return batch.begin() + static_cast<std::ptrdiff_t>(k * batch.size() / parts); };
+    sum += engine_->TrainStep({at(part), at(part + 1)}, loss, rates, Limits());
+  }
+  return sum / static_cast<double>(parts);
 }
 
 void TrainingLoop::Correct(const Corrections& found)

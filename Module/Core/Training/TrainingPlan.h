@@ -15,12 +15,12 @@ struct TrainingPlan : TrainingSettings
 {
   bool sparse = false;  ///< the frames' planes lie far apart (IsSparse)
   std::size_t gaussians = 0;
-  double elevationSigma = 0;       ///< mm, of the planes trained on
-  double probeElevationSigma = 0;  ///< mm; 0 where it is not known
-  int virtualPlanes = 0;           ///< in every gap
+  std::size_t maximumGaussians = 0;  ///< that may be decided
+  double elevationSigma = 0;         ///< mm, of the planes trained on
+  double probeElevationSigma = 0;    ///< mm; 0 where it is not known
+  int virtualPlanes = 0;             ///< in every gap
   FrameInterpolation interpolation;
   int iterations = 0;
-  int solveIterations = 0;
   Loss loss;
   double pixelSize = 0;                       ///< mm, of the frames to train on
   double minimumScale = 0, maximumScale = 0;  ///< mm

@@ -13,9 +13,17 @@
 
 namespace bigus
 {
+namespace
+{
+
+/// Planes made between two questions whether to go on: less than a second of work for the largest frames.
+constexpr std::size_t kPlanesAtOnce = 32;
+
+}  // namespace
 
 std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vector<int>& frames, int perGap,
-                                              const FrameInterpolation& interpolation)
+                                              const FrameInterpolation& interpolation,
+                                              const std::function<bool()>& goOn)
 {
   auto out = std::make_shared<Sweep>();
   out->width = sweep.width;
@@ -68,35 +76,37 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     using Pixel = decltype(zero);
     const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
     auto values = std::make_shared<std::vector<Pixel>>(pixels * planes);
-    tbb::parallel_for(
-        std::size_t(0), planes,
-        [&](std::size_t k)
-        {
-          Pixel* to = values->data() + k * pixels;
-          if (k < frames.size())
+    for (std::size_t first = 0; first < planes; first += kPlanesAtOnce)
+    {
+      if (goOn && !goOn())
+      {
+        return false;
+      }
+      tbb::parallel_for(
+          first, std::min(first + kPlanesAtOnce, planes),
+          [&](std::size_t k)
           {
-            std::copy_n(recorded + frames[k] * pixels, pixels, to);
-            return;
-          }
-          const Gap& gap = gaps[k - frames.size()];
-          std::vector<float> image(pixels);
-          InterpolateFrames(sweep, gap.around, out->Plane(static_cast<int>(k)), gap.share, interpolation, image.data());
-          std::transform(image.begin(), image.end(), to,
-                         [](float value) {
-                           return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
-                         });
-        });
+            Pixel* to = values->data() + k * pixels;
+            if (k < frames.size())
+            {
+              std::copy_n(recorded + frames[k] * pixels, pixels, to);
+              return;
+            }
+            const Gap& gap = gaps[k - frames.size()];
+            std::vector<float> image(pixels);
+            InterpolateFrames(sweep, gap.around, out->Plane(static_cast<int>(k)), gap.share, interpolation,
+                              image.data());
+            std::transform(image.begin(), image.end(), to,
+                           [](float value) {
+                             return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
+                           });
+          });
+    }
     out->pixels = std::shared_ptr<const void>(values, values->data());
+    return true;
   };
-  if (sweep.pixelType == Sweep::PixelType::UInt8)
-  {
-    fill(std::uint8_t(0));
-  }
-  else
-  {
-    fill(0.0f);
-  }
-  return out;
+  const bool isDone = sweep.pixelType == Sweep::PixelType::UInt8 ? fill(std::uint8_t(0)) : fill(0.0f);
+  return isDone ? out : nullptr;
 }
 
 }  // namespace bigus
