@@ -272,7 +272,11 @@ std::vector<TrainingRecord> LoadLog(StateReader& from)
 /// seed and the number of steps.
 struct TrainingLoop::Course
 {
-  int iteration = 0;  ///< steps taken
+  int iteration = 0;    ///< steps taken
+  int firstStage = 0;   ///< of them in the first stage
+  int coarseness = 1;   ///< of the first stage's frames
+  bool planes = false;  ///< the second stage has virtual planes
+  double passes = 0;    ///< over what is trained on
   LearningRates rates;
   std::size_t cap = 0;      ///< DensificationOptions::cap
   double trainingTime = 0;  ///< s, of steps before the last resumption
@@ -314,10 +318,10 @@ TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> 
 }
 
 /// What the first stage trains on: the recorded frames, reduced where Gaussians are large.
-void TrainingLoop::TargetFrames()
+void TrainingLoop::TargetFrames(int coarseness)
 {
   isFirstStage_ = true;
-  coarseness_ = FirstCoarseness(*sweep_, frames_.size(), engine_->FieldSize());
+  coarseness_ = coarseness;
   targetSweep_ = sweep_;
   targets_ = frames_;
   if (coarseness_ > 1)
@@ -332,6 +336,7 @@ void TrainingLoop::TargetFrames()
 void TrainingLoop::TargetPlanes(bool withPlanes)
 {
   isFirstStage_ = false;
+  coarseness_ = 1;
   targetSweep_ = sweep_;
   targets_ = frames_;
   const auto goOn = [this] { return Proceed(report_.phase, report_.fraction); };
@@ -341,7 +346,7 @@ void TrainingLoop::TargetPlanes(bool withPlanes)
     own = withVirtualPlanes_ ? withVirtualPlanes_
                              : AddVirtualPlanes(*sweep_, frames_, plan_.virtualPlanes, plan_.interpolation, goOn);
   }
-  if (!own && (plan_.frameGains || plan_.poseRefinement))
+  if (!own && AreFramesChanged())
   {
     own = std::make_shared<const Sweep>(sweep_->Subset(frames_));
   }
@@ -413,9 +418,8 @@ LearningRates TrainingLoop::FirstRates(const GaussianField& field) const
 ParameterLimits TrainingLoop::Limits() const
 {
   ParameterLimits limits;
-  limits.minimumScale = isFirstStage_ && coarseness_ > 1
-                            ? std::max(plan_.minimumScale, kCoarseScale * coarseness_ * plan_.pixelSize)
-                            : plan_.minimumScale;
+  limits.minimumScale =
+      coarseness_ > 1 ? std::max(plan_.minimumScale, kCoarseScale * coarseness_ * plan_.pixelSize) : plan_.minimumScale;
   limits.maximumScale = plan_.maximumScale;
   limits.positiveReflectivity = !plan_.signedReflectivity;
   return limits;
@@ -433,26 +437,23 @@ double TrainingLoop::Fraction(int iteration, double trainingStart) const
   return fraction;
 }
 
-/// Whether a time limit leaves virtual planes the passes that they need, at the pace of the first stage. A pixel more
-/// takes half as long as a splat, so frames that were reduced are as many times slower as their sides are longer.
-bool TrainingLoop::HasTimeForPlanes(int iteration, double trainingStart) const
+/// Whether a time limit leaves virtual planes the passes that they need, at the pace of the first stage. Frames of half
+/// the sides take half as long.
+bool TrainingLoop::HasTimeForPlanes(const Course& course, double trainingStart) const
 {
-  if (plan_.timeLimit <= 0)
+  if (plan_.timeLimit <= 0 || course.passes <= 0)
   {
     return true;
   }
-  const double passes = static_cast<double>(iteration) * plan_.batch / static_cast<double>(frames_.size());
-  const double secondsOfPass = coarseness_ * (watch_.Seconds() - trainingStart) / passes;
+  const double secondsOfPass = course.coarseness * (watch_.Seconds() - trainingStart) / course.passes;
   return plan_.timeLimit - watch_.Seconds() > kPassesForVirtualPlanes * secondsOfPass;
 }
 
-/// The loss of one step of the batch, or of several on parts of it where there are few steps in all.
-double TrainingLoop::Step(const std::vector<int>& batch, double expectedSteps, const Loss& loss,
-                          const LearningRates& rates)
+/// The loss of a step of the batch, or of several on parts of it where there are few `steps` in all.
+double TrainingLoop::Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates)
 {
-  const std::size_t parts = std::min<std::size_t>(batch.size(), expectedSteps < kQuarteredSteps ? 4
-                                                                : expectedSteps < kHalvedSteps  ? 2
-                                                                                                : 1);
+  const std::size_t wanted = steps < kQuarteredSteps ? 4 : steps < kHalvedSteps ? 2 : 1;
+  const std::size_t parts = std::min(batch.size(), wanted);
   double sum = 0;
   for (std::size_t part = 0; part < parts; ++part)
   {
@@ -486,6 +487,16 @@ Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
     const GaussianField field = Load(std::move(start));
     course.rates = FirstRates(field);
     course.cap = plan_.densification.cap > 0 ? plan_.densification.cap : 2 * field.Size();
+    course.coarseness = FirstCoarseness(*sweep_, frames_.size(), field.Size());
+  }
+  if (AreFramesChanged() || plan_.iterations == 0)
+  {
+    course.planes = plan_.iterations > 0;
+    TargetPlanes(course.planes);
+  }
+  else
+  {
+    TargetFrames(course.coarseness);
   }
   if (plan_.densification.interval > 0)
   {
@@ -499,6 +510,11 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   StateReader from(state);
   Course course;
   course.iteration = from.NumberIn(1, std::max(plan_.iterations, 1));
+  course.firstStage = from.NumberIn(0, course.iteration);
+  course.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
+  course.planes = from.Flag();
+  course.passes = from.NumberIn(0.0, 1e9);
+  const bool isFirstStage = from.Flag();
   course.rates.mean = from.NumberIn(0.0, GaussianField::kLargestCoordinate);
   course.rates.logScale = from.NumberIn(0.0, 1.0);  // OptionList.h
   course.rates.rotation = from.NumberIn(0.0, 1.0);
@@ -527,6 +543,14 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   engine_->LoadState(from);
   from.End();
   StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->Size() > 0), "a field of no Gaussian");
+  if (isFirstStage)
+  {
+    TargetFrames(course.coarseness);
+  }
+  else
+  {
+    TargetPlanes(course.planes);
+  }
   if (course.corrections > 0)
   {
     Correct(course.corrected);
@@ -538,6 +562,11 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
 void TrainingLoop::Save(const Course& course, StateWriter& to) const
 {
   to.Number(course.iteration);
+  to.Number(course.firstStage);
+  to.Number(course.coarseness);
+  to.Flag(course.planes);
+  to.Number(course.passes);
+  to.Flag(isFirstStage_);
   for (const double rate : {course.rates.mean, course.rates.logScale, course.rates.rotation, course.rates.reflectivity})
   {
     to.Number(rate);
@@ -566,9 +595,8 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
 {
   DensificationOptions densification = plan_.densification;
   densification.cap = course.cap;
-  const ParameterLimits limits = Limits();
   Batches batches(targets_, plan_.batch, plan_.seed);
-  for (int iteration = 0; iteration < course.iteration; ++iteration)
+  for (int taken = isFirstStage_ ? 0 : course.firstStage; taken < course.iteration; ++taken)
   {
     batches.Next();
   }
@@ -584,16 +612,25 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     {
       break;
     }
-    if ((plan_.frameGains || plan_.poseRefinement) && course.corrections < kCorrections.size() &&
-        fraction >= kCorrections[course.corrections])
+    if (isFirstStage_ && fraction >= kFirstStage)
+    {
+      course.firstStage = course.iteration;
+      course.planes = HasTimeForPlanes(course, trainingStart);
+      TargetPlanes(course.planes);
+      batches = Batches(targets_, plan_.batch, plan_.seed);
+    }
+    if (AreFramesChanged() && course.corrections < kCorrections.size() && fraction >= kCorrections[course.corrections])
     {
       ++course.corrections;
       course.corrected = FindCorrections(*engine_, *sweep_, frames_, *targetSweep_, plan_);
       Correct(course.corrected);
     }
-    const double passes = static_cast<double>(iteration) * plan_.batch / static_cast<double>(targets_.size());
-    const double decay = Decay(plan_.finalRate, fraction, passes);
-    course.lossSum += engine_->TrainStep(batches.Next(), Blend(plan_, fraction), Scaled(course.rates, decay), limits);
+    const std::vector<int> batch = batches.Next();
+    course.passes += static_cast<double>(batch.size()) / static_cast<double>(targets_.size());
+    const double decay = Decay(plan_.finalRate, fraction, course.passes);
+    const double steps = plan_.timeLimit > 0 && fraction > 0 ? std::min<double>(plan_.iterations, iteration / fraction)
+                                                             : plan_.iterations;
+    course.lossSum += Step(batch, steps, Blend(plan_, fraction), Scaled(course.rates, decay));
     ++course.lossCount;
     course.iteration = iteration;
     if (densification.interval > 0 && iteration % densification.interval == 0 && fraction >= kFirstDensification &&

@@ -76,11 +76,17 @@ public:
 private:
   struct Course;
 
+  void TargetFrames(int coarseness);
+  void TargetPlanes(bool withPlanes);
   void UploadTargets();
+  /// Gains or poses of frames are found on the way, which needs all frames as they are from the first step on.
+  bool AreFramesChanged() const { return plan_.frameGains || plan_.poseRefinement; }
   ParameterLimits Limits() const;
   LearningRates FirstRates(const GaussianField& field) const;
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;
+  bool HasTimeForPlanes(const Course& course, double trainingStart) const;
+  double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);
   Fitted GoOn(Course& course, const std::vector<int>& validationFrames);
   void Save(const Course& course, StateWriter& to) const;
@@ -94,8 +100,11 @@ private:
   ProgressCallback progress_;
   Keeping keeping_;
   std::unique_ptr<Engine> engine_;
-  std::shared_ptr<const Sweep> targetSweep_;  // what the engine trains on: the frames, perhaps corrected, then
-  std::vector<int> targets_;                  // virtual planes; and which of its frames
+  std::shared_ptr<const Sweep> withVirtualPlanes_;  // as given
+  std::shared_ptr<const Sweep> targetSweep_;        // what the engine trains on: the frames, perhaps reduced or
+  std::vector<int> targets_;                        // corrected, then virtual planes; and which of its frames
+  bool isFirstStage_ = false;
+  int coarseness_ = 1;  // the sides of what is trained on are divided by it
   TrainingProgress report_;
   bool aborted_ = false;
 };
