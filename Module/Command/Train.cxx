@@ -466,6 +466,11 @@ void AddTrainerOptions(CLI::App& app, std::map<std::string, std::string>& given)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast)
       ->group(added["Automatic"]->get_group())
       ->excludes(added["Automatic"]);
+  app.add_flag_callback(
+         "--preview", [&given] { given["TimeLimit"] = "10"; },
+         "Short for --time-limit 10: a usable field in ten seconds, without trials")
+      ->group(added["TimeLimit"]->get_group())
+      ->excludes(added["TimeLimit"]);
   CLI::Option* isSigned =
       app.add_flag_callback(
              "--signed", [&given] { given["SignedReflectivity"] = "on"; }, "Short for --signed-reflectivity on")
@@ -487,6 +492,7 @@ void AddTrain(Program& program)
   CLI::App* app =
       program.app.add_subcommand("train",
                                  "Turn a tracked sequence into a Gaussian field\n"
+                                 "  bigus train sweep.igs.mha -o field.vtp --preview\n"
                                  "  bigus train sweep.igs.mha -o field.vtp --hold-out 8\n"
                                  "  bigus train plus.mha --config Plus.xml -o field.vtp "
                                  "--gaussians 300000 --time-limit 600 --log curve.csv\n"

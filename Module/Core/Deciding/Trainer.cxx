@@ -20,11 +20,15 @@ namespace bigus
 namespace
 {
 
-/// Share of the progress bar that deciding takes.
-constexpr double kDecidingShare = 0.3;
-
 /// The most of a limited time that deciding takes; training gets the larger part.
-constexpr double kDecidingTime = 1.0 / 3;
+constexpr double kDecidingTime = 1.0 / 5;
+
+/// Seconds of a time limit below which nothing is tried: a fifth of it would end amid the first comparison.
+constexpr double kLeastTimeToTry = 30;
+
+/// Gaussians that are trained for a second of a time limit at the most. With more each is seen too seldom. In 10 s and
+/// 20 s two threads take the liver sweep (full size) to 38.7 dB with 200,000 and 40.1 dB with 300,000.
+constexpr double kGaussiansPerSecond = 20000;
 
 /// Seconds that a time limit leaves to training at the least, since 0 would mean no limit.
 constexpr double kLeastTime = 1e-3;
@@ -181,13 +185,31 @@ try
   }
   sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
 
-  double from = 0, share = 1;  // of the progress bar, for what runs now
+  double fraction = 0;              // of the whole, which never falls
+  double lastLeft = 0, lastAt = 0;  // seconds left when that was last known
   bool aborted = false;
   const auto passOn = [&](TrainingProgress now)
   {
-    now.fraction = from + share * now.fraction;
     now.record.seconds = watch.Seconds();
-    now.secondsLeft = now.fraction > 0.01 ? now.record.seconds * (1 - now.fraction) / now.fraction : 0.0;
+    if (options.timeLimit > 0)
+    {
+      const double left = std::max(0.0, options.timeLimit - now.record.seconds);
+      now.secondsLeft = now.secondsLeft > 0 ? std::min(now.secondsLeft, left) : left;
+    }
+    if (now.secondsLeft > 0)
+    {
+      lastLeft = now.secondsLeft;
+      lastAt = now.record.seconds;
+    }
+    else if (lastLeft > 0)
+    {
+      now.secondsLeft = std::max(1.0, lastLeft - (now.record.seconds - lastAt));
+    }
+    if (now.secondsLeft > 0)
+    {
+      fraction = std::max(fraction, now.record.seconds / (now.record.seconds + now.secondsLeft));
+    }
+    now.fraction = fraction;
     aborted = aborted || (progress && !progress(now));
     return !aborted;
   };
@@ -222,8 +244,15 @@ try
   // A field to continue from was decided on before.
   if (options.automatic && !start && options.iterations.value_or(1) > 0)
   {
-    share = kDecidingShare;
-    if (!keeper.Settled())
+    if (keeper.Settled())
+    {
+      // Decided before.
+    }
+    else if (options.timeLimit > 0 && options.timeLimit < kLeastTimeToTry)
+    {
+      result.decisions.push_back({"the rest", "by geometry", "the time limit is too short to try anything", 0});
+    }
+    else
     {
       std::vector<Decision> decisions = Decide(
           *sweep, frames, asked, plan,
@@ -232,8 +261,11 @@ try
           keeper);
       result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
     }
-    from = kDecidingShare;
-    share = 1 - kDecidingShare;
+  }
+  if (options.timeLimit > 0 && !asked.gaussians && !start)
+  {
+    plan.gaussians = std::min(
+        plan.gaussians, std::max<std::size_t>(1000, static_cast<std::size_t>(kGaussiansPerSecond * options.timeLimit)));
   }
   result.settled = Settled(asked, plan);
   if (aborted)

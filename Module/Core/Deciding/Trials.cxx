@@ -84,8 +84,8 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const Trainer
   const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - tried) / 2);
   share_ = static_cast<double>(tried) / static_cast<double>(frames.size());
   const Sweep part = sweep.Subset({begin, begin + static_cast<std::ptrdiff_t>(tried)});
-  const int reduction = Reduction(part);
-  sweep_ = std::make_shared<const Sweep>(reduction > 1 ? part.Reduced(reduction) : part);
+  reduction_ = Reduction(part);
+  sweep_ = std::make_shared<const Sweep>(reduction_ > 1 ? part.Reduced(reduction_) : part);
   std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), kValidationEvery);
   pixelSize_ = MeasureGeometry(*sweep_, training_).pixelSize;
   MakeAcross();
@@ -137,6 +137,7 @@ bool Trials::Proceed()
     TrainingProgress now;
     now.phase = TrainingProgress::Phase::Deciding;
     now.fraction = 1 - std::pow(1 - kProgressOfATrial, trained_);
+    now.secondsLeft = secondsLeft_;
     stopped_ = !progress_(now);
   }
   return !stopped_;
@@ -157,6 +158,8 @@ TrialScores Trials::Score(const TrainingPlan& plan, double passes)
 
 TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& name)
 {
+  const Stopwatch watch;
+  const int wanted = plan.iterations;
   plan.gaussians =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(static_cast<double>(plan.gaussians) * share_)));
   const int steps =
@@ -171,6 +174,11 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
   const std::string_view state = keeper_.TakeLoop(name);
   const Fitted fitted = state.empty() ? loop.Run(loop.SeedAndSolve(), {}) : loop.Resume(state, {});
   ++trained_;
+  // A step on a frame takes as many splats in a trial as in the training; its time grows about with the frame's sides.
+  if (fitted.iterations > 0)
+  {
+    secondsLeft_ = watch.Seconds() * reduction_ * wanted / fitted.iterations;
+  }
   Engine& engine = loop.engine();
   engine.SetAccuracy({});
   engine.SetField(fitted.field);

@@ -21,9 +21,8 @@ constexpr double kUsualBeam = 1.0;
 /// Pixels: planes nearer than this are sampled about as finely across as within, whatever the unit of length.
 constexpr double kNearPixels = 2.0;
 
-/// Lit pixels recorded for one Gaussian: where the search for the right number starts. E2 ends between a quarter of
-/// that number (spine) and four times that number (brain, liver).
-constexpr std::size_t kPixelsPerGaussian = 50;
+/// Lit pixels recorded for one Gaussian: with a byte each, the field is as large as the sweep that it explains.
+constexpr std::size_t kPixelsPerGaussian = GaussianField::kBytesOfGaussian;
 /// The same where the frames' speckle is to be kept: a grain of it covers about as many pixels.
 constexpr std::size_t kPixelsPerGrain = 8;
 /// Fewer take no time; more are for deciding to choose.
@@ -43,7 +42,6 @@ constexpr int kFewestPlanes = 2, kMostPlanes = 7;
 /// so large that fewer pixels save time: half of it for 350 pixels (liver sweep, full size, 100,000 Gaussians), a tenth
 /// for 90 (half size).
 constexpr double kManyPixels = 100;
-constexpr int kCoarseness = 2;
 /// Pixels of the shorter side that must be left.
 constexpr int kLeastCoarseSide = 32;
 
@@ -114,16 +112,20 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
   return plan;
 }
 
+bool CanReduce(const Sweep& sweep)
+{
+  return std::min(sweep.width, sweep.height) >= kLeastCoarseSide * kReduction;
+}
+
 int FirstCoarseness(const Sweep& sweep, std::size_t frames, std::size_t gaussians)
 {
-  const bool isLarge = std::min(sweep.width, sweep.height) >= kLeastCoarseSide * kCoarseness;
   const double pixels = static_cast<double>(LitPixels(sweep)) * static_cast<double>(frames);
-  return isLarge && pixels >= kManyPixels * static_cast<double>(gaussians) ? kCoarseness : 1;
+  return CanReduce(sweep) && pixels >= kManyPixels * static_cast<double>(gaussians) ? kReduction : 1;
 }
 
 std::size_t GaussiansOfSweepsSize(const Sweep& sweep, std::size_t frames)
 {
-  return std::max(kFewestGaussians, LitPixels(sweep) * frames / GaussianField::kBytesOfGaussian);
+  return std::max(kFewestGaussians, LitPixels(sweep) * frames / kPixelsPerGaussian);
 }
 
 int StepsForPasses(double passes, std::size_t frames, int perGap, int batch)

@@ -29,7 +29,11 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
 /// Optimizer steps for so many passes over `frames` frames and `perGap` virtual planes in each of their gaps.
 int StepsForPasses(double passes, std::size_t frames, int perGap, int batch);
 
-/// By how much the sides of frames are divided while a training of so many Gaussians begins: 1 or 2.
+/// What the sides of frames are divided by where training begins on fewer pixels, and whether they are long enough.
+constexpr int kReduction = 2;
+bool CanReduce(const Sweep& sweep);
+
+/// By how much the sides of frames are divided while a training of so many Gaussians begins: 1 or kReduction.
 int FirstCoarseness(const Sweep& sweep, std::size_t frames, std::size_t gaussians);
 
 /// As many Gaussians as fill the memory of the lit pixels of so many frames, at least 1000: a field need not be larger

@@ -43,7 +43,7 @@ void ForEachOption(Options& options, const Visit& visit)
                  "off: follow the sweep's geometry, at once"},
       options.automatic);
   visit(OptionInfo{"Gaussians", field, "Gaussians to start with", 1, kMostGaussians, "",
-                   "begins at one for every 50 lit pixels to train on (preset texture: 8), 1000 to 300000"},
+                   "begins at one for every 44 lit pixels to train on (preset texture: 8), 1000 to 300000"},
         options.gaussians);
   visit(OptionInfo{"MaximumGaussians", field, "The most Gaussians that are chosen while Gaussians is auto", 1,
                    kMostGaussians, "", "as many as fill the memory of the sweep's lit pixels, at 44 bytes each"},

@@ -136,9 +136,25 @@ constexpr double kSettledPasses = 300;
 /// Share of training that sees the recorded frames alone, perhaps reduced. Virtual planes join then.
 constexpr double kFirstStage = 0.25;
 
-/// Passes over the frames that a time limit must leave for virtual planes to be made: on the liver sweep 10 passes over
-/// frames give the same score as equally many steps over frames and virtual planes, which take as long to make as 10.
-constexpr double kPassesForVirtualPlanes = 40;
+/// What a time limit must leave for virtual planes to be made, else there are fewer or none: passes over them and the
+/// frames, and the most of the time left that making them may take.
+struct TimeForPlanes
+{
+  double passes, share;
+};
+/// On the liver sweep 10 passes over frames alone give the same score as equally many steps over frames and planes.
+constexpr TimeForPlanes kDenseTime = {10, 0.25};
+/// Frames that share little are learned by heart without planes between them: in 10 s the brain sweep (full size) reaches
+/// 25.3 dB without.
+constexpr TimeForPlanes kSparseTime = {3, 0.5};
+
+/// Where there is no time for virtual planes, a third of them is tried.
+constexpr int kFewerPlanes = 3;
+/// The share of them that tells how long all will take.
+constexpr double kLeastProjected = 0.1;
+
+/// Passes over the frames that take as long as virtual planes to be made.
+constexpr double kPassesToMakePlanes = 10;
 
 /// Pixels of the reduced frames: the smallest scale while training on them. A reduced pixel is a mean over its area,
 /// while training takes it for a sample, so what is narrower would be wrong between the samples.
@@ -272,11 +288,11 @@ std::vector<TrainingRecord> LoadLog(StateReader& from)
 /// seed and the number of steps.
 struct TrainingLoop::Course
 {
-  int iteration = 0;    ///< steps taken
-  int firstStage = 0;   ///< of them in the first stage
-  int coarseness = 1;   ///< of the first stage's frames
-  bool planes = false;  ///< the second stage has virtual planes
-  double passes = 0;    ///< over what is trained on
+  int iteration = 0;   ///< steps taken
+  int firstStage = 0;  ///< of them in the first stage
+  int coarseness = 1;  ///< of the first stage's frames
+  Targets second;      ///< of the second stage
+  double passes = 0;   ///< over what is trained on
   LearningRates rates;
   std::size_t cap = 0;      ///< DensificationOptions::cap
   double trainingTime = 0;  ///< s, of steps before the last resumption
@@ -332,31 +348,70 @@ void TrainingLoop::TargetFrames(int coarseness)
   UploadTargets();
 }
 
-/// What the second stage trains on: the frames, and virtual planes between them if `withPlanes`.
-void TrainingLoop::TargetPlanes(bool withPlanes)
+/// Trains on the frames and virtual planes between them. False, and nothing changes, when making those would take longer
+/// than `most` seconds (0: no limit) or the caller said stop.
+bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
 {
+  const double begun = watch_.Seconds();
+  const auto goOn = [&](double done)
+  {
+    const bool isTooSlow = most > 0 && watch_.Seconds() - begun > most * std::max(done, kLeastProjected);
+    return Proceed(report_.phase, report_.fraction) && !isTooSlow;
+  };
+  std::shared_ptr<const Sweep> sweep = sweep_;
+  std::vector<int> frames = frames_;
+  if (targets.coarseness > 1 || AreFramesChanged())
+  {
+    sweep = std::make_shared<const Sweep>(sweep_->Subset(frames_).Reduced(targets.coarseness));
+    std::iota(frames.begin(), frames.end(), 0);
+  }
+  if (targets.planes > 0 && frames.size() > 1)
+  {
+    const bool isGiven = withVirtualPlanes_ && targets.planes == plan_.virtualPlanes && targets.coarseness == 1;
+    sweep = isGiven ? withVirtualPlanes_ : AddVirtualPlanes(*sweep, frames, targets.planes, plan_.interpolation, goOn);
+    if (!sweep)
+    {
+      return false;
+    }
+    frames.resize(sweep->NumberOfFrames());
+    std::iota(frames.begin(), frames.end(), 0);
+  }
   isFirstStage_ = false;
-  coarseness_ = 1;
-  targetSweep_ = sweep_;
-  targets_ = frames_;
-  const auto goOn = [this] { return Proceed(report_.phase, report_.fraction); };
-  std::shared_ptr<const Sweep> own;
-  if (withPlanes && plan_.virtualPlanes > 0 && frames_.size() > 1)
-  {
-    own = withVirtualPlanes_ ? withVirtualPlanes_
-                             : AddVirtualPlanes(*sweep_, frames_, plan_.virtualPlanes, plan_.interpolation, goOn);
-  }
-  if (!own && AreFramesChanged())
-  {
-    own = std::make_shared<const Sweep>(sweep_->Subset(frames_));
-  }
-  if (own)
-  {
-    targetSweep_ = plan_.frameGains ? Levelled(*sweep_, frames_, *own) : own;
-    targets_.resize(targetSweep_->NumberOfFrames());
-    std::iota(targets_.begin(), targets_.end(), 0);
-  }
+  coarseness_ = targets.coarseness;
+  targetSweep_ = plan_.frameGains ? Levelled(*sweep_, frames_, *sweep) : std::move(sweep);
+  targets_ = std::move(frames);
   UploadTargets();
+  return true;
+}
+
+/// The second stage's targets that a time limit leaves time for; they are set. Where planes are dense there may be fewer
+/// virtual planes, or none. Where they are sparse frames are reduced instead, because detail is learned last.
+/// `secondsOfPass` is the first stage's pace; frames of half the sides take half as long.
+TrainingLoop::Targets TrainingLoop::TargetPlanesInTime(double secondsOfPass)
+{
+  const TimeForPlanes& needed = plan_.sparse ? kSparseTime : kDenseTime;
+  const double secondsAtFullSize = coarseness_ * secondsOfPass;
+  Targets targets{plan_.virtualPlanes, 1};
+  while (targets.planes > 0 && !aborted_)
+  {
+    const double left = plan_.timeLimit - watch_.Seconds();
+    const double training = needed.passes * (1 + targets.planes) * secondsAtFullSize / targets.coarseness;
+    if (plan_.timeLimit <= 0 ? TargetPlanes(targets)
+                             : (1 - needed.share) * left > training && TargetPlanes(targets, needed.share * left))
+    {
+      return targets;
+    }
+    if (plan_.sparse && targets.coarseness == 1 && CanReduce(*sweep_))
+    {
+      targets.coarseness = kReduction;
+    }
+    else
+    {
+      targets.planes /= kFewerPlanes;
+    }
+  }
+  TargetPlanes({});
+  return {};
 }
 
 void TrainingLoop::UploadTargets()
@@ -373,7 +428,7 @@ Start TrainingLoop::SeedAndSolve()
   ScaleReflectivities(*engine_, *sweep_, frames_, start.field);
   if (plan_.solveIterations > 0 && !aborted_)
   {
-    TargetPlanes(false);
+    TargetPlanes({});
     engine_->SolveReflectivities(targets_, plan_.solveIterations,
                                  [this](double fraction)
                                  { return Proceed(TrainingProgress::Phase::Solving, kSolvingShare * fraction); });
@@ -437,16 +492,17 @@ double TrainingLoop::Fraction(int iteration, double trainingStart) const
   return fraction;
 }
 
-/// Whether a time limit leaves virtual planes the passes that they need, at the pace of the first stage. Frames of half
-/// the sides take half as long.
-bool TrainingLoop::HasTimeForPlanes(const Course& course, double trainingStart) const
+/// Seconds that the steps left will take, and the virtual planes to be made, at a pace of so many seconds a step.
+double TrainingLoop::SecondsLeft(int iteration, double pace) const
 {
-  if (plan_.timeLimit <= 0 || course.passes <= 0)
+  if (!isFirstStage_)
   {
-    return true;
+    return pace * (plan_.iterations - iteration);
   }
-  const double secondsOfPass = course.coarseness * (watch_.Seconds() - trainingStart) / course.passes;
-  return plan_.timeLimit - watch_.Seconds() > kPassesForVirtualPlanes * secondsOfPass;
+  const double first = kFirstStage * plan_.iterations;
+  const double planes =
+      plan_.virtualPlanes > 0 ? kPassesToMakePlanes * static_cast<double>(frames_.size()) / plan_.batch : 0.0;
+  return pace * (std::max(0.0, first - iteration) + coarseness_ * (plan_.iterations - first + planes));
 }
 
 /// The loss of a step of the batch, or of several on parts of it where there are few `steps` in all.
@@ -491,8 +547,8 @@ Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
   }
   if (AreFramesChanged() || plan_.iterations == 0)
   {
-    course.planes = plan_.iterations > 0;
-    TargetPlanes(course.planes);
+    course.second.planes = plan_.iterations > 0 ? plan_.virtualPlanes : 0;
+    TargetPlanes(course.second);
   }
   else
   {
@@ -512,7 +568,8 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   course.iteration = from.NumberIn(1, std::max(plan_.iterations, 1));
   course.firstStage = from.NumberIn(0, course.iteration);
   course.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
-  course.planes = from.Flag();
+  course.second.planes = from.NumberIn(0, plan_.virtualPlanes);
+  course.second.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
   course.passes = from.NumberIn(0.0, 1e9);
   const bool isFirstStage = from.Flag();
   course.rates.mean = from.NumberIn(0.0, GaussianField::kLargestCoordinate);
@@ -549,7 +606,7 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   }
   else
   {
-    TargetPlanes(course.planes);
+    TargetPlanes(course.second);
   }
   if (course.corrections > 0)
   {
@@ -564,7 +621,8 @@ void TrainingLoop::Save(const Course& course, StateWriter& to) const
   to.Number(course.iteration);
   to.Number(course.firstStage);
   to.Number(course.coarseness);
-  to.Flag(course.planes);
+  to.Number(course.second.planes);
+  to.Number(course.second.coarseness);
   to.Number(course.passes);
   to.Flag(isFirstStage_);
   for (const double rate : {course.rates.mean, course.rates.logScale, course.rates.rotation, course.rates.reflectivity})
@@ -602,6 +660,8 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   }
   const int logInterval = std::max(1, plan_.iterations / kLogLines);
   const double trainingStart = watch_.Seconds() - course.trainingTime;
+  double stageStart = watch_.Seconds();
+  int stageFirst = course.iteration;
   const auto save = [this, &course](StateWriter& to) { Save(course, to); };
   bool isFinished = course.iteration >= plan_.iterations && !aborted_;
   while (!isFinished && !aborted_)
@@ -615,9 +675,10 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     if (isFirstStage_ && fraction >= kFirstStage)
     {
       course.firstStage = course.iteration;
-      course.planes = HasTimeForPlanes(course, trainingStart);
-      TargetPlanes(course.planes);
+      course.second = TargetPlanesInTime((watch_.Seconds() - trainingStart) / course.passes);
       batches = Batches(targets_, plan_.batch, plan_.seed);
+      stageStart = watch_.Seconds();
+      stageFirst = course.iteration;
     }
     if (AreFramesChanged() && course.corrections < kCorrections.size() && fraction >= kCorrections[course.corrections])
     {
@@ -662,6 +723,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
       course.lossSum = 0;
       course.lossCount = 0;
     }
+    report_.secondsLeft = SecondsLeft(iteration, (watch_.Seconds() - stageStart) / (iteration - stageFirst));
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
     course.trainingTime = watch_.Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())
@@ -692,7 +754,6 @@ bool TrainingLoop::Proceed(TrainingProgress::Phase phase, double fraction)
   report_.phase = phase;
   report_.fraction = fraction;
   report_.record.seconds = watch_.Seconds();
-  report_.secondsLeft = fraction > 0.01 ? report_.record.seconds * (1 - fraction) / fraction : 0.0;
   aborted_ = aborted_ || (progress_ && !progress_(report_));
   return !aborted_;
 }

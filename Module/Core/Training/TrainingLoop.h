@@ -75,9 +75,15 @@ public:
 
 private:
   struct Course;
+  struct Targets
+  {
+    int planes = 0;      // virtual ones in every gap
+    int coarseness = 1;  // the frames' sides are divided by it
+  };
 
   void TargetFrames(int coarseness);
-  void TargetPlanes(bool withPlanes);
+  bool TargetPlanes(const Targets& targets, double most = 0);
+  Targets TargetPlanesInTime(double secondsOfPass);
   void UploadTargets();
   /// Gains or poses of frames are found on the way, which needs all frames as they are from the first step on.
   bool AreFramesChanged() const { return plan_.frameGains || plan_.poseRefinement; }
@@ -85,7 +91,7 @@ private:
   LearningRates FirstRates(const GaussianField& field) const;
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;
-  bool HasTimeForPlanes(const Course& course, double trainingStart) const;
+  double SecondsLeft(int iteration, double pace) const;
   double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);
   Fitted GoOn(Course& course, const std::vector<int>& validationFrames);

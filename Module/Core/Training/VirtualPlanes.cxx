@@ -17,13 +17,13 @@ namespace
 {
 
 /// Planes made between two questions whether to go on: less than a second of work for the largest frames.
-constexpr std::size_t kPlanesAtOnce = 32;
+constexpr std::size_t kPlanesAtOnce = 16;
 
 }  // namespace
 
 std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vector<int>& frames, int perGap,
                                               const FrameInterpolation& interpolation,
-                                              const std::function<bool()>& goOn)
+                                              const std::function<bool(double)>& goOn)
 {
   auto out = std::make_shared<Sweep>();
   out->width = sweep.width;
@@ -78,7 +78,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     auto values = std::make_shared<std::vector<Pixel>>(pixels * planes);
     for (std::size_t first = 0; first < planes; first += kPlanesAtOnce)
     {
-      if (goOn && !goOn())
+      if (goOn && !goOn(static_cast<double>(first) / static_cast<double>(planes)))
       {
         return false;
       }
