@@ -139,7 +139,7 @@ TEST(Checkpoints, ValidationAndDensificationGoOn)
 {
   TrainerOptions options = Small();
   options.validation = 4;
-  options.patience = 3;
+  options.patience = 8;
   options.reflectivityRate = 0.8;  // coarse steps, so that the best field is not the last
   options.densification.interval = 7;
   options.densification.percentile = 60;
@@ -180,7 +180,7 @@ TEST(Checkpoints, DecisionsGoOn)
   options.holdOut = 4;
   options.iterations = 40;
   options.maximumGaussians = 2000;
-  ExpectStopsDoNotMatter(options, {{0, 1}, {0, 9}, {0, 60}, {0, 150}, {0, 250}, {20}});
+  ExpectStopsDoNotMatter(options, {{0, 1}, {0, 9}, {0, 30}, {0, 60}, {0, 90}, {20}});
 }
 
 TEST(Checkpoints, MayStopAgainAndAgain)
@@ -195,7 +195,7 @@ TEST(Checkpoints, MayStopAgainAndAgain)
   int stops = 0;
   for (; stops < 100; ++stops)
   {
-    const std::optional<std::string> next = StateWhenStopped(sweep, options, {0, 90}, state);
+    const std::optional<std::string> next = StateWhenStopped(sweep, options, {0, 30}, state);
     if (!next)
     {
       break;
