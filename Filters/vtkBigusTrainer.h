@@ -105,7 +105,10 @@ public:
   vtkBigusSwitchOptionMacro(Automatic);
   /** Gaussians to seed, 1 to 2^26. Negative (default): open. */
   vtkBigusNumberOptionMacro(Gaussians, vtkIdType);
-  /** The most Gaussians that are chosen while Gaussians is open, 1 to 2^26, default 2000000. */
+  /**
+   * The most Gaussians that are chosen while Gaussians is open, 1 to 2^26. Negative (default): as many as fill the
+   * memory of the sweep's lit pixels, at 44 bytes each.
+   */
   vtkBigusNumberOptionMacro(MaximumGaussians, vtkIdType);
   /** What twice the Gaussians must gain on validation frames to be chosen, dB of PSNR, 0 to 100, default 0.1. */
   vtkBigusNumberOptionMacro(Price, double);
@@ -166,7 +169,7 @@ public:
   vtkBigusNumberOptionMacro(ReflectivityRate, double);
   /** The share of the steps that is left at the end of training, above 0 to 1, default 0.05. */
   vtkBigusNumberOptionMacro(FinalRate, double);
-  /** Conjugate-gradient steps on the reflectivities before training, 0 to 1000. Negative (default): open. */
+  /** Conjugate-gradient steps on the reflectivities before training, 0 to 1000, default 0. */
   vtkBigusNumberOptionMacro(SolveIterations, int);
   /** How much cutting off a Gaussian's footprint may change a pixel's intensity, 0 to 1, default 1e-4. */
   vtkBigusNumberOptionMacro(Tolerance, double);

@@ -683,7 +683,7 @@ class Train(CommandTest):
             self.assertGreater(decisions[name]["seconds"], 0, name)
         for name in ("probe's beam", "elevation sigma"):
             self.assertTrue(decisions[name]["evidence"], name)
-        self.assertLessEqual(answer["settled"]["gaussians"], 2000000)
+        self.assertLessEqual(answer["settled"]["gaussians"], 300000)
         self.assertEqual(log.read_text().splitlines()[0], "iteration,seconds,loss,validation_psnr,gaussians,rate")
         # Too few frames to set some aside: geometry decides, and that is said.
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, "--iterations", 12, "--hold-out", 2)

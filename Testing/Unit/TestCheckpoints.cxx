@@ -139,7 +139,7 @@ TEST(Checkpoints, ValidationAndDensificationGoOn)
 {
   TrainerOptions options = Small();
   options.validation = 4;
-  options.patience = 8;
+  options.patience = 20;
   options.reflectivityRate = 0.8;  // coarse steps, so that the best field is not the last
   options.densification.interval = 7;
   options.densification.percentile = 60;

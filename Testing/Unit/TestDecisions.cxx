@@ -394,7 +394,7 @@ TEST(Decisions, AreNotWorseThanGeometryOnFramesHeldOut)
 {
   struct Scene
   {
-    const char* name;
+    std::string name;
     ProbeKind probe;
     double spacing;  // mm
   };
@@ -410,18 +410,27 @@ TEST(Decisions, AreNotWorseThanGeometryOnFramesHeldOut)
     world.frameSpacing = scene.spacing;
     world.scattererDensity = 5;
     const auto sweep = std::make_shared<const Sweep>(Phantom(world).MakeSweep());
-    TrainerOptions options;
-    options.holdOut = 6;
-    options.iterations = 80;
-    options.maximumGaussians = 2000;
-    const TrainingResult decided = Train(sweep, options);
-    options.automatic = false;
-    const TrainingResult byGeometry = Train(sweep, options);
-    const double gain =
-        PsnrOn(decided.field, *sweep, decided.heldOutFrames) - PsnrOn(byGeometry.field, *sweep, decided.heldOutFrames);
-    RecordProperty(scene.name, std::to_string(gain));
-    EXPECT_GE(gain, -static_cast<double>(decided.decisions.size()) * kLeastGain) << scene.name << "\n"
-                                                                                 << Account(decided.decisions);
+    // Three seeds, because three frames of 48 x 48 pixels are few.
+    constexpr std::uint64_t kSeeds = 3;
+    double gain = 0;
+    std::vector<Decision> decisions;
+    for (std::uint64_t seed = 1; seed <= kSeeds; ++seed)
+    {
+      TrainerOptions options;
+      options.seed = seed;
+      options.holdOut = 6;
+      options.iterations = 80;
+      options.maximumGaussians = 2000;
+      const TrainingResult decided = Train(sweep, options);
+      options.automatic = false;
+      const TrainingResult byGeometry = Train(sweep, options);
+      const double once = PsnrOn(decided.field, *sweep, decided.heldOutFrames) -
+                          PsnrOn(byGeometry.field, *sweep, decided.heldOutFrames);
+      RecordProperty(scene.name + std::to_string(seed), std::to_string(once));
+      gain += once / kSeeds;
+      decisions = decided.decisions;
+    }
+    EXPECT_GE(gain, -static_cast<double>(decisions.size()) * kLeastGain) << scene.name << "\n" << Account(decisions);
   }
 }
 
