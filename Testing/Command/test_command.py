@@ -1011,7 +1011,7 @@ class Poses(CommandTest):
     def test_strength_and_threads(self):
         sweep, one, many = self.noisy(), self.folder / "one.mha", self.folder / "many.mha"
         answer = self.expect(SUCCESS, "poses", sweep, "-o", one, "--strength", 2.5, "--threads", 1)
-        self.assertEqual((answer["strength"], answer["decision"]["evidence"]), (2.5, "given"))
+        self.assertEqual((answer["strength"], answer["decision"]["evidence"].split(";")[0]), (2.5, "given"))
         run("poses", sweep, "-o", one, threads=1)
         run("poses", sweep, "-o", many, threads=3)
         self.assertEqual(one.read_bytes(), many.read_bytes())

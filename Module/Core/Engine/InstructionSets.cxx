@@ -28,9 +28,12 @@ std::string NameOf(std::int64_t target)
 std::vector<std::string> InstructionSets()
 {
   std::vector<std::string> names;
-  for (std::int64_t bit = 1; bit < std::int64_t(1) << 62; bit <<= 1)  // the better, the lower its bit
+  // Highway falls back to the static target, which every processor of this kind has.
+  const std::int64_t usable = (hwy::SupportedTargets() | HWY_STATIC_TARGET) & HWY_TARGETS;
+  constexpr int kLastBit = 62;  // the static target's; the better one is, the lower its bit
+  for (int k = 0; k <= kLastBit; ++k)
   {
-    if (bit & hwy::SupportedTargets() & HWY_TARGETS)
+    if (const std::int64_t bit = std::int64_t(1) << k; bit & usable)
     {
       names.push_back(NameOf(bit));
     }
