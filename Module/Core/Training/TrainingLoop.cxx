@@ -355,7 +355,12 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
   const double begun = watch_.Seconds();
   const auto goOn = [&](double done)
   {
-    const bool isTooSlow = most > 0 && watch_.Seconds() - begun > most * std::max(done, kLeastProjected);
+    const double spent = watch_.Seconds() - begun;
+    const bool isTooSlow = most > 0 && spent > most * std::max(done, kLeastProjected);
+    if (done > 0)
+    {
+      report_.secondsLeft = spent * (1 / done - 1) + secondsOfSecondStage_;
+    }
     return Proceed(report_.phase, report_.fraction) && !isTooSlow;
   };
   std::shared_ptr<const Sweep> sweep = sweep_;
@@ -723,7 +728,9 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
       course.lossSum = 0;
       course.lossCount = 0;
     }
-    report_.secondsLeft = SecondsLeft(iteration, (watch_.Seconds() - stageStart) / (iteration - stageFirst));
+    const double pace = (watch_.Seconds() - stageStart) / (iteration - stageFirst);
+    report_.secondsLeft = SecondsLeft(iteration, pace);
+    secondsOfSecondStage_ = (1 - kFirstStage) * coarseness_ * pace * plan_.iterations;
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
     course.trainingTime = watch_.Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())

@@ -112,6 +112,7 @@ private:
   bool isFirstStage_ = false;
   int coarseness_ = 1;  // the sides of what is trained on are divided by it
   TrainingProgress report_;
+  double secondsOfSecondStage_ = 0;  // at the first stage's pace
   bool aborted_ = false;
 };
 
