@@ -28,7 +28,7 @@ GaussianField Transformed(GaussianField field, const Eigen::Matrix4d& transform)
   }
   const Eigen::Matrix3d linear = transform.topLeftCorner<3, 3>();
   const Eigen::JacobiSVD<Eigen::Matrix3d> parts(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Vector3d stretch = parts.singularValues();  // largest first
+  const Eigen::Vector3d& stretch = parts.singularValues();  // largest first
   if (!(stretch[2] > 0) || !(stretch[0] - stretch[2] <= kEven * stretch[0]))
   {
     throw Error("The transform of a field stretches space by " + std::to_string(stretch[0]) +
