@@ -32,6 +32,7 @@
 #include <vector>
 
 #include "Core/Deciding/Trainer.h"
+#include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
 #include "Data/FieldData.h"
 #include "Data/SweepData.h"
@@ -336,7 +337,8 @@ protected:
     beneath.clear();
     dl_iterate_phdr(NoteLibrary, nullptr);
     void* frame = nullptr;
-    backtrace(&frame, 1);  // it loads a library the first time
+    backtrace(&frame, 1);    // it loads a library the first time
+    bigus::Engine::Names();  // loads the CUDA runtime, which ends the process if it lacks memory while it is loaded
     sparesVtk = false;
     std::string name = (std::filesystem::temp_directory_path() / "bigus-allocations-XXXXXX").string();
     ASSERT_TRUE(mkdtemp(name.data()));
