@@ -169,6 +169,12 @@ PoseRefinement::PoseRefinement(const Sweep& sweep, const std::vector<int>& frame
   }
   FindNeighbours();
   FindRevisits();
+  if (NumberOfRevisits() == 0)
+  {
+    // Neighbours alone tell how three frames lie to each other. Small errors of that add up along the path, so poses of
+    // a single pass do not become better.
+    comparisons_.clear();
+  }
   alignments_.resize(comparisons_.size());
   Align();
 }

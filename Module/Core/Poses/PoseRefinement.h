@@ -21,8 +21,8 @@ struct RefinementPrior
   double step = 0.05;  ///< mm from one frame of the sweep to the next
 };
 
-/// Alignments of frames to two others between which they lie, at the poses of a sweep. Only motions in the image's own
-/// plane are told: out of it speckle changes more than poses do.
+/// Alignments of frames to two others between which they lie, at the poses of a sweep; none where the probe never comes
+/// back. Only motions in the image's own plane are told: out of it speckle changes more than poses do.
 class PoseRefinement
 {
 public:
