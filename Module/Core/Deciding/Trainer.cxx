@@ -30,8 +30,9 @@ constexpr double kLeastTimeToTry = 30;
 /// 20 s two threads take the liver sweep (full size) to 38.7 dB with 200,000 and 40.1 dB with 300,000.
 constexpr double kGaussiansPerSecond = 20000;
 
-/// Seconds that a time limit leaves to training at the least, since 0 would mean no limit.
-constexpr double kLeastTime = 1e-3;
+/// Seconds that a time limit leaves to training at the least, since 0 would mean no limit. So short that none is left for
+/// a step of a training whose checkpoint says that the limit has passed.
+constexpr double kLeastTime = 1e-9;
 
 /// The option that may be another when a training goes on.
 const std::string kTimeLimit = "TimeLimit";
