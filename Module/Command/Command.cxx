@@ -59,19 +59,39 @@ void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Conso
                 { program.job = [&program, work] { return work(program.console); }; });
 }
 
-CLI::Validator NumberIn(double low, double high)
+namespace
 {
-  const auto check = [low, high](const std::string& text) -> std::string
+
+CLI::Validator Number(double low, double high, bool whole)
+{
+  const auto check = [low, high, whole](const std::string& text) -> std::string
   {
     double value = 0;
-    if (ParseNumber(text, value) && value >= low && value <= high)
+    if (ParseNumber(text, value) && value >= low && value <= high && (!whole || value == std::floor(value)))
     {
       return {};
     }
     const auto plain = [](double bound) { return FormatNumber(bound, bound == std::floor(bound) ? 0 : 2); };
-    return "'" + text + "' is not a number from " + plain(low) + " to " + plain(high);
+    return "'" + text + "' is not a " + (whole ? "whole " : "") + "number from " + plain(low) + " to " + plain(high);
   };
-  return CLI::Validator(check, "");
+  return CLI::Validator(check, "", whole ? kWhole : kReal);
+}
+
+CLI::Validator Names(const std::string& what, const std::string& endings)
+{
+  return CLI::Validator([](const std::string&) { return std::string(); }, "", what + " " + endings);
+}
+
+}  // namespace
+
+CLI::Validator NumberIn(double low, double high)
+{
+  return Number(low, high, false);
+}
+
+CLI::Validator WholeNumberIn(double low, double high)
+{
+  return Number(low, high, true);
 }
 
 CLI::Validator PositiveNumber()
@@ -85,7 +105,27 @@ CLI::Validator PositiveNumber()
     }
     return "'" + text + "' is not a number above 0 (and at most 1e6)";
   };
-  return CLI::Validator(check, "");
+  return CLI::Validator(check, "", kReal);
+}
+
+CLI::Validator FileToRead(const std::string& endings)
+{
+  return Names("file input", endings);
+}
+
+CLI::Validator FileToWrite(const std::string& endings)
+{
+  return Names("file output", endings);
+}
+
+CLI::Validator VolumeToRead(const std::string& endings)
+{
+  return Names("image input", endings);
+}
+
+CLI::Validator VolumeToWrite(const std::string& endings)
+{
+  return Names("image output", endings);
 }
 
 }  // namespace bigus::command

@@ -45,10 +45,28 @@ ExitCode RunJob(Console& console, const std::function<ExitCode()>& job);
 /// Makes `work` the program's job where the arguments choose the subcommand `app`.
 void RunWhenChosen(CLI::App* app, Program& program, std::function<ExitCode(Console&)> work);
 
-/// An option's value must be a finite number from `low` to `high`, both included.
+/// An option's value must be a finite number from `low` to `high`, both included; whole for WholeNumberIn.
 CLI::Validator NumberIn(double low, double high);
+CLI::Validator WholeNumberIn(double low, double high);
 
 /// The same for a value above zero, up to 1e6.
 CLI::Validator PositiveNumber();
+
+// Checks carry a name that says what the value is, for 3D Slicer to show (ModuleDescription): "double" or "integer" those
+// of numbers, "file" or "image" with channel and endings those below, which let every text pass.
+constexpr const char* kWhole = "integer";
+constexpr const char* kReal = "double";
+
+/// The value names a file that is read or written, whose name ends in one of `endings`, such as ".vtp,.ply"; the first is
+/// what 3D Slicer takes for files of its own.
+CLI::Validator FileToRead(const std::string& endings);
+CLI::Validator FileToWrite(const std::string& endings);
+/// The same of volumes, which 3D Slicer has in its scene.
+CLI::Validator VolumeToRead(const std::string& endings);
+CLI::Validator VolumeToWrite(const std::string& endings);
+
+constexpr const char* kFieldEndings = ".vtp,.ply";
+constexpr const char* kSequenceEndings = ".mha,.nrrd,.mhd,.nhdr,.csv";
+constexpr const char* kVolumeEndings = ".nrrd,.mha,.vti";
 
 }  // namespace bigus::command

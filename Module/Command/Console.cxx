@@ -21,6 +21,16 @@ double SecondsSince(std::chrono::steady_clock::time_point start)
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+std::string XmlEscaped(const std::string& text)
+{
+  std::string escaped;
+  for (const char c : text)
+  {
+    escaped += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : std::string(1, c);
+  }
+  return escaped;
+}
+
 std::string FormatDuration(double seconds)
 {
   const long total = std::lround(std::min(std::max(seconds, 0.0), 3.6e6));
@@ -108,7 +118,11 @@ bool Console::ShowsBar() const
 
 void Console::Progress(const std::string& job, double fraction, const std::string& text)
 {
-  if (bar == Bar::Never)
+  if (bar == Bar::Tags && !json)
+  {
+    Tag(job, fraction, text);
+  }
+  if (bar == Bar::Never || bar == Bar::Tags)
   {
     return;
   }
@@ -163,8 +177,43 @@ void Console::Progress(const std::string& job, double fraction, const std::strin
   std::cerr << '\r' << line.substr(0, room) << "\x1b[K" << std::flush;  // the last: what a longer line left behind
 }
 
+// https://www.slicer.org/wiki/Documentation/Nightly/Developers/SlicerExecutionModel: a filter is a job here.
+void Console::Tag(const std::string& job, double fraction, const std::string& text)
+{
+  const Clock::time_point now = Clock::now();
+  if (job != job_)
+  {
+    EndProgress();
+    job_ = job;
+    start_ = now;
+    drawn_ = {};
+    open_ = true;
+    std::cout << "<filter-start>\n<filter-name>" << job << "</filter-name>\n<filter-comment>" << job
+              << "</filter-comment>\n</filter-start>\n";
+  }
+  if (now - drawn_ < std::chrono::milliseconds(100) && fraction < 1)
+  {
+    return;
+  }
+  drawn_ = now;
+  if (!text.empty())
+  {
+    std::cout << "<filter-comment>" << XmlEscaped(text) << "</filter-comment>\n";
+  }
+  std::cout << "<filter-progress>" << FormatNumber(std::isfinite(fraction) ? std::clamp(fraction, 0.0, 1.0) : 0.0, 4)
+            << "</filter-progress>\n"
+            << std::flush;
+}
+
 void Console::EndProgress()
 {
+  if (open_ && bar == Bar::Tags)
+  {
+    std::cout << "<filter-end>\n<filter-name>" << job_ << "</filter-name>\n<filter-time>"
+              << FormatNumber(SecondsSince(start_), 2) << "</filter-time>\n</filter-end>\n"
+              << std::flush;
+    open_ = false;
+  }
   if (open_)
   {
     std::cerr << '\n' << std::flush;

@@ -21,7 +21,8 @@ public:
   {
     WhenTerminal,  ///< when stderr is a terminal
     Always,
-    Never
+    Never,
+    Tags  ///< elements of XML on stdout instead, as 3D Slicer reads progress of its modules
   };
   bool json = false;            ///< --json: stdout carries one JSON object, the answer, and nothing else
   Bar bar = Bar::WhenTerminal;  ///< --progress, --no-progress
@@ -43,6 +44,7 @@ public:
 private:
   using Clock = std::chrono::steady_clock;
   bool ShowsBar() const;
+  void Tag(const std::string& job, double fraction, const std::string& text);
 
   std::string job_;
   Clock::time_point begin_ = Clock::now();  ///< of the program
@@ -52,6 +54,9 @@ private:
 
 /// Seconds from `start` to now.
 double SecondsSince(std::chrono::steady_clock::time_point start);
+
+/// Text as it stands between tags of XML.
+std::string XmlEscaped(const std::string& text);
 
 /// "0:07", "12:34", "1:02:03".
 std::string FormatDuration(double seconds);

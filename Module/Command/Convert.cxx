@@ -37,16 +37,11 @@ struct Options
 vtkSmartPointer<vtkTransform> FieldTransform(const Options& options)
 {
   RequireFile(options.transform);
-  const LinearTransform file = ReadLinearTransform(options.transform);
-  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = file.matrix;
-  if (file.isItk && options.world == WorldSystem::Ras)
-  {
-    const Eigen::Vector4d signs(-1, -1, 1, 1);  // x and y of LPS
-    matrix = signs.asDiagonal() * file.matrix * signs.asDiagonal();
-  }
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix =
+      ReadObjectMatrix(options.transform, options.world == WorldSystem::Lps);
   auto transform = vtkSmartPointer<vtkTransform>::New();
   transform->SetMatrix(matrix.data());
-  if (file.isItk != options.inverse)  // ITK's leads from where things are shown to where they were
+  if (options.inverse)
   {
     if (!(std::abs(matrix.determinant()) > 0))
     {

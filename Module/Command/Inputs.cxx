@@ -40,6 +40,7 @@ const char* const planeGroup = "Which planes";
 void AddChainOptions(CLI::App& app, PoseChain& chain, const char* group)
 {
   app.add_option("--config", chain.config, "Plus configuration with transforms the sequence lacks (ImageToProbe)")
+      ->check(FileToRead(".xml"))
       ->type_name("PLUS.xml")
       ->group(group);
   app.add_option("--image-to", chain.to, "Coordinate frame the poses lead to")
@@ -206,7 +207,7 @@ void RequireFile(const std::string& path)
 
 void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help)
 {
-  app.add_option(name, options.path, help)->required()->type_name("");
+  app.add_option(name, options.path, help)->check(FileToRead(kSequenceEndings))->required()->type_name("");
   AddChainOptions(app, options.chain, sequenceGroup);
   app.add_option("--image-folder", options.imageFolder, "Where the PNG images of a CSV are; default: beside it")
       ->type_name("FOLDER")
@@ -223,12 +224,15 @@ void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::stri
   CLI::Option* rectangle =
       app.add_option("--clip-rectangle", options.clipRectangle, "Blacken what is outside: column, row, columns, rows")
           ->expected(4)
+          ->delimiter(',')
+          ->check(WholeNumberIn(0, 32768))
           ->type_name("I J W H")
           ->group(sequenceGroup);
   app.add_option("--clip-fan", options.clipFan,
                  "Blacken what is outside: apex i j, inner and outer radius (pixels), first and last angle (degrees "
                  "from +j towards +i)")
       ->expected(6)
+      ->delimiter(',')
       ->check(NumberIn(-1e6, 1e6))
       ->type_name("I J R0 R1 A0 A1")
       ->excludes(rectangle)
@@ -238,7 +242,7 @@ void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::stri
 void AddReduceOption(CLI::App& app, int& reduce)
 {
   app.add_option("--reduce", reduce, "Average N x N pixels first; poses follow")
-      ->check(NumberIn(1, 256))
+      ->check(WholeNumberIn(1, 256))
       ->type_name("N")
       ->capture_default_str();
 }
@@ -295,10 +299,11 @@ CLI::Option* AddWorldSystemOption(CLI::App& app, WorldSystem& world)
   const std::map<std::string, WorldSystem> names = {{"ras", WorldSystem::Ras}, {"lps", WorldSystem::Lps}};
   return app
       .add_option("--world-system,--markup-system", world,
-                  "The patient system that the field's world stands for, ras (default) or lps: decides where markups, "
+                  "The patient system that the field's world stands for: decides where markups, "
                   "volumes and ITK transforms lie")
       ->transform(CLI::CheckedTransformer(names, CLI::ignore_case).description(""))
-      ->type_name("SYSTEM");
+      ->type_name("ras|lps")
+      ->default_str("ras");
 }
 
 void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& name, const std::string& framesName,
@@ -306,7 +311,8 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
 {
   app.add_option(name, options.poses, help)
       ->required(required)
-      ->type_name("SEQUENCE|CSV|MARKUP.mrk.json")
+      ->check(FileToRead(".mrk.json,.tfm,.txt," + std::string(kSequenceEndings)))
+      ->type_name("SEQUENCE|CSV|MARKUP.mrk.json|TRANSFORM.tfm")
       ->group(planeGroup);
   app.add_option(framesName, options.frames,
                  "Only these, counted from 0 among the usable ones: 0,4,10-20; PNG names have the same numbers")
@@ -314,7 +320,8 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
       ->group(planeGroup);
   app.add_option("--size", options.size, "Pixels across and down; needed when the file does not say")
       ->expected(2)
-      ->check(NumberIn(1, 65536))
+      ->delimiter(',')
+      ->check(WholeNumberIn(1, 65536))
       ->type_name("W H")
       ->group(planeGroup);
   app.add_option("--spacing", options.spacing, "Side of a (square) pixel; default: as in the file, 0.5 for markups")
@@ -322,7 +329,7 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
       ->type_name("MM")
       ->group(planeGroup);
   app.add_option("--reduce", options.reduce, "Pixels N times as large, as after 'train --reduce N'")
-      ->check(NumberIn(1, 256))
+      ->check(WholeNumberIn(1, 256))
       ->type_name("N")
       ->capture_default_str()
       ->group(planeGroup);

@@ -73,6 +73,13 @@ std::array<double, 3> FirstVoxel(vtkImageData* volume)
   return place;
 }
 
+/// Volumes are written in LPS, which 3D Slicer writes in NRRD and all readers of MetaImage assume.
+std::array<double, 3> ToLps(const std::array<double, 3>& v, WorldSystem world)
+{
+  // Not -x, because that of 0 is written as -0.
+  return world == WorldSystem::Ras ? std::array<double, 3>{0 - v[0], 0 - v[1], v[2]} : v;
+}
+
 void BeginNrrd(std::ostream& file, vtkImageData* image)
 {
   int size[3];
@@ -120,42 +127,34 @@ void WriteNrrdVolume(vtkImageData* volume, const std::string& path, WorldSystem 
                   [volume, world](std::ostream& file)
                   {
                     BeginNrrd(file, volume);
-                    file << "kinds: domain domain domain\nspace: "
-                         << (world == WorldSystem::Ras ? "right-anterior-superior" : "left-posterior-superior")
-                         << "\nspace directions:";
+                    file << "kinds: domain domain domain\nspace: left-posterior-superior\nspace directions:";
                     for (int k = 0; k < 3; ++k)
                     {
-                      const std::array<double, 3> axis = Axis(volume, k);
+                      const std::array<double, 3> axis = ToLps(Axis(volume, k), world);
                       const double side = volume->GetSpacing()[k];
                       file << " (" << axis[0] * side << ',' << axis[1] * side << ',' << axis[2] * side << ')';
                     }
-                    const std::array<double, 3> first = FirstVoxel(volume);
+                    const std::array<double, 3> first = ToLps(FirstVoxel(volume), world);
                     file << "\nspace origin: (" << first[0] << ',' << first[1] << ',' << first[2] << ")\n\n";
                     WritePixels(file, volume);
                   });
 }
 
-// MetaImage volumes are in LPS by convention: what reads them takes x for left and y for posterior.
 void WriteMetaVolume(vtkImageData* volume, const std::string& path, WorldSystem world)
 {
   WriteAtomically(path,
                   [volume, world](std::ostream& file)
                   {
-                    const auto toLps = [world](std::array<double, 3> v)
-                    {
-                      // Not -x, because that of 0 is written as -0.
-                      return world == WorldSystem::Ras ? std::array<double, 3>{0 - v[0], 0 - v[1], v[2]} : v;
-                    };
                     int size[3];
                     volume->GetDimensions(size);
                     const double* spacing = volume->GetSpacing();
-                    const std::array<double, 3> first = toLps(FirstVoxel(volume));
+                    const std::array<double, 3> first = ToLps(FirstVoxel(volume), world);
                     file.precision(17);
                     file << "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
                          << "CompressedData = False\nTransformMatrix =";
                     for (int k = 0; k < 3; ++k)
                     {
-                      const std::array<double, 3> axis = toLps(Axis(volume, k));
+                      const std::array<double, 3> axis = ToLps(Axis(volume, k), world);
                       file << ' ' << axis[0] << ' ' << axis[1] << ' ' << axis[2];
                     }
                     file << "\nOffset = " << first[0] << ' ' << first[1] << ' ' << first[2]

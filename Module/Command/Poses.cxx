@@ -243,6 +243,7 @@ void AddPoses(Program& program)
   AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
   app->add_option("-o,--output", options->output,
                   "What to write: the sequence at corrected poses (.igs.mha, .mha, .nrrd), or the poses (.csv)")
+      ->check(FileToWrite(".mha,.nrrd,.csv"))
       ->required()
       ->type_name("OUT");
   app->add_option("--strength", options->strength,
@@ -252,7 +253,7 @@ void AddPoses(Program& program)
       ->capture_default_str();
   app->add_option("--hold-out", options->holdOut,
                   "Do not look at the pixels of frames that 'train --hold-out K' keeps; 0 looks at all")
-      ->check(NumberIn(0, 1e6))
+      ->check(WholeNumberIn(0, 1e6))
       ->check([](const std::string& text)
               { return text == "1" ? "'1' is not 0 or a number from 2 up" : std::string(); })
       ->type_name("K")

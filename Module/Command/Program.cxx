@@ -13,6 +13,7 @@
 #include "Command.h"
 #include "Core/Engine/InstructionSets.h"
 #include "IO/Text.h"
+#include "ModuleDescription.h"
 #include "Pipeline.h"
 
 namespace bigus::command
@@ -112,8 +113,9 @@ ExitCode Run(int argumentCount, char** arguments)
       app.add_flag("--progress,!--no-progress", wantsBar, "Draw the progress bar always, or never; else on a terminal");
   int threads = 0;
   app.add_option("--threads", threads, "Threads to use; 0 takes all cores. Results do not depend on it")
-      ->check(NumberIn(0, 4096))
-      ->type_name("N");
+      ->check(WholeNumberIn(0, 4096))
+      ->type_name("N")
+      ->capture_default_str();
 
   std::string instructionSet;
   app.add_option("--simd", instructionSet,
@@ -136,9 +138,25 @@ ExitCode Run(int argumentCount, char** arguments)
     command->footer("Also: --json, --progress, --no-progress, --threads N, --simd NAME; 'bigus --help' explains them.");
   }
 
+  const std::string module = ModuleCommand(arguments[0]);
   try
   {
-    app.parse(argumentCount, arguments);
+    if (module.empty())
+    {
+      app.parse(argumentCount, arguments);
+    }
+    else
+    {
+      console.bar = Console::Bar::Tags;
+      std::vector<std::string> words = ModuleArguments(module, argumentCount, arguments);
+      if (std::find(words.begin(), words.end(), "--xml") != words.end())
+      {
+        console.Print(DescribeModule(app, *app.get_subcommand(module)));
+        return Success;
+      }
+      std::reverse(words.begin(), words.end());  // as CLI11 takes them
+      app.parse(std::move(words));
+    }
   }
   catch (const CLI::Success& request)  // --help, --version
   {

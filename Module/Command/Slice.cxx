@@ -32,7 +32,7 @@ namespace
 struct Options
 {
   RenderOptions render;
-  std::string output, coverage, distance;
+  std::string output, volume, coverage, distance;
   std::string recorded;  ///< sequence or CSV: the frames that `distance` is measured to
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
@@ -106,14 +106,31 @@ vtkSmartPointer<vtkImageData> Distances(const Options& options, const Planes& pl
   return stack;
 }
 
+/// One slice as a volume that lies where its plane lies, as thick as a pixel is wide.
+vtkSmartPointer<vtkImageData> Placed(vtkImageData* stack, const SlicePlane& plane)
+{
+  auto volume = vtkSmartPointer<vtkImageData>::New();
+  volume->ShallowCopy(stack);
+  const double width = plane.columnStep.norm(), height = plane.rowStep.norm();
+  volume->SetOrigin(plane.origin.data());
+  volume->SetSpacing(width, height, width);
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> direction;
+  direction << plane.columnStep / width, plane.rowStep / height, plane.columnStep.cross(plane.rowStep).normalized();
+  volume->SetDirectionMatrix(direction.data());
+  return volume;
+}
+
 ExitCode Slice(Console& console, Options& options)
 {
   const bool bytes = options.render.IsBytes();
   RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
-                  {options.output, options.coverage, options.distance});
-  RequireStackName(options.output);
-  RequireWritable(options.output);
-  for (const std::string& path : {options.coverage, options.distance})
+                  {options.output, options.volume, options.coverage, options.distance});
+  if (!options.volume.empty())
+  {
+    RequireVolumeName(options.volume);
+    RequireWritable(options.volume);
+  }
+  for (const std::string& path : {options.output, options.coverage, options.distance})
   {
     if (!path.empty())
     {
@@ -134,6 +151,11 @@ ExitCode Slice(Console& console, Options& options)
   const Planes planes = ReadPlanes(options.planes, console);
   const SlicePlane& first = planes.planes.front();
   const int count = static_cast<int>(planes.planes.size());
+  if (!options.volume.empty() && count > 1)
+  {
+    throw Error("--volume holds one slice, and " + options.planes.poses + " has " + std::to_string(count) +
+                " planes; choose one with --frames.");
+  }
   const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
   const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
   const auto coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
@@ -161,7 +183,16 @@ ExitCode Slice(Console& console, Options& options)
   }
   const double seconds = SecondsSince(start);
 
-  const std::vector<std::string> files = WriteStack(stack, options.output, planes.numbers, console);
+  std::vector<std::string> files;
+  if (!options.output.empty())
+  {
+    files = WriteStack(stack, options.output, planes.numbers, console);
+  }
+  if (!options.volume.empty())
+  {
+    WriteVolume(Placed(stack, first), options.volume, options.planes.world, console);
+    files.push_back(options.volume);
+  }
   if (coverage)
   {
     WriteStack(coverage, options.coverage, planes.numbers, console);
@@ -199,10 +230,22 @@ void AddSlice(Program& program)
                                  "A plane that misses the field gives a black image.");
   app->add_option("-o,--output", options->output,
                   "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
-      ->required()
+      ->check(FileToWrite(".mha,.nrrd,.png"))
       ->type_name("OUT");
+  app->add_option("--volume", options->volume,
+                  "One slice as a volume that lies where its plane lies, for 3D Slicer and ITK: .nrrd, .mha or .vti")
+      ->check(VolumeToWrite(kVolumeEndings))
+      ->type_name("OUT");
+  app->parse_complete_callback(
+      [options]
+      {
+        if (options->output.empty() && options->volume.empty())
+        {
+          throw CLI::RequiredError("--output or --volume");
+        }
+      });
   AddPlaneOptions(*app, options->planes, "--poses", "--frames",
-                  "Planes: those of a sequence, a CSV of poses, markup planes", true);
+                  "Planes: those of a sequence or a CSV of poses, a markup plane or line, a linear transform", true);
   app->add_option("--elevation-sigma", options->elevationSigma,
                   "Beam thickness, standard deviation; 0 an infinitely thin plane; default: the field's")
       ->check(NumberIn(0, 100))
@@ -213,15 +256,18 @@ void AddSlice(Program& program)
       ->excludes(app->get_option("--size"), app->get_option("--spacing"));
   app->add_option("--coverage", options->coverage,
                   "Also write the footprints' sum, 0 where no Gaussian is: .mha, .nrrd")
+      ->check(FileToWrite(".mha,.nrrd"))
       ->type_name("OUT");
   CLI::Option* distance =
       app->add_option("--distance", options->distance,
                       "Also write how far every pixel lies from the nearest frame of --recorded, mm, which tells where "
                       "a plane runs through a gap: .mha, .nrrd")
+          ->check(FileToWrite(".mha,.nrrd"))
           ->type_name("OUT");
   CLI::Option* recorded = app->add_option("--recorded", options->recorded,
                                           "The frames that the field was trained on: their poses; images are not read")
                               ->needs(distance)
+                              ->check(FileToRead(kSequenceEndings))
                               ->type_name("SEQUENCE|CSV");
   distance->needs(recorded);
   AddRenderOptions(*app, options->render, "Pixels");

@@ -453,7 +453,7 @@ void AddTrainerOptions(CLI::App& app, std::map<std::string, std::string>& given)
     const std::string flags = "--" + SpellOption(name, '-') + (kShort.count(name) ? kShort.at(name) : "");
     added[name] = app.add_option_function<std::string>(
                          flags, [&given, name](const std::string& value) { given[name] = value; }, help)
-                      ->check(CLI::Validator(fault, ""))
+                      ->check(CLI::Validator(fault, "", isNumber ? option.isWhole ? kWhole : kReal : ""))
                       ->type_name(type + (option.mayBeOpen ? "|auto" : ""))
                       ->default_str(option.value)
                       ->group(option.info.group);
@@ -500,22 +500,30 @@ void AddTrain(Program& program)
 
   AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
   AddReduceOption(*app, options->sequence.reduce);
-  app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")->required()->type_name("FIELD");
+  app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")
+      ->check(FileToWrite(kFieldEndings))
+      ->required()
+      ->type_name("FIELD");
   app->add_option("--log", options->log, "Write the training curve: loss and validation PSNR over time")
+      ->check(FileToWrite(".csv"))
       ->type_name("CSV");
   app->add_option(
          "--write-poses", options->poses,
          "Write the poses that the field is trained at: the sequence, after --reduce, at these poses (.igs.mha, "
          ".nrrd), or a CSV; 'slice --poses' takes either")
+      ->check(FileToWrite(".mha,.nrrd,.csv"))
       ->type_name("OUT");
-  app->add_option("--continue", options->continueFrom, "Start from this field instead of seeding")->type_name("FIELD");
+  app->add_option("--continue", options->continueFrom, "Start from this field instead of seeding")
+      ->check(FileToRead(kFieldEndings))
+      ->type_name("FIELD");
   app->add_flag("--resume", options->resume,
                 "Go on where a training of this output was interrupted or killed, from FIELD.checkpoint; begin where "
                 "there is none. The field is the same, bit for bit, as without a stop");
   app->add_option("--checkpoint-interval", options->checkpointInterval,
                   "Write FIELD.checkpoint so often, and when interrupted; 0 never; 0 to 1e6 s")
       ->check(NumberIn(0, 1e6))
-      ->type_name("N");
+      ->type_name("N")
+      ->capture_default_str();
   AddTrainerOptions(*app, options->trainer);
   const char* judged = "How it is judged";
   app->add_flag("--align", options->align,

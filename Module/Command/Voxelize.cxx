@@ -1,10 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus voxelize: the field as a plain volume.
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "Command.h"
 #include "Files.h"
+#include "IO/Formats/Markups.h"
+#include "IO/Formats/VolumeGrid.h"
 #include "Inputs.h"
 #include "Outputs.h"
 #include "Pipeline.h"
@@ -20,6 +24,8 @@ namespace bigus::command
 namespace
 {
 
+constexpr int kMostVoxels = 65536;  // along an axis
+
 struct Options
 {
   RenderOptions render;
@@ -27,13 +33,44 @@ struct Options
   double spacing = 0, elevationSigma = 0;
   std::vector<double> origin;
   std::vector<int> size;
+  std::string like, region;  ///< files
   WorldSystem world = WorldSystem::Ras;
 };
+
+void SetGrid(vtkBigusVoxelizer* voxelizer, const VolumeGrid& grid)
+{
+  const Eigen::Vector3d spacing = grid.steps.colwise().norm();
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> direction = grid.steps.colwise().normalized();
+  voxelizer->SetOutputDimensions(grid.size.data());
+  voxelizer->SetOutputOrigin(grid.origin.data());
+  voxelizer->SetOutputSpacing(spacing.data());
+  voxelizer->SetOutputDirection(direction.data());
+}
+
+/// Cubes of `spacing` mm that fill the box; 0: `most` of them along its longest side.
+VolumeGrid GridOf(const MarkupBox& box, double spacing, int most)
+{
+  spacing = spacing > 0 ? spacing : box.size.maxCoeff() / most;
+  VolumeGrid grid;
+  grid.steps = spacing * box.axes;
+  grid.origin = box.centre;
+  for (int k = 0; k < 3; ++k)
+  {
+    const double voxels = std::max(1.0, std::round(box.size[k] / spacing));
+    if (voxels > kMostVoxels)
+    {
+      throw Error("--spacing: the region would be " + FormatNumber(voxels, 0) + " voxels long; use a larger spacing.");
+    }
+    grid.size[k] = static_cast<int>(voxels);
+    grid.origin -= 0.5 * (grid.size[k] - 1) * grid.steps.col(k);
+  }
+  return grid;
+}
 
 ExitCode Voxelize(Console& console, const Options& options)
 {
   RequireVolumeName(options.output);
-  RequireDistinct({options.render.field}, {options.output});
+  RequireDistinct({options.render.field, options.like, options.region}, {options.output});
   RequireWritable(options.output);
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
 
@@ -51,6 +88,17 @@ ExitCode Voxelize(Console& console, const Options& options)
   if (!options.size.empty())
   {
     voxelizer->SetOutputDimensions(options.size.data());
+  }
+  if (!options.like.empty())
+  {
+    RequireFile(options.like);
+    SetGrid(voxelizer, ReadVolumeGrid(options.like, options.world == WorldSystem::Lps));
+  }
+  if (!options.region.empty())
+  {
+    RequireFile(options.region);
+    SetGrid(voxelizer, GridOf(ReadMarkupBox(options.region, options.world == WorldSystem::Lps), options.spacing,
+                              voxelizer->GetMaximumDimension()));
   }
   const auto start = std::chrono::steady_clock::now();
   Update(voxelizer, console, "Sampling");
@@ -83,22 +131,40 @@ void AddVoxelize(Program& program)
                                              "Turn a field into a plain volume\n"
                                              "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"
                                              "Without --origin and --size the volume holds the whole field.");
-  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")->required()->type_name("OUT");
+  app->add_option("-o,--output", options->output, "Volume to write: .mha, .nrrd or .vti")
+      ->check(VolumeToWrite(kVolumeEndings))
+      ->required()
+      ->type_name("OUT");
   app->add_option("--spacing", options->spacing, "Side of a voxel; default: 256 voxels along the longest side")
       ->check(PositiveNumber())
       ->type_name("MM");
   app->add_option("--origin", options->origin, "Centre of the first voxel")
       ->expected(3)
+      ->delimiter(',')
       ->check(NumberIn(-1e6, 1e6))
       ->type_name("X Y Z");
   app->add_option("--size", options->size, "Voxels along each axis")
       ->expected(3)
-      ->check(NumberIn(1, 65536))
+      ->delimiter(',')
+      ->check(WholeNumberIn(1, kMostVoxels))
       ->type_name("I J K");
-  app->add_option("--elevation-sigma", options->elevationSigma,
-                  "Beam thickness along z; 0 (default) samples the field itself")
+  CLI::Option* like =
+      app->add_option("--like", options->like,
+                      "The grid of this volume: size, spacing, place and directions. Of .nrrd and .mha, "
+                      "whose voxels are not read")
+          ->check(VolumeToRead(".nrrd,.nhdr,.mha,.mhd"))
+          ->type_name("VOLUME")
+          ->excludes("--spacing", "--origin", "--size");
+  app->add_option("--region", options->region,
+                  "The box that a region of interest of 3D Slicer encloses, turned as it is")
+      ->check(FileToRead(".mrk.json"))
+      ->type_name("ROI.mrk.json")
+      ->excludes("--origin", "--size")
+      ->excludes(like);
+  app->add_option("--elevation-sigma", options->elevationSigma, "Beam thickness along z; 0 samples the field itself")
       ->check(NumberIn(0, 100))
-      ->type_name("MM");
+      ->type_name("MM")
+      ->capture_default_str();
   AddWorldSystemOption(*app, options->world);
   AddRenderOptions(*app, options->render, "Voxels");
   RunWhenChosen(app, program, [options](Console& console) { return Voxelize(console, *options); });

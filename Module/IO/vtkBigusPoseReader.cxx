@@ -9,6 +9,7 @@
 
 #include "Data/Arrays.h"
 #include "IO/FileError.h"
+#include "IO/Formats/LinearTransform.h"
 #include "IO/Formats/Markups.h"
 #include "IO/Poses.h"
 #include "IO/SequenceFile.h"
@@ -79,6 +80,12 @@ std::vector<Plane> PlanesOfMarkups(const std::string& fileName, double spacing, 
   return planes;
 }
 
+/// The transform's matrix is the pose.
+std::vector<Plane> PlaneOfTransform(const std::string& fileName, bool worldIsLps)
+{
+  return {{bigus::ReadObjectMatrix(fileName, worldIsLps), 0, 0, 0, std::numeric_limits<double>::quiet_NaN()}};
+}
+
 }  // namespace
 
 vtkBigusPoseReader::vtkBigusPoseReader() = default;
@@ -108,9 +115,12 @@ int vtkBigusPoseReader::RequestData(vtkInformation*, vtkInformationVector**, vtk
     const std::string fileName = this->RequireFileName();
     const std::string beginning = bigus::FileBeginning(fileName, 4096);
     const bool json = !bigus::Trimmed(beginning).empty() && bigus::Trimmed(beginning).front() == '{';
+    const bool worldIsLps = this->WorldCoordinateSystem == LPS;
     const std::vector<Plane> planes =
-        json ? PlanesOfMarkups(fileName, this->PixelSpacing, this->WorldCoordinateSystem == LPS)
-             : PlanesOfSequence(fileName, this->GetPoseOptions(), this->NumberOfRejectedPoses, this->RejectionSummary);
+        json ? PlanesOfMarkups(fileName, this->PixelSpacing, worldIsLps)
+        : bigus::LooksLikeTransform(beginning)
+            ? PlaneOfTransform(fileName, worldIsLps)
+            : PlanesOfSequence(fileName, this->GetPoseOptions(), this->NumberOfRejectedPoses, this->RejectionSummary);
 
     const auto count = static_cast<vtkIdType>(planes.size());
     const auto imageToReference = bigus::NewArray<vtkDoubleArray>("ImageToReference", 16, count);

@@ -1463,8 +1463,8 @@ class Voxelize(CommandTest):
         self.assertEqual(len(pixels), nx * ny * nz)
 
     def test_every_file_says_where_it_lies(self):
-        """NRRD names its system; MetaImage is LPS, so x and y of a world in RAS change their signs."""
-        for system, name, sign in (("ras", "right-anterior-superior", -1), ("lps", "left-posterior-superior", 1)):
+        """Files are in LPS, so x and y of a world in RAS change their signs."""
+        for system, sign in (("ras", -1), ("lps", 1)):
             mha, nrrd = self.folder / f"{system}.mha", self.folder / f"{system}.nrrd"
             for path in (mha, nrrd):
                 answer = self.expect(SUCCESS, "voxelize", self.field, "-o", path, "--spacing", 2,
@@ -1474,8 +1474,9 @@ class Voxelize(CommandTest):
             self.assertIn(f"Offset = {-7 * sign} {5 * sign} 3\n", header)
             self.assertIn(f"TransformMatrix = {sign} 0 0 0 {sign} 0 0 0 1\n", header)
             text = nrrd.read_bytes().split(b"\n\n")[0].decode()
-            self.assertIn(f"space: {name}\n", text)
-            self.assertIn("space directions: (2,0,0) (0,2,0) (0,0,2)\nspace origin: (-7,5,3)", text)
+            self.assertIn("space: left-posterior-superior\n", text)
+            self.assertIn(f"space directions: ({2 * sign},0,0) (0,{2 * sign},0) (0,0,2)\n"
+                          f"space origin: ({-7 * sign},{5 * sign},3)", text)
             self.assertNotIn("space dimension", text)  # a named space has one
         self.expect(SUCCESS, "voxelize", self.field, "-o", self.folder / "default.mha", "--spacing", 2,
                     "--origin", -7, 5, 3, "--size", 4, 5, 6)

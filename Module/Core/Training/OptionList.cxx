@@ -224,7 +224,8 @@ std::vector<OptionText> ListOptions(const TrainerOptions& options)
                   const OptionText::Kind kind = std::is_same_v<Inner, bool> ? OptionText::Kind::Switch
                                                 : kIsNumber<Inner>          ? OptionText::Kind::Number
                                                                             : OptionText::Kind::Text;
-                  list.push_back({info, kind, Value<T>::mayBeOpen, ValuesOf<Inner>(info), TextOf(value)});
+                  list.push_back({info, kind, Value<T>::mayBeOpen, ValuesOf<Inner>(info), TextOf(value),
+                                  kIsNumber<Inner> && std::is_integral_v<Inner>});
                 });
   return list;
 }

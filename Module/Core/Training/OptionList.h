@@ -173,6 +173,7 @@ struct OptionText
   bool mayBeOpen = false;  ///< "auto" is a value
   std::string values;      ///< other values: "0 to 8", "on|off", "intensity|harris|random", ...; empty: any text
   std::string value;       ///< as SetOption reads it
+  bool isWhole = false;    ///< a number without a fraction
 };
 
 /// All options in the list's order; those of a default TrainerOptions are the defaults.

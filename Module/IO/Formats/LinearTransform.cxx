@@ -189,4 +189,24 @@ LinearTransform ReadLinearTransform(const std::string& fileName)
   return {matrix, true};
 }
 
+Eigen::Matrix4d ReadObjectMatrix(const std::string& fileName, bool worldIsLps)
+{
+  const LinearTransform file = ReadLinearTransform(fileName);
+  if (!file.isItk)
+  {
+    return file.matrix;
+  }
+  if (!(std::abs(file.matrix.determinant()) > 0))
+  {
+    throw FormatError(fileName + ": the transform has no inverse");
+  }
+  const Eigen::Vector4d signs = worldIsLps ? Eigen::Vector4d(1, 1, 1, 1) : Eigen::Vector4d(-1, -1, 1, 1);
+  return signs.asDiagonal() * file.matrix.inverse() * signs.asDiagonal();
+}
+
+bool LooksLikeTransform(const std::string& beginning)
+{
+  return beginning.rfind(itkMagic, 0) == 0;
+}
+
 }  // namespace bigus

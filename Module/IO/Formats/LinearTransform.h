@@ -22,4 +22,11 @@ struct LinearTransform
 /// what the file has instead.
 LinearTransform ReadLinearTransform(const std::string& fileName);
 
+/// How the file moves what is under it, in the patient system `worldIsLps` names (LPS, else RAS): an ITK transform as 3D
+/// Slicer shows it, by its inverse; sixteen numbers as they are. Throws FileError, also where there is no inverse.
+Eigen::Matrix4d ReadObjectMatrix(const std::string& fileName, bool worldIsLps);
+
+/// Whether a file that begins with these bytes is an ITK transform file.
+bool LooksLikeTransform(const std::string& beginning);
+
 }  // namespace bigus

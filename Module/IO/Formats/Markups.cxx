@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Formats/Markups.h"
 
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -47,39 +48,42 @@ std::string TextMember(const Json& object, const char* name, const std::string& 
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
 }
 
-// https://github.com/Slicer/Slicer/tree/main/Modules/Loadable/Markups/Resources/Schema
-MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacing, bool worldIsLps)
+// What all markups say: a position or a direction of them as the file has it, in the patient system asked for.
+class Placement
 {
-  const std::string system = TextMember(markup, "coordinateSystem", "LPS");
-  if (system != "LPS" && system != "RAS")
+public:
+  Placement(const std::string& what, const Json& markup, bool worldIsLps)
   {
-    throw FormatError(what + ": coordinateSystem " + Quoted(system) + "; LPS and RAS are read");
+    const std::string system = TextMember(markup, "coordinateSystem", "LPS");
+    if (system != "LPS" && system != "RAS")
+    {
+      throw FormatError(what + ": coordinateSystem " + Quoted(system) + "; LPS and RAS are read");
+    }
+    if (const std::string units = TextMember(markup, "coordinateUnits", "mm"); units != "mm")
+    {
+      throw FormatError(what + ": coordinateUnits " + Quoted(units) + "; only mm is read");
+    }
+    sign_ = (system == "LPS") != worldIsLps ? -1 : 1;
   }
-  if (const std::string units = TextMember(markup, "coordinateUnits", "mm"); units != "mm")
+
+  Eigen::Vector3d InWorld(double x, double y, double z) const { return {sign_ * x, sign_ * y, z}; }
+
+private:
+  double sign_;
+};
+
+MarkupPlane Grid(const std::string& what, const Eigen::Vector3d& centre, const Eigen::Vector3d& x,
+                 const Eigen::Vector3d& y, double width, double height, double spacing)
+{
+  if (!(std::min(width, height) > 0 && std::max(width, height) / spacing <= largestSide))
   {
-    throw FormatError(what + ": coordinateUnits " + Quoted(units) + "; only mm is read");
-  }
-  Eigen::Vector3d centre = Numbers(what, markup, "center", 3);
-  const Eigen::VectorXd orientation = Numbers(what, markup, "orientation", 9);  // row-major, axes in columns
-  const Eigen::VectorXd size = Numbers(what, markup, "size", 2);
-  Eigen::Vector3d x(orientation[0], orientation[3], orientation[6]);
-  Eigen::Vector3d y(orientation[1], orientation[4], orientation[7]);
-  if (!(size.minCoeff() > 0 && size.maxCoeff() / spacing <= largestSide))
-  {
-    throw FormatError(what + ": size " + ExactNumber(size[0]) + " x " + ExactNumber(size[1]) + " mm at " +
+    throw FormatError(what + ": size " + ExactNumber(width) + " x " + ExactNumber(height) + " mm at " +
                       ExactNumber(spacing) + " mm a pixel; up to " + std::to_string(largestSide) +
                       " pixels a side are possible");
   }
-  if ((system == "LPS") != worldIsLps)
-  {
-    for (Eigen::Vector3d* vector : {&centre, &x, &y})
-    {
-      vector->head<2>() *= -1;
-    }
-  }
   SlicePlane plane;
-  plane.width = std::max(1, static_cast<int>(std::lround(size[0] / spacing)));
-  plane.height = std::max(1, static_cast<int>(std::lround(size[1] / spacing)));
+  plane.width = std::max(1, static_cast<int>(std::lround(width / spacing)));
+  plane.height = std::max(1, static_cast<int>(std::lround(height / spacing)));
   plane.columnStep = spacing * x.normalized();
   plane.rowStep = spacing * y.normalized();
   plane.origin = centre - 0.5 * (plane.width - 1) * plane.columnStep - 0.5 * (plane.height - 1) * plane.rowStep;
@@ -94,12 +98,47 @@ MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacin
   return {plane.ImageToReference(), plane.width, plane.height};
 }
 
-}  // namespace
-
-std::vector<MarkupPlane> ReadMarkupPlanes(const std::string& fileName, double spacing, bool worldIsLps)
+// https://github.com/Slicer/Slicer/tree/main/Modules/Loadable/Markups/Resources/Schema
+MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacing, bool worldIsLps)
 {
-  const std::string text = ReadTextFile(fileName, largestFile);
-  const Json document = Json::parse(text, nullptr, false);
+  const Placement place(what, markup, worldIsLps);
+  const Eigen::VectorXd centre = Numbers(what, markup, "center", 3);
+  const Eigen::VectorXd axes = Numbers(what, markup, "orientation", 9);  // row-major, axes in columns
+  const Eigen::VectorXd size = Numbers(what, markup, "size", 2);
+  return Grid(what, place.InWorld(centre[0], centre[1], centre[2]), place.InWorld(axes[0], axes[3], axes[6]),
+              place.InWorld(axes[1], axes[4], axes[7]), size[0], size[1], spacing);
+}
+
+// Columns along the line, from its first point to its second. Rows go down as far as a right angle lets them: to the feet,
+// or to the back where the line itself runs along the body.
+MarkupPlane ReadLine(const std::string& what, const Json& markup, double spacing, bool worldIsLps)
+{
+  constexpr double kAlongTheBody = 0.9;  // cosine; nearer to it a right angle leaves less than half of "down"
+  const Placement place(what, markup, worldIsLps);
+  const auto points = markup.find("controlPoints");
+  if (points == markup.end() || !points->is_array() || points->size() != 2)
+  {
+    throw FormatError(what + ": a line has two controlPoints, this one " +
+                      std::to_string(points == markup.end() ? 0 : points->size()));
+  }
+  std::array<Eigen::Vector3d, 2> ends;
+  for (std::size_t k = 0; k < 2; ++k)
+  {
+    const Eigen::VectorXd position =
+        Numbers(what + ": controlPoints[" + std::to_string(k) + "]", (*points)[k], "position", 3);
+    ends[k] = place.InWorld(position[0], position[1], position[2]);
+  }
+  const double length = (ends[1] - ends[0]).norm();
+  const Eigen::Vector3d along = (ends[1] - ends[0]).normalized();
+  const Eigen::Vector3d feet(0, 0, -1), back(0, worldIsLps ? 1 : -1, 0);
+  const Eigen::Vector3d down = std::abs(along.dot(feet)) < kAlongTheBody ? feet : back;
+  return Grid(what, 0.5 * (ends[0] + ends[1]), along, down - down.dot(along) * along, length, length, spacing);
+}
+
+// The markups of a file, each with the words that name it.
+std::vector<std::pair<std::string, Json>> ReadMarkups(const std::string& fileName)
+{
+  const Json document = Json::parse(ReadTextFile(fileName, largestFile), nullptr, false);
   if (document.is_discarded())
   {
     throw FormatError(fileName + ": not valid JSON; it is damaged or truncated");
@@ -109,20 +148,68 @@ std::vector<MarkupPlane> ReadMarkupPlanes(const std::string& fileName, double sp
   {
     throw FormatError(fileName + ": has no list \"markups\"; a 3D Slicer markup file (.mrk.json) is expected");
   }
-  std::vector<MarkupPlane> planes;
+  std::vector<std::pair<std::string, Json>> named;
   for (std::size_t i = 0; i < markups->size(); ++i)
   {
-    const Json& markup = (*markups)[i];
-    if (markup.is_object() && TextMember(markup, "type", "") == "Plane")
+    if ((*markups)[i].is_object())
     {
-      planes.push_back(ReadPlane(fileName + ": markup " + std::to_string(i), markup, spacing, worldIsLps));
+      named.emplace_back(fileName + ": markup " + std::to_string(i), (*markups)[i]);
+    }
+  }
+  return named;
+}
+
+}  // namespace
+
+std::vector<MarkupPlane> ReadMarkupPlanes(const std::string& fileName, double spacing, bool worldIsLps)
+{
+  std::vector<MarkupPlane> planes;
+  for (const auto& [what, markup] : ReadMarkups(fileName))
+  {
+    const std::string type = TextMember(markup, "type", "");
+    if (type == "Plane" || type == "Line")
+    {
+      planes.push_back((type == "Plane" ? ReadPlane : ReadLine)(what, markup, spacing, worldIsLps));
     }
   }
   if (planes.empty())
   {
-    throw FormatError(fileName + ": has no markup of type Plane");
+    throw FormatError(fileName + ": has no markup of type Plane or Line");
   }
   return planes;
+}
+
+MarkupBox ReadMarkupBox(const std::string& fileName, bool worldIsLps)
+{
+  std::vector<MarkupBox> boxes;
+  for (const auto& [what, markup] : ReadMarkups(fileName))
+  {
+    if (TextMember(markup, "type", "") != "ROI")
+    {
+      continue;
+    }
+    const Placement place(what, markup, worldIsLps);
+    const Eigen::VectorXd centre = Numbers(what, markup, "center", 3);
+    const Eigen::VectorXd axes = Numbers(what, markup, "orientation", 9);
+    const Eigen::VectorXd size = Numbers(what, markup, "size", 3);
+    MarkupBox box{place.InWorld(centre[0], centre[1], centre[2]), Eigen::Matrix3d(), size};
+    for (int k = 0; k < 3; ++k)
+    {
+      box.axes.col(k) = place.InWorld(axes[k], axes[3 + k], axes[6 + k]).normalized();
+    }
+    if (!(size.minCoeff() > 0) || !((box.axes.transpose() * box.axes - Eigen::Matrix3d::Identity()).norm() < 1e-6))
+    {
+      throw FormatError(what +
+                        ": size and orientation must be those of a box: three lengths above 0, and axes at right "
+                        "angles");
+    }
+    boxes.push_back(box);
+  }
+  if (boxes.size() != 1)
+  {
+    throw FormatError(fileName + ": has " + std::to_string(boxes.size()) + " markups of type ROI; one is expected");
+  }
+  return boxes.front();
 }
 
 }  // namespace bigus

@@ -1,0 +1,228 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// https://github.com/commontk/CTK/blob/master/Libs/CommandLineModules/Core/Resources/ctkCmdLineModule.xsd is the schema.
+#include "ModuleDescription.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <sstream>
+
+#include "Command.h"
+
+namespace bigus::command
+{
+
+namespace
+{
+
+// What each name stands for. Slicer finds programs by their files' names.
+constexpr std::array<std::pair<const char*, const char*>, 4> kModules{
+    {{"BigusTrain", "train"}, {"BigusSlice", "slice"}, {"BigusVoxelize", "voxelize"}, {"BigusPoses", "poses"}}};
+
+constexpr const char* kMainGroup = "Options";    // CLI11's name for options without a group
+constexpr const char* kShorthand = "Short for";  // begins the help of flags that repeat another option
+// Options of the program that a module has, too; the others say how messages look.
+constexpr std::array<const char*, 2> kProgramOptions{"threads", "simd"};
+
+std::string Element(const std::string& name, const std::string& text)
+{
+  return "<" + name + ">" + XmlEscaped(text) + "</" + name + ">\n";
+}
+
+/// "hold-out" to "hold_out".
+std::string Identifier(std::string name)
+{
+  std::replace(name.begin(), name.end(), '-', '_');
+  return CLI::detail::to_lower(name);
+}
+
+/// "hold-out" to "Hold out".
+std::string Label(std::string name)
+{
+  name = CLI::detail::to_lower(name);
+  std::replace(name.begin(), name.end(), '-', ' ');
+  name[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(name[0])));
+  return name;
+}
+
+/// "on|off" to on and off; empty for anything but names with bars between.
+std::vector<std::string> Names(const std::string& type)
+{
+  const bool plain = std::all_of(type.begin(), type.end(),
+                                 [](unsigned char c) { return std::islower(c) || std::isdigit(c) || c == '|'; });
+  return plain && type.find('|') != std::string::npos ? CLI::detail::split(type, '|') : std::vector<std::string>();
+}
+
+/// What the option's checks say of its value (see OptionKind): its words, empty where none says anything.
+std::vector<std::string> KindOf(const CLI::Option& option)
+{
+  auto& checks = const_cast<CLI::Option&>(option);  // CLI11 gives its checks only for changing
+  for (int k = 0;; ++k)
+  {
+    try
+    {
+      if (const std::string& name = checks.get_validator(k)->get_name(); !name.empty())
+      {
+        return CLI::detail::split(name, ' ');
+      }
+    }
+    catch (const CLI::OptionNotFound&)
+    {
+      return {};
+    }
+  }
+}
+
+/// One option, or nothing where Slicer shall not show it.
+std::string Describe(const CLI::Option& option, int& positionals)
+{
+  const std::string& help = option.get_description();
+  const bool isPositional = option.get_positional();
+  if (help.rfind(kShorthand, 0) == 0 || (!isPositional && option.get_lnames().empty()))
+  {
+    return {};
+  }
+  const std::string name = isPositional ? option.get_name(true) : option.get_lnames().front();
+  const std::vector<std::string> kind = KindOf(option);
+  const std::vector<std::string> names = Names(option.get_type_name());
+  const bool isNumber = kind.size() == 1;
+  const bool isFile = kind.size() == 3;
+  // A number that may be left out is text, because Slicer gives no number that is none.
+  const std::string value = option.get_default_str();
+  double number = 0;
+  const bool hasNumber = CLI::detail::lexical_cast(value, number);
+
+  std::string tag = "string", attributes;
+  if (option.get_expected_max() == 0)
+  {
+    tag = "boolean";
+  }
+  else if (option.get_expected_max() > 1)
+  {
+    tag = kind.at(0) + "-vector";
+  }
+  else if (isFile)
+  {
+    tag = kind[0];
+    attributes = " fileExtensions=\"" + kind[2] + "\"" + (tag == "image" ? " type=\"scalar\"" : "");
+  }
+  else if (!names.empty())
+  {
+    tag = "string-enumeration";
+  }
+  else if (isNumber && hasNumber)
+  {
+    tag = kind[0];
+  }
+
+  std::string text = "<" + tag + attributes + ">\n" + Element("name", Identifier(name));
+  text += isPositional ? Element("index", std::to_string(positionals++)) : Element("longflag", "--" + Identifier(name));
+  text += Element("description", help) + Element("label", Label(name));
+  if (tag == "boolean")
+  {
+    text += Element("default", "false");
+  }
+  else if (!value.empty() && tag != "integer-vector" && tag != "double-vector")
+  {
+    text += Element("default", value);
+  }
+  if (isFile)
+  {
+    text += Element("channel", kind[1]);
+  }
+  for (const std::string& element : names)
+  {
+    text += Element("element", element);
+  }
+  return text + "</" + tag + ">\n";
+}
+
+}  // namespace
+
+std::string ModuleCommand(const std::string& program)
+{
+  const std::string name = std::filesystem::path(program).filename().string();
+  for (const auto& [module, command] : kModules)
+  {
+    if (name == module)
+    {
+      return command;
+    }
+  }
+  return {};
+}
+
+std::string DescribeModule(const CLI::App& program, const CLI::App& command)
+{
+  struct Group
+  {
+    std::string name, options;
+    bool isNeeded;  ///< holds an option that must be given: 3D Slicer shows it unfolded
+  };
+  std::vector<Group> groups = {{kMainGroup, "", true}};  // in the order of the help
+  int positionals = 0;
+  const auto add = [&](const CLI::Option& option)
+  {
+    const std::string name = option.get_positional() ? kMainGroup : option.get_group();
+    auto found = std::find_if(groups.begin(), groups.end(), [&](const Group& group) { return group.name == name; });
+    if (found == groups.end())
+    {
+      found = groups.insert(groups.end(), {name, "", false});
+    }
+    found->options += Describe(option, positionals);
+    found->isNeeded |= option.get_required();
+  };
+  std::vector<const CLI::Option*> options = command.get_options();
+  std::stable_partition(options.begin(), options.end(), [](const CLI::Option* one) { return one->get_positional(); });
+  for (const CLI::Option* option : options)
+  {
+    if (option != command.get_help_ptr())
+    {
+      add(*option);
+    }
+  }
+  for (const char* name : kProgramOptions)
+  {
+    add(*program.get_option(std::string("--") + name));
+  }
+
+  std::string description;
+  std::istringstream lines(command.get_description());
+  for (std::string line; std::getline(lines, line);)
+  {
+    description += line.rfind("  bigus", 0) == 0 ? "" : line + "\n";  // examples for the shell
+  }
+  std::string xml = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<executable>\n" +
+                    Element("category", "Ultrasound.BIGUS") + Element("title", "BIGUS " + Label(command.get_name())) +
+                    Element("description", description) + Element("version", BIGUS_VERSION) +
+                    Element("license", "BSD-3-Clause") + Element("contributor", "BIGUS authors");
+  for (const Group& group : groups)
+  {
+    const std::string label = group.name == kMainGroup ? "What is done" : group.name;
+    xml += group.options.empty()
+               ? ""
+               : "<parameters" + std::string(group.isNeeded ? "" : " advanced=\"true\"") + ">\n" +
+                     Element("label", label) + Element("description", label) + group.options + "</parameters>\n";
+  }
+  return xml + "</executable>\n";
+}
+
+std::vector<std::string> ModuleArguments(const std::string& command, int argumentCount, char** arguments)
+{
+  std::vector<std::string> rewritten = {command};
+  for (int k = 1; k < argumentCount; ++k)
+  {
+    std::string argument = arguments[k];
+    if (argument.rfind("--", 0) == 0)
+    {
+      std::replace(argument.begin(), argument.begin() + std::min(argument.find('='), argument.size()), '_', '-');
+    }
+    rewritten.push_back(argument);
+  }
+  return rewritten;
+}
+
+}  // namespace bigus::command
