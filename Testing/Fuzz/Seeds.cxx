@@ -203,6 +203,15 @@ int main(int count, char** arguments)
        R"(<?xml version="1.0"?><PlusConfiguration><CoordinateDefinitions><Transform From="Image" To="Probe"
   Matrix="0.1 0 0 0 0 0.1 0 0 0 0 0.1 0 0 0 0 1"/></CoordinateDefinitions></PlusConfiguration>)");
   Seed("Markups", "plane", test::SmallMarkup());
+  Seed("Markups", "line",
+       R"({"markups": [{"type": "Line", "controlPoints": [{"position": [1, 2, 3]}, {"position": [4, 5, 6]}]}]})");
+  Seed(
+      "Markups", "box",
+      R"({"markups": [{"type": "ROI", "center": [1, 2, 3], "orientation": [1, 0, 0, 0, 1, 0, 0, 0, 1], "size": [1, 2, 3]}]})");
+  Seed(
+      "Nrrd", "volume",
+      "NRRD0005\ntype: uint8\ndimension: 3\nsizes: 1 1 2\nspace: left-posterior-superior\nencoding: raw\nkinds: domain "
+      "domain domain\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n\nab");
   Seed("Markups", "deep", std::string(500, '[') + std::string(500, ']'));
   Fields();
   Seed("Png", "grey8", fuzz::Png(4, 3));

@@ -3,6 +3,7 @@
 // Slice planes from sequences, CSV and 3D Slicer's markups.
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 
 #include "SmallFiles.h"
@@ -132,12 +133,89 @@ void ExpectRefused(vtkBigusPoseReader* reader, const std::string& fileName, cons
   EXPECT_NE(reader->GetErrorCode(), static_cast<unsigned long>(vtkErrorCode::NoError));
 }
 
+std::string Line(const std::string& points)
+{
+  return R"({"markups": [{"type": "Line", "coordinateSystem": "LPS", "controlPoints": [)" + points + "]}]}";
+}
+
+TEST(Poses, OfAMarkupLine)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusPoseReader> reader;
+  reader->SetPixelSpacing(0.5);
+  // Across the body: down is to the feet. Along it: down is to the back, which is +y in LPS and -y in RAS.
+  for (const bool lps : {true, false})
+  {
+    lps ? reader->SetWorldCoordinateSystemToLPS() : reader->SetWorldCoordinateSystemToRAS();
+    const double sign = lps ? 1 : -1;
+    const auto check = [&](const std::string& points, const Eigen::Vector3d& column, const Eigen::Vector3d& row,
+                           const Eigen::Vector3d& middle)
+    {
+      WriteBytes(folder / "line.mrk.json", Line(points));
+      Read(reader, folder / "line.mrk.json");
+      ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 1);
+      EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 20);
+      EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 1), 20);
+      const double* m = Column(reader, "ImageToReference")->GetTuple(0);
+      for (int r = 0; r < 3; ++r)
+      {
+        EXPECT_NEAR(m[4 * r], 0.5 * column[r], 1e-12);
+        EXPECT_NEAR(m[4 * r + 1], 0.5 * row[r], 1e-12);
+        EXPECT_NEAR(9.5 * (m[4 * r] + m[4 * r + 1]) + m[4 * r + 3], middle[r], 1e-12);
+      }
+    };
+    check(R"({"position": [1, 2, 3]}, {"position": [7, 2, 11]})", {0.6 * sign, 0, 0.8}, {0.8 * sign, 0, -0.6},
+          {4 * sign, 2 * sign, 7});
+    check(R"({"position": [0, 0, 0]}, {"position": [0, 0, 10]})", {0, 0, 1}, {0, sign, 0}, {0, 0, 5});
+  }
+  const std::vector<std::pair<std::string, std::string>> bad = {
+      {R"({"position": [1, 2, 3]})", "two controlPoints, this one 1"},
+      {R"({"position": [1, 2, 3]}, {"position": [1, 2, 3]})", "size 0 x 0"},
+      {R"({"position": [1, 2, 3]}, {"position": [1, 2]})", "controlPoints[1] has no position"},
+      {R"({"position": [1, 2, 3]}, {"position": [1, 2, "x"]})", "not a number"},
+      {R"({"position": [1, 2, 3]}, 7)", "controlPoints[1] has no position"}};
+  for (const auto& [points, part] : bad)
+  {
+    SCOPED_TRACE(points);
+    WriteBytes(folder / "bad.mrk.json", Line(points));
+    ExpectRefused(reader, folder / "bad.mrk.json", part);
+  }
+}
+
+TEST(Poses, OfALinearTransform)
+{
+  TemporaryFolder folder;
+  // What is under it moves by the inverse: (1, 2, 3) from the origin, in LPS.
+  WriteBytes(folder / "t.tfm",
+             "#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\n"
+             "Parameters: 0 -1 0 1 0 0 0 0 1 2 -1 -3\nFixedParameters: 0 0 0\n");
+  vtkNew<vtkBigusPoseReader> reader;
+  for (const bool lps : {true, false})
+  {
+    lps ? reader->SetWorldCoordinateSystemToLPS() : reader->SetWorldCoordinateSystemToRAS();
+    Read(reader, folder / "t.tfm");
+    ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 1);
+    EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 0);
+    const double sign = lps ? 1 : -1;
+    const double expected[16] = {0, 1, 0, sign, -1, 0, 0, 2 * sign, 0, 0, 1, 3, 0, 0, 0, 1};
+    for (int k = 0; k < 16; ++k)
+    {
+      EXPECT_NEAR(Column(reader, "ImageToReference")->GetComponent(0, k), expected[k], 1e-12) << k;
+    }
+  }
+  WriteBytes(folder / "flat.tfm",
+             "#Insight Transform File V1.0\nTransform: AffineTransform_double_3_3\n"
+             "Parameters: 0 0 0 0 1 0 0 0 1 0 0 0\nFixedParameters: 0 0 0\n");
+  ExpectRefused(reader, folder / "flat.tfm", "no inverse");
+}
+
 TEST(Poses, RefusesBadMarkups)
 {
   TemporaryFolder folder;
   const std::vector<std::tuple<std::string, std::string, std::string>> cases = {
       {"\"markups\"", "\"makeups\"", "markups"},
-      {"\"Plane\"", "\"Line\"", "type Plane"},
+      {"\"Plane\"", "\"Angle\"", "type Plane or Line"},
+      {"\"Plane\"", "\"Line\"", "two controlPoints"},
       {"LPS", "XYZ", "XYZ"},
       {"\"mm\"", "\"inch\"", "inch"},
       {"\"center\"", "\"centre\"", "center"},

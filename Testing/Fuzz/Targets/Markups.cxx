@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// 3D Slicer's plane markups.
+// 3D Slicer's markups: planes, lines and regions of interest.
+#include "IO/Formats/Markups.h"
+
 #include "Fuzz/Harness.h"
 #include "Inputs.h"
 
@@ -16,6 +18,12 @@ void TryInput(const std::string& bytes)
         command::PlaneOptions options;
         options.poses = path;
         command::ReadPlanes(options, console);
+        return command::Success;
+      });
+  RunAsProgram(
+      [&path](command::Console&)
+      {
+        ReadMarkupBox(path, true);
         return command::Success;
       });
 }
