@@ -58,7 +58,8 @@ TEST(VolumeGrid, InEitherPatientSystem)
 
 TEST(VolumeGrid, BadFiles)
 {
-  const auto refused = [](const std::string& good, const std::string& from, const std::string& to, const std::string& part)
+  const auto refused =
+      [](const std::string& good, const std::string& from, const std::string& to, const std::string& part)
   {
     std::string bad = good;
     bad.replace(bad.find(from), from.size(), to);
@@ -136,21 +137,22 @@ TEST(MarkupBox, InEitherPatientSystem)
       R"({"markups": [{"type": "Line"}, {"type": "ROI", "coordinateSystem": "LPS", "center": [1, 2, 3],
       "orientation": [0, -1, 0, 1, 0, 0, 0, 0, 1], "size": [4, 5, 6]}]})";
   WriteBytes(folder / "box.mrk.json", text);
-  const MarkupBox lps = ReadMarkupBox(folder / "box.mrk.json", true), ras = ReadMarkupBox(folder / "box.mrk.json", false);
+  const MarkupBox lps = ReadMarkupBox(folder / "box.mrk.json", true),
+                  ras = ReadMarkupBox(folder / "box.mrk.json", false);
   EXPECT_EQ(lps.centre, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(ras.centre, Eigen::Vector3d(-1, -2, 3));
   EXPECT_EQ(lps.size, Eigen::Vector3d(4, 5, 6));
   EXPECT_EQ((lps.axes * Eigen::Vector3d(1, 10, 100)).eval(), Eigen::Vector3d(-10, 1, 100));
   EXPECT_EQ((ras.axes * Eigen::Vector3d(1, 10, 100)).eval(), Eigen::Vector3d(10, -1, 100));
 
-  for (const auto& [from, to, part] : std::vector<std::tuple<std::string, std::string, std::string>>{
-           {"ROI", "Plane", "has 0 markups of type ROI"},
-           {"Line", "ROI", "markup 0 has no center"},
-           {"[1, 2, 3]", "[1, 2]", "center"},
-           {"[4, 5, 6]", "[4, 5, 0]", "three lengths"},
-           {"[4, 5, 6]", "[4, 5]", "size of 3 numbers"},
-           {"[0, -1, 0,", "[0, -1, 1,", "right angles"},
-           {"LPS", "IJK", "\"IJK\""}})
+  for (const auto& [from, to, part] :
+       std::vector<std::tuple<std::string, std::string, std::string>>{{"ROI", "Plane", "has 0 markups of type ROI"},
+                                                                      {"Line", "ROI", "markup 0 has no center"},
+                                                                      {"[1, 2, 3]", "[1, 2]", "center"},
+                                                                      {"[4, 5, 6]", "[4, 5, 0]", "three lengths"},
+                                                                      {"[4, 5, 6]", "[4, 5]", "size of 3 numbers"},
+                                                                      {"[0, -1, 0,", "[0, -1, 1,", "right angles"},
+                                                                      {"LPS", "IJK", "\"IJK\""}})
   {
     std::string bad = text;
     bad.replace(bad.find(from), from.size(), to);
