@@ -122,6 +122,28 @@ TEST(Checkpoints, AStoppedTrainingGoesOnWithTheSameBits)
   }
 }
 
+/// Also while seeds are found and virtual planes are made.
+TEST(Checkpoints, AStopAtAnyCallGoesOnWithTheSameBits)
+{
+  const auto sweep = RenderedSweep();
+  TrainerOptions options = Small();
+  options.iterations = 12;
+  options.virtualPlanes = 2;
+  const TrainingResult whole = bigus::Train(sweep, options);
+  int call = 1;
+  for (;; ++call)
+  {
+    SCOPED_TRACE("stopped at call " + std::to_string(call));
+    const std::optional<std::string> state = StateWhenStopped(sweep, options, {0, call});
+    if (!state)
+    {
+      break;
+    }
+    ExpectSame(Resumed(sweep, options, *state), whole);
+  }
+  EXPECT_GT(call, 12 + 3);  // planes report as well
+}
+
 TEST(Checkpoints, EveryEngineGoesOn)
 {
   for (const char* engine : {"cpu-double", "reference"})

@@ -396,8 +396,9 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
 
 /// The second stage's targets that a time limit leaves time for; they are set. Where planes are dense there may be fewer
 /// virtual planes, or none. Where they are sparse frames are reduced instead, because detail is learned last.
-/// `secondsOfPass` is the first stage's pace; frames of half the sides take half as long.
-TrainingLoop::Targets TrainingLoop::TargetPlanesInTime(double secondsOfPass)
+/// `secondsOfPass` is the first stage's pace; frames of half the sides take half as long. Null, and the first stage's
+/// targets stay, when the caller said stop.
+std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double secondsOfPass)
 {
   const TimeForPlanes& needed = plan_.sparse ? kSparseTime : kDenseTime;
   const double secondsAtFullSize = coarseness_ * secondsOfPass;
@@ -420,9 +421,13 @@ TrainingLoop::Targets TrainingLoop::TargetPlanesInTime(double secondsOfPass)
       targets.planes /= kFewerPlanes;
     }
   }
+  if (aborted_)
+  {
+    return std::nullopt;
+  }
   // No time for virtual planes. Detail that few passes cannot teach costs time all the same.
   const bool isTimeForDetail = plan_.timeLimit - watch_.Seconds() > kPassesForDetail * secondsOfPass;
-  targets = {0, isTimeForDetail || aborted_ ? 1 : coarseness_};
+  targets = {0, isTimeForDetail || plan_.timeLimit <= 0 ? 1 : coarseness_};
   TargetPlanes(targets);
   return targets;
 }
@@ -687,8 +692,13 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     }
     if (isFirstStage_ && fraction >= kFirstStage)
     {
+      const auto second = TargetPlanesInTime((watch_.Seconds() - trainingStart) / course.passes);
+      if (!second)
+      {
+        break;
+      }
       course.firstStage = course.iteration;
-      course.second = TargetPlanesInTime((watch_.Seconds() - trainingStart) / course.passes);
+      course.second = *second;
       batches = Batches(targets_, plan_.batch, plan_.seed);
       stageStart = watch_.Seconds();
       stageFirst = course.iteration;

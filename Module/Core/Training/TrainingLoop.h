@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -83,7 +84,7 @@ private:
 
   void TargetFrames(int coarseness);
   bool TargetPlanes(const Targets& targets, double most = 0);
-  Targets TargetPlanesInTime(double secondsOfPass);
+  std::optional<Targets> TargetPlanesInTime(double secondsOfPass);
   void UploadTargets();
   /// Gains or poses of frames are found on the way, which needs all frames as they are from the first step on.
   bool AreFramesChanged() const { return plan_.frameGains || plan_.poseRefinement; }
