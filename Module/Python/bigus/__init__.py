@@ -40,10 +40,11 @@ if importlib.util.find_spec(__name__ + ".vtkBigusRendering"):  # not there when 
 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
+from .sources import SourceError, from_files
 from .tasks import TrainingInterrupted, correct_poses, metrics, read, reslice, texture, train, write
 
 from . import pickling  # noqa: F401,E402
 
-__all__ = ["TrainingInterrupted", "correct_poses", "frames", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train"]
+__all__ = ["SourceError", "TrainingInterrupted", "correct_poses", "frames", "from_files", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train"]
 __all__ += ["update", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]

@@ -1,0 +1,680 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images and poses of your own as a sweep: arrays of numpy, HDF5, videos, DICOM, pictures; poses in tables.
+
+`from_files` does all of it. Formats that numpy cannot read ask for a package: h5py, OpenCV or imageio, pydicom.
+The page Sources.md says which frames of coordinates are meant, with a picture.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pathlib
+import re
+from typing import Any, Iterable, NamedTuple, Optional, Sequence, Union
+
+import numpy as np
+
+Path = Union[str, os.PathLike]
+
+VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".mpg", ".mpeg", ".m4v", ".webm", ".wmv")
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+
+RIGID = 0.01  # how far R^T R of a tracker's pose may be off 1; single precision and printed digits stay below 1e-3
+SMALLEST_PIXEL, LARGEST_PIXEL = 1e-3, 10.0  # mm
+
+
+class SourceError(ValueError):
+    """A file that cannot be used. The message names the file, the field, what was found, and what to do."""
+
+
+class Images(NamedTuple):
+    pixels: np.ndarray  # [frames, height, width], uint8, uint16, or float32 in [0, 1]
+    times: Optional[np.ndarray] = None  # s, [frames]
+    spacing: Optional[tuple] = None  # mm of a pixel along i and j, where the file says
+
+
+class Poses(NamedTuple):
+    matrices: np.ndarray  # [rows, 4, 4]; NaN where the tracker saw nothing
+    times: Optional[np.ndarray] = None  # s, [rows]
+    frames: Optional[np.ndarray] = None  # index of the frame of each row, counted from 0
+
+
+def _need(package: str, what: Path, remedy: str = "") -> Any:
+    """Imports a package, or says who needs it."""
+    try:
+        module = importlib.import_module(package)
+        # imageio keeps its older interface under a name of its own, where it has a newer one.
+        return importlib.import_module("imageio.v2") if hasattr(module, "v3") else module
+    except ImportError as error:
+        raise SourceError(f"{what}: needs the package {package} ({error}); install it with pip{remedy}") from None
+
+
+def _suffix(path: Path) -> str:
+    return pathlib.Path(path).suffix.lower()
+
+
+def _require_file(path: Path) -> None:
+    if not pathlib.Path(path).exists():
+        raise SourceError(f"{path}: there is no such file")
+
+
+# ---- images
+
+
+def as_pixels(array: np.ndarray, name: Path) -> np.ndarray:
+    """Frames as the trainer takes them: colours become grey, wide types those that hold them."""
+    array = np.asarray(array)
+    if array.ndim == 4 and array.shape[3] == 1:
+        array = array[..., 0]
+    if array.ndim == 4 and array.shape[3] in (3, 4):
+        if array.dtype != np.uint8:
+            raise SourceError(f"{name}: colours of {array.dtype}; uint8 is expected")
+        red, green, blue = (array[..., channel].astype(np.uint32) for channel in range(3))
+        array = ((299 * red + 587 * green + 114 * blue + 500) // 1000).astype(np.uint8)  # as the sequence reader does
+    if array.ndim != 3 or 0 in array.shape:
+        raise SourceError(f"{name}: images of shape {array.shape}; (frames, height, width) is expected, or (frames, "
+                          "height, width, 3) for colours")
+    if array.dtype == np.bool_:
+        return array.astype(np.uint8) * 255
+    if array.dtype in (np.uint8, np.uint16):
+        return array
+    if array.dtype.kind == "f":
+        array = array.astype(np.float32)
+        low, high = float(array.min()), float(array.max())
+        if not (low >= 0 and high <= 1):  # false for NaN
+            raise SourceError(f"{name}: pixels from {low:.4g} to {high:.4g}; float pixels lie in 0 to 1: divide them by "
+                              "their white, or save them as uint8")
+        return array
+    if array.dtype.kind in "iu" and array.size and 0 <= array.min() and array.max() <= 65535:
+        return array.astype(np.uint8 if array.max() <= 255 else np.uint16)
+    raise SourceError(f"{name}: pixels of {array.dtype}, from {array.min()} to {array.max()}; uint8, uint16 or float in 0 "
+                      "to 1 is expected")
+
+
+def _numpy(path: Path, names: Sequence[str], what: str) -> np.ndarray:
+    try:
+        loaded = np.load(path, allow_pickle=False)
+    except Exception as error:
+        raise SourceError(f"{path}: not an array of numpy that can be read ({error}); write it with numpy.save") from None
+    if isinstance(loaded, np.ndarray):
+        return loaded
+    with loaded:
+        for name in names:
+            if name in loaded.files:
+                return loaded[name]
+        raise SourceError(f"{path}: holds {', '.join(loaded.files) or 'nothing'}; {what} are expected under the name "
+                          f"{' or '.join(names)}")
+
+
+def _hdf5(path: Path, names: Sequence[str], what: str) -> np.ndarray:
+    h5py = _need("h5py", path)
+    try:
+        with h5py.File(path, "r") as file:
+            for name in names:
+                if isinstance(file.get(name), h5py.Dataset):
+                    return file[name][()]
+            found = ", ".join(sorted(file)[:10]) or "nothing"
+    except OSError as error:
+        raise SourceError(f"{path}: not an HDF5 file that can be read ({error}); it may be cut off: fetch it again") from None
+    raise SourceError(f"{path}: holds {found}; {what} are expected under the name {' or '.join(names)}")
+
+
+def _video(path: Path) -> Images:
+    try:
+        import cv2
+    except ImportError:
+        return _video_by_imageio(path)
+    capture = cv2.VideoCapture(os.fspath(path))
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    frames, times = [], []
+    while capture.isOpened():
+        time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+        good, frame = capture.read()
+        if not good:
+            break
+        frames.append(as_pixels(frame[np.newaxis, ..., ::-1], path)[0])  # OpenCV gives blue first
+        times.append(time)
+    capture.release()
+    if not frames:
+        raise SourceError(f"{path}: no frame can be read; convert the video, for example with ffmpeg to .mp4 (H.264)")
+    if not np.all(np.diff(times) > 0):  # not every container has times
+        times = np.arange(len(frames)) / rate if rate > 0 else None
+    return Images(np.stack(frames), None if times is None else np.array(times))
+
+
+def _video_by_imageio(path: Path) -> Images:
+    imageio = _need("imageio", path, ", with imageio-ffmpeg, or install opencv-python-headless")
+    try:
+        with imageio.get_reader(os.fspath(path)) as reader:
+            rate = reader.get_meta_data().get("fps")
+            frames = [as_pixels(np.asarray(frame)[np.newaxis], path)[0] for frame in reader]
+    except SourceError:
+        raise
+    except Exception as error:
+        raise SourceError(f"{path}: no frame can be read ({error}); convert the video, for example with ffmpeg to .mp4 "
+                          "(H.264)") from None
+    if not frames:
+        raise SourceError(f"{path}: has no frame")
+    return Images(np.stack(frames), np.arange(len(frames)) / rate if rate else None)
+
+
+def _picture(path: Path) -> np.ndarray:
+    """One picture, [height, width] or [height, width, 3 or 4] with red first."""
+    try:
+        import cv2
+
+        pixels = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
+        if pixels is not None and pixels.ndim == 3:
+            pixels = np.concatenate([pixels[..., 2::-1], pixels[..., 3:]], axis=2)
+    except ImportError:
+        try:
+            pixels = np.asarray(_need("imageio", path, ", or install opencv-python-headless").imread(os.fspath(path)))
+        except SourceError:
+            raise
+        except Exception:
+            pixels = None
+    if pixels is None:
+        raise SourceError(f"{path}: not a picture that can be read; PNG, JPEG, BMP and TIFF are")
+    return pixels
+
+
+def _pictures(paths: Sequence[Path]) -> np.ndarray:
+    frames = []
+    for path in paths:
+        _require_file(path)
+        frames.append(as_pixels(_picture(path)[np.newaxis], path)[0])
+        if frames[-1].shape != frames[0].shape or frames[-1].dtype != frames[0].dtype:
+            height, width = frames[-1].shape
+            raise SourceError(f"{path}: {width} x {height} pixels of {frames[-1].dtype}, but {paths[0]} has "
+                              f"{frames[0].shape[1]} x {frames[0].shape[0]} of {frames[0].dtype}; all frames must agree")
+    return np.stack(frames)
+
+
+def _in_natural_order(paths: Iterable[pathlib.Path]) -> list:
+    """frame_2 before frame_10."""
+    return sorted(paths, key=lambda path: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)])
+
+
+def _folder(path: pathlib.Path) -> np.ndarray:
+    paths = _in_natural_order(entry for entry in path.iterdir() if entry.suffix.lower() in PICTURES)
+    if not paths:
+        raise SourceError(f"{path}: holds no picture; {', '.join(PICTURES)} are looked for")
+    return _pictures(paths)
+
+
+def _list_of_frames(path: pathlib.Path) -> np.ndarray:
+    """A text file with the name of a picture a line, relative to the file."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise SourceError(f"{path}: not text; a list has the name of a picture a line") from None
+    names = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    if not names:
+        raise SourceError(f"{path}: names no picture; a list has the name of one a line")
+    return _pictures([path.parent / name for name in names])
+
+
+def _dicom(path: Path) -> Images:
+    pydicom = _need("pydicom", path)
+    try:
+        data = pydicom.dcmread(os.fspath(path))
+    except Exception as error:
+        raise SourceError(f"{path}: not a DICOM file that can be read ({error}); it may be cut off: fetch it again") from None
+    if "PixelData" not in data:
+        raise SourceError(f"{path}: PixelData is missing; a multi-frame image is expected")
+    try:
+        pixels = data.pixel_array
+    except Exception as error:  # a compression whose codec is missing
+        raise SourceError(f"{path}: its pixels cannot be decoded ({error}); install pylibjpeg or write it uncompressed, for "
+                          "example with gdcmconv --raw") from None
+    frames, samples = int(data.get("NumberOfFrames", 1) or 1), int(data.get("SamplesPerPixel", 1))
+    if frames < 2:
+        raise SourceError(f"{path}: NumberOfFrames is {frames}; a multi-frame image is expected: give the pictures of single "
+                          "frames as a folder instead")
+    colours = str(data.get("PhotometricInterpretation", "MONOCHROME2"))
+    if samples == 3 and colours.startswith("YBR") and int(pydicom.__version__.split(".")[0]) < 3:  # later ones convert
+        from pydicom.pixel_data_handlers.util import convert_color_space
+
+        pixels = convert_color_space(pixels, colours, "RGB")
+    elif colours == "PALETTE COLOR":
+        raise SourceError(f"{path}: PhotometricInterpretation is PALETTE COLOR; grey or RGB is expected: write it as RGB")
+    pixels = as_pixels(pixels, path)
+    if colours == "MONOCHROME1":  # white is small
+        pixels = (2 ** int(data.get("BitsStored", 8)) - 1 - pixels).astype(pixels.dtype)
+    elif pixels.dtype == np.uint16:  # 12 bits become the range of 16, which is white for the trainer
+        pixels = (pixels.astype(np.uint32) * 65535 // (2 ** int(data.get("BitsStored", 16)) - 1)).astype(np.uint16)
+
+    times = None
+    if len(data.get("FrameTimeVector", [])) == frames:
+        times = np.cumsum([float(step) for step in data.FrameTimeVector]) / 1000
+    elif float(data.get("FrameTime", 0) or 0) > 0:
+        times = np.arange(frames) * float(data.FrameTime) / 1000
+    spacing = None
+    regions = [region for region in data.get("SequenceOfUltrasoundRegions", [])
+               if region.get("RegionSpatialFormat") == 1  # 2-D; 3 is a unit of cm
+               and region.get("PhysicalUnitsXDirection") == 3 and region.get("PhysicalUnitsYDirection") == 3]
+    if len(regions) == 1:
+        spacing = (10 * float(regions[0].PhysicalDeltaX), 10 * float(regions[0].PhysicalDeltaY))
+    return Images(pixels, times, spacing)
+
+
+def read_images(path: Path) -> Images:
+    """The frames of a file, a folder of pictures, or a text file that lists them."""
+    _require_file(path)
+    path, suffix = pathlib.Path(path), _suffix(path)
+    if path.is_dir():
+        return Images(_folder(path))
+    if suffix in (".npy", ".npz"):
+        return Images(as_pixels(_numpy(path, ("images", "frames"), "images"), path))
+    if suffix in (".h5", ".hdf5"):
+        return Images(as_pixels(_hdf5(path, ("frames", "images"), "images"), path))
+    if suffix in VIDEOS:
+        return _video(path)
+    if suffix == ".txt":
+        return Images(_list_of_frames(path))
+    with open(path, "rb") as file:
+        is_dicom = file.read(132)[128:] == b"DICM"
+    if is_dicom or suffix == ".dcm":
+        return _dicom(path)
+    raise SourceError(f"{path}: {suffix or 'no ending'} is not read; .npy, .npz, .h5, {', '.join(VIDEOS)}, .dcm, a folder of "
+                      "pictures and a .txt that lists them are. 'bigus convert' reads .mha, .mhd and .nrrd")
+
+
+# ---- poses
+
+
+def rotation_of(quaternion: np.ndarray) -> np.ndarray:
+    """[..., 4] with w last to [..., 3, 3]."""
+    x, y, z, w = np.moveaxis(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True), -1, 0)
+    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def _matrices_of(rows: np.ndarray, name: Path, order: str) -> np.ndarray:
+    """[rows, 16 or 12 or 7] to [rows, 4, 4]; seven are x y z and a quaternion."""
+    count = rows.shape[1]
+    matrices = np.tile(np.eye(4), (len(rows), 1, 1))
+    if count == 16:
+        matrices = rows.reshape(-1, 4, 4).copy()
+    elif count == 12:
+        matrices[:, :3] = rows.reshape(-1, 3, 4)
+    else:
+        quaternion = rows[:, 3:] if order == "xyzw" else np.roll(rows[:, 3:], -1, axis=1)
+        for row, length in enumerate(np.linalg.norm(quaternion, axis=1)):
+            if np.isfinite(length) and abs(length - 1) > RIGID:
+                raise SourceError(f"{name}: row {row}: the quaternion has length {length:.4g}; 1 is expected. Do the columns "
+                                  "hold something else?")
+        matrices[:, :3, :3] = rotation_of(quaternion)
+        matrices[:, :3, 3] = rows[:, :3]
+    matrices[~np.isfinite(matrices).all(axis=(1, 2))] = np.nan
+    last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1)
+    if np.any(last > 1e-6):
+        row = int(np.argmax(last > 1e-6))
+        raise SourceError(f"{name}: row {row}: the matrix ends with {matrices[row, 3].tolist()}; 0 0 0 1 is expected. Is it "
+                          "written column by column? Then transpose it")
+    return matrices
+
+
+TRANSLATION = [{f"{prefix}{axis}" for prefix in ("", "t", "p", "pos", "position", "translation")} for axis in "xyz"]
+QUATERNION = [{f"{prefix}{axis}" for prefix in ("q", "quat", "quaternion", "orientation")} for axis in "xyzw"]
+MATRIX = [{f"m{row}{column}"} for row in range(4) for column in range(4)]
+TIME = {"timestamp": 1.0, "time": 1.0, "t": 1.0, "timestamps": 1.0, "timems": 1e-3, "timestampms": 1e-3}
+FRAME = {"frame", "frameindex", "imageindex", "index"}
+HEADERLESS = {16: 0, 12: 0, 7: 0, 17: 1, 13: 1, 8: 1}  # numbers in a row, and how many of them are a time, first
+
+
+def _cells(line: str) -> list:
+    separator = "," if "," in line else ";" if ";" in line else None
+    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
+
+
+def _number(cell: str, name: Path, line: int, column: str) -> float:
+    if cell == "":
+        return np.nan  # the tracker saw nothing
+    try:
+        return float(cell)
+    except ValueError:
+        raise SourceError(f"{name}: line {line}, column {column}: '{cell[:40]}' is not a number") from None
+
+
+def _text_poses(path: Path, order: str) -> Poses:
+    try:
+        text = pathlib.Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise SourceError(f"{path}: not text; a table of poses is expected") from None
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise SourceError(f"{path}: is empty; a table of poses is expected")
+    header = [re.sub(r"[^a-z0-9]", "", cell.lower()) for cell in _cells(lines[0][1])]
+    has_header = any(re.match(r"[a-z]", cell) and cell not in ("nan", "inf") for cell in header)
+    rows = [(k, _cells(line)) for k, line in lines[1 if has_header else 0:]]
+    if not rows:
+        raise SourceError(f"{path}: has a header and no row")
+    width = len(header) if has_header else len(rows[0][1])
+    for k, cells in rows:
+        if len(cells) != width:
+            raise SourceError(f"{path}: line {k} has {len(cells)} cells, line {lines[0][0]} has {width}; is it cut off?")
+
+    def column_of(names: set) -> Optional[int]:
+        return next((c for c, name in enumerate(header) if name in names), None)
+
+    def numbers(column: int) -> np.ndarray:
+        return np.array([_number(cells[column], path, k, header[column] if has_header else str(column + 1))
+                         for k, cells in rows])
+
+    if not has_header:
+        if width not in HEADERLESS:
+            raise SourceError(f"{path}: {width} numbers a row and no header; 16 or 12 of a matrix, row by row, or 7 of a "
+                              "position and a quaternion are expected, or one more with a time in seconds first")
+        table = np.stack([numbers(column) for column in range(width)], axis=1)
+        times = table[:, 0] if HEADERLESS[width] else None
+        return Poses(_matrices_of(table[:, HEADERLESS[width]:], path, order), times)
+
+    matrix = [column_of(names) for names in MATRIX]
+    pose = [column_of(names) for names in TRANSLATION + QUATERNION]
+    if all(column is not None for column in matrix):
+        table = np.stack([numbers(column) for column in matrix], axis=1)
+    elif all(column is not None for column in matrix[:12]):
+        table = np.stack([numbers(column) for column in matrix[:12]], axis=1)
+    elif all(column is not None for column in pose):
+        table = np.stack([numbers(column) for column in pose], axis=1)
+        order = "xyzw"  # by name
+    else:
+        raise SourceError(f"{path}: has the columns {', '.join(_cells(lines[0][1]))[:200]}; m00 to m33, or x, y, z, qx, qy, "
+                          "qz, qw are expected")
+    matrices = _matrices_of(table, path, order)
+    status = column_of({"status"})
+    if status is not None:
+        matrices[[cells[status].upper() != "OK" for _, cells in rows]] = np.nan
+    time = column_of(set(TIME))
+    times = numbers(time) * TIME[header[time]] if time is not None else None
+    frame = column_of(FRAME)
+    frames = None
+    if frame is not None:
+        frames = numbers(frame)
+        wrong = ~(frames >= 0) | (frames != np.floor(frames))
+        if wrong.any():
+            k, cells = rows[int(np.argmax(wrong))]
+            raise SourceError(f"{path}: line {k}, column {header[frame]}: '{cells[frame]}'; a frame's index, counted from 0, is "
+                              "expected")
+        frames = frames.astype(int)
+    return Poses(matrices, times, frames)
+
+
+def _sequence_poses(path: Path) -> Poses:
+    """Transforms that 3D Slicer saves beside the images of a tracked sequence (.seq.mha)."""
+    with open(path, "rb") as file:
+        header = file.read().split(b"ElementDataFile", 1)[0].decode("utf-8", "replace")
+    found: dict = {}
+    for name, value in re.findall(r"^Seq_Frame(\d+_[^\s=]*) *= *(.*?)\s*$", header, re.MULTILINE):
+        index, field = name.split("_", 1)
+        found.setdefault(field, {})[int(index)] = value
+    transforms = [field for field in found if field.endswith("Transform")]
+    if len(transforms) != 1:
+        raise SourceError(f"{path}: has {len(transforms)} transforms a frame ({', '.join(transforms)[:120]}); one is expected. "
+                          "A sequence with images and transforms is read by 'bigus convert'")
+    rows, count = found[transforms[0]], 1 + max(found[transforms[0]])
+    table = np.full((count, 16), np.nan)
+    for index, value in rows.items():
+        if found.get(transforms[0] + "Status", {}).get(index, "OK") == "OK":
+            words = value.split()
+            if len(words) != 16:
+                raise SourceError(f"{path}: frame {index}, {transforms[0]}: {len(words)} numbers; 16 are expected")
+            table[index] = [_number(word, path, index, transforms[0]) for word in words]
+    times = np.array([_number(found.get("Timestamp", {}).get(index, ""), path, index, "Timestamp") for index in range(count)])
+    return Poses(_matrices_of(table, path, "xyzw"), None if np.isnan(times).any() else times)
+
+
+def read_poses(path: Path, order: str = "xyzw") -> Poses:
+    """The poses of a file. order: of a quaternion that has no names, xyzw or wxyz."""
+    _require_file(path)
+    suffix = _suffix(path)
+    if suffix in (".npy", ".npz", ".h5", ".hdf5"):
+        load = _numpy if suffix in (".npy", ".npz") else _hdf5
+        array = np.asarray(load(path, ("poses", "tforms", "transforms"), "poses"))
+        if array.dtype.kind not in "fiu" or array.shape[1:] not in ((4, 4), (3, 4), (16,), (12,), (7,)) or not len(array):
+            raise SourceError(f"{path}: poses of shape {array.shape} and type {array.dtype}; numbers of shape (frames, 4, 4), "
+                              "(frames, 3, 4) or (frames, 7) are expected")
+        return Poses(_matrices_of(array.astype(float).reshape(len(array), -1), path, order))
+    if suffix == ".mha":
+        return _sequence_poses(path)
+    return _text_poses(path, order)
+
+
+def read_calibration(path: Path) -> tuple:
+    """(matrix [4, 4] from a pixel to the probe, whether it counts pixels from 1), of 16 numbers in a text or .npy file, or
+    of the two matrices of TUS-REC: pixels to mm, and mm to the tool."""
+    _require_file(path)
+    if _suffix(path) == ".npy":
+        array = _numpy(path, (), "a matrix")
+        numbers = array.astype(float).ravel() if array.dtype.kind in "fiu" else np.zeros(0)
+    else:
+        try:
+            text = pathlib.Path(path).read_text(encoding="utf-8-sig")
+        except UnicodeDecodeError:
+            raise SourceError(f"{path}: not text; a calibration has 16 numbers, row by row") from None
+        lines = [(k, [cell for cell in re.split(r"[,;\s]+", line) if cell]) for k, line in enumerate(text.splitlines(), 1)
+                 if line.strip() and not re.match(r'\s*[#"A-Za-z]', line)]
+        numbers = np.array([_number(cell, path, k, str(c)) for k, cells in lines for c, cell in enumerate(cells, 1)])
+    if numbers.size not in (16, 32) or not np.isfinite(numbers).all():
+        raise SourceError(f"{path}: {np.isfinite(numbers).sum()} numbers; 16 are expected, a 4 x 4 matrix row by row, or the 32 "
+                          "of TUS-REC's calib_matrix.csv")
+    parts = _matrices_of(numbers.reshape(-1, 16), path, "xyzw")
+    matrix = parts[0] if len(parts) == 1 else parts[1] @ parts[0]
+    if not abs(np.linalg.det(matrix[:3, :3])) > 0:
+        raise SourceError(f"{path}: the matrix is singular")
+    return matrix, len(parts) == 2
+
+
+# ---- both together
+
+
+def _translation(i: float, j: float) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:2, 3] = i, j
+    return matrix
+
+
+def _require_rigid(poses: Poses, name: Path) -> None:
+    """A tracker turns and moves, and does nothing else."""
+    for row, matrix in enumerate(poses.matrices[:, :3, :3]):
+        if np.isnan(matrix).any():
+            continue
+        fault = np.abs(matrix.T @ matrix - np.eye(3)).max()
+        if fault > RIGID or np.linalg.det(matrix) < 0:
+            sides = ", ".join(f"{side:.4g}" for side in np.linalg.norm(matrix, axis=0))
+            raise SourceError(f"{name}: row {row}: the matrix is no rotation (its columns have the lengths {sides}, its "
+                              f"determinant is {np.linalg.det(matrix):.4g}), but with a calibration or a pixel spacing poses are "
+                              "those of the probe. Leave these out where poses lead from pixels")
+
+
+def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path) -> np.ndarray:
+    """Poses between those recorded: positions linear, rotations along the shortest arc; NaN where none is near in time."""
+    rows = np.flatnonzero(np.isfinite(poses.matrices[:, 0, 0]) & np.isfinite(poses.times))
+    stamps = poses.times[rows]
+    if len(rows) < 2:
+        raise SourceError(f"{name}: has {len(rows)} usable poses with a time; two are needed to find poses between them")
+    if np.any(np.diff(stamps) <= 0):
+        row = int(np.argmax(np.diff(stamps) <= 0)) + 1
+        raise SourceError(f"{name}: the time {stamps[row]:.6f} s comes after {stamps[row - 1]:.6f} s; times must increase")
+    after = np.clip(np.searchsorted(stamps, times), 1, len(rows) - 1)
+    first, second = poses.matrices[rows[after - 1]], poses.matrices[rows[after]]
+    gap = stamps[after] - stamps[after - 1]
+    share = (times - stamps[after - 1]) / gap
+    between = np.tile(np.eye(4), (len(times), 1, 1))
+    between[:, :3, 3] = first[:, :3, 3] + share[:, None] * (second[:, :3, 3] - first[:, :3, 3])
+    turn = np.swapaxes(first[:, :3, :3], 1, 2) @ second[:, :3, :3]
+    for k, part in enumerate(turn):
+        # The turn's axis and angle; below 1e-9 rad its axis means nothing, and no rotation is what it is.
+        axis = np.array([part[2, 1] - part[1, 2], part[0, 2] - part[2, 0], part[1, 0] - part[0, 1]])
+        angle = np.arctan2(0.5 * np.linalg.norm(axis), 0.5 * (np.trace(part) - 1))
+        half = 0.5 * share[k] * angle
+        quaternion = np.append(np.sin(half) * axis / max(np.linalg.norm(axis), 1e-9), np.cos(half))
+        between[k, :3, :3] = first[k, :3, :3] @ rotation_of(quaternion)
+    exact = np.minimum(np.abs(times - stamps[after]), np.abs(times - stamps[after - 1])) < 1e-9
+    between[((times < stamps[0]) | (times > stamps[-1]) | (gap > longest_gap)) & ~exact] = np.nan
+    return between
+
+
+def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: float, by_time: bool, name: Path) -> np.ndarray:
+    """[frames, 4, 4]; NaN for frames without a pose."""
+    frames = len(images.pixels)
+    if poses.frames is not None and not by_time:
+        if poses.frames.max() >= frames:
+            raise SourceError(f"{name}: names frame {poses.frames.max()}, but there are {frames}, counted from 0")
+        if len(set(poses.frames)) != len(poses.frames):
+            raise SourceError(f"{name}: names a frame twice")
+        matrices = np.full((frames, 4, 4), np.nan)
+        matrices[poses.frames] = poses.matrices
+        return matrices
+    if len(poses.matrices) == frames and not by_time:
+        return poses.matrices
+    if poses.times is None or images.times is None:
+        lacks = "the poses have no times" if poses.times is None else "the images have no times"
+        raise SourceError(f"{name}: {len(poses.matrices)} poses for {frames} frames, and {lacks}; give one pose a frame, a "
+                          "column frame, or times on both sides")
+    _require_rigid(poses, name)
+    return _at_times(poses, images.times + offset, longest_gap, name)
+
+
+class Sweep(NamedTuple):
+    """What `from_files` hands to `bigus.sweep`."""
+
+    pixels: np.ndarray  # [frames, height, width]
+    poses: np.ndarray  # [frames, 4, 4], ImageToReference
+    times: Optional[np.ndarray]  # s
+    notes: list  # what was decided or left out, a sentence each
+
+
+def load(
+    images: Path,
+    poses: Optional[Path] = None,
+    calibration: Optional[Path] = None,
+    pixel_spacing: Optional[Sequence[float]] = None,
+    origin_pixel: Sequence[float] = (0, 0),
+    first_pixel: Optional[int] = None,
+    reference: Optional[Path] = None,
+    units: str = "mm",
+    quaternion: str = "xyzw",
+    inverse: bool = False,
+    crop: Optional[Sequence[int]] = None,
+    by_time: bool = False,
+    time_offset: float = 0.0,
+    longest_gap: float = 0.2,
+) -> Sweep:
+    """See from_files."""
+    if units not in MILLIMETRES:
+        raise ValueError(f"units is {units!r}; mm, cm or m is expected")
+    if quaternion not in ("xyzw", "wxyz"):
+        raise ValueError(f"quaternion is {quaternion!r}; xyzw or wxyz is expected")
+    if first_pixel not in (None, 0, 1):
+        raise ValueError(f"first_pixel is {first_pixel!r}; 0 or 1 is expected")
+    notes = []
+    frames = read_images(images)
+    source = images if poses is None else poses
+    if poses is None and _suffix(images) not in (".npz", ".h5", ".hdf5"):
+        raise SourceError(f"{images}: holds images only; give a file of poses, too")
+    tracked = read_poses(source, quaternion)
+    tracked.matrices[:, :3, 3] *= MILLIMETRES[units]
+    matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source)
+    if matrices is not tracked.matrices and tracked.frames is None:
+        notes.append("Poses were interpolated at the times of the frames.")
+    if inverse:
+        matrices = np.stack([np.linalg.inv(matrix) if np.isfinite(matrix).all() else matrix for matrix in matrices])
+
+    # From a pixel to the probe.
+    image = np.eye(4)
+    spacing = pixel_spacing
+    if spacing is None and calibration is None and frames.spacing is not None and _is_rigid(matrices):
+        spacing = frames.spacing
+        notes.append(f"Pixels are {spacing[0]:.4g} x {spacing[1]:.4g} mm, by the file of the images.")
+    if spacing is not None:
+        if len(spacing) != 2 or not all(SMALLEST_PIXEL <= side <= LARGEST_PIXEL for side in spacing):
+            raise ValueError(f"pixel_spacing is {tuple(spacing)}; two lengths from {SMALLEST_PIXEL} to {LARGEST_PIXEL} mm, along "
+                             "i and j, are expected")
+        image = np.diag([spacing[0], spacing[1], spacing[0], 1.0])
+    counts_from_one = False
+    if calibration is not None:
+        matrix, counts_from_one = read_calibration(calibration)
+        image = matrix @ image
+    if calibration is not None or spacing is not None:
+        _require_rigid(tracked, source)
+    counts_from_one = counts_from_one if first_pixel is None else bool(first_pixel)
+    if counts_from_one:
+        image = image @ _translation(1, 1)
+        notes.append("The calibration counts pixels from 1; it was moved by one pixel.")
+    image = image @ _translation(-origin_pixel[0], -origin_pixel[1])
+    pixels = frames.pixels
+    if crop is not None:
+        left, top, width, height = crop
+        if min(crop) < 0 or min(width, height) < 1 or left + width > pixels.shape[2] or top + height > pixels.shape[1]:
+            raise ValueError(f"crop is {tuple(crop)} (column, row, columns, rows), but frames have {pixels.shape[2]} x "
+                             f"{pixels.shape[1]} pixels")
+        pixels = pixels[:, top:top + height, left:left + width]
+        image = image @ _translation(left, top)
+
+    matrices = matrices @ image
+    if reference is not None:
+        fixed = read_poses(reference, quaternion)
+        fixed.matrices[:, :3, 3] *= MILLIMETRES[units]
+        _require_rigid(fixed, reference)
+        fixed = _of_each_frame(fixed, frames, time_offset, longest_gap, by_time, reference)
+        matrices = np.stack([np.linalg.inv(a) @ b if np.isfinite(a).all() else a for a, b in zip(fixed, matrices)])
+
+    usable = np.isfinite(matrices).all(axis=(1, 2))
+    if not usable.any():
+        raise SourceError(f"{source}: no frame has a pose; status, times or empty cells leave none")
+    if not usable.all():
+        lost = np.flatnonzero(~usable)
+        notes.append(f"{len(lost)} of {len(usable)} frames have no pose and are left out: "
+                     f"{', '.join(map(str, lost[:8]))}{', ...' if len(lost) > 8 else ''}.")
+    sides = np.linalg.norm(matrices[usable][:, :3, :2], axis=1)
+    if calibration is None and spacing is None and np.abs(sides - 1).max() < RIGID:
+        raise SourceError(f"{source}: poses say nothing of a pixel's size; give a calibration or the pixel spacing (1 1 where "
+                          "pixels are 1 mm)")
+    if sides.min() < SMALLEST_PIXEL or sides.max() > LARGEST_PIXEL:
+        raise SourceError(f"{source}: pixels would be {sides.min():.3g} to {sides.max():.3g} mm; {SMALLEST_PIXEL} to "
+                          f"{LARGEST_PIXEL} mm is expected. Is the unit of the poses or the calibration another?")
+    times = tracked.times if frames.times is None and tracked.times is not None and tracked.frames is None else frames.times
+    times = times if times is not None and len(times) == len(usable) and np.isfinite(times).all() else None
+    return Sweep(np.ascontiguousarray(pixels[usable]), np.ascontiguousarray(matrices[usable]),
+                 None if times is None else times[usable], notes)
+
+
+def _is_rigid(matrices: np.ndarray) -> bool:
+    known = matrices[np.isfinite(matrices).all(axis=(1, 2)), :3, :3]
+    return len(known) > 0 and np.abs(np.swapaxes(known, 1, 2) @ known - np.eye(3)).max() < RIGID
+
+
+def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> Any:
+    """A sweep of images and poses in files of your own.
+
+    images: .npy, .npz, .h5 (frames), a video, DICOM of many frames, a folder of pictures, or a .txt that lists them.
+    poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; None where
+        images has them, too. Rows with empty cells, NaN or a status other than OK are frames without a pose.
+    calibration: from a pixel to the probe, or from mm in the image where pixel_spacing is given: 16 numbers in a file, or
+        calib_matrix.csv of TUS-REC, which counts pixels from 1.
+    pixel_spacing: mm along i and j. Without it and without a calibration poses lead from pixels.
+    origin_pixel: the pixel (i, j) that the calibration, or the pose, calls its origin.
+    first_pixel: what the calibration counts the first pixel as, 0 or 1; None: 0, and 1 for TUS-REC.
+    reference: poses of a second tool, in which the sweep shall lie.
+    units: of the positions: mm, cm or m. quaternion: order without names, xyzw or wxyz. inverse: poses lead to the probe.
+    crop: column, row, columns, rows of every frame that are the image, as in a screen capture.
+    by_time: takes poses at the frames' times even where there are as many poses as frames. time_offset: s, added to the
+        frames' times to give the poses'. longest_gap: s, between poses that are interpolated.
+
+    Raises SourceError, a ValueError, that names file, field, what was found and what to do.
+    """
+    import warnings
+
+    from .arrays import sweep
+
+    loaded = load(images, poses, **options)
+    for note in loaded.notes:
+        warnings.warn(note, RuntimeWarning, stacklevel=2)
+    return sweep(loaded.pixels, loaded.poses, loaded.times)

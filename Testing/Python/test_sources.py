@@ -1,0 +1,537 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Images and poses of one's own: every format gives the sweep that was written, and every way to be bad one clear error.
+
+    test_sources.py [PACKAGE_FOLDER]      the folder of the package; only numpy is needed, and what a format asks for:
+                                          tests of h5py, OpenCV, imageio and pydicom are skipped where these are missing
+
+With the package on PYTHONPATH `python3 -m bigus.convert` is run, too.
+"""
+import importlib.util
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+from unittest import mock
+
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "Module" / "Python" / "bigus"
+specification = importlib.util.spec_from_file_location("sources", FOLDER / "sources.py")
+sources = importlib.util.module_from_spec(specification)
+specification.loader.exec_module(sources)
+
+FRAMES, HEIGHT, WIDTH = 7, 12, 16
+SPACING = (0.3, 0.4)
+
+
+def turn(axis, angle):
+    """Rodrigues' formula."""
+    x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def path_of_probe(times):
+    """(poses [n, 4, 4] in mm, quaternions [n, 4] with w last) of a probe that moves evenly and turns about one axis."""
+    axis = np.array([0.2, 0.9, -0.3]) / np.linalg.norm([0.2, 0.9, -0.3])
+    poses, quaternions = np.tile(np.eye(4), (len(times), 1, 1)), np.empty((len(times), 4))
+    for k, time in enumerate(times):
+        angle = 0.3 + 0.8 * time
+        poses[k, :3, :3] = turn(axis, angle)
+        poses[k, :3, 3] = [10 + 50 * time, -20 + 5 * time, 30 - 8 * time]
+        quaternions[k] = [*(np.sin(angle / 2) * axis), np.cos(angle / 2)]
+    return poses, quaternions
+
+
+TIMES = np.arange(FRAMES) / 20
+POSES, QUATERNIONS = path_of_probe(TIMES)
+IMAGES = np.random.default_rng(2).integers(0, 256, (FRAMES, HEIGHT, WIDTH)).astype(np.uint8)
+SCALE = np.diag([*SPACING, SPACING[0], 1])
+TRUTH = POSES @ SCALE  # ImageToReference
+MATRIX_NAMES = [f"m{row}{column}" for row in range(4) for column in range(4)]
+
+
+def table(names, rows, separator=","):
+    lines = [separator.join(names)] if names else []
+    return "\n".join(lines + [separator.join(cell if isinstance(cell, str) else repr(float(cell)) for cell in row)
+                              for row in rows]) + "\n"
+
+
+def package(name):
+    try:
+        return __import__(name)
+    except ImportError as error:
+        raise unittest.SkipTest(str(error))
+
+
+class InFolder(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+        np.save(self.folder / "images.npy", IMAGES)
+        np.save(self.folder / "poses.npy", POSES)
+
+    def write(self, name, text):
+        (self.folder / name).write_text(text)
+        return self.folder / name
+
+    def check(self, sweep, poses=TRUTH, images=IMAGES, times=None, tolerance=1e-9):
+        np.testing.assert_array_equal(sweep.pixels, images)
+        self.assertEqual(sweep.pixels.dtype, images.dtype)
+        self.assertLess(np.abs(sweep.poses - poses).max(), tolerance)
+        if times is None:
+            self.assertIsNone(sweep.times)
+        else:
+            np.testing.assert_allclose(sweep.times, times, atol=1e-9)
+
+
+class PosesOfEveryKind(InFolder):
+    def load(self, poses, **options):
+        return sources.load(self.folder / "images.npy", poses, **{"pixel_spacing": SPACING, **options})
+
+    def test_numpy(self):
+        self.check(self.load(self.folder / "poses.npy"))
+        np.save(self.folder / "three.npy", POSES[:, :3].astype(np.float32))
+        self.check(self.load(self.folder / "three.npy"), tolerance=1e-5)
+        np.save(self.folder / "seven.npy", np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1))
+        self.check(self.load(self.folder / "seven.npy"))
+        np.savez(self.folder / "both.npz", images=IMAGES, poses=POSES)
+        self.check(sources.load(self.folder / "both.npz", pixel_spacing=SPACING))
+        np.save(self.folder / "pixels.npy", TRUTH)  # poses that lead from pixels need no spacing
+        self.check(self.load(self.folder / "pixels.npy", pixel_spacing=None))
+
+    def test_tables_with_names(self):
+        flat, positions = POSES.reshape(-1, 16), POSES[:, :3, 3]
+        for separator in (",", ";", " ", "\t"):
+            self.check(self.load(self.write("m.csv", table(MATRIX_NAMES, flat, separator))))
+            self.check(self.load(self.write("m.csv", "# recorded\n" + table(MATRIX_NAMES[:12], flat[:, :12], separator))))
+        for names in (("tx", "ty", "tz", "qx", "qy", "qz", "qw"), ("X", "Y", "Z", "Q_x", "Q_y", "Q_z", "Q_w"),
+                      ("Position.x", "Position.y", "Position.z", "quat_x", "quat_y", "quat_z", "quat_w")):
+            rows = np.concatenate([TIMES[:, None], positions, QUATERNIONS], axis=1)
+            self.check(self.load(self.write("q.csv", table(("Timestamp", *names), rows))), times=TIMES)
+        # Names say the order, whatever the columns' is.
+        rows = np.concatenate([QUATERNIONS[:, 3:], QUATERNIONS[:, :3], positions], axis=1)
+        self.check(self.load(self.write("q.csv", table(("qw", "qx", "qy", "qz", "x", "y", "z"), rows)), quaternion="wxyz"))
+        rows = np.concatenate([1000 * TIMES[:, None], flat], axis=1)
+        self.check(self.load(self.write("ms.csv", "\ufeff" + table(("time_ms", *MATRIX_NAMES), rows))), times=TIMES)
+
+    def test_tables_without_names(self):
+        positions, times = POSES[:, :3, 3], TIMES[:, None]
+        for rows in (POSES.reshape(-1, 16), POSES.reshape(-1, 16)[:, :12], np.concatenate([positions, QUATERNIONS], axis=1)):
+            self.check(self.load(self.write("plain.txt", table((), rows, " "))))
+            self.check(self.load(self.write("timed.txt", table((), np.concatenate([times, rows], axis=1)))), times=TIMES)
+        rows = np.concatenate([positions, QUATERNIONS[:, 3:], QUATERNIONS[:, :3]], axis=1)
+        self.check(self.load(self.write("w.txt", table((), rows)), quaternion="wxyz"))
+
+    def test_sequence_of_slicer(self):
+        """Text as 3D Slicer 5.13 writes it for a sequence of transforms; the second frame was lost."""
+        header = "ObjectType = Image\nNDims = 3\nDimSize = 0 0 7\n"
+        for k in range(FRAMES):
+            numbers = " ".join(repr(float(x)) for x in POSES[k].ravel())
+            header += (f"Seq_Frame{k:04d}_ProbeTransform ={numbers} \nSeq_Frame{k:04d}_ProbeTransformStatus = "
+                       f"{'INVALID' if k == 1 else 'OK'}\nSeq_Frame{k:04d}_Timestamp = {float(TIMES[k])!r}\n")
+        sweep = self.load(self.write("probe.seq.mha", header + "ElementDataFile = LOCAL\n"))
+        kept = np.arange(FRAMES) != 1
+        self.check(sweep, TRUTH[kept], IMAGES[kept], TIMES[kept])
+        self.assertIn("1 of 7 frames have no pose and are left out: 1.", sweep.notes)
+
+    def test_lost_frames(self):
+        rows = [["OK", *row] for row in POSES.reshape(-1, 16)]
+        rows[2][0], rows[4][3], rows[5][1:] = "MISSING", "nan", [""] * 16
+        kept = [0, 1, 3, 6]
+        sweep = self.load(self.write("lost.csv", table(("status", *MATRIX_NAMES), rows)))
+        self.check(sweep, TRUTH[kept], IMAGES[kept])
+        self.assertIn("3 of 7 frames have no pose and are left out: 2, 4, 5.", sweep.notes)
+
+    def test_rows_name_their_frames(self):
+        rows = [[k, *POSES[k].ravel()] for k in (5, 0, 3)]
+        sweep = self.load(self.write("some.csv", table(("frame", *MATRIX_NAMES), rows)))
+        self.check(sweep, TRUTH[[0, 3, 5]], IMAGES[[0, 3, 5]])
+
+    def test_units_inverse_and_reference(self):
+        metres = POSES.copy()
+        metres[:, :3, 3] /= 1000
+        np.save(self.folder / "m.npy", metres)
+        self.check(self.load(self.folder / "m.npy", units="m"))
+        np.save(self.folder / "inverse.npy", np.linalg.inv(POSES))
+        self.check(self.load(self.folder / "inverse.npy", inverse=True))
+        fixed, _ = path_of_probe(TIMES + 3)
+        np.save(self.folder / "fixed.npy", fixed)
+        np.save(self.folder / "moved.npy", fixed @ POSES)
+        self.check(self.load(self.folder / "moved.npy", reference=self.folder / "fixed.npy"))
+
+    def test_calibration(self):
+        calibration = np.eye(4)
+        calibration[:3, :3], calibration[:3, 3] = turn([1, 2, 3], 0.7), [4, 5, 6]
+        pixels = calibration @ SCALE
+        np.save(self.folder / "c.npy", pixels)
+        for path in (self.write("c.txt", table((), pixels, " ")), self.write("c.csv", "# mine\n" + table((), [pixels.ravel()])),
+                     self.folder / "c.npy"):
+            self.check(self.load(self.folder / "poses.npy", calibration=path, pixel_spacing=None), POSES @ pixels)
+        rigid = self.write("rigid.txt", table((), calibration, " "))
+        self.check(self.load(self.folder / "poses.npy", calibration=rigid), POSES @ pixels)
+        # A calibration that counts pixels from 1: pixel (0, 0) is its (1, 1).
+        sweep = self.load(self.folder / "poses.npy", calibration=path, pixel_spacing=None, first_pixel=1)
+        np.testing.assert_allclose(sweep.poses @ [2, 3, 0, 1], POSES @ pixels @ [3, 4, 0, 1], atol=1e-9)
+
+    def test_origin_in_the_middle_of_the_top(self):
+        """As Ultra-NeRF has it: column i lies at (i - W/2) sw along x, rows go along y from the pose's origin."""
+        sweep = self.load(self.folder / "poses.npy", origin_pixel=(WIDTH / 2, 0))
+        for i, j in ((0, 0), (WIDTH - 1, HEIGHT - 1)):
+            in_probe = [(i - WIDTH / 2) * SPACING[0], j * SPACING[1], 0, 1]
+            np.testing.assert_allclose(sweep.poses @ [i, j, 0, 1], POSES @ in_probe, atol=1e-9)
+
+    def test_crop_keeps_places(self):
+        sweep = self.load(self.folder / "poses.npy", crop=(3, 2, 10, 8))
+        np.testing.assert_array_equal(sweep.pixels, IMAGES[:, 2:10, 3:13])
+        np.testing.assert_allclose(sweep.poses @ [1, 1, 0, 1], TRUTH @ [4, 3, 0, 1], atol=1e-9)
+
+    def test_times(self):
+        """A tracker of another rate: between its poses, on the shortest arc, and none where it saw nothing."""
+        stamps = np.arange(0, 0.5, 1 / 60) + 100.003
+        poses, quaternions = path_of_probe(stamps - 100)
+        rows = np.concatenate([stamps[:, None], poses[:, :3, 3], quaternions], axis=1)
+        path = self.write("tracker.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), rows))
+        images = sources.Images(IMAGES, TIMES)
+        with mock.patch.object(sources, "read_images", return_value=images):
+            sweep = self.load(path, time_offset=100.0)
+            # At 0 s the tracker had not begun.
+            self.check(sweep, TRUTH[1:], IMAGES[1:], TIMES[1:])
+            self.assertEqual(sweep.notes[0], "Poses were interpolated at the times of the frames.")
+            gap = rows[(stamps < 100.08) | (stamps > 100.22)]
+            path = self.write("gap.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), gap))
+            kept = [1, 5, 6]
+            self.check(self.load(path, time_offset=100.0, longest_gap=0.1), TRUTH[kept], IMAGES[kept], TIMES[kept])
+            self.check(self.load(path, time_offset=100.0, longest_gap=0.5), TRUTH[1:], IMAGES[1:], TIMES[1:])
+            # As many poses as frames, but not at their times.
+            path = self.write("seven.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), rows[:FRAMES]))
+            self.assertEqual(len(self.load(path, time_offset=100.0).pixels), FRAMES)
+            self.check(self.load(path, time_offset=100.0, by_time=True), TRUTH[1:3], IMAGES[1:3], TIMES[1:3])
+
+
+class ImagesOfEveryKind(InFolder):
+    def load(self, images, poses="poses.npy", **options):
+        return sources.load(images, self.folder / poses, **{"pixel_spacing": SPACING, **options})
+
+    def test_numpy(self):
+        wide = IMAGES.astype(np.uint16) * 257
+        for array, expected in ((wide, wide), (IMAGES.astype(np.int64), IMAGES), (IMAGES[..., np.newaxis], IMAGES),
+                                (IMAGES / 255, (IMAGES / 255).astype(np.float32)), (IMAGES > 99, (IMAGES > 99) * np.uint8(255)),
+                                (np.repeat(IMAGES[..., np.newaxis], 3, axis=3), IMAGES)):
+            np.save(self.folder / "array.npy", array)
+            self.check(self.load(self.folder / "array.npy"), images=expected)
+        colour = np.zeros((FRAMES, HEIGHT, WIDTH, 3), np.uint8)
+        colour[..., 0], colour[..., 1], colour[..., 2] = 200, 100, 50
+        np.save(self.folder / "colour.npy", colour)
+        np.testing.assert_array_equal(self.load(self.folder / "colour.npy").pixels, round(0.299 * 200 + 0.587 * 100 + 0.114 * 50))
+
+    def test_tus_rec(self):
+        """Against the formula of the challenge: a pixel counted from 1, scaled to mm, to the tool, to the tracker."""
+        h5py = package("h5py")
+        to_tool = np.eye(4)
+        to_tool[:3, :3], to_tool[:3, 3] = turn([3, 1, 2], 1.1), [7, -8, 9]
+        text = ("scaling_from_pixel_to_mm,,,\n" + table((), SCALE) + "spatial_calibration_from_image_to_tool,,,\n" +
+                table((), to_tool))
+        calibration = self.write("calib_matrix.csv", text)
+        with h5py.File(self.folder / "scan.h5", "w") as file:
+            file["frames"], file["tforms"] = IMAGES, POSES.astype(np.float32)
+        with h5py.File(self.folder / "frames.h5", "w") as file:
+            file["frames"] = IMAGES
+        with h5py.File(self.folder / "transfs.h5", "w") as file:
+            file["tforms"] = POSES.astype(np.float32)
+        for paths in ((self.folder / "scan.h5",), (self.folder / "frames.h5", self.folder / "transfs.h5")):
+            sweep = sources.load(*paths, calibration=calibration)
+            np.testing.assert_array_equal(sweep.pixels, IMAGES)
+            for i, j in ((0, 0), (WIDTH - 1, 0), (3, HEIGHT - 1)):
+                theirs = POSES @ to_tool @ SCALE @ [i + 1, j + 1, 0, 1]
+                np.testing.assert_allclose(sweep.poses @ [i, j, 0, 1], theirs, atol=1e-4)
+            self.assertTrue(any("from 1" in note for note in sweep.notes))
+        # Without headings, as older projects keep them.
+        older = self.write("older.csv", table((), SCALE) + table((), to_tool))
+        np.testing.assert_array_equal(sources.load(self.folder / "scan.h5", calibration=older).poses, sweep.poses)
+
+    def test_pictures(self):
+        cv2 = package("cv2")
+        names = [f"frame_{k}.png" for k in range(8, 8 + FRAMES)]  # frame_10 comes after frame_9
+        (self.folder / "frames").mkdir()
+        for name, image in zip(names, IMAGES):
+            cv2.imwrite(str(self.folder / "frames" / name), image)
+        self.check(self.load(self.folder / "frames"))
+        self.check(self.load(self.write("list.txt", "# backwards\n" + "\n".join(f"frames/{name}" for name in names[::-1]))),
+                   images=IMAGES[::-1])
+        for name, image in zip(names, IMAGES):  # red, which OpenCV keeps last
+            cv2.imwrite(str(self.folder / "frames" / name), np.stack([0 * image, 0 * image, image], axis=2))
+        red = ((299 * IMAGES.astype(int) + 500) // 1000).astype(np.uint8)
+        self.check(self.load(self.folder / "frames"), images=red)
+        package("imageio")
+        with mock.patch.dict(sys.modules, {"cv2": None}):
+            self.check(self.load(self.folder / "frames"), images=red)
+
+    def test_video(self):
+        cv2 = package("cv2")
+        large = np.kron(IMAGES, np.ones((1, 8, 8), np.uint8))  # coders ask for some pixels
+        writer = cv2.VideoWriter(str(self.folder / "scan.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 20, large.shape[:0:-1])
+        if not writer.isOpened():
+            self.skipTest("OpenCV has no lossless coder here")
+        for image in large:
+            writer.write(np.repeat(image[..., np.newaxis], 3, axis=2))
+        writer.release()
+        rows = np.concatenate([TIMES[:, None], POSES.reshape(-1, 16)], axis=1)
+        self.write("poses.csv", table(("timestamp", *MATRIX_NAMES), rows))
+        sweep = self.load(self.folder / "scan.avi", "poses.csv")
+        self.assertLess(np.abs(sweep.pixels.astype(int) - large).max(), 3)  # limited range of video
+        np.testing.assert_allclose(sweep.times, TIMES, atol=1e-3)
+        np.testing.assert_allclose(sweep.poses, TRUTH, atol=1e-9)
+        package("imageio_ffmpeg")
+        with mock.patch.dict(sys.modules, {"cv2": None}):
+            again = self.load(self.folder / "scan.avi", "poses.csv")
+        self.assertLess(np.abs(again.pixels.astype(int) - large).max(), 3)
+        np.testing.assert_allclose(again.times, TIMES, atol=1e-3)
+
+    def dicom(self, name="scan.dcm", **elements):
+        pydicom = package("pydicom")
+        from pydicom.dataset import FileDataset, FileMetaDataset
+        meta = FileMetaDataset()
+        meta.MediaStorageSOPClassUID = pydicom.uid.UltrasoundMultiFrameImageStorage
+        meta.MediaStorageSOPInstanceUID = pydicom.uid.generate_uid()
+        meta.TransferSyntaxUID = pydicom.uid.ExplicitVRLittleEndian
+        data = FileDataset(name, {}, file_meta=meta, preamble=b"\0" * 128)
+        data.SOPClassUID, data.SOPInstanceUID = meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID
+        data.Rows, data.Columns, data.NumberOfFrames, data.SamplesPerPixel = HEIGHT, WIDTH, FRAMES, 1
+        data.BitsAllocated = data.BitsStored = 8
+        data.HighBit, data.PixelRepresentation = 7, 0
+        data.PhotometricInterpretation, data.PixelData = "MONOCHROME2", IMAGES.tobytes()
+        for key, value in elements.items():
+            if value is None:
+                delattr(data, key)
+            else:
+                setattr(data, key, value)
+        data.save_as(self.folder / name)
+        return self.folder / name
+
+    def test_dicom(self):
+        pydicom = package("pydicom")
+        self.check(self.load(self.dicom(FrameTime=50.0)), times=TIMES)
+        self.check(self.load(self.dicom("noending", FrameTimeVector=[0.0] + [50.0] * (FRAMES - 1))), times=TIMES)
+        region = pydicom.Dataset()
+        region.RegionSpatialFormat, region.PhysicalUnitsXDirection, region.PhysicalUnitsYDirection = 1, 3, 3
+        region.PhysicalDeltaX, region.PhysicalDeltaY = SPACING[0] / 10, SPACING[1] / 10  # cm
+        sweep = self.load(self.dicom(SequenceOfUltrasoundRegions=pydicom.Sequence([region])), pixel_spacing=None)
+        self.check(sweep)
+        self.assertIn("Pixels are 0.3 x 0.4 mm, by the file of the images.", sweep.notes)
+        self.check(self.load(self.dicom(PhotometricInterpretation="MONOCHROME1")), images=255 - IMAGES)
+        colour = {"SamplesPerPixel": 3, "PlanarConfiguration": 0, "PhotometricInterpretation": "RGB",
+                  "PixelData": np.repeat(IMAGES[..., np.newaxis], 3, axis=3).tobytes()}
+        self.check(self.load(self.dicom(**colour)))
+        ybr = np.stack([IMAGES, 0 * IMAGES + 128, 0 * IMAGES + 128], axis=3)  # no colour
+        self.check(self.load(self.dicom(**{**colour, "PhotometricInterpretation": "YBR_FULL", "PixelData": ybr.tobytes()})))
+        wide = {"BitsAllocated": 16, "BitsStored": 12, "HighBit": 11, "PixelData": (IMAGES.astype(np.uint16) * 16).tobytes()}
+        self.check(self.load(self.dicom(**wide)), images=(IMAGES.astype(np.uint32) * 16 * 65535 // 4095).astype(np.uint16))
+
+    def test_bad_dicom(self):
+        def refused(path, part):
+            with self.assertRaisesRegex(sources.SourceError, part) as caught:
+                self.load(path)
+            self.assertIn(path.name, str(caught.exception))
+
+        refused(self.dicom(PixelData=None), "PixelData is missing")
+        refused(self.dicom(NumberOfFrames=1, PixelData=IMAGES[0].tobytes()), "NumberOfFrames is 1")
+        refused(self.dicom(PhotometricInterpretation="PALETTE COLOR"), "PALETTE COLOR")
+        whole = self.dicom().read_bytes()
+        (self.folder / "cut.dcm").write_bytes(whole[:len(whole) - 700])
+        refused(self.folder / "cut.dcm", "cannot be decoded")
+        refused(self.write("text.dcm", "hello"), "not a DICOM file")
+
+
+class BadFiles(InFolder):
+    def refused(self, part, images="images.npy", poses="poses.npy", kind=None, **options):
+        """One error that names the file and the part."""
+        poses = poses and self.folder / poses
+        with self.assertRaises(kind or sources.SourceError) as caught:
+            sources.load(self.folder / images, poses, **{"pixel_spacing": SPACING, **options})
+        self.assertIn(part, str(caught.exception))
+        if kind is None:
+            self.assertIn(str(self.folder), str(caught.exception))
+
+    def test_images(self):
+        for name, array, part in (("shape", IMAGES[0], "(12, 16)"), ("empty", IMAGES[:0], "(0, 12, 16)"),
+                                  ("range", IMAGES.astype(float), "divide them"), ("nan", IMAGES / np.nan, "nan to nan"),
+                                  ("negative", -IMAGES.astype(int), "uint8, uint16 or float"),
+                                  ("large", IMAGES.astype(int) * 1000, "uint8, uint16 or float"),
+                                  ("complex", IMAGES * 1j, "complex128"),
+                                  ("channels", np.zeros((FRAMES, HEIGHT, WIDTH, 2), np.uint8), "(7, 12, 16, 2)"),
+                                  ("colours", np.zeros((FRAMES, HEIGHT, WIDTH, 3)), "colours of float64")):
+            np.save(self.folder / f"{name}.npy", array)
+            self.refused(part, f"{name}.npy")
+        self.refused("no such file", "none.npy")
+        np.save(self.folder / "objects.npy", np.array([{}], object), allow_pickle=True)
+        self.refused("not an array", "objects.npy")
+        whole = (self.folder / "images.npy").read_bytes()
+        (self.folder / "cut.npy").write_bytes(whole[:300])
+        self.refused("not an array", "cut.npy")
+        np.savez(self.folder / "names.npz", a=IMAGES, b=POSES)
+        self.refused("holds a, b; images are expected under the name images or frames", "names.npz", None)
+        self.refused("images only", poses=None)
+        self.write("scan.xyz", "hello")
+        self.refused(".xyz is not read", "scan.xyz")
+        (self.folder / "nothing").mkdir()
+        self.refused("holds no picture", "nothing")
+        self.write("list.txt", "\n# nothing\n")
+        self.refused("names no picture", "list.txt")
+        self.write("list.txt", "missing.png\n")
+        self.refused("missing.png: there is no such file", "list.txt")
+        (self.folder / "binary.txt").write_bytes(b"\xff\xfe\x00\x01")
+        self.refused("not text", "binary.txt")
+
+    def test_images_that_need_a_package(self):
+        for module, name in (("h5py", "scan.h5"), ("pydicom", "scan.dcm")):
+            self.write(name, "hello")
+            with mock.patch.dict(sys.modules, {module: None}):
+                self.refused(f"needs the package {module}", name)
+        self.write("scan.mp4", "hello")
+        with mock.patch.dict(sys.modules, {"cv2": None, "imageio": None}):
+            self.refused("needs the package imageio", "scan.mp4")
+
+    def test_hdf5(self):
+        h5py = package("h5py")
+        self.write("text.h5", "hello")
+        self.refused("not an HDF5 file", "text.h5")
+        with h5py.File(self.folder / "names.h5", "w") as file:
+            file["us"], file["frames/inner"] = IMAGES, IMAGES
+        self.refused("holds frames, us; images are expected", "names.h5")
+        with h5py.File(self.folder / "images.h5", "w") as file:
+            file["frames"] = IMAGES
+        self.refused("poses are expected under the name poses or tforms", "images.h5", None)
+        whole = (self.folder / "images.h5").read_bytes()
+        (self.folder / "cut.h5").write_bytes(whole[:len(whole) // 2])
+        self.refused("cut off", "cut.h5")
+
+    def test_pictures_and_videos(self):
+        cv2 = package("cv2")
+        (self.folder / "frames").mkdir()
+        self.write("frames/a.png", "hello")
+        self.refused("a.png: not a picture", "frames")
+        cv2.imwrite(str(self.folder / "frames" / "a.png"), IMAGES[0])
+        cv2.imwrite(str(self.folder / "frames" / "b.png"), IMAGES[0][:5])
+        self.refused("b.png: 16 x 5 pixels of uint8", "frames")
+        self.write("scan.mp4", "hello")
+        self.refused("no frame can be read", "scan.mp4")
+
+    def test_poses(self):
+        flat, names = POSES.reshape(-1, 16), MATRIX_NAMES
+        quaternion_names = ("x", "y", "z", "qx", "qy", "qz", "qw")
+        quaternions = np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1)
+
+        def changed(rows, row, column, value):
+            rows = [list(one) for one in rows]
+            rows[row][column] = value
+            return rows
+
+        cases = {
+            "is empty": "\n# only a comment\n",
+            "no row": table(names, []),
+            "line 4, column m11: 'x' is not a number": table(names, changed(flat, 2, 5, "x")),
+            "has 15 cells": table(names, [flat[0], flat[1][:15]]),
+            "5 numbers a row": table((), flat[:, :5]),
+            "m00 to m33, or x, y, z": table(("a", "b"), flat[:, :2]),
+            "row 3: the matrix ends with": table(names, changed(flat, 3, 14, 5.0)),
+            "column by column": table(names, POSES.transpose(0, 2, 1).reshape(-1, 16)),
+            "row 1: the quaternion has length": table(quaternion_names, changed(quaternions, 1, 3, 5.0)),
+            "row 0: the matrix is no rotation": table(names, TRUTH.reshape(-1, 16)),
+            "its determinant is -1": table(names, (POSES @ np.diag([-1, 1, 1, 1])).reshape(-1, 16)),
+            "3 poses for 7 frames": table(names, flat[:3]),
+            "names frame 99": table(("frame", *names), [[99, *flat[0]]]),
+            "names a frame twice": table(("frame", *names), [[1, *flat[0]], [1, *flat[0]]]),
+            "'1.5'; a frame's index": table(("frame", *names), [[1.5, *flat[0]]]),
+            "no frame has a pose": table(("status", *names), [["LOST", *row] for row in flat]),
+        }
+        for part, text in cases.items():
+            with self.subTest(part):
+                self.write("bad.csv", text)
+                self.refused(part, poses="bad.csv")
+        (self.folder / "bad.csv").write_bytes(b"\xff\xfe\x00\x01")
+        self.refused("not text", poses="bad.csv")
+        self.refused("no such file", poses="none.csv")
+        for name, array in (("shape", POSES[:, :2]), ("words", np.array(["a"])), ("none", POSES[:0])):
+            np.save(self.folder / f"{name}.npy", array)
+            self.refused("poses of shape", poses=f"{name}.npy")
+
+    def test_size_of_pixels(self):
+        self.refused("say nothing of a pixel's size", pixel_spacing=None)
+        self.refused("Is the unit", calibration=self.write("c.txt", table((), np.diag([300.0, 400, 300, 1]))), pixel_spacing=None)
+        for spacing in ((0, 1), (0.3, -0.4), (0.3, np.nan), (0.3,), (99, 1)):
+            self.refused("pixel_spacing", kind=ValueError, pixel_spacing=spacing)
+
+    def test_sequence(self):
+        def text(*names):
+            return "DimSize = 0 0 1\n" + "".join(f"Seq_Frame0000_{name}\n" for name in names) + "ElementDataFile = LOCAL\n"
+
+        identity = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
+        for part, content in (("has 0 transforms", text()),
+                              ("has 2 transforms", text(f"ATransform = {identity}", f"BTransform = {identity}")),
+                              ("ATransform: 3 numbers", text("ATransform = 1 2 3")),
+                              ("'x' is not a number", text(f"ATransform = x{identity[1:]}"))):
+            self.write("bad.seq.mha", content)
+            self.refused(part, poses="bad.seq.mha")
+
+    def test_calibration(self):
+        for part, text in (("15 numbers", table((), [np.eye(4).ravel()[:15]])), ("'x' is not a number", "x"[:0] + "1 2 3 4\n1 x 3 4\n"),
+                           ("singular", table((), np.diag([1, 1, 0, 1]))), ("0 numbers", "nothing\n"),
+                           ("the matrix ends with", table((), np.ones((4, 4))))):
+            with self.subTest(part):
+                self.refused(part, calibration=self.write("bad.txt", text))
+        self.refused("no such file", calibration=self.folder / "none.txt")
+
+    def test_times(self):
+        rows = np.concatenate([TIMES[:3, None], POSES.reshape(-1, 16)[:3]], axis=1)
+        self.write("three.csv", table(("timestamp", *MATRIX_NAMES), rows))
+        self.refused("the images have no times", poses="three.csv")
+        with mock.patch.object(sources, "read_images", return_value=sources.Images(IMAGES, TIMES)):
+            np.save(self.folder / "three.npy", POSES[:3])
+            self.refused("the poses have no times", poses="three.npy")
+            self.write("three.csv", table(("timestamp", *MATRIX_NAMES), rows[::-1]))
+            self.refused("times must increase", poses="three.csv")
+            self.write("three.csv", table(("timestamp", *MATRIX_NAMES), rows[:1]))
+            self.refused("two are needed", poses="three.csv")
+
+    def test_arguments(self):
+        for part, options in (("units", {"units": "inch"}), ("quaternion", {"quaternion": "zyxw"}),
+                              ("first_pixel", {"first_pixel": 2}), ("crop", {"crop": (0, 0, 99, 5)}),
+                              ("crop", {"crop": (-1, 0, 5, 5)}), ("crop", {"crop": (0, 0, 0, 5)})):
+            self.refused(part, kind=ValueError, **options)
+
+
+class Program(InFolder):
+    def run_convert(self, *arguments):
+        return subprocess.run([sys.executable, "-m", "bigus.convert", *map(str, arguments)], capture_output=True, text=True,
+                              cwd=self.folder)
+
+    def test_convert(self):
+        try:
+            import bigus
+        except ImportError as error:
+            self.skipTest(str(error))
+        self.write("poses.csv", table(("status", *MATRIX_NAMES), [["OK" if k != 3 else "LOST", *POSES[k].ravel()]
+                                                                  for k in range(FRAMES)]))
+        result = self.run_convert("images.npy", "poses.csv", "--pixel-spacing", *SPACING, "-o", "sweep.igs.mha")
+        self.assertEqual((result.returncode, result.stdout), (0, "sweep.igs.mha: 6 frames of 16 x 12 pixels\n"), result.stderr)
+        self.assertIn("1 of 7 frames have no pose and are left out: 3.", result.stderr)
+        sweep, kept = bigus.read(self.folder / "sweep.igs.mha"), np.arange(FRAMES) != 3
+        np.testing.assert_array_equal(bigus.frames(sweep), IMAGES[kept])
+        np.testing.assert_allclose(bigus.poses(sweep), TRUTH[kept], atol=1e-12)
+        for arguments, part in ((("images.npy", "poses.npy", "-o", "x.mha"), "pixel's size"),
+                                (("images.npy", "poses.npy", "--pixel-spacing", 1, 1, "-o", "x.png"), "must end in"),
+                                (("images.npy", "poses.npy", "--pixel-spacing", 1, 1, "-o", "no/x.mha"), "no/x.mha")):
+            result = self.run_convert(*arguments)
+            self.assertEqual(result.returncode, 2)
+            self.assertIn(part, result.stderr)
+            self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
+        self.assertEqual(self.run_convert("--help").returncode, 0)
+
+
+if __name__ == "__main__":
+    unittest.main()
