@@ -9,6 +9,7 @@ With the package on PYTHONPATH `python3 -m bigus.convert` is run, too.
 """
 import importlib.util
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -347,6 +348,64 @@ class ImagesOfEveryKind(InFolder):
         refused(self.write("text.dcm", "hello"), "not a DICOM file")
 
 
+class Page(InFolder):
+    def test_lines_of_the_page(self):
+        """Every line of Sources.md, on files of these names; those whose package is missing here are left out."""
+        lines = re.findall(r"`python3 -m bigus\.convert (.*?)`", (ROOT / "Module" / "Python" / "Sources.md").read_text())
+        lines = [line for line in lines if not line.startswith("IMAGES")]
+        self.assertEqual(len(lines), 9)
+        specification = importlib.util.spec_from_file_location("convert", FOLDER / "convert.py")
+        convert = importlib.util.module_from_spec(specification)
+        specification.loader.exec_module(convert)
+        rows = POSES.reshape(-1, 16)
+        self.write("poses.csv", table(MATRIX_NAMES, rows))
+        self.write("probe.txt", table((), SCALE, " "))
+        self.write("calib_matrix.csv", "a\n" + table((), SCALE) + "b\n" + table((), np.eye(4)))
+        stamps = np.arange(-0.1, 0.6, 1 / 60) + 100
+        self.write("tracker.csv", table(("timestamp", *MATRIX_NAMES),
+                                        np.concatenate([stamps[:, None], path_of_probe(stamps - 100)[0].reshape(-1, 16)], axis=1)))
+        skipped = []
+        try:
+            h5py = package("h5py")
+            for name in ("scan.h5", "frames.h5", "transfs.h5"):
+                with h5py.File(self.folder / name, "w") as file:
+                    file["frames"], file["tforms"] = IMAGES, POSES
+        except unittest.SkipTest:
+            skipped += ["scan.h5", "frames.h5"]
+        try:
+            cv2 = package("cv2")
+            (self.folder / "frames").mkdir()
+            for k, image in enumerate(IMAGES):
+                cv2.imwrite(str(self.folder / "frames" / f"{k}.png"), image)
+            self.write("frames.txt", "\n".join(f"frames/{k}.png" for k in range(FRAMES)))
+            writer = cv2.VideoWriter(str(self.folder / "video.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 20, (128, 96))
+            for image in np.kron(IMAGES, np.ones((1, 8, 8), np.uint8)):
+                writer.write(np.repeat(image[..., np.newaxis], 3, axis=2))
+            writer.release()
+        except unittest.SkipTest:
+            skipped += ["frames", "frames.txt", "video.avi"]
+        try:
+            ImagesOfEveryKind.dicom(self, FrameTime=50.0)
+        except unittest.SkipTest:
+            skipped.append("scan.dcm")
+        skipped.append("images.seq.nrrd")  # needs the package; Program has it
+        for line in lines:
+            options = vars(convert.parser().parse_args(line.split()))
+            self.assertEqual(options.pop("output"), "sweep.igs.mha")
+            if options["images"] in skipped:
+                continue
+            with self.subTest(line):
+                for name in ("images", "poses", "calibration"):
+                    options[name] = options[name] and self.folder / options[name]
+                sweep = sources.load(**options)
+                self.assertEqual(len(sweep.pixels), FRAMES)
+                if "--crop" not in line:
+                    np.testing.assert_array_equal(sweep.pixels, IMAGES)
+                shift = {"--origin-pixel": [-8, 0], "--crop": [16, 8], "calib_matrix": [1, 1]}
+                i, j = next((offset for word, offset in shift.items() if word in line), [0, 0])
+                np.testing.assert_allclose(sweep.poses @ [0, 0, 0, 1], TRUTH @ [i, j, 0, 1], atol=1e-4)
+
+
 class BadFiles(InFolder):
     def refused(self, part, images="images.npy", poses="poses.npy", kind=None, **options):
         """One error that names the file and the part."""
@@ -523,7 +582,20 @@ class Program(InFolder):
         sweep, kept = bigus.read(self.folder / "sweep.igs.mha"), np.arange(FRAMES) != 3
         np.testing.assert_array_equal(bigus.frames(sweep), IMAGES[kept])
         np.testing.assert_allclose(bigus.poses(sweep), TRUTH[kept], atol=1e-12)
+        # Images and transforms as 3D Slicer saves a tracked sequence, in two files.
+        (self.folder / "images.seq.nrrd").write_bytes(
+            f"NRRD0005\ntype: unsigned char\ndimension: 4\nspace: left-posterior-superior\nsizes: {FRAMES} {WIDTH} {HEIGHT} 1\n"
+            "space directions: none (1,0,0) (0,1,0) (0,0,1)\nkinds: list domain domain domain\nencoding: raw\n"
+            "space origin: (0,0,0)\n\n".encode() + IMAGES.transpose(1, 2, 0).tobytes())
+        self.write("probe.seq.mha", "".join(
+            f"Seq_Frame{k:04d}_ProbeTransform ={' '.join(repr(float(x)) for x in POSES[k].ravel())} \n" for k in range(FRAMES)) +
+            "ElementDataFile = LOCAL\n")
+        result = self.run_convert("images.seq.nrrd", "probe.seq.mha", "--pixel-spacing", *SPACING, "-o", "slicer.igs.mha")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        np.testing.assert_array_equal(bigus.frames(bigus.read(self.folder / "slicer.igs.mha")), IMAGES)
+        np.testing.assert_allclose(bigus.poses(bigus.read(self.folder / "slicer.igs.mha")), TRUTH, atol=1e-12)
         for arguments, part in ((("images.npy", "poses.npy", "-o", "x.mha"), "pixel's size"),
+                                (("probe.seq.mha", "poses.npy", "--pixel-spacing", 1, 1, "-o", "x.mha"), "probe.seq.mha: neither"),
                                 (("images.npy", "poses.npy", "--pixel-spacing", 1, 1, "-o", "x.png"), "must end in"),
                                 (("images.npy", "poses.npy", "--pixel-spacing", 1, 1, "-o", "no/x.mha"), "no/x.mha")):
             result = self.run_convert(*arguments)

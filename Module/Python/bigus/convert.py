@@ -18,7 +18,7 @@ from typing import Optional, Sequence
 def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python3 -m bigus.convert", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("images", help=".npy, .npz, .h5, a video, DICOM, a folder of pictures, or a .txt that lists them")
+    parser.add_argument("images", help=".npy, .npz, .h5, a video, DICOM, .mha, .nrrd, a folder of pictures, or a .txt that lists them")
     parser.add_argument("poses", nargs="?", help=".csv, .txt, .npy, .h5 or .seq.mha; not given where IMAGES has them, too")
     parser.add_argument("-o", "--output", required=True, help="sequence to write: .igs.mha")
     parser.add_argument("--calibration", metavar="FILE",

@@ -19,6 +19,7 @@ import numpy as np
 Path = Union[str, os.PathLike]
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".mpg", ".mpeg", ".m4v", ".webm", ".wmv")
+SEQUENCES = (".mha", ".mhd", ".nrrd", ".nhdr")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -261,6 +262,20 @@ def _dicom(path: Path) -> Images:
     return Images(pixels, times, spacing)
 
 
+def _sequence(path: Path) -> Images:
+    """The images of a sequence whose poses lie elsewhere, as 3D Slicer saves them."""
+    from .arrays import frames  # here, because only this format needs the rest of the package
+    from .tasks import read
+
+    try:
+        sequence = read(path, RequirePoses=False, AutoMask=False)
+    except RuntimeError as error:
+        raise SourceError(str(error)) from None
+    times = sequence.GetFieldData().GetArray("Timestamp")
+    count = times.GetNumberOfTuples() if times else 0
+    return Images(as_pixels(frames(sequence), path), np.array([times.GetValue(k) for k in range(count)]) if count else None)
+
+
 def read_images(path: Path) -> Images:
     """The frames of a file, a folder of pictures, or a text file that lists them."""
     _require_file(path)
@@ -273,14 +288,16 @@ def read_images(path: Path) -> Images:
         return Images(as_pixels(_hdf5(path, ("frames", "images"), "images"), path))
     if suffix in VIDEOS:
         return _video(path)
+    if suffix in SEQUENCES:
+        return _sequence(path)
     if suffix == ".txt":
         return Images(_list_of_frames(path))
     with open(path, "rb") as file:
         is_dicom = file.read(132)[128:] == b"DICM"
     if is_dicom or suffix == ".dcm":
         return _dicom(path)
-    raise SourceError(f"{path}: {suffix or 'no ending'} is not read; .npy, .npz, .h5, {', '.join(VIDEOS)}, .dcm, a folder of "
-                      "pictures and a .txt that lists them are. 'bigus convert' reads .mha, .mhd and .nrrd")
+    raise SourceError(f"{path}: {suffix or 'no ending'} is not read; .npy, .npz, .h5, .dcm, {', '.join(VIDEOS + SEQUENCES)}, a "
+                      "folder of pictures and a .txt that lists them are")
 
 
 # ---- poses
@@ -654,7 +671,8 @@ def _is_rigid(matrices: np.ndarray) -> bool:
 def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> Any:
     """A sweep of images and poses in files of your own.
 
-    images: .npy, .npz, .h5 (frames), a video, DICOM of many frames, a folder of pictures, or a .txt that lists them.
+    images: .npy, .npz, .h5 (frames), a video, DICOM of many frames, .mha or .nrrd, a folder of pictures, or a .txt that
+        lists them.
     poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; None where
         images has them, too. Rows with empty cells, NaN or a status other than OK are frames without a pose.
     calibration: from a pixel to the probe, or from mm in the image where pixel_spacing is given: 16 numbers in a file, or
