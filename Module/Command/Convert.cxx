@@ -31,6 +31,7 @@ struct Options
   std::string transform;  ///< file; empty: none
   bool inverse = false;
   WorldSystem world = WorldSystem::Ras;
+  bool round = false;
 };
 
 /// The way of a field's points, in the coordinates of its world.
@@ -73,15 +74,16 @@ ExitCode Convert(Console& console, const Options& options)
       Update(mover, console, "Moving");
       field = mover->GetOutput();
     }
-    WriteFieldData(field, output, console);
+    WriteFieldData(field, output, options.round, console);
     console.Print(output + ": " + std::to_string(field->GetNumberOfPoints()) + " Gaussians");
     console.Report({{"output", output}, {"kind", "field"}, {"gaussians", field->GetNumberOfPoints()}});
     return Success;
   }
 
-  if (!options.transform.empty())
+  if (!options.transform.empty() || options.round)
   {
-    throw Error("--transform moves fields (.vtp, .ply), and '" + input + "' is none.");
+    throw Error(std::string(options.round ? "--round rounds" : "--transform moves") + " fields (.vtp, .ply), and '" +
+                input + "' is none.");
   }
   RequireStackName(output);
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
@@ -114,6 +116,8 @@ void AddConvert(Program& program)
   app->add_option("OUTPUT", options->output, "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
       ->required()
       ->type_name("");
+  app->add_flag("--round", options->round,
+                "Of a field: drop the digits that no picture shows (by less than 0.01 dB), as 'train' does");
   const char* const group = "Moving a field";
   CLI::Option* transform =
       app->add_option(

@@ -465,10 +465,11 @@ void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, Console&
                "wrote.");
 }
 
-void WriteFieldData(vtkPolyData* field, const std::string& path, Console& console)
+void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console)
 {
   vtkNew<vtkBigusFieldWriter> writer;
   writer->SetInputData(field);
+  writer->SetRounding(isRounded);
   writer->SetFileName(path.c_str());
   Write(writer, console, "Writing");
 }

@@ -112,7 +112,8 @@ std::string TrainedPoses(vtkPolyData* field);
 /// Says on stderr when `sequence` is the one that the field was trained on, whose poses were corrected: then planes as
 /// tracked are not those that the field was trained at.
 void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, Console& console);
-void WriteFieldData(vtkPolyData* field, const std::string& path, Console& console);
+/// `isRounded`: without the digits that no picture shows (Core/Model/FieldRounding.h).
+void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console);
 
 /// Throws Error when there is no file at `path`.
 void RequireFile(const std::string& path);

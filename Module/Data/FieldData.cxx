@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/FieldRounding.h"
 #include "Data/Arrays.h"
 #include "Data/Provenance.h"
 #include "vtkCellArray.h"
@@ -222,6 +223,15 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
     Assemble(to, points, scales, rotations, reflectivities, arrays.none.beam, arrays.none.transfer);
   }
   ReplaceProvenance(to, provenance);
+}
+
+void RoundFieldData(vtkPolyData* polyData)
+{
+  const std::vector<std::string> provenance = ProvenanceOf(polyData);
+  GaussianField field = FieldFromPolyData(polyData);
+  RoundField(field);
+  FieldToPolyData(field, polyData);
+  ReplaceProvenance(polyData, provenance);
 }
 
 }  // namespace bigus

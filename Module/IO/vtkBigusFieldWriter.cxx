@@ -66,16 +66,20 @@ void vtkBigusFieldWriter::WriteFile()
       throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
                              fileName + ": fields are written as .vtp or .ply; name the file so");
     }
+    vtkNew<vtkPolyData> field;
+    bigus::ShareField(this->GetInput(), field);
+    if (this->Rounding)
+    {
+      bigus::RoundFieldData(field);
+    }
     if (ending == ".ply")
     {
-      const bigus::PlyField ply = {bigus::FieldFromPolyData(this->GetInput()), bigus::ProvenanceOf(this->GetInput())};
+      const bigus::PlyField ply = {bigus::FieldFromPolyData(field), bigus::ProvenanceOf(field)};
       bigus::AtomicFile file(fileName);
       bigus::WritePly(ply, file);
       file.Commit();
       return;
     }
-    vtkNew<vtkPolyData> field;
-    bigus::ShareField(this->GetInput(), field);
     bigus::AtomicFile file(fileName);
     if (!bigus::WriteVtp(field, file.TemporaryName()))
     {
@@ -95,4 +99,5 @@ void vtkBigusFieldWriter::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "FileName: " << (this->FileName ? this->FileName : "(none)") << "\n";
+  os << indent << "Rounding: " << this->Rounding << "\n";
 }

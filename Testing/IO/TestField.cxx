@@ -13,8 +13,12 @@
 #include <limits>
 #include <random>
 
+#include "Core/Model/FieldRounding.h"
+#include "Data/FieldData.h"
+#include "IO/Formats/Vtp.h"
 #include "SmallFiles.h"
 #include "Support/ErrorObserver.h"
+#include "Support/Fields.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
@@ -278,6 +282,35 @@ TEST(Field, EmptyFieldIsValid)
     Write(RandomField(0), folder / name);
     EXPECT_EQ(Read(reader, folder / name)->GetFieldData()->GetArray("ElevationSigma")->GetComponent(0, 0), 1.0 / 3);
   }
+}
+
+// Rounded numbers are floats, stored as such, and come back as they were written.
+TEST(Field, ARoundedFieldIsLessThanHalfAsLargeAndComesBack)
+{
+  TemporaryFolder folder;
+  const auto field = RandomField(3000);
+  Write(field, folder / "field.vtp");
+  vtkNew<vtkBigusFieldWriter> writer;
+  writer->SetInputData(field);
+  writer->SetFileName((folder / "rounded.vtp").c_str());
+  writer->RoundingOn();
+  ASSERT_EQ(writer->Write(), 1);
+  EXPECT_LT(2 * std::filesystem::file_size(folder / "rounded.vtp"), std::filesystem::file_size(folder / "field.vtp"));
+  bigus::GaussianField rounded = bigus::FieldFromPolyData(field);
+  bigus::RoundField(rounded);
+  vtkNew<vtkBigusFieldReader> reader;
+  vtkPolyData* const back = Read(reader, folder / "rounded.vtp");
+  EXPECT_EQ(back->GetPoints()->GetDataType(), VTK_DOUBLE);
+  EXPECT_EQ(back->GetNumberOfVerts(), 3000);
+  EXPECT_TRUE(bigus::test::SameField(bigus::FieldFromPolyData(back), rounded));
+  EXPECT_TRUE(bigus::IsOwnVtp(folder / "rounded.vtp"));
+  vtkNew<vtkXMLPolyDataReader> stock;
+  stock->SetFileName((folder / "rounded.vtp").c_str());
+  stock->Update();
+  EXPECT_TRUE(bigus::test::SameField(bigus::FieldFromPolyData(stock->GetOutput()), rounded));
+  auto* const provenance = vtkStringArray::SafeDownCast(back->GetFieldData()->GetAbstractArray("Provenance"));
+  ASSERT_TRUE(provenance);
+  EXPECT_EQ(provenance->GetValue(1), "seed=7");
 }
 
 // Another program's .vtp: any number type, encoding and header, no cells.

@@ -3,22 +3,27 @@
 #include "IO/Formats/Vtp.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <initializer_list>
+#include <limits>
 #include <vector>
 
 #include "IO/Bytes.h"
 #include "IO/FileError.h"
 #include "IO/Text.h"
 #include "vtkCallbackCommand.h"
+#include "vtkCellArray.h"
 #include "vtkDoubleArray.h"
 #include "vtkExecutive.h"
 #include "vtkFieldData.h"
+#include "vtkFloatArray.h"
 #include "vtkIntArray.h"
 #include "vtkNew.h"
 #include "vtkPointData.h"
 #include "vtkPoints.h"
 #include "vtkPolyData.h"
+#include "vtkSmartPointer.h"
 #include "vtkStringArray.h"
 #include "vtkXMLPolyDataReader.h"
 #include "vtkXMLPolyDataWriter.h"
@@ -37,7 +42,8 @@ constexpr std::int64_t mostComponents = 16;
 constexpr std::uint64_t mostTextBytes = 1u << 20;
 constexpr std::int64_t mostStrings = 10000;
 
-// The arrays of a field: where each is, and what it holds as we write it.
+// The arrays of a field: where each is, and what it holds as we write it, Float32 in place of Float64 where that
+// holds every value.
 struct ArrayName
 {
   const char* parent;
@@ -124,8 +130,7 @@ public:
   {
     if (points_ > 0)
     {
-      vtkNew<vtkDoubleArray> coordinates;
-      ReadNumbers(PointsNode(), "Points", points_, coordinates.Get());
+      const auto coordinates = ReadFloating(PointsNode(), "Points", points_);
       if (coordinates->GetNumberOfComponents() != 3 || coordinates->GetNumberOfTuples() != points_)
       {
         throw FormatError(name_ + ": Points must have 3 components and " + std::to_string(points_) + " tuples");
@@ -145,9 +150,7 @@ public:
       }
       if (std::strcmp(wanted.ownType, "Float64") == 0)
       {
-        vtkNew<vtkDoubleArray> numbers;
-        ReadNumbers(node, wanted.name, ofPoints ? points_ : 1, numbers.Get());
-        data->AddArray(numbers);
+        data->AddArray(ReadFloating(node, wanted.name, ofPoints ? points_ : 1));
       }
       else if (std::strcmp(wanted.ownType, "Int32") == 0)
       {
@@ -232,7 +235,7 @@ private:
       {
         throw TooMuchText(name);
       }
-      ours_ = ours_ && type == ownType && format == "appended";
+      ours_ = ours_ && (type == ownType || (type == "Float32" && ownType == "Float64")) && format == "appended";
     };
     if (points_ > 0)
     {
@@ -249,6 +252,17 @@ private:
         look(Node(wanted), wanted.name, wanted.ownType);
       }
     }
+  }
+
+  vtkSmartPointer<vtkDataArray> ReadFloating(pugi::xml_node node, const char* name, std::int64_t tuples)
+  {
+    const auto read = [&](auto array)
+    {
+      ReadNumbers(node, name, tuples, array.Get());
+      return vtkSmartPointer<vtkDataArray>(array);
+    };
+    return std::strcmp(node.attribute("type").value(), "Float32") == 0 ? read(vtkSmartPointer<vtkFloatArray>::New())
+                                                                       : read(vtkSmartPointer<vtkDoubleArray>::New());
   }
 
   // `tuples` is what an array of the piece has; the array's own word goes before it.
@@ -410,6 +424,27 @@ void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
   polyData->ShallowCopy(reader->GetOutput());
 }
 
+// The array in 32 bits if that holds every value, else itself.
+vtkSmartPointer<vtkDataArray> AsFloats(vtkDataArray* array)
+{
+  vtkDoubleArray* const doubles = vtkDoubleArray::SafeDownCast(array);
+  const vtkIdType count = doubles ? doubles->GetNumberOfValues() : 0;
+  const double* const values = count > 0 ? doubles->GetPointer(0) : nullptr;
+  // What lies beyond the range of a float must not be converted to one.
+  const auto fits = [](double value)
+  {
+    return std::abs(value) <= std::numeric_limits<float>::max() &&
+           static_cast<double>(static_cast<float>(value)) == value;
+  };
+  if (!values || !std::all_of(values, values + count, fits))
+  {
+    return array;
+  }
+  const auto floats = vtkSmartPointer<vtkFloatArray>::New();
+  floats->DeepCopy(array);
+  return floats;
+}
+
 }  // namespace
 
 bool IsOwnVtp(const std::string& fileName)
@@ -432,9 +467,27 @@ void ReadVtp(const std::string& fileName, vtkPolyData* field)
 
 bool WriteVtp(vtkPolyData* field, const std::string& fileName)
 {
+  vtkNew<vtkPolyData> narrow;
+  narrow->ShallowCopy(field);
+  if (field->GetPoints())
+  {
+    vtkNew<vtkPoints> points;
+    points->SetData(AsFloats(field->GetPoints()->GetData()));
+    narrow->SetPoints(points);
+  }
+  narrow->GetPointData()->Initialize();
+  for (int k = 0; k < field->GetPointData()->GetNumberOfArrays(); ++k)
+  {
+    narrow->GetPointData()->AddArray(AsFloats(field->GetPointData()->GetArray(k)));
+  }
+  narrow->GetPointData()->SetActiveScalars("Reflectivity");
+  if (field->GetNumberOfPoints() <= VTK_INT_MAX)
+  {
+    narrow->GetVerts()->ConvertTo32BitStorage();
+  }
   vtkNew<vtkXMLPolyDataWriter> writer;
   writer->SetFileName(fileName.c_str());
-  writer->SetInputData(field);
+  writer->SetInputData(narrow);
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToZLib();

@@ -12,14 +12,15 @@ namespace bigus
 {
 
 /// The points and arrays that the file holds, not yet checked to be a field. The encoding that vtkBigusFieldWriter
-/// writes (raw appended data, zlib, sizes in 64 bits, doubles in this machine's order) is read by our own code, which
-/// withstands any damage. Other encodings go to vtkXMLPolyDataReader. Throws FileError.
+/// writes (raw appended data, zlib, sizes in 64 bits, floats and doubles in this machine's order) is read by our own
+/// code, which withstands any damage. Other encodings go to vtkXMLPolyDataReader. Throws FileError.
 void ReadVtp(const std::string& fileName, vtkPolyData* field);
 
 /// Whether our own code reads the file. Throws FileError.
 bool IsOwnVtp(const std::string& fileName);
 
-/// Writes a field without other arrays. The file is made by name, for AtomicFile. False when that failed.
+/// Writes a field without other arrays, as ShareField makes it. An array whose values are all floats is written in 32
+/// bits. The file is made by name, for AtomicFile. False when that failed.
 bool WriteVtp(vtkPolyData* field, const std::string& fileName);
 
 }  // namespace bigus
