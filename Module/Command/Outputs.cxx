@@ -80,23 +80,30 @@ std::array<double, 3> ToLps(const std::array<double, 3>& v, WorldSystem world)
   return world == WorldSystem::Ras ? std::array<double, 3>{0 - v[0], 0 - v[1], v[2]} : v;
 }
 
-void BeginNrrd(std::ostream& file, vtkImageData* image)
+void BeginNrrd(std::ostream& file, vtkImageData* image, bool oneSliceEach = false)
 {
   int size[3];
   image->GetDimensions(size);
   file.precision(17);
   file << "NRRD0005\n"
-       << "type: " << PixelTypeName(image, true) << "\ndimension: 3\nsizes: " << size[0] << ' ' << size[1] << ' '
-       << size[2] << "\nencoding: raw\nendian: little\n";
+       << "type: " << PixelTypeName(image, true) << "\ndimension: " << (oneSliceEach ? 4 : 3) << "\nsizes: " << size[0]
+       << ' ' << size[1] << (oneSliceEach ? " 1 " : " ") << size[2] << "\nencoding: raw\nendian: little\n";
 }
 
 void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
 {
+  // 3D Slicer takes what ends so for a sequence of volumes of one slice. Its pixels lie at (i, j, 0) in RAS, so that the
+  // transform ImageToReference above them puts them where they belong.
+  const bool forSlicer = HasSuffix(path, ".seq.nrrd");
+  const char* const axes = forSlicer
+                               ? "space: left-posterior-superior\nspace directions: (-1,0,0) (0,-1,0) (0,0,1) none\n"
+                                 "space origin: (0,0,0)\nkinds: domain domain domain list\n"
+                               : "kinds: domain domain list\n";
   WriteAtomically(path,
-                  [stack](std::ostream& file)
+                  [stack, forSlicer, axes](std::ostream& file)
                   {
-                    BeginNrrd(file, stack);
-                    file << "kinds: domain domain list\nultrasound image orientation:=MF\n"  // IGSIO's names
+                    BeginNrrd(file, stack, forSlicer);
+                    file << axes << "ultrasound image orientation:=MF\n"  // IGSIO's names
                          << "ultrasound image type:=BRIGHTNESS\n";
                     vtkFieldData* data = stack->GetFieldData();
                     vtkDataArray* poses = data->GetArray("ImageToReference");

@@ -48,19 +48,25 @@ std::string HowToBring(const std::string& fileName)
                                 name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
                        });
   };
-  if (endsWith({".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif"}))
+  const std::string convert = "'python3 -m bigus.convert " + Shortened(fileName) + " POSES -o sweep.igs.mha'";
+  if (endsWith({".mp4", ".mkv", ".avi", ".mov", ".webm"}))
   {
-    return ". A video has no poses: make grey PNG images of it (ffmpeg -i VIDEO -pix_fmt gray %04d.png) and a CSV of poses "
-           "beside them";
+    return ". A video has no poses: with a table of them " + convert + " makes a sequence";
   }
-  if (endsWith({".dcm", ".dicom", ".h5", ".hdf5", ".nii", ".nii.gz", ".npy", ".npz"}))
+  if (endsWith({".dcm", ".dicom", ".h5", ".hdf5", ".npy", ".npz"}))
   {
-    return ". Read it in Python, with pydicom, h5py, nibabel or numpy, and hand pixels and poses over: "
-           "bigus.write(bigus.sweep(frames, poses), \"sweep.igs.mha\")";
+    return ". " + convert + " makes a sequence of images and poses" +
+           (endsWith({".h5"}) ? "; a transform is read as .tfm or .txt, which 3D Slicer saves, too" : "");
+  }
+  if (endsWith({".nii", ".nii.gz"}))
+  {
+    return ". Read it in Python, with nibabel, and hand pixels and poses over: bigus.write(bigus.sweep(frames, poses), "
+           "\"sweep.igs.mha\")";
   }
   if (endsWith({".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}))
   {
-    return ". Images are read as grey PNG, with a CSV of poses";
+    return ". Images are read as PNG, with a CSV of poses; others by 'python3 -m bigus.convert FOLDER POSES -o "
+           "sweep.igs.mha'";
   }
   return {};
 }

@@ -77,8 +77,32 @@ def write():
     np.save(FOLDER / "shown.npy", array_of(shown))
 
 
+def read_sequence(name):
+    """Images and transforms of a sequence together: where each frame's pixels lie [frames, 4, 4], and their first bytes."""
+    images, transforms = add(slicer.vtkMRMLSequenceNode), add(slicer.vtkMRMLSequenceNode)
+    for sequence, kind, ending in ((images, slicer.vtkMRMLVolumeSequenceStorageNode, "seq.nrrd"),
+                                   (transforms, slicer.vtkMRMLLinearTransformSequenceStorageNode, "igs.mha")):
+        storage = add(kind)
+        storage.SetFileName(str(FOLDER / f"{name}.{ending}"))
+        assert storage.ReadData(sequence), ending
+    assert images.GetNumberOfDataNodes() == transforms.GetNumberOfDataNodes()
+    places, first = [], []
+    for k in range(images.GetNumberOfDataNodes()):
+        pixels, above = vtk.vtkMatrix4x4(), vtk.vtkMatrix4x4()
+        images.GetNthDataNode(k).GetIJKToRASMatrix(pixels)
+        transforms.GetNthDataNode(k).GetMatrixTransformToParent(above)
+        places.append(array_of(above) @ array_of(pixels))
+        image = images.GetNthDataNode(k).GetImageData()
+        first.append([image.GetScalarComponentAsDouble(i, j, 0, 0) for i, j in ((20, 30), (40, 25))])
+    np.save(FOLDER / f"{name}.npy", places)
+    np.save(FOLDER / f"{name}-pixels.npy", first)
+
+
 def read(names):
     for name in names:
+        if name == "sweep":
+            read_sequence(name)
+            continue
         volume, storage = add(slicer.vtkMRMLScalarVolumeNode), add(slicer.vtkMRMLVolumeArchetypeStorageNode)
         storage.SetFileName(str(FOLDER / name))
         assert storage.ReadData(volume), name

@@ -145,12 +145,20 @@ class WithSlicerCore(unittest.TestCase):
             origin = LPS[:3, :3] @ eval(header.split("space origin: ")[1])
             corner = to_world[:3, :3] @ [-6, -4.5, -3] + to_world[:3, 3]
             self.assertLess(np.abs(origin - to_world[:3, :3] @ [0.5, 0.5, 0.5] - corner).max(), 1e-9)
-            # Back in Slicer, volumes lie where they were asked for.
+            # Back in Slicer, volumes lie where they were asked for, and a sequence's frames where their poses say.
+            bigus("phantom", "-o", folder / "sweep.igs.mha", "--frames", 5, "--width", 64, "--height", 48, "--pixel-size", 0.5)
+            bigus("convert", folder / "sweep.igs.mha", folder / "sweep.seq.nrrd")
             check = subprocess.run([python, str(pathlib.Path(__file__).with_name("slicer_core_scene.py")), str(folder),
-                                    "plane.nrrd", "box.nrrd"], capture_output=True, text=True,
+                                    "plane.nrrd", "box.nrrd", "sweep"], capture_output=True, text=True,
                                    env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"})
             self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
             self.assertLess(np.abs(np.load(folder / "plane.nrrd.npy") - expected).max(), 1e-9)
+            import bigus as package
+            for path in (folder / "sweep.igs.mha", folder / "sweep.seq.nrrd"):  # ours reads either, and the same
+                sweep = package.read(path)
+                self.assertLess(np.abs(np.load(folder / "sweep.npy") - package.poses(sweep)).max(), 1e-9)
+                shown = np.load(folder / "sweep-pixels.npy")
+                np.testing.assert_array_equal(package.frames(sweep)[:, [30, 25], [20, 40]], shown)
 
 
 if __name__ == "__main__":
