@@ -124,7 +124,7 @@ void AddConvert(Program& program)
              "--transform", options->transform,
              "Turn, move, mirror or scale the field. An ITK or 3D Slicer transform moves it as Slicer moves what "
              "is under it; 16 numbers, row by row, map its points")
-          ->type_name("FILE.tfm|FILE.txt")
+          ->type_name("FILE.tfm|FILE.h5|FILE.txt")
           ->group(group);
   app->add_flag("--inverse", options->inverse, "The other way round")->needs(transform)->group(group);
   AddWorldSystemOption(*app, options->world)->needs(transform)->group(group);

@@ -311,7 +311,7 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
 {
   app.add_option(name, options.poses, help)
       ->required(required)
-      ->check(FileToRead(".mrk.json,.tfm,.txt," + std::string(kSequenceEndings)))
+      ->check(FileToRead(".mrk.json,.tfm,.h5,.txt," + std::string(kSequenceEndings)))
       ->type_name("SEQUENCE|CSV|MARKUP.mrk.json|TRANSFORM.tfm")
       ->group(planeGroup);
   app.add_option(framesName, options.frames,

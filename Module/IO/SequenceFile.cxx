@@ -55,8 +55,7 @@ std::string HowToBring(const std::string& fileName)
   }
   if (endsWith({".dcm", ".dicom", ".h5", ".hdf5", ".npy", ".npz"}))
   {
-    return ". " + convert + " makes a sequence of images and poses" +
-           (endsWith({".h5"}) ? "; a transform is read as .tfm or .txt, which 3D Slicer saves, too" : "");
+    return ". " + convert + " makes a sequence of images and poses";
   }
   if (endsWith({".nii", ".nii.gz"}))
   {

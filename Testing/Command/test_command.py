@@ -474,7 +474,7 @@ class Info(CommandTest):
         self.assertEqual(self.expect(SUCCESS, "info", picture), {"kind": "images", "images": 1, "width": 48, "height": 40})
 
     def test_other_kinds_of_files_are_told_how_to_come_in(self):
-        for name, says in (("a.mp4", "bigus.convert"), ("a.DCM", "bigus.convert"), ("a.h5", ".tfm"), ("a.nii.gz", "nibabel"),
+        for name, says in (("a.mp4", "bigus.convert"), ("a.DCM", "bigus.convert"), ("a.h5", "bigus.convert"), ("a.nii.gz", "nibabel"),
                            ("a.jpg", "bigus.convert")):
             path = self.folder / name
             path.write_bytes(bytes(range(256)))

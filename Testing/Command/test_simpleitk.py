@@ -84,9 +84,9 @@ def check_transforms(program, field, folder):
 
     worst, before = 0.0, picture(field, "ras", lambda x: x)
     for name, transform in transforms().items():
-        for system in ("ras", "lps"):
-            sitk.WriteTransform(transform, str(folder / "t.tfm"))
-            bigus(program, "convert", field, folder / "moved.vtp", "--transform", folder / "t.tfm", "--inverse",
+        for system, ending in (("ras", "tfm"), ("lps", "h5")):
+            sitk.WriteTransform(transform, str(folder / f"t.{ending}"))
+            bigus(program, "convert", field, folder / "moved.vtp", "--transform", folder / f"t.{ending}", "--inverse",
                   "--world-system", system)
             flip = signs if system == "ras" else np.eye(3)
             after = picture(folder / "moved.vtp", system,
@@ -128,7 +128,7 @@ def check_places(program, field, folder):
         saved.SetMatrix((flip @ shown[:3, :3] @ flip).ravel().tolist())
         saved.SetTranslation((flip @ shown[:3, 3]).tolist())
         pictures = []
-        for name in ("pose.csv", "pose.tfm", "pose.txt"):
+        for name in ("pose.csv", "pose.tfm", "pose.txt", "pose.h5"):
             if name != "pose.csv":
                 sitk.WriteTransform(saved, str(folder / name))
             for ending in ("nrrd", "mha"):

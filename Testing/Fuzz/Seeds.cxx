@@ -223,6 +223,7 @@ int main(int count, char** arguments)
   {
     Seed("Loss", std::to_string(std::string(text).size()), text);
   }
+  Seed("Transform", "hdf5", test::ReadBytes(std::string(BIGUS_SOURCE_DIR) + "/Testing/Data/transform.h5"));
   const std::string magic = "#Insight Transform File V1.0\n#Transform 0\n";
   Seed("Transform", "affine",
        magic + "Transform: AffineTransform_double_3_3\nParameters: 1 0 0 0 1 0 0 0 1 5 6 7\nFixedParameters: 0 0 0\n");

@@ -3,6 +3,9 @@
 // Linear transforms of ITK's files and plain matrices. Testing/Command/test_simpleitk.py reads files that ITK wrote.
 #include <gtest/gtest.h>
 
+#include <tuple>
+#include <vector>
+
 #include "Core/Model/Error.h"
 #include "IO/Formats/LinearTransform.h"
 #include "SmallFiles.h"
@@ -62,6 +65,79 @@ TEST(LinearTransform, SixteenNumbers)
   const LinearTransform read = ReadLinearTransform(folder / "t.txt");
   EXPECT_FALSE(read.isItk);
   EXPECT_EQ((read.matrix * Eigen::Vector4d(1, 2, 3, 1)).eval(), Eigen::Vector4d(11, 17, 32, 1));
+}
+
+// The same composite as text, as SimpleITK wrote both.
+const std::string kComposite =
+    "#Insight Transform File V1.0\n#Transform 0\nTransform: CompositeTransform_double_3_3\n#Transform 1\n"
+    "Transform: VersorRigid3DTransform_double_3_3\n"
+    "Parameters: 0.10391372781674944 -0.17318954636124909 0.27710327417799857 3 4 -5\nFixedParameters: 1 2 3\n#Transform 2\n"
+    "Transform: TranslationTransform_double_3_3\nParameters: 1 2 -3\nFixedParameters: \n";
+
+TEST(LinearTransform, Hdf5)
+{
+  const LinearTransform read = ReadLinearTransform((TestDataFolder() / "transform.h5").string());
+  EXPECT_TRUE(read.isItk);
+  ExpectAt(kComposite, {1, 0, 0}, {6.393174710447365, 8.231874295061278, -7.127519082004464});  // by SimpleITK
+  EXPECT_LT(((read.matrix * Eigen::Vector4d(1, 0, 0, 1)).head<3>() - Moved(kComposite, {1, 0, 0})).norm(), 1e-14);
+  EXPECT_LT(((read.matrix * Eigen::Vector4d(0, 2, 5, 1)).head<3>() - Moved(kComposite, {0, 2, 5})).norm(), 1e-14);
+}
+
+// What is cut or damaged is refused, naming the file, or it is a transform.
+TEST(LinearTransform, DamagedHdf5)
+{
+  TemporaryFolder folder;
+  const std::string whole = ReadBytes((TestDataFolder() / "transform.h5").string());
+  int refused = 0;
+  const auto tryRead = [&](const std::string& bytes)
+  {
+    WriteBytes(folder / "t.h5", bytes);
+    try
+    {
+      EXPECT_TRUE(ReadLinearTransform(folder / "t.h5").matrix.allFinite());
+    }
+    catch (const Error& error)
+    {
+      ++refused;
+      EXPECT_NE(std::string(error.what()).find("t.h5"), std::string::npos) << error.what();
+    }
+  };
+  for (std::size_t at = 0; at < whole.size(); at += 7)
+  {
+    tryRead(whole.substr(0, at));
+  }
+  const int cut = refused;
+  EXPECT_GT(cut, 500);  // what ITK appends about itself may be missing
+  for (std::size_t at = 0; at < whole.size(); ++at)
+  {
+    if (whole[at] != '\0' || at % 8 == 0)  // most of the file is zeros
+    {
+      std::string changed = whole;
+      changed[at] = static_cast<char>(whole[at] ^ (at % 3 == 0 ? 0xFF : 0x01));
+      tryRead(changed);
+    }
+  }
+  EXPECT_GT(refused, cut + 100);
+  for (const auto& [from, to, part] : std::vector<std::tuple<std::string, std::string, std::string>>{
+           {"TransformGroup", "TransformGroap", "no TransformGroup"},
+           {"VersorRigid3D", "VersorRigid4D", "VersorRigid4D"},
+           {"TransformParameters", "TransformParametars", "has 0 Parameters"},
+           {std::string("\x89HDF\r\n\x1a\n\x02", 9), std::string("\x89HDF\r\n\x1a\n\x00", 9), "version 0; save the"}})
+  {
+    std::string bad = whole;
+    ASSERT_NE(bad.find(from), std::string::npos) << from;
+    bad.replace(bad.find(from), from.size(), to);
+    WriteBytes(folder / "bad.h5", bad);
+    try
+    {
+      ReadLinearTransform(folder / "bad.h5");
+      ADD_FAILURE() << "not refused: " << to;
+    }
+    catch (const Error& error)
+    {
+      EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+    }
+  }
 }
 
 TEST(LinearTransform, BadFiles)

@@ -59,7 +59,7 @@ def write():
     save(line, slicer.vtkMRMLMarkupsJsonStorageNode, "line.mrk.json")
     pose = add(slicer.vtkMRMLLinearTransformNode)
     pose.SetMatrixTransformToParent(matrix_of(to_world))
-    for ending in ("tfm", "txt"):
+    for ending in ("tfm", "txt", "h5"):
         save(pose, slicer.vtkMRMLTransformStorageNode, f"pose.{ending}")
 
     import BigusPlane

@@ -131,7 +131,7 @@ class WithSlicerCore(unittest.TestCase):
             pose, pixels = read_volume(folder / "plane.nrrd")
             self.assertEqual(pixels.shape, (24, 40))
             self.assertLess(np.abs(pose - expected).max(), 1e-9)
-            for ending in ("tfm", "txt"):
+            for ending in ("tfm", "txt", "h5"):
                 bigus("slice", FIELD, "--poses", folder / f"pose.{ending}", "--size", 7, 5, "--volume", folder / "pose.nrrd")
                 self.assertLess(np.abs(read_volume(folder / "pose.nrrd")[0] - to_world).max(), 1e-9, ending)
             bigus("slice", FIELD, "--poses", folder / "line.mrk.json", "--volume", folder / "line.nrrd")

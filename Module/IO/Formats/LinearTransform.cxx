@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "IO/FileError.h"
+#include "IO/Formats/Hdf5Transform.h"
 #include "IO/Text.h"
 
 namespace bigus
@@ -16,13 +17,6 @@ namespace
 
 constexpr std::uint64_t largestFile = 1u << 20;
 constexpr const char* itkMagic = "#Insight Transform File";
-
-/// One transform of a file.
-struct Entry
-{
-  std::string type;  ///< such as AffineTransform
-  std::vector<double> parameters, fixedParameters;
-};
 
 std::vector<double> Numbers(const std::string& where, std::string_view text)
 {
@@ -51,9 +45,9 @@ std::string TypeOf(const std::string& fileName, std::string_view name)
   throw FormatError(fileName + ": the transform " + Quoted(name) + " is not one between 3-D points (..._double_3_3)");
 }
 
-std::vector<Entry> Entries(const std::string& fileName, const std::string& text)
+std::vector<TransformEntry> TextEntries(const std::string& fileName, const std::string& text)
 {
-  std::vector<Entry> entries;
+  std::vector<TransformEntry> entries;
   std::istringstream lines(text);
   std::string line;
   while (std::getline(lines, line))
@@ -68,7 +62,7 @@ std::vector<Entry> Entries(const std::string& fileName, const std::string& text)
     const std::string_view value = colon == std::string_view::npos ? "" : Trimmed(whole.substr(colon + 1));
     if (key == "Transform")
     {
-      entries.push_back({TypeOf(fileName, value), {}, {}});
+      entries.push_back({std::string(value), {}, {}});
     }
     else if (!entries.empty() && (key == "Parameters" || key == "FixedParameters"))
     {
@@ -84,7 +78,7 @@ std::vector<Entry> Entries(const std::string& fileName, const std::string& text)
 }
 
 /// x -> M (x - c) + c + t, with M and t as the type has them and the centre c.
-Eigen::Matrix4d MatrixOf(const std::string& fileName, const Entry& entry)
+Eigen::Matrix4d MatrixOf(const std::string& fileName, const TransformEntry& entry)
 {
   const std::vector<double>& p = entry.parameters;
   const auto require = [&](std::size_t parameters, std::size_t fewestFixed, std::size_t mostFixed)
@@ -159,18 +153,30 @@ Eigen::Matrix4d MatrixOf(const std::string& fileName, const Entry& entry)
 LinearTransform ReadLinearTransform(const std::string& fileName)
 {
   const std::string text = ReadTextFile(fileName, largestFile);
-  if (text.rfind(itkMagic, 0) != 0)
+  const bool isHdf5 = LooksLikeHdf5(text);
+  if (!isHdf5 && text.rfind(itkMagic, 0) != 0)
   {
     double numbers[16];
     if (!ParseNumbers(text, 16, numbers))
     {
       throw FormatError(fileName +
-                        ": neither a linear transform of ITK as text (.tfm, .txt) nor 16 numbers, a 4 x 4 matrix "
+                        ": neither a linear transform of ITK (.tfm, .txt, .h5) nor 16 numbers, a 4 x 4 matrix "
                         "row by row");
     }
     return {Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers), false};
   }
-  std::vector<Entry> entries = Entries(fileName, text);
+  std::vector<TransformEntry> entries = isHdf5 ? ReadHdf5Transforms(fileName) : TextEntries(fileName, text);
+  for (TransformEntry& entry : entries)
+  {
+    entry.type = TypeOf(fileName, entry.type);
+    for (const double number : entry.parameters)
+    {
+      if (!std::isfinite(number))
+      {
+        throw FormatError(fileName + ": " + entry.type + " has a parameter that is not finite");
+      }
+    }
+  }
   const bool composite = !entries.empty() && entries.front().type == "CompositeTransform";
   if (composite)
   {
@@ -182,7 +188,7 @@ LinearTransform ReadLinearTransform(const std::string& fileName)
                       " transforms; one is expected, or a Composite of some");
   }
   Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
-  for (const Entry& entry : entries)
+  for (const TransformEntry& entry : entries)
   {
     matrix = matrix * MatrixOf(fileName, entry);  // the last of the list comes first to a point
   }
@@ -206,7 +212,7 @@ Eigen::Matrix4d ReadObjectMatrix(const std::string& fileName, bool worldIsLps)
 
 bool LooksLikeTransform(const std::string& beginning)
 {
-  return beginning.rfind(itkMagic, 0) == 0;
+  return LooksLikeHdf5(beginning) || beginning.rfind(itkMagic, 0) == 0;
 }
 
 }  // namespace bigus

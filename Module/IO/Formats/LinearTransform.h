@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// A linear transform as ITK and 3D Slicer write it (.tfm, .txt), or as a plain 4 x 4 matrix.
+// A linear transform as ITK and 3D Slicer write it (.tfm, .txt, .h5), or as a plain 4 x 4 matrix.
 #pragma once
 
 #include <Eigen/Dense>
@@ -17,7 +17,7 @@ struct LinearTransform
   bool isItk;
 };
 
-/// Reads the text form of ITK's linear transforms between 3-D points (Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D,
+/// Reads the text form and the HDF5 form of ITK's linear transforms between 3-D points (Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D,
 /// VersorRigid3D, Similarity3D, Translation, and a Composite of them), or 16 numbers row by row. Throws FileError naming
 /// what the file has instead.
 LinearTransform ReadLinearTransform(const std::string& fileName);
