@@ -172,6 +172,33 @@ TEST(PoseCorrection, FramesAreAlignedWhereTheProbeComesBack)
               1e-9);
 }
 
+// Where the probe turns back, and in its sways, pictures of neighbours confirm a path that is too smooth.
+TEST(PoseCorrection, APathIsNoSmootherThanPosesAllow)
+{
+  PhantomOptions world;
+  world.frames = 96;
+  world.passes = 2;
+  world.width = world.height = 192;
+  world.pixelSize = 0.25;
+  world.scattererDensity = 4;
+  world.trackingNoise = 0.2;
+  world.trackingRotationNoise = 0.3;
+  world.seed = 2;
+  const Phantom phantom(world);
+  const Sweep sweep = phantom.MakeSweep();
+  const auto truth = TruePoses(phantom, 96);
+  bigus::PoseCorrectionOptions options;
+  options.isRefined = false;
+  const std::vector<int> frames = bigus::SplitHoldOut(96, 8).first;
+  const PoseCorrection found = CorrectPoses(sweep, frames, options);
+  double least = ErrorOf(sweep, sweep.imageToReference, truth);
+  for (const bigus::Trajectory& path : SmoothTrajectories(sweep, bigus::FrameClock::Times, {0.5, 1, 2, 4, 8}))
+  {
+    least = std::min(least, ErrorOf(sweep, path.imageToReference, truth));
+  }
+  EXPECT_LT(ErrorOf(sweep, found.trajectory.imageToReference, truth), 1.1 * least) << found.decision.evidence;
+}
+
 // A probe that really shakes: to the poses alone that is noise, and only pictures tell.
 TEST(PoseCorrection, AShakingProbeIsLeftAsTracked)
 {

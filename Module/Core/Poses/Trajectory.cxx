@@ -351,13 +351,24 @@ void Estimate(Motion& motion, const Weighted& data)
   Cost(motion, data, std::pow(10.0, best));
 }
 
+double DriveAt(const Motion& motion, double strength)
+{
+  return std::max(motion.drive / (strength * strength), kLeastDrive);
+}
+
+/// ln L of the estimated drive less that at a strength.
+double LostLikelihood(const Motion& motion, const Weighted& data, double strength)
+{
+  Motion best = motion, other = motion;
+  return 0.5 * (Cost(other, data, DriveAt(motion, strength)) - Cost(best, data, motion.drive));
+}
+
 void SmoothAll(Motion& motion, const Weighted& data, double strength)
 {
   motion.curves.clear();
   for (std::size_t s = 0; s < motion.values.size(); ++s)
   {
-    const double drive = std::max(motion.drive / (strength * strength), kLeastDrive);
-    motion.curves.push_back(Smooth(data.times[s], motion.values[s], data.weights[s], drive));
+    motion.curves.push_back(Smooth(data.times[s], motion.values[s], data.weights[s], DriveAt(motion, strength)));
   }
 }
 
@@ -600,6 +611,8 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
       SmoothAll(places, data, strengths[which]);
       SmoothAll(turns, data, strengths[which]);
       PutBack(path, places, turns, sweep, all[which]);
+      all[which].lostLikelihood =
+          (LostLikelihood(places, data, strengths[which]) + LostLikelihood(turns, data, strengths[which])) / usable;
       for (int k = 0; k < n; ++k)
       {
         if (found.cornerNoise < kLeastNoise * pixel && !found.isOutlier[k])
