@@ -900,7 +900,7 @@ class Train(CommandTest):
         self.assertIn("100 %", result.stderr)
         quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
         self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
-        self.assertRegex(quiet.stdout, r"\d+ Gaussians, 12 iterations")
+        self.assertRegex(quiet.stdout, r"\d+ Gaussians, .* MB, 12 iterations")
 
     def test_the_bar_fits_the_terminal(self):
         for columns in (40, 80, 120):
