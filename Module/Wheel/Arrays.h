@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// numpy arrays as Core's memory and back, and what the parts of the extension share.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <Eigen/Dense>
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/SlicePlane.h"
+
+namespace nb = nanobind;
+
+namespace bigus
+{
+
+using InputDoubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using InputFloats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using InputBytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
+
+/// An array that shares memory with `owner`, which it keeps alive. Strides count elements; none: row by row.
+template <class Element>
+nb::object View(Element* data, std::initializer_list<std::size_t> shape, nb::handle owner,
+                std::initializer_list<std::int64_t> strides = {})
+{
+  return nb::cast(nb::ndarray<nb::numpy, Element>(data, shape, owner, strides));
+}
+
+/// An array that owns the elements.
+template <class Element>
+nb::object Owned(std::vector<Element> elements, std::initializer_list<std::size_t> shape)
+{
+  auto* kept = new std::vector<Element>(std::move(elements));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<Element>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, Element>(kept->data(), shape, owner));
+}
+
+/// Throws ValueError unless the array has this shape; -1 stands for any number.
+template <class Array>
+void RequireShape(const Array& array, std::initializer_list<std::int64_t> shape, const std::string& what)
+{
+  bool isRight = array.ndim() == shape.size();
+  std::string wanted, found;
+  std::size_t axis = 0;
+  for (const std::int64_t size : shape)
+  {
+    isRight = isRight && (size < 0 || array.shape(axis) == static_cast<std::size_t>(size));
+    wanted += (axis++ ? ", " : "") + (size < 0 ? std::string("n") : std::to_string(size));
+  }
+  for (std::size_t k = 0; k < array.ndim(); ++k)
+  {
+    found += (k ? ", " : "") + std::to_string(array.shape(k));
+  }
+  if (!isRight)
+  {
+    throw nb::value_error((what + " must be of shape (" + wanted + "), not (" + found + ")").c_str());
+  }
+}
+
+inline Eigen::Matrix4d MatrixAt(const double* rowMajor)
+{
+  return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rowMajor);
+}
+
+/// [n, 4, 4] of matrices.
+nb::object PosesToArray(const std::vector<Eigen::Matrix4d>& poses);
+
+void BindSweep(nb::module_& m);
+void BindField(nb::module_& m);
+void BindTraining(nb::module_& m);
+void BindSlices(nb::module_& m);
+void BindPhantom(nb::module_& m);
+
+}  // namespace bigus

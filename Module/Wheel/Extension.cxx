@@ -1,0 +1,27 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// bigus._core: Core for Python, without VTK.
+#include "Arrays.h"
+#include "Core/Engine/Engine.h"
+#include "Core/Engine/InstructionSets.h"
+#include "Core/Model/Error.h"
+
+NB_MODULE(_core, m)
+{
+  m.doc() = "The compiled part of bigus.";
+  m.attr("__version__") = BIGUS_VERSION;
+  nb::set_leak_warnings(false);  // at its end Python lets go of globals after nanobind has looked
+  nb::exception<bigus::Error>(m, "Error", PyExc_RuntimeError).attr("__doc__") =
+      "What a caller got wrong, or a file. The text names what was found and what to do.";
+  bigus::BindSweep(m);
+  bigus::BindField(m);
+  bigus::BindTraining(m);
+  bigus::BindSlices(m);
+  bigus::BindPhantom(m);
+  m.def("engines", &bigus::Engine::Names, "Names of what can compute here, the preferred first.");
+  m.def("missing_engines", &bigus::Engine::Missing, "Pairs of an engine that cannot be used here, and why.");
+  m.def("instruction_sets", &bigus::InstructionSets,
+        "Instruction sets of this processor that are compiled in; the first is in use.");
+  m.def("use_instruction_set", &bigus::UseInstructionSet, nb::arg("name"),
+        "No better one is used from now on. Call it before anything is trained or rendered.");
+}

@@ -1,0 +1,133 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Gaussian fields whose arrays numpy sees without copies.
+#include "Arrays.h"
+#include "Core/Model/FieldRounding.h"
+#include "Core/Model/FieldTransform.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// A view of vectors that lie one after another; they stay where they are, since a field's size does not change.
+template <int Rows>
+nb::object RowsOf(nb::handle self, std::vector<Eigen::Matrix<double, Rows, 1>> GaussianField::*member)
+{
+  auto& vectors = nb::cast<GaussianField&>(self).*member;
+  static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "numpy sees them as one array");
+  return View(reinterpret_cast<double*>(vectors.data()), {vectors.size(), std::size_t(Rows)}, self);
+}
+
+template <int Rows>
+void Copy(const InputDoubles& from, std::vector<Eigen::Matrix<double, Rows, 1>>& to)
+{
+  for (std::size_t i = 0; i < to.size(); ++i)
+  {
+    to[i] = Eigen::Map<const Eigen::Matrix<double, Rows, 1>>(from.data() + Rows * i);
+  }
+}
+
+GaussianField Make(const InputDoubles& centers, const InputDoubles& scales, const InputDoubles& rotations,
+                   const InputDoubles& reflectivities, double gamma, double elevationSigma, double probeElevationSigma,
+                   const InputDoubles& normals)
+{
+  RequireShape(centers, {-1, 3}, "centers");
+  const auto n = static_cast<std::int64_t>(centers.shape(0));
+  RequireShape(scales, {n, 3}, "scales");
+  RequireShape(rotations, {n, 4}, "rotations");
+  RequireShape(reflectivities, {n}, "reflectivities");
+  RequireShape(normals, {-1, 3}, "trained_normals");
+  GaussianField field;
+  field.Resize(static_cast<std::size_t>(n));
+  Copy(centers, field.means);
+  Copy(scales, field.scales);
+  Copy(rotations, field.rotations);
+  field.reflectivities.assign(reflectivities.data(), reflectivities.data() + n);
+  field.transfer.gamma = gamma;
+  field.beam.elevationSigma = elevationSigma;
+  field.beam.probeElevationSigma = probeElevationSigma;
+  field.beam.trainedNormals.resize(normals.shape(0));
+  Copy(normals, field.beam.trainedNormals);
+  field.Validate();
+  return field;
+}
+
+}  // namespace
+
+void BindField(nb::module_& m)
+{
+  nb::class_<GaussianField>(m, "Field",
+                            "Signed Gaussians in space: r exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 "
+                            "R^T. The arrays are views: what is written to them changes the field, and using a field "
+                            "checks it. They keep it alive.")
+      .def(nb::init<>())
+      .def_static("make", &Make, nb::arg("centers"), nb::arg("scales"), nb::arg("rotations"), nb::arg("reflectivities"),
+                  nb::arg("gamma"), nb::arg("elevation_sigma"), nb::arg("probe_elevation_sigma"),
+                  nb::arg("trained_normals"), "What bigus.field() calls, with every argument.")
+      .def_prop_ro(
+          "centers", [](nb::handle self) { return RowsOf(self, &GaussianField::means); },
+          "mu: float64 [n, 3], mm, world frame.")
+      .def_prop_ro(
+          "scales", [](nb::handle self) { return RowsOf(self, &GaussianField::scales); },
+          "s: float64 [n, 3], standard deviations along the Gaussian's own axes, mm, above 0.")
+      .def_prop_ro(
+          "rotations", [](nb::handle self) { return RowsOf(self, &GaussianField::rotations); },
+          "Quaternions w, x, y, z: float64 [n, 4], of any length but 0.")
+      .def_prop_ro(
+          "reflectivities",
+          [](nb::handle self)
+          {
+            auto& r = nb::cast<GaussianField&>(self).reflectivities;
+            return View(r.data(), {r.size()}, self);
+          },
+          "r: float64 [n], signed.")
+      .def_prop_rw(
+          "gamma", [](const GaussianField& f) { return f.transfer.gamma; },
+          [](GaussianField& f, double value) { f.transfer.gamma = value; },
+          "Of the display I = 1 - exp(-gamma max(S, 0)); above 0.")
+      .def_prop_rw(
+          "elevation_sigma", [](const GaussianField& f) { return f.beam.elevationSigma; },
+          [](GaussianField& f, double value) { f.beam.elevationSigma = value; },
+          "Thickness of the planes trained on, standard deviation, mm; 0 is a thin plane.")
+      .def_prop_rw(
+          "probe_elevation_sigma", [](const GaussianField& f) { return f.beam.probeElevationSigma; },
+          [](GaussianField& f, double value) { f.beam.probeElevationSigma = value; },
+          "Thickness of the probe's beam, standard deviation, mm; 0 where it is not known.")
+      .def_prop_ro(
+          "trained_normals",
+          [](nb::handle self)
+          {
+            auto& normals = nb::cast<GaussianField&>(self).beam.trainedNormals;
+            return View(reinterpret_cast<double*>(normals.data()), {normals.size(), 3}, self);
+          },
+          "Unit normals that stand for the planes trained on: float64 [k, 3].")
+      .def("validate", &GaussianField::Validate,
+           "Raises Error naming the array, the index and the value, unless all is sound.")
+      .def(
+          "transformed",
+          [](const GaussianField& field, const InputDoubles& matrix)
+          {
+            RequireShape(matrix, {4, 4}, "the transform");
+            return Transformed(field, MatrixAt(matrix.data()));
+          },
+          nb::arg("matrix"),
+          "The field in other coordinates: matrix, float64 [4, 4], turns, mirrors, scales evenly and moves (mm). Raises "
+          "Error for one that does anything else.")
+      .def(
+          "rounded",
+          [](GaussianField field)
+          {
+            RoundField(field);
+            return field;
+          },
+          "The field without digits that no picture shows, as files have it.")
+      .def("__len__", &GaussianField::Size)
+      .def("__copy__", [](const GaussianField& field) { return GaussianField(field); })
+      .def(
+          "__deepcopy__", [](const GaussianField& field, nb::handle) { return GaussianField(field); }, nb::arg("memo"))
+      .def("__repr__", [](const GaussianField& field)
+           { return "<bigus.Field of " + std::to_string(field.Size()) + " Gaussians>"; });
+}
+
+}  // namespace bigus

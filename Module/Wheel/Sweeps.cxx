@@ -1,0 +1,236 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Sweeps, and what their poses and pixels tell.
+#include <memory>
+
+#include "Arrays.h"
+#include "Core/Deciding/PoseCorrection.h"
+#include "Core/Metrics/BackscatterFidelity.h"
+#include "Core/Metrics/Metrics.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/FrameDistance.h"
+#include "Core/Model/Sweep.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// A numpy array kept as long as the sweep that shares its memory. Python's lock is held where it is let go.
+template <class Array>
+std::shared_ptr<const void> Kept(const Array& array)
+{
+  return std::shared_ptr<const void>(array.data(),
+                                     [kept = new Array(array)](const void*)
+                                     {
+                                       nb::gil_scoped_acquire lock;
+                                       delete kept;
+                                     });
+}
+
+template <class Array>
+std::shared_ptr<Sweep> MakeSweep(const Array& frames, Sweep::PixelType type, const InputDoubles& poses,
+                                 const std::optional<InputDoubles>& timestamps, const std::optional<InputBytes>& mask)
+{
+  RequireShape(frames, {-1, -1, -1}, "frames");
+  const auto count = static_cast<std::int64_t>(frames.shape(0));
+  const auto height = static_cast<std::int64_t>(frames.shape(1)), width = static_cast<std::int64_t>(frames.shape(2));
+  RequireShape(poses, {count, 4, 4}, "poses");
+  auto sweep = std::make_shared<Sweep>();
+  sweep->width = static_cast<int>(width);
+  sweep->height = static_cast<int>(height);
+  sweep->pixelType = type;
+  sweep->pixels = Kept(frames);
+  for (std::int64_t k = 0; k < count; ++k)
+  {
+    sweep->imageToReference.push_back(MatrixAt(poses.data() + 16 * k));
+  }
+  if (timestamps)
+  {
+    RequireShape(*timestamps, {count}, "timestamps");
+    sweep->timestamps.assign(timestamps->data(), timestamps->data() + count);
+  }
+  if (mask)
+  {
+    RequireShape(*mask, {height, width}, "mask");
+    sweep->mask = std::make_shared<const std::vector<std::uint8_t>>(mask->data(), mask->data() + height * width);
+  }
+  const nb::gil_scoped_release others;
+  sweep->Validate();
+  return sweep;
+}
+
+nb::object FramesOf(nb::handle self)
+{
+  const auto& sweep = nb::cast<const Sweep&>(self);
+  const auto n = static_cast<std::size_t>(sweep.NumberOfFrames()), h = static_cast<std::size_t>(sweep.height),
+             w = static_cast<std::size_t>(sweep.width);
+  return sweep.pixelType == Sweep::PixelType::UInt8
+             ? View(static_cast<const std::uint8_t*>(sweep.pixels.get()), {n, h, w}, self)
+             : View(static_cast<const float*>(sweep.pixels.get()), {n, h, w}, self);
+}
+
+/// Eigen's matrices lie column by column.
+nb::object PosesOf(nb::handle self)
+{
+  const auto& sweep = nb::cast<const Sweep&>(self);
+  return View(static_cast<const double*>(sweep.imageToReference[0].data()), {sweep.imageToReference.size(), 4, 4}, self,
+              {16, 1, 4});
+}
+
+nb::object TimestampsOf(nb::handle self)
+{
+  const auto& sweep = nb::cast<const Sweep&>(self);
+  return sweep.timestamps.empty()
+             ? nb::none()
+             : View(static_cast<const double*>(sweep.timestamps.data()), {sweep.timestamps.size()}, self);
+}
+
+nb::object MaskOf(nb::handle self)
+{
+  const auto& sweep = nb::cast<const Sweep&>(self);
+  return sweep.mask ? View(static_cast<const std::uint8_t*>(sweep.mask->data()),
+                           {static_cast<std::size_t>(sweep.height), static_cast<std::size_t>(sweep.width)}, self)
+                    : nb::none();
+}
+
+nb::dict Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut)
+{
+  PoseCorrection found;
+  std::shared_ptr<Sweep> corrected;
+  bool isInterrupted = false;
+  {
+    const nb::gil_scoped_release others;
+    const auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), holdOut);
+    found = CorrectPoses(*sweep, frames, {strength},
+                         [&](double)
+                         {
+                           const nb::gil_scoped_acquire lock;
+                           isInterrupted = isInterrupted || PyErr_CheckSignals() != 0;
+                           return !isInterrupted;
+                         });
+    corrected = std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found));
+  }
+  if (isInterrupted)
+  {
+    throw nb::python_error();
+  }
+  const Trajectory& path = found.trajectory;
+  const std::size_t n = path.displacement.size();
+  nb::dict noise, decision, result;
+  noise["translation"] = path.translationNoise;
+  noise["rotation"] = path.rotationNoise;
+  noise["corner"] = path.cornerNoise;
+  decision["choice"] = found.decision.choice;
+  decision["evidence"] = found.decision.evidence;
+  result["sweep"] = corrected;
+  result["displacement"] = Owned(path.displacement, {n});
+  result["rotation"] = Owned(path.rotation, {n});
+  result["outlier"] = Owned(path.isOutlier, {n});
+  result["noise"] = noise;
+  result["strength"] = found.strength;
+  result["decision"] = decision;
+  return result;
+}
+
+nb::dict Compare(const InputFloats& image, const InputFloats& truth)
+{
+  RequireShape(image, {-1, -1}, "the image");
+  RequireShape(truth, {static_cast<std::int64_t>(image.shape(0)), static_cast<std::int64_t>(image.shape(1))},
+               "the truth");
+  const int height = static_cast<int>(image.shape(0)), width = static_cast<int>(image.shape(1));
+  double psnr, ssim;
+  BackscatterFidelity bfs;
+  {
+    const nb::gil_scoped_release others;
+    psnr = Psnr(image.data(), truth.data(), image.size());
+    ssim = Ssim(image.data(), truth.data(), width, height);
+    bfs = Bfs(image.data(), truth.data(), width, height);
+  }
+  nb::dict scores;
+  scores["psnr"] = psnr;
+  scores["ssim"] = ssim;
+  scores["bfs"] = bfs.score;
+  scores["mean_contrast"] = bfs.meanContrast;
+  scores["contrast_distribution"] = bfs.contrastDistribution;
+  scores["rayleigh"] = bfs.rayleigh;
+  return scores;
+}
+
+nb::object Distances(const Sweep& sweep, const std::vector<int>& frames, const InputDoubles& pose, int width,
+                     int height)
+{
+  RequireShape(pose, {4, 4}, "the plane");
+  const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
+  plane.Validate("slice plane");
+  std::vector<float> distances(plane.NumberOfPixels());
+  {
+    const nb::gil_scoped_release others;
+    for (const int frame : frames)
+    {
+      if (frame < 0 || frame >= sweep.NumberOfFrames())
+      {
+        throw Error("there is no frame " + std::to_string(frame) + " among " + std::to_string(sweep.NumberOfFrames()));
+      }
+    }
+    DistanceToFrames(sweep, frames, plane, distances.data());
+  }
+  return Owned(std::move(distances), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+}
+
+}  // namespace
+
+nb::object PosesToArray(const std::vector<Eigen::Matrix4d>& poses)
+{
+  std::vector<double> numbers;
+  for (const Eigen::Matrix4d& pose : poses)
+  {
+    for (int k = 0; k < 16; ++k)
+    {
+      numbers.push_back(pose(k / 4, k % 4));
+    }
+  }
+  return Owned(std::move(numbers), {poses.size(), 4, 4});
+}
+
+void BindSweep(nb::module_& m)
+{
+  nb::class_<Sweep>(
+      m, "Sweep",
+      "Frames of equal size, each with a pose in one world frame. It does not change; bigus.sweep() makes "
+      "one of arrays, whose memory it shares.")
+      .def_prop_ro("frames", &FramesOf,
+                   "The pixels: uint8 or float32 in [0, 1], [frames, height, width], a view that cannot be written to.")
+      .def_prop_ro("poses", &PosesOf,
+                   "ImageToReference: float64 [frames, 4, 4], a view. poses[k] @ (i, j, 0, 1) is where pixel column i, "
+                   "row j of frame k lies, mm.")
+      .def_prop_ro("timestamps", &TimestampsOf, "float64 [frames], seconds, a view; or None.")
+      .def_prop_ro("mask", &MaskOf, "uint8 [height, width], 0 where the probe lights nothing; or None.")
+      .def_prop_ro(
+          "width", [](const Sweep& s) { return s.width; }, "Pixels of a row.")
+      .def_prop_ro(
+          "height", [](const Sweep& s) { return s.height; }, "Rows.")
+      .def("__len__", &Sweep::NumberOfFrames)
+      .def("__repr__",
+           [](const Sweep& s)
+           {
+             return "<bigus.Sweep of " + std::to_string(s.NumberOfFrames()) + " frames, " + std::to_string(s.width) +
+                    " x " + std::to_string(s.height) + " pixels>";
+           });
+  m.def(
+      "sweep_of_bytes",
+      [](const InputBytes& f, const InputDoubles& p, std::optional<InputDoubles> t, std::optional<InputBytes> k)
+      { return MakeSweep(f, Sweep::PixelType::UInt8, p, t, k); },
+      nb::arg("frames"), nb::arg("poses"), nb::arg("timestamps").none(), nb::arg("mask").none());
+  m.def(
+      "sweep_of_floats",
+      [](const InputFloats& f, const InputDoubles& p, std::optional<InputDoubles> t, std::optional<InputBytes> k)
+      { return MakeSweep(f, Sweep::PixelType::Float32, p, t, k); },
+      nb::arg("frames"), nb::arg("poses"), nb::arg("timestamps").none(), nb::arg("mask").none());
+  m.def("correct_poses", &Correct, nb::arg("sweep"), nb::arg("strength").none(), nb::arg("hold_out"));
+  m.def("compare", &Compare, nb::arg("image"), nb::arg("truth"));
+  m.def("distances", &Distances, nb::arg("sweep"), nb::arg("frames"), nb::arg("plane"), nb::arg("width"),
+        nb::arg("height"));
+}
+
+}  // namespace bigus

@@ -1,0 +1,149 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Training with every option of Core's list, while other Python threads run.
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "Arrays.h"
+#include "Core/Deciding/Trainer.h"
+#include "Core/Training/OptionList.h"
+
+namespace bigus
+{
+namespace
+{
+
+const char* NameOf(TrainingProgress::Phase phase)
+{
+  const char* const names[] = {"deciding", "seeding", "solving", "training"};
+  return names[static_cast<int>(phase)];
+}
+
+/// What a training hands back, in Python's types.
+nb::dict ToPython(TrainingResult& result)
+{
+  const std::size_t n = result.log.size();
+  std::vector<double> iterations, seconds, losses, psnrs, gaussians, rates;
+  for (const TrainingRecord& record : result.log)
+  {
+    iterations.push_back(record.iteration);
+    seconds.push_back(record.seconds);
+    losses.push_back(record.loss);
+    psnrs.push_back(record.validationPsnr.value_or(std::numeric_limits<double>::quiet_NaN()));
+    gaussians.push_back(static_cast<double>(record.gaussians));
+    rates.push_back(record.rate);
+  }
+  nb::dict log;
+  log["iteration"] = Owned(std::move(iterations), {n});
+  log["seconds"] = Owned(std::move(seconds), {n});
+  log["loss"] = Owned(std::move(losses), {n});
+  log["validation_psnr"] = Owned(std::move(psnrs), {n});
+  log["gaussians"] = Owned(std::move(gaussians), {n});
+  log["rate"] = Owned(std::move(rates), {n});
+  nb::list decisions;
+  for (const Decision& decision : result.decisions)
+  {
+    nb::dict row;
+    row["decision"] = decision.what;
+    row["choice"] = decision.choice;
+    row["evidence"] = decision.evidence;
+    row["seconds"] = decision.seconds;
+    decisions.append(row);
+  }
+  nb::dict settled;
+  for (const OptionText& option : ListOptions(result.settled))
+  {
+    settled[option.info.name] = option.value;
+  }
+  nb::dict answer;
+  answer["field"] = nb::cast(std::move(result.field));
+  answer["log"] = log;
+  answer["decisions"] = decisions;
+  answer["poses"] = PosesToArray(result.imageToReference);
+  answer["options"] = settled;
+  answer["iterations"] = result.iterations;
+  answer["seconds"] = result.seconds;
+  answer["device"] = result.device;
+  answer["aborted"] = result.aborted;
+  answer["training_frames"] = result.trainingFrames;
+  answer["validation_frames"] = result.validationFrames;
+  answer["held_out_frames"] = result.heldOutFrames;
+  return answer;
+}
+
+/// The pair of what came of it and what ended it: None, or the exception that Ctrl-C or `progress` raised.
+nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values,
+                   const GaussianField* start, nb::object progress)
+{
+  TrainerOptions options;
+  for (const auto& [name, value] : values)
+  {
+    SetOption(options, name, value);
+  }
+  std::optional<GaussianField> from;  // its own, because other threads may write to the arrays meanwhile
+  if (start)
+  {
+    from = *start;
+  }
+  nb::object exception = nb::none();
+  const auto tell = [&](const TrainingProgress& now)
+  {
+    const nb::gil_scoped_acquire lock;
+    try
+    {
+      if (PyErr_CheckSignals() != 0)
+      {
+        throw nb::python_error();
+      }
+      if (progress.is_none())
+      {
+        return true;
+      }
+      const nb::object answer = progress(now.fraction, NameOf(now.phase), now.secondsLeft, now.record.iteration,
+                                         now.record.gaussians, now.record.loss);
+      return !answer.is(nb::bool_(false));
+    }
+    catch (nb::python_error& error)
+    {
+      exception = nb::borrow(error.value());
+      return false;
+    }
+  };
+  TrainingResult result;
+  {
+    const nb::gil_scoped_release others;
+    result = Train(std::move(sweep), options, from ? &*from : nullptr, tell);
+  }
+  return nb::make_tuple(ToPython(result), exception);
+}
+
+nb::list Options()
+{
+  nb::list rows;
+  for (const OptionText& option : ListOptions())
+  {
+    nb::dict row;
+    row["name"] = option.info.name;
+    row["keyword"] = SpellOption(option.info.name, '_');
+    row["group"] = option.info.group;
+    row["help"] = option.info.help;
+    row["unit"] = option.info.unit;
+    row["values"] = option.values;
+    row["default"] = option.value;
+    row["open"] = option.info.open;
+    rows.append(row);
+  }
+  return rows;
+}
+
+}  // namespace
+
+void BindTraining(nb::module_& m)
+{
+  m.def("train", &TrainOn, nb::arg("sweep"), nb::arg("options"), nb::arg("start").none(), nb::arg("progress").none());
+  m.def("options", &Options, "Every option of training: name, keyword, group, help, unit, values, default, open.");
+  m.def("number_text", &NumberText, nb::arg("value"));
+}
+
+}  // namespace bigus

@@ -1,0 +1,365 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Train, slice, score: one call each."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
+
+import numpy as np
+
+from . import _core
+from ._core import Error, Field, Sweep
+
+
+def _require(data: Any, kind: type, task: str, noun: str) -> None:
+    if not isinstance(data, kind):
+        raise TypeError(f"{task} takes a {noun} (bigus.{kind.__name__}), not {type(data).__name__}")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Training
+
+
+class _FieldAndLog(NamedTuple):
+    field: Field
+    log: dict[str, np.ndarray]
+
+
+class Training(_FieldAndLog):
+    """The pair of a field and its training log, and what came with them.
+
+    log has arrays of one element a line: iteration, seconds, loss, validation_psnr (dB, nan where there is none),
+    gaussians, rate. decisions are the choices training rests on: a list of dicts of decision, choice, evidence and
+    seconds. poses, float64 [frames, 4, 4], are ImageToReference of every frame as the field was trained at: the field
+    belongs to these, not to poses(sweep). options are texts by name that repeat the training. device, iterations,
+    seconds and aborted tell how it went; training_frames, validation_frames and held_out_frames are frame numbers.
+    """
+
+    decisions: list[dict[str, Any]]
+    poses: np.ndarray
+    options: dict[str, str]
+    device: str
+    iterations: int
+    seconds: float
+    aborted: bool
+    training_frames: list[int]
+    validation_frames: list[int]
+    held_out_frames: list[int]
+
+
+class TrainingInterrupted(KeyboardInterrupt):
+    """Ctrl-C while training. ``training`` is the best so far."""
+
+    training: Training
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", "").replace("-", "").lower()
+
+
+def _texts(properties: dict[str, Any]) -> dict[str, str]:
+    """Options as Core reads them, by the names that it has."""
+    known = {_plain(option["name"]): option["name"] for option in _core.options()}
+    texts = {}
+    for name, value in properties.items():
+        if _plain(name) not in known:
+            import difflib
+
+            close = difflib.get_close_matches(_plain(name), known, 1)
+            hint = f"; did you mean {known[close[0]]}?" if close else ""
+            raise TypeError(f"training has no option {name}{hint}")
+        if value is None:
+            text = "auto"
+        elif isinstance(value, (bool, np.bool_)):
+            text = "on" if value else "off"
+        elif isinstance(value, (int, float, np.integer, np.floating)):
+            text = _core.number_text(float(value))
+        elif isinstance(value, str):
+            text = value
+        else:
+            raise TypeError(f"{name} is a number, a text, True, False or None, not {type(value).__name__}")
+        texts[known[_plain(name)]] = text
+    return texts
+
+
+def options() -> list[dict[str, str]]:
+    """Every option of train: name, keyword, group, help, unit, values, default, and what holds where it is open."""
+    return _core.options()
+
+
+def _bar() -> Optional[Callable[[float, str], None]]:
+    """A progress bar by tqdm where somebody watches and it is installed."""
+    if "ipykernel" not in sys.modules and not (sys.stderr and sys.stderr.isatty()):
+        return None
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None
+    bar = tqdm(total=100, desc="Training", unit="%", bar_format="{desc} {bar} {percentage:3.0f} %  {elapsed}{postfix}")
+
+    def show(fraction: float, text: str) -> None:
+        bar.set_postfix_str(text, refresh=False)
+        bar.update(100 * fraction - bar.n)
+        if fraction >= 1:
+            bar.close()
+
+    return show
+
+
+def train(
+    sweep: Sweep,
+    progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
+    start: Optional[Field] = None,
+    **properties: Any,
+) -> Training:
+    """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
+
+    What no option sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
+    sweep's geometry.
+
+    progress(fraction, text) is called now and then; when it returns False training stops there and gives the best field
+    so far. Without it tqdm, where it is installed, draws a bar in a terminal or a notebook; progress=False draws none.
+    Other Python threads run meanwhile. Ctrl-C raises TrainingInterrupted, a KeyboardInterrupt that keeps the best so far.
+    start is a field to continue from.
+
+    Raises TypeError for an option that there is not, and Error for a value out of range and for sweeps that teach
+    nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
+    """
+    _require(sweep, Sweep, "train", "sweep")
+    if start is not None:
+        _require(start, Field, "train", "field as start")
+    texts = _texts(properties)
+    if progress is None or progress is True:
+        progress = _bar()
+    report = None
+    if progress:
+        tell = progress
+
+        def report(fraction: float, phase: str, left: float, iteration: int, gaussians: int, loss: float) -> Any:
+            text = phase if phase != "training" else f"iteration {iteration}, {gaussians} Gaussians, loss {loss:.4g}"
+            return tell(fraction, f"{text}, {left:.0f} s left" if left > 0 else text)
+
+    found, failure = _core.train(sweep, texts, start, report)
+    training = Training(found.pop("field"), found.pop("log"))
+    for name, value in found.items():
+        setattr(training, name, value)
+    if isinstance(failure, KeyboardInterrupt):
+        stopped = TrainingInterrupted("the field so far is in .training")
+        stopped.training = training
+        raise stopped from failure
+    if failure is not None:
+        raise failure
+    return training
+
+
+def _list_of_options() -> str:
+    lines = []
+    for option in _core.options():
+        unit = f" ({option['unit']})" if option["unit"] else ""
+        values = option["values"] or "text"
+        open_ = f": {option['open']}" if option["open"] else ""
+        lines.append(f"    {option['name']}: {option['help']}{unit}. {values}; {option['default']}{open_}.")
+    return "\n" + "\n".join(lines) + "\n    "
+
+
+train.__doc__ = (train.__doc__ or "") + _list_of_options()
+
+
+class PoseCorrection(NamedTuple):
+    """A sweep at corrected poses, and what was found. Arrays have one element a frame."""
+
+    sweep: Sweep  # pixels shared with the sweep given
+    displacement: np.ndarray  # mm that the image's corners moved, mean of four
+    rotation: np.ndarray  # degrees
+    outlier: np.ndarray  # bool: recorded so far off that the pose follows from its neighbours
+    noise: dict[str, float]  # the tracker's: translation (mm), rotation (degrees), corner (mm at the image's corners)
+    strength: float  # in units of the noise found; 0: no noise is taken out
+    decision: dict[str, str]  # choice and evidence
+
+
+def correct_poses(sweep: Sweep, Strength: Optional[float] = None, HoldOut: int = 0) -> PoseCorrection:
+    """Takes the tracker's noise out of a sweep's poses, where its pictures confirm it; exact poses are kept.
+
+    Strength: 0 to 1000, in units of the noise found; None or a negative number: chosen by evidence.
+    HoldOut: the pixels of frames with index % HoldOut == HoldOut // 2 are not looked at; 0: all are.
+    """
+    _require(sweep, Sweep, "correct_poses", "sweep")
+    strength = None if Strength is None or Strength < 0 else float(Strength)
+    found = _core.correct_poses(sweep, strength, int(HoldOut))
+    found["outlier"] = found["outlier"] != 0
+    return PoseCorrection(**found)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Slices
+
+
+def plane(
+    origin: Sequence[float], axes: np.ndarray, spacing: Union[float, tuple[float, float]] = 1.0
+) -> np.ndarray:
+    """The 4 x 4 matrix of a plane, from pixel (i, j, 0, 1) to mm.
+
+    origin: centre of pixel (0, 0), mm. axes: [2, 3] or [3, 3], directions of i and j (they are normalised); a third is
+    not looked at. spacing: mm a pixel, one number or (along i, along j). Raises ValueError unless they span a plane.
+    """
+    directions = np.asarray(axes, dtype=np.float64)
+    if directions.shape not in ((2, 3), (3, 3)):
+        raise ValueError(f"axes are the directions of i and j, of shape (2, 3), not {directions.shape}")
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1] = directions[:2]
+    matrix[:3, 3] = np.asarray(origin, dtype=np.float64).reshape(3)
+    return _pixel_matrix(matrix, spacing)
+
+
+def _pixel_matrix(matrix: np.ndarray, spacing: Union[None, float, tuple[float, float]]) -> np.ndarray:
+    """The matrix with columns of this spacing and its third column along the normal, of length 1."""
+    matrix = np.array(matrix, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        raise ValueError(f"a plane is a 4 x 4 matrix, not of shape {matrix.shape}")
+    normal = np.cross(matrix[:3, 0], matrix[:3, 1])
+    if not np.isfinite(matrix).all() or np.linalg.norm(normal) == 0:
+        raise ValueError("the first two columns of the plane's matrix must be finite and span a plane")
+    if spacing is not None:
+        if not all(0 < side < np.inf for side in np.ravel(spacing)):
+            raise ValueError(f"the spacing must be positive, not {spacing}")
+        matrix[:3, :2] *= np.broadcast_to(spacing, 2) / np.linalg.norm(matrix[:3, :2], axis=0)
+    matrix[:3, 2] = normal / np.linalg.norm(normal)
+    matrix[3] = (0, 0, 0, 1)
+    return matrix
+
+
+def _size_of_view(field: Field, matrix: np.ndarray) -> tuple[int, int]:
+    """(width, height) of the image that starts at pixel (0, 0) and reaches the field's last Gaussian either way."""
+    advice = "give size=(width, height)"
+    if len(field) == 0:
+        raise ValueError(f"the field is empty, so there is nothing to size the image by; {advice}")
+    pixels = (field.centers - matrix[:3, 3]) @ np.linalg.pinv(matrix[:3, :2]).T
+    width, height = (int(n) for n in np.ceil(pixels.max(axis=0)) + 1)
+    if width < 1 or height < 1:
+        raise ValueError(f"the whole field lies before pixel (0, 0) of this plane; {advice}")
+    return width, height
+
+
+class Slicer:
+    """A field ready for many slices; it holds the field as it was when the slicer was made.
+
+    Engine: "auto" or a name of engines(). ElevationSigma: thickness of every slice, mm; negative: the field's own beam.
+    Tolerance: how much may be left out of a pixel's intensity, at least 0. Several threads may use one slicer.
+    Raises Error for a field or an option that is not sound.
+    """
+
+    def __init__(self, field: Field, Engine: str = "auto", ElevationSigma: float = -1.0, Tolerance: float = 1e-4):
+        _require(field, Field, "Slicer", "field")
+        self._field = field
+        self._renderer = _core.Renderer(field, Engine, float(ElevationSigma), float(Tolerance))
+
+    @property
+    def device(self) -> str:
+        """What computes, such as "CPU (AVX2, 2 threads)"."""
+        return self._renderer.device
+
+    def _render(self, planes: np.ndarray, size: tuple[int, int], spacing: Any, scattering: bool, coverage: bool) -> Any:
+        matrices = np.asarray(planes, dtype=np.float64)
+        is_one = matrices.ndim == 2
+        stack = matrices[None] if is_one else matrices
+        if stack.ndim != 3 or stack.shape[1:] != (4, 4):
+            raise ValueError(f"a plane is a 4 x 4 matrix, not of shape {matrices.shape}")
+        width, height = (int(n) for n in size)
+        if width < 1 or height < 1:
+            raise ValueError(f"the size must be positive, not {width} x {height}")
+        pixels = np.array([_pixel_matrix(matrix, spacing) for matrix in stack]).reshape(-1, 4, 4)
+        images, seen = self._renderer.render(pixels, width, height, scattering, coverage)
+        return (images[0], seen[0] if coverage else None) if is_one else (images, seen)
+
+    def slice(
+        self,
+        planes: np.ndarray,
+        size: tuple[int, int],
+        spacing: Union[None, float, tuple[float, float]] = None,
+        scattering: bool = False,
+    ) -> np.ndarray:
+        """The image at a plane [4, 4] (or images at planes [n, 4, 4]): float32 [height, width] or [n, height, width].
+
+        size: (width, height) in pixels. spacing: as for reslice. scattering: signed S instead of intensity in [0, 1).
+        """
+        return self._render(planes, size, spacing, scattering, False)[0]
+
+    def slice_and_coverage(
+        self,
+        planes: np.ndarray,
+        size: tuple[int, int],
+        spacing: Union[None, float, tuple[float, float]] = None,
+        scattering: bool = False,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The same with the coverage: the sum of all Gaussians' weights, near 0 where the sweep saw nothing."""
+        return self._render(planes, size, spacing, scattering, True)
+
+
+def reslice(
+    field: Field,
+    plane: np.ndarray,
+    size: Optional[tuple[int, int]] = None,
+    spacing: Union[None, float, tuple[float, float]] = None,
+    **properties: Any,
+) -> np.ndarray:
+    """The image that the field predicts at a plane: float32 [height, width] in [0, 1).
+
+    plane: 4 x 4 ImageToReference: pixel (i, j, 0, 1) to mm, as in ``poses(sweep)`` or from ``plane(origin, axes)``.
+    size: (width, height) in pixels; by default the image starts at pixel (0, 0) and reaches to the field's far end.
+    spacing: pixel size, mm, one number or (along i, along j); by default the length of the matrix's columns.
+    properties: Engine, ElevationSigma and Tolerance, as Slicer takes them.
+
+    For many planes of one field, and for the coverage, use a Slicer: it prepares the field only once.
+    """
+    _require(field, Field, "reslice", "field")
+    matrix = _pixel_matrix(plane, spacing)
+    slicer = Slicer(field, **properties)
+    return slicer.slice(matrix, size if size is not None else _size_of_view(field, matrix))
+
+
+def distance_to_frames(
+    sweep: Sweep, plane: np.ndarray, size: tuple[int, int], frames: Optional[Sequence[int]] = None
+) -> np.ndarray:
+    """From every pixel of a plane to the nearest of the sweep's frames, mm: float32 [height, width].
+
+    frames: the numbers of those that count; by default all.
+    """
+    _require(sweep, Sweep, "distance_to_frames", "sweep")
+    numbers = range(len(sweep)) if frames is None else frames
+    return _core.distances(sweep, [int(n) for n in numbers], _pixel_matrix(plane, None), int(size[0]), int(size[1]))
+
+
+def _intensities(image: np.ndarray) -> np.ndarray:
+    pixels = np.asarray(image)
+    if pixels.dtype == np.uint8:
+        pixels = pixels.astype(np.float32) / np.float32(255)
+    elif pixels.dtype.kind != "f":
+        raise TypeError(f"an image is uint8 or floats in [0, 1], not {pixels.dtype}")
+    if pixels.ndim not in (2, 3) or 0 in pixels.shape:
+        raise ValueError(f"an image has shape (height, width) or (frames, height, width), not {pixels.shape}")
+    pixels = np.ascontiguousarray(pixels, dtype=np.float32)
+    if not (np.isfinite(pixels).all() and pixels.min() >= 0 and pixels.max() <= 1):
+        raise ValueError("intensities must lie in [0, 1]")
+    return pixels if pixels.ndim == 3 else pixels[None]
+
+
+def metrics(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
+    """How close image a is to the truth b: both [height, width] or [frames, height, width].
+
+    uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
+    terms of bfs: mean_contrast, contrast_distribution, rayleigh; each the mean over frames.
+    """
+    images, truths = _intensities(a), _intensities(b)
+    if images.shape != truths.shape:
+        raise ValueError(f"the images have different shapes: {np.shape(a)} and {np.shape(b)}")
+    scores = [_core.compare(image, truth) for image, truth in zip(images, truths)]
+    return {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
+
+
+def read(path: Union[str, os.PathLike], **properties: Any) -> Any:
+    """Not here yet: the readers of sequences and fields are VTK's. bigus.from_files reads numpy, HDF5, videos, pictures."""
+    raise Error(f"{os.fspath(path)}: this build of bigus has no reader of sequences and fields; use bigus.from_files, or "
+                "the package of the C++ build")
