@@ -22,6 +22,10 @@ namespace bigus
 namespace
 {
 
+using FrameMotion = PoseRefinement::Motion;
+using Information = PoseRefinement::Matrix;
+constexpr int kNumbers = PoseRefinement::kNumbers;
+
 // ---- which frames are compared ----
 
 constexpr std::array<int, 2> kLags{1, 2};  // frames on each side on the path that predict one
@@ -42,6 +46,7 @@ constexpr double kWidest = 4;                     // times the blur: what is wid
 constexpr int kSteps = 6;                         // Gauss-Newton steps at each blur
 constexpr double kWeakPull = 1;                   // mm: keeps what pictures do not tell
 constexpr double kFarthest = 3;                   // mm: what moves farther has lost its way
+constexpr double kProbe = 0.05;                   // mm to either side, for the slope along the normal
 constexpr double kLeastMove = 0.005;              // mm: a step that is shorter is the last
 constexpr double kLeastCover = 0.25;              // of the lit pixels
 constexpr double kLeastCorrelation = 0.2;
@@ -74,9 +79,9 @@ Eigen::Matrix3d AxesOf(const SlicePlane& plane)
   return axes;
 }
 
-SlicePlane MovedInPlane(const SlicePlane& plane, const Eigen::Vector3d& motion, double lever)
+SlicePlane MovedBy(const SlicePlane& plane, const FrameMotion& motion, double lever)
 {
-  return Moved(plane, {motion[0], motion[1], 0}, {0, 0, motion[2] / lever / kRadiansPerDegree});
+  return Moved(plane, {motion[0], motion[1], motion[3]}, {0, 0, motion[2] / lever / kRadiansPerDegree});
 }
 
 /// Smoothed where pictures show something, without what is wider.
@@ -95,17 +100,19 @@ cv::Mat Band(const cv::Mat& picture, const cv::Mat& inner, double sigma)
   return blurred(sigma) - blurred(kWidest * sigma);
 }
 
-/// Least squares of a motion in the plane (along rows, across them, and the turn times the lever, mm), robust.
+/// Least squares of a frame's motion, robust.
 struct Equations
 {
-  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d pull = Eigen::Vector3d::Zero();
+  Information hessian = Information::Zero();
+  FrameMotion pull = FrameMotion::Zero();
   double noise = 0;        // mean square difference, robust
   double correlation = 0;  // of the two pictures
   int count = 0;           // of pixels
 };
-/// Of a picture at `plane` and what is predicted of it there.
-Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const SlicePlane& plane, double lever)
+/// Of a picture at `plane` and what is predicted of it there. `across` is the slope of the prediction along the normal,
+/// for each mm, or empty.
+Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const cv::Mat& across, const SlicePlane& plane,
+                    double lever)
 {
   const double dx = plane.columnStep.norm(), dy = plane.rowStep.norm();
   const auto forEach = [&](auto use)
@@ -118,10 +125,11 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const SlicePla
       for (int x = 1; x + 1 < own.cols; ++x)
       {
         const double gx = (row[x + 1] - row[x - 1]) / (2 * dx), gy = (below[x] - above[x]) / (2 * dy);
-        if (!std::isnan(gx) && !std::isnan(gy) && !std::isnan(row[x]))
+        const double gz = across.empty() ? 0.0 : across.at<float>(y, x);
+        if (!std::isnan(gx) && !std::isnan(gy) && !std::isnan(gz) && !std::isnan(row[x]))
         {
-          const double across = (x - 0.5 * (own.cols - 1)) * dx, down = (y - 0.5 * (own.rows - 1)) * dy;
-          use(row[x], own.at<float>(y, x), Eigen::Vector3d(gx, gy, (across * gy - down * gx) / lever));
+          const double right = (x - 0.5 * (own.cols - 1)) * dx, down = (y - 0.5 * (own.rows - 1)) * dy;
+          use(row[x], own.at<float>(y, x), FrameMotion(gx, gy, (right * gy - down * gx) / lever, gz));
         }
       }
     }
@@ -129,7 +137,7 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const SlicePla
   Equations found;
   double squares = 0, pp = 0, qq = 0, pq = 0;
   forEach(
-      [&](double p, double q, const Eigen::Vector3d&)
+      [&](double p, double q, const FrameMotion&)
       {
         squares += (p - q) * (p - q);
         pp += p * p;
@@ -141,7 +149,7 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const SlicePla
   const double scale = kRobust * kRobust * squares / std::max(found.count, 1) + kLeastSquare;
   double weights = 0;
   forEach(
-      [&](double p, double q, const Eigen::Vector3d& gradient)
+      [&](double p, double q, const FrameMotion& gradient)
       {
         const double weight = 1 / (1 + (p - q) * (p - q) / scale);
         found.hessian += weight * gradient * gradient.transpose();
@@ -169,7 +177,7 @@ PoseRefinement::PoseRefinement(const Sweep& sweep, const std::vector<int>& frame
   }
   FindNeighbours();
   FindRevisits();
-  if (NumberOfRevisits() == 0)
+  if (!comesBack_)
   {
     // Neighbours alone tell how three frames lie to each other. Small errors of that add up along the path, so poses of
     // a single pass do not become better.
@@ -225,8 +233,12 @@ void PoseRefinement::FindRevisits()
         const double heightB = normal.dot(toB), heightC = normal.dot(toC);
         away = std::max(away, std::abs(heightB));
         follows = follows && stroke_[frames_[b]] == stroke_[frames_[a]];
-        if (stroke_[frames_[b]] != stroke_[frames_[c]] || (heightB > 0) == (heightC > 0) || (follows && away < kAway) ||
-            std::abs(heightB - heightC) > kWidestGap || !isAlike(a, b) || !isAlike(a, c))
+        if (stroke_[frames_[b]] != stroke_[frames_[c]] || (heightB > 0) == (heightC > 0) || (follows && away < kAway))
+        {
+          continue;
+        }
+        comesBack_ = true;
+        if (std::abs(heightB - heightC) > kWidestGap || !isAlike(a, b) || !isAlike(a, c))
         {
           continue;
         }
@@ -275,21 +287,27 @@ void PoseRefinement::AlignOne(const Comparison& comparison, const cv::Mat& own, 
   out.information.setZero();
   for (int step = 0;; ++step)
   {
-    const SlicePlane plane = MovedInPlane(at, out.motion, lever_);
-    const Equations found = Linearise(own, predict(plane), plane, lever_);
+    const SlicePlane plane = MovedBy(at, out.motion, lever_);
+    cv::Mat across;
+    if (comparison.isRevisit)
+    {
+      const auto slope = [&](double side) { return predict(Moved(plane, {0, 0, side * kProbe}, {0, 0, 0})); };
+      across = (slope(1) - slope(-1)) / (2 * kProbe);
+    }
+    const Equations found = Linearise(own, predict(plane), across, plane, lever_);
     if (found.count < leastCover || !(found.correlation >= kLeastCorrelation))
     {
       return;
     }
     // In units of the noise; neighbouring pixels say the same.
     const double unit = 1 / (kAlike * blur * blur * found.noise);
-    const Eigen::Matrix3d hessian = unit * found.hessian;
-    const Eigen::Matrix3d held = hessian + Eigen::Matrix3d::Identity() / (kWeakPull * kWeakPull);
-    const Eigen::Vector3d move = held.ldlt().solve(unit * found.pull - out.motion / (kWeakPull * kWeakPull));
+    const Information hessian = unit * found.hessian;
+    const Information held = hessian + Information::Identity() / (kWeakPull * kWeakPull);
+    const FrameMotion move = held.ldlt().solve(unit * found.pull - out.motion / (kWeakPull * kWeakPull));
     if (step == kSteps || move.norm() <= kLeastMove)
     {
       const double error = comparison.isRevisit ? kRevisitError : kNeighbourError;
-      const Eigen::Matrix3d least = Eigen::Matrix3d::Identity() / (error * error);
+      const Information least = Information::Identity() / (error * error);
       out.information = hessian - hessian * (hessian + least).ldlt().solve(hessian);
       const Eigen::Vector3d centre = CentreOf(plane), normal = plane.Normal();
       const double before = std::abs(normal.dot(CentreOf(planes_[comparison.before]) - centre));
@@ -306,17 +324,18 @@ void PoseRefinement::AlignOne(const Comparison& comparison, const cv::Mat& own, 
   }
 }
 
-Eigen::Matrix3d PoseRefinement::Seen(int frame, int other) const
+Information PoseRefinement::Seen(int frame, int other) const
 {
   const Eigen::Matrix3d axes = AxesOf(planes_[frame]).transpose(), there = AxesOf(planes_[other]);
   const Eigen::Vector3d arm = CentreOf(planes_[frame]) - CentreOf(planes_[other]);
-  const Eigen::Vector3d turned = there.col(2).cross(arm) / lever_;
-  Eigen::Matrix3d seen;
-  for (int axis = 0; axis < 2; ++axis)
+  const Eigen::Vector3d turned = axes * there.col(2).cross(arm) / lever_;
+  Information seen;
+  for (const auto& [column, axis] : {std::pair(0, 0), std::pair(1, 1), std::pair(3, 2)})
   {
-    seen.col(axis) << (axes * there.col(axis)).head<2>(), 0;
+    const Eigen::Vector3d shift = axes * there.col(axis);
+    seen.col(column) << shift.head<2>(), 0, shift[2];
   }
-  seen.col(2) << (axes * turned).head<2>(), (axes * there.col(2))[2];
+  seen.col(2) << turned.head<2>(), (axes * there.col(2))[2], turned[2];
   return seen;
 }
 
@@ -325,14 +344,14 @@ std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
 {
   const int n = static_cast<int>(frames_.size());
   const auto isUsed = [&](int k) { return isLeftOut.empty() || !isLeftOut[k]; };
-  Eigen::VectorXd motions = Eigen::VectorXd::Zero(3 * n);
-  std::vector<std::array<std::pair<int, Eigen::Matrix3d>, 3>> rows(comparisons_.size());
+  Eigen::VectorXd motions = Eigen::VectorXd::Zero(kNumbers * n);
+  std::vector<std::array<std::pair<int, Information>, 3>> rows(comparisons_.size());
   std::vector<double> weights(comparisons_.size(), 1.0);
   for (std::size_t t = 0; t < comparisons_.size(); ++t)
   {
     const Comparison& c = comparisons_[t];
     const double share = alignments_[t].share;
-    rows[t] = {std::pair(c.frame, Eigen::Matrix3d::Identity().eval()),
+    rows[t] = {std::pair(c.frame, Information::Identity().eval()),
                std::pair(c.before, (-(1 - share) * Seen(c.frame, c.before)).eval()),
                std::pair(c.after, (-share * Seen(c.frame, c.after)).eval())};
     weights[t] = isUsed(c.frame) && isUsed(c.before) && isUsed(c.after) ? 1.0 : 0.0;
@@ -340,18 +359,18 @@ std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
   for (int round = 0; round < kRounds; ++round)
   {
     std::vector<Eigen::Triplet<double>> entries;
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(3 * n);
-    const auto add = [&](int a, int b, const Eigen::Matrix3d& block)
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(kNumbers * n);
+    const auto add = [&](int a, int b, const Information& block)
     {
-      for (int i = 0; i < 3; ++i)
+      for (int i = 0; i < kNumbers; ++i)
       {
-        for (int j = 0; j < 3; ++j)
+        for (int j = 0; j < kNumbers; ++j)
         {
-          entries.emplace_back(3 * a + i, 3 * b + j, block(i, j));
+          entries.emplace_back(kNumbers * a + i, kNumbers * b + j, block(i, j));
         }
       }
     };
-    const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
+    const Information one = Information::Identity();
     for (int k = 0; k < n; ++k)
     {
       add(k, k, one / (prior.drift * prior.drift));
@@ -366,12 +385,12 @@ std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
     }
     for (std::size_t t = 0; t < comparisons_.size(); ++t)
     {
-      Eigen::Vector3d left = alignments_[t].motion;
+      FrameMotion left = alignments_[t].motion;
       for (const auto& [k, block] : rows[t])
       {
-        left -= block * motions.segment<3>(3 * k);
+        left -= block * motions.segment<kNumbers>(kNumbers * k);
       }
-      const Eigen::Matrix3d& information = alignments_[t].information;
+      const Information& information = alignments_[t].information;
       const double robust = 1 / (1 + left.dot(information * left) / (kSuspiciousAt * kSuspiciousAt));
       const double weight = weights[t] * (round == 0 ? 1.0 : robust);
       if (weight == 0)
@@ -380,14 +399,14 @@ std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
       }
       for (const auto& [k, block] : rows[t])
       {
-        right.segment<3>(3 * k) += weight * block.transpose() * information * alignments_[t].motion;
+        right.segment<kNumbers>(kNumbers * k) += weight * block.transpose() * information * alignments_[t].motion;
         for (const auto& [m, other] : rows[t])
         {
           add(k, m, weight * block.transpose() * information * other);
         }
       }
     }
-    Eigen::SparseMatrix<double> matrix(3 * n, 3 * n);
+    Eigen::SparseMatrix<double> matrix(kNumbers * n, kNumbers * n);
     matrix.setFromTriplets(entries.begin(), entries.end());
     const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(matrix);
     motions = solver.solve(right);
@@ -403,22 +422,23 @@ std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
     }
     const bool hasAfter = next < n && stroke_[frames_[next]] == stroke_[frame];
     const bool hasBefore = next > 0 && stroke_[frames_[next - 1]] == stroke_[frame];
-    Eigen::Vector3d motion = Eigen::Vector3d::Zero();
+    FrameMotion motion = FrameMotion::Zero();
     if (hasAfter && frames_[next] == frame)
     {
-      motion = motions.segment<3>(3 * next);
+      motion = motions.segment<kNumbers>(kNumbers * next);
     }
     else if (hasAfter && hasBefore)
     {
       const double share =
           static_cast<double>(frame - frames_[next - 1]) / static_cast<double>(frames_[next] - frames_[next - 1]);
-      motion = (1 - share) * motions.segment<3>(3 * (next - 1)) + share * motions.segment<3>(3 * next);
+      motion = (1 - share) * motions.segment<kNumbers>(kNumbers * (next - 1)) +
+               share * motions.segment<kNumbers>(kNumbers * next);
     }
     else if (hasAfter || hasBefore)
     {
-      motion = motions.segment<3>(3 * (hasAfter ? next : next - 1));
+      motion = motions.segment<kNumbers>(kNumbers * (hasAfter ? next : next - 1));
     }
-    const SlicePlane from = sweep_.Plane(frame), to = MovedInPlane(from, motion, lever_);
+    const SlicePlane from = sweep_.Plane(frame), to = MovedBy(from, motion, lever_);
     Eigen::Affine3d moved = Eigen::Affine3d::Identity();
     moved.linear() = AxesOf(to) * AxesOf(from).transpose();
     moved.translation() = to.origin - moved.linear() * from.origin;

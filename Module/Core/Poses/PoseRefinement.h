@@ -22,10 +22,16 @@ struct RefinementPrior
 };
 
 /// Alignments of frames to two others between which they lie, at the poses of a sweep; none where the probe never comes
-/// back. Only motions in the image's own plane are told: out of it speckle changes more than poses do.
+/// back. Shifts and the turn in the image's own plane are told, and by frames that came back the shift along its normal.
 class PoseRefinement
 {
 public:
+  /// A frame's motion, mm: along its rows, across them in its plane, the turn in it times half a diagonal, and along its
+  /// normal.
+  static constexpr int kNumbers = 4;
+  using Motion = Eigen::Matrix<double, kNumbers, 1>;
+  using Matrix = Eigen::Matrix<double, kNumbers, kNumbers>;
+
   /// Looks at the pixels of `frames` (ascending) alone. `stroke` is Trajectory's.
   PoseRefinement(const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& stroke);
 
@@ -44,12 +50,12 @@ public:
   std::vector<Eigen::Matrix4d> Poses(const RefinementPrior& prior, const std::vector<char>& isLeftOut = {}) const;
 
 private:
-  /// What a comparison says: the frame's own motion in its plane (along rows, across them, and the turn times the lever,
-  /// all mm) that makes it agree, and the inverse of its covariance.
+  /// What a comparison says: the frame's own motion that makes it agree, and the inverse of its covariance. Neighbours
+  /// say nothing along the normal.
   struct Alignment
   {
-    Eigen::Vector3d motion = Eigen::Vector3d::Zero();
-    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    Motion motion = Motion::Zero();
+    Matrix information = Matrix::Zero();
     double share = 0.5;  ///< of the frame after in the prediction
   };
   void FindNeighbours();
@@ -60,12 +66,13 @@ private:
                 const std::function<cv::Mat(const SlicePlane&)>& predict, double blur, double leastCover,
                 Alignment& out) const;
   /// The motion of `other`, seen in the plane of `frame`, as a matrix on other's own motion.
-  Eigen::Matrix3d Seen(int frame, int other) const;
+  Matrix Seen(int frame, int other) const;
 
   const Sweep& sweep_;
   std::vector<int> frames_, stroke_;
   std::vector<SlicePlane> planes_;  // of frames_
   double lever_ = 1;                // mm
+  bool comesBack_ = false;          // also where pictures are turned too far to be compared
   std::vector<Comparison> comparisons_;
   std::vector<Alignment> alignments_;
 };
