@@ -4,6 +4,7 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -170,6 +171,28 @@ TEST(PoseCorrection, FramesAreAlignedWhereTheProbeComesBack)
               bigus::CornerDistance(aligned.trajectory.imageToReference[20], sweep.imageToReference[20], sweep.width,
                                     sweep.height),
               1e-9);
+}
+
+// An error along the normal that comes and goes within each pass, which is no delay, no noise and no motion in the plane.
+TEST(PoseCorrection, SlowErrorsAlongTheNormalAreFoundWhereTheProbeComesBack)
+{
+  PhantomOptions world = ThereAndBack();
+  world.trackingDrift = world.trackingRotationDrift = 0;
+  const Phantom phantom(world);
+  Sweep sweep = phantom.MakeSweep();
+  for (int k = 0; k < 64; ++k)
+  {
+    sweep.imageToReference[k](2, 3) += 0.4 * std::sin(0.2 * k);
+  }
+  const auto truth = TruePoses(phantom, 64);
+  bigus::PoseCorrectionOptions smoothOnly;
+  smoothOnly.isRefined = false;
+  const std::vector<int> all = bigus::test::AllFrames(sweep);
+  const PoseCorrection smooth = CorrectPoses(sweep, all, smoothOnly), aligned = CorrectPoses(sweep, all);
+  ASSERT_TRUE(aligned.isRefined) << aligned.decision.evidence;
+  EXPECT_LT(ErrorOf(sweep, aligned.trajectory.imageToReference, truth),
+            0.9 * ErrorOf(sweep, smooth.trajectory.imageToReference, truth))
+      << aligned.decision.evidence;
 }
 
 // Where the probe turns back, and in its sways, pictures of neighbours confirm a path that is too smooth.
