@@ -345,7 +345,7 @@ TEST(FrameInterpolation, SameBitsForAnyNumberOfThreads)
       EXPECT_EQ(planes->NumberOfFrames(), 8 + 2 * 7);
       const float* pixels = static_cast<const float*>(planes->pixels.get());
       return std::make_pair(std::vector<float>(pixels, pixels + 22 * planes->PixelsPerFrame()),
-                            ScoreInterpolation(*sweep, frames, how));
+                            *ScoreInterpolation(*sweep, frames, how));
     };
     EXPECT_EQ(made(1), made(3)) << how.ToString();
   }
@@ -379,9 +379,10 @@ TEST(FrameInterpolation, AScoreNeedsThreeFrames)
   EXPECT_THROW(ScoreInterpolation(*sweep, {0, 1}, {}), bigus::Error);
   EXPECT_THROW(ScoreInterpolation(*sweep, {}, {}), bigus::Error);
   // Slowly changing frames are predicted well; frames that have nothing to do with each other are not.
-  EXPECT_GT(ScoreInterpolation(*sweep, {0, 1, 2}, {}), 40);
+  EXPECT_GT(*ScoreInterpolation(*sweep, {0, 1, 2}, {}), 40);
   const auto unlike = Frames(3, [](double i, double j, int f) { return Texture(i * (1 + f), j + 20 * f); });
-  EXPECT_LT(ScoreInterpolation(*unlike, {0, 1, 2}, {}), 25);
+  EXPECT_LT(*ScoreInterpolation(*unlike, {0, 1, 2}, {}), 25);
+  EXPECT_FALSE(ScoreInterpolation(*sweep, {0, 1, 2}, {}, [] { return false; }));
 }
 
 TEST(VirtualPlanes, BreaksInTheSweepGetNone)

@@ -3,6 +3,7 @@
 #include "Core/Deciding/Decisions.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 
 #include "Core/Deciding/DecisionRules.h"
@@ -84,38 +85,57 @@ bool Try(State& state, const TrainingPlan& candidate, const std::string& label, 
 }
 
 /// How fast frames change and whether flow helps, for each path. Which path is left to DecidePath, because one that
-/// follows the probe is scored here where its own path leads, while slices are asked for at tracked poses.
+/// follows the probe is scored here where its own path leads, while slices are asked for at tracked poses. Flow takes
+/// longest, so it comes last; where there is no time, what was found before counts.
 Prediction PredictFrames(Trials& trials, bool keepContrast)
 {
   using Decay = FrameInterpolation::Decay;
+  using Path = FrameInterpolation::Path;
   const Stopwatch watch;
   Prediction prediction;
-  const auto bestOf = [&](FrameInterpolation::Path path, FrameInterpolation& best)
+  struct Best
   {
-    best.path = path;
-    double most = trials.Predict(best);
-    const auto note = [&](const FrameInterpolation& how, double psnr)
-    { prediction.evidence += (prediction.evidence.empty() ? "" : ", ") + how.ToString() + Format(" %.2f dB", psnr); };
-    note(best, most);
-    const auto take = [&](const FrameInterpolation& candidate, double least)
-    {
-      const double psnr = trials.Predict(candidate);
-      note(candidate, psnr);
-      if (psnr > most + least)
-      {
-        best = candidate;
-        most = psnr;
-      }
-    };
-    take({path, false, Decay::Rough}, 0);
-    take({path, false, Decay::Smooth}, 0);
-    take({path, true, best.decay}, kLeastGain);
-    best.keepContrast = keepContrast;
-    return most;
+    FrameInterpolation* how;
+    Path path;
+    double psnr;
   };
-  const double normals = bestOf(FrameInterpolation::Path::Normals, prediction.alongNormals);
-  const double probe = bestOf(FrameInterpolation::Path::Probe, prediction.alongProbe);
-  prediction.pathGain = probe - normals;
+  std::array<Best, 2> bests{Best{&prediction.alongNormals, Path::Normals, 0},
+                            Best{&prediction.alongProbe, Path::Probe, 0}};
+  const auto take = [&](Best& best, const FrameInterpolation& candidate, double least)
+  {
+    const std::optional<double> psnr = trials.Predict(candidate);
+    if (!psnr)
+    {
+      return false;
+    }
+    prediction.evidence += (prediction.evidence.empty() ? "" : ", ") + candidate.ToString() + Format(" %.2f dB", *psnr);
+    if (*psnr > best.psnr + least)
+    {
+      *best.how = candidate;
+      best.psnr = *psnr;
+    }
+    return true;
+  };
+  bool goesOn = true;
+  for (Best& best : bests)
+  {
+    best.how->path = best.path;
+    for (const Decay decay : {FrameInterpolation{}.decay, Decay::Rough, Decay::Smooth})
+    {
+      goesOn = goesOn && take(best, {best.path, false, decay}, 0);
+    }
+  }
+  // A path that was not looked at is not known to be better.
+  prediction.pathGain = bests[1].psnr > 0 ? bests[1].psnr - bests[0].psnr : 0;
+  for (Best& best : bests)
+  {
+    goesOn = goesOn && take(best, {best.path, true, best.how->decay}, kLeastGain);
+  }
+  if (goesOn)
+  {
+    prediction.pathGain = bests[1].psnr - bests[0].psnr;
+  }
+  prediction.alongNormals.keepContrast = prediction.alongProbe.keepContrast = keepContrast;
   prediction.seconds = watch.Seconds();
   return prediction;
 }

@@ -125,9 +125,20 @@ std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const Trainin
   return gain;
 }
 
-double Trials::Predict(const FrameInterpolation& interpolation) const
+std::optional<double> Trials::Predict(const FrameInterpolation& interpolation)
 {
-  return ScoreInterpolation(*sweep_, training_, interpolation);
+  const std::string name = "prediction by " + interpolation.ToString();
+  if (const TrialScores* known = keeper_.FindTrial(name); known && !known->frames.empty())
+  {
+    return known->frames[0];
+  }
+  const std::optional<double> psnr =
+      ScoreInterpolation(*sweep_, training_, interpolation, [this] { return Proceed(); });
+  if (psnr)
+  {
+    keeper_.NoteTrial(name, {{*psnr}, {}});
+  }
+  return psnr;
 }
 
 bool Trials::Proceed()
@@ -168,8 +179,13 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
   plan.timeLimit = 0;
   plan.densification.interval = 0;
   ScaleToPixels(pixelSize_, plan);
+  const std::shared_ptr<const Sweep> withVirtualPlanes = WithVirtualPlanes(plan);
+  if (stopped_)
+  {
+    return {};
+  }
   TrainingLoop loop(
-      sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, WithVirtualPlanes(plan));
+      sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, withVirtualPlanes);
   loop.SetKeeping(keeper_.KeepingOf(name));
   const std::string_view state = keeper_.TakeLoop(name);
   const Fitted fitted = state.empty() ? loop.Run(loop.SeedAndSolve(), {}) : loop.Resume(state, {});
@@ -213,7 +229,8 @@ std::shared_ptr<const Sweep> Trials::WithVirtualPlanes(const TrainingPlan& plan)
   std::shared_ptr<const Sweep>& made = withVirtualPlanes_[{plan.virtualPlanes, plan.interpolation.ToString()}];
   if (!made)
   {
-    made = AddVirtualPlanes(*sweep_, training_, plan.virtualPlanes, plan.interpolation);
+    made = AddVirtualPlanes(*sweep_, training_, plan.virtualPlanes, plan.interpolation,
+                            [this](double) { return Proceed(); });
   }
   return made;
 }

@@ -43,8 +43,9 @@ public:
   /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.
   std::optional<Gain> Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes);
 
-  /// How well an interpolation predicts frames from their neighbours: mean PSNR, dB. Costs no training.
-  double Predict(const FrameInterpolation& interpolation) const;
+  /// How well an interpolation predicts frames from their neighbours: mean PSNR, dB; nothing when the callback said
+  /// stop. Costs no training.
+  std::optional<double> Predict(const FrameInterpolation& interpolation);
 
   /// Asks the callback; false from when it first said stop.
   bool Proceed();

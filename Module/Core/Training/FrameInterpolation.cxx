@@ -29,6 +29,7 @@ constexpr double kNothing = 1e-10;    // power of a band, (1e-5 of white)^2, bel
 constexpr double kMostContrast = 4;   // gain that keeps contrast; two frames with nothing in common ask for 1.4
 constexpr double kLeastNormal = 0.5;  // length of the sum of two normals, below which frames face opposite ways
 constexpr std::size_t kScored = 12;   // frames that a score looks at
+constexpr std::size_t kScoredAtOnce = 4;
 
 // Share of a band's power that frames do not have in common at any distance. It keeps the equations regular.
 constexpr double kNoise = 1e-3;
@@ -578,7 +579,8 @@ void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const Sli
   }
 }
 
-double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames, const FrameInterpolation& interpolation)
+std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
+                                         const FrameInterpolation& interpolation, const std::function<bool()>& goOn)
 {
   if (frames.size() < 3)
   {
@@ -586,27 +588,34 @@ double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames, co
   }
   const std::size_t inner = frames.size() - 2, scored = std::min(kScored, inner);
   std::vector<double> psnr(scored);
-  tbb::parallel_for(std::size_t(0), scored,
-                    [&](std::size_t n)
-                    {
-                      const std::size_t k = 1 + (2 * n + 1) * inner / (2 * scored);
-                      const SlicePlane plane = sweep.Plane(frames[k]);
-                      const auto distance = [&](int other)
-                      {
-                        const SlicePlane from = sweep.Plane(other);
-                        const double i = 0.5 * (plane.width - 1), j = 0.5 * (plane.height - 1);
-                        return (plane.Point(i, j) - from.Point(i, j)).norm();
-                      };
-                      const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
-                      std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
-                      std::vector<int> others = frames;
-                      others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
-                      InterpolateFrames(sweep, FramesAround::Gap(others, k - 1), plane, u + v > 0 ? u / (u + v) : 0.5,
-                                        interpolation, image.data());
-                      sweep.BlackenUnlit(image.data());
-                      sweep.CopyFrame(frames[k], truth.data());
-                      psnr[n] = Psnr(image.data(), truth.data(), image.size());
-                    });
+  const auto predict = [&](std::size_t n)
+  {
+    const std::size_t k = 1 + (2 * n + 1) * inner / (2 * scored);
+    const SlicePlane plane = sweep.Plane(frames[k]);
+    const auto distance = [&](int other)
+    {
+      const SlicePlane from = sweep.Plane(other);
+      const double i = 0.5 * (plane.width - 1), j = 0.5 * (plane.height - 1);
+      return (plane.Point(i, j) - from.Point(i, j)).norm();
+    };
+    const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
+    std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
+    std::vector<int> others = frames;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
+    InterpolateFrames(sweep, FramesAround::Gap(others, k - 1), plane, u + v > 0 ? u / (u + v) : 0.5, interpolation,
+                      image.data());
+    sweep.BlackenUnlit(image.data());
+    sweep.CopyFrame(frames[k], truth.data());
+    psnr[n] = Psnr(image.data(), truth.data(), image.size());
+  };
+  for (std::size_t first = 0; first < scored; first += kScoredAtOnce)
+  {
+    if (goOn && !goOn())
+    {
+      return std::nullopt;
+    }
+    tbb::parallel_for(first, std::min(first + kScoredAtOnce, scored), predict);
+  }
   double sum = 0;
   for (double value : psnr)
   {

@@ -3,6 +3,8 @@
 // The picture between two recorded frames, guessed from them: what virtual planes are made of.
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -68,7 +70,10 @@ void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const Sli
                        const FrameInterpolation& interpolation, float* image);
 
 /// How well `interpolation` predicts frames (at most 12, evenly chosen) from their neighbours among `frames`: mean
-/// PSNR, dB. Needs three frames; throws Error with fewer.
-double ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames, const FrameInterpolation& interpolation);
+/// PSNR, dB. Needs three frames; throws Error with fewer. Null when `goOn` (may be empty), asked every few frames, says
+/// stop.
+std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
+                                         const FrameInterpolation& interpolation,
+                                         const std::function<bool()>& goOn = {});
 
 }  // namespace bigus

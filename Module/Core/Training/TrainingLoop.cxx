@@ -377,8 +377,11 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
   }
   if (targets.planes > 0 && frames.size() > 1)
   {
-    const bool isGiven = withVirtualPlanes_ && targets.planes == plan_.virtualPlanes && targets.coarseness == 1;
-    sweep = isGiven ? withVirtualPlanes_ : AddVirtualPlanes(*sweep, frames, targets.planes, plan_.interpolation, goOn);
+    FrameInterpolation interpolation = plan_.interpolation;
+    interpolation.flow = interpolation.flow && targets.flow;
+    const bool isGiven = withVirtualPlanes_ && targets.planes == plan_.virtualPlanes && targets.coarseness == 1 &&
+                         interpolation.flow == plan_.interpolation.flow;
+    sweep = isGiven ? withVirtualPlanes_ : AddVirtualPlanes(*sweep, frames, targets.planes, interpolation, goOn);
     if (!sweep)
     {
       return false;
@@ -395,7 +398,8 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
 }
 
 /// The second stage's targets that a time limit leaves time for; they are set. Where planes are dense there may be fewer
-/// virtual planes, or none. Where they are sparse frames are reduced instead, because detail is learned last.
+/// virtual planes, or none. Where they are sparse frames are reduced instead, because detail is learned last. Before
+/// either, planes are made without flow, which takes most of the time.
 /// `secondsOfPass` is the first stage's pace; frames of half the sides take half as long. Null, and the first stage's
 /// targets stay, when the caller said stop.
 std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double secondsOfPass)
@@ -412,7 +416,11 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
     {
       return targets;
     }
-    if (plan_.sparse && targets.coarseness == 1 && CanReduce(*sweep_))
+    if (targets.flow && plan_.interpolation.flow)
+    {
+      targets.flow = false;
+    }
+    else if (plan_.sparse && targets.coarseness == 1 && CanReduce(*sweep_))
     {
       targets.coarseness = kReduction;
     }
@@ -427,7 +435,7 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
   }
   // No time for virtual planes. Detail that few passes cannot teach costs time all the same.
   const bool isTimeForDetail = plan_.timeLimit - watch_.Seconds() > kPassesForDetail * secondsOfPass;
-  targets = {0, isTimeForDetail || plan_.timeLimit <= 0 ? 1 : coarseness_};
+  targets = {0, isTimeForDetail || plan_.timeLimit <= 0 ? 1 : coarseness_, true};
   TargetPlanes(targets);
   return targets;
 }
@@ -588,6 +596,7 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   course.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
   course.second.planes = from.NumberIn(0, plan_.virtualPlanes);
   course.second.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
+  course.second.flow = from.Flag();
   course.passes = from.NumberIn(0.0, 1e9);
   const bool isFirstStage = from.Flag();
   course.rates.mean = from.NumberIn(0.0, GaussianField::kLargestCoordinate);
@@ -641,6 +650,7 @@ void TrainingLoop::Save(const Course& course, StateWriter& to) const
   to.Number(course.coarseness);
   to.Number(course.second.planes);
   to.Number(course.second.coarseness);
+  to.Flag(course.second.flow);
   to.Number(course.passes);
   to.Flag(isFirstStage_);
   for (const double rate : {course.rates.mean, course.rates.logScale, course.rates.rotation, course.rates.reflectivity})

@@ -80,6 +80,7 @@ private:
   {
     int planes = 0;      // virtual ones in every gap
     int coarseness = 1;  // the frames' sides are divided by it
+    bool flow = true;    // if the plan's interpolation has it
   };
 
   void TargetFrames(int coarseness);
