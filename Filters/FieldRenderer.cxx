@@ -6,6 +6,8 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <type_traits>
+#include <utility>
 
 #include "Core/Model/Error.h"
 #include "Data/FieldData.h"
@@ -20,7 +22,7 @@ namespace bigus
 namespace
 {
 
-constexpr double kFirstBandPixels = 65536;
+constexpr double kFirstBandPixels = 65536;  // and of every band where several processes render
 constexpr double kBandSeconds = 0.03;
 constexpr double kMinimumSpacing = 1e-6, kMaximumSpacing = 1e6;  // mm
 
@@ -49,15 +51,24 @@ void JoinPlane(const Slab& slab, int i, const float* plane, float* joined, std::
   }
 }
 
+/// Gaussians from `first` on.
+GaussianField Slice(const GaussianField& field, std::size_t first, std::size_t count)
+{
+  const auto part = [first, count](const auto& values)
+  {
+    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
+    return std::decay_t<decltype(values)>(begin, begin + static_cast<std::ptrdiff_t>(count));
+  };
+  return {part(field.means),          part(field.scales), part(field.rotations),
+          part(field.reflectivities), field.beam,         field.transfer};
+}
+
 }  // namespace
 
-FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension)
+FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension,
+                   const FieldParts* parts)
 {
   FieldGrid grid;
-  if (field.Size() == 0)
-  {
-    return grid;
-  }
   Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
   Eigen::Vector3d high = -low;
   const Eigen::Matrix3d toGrid = axes.inverse();
@@ -69,6 +80,18 @@ FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int 
     const Eigen::Vector3d reach = 3 * spread.rowwise().norm();
     low = low.cwiseMin(centre - reach);
     high = high.cwiseMax(centre + reach);
+  }
+  if (parts)
+  {
+    Eigen::Matrix<double, 6, 1> bounds;
+    bounds << low, -high;
+    parts->Least(bounds.data(), 6);
+    low = bounds.head<3>();
+    high = -bounds.tail<3>();
+  }
+  if (!(low[0] <= high[0]))
+  {
+    return grid;
   }
   const Eigen::Vector3d size = high - low;
   // The limits keep numbers of any field inside an int; an absurd grid is refused later, with its size.
@@ -142,7 +165,28 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
   return field_;
 }
 
+void FieldRenderer::SetParts(std::unique_ptr<FieldParts> parts)
+{
+  parts_ = std::move(parts);
+  chunks_ = {};
+  engines_.clear();
+  uploadedSigma_.reset();
+}
+
 void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
+{
+  if (!parts_)
+  {
+    UploadHere(input, settings);
+    return;
+  }
+  parts_->Agree([&] { Load(input); });
+  chunks_ = parts_->ChunksOf(input, field_.Size());
+  parts_->RequireOneField(field_, transfer_);
+  parts_->Agree([&] { UploadHere(input, settings); });
+}
+
+void FieldRenderer::UploadHere(vtkPolyData* input, const Settings& settings)
 {
   if (!(settings.tolerance >= 0 && settings.tolerance <= 1))
   {
@@ -155,11 +199,16 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
         "field's.");
   }
   Load(input);
-  if (!engine_ || engineName_ != settings.engine)
+  const std::size_t engines = parts_ ? chunks_.sizes.size() : 1;
+  if (engines_.size() != engines || engineName_ != settings.engine)
   {
-    engine_ = Engine::Create(settings.engine);
+    engines_.clear();
+    for (std::size_t k = 0; k < engines; ++k)
+    {
+      engines_.push_back(Engine::Create(settings.engine));
+    }
     engineName_ = settings.engine;
-    device_ = engine_->Device();
+    device_ = engines_.empty() ? "" : engines_[0]->Device();
     uploadedSigma_.reset();
   }
   const double sigma = std::max(settings.elevationSigma, -1.0);  // every negative number is the field's beam
@@ -170,11 +219,49 @@ void FieldRenderer::Upload(vtkPolyData* input, const Settings& settings)
     {
       field_.beam = Beam{sigma};
     }
-    engine_->SetField(field_);
+    if (!parts_)
+    {
+      engines_[0]->SetField(field_);
+    }
+    std::size_t first = 0;
+    for (std::size_t k = 0; parts_ && k < engines; ++k)
+    {
+      engines_[k]->SetField(Slice(field_, first, chunks_.sizes[k]));
+      first += chunks_.sizes[k];
+    }
     field_.beam = own;
     uploadedSigma_ = sigma;
   }
-  engine_->SetAccuracy({settings.tolerance});
+  for (const auto& engine : engines_)
+  {
+    engine->SetAccuracy({settings.tolerance / chunks_.total});  // what chunks leave out adds up
+  }
+}
+
+void FieldRenderer::RenderWindow(const SlicePlane& plane, const Engine::Window& window, ViewOutput output, float* image,
+                                 float* coverage)
+{
+  if (!parts_)
+  {
+    engines_[0]->Render(plane, window, output, image, coverage);
+    return;
+  }
+  // Scattering and coverage are linear in the Gaussians, and intensity follows from the sum.
+  const std::size_t pixels = static_cast<std::size_t>(window.rows) * window.columns;
+  std::vector<float> sum((coverage ? 2 : 1) * pixels);
+  parts_->Sum(
+      chunks_, sum.size(),
+      [&](int k, float* picture)
+      { engines_[k]->Render(plane, window, ViewOutput::Scattering, picture, coverage ? picture + pixels : nullptr); },
+      sum.data());
+  for (std::size_t p = 0; p < pixels; ++p)
+  {
+    image[p] = output == ViewOutput::Intensity ? transfer_.Intensity(sum[p]) : sum[p];
+  }
+  if (coverage)
+  {
+    std::copy(sum.begin() + static_cast<std::ptrdiff_t>(pixels), sum.end(), coverage);
+  }
 }
 
 bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[6], const int extent[6],
@@ -215,12 +302,21 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
     // Aim at kBandSeconds from what this band took; a plane that is nearly free says little about the next.
-    pixelsPerBand_ = std::clamp(count * std::clamp(kBandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
+    if (!parts_)  // processes take the same bands
+    {
+      pixelsPerBand_ = std::clamp(count * std::clamp(kBandSeconds / std::max(seconds, 1e-6), 0.1, 8.0), 1.0, 4.0e6);
+    }
     const vtkIdType pixels = static_cast<vtkIdType>(count);
     const double fraction = (static_cast<double>(first) + pixels) / total;
     const PixelBand band{first, pixels, image_.data(), covered, fraction};
     first += pixels;
-    return receive(band);
+    if (!parts_)
+    {
+      return receive(band);
+    }
+    bool goesOn = true;
+    parts_->Agree([&] { goesOn = receive(band); });
+    return parts_->All(goesOn);
   };
   const auto planeAt = [&](double k)
   {
@@ -251,7 +347,16 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
         {
           stack.push_back(planeAt(k + i + offset));
         }
-        engine_->RenderStack(stack, output, pixels, cover);
+        if (!parts_)
+        {
+          engines_[0]->RenderStack(stack, output, pixels, cover);
+          return;
+        }
+        const std::size_t size = static_cast<std::size_t>(width) * height;
+        for (std::size_t i = 0; i < stack.size(); ++i)
+        {
+          RenderWindow(stack[i], {0, 0, width, height}, output, pixels + i * size, cover ? cover + i * size : nullptr);
+        }
       };
       if (!deliver(static_cast<std::size_t>(planes) * width * height, renderStack))
       {
@@ -266,7 +371,7 @@ bool FieldRenderer::Render(const Eigen::Matrix4d& indexToWorld, const int whole[
       const int band = std::clamp(wanted, 1, extent[3] - row + 1);
       const Engine::Window window{extent[0] - whole[0], row - whole[2], columns, band};
       if (!deliver(static_cast<std::size_t>(band) * columns, [&](double offset, float* pixels, float* cover)
-                   { engine_->Render(planeAt(k + offset), window, output, pixels, cover); }))
+                   { RenderWindow(planeAt(k + offset), window, output, pixels, cover); }))
       {
         return false;
       }

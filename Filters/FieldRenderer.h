@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "Core/Engine/Engine.h"
+#include "FieldParts.h"
 #include "vtkType.h"
 
 class vtkImageData;
@@ -29,8 +30,10 @@ struct FieldGrid
 };
 
 /// The grid along the columns of `axes` (unit vectors) that holds every Gaussian to three standard
-/// deviations, with `maximumDimension` voxels along its longest side. The empty field gets one voxel at 0.
-FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension);
+/// deviations, with `maximumDimension` voxels along its longest side. The empty field gets one voxel at 0. `parts`: of
+/// the whole field, of which `field` is the part of this process; null: it is whole.
+FieldGrid GridOver(const GaussianField& field, const Eigen::Matrix3d& axes, int maximumDimension,
+                   const FieldParts* parts = nullptr);
 
 /// Throws Error unless a grid's spacing and origin (mm) can be worked with.
 void CheckGrid(const double spacing[3], const double origin[3]);
@@ -80,6 +83,11 @@ public:
     double tolerance = 1e-4;     ///< on the intensity of a pixel; 0 leaves nothing out
   };
 
+  /// The fields given are parts of one, which several processes render together; null: they are whole. Then every
+  /// process calls all other members in the same order, with the same settings and planes.
+  void SetParts(std::unique_ptr<FieldParts> parts);
+  const FieldParts* Parts() const { return parts_.get(); }
+
   /// The field of this input, read again only when it changed. Throws Error.
   const GaussianField& Load(vtkPolyData* input);
 
@@ -95,10 +103,17 @@ public:
   const std::string& Device() const { return device_; }
 
 private:
+  void UploadHere(vtkPolyData* input, const Settings& settings);
+  void RenderWindow(const SlicePlane& plane, const Engine::Window& window, ViewOutput output, float* image,
+                    float* coverage);
+
+  std::unique_ptr<FieldParts> parts_;
+  FieldChunks chunks_;
+  TransferFunction transfer_;  // of the whole field, where there are parts
   GaussianField field_;
   vtkPolyData* input_ = nullptr;  // compared, never followed
   vtkMTimeType inputTime_ = 0;
-  std::unique_ptr<Engine> engine_;
+  std::vector<std::unique_ptr<Engine>> engines_;  // one, or one for each chunk of this process
   std::string engineName_, device_;
   std::optional<double> uploadedSigma_;            // mm, of the field on the engine; none when it holds another
   std::vector<float> image_, coverage_;            // of a band, kept because memory that is new is slow

@@ -14,6 +14,8 @@
 #include "vtkInformation.h"
 #include "vtkInformationExecutivePortVectorKey.h"
 #include "vtkInformationVector.h"
+#include "vtkMultiProcessController.h"
+#include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
 
@@ -83,6 +85,26 @@ void Clear(vtkInformationVector* outputs)
 
 }  // namespace
 
+/// Where an input cannot be made, the filter behind it is not asked for data, and other processes would wait for it.
+class vtkBigusFieldToImage::CollectiveExecutive : public vtkStreamingDemandDrivenPipeline
+{
+public:
+  static CollectiveExecutive* New();
+  vtkTypeMacro(CollectiveExecutive, vtkStreamingDemandDrivenPipeline);
+
+  vtkTypeBool ProcessRequest(vtkInformation* request, vtkInformationVector** inputs,
+                             vtkInformationVector* outputs) override
+  {
+    const vtkTypeBool done = this->Superclass::ProcessRequest(request, inputs, outputs);
+    if (!done && request->Has(REQUEST_DATA()))
+    {
+      static_cast<vtkBigusFieldToImage*>(this->GetAlgorithm())->TellOfNoInput();
+    }
+    return done;
+  }
+};
+vtkStandardNewMacro(vtkBigusFieldToImage::CollectiveExecutive);
+
 vtkBigusFieldToImage::vtkBigusFieldToImage() : Renderer(std::make_unique<bigus::FieldRenderer>())
 {
   this->SetEngine("auto");
@@ -91,6 +113,55 @@ vtkBigusFieldToImage::vtkBigusFieldToImage() : Renderer(std::make_unique<bigus::
 vtkBigusFieldToImage::~vtkBigusFieldToImage()
 {
   this->SetEngine(nullptr);
+  this->SetController(nullptr);
+}
+
+vtkExecutive* vtkBigusFieldToImage::CreateDefaultExecutive()
+{
+  return CollectiveExecutive::New();
+}
+
+void vtkBigusFieldToImage::SetController(vtkMultiProcessController* controller)
+{
+  if (controller != this->Controller)
+  {
+    vtkSetObjectBodyMacro(Controller, vtkMultiProcessController, controller);
+    this->Renderer->SetParts(controller ? std::make_unique<bigus::FieldParts>(controller) : nullptr);
+  }
+}
+
+const bigus::FieldParts* vtkBigusFieldToImage::Parts() const
+{
+  return this->Renderer->Parts();
+}
+
+void vtkBigusFieldToImage::Agree(const std::function<void()>& work)
+{
+  if (this->Parts())
+  {
+    this->Parts()->Agree(work);
+  }
+  else
+  {
+    work();
+  }
+}
+
+void vtkBigusFieldToImage::TellOfNoInput()
+{
+  if (this->WaitsForInput && this->Parts())
+  {
+    this->WaitsForInput = false;
+    try
+    {
+      this->Parts()->Agree([] { throw bigus::Error("its part of the field could not be made"); });
+    }
+    catch (const bigus::Error& error)
+    {
+      vtkErrorMacro(<< error.what());
+      this->SetErrorCode(vtkErrorCode::UserError);
+    }
+  }
 }
 
 void vtkBigusFieldToImage::PrintSelf(ostream& os, vtkIndent indent)
@@ -105,6 +176,7 @@ void vtkBigusFieldToImage::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
   os << indent << "Tolerance: " << this->Tolerance << "\n";
   os << indent << "MaximumOutputPixels: " << this->MaximumOutputPixels << "\n";
+  os << indent << "Controller: " << this->Controller << "\n";
   os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
   os << indent << "Device: " << this->GetDevice() << "\n";
 }
@@ -165,7 +237,9 @@ const bigus::GaussianField& vtkBigusFieldToImage::UpdatedField()
   {
     producer->Update(port);
   }
-  return this->Renderer->Load(vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0)));
+  const bigus::GaussianField* field = nullptr;
+  this->Agree([&] { field = &this->Renderer->Load(vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0))); });
+  return *field;
 }
 
 int vtkBigusFieldToImage::FillInputPortInformation(int, vtkInformation* info)
@@ -208,6 +282,7 @@ int vtkBigusFieldToImage::RequestInformation(vtkInformation*, vtkInformationVect
 int vtkBigusFieldToImage::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
   bigus::RequestWholeInput(inputs[0]);
+  this->WaitsForInput = true;
   return 1;
 }
 
@@ -216,24 +291,34 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
 {
   Clear(outputs);
   this->SetErrorCode(vtkErrorCode::NoError);
+  this->WaitsForInput = false;
   try
   {
     vtkInformation* info = outputs->GetInformationObject(0);
     int whole[6], extent[6];
     info->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), whole);
-    CombineUpdateExtents(request, outputs, whole, extent);
-    CheckOutputSize(extent, this->MaximumOutputPixels);
-    if (!this->Engine)
-    {
-      throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
-    }
+    this->Agree(
+        [&]
+        {
+          CombineUpdateExtents(request, outputs, whole, extent);
+          CheckOutputSize(extent, this->MaximumOutputPixels);
+          if (!this->Engine)
+          {
+            throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
+          }
+        });
     this->Renderer->Upload(vtkPolyData::GetData(inputs[0]), {this->Engine, this->ElevationSigma, this->Tolerance});
 
     Eigen::Matrix<double, 4, 4, Eigen::RowMajor> indexToWorld;
-    this->ComputeIndexToWorld(info->Get(vtkDataObject::SPACING()), info->Get(vtkDataObject::ORIGIN()),
-                              indexToWorld.data());
-    const bigus::Slab slab = this->ComputeSlab();
-    this->AllocateOutputs(outputs, extent);
+    bigus::Slab slab;
+    this->Agree(
+        [&]
+        {
+          this->ComputeIndexToWorld(info->Get(vtkDataObject::SPACING()), info->Get(vtkDataObject::ORIGIN()),
+                                    indexToWorld.data());
+          slab = this->ComputeSlab();
+          this->AllocateOutputs(outputs, extent);
+        });
     const bool finished =
         this->Renderer->Render(indexToWorld, whole, extent, ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
                                [&](const bigus::PixelBand& band)

@@ -17,18 +17,22 @@
 #ifndef vtkBigusFieldToImage_h
 #define vtkBigusFieldToImage_h
 
-#include <memory>  // for the renderer
+#include <functional>  // for what processes agree on
+#include <memory>      // for the renderer
 
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkImageAlgorithm.h"
 
 namespace bigus
 {
+class FieldParts;
 class FieldRenderer;
 struct GaussianField;
 struct PixelBand;
 struct Slab;
 }  // namespace bigus
+
+class vtkMultiProcessController;
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusFieldToImage : public vtkImageAlgorithm
 {
@@ -121,6 +125,19 @@ public:
   vtkGetStringMacro(Engine);
   ///@}
 
+  ///@{
+  /**
+   * Processes that hold one field together, each as its input a part of it, as vtkBigusPartitionField makes them; null
+   * (default): the input is the whole field. The same filter with the same settings and the same requests runs in every
+   * process, and each gets the whole answer. It has the same bits for any number of processes, as long as the field is
+   * split into the same number of chunks. It differs from that of the whole field by rounding and by what Tolerance
+   * allows. What fails in one process is an error in all, before anything is added up. Processes without a part give an
+   * empty one.
+   */
+  virtual void SetController(vtkMultiProcessController*);
+  vtkMultiProcessController* GetController() { return this->Controller; }
+  ///@}
+
   /** What rendered the last output, for example "CPU (AVX2, 2 threads)"; empty before. */
   const char* GetDevice() const;
 
@@ -128,6 +145,7 @@ protected:
   vtkBigusFieldToImage();
   ~vtkBigusFieldToImage() override;
 
+  vtkExecutive* CreateDefaultExecutive() override;
   int FillInputPortInformation(int port, vtkInformation* info) override;
   int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
@@ -136,6 +154,9 @@ protected:
   /// The input as a field, brought up to date and read again only when it changed: for default geometry, which depends
   /// on the field's bounds. Throws bigus::Error.
   const bigus::GaussianField& UpdatedField();
+
+  /// Who renders with this process; null: nobody.
+  const bigus::FieldParts* Parts() const;
 
   /// The geometry of the output. In: OutputSpacing and OutputOrigin, found sound; out: what the output has. Throws
   /// bigus::Error.
@@ -173,7 +194,15 @@ private:
   vtkBigusFieldToImage(const vtkBigusFieldToImage&) = delete;
   void operator=(const vtkBigusFieldToImage&) = delete;
 
+  /// Does it, in agreement with all processes if there are several. Throws bigus::Error.
+  void Agree(const std::function<void()>& work);
+  /// Tells other processes, which wait for this one, that it has no input.
+  void TellOfNoInput();
+  class CollectiveExecutive;
+
   std::unique_ptr<bigus::FieldRenderer> Renderer;
+  vtkMultiProcessController* Controller = nullptr;
+  bool WaitsForInput = false;
 };
 
 #endif

@@ -446,10 +446,10 @@ void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int exten
   std::copy_n(this->OutputExtent, 6, extent);
   if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
   {
-    const InputGrid in =
-        this->InformationInput
-            ? GridOf(this->InformationInput)
-            : GridOf(bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(), kDefaultDimension));
+    const InputGrid in = this->InformationInput
+                             ? GridOf(this->InformationInput)
+                             : GridOf(bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(),
+                                                      kDefaultDimension, this->Parts()));
 
     // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with the squares of
     // the direction cosines as weights, and the centre is kept. Weights of the identity leave it as it stands.

@@ -87,7 +87,8 @@ void vtkBigusVoxelizer::ComputeGrid(double givenSpacing[3], double givenOrigin[3
   if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputDimensions)
   {
     // The grid over the field along the given axes; what was set replaces its part, the rest keeps to its bounds.
-    const bigus::FieldGrid grid = bigus::GridOver(this->UpdatedField(), direction, this->MaximumDimension);
+    const bigus::FieldGrid grid =
+        bigus::GridOver(this->UpdatedField(), direction, this->MaximumDimension, this->Parts());
     const Eigen::Vector3d size = grid.spacing * (grid.dimensions.cast<double>() - Eigen::Vector3d::Ones());
     const Eigen::Vector3d centre = grid.origin + 0.5 * size;
     if (this->ComputeOutputSpacing)

@@ -1,0 +1,81 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A field whose parts lie in several processes: what these agree on, and the sum of their pictures.
+#ifndef BigusFieldParts_h
+#define BigusFieldParts_h
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "Core/Model/GaussianField.h"
+
+class vtkMultiProcessController;
+class vtkPolyData;
+
+namespace bigus
+{
+
+/// Chunks that a whole field is split into, and those of them that one process has. S is linear in the Gaussians, so
+/// pictures of chunks add up to the field's. They are added pairwise along a binary tree over all chunks. So the sum has
+/// the same bits however many processes have the chunks.
+struct FieldChunks
+{
+  int total = 1;                   ///< a power of two, 1 to kMost
+  int first = 0;                   ///< of this process
+  std::vector<std::size_t> sizes;  ///< Gaussians of each that this process has, in the order of its part
+
+  static constexpr int kMost = 4096;
+};
+
+/// The place of Gaussian i of a whole field of `total` chunks. Neighbours in the field, which lie near each other, stay
+/// together in blocks of 256, and blocks are dealt in turn, so that every chunk has a share of every slice.
+inline int ChunkOf(std::size_t i, int total)
+{
+  return static_cast<int>(i / 256 % static_cast<std::size_t>(total));
+}
+
+/// The chunks of piece `piece` of `pieces`: all chunks in turn, as evenly as they can be dealt.
+FieldChunks ChunksOfPiece(int total, int piece, int pieces);
+
+/// In the field data of a part, as array `Chunks`: total, first, sizes.
+void WriteChunks(const FieldChunks& chunks, vtkPolyData* part);
+
+/// All processes of a controller. Each member function is to be called by all of them.
+class FieldParts
+{
+public:
+  explicit FieldParts(vtkMultiProcessController* controller) : controller_(controller) {}
+
+  int NumberOfProcesses() const;
+
+  /// Each process does its share. When one throws, all do: that one what it threw, the others an Error with its words.
+  void Agree(const std::function<void()>& share) const;
+
+  /// Whether all say so.
+  bool All(bool here) const;
+
+  /// The smallest of each value over all processes.
+  void Least(double* values, int count) const;
+
+  /// What the part says of its chunks; a part that says nothing is one chunk, and bits then depend on the number of
+  /// processes. Throws Error on every process unless each chunk is on one process.
+  FieldChunks ChunksOf(vtkPolyData* part, std::size_t gaussians) const;
+
+  /// Throws Error on every process unless all parts have one transfer function and one beam. An empty part has any.
+  void RequireOneField(const GaussianField& part, TransferFunction& transfer) const;
+
+  /// Adds up pictures of `count` floats. `render(k, picture)` makes that of chunk k of this process, counted from 0. All
+  /// processes get the sum.
+  void Sum(const FieldChunks& chunks, std::size_t count, const std::function<void(int, float*)>& render,
+           float* sum) const;
+
+private:
+  vtkMultiProcessController* controller_;
+};
+
+}  // namespace bigus
+
+#endif

@@ -1,0 +1,293 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// One field on several processes: the same bits for any number of them, and errors that all hear of. Run by mpirun on
+// four; groups of them are one, two, three and four processes.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cstring>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "Data/FieldData.h"
+#include "Support/ErrorObserver.h"
+#include "Support/Fields.h"
+#include "Support/Random.h"
+#include "vtkBigusFieldReader.h"
+#include "vtkBigusPartitionField.h"
+#include "vtkBigusReslice.h"
+#include "vtkBigusVoxelizer.h"
+#include "vtkCallbackCommand.h"
+#include "vtkDummyController.h"
+#include "vtkErrorCode.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkMPIController.h"
+#include "vtkNew.h"
+#include "vtkPointData.h"
+#include "vtkPolyData.h"
+#include "vtkProcessGroup.h"
+#include "vtkSmartPointer.h"
+
+namespace
+{
+
+vtkMPIController* World()
+{
+  static vtkMPIController* const world =
+      vtkMPIController::SafeDownCast(vtkMultiProcessController::GetGlobalController());
+  return world;
+}
+
+/// Runs a test with the first 1, 2, 3 and 4 processes.
+void WithGroups(const std::function<void(vtkMultiProcessController*)>& test)
+{
+  for (int processes = 1; processes <= World()->GetNumberOfProcesses(); ++processes)
+  {
+    SCOPED_TRACE(std::to_string(processes) + " processes");
+    vtkNew<vtkProcessGroup> group;
+    group->Initialize(World());
+    group->RemoveAllProcessIds();
+    for (int id = 0; id < processes; ++id)
+    {
+      group->AddProcessId(id);
+    }
+    vtkSmartPointer<vtkMultiProcessController> controller;
+    controller.TakeReference(World()->CreateSubController(group));
+    if (controller)
+    {
+      test(controller);
+    }
+    World()->Barrier();
+  }
+}
+
+vtkSmartPointer<vtkPolyData> Field(std::size_t count = 9000, double gamma = 0.5)
+{
+  bigus::test::Random random(11);
+  bigus::GaussianField field = bigus::test::RandomField(random, count, 10.0, 0.1, 1.0, 0.4);
+  field.transfer.gamma = gamma;
+  const auto data = vtkSmartPointer<vtkPolyData>::New();
+  bigus::FieldToPolyData(field, data);
+  return data;
+}
+
+vtkSmartPointer<vtkBigusPartitionField> Part(vtkPolyData* field, vtkMultiProcessController* controller, int chunks = 16)
+{
+  const auto part = vtkSmartPointer<vtkBigusPartitionField>::New();
+  part->SetInputData(field);
+  part->SetNumberOfChunks(chunks);
+  part->SetNumberOfPieces(controller->GetNumberOfProcesses());
+  part->SetPiece(controller->GetLocalProcessId());
+  return part;
+}
+
+/// A slice of 90 x 70 pixels with coverage.
+vtkSmartPointer<vtkBigusReslice> Slice(vtkAlgorithm* producer, vtkMultiProcessController* controller)
+{
+  const auto slice = vtkSmartPointer<vtkBigusReslice>::New();
+  slice->SetController(controller);
+  slice->SetInputConnection(producer->GetOutputPort());
+  slice->SetResliceAxesDirectionCosines(0.6, 0.8, 0, 0, 0, 1, 0.8, -0.6, 0);
+  slice->SetResliceAxesOrigin(1, -2, 0.5);
+  slice->SetOutputSpacing(0.25, 0.25, 1);
+  slice->SetOutputOrigin(-11, -9, 0);
+  slice->SetOutputExtent(0, 89, 0, 69, 0, 0);
+  return slice;
+}
+
+std::vector<float> Pixels(vtkImageData* image)
+{
+  vtkDataArray* const scalars = image->GetPointData()->GetScalars();
+  std::vector<float> pixels;
+  for (vtkIdType k = 0; scalars && k < scalars->GetNumberOfTuples(); ++k)
+  {
+    pixels.push_back(static_cast<float>(scalars->GetTuple1(k)));
+  }
+  return pixels;
+}
+
+std::vector<float> Answer(vtkImageAlgorithm* filter)
+{
+  filter->Update();
+  EXPECT_EQ(filter->GetErrorCode(), vtkErrorCode::NoError);
+  return Pixels(filter->GetOutput());
+}
+
+TEST(Parts, SameBitsForAnyNumberOfProcesses)
+{
+  const auto field = Field();
+  for (const int chunks : {1, 2, 16})
+  {
+    vtkNew<vtkDummyController> alone;
+    const std::vector<float> truth = Answer(Slice(Part(field, alone, chunks), alone));
+    ASSERT_EQ(truth.size(), 90u * 70u);
+    WithGroups(
+        [&](vtkMultiProcessController* controller)
+        {
+          EXPECT_EQ(Answer(Slice(Part(field, controller, chunks), controller)), truth);  // empty ones with few chunks
+        });
+  }
+}
+
+TEST(Parts, ShowWhatTheWholeFieldShows)
+{
+  const auto field = Field();
+  vtkNew<vtkBigusPartitionField> whole;
+  whole->SetInputData(field);
+  const std::vector<float> truth = Answer(Slice(whole, nullptr));
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const std::vector<float> sum = Answer(Slice(Part(field, controller), controller));
+        ASSERT_EQ(sum.size(), truth.size());
+        for (std::size_t p = 0; p < sum.size(); ++p)
+        {
+          ASSERT_NEAR(sum[p], truth[p], 2e-4 + 1e-5);  // both may be off by Tolerance
+        }
+      });
+}
+
+TEST(Parts, CoverageSlabsBytesAndPiecesOfTheOutput)
+{
+  const auto field = Field();
+  vtkNew<vtkDummyController> alone;
+  const auto make = [&](vtkMultiProcessController* controller)
+  {
+    const auto slice = Slice(Part(field, controller), controller);
+    slice->SetSlabNumberOfSlices(3);
+    slice->SetSlabModeToMax();
+    slice->SetOutputScalarTypeToUnsignedChar();
+    slice->GenerateCoverageOutputOn();
+    return slice;
+  };
+  const auto single = make(alone);
+  const std::vector<float> truth = Answer(single);
+  const std::vector<float> coverage = Pixels(vtkImageData::SafeDownCast(single->GetOutputDataObject(1)));
+  ASSERT_FALSE(coverage.empty());
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const auto slice = make(controller);
+        EXPECT_EQ(Answer(slice), truth);
+        EXPECT_EQ(Pixels(vtkImageData::SafeDownCast(slice->GetOutputDataObject(1))), coverage);
+        const auto streamed = Slice(Part(field, controller), controller);
+        const int extent[6] = {10, 59, 20, 24, 0, 0};
+        streamed->UpdateExtent(extent);
+        const std::vector<float> some = Pixels(streamed->GetOutput());
+        const std::vector<float> all = Answer(Slice(Part(field, controller), controller));
+        ASSERT_EQ(some.size(), 50u * 5u);
+        for (int row = 0; row < 5; ++row)
+        {
+          EXPECT_EQ(std::memcmp(&some[50u * row], &all[90u * (20 + row) + 10], 50 * sizeof(float)), 0);
+        }
+      });
+}
+
+TEST(Parts, TheGridOfAVolumeIsThatOfTheWholeField)
+{
+  const auto field = Field(3000);
+  const auto volume = [](vtkAlgorithm* producer, vtkMultiProcessController* controller)
+  {
+    const auto voxelizer = vtkSmartPointer<vtkBigusVoxelizer>::New();
+    voxelizer->SetController(controller);
+    voxelizer->SetInputConnection(producer->GetOutputPort());
+    voxelizer->SetMaximumDimension(24);
+    return voxelizer;
+  };
+  vtkNew<vtkDummyController> alone;
+  const auto single = volume(Part(field, alone), alone);
+  const std::vector<float> truth = Answer(single);
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const auto voxelizer = volume(Part(field, controller), controller);
+        EXPECT_EQ(Answer(voxelizer), truth);
+        for (int axis = 0; axis < 3; ++axis)
+        {
+          EXPECT_EQ(voxelizer->GetOutput()->GetOrigin()[axis], single->GetOutput()->GetOrigin()[axis]);
+          EXPECT_EQ(voxelizer->GetOutput()->GetSpacing()[axis], single->GetOutput()->GetSpacing()[axis]);
+        }
+      });
+}
+
+/// All processes refuse, and say what the one says.
+void ExpectRefused(vtkBigusFieldToImage* filter, const std::string& words)
+{
+  const bigus::test::ErrorObserver errors(filter);
+  filter->Update();
+  EXPECT_NE(filter->GetErrorCode(), vtkErrorCode::NoError);
+  EXPECT_NE(errors.Text().find(words), std::string::npos) << errors.Text();
+  EXPECT_EQ(filter->GetOutput()->GetNumberOfPoints(), 0);
+}
+
+TEST(Parts, WhatFailsInOneProcessFailsInAll)
+{
+  const auto field = Field(), other = Field(9000, 0.25);
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const int last = controller->GetNumberOfProcesses() - 1;
+        const bool isLast = controller->GetLocalProcessId() == last;
+        {
+          const auto slice = Slice(Part(field, controller), controller);
+          slice->SetTolerance(isLast ? 7 : 1e-4);
+          ExpectRefused(slice, isLast ? "tolerance" : "Process " + std::to_string(last));
+          slice->SetTolerance(1e-4);
+          EXPECT_EQ(Answer(slice).size(), 90u * 70u);  // and goes on afterwards
+        }
+        if (last > 0)
+        {
+          const auto slice = Slice(Part(isLast ? other : field, controller), controller);
+          ExpectRefused(slice, "different fields");
+          const auto twice = Part(field, controller);
+          twice->SetPiece(0);
+          ExpectRefused(Slice(twice, controller), "follow each other");
+        }
+        {
+          vtkNew<vtkBigusFieldReader> reader;
+          reader->SetFileName("/there/is/no/such/field.vtp");
+          const bigus::test::ErrorObserver ignored(reader);
+          const auto part = Part(field, controller);
+          const auto slice = Slice(isLast ? static_cast<vtkAlgorithm*>(reader) : part, controller);
+          ExpectRefused(slice, "");
+        }
+      });
+}
+
+TEST(Parts, AnAbortInOneProcessEndsAll)
+{
+  const auto field = Field(600);
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const auto slice = Slice(Part(field, controller), controller);
+        slice->SetOutputExtent(0, 399, 0, 399, 0, 3);
+        vtkNew<vtkCallbackCommand> stop;
+        stop->SetCallback([](vtkObject* caller, unsigned long, void*, void*)
+                          { static_cast<vtkAlgorithm*>(caller)->SetAbortExecute(1); });
+        if (controller->GetLocalProcessId() == 0)
+        {
+          slice->AddObserver(vtkCommand::ProgressEvent, stop);
+        }
+        slice->Update();
+        EXPECT_EQ(slice->GetOutput()->GetNumberOfPoints(), 0);
+      });
+}
+
+}  // namespace
+
+int main(int argumentCount, char** arguments)
+{
+  const tbb::global_control oneThreadEach(tbb::global_control::max_allowed_parallelism, 1);
+  vtkNew<vtkMPIController> controller;
+  controller->Initialize(&argumentCount, &arguments);
+  vtkMultiProcessController::SetGlobalController(controller);
+  testing::InitGoogleTest(&argumentCount, arguments);
+  const int failed = RUN_ALL_TESTS();
+  int anyFailed = 0;
+  controller->AllReduce(&failed, &anyFailed, 1, vtkCommunicator::MAX_OP);
+  controller->Finalize();
+  return anyFailed;
+}
