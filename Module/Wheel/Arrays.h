@@ -30,21 +30,33 @@ using InputDoubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using InputFloats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using InputBytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 
+inline bool IsAnyObject(PyObject*)
+{
+  return true;
+}
+
+/// What stubs call a numpy array.
+class Array : public nb::object
+{
+public:
+  NB_OBJECT_DEFAULT(Array, nb::object, "numpy.ndarray", IsAnyObject)
+};
+
 /// An array that shares memory with `owner`, which it keeps alive. Strides count elements; none: row by row.
 template <class Element>
-nb::object View(Element* data, std::initializer_list<std::size_t> shape, nb::handle owner,
-                std::initializer_list<std::int64_t> strides = {})
+Array View(Element* data, std::initializer_list<std::size_t> shape, nb::handle owner,
+           std::initializer_list<std::int64_t> strides = {})
 {
-  return nb::cast(nb::ndarray<nb::numpy, Element>(data, shape, owner, strides));
+  return nb::borrow<Array>(nb::cast(nb::ndarray<nb::numpy, Element>(data, shape, owner, strides)));
 }
 
 /// An array that owns the elements.
 template <class Element>
-nb::object Owned(std::vector<Element> elements, std::initializer_list<std::size_t> shape)
+Array Owned(std::vector<Element> elements, std::initializer_list<std::size_t> shape)
 {
   auto* kept = new std::vector<Element>(std::move(elements));
   nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<Element>*>(p); });
-  return nb::cast(nb::ndarray<nb::numpy, Element>(kept->data(), shape, owner));
+  return nb::borrow<Array>(nb::cast(nb::ndarray<nb::numpy, Element>(kept->data(), shape, owner)));
 }
 
 /// Throws ValueError unless the array has this shape; -1 stands for any number.
@@ -75,7 +87,7 @@ inline Eigen::Matrix4d MatrixAt(const double* rowMajor)
 }
 
 /// [n, 4, 4] of matrices.
-nb::object PosesToArray(const std::vector<Eigen::Matrix4d>& poses);
+Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses);
 
 void BindSweep(nb::module_& m);
 void BindField(nb::module_& m);

@@ -12,7 +12,7 @@ namespace
 
 /// A view of vectors that lie one after another; they stay where they are, since a field's size does not change.
 template <int Rows>
-nb::object RowsOf(nb::handle self, std::vector<Eigen::Matrix<double, Rows, 1>> GaussianField::*member)
+Array RowsOf(nb::handle self, std::vector<Eigen::Matrix<double, Rows, 1>> GaussianField::*member)
 {
   auto& vectors = nb::cast<GaussianField&>(self).*member;
   static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "numpy sees them as one array");

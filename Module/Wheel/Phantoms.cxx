@@ -140,7 +140,7 @@ std::shared_ptr<Sweep> SweepOf(const Phantom& phantom)
   return sweep;
 }
 
-nb::object FrameOf(const Phantom& phantom, const InputDoubles& pose, int width, int height)
+Array FrameOf(const Phantom& phantom, const InputDoubles& pose, int width, int height)
 {
   RequireShape(pose, {4, 4}, "the plane");
   const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);

@@ -61,7 +61,7 @@ public:
     }
     const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
     const nb::object image = Owned(std::move(images), {n, h, w});
-    return nb::make_tuple(image, isCovered ? Owned(std::move(coverage), {n, h, w}) : nb::none());
+    return nb::make_tuple(image, isCovered ? nb::object(Owned(std::move(coverage), {n, h, w})) : nb::none());
   }
 
 private:

@@ -60,7 +60,7 @@ std::shared_ptr<Sweep> MakeSweep(const Array& frames, Sweep::PixelType type, con
   return sweep;
 }
 
-nb::object FramesOf(nb::handle self)
+Array FramesOf(nb::handle self)
 {
   const auto& sweep = nb::cast<const Sweep&>(self);
   const auto n = static_cast<std::size_t>(sweep.NumberOfFrames()), h = static_cast<std::size_t>(sweep.height),
@@ -71,27 +71,32 @@ nb::object FramesOf(nb::handle self)
 }
 
 /// Eigen's matrices lie column by column.
-nb::object PosesOf(nb::handle self)
+Array PosesOf(nb::handle self)
 {
   const auto& sweep = nb::cast<const Sweep&>(self);
   return View(static_cast<const double*>(sweep.imageToReference[0].data()), {sweep.imageToReference.size(), 4, 4}, self,
               {16, 1, 4});
 }
 
-nb::object TimestampsOf(nb::handle self)
+std::optional<Array> TimestampsOf(nb::handle self)
 {
   const auto& sweep = nb::cast<const Sweep&>(self);
-  return sweep.timestamps.empty()
-             ? nb::none()
-             : View(static_cast<const double*>(sweep.timestamps.data()), {sweep.timestamps.size()}, self);
+  if (sweep.timestamps.empty())
+  {
+    return std::nullopt;
+  }
+  return View(static_cast<const double*>(sweep.timestamps.data()), {sweep.timestamps.size()}, self);
 }
 
-nb::object MaskOf(nb::handle self)
+std::optional<Array> MaskOf(nb::handle self)
 {
   const auto& sweep = nb::cast<const Sweep&>(self);
-  return sweep.mask ? View(static_cast<const std::uint8_t*>(sweep.mask->data()),
-                           {static_cast<std::size_t>(sweep.height), static_cast<std::size_t>(sweep.width)}, self)
-                    : nb::none();
+  if (!sweep.mask)
+  {
+    return std::nullopt;
+  }
+  return View(static_cast<const std::uint8_t*>(sweep.mask->data()),
+              {static_cast<std::size_t>(sweep.height), static_cast<std::size_t>(sweep.width)}, self);
 }
 
 nb::dict Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut)
@@ -157,8 +162,7 @@ nb::dict Compare(const InputFloats& image, const InputFloats& truth)
   return scores;
 }
 
-nb::object Distances(const Sweep& sweep, const std::vector<int>& frames, const InputDoubles& pose, int width,
-                     int height)
+Array Distances(const Sweep& sweep, const std::vector<int>& frames, const InputDoubles& pose, int width, int height)
 {
   RequireShape(pose, {4, 4}, "the plane");
   const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
@@ -180,7 +184,7 @@ nb::object Distances(const Sweep& sweep, const std::vector<int>& frames, const I
 
 }  // namespace
 
-nb::object PosesToArray(const std::vector<Eigen::Matrix4d>& poses)
+Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses)
 {
   std::vector<double> numbers;
   for (const Eigen::Matrix4d& pose : poses)
