@@ -211,10 +211,8 @@ class Slices(unittest.TestCase):
 
     def test_distance_to_frames(self):
         sweep = bigus.sweep(np.zeros((2, 8, 8), np.uint8), np.array([pose(1.0, 0), pose(1.0, 3.0)]))
-        from bigus.tasks import distance_to_frames
-
-        np.testing.assert_allclose(distance_to_frames(sweep, pose(1.0, 1.0), (8, 8)), 1, atol=1e-6)
-        np.testing.assert_allclose(distance_to_frames(sweep, pose(1.0, 1.0), (8, 8), frames=[1]), 2, atol=1e-6)
+        np.testing.assert_allclose(bigus.distance_to_frames(sweep, pose(1.0, 1.0), (8, 8)), 1, atol=1e-6)
+        np.testing.assert_allclose(bigus.distance_to_frames(sweep, pose(1.0, 1.0), (8, 8), frames=[1]), 2, atol=1e-6)
 
     def test_metrics(self):
         rng = np.random.default_rng(2)

@@ -20,12 +20,12 @@ from ._core import Error, Field, Phantom, Sweep, __version__, engines, instructi
 from ._core import use_instruction_set
 from .arrays import field, frames, poses, sweep
 from .sources import SourceError, from_files
-from .tasks import PoseCorrection, Slicer, Training, TrainingInterrupted, correct_poses, metrics, options, plane
-from .tasks import reslice, train
+from .tasks import PoseCorrection, Slicer, Training, TrainingInterrupted, correct_poses, distance_to_frames, metrics
+from .tasks import options, plane, reslice, train
 
 __all__ = [
     "Error", "Field", "Phantom", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
-    "TrainingInterrupted", "__version__", "correct_poses", "engines", "field", "frames", "from_files",
+    "TrainingInterrupted", "__version__", "correct_poses", "distance_to_frames", "engines", "field", "frames", "from_files",
     "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "reslice", "sweep", "train",
     "use_instruction_set",
 ]  # fmt: skip
