@@ -10,9 +10,9 @@
 #include <optional>
 #include <sstream>
 
+#include "Core/Deciding/Provenance.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
-#include "Core/Poses/Trajectory.h"
 #include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
 #include "Data/Progress.h"
@@ -150,20 +150,6 @@ const bigus::OptionText* FindOption(const char* name)
 }
 
 /// What was done to poses: how far the image's corners moved on average.
-std::string PosesText(const bigus::Sweep& sweep, const std::vector<Eigen::Matrix4d>& poses)
-{
-  if (poses == sweep.imageToReference)
-  {
-    return bigus::kAsTracked;
-  }
-  double sum = 0;
-  for (std::size_t k = 0; k < poses.size(); ++k)
-  {
-    sum += bigus::CornerDistance(sweep.imageToReference[k], poses[k], sweep.width, sweep.height);
-  }
-  return "corrected by " + bigus::NumberText(std::round(1000 * sum / poses.size()) / 1000) + " mm on average";
-}
-
 std::string ToText(vtkIntArray* list)
 {
   std::string text;
@@ -390,16 +376,13 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     {
       output->GetFieldData()->AddArray(history);  // where the sweep came from
     }
-    bigus::SetProvenance(output, "filter", "vtkBigusTrainer");
-    bigus::SetTrainingProvenance(output, result);
-    bigus::SetProvenance(output, "poses", PosesText(*imported.sweep, result.imageToReference));
-    if (start)
-    {
-      bigus::SetProvenance(output, "seeding", "continued");
-    }
-    bigus::SetProvenance(output, "trainingFrames", ToText(this->TrainingFrames));
-    bigus::SetProvenance(output, "validationFrames", ToText(this->ValidationFrames));
-    bigus::SetProvenance(output, "heldOutFrames", ToText(this->HeldOutFrames));
+    std::vector<std::string> provenance = bigus::ProvenanceOf(output);
+    bigus::SetProvenanceLine(provenance, "filter", "vtkBigusTrainer");
+    bigus::AddTrainingProvenance(provenance, result, *imported.sweep, start.has_value());
+    bigus::SetProvenanceLine(provenance, "trainingFrames", ToText(this->TrainingFrames));
+    bigus::SetProvenanceLine(provenance, "validationFrames", ToText(this->ValidationFrames));
+    bigus::SetProvenanceLine(provenance, "heldOutFrames", ToText(this->HeldOutFrames));
+    bigus::ReplaceProvenance(output, provenance);
     bigus::KeepOutput(this);
     return 1;
   }

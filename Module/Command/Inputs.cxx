@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "Command.h"
+#include "Core/Deciding/Provenance.h"
 #include "Core/Poses/PoseDoubts.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"

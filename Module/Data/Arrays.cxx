@@ -3,6 +3,7 @@
 #include "Data/Arrays.h"
 
 #include "Core/Model/Error.h"
+#include "Data/FieldShape.h"
 
 namespace bigus
 {
@@ -15,8 +16,7 @@ vtkDataArray* FindArray(vtkFieldData* data, const std::string& owner, const char
   {
     if (required)
     {
-      throw Error(owner + ": the array " + name + " is missing; it needs " + std::to_string(tuples) + " tuples of " +
-                  std::to_string(components) + ".");
+      throw MissingArray(owner, name, components, tuples);
     }
     return nullptr;
   }
@@ -25,12 +25,7 @@ vtkDataArray* FindArray(vtkFieldData* data, const std::string& owner, const char
   {
     throw Error(owner + ": the array " + name + " holds " + found->GetDataTypeAsString() + "; it must be numeric.");
   }
-  if (array->GetNumberOfComponents() != components || array->GetNumberOfTuples() != tuples)
-  {
-    throw Error(owner + ": the array " + name + " has " + std::to_string(array->GetNumberOfTuples()) + " tuples of " +
-                std::to_string(array->GetNumberOfComponents()) + "; expected " + std::to_string(tuples) + " of " +
-                std::to_string(components) + ".");
-  }
+  RequireArrayShape(owner, name, array->GetNumberOfComponents(), array->GetNumberOfTuples(), components, tuples);
   return array;
 }
 

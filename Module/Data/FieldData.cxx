@@ -2,11 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Data/FieldData.h"
 
-#include <sstream>
-
 #include "Core/Model/Error.h"
-#include "Core/Model/FieldRounding.h"
 #include "Data/Arrays.h"
+#include "Data/FieldShape.h"
 #include "Data/Provenance.h"
 #include "vtkCellArray.h"
 #include "vtkDoubleArray.h"
@@ -21,8 +19,6 @@ namespace bigus
 namespace
 {
 
-constexpr int kFormatVersion = 1;
-
 // Where the field's numbers are. The arrays are null when there is no point.
 struct FieldArrays
 {
@@ -34,9 +30,6 @@ struct FieldArrays
   GaussianField none;  // no Gaussians, but the beam and the transfer function
 };
 
-// Directions in which space can be seen, five degrees apart, are some thousand; more would only take time.
-constexpr vtkIdType kMostNormals = 10000;
-
 // What a field may say of the probe: its thickness, and the normals of the planes trained on.
 void ReadProbeBeam(vtkFieldData* data, const std::string& owner, Beam& beam)
 {
@@ -46,11 +39,7 @@ void ReadProbeBeam(vtkFieldData* data, const std::string& owner, Beam& beam)
   }
   vtkDataArray* normals = data ? data->GetArray("TrainedNormals") : nullptr;
   const vtkIdType count = normals ? normals->GetNumberOfTuples() : 0;
-  if (count > kMostNormals)
-  {
-    throw Error(owner + ": TrainedNormals holds " + std::to_string(count) + " normals; at most " +
-                std::to_string(kMostNormals) + " are read.");
-  }
+  RequireFewTrainedNormals(owner, count);
   if (normals)
   {
     FindArray(data, owner, "TrainedNormals", 3, count, true);
@@ -74,13 +63,9 @@ FieldArrays FindArrays(vtkPolyData* polyData)
   found.size = polyData->GetNumberOfPoints();
   const bool required = found.size > 0;
   vtkFieldData* data = polyData->GetFieldData();
-  if (vtkDataArray* version = FindArray(data, owner, "FormatVersion", 1, 1, false);
-      version && version->GetTuple1(0) != kFormatVersion)
+  if (vtkDataArray* version = FindArray(data, owner, "FormatVersion", 1, 1, false))
   {
-    std::ostringstream number;
-    number << version->GetTuple1(0);
-    throw Error(owner + ": FormatVersion is " + number.str() + ", a version that this program cannot read (it reads " +
-                std::to_string(kFormatVersion) + "); a newer BIGUS is needed.");
+    RequireFieldFormatVersion(owner, version->GetTuple1(0));
   }
   if (vtkDataArray* gamma = FindArray(data, owner, "Gamma", 1, 1, required))
   {
@@ -157,7 +142,7 @@ void Assemble(vtkPolyData* polyData, vtkDataArray* coordinates, vtkDataArray* sc
     polyData->GetFieldData()->AddArray(normals);
   }
   const auto version = NewArray<vtkIntArray>("FormatVersion", 1, 1);
-  version->SetValue(0, kFormatVersion);
+  version->SetValue(0, kFieldFormatVersion);
   polyData->GetFieldData()->AddArray(version);
 }
 
@@ -223,15 +208,6 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
     Assemble(to, points, scales, rotations, reflectivities, arrays.none.beam, arrays.none.transfer);
   }
   ReplaceProvenance(to, provenance);
-}
-
-void RoundFieldData(vtkPolyData* polyData)
-{
-  const std::vector<std::string> provenance = ProvenanceOf(polyData);
-  GaussianField field = FieldFromPolyData(polyData);
-  RoundField(field);
-  FieldToPolyData(field, polyData);
-  ReplaceProvenance(polyData, provenance);
 }
 
 }  // namespace bigus

@@ -27,7 +27,4 @@ VTKBIGUSDATA_EXPORT void FieldToPolyData(const GaussianField& field, vtkPolyData
 /// provenance and without other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
 VTKBIGUSDATA_EXPORT void ShareField(vtkPolyData* from, vtkPolyData* to);
 
-/// RoundField (Core/Model/FieldRounding.h) for a field as FieldToPolyData makes it. Its provenance stays.
-VTKBIGUSDATA_EXPORT void RoundFieldData(vtkPolyData* polyData);
-
 }  // namespace bigus

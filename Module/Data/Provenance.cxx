@@ -2,13 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Data/Provenance.h"
 
-#include <algorithm>
-#include <cctype>
 #include <string>
 
-#include "Core/Deciding/Trainer.h"
-#include "Core/Engine/InstructionSets.h"
-#include "Core/Training/OptionList.h"
+#include "Core/Deciding/Provenance.h"
 #include "vtkDataObject.h"
 #include "vtkFieldData.h"
 #include "vtkNew.h"
@@ -56,9 +52,7 @@ void ReplaceProvenance(vtkDataObject* data, const std::vector<std::string>& line
 void SetProvenance(vtkDataObject* data, const std::string& key, const std::string& value)
 {
   std::vector<std::string> lines = ProvenanceOf(data);
-  lines.erase(std::remove_if(lines.begin(), lines.end(), [&key](const std::string& line) { return HasKey(line, key); }),
-              lines.end());
-  lines.push_back(key + "=" + value);
+  SetProvenanceLine(lines, key, value);
   ReplaceProvenance(data, lines);
 }
 
@@ -72,29 +66,6 @@ std::string GetProvenance(vtkDataObject* data, const std::string& key)
     }
   }
   return "";
-}
-
-void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result)
-{
-  for (const OptionText& option : ListOptions(result.settled))
-  {
-    if (!(option.mayBeOpen && option.value == "auto"))
-    {
-      std::string key = option.info.name;
-      key[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(key[0])));
-      SetProvenance(data, key, option.value);
-    }
-  }
-  // The same field comes back only with these, whatever the number of threads.
-  SetProvenance(data, "instructionSet", InstructionSets().front());
-  // What came of it, rather than what was asked for.
-  SetProvenance(data, "gaussians", std::to_string(result.field.Size()));
-  SetProvenance(data, "iterations", std::to_string(result.iterations));
-  SetProvenance(data, "aborted", result.aborted ? "yes" : "no");
-  for (const Decision& decision : result.decisions)
-  {
-    SetProvenance(data, "decision." + decision.what, decision.choice + " (" + decision.evidence + ")");
-  }
 }
 
 }  // namespace bigus

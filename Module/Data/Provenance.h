@@ -13,8 +13,6 @@ class vtkDataObject;
 namespace bigus
 {
 
-struct TrainingResult;
-
 /// All lines; none when the array is absent.
 VTKBIGUSDATA_EXPORT std::vector<std::string> ProvenanceOf(vtkDataObject* data);
 
@@ -26,12 +24,5 @@ VTKBIGUSDATA_EXPORT void SetProvenance(vtkDataObject* data, const std::string& k
 
 /// The value of `key`; empty when it is not there.
 VTKBIGUSDATA_EXPORT std::string GetProvenance(vtkDataObject* data, const std::string& key);
-
-/// What `poses` says where a field was trained at the poses of its sweep; else how far they were corrected.
-inline constexpr const char* kAsTracked = "as tracked";
-
-/// The choices a training rested on: seed, loss, the settled options by their properties' names, and
-/// `decision.<what>` = choice (evidence). Nothing that differs between two equal runs, such as the time.
-VTKBIGUSDATA_EXPORT void SetTrainingProvenance(vtkDataObject* data, const TrainingResult& result);
 
 }  // namespace bigus

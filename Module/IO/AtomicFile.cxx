@@ -89,7 +89,7 @@ AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName), final
   if (!file_)
   {
     throw FileError(
-        vtkErrorCode::CannotOpenFileError,
+        FileFault::CannotOpen,
         fileName + ": cannot be written: " +
             (errno == EEXIST
                  ? "other programs are writing it, or " + finalName_ + kSuffix + " is not theirs"
@@ -146,8 +146,7 @@ bool AtomicFile::Open(const std::string& temporaryName)
 
 void AtomicFile::Fail(const std::string& what)
 {
-  throw FileError(vtkErrorCode::OutOfDiskSpaceError,
-                  fileName_ + ": " + what + ": " + std::strerror(errno) + "; nothing was written");
+  throw FileError(FileFault::DiskFull, fileName_ + ": " + what + ": " + std::strerror(errno) + "; nothing was written");
 }
 
 void AtomicFile::Write(const void* bytes, std::size_t count)
@@ -202,7 +201,7 @@ void AtomicFile::Commit()
   std::filesystem::rename(temporaryName_, finalName_, error);
   if (error)
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError,
+    throw FileError(FileFault::CannotOpen,
                     fileName_ + ": cannot be written: " + error.message() + "; nothing was written");
   }
   committed_ = true;

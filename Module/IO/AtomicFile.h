@@ -9,8 +9,6 @@
 #include <string>
 #include <string_view>
 
-#include "vtkBigusIOModule.h"
-
 namespace bigus
 {
 
@@ -20,7 +18,7 @@ namespace bigus
 /// The temporary file is made exclusively, with an advisory lock on it. One without a lock was left behind by a program
 /// that was killed; the next that writes the same name removes it. An earlier file of the final name passes its
 /// permissions on. Where that name is a symbolic link, the file that it leads to is replaced, and the link stays.
-class VTKBIGUSIO_EXPORT AtomicFile
+class AtomicFile
 {
 public:
   explicit AtomicFile(const std::string& fileName);

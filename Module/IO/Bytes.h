@@ -6,16 +6,10 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "vtkEndian.h"
-
 namespace bigus
 {
 
-#ifdef VTK_WORDS_BIGENDIAN
-constexpr bool kThisMachineIsBigEndian = true;
-#else
-constexpr bool kThisMachineIsBigEndian = false;
-#endif
+constexpr bool kThisMachineIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 
 /// Reverses the bytes of each of the elements that lie one after the other in `count` bytes.
 inline void SwapBytes(unsigned char* bytes, std::size_t count, std::size_t elementBytes)

@@ -1,52 +1,53 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What is wrong with a file, and which of VTK's error codes says so.
+// What is wrong with a file.
 #pragma once
 
 #include <new>
 #include <string>
 
 #include "Core/Model/Error.h"
-#include "vtkErrorCode.h"
 
 namespace bigus
 {
 
+enum class FileFault
+{
+  NotFound,      ///< there is no such file
+  CannotOpen,    ///< for reading or writing
+  Unrecognized,  ///< a file of a kind that is not read or written
+  Truncated,     ///< it ends too early
+  Format,        ///< it holds something it should not
+  NoName,        ///< no name was given
+  DiskFull,      ///< writing failed
+  User,          ///< what the caller asked for will not do
+  Unknown
+};
+
 class FileError : public Error
 {
 public:
-  FileError(unsigned long code, const std::string& message) : Error(message), code_(code) {}
+  FileError(FileFault fault, const std::string& message) : Error(message), fault_(fault) {}
 
-  /// One of vtkErrorCode::ErrorIds.
-  unsigned long Code() const { return code_; }
+  FileFault Fault() const { return fault_; }
 
 private:
-  unsigned long code_;
+  FileFault fault_;
 };
 
 /// The file holds something it should not.
 inline FileError FormatError(const std::string& message)
 {
-  return FileError(vtkErrorCode::FileFormatError, message);
+  return FileError(FileFault::Format, message);
 }
 
 /// The file ends too early.
 inline FileError TruncationError(const std::string& message)
 {
-  return FileError(vtkErrorCode::PrematureEndOfFileError, message);
+  return FileError(FileFault::Truncated, message);
 }
 
-/// The code and the text to report an exception by, whatever it is.
-inline unsigned long ErrorCodeOf(const std::exception& error)
-{
-  if (const auto* fileError = dynamic_cast<const FileError*>(&error))
-  {
-    return fileError->Code();
-  }
-  const bool unsound = dynamic_cast<const Error*>(&error);  // what the file holds is no sweep and no field
-  return unsound ? vtkErrorCode::FileFormatError : vtkErrorCode::UnknownError;
-}
-
+/// The text to report an exception by, whatever it is.
 inline std::string MessageOf(const std::exception& error)
 {
   return dynamic_cast<const std::bad_alloc*>(&error) ? "there is not enough memory for what the file holds"

@@ -12,8 +12,8 @@
 #include "Core/Model/SlicePlane.h"
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
+#include "IO/Formats/Xml.h"
 #include "IO/Text.h"
-#include "vtk_pugixml.h"
 
 namespace bigus
 {
@@ -98,14 +98,8 @@ std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
 std::vector<Link> ReadConfig(const std::string& fileName)
 {
   const std::string text = ReadTextFile(fileName, largestConfig);
-  pugi::xml_document document;
-  const auto parsed = document.load_buffer(text.data(), text.size());
-  if (!parsed)
-  {
-    throw FormatError(fileName + ": not a Plus configuration: " + parsed.description() + " at byte " +
-                      std::to_string(parsed.offset));
-  }
-  const auto definitions = document.document_element().child("CoordinateDefinitions");
+  const XmlElement document = ParseXml(text, fileName + ": not a Plus configuration");
+  const XmlElement* definitions = document.Child("CoordinateDefinitions");
   if (!definitions)
   {
     throw FormatError(fileName +
@@ -113,17 +107,22 @@ std::vector<Link> ReadConfig(const std::string& fileName)
                       "expected");
   }
   std::vector<Link> links;
-  for (const auto& element : definitions.children("Transform"))
+  for (const XmlElement& element : definitions->children)
   {
+    if (element.name != "Transform")
+    {
+      continue;
+    }
     Link link;
-    link.name.from = element.attribute("From").value();
-    link.name.to = element.attribute("To").value();
+    link.name.from = element.Value("From");
+    link.name.to = element.Value("To");
     link.name.source = "config";
-    if (link.name.from.empty() || link.name.to.empty() || !element.attribute("Matrix"))
+    const std::string* matrix = element.Attribute("Matrix");
+    if (link.name.from.empty() || link.name.to.empty() || !matrix)
     {
       throw FormatError(fileName + ": a Transform lacks From, To or Matrix");
     }
-    link.problem = ParseMatrix(element.attribute("Matrix").value(), link.matrix);
+    link.problem = ParseMatrix(*matrix, link.matrix);
     links.push_back(std::move(link));
   }
   return links;
@@ -337,6 +336,34 @@ std::string PoseTable::RejectionSummary() const
          (rejections.size() > 10 ? ", and further reasons" : "");
 }
 
+void PoseTable::RequireFrames(const std::string& fileName) const
+{
+  if (NumberOfAcceptedFrames() == 0)
+  {
+    throw FormatError(fileName + ": no frame is left: " + RejectionSummary());
+  }
+}
+
+std::string PoseTable::CroppedFrame(const std::string& fromFrame) const
+{
+  const std::string cropped = "Cropped" + fromFrame;
+  for (const TransformName& transform : transforms)
+  {
+    if (transform.from == cropped || transform.to == cropped)
+    {
+      return cropped;
+    }
+  }
+  return {};
+}
+
+std::string CroppedFrameWarning(const std::string& fileName, const std::string& fromFrame,
+                                const std::string& croppedFrame)
+{
+  return fileName + ": poses lead from " + fromFrame + ", but the transforms name " + croppedFrame +
+         ", too. Where the images are the cropped ones, name that coordinate frame instead";
+}
+
 void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTable& table)
 {
   table = PoseTable();
@@ -351,8 +378,8 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
 
   if (options.fromFrame.empty() || options.toFrame.empty() || options.fromFrame == options.toFrame)
   {
-    throw FileError(vtkErrorCode::UserError, file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
-                                                 Quoted(options.toFrame) + "; name two different coordinate frames");
+    throw FileError(FileFault::User, file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
+                                         Quoted(options.toFrame) + "; name two different coordinate frames");
   }
   std::vector<std::string> reached;
   const std::vector<Step> chain = FindChain(links, options.fromFrame, options.toFrame, reached);

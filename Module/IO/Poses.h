@@ -56,7 +56,17 @@ struct PoseTable
   /// Such as "3 of 21 frames rejected: 2 for ProbeToTracker status INVALID (frames 4, 5), 1 for ..."; empty
   /// for none.
   std::string RejectionSummary() const;
+
+  /// Throws FileError, with the summary, when no frame is accepted.
+  void RequireFrames(const std::string& fileName) const;
+
+  /// The coordinate frame, among the transforms there are, whose name is "Cropped" and `fromFrame`; empty without one.
+  std::string CroppedFrame(const std::string& fromFrame) const;
 };
+
+/// The sentence that tells of a cropped frame.
+std::string CroppedFrameWarning(const std::string& fileName, const std::string& fromFrame,
+                                const std::string& croppedFrame);
 
 /// Fills `table` as far as it gets. Throws FileError when there is no way from one frame to the other, naming
 /// the transforms there are and the coordinate frames that can be reached, and when the configuration cannot

@@ -137,7 +137,7 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
   }
   else
   {
-    throw FileError(vtkErrorCode::UnrecognizedFileTypeError,
+    throw FileError(FileFault::Unrecognized,
                     fileName +
                         (images.plain ? ": neither a MetaImage (.mha, .mhd), an NRRD, a PNG image, nor a CSV of "
                                       : ": neither a MetaImage sequence (.igs.mha, .mha, .mhd), an NRRD sequence, "

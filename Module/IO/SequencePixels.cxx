@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // The pixels of a tracked sequence, decoded into buffers whose size the caller has checked.
+#include <zlib.h>
+
 #include <algorithm>
 #include <cstring>
 
@@ -8,7 +10,6 @@
 #include "IO/FileError.h"
 #include "IO/SequenceFile.h"
 #include "IO/Text.h"
-#include "vtk_zlib.h"
 
 namespace bigus
 {
@@ -22,7 +23,7 @@ public:
     // 15 + 32: the largest window, and zlib or gzip as the first bytes say.
     if (compressed_ && inflateInit2(&zlib_, 15 + 32) != Z_OK)
     {
-      throw FileError(vtkErrorCode::UnknownError, name_ + ": zlib cannot be started");
+      throw FileError(FileFault::Unknown, name_ + ": zlib cannot be started");
     }
   }
 

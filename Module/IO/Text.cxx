@@ -40,6 +40,35 @@ bool ParseWhole(std::string_view text, Number& value)
   return true;
 }
 
+/// Of the character of UTF-8 that the text begins with; 0 for bytes that are none, because what shows messages, such as
+/// Python, refuses them.
+std::size_t Utf8Bytes(std::string_view text)
+{
+  const auto byte = [text](std::size_t k) { return static_cast<unsigned char>(text[k]); };
+  const unsigned char lead = text.empty() ? 0xFF : byte(0);
+  const std::size_t bytes = lead < 0x80                   ? 1
+                            : lead >= 0xC2 && lead < 0xE0 ? 2
+                            : lead >= 0xE0 && lead < 0xF0 ? 3
+                            : lead >= 0xF0 && lead < 0xF5 ? 4
+                                                          : 0;
+  if (bytes > text.size())
+  {
+    return 0;
+  }
+  for (std::size_t k = 1; k < bytes; ++k)
+  {
+    if ((byte(k) & 0xC0) != 0x80)
+    {
+      return 0;
+    }
+  }
+  // Longer forms than needed, halves of UTF-16 and numbers beyond Unicode's.
+  const unsigned char second = bytes > 2 ? byte(1) : 0;
+  const bool isWrong = (lead == 0xE0 && second < 0xA0) || (lead == 0xED && second > 0x9F) ||
+                       (lead == 0xF0 && second < 0x90) || (lead == 0xF4 && second > 0x8F);
+  return isWrong ? 0 : bytes;
+}
+
 }  // namespace
 
 std::string_view Trimmed(std::string_view text)
@@ -94,10 +123,21 @@ std::vector<std::string_view> Words(std::string_view text)
 std::string Shortened(std::string_view text)
 {
   constexpr std::size_t longest = 60;
-  std::string printable(text.substr(0, longest));
-  std::replace_if(
-      printable.begin(), printable.end(), [](unsigned char c) { return c < 32 || c == 127; }, '?');
-  return text.size() > longest ? printable + "..." : printable;
+  std::string printable;
+  std::size_t at = 0;
+  while (at < text.size())
+  {
+    const std::size_t bytes = std::max<std::size_t>(Utf8Bytes(text.substr(at)), 1);
+    if (printable.size() + bytes > longest)
+    {
+      return printable + "...";
+    }
+    const auto c = static_cast<unsigned char>(text[at]);
+    const bool isPrintable = bytes > 1 || (c >= 32 && c < 127);
+    printable += isPrintable ? std::string(text.substr(at, bytes)) : "?";
+    at += bytes;
+  }
+  return printable;
 }
 
 std::string Quoted(std::string_view text)
@@ -145,17 +185,17 @@ InputFile::InputFile(const std::string& fileName) : name_(fileName)
   const auto status = std::filesystem::status(fileName, error);
   if (!std::filesystem::exists(status))
   {
-    throw FileError(vtkErrorCode::FileNotFoundError, fileName + ": there is no such file");
+    throw FileError(FileFault::NotFound, fileName + ": there is no such file");
   }
   if (!std::filesystem::is_regular_file(status))
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError, fileName + ": not a regular file");
+    throw FileError(FileFault::CannotOpen, fileName + ": not a regular file");
   }
   size_ = std::filesystem::file_size(fileName, error);
   stream_.open(fileName, std::ios::binary);
   if (error || !stream_)
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError, fileName + ": cannot be opened for reading");
+    throw FileError(FileFault::CannotOpen, fileName + ": cannot be opened for reading");
   }
 }
 
@@ -259,7 +299,7 @@ std::string CompanionFile(const std::string& owner, const std::string& folder, c
   const std::string path = (fs::path(folder) / name).string();
   if (!fs::is_regular_file(path, error))
   {
-    throw FileError(vtkErrorCode::FileNotFoundError,
+    throw FileError(FileFault::NotFound,
                     owner + ": names the file " + Quoted(relative) + ", but there is none in " + folder);
   }
   return path;

@@ -19,7 +19,7 @@ std::string Lowercase(std::string_view text);
 /// The words between blanks.
 std::vector<std::string_view> Words(std::string_view text);
 
-/// Text from a file made fit for a message: at most 60 characters, none of them unprintable; Quoted adds quotation marks.
+/// Text from a file made fit for a message: at most 60 bytes, none of them unprintable, in UTF-8; Quoted adds quotation marks.
 std::string Shortened(std::string_view text);
 std::string Quoted(std::string_view text);
 

@@ -3,31 +3,58 @@
 #include "vtkBigusFieldReader.h"
 
 #include <string>
+#include <string_view>
 
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
-#include "IO/FileError.h"
-#include "IO/Formats/Ply.h"
-#include "IO/Formats/Vtp.h"
+#include "IO/ErrorCode.h"
+#include "IO/FieldFile.h"
 #include "IO/Text.h"
+#include "vtkCallbackCommand.h"
+#include "vtkExecutive.h"
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
+#include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
+#include "vtkXMLPolyDataReader.h"
 
 vtkStandardNewMacro(vtkBigusFieldReader);
 
 namespace
 {
 
-bool LooksLikePly(const std::string& beginning)
+// The first complaint, without the place in VTK's source and the object's address.
+void KeepComplaint(vtkObject*, unsigned long, void* clientData, void* callData)
 {
-  return beginning.rfind("ply\n", 0) == 0 || beginning.rfind("ply\r", 0) == 0;
+  std::string& kept = *static_cast<std::string*>(clientData);
+  if (kept.empty())
+  {
+    const std::string text = callData ? static_cast<const char*>(callData) : "it gives no reason";
+    const std::size_t begin = text.find("): ");
+    kept = bigus::Trimmed(std::string_view(text).substr(begin == std::string::npos ? 0 : begin + 3));
+  }
 }
 
-bool LooksLikeVtp(const std::string& beginning)
+void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
 {
-  return beginning.find("<VTKFile") != std::string::npos && beginning.find("PolyData") != std::string::npos;
+  std::string complaint;
+  vtkNew<vtkCallbackCommand> observer;
+  observer->SetCallback(KeepComplaint);
+  observer->SetClientData(&complaint);
+  vtkNew<vtkXMLPolyDataReader> reader;
+  reader->AddObserver(vtkCommand::ErrorEvent, observer);
+  reader->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, observer);
+  reader->SetReaderErrorObserver(observer);
+  reader->SetParserErrorObserver(observer);
+  reader->SetFileName(fileName.c_str());
+  reader->Update();
+  if (!complaint.empty() || reader->GetErrorCode() != vtkErrorCode::NoError)
+  {
+    throw bigus::FormatError(fileName +
+                             ": VTK's reader refuses it: " + (complaint.empty() ? "it gives no reason" : complaint));
+  }
+  polyData->ShallowCopy(reader->GetOutput());
 }
 
 }  // namespace
@@ -45,7 +72,7 @@ vtkBigusFieldReader::~vtkBigusFieldReader()
 int vtkBigusFieldReader::CanReadFile(const char* fileName)
 {
   const std::string beginning = fileName ? bigus::FileBeginning(fileName, 4096) : "";
-  return LooksLikePly(beginning) || LooksLikeVtp(beginning) ? 1 : 0;
+  return bigus::LooksLikeField(beginning) ? 1 : 0;
 }
 
 int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
@@ -57,37 +84,19 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
   {
     if (!this->FileName || !*this->FileName)
     {
-      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
+      throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
     }
     const std::string fileName = this->FileName;
-    if (bigus::InputFile(fileName).Size() == 0)
+    if (const auto stored = bigus::ReadField(fileName))
     {
-      throw bigus::TruncationError(fileName + ": the file is empty");
+      bigus::FieldToPolyData(stored->field, output);
+      bigus::ReplaceProvenance(output, stored->provenance);
+      return 1;
     }
-    const std::string beginning = bigus::FileBeginning(fileName, 4096);
-    if (!LooksLikePly(beginning) && !LooksLikeVtp(beginning))
-    {
-      throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
-                             fileName + ": neither a VTK XML PolyData file (.vtp) nor a PLY file (.ply)");
-    }
+    ReadWithVtk(fileName, output);
     try
     {
-      if (LooksLikePly(beginning))
-      {
-        const bigus::PlyField ply = bigus::ReadPly(fileName);
-        ply.field.Validate();
-        bigus::FieldToPolyData(ply.field, output);
-        bigus::ReplaceProvenance(output, ply.provenance);
-      }
-      else
-      {
-        bigus::ReadVtp(fileName, output);
-        bigus::ShareField(output, output);
-      }
-    }
-    catch (const bigus::FileError&)
-    {
-      throw;
+      bigus::ShareField(output, output);
     }
     catch (const bigus::Error& error)  // what is wrong with the field
     {

@@ -2,18 +2,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusFieldWriter.h"
 
-#include <algorithm>
 #include <string>
 
+#include "Core/Model/FieldRounding.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
-#include "IO/AtomicFile.h"
-#include "IO/FileError.h"
-#include "IO/Formats/Ply.h"
-#include "IO/Formats/Vtp.h"
-#include "IO/Text.h"
+#include "IO/ErrorCode.h"
+#include "IO/FieldFile.h"
 #include "vtkInformation.h"
-#include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
 
@@ -56,37 +52,17 @@ void vtkBigusFieldWriter::WriteFile()
   {
     if (!this->FileName || !*this->FileName)
     {
-      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
+      throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
     }
     const std::string fileName = this->FileName;
-    const std::string ending =
-        bigus::Lowercase(fileName.substr(fileName.size() - std::min<std::size_t>(4, fileName.size())));
-    if (ending != ".vtp" && ending != ".ply")
-    {
-      throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
-                             fileName + ": fields are written as .vtp or .ply; name the file so");
-    }
-    vtkNew<vtkPolyData> field;
-    bigus::ShareField(this->GetInput(), field);
+    bigus::RequireFieldName(fileName);
+    vtkPolyData* const input = this->GetInput();
+    bigus::StoredField stored = {bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input)};
     if (this->Rounding)
     {
-      bigus::RoundFieldData(field);
+      bigus::RoundField(stored.field);
     }
-    if (ending == ".ply")
-    {
-      const bigus::PlyField ply = {bigus::FieldFromPolyData(field), bigus::ProvenanceOf(field)};
-      bigus::AtomicFile file(fileName);
-      bigus::WritePly(ply, file);
-      file.Commit();
-      return;
-    }
-    bigus::AtomicFile file(fileName);
-    if (!bigus::WriteVtp(field, file.TemporaryName()))
-    {
-      throw bigus::FileError(vtkErrorCode::OutOfDiskSpaceError,
-                             fileName + ": writing failed, perhaps for want of space; nothing was written");
-    }
-    file.Commit();
+    bigus::WriteField(stored, fileName);
   }
   catch (const std::exception& error)
   {

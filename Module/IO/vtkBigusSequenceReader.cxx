@@ -4,21 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <memory>
 #include <numeric>
 #include <string>
 #include <vector>
 
 #include "Core/Model/SweepGeometry.h"
-#include "Core/Numerics/Constants.h"
 #include "Data/Arrays.h"
 #include "Data/Progress.h"
-#include "IO/FileError.h"
-#include "IO/Formats/PngFile.h"
+#include "IO/ErrorCode.h"
 #include "IO/Poses.h"
 #include "IO/SequenceFile.h"
+#include "IO/SequenceFrames.h"
 #include "IO/Text.h"
 #include "vtkDataArray.h"
 #include "vtkDoubleArray.h"
@@ -102,182 +98,6 @@ FrameGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::
   return geometry;
 }
 
-// [rows][columns] 1 where `inside(i, j)`.
-template <class Inside>
-std::vector<unsigned char> ClipMask(int width, int height, const Inside& inside)
-{
-  std::vector<unsigned char> mask(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  auto pixel = mask.begin();
-  for (std::int64_t j = 0; j < height; ++j)
-  {
-    for (std::int64_t i = 0; i < width; ++i)
-    {
-      *pixel++ = inside(i, j);
-    }
-  }
-  return mask;
-}
-
-// Angles in degrees from +j towards +i.
-std::vector<unsigned char> FanMask(int width, int height, const double apex[2], const double radii[2],
-                                   const double angles[2])
-{
-  return ClipMask(width, height,
-                  [=](double i, double j)
-                  {
-                    const double radius = std::hypot(i - apex[0], j - apex[1]);
-                    const double angle = std::atan2(i - apex[0], j - apex[1]) * (180.0 / bigus::kPi);
-                    return radius >= radii[0] && radius <= radii[1] && angle >= angles[0] && angle <= angles[1];
-                  });
-}
-
-std::vector<unsigned char> RectangleMask(int width, int height, const int rectangle[4])
-{
-  return ClipMask(width, height,
-                  [=](std::int64_t i, std::int64_t j)
-                  {
-                    return i >= rectangle[0] && i - rectangle[0] < rectangle[2] && j >= rectangle[1] &&
-                           j - rectangle[1] < rectangle[3];
-                  });
-}
-
-// One frame from the file's pixel order to marked-far order.
-void Reorder(const bigus::SequenceFile& file, const unsigned char* from, unsigned char* to)
-{
-  const std::size_t bytes = bigus::BytesPerElement(file.elementType);
-  const auto width = static_cast<std::size_t>(file.width);
-  const auto height = static_cast<std::size_t>(file.height);
-  for (std::size_t j = 0; j < height; ++j)
-  {
-    const unsigned char* row = from + (file.flipRows ? height - 1 - j : j) * width * bytes;
-    unsigned char* out = to + j * width * bytes;
-    if (!file.flipColumns)
-    {
-      std::memcpy(out, row, width * bytes);
-      continue;
-    }
-    for (std::size_t i = 0; i < width; ++i)
-    {
-      std::memcpy(out + i * bytes, row + (width - 1 - i) * bytes, bytes);
-    }
-  }
-}
-
-// Reads a sequence whose list axis comes first. `place` says where each frame goes in `pixels`, or -1. False
-// when the user wants to stop.
-bool ReadInterleaved(vtkAlgorithm* reader, const bigus::SequenceFile& file, const std::vector<int>& place,
-                     unsigned char* pixels)
-{
-  const std::size_t bytes = bigus::BytesPerElement(file.elementType);
-  const std::size_t frames = place.size();
-  const auto width = static_cast<std::size_t>(file.width);
-  const auto height = static_cast<std::size_t>(file.height);
-  bigus::PixelStream stream(file);
-  std::vector<unsigned char> row(frames * width * bytes);
-  for (std::size_t j = 0; j < height; ++j)
-  {
-    stream.Read(row.data(), row.size());
-    for (std::size_t frame = 0; frame < frames; ++frame)
-    {
-      for (std::size_t i = 0; place[frame] >= 0 && i < width; ++i)
-      {
-        std::memcpy(pixels + ((static_cast<std::size_t>(place[frame]) * height + j) * width + i) * bytes,
-                    &row[(i * frames + frame) * bytes], bytes);
-      }
-    }
-    if (!bigus::ReportProgress(reader,
-                               0.5 * static_cast<double>(j + 1) /
-                                   static_cast<double>(height)))  // the other half is for sorting the pixels out
-    {
-      return false;
-    }
-  }
-  stream.Finish();
-  return true;
-}
-
-// Blackens what the mask leaves out and notes what is lit. A float pixel of any sign of zero is black. One loop a pixel
-// type: where one loop took all types, GCC read 4 bytes for pixels of 1 byte, past the end of the last frame.
-template <class Pixel>
-void ClipAndNotePixels(const std::vector<unsigned char>& clip, Pixel* frame, std::size_t pixels, unsigned char* lit)
-{
-  for (std::size_t p = 0; p < pixels; ++p)
-  {
-    if (!clip.empty() && !clip[p])
-    {
-      frame[p] = 0;
-    }
-    lit[p] |= frame[p] != 0;
-  }
-}
-
-void ClipAndNote(const bigus::SequenceFile& file, const std::vector<unsigned char>& clip, unsigned char* frame,
-                 unsigned char* lit)
-{
-  const std::size_t pixels = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
-  switch (file.elementType)
-  {
-    case bigus::ElementType::Float32:
-      return ClipAndNotePixels(clip, reinterpret_cast<float*>(frame), pixels, lit);
-    case bigus::ElementType::UInt16:
-      return ClipAndNotePixels(clip, reinterpret_cast<std::uint16_t*>(frame), pixels, lit);
-    default:
-      return ClipAndNotePixels(clip, frame, pixels, lit);
-  }
-}
-
-// How many of an unsigned short's highest bits no pixel has, of data that have 8, 10, 12 or 14 bits; else 0. Pixels below
-// kDimmest would make the number of bits a guess.
-int UnusedBits(vtkDataArray* pixels)
-{
-  constexpr int kDimmest = 64;
-  if (pixels->GetDataType() != VTK_UNSIGNED_SHORT)
-  {
-    return 0;
-  }
-  const auto* first = static_cast<const unsigned short*>(pixels->GetVoidPointer(0));
-  const vtkIdType count = pixels->GetNumberOfTuples();
-  const int largest = count > 0 ? *std::max_element(first, first + count) : 0;
-  int bits = 8;
-  while (largest >= 1 << bits)
-  {
-    bits += 2;
-  }
-  return largest < kDimmest ? 0 : 16 - bits;
-}
-
-// Makes `range` the largest pixel of the type. Throws FileError where a pixel is larger.
-template <class Pixel>
-void ScalePixels(const bigus::SequenceFile& file, Pixel* pixels, vtkIdType count, double range, double white)
-{
-  for (vtkIdType p = 0; p < count; ++p)
-  {
-    const double pixel = pixels[p];
-    if (pixel > range)
-    {
-      throw bigus::FormatError(file.fileName + ": has the pixel " + bigus::ExactNumber(pixel) +
-                               ", above the pixel range of " + bigus::ExactNumber(range));
-    }
-    const double scaled = pixel * (white / range);
-    pixels[p] = static_cast<Pixel>(white > 1 ? std::round(scaled) : scaled);
-  }
-}
-
-void Scale(const bigus::SequenceFile& file, vtkDataArray* pixels, double range)
-{
-  void* const first = pixels->GetVoidPointer(0);
-  const vtkIdType count = pixels->GetNumberOfTuples();
-  switch (file.elementType)
-  {
-    case bigus::ElementType::Float32:
-      return ScalePixels(file, static_cast<float*>(first), count, range, 1);
-    case bigus::ElementType::UInt16:
-      return ScalePixels(file, static_cast<unsigned short*>(first), count, range, 65535);
-    default:
-      return ScalePixels(file, static_cast<unsigned char*>(first), count, range, 255);
-  }
-}
-
 }  // namespace
 
 class vtkBigusSequenceReader::vtkInternals
@@ -322,10 +142,7 @@ public:
       throw;
     }
     this->Summarize(options.fromFrame);
-    if (this->poses.NumberOfAcceptedFrames() == 0)
-    {
-      throw bigus::FormatError(fileName + ": no frame is left: " + this->summary);
-    }
+    this->poses.RequireFrames(fileName);
   }
 
 private:
@@ -336,14 +153,8 @@ private:
     for (const auto& transform : this->poses.transforms)
     {
       this->transformNames.push_back(transform.Name());
-      for (const std::string& frame : {transform.from, transform.to})
-      {
-        if (frame == "Cropped" + fromFrame)
-        {
-          this->croppedFrame = frame;
-        }
-      }
     }
+    this->croppedFrame = this->poses.CroppedFrame(fromFrame);
     if (!this->poses.chain.empty())
     {
       this->geometry = Measure(this->file, this->poses.frames);
@@ -418,9 +229,7 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
 
   if (!this->Internals->croppedFrame.empty())
   {
-    vtkWarningMacro(<< this->FileName << ": poses lead from " << options.fromFrame << ", but the transforms name "
-                    << this->Internals->croppedFrame
-                    << ", too. Where the images are the cropped ones, name that coordinate frame instead");
+    vtkWarningMacro(<< bigus::CroppedFrameWarning(this->FileName, options.fromFrame, this->Internals->croppedFrame));
   }
   const bigus::SequenceFile& file = this->Internals->file;
   const auto frames = static_cast<int>(this->Internals->OutputFrames(this->KeepRejectedFrames != 0).size());
@@ -443,109 +252,38 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
   output->Initialize();
   try
   {
-    std::vector<unsigned char> clip;
-    if (this->ClipMode == CLIP_RECTANGLE)
-    {
-      clip = RectangleMask(file.width, file.height, this->ClipRectangle);
-    }
-    else if (this->ClipMode == CLIP_FAN)
-    {
-      if (!(this->FanRadii[0] >= 0 && this->FanRadii[0] < this->FanRadii[1] && this->FanAngles[0] >= -180 &&
-            this->FanAngles[0] < this->FanAngles[1] && this->FanAngles[1] <= 180))
-      {
-        throw bigus::FileError(vtkErrorCode::UserError,
-                               "the clip fan needs 0 <= inner < outer radius and -180 <= first < last <= 180 degrees");
-      }
-      clip = FanMask(file.width, file.height, this->FanApex, this->FanRadii, this->FanAngles);
-    }
-    if (!clip.empty() && std::find(clip.begin(), clip.end(), 1) == clip.end())
-    {
-      throw bigus::FileError(vtkErrorCode::UserError, "the clip shape leaves no pixel of the " +
-                                                          std::to_string(file.width) + " x " +
-                                                          std::to_string(file.height) + " image");
-    }
+    bigus::Clip shape;
+    shape.shape = this->ClipMode == CLIP_RECTANGLE ? bigus::Clip::Shape::Rectangle
+                  : this->ClipMode == CLIP_FAN     ? bigus::Clip::Shape::Fan
+                                                   : bigus::Clip::Shape::None;
+    std::copy_n(this->ClipRectangle, 4, shape.rectangle);
+    std::copy_n(this->FanApex, 2, shape.apex);
+    std::copy_n(this->FanRadii, 2, shape.radii);
+    std::copy_n(this->FanAngles, 2, shape.angles);
+    const std::vector<unsigned char> clip = bigus::ClipMask(file, shape);
 
     const std::vector<int> frames = this->Internals->OutputFrames(this->KeepRejectedFrames != 0);
     const auto count = static_cast<vtkIdType>(frames.size());
-    const auto pixelsPerFrame = static_cast<std::size_t>(file.width) * static_cast<std::size_t>(file.height);
-    const auto frameBytes = static_cast<std::size_t>(file.FrameBytes());
+    const auto pixelsPerFrame = static_cast<vtkIdType>(file.width) * static_cast<vtkIdType>(file.height);
 
     output->SetExtent(0, file.width - 1, 0, file.height - 1, 0, static_cast<int>(count) - 1);
     output->SetOrigin(0, 0, 0);
     output->SetSpacing(1, 1, 1);
     auto scalars = vtkSmartPointer<vtkDataArray>::Take(vtkDataArray::CreateDataArray(VtkType(file.elementType)));
     scalars->SetName("Intensity");
-    scalars->SetNumberOfTuples(static_cast<vtkIdType>(pixelsPerFrame) * count);
-    auto* const pixels = static_cast<unsigned char*>(scalars->GetVoidPointer(0));
-    std::vector<unsigned char> lit(pixelsPerFrame, 0);
-
-    // Where a frame of the file goes in the output, or -1.
-    std::vector<int> place(poses.frames.size(), -1);
-    for (std::size_t i = 0; i < frames.size(); ++i)
-    {
-      place[static_cast<std::size_t>(frames[i])] = static_cast<int>(i);
-    }
-
-    if (file.framesFastest && !ReadInterleaved(this, file, place, pixels))
+    scalars->SetNumberOfTuples(pixelsPerFrame * count);
+    bigus::ReadPixels read;
+    const auto goOn = [this](double share) { return bigus::ReportProgress(this, share); };
+    if (!bigus::ReadFrames(file, poses, frames, clip, this->PixelRange, goOn,
+                           static_cast<unsigned char*>(scalars->GetVoidPointer(0)), read))
     {
       output->Initialize();
       return 1;
     }
-
-    // Frames are read where they belong, unless they have to be turned or are not wanted.
-    const bool turned = file.flipColumns || file.flipRows;
-    std::vector<unsigned char> buffer(frameBytes);
-    const bool streamed = file.encoding != bigus::Encoding::Png && !file.framesFastest;
-    std::unique_ptr<bigus::PixelStream> stream(streamed ? new bigus::PixelStream(file) : nullptr);
-    for (std::size_t i = 0; i < place.size(); ++i)
+    this->Internals->usedRange = read.usedRange;
+    if (read.usedBits > 0)
     {
-      unsigned char* const target = place[i] < 0 ? nullptr : pixels + static_cast<std::size_t>(place[i]) * frameBytes;
-      unsigned char* const read = target && !turned ? target : buffer.data();
-      if (streamed)
-      {
-        stream->Read(read, frameBytes);
-      }
-      if (target)
-      {
-        if (!streamed && !file.framesFastest)
-        {
-          const bigus::PngHeader expected = {file.width, file.height, file.elementType};
-          bigus::ReadPng(file.images[i], expected, read);
-        }
-        if (turned)
-        {
-          if (file.framesFastest)
-          {
-            std::memcpy(read, target, frameBytes);
-          }
-          Reorder(file, read, target);
-        }
-        // Rejected frames are clipped too, but do not light the mask.
-        std::vector<unsigned char> ignored(poses.frames[i].accepted ? 0 : pixelsPerFrame);
-        ClipAndNote(file, clip, target, ignored.empty() ? lit.data() : ignored.data());
-      }
-      const double share = static_cast<double>(i + 1) / static_cast<double>(place.size());
-      if (!bigus::ReportProgress(this, file.framesFastest ? 0.5 + 0.5 * share : share))
-      {
-        output->Initialize();
-        return 1;
-      }
-    }
-    if (stream)
-    {
-      stream->Finish();
-    }
-    this->Internals->usedRange = this->PixelRange;
-    if (const int bits = this->PixelRange > 0 ? 0 : UnusedBits(scalars))
-    {
-      this->Internals->usedRange = (1 << (16 - bits)) - 1;
-      vtkWarningMacro(
-          << file.fileName << ": the pixels use " << 16 - bits << " of 16 bits, so " << this->Internals->usedRange
-          << " is shown as white. Where that is wrong, set the pixel range; 65535 keeps pixels as they are");
-    }
-    if (this->Internals->usedRange > 0)
-    {
-      Scale(file, scalars, this->Internals->usedRange);
+      vtkWarningMacro(<< bigus::UsedBitsWarning(file, read));
     }
     output->GetPointData()->SetScalars(scalars);
 
@@ -579,8 +317,8 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     }
     if (this->AutoMask || !clip.empty())
     {
-      const auto mask = bigus::NewArray<vtkUnsignedCharArray>("Mask", 1, static_cast<vtkIdType>(pixelsPerFrame));
-      const std::vector<unsigned char>& values = this->AutoMask ? lit : clip;
+      const auto mask = bigus::NewArray<vtkUnsignedCharArray>("Mask", 1, pixelsPerFrame);
+      const std::vector<unsigned char>& values = this->AutoMask ? read.lit : clip;
       std::copy(values.begin(), values.end(), mask->GetPointer(0));
       fields->AddArray(mask);
     }

@@ -2,23 +2,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusSequenceWriter.h"
 
-#include <algorithm>
-#include <memory>
 #include <string>
-#include <vector>
 
 #include "Data/Arrays.h"
 #include "Data/Progress.h"
-#include "IO/AtomicFile.h"
-#include "IO/Bytes.h"
-#include "IO/FileError.h"
-#include "IO/Text.h"
+#include "IO/ErrorCode.h"
+#include "IO/SequenceOutput.h"
 #include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkInformation.h"
 #include "vtkObjectFactory.h"
 #include "vtkPointData.h"
-#include "vtk_zlib.h"
 
 vtkStandardNewMacro(vtkBigusSequenceWriter);
 
@@ -27,85 +21,24 @@ namespace
 
 bigus::FileError InputError(const std::string& message)
 {
-  return bigus::FileError(vtkErrorCode::UserError, message);
+  return bigus::FileError(bigus::FileFault::User, message);
 }
 
-std::string ElementTypeName(int vtkType)
+bigus::ElementType ElementTypeOf(int vtkType)
 {
   switch (vtkType)
   {
     case VTK_UNSIGNED_CHAR:
-      return "MET_UCHAR";
+      return bigus::ElementType::UInt8;
     case VTK_UNSIGNED_SHORT:
-      return "MET_USHORT";
+      return bigus::ElementType::UInt16;
     case VTK_FLOAT:
-      return "MET_FLOAT";
+      return bigus::ElementType::Float32;
     default:
       throw InputError("pixels of type " + std::string(vtkImageScalarTypeNameMacro(vtkType)) +
                        "; unsigned char, unsigned short and float are written");
   }
 }
-
-void CheckFrameName(const char* name)
-{
-  const std::string text = name ? name : "";
-  const bool plain =
-      !text.empty() &&
-      std::all_of(text.begin(), text.end(),
-                  [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9'); });
-  if (!plain || text[0] < 'A' || text[0] > 'Z')
-  {
-    throw InputError("coordinate frame name " + bigus::Quoted(text) +
-                     "; letters and digits, with a capital first, are expected");
-  }
-}
-
-// Compresses what it is given into a file.
-class Deflater
-{
-public:
-  explicit Deflater(bigus::AtomicFile& file) : file_(file)
-  {
-    if (deflateInit(&zlib_, Z_DEFAULT_COMPRESSION) != Z_OK)
-    {
-      throw bigus::FileError(vtkErrorCode::UnknownError, "zlib cannot be started");
-    }
-  }
-  ~Deflater() { deflateEnd(&zlib_); }
-  Deflater(const Deflater&) = delete;
-  Deflater& operator=(const Deflater&) = delete;
-
-  void Write(const unsigned char* bytes, std::size_t count)
-  {
-    while (count > 0)
-    {
-      const std::size_t part = std::min<std::size_t>(count, 1u << 30);
-      zlib_.next_in = const_cast<unsigned char*>(bytes);
-      zlib_.avail_in = static_cast<uInt>(part);
-      Run(Z_NO_FLUSH);
-      bytes += part;
-      count -= part;
-    }
-  }
-
-  void Finish() { Run(Z_FINISH); }
-
-private:
-  void Run(int flush)
-  {
-    do
-    {
-      zlib_.next_out = buffer_.data();
-      zlib_.avail_out = static_cast<uInt>(buffer_.size());
-      deflate(&zlib_, flush);
-      file_.Write(buffer_.data(), buffer_.size() - zlib_.avail_out);
-    } while (zlib_.avail_out == 0);
-  }
-
-  bigus::AtomicFile& file_;
-  z_stream zlib_ = {};
-  std::vector<unsigned char> buffer_ = std::vector<unsigned char>(256 * 1024);
-};
 
 }  // namespace
 
@@ -153,16 +86,14 @@ void vtkBigusSequenceWriter::WriteFile()
   {
     if (!this->FileName || !*this->FileName)
     {
-      throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
+      throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
     }
     const std::string fileName = this->FileName;
-    if (fileName.size() < 4 || bigus::Lowercase(fileName.substr(fileName.size() - 4)) != ".mha")
-    {
-      throw bigus::FileError(vtkErrorCode::UnrecognizedFileTypeError,
-                             fileName + ": sequences are written as .mha (or .igs.mha) only");
-    }
-    CheckFrameName(this->FromFrame);
-    CheckFrameName(this->ToFrame);
+    bigus::SequenceToWrite sequence;
+    sequence.fromFrame = this->FromFrame ? this->FromFrame : "";
+    sequence.toFrame = this->ToFrame ? this->ToFrame : "";
+    sequence.compression = this->Compression != 0;
+    bigus::RequireSequenceNames(fileName, sequence.fromFrame, sequence.toFrame);
     vtkImageData* const image = this->GetInput();
     vtkDataArray* const scalars = image->GetPointData()->GetScalars();
     int size[3];
@@ -181,67 +112,27 @@ void vtkBigusSequenceWriter::WriteFile()
     vtkDataArray* const timestamps = bigus::FindArray(fields, "Sweep", "Timestamp", 1, size[2], false);
     vtkDataArray* const status = bigus::FindArray(fields, "Sweep", "Status", 1, size[2], false);
 
-    bigus::AtomicFile file(fileName);
-    std::string header = "ObjectType = Image\nNDims = 3\nAnatomicalOrientation = RAI\nBinaryData = True\n";
-    header += std::string("BinaryDataByteOrderMSB = ") + (bigus::kThisMachineIsBigEndian ? "True\n" : "False\n");
-    header += "CenterOfRotation = 0 0 0\n";
-    header += std::string("CompressedData = ") + (this->Compression ? "True\n" : "False\n");
-    const std::size_t sizeField = header.size() + std::string("CompressedDataSize = ").size();
-    const std::size_t sizeDigits = 20;
-    if (this->Compression)
-    {
-      header += "CompressedDataSize = " + std::string(sizeDigits, ' ') + "\n";  // filled in below
-    }
-    header += "DimSize = " + std::to_string(size[0]) + " " + std::to_string(size[1]) + " " + std::to_string(size[2]);
-    header += "\nKinds = domain domain list\nElementNumberOfChannels = 1\nElementSpacing = 1 1 1\nElementType = ";
-    header += ElementTypeName(scalars->GetDataType());
-    header += "\nOffset = 0 0 0\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n";
-    header += "UltrasoundImageOrientation = MF\nUltrasoundImageType = BRIGHTNESS\n";
-
-    const std::string transform = std::string(this->FromFrame) + "To" + this->ToFrame + "Transform";
+    sequence.width = size[0];
+    sequence.height = size[1];
+    sequence.elementType = ElementTypeOf(scalars->GetDataType());
+    sequence.pixels = scalars->GetVoidPointer(0);
+    sequence.imageToReference.resize(16 * static_cast<std::size_t>(size[2]));
     for (int frame = 0; frame < size[2]; ++frame)
     {
-      std::string number = std::to_string(frame);
-      number.insert(0, number.size() < 4 ? 4 - number.size() : 0, '0');
-      const std::string prefix = "Seq_Frame" + number + "_";
-      const bool usable = !status || status->GetComponent(frame, 0) != 0;
-      header += prefix + transform + " =";
-      for (int c = 0; c < 16; ++c)
-      {
-        header += " " + bigus::ExactNumber(poses->GetComponent(frame, c));
-      }
-      header += "\n" + prefix + transform + "Status = " + (usable ? "OK\n" : "INVALID\n");
+      poses->GetTuple(frame, &sequence.imageToReference[16 * static_cast<std::size_t>(frame)]);
       if (timestamps)
       {
-        header += prefix + "Timestamp = " + bigus::ExactNumber(timestamps->GetComponent(frame, 0)) + "\n";
+        sequence.timestamps.push_back(timestamps->GetComponent(frame, 0));
       }
-      header += prefix + "ImageStatus = OK\n";
-    }
-    header += "ElementDataFile = LOCAL\n";
-    file.Write(header);
-
-    const std::size_t frameBytes = static_cast<std::size_t>(size[0]) * static_cast<std::size_t>(size[1]) *
-                                   static_cast<std::size_t>(scalars->GetDataTypeSize());
-    const auto* const pixels = static_cast<const unsigned char*>(scalars->GetVoidPointer(0));
-    std::unique_ptr<Deflater> deflater(this->Compression ? new Deflater(file) : nullptr);
-    for (int frame = 0; frame < size[2]; ++frame)
-    {
-      const unsigned char* const bytes = pixels + static_cast<std::size_t>(frame) * frameBytes;
-      deflater ? deflater->Write(bytes, frameBytes) : file.Write(bytes, frameBytes);
-      if (!bigus::ReportProgress(this, (frame + 1.0) / size[2]))
+      if (status)
       {
-        this->SetErrorCode(vtkErrorCode::UserError);  // so that Write() does not say it has written
-        return;
+        sequence.isUsable.push_back(status->GetComponent(frame, 0) != 0);
       }
     }
-    if (deflater)
+    if (!bigus::WriteSequence(sequence, fileName, [this](double share) { return bigus::ReportProgress(this, share); }))
     {
-      deflater->Finish();
-      const std::uint64_t bytes = file.Position() - header.size();
-      file.Seek(sizeField);
-      file.Write(std::to_string(bytes));
+      this->SetErrorCode(vtkErrorCode::UserError);  // so that Write() does not say it has written
     }
-    file.Commit();
   }
   catch (const std::exception& error)
   {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusTrackedReader.h"
 
-#include "IO/FileError.h"
+#include "IO/ErrorCode.h"
 #include "IO/Poses.h"
 #include "vtkDemandDrivenPipeline.h"
 #include "vtkInformation.h"
@@ -41,7 +41,7 @@ std::string vtkBigusTrackedReader::RequireFileName() const
 {
   if (!this->FileName || !*this->FileName)
   {
-    throw bigus::FileError(vtkErrorCode::NoFileNameError, "FileName is not set");
+    throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
   }
   return this->FileName;
 }

@@ -247,7 +247,7 @@ Eigen::Vector3d ParseNormal(const std::string& fileName, const std::string& comm
   return normal;
 }
 
-void ReadComments(const std::string& fileName, const PlyHeader& header, PlyField& ply)
+void ReadComments(const std::string& fileName, const PlyHeader& header, StoredField& ply)
 {
   std::string value;
   for (const std::string& comment : header.comments)
@@ -290,11 +290,11 @@ void ReadComments(const std::string& fileName, const PlyHeader& header, PlyField
 
 }  // namespace
 
-PlyField ReadPly(const std::string& fileName)
+StoredField ReadPly(const std::string& fileName)
 {
   InputFile input(fileName);
   const PlyHeader header = ReadHeader(input);
-  PlyField ply;
+  StoredField ply;
   GaussianField& field = ply.field;
   field.transfer.gamma = 1.0;
   field.beam.elevationSigma = 0.0;
@@ -359,7 +359,7 @@ PlyField ReadPly(const std::string& fileName)
   return ply;
 }
 
-void WritePly(const PlyField& ply, AtomicFile& file)
+void WritePly(const StoredField& ply, AtomicFile& file)
 {
   const GaussianField& field = ply.field;
   std::string header = "ply\nformat binary_little_endian 1.0\n";
@@ -418,9 +418,9 @@ void WritePly(const PlyField& ply, AtomicFile& file)
       const auto position = static_cast<float>(field.means[i][axis]);
       if (!std::isfinite(position))
       {
-        throw FileError(vtkErrorCode::UserError, "point " + std::to_string(i) + " lies at " +
-                                                     ExactNumber(field.means[i][axis]) +
-                                                     " mm, which is more than a PLY file for viewers can hold");
+        throw FileError(FileFault::User, "point " + std::to_string(i) + " lies at " +
+                                             ExactNumber(field.means[i][axis]) +
+                                             " mm, which is more than a PLY file for viewers can hold");
       }
       put(at, position);
     }

@@ -5,24 +5,17 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
-#include "Core/Model/GaussianField.h"
 #include "IO/AtomicFile.h"
+#include "IO/FieldFile.h"
 
 namespace bigus
 {
 
-struct PlyField
-{
-  GaussianField field;
-  std::vector<std::string> provenance;  ///< key=value
-};
-
 /// What the file holds, not yet checked by GaussianField::Validate. Throws FileError.
-PlyField ReadPly(const std::string& fileName);
+StoredField ReadPly(const std::string& fileName);
 
 /// Writes a valid field. Throws FileError.
-void WritePly(const PlyField& ply, AtomicFile& file);
+void WritePly(const StoredField& ply, AtomicFile& file);
 
 }  // namespace bigus

@@ -93,7 +93,7 @@ std::vector<std::string> PngFilesOf(const std::string& folder)
   }
   if (error)
   {
-    throw FileError(vtkErrorCode::CannotOpenFileError, folder + ": the folder cannot be read: " + error.message());
+    throw FileError(FileFault::CannotOpen, folder + ": the folder cannot be read: " + error.message());
   }
   std::sort(files.begin(), files.end());
   return files;

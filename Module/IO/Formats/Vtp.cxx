@@ -2,33 +2,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Formats/Vtp.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <initializer_list>
 #include <limits>
+#include <numeric>
+#include <string_view>
 #include <vector>
 
+#include "Data/FieldShape.h"
 #include "IO/Bytes.h"
 #include "IO/FileError.h"
+#include "IO/Formats/Xml.h"
 #include "IO/Text.h"
-#include "vtkCallbackCommand.h"
-#include "vtkCellArray.h"
-#include "vtkDoubleArray.h"
-#include "vtkExecutive.h"
-#include "vtkFieldData.h"
-#include "vtkFloatArray.h"
-#include "vtkIntArray.h"
-#include "vtkNew.h"
-#include "vtkPointData.h"
-#include "vtkPoints.h"
-#include "vtkPolyData.h"
-#include "vtkSmartPointer.h"
-#include "vtkStringArray.h"
-#include "vtkXMLPolyDataReader.h"
-#include "vtkXMLPolyDataWriter.h"
-#include "vtk_pugixml.h"
-#include "vtk_zlib.h"
 
 namespace bigus
 {
@@ -41,6 +30,9 @@ constexpr std::int64_t mostComponents = 16;
 // Of the provenance. Every string costs 32 bytes in memory, however short it is, so their number needs a bound of its own.
 constexpr std::uint64_t mostTextBytes = 1u << 20;
 constexpr std::int64_t mostStrings = 10000;
+
+// How errors about arrays begin.
+constexpr const char* kOwner = "Gaussian field";
 
 // The arrays of a field: where each is, and what it holds as we write it, Float32 in place of Float64 where that
 // holds every value.
@@ -96,75 +88,73 @@ public:
       beforeAppended = text_.substr(0, appended) + "</VTKFile>";
     }
     const std::string& xml = appended != std::string::npos ? beforeAppended : text_;
-    const auto parsed = document_.load_buffer(xml.data(), xml.size());
-    if (!parsed)
-    {
-      throw FormatError(name_ + ": not valid XML: " + parsed.description() + " at byte " +
-                        std::to_string(parsed.offset));
-    }
-    const pugi::xml_node root = document_.document_element();
-    if (std::strcmp(root.name(), "VTKFile") != 0 || std::strcmp(root.attribute("type").value(), "PolyData") != 0)
+    root_ = ParseXml(xml, name_ + ": not valid XML");
+    if (root_.name != "VTKFile" || root_.Value("type") != "PolyData")
     {
       throw FormatError(name_ + ": not a VTK XML PolyData file");
     }
-    polyData_ = root.child("PolyData");
-    piece_ = polyData_.child("Piece");
-    if (!piece_ || piece_.next_sibling("Piece"))
+    polyData_ = root_.Child("PolyData");
+    const auto isPiece = [](const XmlElement& child) { return child.name == "Piece"; };
+    if (!polyData_ || std::count_if(polyData_->children.begin(), polyData_->children.end(), isPiece) != 1)
     {
       throw FormatError(name_ + ": must have one Piece");
     }
-    const std::string points = piece_.attribute("NumberOfPoints").value();
+    piece_ = polyData_->Child("Piece");
+    const std::string points = piece_->Value("NumberOfPoints");
     if (!ParseNumber(points, points_) || points_ < 0 || points_ > mostPoints ||
         static_cast<std::uint64_t>(points_) > text_.size() * deflateLimit)
     {
       throw FormatError(name_ + ": NumberOfPoints is " + Quoted(points) + "; 0 to " + std::to_string(mostPoints) +
                         " are read, and no more than the file can hold");
     }
-    FindEncoding(root, raw);
+    FindEncoding(raw);
   }
 
-  /// Whether the file is encoded as we write it, so that Fill can read it.
+  /// Whether the file is encoded as we write it, so that Field can read it.
   bool IsOurs() const { return ours_; }
 
-  void Fill(vtkPolyData* polyData)
+  StoredField Field()
   {
-    if (points_ > 0)
+    StoredField stored;
+    GaussianField& field = stored.field;
+    const bool required = points_ > 0;
+    if (const XmlElement* node = Node("FormatVersion"))
     {
-      const auto coordinates = ReadFloating(PointsNode(), "Points", points_);
-      if (coordinates->GetNumberOfComponents() != 3 || coordinates->GetNumberOfTuples() != points_)
+      const FoundArray version = Find(*node, "FormatVersion", 1);
+      RequireArrayShape(kOwner, version.name, version.components, version.tuples, 1, 1);
+      std::int32_t number = 0;
+      Inflate(version, &number);
+      RequireFieldFormatVersion(kOwner, number);
+    }
+    ReadScalar("Gamma", required, field.transfer.gamma);
+    ReadScalar("ElevationSigma", required, field.beam.elevationSigma);
+    ReadScalar("ProbeElevationSigma", false, field.beam.probeElevationSigma);
+    if (const XmlElement* node = Node("TrainedNormals"))
+    {
+      const FoundArray normals = Find(*node, "TrainedNormals", 1);
+      RequireFewTrainedNormals(kOwner, normals.tuples);
+      ReadVectors(normals, normals.tuples, field.beam.trainedNormals);
+    }
+    if (required)
+    {
+      const FoundArray points = Find(*PointsNode(), "Points", points_);
+      if (points.components != 3 || points.tuples != points_)
       {
         throw FormatError(name_ + ": Points must have 3 components and " + std::to_string(points_) + " tuples");
       }
-      vtkNew<vtkPoints> points;
-      points->SetData(coordinates);
-      polyData->SetPoints(points);
+      ReadVectors(points, points_, field.means);
+      ReadVectors(FindOfPoints("Scale", 3), points_, field.scales);
+      ReadVectors(FindOfPoints("Rotation", 4), points_, field.rotations);
+      const FoundArray reflectivities = FindOfPoints("Reflectivity", 1);
+      RequireArrayShape(kOwner, reflectivities.name, reflectivities.components, reflectivities.tuples, 1, points_);
+      field.reflectivities.resize(static_cast<std::size_t>(points_));
+      ReadDoubles(reflectivities, field.reflectivities.data());
     }
-    for (const ArrayName& wanted : kArrays)
+    if (const XmlElement* node = Node("Provenance"))
     {
-      const bool ofPoints = std::strcmp(wanted.parent, "PointData") == 0;
-      vtkFieldData* const data = ofPoints ? polyData->GetPointData() : polyData->GetFieldData();
-      const pugi::xml_node node = Node(wanted);
-      if (!node)
-      {
-        continue;
-      }
-      if (std::strcmp(wanted.ownType, "Float64") == 0)
-      {
-        data->AddArray(ReadFloating(node, wanted.name, ofPoints ? points_ : 1));
-      }
-      else if (std::strcmp(wanted.ownType, "Int32") == 0)
-      {
-        vtkNew<vtkIntArray> numbers;
-        ReadNumbers(node, wanted.name, 1, numbers.Get());
-        data->AddArray(numbers);
-      }
-      else
-      {
-        vtkNew<vtkStringArray> strings;
-        ReadStrings(node, wanted.name, strings);
-        data->AddArray(strings);
-      }
+      ReadStrings(*node, "Provenance", stored.provenance);
     }
+    return stored;
   }
 
 private:
@@ -175,6 +165,16 @@ private:
     std::uint64_t blockSize = 0;       // bytes of each but the last
     std::uint64_t total = 0;           // bytes of all
     std::string_view data;
+  };
+
+  // An array whose blocks hold as many bytes as its shape needs.
+  struct FoundArray
+  {
+    const char* name;
+    std::int64_t tuples;
+    std::int64_t components;
+    bool isSingle;  // Float32
+    Blocks blocks;
   };
 
   FileError Damaged(const std::string& what) const
@@ -188,29 +188,48 @@ private:
                        std::to_string(mostStrings) + " lines; shorten or remove it");
   }
 
-  pugi::xml_node PointsNode() const { return piece_.child("Points").child("DataArray"); }
-
-  pugi::xml_node Node(const ArrayName& wanted) const
+  const XmlElement* PointsNode() const
   {
-    const pugi::xml_node parent =
-        std::strcmp(wanted.parent, "PointData") == 0 ? piece_.child("PointData") : polyData_.child("FieldData");
-    const bool string = std::strcmp(wanted.ownType, "String") == 0;
-    return parent.find_child_by_attribute(string ? "Array" : "DataArray", "Name", wanted.name);
+    const XmlElement* points = piece_->Child("Points");
+    return points ? points->Child("DataArray") : nullptr;
+  }
+
+  const XmlElement* Node(const ArrayName& wanted) const
+  {
+    const XmlElement* parent =
+        std::strcmp(wanted.parent, "PointData") == 0 ? piece_->Child("PointData") : polyData_->Child("FieldData");
+    const char* kind = std::strcmp(wanted.ownType, "String") == 0 ? "Array" : "DataArray";
+    for (std::size_t k = 0; parent && k < parent->children.size(); ++k)
+    {
+      const XmlElement& child = parent->children[k];
+      if (child.name == kind && child.Value("Name") == wanted.name)
+      {
+        return &child;
+      }
+    }
+    return nullptr;
+  }
+
+  // One of kArrays by its name.
+  const XmlElement* Node(const char* name) const
+  {
+    return Node(*std::find_if(std::begin(kArrays), std::end(kArrays),
+                              [name](const ArrayName& array) { return std::strcmp(array.name, name) == 0; }));
   }
 
   // Refuses what is no encoding of VTK's, because that is damage, and tells ours from the others.
-  void FindEncoding(pugi::xml_node root, bool raw)
+  void FindEncoding(bool raw)
   {
-    for (const pugi::xml_attribute& attribute : root.attributes())
+    for (const auto& attribute : root_.attributes)
     {
-      if (!IsOneOf(attribute.name(), {"type", "version", "byte_order", "header_type", "compressor"}))
+      if (!IsOneOf(attribute.first, {"type", "version", "byte_order", "header_type", "compressor"}))
       {
-        throw FormatError(name_ + ": VTKFile has the attribute " + Quoted(attribute.name()) + ", which is not known");
+        throw FormatError(name_ + ": VTKFile has the attribute " + Quoted(attribute.first) + ", which is not known");
       }
     }
-    const std::string order = root.attribute("byte_order").value();
-    const std::string header = root.attribute("header_type").value();
-    const std::string compressor = root.attribute("compressor").value();
+    const std::string order = root_.Value("byte_order");
+    const std::string header = root_.Value("header_type");
+    const std::string compressor = root_.Value("compressor");
     if (!IsOneOf(order, {"LittleEndian", "BigEndian"}) || !IsOneOf(header, {"", "UInt32", "UInt64"}) ||
         !IsOneOf(compressor, {"", "vtkZLibDataCompressor", "vtkLZ4DataCompressor", "vtkLZMADataCompressor"}))
     {
@@ -219,10 +238,10 @@ private:
     }
     ours_ = raw && header == "UInt64" && compressor == "vtkZLibDataCompressor" &&
             order == (kThisMachineIsBigEndian ? "BigEndian" : "LittleEndian");
-    const auto look = [this](pugi::xml_node node, const char* name, const std::string& ownType)
+    const auto look = [this](const XmlElement& node, const char* name, const std::string& ownType)
     {
-      const std::string type = node.attribute("type").value();
-      const std::string format = node.attribute("format").value();
+      const std::string type = node.Value("type");
+      const std::string format = node.Value("format");
       if (!IsOneOf(type, {"Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Float32",
                           "Float64", "String"}) ||
           !IsOneOf(format, {"ascii", "binary", "appended"}))
@@ -231,7 +250,7 @@ private:
                           "; numbers of 8 to 64 bits in ascii, binary or appended are read");
       }
       std::int64_t strings = 0;
-      if (type == "String" && ParseNumber(node.attribute("NumberOfTuples").value(), strings) && strings > mostStrings)
+      if (type == "String" && ParseNumber(node.Value("NumberOfTuples"), strings) && strings > mostStrings)
       {
         throw TooMuchText(name);
       }
@@ -243,72 +262,106 @@ private:
       {
         throw FormatError(name_ + ": the array Points is missing");
       }
-      look(PointsNode(), "Points", "Float64");
+      look(*PointsNode(), "Points", "Float64");
     }
     for (const ArrayName& wanted : kArrays)
     {
-      if (Node(wanted))
+      if (const XmlElement* node = Node(wanted))
       {
-        look(Node(wanted), wanted.name, wanted.ownType);
+        look(*node, wanted.name, wanted.ownType);
       }
     }
   }
 
-  vtkSmartPointer<vtkDataArray> ReadFloating(pugi::xml_node node, const char* name, std::int64_t tuples)
-  {
-    const auto read = [&](auto array)
-    {
-      ReadNumbers(node, name, tuples, array.Get());
-      return vtkSmartPointer<vtkDataArray>(array);
-    };
-    return std::strcmp(node.attribute("type").value(), "Float32") == 0 ? read(vtkSmartPointer<vtkFloatArray>::New())
-                                                                       : read(vtkSmartPointer<vtkDoubleArray>::New());
-  }
-
   // `tuples` is what an array of the piece has; the array's own word goes before it.
-  template <class Array>
-  void ReadNumbers(pugi::xml_node node, const char* name, std::int64_t tuples, Array* array)
+  FoundArray Find(const XmlElement& node, const char* name, std::int64_t tuples) const
   {
     std::int64_t components = 1;
-    const pugi::xml_attribute statedTuples = node.attribute("NumberOfTuples");
-    const pugi::xml_attribute statedComponents = node.attribute("NumberOfComponents");
-    if ((statedTuples && (!ParseNumber(statedTuples.value(), tuples) || tuples < 0 || tuples > mostPoints)) ||
+    const std::string* statedTuples = node.Attribute("NumberOfTuples");
+    const std::string* statedComponents = node.Attribute("NumberOfComponents");
+    if ((statedTuples && (!ParseNumber(*statedTuples, tuples) || tuples < 0 || tuples > mostPoints)) ||
         (statedComponents &&
-         (!ParseNumber(statedComponents.value(), components) || components < 1 || components > mostComponents)))
+         (!ParseNumber(*statedComponents, components) || components < 1 || components > mostComponents)))
     {
-      throw FormatError(name_ + ": " + name + " claims " + Quoted(statedTuples.value()) + " tuples of " +
-                        Quoted(statedComponents.value()) + " components");
+      throw FormatError(name_ + ": " + name + " claims " + Quoted(node.Value("NumberOfTuples")) + " tuples of " +
+                        Quoted(node.Value("NumberOfComponents")) + " components");
     }
-    const Blocks blocks = FindBlocks(node, name);
-    if (blocks.total != static_cast<std::uint64_t>(tuples * components) * sizeof(typename Array::ValueType))
+    const bool isDouble = node.Value("type") == "Float64";
+    FoundArray found = {name, tuples, components, node.Value("type") == "Float32", FindBlocks(node, name)};
+    const std::uint64_t bytes = isDouble ? sizeof(double) : sizeof(float);  // Int32 is as large as Float32
+    if (found.blocks.total != static_cast<std::uint64_t>(tuples * components) * bytes)
     {
       throw Damaged(name);
     }
-    array->SetName(name);
-    array->SetNumberOfComponents(static_cast<int>(components));
-    array->SetNumberOfTuples(tuples);
-    Inflate(blocks, name, array->GetPointer(0));
+    return found;
+  }
+
+  FoundArray FindOfPoints(const char* name, int components) const
+  {
+    const XmlElement* node = Node(name);
+    if (!node)
+    {
+      throw MissingArray(kOwner, name, components, points_);
+    }
+    return Find(*node, name, points_);
+  }
+
+  void ReadScalar(const char* name, bool required, double& value) const
+  {
+    const XmlElement* node = Node(name);
+    if (!node && required)
+    {
+      throw MissingArray(kOwner, name, 1, 1);
+    }
+    if (node)
+    {
+      const FoundArray found = Find(*node, name, 1);
+      RequireArrayShape(kOwner, name, found.components, found.tuples, 1, 1);
+      ReadDoubles(found, &value);
+    }
+  }
+
+  template <int Rows>
+  void ReadVectors(const FoundArray& found, std::int64_t tuples,
+                   std::vector<Eigen::Matrix<double, Rows, 1>>& vectors) const
+  {
+    RequireArrayShape(kOwner, found.name, found.components, found.tuples, Rows, tuples);
+    vectors.resize(static_cast<std::size_t>(tuples));
+    static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "they lie one after another, as in the file");
+    ReadDoubles(found, reinterpret_cast<double*>(vectors.data()));
+  }
+
+  // `values` has room for all of them.
+  void ReadDoubles(const FoundArray& found, double* values) const
+  {
+    if (!found.isSingle)
+    {
+      Inflate(found, values);
+      return;
+    }
+    std::vector<float> singles(static_cast<std::size_t>(found.tuples * found.components));
+    Inflate(found, singles.data());
+    std::copy(singles.begin(), singles.end(), values);
   }
 
   // Strings are stored one after the other, each with a zero at its end.
-  void ReadStrings(pugi::xml_node node, const char* name, vtkStringArray* strings)
+  void ReadStrings(const XmlElement& node, const char* name, std::vector<std::string>& strings) const
   {
-    const Blocks blocks = FindBlocks(node, name);
-    if (blocks.total > mostTextBytes)
+    const FoundArray found = {name, 0, 1, false, FindBlocks(node, name)};
+    if (found.blocks.total > mostTextBytes)
     {
       throw TooMuchText(name);
     }
-    std::string bytes(blocks.total, '\0');
-    Inflate(blocks, name, bytes.data());
+    std::string bytes(found.blocks.total, '\0');
+    Inflate(found, bytes.data());
     if (std::count(bytes.begin(), bytes.end(), '\0') > mostStrings)
     {
       throw TooMuchText(name);
     }
-    strings->SetName(name);
     for (std::size_t begin = 0; begin < bytes.size();)
     {
       const std::size_t end = std::min(bytes.find('\0', begin), bytes.size());
-      strings->InsertNextValue(bytes.substr(begin, end - begin));
+      strings.push_back(bytes.substr(begin, end - begin));
       begin = end + 1;
     }
   }
@@ -327,10 +380,10 @@ private:
 
   // Number of blocks, size of a block, size of the last one where it is smaller (else 0), compressed size of each; then
   // the blocks. All numbers agree with each other and with the bytes there are when this returns.
-  Blocks FindBlocks(pugi::xml_node node, const std::string& what) const
+  Blocks FindBlocks(const XmlElement& node, const std::string& what) const
   {
     std::int64_t offset = -1;
-    if (!ParseNumber(node.attribute("offset").value(), offset) || offset < 0 ||
+    if (!ParseNumber(node.Value("offset"), offset) || offset < 0 ||
         static_cast<std::uint64_t>(offset) > appended_.size())
     {
       throw Damaged(what);
@@ -361,9 +414,10 @@ private:
     return blocks;
   }
 
-  // `out` has room for blocks.total bytes.
-  void Inflate(Blocks blocks, const std::string& what, void* out) const
+  // `out` has room for all bytes of the array.
+  void Inflate(const FoundArray& found, void* out) const
   {
+    Blocks blocks = found.blocks;
     std::uint64_t done = 0;
     for (const std::uint64_t size : blocks.sizes)
     {
@@ -374,7 +428,7 @@ private:
                      static_cast<uLong>(size)) != Z_OK ||
           room != wanted)
       {
-        throw Damaged(what);
+        throw Damaged(found.name);
       }
       blocks.data.remove_prefix(size);
       done += room;
@@ -383,116 +437,191 @@ private:
 
   std::string name_;
   std::string text_;
-  pugi::xml_document document_;
-  pugi::xml_node polyData_;
-  pugi::xml_node piece_;
+  XmlElement root_;
+  const XmlElement* polyData_ = nullptr;
+  const XmlElement* piece_ = nullptr;
   std::string_view appended_;
   std::int64_t points_ = 0;
   bool ours_ = false;
 };
 
-// The first complaint, without the place in VTK's source and the object's address.
-void KeepComplaint(vtkObject*, unsigned long, void* clientData, void* callData)
-{
-  std::string& kept = *static_cast<std::string*>(clientData);
-  if (kept.empty())
-  {
-    const std::string text = callData ? static_cast<const char*>(callData) : "it gives no reason";
-    const std::size_t begin = text.find("): ");
-    kept = Trimmed(std::string_view(text).substr(begin == std::string::npos ? 0 : begin + 3));
-  }
-}
+// The size of a block before it is compressed, and zlib's level: those of VTK's own writer.
+constexpr std::size_t kBlockBytes = 32768;
+constexpr int kLevel = 5;
 
-void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
+/// The compressed arrays of a file, one after the other.
+class AppendedArrays
 {
-  std::string complaint;
-  vtkNew<vtkCallbackCommand> observer;
-  observer->SetCallback(KeepComplaint);
-  observer->SetClientData(&complaint);
-  vtkNew<vtkXMLPolyDataReader> reader;
-  reader->AddObserver(vtkCommand::ErrorEvent, observer);
-  reader->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, observer);
-  reader->SetReaderErrorObserver(observer);
-  reader->SetParserErrorObserver(observer);
-  reader->SetFileName(fileName.c_str());
-  reader->Update();
-  if (!complaint.empty() || reader->GetErrorCode() != vtkErrorCode::NoError)
+public:
+  /// Compresses an array, and returns the attributes of its element that say where it is.
+  std::string Add(const void* bytes, std::size_t count)
   {
-    throw FormatError(fileName +
-                      ": VTK's reader refuses it: " + (complaint.empty() ? "it gives no reason" : complaint));
+    const std::size_t offset = data_.size();
+    const std::size_t blocks = (count + kBlockBytes - 1) / kBlockBytes;
+    Put(blocks);
+    if (blocks > 0)
+    {
+      Put(kBlockBytes);
+      Put(count % kBlockBytes);  // of the last block; 0: it is as large as the others
+      std::size_t sizesAt = data_.size();
+      data_.resize(sizesAt + blocks * sizeof(std::uint64_t));
+      for (std::size_t done = 0; done < count; done += kBlockBytes)
+      {
+        const std::size_t part = std::min(kBlockBytes, count - done);
+        auto size = static_cast<uLongf>(buffer_.size());
+        if (compress2(buffer_.data(), &size, static_cast<const Bytef*>(bytes) + done, static_cast<uLong>(part),
+                      kLevel) != Z_OK)
+        {
+          throw FileError(FileFault::Unknown, "zlib cannot compress");
+        }
+        const std::uint64_t stated = size;
+        std::memcpy(&data_[sizesAt], &stated, sizeof(stated));
+        sizesAt += sizeof(stated);
+        data_.append(reinterpret_cast<const char*>(buffer_.data()), size);
+      }
+    }
+    return " format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n";
   }
-  polyData->ShallowCopy(reader->GetOutput());
-}
 
-// The array in 32 bits if that holds every value, else itself.
-vtkSmartPointer<vtkDataArray> AsFloats(vtkDataArray* array)
+  const std::string& Data() const { return data_; }
+
+private:
+  void Put(std::uint64_t number) { data_.append(reinterpret_cast<const char*>(&number), sizeof(number)); }
+
+  std::string data_;
+  std::vector<Bytef> buffer_ = std::vector<Bytef>(compressBound(kBlockBytes));
+};
+
+/// The XML of a file, written while its arrays are compressed.
+class VtpText
 {
-  vtkDoubleArray* const doubles = vtkDoubleArray::SafeDownCast(array);
-  const vtkIdType count = doubles ? doubles->GetNumberOfValues() : 0;
-  const double* const values = count > 0 ? doubles->GetPointer(0) : nullptr;
-  // What lies beyond the range of a float must not be converted to one.
-  const auto fits = [](double value)
+public:
+  void Line(const std::string& line) { text_ += line + "\n"; }
+
+  /// In 32 bits where that holds every value. `tuples`: of a field array, else -1.
+  void AddDoubles(const char* name, int components, const double* values, std::size_t count, std::int64_t tuples = -1)
   {
-    return std::abs(value) <= std::numeric_limits<float>::max() &&
-           static_cast<double>(static_cast<float>(value)) == value;
-  };
-  if (!values || !std::all_of(values, values + count, fits))
-  {
-    return array;
+    // What lies beyond the range of a float must not be converted to one.
+    const auto fits = [](double value)
+    {
+      return std::abs(value) <= std::numeric_limits<float>::max() &&
+             static_cast<double>(static_cast<float>(value)) == value;
+    };
+    if (count > 0 && std::all_of(values, values + count, fits))
+    {
+      const std::vector<float> singles(values, values + count);
+      AddArray("Float32", name, components, singles.data(), singles.size(), tuples);
+    }
+    else
+    {
+      AddArray("Float64", name, components, values, count, tuples);
+    }
   }
-  const auto floats = vtkSmartPointer<vtkFloatArray>::New();
-  floats->DeepCopy(array);
-  return floats;
+
+  /// A number of the whole field, in 64 bits.
+  void AddScalar(const char* name, double value) { AddArray("Float64", name, 1, &value, 1, 1); }
+
+  template <class Number>
+  void AddArray(const std::string& type, const char* name, int components, const Number* values, std::size_t count,
+                std::int64_t tuples)
+  {
+    text_ += "<DataArray type=\"" + type + "\" Name=\"" + name + "\" NumberOfComponents=\"" +
+             std::to_string(components) + "\"" +
+             (tuples >= 0 ? " NumberOfTuples=\"" + std::to_string(tuples) + "\"" : "") +
+             arrays_.Add(values, count * sizeof(Number));
+  }
+
+  void AddStrings(const char* name, const std::vector<std::string>& strings)
+  {
+    std::string bytes;
+    for (const std::string& line : strings)
+    {
+      bytes += line.substr(0, line.find('\0')) + '\0';
+    }
+    text_ += std::string("<Array type=\"String\" Name=\"") + name + "\" NumberOfTuples=\"" +
+             std::to_string(strings.size()) + "\"" + arrays_.Add(bytes.data(), bytes.size());
+  }
+
+  void Write(AtomicFile& file) const
+  {
+    file.Write(text_);
+    file.Write("<AppendedData encoding=\"raw\">\n_");
+    file.Write(arrays_.Data());
+    file.Write("\n</AppendedData>\n</VTKFile>\n");
+  }
+
+private:
+  std::string text_;
+  AppendedArrays arrays_;
+};
+
+template <int Rows>
+const double* NumbersOf(const std::vector<Eigen::Matrix<double, Rows, 1>>& vectors)
+{
+  static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "they lie one after another");
+  return reinterpret_cast<const double*>(vectors.data());
 }
 
 }  // namespace
 
-bool IsOwnVtp(const std::string& fileName)
-{
-  return VtpFile(fileName).IsOurs();
-}
-
-void ReadVtp(const std::string& fileName, vtkPolyData* field)
+std::optional<StoredField> ReadVtp(const std::string& fileName)
 {
   VtpFile file(fileName);
-  if (file.IsOurs())
-  {
-    file.Fill(field);
-  }
-  else
-  {
-    ReadWithVtk(fileName, field);
-  }
+  return file.IsOurs() ? std::optional<StoredField>(file.Field()) : std::nullopt;
 }
 
-bool WriteVtp(vtkPolyData* field, const std::string& fileName)
+void WriteVtp(const StoredField& stored, AtomicFile& file)
 {
-  vtkNew<vtkPolyData> narrow;
-  narrow->ShallowCopy(field);
-  if (field->GetPoints())
+  const GaussianField& field = stored.field;
+  const std::size_t n = field.Size();
+  const std::string points = std::to_string(n);
+  VtpText text;
+  text.Line("<?xml version=\"1.0\"?>");
+  text.Line(std::string("<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"") +
+            (kThisMachineIsBigEndian ? "BigEndian" : "LittleEndian") +
+            "\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">");
+  text.Line("<PolyData>");
+  text.Line("<FieldData>");
+  text.AddScalar("Gamma", field.transfer.gamma);
+  text.AddScalar("ElevationSigma", field.beam.elevationSigma);
+  if (field.beam.probeElevationSigma > 0)
   {
-    vtkNew<vtkPoints> points;
-    points->SetData(AsFloats(field->GetPoints()->GetData()));
-    narrow->SetPoints(points);
+    text.AddScalar("ProbeElevationSigma", field.beam.probeElevationSigma);
   }
-  narrow->GetPointData()->Initialize();
-  for (int k = 0; k < field->GetPointData()->GetNumberOfArrays(); ++k)
+  if (const auto& normals = field.beam.trainedNormals; !normals.empty())
   {
-    narrow->GetPointData()->AddArray(AsFloats(field->GetPointData()->GetArray(k)));
+    text.AddArray("Float64", "TrainedNormals", 3, NumbersOf(normals), 3 * normals.size(),
+                  static_cast<std::int64_t>(normals.size()));
   }
-  narrow->GetPointData()->SetActiveScalars("Reflectivity");
-  if (field->GetNumberOfPoints() <= VTK_INT_MAX)
+  const std::int32_t version = kFieldFormatVersion;
+  text.AddArray("Int32", "FormatVersion", 1, &version, 1, 1);
+  if (!stored.provenance.empty())
   {
-    narrow->GetVerts()->ConvertTo32BitStorage();
+    text.AddStrings("Provenance", stored.provenance);
   }
-  vtkNew<vtkXMLPolyDataWriter> writer;
-  writer->SetFileName(fileName.c_str());
-  writer->SetInputData(narrow);
-  writer->SetDataModeToAppended();
-  writer->EncodeAppendedDataOff();
-  writer->SetCompressorTypeToZLib();
-  writer->SetHeaderTypeToUInt64();
-  return writer->Write() && writer->GetErrorCode() == vtkErrorCode::NoError;
+  text.Line("</FieldData>");
+  text.Line("<Piece NumberOfPoints=\"" + points + "\" NumberOfVerts=\"" + points +
+            "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">");
+  text.Line("<PointData Scalars=\"Reflectivity\">");
+  text.AddDoubles("Scale", 3, NumbersOf(field.scales), 3 * n);
+  text.AddDoubles("Rotation", 4, NumbersOf(field.rotations), 4 * n);
+  text.AddDoubles("Reflectivity", 1, field.reflectivities.data(), n);
+  text.Line("</PointData>");
+  text.Line("<CellData/>");
+  text.Line("<Points>");
+  text.AddDoubles("Points", 3, NumbersOf(field.means), 3 * n);
+  text.Line("</Points>");
+  // One vertex a point, so that viewers show them.
+  text.Line("<Verts>");
+  std::vector<std::int32_t> numbers(n);
+  std::iota(numbers.begin(), numbers.end(), 0);
+  text.AddArray("Int32", "connectivity", 1, numbers.data(), n, -1);
+  std::iota(numbers.begin(), numbers.end(), 1);
+  text.AddArray("Int32", "offsets", 1, numbers.data(), n, -1);
+  text.Line("</Verts>");
+  text.Line("</Piece>");
+  text.Line("</PolyData>");
+  text.Write(file);
 }
 
 }  // namespace bigus

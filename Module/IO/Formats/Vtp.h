@@ -4,23 +4,21 @@
 // https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html
 #pragma once
 
+#include <optional>
 #include <string>
 
-class vtkPolyData;
+#include "IO/AtomicFile.h"
+#include "IO/FieldFile.h"
 
 namespace bigus
 {
 
-/// The points and arrays that the file holds, not yet checked to be a field. The encoding that vtkBigusFieldWriter
-/// writes (raw appended data, zlib, sizes in 64 bits, floats and doubles in this machine's order) is read by our own
-/// code, which withstands any damage. Other encodings go to vtkXMLPolyDataReader. Throws FileError.
-void ReadVtp(const std::string& fileName, vtkPolyData* field);
+/// The field that the file holds, not yet checked by GaussianField::Validate. Nothing where the file has another encoding
+/// than the one that WriteVtp writes (raw appended data, zlib, sizes in 64 bits, floats and doubles in this machine's
+/// order). Withstands any damage. Throws FileError for a damaged file, and Error for arrays that are no field.
+std::optional<StoredField> ReadVtp(const std::string& fileName);
 
-/// Whether our own code reads the file. Throws FileError.
-bool IsOwnVtp(const std::string& fileName);
-
-/// Writes a field without other arrays, as ShareField makes it. An array whose values are all floats is written in 32
-/// bits. The file is made by name, for AtomicFile. False when that failed.
-bool WriteVtp(vtkPolyData* field, const std::string& fileName);
+/// Writes a valid field. An array whose values are all floats is written in 32 bits. Throws FileError.
+void WriteVtp(const StoredField& stored, AtomicFile& file);
 
 }  // namespace bigus

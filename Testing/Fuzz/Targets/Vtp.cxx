@@ -14,7 +14,7 @@ void TryInput(const std::string& bytes)
   bool ours = true;
   try
   {
-    ours = IsOwnVtp(path);
+    ours = ReadVtp(path).has_value();
   }
   catch (const std::exception&)
   {

@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Deciding/Provenance.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "Core/Engine/InstructionSets.h"
+#include "Core/Poses/Trajectory.h"
+#include "Core/Training/OptionList.h"
+
+namespace bigus
+{
+namespace
+{
+
+std::string PosesText(const Sweep& sweep, const std::vector<Eigen::Matrix4d>& poses)
+{
+  if (poses == sweep.imageToReference)
+  {
+    return kAsTracked;
+  }
+  double sum = 0;
+  for (std::size_t k = 0; k < poses.size(); ++k)
+  {
+    sum += CornerDistance(sweep.imageToReference[k], poses[k], sweep.width, sweep.height);
+  }
+  return "corrected by " + NumberText(std::round(1000 * sum / poses.size()) / 1000) + " mm on average";
+}
+
+}  // namespace
+
+void SetProvenanceLine(std::vector<std::string>& lines, const std::string& key, const std::string& value)
+{
+  const std::string beginning = key + "=";
+  lines.erase(std::remove_if(lines.begin(), lines.end(),
+                             [&beginning](const std::string& line) { return line.rfind(beginning, 0) == 0; }),
+              lines.end());
+  lines.push_back(beginning + value);
+}
+
+void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult& result, const Sweep& sweep,
+                           bool isContinued)
+{
+  for (const OptionText& option : ListOptions(result.settled))
+  {
+    if (!(option.mayBeOpen && option.value == "auto"))
+    {
+      std::string key = option.info.name;
+      key[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(key[0])));
+      SetProvenanceLine(lines, key, option.value);
+    }
+  }
+  // The same field comes back only with these, whatever the number of threads.
+  SetProvenanceLine(lines, "instructionSet", InstructionSets().front());
+  // What came of it, rather than what was asked for.
+  SetProvenanceLine(lines, "gaussians", std::to_string(result.field.Size()));
+  SetProvenanceLine(lines, "iterations", std::to_string(result.iterations));
+  SetProvenanceLine(lines, "aborted", result.aborted ? "yes" : "no");
+  for (const Decision& decision : result.decisions)
+  {
+    SetProvenanceLine(lines, "decision." + decision.what, decision.choice + " (" + decision.evidence + ")");
+  }
+  SetProvenanceLine(lines, "poses", PosesText(sweep, result.imageToReference));
+  if (isContinued)
+  {
+    SetProvenanceLine(lines, "seeding", "continued");
+  }
+}
+
+std::string FrameListText(const std::vector<int>& frames)
+{
+  std::string text;
+  for (const int frame : frames)
+  {
+    text += (text.empty() ? "" : " ") + std::to_string(frame);
+  }
+  return text;
+}
+
+}  // namespace bigus

@@ -1,0 +1,29 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Where a field comes from, in lines `key=value`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "Core/Deciding/Trainer.h"
+
+namespace bigus
+{
+
+/// What `poses` says where a field was trained at the poses of its sweep; else how far they were corrected.
+inline constexpr const char* kAsTracked = "as tracked";
+
+/// Appends `key=value`, replacing an earlier line of that key.
+void SetProvenanceLine(std::vector<std::string>& lines, const std::string& key, const std::string& value);
+
+/// The choices a training rested on: seed, loss, the settled options by their properties' names,
+/// `decision.<what>` = choice (evidence), and how far poses were corrected. Nothing that differs between two equal runs,
+/// such as the time. `isContinued`: the training began with a field.
+void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult& result, const Sweep& sweep,
+                           bool isContinued);
+
+/// Numbers of frames as provenance has them: between blanks.
+std::string FrameListText(const std::vector<int>& frames);
+
+}  // namespace bigus

@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+# What reads and writes files without VTK: compiled into the module IO, and into the Python package without VTK.
+set(bigus_parsers
+  AtomicFile.cxx
+  FieldFile.cxx
+  Formats/Hdf5Transform.cxx
+  Formats/HeaderFields.cxx
+  Formats/LinearTransform.cxx
+  Formats/Markups.cxx
+  Formats/MetaImageHeader.cxx
+  Formats/NrrdHeader.cxx
+  Formats/Ply.cxx
+  Formats/PngFile.cxx
+  Formats/PoseCsv.cxx
+  Formats/VolumeGrid.cxx
+  Formats/Vtp.cxx
+  Formats/Xml.cxx
+  PlaneFile.cxx
+  Poses.cxx
+  SequenceFile.cxx
+  SequenceFrames.cxx
+  SequenceOutput.cxx
+  SequencePixels.cxx
+  Text.cxx)
+list(TRANSFORM bigus_parsers PREPEND "${CMAKE_CURRENT_LIST_DIR}/")
+
+find_package(nlohmann_json REQUIRED)
+find_package(ZLIB REQUIRED)
+find_path(SPNG_INCLUDE_DIR spng.h REQUIRED)
+find_library(SPNG_LIBRARY spng REQUIRED)
