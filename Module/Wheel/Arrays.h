@@ -5,6 +5,7 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
@@ -16,6 +17,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Core/Model/GaussianField.h"
@@ -86,11 +88,40 @@ inline Eigen::Matrix4d MatrixAt(const double* rowMajor)
   return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rowMajor);
 }
 
+/// Text of a file, of which bytes may be wrong: Python's text must be UTF-8.
+inline nb::str ToText(const std::string& text)
+{
+  return nb::steal<nb::str>(PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "replace"));
+}
+
+inline nb::list ToTexts(const std::vector<std::string>& lines)
+{
+  nb::list texts;
+  for (const std::string& line : lines)
+  {
+    texts.append(ToText(line));
+  }
+  return texts;
+}
+
+/// A field as Python has it.
+struct Field : GaussianField
+{
+  Field() = default;
+  Field(GaussianField field, std::vector<std::string> lines = {})
+      : GaussianField(std::move(field)), provenance(std::move(lines))
+  {
+  }
+
+  std::vector<std::string> provenance;  ///< where it comes from: key=value
+};
+
 /// [n, 4, 4] of matrices.
 Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses);
 
 void BindSweep(nb::module_& m);
 void BindField(nb::module_& m);
+void BindFiles(nb::module_& m);
 void BindTraining(nb::module_& m);
 void BindSlices(nb::module_& m);
 void BindPhantom(nb::module_& m);

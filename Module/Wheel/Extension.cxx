@@ -11,10 +11,25 @@ NB_MODULE(_core, m)
   m.doc() = "The compiled part of bigus.";
   m.attr("__version__") = BIGUS_VERSION;
   nb::set_leak_warnings(false);  // at its end Python lets go of globals after nanobind has looked
-  nb::exception<bigus::Error>(m, "Error", PyExc_RuntimeError).attr("__doc__") =
-      "What a caller got wrong, or a file. The text names what was found and what to do.";
+  static PyObject* const error = PyErr_NewExceptionWithDoc(
+      "bigus._core.Error", "What a caller got wrong, or a file. The text names what was found and what to do.",
+      PyExc_RuntimeError, nullptr);
+  m.attr("Error") = nb::borrow(error);
+  nb::register_exception_translator(
+      [](const std::exception_ptr& thrown, void*)
+      {
+        try
+        {
+          std::rethrow_exception(thrown);
+        }
+        catch (const bigus::Error& caught)
+        {
+          PyErr_SetObject(error, bigus::ToText(caught.what()).ptr());
+        }
+      });
   bigus::BindSweep(m);
   bigus::BindField(m);
+  bigus::BindFiles(m);
   bigus::BindTraining(m);
   bigus::BindSlices(m);
   bigus::BindPhantom(m);

@@ -14,7 +14,7 @@ namespace
 template <int Rows>
 Array RowsOf(nb::handle self, std::vector<Eigen::Matrix<double, Rows, 1>> GaussianField::*member)
 {
-  auto& vectors = nb::cast<GaussianField&>(self).*member;
+  auto& vectors = nb::cast<Field&>(self).*member;
   static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "numpy sees them as one array");
   return View(reinterpret_cast<double*>(vectors.data()), {vectors.size(), std::size_t(Rows)}, self);
 }
@@ -28,9 +28,9 @@ void Copy(const InputDoubles& from, std::vector<Eigen::Matrix<double, Rows, 1>>&
   }
 }
 
-GaussianField Make(const InputDoubles& centers, const InputDoubles& scales, const InputDoubles& rotations,
-                   const InputDoubles& reflectivities, double gamma, double elevationSigma, double probeElevationSigma,
-                   const InputDoubles& normals)
+Field Make(const InputDoubles& centers, const InputDoubles& scales, const InputDoubles& rotations,
+           const InputDoubles& reflectivities, double gamma, double elevationSigma, double probeElevationSigma,
+           const InputDoubles& normals)
 {
   RequireShape(centers, {-1, 3}, "centers");
   const auto n = static_cast<std::int64_t>(centers.shape(0));
@@ -38,7 +38,7 @@ GaussianField Make(const InputDoubles& centers, const InputDoubles& scales, cons
   RequireShape(rotations, {n, 4}, "rotations");
   RequireShape(reflectivities, {n}, "reflectivities");
   RequireShape(normals, {-1, 3}, "trained_normals");
-  GaussianField field;
+  Field field;
   field.Resize(static_cast<std::size_t>(n));
   Copy(centers, field.means);
   Copy(scales, field.scales);
@@ -57,10 +57,10 @@ GaussianField Make(const InputDoubles& centers, const InputDoubles& scales, cons
 
 void BindField(nb::module_& m)
 {
-  nb::class_<GaussianField>(m, "Field",
-                            "Signed Gaussians in space: r exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 "
-                            "R^T. The arrays are views: what is written to them changes the field, and using a field "
-                            "checks it. They keep it alive.")
+  nb::class_<Field>(m, "Field",
+                    "Signed Gaussians in space: r exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 "
+                    "R^T. The arrays are views: what is written to them changes the field, and using a field "
+                    "checks it. They keep it alive.")
       .def(nb::init<>())
       .def_static("make", &Make, nb::arg("centers"), nb::arg("scales"), nb::arg("rotations"), nb::arg("reflectivities"),
                   nb::arg("gamma"), nb::arg("elevation_sigma"), nb::arg("probe_elevation_sigma"),
@@ -78,56 +78,61 @@ void BindField(nb::module_& m)
           "reflectivities",
           [](nb::handle self)
           {
-            auto& r = nb::cast<GaussianField&>(self).reflectivities;
+            auto& r = nb::cast<Field&>(self).reflectivities;
             return View(r.data(), {r.size()}, self);
           },
           "r: float64 [n], signed.")
       .def_prop_rw(
-          "gamma", [](const GaussianField& f) { return f.transfer.gamma; },
-          [](GaussianField& f, double value) { f.transfer.gamma = value; },
+          "gamma", [](const Field& f) { return f.transfer.gamma; },
+          [](Field& f, double value) { f.transfer.gamma = value; },
           "Of the display I = 1 - exp(-gamma max(S, 0)); above 0.")
       .def_prop_rw(
-          "elevation_sigma", [](const GaussianField& f) { return f.beam.elevationSigma; },
-          [](GaussianField& f, double value) { f.beam.elevationSigma = value; },
+          "elevation_sigma", [](const Field& f) { return f.beam.elevationSigma; },
+          [](Field& f, double value) { f.beam.elevationSigma = value; },
           "Thickness of the planes trained on, standard deviation, mm; 0 is a thin plane.")
       .def_prop_rw(
-          "probe_elevation_sigma", [](const GaussianField& f) { return f.beam.probeElevationSigma; },
-          [](GaussianField& f, double value) { f.beam.probeElevationSigma = value; },
+          "probe_elevation_sigma", [](const Field& f) { return f.beam.probeElevationSigma; },
+          [](Field& f, double value) { f.beam.probeElevationSigma = value; },
           "Thickness of the probe's beam, standard deviation, mm; 0 where it is not known.")
       .def_prop_ro(
           "trained_normals",
           [](nb::handle self)
           {
-            auto& normals = nb::cast<GaussianField&>(self).beam.trainedNormals;
+            auto& normals = nb::cast<Field&>(self).beam.trainedNormals;
             return View(reinterpret_cast<double*>(normals.data()), {normals.size(), 3}, self);
           },
           "Unit normals that stand for the planes trained on: float64 [k, 3].")
-      .def("validate", &GaussianField::Validate,
-           "Raises Error naming the array, the index and the value, unless all is sound.")
+      .def_prop_rw(
+          "provenance", [](const Field& f) { return ToTexts(f.provenance); },
+          [](Field& f, std::vector<std::string> lines) { f.provenance = std::move(lines); },
+          "Where the field comes from: a list of lines key=value, which files keep. Set it as a whole.")
+      .def(
+          "validate", [](const Field& field) { field.Validate(); },
+          "Raises Error naming the array, the index and the value, unless all is sound.")
       .def(
           "transformed",
-          [](const GaussianField& field, const InputDoubles& matrix)
+          [](const Field& field, const InputDoubles& matrix)
           {
             RequireShape(matrix, {4, 4}, "the transform");
-            return Transformed(field, MatrixAt(matrix.data()));
+            return Field(Transformed(field, MatrixAt(matrix.data())), field.provenance);
           },
           nb::arg("matrix"),
           "The field in other coordinates: matrix, float64 [4, 4], turns, mirrors, scales evenly and moves (mm). Raises "
           "Error for one that does anything else.")
       .def(
           "rounded",
-          [](GaussianField field)
+          [](Field field)
           {
             RoundField(field);
             return field;
           },
           "The field without digits that no picture shows, as files have it.")
-      .def("__len__", &GaussianField::Size)
-      .def("__copy__", [](const GaussianField& field) { return GaussianField(field); })
+      .def("__len__", [](const Field& field) { return field.Size(); })
+      .def("__copy__", [](const Field& field) { return Field(field); })
       .def(
-          "__deepcopy__", [](const GaussianField& field, nb::handle) { return GaussianField(field); }, nb::arg("memo"))
-      .def("__repr__", [](const GaussianField& field)
-           { return "<bigus.Field of " + std::to_string(field.Size()) + " Gaussians>"; });
+          "__deepcopy__", [](const Field& field, nb::handle) { return Field(field); }, nb::arg("memo"))
+      .def("__repr__",
+           [](const Field& field) { return "<bigus.Field of " + std::to_string(field.Size()) + " Gaussians>"; });
 }
 
 }  // namespace bigus

@@ -19,7 +19,7 @@ constexpr double kMostPixels = 4294967296.0;  // 2^32 of one call: 16 GiB of flo
 class Slicer
 {
 public:
-  Slicer(const GaussianField& field, const std::string& engine, double elevationSigma, double tolerance)
+  Slicer(const Field& field, const std::string& engine, double elevationSigma, double tolerance)
   {
     const nb::gil_scoped_release others;
     engine_ = Engine::Create(engine);
@@ -74,7 +74,7 @@ private:
 void BindSlices(nb::module_& m)
 {
   nb::class_<Slicer>(m, "Renderer")
-      .def(nb::init<const GaussianField&, const std::string&, double, double>(), nb::arg("field"), nb::arg("engine"),
+      .def(nb::init<const Field&, const std::string&, double, double>(), nb::arg("field"), nb::arg("engine"),
            nb::arg("elevation_sigma"), nb::arg("tolerance"))
       .def_prop_ro("device", &Slicer::Device)
       .def("render", &Slicer::Render, nb::arg("planes"), nb::arg("width"), nb::arg("height"), nb::arg("scattering"),

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "Arrays.h"
+#include "Core/Deciding/Provenance.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Training/OptionList.h"
 
@@ -21,7 +22,7 @@ const char* NameOf(TrainingProgress::Phase phase)
 }
 
 /// What a training hands back, in Python's types.
-nb::dict ToPython(TrainingResult& result)
+nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance)
 {
   const std::size_t n = result.log.size();
   std::vector<double> iterations, seconds, losses, psnrs, gaussians, rates;
@@ -57,7 +58,7 @@ nb::dict ToPython(TrainingResult& result)
     settled[option.info.name] = option.value;
   }
   nb::dict answer;
-  answer["field"] = nb::cast(std::move(result.field));
+  answer["field"] = nb::cast(Field(std::move(result.field), std::move(provenance)));
   answer["log"] = log;
   answer["decisions"] = decisions;
   answer["poses"] = PosesToArray(result.imageToReference);
@@ -73,8 +74,8 @@ nb::dict ToPython(TrainingResult& result)
 }
 
 /// The pair of what came of it and what ended it: None, or the exception that Ctrl-C or `progress` raised.
-nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values,
-                   const GaussianField* start, nb::object progress)
+nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values, const Field* start,
+                   nb::object progress)
 {
   TrainerOptions options;
   for (const auto& [name, value] : values)
@@ -111,11 +112,16 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
     }
   };
   TrainingResult result;
+  std::vector<std::string> provenance;
   {
     const nb::gil_scoped_release others;
-    result = Train(std::move(sweep), options, from ? &*from : nullptr, tell);
+    result = Train(sweep, options, from ? &*from : nullptr, tell);
+    AddTrainingProvenance(provenance, result, *sweep, start != nullptr);
+    SetProvenanceLine(provenance, "trainingFrames", FrameListText(result.trainingFrames));
+    SetProvenanceLine(provenance, "validationFrames", FrameListText(result.validationFrames));
+    SetProvenanceLine(provenance, "heldOutFrames", FrameListText(result.heldOutFrames));
   }
-  return nb::make_tuple(ToPython(result), exception);
+  return nb::make_tuple(ToPython(result, std::move(provenance)), exception);
 }
 
 nb::list Options()

@@ -16,7 +16,7 @@ LAYERS = {
     "Module/Core": [],
     "Cuda": ["Module/Core"],
     "Module/Data": ["Module/Core"],
-    "Module/Wheel": ["Module/Core"],
+    "Module/Wheel": ["Module/IO", "Module/Data", "Module/Core"],
     "Module/IO": ["Module/Data", "Module/Core"],
     "Filters": ["Module/Data", "Module/Core"],
     "Rendering": ["Filters", "Module/IO", "Module/Data", "Module/Core"],

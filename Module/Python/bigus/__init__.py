@@ -41,10 +41,11 @@ if importlib.util.find_spec(__name__ + ".vtkBigusRendering"):  # not there when 
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
 from .sources import SourceError, from_files
-from .tasks import TrainingInterrupted, correct_poses, metrics, read, reslice, texture, train, write
+from .tasks import Planes, TrainingInterrupted, correct_poses, metrics, read, read_planes, read_stack, reslice, texture
+from .tasks import train, write
 
 from . import pickling  # noqa: F401,E402
 
-__all__ = ["SourceError", "TrainingInterrupted", "correct_poses", "frames", "from_files", "image", "metrics", "poses", "read", "reslice", "sweep", "texture", "train"]
-__all__ += ["update", "write"]
+__all__ = ["Planes", "SourceError", "TrainingInterrupted", "correct_poses", "frames", "from_files", "image", "metrics", "poses", "sweep", "texture", "train"]
+__all__ += ["read", "read_planes", "read_stack", "reslice", "update", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]

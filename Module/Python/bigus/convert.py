@@ -62,7 +62,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     except (ValueError, RuntimeError, OSError) as error:
         print(f"bigus.convert: {error}", file=sys.stderr)
         return 2
-    width, height, frames = sweep.GetDimensions()
+    frames, height, width = bigus.frames(sweep).shape
     print(f"{output}: {frames} frames of {width} x {height} pixels")
     return 0
 

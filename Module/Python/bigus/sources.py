@@ -264,16 +264,13 @@ def _dicom(path: Path) -> Images:
 
 def _sequence(path: Path) -> Images:
     """The images of a sequence whose poses lie elsewhere, as 3D Slicer saves them."""
-    from .arrays import frames  # here, because only this format needs the rest of the package
-    from .tasks import read
+    from . import read_stack  # here, because only this format needs the rest of the package
 
     try:
-        sequence = read(path, RequirePoses=False, AutoMask=False)
+        pixels, times = read_stack(path)
     except RuntimeError as error:
         raise SourceError(str(error)) from None
-    times = sequence.GetFieldData().GetArray("Timestamp")
-    count = times.GetNumberOfTuples() if times else 0
-    return Images(as_pixels(frames(sequence), path), np.array([times.GetValue(k) for k in range(count)]) if count else None)
+    return Images(as_pixels(pixels, path), times)
 
 
 def read_images(path: Path) -> Images:

@@ -20,11 +20,22 @@ from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBi
 from .vtkBigusIO import (
     vtkBigusFieldReader,
     vtkBigusFieldWriter,
+    vtkBigusPoseReader,
     vtkBigusSequenceReader,
     vtkBigusSequenceWriter,
 )
 
 FIELD_EXTENSIONS = (".vtp", ".ply")
+
+
+class Planes(NamedTuple):
+    """Slice planes of a file."""
+
+    poses: np.ndarray  # float64 [n, 4, 4], ImageToReference: pixel (i, j, 0, 1) to mm
+    sizes: np.ndarray  # int32 [n, 2], (width, height) in pixels; 0 where the file does not say
+    source_frames: np.ndarray  # int32 [n], index in the file
+    timestamps: Optional[np.ndarray]  # float64 [n], seconds; None unless every plane has one
+    rejections: str  # which poses were left out and why, in a sentence; empty when none was
 
 
 def _require(data: Any, kind: type, task: str, noun: str) -> None:
@@ -45,6 +56,34 @@ def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData
     reader.SetFileName(name)
     set_properties(reader, properties)
     return update_alone(reader).GetOutput()
+
+
+def read_stack(path: Union[str, os.PathLike]) -> tuple[np.ndarray, Optional[np.ndarray]]:
+    """The frames of a sequence [frames, height, width], and their times in seconds or None; poses may be missing."""
+    sequence = read(path, RequirePoses=False, AutoMask=False)
+    times = sequence.GetFieldData().GetArray("Timestamp")
+    return _pixels(sequence), None if times is None else vtk_to_numpy(times).copy()
+
+
+def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str = "RAS", **properties: Any) -> Planes:
+    """Slice planes: poses of a sequence or a CSV, 3D Slicer's planes and lines (.mrk.json) and transforms (.tfm, .h5).
+
+    spacing: mm a pixel, for 3D Slicer's planes and lines. world: the patient system that the field's world stands for,
+    "RAS" as 3D Slicer shows tracked sequences, or "LPS"; only 3D Slicer's files look at it.
+    properties: those of vtkBigusPoseReader, such as ToFrame. Raises RuntimeError when the file cannot be read.
+    """
+    if world not in ("RAS", "LPS"):
+        raise ValueError(f"world is RAS or LPS, not {world!r}")
+    reader = vtkBigusPoseReader()
+    reader.SetFileName(os.fspath(path))
+    reader.SetPixelSpacing(spacing)
+    reader.SetWorldCoordinateSystem(reader.LPS if world == "LPS" else reader.RAS)
+    set_properties(reader, properties)
+    table = update(reader).GetOutput()
+    columns = {name: table.GetColumnByName(name) for name in ("ImageToReference", "Size", "SourceFrame", "Timestamp")}
+    arrays = {name: None if column is None else vtk_to_numpy(column).copy() for name, column in columns.items()}
+    poses = arrays["ImageToReference"].reshape(-1, 4, 4)
+    return Planes(poses, arrays["Size"], arrays["SourceFrame"], arrays["Timestamp"], reader.GetRejectionSummary())
 
 
 def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike], **properties: Any) -> None:

@@ -111,10 +111,17 @@ def field(
 
 
 # Copies for pickle, by positional arguments of the functions above.
+def _field_with_provenance(provenance: list, *arguments: object) -> Field:
+    made = field(*arguments)
+    made.provenance = provenance
+    return made
+
+
 def _reduce_field(data: Field) -> tuple:
     arrays = (data.centers, data.scales, data.reflectivities, data.rotations)
     sigmas = (data.elevation_sigma, data.probe_elevation_sigma)
-    return field, (*(np.array(a) for a in arrays), data.gamma, *sigmas, np.array(data.trained_normals))
+    values = (*(np.array(a) for a in arrays), data.gamma, *sigmas, np.array(data.trained_normals))
+    return _field_with_provenance, (data.provenance, *values)
 
 
 def _reduce_sweep(data: Sweep) -> tuple:

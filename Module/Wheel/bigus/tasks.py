@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
 from . import _core
-from ._core import Error, Field, Sweep
+from ._core import Field, Sweep
 
 
 def _require(data: Any, kind: type, task: str, noun: str) -> None:
@@ -357,9 +356,3 @@ def metrics(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
         raise ValueError(f"the images have different shapes: {np.shape(a)} and {np.shape(b)}")
     scores = [_core.compare(image, truth) for image, truth in zip(images, truths)]
     return {name: float(np.mean([score[name] for score in scores])) for name in scores[0]}
-
-
-def read(path: Union[str, os.PathLike], **properties: Any) -> Any:
-    """Not here yet: the readers of sequences and fields are VTK's. bigus.from_files reads numpy, HDF5, videos, pictures."""
-    raise Error(f"{os.fspath(path)}: this build of bigus has no reader of sequences and fields; use bigus.from_files, or "
-                "the package of the C++ build")

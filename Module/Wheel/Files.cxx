@@ -1,0 +1,256 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Sequences, fields and slice planes in files, by the parsers of Module/IO.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "Arrays.h"
+#include "Core/Model/FieldRounding.h"
+#include "Core/Model/Sweep.h"
+#include "IO/FieldFile.h"
+#include "IO/PlaneFile.h"
+#include "IO/SequenceFrames.h"
+#include "IO/SequenceOutput.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// Runs `work` while other threads of Python run. It gets a function that says whether to go on, for Ctrl-C.
+template <class Work>
+void WorkAlone(const Work& work)
+{
+  bool isInterrupted = false;
+  {
+    const nb::gil_scoped_release others;
+    work(
+        [&isInterrupted](double)
+        {
+          const nb::gil_scoped_acquire lock;
+          isInterrupted = isInterrupted || PyErr_CheckSignals() != 0;
+          return !isInterrupted;
+        });
+  }
+  if (isInterrupted)
+  {
+    throw nb::python_error();
+  }
+}
+
+PoseOptions PoseOptionsOf(const std::string& config, const std::string& from, const std::string& to, bool assumeOk,
+                          bool allowReflected)
+{
+  PoseOptions options;
+  options.configFileName = config;
+  options.fromFrame = from;
+  options.toFrame = to;
+  options.assumeMissingStatusOK = assumeOk;
+  options.allowReflectedPoses = allowReflected;
+  return options;
+}
+
+template <class Pixel>
+Array PixelsOf(std::vector<unsigned char> bytes, const SequenceFile& file, std::size_t frames)
+{
+  auto* kept = new std::vector<unsigned char>(std::move(bytes));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<unsigned char>*>(p); });
+  return View(reinterpret_cast<Pixel*>(kept->data()),
+              {frames, static_cast<std::size_t>(file.height), static_cast<std::size_t>(file.width)}, owner);
+}
+
+/// A sequence as it is in the file, with what is known of it: see files.py.
+nb::dict ReadSequence(const std::string& path, const std::string& config, const std::string& from,
+                      const std::string& to, bool assumeOk, bool allowReflected, const std::string& imageFolder,
+                      const std::string& imagePattern, double pixelRange, bool autoMask, int clipMode,
+                      const std::array<int, 4>& rectangle, const std::array<double, 2>& apex,
+                      const std::array<double, 2>& radii, const std::array<double, 2>& angles, bool keepRejected,
+                      bool requirePoses)
+{
+  SequenceFile file;
+  PoseTable poses;
+  std::vector<int> frames;
+  std::vector<unsigned char> bytes, shape;
+  ReadPixels read;
+  WorkAlone(
+      [&](const std::function<bool(double)>& goOn)
+      {
+        ImageOptions images;
+        images.folder = imageFolder;
+        images.pattern = imagePattern;
+        images.plain = !requirePoses;
+        file = ReadSequenceFile(path, images);
+        PoseOptions options = PoseOptionsOf(config, from, to, assumeOk, allowReflected);
+        options.required = requirePoses;
+        ResolvePoses(file, options, poses);
+        poses.RequireFrames(path);
+        Clip clip;
+        clip.shape = clipMode == 1 ? Clip::Shape::Rectangle : clipMode == 2 ? Clip::Shape::Fan : Clip::Shape::None;
+        std::copy(rectangle.begin(), rectangle.end(), clip.rectangle);
+        std::copy(apex.begin(), apex.end(), clip.apex);
+        std::copy(radii.begin(), radii.end(), clip.radii);
+        std::copy(angles.begin(), angles.end(), clip.angles);
+        shape = ClipMask(file, clip);
+        for (std::size_t k = 0; k < poses.frames.size(); ++k)
+        {
+          if (keepRejected || poses.frames[k].accepted)
+          {
+            frames.push_back(static_cast<int>(k));
+          }
+        }
+        bytes.resize(static_cast<std::size_t>(file.FrameBytes()) * frames.size());
+        ReadFrames(file, poses, frames, shape, std::max(0.0, pixelRange), goOn, bytes.data(), read);
+      });
+
+  const std::size_t n = frames.size();
+  std::vector<Eigen::Matrix4d> matrices;
+  std::vector<double> times;
+  std::vector<std::uint8_t> status;
+  bool allTimed = true;
+  for (const int frame : frames)
+  {
+    const auto k = static_cast<std::size_t>(frame);
+    matrices.push_back(poses.frames[k].imageToReference);
+    times.push_back(poses.timestamps[k]);
+    status.push_back(poses.frames[k].accepted);
+    allTimed = allTimed && std::isfinite(poses.timestamps[k]);
+  }
+  std::vector<std::string> warnings;
+  if (const std::string cropped = poses.CroppedFrame(from); !cropped.empty())
+  {
+    warnings.push_back(CroppedFrameWarning(path, from, cropped));
+  }
+  if (read.usedBits > 0)
+  {
+    warnings.push_back(UsedBitsWarning(file, read));
+  }
+  nb::list transforms;
+  for (const TransformName& transform : poses.transforms)
+  {
+    transforms.append(nb::make_tuple(ToText(transform.Name()), transform.source));
+  }
+  nb::list rejections;
+  for (const Rejection& rejection : poses.rejections)
+  {
+    rejections.append(nb::make_tuple(ToText(rejection.reason), rejection.frames));
+  }
+  const auto h = static_cast<std::size_t>(file.height), w = static_cast<std::size_t>(file.width);
+  nb::dict found;
+  found["pixels"] = file.elementType == ElementType::UInt8    ? PixelsOf<std::uint8_t>(std::move(bytes), file, n)
+                    : file.elementType == ElementType::UInt16 ? PixelsOf<std::uint16_t>(std::move(bytes), file, n)
+                                                              : PixelsOf<float>(std::move(bytes), file, n);
+  found["poses"] = poses.chain.empty() ? nb::none() : nb::object(PosesToArray(matrices));
+  found["timestamps"] = allTimed ? nb::object(Owned(std::move(times), {n})) : nb::none();
+  found["status"] = Owned(std::move(status), {n});
+  found["source_frames"] = Owned(std::vector<std::int32_t>(frames.begin(), frames.end()), {n});
+  found["mask"] = autoMask         ? nb::object(Owned(std::move(read.lit), {h, w}))
+                  : !shape.empty() ? nb::object(Owned(std::move(shape), {h, w}))
+                                   : nb::none();
+  found["warnings"] = ToTexts(warnings);
+  found["frames_in_file"] = poses.frames.size();
+  found["accepted_frames"] = poses.NumberOfAcceptedFrames();
+  found["rejections"] = rejections;
+  found["rejection_summary"] = ToText(poses.RejectionSummary());
+  found["transforms"] = transforms;
+  found["transform_chain"] = ToText(poses.chain);
+  found["format"] = ToText(file.format);
+  found["encoding"] = NameOf(file.encoding);
+  found["element_type"] = file.PixelType();
+  found["orientation"] = ToText(file.orientation);
+  found["used_pixel_range"] = read.usedRange;
+  return found;
+}
+
+void WriteSweep(const Sweep& sweep, const std::string& path, const std::string& from, const std::string& to,
+                bool compression)
+{
+  SequenceToWrite sequence;
+  sequence.width = sweep.width;
+  sequence.height = sweep.height;
+  sequence.elementType = sweep.pixelType == Sweep::PixelType::UInt8 ? ElementType::UInt8 : ElementType::Float32;
+  sequence.pixels = sweep.pixels.get();
+  sequence.timestamps = sweep.timestamps;
+  sequence.fromFrame = from;
+  sequence.toFrame = to;
+  sequence.compression = compression;
+  for (const Eigen::Matrix4d& pose : sweep.imageToReference)
+  {
+    for (int k = 0; k < 16; ++k)
+    {
+      sequence.imageToReference.push_back(pose(k / 4, k % 4));
+    }
+  }
+  WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
+}
+
+/// Nothing for a .vtp in another encoding than ours.
+std::optional<Field> ReadStoredField(const std::string& path)
+{
+  const nb::gil_scoped_release others;
+  std::optional<StoredField> stored = ReadField(path);
+  return stored ? std::optional<Field>(Field(std::move(stored->field), std::move(stored->provenance))) : std::nullopt;
+}
+
+void WriteStoredField(Field field, const std::string& path, bool isRounded)
+{
+  const nb::gil_scoped_release others;
+  RequireFieldName(path);
+  field.Validate();
+  if (isRounded)
+  {
+    RoundField(field);
+  }
+  WriteField({std::move(static_cast<GaussianField&>(field)), std::move(field.provenance)}, path);
+}
+
+nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const std::string& config,
+                         const std::string& from, const std::string& to, bool assumeOk, bool allowReflected)
+{
+  PlaneFile file;
+  {
+    const nb::gil_scoped_release others;
+    ReadPlanes(path, PoseOptionsOf(config, from, to, assumeOk, allowReflected), spacing, worldIsLps, file);
+  }
+  const std::size_t n = file.planes.size();
+  std::vector<Eigen::Matrix4d> poses;
+  std::vector<std::int32_t> sizes, sources;
+  std::vector<double> times;
+  bool allTimed = true;
+  for (const FilePlane& plane : file.planes)
+  {
+    poses.push_back(plane.imageToReference);
+    sizes.insert(sizes.end(), {plane.width, plane.height});
+    sources.push_back(plane.sourceFrame);
+    times.push_back(plane.timestamp);
+    allTimed = allTimed && std::isfinite(plane.timestamp);
+  }
+  nb::dict found;
+  found["poses"] = PosesToArray(poses);
+  found["sizes"] = Owned(std::move(sizes), {n, 2});
+  found["source_frames"] = Owned(std::move(sources), {n});
+  found["timestamps"] = allTimed ? nb::object(Owned(std::move(times), {n})) : nb::none();
+  found["rejections"] = ToText(file.rejections);
+  return found;
+}
+
+}  // namespace
+
+void BindFiles(nb::module_& m)
+{
+  m.def("read_sequence", &ReadSequence, nb::arg("path"), nb::arg("ConfigFileName"), nb::arg("FromFrame"),
+        nb::arg("ToFrame"), nb::arg("AssumeMissingStatusOK"), nb::arg("AllowReflectedPoses"), nb::arg("ImageFolder"),
+        nb::arg("ImagePattern"), nb::arg("PixelRange"), nb::arg("AutoMask"), nb::arg("ClipMode"),
+        nb::arg("ClipRectangle"), nb::arg("FanApex"), nb::arg("FanRadii"), nb::arg("FanAngles"),
+        nb::arg("KeepRejectedFrames"), nb::arg("RequirePoses"));
+  m.def("write_sweep", &WriteSweep, nb::arg("sweep"), nb::arg("path"), nb::arg("FromFrame"), nb::arg("ToFrame"),
+        nb::arg("Compression"));
+  m.def("read_field", &ReadStoredField, nb::arg("path"));
+  m.def("write_field", &WriteStoredField, nb::arg("field"), nb::arg("path"), nb::arg("Rounding"));
+  m.def("read_planes", &ReadSlicePlanes, nb::arg("path"), nb::arg("spacing"), nb::arg("world_is_lps"),
+        nb::arg("ConfigFileName"), nb::arg("FromFrame"), nb::arg("ToFrame"), nb::arg("AssumeMissingStatusOK"),
+        nb::arg("AllowReflectedPoses"));
+}
+
+}  // namespace bigus
