@@ -13,6 +13,7 @@
 #include "IO/PlaneFile.h"
 #include "IO/SequenceFrames.h"
 #include "IO/SequenceOutput.h"
+#include "IO/Text.h"
 
 namespace bigus
 {
@@ -244,6 +245,10 @@ void BindFiles(nb::module_& m)
         nb::arg("ImagePattern"), nb::arg("PixelRange"), nb::arg("AutoMask"), nb::arg("ClipMode"),
         nb::arg("ClipRectangle"), nb::arg("FanApex"), nb::arg("FanRadii"), nb::arg("FanAngles"),
         nb::arg("KeepRejectedFrames"), nb::arg("RequirePoses"));
+  m.def(
+      "looks_like_sequence",
+      [](const std::string& path, bool plain) { return LooksLikeSequence(FileBeginning(path, 4096), plain); },
+      nb::arg("path"), nb::arg("plain"));
   m.def("write_sweep", &WriteSweep, nb::arg("sweep"), nb::arg("path"), nb::arg("FromFrame"), nb::arg("ToFrame"),
         nb::arg("Compression"));
   m.def("read_field", &ReadStoredField, nb::arg("path"));

@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // A field on an engine, ready for many slices.
+#include <cmath>
 #include <memory>
 #include <mutex>
 
 #include "Arrays.h"
 #include "Core/Engine/Engine.h"
+#include "Core/Model/Error.h"
 #include "Core/Model/Sweep.h"
 
 namespace bigus
@@ -22,6 +24,15 @@ public:
   Slicer(const Field& field, const std::string& engine, double elevationSigma, double tolerance)
   {
     const nb::gil_scoped_release others;
+    if (!(tolerance >= 0 && tolerance <= 1))
+    {
+      throw Error("The tolerance is " + std::to_string(tolerance) + "; it must lie between 0 and 1.");
+    }
+    if (!std::isfinite(elevationSigma))
+    {
+      throw Error(
+          "The elevation sigma is not finite; give mm, 0 for a thin plane, or a negative number for the field's.");
+    }
     engine_ = Engine::Create(engine);
     GaussianField shown = field;
     if (elevationSigma >= 0)

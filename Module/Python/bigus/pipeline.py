@@ -12,8 +12,6 @@ from typing import Any, Callable
 from vtkmodules.vtkCommonCore import VTK_STRING
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
-from . import _update
-
 # What VTK puts before a message: "ERROR: In file.cxx, line 12\nvtkClass (0x55d0): "
 _PREFIX = re.compile(r"^(?:ERROR|Warning): In [^\n]*, line \d+\n(?:\w+ \([^)]*\): )?")
 
@@ -83,6 +81,8 @@ def update_alone(algorithm: vtkAlgorithm) -> vtkAlgorithm:
         failure: list[BaseException] = []
 
         def call() -> None:
+            from . import _update
+
             try:
                 _update.update(algorithm)
             except BaseException as error:  # belongs to the thread that waits

@@ -14,8 +14,11 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
     bigus.write(training.field, "field.vtp")
 
 Lengths are millimetres, intensities lie in [0, 1] (0 to 255 in 8-bit arrays), matrices are row-major as numpy has them.
-Where VTK is at hand, the package of the C++ build has the same functions for VTK's data.
+Where the package vtk is installed, bigus.vtkBigusReslice and others are filters of VTK's pipelines, with the names and
+properties of the C++ classes, and bigus.update runs them; import bigus.pyvista lets PyVista's meshes slice fields.
 """
+
+from typing import Any
 
 from ._core import Error, Field, Phantom, Sweep, __version__, engines, instruction_sets, missing_engines
 from ._core import use_instruction_set
@@ -31,3 +34,23 @@ __all__ = [
     "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_planes", "read_stack",
     "reslice", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
+
+_FILTERS = [
+    "vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice", "vtkBigusSequenceReader",
+    "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """The filters of VTK's pipelines, which are loaded, with VTK, when they are asked for."""
+    if name == "update" or name in _FILTERS:
+        try:
+            from . import filters, pipeline
+        except ImportError as error:
+            raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install \"bigus[vtk]\"") from None
+        return pipeline.update if name == "update" else getattr(filters, name)
+    raise AttributeError(f"module 'bigus' has no attribute {name!r}")
+
+
+def __dir__() -> list:
+    return sorted([*globals(), *_FILTERS, "update"])

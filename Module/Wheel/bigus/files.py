@@ -16,7 +16,7 @@ from .arrays import sweep as sweep_of_arrays
 
 FIELD_EXTENSIONS = (".vtp", ".ply")
 
-_POSES = {
+POSES = {
     "ConfigFileName": "",
     "FromFrame": "Image",
     "ToFrame": "Reference",
@@ -24,7 +24,7 @@ _POSES = {
     "AllowReflectedPoses": False,
 }
 SEQUENCE = {
-    **_POSES,
+    **POSES,
     "ImageFolder": "",
     "ImagePattern": "",
     "PixelRange": 0.0,
@@ -35,8 +35,8 @@ SEQUENCE = {
     "FanRadii": (0.0, 0.0),
     "FanAngles": (-180.0, 180.0),
 }
-_SEQUENCE_OUTPUT = {"FromFrame": "Image", "ToFrame": "Reference", "Compression": True}
-_FIELD_OUTPUT = {"Rounding": False}
+SEQUENCE_OUTPUT = {"FromFrame": "Image", "ToFrame": "Reference", "Compression": True}
+FIELD_OUTPUT = {"Rounding": False}
 
 
 def settings_of(known: dict[str, Any], given: dict[str, Any], what: str) -> dict[str, Any]:
@@ -84,8 +84,7 @@ def read(path: Union[str, os.PathLike], **properties: Any) -> Union[Sweep, Field
     if name.lower().endswith(FIELD_EXTENSIONS):
         if properties:
             raise TypeError(f"a field has no property {next(iter(properties))}")
-        found = _core.read_field(name)
-        return _read_with_vtk(name) if found is None else found
+        return read_field(name)
     settings = settings_of(SEQUENCE, properties, "a sequence")
     found = _core.read_sequence(name, KeepRejectedFrames=False, RequirePoses=True, **settings)
     for caution in found["warnings"]:
@@ -93,8 +92,11 @@ def read(path: Union[str, os.PathLike], **properties: Any) -> Union[Sweep, Field
     return sweep_of_arrays(found["pixels"], found["poses"], found["timestamps"], found["mask"])
 
 
-def _read_with_vtk(name: str) -> Field:
-    """A .vtp in another encoding than ours, by VTK's own reader."""
+def read_field(name: str) -> Field:
+    """A field of a .vtp or .ply, whatever its name; a .vtp in another encoding than ours by VTK's own reader."""
+    found = _core.read_field(name)
+    if found is not None:
+        return found
     try:
         from vtkmodules.util.numpy_support import vtk_to_numpy
         from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
@@ -130,9 +132,9 @@ def write(data: Union[Sweep, Field], path: Union[str, os.PathLike], **properties
     """
     name = os.fspath(path)
     if isinstance(data, Field):
-        _core.write_field(data, name, **settings_of(_FIELD_OUTPUT, properties, "writing a field"))
+        _core.write_field(data, name, **settings_of(FIELD_OUTPUT, properties, "writing a field"))
     elif isinstance(data, Sweep):
-        _core.write_sweep(data, name, **settings_of(_SEQUENCE_OUTPUT, properties, "writing a sweep"))
+        _core.write_sweep(data, name, **settings_of(SEQUENCE_OUTPUT, properties, "writing a sweep"))
     else:
         raise TypeError(f"write takes a bigus.Sweep or a bigus.Field, not {type(data).__name__}")
 
@@ -156,5 +158,5 @@ def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str 
     """
     if world not in ("RAS", "LPS"):
         raise ValueError(f"world is RAS or LPS, not {world!r}")
-    settings = settings_of(_POSES, properties, "read_planes")
+    settings = settings_of(POSES, properties, "read_planes")
     return Planes(**_core.read_planes(os.fspath(path), float(spacing), world == "LPS", **settings))

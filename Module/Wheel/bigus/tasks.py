@@ -246,7 +246,7 @@ class Slicer:
     """A field ready for many slices; it holds the field as it was when the slicer was made.
 
     Engine: "auto" or a name of engines(). ElevationSigma: thickness of every slice, mm; negative: the field's own beam.
-    Tolerance: how much may be left out of a pixel's intensity, at least 0. Several threads may use one slicer.
+    Tolerance: how much may be left out of a pixel's intensity, 0 to 1. Several threads may use one slicer.
     Raises Error for a field or an option that is not sound.
     """
 

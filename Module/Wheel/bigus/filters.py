@@ -1,0 +1,1065 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""VTK's pipeline filters in pure Python, with the names, properties and geometry of the C++ classes. Needs the package vtk.
+
+bigus.vtkBigusReslice and the others come from here when they are asked for. Where the C++ build is installed, its
+wrapped classes have the same names. What each property means stands in the documentation of the C++ class.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import weakref
+from typing import Any, Callable, Optional, Sequence
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonCore import (
+    VTK_FLOAT,
+    VTK_UNSIGNED_CHAR,
+    vtkDoubleArray,
+    vtkIntArray,
+    vtkOutputWindow,
+    vtkStringArray,
+)
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData, vtkTable
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkExecutive, vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+from vtkmodules.vtkImagingCore import vtkImageStencilData
+
+from . import _core
+from .files import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, read_field, write
+from .tasks import Slicer, TrainingInterrupted, train
+from .vtkdata import field_of_polydata, image_of, image_of_sweep, polydata_of_field, sweep_of_image, to_vtk
+
+NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
+SMALLEST_SPACING, LARGEST_SPACING = 1e-6, 1e6  # mm
+LARGEST_INDEX = 10**9  # fits an int; so large an output is refused later
+DEFAULT_DIMENSION = 256  # pixels along the longest side of a field, where no geometry is given
+PIXELS_AT_ONCE = 1 << 22  # between two reports of progress
+
+__all__ = [
+    "vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice", "vtkBigusSequenceReader",
+    "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer",
+]  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Properties and errors, as VTK's classes have them
+
+
+def _properties(**defaults: Any) -> Callable[[type], type]:
+    """Adds Set<Name> and Get<Name> for every name, and <Name>On and <Name>Off for switches; None is an open default."""
+
+    def add(cls: type, name: str, default: Any) -> None:
+        def setter(self: Any, *values: Any) -> None:
+            value = values[0] if len(values) == 1 else values
+            if isinstance(default, tuple):
+                value = tuple(type(default[0])(v) for v in value)
+                if len(value) != len(default):
+                    raise TypeError(f"{name} is {len(default)} numbers, not {len(value)}")
+            elif isinstance(default, bool):
+                value = bool(value)
+            elif isinstance(default, str):
+                value = "" if value is None else os.fspath(value)
+            elif default is not None:
+                value = type(default)(value)
+            if self._values[name] != value:
+                self._values[name] = value
+                self.Modified()
+
+        def getter(self: Any) -> Any:
+            value = self._values[name]
+            return int(value) if isinstance(default, bool) else value
+
+        methods = {"Set" + name: setter, "Get" + name: getter}
+        if isinstance(default, bool):
+            methods[name + "On"] = lambda self: setter(self, True)
+            methods[name + "Off"] = lambda self: setter(self, False)
+        for method, function in methods.items():
+            if method not in cls.__dict__:
+                setattr(cls, method, function)
+
+    def decorate(cls: type) -> type:
+        cls.defaults = {**getattr(cls, "defaults", {}), **defaults}
+        for name, default in defaults.items():
+            add(cls, name, default)
+        return cls
+
+    return decorate
+
+
+def _geometry(name: str, usual: tuple) -> dict[str, Callable]:
+    """The methods of a property that has a default of its own: Set, Get and Set<Name>ToDefault."""
+
+    def setter(self: Any, *values: Any) -> None:
+        value = tuple(type(usual[0])(v) for v in (values[0] if len(values) == 1 else values))
+        if len(value) != len(usual):
+            raise TypeError(f"{name} is {len(usual)} numbers, not {len(value)}")
+        if self._values[name] != value:
+            self._values[name] = value
+            self.Modified()
+
+    def to_default(self: Any) -> None:
+        if self._values[name] is not None:
+            self._values[name] = None
+            self.Modified()
+
+    def getter(self: Any) -> tuple:
+        return usual if self._values[name] is None else self._values[name]
+
+    return {"Set" + name: setter, "Get" + name: getter, f"Set{name}ToDefault": to_default}
+
+
+class _Algorithm(VTKPythonAlgorithmBase):
+    """What all have in common: values of properties, and errors as VTK's own algorithms report them."""
+
+    defaults: dict[str, Any] = {}
+
+    def __init__(self, inputs: Sequence[str], outputs: Sequence[str]):
+        self._values = dict(self.defaults)
+        self._inputs, self._outputs = inputs, outputs
+        self._error_code = NO_ERROR
+        VTKPythonAlgorithmBase.__init__(self, nInputPorts=len(inputs), nOutputPorts=len(outputs))
+
+    def GetClassName(self) -> str:
+        return type(self).__name__
+
+    def GetErrorCode(self) -> int:
+        return self._error_code
+
+    def FillInputPortInformation(self, port: int, info: Any) -> int:
+        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self._inputs[port])
+        return 1
+
+    def FillOutputPortInformation(self, port: int, info: Any) -> int:
+        info.Set(vtkDataObject.DATA_TYPE_NAME(), self._outputs[port])
+        return 1
+
+    def SetInputData(self, *arguments: Any) -> None:
+        """(data) or (port, data)."""
+        self.SetInputDataObject(*arguments)
+
+    def GetOutput(self, port: int = 0) -> Any:
+        return self.GetOutputDataObject(port)
+
+    def GetInput(self) -> Any:
+        return self.GetInputDataObject(0, 0)
+
+    def _report(self, event: str, text: str) -> None:
+        if self.HasObserver(event):
+            self.InvokeEvent(event, text)
+        elif event == "ErrorEvent":
+            vtkOutputWindow.GetInstance().DisplayErrorText(f"ERROR: {self.GetClassName()}: {text}\n")
+        else:
+            vtkOutputWindow.GetInstance().DisplayWarningText(f"Warning: {self.GetClassName()}: {text}\n")
+
+    def _fail(self, error: BaseException) -> int:
+        self._report("ErrorEvent", str(error))
+        self._error_code = USER_ERROR
+        return 0
+
+    def _go_on(self, fraction: float, text: Optional[str] = None) -> bool:
+        """Reports progress; False when the algorithm was asked to stop."""
+        if text is not None:
+            self.SetProgressText(text)
+        self.UpdateProgress(fraction)
+        return not self.GetAbortExecute()
+
+
+def _extent(info: Any, key: Any) -> tuple:
+    return tuple(info.Get(key, k) for k in range(6))
+
+
+def _want_all(inputs: Any) -> None:
+    """Asks the connections of a port for whole images."""
+    pipeline = vtkStreamingDemandDrivenPipeline
+    for k in range(inputs.GetNumberOfInformationObjects()):
+        info = inputs.GetInformationObject(k)
+        if info.Has(pipeline.WHOLE_EXTENT()):
+            info.Set(pipeline.UPDATE_EXTENT(), _extent(info, pipeline.WHOLE_EXTENT()), 6)
+
+
+def _matrix(matrix: Optional[vtkMatrix4x4]) -> np.ndarray:
+    if matrix is None:
+        return np.eye(4)
+    return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Readers and writers
+
+
+class _Source(_Algorithm):
+    """A reader: the file is read once, when information is asked for."""
+
+    def __init__(self, output: str):
+        super().__init__((), (output,))
+        self._time, self._data = 0, None
+
+    def _load(self) -> int:
+        if self._data is not None and self._time == self.GetMTime():
+            return 1
+        self._error_code = NO_ERROR
+        self._data = None
+        try:
+            if not self._values["FileName"]:
+                raise _core.Error("FileName is not set")
+            self._data = self._read(self._values["FileName"])
+        except Exception as error:
+            return self._fail(error)
+        self._time = self.GetMTime()
+        return 1
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output = vtkDataObject.GetData(outputs, 0)
+        output.Initialize()
+        if not self._load():
+            return 0
+        output.ShallowCopy(self._data)
+        return 1
+
+
+@_properties(FileName="")
+class vtkBigusFieldReader(_Source):
+    """Reads a Gaussian field (.vtp, .ply) as vtkPolyData."""
+
+    def __init__(self) -> None:
+        super().__init__("vtkPolyData")
+
+    def _read(self, name: str) -> vtkPolyData:
+        return polydata_of_field(read_field(name))
+
+
+@_properties(FileName="", **SEQUENCE, KeepRejectedFrames=False, RequirePoses=True)
+class vtkBigusSequenceReader(_Source):
+    """Reads a tracked sweep as an image stack (x, y, frame); field data say where its frames lie.
+
+    ImageToReference [16, row-major], Status, SourceFrame, Timestamp where every frame has one, and Mask. Pixels keep the
+    file's type. The whole file is read when information is asked for.
+    """
+
+    CLIP_NONE, CLIP_RECTANGLE, CLIP_FAN = range(3)
+
+    def __init__(self) -> None:
+        super().__init__("vtkImageData")
+        self._found: dict[str, Any] = {}
+
+    def _read(self, name: str) -> vtkImageData:
+        self._found = {}
+        settings = {key: value for key, value in self._values.items() if key != "FileName"}
+        found = _core.read_sequence(name, **settings)
+        image = image_of(found["pixels"])
+        data = image.GetFieldData()
+        if found["poses"] is not None:
+            data.AddArray(to_vtk(found["poses"].reshape(-1, 16), "ImageToReference"))
+        data.AddArray(to_vtk(found["status"], "Status"))
+        data.AddArray(to_vtk(found["source_frames"], "SourceFrame"))
+        if found["timestamps"] is not None:
+            data.AddArray(to_vtk(found["timestamps"], "Timestamp"))
+        if found["mask"] is not None:
+            data.AddArray(to_vtk(found["mask"].ravel(), "Mask"))
+        for caution in found["warnings"]:
+            self._report("WarningEvent", caution)
+        self._found = found
+        return image
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        if not self._load():
+            return 0
+        info = outputs.GetInformationObject(0)
+        info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), self._data.GetExtent(), 6)
+        info.Set(vtkDataObject.SPACING(), (1.0, 1.0, 1.0), 3)
+        info.Set(vtkDataObject.ORIGIN(), (0.0, 0.0, 0.0), 3)
+        scalars = self._data.GetPointData().GetScalars()
+        vtkDataObject.SetPointDataActiveScalarInfo(info, scalars.GetDataType(), 1)
+        return 1
+
+    def CanReadFile(self, name: str) -> int:
+        return int(_core.looks_like_sequence(os.fspath(name), not self._values["RequirePoses"]))
+
+    def GetNumberOfFramesInFile(self) -> int:
+        return self._found.get("frames_in_file", 0)
+
+    def GetNumberOfAcceptedFrames(self) -> int:
+        return self._found.get("accepted_frames", 0)
+
+    def GetNumberOfRejectedFrames(self) -> int:
+        return self.GetNumberOfFramesInFile() - self.GetNumberOfAcceptedFrames()
+
+    def GetNumberOfRejectionReasons(self) -> int:
+        return len(self._found.get("rejections", ()))
+
+    def GetRejectionReason(self, index: int) -> str:
+        return self._found["rejections"][index][0]
+
+    def GetRejectionCount(self, index: int) -> int:
+        return len(self._found["rejections"][index][1])
+
+    def GetRejectionSummary(self) -> str:
+        return self._found.get("rejection_summary", "")
+
+    def GetNumberOfTransforms(self) -> int:
+        return len(self._found.get("transforms", ()))
+
+    def GetTransformName(self, index: int) -> str:
+        return self._found["transforms"][index][0]
+
+    def GetTransformSource(self, index: int) -> str:
+        return self._found["transforms"][index][1]
+
+    def GetTransformChain(self) -> str:
+        return self._found.get("transform_chain", "")
+
+    def GetFormat(self) -> str:
+        return self._found.get("format", "")
+
+    def GetEncoding(self) -> str:
+        return self._found.get("encoding", "raw")
+
+    def GetElementType(self) -> str:
+        return self._found.get("element_type", "")
+
+    def GetOrientation(self) -> str:
+        return self._found.get("orientation", "")
+
+    def GetUsedPixelRange(self) -> float:
+        return self._found.get("used_pixel_range", 0.0)
+
+    def SetClipModeToNone(self) -> None:
+        self.SetClipMode(self.CLIP_NONE)
+
+    def SetClipModeToRectangle(self) -> None:
+        self.SetClipMode(self.CLIP_RECTANGLE)
+
+    def SetClipModeToFan(self) -> None:
+        self.SetClipMode(self.CLIP_FAN)
+
+
+class _Writer(_Algorithm):
+    def __init__(self, kind: str):
+        super().__init__((kind,), ())
+
+    def Write(self) -> int:
+        """1 when the file has been written; else 0, with an error, and no file is left behind."""
+        self._error_code = NO_ERROR
+        try:
+            if not self._values["FileName"]:
+                raise _core.Error("FileName is not set")
+            if self.GetNumberOfInputConnections(0):
+                producer = self.GetInputConnection(0, 0)
+                producer.GetProducer().Update(producer.GetIndex())
+            settings = {key: value for key, value in self._values.items() if key != "FileName"}
+            self._write(self.GetInput(), self._values["FileName"], settings)
+        except Exception as error:
+            return self._fail(error)
+        return 1
+
+
+@_properties(FileName="", **FIELD_OUTPUT)
+class vtkBigusFieldWriter(_Writer):
+    """Writes a field to .vtp (exact) or .ply (for viewers of splats)."""
+
+    def __init__(self) -> None:
+        super().__init__("vtkPolyData")
+
+    def _write(self, data: Any, name: str, settings: dict[str, Any]) -> None:
+        write(field_of_polydata(data), name, **settings)
+
+
+@_properties(FileName="", **SEQUENCE_OUTPUT)
+class vtkBigusSequenceWriter(_Writer):
+    """Writes a sweep to .igs.mha; rejected frames (Status 0) are left out."""
+
+    def __init__(self) -> None:
+        super().__init__("vtkImageData")
+
+    def _write(self, data: Any, name: str, settings: dict[str, Any]) -> None:
+        write(sweep_of_image(data)[0], name, **settings)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Images of a field
+
+
+def _field_grid(field: Any, axes: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(spacing, origin, dimensions) of cubic voxels along `axes` that hold every Gaussian to 3 standard deviations."""
+    if len(field) == 0:
+        return np.ones(3), np.zeros(3), np.ones(3, dtype=int)
+    to_grid = np.linalg.inv(axes)
+    w, x, y, z = (field.rotations / np.linalg.norm(field.rotations, axis=1, keepdims=True)).T
+    rotation = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+    reach = 3 * np.sqrt(((np.einsum("ij,jkn->nik", to_grid, rotation) * field.scales[:, None, :]) ** 2).sum(axis=2))
+    centres = field.centers @ to_grid.T
+    low, high = (centres - reach).min(axis=0), (centres + reach).max(axis=0)
+    spacing = min(max((high - low).max() / (dimension - 1), SMALLEST_SPACING), LARGEST_SPACING)
+    steps = np.minimum(np.floor((high - low) / spacing + 0.5), LARGEST_INDEX)
+    return np.full(3, spacing), 0.5 * (low + high) - 0.5 * spacing * steps, steps.astype(int) + 1
+
+
+@_properties(OutputMode=0, OutputScalarType=VTK_FLOAT, ElevationSigma=-1.0, Tolerance=1e-4, MaximumOutputPixels=1 << 29,
+             Engine="auto")
+class vtkBigusFieldToImage(_Algorithm):
+    """What filters share that render a field: OutputSpacing, OutputOrigin, OutputMode, Engine and more."""
+
+    Intensity, ScatteringField = 0, 1
+    defaults_of_geometry = {"OutputSpacing": None, "OutputOrigin": None}
+
+    def __init__(self, outputs: Sequence[str]):
+        super().__init__(("vtkPolyData",), outputs)
+        self._values.update(self.defaults_of_geometry)
+        self._field, self._field_time = None, 0
+        self._slicer, self._slicer_key = None, None
+
+    for _name, _usual in (("OutputSpacing", (1.0,) * 3), ("OutputOrigin", (0.0,) * 3)):
+        locals().update(_geometry(_name, _usual))
+
+    def SetOutputModeToIntensity(self) -> None:
+        self.SetOutputMode(self.Intensity)
+
+    def SetOutputModeToScatteringField(self) -> None:
+        self.SetOutputMode(self.ScatteringField)
+
+    def SetOutputScalarTypeToFloat(self) -> None:
+        self.SetOutputScalarType(VTK_FLOAT)
+
+    def SetOutputScalarTypeToUnsignedChar(self) -> None:
+        self.SetOutputScalarType(VTK_UNSIGNED_CHAR)
+
+    def GetDevice(self) -> str:
+        return self._slicer.device if self._slicer else ""
+
+    def _load_field(self, polydata: Any) -> Any:
+        time = polydata.GetMTime() if polydata is not None else 0
+        if self._field is None or self._field_time != time:
+            self._field, self._slicer = None, None
+            self._field = field_of_polydata(polydata)
+            self._field_time = time
+        return self._field
+
+    def _updated_field(self) -> Any:
+        if self.GetNumberOfInputConnections(0):
+            producer = self.GetInputConnection(0, 0)
+            producer.GetProducer().Update(producer.GetIndex())
+        return self._load_field(self.GetInput())
+
+    def _check_grid(self, spacing: np.ndarray, origin: np.ndarray) -> None:
+        for axis in range(3):
+            if not SMALLEST_SPACING <= abs(spacing[axis]) <= LARGEST_SPACING:
+                raise _core.Error(f"OutputSpacing along axis {axis} is {spacing[axis]:f} mm; it must lie between 1e-6 and "
+                                  "1e6 mm.")
+            if not math.isfinite(origin[axis]):
+                raise _core.Error(f"OutputOrigin along axis {axis} is not finite.")
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        self._error_code = NO_ERROR
+        try:
+            self._check_grid(self.GetOutputSpacing(), self.GetOutputOrigin())
+            spacing, origin, extent = self._grid()
+            kind = self._values["OutputScalarType"]
+            if kind not in (VTK_FLOAT, VTK_UNSIGNED_CHAR):
+                raise _core.Error(f"OutputScalarType is {kind}; float and unsigned char are possible.")
+            if self._values["OutputMode"] == self.ScatteringField and kind != VTK_FLOAT:
+                raise _core.Error("The scattering field is signed and unbounded; set OutputScalarType to float.")
+        except Exception as error:
+            return self._fail(error)
+        for port in range(outputs.GetNumberOfInformationObjects()):
+            info = outputs.GetInformationObject(port)
+            info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), tuple(int(e) for e in extent), 6)
+            info.Set(vtkDataObject.SPACING(), tuple(float(s) for s in spacing), 3)
+            info.Set(vtkDataObject.ORIGIN(), tuple(float(o) for o in origin), 3)
+            info.Set(vtkAlgorithm.CAN_PRODUCE_SUB_EXTENT(), 1)
+        vtkDataObject.SetPointDataActiveScalarInfo(outputs.GetInformationObject(0), kind, 1)
+        return 1
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        pipeline = vtkStreamingDemandDrivenPipeline
+        count = outputs.GetNumberOfInformationObjects()
+        for port in range(count):
+            vtkDataObject.GetData(outputs, port).Initialize()
+        self._error_code = NO_ERROR
+        try:
+            infos = [outputs.GetInformationObject(port) for port in range(count)]
+            whole = _extent(infos[0], pipeline.WHOLE_EXTENT())
+            # What the asking port wants with what the consumers of the others want, so that a filter connected to two
+            # outputs finds both.
+            asking = max(0, request.Get(vtkExecutive.FROM_OUTPUT_PORT()))
+            wanted = [_extent(info, pipeline.UPDATE_EXTENT()) for port, info in enumerate(infos)
+                      if port == asking or vtkExecutive.CONSUMERS().Length(info) > 0]
+            wanted = [w for w in wanted if all(w[2 * a] <= w[2 * a + 1] for a in range(3))]
+            if not wanted:
+                return 1
+            extent = [(max(min(w[k] for w in wanted), whole[k]) if k % 2 == 0 else min(max(w[k] for w in wanted), whole[k]))
+                      for k in range(6)]
+            sizes = [extent[2 * axis + 1] - extent[2 * axis] + 1 for axis in range(3)]
+            if math.prod(sizes) > self._values["MaximumOutputPixels"]:
+                raise _core.Error(
+                    f"The output asked for is {sizes[0]} x {sizes[1]} x {sizes[2]} pixels, more than MaximumOutputPixels "
+                    f"({self._values['MaximumOutputPixels']}). Make it smaller or its spacing larger, or stream it in pieces.")
+            self._load_field(vtkDataObject.GetData(inputs[0], 0))
+            key = tuple(self._values[name] for name in ("Engine", "ElevationSigma", "Tolerance"))
+            if self._slicer is None or self._slicer_key != key:
+                self._slicer, self._slicer_key = Slicer(self._field, *key), key
+            spacing = [infos[0].Get(vtkDataObject.SPACING(), k) for k in range(3)]
+            origin = [infos[0].Get(vtkDataObject.ORIGIN(), k) for k in range(3)]
+            self._render(outputs, whole, extent, spacing, origin)
+        except Exception as error:
+            for port in range(count):
+                vtkDataObject.GetData(outputs, port).Initialize()
+            return self._fail(error)
+        return 1
+
+    def _image(self, outputs: Any, port: int, pixels: np.ndarray, name: str, extent: Sequence[int],
+               spacing: Sequence[float], origin: Sequence[float]) -> vtkImageData:
+        image = vtkDataObject.GetData(outputs, port)
+        image.SetExtent(*extent)
+        image.SetSpacing(*spacing)
+        image.SetOrigin(*origin)
+        image.GetPointData().SetScalars(to_vtk(pixels.reshape(-1), name))
+        return image
+
+    def _planes(self, index_to_world: np.ndarray, whole: Sequence[int], extent: Sequence[int], offset: float) -> np.ndarray:
+        """[n, 4, 4] of the slices of an extent, moved so many steps along the third axis; they begin at the whole's
+        first pixel, so that any part of the output has the same bits."""
+        planes = []
+        for k in range(extent[4], extent[5] + 1):
+            plane = index_to_world.copy()
+            plane[:, 3] = index_to_world @ (whole[0], whole[2], k + offset, 1.0)
+            planes.append(plane)
+        return np.array(planes)
+
+    def _slices(self, index_to_world: np.ndarray, whole: Sequence[int], extent: Sequence[int], slab: tuple, coverage: bool
+                ) -> Optional[tuple[np.ndarray, Optional[np.ndarray]]]:
+        """Images and coverage of an extent, [depth, height, width]; None when the algorithm was asked to stop."""
+        number, fraction, mode, trapezoid = slab
+        width, height = whole[1] - whole[0] + 1, whole[3] - whole[2] + 1
+        rows = slice(extent[2] - whole[2], extent[3] - whole[2] + 1)
+        columns = slice(extent[0] - whole[0], extent[1] - whole[0] + 1)
+        scattering = self._values["OutputMode"] == self.ScatteringField
+        images, seen = [], []
+        step = max(1, PIXELS_AT_ONCE // (width * height))
+        for first in range(extent[4], extent[5] + 1, step):
+            part = (*extent[:4], first, min(first + step - 1, extent[5]))
+            joined = covered = None
+            for i in range(number):
+                planes = self._planes(index_to_world, whole, part, (i - 0.5 * (number - 1)) * fraction)
+                image, weights = self._slicer._render(planes, (width, height), None, scattering, coverage)
+                image = image[:, rows, columns]
+                if number > 1 and mode >= 2:  # the mean, and the sum
+                    share = 1.0 if mode == 3 else 1.0 / (number - trapezoid)
+                    image = image * np.float32(share * (0.5 if trapezoid and i in (0, number - 1) else 1.0))
+                join = (np.minimum, np.maximum, np.add, np.add)[mode]
+                joined = image if joined is None else join(joined, image)
+                if coverage:
+                    weights = weights[:, rows, columns]
+                    covered = weights if covered is None else np.maximum(covered, weights)
+            images.append(joined)
+            seen.append(covered)
+            if not self._go_on((part[5] - extent[4] + 1) / (extent[5] - extent[4] + 1)):
+                return None
+        return np.concatenate(images), np.concatenate(seen) if coverage else None
+
+    def _pixels(self, image: np.ndarray) -> np.ndarray:
+        if self._values["OutputScalarType"] == VTK_UNSIGNED_CHAR:
+            return np.clip(np.float32(255) * image + np.float32(0.5), 0, 255).astype(np.uint8)
+        return image
+
+    def _name(self) -> str:
+        return "ScatteringField" if self._values["OutputMode"] == self.ScatteringField else "Intensity"
+
+
+@_properties(OutputDirection=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), MaximumDimension=256, ElevationSigma=0.0)
+class vtkBigusVoxelizer(vtkBigusFieldToImage):
+    """A volume of a field: voxels along OutputDirection, by default over the whole field, thin (ElevationSigma 0)."""
+
+    defaults_of_geometry = {**vtkBigusFieldToImage.defaults_of_geometry, "OutputDimensions": None}
+    locals().update(_geometry("OutputDimensions", (1, 1, 1)))
+
+    def __init__(self) -> None:
+        super().__init__(("vtkImageData",))
+
+    def _direction(self) -> np.ndarray:
+        return np.array(self._values["OutputDirection"]).reshape(3, 3)
+
+    def _grid(self) -> tuple[np.ndarray, np.ndarray, list[int]]:
+        direction = self._direction()
+        if not (np.abs(np.linalg.norm(direction, axis=0) - 1).max() < 1e-6 and abs(np.linalg.det(direction)) > 1e-3):
+            raise _core.Error("OutputDirection must be a 3 x 3 matrix whose columns are unit vectors that span space.")
+        spacing, origin, dimensions = (self._values[n] for n in ("OutputSpacing", "OutputOrigin", "OutputDimensions"))
+        if spacing is None or origin is None or dimensions is None:
+            # What was set replaces its part of the grid over the field, the rest keeps to its bounds.
+            grid_spacing, grid_origin, grid_dimensions = _field_grid(
+                self._updated_field(), direction, min(max(self._values["MaximumDimension"], 2), 4096))
+            size = grid_spacing * (grid_dimensions - 1)
+            centre = grid_origin + 0.5 * size
+            if spacing is None:
+                spacing = np.array(grid_spacing)
+                for axis in range(3) if dimensions is not None else ():
+                    if dimensions[axis] > 1 and size[axis] > 0:
+                        spacing[axis] = size[axis] / (dimensions[axis] - 1)
+            spacing = np.array(spacing, dtype=float)
+            if dimensions is None:
+                low = grid_origin if origin is None else np.linalg.inv(direction) @ np.array(origin)
+                steps = (grid_origin + size - low) / np.abs(spacing)
+                dimensions = np.clip(np.floor(steps + 0.5), 0, LARGEST_INDEX).astype(int) + 1
+            if origin is None:
+                origin = direction @ (centre - 0.5 * spacing * (np.array(dimensions) - 1))
+        if min(dimensions) < 1:
+            raise _core.Error(f"OutputDimensions are {dimensions[0]} x {dimensions[1]} x {dimensions[2]}; each must be at "
+                              "least 1.")
+        return np.array(spacing), np.array(origin), [0, dimensions[0] - 1, 0, dimensions[1] - 1, 0, dimensions[2] - 1]
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        outputs.GetInformationObject(0).Set(vtkDataObject.DIRECTION(), self._values["OutputDirection"], 9)
+        return super().RequestInformation(request, inputs, outputs)
+
+    def _render(self, outputs: Any, whole: Sequence[int], extent: Sequence[int], spacing: Sequence[float],
+                origin: Sequence[float]) -> None:
+        index_to_world = np.eye(4)
+        index_to_world[:3, :3] = self._direction() @ np.diag(spacing)
+        index_to_world[:3, 3] = origin
+        found = self._slices(index_to_world, whole, extent, (1, 1.0, 2, False), False)
+        if found is not None:
+            image = self._image(outputs, 0, self._pixels(found[0]), self._name(), extent, spacing, origin)
+            image.SetDirectionMatrix(self._values["OutputDirection"])
+
+
+@_properties(OutputDimensionality=3, TransformInputSampling=True, AutoCropOutput=False, SlabNumberOfSlices=1, SlabMode=2,
+             SlabSliceSpacingFraction=1.0, SlabTrapezoidIntegration=False, CoverageThreshold=0.0, BackgroundLevel=0.0,
+             GenerateCoverageOutput=True, GenerateStencilOutput=False)
+class vtkBigusReslice(vtkBigusFieldToImage):
+    """The image that a field predicts at any plane, placed as in vtkImageReslice.
+
+    For an output index (i, j, k) its place in the field's frame, mm, is
+    ResliceTransform(ResliceAxes (OutputOrigin + OutputSpacing (i, j, k))).
+
+    Output 0 is the image, 1 the coverage, 2 a stencil of the pixels with coverage above CoverageThreshold (where
+    GenerateStencilOutput is on), 3 the distance to the nearest of RecordedFrames (where they are set), mm.
+    """
+
+    defaults_of_geometry = {**vtkBigusFieldToImage.defaults_of_geometry, "OutputExtent": None}
+    locals().update(_geometry("OutputExtent", (0,) * 6))
+    _PARTS = ("ResliceAxes", "ResliceTransform", "InformationInput", "RecordedFrames")
+
+    def __init__(self) -> None:
+        super().__init__(("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData"))
+        self.GetExecutive().SetOutputData(2, vtkImageStencilData())  # VTK's executive cannot make stencils by name
+        self._parts: dict[str, Any] = dict.fromkeys(self._PARTS)
+        self._tags: dict[str, int] = {}
+        self._recorded, self._recorded_time = None, 0
+
+    def _set_part(self, name: str, part: Any) -> None:
+        """Keeps an object by reference: a change to it is seen at the next update."""
+        old = self._parts[name]
+        if old is part:
+            return
+        if old is not None:
+            old.RemoveObserver(self._tags.pop(name))
+        self._parts[name] = part
+        if part is not None:
+            me = weakref.ref(self)
+
+            def changed(caller: Any, event: str) -> None:
+                if me() is not None:
+                    me().Modified()
+
+            self._tags[name] = part.AddObserver("ModifiedEvent", changed)
+        self.Modified()
+
+    def SetResliceAxes(self, axes: Optional[vtkMatrix4x4]) -> None:
+        self._set_part("ResliceAxes", axes)
+
+    def GetResliceAxes(self) -> Optional[vtkMatrix4x4]:
+        return self._parts["ResliceAxes"]
+
+    def SetResliceTransform(self, transform: Any) -> None:
+        self._set_part("ResliceTransform", transform)
+
+    def GetResliceTransform(self) -> Any:
+        return self._parts["ResliceTransform"]
+
+    def SetInformationInput(self, image: Optional[vtkImageData]) -> None:
+        self._set_part("InformationInput", image)
+
+    def GetInformationInput(self) -> Optional[vtkImageData]:
+        return self._parts["InformationInput"]
+
+    def SetRecordedFrames(self, sweep: Optional[vtkImageData]) -> None:
+        self._set_part("RecordedFrames", sweep)
+
+    def GetRecordedFrames(self) -> Optional[vtkImageData]:
+        return self._parts["RecordedFrames"]
+
+    def _own_axes(self) -> vtkMatrix4x4:
+        if self.GetResliceAxes() is None:
+            self.SetResliceAxes(vtkMatrix4x4())
+        return self.GetResliceAxes()
+
+    def SetResliceAxesDirectionCosines(self, *cosines: Any) -> None:
+        """Nine numbers, or three vectors, or a sequence of nine: the x, y and z axes of the output."""
+        columns = np.array(cosines, dtype=float).reshape(3, 3)
+        axes = self._own_axes()
+        for column in range(3):
+            for row in range(3):
+                axes.SetElement(row, column, columns[column, row])
+            axes.SetElement(3, column, 0)
+
+    def GetResliceAxesDirectionCosines(self, cosines: list) -> None:
+        """Fills the nine numbers of a list."""
+        cosines[:] = _matrix(self.GetResliceAxes())[:3, :3].T.ravel().tolist()
+
+    def SetResliceAxesOrigin(self, *origin: Any) -> None:
+        axes = self._own_axes()
+        for row, value in enumerate(origin[0] if len(origin) == 1 else origin):
+            axes.SetElement(row, 3, value)
+        axes.SetElement(3, 3, 1)
+
+    def GetResliceAxesOrigin(self, origin: list) -> None:
+        """Fills the three numbers of a list."""
+        origin[:] = _matrix(self.GetResliceAxes())[:3, 3].tolist()
+
+    def SetOutputToFrame(self, axes: vtkMatrix4x4, width: int, height: int) -> None:
+        """Makes the output the image of a tracked frame: pixel (i, j) lies at axes (i, j, 0, 1), mm."""
+        self.SetResliceAxes(axes)
+        self.SetOutputSpacing(1, 1, 1)
+        self.SetOutputOrigin(0, 0, 0)
+        self.SetOutputExtent(0, width - 1, 0, height - 1, 0, 0)
+        self.SetOutputDimensionality(2)
+
+    def SetSlabModeToMin(self) -> None:
+        self.SetSlabMode(0)
+
+    def SetSlabModeToMax(self) -> None:
+        self.SetSlabMode(1)
+
+    def SetSlabModeToMean(self) -> None:
+        self.SetSlabMode(2)
+
+    def SetSlabModeToSum(self) -> None:
+        self.SetSlabMode(3)
+
+    def GetCoverageOutput(self) -> vtkImageData:
+        return self.GetOutputDataObject(1)
+
+    def GetCoverageOutputPort(self) -> Any:
+        return self.GetOutputPort(1)
+
+    def GetStencilOutput(self) -> vtkImageStencilData:
+        return self.GetOutputDataObject(2)
+
+    def GetStencilOutputPort(self) -> Any:
+        return self.GetOutputPort(2)
+
+    def GetDistanceOutput(self) -> vtkImageData:
+        return self.GetOutputDataObject(3)
+
+    def GetDistanceOutputPort(self) -> Any:
+        return self.GetOutputPort(3)
+
+    def _output_to_world(self) -> np.ndarray:
+        matrix, transform = _matrix(self.GetResliceAxes()), self.GetResliceTransform()
+        if transform is not None:
+            if not transform.IsA("vtkHomogeneousTransform"):
+                raise _core.Error(f"ResliceTransform is a {transform.GetClassName()}, which may bend planes; give a linear "
+                                  "transform, for example a vtkTransform.")
+            transform.Update()
+            matrix = _matrix(transform.GetMatrix()) @ matrix
+        if not np.isfinite(matrix).all():
+            raise _core.Error("ResliceAxes or ResliceTransform holds a value that is not finite.")
+        if matrix[3, 3] == 0 or np.abs(matrix[3, :3]).max() > 1e-12 * abs(matrix[3, 3]):
+            raise _core.Error("ResliceAxes and ResliceTransform together are perspective (their last row is not 0 0 0 1); "
+                              "a slice must stay evenly spaced.")
+        return matrix / matrix[3, 3]
+
+    def _grid(self) -> tuple[np.ndarray, np.ndarray, list[int]]:
+        given = [self._values[name] for name in ("OutputSpacing", "OutputOrigin", "OutputExtent")]
+        spacing, origin = np.array(self.GetOutputSpacing(), float), np.array(self.GetOutputOrigin(), float)
+        extent = list(self.GetOutputExtent())
+        if None in given:
+            information = self.GetInformationInput()
+            if information is not None:
+                step, start = np.array(information.GetSpacing()), np.array(information.GetOrigin())
+                limits = np.array(information.GetExtent(), float).reshape(3, 2)
+            else:
+                step, start, size = _field_grid(self._updated_field(), np.eye(3), DEFAULT_DIMENSION)
+                limits = np.array([(0.0, n - 1) for n in size])
+            # The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with the
+            # squares of the direction cosines as weights, and the centre is kept.
+            axes = _matrix(self.GetResliceAxes())
+            turn = axes if self._values["TransformInputSampling"] else np.eye(4)
+            try:
+                np.linalg.inv(axes)
+                centre = np.linalg.inv(turn) @ np.append(start + limits.mean(axis=1) * step, 1.0)
+            except np.linalg.LinAlgError:
+                raise _core.Error("ResliceAxes cannot be inverted, so there is no default output geometry; set "
+                                  "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.") from None
+            crop = self._values["AutoCropOutput"]
+            if crop:
+                to_output = np.linalg.inv(self._output_to_world())
+                corners = np.array([[start[j] + limits[j, corner >> j & 1] * step[j] for j in range(3)] + [1.0]
+                                    for corner in range(8)]) @ to_output.T
+                low, high = corners[:, :3].min(axis=0), corners[:, :3].max(axis=0)
+            for i in range(3):
+                weight = turn[:3, i] ** 2
+                total = weight.sum()
+                length = (weight * (limits[:, 1] - limits[:, 0]) * np.abs(step)).sum() / (total * math.sqrt(total))
+                length = high[i] - low[i] if crop else length
+                if given[0] is None:
+                    spacing[i] = (weight * np.abs(step)).sum() / total
+                if given[2] is None:
+                    first = min(max((weight * limits[:, 0]).sum() / total, -LARGEST_INDEX), LARGEST_INDEX)
+                    extent[2 * i] = math.floor(first + 0.5)
+                    extent[2 * i + 1] = math.floor(extent[2 * i] + min(abs(length / spacing[i]), LARGEST_INDEX) + 0.5)
+                if given[1] is None:
+                    origin[i] = (low[i] - extent[2 * i] * spacing[i] if crop
+                                 else centre[i] - 0.5 * (extent[2 * i] + extent[2 * i + 1]) * spacing[i])
+        for axis in range(self._values["OutputDimensionality"], 3):
+            extent[2 * axis] = extent[2 * axis + 1] = 0
+            origin[axis] = 0
+        return spacing, origin, extent
+
+    def _fills_background(self) -> bool:
+        return self._values["BackgroundLevel"] != 0 or self._values["CoverageThreshold"] > 0
+
+    def _render(self, outputs: Any, whole: Sequence[int], extent: Sequence[int], spacing: Sequence[float],
+                origin: Sequence[float]) -> None:
+        values = self._values
+        if not values["CoverageThreshold"] >= 0:
+            raise _core.Error(f"CoverageThreshold is {values['CoverageThreshold']}; it must be at least 0.")
+        index_to_world = self._output_to_world() @ np.array(
+            [[spacing[0], 0, 0, origin[0]], [0, spacing[1], 0, origin[1]], [0, 0, spacing[2], origin[2]], [0, 0, 0, 1.0]])
+        slab = (values["SlabNumberOfSlices"], values["SlabSliceSpacingFraction"], values["SlabMode"],
+                values["SlabTrapezoidIntegration"])
+        needs_coverage = self._fills_background() or values["GenerateCoverageOutput"] or values["GenerateStencilOutput"]
+        found = self._slices(index_to_world, whole, extent, slab, needs_coverage)
+        if found is None:
+            return
+        image, coverage = found
+        if self._fills_background():
+            level = values["BackgroundLevel"] / (255 if values["OutputScalarType"] == VTK_UNSIGNED_CHAR else 1)
+            image = np.where(coverage > np.float32(values["CoverageThreshold"]), image, np.float32(level))
+        place = (extent, spacing, origin)
+        self._image(outputs, 0, self._pixels(image), self._name(), *place)
+        if values["GenerateCoverageOutput"]:
+            self._image(outputs, 1, coverage, "Coverage", *place)
+        if values["GenerateStencilOutput"]:
+            self._fill_stencil(vtkDataObject.GetData(outputs, 2), coverage > np.float32(values["CoverageThreshold"]), *place)
+        if self.GetRecordedFrames() is not None:
+            self._image(outputs, 3, self._distance(index_to_world, extent), "Distance", *place)
+
+    def _fill_stencil(self, stencil: vtkImageStencilData, seen: np.ndarray, extent: Sequence[int],
+                      spacing: Sequence[float], origin: Sequence[float]) -> None:
+        stencil.SetOrigin(*origin)
+        stencil.SetSpacing(*spacing)
+        stencil.SetExtent(*extent)
+        stencil.AllocateExtents()
+        for z, plane in enumerate(seen):
+            for y, row in enumerate(plane):
+                edges = np.flatnonzero(np.diff(np.concatenate(([0], row.astype(np.int8), [0]))))
+                for begin, end in edges.reshape(-1, 2):
+                    stencil.InsertNextExtent(int(extent[0] + begin), int(extent[0] + end - 1), extent[2] + y, extent[4] + z)
+
+    def _distance(self, index_to_world: np.ndarray, extent: Sequence[int]) -> np.ndarray:
+        frames = self.GetRecordedFrames()
+        if self._recorded is None or self._recorded_time != frames.GetMTime():
+            self._recorded = sweep_of_image(frames)[0]
+            self._recorded_time = frames.GetMTime()
+        every = list(range(len(self._recorded)))
+        width, height = extent[1] - extent[0] + 1, extent[3] - extent[2] + 1
+        planes = self._planes(index_to_world, extent, extent, 0.0)
+        return np.array([_core.distances(self._recorded, every, plane, width, height) for plane in planes])
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Training
+
+
+class vtkBigusTrainer(_Algorithm):
+    """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
+
+    Every option of bigus.train is a property: SetHoldOut(8), AutomaticOff(), SetEngine("cpu"). A negative number leaves
+    an open choice open. Input 1 may be a field to continue from.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(("vtkImageData", "vtkPolyData"), ("vtkPolyData", "vtkTable"))
+        self._known = {option["name"]: option for option in _core.options()}
+        self._options = {name: option["default"] for name, option in self._known.items()}
+        self._forget()
+
+    def _forget(self) -> None:
+        self._result: Any = None
+        self._frames: dict[str, vtkIntArray] = {}
+        for name in ("TrainingFrames", "ValidationFrames", "HeldOutFrames"):
+            self._frames[name] = vtkIntArray()
+            self._frames[name].SetName(name)
+        self._decisions = _table({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
+        self._poses = vtkDoubleArray()
+
+    def __getattr__(self, name: str) -> Any:
+        known = self.__dict__.get("_known", {})
+        if name[:3] in ("Set", "Get") and name[3:] in known:
+            option = name[3:]
+            return (lambda value: self._set(option, value)) if name[0] == "S" else (lambda: self._get(option))
+        for ending, text in (("On", "on"), ("Off", "off")):
+            if name.endswith(ending) and known.get(name[: -len(ending)], {}).get("values") == "on|off":
+                return lambda: self.SetOption(name[: -len(ending)], text)
+        raise AttributeError(f"vtkBigusTrainer has no {name}")
+
+    def _set(self, name: str, value: Any) -> None:
+        option = self._known[name]
+        if isinstance(value, str) or value is None:
+            text = value or ""
+        elif option["open"] and value < 0:
+            text = "auto"
+        elif option["values"] == "on|off" and value in (0, 1):
+            text = "on" if value else "off"
+        else:
+            text = _core.number_text(float(value))
+        self.SetOption(name, text)
+
+    def _get(self, name: str) -> Any:
+        text, values = self._options[name], self._known[name]["values"]
+        if values == "on|off":
+            return int(text == "on")
+        if not values[:1].isdigit():
+            return text
+        number = -1.0 if text == "auto" else float(text)
+        return int(number) if number.is_integer() else number
+
+    def SetOption(self, name: str, value: str) -> None:
+        if name not in self._known:
+            self._report("ErrorEvent", f"There is no option '{name}'.")
+            return
+        text = value or self._known[name]["default"]
+        if self._options[name] != text:
+            self._options[name] = text
+            self.Modified()
+
+    def GetOption(self, name: str) -> Optional[str]:
+        return self._options.get(name)
+
+    def GetNumberOfOptions(self) -> int:
+        return len(self._known)
+
+    def GetOptionName(self, index: int) -> Optional[str]:
+        names = list(self._known)
+        return names[index] if 0 <= index < len(names) else None
+
+    def GetSettledOption(self, name: str) -> str:
+        return self._result.options.get(name, "") if self._result else ""
+
+    def SetInitialFieldConnection(self, port: Any) -> None:
+        self.SetInputConnection(1, port)
+
+    def SetInitialFieldData(self, field: Any) -> None:
+        self.SetInputDataObject(1, field)
+
+    def GetIterationsDone(self) -> int:
+        return self._result.iterations if self._result else 0
+
+    def GetSeconds(self) -> float:
+        return self._result.seconds if self._result else 0.0
+
+    def GetDevice(self) -> str:
+        return self._result.device if self._result else ""
+
+    def GetAborted(self) -> bool:
+        return bool(self._result and self._result.aborted)
+
+    def GetTrainingFrames(self) -> vtkIntArray:
+        return self._frames["TrainingFrames"]
+
+    def GetValidationFrames(self) -> vtkIntArray:
+        return self._frames["ValidationFrames"]
+
+    def GetHeldOutFrames(self) -> vtkIntArray:
+        return self._frames["HeldOutFrames"]
+
+    def GetCorrectedPoses(self) -> vtkDoubleArray:
+        return self._poses
+
+    def GetLog(self) -> vtkTable:
+        return self.GetOutputDataObject(1)
+
+    def GetDecisions(self) -> vtkTable:
+        return self._decisions
+
+    def FillInputPortInformation(self, port: int, info: Any) -> int:
+        if port == 1:
+            info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
+        return super().FillInputPortInformation(port, info)
+
+    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
+        for connections in inputs:
+            _want_all(connections)
+        return 1
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output, log = (vtkDataObject.GetData(outputs, port) for port in range(2))
+        output.Initialize()
+        log.Initialize()
+        self._forget()
+        self._error_code = NO_ERROR
+        try:
+            image = vtkDataObject.GetData(inputs[0], 0)
+            sweep, frames = sweep_of_image(image)
+            start = inputs[1].GetNumberOfInformationObjects() and vtkDataObject.GetData(inputs[1], 0)
+            start = field_of_polydata(start) if start else None
+            try:
+                result = train(sweep, self._go_on, start, **self._options)
+            except TrainingInterrupted as interrupt:
+                result = interrupt.training
+            self._result = result
+            self._keep(result, image, frames)
+            provenance = {line.split("=", 1)[0]: line for line in result.field.provenance}
+            for name, array in self._frames.items():
+                key = name[0].lower() + name[1:]
+                provenance[key] = key + "=" + " ".join(str(array.GetValue(k)) for k in range(array.GetNumberOfValues()))
+            result.field.provenance = ["filter=vtkBigusTrainer", *provenance.values()]
+            output.ShallowCopy(polydata_of_field(result.field))
+            columns = {"Iteration": "iteration", "Seconds": "seconds", "Loss": "loss", "ValidationPSNR": "validation_psnr",
+                       "Gaussians": "gaussians", "Rate": "rate"}
+            log.ShallowCopy(_table({column: result.log[name] for column, name in columns.items()}))
+        except Exception as error:
+            output.Initialize()
+            log.Initialize()
+            return self._fail(error)
+        return 1
+
+    def _keep(self, result: Any, image: vtkImageData, frames: np.ndarray) -> None:
+        for name, numbers in (("TrainingFrames", result.training_frames), ("ValidationFrames", result.validation_frames),
+                              ("HeldOutFrames", result.held_out_frames)):
+            for number in numbers:  # the caller knows frames by index in the image
+                self._frames[name].InsertNextValue(int(frames[number]))
+        rows = result.decisions
+        self._decisions = _table({
+            **{name: [row[name.lower()] for row in rows] for name in ("Decision", "Choice", "Evidence")},
+            "Seconds": np.array([row["seconds"] for row in rows]),
+        })
+        poses = np.array(vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")), dtype=np.float64).reshape(-1, 4, 4)
+        extent = image.GetExtent()
+        corrected = np.array(result.poses)
+        corrected[:, :, 3] -= extent[0] * corrected[:, :, 0] + extent[2] * corrected[:, :, 1]
+        poses[frames] = corrected
+        self._poses = to_vtk(poses.reshape(-1, 16), "ImageToReference")
+
+
+def _table(columns: dict[str, Any]) -> vtkTable:
+    table = vtkTable()
+    for name, values in columns.items():
+        if isinstance(values, np.ndarray):
+            table.AddColumn(to_vtk(values, name))
+            continue
+        texts = vtkStringArray()
+        texts.SetName(name)
+        for value in values:
+            texts.InsertNextValue(value)
+        table.AddColumn(texts)
+    return table

@@ -1,0 +1,182 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Sweeps and fields as VTK's data, and back: the arrays that the C++ build reads and writes. Needs the package vtk."""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, VTK_UNSIGNED_SHORT, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkImageData, vtkPolyData
+
+from ._core import Error, Field, Sweep
+from .arrays import field as field_of_arrays
+from .arrays import sweep as sweep_of_arrays
+
+FORMAT_VERSION = 1
+MOST_NORMALS = 10000
+
+
+def to_vtk(values: np.ndarray, name: str) -> Any:
+    """A named array that shares memory with a contiguous one, [tuples] or [tuples, components]."""
+    array = numpy_to_vtk(np.ascontiguousarray(values))
+    array.SetName(name)
+    return array
+
+
+def _found(data: Any, owner: str, name: str, components: int, tuples: int, required: bool) -> Optional[np.ndarray]:
+    """The numeric array of that name and shape, or Error."""
+    found = data.GetAbstractArray(name) if data else None
+    if found is None:
+        if required:
+            raise Error(f"{owner}: the array {name} is missing; it needs {tuples} tuples of {components}.")
+        return None
+    if not found.IsA("vtkDataArray"):
+        raise Error(f"{owner}: the array {name} holds {found.GetDataTypeAsString()}; it must be numeric.")
+    if (found.GetNumberOfComponents(), found.GetNumberOfTuples()) != (components, tuples):
+        raise Error(
+            f"{owner}: the array {name} has {found.GetNumberOfTuples()} tuples of {found.GetNumberOfComponents()}; "
+            f"expected {tuples} of {components}."
+        )
+    return vtk_to_numpy(found)
+
+
+def image_of(pixels: np.ndarray, name: str = "Intensity") -> vtkImageData:
+    """An image of [depth, height, width] pixels, origin 0, spacing 1, which shares their memory."""
+    depth, height, width = pixels.shape
+    image = vtkImageData()
+    image.SetDimensions(width, height, depth)
+    image.GetPointData().SetScalars(to_vtk(pixels.reshape(-1), name))
+    return image
+
+
+def image_of_sweep(sweep: Sweep) -> vtkImageData:
+    """A sweep as an image stack (x, y, frame) with its poses in field data; pixels are copied."""
+    image = image_of(np.array(sweep.frames))
+    data = image.GetFieldData()
+    data.AddArray(to_vtk(np.array(sweep.poses).reshape(-1, 16), "ImageToReference"))
+    if sweep.timestamps is not None:
+        data.AddArray(to_vtk(np.array(sweep.timestamps), "Timestamp"))
+    if sweep.mask is not None:
+        data.AddArray(to_vtk(np.array(sweep.mask).ravel(), "Mask"))
+    return image
+
+
+def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
+    """The sweep of an image stack, and the index of its frames in the stack: those with Status 0 are left out.
+
+    Pixels are unsigned char, unsigned short (65535 is white) or float in [0, 1]; the first and last are not copied while
+    no frame is left out. Raises Error naming the array.
+    """
+    owner = "Sweep"
+    if image is None or image.GetNumberOfPoints() == 0:
+        raise Error(f"{owner}: the image has no pixels; connect a tracked sequence.")
+    scalars = image.GetPointData().GetScalars()
+    if scalars is None:
+        raise Error(f"{owner}: the image has no active scalars, so there are no pixels.")
+    if scalars.GetNumberOfComponents() != 1:
+        raise Error(
+            f"{owner}: pixels have {scalars.GetNumberOfComponents()} components; one grey value each is expected. "
+            "Convert colour to grey first."
+        )
+    if scalars.GetDataType() not in (VTK_UNSIGNED_CHAR, VTK_UNSIGNED_SHORT, VTK_FLOAT):
+        raise Error(
+            f"{owner}: pixels are of type {scalars.GetDataTypeAsString()}; unsigned char, unsigned short, or float in "
+            "[0, 1] are expected. Use vtkImageShiftScale first."
+        )
+    width, height, depth = image.GetDimensions()
+    extent = image.GetExtent()
+    data = image.GetFieldData()
+    poses = _found(data, owner, "ImageToReference", 16, depth, True).reshape(-1, 4, 4).astype(np.float64)
+    poses[:, :, 3] += extent[0] * poses[:, :, 0] + extent[2] * poses[:, :, 1]  # our pixel (0, 0) is VTK's (x0, y0)
+    times = _found(data, owner, "Timestamp", 1, depth, False)
+    mask = _found(data, owner, "Mask", 1, width * height, False)
+    status = _found(data, owner, "Status", 1, depth, False)
+    frames = vtk_to_numpy(scalars).reshape(depth, height, width)
+    kept = np.arange(depth) if status is None else np.flatnonzero(status)
+    if len(kept) == 0:
+        raise Error(
+            f"{owner}: all {depth} frames are marked as rejected (Status 0); no frame has a usable pose."
+        )
+    if len(kept) < depth:
+        frames, poses, times = frames[kept], poses[kept], None if times is None else times[kept]
+    return sweep_of_arrays(frames, poses, times, None if mask is None else mask.reshape(height, width)), kept
+
+
+def polydata_of_field(field: Field) -> vtkPolyData:
+    """A field as points with their arrays, one vertex each; the arrays are copied."""
+    polydata = vtkPolyData()
+    points, vertices = vtkPoints(), vtkCellArray()
+    points.SetData(to_vtk(np.array(field.centers).reshape(-1, 3), "Points"))
+    cells = np.empty((len(field), 2), dtype=np.int64)
+    cells[:, 0], cells[:, 1] = 1, np.arange(len(field))
+    from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
+
+    vertices.SetCells(len(field), numpy_to_vtkIdTypeArray(cells.ravel(), deep=True))
+    polydata.SetPoints(points)
+    polydata.SetVerts(vertices)
+    arrays = polydata.GetPointData()
+    arrays.AddArray(to_vtk(np.array(field.scales).reshape(-1, 3), "Scale"))
+    arrays.AddArray(to_vtk(np.array(field.rotations).reshape(-1, 4), "Rotation"))
+    arrays.SetScalars(to_vtk(np.array(field.reflectivities), "Reflectivity"))
+    data = polydata.GetFieldData()
+    data.AddArray(to_vtk(np.array([field.gamma]), "Gamma"))
+    data.AddArray(to_vtk(np.array([field.elevation_sigma]), "ElevationSigma"))
+    if field.probe_elevation_sigma > 0:
+        data.AddArray(to_vtk(np.array([field.probe_elevation_sigma]), "ProbeElevationSigma"))
+    if len(field.trained_normals):
+        data.AddArray(to_vtk(np.array(field.trained_normals), "TrainedNormals"))
+    data.AddArray(to_vtk(np.array([FORMAT_VERSION], dtype=np.int32), "FormatVersion"))
+    if field.provenance:
+        lines = vtkStringArray()
+        lines.SetName("Provenance")
+        for line in field.provenance:
+            lines.InsertNextValue(line)
+        data.AddArray(lines)
+    return polydata
+
+
+def field_of_polydata(polydata: vtkPolyData) -> Field:
+    """The field of points with arrays of any numeric type, or Error naming the array, the index and the value."""
+    owner = "Gaussian field"
+    if polydata is None:
+        raise Error(f"{owner}: there is no input; connect a field (vtkPolyData).")
+    count = polydata.GetNumberOfPoints()
+    data, arrays = polydata.GetFieldData(), polydata.GetPointData()
+
+    def number(name: str, required: bool, default: float) -> float:
+        found = _found(data, owner, name, 1, 1, required)
+        return default if found is None else float(found[0])
+
+    version = number("FormatVersion", False, FORMAT_VERSION)
+    if version != FORMAT_VERSION:
+        raise Error(
+            f"{owner}: FormatVersion is {version:g}, a version that this program cannot read (it reads {FORMAT_VERSION}); "
+            "a newer BIGUS is needed."
+        )
+    empty = Field()
+    gamma = number("Gamma", count > 0, empty.gamma)
+    sigma = number("ElevationSigma", count > 0, empty.elevation_sigma)
+    probe = number("ProbeElevationSigma", False, 0.0)
+    normals = data.GetArray("TrainedNormals")
+    if normals is not None:
+        if normals.GetNumberOfTuples() > MOST_NORMALS:
+            raise Error(
+                f"{owner}: TrainedNormals holds {normals.GetNumberOfTuples()} normals; at most {MOST_NORMALS} are read."
+            )
+        normals = _found(data, owner, "TrainedNormals", 3, normals.GetNumberOfTuples(), True)
+    if count == 0:
+        scales = rotations = reflectivities = centers = np.empty((0, 3))
+        rotations, reflectivities = np.empty((0, 4)), np.empty(0)
+    else:
+        centers = vtk_to_numpy(polydata.GetPoints().GetData())
+        scales = _found(arrays, owner, "Scale", 3, count, True)
+        rotations = _found(arrays, owner, "Rotation", 4, count, True)
+        reflectivities = _found(arrays, owner, "Reflectivity", 1, count, True)
+    field = field_of_arrays(centers, scales, reflectivities, rotations, gamma, sigma, probe, normals)
+    lines = data.GetAbstractArray("Provenance")
+    if lines is not None and lines.IsA("vtkStringArray"):
+        field.provenance = [lines.GetValue(k) for k in range(lines.GetNumberOfValues())]
+    return field

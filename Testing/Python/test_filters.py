@@ -1,0 +1,474 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The pipeline filters by the names they have in both packages: VTK's wrapped C++ classes, or pure Python over the wheel.
+
+BIGUS_OTHER_PYTHON and BIGUS_OTHER_PACKAGE name a Python and the folder of the other package: then both give the same
+images on the same grids. `test_filters.py --scenes FILE` writes what this package gives, for that comparison.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+try:
+    import vtkmodules  # noqa: F401
+except ImportError:
+    print("skipped: there is no package vtk")
+    sys.exit(77)
+
+import bigus
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
+from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+from vtkmodules.vtkCommonTransforms import vtkThinPlateSplineTransform, vtkTransform
+from vtkmodules.vtkImagingCore import vtkImageCast, vtkImageReslice
+
+GAMMA = 0.7
+CENTERS, SCALES = np.array([(3, 2, 1), (5, 4, 1.5)]), np.array([(1, 1, 1), (0.8, 0.6, 0.9)])
+
+
+def add(attributes, name, values, dtype=np.float64):
+    array = numpy_to_vtk(np.ascontiguousarray(values, dtype=dtype), deep=True)
+    array.SetName(name)
+    attributes.AddArray(array)
+    return array
+
+
+def field(reflectivities=(1.5, 2.0), rotations=((1, 0, 0, 0), (1, 0, 0, 0))):
+    data, points = vtkPolyData(), vtkPoints()
+    points.SetData(numpy_to_vtk(CENTERS.astype(float), deep=True))
+    data.SetPoints(points)
+    add(data.GetPointData(), "Scale", SCALES)
+    add(data.GetPointData(), "Rotation", rotations)
+    add(data.GetPointData(), "Reflectivity", reflectivities)
+    for name, value in (("Gamma", GAMMA), ("ElevationSigma", 0.0)):
+        add(data.GetFieldData(), name, [value])
+    add(data.GetFieldData(), "FormatVersion", [1], np.int32)
+    return data
+
+
+def matrix(values):
+    axes = vtkMatrix4x4()
+    axes.DeepCopy(np.asarray(values, dtype=float).ravel())
+    return axes
+
+
+def expected(points, reflectivities=(1.5, 2.0)):
+    """The model at thin planes: signed scattering at points [..., 3]."""
+    return sum(r * np.exp(-0.5 * (((points - c) / s) ** 2).sum(-1)) for r, c, s in zip(reflectivities, CENTERS, SCALES))
+
+
+def pixels(image):
+    width, height, depth = image.GetDimensions()
+    return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(depth, height, width)
+
+
+def grid(image):
+    """[depth, height, width, 4] coordinates of an image's voxels along its axes."""
+    x0, x1, y0, y1, z0, z1 = image.GetExtent()
+    k, j, i = np.mgrid[z0:z1 + 1, y0:y1 + 1, x0:x1 + 1]
+    place = np.array(image.GetOrigin()) + np.stack([i, j, k], -1) * np.array(image.GetSpacing())
+    return np.concatenate([place, np.ones(place.shape[:3] + (1,))], -1)
+
+
+def tilted():
+    c, s = np.cos(0.4), np.sin(0.4)
+    return np.array([[c, 0, s, 1.0], [0, 1, 0, 0.5], [-s, 0, c, 2.0], [0, 0, 0, 1]])
+
+
+def slicer(axes=None, extent=(0, 35, 0, 27, 0, 0), spacing=(0.25, 0.25, 1), **properties):
+    filter = bigus.vtkBigusReslice()
+    filter.SetInputDataObject(field())
+    filter.SetTolerance(1e-6)
+    if axes is not None:
+        filter.SetResliceAxes(matrix(axes))
+    if extent is not None:
+        filter.SetOutputExtent(*extent)
+        filter.SetOutputSpacing(*spacing)
+        filter.SetOutputOrigin(0, 0, 0)
+    for name, value in properties.items():
+        getattr(filter, "Set" + name)(*(value if isinstance(value, tuple) else (value,)))
+    return filter
+
+
+def sweep(frames=9, size=24):
+    """A stack of frames with their poses, drawn by the model itself."""
+    poses = np.array([np.diag([0.4, 0.4, 1, 1.0]) for _ in range(frames)])
+    poses[:, 2, 3] = np.linspace(0, 2.4, frames)
+    j, i = np.mgrid[:size, :size]
+    index = np.stack([i, j, 0 * i, 0 * i + 1], -1)
+    images = np.array([1 - np.exp(-GAMMA * expected((index @ p.T)[..., :3])) for p in poses])
+    stack = vtkImageData()
+    stack.SetDimensions(size, size, frames)
+    stack.GetPointData().SetScalars(numpy_to_vtk(np.round(255 * images).astype(np.uint8).ravel(), deep=True))
+    add(stack.GetFieldData(), "ImageToReference", poses.reshape(-1, 16))
+    add(stack.GetFieldData(), "Timestamp", np.arange(frames) / 25)
+    return stack
+
+
+class Reslice(unittest.TestCase):
+    def check(self, filter, to_world, atol=2e-5):
+        image = bigus.update(filter).GetOutputDataObject(0)
+        model = 1 - np.exp(-GAMMA * np.maximum(expected((grid(image) @ np.asarray(to_world).T)[..., :3]), 0))
+        np.testing.assert_allclose(pixels(image), model, atol=atol)
+        return image
+
+    def test_equals_the_model_at_any_plane(self):
+        self.check(slicer(), np.eye(4))
+        image = self.check(slicer(tilted(), extent=(-3, 30, 2, 20, 0, 2), spacing=(0.3, 0.2, 0.5)), tilted())
+        self.assertEqual(image.GetExtent(), (-3, 30, 2, 20, 0, 2))
+        self.assertEqual(image.GetPointData().GetScalars().GetName(), "Intensity")
+
+    def test_transform_comes_after_the_axes(self):
+        turn = vtkTransform()
+        turn.RotateZ(30)
+        turn.Translate(0.3, 0.2, -0.1)
+        m = turn.GetMatrix()
+        turned = np.array([[m.GetElement(i, j) for j in range(4)] for i in range(4)])
+        self.check(slicer(tilted(), ResliceTransform=turn), turned @ tilted())
+
+    def test_changed_axes_are_seen_at_the_next_update(self):
+        filter = slicer(np.eye(4))
+        bigus.update(filter)
+        filter.GetResliceAxes().SetElement(2, 3, 1.2)
+        self.check(filter, matrix_of(filter.GetResliceAxes()))
+        filter.SetResliceAxesDirectionCosines(0, 1, 0, 0, 0, 1, 1, 0, 0)
+        filter.SetResliceAxesOrigin(2, 0, 0)
+        origin = [0, 0, 0]
+        filter.GetResliceAxesOrigin(origin)
+        self.assertEqual(origin, [2, 0, 0])
+        self.check(filter, [[0, 0, 1, 2], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+
+    def test_downstream_filters_see_it_too(self):
+        filter = slicer(np.eye(4))
+        cast = vtkImageCast()
+        cast.SetInputConnection(filter.GetOutputPort())
+        cast.SetOutputScalarTypeToDouble()
+        cast.Update()
+        before = pixels(cast.GetOutput()).copy()
+        filter.GetResliceAxes().SetElement(2, 3, 1.2)
+        cast.Update()
+        self.assertGreater(np.abs(pixels(cast.GetOutput()) - before).max(), 0.1)
+
+    def test_output_to_a_frame(self):
+        filter = bigus.vtkBigusReslice()
+        filter.SetInputDataObject(field())
+        filter.SetTolerance(1e-6)
+        axes = tilted() @ np.diag([0.25, 0.3, 1, 1])
+        filter.SetOutputToFrame(matrix(axes), 30, 20)
+        image = self.check(filter, axes)
+        self.assertEqual(image.GetDimensions(), (30, 20, 1))
+
+    def test_default_geometry_is_that_of_vtkimagereslice(self):
+        information = vtkImageData()
+        information.SetDimensions(20, 30, 10)
+        information.SetSpacing(0.5, 0.25, 0.75)
+        information.SetOrigin(1, 2, 3)
+        information.AllocateScalars(VTK_UNSIGNED_CHAR, 1)
+        for dimensionality, crop in ((3, 0), (2, 0), (3, 1)):
+            ours, theirs = slicer(tilted(), extent=None), vtkImageReslice()
+            theirs.SetInputData(information)
+            theirs.SetResliceAxes(matrix(tilted()))
+            ours.SetInformationInput(information)
+            for filter in (ours, theirs):
+                filter.SetOutputDimensionality(dimensionality)
+                filter.SetAutoCropOutput(crop)
+            theirs.Update()
+            image = self.check(ours, tilted(), atol=1e-4)
+            self.assertEqual(image.GetExtent(), theirs.GetOutput().GetExtent())
+            np.testing.assert_allclose(image.GetSpacing(), theirs.GetOutput().GetSpacing())
+            np.testing.assert_allclose(image.GetOrigin(), theirs.GetOutput().GetOrigin())
+
+    def test_without_geometry_the_field_is_covered(self):
+        filter = slicer(extent=None, Tolerance=1e-3)
+        filter.UpdateInformation()
+        low, high = CENTERS - 3 * SCALES, CENTERS + 3 * SCALES
+        bigus.update(filter)
+        bounds = filter.GetOutputDataObject(0).GetBounds()
+        spacing = filter.GetOutputDataObject(0).GetSpacing()[0]
+        np.testing.assert_allclose(bounds[::2], low.min(axis=0), atol=spacing)
+        np.testing.assert_allclose(bounds[1::2], high.max(axis=0), atol=spacing)
+
+    def test_any_part_has_the_same_bits(self):
+        filter = slicer(tilted(), extent=(0, 35, 0, 27, 0, 3))
+        whole = pixels(bigus.update(filter).GetOutputDataObject(0)).copy()
+        part = slicer(tilted(), extent=(0, 35, 0, 27, 0, 3))
+        part.UpdateInformation()
+        part.UpdateExtent((5, 20, 3, 9, 1, 2))
+        image = part.GetOutputDataObject(0)
+        self.assertEqual(image.GetExtent(), (5, 20, 3, 9, 1, 2))
+        np.testing.assert_array_equal(pixels(image), whole[1:3, 3:10, 5:21])
+
+    def test_coverage_stencil_and_background(self):
+        filter = slicer(GenerateStencilOutput=1, CoverageThreshold=0.05, BackgroundLevel=0.5)
+        bigus.update(filter)
+        coverage, image = pixels(filter.GetCoverageOutput()), pixels(filter.GetOutputDataObject(0))
+        self.assertEqual(filter.GetCoverageOutput().GetPointData().GetScalars().GetName(), "Coverage")
+        seen = coverage > 0.05
+        self.assertTrue(seen.any() and not seen.all())
+        np.testing.assert_array_equal(image[~seen], 0.5)
+        np.testing.assert_allclose(coverage[0], sum(np.exp(-0.5 * (((grid(filter.GetOutputDataObject(0))[0, ..., :3] - c) / s)
+                                                                   ** 2).sum(-1)) for c, s in zip(CENTERS, SCALES)), atol=2e-4)
+        stencil = filter.GetStencilOutput()
+        inside = np.array([[[stencil.IsInside(x, y, 0) for x in range(36)] for y in range(28)]]) != 0
+        np.testing.assert_array_equal(inside, seen)
+
+    def test_signed_scattering_and_bytes(self):
+        filter = slicer()
+        filter.SetInputDataObject(field((1.5, -2.0)))
+        filter.SetOutputModeToScatteringField()
+        image = bigus.update(filter).GetOutputDataObject(0)
+        np.testing.assert_allclose(pixels(image), expected(grid(image)[..., :3], (1.5, -2.0)), atol=2e-5)
+        self.assertEqual(image.GetPointData().GetScalars().GetName(), "ScatteringField")
+        filter.SetOutputScalarTypeToUnsignedChar()
+        with self.assertRaisesRegex(RuntimeError, "signed and unbounded"):
+            bigus.update(filter)
+        filter.SetOutputModeToIntensity()
+        self.assertEqual(pixels(bigus.update(filter).GetOutputDataObject(0)).dtype, np.uint8)
+
+    def test_slabs(self):
+        planes = [1 - np.exp(-GAMMA * expected(grid(bigus.update(slicer()).GetOutputDataObject(0))[..., :3] + (0, 0, z)))
+                  for z in (-1.0, 0.0, 1.0)]
+        for mode, joined in (("Min", np.min(planes, 0)), ("Max", np.max(planes, 0)), ("Mean", np.mean(planes, 0)),
+                             ("Sum", np.sum(planes, 0))):
+            filter = slicer(SlabNumberOfSlices=3)
+            getattr(filter, "SetSlabModeTo" + mode)()
+            np.testing.assert_allclose(pixels(bigus.update(filter).GetOutputDataObject(0)), joined, atol=6e-5, err_msg=mode)
+
+    def test_distance_to_recorded_frames(self):
+        filter = slicer(RecordedFrames=sweep())
+        bigus.update(filter)
+        self.assertEqual(filter.GetDistanceOutput().GetPointData().GetScalars().GetName(), "Distance")
+        np.testing.assert_allclose(pixels(filter.GetDistanceOutput())[0, 4, 5], 0, atol=1e-5)
+        filter.SetResliceAxesOrigin(0, 0, 3.4)
+        bigus.update(filter)
+        np.testing.assert_allclose(pixels(filter.GetDistanceOutput())[0, 4, 5], 1, atol=1e-5)
+
+    def test_follows_its_input(self):
+        producer = vtkTrivialProducer()
+        producer.SetOutput(field())
+        filter = slicer()
+        filter.SetInputConnection(producer.GetOutputPort())
+        before = pixels(bigus.update(filter).GetOutputDataObject(0)).copy()
+        producer.SetOutput(field((0.1, 0.1)))
+        self.assertLess(pixels(bigus.update(filter).GetOutputDataObject(0)).max(), 0.5 * before.max())
+
+    def test_mistakes_are_named(self):
+        for change, text in (
+            (dict(OutputSpacing=(0.0, 1, 1)), "OutputSpacing along axis 0"),
+            (dict(OutputOrigin=(0, np.nan, 0)), "OutputOrigin along axis 1 is not finite"),
+            (dict(ResliceTransform=vtkThinPlateSplineTransform()), "may bend planes"),
+            (dict(ResliceAxes=matrix(np.diag([1, 1, 1, 0]))), "perspective|not finite|inverted"),
+            (dict(CoverageThreshold=-1), "CoverageThreshold"),
+            (dict(MaximumOutputPixels=100), "more than MaximumOutputPixels"),
+            (dict(Engine="abacus"), "abacus"),
+            (dict(Tolerance=-1), "(?i)tolerance"),
+            (dict(OutputScalarType=5), "float and unsigned char"),
+        ):
+            filter = slicer(**change)
+            with self.assertRaisesRegex(RuntimeError, text):
+                bigus.update(filter)
+            self.assertNotEqual(filter.GetErrorCode(), 0)
+        broken = field()
+        broken.GetPointData().GetArray("Scale").SetComponent(1, 2, -1)
+        filter = slicer()
+        filter.SetInputDataObject(broken)
+        with self.assertRaisesRegex(RuntimeError, r"Scale\[1\]"):
+            bigus.update(filter)
+        broken.GetPointData().RemoveArray("Scale")
+        with self.assertRaisesRegex(RuntimeError, "the array Scale is missing; it needs 2 tuples of 3"):
+            bigus.update(filter)
+
+
+class Voxels(unittest.TestCase):
+    def test_equal_the_model(self):
+        filter = bigus.vtkBigusVoxelizer()
+        filter.SetInputDataObject(field())
+        filter.SetMaximumDimension(40)
+        filter.SetTolerance(1e-6)
+        image = bigus.update(filter).GetOutputDataObject(0)
+        self.assertEqual(max(image.GetDimensions()), 40)
+        model = 1 - np.exp(-GAMMA * expected(grid(image)[..., :3]))
+        np.testing.assert_allclose(pixels(image), model, atol=2e-5)
+
+    def test_given_grid_along_given_axes(self):
+        filter = bigus.vtkBigusVoxelizer()
+        filter.SetInputDataObject(field())
+        filter.SetTolerance(1e-6)
+        direction = tilted()[:3, :3]
+        filter.SetOutputDirection(direction.ravel())
+        filter.SetOutputDimensions(12, 10, 8)
+        filter.SetOutputOrigin(1, 0.5, 0)
+        filter.SetOutputSpacing(0.4, 0.5, 0.3)
+        image = bigus.update(filter).GetOutputDataObject(0)
+        k, j, i = np.mgrid[:8, :10, :12]
+        place = np.array([1, 0.5, 0]) + (np.stack([i, j, k], -1) * (0.4, 0.5, 0.3)) @ direction.T
+        np.testing.assert_allclose(pixels(image), 1 - np.exp(-GAMMA * expected(place)), atol=2e-5)
+        found = [0.0, 0.0, 0.0]
+        image.TransformContinuousIndexToPhysicalPoint((3, 4, 5), found)
+        np.testing.assert_allclose(found, place[5, 4, 3])
+        filter.SetOutputDirection((1, 0, 0, 0, 1, 0, 0, 0, 2))
+        with self.assertRaisesRegex(RuntimeError, "unit vectors"):
+            bigus.update(filter)
+
+
+class Files(unittest.TestCase):
+    def test_fields_and_sweeps_come_back(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for kind, name, data in (("Field", "f.vtp", field()), ("Field", "f.ply", field()), ("Sequence", "s.mha", sweep())):
+                path = os.path.join(folder, name)
+                writer, reader = getattr(bigus, f"vtkBigus{kind}Writer")(), getattr(bigus, f"vtkBigus{kind}Reader")()
+                writer.SetFileName(path)
+                writer.SetInputDataObject(data)
+                self.assertEqual(writer.Write(), 1)
+                reader.SetFileName(path)
+                again = bigus.update(reader).GetOutputDataObject(0)
+                if kind == "Field":
+                    np.testing.assert_array_equal(vtk_to_numpy(again.GetPoints().GetData()), CENTERS)
+                    self.assertEqual(again.GetPointData().GetScalars().GetName(), "Reflectivity")
+                    self.assertEqual(again.GetNumberOfVerts(), 2)
+                    continue
+                np.testing.assert_array_equal(pixels(again), pixels(data))
+                names = [again.GetFieldData().GetArrayName(k) for k in range(again.GetFieldData().GetNumberOfArrays())]
+                self.assertEqual(sorted(names), ["ImageToReference", "Mask", "SourceFrame", "Status", "Timestamp"])
+                self.assertEqual(reader.GetNumberOfAcceptedFrames(), 9)
+                self.assertEqual(reader.GetTransformChain(), "Image -> Reference")
+                reader.SetToFrame("Moon")
+                with self.assertRaisesRegex(RuntimeError, "no way from Image to Moon"):
+                    bigus.update(reader)
+            writer.SetFileName(os.path.join(folder, "s.nrrd"))
+            with self.assertRaisesRegex(RuntimeError, "as .mha"):
+                bigus.update(writer)
+            with self.assertRaisesRegex(RuntimeError, "FileName is not set"):
+                bigus.update(bigus.vtkBigusFieldReader())
+
+
+class Trainer(unittest.TestCase):
+    def trainer(self):
+        trainer = bigus.vtkBigusTrainer()
+        trainer.SetInputDataObject(0, sweep())
+        trainer.AutomaticOff()
+        trainer.SetGaussians(400)
+        trainer.SetIterations(20)
+        trainer.SetHoldOut(4)
+        return trainer
+
+    def test_trains_a_field_that_a_slice_shows(self):
+        trainer = self.trainer()
+        texts = []
+        trainer.AddObserver("ProgressEvent", lambda *_: texts.append(trainer.GetProgressText()))
+        bigus.update(trainer)
+        self.assertTrue(any("iteration" in (text or "") for text in texts))
+        frames = trainer.GetHeldOutFrames()
+        self.assertEqual([frames.GetValue(k) for k in range(frames.GetNumberOfValues())], [2, 6])
+        self.assertEqual((trainer.GetIterationsDone(), trainer.GetAborted()), (20, False))
+        log = trainer.GetLog()
+        self.assertEqual(log.GetColumnName(2), "Loss")
+        self.assertEqual(trainer.GetCorrectedPoses().GetNumberOfTuples(), 9)
+        self.assertEqual(trainer.GetSettledOption("HoldOut"), "4")
+        filter = bigus.vtkBigusReslice()
+        filter.SetInputConnection(trainer.GetOutputPort())
+        axes = vtkMatrix4x4()
+        axes.DeepCopy(trainer.GetCorrectedPoses().GetTuple(2))
+        filter.SetOutputToFrame(axes, 24, 24)
+        image = pixels(bigus.update(filter).GetOutputDataObject(0))[0]
+        truth = pixels(sweep())[2] / 255
+        self.assertGreater(10 * np.log10(1 / np.mean((image - truth) ** 2)), 25)
+        lines = trainer.GetOutputDataObject(0).GetFieldData().GetAbstractArray("Provenance")
+        self.assertEqual(lines.GetValue(0), "filter=vtkBigusTrainer")
+
+    def test_properties(self):
+        trainer = self.trainer()
+        self.assertEqual((trainer.GetHoldOut(), trainer.GetAutomatic(), trainer.GetElevationSigma()), (4, 0, -1))
+        trainer.SetEngine("reference")
+        trainer.SetOption("Batch", "3")
+        self.assertEqual((trainer.GetEngine(), trainer.GetBatch(), trainer.GetOption("Batch")), ("reference", 3, "3"))
+        trainer.SetGaussians(-1)
+        self.assertEqual(trainer.GetOption("Gaussians"), "auto")
+        names = [trainer.GetOptionName(k) for k in range(trainer.GetNumberOfOptions())]
+        self.assertIn("PoseSmoothing", names)
+        trainer.SetBatch(0)
+        with self.assertRaisesRegex(RuntimeError, "(?i)batch"):
+            bigus.update(trainer)
+
+    def test_stops_when_asked(self):
+        trainer = self.trainer()
+        trainer.SetIterations(1000000)
+        trainer.AddObserver("ProgressEvent", lambda *_: "iteration" in (trainer.GetProgressText() or "")
+                            and trainer.SetAbortExecute(1))
+        trainer.Update()
+        self.assertTrue(trainer.GetAborted())
+        self.assertGreater(trainer.GetOutputDataObject(0).GetNumberOfPoints(), 0)
+
+
+def matrix_of(axes):
+    return np.array([[axes.GetElement(i, j) for j in range(4)] for i in range(4)])
+
+
+def scenes():
+    """Images and their grids, for random properties."""
+    rng = np.random.default_rng(3)
+    found = {}
+    for number in range(25):
+        turn = vtkTransform()
+        turn.RotateWXYZ(rng.uniform(0, 90), *rng.normal(size=3))
+        axes = vtkMatrix4x4()
+        axes.DeepCopy(turn.GetMatrix())
+        for row in range(3):
+            axes.SetElement(row, 3, rng.uniform(1, 3))
+        filter = bigus.vtkBigusReslice()
+        filter.SetInputDataObject(field((1.5, rng.uniform(-1, 2)), rng.normal(size=(2, 4))))
+        filter.SetResliceAxes(axes)
+        filter.SetElevationSigma(float(rng.choice([-1, 0, 0.5])))
+        filter.SetOutputDimensionality(int(rng.choice([2, 3])))
+        filter.SetAutoCropOutput(int(rng.integers(2)))
+        filter.SetTransformInputSampling(int(rng.integers(2)))
+        filter.SetOutputSpacing(*rng.uniform(0.3, 0.6, size=3))
+        filter.SetSlabNumberOfSlices(int(rng.choice([1, 3])))
+        filter.SetSlabTrapezoidIntegration(int(rng.integers(2)))
+        filter.SetSlabMode(int(rng.integers(4)))
+        filter.SetBackgroundLevel(float(rng.choice([0, 0.25])))
+        filter.SetCoverageThreshold(float(rng.choice([0, 0.03])))
+        filter.SetOutputScalarType(int(rng.choice([3, 10])))
+        bigus.update(filter)
+        voxels = bigus.vtkBigusVoxelizer()
+        voxels.SetInputDataObject(filter.GetInputDataObject(0, 0))
+        voxels.SetOutputDirection(matrix_of(turn.GetMatrix())[:3, :3].ravel())
+        voxels.SetMaximumDimension(int(rng.integers(10, 30)))
+        if rng.integers(2):
+            voxels.SetOutputDimensions(*(int(n) for n in rng.integers(4, 20, size=3)))
+        if rng.integers(2):
+            voxels.SetOutputSpacing(*rng.uniform(0.3, 0.6, size=3))
+        bigus.update(voxels)
+        images = {"slice": filter.GetOutputDataObject(0), "coverage": filter.GetCoverageOutput(), "voxels": voxels.GetOutputDataObject(0)}
+        for name, image in images.items():
+            found[f"{name} {number}"] = pixels(image)
+            found[f"grid of {name} {number}"] = np.array([*image.GetExtent(), *image.GetSpacing(), *image.GetOrigin()])
+    return found
+
+
+@unittest.skipUnless(os.environ.get("BIGUS_OTHER_PACKAGE"), "BIGUS_OTHER_PACKAGE does not name the other package")
+class BothPackages(unittest.TestCase):
+    def test_give_the_same_images_on_the_same_grids(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "scenes.npz")
+            environment = {**os.environ, "PYTHONPATH": os.environ["BIGUS_OTHER_PACKAGE"]}
+            subprocess.run([os.environ["BIGUS_OTHER_PYTHON"], __file__, "--scenes", path], check=True, env=environment)
+            theirs = np.load(path)
+            ours = scenes()
+            self.assertEqual(sorted(ours), sorted(theirs.files))
+            for name, values in ours.items():
+                atol = 1e-9 if name.startswith("grid") else 1 if values.dtype == np.uint8 else 2e-4 if "coverage" in name else 3e-5
+                np.testing.assert_allclose(values.astype(float), theirs[name].astype(float), atol=atol, err_msg=name)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--scenes"]:
+        np.savez(sys.argv[2], **scenes())
+    else:
+        unittest.main(verbosity=2)
