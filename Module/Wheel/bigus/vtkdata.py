@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, Optional
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, VTK_UNSIGNED_SHORT, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkImageData, vtkPolyData
 
@@ -110,11 +110,8 @@ def polydata_of_field(field: Field) -> vtkPolyData:
     polydata = vtkPolyData()
     points, vertices = vtkPoints(), vtkCellArray()
     points.SetData(to_vtk(np.array(field.centers).reshape(-1, 3), "Points"))
-    cells = np.empty((len(field), 2), dtype=np.int64)
-    cells[:, 0], cells[:, 1] = 1, np.arange(len(field))
-    from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
-
-    vertices.SetCells(len(field), numpy_to_vtkIdTypeArray(cells.ravel(), deep=True))
+    ends, numbers = (numpy_to_vtkIdTypeArray(np.arange(n, dtype=np.int64), deep=True) for n in (len(field) + 1, len(field)))
+    vertices.SetData(ends, numbers)
     polydata.SetPoints(points)
     polydata.SetVerts(vertices)
     arrays = polydata.GetPointData()
