@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
 # Builds the wheel from the source distribution and proves it in clean environments of every Python given: with numpy
-# alone, with the registry's newest vtk, with an older vtk, and with PyVista and Jupyter. A table says what passed.
+# alone, with the registry's newest vtk, an older one and the distribution's, and with PyVista and Jupyter. A table says what passed.
 #   Testing/wheel.sh FOLDER [PYTHON...]     wheels go to FOLDER; PYTHON: python3 by default
 # A wheel of 3.12 serves all later ones, so only what has no wheel yet is built. A first build takes minutes; it needs the
 # registry of Python packages. With BIGUS_PROGRAM=build/bin/bigus, BIGUS_VTK_PYTHON=/usr/bin/python3 and
@@ -70,6 +70,16 @@ for python in "${@:-python3}"; do
   try "Python $version, $("$old" list 2>/dev/null | awk '$1 == "vtk" { print "vtk " $2 }')" \
     "$environment-old/bin/python" Python/test_filters.py Wheel/test_files.py
   rm -r "$environment-old"
+
+  # The distribution's VTK, where this Python has one.
+  "$python" -m venv --system-site-packages "$environment-system"
+  if "$environment-system/bin/python" -c 'import vtkmodules' 2>/dev/null; then
+    "$environment-system/bin/pip" install --quiet --no-deps --no-index --find-links "$folder" --only-binary bigus bigus
+    vtk=$("$environment-system/bin/python" -c \
+      'from vtkmodules.vtkCommonCore import vtkVersion as v; print(v.GetVTKVersion())')
+    try "Python $version, the distribution's vtk $vtk" "$environment-system/bin/python" Python/test_filters.py
+  fi
+  rm -r "$environment-system"
 
   "$pip" install --quiet --find-links "$folder" --only-binary bigus "bigus[vtk]"
   try "Python $version, $("$pip" list 2>/dev/null | awk '$1 == "vtk" { print "vtk " $2 }')" \

@@ -338,6 +338,14 @@ class Files(unittest.TestCase):
                 self.assertEqual(sorted(names), ["ImageToReference", "Mask", "SourceFrame", "Status", "Timestamp"])
                 self.assertEqual(reader.GetNumberOfAcceptedFrames(), 9)
                 self.assertEqual(reader.GetTransformChain(), "Image -> Reference")
+                size, bounds = [0.0] * 2, [0.0] * 6
+                reader.GetPixelSize(size)
+                reader.GetBounds(bounds)
+                np.testing.assert_allclose(size, (0.4, 0.4))
+                np.testing.assert_allclose(bounds, (0, 9.2, 0, 9.2, 0, 2.4))
+                self.assertAlmostEqual(reader.GetPathLength(), 2.4)
+                self.assertTrue(reader.GetHasTimestamps())
+                self.assertAlmostEqual(reader.GetDuration(), 0.32)
                 reader.SetToFrame("Moon")
                 with self.assertRaisesRegex(RuntimeError, "no way from Image to Moon"):
                     bigus.update(reader)

@@ -353,6 +353,13 @@ class Package(unittest.TestCase):
         script = "import sys, bigus; sys.exit(any(name.startswith('vtk') for name in sys.modules))"
         self.assertEqual(subprocess.run([sys.executable, "-c", script]).returncode, 0)
 
+    def test_filters_say_what_to_install(self):
+        script = "import sys; sys.modules['vtkmodules'] = None; import bigus; bigus.vtkBigusReslice"
+        result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+        self.assertIn('pip install "bigus[vtk]"', result.stderr.splitlines()[-1])
+        self.assertIn("vtkBigusReslice", dir(bigus))
+        self.assertFalse(hasattr(bigus, "vtkNothing"))
+
     def test_every_name_says_what_it_is(self):
         for name in bigus.__all__:
             value = getattr(bigus, name)

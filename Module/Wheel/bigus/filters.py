@@ -325,6 +325,45 @@ class vtkBigusSequenceReader(_Source):
     def GetOrientation(self) -> str:
         return self._found.get("orientation", "")
 
+    def GetFrameSize(self, size: list) -> None:
+        """Fills (width, height), pixels."""
+        size[:] = self._found["pixels"].shape[:0:-1] if self._found else (0, 0)
+
+    def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
+        """The poses of accepted frames, and their corners and centre [frames, 5, 3], mm."""
+        if not self._found or self._found["poses"] is None:
+            return np.empty((0, 4, 4)), np.empty((0, 5, 3))
+        poses = self._found["poses"][self._found["status"] != 0]
+        height, width = self._found["pixels"].shape[1:]
+        places = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1), ((width - 1) / 2, (height - 1) / 2)]
+        return poses, (poses @ np.array([(i, j, 0, 1) for i, j in places], dtype=float).T).transpose(0, 2, 1)[..., :3]
+
+    def GetPixelSize(self, size: list) -> None:
+        """Fills the mean lengths of a pixel's steps along i and j, mm."""
+        poses, _ = self._accepted()
+        size[:] = np.linalg.norm(poses[:, :3, :2], axis=1).mean(axis=0).tolist() if len(poses) else (0.0, 0.0)
+
+    def GetPathLength(self) -> float:
+        _, places = self._accepted()
+        return float(np.linalg.norm(np.diff(places[:, 4], axis=0), axis=1).sum())
+
+    def GetBounds(self, bounds: list) -> None:
+        """Fills the box around all frames' corners: x, x, y, y, z, z, mm."""
+        _, places = self._accepted()
+        corners = places[:, :4].reshape(-1, 3)
+        bounds[:] = np.stack([corners.min(axis=0), corners.max(axis=0)], -1).ravel().tolist() if len(corners) else (0.0,) * 6
+
+    def _times(self) -> Optional[np.ndarray]:
+        times = self._found.get("timestamps")
+        return None if times is None else times[self._found["status"] != 0]
+
+    def GetHasTimestamps(self) -> bool:
+        return self._times() is not None
+
+    def GetDuration(self) -> float:
+        times = self._times()
+        return 0.0 if times is None else float(times[-1] - times[0])
+
     def GetUsedPixelRange(self) -> float:
         return self._found.get("used_pixel_range", 0.0)
 
