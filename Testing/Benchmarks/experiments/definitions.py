@@ -735,4 +735,46 @@ E11 = Experiment(
               "its structure": ({"scene": "phantom, linear"}, "turned 90° structure")}),
     split="scene", shows_decisions=True)
 
-EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11)}
+# ---- E12: quality over time ----
+
+LIMITS = (5, 10, 20, 40, 80, 160)
+LEAST_SECONDS = 0.05  # where a logarithmic axis shows what needs no preparation
+TIMED = ("liver, full", "brain, full", "spine, full", "phantom, linear")
+
+
+def e12_jobs(scale):
+    jobs = []
+    for name in TIMED:
+        scene, frames, _ = sweeps(scale)[name]
+        for limit in LIMITS:
+            jobs.append(scale.job(scene, frames, auto(time_limit=limit),
+                                  {"scene": name, "method": "field", "limit": limit}, limit + 8))
+        for title in ("neighbour average", "pose-aware linear, any plane"):
+            jobs.append(scale.job(scene, frames, BASELINES[title], {"scene": name, "method": title, "limit": ""}, 5))
+        for voxel in COMPOUNDING[name.split(",")[0]]:
+            jobs.append(scale.job(scene, frames, {"name": "compounding", "voxel_size": voxel},
+                                  {"scene": name, "method": f"compounding, {voxel} mm", "limit": ""}, 8))
+    return jobs
+
+
+def e12_panels(jobs):
+    def at(_, members):
+        return max(mean(members, "seconds"), LEAST_SECONDS)
+
+    return [curves([job for job in jobs if job.labels["scene"] == name], at, psnr("held_out"),
+                   lambda labels: labels["method"], ("seconds", "held-out PSNR (dB)", name), logarithmic=True)
+            for name in TIMED]
+
+
+E12 = Experiment(
+    "e12", "E12: quality over time", e12_jobs, scored("held_out", "held-out") + COST, e12_panels,
+    summary=("held-out PSNR in dB",
+             {**{f"field, {limit} s": {"method": "field", "limit": limit} for limit in LIMITS},
+              **{title: {"method": method}
+                 for title, method in (("pose interpolation, any plane", "pose-aware linear, any plane"),
+                                       ("compounding, best voxel", "compounding, * mm"),
+                                       ("neighbour average", "neighbour average"))}},
+             {name: ({"scene": name}, "held-out PSNR") for name in TIMED}),
+    split="scene")
+
+EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12)}
