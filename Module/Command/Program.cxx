@@ -30,6 +30,7 @@ const char* const description =
     "  bigus info sweep.igs.mha                                        what is in it\n"
     "  bigus poses sweep.igs.mha -o corrected.igs.mha                  without the tracker's noise, no training\n"
     "  bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv  frames to a Gaussian field\n"
+    "  bigus live sweep.igs.mha -o live.vtp                            the same while frames arrive\n"
     "  bigus slice field.vtp --poses poses.csv -o again.igs.mha        the field at the sweep's planes\n"
     "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
     "  bigus view field.vtp sweep.igs.mha                              both in a window\n"
@@ -127,6 +128,7 @@ ExitCode Run(int argumentCount, char** arguments)
   AddPhantom(program);
   AddPoses(program);
   AddTrain(program);
+  AddLive(program);
   AddSlice(program);
   AddVoxelize(program);
   AddView(program);

@@ -329,6 +329,35 @@ TEST_P(FastEngine, ATrainStepIsBackpropagateAndStep)
   }
 }
 
+TEST_P(FastEngine, AGaussiansStepsBecomeShorterByItsOwnCount)
+{
+  const Problem problem = LargeProblem();
+  const auto change = [&](double settling, double settled)
+  {
+    const auto engine = bigus::Engine::Create(GetParam());
+    engine->SetFrames(problem.sweep);
+    engine->SetField(problem.field);
+    const std::vector<double> before = engine->GetField().reflectivities;
+    engine->TrainStep({0, 1}, bigus::Loss(), {0, 0, 0, 0.02, settling, settled}, {});
+    std::vector<double> after = engine->GetField().reflectivities;
+    for (std::size_t i = 0; i < after.size(); ++i)
+    {
+      after[i] -= before[i];
+    }
+    return after;
+  };
+  const std::vector<double> whole = change(0, 0), shorter = change(0.5, 0.1), least = change(5, 0.1);
+  constexpr double kRounding = 1e-6;  // a few units in the last place of reflectivities near 1, in float
+  std::size_t moved = 0;
+  for (std::size_t i = 0; i < whole.size(); ++i)
+  {
+    moved += std::abs(whole[i]) > 0.01;
+    EXPECT_NEAR(shorter[i], std::exp(-0.5) * whole[i], kRounding) << i;
+    EXPECT_NEAR(least[i], 0.1 * whole[i], kRounding) << i;
+  }
+  EXPECT_GT(moved, whole.size() / 10);
+}
+
 TEST_P(FastEngine, AStateGoesOnWithTheSameBits)
 {
   Problem problem = LargeProblem();

@@ -55,8 +55,13 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
   Real g[kParametersPerGaussian];
   ToArray(gradient, g);
   state.updates = state.updates + one;
-  const Real correction =
+  Real correction =
       sqrt(one - exp(Real(kLogSecondDecay) * state.updates)) / (one - exp(Real(kLogFirstDecay) * state.updates));
+  if (step.settling > 0)
+  {
+    const Real share = exp(Real(-step.settling) * state.updates), least = Real(step.settled);
+    correction = correction * Select(share < least, least, share);
+  }
   Real move[kParametersPerGaussian];
   Real guarded = zero;
   for (int k = 0; k < kParametersPerGaussian; ++k)

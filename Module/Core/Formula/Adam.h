@@ -37,6 +37,7 @@ struct AdamStep
   double mean, logScale, rotation, reflectivity;
   double minimumLogScale, maximumLogScale;
   double minimumReflectivity, maximumReflectivity;
+  double settling, settled;
 
   AdamStep(const LearningRates& rates, const ParameterLimits& limits)
       : mean(rates.mean),
@@ -46,7 +47,9 @@ struct AdamStep
         minimumLogScale(std::log(limits.minimumScale)),
         maximumLogScale(std::log(limits.maximumScale)),
         minimumReflectivity(limits.positiveReflectivity ? 0.0 : -GaussianField::kLargestReflectivity),
-        maximumReflectivity(GaussianField::kLargestReflectivity)
+        maximumReflectivity(GaussianField::kLargestReflectivity),
+        settling(rates.settling),
+        settled(rates.settled)
   {
   }
 };

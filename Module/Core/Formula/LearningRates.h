@@ -13,6 +13,10 @@ struct LearningRates
   double logScale = 0;      ///< natural logarithm of mm
   double rotation = 0;      ///< radian
   double reflectivity = 0;  ///< dimensionless
+  /// A Gaussian's own n-th step since it was new is shorter by exp(-settling n), and at the least by `settled`. So in one
+  /// field new Gaussians learn while old ones rest. 0: all steps are alike.
+  double settling = 0;
+  double settled = 0;  ///< 0 to 1
 };
 
 /// Bounds on what a step moves: a Gaussian that no frame of the batch saw is left as it is.

@@ -81,26 +81,6 @@ double FieldPsnr(Engine& engine, const Sweep& sweep, const std::vector<int>& fra
   return sum / static_cast<double>(frames.size());
 }
 
-/// The sweep with a mask of the pixels that count in the loss. Beside the lit area frames contradict each other:
-/// tissue outside one's fan lies inside its neighbour's. So what is dark within an SSIM window of lit pixels does not
-/// count. Further out it is black, lest Gaussians reach where no frame looks; nor does it count if `ignoreMasked`.
-std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMasked)
-{
-  auto out = std::make_shared<Sweep>(sweep);
-  if (sweep.mask && !ignoreMasked)
-  {
-    cv::Mat beside;
-    cv::dilate(cv::Mat(*sweep.mask).reshape(1, sweep.height), beside, cv::Mat::ones(kSsimTaps, kSsimTaps, CV_8U));
-    auto counted = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame());
-    for (std::size_t pixel = 0; pixel < counted->size(); ++pixel)
-    {
-      (*counted)[pixel] = sweep.IsLit(pixel) || beside.data[pixel] == 0;
-    }
-    out->mask = counted;
-  }
-  return out;
-}
-
 /// Scales all reflectivities by the one factor that brings rendered scattering closest to the frames' (least
 /// squares): neighbouring seeds overlap, so inverting the transfer function at each overshoots.
 void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames, GaussianField& field)
@@ -288,6 +268,35 @@ std::vector<TrainingRecord> LoadLog(StateReader& from)
 }
 
 }  // namespace
+
+std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMasked)
+{
+  auto out = std::make_shared<Sweep>(sweep);
+  if (sweep.mask && !ignoreMasked)
+  {
+    cv::Mat beside;
+    cv::dilate(cv::Mat(*sweep.mask).reshape(1, sweep.height), beside, cv::Mat::ones(kSsimTaps, kSsimTaps, CV_8U));
+    auto counted = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame());
+    for (std::size_t pixel = 0; pixel < counted->size(); ++pixel)
+    {
+      (*counted)[pixel] = sweep.IsLit(pixel) || beside.data[pixel] == 0;
+    }
+    out->mask = counted;
+  }
+  return out;
+}
+
+LearningRates FirstRates(const TrainingPlan& plan, const GaussianField& field)
+{
+  const double meanMagnitude = MeanMagnitude(field.reflectivities);
+  LearningRates rates;
+  rates.mean = plan.meanRate * plan.pixelSize;
+  rates.logScale = plan.shapeRate;
+  rates.rotation = plan.shapeRate;
+  // An all-dark start has no magnitude to go by; 1 is the mean scattering that gamma aims at.
+  rates.reflectivity = plan.reflectivityRate * (meanMagnitude > 0 ? meanMagnitude : 1.0);
+  return rates;
+}
 
 /// What training keeps from one step to the next, the engine's state apart. The order of the batches follows from the
 /// seed and the number of steps.
@@ -484,18 +493,6 @@ GaussianField TrainingLoop::Load(Start start)
   return field;
 }
 
-LearningRates TrainingLoop::FirstRates(const GaussianField& field) const
-{
-  const double meanMagnitude = MeanMagnitude(field.reflectivities);
-  LearningRates rates;
-  rates.mean = plan_.meanRate * plan_.pixelSize;
-  rates.logScale = plan_.shapeRate;
-  rates.rotation = plan_.shapeRate;
-  // An all-dark start has no magnitude to go by; 1 is the mean scattering that gamma aims at.
-  rates.reflectivity = plan_.reflectivityRate * (meanMagnitude > 0 ? meanMagnitude : 1.0);
-  return rates;
-}
-
 ParameterLimits TrainingLoop::Limits() const
 {
   ParameterLimits limits;
@@ -567,7 +564,7 @@ Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
   Course course;
   {
     const GaussianField field = Load(std::move(start));
-    course.rates = FirstRates(field);
+    course.rates = FirstRates(plan_, field);
     course.cap = plan_.densification.cap > 0 ? plan_.densification.cap : 2 * field.Size();
     course.coarseness = FirstCoarseness(*sweep_, frames_.size(), field.Size());
   }

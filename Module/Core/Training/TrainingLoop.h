@@ -49,6 +49,14 @@ struct Keeping
   std::function<void(const std::function<void(StateWriter&)>& write)> keep;
 };
 
+/// The sweep with a mask of the pixels that count in the loss. Beside the lit area frames contradict each other:
+/// tissue outside one's fan lies inside its neighbour's. So what is dark within an SSIM window of lit pixels does not
+/// count. Further out it is black, lest Gaussians reach where no frame looks; nor does it count if `ignoreMasked`.
+std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMasked);
+
+/// The step sizes that a training of such a field begins with.
+LearningRates FirstRates(const TrainingPlan& plan, const GaussianField& field);
+
 /// One training: upload the frames once, seed and solve, then run. SeedAndSolve and Run may be called more than once.
 class TrainingLoop
 {
@@ -90,7 +98,6 @@ private:
   /// Gains or poses of frames are found on the way, which needs all frames as they are from the first step on.
   bool AreFramesChanged() const { return plan_.frameGains || plan_.poseRefinement; }
   ParameterLimits Limits() const;
-  LearningRates FirstRates(const GaussianField& field) const;
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;
   double SecondsLeft(int iteration, double pace) const;
