@@ -114,6 +114,11 @@ GaussianField LiveSession::Field()
   return field;
 }
 
+void LiveSession::Wait()
+{
+  Ask([](LiveTraining&) {}, jobs_);
+}
+
 LiveSession::State LiveSession::GetState() const
 {
   const std::lock_guard lock(mutex_);
@@ -134,6 +139,7 @@ LiveResult LiveSession::Finish(double seconds, const ProgressCallback& progress)
                                    const bool goOn = Serve(training);
                                    return (!progress || progress(now)) && goOn;
                                  });
+        isFinished_ = true;
       },
       jobs_);
   return result;
@@ -225,7 +231,11 @@ void LiveSession::Run(LiveOptions options)
       if (job)
       {
         job(training);
-        sinceFrame = restAfter;  // what is finished is left as it is
+        if (isFinished_)
+        {
+          sinceFrame = restAfter;  // what is finished is left as it is
+          isFinished_ = false;
+        }
         continue;
       }
       if (hasFrames)

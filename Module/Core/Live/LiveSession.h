@@ -31,6 +31,9 @@ public:
   /// Hands a frame over and returns at once. When more than 64 frames wait, the oldest of them is dropped.
   void Add(LiveFrame frame);
 
+  /// Returns when no frame waits.
+  void Wait();
+
   /// LiveTraining::Render of the field as it is now. Returns within about one optimizer step.
   void Render(const SlicePlane& plane, ViewOutput output, float* image, float* coverage = nullptr);
 
@@ -69,7 +72,8 @@ private:
   State state_;
   std::exception_ptr failure_;
   bool stop_ = false;
-  std::thread thread_;  // last, since it uses all others
+  bool isFinished_ = false;  // for the session's thread: a job has finished the field
+  std::thread thread_;       // last, since it uses all others
 };
 
 }  // namespace bigus

@@ -1,0 +1,269 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkBigusLiveTrainer.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <future>
+#include <vector>
+
+#include "Core/Deciding/Provenance.h"
+#include "Core/Live/LiveSession.h"
+#include "Core/Model/Error.h"
+#include "Data/FieldData.h"
+#include "Data/Progress.h"
+#include "Data/Provenance.h"
+#include "Data/SweepData.h"
+#include "vtkErrorCode.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkInformationVector.h"
+#include "vtkMatrix3x3.h"
+#include "vtkMatrix4x4.h"
+#include "vtkObjectFactory.h"
+#include "vtkPolyData.h"
+
+vtkStandardNewMacro(vtkBigusLiveTrainer);
+
+namespace
+{
+
+/// Frames of a sweep that are handed over before the session is waited for, so that none is dropped.
+constexpr int kTogether = 16;
+
+/// How often the pipeline hears of a training that runs on another thread.
+constexpr std::chrono::milliseconds kReport(50);
+
+Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
+{
+  if (!matrix)
+  {
+    throw bigus::Error("There is no matrix.");
+  }
+  return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(matrix->GetData());
+}
+
+bigus::LiveFrame ToFrame(vtkImageData* image, const Eigen::Matrix4d& imageToReference, double seconds)
+{
+  if (!image || image->GetNumberOfPoints() == 0)
+  {
+    throw bigus::Error("Live frame: there is no image.");
+  }
+  int extent[6];
+  image->GetExtent(extent);
+  if (image->GetScalarType() != VTK_UNSIGNED_CHAR || image->GetNumberOfScalarComponents() != 1 ||
+      extent[4] != extent[5])
+  {
+    throw bigus::Error("Live frame: the image has " + std::to_string(image->GetNumberOfScalarComponents()) +
+                       " components of " + image->GetScalarTypeAsString() + " and " +
+                       std::to_string(extent[5] - extent[4] + 1) +
+                       " slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
+                       "vtkImageShiftScale for other types.");
+  }
+  bigus::LiveFrame frame;
+  frame.width = extent[1] - extent[0] + 1;
+  frame.height = extent[3] - extent[2] + 1;
+  const auto* pixels = static_cast<const std::uint8_t*>(image->GetScalarPointer());
+  frame.pixels.assign(pixels, pixels + static_cast<std::size_t>(frame.width) * frame.height);
+  // A cropped image keeps its place, because the matrix acts on VTK's indices.
+  frame.imageToReference = imageToReference;
+  frame.imageToReference.col(3) += imageToReference.col(0) * extent[0] + imageToReference.col(1) * extent[2];
+  frame.timestamp = seconds;
+  return frame;
+}
+
+}  // namespace
+
+vtkBigusLiveTrainer::vtkBigusLiveTrainer()
+{
+  this->SetNumberOfInputPorts(0);
+  this->SetEngine("auto");
+}
+
+vtkBigusLiveTrainer::~vtkBigusLiveTrainer()
+{
+  this->SetEngine(nullptr);
+}
+
+void vtkBigusLiveTrainer::PrintSelf(ostream& os, vtkIndent indent)
+{
+  this->Superclass::PrintSelf(os, indent);
+  os << indent << "FinishTime: " << this->FinishTime << "\n";
+  os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
+  os << indent << "Seed: " << this->Seed << "\n";
+  os << indent << "Window: " << this->Window << "\n";
+  os << indent << "MaximumFrames: " << this->MaximumFrames << "\n";
+  os << indent << "MaximumGaussians: " << this->MaximumGaussians << "\n";
+  os << indent << "NumberOfFrames: " << this->GetNumberOfFrames() << "\n";
+  os << indent << "NumberOfGaussians: " << this->GetNumberOfGaussians() << "\n";
+}
+
+bigus::LiveSession& vtkBigusLiveTrainer::Session()
+{
+  if (!this->Live)
+  {
+    bigus::LiveOptions options;
+    options.training.engine = this->Engine ? this->Engine : "auto";
+    options.training.seed = static_cast<std::uint64_t>(this->Seed);
+    options.window = this->Window;
+    options.maximumFrames = static_cast<std::size_t>(std::max(this->MaximumFrames, this->Window));
+    options.maximumGaussians = static_cast<std::size_t>(this->MaximumGaussians);
+    bigus::Engine::Create(options.training.engine);  // an unknown name is said here and now
+    this->Live = std::make_unique<bigus::LiveSession>(options);
+  }
+  return *this->Live;
+}
+
+bool vtkBigusLiveTrainer::AddFrame(vtkImageData* image, vtkMatrix4x4* imageToReference, double seconds)
+{
+  try
+  {
+    this->Session().Add(ToFrame(image, ToEigen(imageToReference), seconds));
+    this->LastTime = seconds;
+    return true;
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< error.what());
+    return false;
+  }
+}
+
+bool vtkBigusLiveTrainer::AddSweep(vtkImageData* image)
+{
+  try
+  {
+    const std::shared_ptr<const bigus::Sweep> sweep = bigus::SweepFromImage(image).sweep;
+    bigus::LiveSession& session = this->Session();
+    std::vector<float> intensities(sweep->PixelsPerFrame());
+    for (int k = 0; k < sweep->NumberOfFrames(); ++k)
+    {
+      bigus::LiveFrame frame;
+      frame.width = sweep->width;
+      frame.height = sweep->height;
+      frame.imageToReference = sweep->imageToReference[k];
+      frame.timestamp = sweep->timestamps.empty() ? this->LastTime + 1 : sweep->timestamps[k];
+      this->LastTime = frame.timestamp;
+      sweep->CopyFrame(k, intensities.data());
+      frame.pixels.resize(intensities.size());
+      std::transform(intensities.begin(), intensities.end(), frame.pixels.begin(),
+                     [](float value) { return static_cast<std::uint8_t>(std::lround(255 * value)); });
+      session.Add(std::move(frame));
+      if (k % kTogether == kTogether - 1 || k + 1 == sweep->NumberOfFrames())
+      {
+        session.Wait();
+      }
+    }
+    return true;
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< error.what());
+    return false;
+  }
+}
+
+bool vtkBigusLiveTrainer::RenderSlice(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* slice)
+{
+  try
+  {
+    const Eigen::Matrix4d matrix = ToEigen(imageToReference);
+    const bigus::SlicePlane plane = bigus::SlicePlane::FromImageToReference(matrix, width, height);
+    plane.Validate("slice plane");
+    if (!slice)
+    {
+      throw bigus::Error("There is no image to render into.");
+    }
+    slice->Initialize();
+    slice->SetDimensions(width, height, 1);
+    slice->SetSpacing(plane.columnStep.norm(), plane.rowStep.norm(), 1);
+    slice->SetOrigin(plane.origin.data());
+    const Eigen::Vector3d x = plane.columnStep.normalized(), y = plane.rowStep.normalized(), z = plane.Normal();
+    slice->SetDirectionMatrix(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
+    slice->AllocateScalars(VTK_FLOAT, 1);
+    this->Session().Render(plane, bigus::ViewOutput::Intensity, static_cast<float*>(slice->GetScalarPointer()));
+    return true;
+  }
+  catch (const std::exception& error)
+  {
+    vtkErrorMacro(<< error.what());
+    return false;
+  }
+}
+
+void vtkBigusLiveTrainer::Reset()
+{
+  this->Live.reset();
+  this->LastTime = 0;
+  this->Modified();
+}
+
+int vtkBigusLiveTrainer::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+{
+  vtkPolyData* output = vtkPolyData::GetData(outputs);
+  output->Initialize();
+  this->SetErrorCode(vtkErrorCode::NoError);
+  try
+  {
+    bigus::LiveSession& session = this->Session();
+    if (this->FinishTime <= 0)
+    {
+      bigus::FieldToPolyData(session.Field(), output);
+      return 1;
+    }
+    // Observers are told on the caller's thread, which waits for the session's.
+    std::atomic<double> fraction{0};
+    std::atomic<bool> stop{false};
+    auto finished = std::async(std::launch::async,
+                               [&]
+                               {
+                                 return session.Finish(this->FinishTime,
+                                                       [&](const bigus::TrainingProgress& now)
+                                                       {
+                                                         fraction = now.fraction;
+                                                         return !stop;
+                                                       });
+                               });
+    while (finished.wait_for(kReport) == std::future_status::timeout)
+    {
+      stop = !bigus::ReportProgress(this, fraction) || stop;
+    }
+    const bigus::LiveResult result = finished.get();
+    bigus::FieldToPolyData(result.training.field, output);
+    std::vector<std::string> provenance;
+    bigus::SetProvenanceLine(provenance, "filter", "vtkBigusLiveTrainer");
+    bigus::AddTrainingProvenance(provenance, result.training, *result.sweep, false);
+    bigus::ReplaceProvenance(output, provenance);
+    bigus::KeepOutput(this);
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    output->Initialize();
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
+    return 0;
+  }
+}
+
+#define vtkBigusStateMacro(method, member)                                         \
+  vtkIdType vtkBigusLiveTrainer::method()                                          \
+  {                                                                                \
+    return this->Live ? static_cast<vtkIdType>(this->Live->GetState().member) : 0; \
+  }
+vtkBigusStateMacro(GetNumberOfFrames, frames);
+vtkBigusStateMacro(GetNumberOfPassedOverFrames, passedOver);
+vtkBigusStateMacro(GetNumberOfDroppedFrames, dropped);
+vtkBigusStateMacro(GetNumberOfRefusedFrames, refused);
+vtkBigusStateMacro(GetNumberOfWaitingFrames, waiting);
+vtkBigusStateMacro(GetNumberOfGaussians, gaussians);
+vtkBigusStateMacro(GetNumberOfSteps, steps);
+
+const char* vtkBigusLiveTrainer::GetLastRefusal()
+{
+  this->LastRefusal = this->Live ? this->Live->GetState().lastError : "";
+  return this->LastRefusal.c_str();
+}

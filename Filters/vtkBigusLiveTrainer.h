@@ -1,0 +1,148 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+/**
+ * @class   vtkBigusLiveTrainer
+ * @brief   A Gaussian field that follows the probe
+ *
+ * Frames are handed over one by one, or a sweep at a time, by AddFrame and AddSweep, which return at once. A thread of its
+ * own trains on them. Update() gives the field so far, as vtkBigusTrainer's output; it has no point before the eighth frame
+ * that shows anything. RenderSlice gives a picture at any plane at any moment, without a copy of the field.
+ *
+ * With FinishTime above 0 the update first trains on all frames together for so many seconds, with the tracker's noise
+ * taken out of their poses: what to ask for when the probe was lifted. It reports progress and stops soon after
+ * AbortExecute is set, with what it has. Frames may come again afterwards.
+ *
+ * The field changes by itself, which a pipeline cannot know: call Modified() before Update(), as for
+ * vtkWindowToImageFilter, to get it as it is now. Equal frames do not give equal bits, because how much is learned between
+ * two of them is a matter of time.
+ *
+ * An image has one component of unsigned char, a matrix takes its indices (i, j, 0, 1) to mm, and times, in seconds,
+ * increase. A black frame, and one whose time is not after the last, is passed over. One of another size than the first,
+ * or with an unsound pose, is refused. What became of frames is counted.
+ *
+ * Once frames were added, a change of an option takes effect with Reset().
+ */
+#ifndef vtkBigusLiveTrainer_h
+#define vtkBigusLiveTrainer_h
+
+#include <memory>  // for the session
+#include <string>  // for texts
+
+#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkPolyDataAlgorithm.h"
+
+namespace bigus
+{
+class LiveSession;
+}
+class vtkImageData;
+class vtkMatrix4x4;
+
+class VTKBIGUSFILTERS_EXPORT vtkBigusLiveTrainer : public vtkPolyDataAlgorithm
+{
+public:
+  static vtkBigusLiveTrainer* New();
+  vtkTypeMacro(vtkBigusLiveTrainer, vtkPolyDataAlgorithm);
+  void PrintSelf(ostream& os, vtkIndent indent) override;
+
+  /**
+   * Hands over a copy of a frame of one slice, taken at `seconds`. False, with an error, for what is no such image, or when
+   * training failed.
+   */
+  bool AddFrame(vtkImageData* image, vtkMatrix4x4* imageToReference, double seconds);
+
+  /**
+   * Hands over all usable frames of a sweep (see vtkBigusTrainer), in order, as fast as they are trained on. Frames without
+   * a Timestamp follow the last one by a second each. Returns when no frame waits.
+   */
+  bool AddSweep(vtkImageData* sweep);
+
+  /**
+   * The picture of the field so far at the plane of width x height pixels whose pixel (i, j) lies at
+   * imageToReference (i, j, 0, 1), mm: float, at its place as vtkBigusReslice's output. Black before there is a field.
+   * Returns within about an optimizer step, some milliseconds. False, with an error, for a plane that cannot be.
+   */
+  bool RenderSlice(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* slice);
+
+  /** Forgets all frames and the field. */
+  void Reset();
+
+  ///@{
+  /** Seconds above 0 that the next update trains on all frames together. 0 (default): it gives the field so far. */
+  vtkSetClampMacro(FinishTime, double, 0, 1e6);
+  vtkGetMacro(FinishTime, double);
+  ///@}
+
+  ///@{
+  /** What computes; see vtkBigusTrainer. Default "auto". */
+  vtkSetStringMacro(Engine);
+  vtkGetStringMacro(Engine);
+  ///@}
+
+  ///@{
+  /** Of random numbers, 0 to 2^31 - 1, default 1. */
+  vtkSetClampMacro(Seed, int, 0, VTK_INT_MAX);
+  vtkGetMacro(Seed, int);
+  ///@}
+
+  ///@{
+  /** Newest frames, which steps learn from, 8 to 1024, default 64. */
+  vtkSetClampMacro(Window, int, 8, 1024);
+  vtkGetMacro(Window, int);
+  ///@}
+
+  ///@{
+  /** Frames that are kept to finish with, from the window to 10^6, default 2000. */
+  vtkSetClampMacro(MaximumFrames, int, 8, 1000000);
+  vtkGetMacro(MaximumFrames, int);
+  ///@}
+
+  ///@{
+  /** Gaussians beyond which no more are added, 1000 to 2^26, default 1000000. */
+  vtkSetClampMacro(MaximumGaussians, int, 1000, 67108864);
+  vtkGetMacro(MaximumGaussians, int);
+  ///@}
+
+  ///@{
+  /**
+   * What became of the frames: kept to train on; passed over because they were black, repeated or late; dropped because
+   * too many waited; refused as unsound, and why the last of those was; handed over and not yet looked at.
+   */
+  vtkIdType GetNumberOfFrames();
+  vtkIdType GetNumberOfPassedOverFrames();
+  vtkIdType GetNumberOfDroppedFrames();
+  vtkIdType GetNumberOfRefusedFrames();
+  const char* GetLastRefusal();
+  vtkIdType GetNumberOfWaitingFrames();
+  ///@}
+
+  ///@{
+  /** Of the field so far, and optimizer steps that were taken. */
+  vtkIdType GetNumberOfGaussians();
+  vtkIdType GetNumberOfSteps();
+  ///@}
+
+protected:
+  vtkBigusLiveTrainer();
+  ~vtkBigusLiveTrainer() override;
+
+  int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+
+private:
+  vtkBigusLiveTrainer(const vtkBigusLiveTrainer&) = delete;
+  void operator=(const vtkBigusLiveTrainer&) = delete;
+
+  bigus::LiveSession& Session();
+
+  double FinishTime = 0;
+  char* Engine = nullptr;
+  int Seed = 1;
+  int Window = 64;
+  int MaximumFrames = 2000;
+  int MaximumGaussians = 1000000;
+  std::string LastRefusal;
+  double LastTime = 0;  // s
+  std::unique_ptr<bigus::LiveSession> Live;
+};
+
+#endif
