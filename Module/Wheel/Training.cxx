@@ -73,6 +73,22 @@ nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance)
   return answer;
 }
 
+/// The exception as an object. Before Python 3.12 one that was raised without arguments may have none yet.
+nb::object ValueOf(nb::python_error& error)
+{
+  PyObject *type, *value, *trace;
+  error.restore();
+  PyErr_Fetch(&type, &value, &trace);
+  PyErr_NormalizeException(&type, &value, &trace);
+  if (trace)
+  {
+    PyException_SetTraceback(value, trace);
+  }
+  Py_XDECREF(type);
+  Py_XDECREF(trace);
+  return nb::steal(value);
+}
+
 /// The pair of what came of it and what ended it: None, or the exception that Ctrl-C or `progress` raised.
 nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values, const Field* start,
                    nb::object progress)
@@ -107,7 +123,7 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
     }
     catch (nb::python_error& error)
     {
-      exception = nb::borrow(error.value());
+      exception = ValueOf(error);
       return false;
     }
   };
