@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A connection to an OpenIGTLink server, such as PlusServer or 3D Slicer.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "IO/Formats/OpenIgtLink.h"
+
+namespace bigus::command
+{
+
+/// "igtl://HOST:PORT" or "igtl://HOST", whose port is then 18944, taken apart.
+struct IgtAddress
+{
+  std::string host, port;
+
+  static bool IsOne(const std::string& text);
+  /// Throws Error for what is no such address.
+  static IgtAddress Parse(const std::string& text);
+};
+
+class IgtConnection
+{
+public:
+  struct Message
+  {
+    IgtHeader header;
+    std::vector<std::uint8_t> body;
+  };
+
+  /// Connects. Throws Error when nobody listens there.
+  explicit IgtConnection(const IgtAddress& address);
+  ~IgtConnection();
+  IgtConnection(const IgtConnection&) = delete;
+  IgtConnection& operator=(const IgtConnection&) = delete;
+
+  /// What ended Receive.
+  enum class Event
+  {
+    Message,
+    Silence,  ///< nothing came for so long; the rest of a message may still come
+    Closed    ///< by the other side
+  };
+  /// Waits for the next message, at most `seconds`. Throws Error for bytes that are no message.
+  Event Receive(double seconds, Message& message);
+
+  /// Sends a whole message. False when it cannot be sent at once, because the other side does not read: it is left out.
+  bool Send(const std::vector<std::uint8_t>& message);
+
+private:
+  bool Fill(std::size_t bytes);
+
+  int socket_ = -1;
+  std::vector<std::uint8_t> received_;  // of the message that is under way
+  bool closed_ = false;
+};
+
+}  // namespace bigus::command

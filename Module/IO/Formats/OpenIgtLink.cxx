@@ -1,0 +1,365 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Formats/OpenIgtLink.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// Bytes of a body: a colour picture of 4096 x 4096 pixels. More would be no frame of a scanner.
+constexpr std::uint64_t kLargestBody = std::uint64_t(1) << 26;
+
+constexpr std::size_t kTypeBytes = 12, kDeviceBytes = 20;
+
+// Codes of the protocol.
+constexpr int kUnsigned8 = 3, kLittleEndian = 2, kRas = 1, kLps = 2;
+
+/// Sides of a picture, pixels.
+constexpr int kLargestSide = 65535;
+
+/// Numbers one after another, big-endian.
+class Reader
+{
+public:
+  Reader(const std::uint8_t* at, const std::uint8_t* end, std::string what) : at_(at), end_(end), what_(std::move(what))
+  {
+  }
+
+  template <class T>
+  T Next()
+  {
+    Require(sizeof(T));
+    T value = 0;
+    for (std::size_t k = 0; k < sizeof(T); ++k)
+    {
+      value = static_cast<T>(static_cast<std::uint64_t>(value) << 8 | *at_++);
+    }
+    return value;
+  }
+
+  float NextFloat()
+  {
+    const auto bits = Next<std::uint32_t>();
+    float value;
+    std::memcpy(&value, &bits, sizeof(value));
+    if (!std::isfinite(value))
+    {
+      throw Error(what_ + ": a number is not finite.");
+    }
+    return value;
+  }
+
+  /// Text that ends at the first zero.
+  std::string NextText(std::size_t bytes)
+  {
+    Require(bytes);
+    const std::string text(reinterpret_cast<const char*>(at_), bytes);
+    at_ += bytes;
+    return text.substr(0, text.find('\0'));
+  }
+
+  void Skip(std::size_t bytes)
+  {
+    Require(bytes);
+    at_ += bytes;
+  }
+
+  const std::uint8_t* at() const { return at_; }
+  std::size_t Left() const { return static_cast<std::size_t>(end_ - at_); }
+
+private:
+  void Require(std::size_t bytes) const
+  {
+    if (Left() < bytes)
+    {
+      throw Error(what_ + ": it ends " + std::to_string(bytes - Left()) + " bytes too early.");
+    }
+  }
+
+  const std::uint8_t* at_;
+  const std::uint8_t* end_;
+  std::string what_;
+};
+
+class Writer
+{
+public:
+  template <class T>
+  void Put(T value)
+  {
+    for (int shift = 8 * (static_cast<int>(sizeof(T)) - 1); shift >= 0; shift -= 8)
+    {
+      bytes.push_back(static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> shift));
+    }
+  }
+  void PutFloat(double value)
+  {
+    const float single = static_cast<float>(value);
+    std::uint32_t bits;
+    std::memcpy(&bits, &single, sizeof(bits));
+    Put(bits);
+  }
+  void PutText(std::string text, std::size_t count)
+  {
+    text.resize(count, '\0');
+    bytes.insert(bytes.end(), text.begin(), text.end());
+  }
+  std::vector<std::uint8_t> bytes;
+};
+
+/// CRC-64 of ECMA-182: polynomial 42F0E1EBA9EA3693, from 0, bits in their order.
+std::uint64_t Checksum(const std::uint8_t* bytes, std::size_t count)
+{
+  static const std::array<std::uint64_t, 256> table = []
+  {
+    std::array<std::uint64_t, 256> values{};
+    for (std::uint64_t byte = 0; byte < values.size(); ++byte)
+    {
+      std::uint64_t rest = byte << 56;
+      for (int bit = 0; bit < 8; ++bit)
+      {
+        rest = rest >> 63 ? rest << 1 ^ 0x42F0E1EBA9EA3693u : rest << 1;
+      }
+      values[byte] = rest;
+    }
+    return values;
+  }();
+  std::uint64_t sum = 0;
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    sum = table[(sum >> 56 ^ bytes[k]) & 0xFF] ^ sum << 8;
+  }
+  return sum;
+}
+
+std::string NameOf(const IgtHeader& header)
+{
+  return header.type + " message of '" + header.device + "'";
+}
+
+/// The content of a whole body, without what version 3 of the protocol puts before and after it.
+Reader ContentOf(const IgtHeader& header, const std::vector<std::uint8_t>& body)
+{
+  if (body.size() != header.bodyBytes)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(body.size()) + " of " + std::to_string(header.bodyBytes) +
+                " bytes.");
+  }
+  if (header.checksum != 0 && header.checksum != Checksum(body.data(), body.size()))  // 0: the sender made none
+  {
+    throw Error(NameOf(header) + ": its checksum is another, so it was damaged on its way.");
+  }
+  const std::uint8_t *begin = body.data(), *end = begin + body.size();
+  if (header.version >= 2)
+  {
+    Reader extended(begin, end, NameOf(header));
+    const auto extendedBytes = extended.Next<std::uint16_t>(), metadataHeaderBytes = extended.Next<std::uint16_t>();
+    const auto metadataBytes = extended.Next<std::uint32_t>();
+    const std::uint64_t around = std::uint64_t(extendedBytes) + metadataHeaderBytes + metadataBytes;
+    if (around > body.size())
+    {
+      throw Error(NameOf(header) + ": " + std::to_string(around) +
+                  " bytes are said to surround its content, but it has " + std::to_string(body.size()) + ".");
+    }
+    begin += extendedBytes;
+    end -= metadataHeaderBytes + std::uint64_t(metadataBytes);
+  }
+  return Reader(begin, end, NameOf(header));
+}
+
+/// Three columns and a place, as both messages have them.
+Eigen::Matrix4d NextMatrix(Reader& content)
+{
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+  for (int column = 0; column < 4; ++column)
+  {
+    for (int row = 0; row < 3; ++row)
+    {
+      matrix(row, column) = content.NextFloat();
+    }
+  }
+  return matrix;
+}
+
+void PutMatrix(const Eigen::Matrix4d& matrix, Writer& to)
+{
+  for (int column = 0; column < 4; ++column)
+  {
+    for (int row = 0; row < 3; ++row)
+    {
+      to.PutFloat(matrix(row, column));
+    }
+  }
+}
+
+std::vector<std::uint8_t> WithHeader(const std::string& type, const std::string& device, double timestamp,
+                                     const std::vector<std::uint8_t>& body)
+{
+  Writer message;
+  message.Put<std::uint16_t>(1);
+  message.PutText(type, kTypeBytes);
+  message.PutText(device, kDeviceBytes);
+  const double seconds = std::floor(timestamp);
+  message.Put(static_cast<std::uint32_t>(seconds));
+  message.Put(static_cast<std::uint32_t>(std::ldexp(timestamp - seconds, 32)));
+  message.Put<std::uint64_t>(body.size());
+  message.Put(Checksum(body.data(), body.size()));
+  message.bytes.insert(message.bytes.end(), body.begin(), body.end());
+  return std::move(message.bytes);
+}
+
+/// From the first pixel to the picture's middle, which is its place in the protocol.
+Eigen::Vector4d ToMiddle(const Eigen::Matrix4d& matrix, int width, int height)
+{
+  return 0.5 * (width - 1) * matrix.col(0) + 0.5 * (height - 1) * matrix.col(1);
+}
+
+}  // namespace
+
+IgtHeader ParseIgtHeader(const std::uint8_t* bytes)
+{
+  Reader reader(bytes, bytes + kIgtHeaderBytes, "OpenIGTLink header");
+  IgtHeader header;
+  header.version = reader.Next<std::uint16_t>();
+  header.type = reader.NextText(kTypeBytes);
+  header.device = reader.NextText(kDeviceBytes);
+  const auto isPlain = [](char c) { return c >= ' ' && c <= '~'; };
+  if (header.version < 1 || header.version > 3 || header.type.empty() ||
+      !std::all_of(header.type.begin(), header.type.end(), isPlain))
+  {
+    throw Error("OpenIGTLink header: version " + std::to_string(header.version) +
+                " and a type that is no word. What sends here does not speak OpenIGTLink.");
+  }
+  std::replace_if(
+      header.device.begin(), header.device.end(), [&](char c) { return !isPlain(c); }, '?');
+  const auto seconds = reader.Next<std::uint32_t>(), fraction = reader.Next<std::uint32_t>();
+  header.timestamp = seconds + std::ldexp(fraction, -32);
+  header.bodyBytes = reader.Next<std::uint64_t>();
+  header.checksum = reader.Next<std::uint64_t>();
+  if (header.bodyBytes > kLargestBody)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(header.bodyBytes) + " bytes, more than " +
+                std::to_string(kLargestBody) + ".");
+  }
+  return header;
+}
+
+IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>& body)
+{
+  Reader content = ContentOf(header, body);
+  content.Skip(sizeof(std::uint16_t));  // version of what follows
+  const int components = content.Next<std::uint8_t>(), type = content.Next<std::uint8_t>();
+  content.Skip(1);  // order of bytes, which single ones have not
+  const int coordinates = content.Next<std::uint8_t>();
+  int size[3], offset[3], part[3];
+  for (int& side : size)
+  {
+    side = content.Next<std::uint16_t>();
+  }
+  const Eigen::Matrix4d matrix = NextMatrix(content);
+  for (int& first : offset)
+  {
+    first = content.Next<std::uint16_t>();
+  }
+  for (int& side : part)
+  {
+    side = content.Next<std::uint16_t>();
+  }
+  if (components != 1 || type != kUnsigned8)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(components) + " components of type " +
+                std::to_string(type) + "; one of unsigned 8 bits (3) is followed. Set the sender to grey pictures.");
+  }
+  if (size[2] != 1 || size[0] < 1 || size[1] < 1)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
+                std::to_string(size[2]) + " pixels; a frame has one slice.");
+  }
+  if (!std::equal(size, size + 3, part) || std::any_of(offset, offset + 3, [](int first) { return first != 0; }))
+  {
+    throw Error(NameOf(header) + ": it is part of a picture; whole ones are followed.");
+  }
+  if (coordinates != kRas && coordinates != kLps)
+  {
+    throw Error(NameOf(header) + ": its coordinates are " + std::to_string(coordinates) +
+                ", neither RAS (1) nor LPS (2).");
+  }
+  IgtImage image;
+  image.width = size[0];
+  image.height = size[1];
+  const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
+  if (content.Left() != pixels)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes of pixels for " +
+                std::to_string(image.width) + " x " + std::to_string(image.height) + ".");
+  }
+  image.pixels.assign(content.at(), content.at() + pixels);
+  image.imageToWorld = matrix;
+  image.imageToWorld.col(3) -= ToMiddle(matrix, image.width, image.height);
+  if (coordinates == kLps)
+  {
+    image.imageToWorld.topRows(2) *= -1;
+  }
+  return image;
+}
+
+Eigen::Matrix4d ParseIgtTransform(const IgtHeader& header, const std::vector<std::uint8_t>& body)
+{
+  Reader content = ContentOf(header, body);
+  const Eigen::Matrix4d matrix = NextMatrix(content);
+  if (content.Left() != 0)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes too many.");
+  }
+  return matrix;
+}
+
+std::vector<std::uint8_t> PackIgtImage(const std::string& device, double timestamp, const IgtImage& image)
+{
+  if (image.width < 1 || image.height < 1 || image.width > kLargestSide || image.height > kLargestSide)
+  {
+    throw Error("OpenIGTLink: a picture of " + std::to_string(image.width) + " x " + std::to_string(image.height) +
+                " pixels cannot be sent; sides go up to 65535.");
+  }
+  Writer body;
+  body.Put<std::uint16_t>(1);
+  for (const int code : {1, kUnsigned8, kLittleEndian, kRas})
+  {
+    body.Put(static_cast<std::uint8_t>(code));
+  }
+  const int size[3] = {image.width, image.height, 1};
+  for (const int side : size)
+  {
+    body.Put(static_cast<std::uint16_t>(side));
+  }
+  Eigen::Matrix4d matrix = image.imageToWorld;
+  matrix.col(3) += ToMiddle(matrix, image.width, image.height);
+  PutMatrix(matrix, body);
+  for (const int first : {0, 0, 0})
+  {
+    body.Put(static_cast<std::uint16_t>(first));
+  }
+  for (const int side : size)
+  {
+    body.Put(static_cast<std::uint16_t>(side));
+  }
+  body.bytes.insert(body.bytes.end(), image.pixels.begin(), image.pixels.end());
+  return WithHeader("IMAGE", device, timestamp, body.bytes);
+}
+
+std::vector<std::uint8_t> PackIgtTransform(const std::string& device, double timestamp, const Eigen::Matrix4d& matrix)
+{
+  Writer body;
+  PutMatrix(matrix, body);
+  return WithHeader("TRANSFORM", device, timestamp, body.bytes);
+}
+
+}  // namespace bigus
