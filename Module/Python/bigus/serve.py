@@ -1,0 +1,609 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A page in the browser: move a plane through a field and see its slice beside the recorded frames.
+
+    python3 -m bigus.serve field.vtp
+    python3 -m bigus.serve field.vtp sweep.igs.mha --port 9000
+
+The address is printed when all is read. Only programs of this machine reach it, unless --host says otherwise; then a
+token is asked for, which is part of the address that is printed. Ctrl-C ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import concurrent.futures
+import hmac
+import ipaddress
+import json
+import math
+import os
+import secrets
+import signal
+import struct
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any, Iterable, NamedTuple, Optional, Sequence
+from urllib.parse import urlsplit
+
+import numpy as np
+
+MOST_CLIENTS = 16
+MOST_MESSAGE_BYTES = 4096  # a request has about 400
+MESSAGES_PER_SECOND = 200.0  # a page sends one for every picture that it gets
+MESSAGES_AT_ONCE = 400.0
+MOST_BAD_MESSAGES = 20  # then the connection is closed
+MOST_PIXELS = 2 * 1024 * 1024  # of a slice: a frame of 1920 x 1080 passes
+MOST_SIDE = 4096  # pixels
+FARTHEST = 1e5  # mm: origins beyond are refused
+FINEST, COARSEST = 1e-4, 1e2  # mm a pixel
+MOST_POINTS = 30000  # of the overview; more are not told apart in a picture of 500 x 500
+SEND_SECONDS = 20.0  # a client that takes no bytes for so long is dropped
+SAME_POSE = 1e-6  # mm at the image's corners: the plane is the frame's own
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What is shown. The build with VTK and the wheel differ in what fields and sweeps are; only this part knows.
+
+
+class Rendered(NamedTuple):
+    image: np.ndarray  # float32 [height, width] in [0, 1)
+    coverage: np.ndarray  # float32 [height, width]
+
+
+class FieldOfVtk:
+    """A vtkPolyData and the filter that slices it, for one thread at a time."""
+
+    def __init__(self, bigus: Any, field: Any):
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        data = field.GetPointData()
+        self.centers = np.empty((0, 3))
+        self.scales, self.reflectivities = np.empty((0, 3)), np.empty(0)
+        if field.GetNumberOfPoints():
+            self.centers = vtk_to_numpy(field.GetPoints().GetData())
+            self.scales = vtk_to_numpy(data.GetArray("Scale"))
+            self.reflectivities = vtk_to_numpy(data.GetArray("Reflectivity")).ravel()
+        self._filter = bigus.vtkBigusReslice()
+        self._filter.SetInputData(field)
+
+    def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
+        from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+        from .arrays import _pixels
+        from .pipeline import update_alone
+
+        axes = vtkMatrix4x4()
+        axes.DeepCopy(plane.ravel())
+        self._filter.SetOutputToFrame(axes, width, height)
+        update_alone(self._filter)
+        return Rendered(_pixels(self._filter.GetOutput())[0], _pixels(self._filter.GetCoverageOutput())[0])
+
+
+class FieldOfWheel:
+    """A bigus.Field and the slicer that holds it."""
+
+    def __init__(self, bigus: Any, field: Any):
+        self.centers = np.asarray(field.centers)
+        self.scales, self.reflectivities = np.asarray(field.scales), np.asarray(field.reflectivities).ravel()
+        self._slicer = bigus.Slicer(field)
+
+    def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
+        return Rendered(*self._slicer.slice_and_coverage(plane, (width, height)))
+
+
+def _bytes(pixels: np.ndarray) -> np.ndarray:
+    """Grey values of 8 bits, of bytes, of 16 bits whose largest is white, or of numbers in [0, 1]."""
+    if pixels.dtype == np.uint8:
+        return np.ascontiguousarray(pixels)
+    if pixels.dtype == np.uint16:
+        return (pixels >> 8).astype(np.uint8)
+    return (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+class Sweep:
+    """Usable frames and poses. Frames of more than MOST_PIXELS are shown at every second, third, ... pixel."""
+
+    def __init__(self, bigus: Any, sweep: Any):
+        pixels, poses = bigus.frames(sweep), np.array(bigus.poses(sweep), dtype=np.float64)
+        status, mask = None, getattr(sweep, "mask", None)
+        if hasattr(sweep, "GetFieldData"):
+            from vtkmodules.util.numpy_support import vtk_to_numpy
+
+            status, mask = (sweep.GetFieldData().GetArray(name) for name in ("Status", "Mask"))
+            status = None if status is None else vtk_to_numpy(status).ravel() != 0
+            mask = None if mask is None else vtk_to_numpy(mask).reshape(pixels.shape[1:])
+        usable = np.isfinite(poses).all(axis=(1, 2)) if status is None else status & np.isfinite(poses).all(axis=(1, 2))
+        step = max(1, math.ceil(math.sqrt(pixels.shape[1] * pixels.shape[2] / MOST_PIXELS)))
+        self.numbers = np.flatnonzero(usable)  # in the file
+        self.poses = poses[usable]
+        self.poses[:, :, :2] *= step
+        self._pixels = pixels[:, ::step, ::step]
+        self.mask = None if mask is None else np.asarray(mask)[::step, ::step] != 0
+        self.height, self.width = self._pixels.shape[1:]
+        x, y = self.width - 1, self.height - 1
+        self._corners = np.array([[0, 0, 0, 1], [x, 0, 0, 1], [0, y, 0, 1], [x, y, 0, 1]], dtype=np.float64).T
+        self._placed = self.poses[:, :3] @ self._corners
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def pixels(self, frame: int) -> np.ndarray:
+        return _bytes(self._pixels[self.numbers[frame]])
+
+    def nearest(self, plane: np.ndarray) -> tuple[int, float]:
+        """The frame whose corners lie nearest to those of an image of the same size at the plane; mean of four, mm."""
+        distances = np.linalg.norm(self._placed - plane[:3] @ self._corners, axis=1).mean(axis=1)
+        frame = int(np.argmin(distances))
+        return frame, float(distances[frame])
+
+
+class Request(NamedTuple):
+    id: int
+    frame: Optional[int]  # whose pose is the plane
+    plane: Optional[np.ndarray]  # else this is it
+    width: int
+    height: int
+
+
+class Scene:
+    """A field, the sweep where there is one, and the pictures of both."""
+
+    def __init__(self, field: Any, sweep: Optional[Sweep]):
+        self.field, self.sweep = field, sweep
+        centers = field.centers if len(field.centers) else np.zeros((1, 3))
+        self.low, self.high = centers.min(axis=0), centers.max(axis=0)
+        sides = np.maximum(self.high - self.low, 1e-3)
+        # The field's mean coverage, to which that of a pixel is compared: its Gaussians' integrals over its box.
+        volume = float(np.prod(sides))
+        self.mean_coverage = (2 * math.pi) ** 1.5 * float(np.prod(field.scales, axis=1).sum()) / volume or 1.0
+
+    def first_plane(self) -> tuple[np.ndarray, int, int]:
+        """Of the frame in the middle; without frames through the middle of the field, along its two longest sides."""
+        if self.sweep:
+            return self.sweep.poses[len(self.sweep) // 2], self.sweep.width, self.sweep.height
+        sides = self.high - self.low
+        along = np.argsort(-sides, kind="stable")[:2]
+        size = 512
+        spacing = max(float(sides.max()) / size, 1e-3)
+        plane = np.eye(4)
+        plane[:3, :3] = 0
+        plane[along[0], 0] = plane[along[1], 1] = spacing
+        plane[:3, 2] = np.cross(plane[:3, 0], plane[:3, 1]) / spacing**2
+        plane[:3, 3] = (self.low + self.high) / 2 - (plane[:3, 0] + plane[:3, 1]) * (size - 1) / 2
+        return plane, size, size
+
+    def description(self) -> dict[str, Any]:
+        plane, width, height = self.first_plane()
+        sweep = self.sweep
+        return {
+            "gaussians": len(self.field.centers), "low": self.low.tolist(), "high": self.high.tolist(),
+            "plane": plane.ravel().tolist(), "width": width, "height": height,
+            "frames": [] if sweep is None else [pose.ravel().tolist() for pose in sweep.poses],
+            "numbers": [] if sweep is None else sweep.numbers.tolist(),
+            "firstFrame": None if sweep is None else len(sweep) // 2,
+        }  # fmt: skip
+
+    def points(self) -> bytes:
+        """Some of the Gaussians, evenly taken: x, y, z (mm) and reflectivity, float32."""
+        step = max(1, math.ceil(len(self.field.centers) / MOST_POINTS))
+        chosen = np.column_stack([self.field.centers, self.field.reflectivities])[::step]
+        return np.ascontiguousarray(chosen, dtype="<f4").tobytes()
+
+    def parse(self, text: str) -> Request:
+        """A request of a client. Raises ValueError for whatever is not sound."""
+        try:
+            message = json.loads(text)
+        except (ValueError, RecursionError):
+            raise ValueError("a request is JSON") from None
+        if not isinstance(message, dict):
+            raise ValueError("a request is an object")
+
+        def whole(name: str, low: int, high: int) -> int:
+            value = message.get(name)
+            if type(value) is not int or not low <= value <= high:
+                raise ValueError(f"{name} is a whole number from {low} to {high}")
+            return value
+
+        id = whole("id", 0, 2**53)
+        if message.get("frame") is not None:
+            if not self.sweep:
+                raise ValueError("there are no frames")
+            return Request(id, whole("frame", 0, len(self.sweep) - 1), None, self.sweep.width, self.sweep.height)
+        width, height = whole("width", 1, MOST_SIDE), whole("height", 1, MOST_SIDE)
+        if width * height > MOST_PIXELS:
+            raise ValueError(f"a slice has at most {MOST_PIXELS} pixels")
+        numbers = message.get("plane")
+        if not isinstance(numbers, list) or len(numbers) != 16 or any(type(n) not in (int, float) for n in numbers):
+            raise ValueError("plane is a list of 16 numbers, the matrix from pixels to mm by rows")
+        if any(abs(n) > FARTHEST or n != n for n in numbers):  # compared as Python's numbers, which may be huge
+            raise ValueError(f"the plane's numbers are finite and at most {FARTHEST:g}")
+        plane = np.array(numbers, dtype=np.float64).reshape(4, 4)
+        sides = np.linalg.norm(plane[:3, :2], axis=0)
+        if not ((sides >= FINEST) & (sides <= COARSEST)).all():
+            raise ValueError(f"pixels are from {FINEST:g} to {COARSEST:g} mm")
+        normal = np.cross(plane[:3, 0], plane[:3, 1]) / (sides[0] * sides[1])
+        length = np.linalg.norm(normal)
+        if length < 1e-3:
+            raise ValueError("the plane's first two columns must span a plane")
+        plane[:3, 2], plane[3] = normal / length, (0, 0, 0, 1)
+        return Request(id, None, plane, width, height)
+
+    def render(self, request: Request) -> tuple[dict[str, Any], list[bytes]]:
+        """What is told of the slice, and its pixels and coverage as bytes."""
+        begin = time.perf_counter()
+        plane = self.sweep.poses[request.frame] if request.frame is not None else request.plane
+        image, coverage = self.field.render(plane, request.width, request.height)
+        grey = _bytes(image)
+        seen = (np.minimum(coverage / self.mean_coverage, 1) * 255 + 0.5).astype(np.uint8)
+        head: dict[str, Any] = {"id": request.id, "width": request.width, "height": request.height, "frame": None}
+        if self.sweep:
+            frame, distance = (request.frame, 0.0) if request.frame is not None else self.sweep.nearest(plane)
+            size = (request.width, request.height)
+            same = distance <= SAME_POSE and size == (self.sweep.width, self.sweep.height)
+            head.update(frame=frame, distance=distance, same=same, psnr=None)
+            if same:
+                difference = (image - self.sweep.pixels(frame) / np.float32(255))
+                difference = difference if self.sweep.mask is None else difference[self.sweep.mask]
+                error = float(np.mean(np.square(difference), dtype=np.float64)) if difference.size else 0.0
+                head["psnr"] = -10 * math.log10(error) if error > 0 else None
+        head["seconds"] = time.perf_counter() - begin
+        return head, [grey.tobytes(), seen.tobytes()]
+
+
+def read_scene(field: str, sweep: Optional[str], tell: Any) -> Scene:
+    import bigus
+
+    tell("reading", file=field)
+    data = bigus.read(field)
+    wheel = hasattr(bigus, "Slicer")
+    if not (isinstance(data, bigus.Field) if wheel else data.IsA("vtkPolyData")):
+        raise ValueError(f"{field} is not a field (.vtp or .ply)")
+    frames = None
+    if sweep is not None:
+        tell("reading", file=sweep)
+        found = bigus.read(sweep)
+        if isinstance(found, bigus.Field) if wheel else found.IsA("vtkPolyData"):
+            raise ValueError(f"{sweep} is a field; a sequence is expected there")
+        frames = Sweep(bigus, found)
+        if not len(frames):
+            raise ValueError(f"{sweep}: no frame has a usable pose")
+    return Scene(FieldOfWheel(bigus, data) if wheel else FieldOfVtk(bigus, data), frames)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Who may ask
+
+
+def is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def host_is_sound(header: str, names: Iterable[str]) -> bool:
+    """Whether a Host header is an address, localhost or one of the names.
+
+    A page of a stranger can have its own name lead to this machine (DNS rebinding), but then its name stands here.
+    """
+    try:
+        host = urlsplit("//" + header).hostname or ""
+        urlsplit("//" + header).port  # raises where it is not a number
+    except ValueError:
+        return False
+    try:
+        ipaddress.ip_address(host)
+        return True
+    except ValueError:
+        return host == "localhost" or host in {name.lower() for name in names}
+
+
+def origin_is_sound(origin: Optional[str], host: str) -> bool:
+    """Whether a page of this server asks, or a program that is no browser."""
+    return origin is None or origin.lower() in (f"http://{host.lower()}", f"https://{host.lower()}")
+
+
+def token_is_sound(given: str, token: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The server
+
+
+class Client:
+    """A connection. Only its newest request waits, and one of its requests is worked on at a time."""
+
+    def __init__(self) -> None:
+        self.newest: Optional[Request] = None
+        self.arrived = asyncio.Event()
+        self.shown: Optional[int] = None  # the recorded frame that it has
+        self._allowance, self._last = MESSAGES_AT_ONCE, time.monotonic()
+
+    def may_send(self) -> bool:
+        now = time.monotonic()
+        self._allowance = min(MESSAGES_AT_ONCE, self._allowance + (now - self._last) * MESSAGES_PER_SECOND) - 1
+        self._last = now
+        return self._allowance >= 0
+
+
+class Server:
+    """Serves one scene. Slices are rendered one after the other, each with all threads, by turns of the clients."""
+
+    def __init__(self, scene: Scene, token: Optional[str] = None, names: Sequence[str] = (), compress: bool = False):
+        self.scene, self.token, self.names, self.compress = scene, token, tuple(names), compress
+        self.clients: dict[Any, Client] = {}
+        self.rendered = self.superseded = self.refused = 0
+        self._recent: list[float] = []  # seconds of the last renders
+        self._begin = time.monotonic()
+        self._turn: asyncio.Lock
+        self._pool = concurrent.futures.ThreadPoolExecutor(1, "render")
+        self._page = Path(__file__).with_name("serve.html").read_text(encoding="utf-8")
+        self._points = scene.points()
+
+    def application(self) -> Any:
+        from aiohttp import web
+
+        self._turn = asyncio.Lock()
+
+        @web.middleware
+        async def guard(request: Any, handler: Any) -> Any:
+            host = request.headers.get("Host", "")
+            given = request.headers.get("Authorization", "")
+            given = given[len("Bearer "):] if given.startswith("Bearer ") else request.query.get("token", "")
+            if not host_is_sound(host, self.names):
+                raise web.HTTPForbidden(text="This server is not known by that name. Start it with --name NAME.\n")
+            if not origin_is_sound(request.headers.get("Origin"), host):
+                raise web.HTTPForbidden(text="Pages of other servers may not ask.\n")
+            if self.token is not None and not token_is_sound(given, self.token):
+                raise web.HTTPUnauthorized(text="The token is missing or wrong. The server printed the whole address.\n")
+            return await handler(request)
+
+        async def protect(request: Any, response: Any) -> None:
+            response.headers["X-Content-Type-Options"] = "nosniff"
+            response.headers["Referrer-Policy"] = "no-referrer"  # the address may hold the token
+            response.headers["Cross-Origin-Resource-Policy"] = "same-origin"
+            response.headers["Cache-Control"] = "no-store"
+
+        application = web.Application(middlewares=[guard])
+        application.on_response_prepare.append(protect)
+        application.on_shutdown.append(self._close)
+        application.router.add_get("/", self._send_page)
+        application.router.add_get("/health", self._send_health)
+        application.router.add_get("/scene", self._send_scene)
+        application.router.add_get("/points", self._send_points)
+        application.router.add_get("/slices", self._serve_slices)
+        return application
+
+    async def _close(self, application: Any) -> None:
+        from aiohttp import WSCloseCode
+
+        goodbyes = [socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server ends") for socket in self.clients]
+        await asyncio.wait([asyncio.ensure_future(one) for one in goodbyes], timeout=2) if goodbyes else None
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    async def _send_page(self, request: Any) -> Any:
+        from aiohttp import web
+
+        nonce = secrets.token_urlsafe(16)
+        policy = (f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; connect-src 'self'; "
+                  "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'")  # fmt: skip
+        text = self._page.replace("NONCE", nonce)
+        return web.Response(text=text, content_type="text/html", headers={"Content-Security-Policy": policy})
+
+    async def _send_health(self, request: Any) -> Any:
+        from aiohttp import web
+
+        return web.json_response(self.health())
+
+    async def _send_scene(self, request: Any) -> Any:
+        from aiohttp import web
+
+        return web.json_response(self.scene.description())
+
+    async def _send_points(self, request: Any) -> Any:
+        from aiohttp import web
+
+        return web.Response(body=self._points, content_type="application/octet-stream")
+
+    def health(self) -> dict[str, Any]:
+        """What scripts read at /health."""
+        recent = sorted(self._recent)
+        return {
+            "status": "ok",
+            "gaussians": len(self.scene.field.centers),
+            "frames": len(self.scene.sweep) if self.scene.sweep else 0,
+            "clients": len(self.clients),
+            "rendered": self.rendered,
+            "superseded": self.superseded,
+            "refused": self.refused,
+            "render_seconds": recent[len(recent) // 2] if recent else None,
+            "uptime_seconds": time.monotonic() - self._begin,
+        }
+
+    async def _serve_slices(self, request: Any) -> Any:
+        from aiohttp import WSCloseCode, WSMsgType, web
+
+        if len(self.clients) >= MOST_CLIENTS:
+            raise web.HTTPServiceUnavailable(text=f"{MOST_CLIENTS} clients are served already.\n")
+        socket = web.WebSocketResponse(max_msg_size=MOST_MESSAGE_BYTES, heartbeat=20, compress=self.compress)
+        client = self.clients[socket] = Client()
+        worker = None
+        bad = 0
+        try:
+            await socket.prepare(request)
+            worker = asyncio.ensure_future(self._answer(client, socket, request.transport))
+            async for message in socket:
+                if not client.may_send():
+                    self.refused += 1
+                    await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages a second")
+                    break
+                try:
+                    if message.type is not WSMsgType.TEXT:
+                        raise ValueError("a request is text")
+                    asked = self.scene.parse(message.data)
+                except ValueError as error:
+                    self.refused += 1
+                    bad += 1
+                    if bad > MOST_BAD_MESSAGES:
+                        await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many bad requests")
+                        break
+                    await self._send(socket, request.transport, json.dumps({"error": str(error)}))
+                    continue
+                self.superseded += client.newest is not None
+                client.newest = asked
+                client.arrived.set()
+        except (ConnectionError, asyncio.TimeoutError):
+            pass  # it went away
+        finally:
+            self.clients.pop(socket, None)
+            if worker is not None:
+                worker.cancel()
+        return socket
+
+    async def _send(self, socket: Any, transport: Any, data: Any) -> None:
+        try:
+            send = socket.send_str if isinstance(data, str) else socket.send_bytes
+            await asyncio.wait_for(send(data), SEND_SECONDS)
+        except asyncio.TimeoutError:
+            if transport is not None:
+                transport.abort()
+            raise
+
+    async def _answer(self, client: Client, socket: Any, transport: Any) -> None:
+        """Renders and sends the newest request again and again. A slow client keeps only itself waiting."""
+        loop = asyncio.get_running_loop()
+        try:
+            while True:
+                await client.arrived.wait()
+                async with self._turn:  # first come, first served, and each client waits once: they take turns
+                    client.arrived.clear()
+                    asked, client.newest = client.newest, None
+                    if asked is None:
+                        continue
+                    try:
+                        head, parts = await loop.run_in_executor(self._pool, self.scene.render, asked)
+                    except Exception as error:  # of the renderer; the others are served on
+                        self.refused += 1
+                        print(f"a slice failed: {error}", file=sys.stderr)
+                        head, parts = {"id": asked.id, "error": "this slice cannot be rendered"}, []
+                    else:
+                        self.rendered += 1
+                        self._recent = [*self._recent[-99:], head["seconds"]]
+                if not parts:
+                    await self._send(socket, transport, json.dumps(head))
+                    continue
+                if head["frame"] is not None and head["frame"] != client.shown:
+                    sweep = self.scene.sweep
+                    client.shown = head["frame"]
+                    head["recorded"] = [sweep.width, sweep.height]
+                    parts.append(sweep.pixels(client.shown).tobytes())
+                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, recorded frame.
+                text = json.dumps(head, allow_nan=False).encode()
+                text += b" " * (-len(text) % 4)
+                await self._send(socket, transport, b"".join([struct.pack("<I", len(text)), text, *parts]))
+        except (ConnectionError, asyncio.TimeoutError, RuntimeError):
+            pass  # it went away
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> Any:
+        self.print_usage(sys.stderr)
+        self.exit(1, f"{self.prog}: {message}\n")  # as the bigus program
+
+
+def parser() -> argparse.ArgumentParser:
+    def port(text: str) -> int:
+        if not 0 <= int(text) <= 65535:
+            raise ValueError
+        return int(text)
+
+    def threads(text: str) -> int:
+        if not 0 <= int(text) <= 4096:
+            raise ValueError
+        return int(text)
+
+    parser = _Parser(prog=os.environ.get("BIGUS_SERVE_NAME", "python3 -m bigus.serve"), description=__doc__,
+                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser.add_argument("field", metavar="FIELD", help=".vtp or .ply")
+    parser.add_argument("sequence", metavar="SEQUENCE", nargs="?", help="the sweep that it was trained on")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1, this machine only)")
+    parser.add_argument("--port", type=port, default=8765, help="0: any that is free (default: 8765)")
+    parser.add_argument("--name", action="append", default=[], help="a name by which browsers know this machine; repeatable")
+    parser.add_argument("--token", action="store_true", help="ask for a token on this machine, too")
+    parser.add_argument("--threads", type=threads, default=0, metavar="N", help="cores to use; 0 takes all (default)")
+    parser.add_argument("--json", action="store_true", help="tell of progress and the address in JSON, a line each, on stdout")
+    return parser
+
+
+async def _run(server: Server, host: str, port: int, tell: Any) -> None:
+    from aiohttp import web
+
+    runner = web.AppRunner(server.application(), access_log=None, keepalive_timeout=15)
+    end = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, end.set)
+    await runner.setup()
+    try:
+        site = web.TCPSite(runner, host, port, shutdown_timeout=2) if _old_aiohttp() else web.TCPSite(runner, host, port)
+        await site.start()
+        address, found = runner.addresses[0][:2]
+        name = f"[{address}]" if ":" in address else address
+        url = f"http://{name}:{found}/" + (f"?token={server.token}" if server.token else "")
+        tell("ready", url=url)
+        await end.wait()
+        tell("ending")
+    finally:
+        await runner.cleanup()
+
+
+def _old_aiohttp() -> bool:
+    import aiohttp
+
+    return int(aiohttp.__version__.split(".")[0]) == 3 and int(aiohttp.__version__.split(".")[1]) < 9
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    options = parser().parse_args(arguments)
+
+    def tell(phase: str, **facts: Any) -> None:
+        if options.json:
+            print(json.dumps({"phase": phase, **facts}), flush=True)
+        else:
+            print(phase, *facts.values(), file=sys.stderr, flush=True)
+
+    def fail(code: int, message: str) -> int:
+        if options.json:
+            print(json.dumps({"error": message, "exit_code": code}), flush=True)
+        print(f"bigus serve: {message}", file=sys.stderr)
+        return code
+
+    if options.threads and hasattr(os, "sched_setaffinity"):  # before anything starts threads
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: options.threads])
+    try:
+        import aiohttp  # noqa: F401
+    except ImportError as error:
+        return fail(2, f'{error}; it serves the page: pip install aiohttp, or pip install "bigus[web]"')
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scene = read_scene(options.field, options.sequence, tell)
+    except (ImportError, OSError, RuntimeError, ValueError) as error:
+        return fail(2, str(error))
+    away = not is_loopback(options.host)
+    token = secrets.token_urlsafe(32) if away or options.token else None
+    # Pictures go as they are on this machine, where bytes cost less than packing them does.
+    server = Server(scene, token, [options.host, *options.name], compress=away)
+    try:
+        asyncio.run(_run(server, options.host, options.port, tell))
+    except OSError as error:
+        return fail(3, f"cannot listen at {options.host} port {options.port}: {error.strerror or error}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

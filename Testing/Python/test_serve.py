@@ -1,0 +1,442 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The page in the browser: its server against honest and hostile clients, and the page itself in Chromium.
+
+    test_serve.py FIELD
+
+Runs with the package of the build with VTK and with the wheel's. What needs aiohttp or Chromium is skipped without them.
+BIGUS_CHROMIUM names a browser. With BIGUS_SERVE_FIELD and BIGUS_SERVE_SWEEP the browser's test prints how fast these are.
+"""
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import bigus
+import chromium
+from bigus import serve
+
+try:
+    import aiohttp
+except ImportError:
+    aiohttp = None
+
+FIELD = ""
+FRAMES, HEIGHT, WIDTH = 5, 48, 64
+START_SECONDS = 120  # on a busy machine
+
+
+def poses() -> np.ndarray:
+    matrices = np.tile(np.diag([0.4, 0.4, 1.0, 1.0]), (FRAMES, 1, 1))
+    matrices[:, :3, 3] = [[-12, -10, k] for k in range(FRAMES)]
+    return matrices
+
+
+def write_sweep(path: str) -> np.ndarray:
+    pixels = np.random.default_rng(7).integers(0, 256, (FRAMES, HEIGHT, WIDTH), dtype=np.uint8)
+    bigus.write(bigus.sweep(pixels, poses(), np.arange(FRAMES) / 20.0), path)
+    return pixels
+
+
+def unpack(data: bytes) -> tuple:
+    """Head, slice, coverage and the recorded frame or None of an answer."""
+    (length,) = struct.unpack("<I", data[:4])
+    head = json.loads(data[4 : 4 + length])
+    pixels = np.frombuffer(data, np.uint8, offset=4 + length)
+    count, shape = head["width"] * head["height"], (head["height"], head["width"])
+    recorded = pixels[2 * count :].reshape(head["recorded"][::-1]) if "recorded" in head else None
+    return head, pixels[:count].reshape(shape), pixels[count : 2 * count].reshape(shape), recorded
+
+
+class Running:
+    """A server as people start it."""
+
+    def __init__(self, *arguments: str):
+        command = [sys.executable, "-m", "bigus.serve", *arguments, "--port", "0", "--json"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.phases = []
+        for line in self.process.stdout:
+            self.phases.append(json.loads(line))
+            if self.phases[-1].get("phase") == "ready":
+                break
+        else:
+            raise AssertionError(self.process.communicate()[1])
+        self.url = self.phases[-1]["url"]
+
+    def end(self, number: int = signal.SIGTERM) -> tuple:
+        self.process.send_signal(number)
+        told, complaints = self.process.communicate(timeout=60)
+        return self.process.returncode, told, complaints
+
+
+class Rules(unittest.TestCase):
+    """Needs neither aiohttp nor a network."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.scene = serve.read_scene(FIELD, None, lambda *_, **__: None)
+
+    def request(self, **changes):
+        plane = np.diag([0.4, 0.4, 1.0, 1.0]).ravel().tolist()
+        return {"id": 1, "plane": plane, "width": 64, "height": 48, **changes}
+
+    def test_a_sound_request_is_the_slice_of_the_library(self):
+        asked = self.scene.parse(json.dumps(self.request()))
+        head, (image, coverage) = self.scene.render(asked)
+        expected = bigus.reslice(bigus.read(FIELD), np.diag([0.4, 0.4, 1, 1]), size=(64, 48))
+        np.testing.assert_allclose(np.frombuffer(image, np.uint8).reshape(48, 64), expected * 255, atol=0.51)
+        self.assertEqual(len(coverage), 64 * 48)
+        self.assertGreater(max(coverage), 0)
+        self.assertIsNone(head["frame"])
+
+    def test_unsound_requests_are_refused(self):
+        def plane(**changes):
+            numbers = self.request()["plane"]
+            for place, value in changes.items():
+                numbers[int(place[1:])] = value
+            return self.request(plane=numbers)
+
+        unsound = [
+            {}, [], 1, None, "text", self.request(id=-1), self.request(id=1.5), self.request(id=True), self.request(id=2**70),
+            self.request(width=0), self.request(width=10**30), self.request(width=4096, height=4096), self.request(height="9"),
+            self.request(frame=0), self.request(plane=None), self.request(plane=[1] * 15), self.request(plane=["1"] * 16),
+            self.request(plane=[[1] * 16]), self.request(plane=[True] * 16), self.request(plane=[0] * 16),
+            plane(n0=float("nan")), plane(n3=float("inf")), plane(n3=1e300), plane(n3=10**400), plane(n0=1e-9),
+            plane(n0=1e4), plane(n1=0.4, n5=0),
+        ]  # fmt: skip
+        for message in unsound:
+            with self.subTest(message=str(message)[:80]), self.assertRaises(ValueError):
+                self.scene.parse(json.dumps(message))
+        for text in ("", "{", "[" * 4000, '{"id": ' + "9" * 4000 + "}", "\0", '{"id": 1e999}', "\ud800"):
+            with self.subTest(text=text[:20]), self.assertRaises(ValueError):
+                self.scene.parse(text)
+
+    def test_names_of_strangers_are_refused(self):
+        for host in ("127.0.0.1:8765", "localhost", "LOCALHOST:1", "[::1]:80", "192.168.1.7:80", "ward.example:80"):
+            self.assertTrue(serve.host_is_sound(host, ["ward.example"]), host)
+        for host in ("", "evil.example", "127.0.0.1.evil.example", "localhost.evil.example:80", "[::1", "a:b", "ward.example.x"):
+            self.assertFalse(serve.host_is_sound(host, ["ward.example"]), host)
+        self.assertTrue(serve.origin_is_sound(None, "localhost:80"))
+        self.assertTrue(serve.origin_is_sound("http://localhost:80", "localhost:80"))
+        for origin in ("null", "http://evil.example", "http://localhost:81", "file://", "http://localhost:80.evil.example"):
+            self.assertFalse(serve.origin_is_sound(origin, "localhost:80"), origin)
+
+    def test_tokens(self):
+        self.assertTrue(serve.token_is_sound("abc", "abc"))
+        for given in ("", "ab", "abcd", "abC", "\udc80"):
+            self.assertFalse(serve.token_is_sound(given, "abc"))
+
+    def test_the_nearest_frame(self):
+        with tempfile.TemporaryDirectory() as folder:
+            write_sweep(folder + "/sweep.igs.mha")
+            sweep = serve.Sweep(bigus, bigus.read(folder + "/sweep.igs.mha"))
+        moved = poses()[3]
+        moved[2, 3] += 0.25
+        frame, distance = sweep.nearest(moved)
+        self.assertEqual(frame, 3)
+        self.assertAlmostEqual(distance, 0.25)
+
+    def test_wrong_usage_and_bad_files(self):
+        def run(*arguments):
+            done = subprocess.run([sys.executable, "-m", "bigus.serve", *arguments], capture_output=True, text=True)
+            self.assertNotIn("Traceback", done.stderr)
+            return done.returncode
+
+        self.assertEqual(run(), 1)
+        self.assertEqual(run(FIELD, "--port", "70000"), 1)
+        self.assertEqual(run("/nonexistent.vtp"), 2)
+        self.assertEqual(run("--help"), 0)
+
+
+@unittest.skipIf(aiohttp is None, "aiohttp is not installed")
+class Serving(unittest.IsolatedAsyncioTestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.sweep = cls.folder.name + "/sweep.igs.mha"
+        cls.pixels = write_sweep(cls.sweep)
+        cls.server = Running(FIELD, cls.sweep, "--threads", "2")
+
+    @classmethod
+    def tearDownClass(cls):
+        code, _, complaints = cls.server.end()
+        cls.folder.cleanup()
+        assert code == 0 and "Traceback" not in complaints, complaints
+
+    async def asyncSetUp(self):
+        self.session = aiohttp.ClientSession()
+
+    async def asyncTearDown(self):
+        await self.session.close()
+
+    def connect(self, **more):
+        return self.session.ws_connect(self.server.url + "slices", max_msg_size=0, **more)
+
+    async def health(self):
+        async with self.session.get(self.server.url + "health") as answer:
+            return await answer.json()
+
+    async def ask(self, client, **request):
+        await client.send_str(json.dumps({"id": 1, **request}))
+        message = await asyncio.wait_for(client.receive(), 60)
+        return unpack(message.data) if message.type is aiohttp.WSMsgType.BINARY else json.loads(message.data)
+
+    async def test_phases_and_health(self):
+        self.assertEqual([one["phase"] for one in self.server.phases], ["reading", "reading", "ready"])
+        health = await self.health()
+        self.assertEqual((health["status"], health["frames"]), ("ok", FRAMES))
+        self.assertGreater(health["gaussians"], 0)
+
+    async def test_a_frame_and_a_moved_plane(self):
+        async with self.connect() as client:
+            head, image, _, recorded = await self.ask(client, frame=2)
+            self.assertTrue(head["same"])
+            np.testing.assert_array_equal(recorded, self.pixels[2])
+            expected = bigus.reslice(bigus.read(FIELD), poses()[2], size=(WIDTH, HEIGHT))
+            np.testing.assert_allclose(image, expected * 255, atol=0.51)
+            truth = self.pixels[2] / 255.0
+            mask = getattr(bigus.read(self.sweep), "mask", None)
+            if mask is None:  # the build with VTK finds one, too; then only that there is a number can be told
+                self.assertTrue(np.isfinite(head["psnr"]))
+            else:
+                squares = np.square(expected - truth)[np.asarray(mask) != 0]
+                self.assertAlmostEqual(head["psnr"], -10 * np.log10(squares.mean()), places=3)
+            moved = poses()[2]
+            moved[2, 3] += 0.1
+            head, _, _, recorded = await self.ask(client, plane=moved.ravel().tolist(), width=WIDTH, height=HEIGHT)
+            self.assertEqual((head["frame"], head["same"], head["psnr"]), (2, False, None))
+            self.assertAlmostEqual(head["distance"], 0.1)
+            self.assertIsNone(recorded)  # the client has it
+
+    async def test_no_file_is_served(self):
+        for path in ("/etc/passwd", "/../../etc/passwd", "/serve.html", "/%2e%2e/%2e%2e/etc/passwd", "/" + FIELD):
+            reader, writer = await asyncio.open_connection("127.0.0.1", int(self.server.url.split(":")[2].strip("/")))
+            writer.write(f"GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
+            self.assertIn((await reader.read()).split()[1], (b"404", b"400"), path)
+            writer.close()
+
+    async def test_strangers_are_refused(self):
+        for path in ("", "health", "scene", "points", "slices"):
+            for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}):
+                async with self.session.get(self.server.url + path, headers=headers) as answer:
+                    self.assertEqual(answer.status, 403)
+        with self.assertRaises(aiohttp.WSServerHandshakeError):
+            await self.connect(headers={"Origin": "http://evil.example"})
+
+    async def test_hostile_messages_hurt_nobody(self):
+        async with self.connect() as good:
+            for junk in ("", "{", "[" * 4000, "NaN", '{"id": 1e999}', json.dumps({"id": 1, "plane": [1e308] * 16})):
+                async with self.connect() as bad:
+                    await bad.send_str(junk)
+                    self.assertIn("error", json.loads((await bad.receive()).data))
+            async with self.connect() as bad:
+                await bad.send_bytes(os.urandom(100))
+                self.assertIn("error", json.loads((await bad.receive()).data))
+            async with self.connect() as bad:  # too long
+                await bad.send_str("x" * 100_000)
+                self.assertEqual((await bad.receive()).type, aiohttp.WSMsgType.CLOSE)
+                self.assertEqual(bad.close_code, 1009)
+            async with self.connect() as bad:  # never sound
+                for _ in range(serve.MOST_BAD_MESSAGES + 1):
+                    await bad.send_str("x")
+                while (message := await bad.receive()).type is aiohttp.WSMsgType.TEXT:
+                    pass
+                self.assertEqual(bad.close_code, 1008)
+            async with self.connect() as bad:  # too many at once
+                with self.assertRaises((ConnectionError, AssertionError)):
+                    for k in range(4000):
+                        await bad.send_str(json.dumps({"id": k, "frame": 0}))
+                    while (message := await bad.receive()).type is aiohttp.WSMsgType.BINARY:
+                        pass
+                    self.assertNotEqual(bad.close_code, 1008)
+            reader, writer = await asyncio.open_connection("127.0.0.1", int(self.server.url.split(":")[2].strip("/")))
+            writer.write(os.urandom(1000) + b"\r\n\r\n")
+            await reader.read(1000)
+            writer.close()
+            head, *_ = await self.ask(good, frame=1)
+            self.assertEqual(head["frame"], 1)
+        self.assertEqual((await self.health())["status"], "ok")
+
+    async def test_only_the_newest_request_is_rendered(self):
+        before = await self.health()
+        async with self.connect() as client:
+            size = {"width": 1024, "height": 1024}
+            plane = (poses()[0] @ np.diag([0.03, 0.03, 1, 1])).ravel().tolist()
+            for k in range(60):
+                await client.send_str(json.dumps({"id": k, "plane": plane, **size}))
+            last = -1
+            while last < 59:
+                last = unpack((await asyncio.wait_for(client.receive(), 60)).data)[0]["id"]
+        after = await self.health()
+        rendered, superseded = (after[name] - before[name] for name in ("rendered", "superseded"))
+        self.assertGreater(superseded, 0)
+        self.assertEqual(rendered + superseded, 60)
+
+    async def test_a_client_that_reads_nothing_keeps_nobody_waiting(self):
+        port = int(self.server.url.split(":")[2].strip("/"))
+        slow = socket.create_connection(("127.0.0.1", port))
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        slow.sendall(f"GET /slices HTTP/1.1\r\nHost: localhost:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode())  # fmt: skip
+        plane = (poses()[0] @ np.diag([0.03, 0.03, 1, 1])).ravel().tolist()
+        for k in range(20):
+            text = json.dumps({"id": k, "plane": plane, "width": 1024, "height": 1024}).encode()
+            slow.sendall(b"\x81\xfe" + struct.pack(">H", len(text)) + b"\0\0\0\0" + text)
+            await asyncio.sleep(0.05)
+        begin = time.monotonic()
+        async with self.connect() as client:
+            for k in range(20):
+                await self.ask(client, frame=k % FRAMES)
+        self.assertLess(time.monotonic() - begin, serve.SEND_SECONDS / 2)
+        slow.close()
+
+    async def test_clients_take_turns(self):
+        answers = [0, 0]
+
+        async def hurry(client, number, until):
+            while time.monotonic() < until:
+                await self.ask(client, frame=number)
+                answers[number] += 1
+
+        async with self.connect() as one, self.connect() as other:
+            until = time.monotonic() + 1.5
+            await asyncio.gather(hurry(one, 0, until), hurry(other, 1, until))
+        self.assertGreater(min(answers), max(answers) / 3, answers)
+
+    async def test_no_more_clients_than_can_be_served(self):
+        clients = [await self.connect() for _ in range(serve.MOST_CLIENTS - (await self.health())["clients"])]
+        with self.assertRaises(aiohttp.WSServerHandshakeError) as refusal:
+            await self.connect()
+        self.assertEqual(refusal.exception.status, 503)
+        for client in clients:
+            await client.close()
+
+    async def test_a_token_is_asked_for_elsewhere(self):
+        server = await asyncio.to_thread(Running, FIELD, "--host", "0.0.0.0")
+        try:
+            address, token = server.url.split("?token=")
+            address = address.replace("0.0.0.0", "127.0.0.1")
+            self.assertGreaterEqual(len(token), 40)
+            for query, headers, status in (
+                ("", {}, 401), ("?token=", {}, 401), ("?token=" + token[:-1], {}, 401), ("?token=" + token, {}, 200),
+                ("", {"Authorization": "Bearer " + token}, 200), ("", {"Authorization": "Bearer x"}, 401),
+            ):  # fmt: skip
+                for path in ("", "health", "scene", "points"):
+                    async with self.session.get(address + path + query, headers=headers) as answer:
+                        self.assertEqual(answer.status, status, (path, query))
+            async with self.session.ws_connect(address + "slices?token=" + token, max_msg_size=0) as client:
+                plane = np.diag([0.4, 0.4, 1, 1]).ravel().tolist()
+                self.assertEqual((await self.ask(client, plane=plane, width=8, height=8))[0]["id"], 1)
+            with self.assertRaises(aiohttp.WSServerHandshakeError):
+                await self.session.ws_connect(address + "slices")
+        finally:
+            server.end()
+
+    async def test_signals_end_it_while_clients_are_connected(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            server = await asyncio.to_thread(Running, FIELD)
+            async with self.session.ws_connect(server.url + "slices", max_msg_size=0) as client:
+                ending = asyncio.ensure_future(asyncio.to_thread(server.end, number))
+                self.assertEqual((await asyncio.wait_for(client.receive(), 60)).type, aiohttp.WSMsgType.CLOSE)
+                self.assertEqual(client.close_code, 1001)
+                await client.close()
+                code, told, complaints = await ending
+            self.assertEqual((code, json.loads(told)["phase"], complaints), (0, "ending", ""))
+
+    async def test_a_port_that_is_taken(self):
+        port = self.server.url.split(":")[2].strip("/")
+        command = [sys.executable, "-m", "bigus.serve", FIELD, "--port", port]
+        done = await asyncio.to_thread(subprocess.run, command, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("cannot listen", done.stderr)
+
+
+@unittest.skipIf(aiohttp is None or chromium.program() is None, "aiohttp or Chromium is not installed")
+class Page(unittest.IsolatedAsyncioTestCase):
+    async def test_a_drag_moves_the_slice(self):
+        field, sweep = os.environ.get("BIGUS_SERVE_FIELD"), os.environ.get("BIGUS_SERVE_SWEEP")
+        with tempfile.TemporaryDirectory() as folder:
+            if field is None or sweep is None:
+                field, sweep = FIELD, folder + "/sweep.igs.mha"
+                write_sweep(sweep)
+            server = await asyncio.to_thread(Running, field, sweep, "--threads", "2", "--token")
+            try:
+                async with chromium.Browser() as browser:
+                    await self.use(browser, server)
+            finally:
+                code, _, complaints = await asyncio.to_thread(server.end)
+            self.assertEqual((code, complaints), (0, ""))
+
+    async def use(self, browser, server):
+        # Of a copy, because the browser warns where the page's own canvas is read often.
+        sum_of = ("(() => {{ const c = document.getElementById('{}'), w = c.width, h = c.height; "
+                  "const t = new OffscreenCanvas(w, h).getContext('2d', {{ willReadFrequently: true }}); "
+                  "t.drawImage(c, 0, 0); const d = t.getImageData(0, 0, w, h).data; let s = 0; "
+                  "for (let k = 0; k < d.length; k++) s = (s * 31 + d[k]) % 4294967291; return s; }})()")  # fmt: skip
+        settled = "bigus.updates > 0 && !bigus.state().wanted && bigus.state().answered === bigus.state().asked"
+
+        async def pictures():
+            await browser.until(settled)
+            return {name: await browser.evaluate(sum_of.format(name)) for name in ("slice", "overview", "difference")}
+
+        await browser.call("Page.navigate", url=server.url)
+        await browser.until("window.bigus && " + settled)
+        first = await pictures()
+        box = await browser.evaluate("document.getElementById('slice').getBoundingClientRect().toJSON()")
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+        async def drag(modifiers):
+            await browser.mouse("mousePressed", x, y, True, modifiers=modifiers)
+            for k in range(1, 6):
+                await browser.mouse("mouseMoved", x + 6 * k, y + 3 * k, True, modifiers=modifiers)
+            await browser.mouse("mouseReleased", x + 30, y + 15, True, modifiers=modifiers)
+            return await pictures()
+
+        moved = await drag(0)
+        self.assertTrue(all(moved[name] != first[name] for name in first), (first, moved))
+        state = (await browser.evaluate("bigus.state()"))["moved"]
+        self.assertLess(state["x"], 0)
+        self.assertAlmostEqual(state["x"], 2 * state["y"], delta=0.05 * abs(state["x"]))
+        turned = await drag(8)  # Shift
+        self.assertNotEqual(turned["slice"], moved["slice"])
+        self.assertNotEqual((await browser.evaluate("bigus.state()"))["moved"]["turn"], 0)
+        await browser.evaluate("document.getElementById('back').click()")
+        self.assertEqual(await pictures(), first)
+        await browser.evaluate("(() => { const f = document.getElementById('frame'); f.value = 0; f.oninput(); })()")
+        self.assertNotEqual((await pictures())["slice"], first["slice"])
+
+        # As fast as it goes: 512 x 512 pixels, the plane pushed on with every picture.
+        speed = await browser.evaluate("""(async () => {
+          scene.width = scene.height = 512;
+          const begin = performance.now(), count = bigus.updates;
+          bigus.latencies.length = 0;
+          let k = 0;
+          while (performance.now() - begin < 3000) { moved.z = 0.01 * ++k; changed(); await new Promise(requestAnimationFrame); }
+          const seconds = (performance.now() - begin) / 1000, sorted = [...bigus.latencies].sort((a, b) => a - b);
+          return { perSecond: (bigus.updates - count) / seconds, median: sorted[sorted.length >> 1],
+                   q95: sorted[Math.floor(sorted.length * 0.95)], gaussians: scene.gaussians };
+        })()""")
+        print(f"\n{speed['gaussians']} Gaussians, 512 x 512 pixels, two threads: {speed['perSecond']:.1f} updates a second; "
+              f"from a move to its picture {speed['median']:.0f} ms (95 %: {speed['q95']:.0f} ms)")  # fmt: skip
+        self.assertGreater(speed["perSecond"], 1)
+        self.assertEqual(browser.problems, [])
+        self.assertEqual(await browser.evaluate("bigus.errors"), [])
+        if "BIGUS_SERVE_PICTURE" in os.environ:
+            await browser.picture(os.environ["BIGUS_SERVE_PICTURE"])
+
+
+if __name__ == "__main__":
+    FIELD = os.path.abspath(sys.argv.pop(1))
+    sys.path.insert(0, str(Path(__file__).parent))
+    unittest.main()
