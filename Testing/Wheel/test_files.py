@@ -262,6 +262,26 @@ class Fields(InAFolder):
         self.assertFalse((self.folder / "b.vtp").exists())
 
 
+    def test_other_encodings_by_vtk(self):
+        bigus.write(field(), self.folder / "f.vtp")
+        other = (self.folder / "f.vtp").read_bytes().replace(b'"vtkZLibDataCompressor"', b'"vtkLZMADataCompressor"')
+        script = f"import sys; sys.modules['vtkmodules'] = None; import bigus; bigus.read({str(self.put('o.vtp', other))!r})"
+        result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+        self.assertIn("another encoding than BIGUS writes", result.stderr)
+        try:
+            from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+        except ImportError:
+            return
+        from bigus.vtkdata import polydata_of_field
+
+        writer = vtkXMLPolyDataWriter()
+        writer.SetInputData(polydata_of_field(field()))
+        writer.SetFileName(str(self.folder / "binary.vtp"))
+        writer.SetDataModeToBinary()
+        self.assertEqual(writer.Write(), 1)
+        self.same(bigus.read(self.folder / "binary.vtp"), field())
+
+
 class SlicePlanes(InAFolder):
     def test_markups_and_transforms(self):
         path = self.put("p.mrk.json", markups())
