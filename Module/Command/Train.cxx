@@ -9,8 +9,8 @@
 #include <memory>
 #include <optional>
 
-#include "CheckpointFile.h"
 #include "Command.h"
+#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Evaluation/Evaluation.h"
@@ -21,6 +21,7 @@
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
 #include "Files.h"
+#include "IO/CheckpointFile.h"
 #include "IO/Text.h"
 #include "Inputs.h"
 #include "Outputs.h"
@@ -260,9 +261,47 @@ std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
   return some;
 }
 
+/// How a training keeps its state in `file`. After an interruption the state waits in `waiting`, because the field is
+/// written first.
+Checkpoints KeepIn(CheckpointFile& file, std::string& waiting, const Options& options, Console& console)
+{
+  Checkpoints checkpoints;
+  checkpoints.interval = options.checkpointInterval;
+  if (options.resume && file.Exists())
+  {
+    checkpoints.resume = file.Read();
+    console.Note("Going on from " + file.Path() + ".");
+  }
+  else if (options.resume)
+  {
+    console.Note("There is no " + file.Path() + " to go on from, so training begins.");
+  }
+  else if (file.Exists())
+  {
+    console.Note(file.Path() +
+                 " holds a training that was not finished. --resume would go on with it; this training replaces it.");
+  }
+  if (checkpoints.interval > 0)
+  {
+    checkpoints.save = [&file, &waiting](const std::string& state)
+    {
+      if (IsInterrupted())
+      {
+        waiting = state;
+      }
+      else
+      {
+        file.Write(state);
+      }
+    };
+  }
+  return checkpoints;
+}
+
 ExitCode Train(Console& console, const Options& options)
 {
-  CheckpointFile checkpoint(options.output, console);
+  CheckpointFile checkpoint(options.output + ".checkpoint",
+                            [&console](const std::string& what) { console.Note("bigus: warning: " + what); });
   RequireDistinct({options.sequence.path, options.sequence.chain.config, options.continueFrom},
                   {options.output, options.log, options.poses, checkpoint.Path()});
   RequireWritable(options.output);
@@ -306,7 +345,8 @@ ExitCode Train(Console& console, const Options& options)
   console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " + std::to_string(sweep->width) +
                " x " + std::to_string(sweep->height) + " pixels; " + std::to_string(heldOutFrames.size()) +
                " held out.");
-  trainer->SetCheckpoints(checkpoint.Open(options.checkpointInterval, options.resume));
+  std::string waiting;
+  trainer->SetCheckpoints(KeepIn(checkpoint, waiting, options, console));
   UpdateUntilInterrupted(trainer, console, "Training");
 
   const bool interrupted = trainer->GetAborted() || IsInterrupted();
@@ -316,7 +356,11 @@ ExitCode Train(Console& console, const Options& options)
   SetProvenance(output, "world", options.sequence.chain.to);
   SetProvenance(output, "reduce", std::to_string(options.sequence.reduce));
   WriteFieldData(output, options.output, !options.exact, console);
-  checkpoint.WriteWhatWaits();
+  if (!waiting.empty())
+  {
+    checkpoint.Write(waiting);
+    waiting.clear();
+  }
   if (trainer->GetFinished())
   {
     checkpoint.Remove();

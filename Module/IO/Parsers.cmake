@@ -3,6 +3,7 @@
 # What reads and writes files without VTK: compiled into the module IO, and into the Python package without VTK.
 set(bigus_parsers
   AtomicFile.cxx
+  CheckpointFile.cxx
   FieldFile.cxx
   Formats/Hdf5Transform.cxx
   Formats/HeaderFields.cxx

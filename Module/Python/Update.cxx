@@ -1,14 +1,19 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The module bigus._update: vtkAlgorithm::Update() without Python's lock, which VTK's own wrapping keeps for the whole call.
+// The module bigus._update: vtkAlgorithm::Update() without Python's lock, which VTK's own wrapping keeps for the whole call,
+// and files of checkpoints, because a trainer takes its checkpoints as functions of C++.
 // Python's header comes before every other.
 // clang-format off
 #include "vtkPython.h"
 // clang-format on
 
 #include <exception>
+#include <memory>
 
+#include "Core/Deciding/Trainer.h"
+#include "IO/CheckpointFile.h"
 #include "vtkAlgorithm.h"
+#include "vtkBigusTrainer.h"
 #include "vtkPythonUtil.h"
 #include "vtkSmartPointer.h"
 
@@ -42,10 +47,49 @@ PyObject* Update(PyObject*, PyObject* object)
   Py_RETURN_NONE;
 }
 
+PyObject* KeepCheckpoints(PyObject*, PyObject* arguments)
+{
+  PyObject* object = nullptr;
+  const char* path = nullptr;
+  double interval = 0;
+  int resumes = 0;
+  if (!PyArg_ParseTuple(arguments, "Osdp", &object, &path, &interval, &resumes))
+  {
+    return nullptr;
+  }
+  vtkBigusTrainer* const trainer =
+      vtkBigusTrainer::SafeDownCast(vtkPythonUtil::GetPointerFromObject(object, "vtkBigusTrainer"));
+  if (!trainer)
+  {
+    return nullptr;
+  }
+  try
+  {
+    const auto file = std::make_shared<bigus::CheckpointFile>(
+        path, [trainer](const std::string& what) { vtkWarningWithObjectMacro(trainer, << what); });
+    bigus::Checkpoints checkpoints;
+    checkpoints.interval = interval;
+    checkpoints.save = [file](const std::string& state) { file->Write(state); };
+    if (resumes && file->Exists())
+    {
+      checkpoints.resume = file->Read();
+    }
+    trainer->SetCheckpoints(checkpoints);
+  }
+  catch (const std::exception& error)
+  {
+    PyErr_SetString(PyExc_RuntimeError, error.what());
+    return nullptr;
+  }
+  Py_RETURN_NONE;
+}
+
 PyMethodDef methods[] = {
     {"update", Update, METH_O,
      "update(algorithm): updates it while other Python threads run. Observers take the lock for their calls. Neither "
      "the algorithm nor anything before it in its pipeline may be written in Python, because VTK calls such without it."},
+    {"keep_checkpoints", KeepCheckpoints, METH_VARARGS,
+     "keep_checkpoints(trainer, path, interval, resume): the trainer's next training keeps its state there"},
     {nullptr, nullptr, 0, nullptr}};
 
 PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_update", nullptr, -1, methods, nullptr, nullptr, nullptr, nullptr};

@@ -9,6 +9,7 @@
 #include "Core/Deciding/Provenance.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Training/OptionList.h"
+#include "IO/CheckpointFile.h"
 
 namespace bigus
 {
@@ -67,6 +68,7 @@ nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance)
   answer["seconds"] = result.seconds;
   answer["device"] = result.device;
   answer["aborted"] = result.aborted;
+  answer["finished"] = result.finished;
   answer["training_frames"] = result.trainingFrames;
   answer["validation_frames"] = result.validationFrames;
   answer["held_out_frames"] = result.heldOutFrames;
@@ -89,9 +91,10 @@ nb::object ValueOf(nb::python_error& error)
   return nb::steal(value);
 }
 
-/// The pair of what came of it and what ended it: None, or the exception that Ctrl-C or `progress` raised.
+/// The triple of what came of it, what ended it (None, or the exception that Ctrl-C or `progress` raised) and warnings.
+/// The state is kept in the file `checkpoint`, unless that is empty, every `interval` seconds.
 nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values, const Field* start,
-                   nb::object progress)
+                   nb::object progress, const std::string& checkpoint, double interval, bool resume)
 {
   TrainerOptions options;
   for (const auto& [name, value] : values)
@@ -128,16 +131,31 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
     }
   };
   TrainingResult result;
-  std::vector<std::string> provenance;
+  std::vector<std::string> provenance, warnings;
   {
     const nb::gil_scoped_release others;
-    result = Train(sweep, options, from ? &*from : nullptr, tell);
+    CheckpointFile file(checkpoint, [&warnings](const std::string& what) { warnings.push_back(what); });
+    Checkpoints checkpoints;
+    if (!checkpoint.empty())
+    {
+      checkpoints.interval = interval;
+      checkpoints.save = [&file](const std::string& state) { file.Write(state); };
+      if (resume && file.Exists())
+      {
+        checkpoints.resume = file.Read();
+      }
+    }
+    result = Train(sweep, options, from ? &*from : nullptr, tell, checkpoints);
+    if (result.finished && !checkpoint.empty())
+    {
+      file.Remove();
+    }
     AddTrainingProvenance(provenance, result, *sweep, start != nullptr);
     SetProvenanceLine(provenance, "trainingFrames", FrameListText(result.trainingFrames));
     SetProvenanceLine(provenance, "validationFrames", FrameListText(result.validationFrames));
     SetProvenanceLine(provenance, "heldOutFrames", FrameListText(result.heldOutFrames));
   }
-  return nb::make_tuple(ToPython(result, std::move(provenance)), exception);
+  return nb::make_tuple(ToPython(result, std::move(provenance)), exception, warnings);
 }
 
 nb::list Options()
@@ -163,7 +181,8 @@ nb::list Options()
 
 void BindTraining(nb::module_& m)
 {
-  m.def("train", &TrainOn, nb::arg("sweep"), nb::arg("options"), nb::arg("start").none(), nb::arg("progress").none());
+  m.def("train", &TrainOn, nb::arg("sweep"), nb::arg("options"), nb::arg("start").none(), nb::arg("progress").none(),
+        nb::arg("checkpoint"), nb::arg("interval"), nb::arg("resume"));
   m.def("options", &Options, "Every option of training: name, keyword, group, help, unit, values, default, open.");
   m.def("number_text", &NumberText, nb::arg("value"));
 }

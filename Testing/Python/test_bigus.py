@@ -19,7 +19,7 @@ import time
 import unittest
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -423,7 +423,7 @@ class Train(unittest.TestCase):
             sweep = bigus.read(sys.argv[1])
             print("ready", flush=True)
             try:
-                bigus.train(sweep, Automatic=False, Gaussians=300, Iterations=10**7)
+                bigus.train(sweep, checkpoint=sys.argv[3], Automatic=False, Gaussians=300, Iterations=10**7)
             except KeyboardInterrupt as stop:
                 bigus.write(stop.training.field, sys.argv[2])
                 print(type(stop).__name__, stop.training.field.GetNumberOfPoints(), len(stop.training.poses))
@@ -432,7 +432,8 @@ class Train(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "sweep.mha")
             bigus.write(small_sweep(), path)
-            child = subprocess.Popen([sys.executable, "-c", script, path, os.path.join(folder, "f.vtp")],
+            child = subprocess.Popen([sys.executable, "-c", script, path, os.path.join(folder, "f.vtp"),
+                                      os.path.join(folder, "checkpoint")],
                                      stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
             self.assertEqual(child.stdout.readline(), "ready\n")
             time.sleep(1.5)
@@ -443,7 +444,46 @@ class Train(unittest.TestCase):
             self.assertEqual((name, int(poses)), ("TrainingInterrupted", 9))
             self.assertGreater(int(points), 0)
             self.assertEqual(out.splitlines()[1], "goes on")
+            self.assertGreater(os.path.getsize(os.path.join(folder, "checkpoint")), 0)
             self.assertEqual(bigus.read(os.path.join(folder, "f.vtp")).GetNumberOfPoints(), int(points))
+
+    SETTINGS = {"Automatic": False, "Gaussians": 300, "Iterations": 600}
+
+    def test_a_stopped_training_goes_on_with_the_same_bits(self):
+        sweep = small_sweep()
+        whole = bigus.train(sweep, False, **self.SETTINGS).field
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "checkpoint")
+            stopped = bigus.train(sweep, lambda fraction, text: fraction < 0.4, checkpoint=path, **self.SETTINGS)
+            self.assertLess(stopped.log.GetValueByName(stopped.log.GetNumberOfRows() - 1, "Iteration").ToInt(), 600)
+            self.assertTrue(path.exists())
+            with self.assertRaisesRegex(RuntimeError, "seed was 1 and is 5"):
+                bigus.train(sweep, False, checkpoint=path, resume=True, Seed=5, **self.SETTINGS)
+            resumed = bigus.train(sweep, False, checkpoint=path, resume=True, **self.SETTINGS).field
+            self.assertEqual(os.listdir(folder), [], "a finished training needs no checkpoint")
+            again = bigus.train(sweep, False, checkpoint=path, resume=True, **self.SETTINGS).field
+        for field in (resumed, again):
+            np.testing.assert_array_equal(vtk_to_numpy(field.GetPoints().GetData()),
+                                          vtk_to_numpy(whole.GetPoints().GetData()))
+            for name in ("Scale", "Rotation", "Reflectivity"):
+                np.testing.assert_array_equal(vtk_to_numpy(field.GetPointData().GetArray(name)),
+                                              vtk_to_numpy(whole.GetPointData().GetArray(name)))
+
+    def test_checkpoints_of_no_use_are_named(self):
+        sweep = small_sweep()
+        with self.assertRaisesRegex(ValueError, "checkpoint=..."):
+            bigus.train(sweep, False, resume=True, **self.SETTINGS)
+        with self.assertRaisesRegex(ValueError, "checkpoint_interval"):
+            bigus.train(sweep, False, checkpoint="f", checkpoint_interval=-1, **self.SETTINGS)
+        with tempfile.TemporaryDirectory() as folder:
+            missing = os.path.join(folder, "missing", "checkpoint")
+            with self.assertWarnsRegex(RuntimeWarning, "missing.*without a new checkpoint"):
+                stopped = bigus.train(sweep, lambda fraction, text: fraction < 0.1, checkpoint=missing, **self.SETTINGS)
+            self.assertGreater(stopped.field.GetNumberOfPoints(), 0)
+            empty = os.path.join(folder, "empty")
+            open(empty, "w").close()
+            with self.assertRaisesRegex(RuntimeError, "empty"):
+                bigus.train(sweep, False, checkpoint=empty, resume=True, **self.SETTINGS)
 
     def test_continues_from_a_field(self):
         sweep = small_sweep()

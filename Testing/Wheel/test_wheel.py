@@ -324,11 +324,50 @@ class Training(unittest.TestCase):
         timer = threading.Timer(0.7, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
         started = time.monotonic()
-        with self.assertRaises(bigus.TrainingInterrupted) as caught:
-            bigus.train(self.sweep, False, Iterations=1000000)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "checkpoint")
+            with self.assertRaises(bigus.TrainingInterrupted) as caught:
+                bigus.train(self.sweep, False, Iterations=1000000, checkpoint=path)
+            self.assertGreater(os.path.getsize(path), 0)
         self.assertIsInstance(caught.exception, KeyboardInterrupt)
         self.assertLess(time.monotonic() - started, 10)
         self.assertGreater(len(caught.exception.training.field), 0)
+        self.assertFalse(caught.exception.training.finished)
+
+    def test_a_stopped_training_goes_on_with_the_same_bits(self):
+        settings = {"Automatic": False, "Gaussians": 300, "Iterations": 600}
+        whole = bigus.train(self.sweep, False, **settings)
+        self.assertTrue(whole.finished)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "checkpoint")
+            stopped = bigus.train(self.sweep, lambda fraction, text: fraction < 0.4, checkpoint=path, **settings)
+            self.assertTrue(0 < stopped.iterations < 600)
+            self.assertFalse(stopped.finished)
+            with self.assertRaisesRegex(bigus.Error, "seed was 1 and is 5"):
+                bigus.train(self.sweep, False, checkpoint=path, resume=True, Seed=5, **settings)
+            resumed = bigus.train(self.sweep, False, checkpoint=path, resume=True, **settings)
+            self.assertTrue(resumed.finished)
+            self.assertEqual(resumed.iterations, 600)
+            for name in ("centers", "scales", "rotations", "reflectivities"):
+                np.testing.assert_array_equal(getattr(resumed.field, name), getattr(whole.field, name))
+            self.assertEqual(os.listdir(folder), [], "a finished training needs no checkpoint")
+            again = bigus.train(self.sweep, False, checkpoint=path, resume=True, **settings)
+            np.testing.assert_array_equal(again.field.centers, whole.field.centers)
+
+    def test_checkpoints_of_no_use_are_named(self):
+        with self.assertRaisesRegex(ValueError, "checkpoint=..."):
+            bigus.train(self.sweep, False, resume=True, **QUICK)
+        with self.assertRaisesRegex(ValueError, "checkpoint_interval"):
+            bigus.train(self.sweep, False, checkpoint="f", checkpoint_interval=-1, **QUICK)
+        with tempfile.TemporaryDirectory() as folder:
+            missing = os.path.join(folder, "missing", "checkpoint")
+            with self.assertWarnsRegex(RuntimeWarning, "missing.*without a new checkpoint"):
+                stopped = bigus.train(self.sweep, lambda fraction, text: fraction < 0.1, checkpoint=missing, **QUICK)
+            self.assertGreater(len(stopped.field), 0)
+            empty = os.path.join(folder, "empty")
+            open(empty, "w").close()
+            with self.assertRaisesRegex(bigus.Error, "empty"):
+                bigus.train(self.sweep, False, checkpoint=empty, resume=True, **QUICK)
 
 
 class Phantoms(unittest.TestCase):

@@ -14,6 +14,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkTable
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
+from . import _update
 from .arrays import _pixels, image
 from .pipeline import set_properties, update, update_alone
 from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusTrainer
@@ -186,6 +187,9 @@ def train(
     sweep: vtkImageData,
     progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
     start: Optional[vtkPolyData] = None,
+    checkpoint: Union[None, str, os.PathLike] = None,
+    resume: bool = False,
+    checkpoint_interval: float = 60,
     **properties: Any,
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
@@ -200,6 +204,11 @@ def train(
     progress=False draws none. Other Python threads run meanwhile. Ctrl-C raises TrainingInterrupted, a
     KeyboardInterrupt that keeps the best so far. start is a field to continue from. properties are those of
     vtkBigusTrainer by their VTK names.
+
+    checkpoint is a file that keeps the state of the training: every checkpoint_interval seconds, 0 or more, and when it is
+    stopped, by Ctrl-C or a time limit. A training that finishes removes it. With resume=True training goes on from there
+    with the bits of one that never stopped, or begins where there is no such file. One of another sweep, start or
+    option is a RuntimeError that says which; one that cannot be written is a RuntimeWarning.
     """
     _require(sweep, vtkImageData, "train", "sweep")
     if start is not None:
@@ -209,6 +218,12 @@ def train(
     if start is not None:
         trainer.SetInputDataObject(1, start)
     set_properties(trainer, properties)
+    if resume and checkpoint is None:
+        raise ValueError("resume goes on from a checkpoint; say from which file: checkpoint=...")
+    if not 0 <= checkpoint_interval < float("inf"):
+        raise ValueError(f"checkpoint_interval is a number of seconds, 0 or more, not {checkpoint_interval}")
+    if checkpoint is not None:
+        _update.keep_checkpoints(trainer, os.fspath(checkpoint), float(checkpoint_interval), bool(resume))
     if progress is None or progress is True:
         progress = _bar()
 
@@ -235,6 +250,8 @@ def train(
         raise stopped from interrupt
     if failure:
         raise failure[0]
+    if checkpoint is not None and trainer.GetFinished() and os.path.isfile(checkpoint):
+        os.remove(checkpoint)
     return _result(trainer)
 
 

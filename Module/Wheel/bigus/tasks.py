@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import warnings
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
@@ -34,7 +36,8 @@ class Training(_FieldAndLog):
     gaussians, rate. decisions are the choices training rests on: a list of dicts of decision, choice, evidence and
     seconds. poses, float64 [frames, 4, 4], are ImageToReference of every frame as the field was trained at: the field
     belongs to these, not to poses(sweep). options are texts by name that repeat the training. device, iterations,
-    seconds and aborted tell how it went; training_frames, validation_frames and held_out_frames are frame numbers.
+    seconds, aborted and finished (all steps were taken, or validation said stop) tell how it went; training_frames,
+    validation_frames and held_out_frames are frame numbers.
     """
 
     decisions: list[dict[str, Any]]
@@ -44,6 +47,7 @@ class Training(_FieldAndLog):
     iterations: int
     seconds: float
     aborted: bool
+    finished: bool
     training_frames: list[int]
     validation_frames: list[int]
     held_out_frames: list[int]
@@ -112,6 +116,9 @@ def train(
     sweep: Sweep,
     progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
     start: Optional[Field] = None,
+    checkpoint: Union[None, str, os.PathLike] = None,
+    resume: bool = False,
+    checkpoint_interval: float = 60,
     **properties: Any,
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
@@ -124,6 +131,11 @@ def train(
     Other Python threads run meanwhile. Ctrl-C raises TrainingInterrupted, a KeyboardInterrupt that keeps the best so far.
     start is a field to continue from.
 
+    checkpoint is a file that keeps the state of the training: every checkpoint_interval seconds, 0 or more, and when it is
+    stopped, by Ctrl-C or a time limit. A training that finishes removes it. With resume=True training goes on from there
+    with the bits of one that never stopped, or begins where there is no such file. One of another sweep, start or
+    option is an Error that says which; one that cannot be written is a RuntimeWarning.
+
     Raises TypeError for an option that there is not, and Error for a value out of range and for sweeps that teach
     nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
     """
@@ -131,6 +143,11 @@ def train(
     if start is not None:
         _require(start, Field, "train", "field as start")
     texts = _texts(properties)
+    if resume and checkpoint is None:
+        raise ValueError("resume goes on from a checkpoint; say from which file: checkpoint=...")
+    if not 0 <= checkpoint_interval < float("inf"):
+        raise ValueError(f"checkpoint_interval is a number of seconds, 0 or more, not {checkpoint_interval}")
+    path = "" if checkpoint is None else os.fspath(checkpoint)
     if progress is None or progress is True:
         progress = _bar()
     report = None
@@ -141,7 +158,9 @@ def train(
             text = phase if phase != "training" else f"iteration {iteration}, {gaussians} Gaussians, loss {loss:.4g}"
             return tell(fraction, f"{text}, {left:.0f} s left" if left > 0 else text)
 
-    found, failure = _core.train(sweep, texts, start, report)
+    found, failure, cautions = _core.train(sweep, texts, start, report, path, float(checkpoint_interval), bool(resume))
+    for caution in cautions:
+        warnings.warn(caution, RuntimeWarning, stacklevel=2)
     training = Training(found.pop("field"), found.pop("log"))
     for name, value in found.items():
         setattr(training, name, value)
