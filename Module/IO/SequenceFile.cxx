@@ -57,6 +57,12 @@ std::string HowToBring(const std::string& fileName)
   {
     return ". " + convert + " makes a sequence of images and poses";
   }
+  if (endsWith({".csv", ".txt", ".tsv"}))
+  {
+    return " in its first line, separated by commas. Poses as positions and quaternions, and of other column names, are "
+           "read by 'python3 -m bigus.convert IMAGES " +
+           Shortened(fileName) + " -o sweep.igs.mha'";
+  }
   if (endsWith({".nii", ".nii.gz"}))
   {
     return ". Read it in Python, with nibabel, and hand pixels and poses over: bigus.write(bigus.sweep(frames, poses), "

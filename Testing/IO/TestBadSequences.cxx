@@ -50,7 +50,8 @@ TEST(BadSequence, MetaImageFields)
       {"NDims", "4", "NDims"},
       {"NDims", "three", "NDims"},
       {"DimSize", "4 3", "NDims"},
-      {"DimSize", "4 3 0", "DimSize"},
+      {"DimSize", "4 3 0", "no images"},
+      {"DimSize", "0 0 3", "no images"},
       {"DimSize", "4 3 -3", "DimSize"},
       {"DimSize", "4 3 3.5", "DimSize"},
       {"DimSize", "4 three 3", "DimSize"},
@@ -352,6 +353,9 @@ TEST(BadSequence, CsvAndItsImages)
   ExpectRefused(folder / "bad.csv", {"no poses"});
   WriteBytes(folder / "bad.csv", SmallCsv(false));
   ExpectRefused(folder / "bad.csv", {"no column image"});
+  WriteBytes(folder / "bad.csv", "image,tx,ty,tz,qx,qy,qz,qw\nframe_0.png,1,2,3,0,0,0,1\n");
+  ExpectRefused(folder / "bad.csv", {"m00 to m33", "first line", "quaternions", "bigus.convert"});
+  WriteBytes(folder / "bad.csv", SmallCsv(false));
 
   vtkNew<vtkBigusSequenceReader> reader;
   for (const char* pattern : {"frame.png", "frame_%s.png", "%d%d.png", "frame_%", "frame_%4d.png", "frame_%0999d.png"})
@@ -370,6 +374,11 @@ TEST(BadSequence, CsvAndItsImages)
   WriteBytes(folder / "good.csv", good);
   WritePng(folder / "frame_1.png", 41, 30, VTK_UNSIGNED_CHAR, 1);
   ExpectRefused(folder / "good.csv", {"frame_1.png", "41 x 30"});
+  reader->SetImageFolder(nullptr);
+  reader->SetFileName((folder / "good.csv").c_str());
+  ErrorObserver sizes(reader);
+  reader->UpdateInformation();  // what `bigus info` shows
+  EXPECT_NE(sizes.Text().find("41 x 30"), std::string::npos) << sizes.Text();
   WritePng(folder / "frame_1.png", 40, 30, VTK_UNSIGNED_SHORT, 1);
   ExpectRefused(folder / "good.csv", {"frame_1.png", "unsigned short"});
   const std::string png = ReadBytes(folder / "frame_0.png");

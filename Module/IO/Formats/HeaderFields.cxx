@@ -110,10 +110,13 @@ std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::stri
   std::vector<std::int64_t> sizes;
   for (const auto word : Words(text))
   {
-    std::int64_t size = 0;
+    std::int64_t size = -1;
     if (!ParseNumber(word, size) || size < 1 || sizes.size() >= 16)
     {
-      Refuse(file, name + " = " + Quoted(text) + "; at most 16 whole numbers from 1 on are expected");
+      Refuse(file, name + " = " + Quoted(text) +
+                       (size != 0 ? "; at most 16 whole numbers from 1 on are expected"
+                                  : ", so it holds no images. What a tracker records without a video "
+                                    "is not read"));
     }
     sizes.push_back(size);
   }

@@ -117,6 +117,16 @@ private:
   bool isGrey_ = true;
 };
 
+void RequireLike(const std::string& fileName, const PngHeader& header, const PngHeader& expected)
+{
+  if (header.width != expected.width || header.height != expected.height || header.elementType != expected.elementType)
+  {
+    throw FormatError(fileName + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) + " " +
+                      NameOf(header.elementType) + ", unlike the first image (" + std::to_string(expected.width) +
+                      " x " + std::to_string(expected.height) + " " + NameOf(expected.elementType) + ")");
+  }
+}
+
 }  // namespace
 
 PngHeader ReadPngHeader(const std::string& fileName)
@@ -124,16 +134,15 @@ PngHeader ReadPngHeader(const std::string& fileName)
   return PngDecoder(fileName).Header();
 }
 
+void RequirePng(const std::string& fileName, const PngHeader& expected)
+{
+  RequireLike(fileName, ReadPngHeader(fileName), expected);
+}
+
 void ReadPng(const std::string& fileName, const PngHeader& expected, void* pixels)
 {
   PngDecoder decoder(fileName);
-  const PngHeader header = decoder.Header();
-  if (header.width != expected.width || header.height != expected.height || header.elementType != expected.elementType)
-  {
-    throw FormatError(fileName + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) + " " +
-                      NameOf(header.elementType) + ", unlike the first image (" + std::to_string(expected.width) +
-                      " x " + std::to_string(expected.height) + " " + NameOf(expected.elementType) + ")");
-  }
+  RequireLike(fileName, decoder.Header(), expected);
   decoder.Read(pixels);
 }
 

@@ -22,6 +22,9 @@ struct PngHeader
 /// claims.
 PngHeader ReadPngHeader(const std::string& fileName);
 
+/// Throws FileError unless the header says that the image is as `expected`.
+void RequirePng(const std::string& fileName, const PngHeader& expected);
+
 /// Reads the pixels, top row first, in this machine's byte order. Throws FileError when the image is damaged
 /// or is not as `expected`, for which `pixels` has room.
 void ReadPng(const std::string& fileName, const PngHeader& expected, void* pixels);

@@ -236,6 +236,13 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
     file.height = first.height;
     file.elementType = first.elementType;
     file.channels = first.channels;
+    for (std::size_t row = 1; row < file.images.size(); ++row)
+    {
+      if (file.frames[row].at("ImageToReferenceTransformStatus") == "OK")  // others are not shown, and may be missing
+      {
+        RequirePng(file.images[row], first);
+      }
+    }
   }
   else if (!file.images.empty() && !columns.count("width") && !columns.count("height"))
   {
