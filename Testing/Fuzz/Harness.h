@@ -24,13 +24,15 @@ std::string PathOf(const std::string& name);
 std::string Write(const std::string& name, const std::string& bytes);
 
 /// Runs the job as main does, its output caught. Ends the process, which the fuzzer takes for a finding, unless the job
-/// succeeds or is refused as bad input with one message of bounded length and valid JSON.
-void RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job);
+/// succeeds or is refused as bad input with one message of bounded length and valid JSON. Returns the message; empty: it
+/// succeeded.
+std::string RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job);
 
 /// The same for `bigus info PATH`, with further arguments.
-void RunInfo(const std::string& path, const std::vector<std::string>& arguments = {});
+std::string RunInfo(const std::string& path, const std::vector<std::string>& arguments = {});
 
-/// `bigus info`, then all the pixels and poses as `train` and `metrics` read them.
+/// `bigus info`, then all the pixels and poses as `metrics` and `train` read them. What the first two refuse with the same
+/// words is refused by the parser that all share, so the third is left out.
 void ReadAsSequence(const std::string& path);
 
 /// Says what is wrong and ends the process.

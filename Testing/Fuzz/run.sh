@@ -23,12 +23,11 @@ fi
 atOnce=2
 each=$((seconds * atOnce / ${#targets[@]}))
 
-# VTK keeps singletons for the life of a process, so leaks are not looked for.
 run_target() {
   local target=$1
   mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/log"
-  ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=0 UBSAN_OPTIONS=print_stacktrace=1 \
-    "$folder/fuzz/fuzz-$target" -max_total_time="$each" -max_len=1048576 -timeout=10 -rss_limit_mb=2048 \
+  UBSAN_OPTIONS=print_stacktrace=1 \
+    "$folder/fuzz/fuzz-$target" -max_total_time="$each" -max_len=1048576 -timeout=10 -rss_limit_mb=2048 -entropic=0 \
     -dict="Testing/Fuzz/Dictionaries/$target.dict" -artifact_prefix="$folder/findings/$target/" -print_final_stats=1 \
     "$folder/corpus/$target" "$folder/seeds/$target" >"$folder/log/$target.txt" 2>&1 || touch "$folder/log/$target.failed"
 }
