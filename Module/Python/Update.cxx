@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // The module bigus._update: vtkAlgorithm::Update() without Python's lock, which VTK's own wrapping keeps for the whole call,
-// and files of checkpoints, because a trainer takes its checkpoints as functions of C++.
+// files of checkpoints, because a trainer takes its checkpoints as functions of C++, and the choice of instructions.
 // Python's header comes before every other.
 // clang-format off
 #include "vtkPython.h"
@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "Core/Deciding/Trainer.h"
+#include "Core/Engine/InstructionSets.h"
 #include "IO/CheckpointFile.h"
 #include "vtkAlgorithm.h"
 #include "vtkBigusTrainer.h"
@@ -84,7 +85,52 @@ PyObject* KeepCheckpoints(PyObject*, PyObject* arguments)
   Py_RETURN_NONE;
 }
 
+PyObject* InstructionSets(PyObject*, PyObject*)
+{
+  PyObject* const list = PyList_New(0);
+  if (!list)
+  {
+    return nullptr;
+  }
+  for (const std::string& name : bigus::InstructionSets())
+  {
+    PyObject* const text = PyUnicode_FromString(name.c_str());
+    if (!text || PyList_Append(list, text) != 0)
+    {
+      Py_XDECREF(text);
+      Py_DECREF(list);
+      return nullptr;
+    }
+    Py_DECREF(text);
+  }
+  return list;
+}
+
+PyObject* UseInstructionSet(PyObject*, PyObject* arguments)
+{
+  const char* name = nullptr;
+  if (!PyArg_ParseTuple(arguments, "s", &name))
+  {
+    return nullptr;
+  }
+  try
+  {
+    bigus::UseInstructionSet(name);
+  }
+  catch (const std::exception& error)
+  {
+    PyErr_SetString(PyExc_RuntimeError, error.what());
+    return nullptr;
+  }
+  Py_RETURN_NONE;
+}
+
 PyMethodDef methods[] = {
+    {"instruction_sets", InstructionSets, METH_NOARGS,
+     "The instruction sets that this processor and the build have, the best first, which is in use."},
+    {"use_instruction_set", UseInstructionSet, METH_VARARGS,
+     "use_instruction_set(name): from now on no better instructions are used; call it before anything is computed. A "
+     "field has the same bits again only with the set in its provenance."},
     {"update", Update, METH_O,
      "update(algorithm): updates it while other Python threads run. Observers take the lock for their calls. Neither "
      "the algorithm nor anything before it in its pipeline may be written in Python, because VTK calls such without it."},

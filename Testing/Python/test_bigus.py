@@ -602,6 +602,29 @@ class Package(unittest.TestCase):
                 self.assertIn("vtkBigus" + name, str(instance))
                 self.assertIn("vtkBigus" + name, bigus.__all__)
 
+    def test_a_field_is_repeated_with_its_instruction_set(self):
+        self.assertTrue(bigus.instruction_sets())
+        last = bigus.instruction_sets()[-1]
+        script = textwrap.dedent("""
+            import sys, bigus
+            if sys.argv[2] == "function":
+                bigus.use_instruction_set(sys.argv[3])
+            field = bigus.train(bigus.read(sys.argv[1]), False, Automatic=False, Gaussians=300, Iterations=20).field
+            bigus.write(field, sys.argv[4])
+        """)
+        with tempfile.TemporaryDirectory() as folder:
+            sweep, one, two = (os.path.join(folder, name) for name in ("sweep.mha", "one.vtp", "two.vtp"))
+            bigus.write(small_sweep(), sweep)
+            for how, path in (("function", one), ("environment", two)):
+                environment = {**os.environ, **({"BIGUS_SIMD": last} if how == "environment" else {})}
+                subprocess.run([sys.executable, "-c", script, sweep, how, last, path], env=environment, check=True)
+            self.assertEqual(pathlib.Path(one).read_bytes(), pathlib.Path(two).read_bytes())
+            provenance = bigus.read(one).GetFieldData().GetAbstractArray("Provenance")
+            lines = [provenance.GetValue(k) for k in range(provenance.GetNumberOfValues())]
+            self.assertTrue(any(line.startswith("instructionSet") and line.endswith(last) for line in lines), lines)
+        with self.assertRaisesRegex(RuntimeError, "AVX9"):
+            bigus.use_instruction_set("AVX9")
+
     def test_is_the_package_under_test(self):
         expected = os.environ.get("BIGUS_EXPECTED_PACKAGE")
         if not expected:

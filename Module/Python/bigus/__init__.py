@@ -38,6 +38,7 @@ if importlib.util.find_spec(__name__ + ".vtkBigusRendering"):  # not there when 
 
     from .vtkBigusRendering import *  # noqa: F401,F403
 
+from ._update import instruction_sets, use_instruction_set
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
 from .sources import SourceError, from_files
@@ -47,5 +48,5 @@ from .tasks import train, write
 from . import pickling  # noqa: F401,E402
 
 __all__ = ["Planes", "SourceError", "TrainingInterrupted", "correct_poses", "frames", "from_files", "image", "metrics", "poses", "sweep", "texture", "train"]
-__all__ += ["read", "read_planes", "read_stack", "reslice", "update", "write"]
+__all__ += ["instruction_sets", "read", "read_planes", "read_stack", "reslice", "update", "use_instruction_set", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]
