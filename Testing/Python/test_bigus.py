@@ -16,7 +16,9 @@ import tempfile
 import textwrap
 import threading
 import time
+import types
 import unittest
+import unittest.mock
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
@@ -446,6 +448,36 @@ class Train(unittest.TestCase):
             self.assertEqual(out.splitlines()[1], "goes on")
             self.assertGreater(os.path.getsize(os.path.join(folder, "checkpoint")), 0)
             self.assertEqual(bigus.read(os.path.join(folder, "f.vtp")).GetNumberOfPoints(), int(points))
+
+    def test_a_notebook_shows_a_bar_unless_told_not_to(self):
+        values = []
+
+        class Bar:
+            n = 0
+
+            def __init__(self, **settings):
+                self.total = settings["total"]
+
+            def set_postfix_str(self, text, refresh):
+                self.text = text
+
+            def update(self, more):
+                self.n += more
+                values.append(self.n / self.total)
+
+            def close(self):
+                values.append("closed")
+
+        notebook = {"ipykernel": types.ModuleType("ipykernel"), "tqdm": types.ModuleType("tqdm"),
+                    "tqdm.auto": types.ModuleType("tqdm.auto")}
+        notebook["tqdm.auto"].tqdm = Bar
+        with unittest.mock.patch.dict(sys.modules, notebook):
+            bigus.train(small_sweep(), Automatic=False, Gaussians=300, Iterations=20)
+            self.assertEqual(values[-2:], [1, "closed"])
+            self.assertEqual(values[:-1], sorted(values[:-1]))
+            values.clear()
+            bigus.train(small_sweep(), progress=False, Automatic=False, Gaussians=300, Iterations=20)
+            self.assertEqual(values, [])
 
     SETTINGS = {"Automatic": False, "Gaussians": 300, "Iterations": 600}
 

@@ -16,7 +16,9 @@ import sys
 import tempfile
 import threading
 import time
+import types
 import unittest
+import unittest.mock
 
 import bigus
 import numpy as np
@@ -333,6 +335,36 @@ class Training(unittest.TestCase):
         self.assertLess(time.monotonic() - started, 10)
         self.assertGreater(len(caught.exception.training.field), 0)
         self.assertFalse(caught.exception.training.finished)
+
+    def test_a_notebook_shows_a_bar_unless_told_not_to(self):
+        values = []
+
+        class Bar:
+            n = 0
+
+            def __init__(self, **settings):
+                self.total = settings["total"]
+
+            def set_postfix_str(self, text, refresh):
+                self.text = text
+
+            def update(self, more):
+                self.n += more
+                values.append(self.n / self.total)
+
+            def close(self):
+                values.append("closed")
+
+        notebook = {"ipykernel": types.ModuleType("ipykernel"), "tqdm": types.ModuleType("tqdm"),
+                    "tqdm.auto": types.ModuleType("tqdm.auto")}
+        notebook["tqdm.auto"].tqdm = Bar
+        with unittest.mock.patch.dict(sys.modules, notebook):
+            bigus.train(self.sweep, **QUICK)
+            self.assertEqual(values[-2:], [1, "closed"])
+            self.assertEqual(values[:-1], sorted(values[:-1]))
+            values.clear()
+            bigus.train(self.sweep, progress=False, **QUICK)
+            self.assertEqual(values, [])
 
     def test_a_stopped_training_goes_on_with_the_same_bits(self):
         settings = {"Automatic": False, "Gaussians": 300, "Iterations": 600}

@@ -163,7 +163,21 @@ class TrainingInterrupted(KeyboardInterrupt):
     training: Training
 
 
-def _bar() -> Optional[Callable[[float, str], None]]:
+class _Bar:
+    """Shows a training's progress; close it in any case."""
+
+    def __init__(self, bar: Any) -> None:
+        self._bar = bar
+
+    def __call__(self, fraction: float, text: str) -> None:
+        self._bar.set_postfix_str(text, refresh=False)
+        self._bar.update(100 * fraction - self._bar.n)
+
+    def close(self) -> None:
+        self._bar.close()
+
+
+def _bar() -> Optional[_Bar]:
     """A progress bar by tqdm where somebody watches and it is installed."""
     notebook = "ipykernel" in sys.modules
     if not notebook and not (sys.stderr and sys.stderr.isatty()):
@@ -173,14 +187,7 @@ def _bar() -> Optional[Callable[[float, str], None]]:
     except ImportError:
         return None
     bar = tqdm(total=100, desc="Training", unit="%", bar_format="{desc} {bar} {percentage:3.0f} %  {elapsed}{postfix}")
-
-    def show(fraction: float, text: str) -> None:
-        bar.set_postfix_str(text, refresh=False)
-        bar.update(100 * fraction - bar.n)
-        if fraction >= 1:
-            bar.close()
-
-    return show
+    return _Bar(bar)
 
 
 def train(
@@ -224,8 +231,9 @@ def train(
         raise ValueError(f"checkpoint_interval is a number of seconds, 0 or more, not {checkpoint_interval}")
     if checkpoint is not None:
         _update.keep_checkpoints(trainer, os.fspath(checkpoint), float(checkpoint_interval), bool(resume))
+    bar = _bar() if progress is None or progress is True else None
     if progress is None or progress is True:
-        progress = _bar()
+        progress = bar
 
     failure: list[BaseException] = []
 
@@ -248,6 +256,9 @@ def train(
         stopped = TrainingInterrupted("the field so far is in .training")
         stopped.training = _result(trainer)
         raise stopped from interrupt
+    finally:
+        if bar:
+            bar.close()
     if failure:
         raise failure[0]
     if checkpoint is not None and trainer.GetFinished() and os.path.isfile(checkpoint):

@@ -93,7 +93,21 @@ def options() -> list[dict[str, str]]:
     return _core.options()
 
 
-def _bar() -> Optional[Callable[[float, str], None]]:
+class _Bar:
+    """Shows a training's progress; close it in any case."""
+
+    def __init__(self, bar: Any) -> None:
+        self._bar = bar
+
+    def __call__(self, fraction: float, text: str) -> None:
+        self._bar.set_postfix_str(text, refresh=False)
+        self._bar.update(100 * fraction - self._bar.n)
+
+    def close(self) -> None:
+        self._bar.close()
+
+
+def _bar() -> Optional[_Bar]:
     """A progress bar by tqdm where somebody watches and it is installed."""
     if "ipykernel" not in sys.modules and not (sys.stderr and sys.stderr.isatty()):
         return None
@@ -102,14 +116,7 @@ def _bar() -> Optional[Callable[[float, str], None]]:
     except ImportError:
         return None
     bar = tqdm(total=100, desc="Training", unit="%", bar_format="{desc} {bar} {percentage:3.0f} %  {elapsed}{postfix}")
-
-    def show(fraction: float, text: str) -> None:
-        bar.set_postfix_str(text, refresh=False)
-        bar.update(100 * fraction - bar.n)
-        if fraction >= 1:
-            bar.close()
-
-    return show
+    return _Bar(bar)
 
 
 def train(
@@ -148,8 +155,9 @@ def train(
     if not 0 <= checkpoint_interval < float("inf"):
         raise ValueError(f"checkpoint_interval is a number of seconds, 0 or more, not {checkpoint_interval}")
     path = "" if checkpoint is None else os.fspath(checkpoint)
+    bar = _bar() if progress is None or progress is True else None
     if progress is None or progress is True:
-        progress = _bar()
+        progress = bar
     report = None
     if progress:
         tell = progress
@@ -158,7 +166,13 @@ def train(
             text = phase if phase != "training" else f"iteration {iteration}, {gaussians} Gaussians, loss {loss:.4g}"
             return tell(fraction, f"{text}, {left:.0f} s left" if left > 0 else text)
 
-    found, failure, cautions = _core.train(sweep, texts, start, report, path, float(checkpoint_interval), bool(resume))
+    try:
+        found, failure, cautions = _core.train(sweep, texts, start, report, path, float(checkpoint_interval), bool(resume))
+        if bar and found["finished"]:
+            bar(1.0, "finished")
+    finally:
+        if bar:
+            bar.close()
     for caution in cautions:
         warnings.warn(caution, RuntimeWarning, stacklevel=2)
     training = Training(found.pop("field"), found.pop("log"))
