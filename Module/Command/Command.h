@@ -33,6 +33,7 @@ void AddMetrics(Program& program);
 void AddConvert(Program& program);
 void AddBench(Program& program);
 void AddView(Program& program);
+void AddServe(Program& program);
 
 /// The whole program: understands the arguments and does what they ask for.
 ExitCode Run(int argumentCount, char** arguments);

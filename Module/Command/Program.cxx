@@ -34,6 +34,7 @@ const char* const description =
     "  bigus slice field.vtp --poses poses.csv -o again.igs.mha        the field at the sweep's planes\n"
     "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
     "  bigus view field.vtp sweep.igs.mha                              both in a window\n"
+    "  bigus serve field.vtp sweep.igs.mha                             both in the browser\n"
     "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
     "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
     "  bigus bench --quick                                             how fast and exact it is here\n"
@@ -132,6 +133,7 @@ ExitCode Run(int argumentCount, char** arguments)
   AddSlice(program);
   AddVoxelize(program);
   AddView(program);
+  AddServe(program);
   AddMetrics(program);
   AddConvert(program);
   AddBench(program);

@@ -362,6 +362,43 @@ class Serving(unittest.IsolatedAsyncioTestCase):
         self.assertIn("cannot listen", done.stderr)
 
 
+@unittest.skipUnless("BIGUS_PROGRAM_BESIDE" in os.environ, "the program was not built with this package")
+class Program(unittest.TestCase):
+    """bigus serve hands over to Python."""
+
+    def run_program(self, python, *arguments):
+        with tempfile.TemporaryDirectory() as folder:  # with a module that must not run
+            Path(folder, "json.py").write_text("raise SystemExit(99)")
+            environment = {**os.environ, "BIGUS_PYTHON": python, "PYTHONPATH": folder}
+            command = [os.environ["BIGUS_PROGRAM_BESIDE"], "serve", *arguments]
+            process = subprocess.Popen(command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE,
+                                       stderr=subprocess.PIPE)  # fmt: skip
+            for line in process.stdout:
+                if '"ready"' in line:
+                    process.send_signal(signal.SIGINT)
+            complaints = process.stderr.read()
+            process.stdout.close()
+            process.stderr.close()
+            return process.wait(60), complaints
+
+    def test_it_serves_or_says_what_is_missing(self):
+        code, complaints = self.run_program(sys.executable, FIELD, "--port", "0", "--json", "--threads", "2")
+        if aiohttp is None:
+            self.assertEqual(code, 2)
+            self.assertIn("pip install", complaints)
+        else:
+            self.assertEqual((code, complaints), (0, ""))
+
+    def test_a_python_that_is_not_there(self):
+        code, complaints = self.run_program("/nonexistent/python", FIELD)
+        self.assertEqual(code, 2)
+        self.assertIn("BIGUS_PYTHON", complaints)
+
+    def test_wrong_usage(self):
+        self.assertEqual(self.run_program(sys.executable, FIELD, "--port", "70000")[0], 1)
+        self.assertEqual(self.run_program(sys.executable, "/nonexistent.vtp")[0], 2)
+
+
 @unittest.skipIf(aiohttp is None or chromium.program() is None, "aiohttp or Chromium is not installed")
 class Page(unittest.IsolatedAsyncioTestCase):
     async def test_a_drag_moves_the_slice(self):

@@ -527,7 +527,7 @@ def parser() -> argparse.ArgumentParser:
             raise ValueError
         return int(text)
 
-    parser = _Parser(prog=os.environ.get("BIGUS_SERVE_NAME", "python3 -m bigus.serve"), description=__doc__,
+    parser = _Parser(prog="bigus serve", description=__doc__,
                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     parser.add_argument("field", metavar="FIELD", help=".vtp or .ply")
     parser.add_argument("sequence", metavar="SEQUENCE", nargs="?", help="the sweep that it was trained on")
