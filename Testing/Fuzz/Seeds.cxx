@@ -8,6 +8,7 @@
 
 #include "Data/FieldData.h"
 #include "Fuzz/Png.h"
+#include "IO/Formats/OpenIgtLink.h"
 #include "IO/SmallFiles.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkNew.h"
@@ -174,6 +175,27 @@ void Fields()
 }
 
 }  // namespace
+void Messages()
+{
+  IgtImage image;
+  image.width = 4;
+  image.height = 3;
+  image.pixels.assign(12, 100);
+  const std::vector<std::uint8_t> picture = PackIgtImage("Image", 1.5, image);
+  const std::vector<std::uint8_t> pose = PackIgtTransform("ImageToReference", 1.5, Eigen::Matrix4d::Identity());
+  std::string both(pose.begin(), pose.end());
+  both.append(picture.begin(), picture.end());
+  // Without a checksum what is changed is still read.
+  constexpr std::size_t kChecksumAt = 50;
+  std::string unchecked(picture.begin(), picture.end());
+  std::fill_n(unchecked.begin() + kChecksumAt, 8, '\0');
+  std::string extended = unchecked;
+  extended[1] = 2;
+  Seed("OpenIgtLink", "both", both);
+  Seed("OpenIgtLink", "unchecked", unchecked + unchecked);
+  Seed("OpenIgtLink", "extended", extended);
+}
+
 }  // namespace bigus
 
 int main(int count, char** arguments)
@@ -224,6 +246,7 @@ int main(int count, char** arguments)
     Seed("Loss", std::to_string(std::string(text).size()), text);
   }
   Seed("Transform", "hdf5", test::ReadBytes(std::string(BIGUS_SOURCE_DIR) + "/Testing/Data/transform.h5"));
+  Messages();
   const std::string magic = "#Insight Transform File V1.0\n#Transform 0\n";
   Seed("Transform", "affine",
        magic + "Transform: AffineTransform_double_3_3\nParameters: 1 0 0 0 1 0 0 0 1 5 6 7\nFixedParameters: 0 0 0\n");

@@ -1,0 +1,61 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Messages of an OpenIGTLink server, one after another.
+#include "IO/Formats/OpenIgtLink.h"
+
+#include <algorithm>
+
+#include "Core/Live/LiveTraining.h"
+#include "Fuzz/Harness.h"
+
+namespace bigus::fuzz
+{
+
+namespace
+{
+
+/// The body as an image, a transform, and the image as a frame. Gives what reading says.
+void TryMessage(const IgtHeader& header, const std::vector<std::uint8_t>& body, LiveTraining& training)
+{
+  if (header.type == "TRANSFORM")
+  {
+    ParseIgtTransform(header, body);
+    return;
+  }
+  const IgtImage image = ParseIgtImage(header, body);
+  // What was read is sent back, and is the same then.
+  const std::vector<std::uint8_t> packed = PackIgtImage(header.device, header.timestamp, image);
+  const IgtHeader again = ParseIgtHeader(packed.data());
+  if (ParseIgtImage(again, {packed.begin() + kIgtHeaderBytes, packed.end()}).pixels != image.pixels)
+  {
+    Finding("an image reads back as another");
+  }
+  training.Add({image.width, image.height, image.pixels, image.imageToWorld, header.timestamp});
+}
+
+}  // namespace
+
+void TryInput(const std::string& bytes)
+{
+  RunAsProgram(
+      [&bytes](command::Console&)
+      {
+        LiveOptions options;
+        options.training.engine = "cpu";
+        LiveTraining training(options);
+        std::size_t at = 0;
+        // Seven frames are too few for a field, which other tests are for.
+        for (int messages = 0; messages < 7 && bytes.size() - at >= kIgtHeaderBytes; ++messages)
+        {
+          const auto* start = reinterpret_cast<const std::uint8_t*>(bytes.data()) + at;
+          const IgtHeader header = ParseIgtHeader(start);
+          at += kIgtHeaderBytes;
+          const std::size_t count = std::min<std::size_t>(header.bodyBytes, bytes.size() - at);
+          TryMessage(header, {start + kIgtHeaderBytes, start + kIgtHeaderBytes + count}, training);
+          at += count;
+        }
+        return command::Success;
+      });
+}
+
+}  // namespace bigus::fuzz
