@@ -17,6 +17,9 @@ namespace
 /// Bytes of a body: a colour picture of 4096 x 4096 pixels. More would be no frame of a scanner.
 constexpr std::uint64_t kLargestBody = std::uint64_t(1) << 26;
 
+/// Seconds that 32 bits hold.
+constexpr double kLatestTime = 4294967295.0;
+
 constexpr std::size_t kTypeBytes = 12, kDeviceBytes = 20;
 
 // Codes of the protocol.
@@ -207,9 +210,10 @@ std::vector<std::uint8_t> WithHeader(const std::string& type, const std::string&
   message.Put<std::uint16_t>(1);
   message.PutText(type, kTypeBytes);
   message.PutText(device, kDeviceBytes);
-  const double seconds = std::floor(timestamp);
+  const double time = std::isfinite(timestamp) ? std::clamp(timestamp, 0.0, kLatestTime) : 0.0;
+  const double seconds = std::floor(time);
   message.Put(static_cast<std::uint32_t>(seconds));
-  message.Put(static_cast<std::uint32_t>(std::ldexp(timestamp - seconds, 32)));
+  message.Put(static_cast<std::uint32_t>(std::ldexp(time - seconds, 32)));
   message.Put<std::uint64_t>(body.size());
   message.Put(Checksum(body.data(), body.size()));
   message.bytes.insert(message.bytes.end(), body.begin(), body.end());
