@@ -6,6 +6,7 @@
 #include "Arrays.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Progress.h"
 
 namespace bigus
 {
@@ -119,25 +120,25 @@ void Set(PhantomOptions& options, const std::string& name, nb::handle value)
   }
 }
 
-std::shared_ptr<Sweep> SweepOf(const Phantom& phantom)
+/// Of no frames where `progress` stopped it.
+std::shared_ptr<Sweep> SweepOf(const Phantom& phantom, const nb::object& progress)
 {
-  bool isInterrupted = false;
+  PythonProgress calls(progress);
   auto sweep = std::make_shared<Sweep>();
   {
     const nb::gil_scoped_release others;
-    *sweep = phantom.MakeSweep(
-        [&](double)
-        {
-          const nb::gil_scoped_acquire lock;
-          isInterrupted = isInterrupted || PyErr_CheckSignals() != 0;
-          return !isInterrupted;
-        });
+    *sweep = phantom.MakeSweep([&](double fraction) { return calls(fraction); });
   }
-  if (isInterrupted)
-  {
-    throw nb::python_error();
-  }
+  calls.Rethrow();
   return sweep;
+}
+
+std::shared_ptr<Sweep> TruthOf(const Phantom& phantom, const InputDoubles& pose, int width, int height)
+{
+  RequireShape(pose, {4, 4}, "the plane");
+  const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
+  const nb::gil_scoped_release others;
+  return std::make_shared<Sweep>(phantom.MakeTruth(plane));
 }
 
 Array FrameOf(const Phantom& phantom, const InputDoubles& pose, int width, int height)
@@ -173,9 +174,21 @@ void BindPhantom(nb::module_& m)
              }
              new (self) Phantom(options);
            })
-      .def("sweep", &SweepOf, "The whole sweep, uint8, with the poses that the tracker recorded.")
+      .def(
+          "sweep", &SweepOf, nb::arg("progress") = nb::none(),
+          "The whole sweep, uint8, with the poses that the tracker recorded. progress(fraction) is called now and then; "
+          "when it returns False the sweep has no frames.")
+      .def("truth", &TruthOf, nb::arg("plane"), nb::arg("width"), nb::arg("height"),
+           "The truth at a plane as a sweep of one frame, with its pose and mask.")
       .def("frame", &FrameOf, nb::arg("plane"), nb::arg("width"), nb::arg("height"),
            "The truth at a plane (4 x 4, pixel (i, j, 0, 1) to mm): uint8 [height, width].")
+      .def_prop_ro(
+          "size",
+          [](const Phantom& phantom)
+          { return nb::make_tuple(phantom.Options().width, phantom.Options().height, phantom.Options().frames); },
+          "(width, height, frames).")
+      .def_prop_ro("scatterers_per_resolution_cell", &Phantom::ScatterersPerResolutionCell,
+                   "Mean number in parenchyma; fully developed speckle needs 10 or more.")
       .def_prop_ro(
           "true_poses",
           [](const Phantom& phantom)

@@ -7,9 +7,11 @@
 #include "Core/Deciding/PoseCorrection.h"
 #include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
+#include "Core/Metrics/Texture.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/FrameDistance.h"
 #include "Core/Model/Sweep.h"
+#include "Progress.h"
 
 namespace bigus
 {
@@ -99,26 +101,40 @@ std::optional<Array> MaskOf(nb::handle self)
               {static_cast<std::size_t>(sweep.height), static_cast<std::size_t>(sweep.width)}, self);
 }
 
-nb::dict Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut)
+/// Delay, three shifts, three rotations: [estimate, standard error, whether pictures tell it; 7].
+Array ConstantErrorsToArray(const ConstantErrors& errors)
+{
+  std::vector<double> numbers(3 * 7);
+  const ConstantError* all[] = {&errors.delay,       &errors.shift[0],    &errors.shift[1],   &errors.shift[2],
+                                &errors.rotation[0], &errors.rotation[1], &errors.rotation[2]};
+  for (int k = 0; k < 7; ++k)
+  {
+    numbers[k] = all[k]->value;
+    numbers[7 + k] = all[k]->standardError;
+    numbers[14 + k] = all[k]->isObservable ? 1 : 0;
+  }
+  return Owned(std::move(numbers), {3, 7});
+}
+
+nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut,
+                   const nb::object& progress)
 {
   PoseCorrection found;
   std::shared_ptr<Sweep> corrected;
-  bool isInterrupted = false;
+  PythonProgress calls(progress);
   {
     const nb::gil_scoped_release others;
     const auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), holdOut);
-    found = CorrectPoses(*sweep, frames, {strength},
-                         [&](double)
-                         {
-                           const nb::gil_scoped_acquire lock;
-                           isInterrupted = isInterrupted || PyErr_CheckSignals() != 0;
-                           return !isInterrupted;
-                         });
-    corrected = std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found));
+    found = CorrectPoses(*sweep, frames, {strength}, [&](double fraction) { return calls(fraction); });
+    if (!found.aborted)
+    {
+      corrected = std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found));
+    }
   }
-  if (isInterrupted)
+  calls.Rethrow();
+  if (found.aborted)
   {
-    throw nb::python_error();
+    return nb::none();
   }
   const Trajectory& path = found.trajectory;
   const std::size_t n = path.displacement.size();
@@ -132,7 +148,10 @@ nb::dict Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> stre
   result["displacement"] = Owned(path.displacement, {n});
   result["rotation"] = Owned(path.rotation, {n});
   result["outlier"] = Owned(path.isOutlier, {n});
+  result["stroke"] = Owned(path.stroke, {n});
   result["noise"] = noise;
+  result["constant_errors"] = ConstantErrorsToArray(found.constant);
+  result["constant_errors_applied"] = found.constant.isSignificant;
   result["strength"] = found.strength;
   result["decision"] = decision;
   return result;
@@ -160,6 +179,28 @@ nb::dict Compare(const InputFloats& image, const InputFloats& truth)
   scores["contrast_distribution"] = bfs.contrastDistribution;
   scores["rayleigh"] = bfs.rayleigh;
   return scores;
+}
+
+/// Every number of a comparison by the name it has in tables, and both spectra.
+nb::dict CompareTextures(const InputFloats& image, const InputFloats& truth)
+{
+  RequireShape(image, {-1, -1}, "the image");
+  RequireShape(truth, {static_cast<std::int64_t>(image.shape(0)), static_cast<std::int64_t>(image.shape(1))},
+               "the truth");
+  TextureComparison texture;
+  {
+    const nb::gil_scoped_release others;
+    texture =
+        CompareTexture(image.data(), truth.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)));
+  }
+  nb::dict numbers;
+  ForEachNumber(texture, [&](const std::string& name, double value) { numbers[name.c_str()] = value; });
+  for (const auto& [name, power] :
+       {std::pair("ImageSpectrum", &texture.image.power), std::pair("TruthSpectrum", &texture.truth.power)})
+  {
+    numbers[name] = Owned(std::vector<double>(power->begin(), power->end()), {power->size()});
+  }
+  return numbers;
 }
 
 Array Distances(const Sweep& sweep, const std::vector<int>& frames, const InputDoubles& pose, int width, int height)
@@ -231,8 +272,10 @@ void BindSweep(nb::module_& m)
       [](const InputFloats& f, const InputDoubles& p, std::optional<InputDoubles> t, std::optional<InputBytes> k)
       { return MakeSweep(f, Sweep::PixelType::Float32, p, t, k); },
       nb::arg("frames"), nb::arg("poses"), nb::arg("timestamps").none(), nb::arg("mask").none());
-  m.def("correct_poses", &Correct, nb::arg("sweep"), nb::arg("strength").none(), nb::arg("hold_out"));
+  m.def("correct_poses", &Correct, nb::arg("sweep"), nb::arg("strength").none(), nb::arg("hold_out"),
+        nb::arg("progress") = nb::none());
   m.def("compare", &Compare, nb::arg("image"), nb::arg("truth"));
+  m.def("compare_textures", &CompareTextures, nb::arg("image"), nb::arg("truth"));
   m.def("distances", &Distances, nb::arg("sweep"), nb::arg("frames"), nb::arg("plane"), nb::arg("width"),
         nb::arg("height"));
 }

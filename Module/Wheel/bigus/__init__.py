@@ -18,6 +18,7 @@ Where the package vtk is installed, bigus.vtkBigusReslice and others are filters
 properties of the C++ classes, and bigus.update runs them; import bigus.pyvista lets PyVista's meshes slice fields.
 """
 
+import importlib
 from typing import Any
 
 from ._core import Error, Field, Phantom, Sweep, __version__, engines, instruction_sets, missing_engines
@@ -35,22 +36,26 @@ __all__ = [
     "reslice", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
 
-_FILTERS = [
-    "vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice", "vtkBigusSequenceReader",
-    "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer",
-]  # fmt: skip
+_FILTERS = {  # by the module that they are in
+    "filters": ["vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice",
+                "vtkBigusSequenceReader", "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer"],
+    "field_filters": ["vtkBigusFieldTensors", "vtkBigusTransformField"],
+    "sweep_filters": ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"],
+    "pipeline": ["update"],
+}
+_MODULES = {name: module for module, names in _FILTERS.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
     """The filters of VTK's pipelines, which are loaded, with VTK, when they are asked for."""
-    if name == "update" or name in _FILTERS:
+    if name in _MODULES:
         try:
-            from . import filters, pipeline
+            module = importlib.import_module("." + _MODULES[name], __name__)
         except ImportError as error:
             raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install \"bigus[vtk]\"") from None
-        return pipeline.update if name == "update" else getattr(filters, name)
+        return getattr(module, name)
     raise AttributeError(f"module 'bigus' has no attribute {name!r}")
 
 
 def __dir__() -> list:
-    return sorted([*globals(), *_FILTERS, "update"])
+    return sorted([*globals(), *_MODULES])

@@ -10,20 +10,11 @@ from __future__ import annotations
 
 import math
 import os
-import weakref
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Optional, Sequence
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonCore import (
-    VTK_FLOAT,
-    VTK_UNSIGNED_CHAR,
-    vtkDoubleArray,
-    vtkIntArray,
-    vtkOutputWindow,
-    vtkStringArray,
-)
+from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, vtkDoubleArray, vtkIntArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData, vtkTable
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkExecutive, vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
@@ -32,9 +23,10 @@ from vtkmodules.vtkImagingCore import vtkImageStencilData
 from . import _core
 from .files import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, read_field, write
 from .tasks import Slicer, TrainingInterrupted, train
-from .vtkdata import field_of_polydata, image_of, image_of_sweep, polydata_of_field, sweep_of_image, to_vtk
+from .algorithm import NO_ERROR, Algorithm, extent_of, geometry, matrix_of, properties, table_of, want_all
+from .field_filters import axes_of
+from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, sweep_of_image, to_vtk
 
-NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
 SMALLEST_SPACING, LARGEST_SPACING = 1e-6, 1e6  # mm
 LARGEST_INDEX = 10**9  # fits an int; so large an output is refused later
 DEFAULT_DIMENSION = 256  # pixels along the longest side of a field, where no geometry is given
@@ -47,152 +39,10 @@ __all__ = [
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Properties and errors, as VTK's classes have them
-
-
-def _properties(**defaults: Any) -> Callable[[type], type]:
-    """Adds Set<Name> and Get<Name> for every name, and <Name>On and <Name>Off for switches; None is an open default."""
-
-    def add(cls: type, name: str, default: Any) -> None:
-        def setter(self: Any, *values: Any) -> None:
-            value = values[0] if len(values) == 1 else values
-            if isinstance(default, tuple):
-                value = tuple(type(default[0])(v) for v in value)
-                if len(value) != len(default):
-                    raise TypeError(f"{name} is {len(default)} numbers, not {len(value)}")
-            elif isinstance(default, bool):
-                value = bool(value)
-            elif isinstance(default, str):
-                value = "" if value is None else os.fspath(value)
-            elif default is not None:
-                value = type(default)(value)
-            if self._values[name] != value:
-                self._values[name] = value
-                self.Modified()
-
-        def getter(self: Any) -> Any:
-            value = self._values[name]
-            return int(value) if isinstance(default, bool) else value
-
-        methods = {"Set" + name: setter, "Get" + name: getter}
-        if isinstance(default, bool):
-            methods[name + "On"] = lambda self: setter(self, True)
-            methods[name + "Off"] = lambda self: setter(self, False)
-        for method, function in methods.items():
-            if method not in cls.__dict__:
-                setattr(cls, method, function)
-
-    def decorate(cls: type) -> type:
-        cls.defaults = {**getattr(cls, "defaults", {}), **defaults}
-        for name, default in defaults.items():
-            add(cls, name, default)
-        return cls
-
-    return decorate
-
-
-def _geometry(name: str, usual: tuple) -> dict[str, Callable]:
-    """The methods of a property that has a default of its own: Set, Get and Set<Name>ToDefault."""
-
-    def setter(self: Any, *values: Any) -> None:
-        value = tuple(type(usual[0])(v) for v in (values[0] if len(values) == 1 else values))
-        if len(value) != len(usual):
-            raise TypeError(f"{name} is {len(usual)} numbers, not {len(value)}")
-        if self._values[name] != value:
-            self._values[name] = value
-            self.Modified()
-
-    def to_default(self: Any) -> None:
-        if self._values[name] is not None:
-            self._values[name] = None
-            self.Modified()
-
-    def getter(self: Any) -> tuple:
-        return usual if self._values[name] is None else self._values[name]
-
-    return {"Set" + name: setter, "Get" + name: getter, f"Set{name}ToDefault": to_default}
-
-
-class _Algorithm(VTKPythonAlgorithmBase):
-    """What all have in common: values of properties, and errors as VTK's own algorithms report them."""
-
-    defaults: dict[str, Any] = {}
-
-    def __init__(self, inputs: Sequence[str], outputs: Sequence[str]):
-        self._values = dict(self.defaults)
-        self._inputs, self._outputs = inputs, outputs
-        self._error_code = NO_ERROR
-        VTKPythonAlgorithmBase.__init__(self, nInputPorts=len(inputs), nOutputPorts=len(outputs))
-
-    def GetClassName(self) -> str:
-        return type(self).__name__
-
-    def GetErrorCode(self) -> int:
-        return self._error_code
-
-    def FillInputPortInformation(self, port: int, info: Any) -> int:
-        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self._inputs[port])
-        return 1
-
-    def FillOutputPortInformation(self, port: int, info: Any) -> int:
-        info.Set(vtkDataObject.DATA_TYPE_NAME(), self._outputs[port])
-        return 1
-
-    def SetInputData(self, *arguments: Any) -> None:
-        """(data) or (port, data)."""
-        self.SetInputDataObject(*arguments)
-
-    def GetOutput(self, port: int = 0) -> Any:
-        return self.GetOutputDataObject(port)
-
-    def GetInput(self) -> Any:
-        return self.GetInputDataObject(0, 0)
-
-    def _report(self, event: str, text: str) -> None:
-        if self.HasObserver(event):
-            self.InvokeEvent(event, text)
-        elif event == "ErrorEvent":
-            vtkOutputWindow.GetInstance().DisplayErrorText(f"ERROR: {self.GetClassName()}: {text}\n")
-        else:
-            vtkOutputWindow.GetInstance().DisplayWarningText(f"Warning: {self.GetClassName()}: {text}\n")
-
-    def _fail(self, error: BaseException) -> int:
-        self._report("ErrorEvent", str(error))
-        self._error_code = USER_ERROR
-        return 0
-
-    def _go_on(self, fraction: float, text: Optional[str] = None) -> bool:
-        """Reports progress; False when the algorithm was asked to stop."""
-        if text is not None:
-            self.SetProgressText(text)
-        self.UpdateProgress(fraction)
-        return not self.GetAbortExecute()
-
-
-def _extent(info: Any, key: Any) -> tuple:
-    return tuple(info.Get(key, k) for k in range(6))
-
-
-def _want_all(inputs: Any) -> None:
-    """Asks the connections of a port for whole images."""
-    pipeline = vtkStreamingDemandDrivenPipeline
-    for k in range(inputs.GetNumberOfInformationObjects()):
-        info = inputs.GetInformationObject(k)
-        if info.Has(pipeline.WHOLE_EXTENT()):
-            info.Set(pipeline.UPDATE_EXTENT(), _extent(info, pipeline.WHOLE_EXTENT()), 6)
-
-
-def _matrix(matrix: Optional[vtkMatrix4x4]) -> np.ndarray:
-    if matrix is None:
-        return np.eye(4)
-    return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-
-
-# ----------------------------------------------------------------------------------------------------------------------
 # Readers and writers
 
 
-class _Source(_Algorithm):
+class _Source(Algorithm):
     """A reader: the file is read once, when information is asked for."""
 
     def __init__(self, output: str):
@@ -222,7 +72,7 @@ class _Source(_Algorithm):
         return 1
 
 
-@_properties(FileName="")
+@properties(FileName="")
 class vtkBigusFieldReader(_Source):
     """Reads a Gaussian field (.vtp, .ply) as vtkPolyData."""
 
@@ -233,7 +83,7 @@ class vtkBigusFieldReader(_Source):
         return polydata_of_field(read_field(name))
 
 
-@_properties(FileName="", **SEQUENCE, KeepRejectedFrames=False, RequirePoses=True)
+@properties(FileName="", **SEQUENCE, KeepRejectedFrames=False, RequirePoses=True)
 class vtkBigusSequenceReader(_Source):
     """Reads a tracked sweep as an image stack (x, y, frame); field data say where its frames lie.
 
@@ -377,7 +227,7 @@ class vtkBigusSequenceReader(_Source):
         self.SetClipMode(self.CLIP_FAN)
 
 
-class _Writer(_Algorithm):
+class _Writer(Algorithm):
     def __init__(self, kind: str):
         super().__init__((kind,), ())
 
@@ -397,7 +247,7 @@ class _Writer(_Algorithm):
         return 1
 
 
-@_properties(FileName="", **FIELD_OUTPUT)
+@properties(FileName="", **FIELD_OUTPUT)
 class vtkBigusFieldWriter(_Writer):
     """Writes a field to .vtp (exact) or .ply (for viewers of splats)."""
 
@@ -408,7 +258,7 @@ class vtkBigusFieldWriter(_Writer):
         write(field_of_polydata(data), name, **settings)
 
 
-@_properties(FileName="", **SEQUENCE_OUTPUT)
+@properties(FileName="", **SEQUENCE_OUTPUT)
 class vtkBigusSequenceWriter(_Writer):
     """Writes a sweep to .igs.mha; rejected frames (Status 0) are left out."""
 
@@ -428,13 +278,8 @@ def _field_grid(field: Any, axes: np.ndarray, dimension: int) -> tuple[np.ndarra
     if len(field) == 0:
         return np.ones(3), np.zeros(3), np.ones(3, dtype=int)
     to_grid = np.linalg.inv(axes)
-    w, x, y, z = (field.rotations / np.linalg.norm(field.rotations, axis=1, keepdims=True)).T
-    rotation = np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
-    reach = 3 * np.sqrt(((np.einsum("ij,jkn->nik", to_grid, rotation) * field.scales[:, None, :]) ** 2).sum(axis=2))
+    rotation = axes_of(field)
+    reach = 3 * np.sqrt(((np.einsum("ij,njk->nik", to_grid, rotation) * field.scales[:, None, :]) ** 2).sum(axis=2))
     centres = field.centers @ to_grid.T
     low, high = (centres - reach).min(axis=0), (centres + reach).max(axis=0)
     spacing = min(max((high - low).max() / (dimension - 1), SMALLEST_SPACING), LARGEST_SPACING)
@@ -442,9 +287,9 @@ def _field_grid(field: Any, axes: np.ndarray, dimension: int) -> tuple[np.ndarra
     return np.full(3, spacing), 0.5 * (low + high) - 0.5 * spacing * steps, steps.astype(int) + 1
 
 
-@_properties(OutputMode=0, OutputScalarType=VTK_FLOAT, ElevationSigma=-1.0, Tolerance=1e-4, MaximumOutputPixels=1 << 29,
+@properties(OutputMode=0, OutputScalarType=VTK_FLOAT, ElevationSigma=-1.0, Tolerance=1e-4, MaximumOutputPixels=1 << 29,
              Engine="auto")
-class vtkBigusFieldToImage(_Algorithm):
+class vtkBigusFieldToImage(Algorithm):
     """What filters share that render a field: OutputSpacing, OutputOrigin, OutputMode, Engine and more."""
 
     Intensity, ScatteringField = 0, 1
@@ -457,7 +302,7 @@ class vtkBigusFieldToImage(_Algorithm):
         self._slicer, self._slicer_key = None, None
 
     for _name, _usual in (("OutputSpacing", (1.0,) * 3), ("OutputOrigin", (0.0,) * 3)):
-        locals().update(_geometry(_name, _usual))
+        locals().update(geometry(_name, _usual))
 
     def SetOutputModeToIntensity(self) -> None:
         self.SetOutputMode(self.Intensity)
@@ -525,11 +370,11 @@ class vtkBigusFieldToImage(_Algorithm):
         self._error_code = NO_ERROR
         try:
             infos = [outputs.GetInformationObject(port) for port in range(count)]
-            whole = _extent(infos[0], pipeline.WHOLE_EXTENT())
+            whole = extent_of(infos[0], pipeline.WHOLE_EXTENT())
             # What the asking port wants with what the consumers of the others want, so that a filter connected to two
             # outputs finds both.
             asking = max(0, request.Get(vtkExecutive.FROM_OUTPUT_PORT()))
-            wanted = [_extent(info, pipeline.UPDATE_EXTENT()) for port, info in enumerate(infos)
+            wanted = [extent_of(info, pipeline.UPDATE_EXTENT()) for port, info in enumerate(infos)
                       if port == asking or vtkExecutive.CONSUMERS().Length(info) > 0]
             wanted = [w for w in wanted if all(w[2 * a] <= w[2 * a + 1] for a in range(3))]
             if not wanted:
@@ -613,12 +458,12 @@ class vtkBigusFieldToImage(_Algorithm):
         return "ScatteringField" if self._values["OutputMode"] == self.ScatteringField else "Intensity"
 
 
-@_properties(OutputDirection=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), MaximumDimension=256, ElevationSigma=0.0)
+@properties(OutputDirection=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), MaximumDimension=256, ElevationSigma=0.0)
 class vtkBigusVoxelizer(vtkBigusFieldToImage):
     """A volume of a field: voxels along OutputDirection, by default over the whole field, thin (ElevationSigma 0)."""
 
     defaults_of_geometry = {**vtkBigusFieldToImage.defaults_of_geometry, "OutputDimensions": None}
-    locals().update(_geometry("OutputDimensions", (1, 1, 1)))
+    locals().update(geometry("OutputDimensions", (1, 1, 1)))
 
     def __init__(self) -> None:
         super().__init__(("vtkImageData",))
@@ -669,7 +514,7 @@ class vtkBigusVoxelizer(vtkBigusFieldToImage):
             image.SetDirectionMatrix(self._values["OutputDirection"])
 
 
-@_properties(OutputDimensionality=3, TransformInputSampling=True, AutoCropOutput=False, SlabNumberOfSlices=1, SlabMode=2,
+@properties(OutputDimensionality=3, TransformInputSampling=True, AutoCropOutput=False, SlabNumberOfSlices=1, SlabMode=2,
              SlabSliceSpacingFraction=1.0, SlabTrapezoidIntegration=False, CoverageThreshold=0.0, BackgroundLevel=0.0,
              GenerateCoverageOutput=True, GenerateStencilOutput=False)
 class vtkBigusReslice(vtkBigusFieldToImage):
@@ -683,33 +528,14 @@ class vtkBigusReslice(vtkBigusFieldToImage):
     """
 
     defaults_of_geometry = {**vtkBigusFieldToImage.defaults_of_geometry, "OutputExtent": None}
-    locals().update(_geometry("OutputExtent", (0,) * 6))
+    locals().update(geometry("OutputExtent", (0,) * 6))
     _PARTS = ("ResliceAxes", "ResliceTransform", "InformationInput", "RecordedFrames")
 
     def __init__(self) -> None:
         super().__init__(("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData"))
         self.GetExecutive().SetOutputData(2, vtkImageStencilData())  # VTK's executive cannot make stencils by name
-        self._parts: dict[str, Any] = dict.fromkeys(self._PARTS)
-        self._tags: dict[str, int] = {}
+        self._parts = dict.fromkeys(self._PARTS)
         self._recorded, self._recorded_time = None, 0
-
-    def _set_part(self, name: str, part: Any) -> None:
-        """Keeps an object by reference: a change to it is seen at the next update."""
-        old = self._parts[name]
-        if old is part:
-            return
-        if old is not None:
-            old.RemoveObserver(self._tags.pop(name))
-        self._parts[name] = part
-        if part is not None:
-            me = weakref.ref(self)
-
-            def changed(caller: Any, event: str) -> None:
-                if me() is not None:
-                    me().Modified()
-
-            self._tags[name] = part.AddObserver("ModifiedEvent", changed)
-        self.Modified()
 
     def SetResliceAxes(self, axes: Optional[vtkMatrix4x4]) -> None:
         self._set_part("ResliceAxes", axes)
@@ -751,7 +577,7 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 
     def GetResliceAxesDirectionCosines(self, cosines: list) -> None:
         """Fills the nine numbers of a list."""
-        cosines[:] = _matrix(self.GetResliceAxes())[:3, :3].T.ravel().tolist()
+        cosines[:] = matrix_of(self.GetResliceAxes())[:3, :3].T.ravel().tolist()
 
     def SetResliceAxesOrigin(self, *origin: Any) -> None:
         axes = self._own_axes()
@@ -761,7 +587,7 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 
     def GetResliceAxesOrigin(self, origin: list) -> None:
         """Fills the three numbers of a list."""
-        origin[:] = _matrix(self.GetResliceAxes())[:3, 3].tolist()
+        origin[:] = matrix_of(self.GetResliceAxes())[:3, 3].tolist()
 
     def SetOutputToFrame(self, axes: vtkMatrix4x4, width: int, height: int) -> None:
         """Makes the output the image of a tracked frame: pixel (i, j) lies at axes (i, j, 0, 1), mm."""
@@ -802,13 +628,13 @@ class vtkBigusReslice(vtkBigusFieldToImage):
         return self.GetOutputPort(3)
 
     def _output_to_world(self) -> np.ndarray:
-        matrix, transform = _matrix(self.GetResliceAxes()), self.GetResliceTransform()
+        matrix, transform = matrix_of(self.GetResliceAxes()), self.GetResliceTransform()
         if transform is not None:
             if not transform.IsA("vtkHomogeneousTransform"):
                 raise _core.Error(f"ResliceTransform is a {transform.GetClassName()}, which may bend planes; give a linear "
                                   "transform, for example a vtkTransform.")
             transform.Update()
-            matrix = _matrix(transform.GetMatrix()) @ matrix
+            matrix = matrix_of(transform.GetMatrix()) @ matrix
         if not np.isfinite(matrix).all():
             raise _core.Error("ResliceAxes or ResliceTransform holds a value that is not finite.")
         if matrix[3, 3] == 0 or np.abs(matrix[3, :3]).max() > 1e-12 * abs(matrix[3, 3]):
@@ -830,7 +656,7 @@ class vtkBigusReslice(vtkBigusFieldToImage):
                 limits = np.array([(0.0, n - 1) for n in size])
             # The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with the
             # squares of the direction cosines as weights, and the centre is kept.
-            axes = _matrix(self.GetResliceAxes())
+            axes = matrix_of(self.GetResliceAxes())
             turn = axes if self._values["TransformInputSampling"] else np.eye(4)
             try:
                 np.linalg.inv(axes)
@@ -919,7 +745,7 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 # Training
 
 
-class vtkBigusTrainer(_Algorithm):
+class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
     Every option of bigus.train is a property: SetHoldOut(8), AutomaticOff(), SetEngine("cpu"). A negative number leaves
@@ -938,7 +764,7 @@ class vtkBigusTrainer(_Algorithm):
         for name in ("TrainingFrames", "ValidationFrames", "HeldOutFrames"):
             self._frames[name] = vtkIntArray()
             self._frames[name].SetName(name)
-        self._decisions = _table({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
+        self._decisions = table_of({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
         self._poses = vtkDoubleArray()
 
     def __getattr__(self, name: str) -> Any:
@@ -1037,7 +863,7 @@ class vtkBigusTrainer(_Algorithm):
 
     def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
         for connections in inputs:
-            _want_all(connections)
+            want_all(connections)
         return 1
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
@@ -1057,15 +883,17 @@ class vtkBigusTrainer(_Algorithm):
                 result = interrupt.training
             self._result = result
             self._keep(result, image, frames)
-            provenance = {line.split("=", 1)[0]: line for line in result.field.provenance}
+            # Where the sweep came from, the filter, and how it was trained; each key once.
+            lines = [*provenance_of(image.GetFieldData()), "filter=vtkBigusTrainer", *result.field.provenance]
+            provenance = {line.split("=", 1)[0]: line for line in lines}
             for name, array in self._frames.items():
                 key = name[0].lower() + name[1:]
                 provenance[key] = key + "=" + " ".join(str(array.GetValue(k)) for k in range(array.GetNumberOfValues()))
-            result.field.provenance = ["filter=vtkBigusTrainer", *provenance.values()]
+            result.field.provenance = list(provenance.values())
             output.ShallowCopy(polydata_of_field(result.field))
             columns = {"Iteration": "iteration", "Seconds": "seconds", "Loss": "loss", "ValidationPSNR": "validation_psnr",
                        "Gaussians": "gaussians", "Rate": "rate"}
-            log.ShallowCopy(_table({column: result.log[name] for column, name in columns.items()}))
+            log.ShallowCopy(table_of({column: result.log[name] for column, name in columns.items()}))
         except Exception as error:
             output.Initialize()
             log.Initialize()
@@ -1078,27 +906,9 @@ class vtkBigusTrainer(_Algorithm):
             for number in numbers:  # the caller knows frames by index in the image
                 self._frames[name].InsertNextValue(int(frames[number]))
         rows = result.decisions
-        self._decisions = _table({
+        self._decisions = table_of({
             **{name: [row[name.lower()] for row in rows] for name in ("Decision", "Choice", "Evidence")},
             "Seconds": np.array([row["seconds"] for row in rows]),
         })
-        poses = np.array(vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")), dtype=np.float64).reshape(-1, 4, 4)
-        extent = image.GetExtent()
-        corrected = np.array(result.poses)
-        corrected[:, :, 3] -= extent[0] * corrected[:, :, 0] + extent[2] * corrected[:, :, 1]
-        poses[frames] = corrected
+        poses = poses_of_image(image, frames, result.poses)
         self._poses = to_vtk(poses.reshape(-1, 16), "ImageToReference")
-
-
-def _table(columns: dict[str, Any]) -> vtkTable:
-    table = vtkTable()
-    for name, values in columns.items():
-        if isinstance(values, np.ndarray):
-            table.AddColumn(to_vtk(values, name))
-            continue
-        texts = vtkStringArray()
-        texts.SetName(name)
-        for value in values:
-            texts.InsertNextValue(value)
-        table.AddColumn(texts)
-    return table

@@ -222,7 +222,7 @@ def correct_poses(sweep: Sweep, Strength: Optional[float] = None, HoldOut: int =
     strength = None if Strength is None or Strength < 0 else float(Strength)
     found = _core.correct_poses(sweep, strength, int(HoldOut))
     found["outlier"] = found["outlier"] != 0
-    return PoseCorrection(**found)
+    return PoseCorrection(**{name: found[name] for name in PoseCorrection._fields})
 
 
 # ----------------------------------------------------------------------------------------------------------------------

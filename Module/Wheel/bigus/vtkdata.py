@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any, Optional, Sequence
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
@@ -24,6 +24,29 @@ def to_vtk(values: np.ndarray, name: str) -> Any:
     array = numpy_to_vtk(np.ascontiguousarray(values))
     array.SetName(name)
     return array
+
+
+def texts_to_vtk(texts: Sequence[str], name: str) -> vtkStringArray:
+    array = vtkStringArray()
+    array.SetName(name)
+    for text in texts:
+        array.InsertNextValue(text)
+    return array
+
+
+def provenance_of(data: Any) -> list[str]:
+    """The lines key=value of field data."""
+    lines = data.GetAbstractArray("Provenance")
+    if lines is None or not lines.IsA("vtkStringArray"):
+        return []
+    return [lines.GetValue(k) for k in range(lines.GetNumberOfValues())]
+
+
+def set_provenance(data: Any, key: str, value: str) -> None:
+    """Replaces the line of this key, or adds one; arrays that other data share stay as they are."""
+    line, lines = f"{key}={value}", provenance_of(data)
+    replaced = [line if old.startswith(key + "=") else old for old in lines]
+    data.AddArray(texts_to_vtk(replaced if line in replaced else [*replaced, line], "Provenance"))
 
 
 def _found(data: Any, owner: str, name: str, components: int, tuples: int, required: bool) -> Optional[np.ndarray]:
@@ -105,6 +128,16 @@ def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
     return sweep_of_arrays(frames, poses, times, None if mask is None else mask.reshape(height, width)), kept
 
 
+def poses_of_image(image: vtkImageData, frames: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """ImageToReference of every frame of an image stack, in VTK's indices: those of `frames` are `poses` of the sweep."""
+    every = vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")).astype(np.float64).reshape(-1, 4, 4)
+    placed = np.array(poses)
+    extent = image.GetExtent()
+    placed[:, :, 3] -= extent[0] * placed[:, :, 0] + extent[2] * placed[:, :, 1]
+    every[frames] = placed
+    return every
+
+
 def polydata_of_field(field: Field) -> vtkPolyData:
     """A field as points with their arrays, one vertex each; the arrays are copied."""
     polydata = vtkPolyData()
@@ -127,11 +160,7 @@ def polydata_of_field(field: Field) -> vtkPolyData:
         data.AddArray(to_vtk(np.array(field.trained_normals), "TrainedNormals"))
     data.AddArray(to_vtk(np.array([FORMAT_VERSION], dtype=np.int32), "FormatVersion"))
     if field.provenance:
-        lines = vtkStringArray()
-        lines.SetName("Provenance")
-        for line in field.provenance:
-            lines.InsertNextValue(line)
-        data.AddArray(lines)
+        data.AddArray(texts_to_vtk(field.provenance, "Provenance"))
     return polydata
 
 
@@ -173,7 +202,5 @@ def field_of_polydata(polydata: vtkPolyData) -> Field:
         rotations = _found(arrays, owner, "Rotation", 4, count, True)
         reflectivities = _found(arrays, owner, "Reflectivity", 1, count, True)
     field = field_of_arrays(centers, scales, reflectivities, rotations, gamma, sigma, probe, normals)
-    lines = data.GetAbstractArray("Provenance")
-    if lines is not None and lines.IsA("vtkStringArray"):
-        field.provenance = [lines.GetValue(k) for k in range(lines.GetNumberOfValues())]
+    field.provenance = provenance_of(data)
     return field

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pipeline filters in pure Python that take fields and give fields, as the C++ classes do."""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonTransforms import vtkAbstractTransform, vtkHomogeneousTransform
+
+from . import _core
+from .algorithm import NO_ERROR, Algorithm, matrix_of, properties
+from .vtkdata import field_of_polydata, polydata_of_field, to_vtk
+
+__all__ = ["vtkBigusFieldTensors", "vtkBigusTransformField"]
+
+
+def axes_of(field: Any) -> np.ndarray:
+    """The rotation matrix of every Gaussian, [n, 3, 3]: its columns are the Gaussian's axes."""
+    w, x, y, z = (field.rotations / np.linalg.norm(field.rotations, axis=1, keepdims=True)).T
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]).transpose(2, 0, 1)
+
+
+class vtkBigusTransformField(Algorithm):
+    """Moves, turns, mirrors and scales a field: points, scales, rotations and the beam's thickness together."""
+
+    def __init__(self) -> None:
+        super().__init__(("vtkPolyData",), ("vtkPolyData",))
+
+    def SetTransform(self, transform: Optional[vtkAbstractTransform]) -> None:
+        """A linear transform that stretches alike in all directions; None changes nothing. Changes to it are followed."""
+        self._set_part("Transform", transform)
+
+    def GetTransform(self) -> Optional[vtkAbstractTransform]:
+        return self._parts.get("Transform")
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output = vtkDataObject.GetData(outputs, 0)
+        output.Initialize()
+        self._error_code = NO_ERROR
+        try:
+            field = field_of_polydata(vtkDataObject.GetData(inputs[0], 0))
+            transform = self.GetTransform()
+            if transform is not None:
+                if not isinstance(transform, vtkHomogeneousTransform):
+                    raise _core.Error(f"Transform is a {transform.GetClassName()}, which may bend space; give a linear "
+                                      "transform, for example a vtkTransform.")
+                transform.Update()
+                field = self._moved(field, matrix_of(transform.GetMatrix()))
+            output.ShallowCopy(polydata_of_field(field))
+        except Exception as error:
+            return self._fail(error)
+        return 1
+
+    @staticmethod
+    def _moved(field: Any, matrix: np.ndarray) -> Any:
+        key = "transform="
+        before = [line[len(key):] for line in field.provenance if line.startswith(key)]
+        text = "; then ".join([*before, " ".join(f"{element:.17g}" for element in matrix.ravel())])
+        moved = field.transformed(matrix)
+        lines = [key + text if line.startswith(key) else line for line in field.provenance]
+        moved.provenance = lines if before else [*lines, key + text]
+        return moved
+
+
+@properties(Tensor=0)
+class vtkBigusFieldTensors(Algorithm):
+    """Gives a field the tensors that VTK's glyph filters ask for: R diag(s) R^T, or the covariance R diag(s^2) R^T."""
+
+    StandardDeviation, Covariance = range(2)
+
+    def __init__(self) -> None:
+        super().__init__(("vtkPolyData",), ("vtkPolyData",))
+
+    def SetTensor(self, tensor: int) -> None:
+        tensor = min(max(int(tensor), self.StandardDeviation), self.Covariance)
+        if self._values["Tensor"] != tensor:
+            self._values["Tensor"] = tensor
+            self.Modified()
+
+    def SetTensorToStandardDeviation(self) -> None:
+        self.SetTensor(self.StandardDeviation)
+
+    def SetTensorToCovariance(self) -> None:
+        self.SetTensor(self.Covariance)
+
+    def GetTensorAsString(self) -> str:
+        return ("StandardDeviation", "Covariance")[self._values["Tensor"]]
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output = vtkDataObject.GetData(outputs, 0)
+        output.Initialize()
+        self._error_code = NO_ERROR
+        try:
+            polydata = vtkDataObject.GetData(inputs[0], 0)
+            field = field_of_polydata(polydata)
+            axes, lengths = axes_of(field), np.array(field.scales)
+            lengths = lengths**2 if self._values["Tensor"] == self.Covariance else lengths
+            tensors = np.einsum("nik,nk,njk->nij", axes, lengths, axes)
+            output.ShallowCopy(polydata)
+            output.GetPointData().SetTensors(to_vtk(tensors.reshape(-1, 9), self.GetTensorAsString()))
+        except Exception as error:
+            output.Initialize()
+            return self._fail(error)
+        return 1
