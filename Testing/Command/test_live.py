@@ -106,7 +106,7 @@ class Live(unittest.TestCase):
 
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
-        result = run("live", f"igtl://127.0.0.1:{server.getsockname()[1]}", "-o", self.folder / "field.vtp", "--finish", 2,
+        result = run("live", f"igtl://127.0.0.1:{server.getsockname()[1]}", "-o", self.folder / "field.vtp", "--finish", 60,
                      "--json", *arguments)
         thread.join(10)
         server.close()
@@ -258,7 +258,7 @@ class Live(unittest.TestCase):
 
         threading.Thread(target=serve, daemon=True).start()
         time.sleep(0.5)
-        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", 2, "--pause", 1, "--json")
+        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", 60, "--pause", 1, "--json")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(json.loads(result.stdout)["frames"], FRAMES)
         self.assertGreater(self.psnr(), 22)
