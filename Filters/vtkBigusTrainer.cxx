@@ -372,12 +372,12 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     // Nothing that differs between two equal runs, such as the time, goes in here: equal runs write equal
     // files.
     bigus::FieldToPolyData(result.field, output);
-    if (auto* history = vtkStringArray::SafeDownCast(image->GetFieldData()->GetAbstractArray("Provenance")))
+    std::vector<std::string> provenance = {"filter=vtkBigusTrainer"};
+    // Other lines of the sweep stay behind, because nobody knows what they tell of a patient.
+    if (const std::string poses = bigus::GetProvenance(image, "sweep.poses"); !poses.empty())
     {
-      output->GetFieldData()->AddArray(history);  // where the sweep came from
+      bigus::SetProvenanceLine(provenance, "sweep.poses", poses);
     }
-    std::vector<std::string> provenance = bigus::ProvenanceOf(output);
-    bigus::SetProvenanceLine(provenance, "filter", "vtkBigusTrainer");
     bigus::AddTrainingProvenance(provenance, result, *imported.sweep, start.has_value());
     bigus::SetProvenanceLine(provenance, "trainingFrames", ToText(this->TrainingFrames));
     bigus::SetProvenanceLine(provenance, "validationFrames", ToText(this->ValidationFrames));

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "Command.h"
+#include "Data/Provenance.h"
 #include "Files.h"
 #include "IO/Formats/LinearTransform.h"
 #include "Inputs.h"
@@ -13,6 +14,8 @@
 #include "Pipeline.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusTransformField.h"
+#include "vtkDataArray.h"
+#include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
@@ -32,6 +35,7 @@ struct Options
   bool inverse = false;
   WorldSystem world = WorldSystem::Ras;
   bool round = false;
+  bool strip = false;
 };
 
 /// The way of a field's points, in the coordinates of its world.
@@ -51,6 +55,21 @@ vtkSmartPointer<vtkTransform> FieldTransform(const Options& options)
     transform->Inverse();
   }
   return transform;
+}
+
+/// Times often count from a date; what computes with them looks at their differences.
+void BeginTimesAtZero(vtkImageData* sequence)
+{
+  vtkDataArray* times = sequence->GetFieldData()->GetArray("Timestamp");
+  if (!times)
+  {
+    return;
+  }
+  const double first = times->GetRange()[0];
+  for (vtkIdType k = 0; k < times->GetNumberOfTuples(); ++k)
+  {
+    times->SetComponent(k, 0, times->GetComponent(k, 0) - first);
+  }
 }
 
 ExitCode Convert(Console& console, const Options& options)
@@ -74,6 +93,10 @@ ExitCode Convert(Console& console, const Options& options)
       Update(mover, console, "Moving");
       field = mover->GetOutput();
     }
+    if (options.strip)
+    {
+      ReplaceProvenance(field, {});
+    }
     WriteFieldData(field, output, options.round, console);
     console.Print(output + ": " + std::to_string(field->GetNumberOfPoints()) + " Gaussians");
     console.Report({{"output", output}, {"kind", "field"}, {"gaussians", field->GetNumberOfPoints()}});
@@ -87,6 +110,10 @@ ExitCode Convert(Console& console, const Options& options)
   }
   RequireStackName(output);
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
+  if (options.strip)
+  {
+    BeginTimesAtZero(sequence);
+  }
   const int frames = sequence->GetDimensions()[2];
   std::vector<int> numbers(frames);
   std::iota(numbers.begin(), numbers.end(), 0);
@@ -111,6 +138,7 @@ void AddConvert(Program& program)
       "  bigus convert field.vtp field.ply                           for viewers of Gaussian splats\n"
       "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
       "  bigus convert field.vtp placed.vtp --transform patient.tfm  moved as 3D Slicer would move it\n"
+      "  bigus convert field.vtp stranger.vtp --strip                nothing but what shows it\n"
       "Rejected frames of a sequence are left out.");
   AddSequenceOptions(*app, options->input, "INPUT", "Field (.vtp .ply) or sequence (.mha .mhd .nrrd .csv)");
   app->add_option("OUTPUT", options->output, "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
@@ -118,6 +146,9 @@ void AddConvert(Program& program)
       ->type_name("");
   app->add_flag("--round", options->round,
                 "Of a field: drop the digits that no picture shows (by less than 0.01 dB), as 'train' does");
+  app->add_flag("--strip", options->strip,
+                "Of a field: without its provenance. Of a sequence: times begin at 0. Nothing else of a header is ever "
+                "taken along");
   const char* const group = "Moving a field";
   CLI::Option* transform =
       app->add_option(

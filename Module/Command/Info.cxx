@@ -207,6 +207,29 @@ Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* re
   return doubts;
 }
 
+/// What the header says besides, names of people among it: nothing of it gets into what is written.
+Json ShowUnusedFields(Console& console, vtkBigusSequenceReader* reader)
+{
+  constexpr int kMostListed = 24;  // to people; --json has all
+  Json fields = Json::array();
+  for (int i = 0; i < reader->GetNumberOfUnusedFields(); ++i)
+  {
+    const std::string name = reader->GetUnusedFieldName(i), value = reader->GetUnusedFieldValue(i);
+    const int count = reader->GetUnusedFieldCount(i);
+    fields.push_back({{"name", name}, {"value", value}, {"count", count}});
+    if (i < kMostListed)
+    {
+      console.Print(Line(i ? "" : "Not taken along",
+                         name + " = " + value + (count > 1 ? " (and " + std::to_string(count - 1) + " more)" : "")));
+    }
+  }
+  if (reader->GetNumberOfUnusedFields() > kMostListed)
+  {
+    console.Print(Line("", "and " + std::to_string(reader->GetNumberOfUnusedFields() - kMostListed) + " other fields"));
+  }
+  return fields;
+}
+
 /// A volume, or pictures without any transform.
 ExitCode ShowImages(Console& console, const std::string& path, vtkBigusSequenceReader* reader)
 {
@@ -221,7 +244,9 @@ ExitCode ShowImages(Console& console, const std::string& path, vtkBigusSequenceR
   console.Print(Line("Poses",
                      "none: a volume, or a sequence without transforms. 'bigus metrics' compares it; to train on "
                      "it give a Plus configuration or poses in a CSV"));
-  console.Report({{"kind", "images"}, {"images", count}, {"width", size[0]}, {"height", size[1]}});
+  const Json unused = ShowUnusedFields(console, reader);
+  console.Report(
+      {{"kind", "images"}, {"images", count}, {"width", size[0]}, {"height", size[1]}, {"not_taken_along", unused}});
   return Success;
 }
 
@@ -302,6 +327,7 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
     console.Print(Line("Rejected", reader->GetRejectionSummary()));
   }
 
+  const Json unused = ShowUnusedFields(console, reader);
   const Sweep poses = accepted > 0 ? ReadPosesOnly(options, console) : Sweep();
   const Json tracker = ShowTracker(console, poses), doubts = ShowDoubts(console, poses, reader);
 
@@ -322,6 +348,7 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
                  {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
                  {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
                  {"rejected", rejected},
+                 {"not_taken_along", unused},
                  {"tracker", tracker},
                  {"doubts", doubts}};
   if (!fault.empty())

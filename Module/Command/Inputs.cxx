@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cinttypes>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -12,11 +14,14 @@
 
 #include "Command.h"
 #include "Core/Deciding/Provenance.h"
+#include "Core/Numerics/Checksum.h"
 #include "Core/Poses/PoseDoubts.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
 #include "Files.h"
+#include "IO/Poses.h"
+#include "IO/SequenceFile.h"
 #include "Pipeline.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
@@ -454,10 +459,41 @@ std::string TrainedPoses(vtkPolyData* field)
   return GetProvenance(field, "poses");
 }
 
-void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, Console& console)
+std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain)
 {
-  const std::string poses = TrainedPoses(field);
-  if (poses.empty() || poses == kAsTracked || FileName(sequence) != GetProvenance(field, "sequence"))
+  ImageOptions images;
+  images.wanted = false;
+  PoseOptions options;
+  options.fromFrame = chain.from;
+  options.toFrame = chain.to;
+  options.configFileName = chain.config;
+  options.assumeMissingStatusOK = chain.assumeStatus;
+  PoseTable table;
+  try
+  {
+    ResolvePoses(ReadSequenceFile(path, images), options, table);
+  }
+  catch (const Error&)
+  {
+    return "";  // whoever needs the poses says what is wrong
+  }
+  Checksum checksum;
+  for (const FramePose& frame : table.frames)
+  {
+    if (frame.accepted)
+    {
+      checksum.Add(frame.imageToReference.data(), sizeof(double) * 16);
+    }
+  }
+  char text[17];
+  std::snprintf(text, sizeof(text), "%016" PRIx64, checksum.Value());
+  return text;
+}
+
+void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, const PoseChain& chain, Console& console)
+{
+  const std::string poses = TrainedPoses(field), recorded = GetProvenance(field, "recordedPoses");
+  if (poses.empty() || poses == kAsTracked || recorded.empty() || recorded != ChecksumOfPoses(sequence, chain))
   {
     return;
   }

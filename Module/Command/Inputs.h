@@ -109,9 +109,12 @@ vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& con
 GaussianField ReadField(const std::string& path, Console& console);
 /// What was done to the poses that the field was trained at; empty where it does not say.
 std::string TrainedPoses(vtkPolyData* field);
-/// Says on stderr when `sequence` is the one that the field was trained on, whose poses were corrected: then planes as
-/// tracked are not those that the field was trained at.
-void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, Console& console);
+/// A checksum of a file's poses, as hexadecimal digits: it tells a sweep again without its name. Empty for a file that is
+/// neither a sequence nor a CSV of poses.
+std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain);
+/// Says on stderr when `sequence` has the poses of the one that the field was trained on, and these were corrected: then
+/// planes as tracked are not those that the field was trained at.
+void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, const PoseChain& chain, Console& console);
 /// `isRounded`: without the digits that no picture shows (Core/Model/FieldRounding.h).
 void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console);
 

@@ -147,7 +147,7 @@ ExitCode Slice(Console& console, Options& options)
   }
 
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
-  NoteTrackedPlanes(field, options.planes.poses, console);
+  NoteTrackedPlanes(field, options.planes.poses, options.planes.chain, console);
   const Planes planes = ReadPlanes(options.planes, console);
   const SlicePlane& first = planes.planes.front();
   const int count = static_cast<int>(planes.planes.size());

@@ -352,7 +352,7 @@ ExitCode Train(Console& console, const Options& options)
   const bool interrupted = trainer->GetAborted() || IsInterrupted();
   vtkPolyData* output = trainer->GetOutput();
   SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
-  SetProvenance(output, "sequence", FileName(options.sequence.path));
+  SetProvenance(output, "recordedPoses", ChecksumOfPoses(options.sequence.path, options.sequence.chain));
   SetProvenance(output, "world", options.sequence.chain.to);
   SetProvenance(output, "reduce", std::to_string(options.sequence.reduce));
   WriteFieldData(output, options.output, !options.exact, console);

@@ -94,7 +94,7 @@ ExitCode View(Console& console, const Options& options)
   const int frame = FirstFrame(options, sweep.get());
   if (sweep)
   {
-    NoteTrackedPlanes(field, options.sequence.path, console);
+    NoteTrackedPlanes(field, options.sequence.path, options.sequence.chain, console);
     NoteForeignSweep(field, *sweep, options, console);
   }
 

@@ -24,7 +24,8 @@ set(bigus_parsers
   SequenceFrames.cxx
   SequenceOutput.cxx
   SequencePixels.cxx
-  Text.cxx)
+  Text.cxx
+  UnusedFields.cxx)
 list(TRANSFORM bigus_parsers PREPEND "${CMAKE_CURRENT_LIST_DIR}/")
 
 find_package(nlohmann_json REQUIRED)

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace bigus
@@ -64,8 +65,10 @@ struct SequenceFile
   std::vector<std::string> images;        ///< png: [frames]
   std::vector<std::array<int, 2>> sizes;  ///< CSV only: [frames] width and height where stated, else 0, 0
 
-  Fields fields;               ///< of the whole file, by name
-  std::vector<Fields> frames;  ///< [frames] of each frame, by name without the Seq_FrameNNNN_ prefix
+  Fields fields;                      ///< of the whole file, by name
+  std::vector<Fields> frames;         ///< [frames] of each frame, by name without the Seq_FrameNNNN_ prefix
+  std::vector<std::string> comments;  ///< lines of NRRD and CSV that begin with #, without it
+  std::vector<std::pair<std::string, std::string>> otherColumns;  ///< CSV: name and first value of what is not read
 
   /// Of a frame as it is read.
   std::uint64_t FrameBytes() const

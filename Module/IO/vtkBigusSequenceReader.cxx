@@ -16,6 +16,7 @@
 #include "IO/SequenceFile.h"
 #include "IO/SequenceFrames.h"
 #include "IO/Text.h"
+#include "IO/UnusedFields.h"
 #include "vtkDataArray.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"
@@ -108,6 +109,7 @@ public:
   FrameGeometry geometry;
   std::string summary;
   std::vector<std::string> transformNames;
+  std::vector<bigus::UnusedField> unusedFields;
   std::string croppedFrame;
   std::string pixelType;
   double usedRange = 0;
@@ -154,6 +156,7 @@ private:
     {
       this->transformNames.push_back(transform.Name());
     }
+    this->unusedFields = bigus::UnusedFieldsOf(this->file, this->poses.transforms);
     this->croppedFrame = this->poses.CroppedFrame(fromFrame);
     if (!this->poses.chain.empty())
     {
@@ -387,6 +390,32 @@ const char* vtkBigusSequenceReader::GetTransformSource(int index)
   return index >= 0 && index < this->GetNumberOfTransforms()
              ? this->Internals->poses.transforms[static_cast<std::size_t>(index)].source.c_str()
              : nullptr;
+}
+
+int vtkBigusSequenceReader::GetNumberOfUnusedFields()
+{
+  return static_cast<int>(this->Internals->unusedFields.size());
+}
+
+const char* vtkBigusSequenceReader::GetUnusedFieldName(int index)
+{
+  return index >= 0 && index < this->GetNumberOfUnusedFields()
+             ? this->Internals->unusedFields[static_cast<std::size_t>(index)].name.c_str()
+             : nullptr;
+}
+
+const char* vtkBigusSequenceReader::GetUnusedFieldValue(int index)
+{
+  return index >= 0 && index < this->GetNumberOfUnusedFields()
+             ? this->Internals->unusedFields[static_cast<std::size_t>(index)].value.c_str()
+             : nullptr;
+}
+
+int vtkBigusSequenceReader::GetUnusedFieldCount(int index)
+{
+  return index >= 0 && index < this->GetNumberOfUnusedFields()
+             ? this->Internals->unusedFields[static_cast<std::size_t>(index)].count
+             : 0;
 }
 
 const char* vtkBigusSequenceReader::GetCroppedFrame()

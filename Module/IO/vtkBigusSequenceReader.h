@@ -175,6 +175,18 @@ public:
   const char* GetTransformName(int index);
   const char* GetTransformSource(int index);
 
+  ///@{
+  /**
+   * Fields of the header that are read past, such as the name of a person or the date of a recording: none of them gets
+   * into any output. Names are without Seq_Frame0000_, and "comment" stands for lines of comment; of the value the first that there is,
+   * both shortened to 60 bytes; and how many frames (or lines) have it.
+   */
+  int GetNumberOfUnusedFields();
+  const char* GetUnusedFieldName(int index);
+  const char* GetUnusedFieldValue(int index);
+  int GetUnusedFieldCount(int index);
+  ///@}
+
   /**
    * A coordinate frame of the file, such as CroppedImage, that says by its name that the images may have been cut out of
    * larger ones, so that poses should lead from there (FromFrame). Empty when there is none or poses lead from it.

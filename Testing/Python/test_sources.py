@@ -333,6 +333,27 @@ class ImagesOfEveryKind(InFolder):
         wide = {"BitsAllocated": 16, "BitsStored": 12, "HighBit": 11, "PixelData": (IMAGES.astype(np.uint16) * 16).tobytes()}
         self.check(self.load(self.dicom(**wide)), images=(IMAGES.astype(np.uint32) * 16 * 65535 // 4095).astype(np.uint16))
 
+    def test_of_a_dicom_file_only_frames_times_and_sizes_get_into_the_sweep(self):
+        package("pydicom")
+        who = {"PatientName": "DOE^JANE", "PatientID": "DOE-4711", "InstitutionName": "St. DOE", "StudyDescription": "of JANE",
+               "PatientBirthDate": "19470711", "StudyDate": "20240501", "ImageComments": "DOE", "FrameTime": 50.0}
+        (self.folder / "JANE").mkdir()
+        path = self.dicom("JANE/DOE.dcm", **who, BurnedInAnnotation="YES")
+        sweep = self.load(path)
+        self.check(sweep, times=TIMES)
+        self.assertTrue(any("BurnedInAnnotation" in note for note in sweep.notes))
+        self.assertFalse(any("BurnedIn" in note for note in self.load(path, crop=(0, 0, WIDTH, HEIGHT)).notes))
+        self.assertFalse(any("BurnedIn" in note for note in self.load(self.dicom(FrameTime=50.0)).notes))
+        try:
+            import bigus
+        except ImportError:
+            self.skipTest("the package bigus is not built")
+        written = self.folder / "sweep.igs.mha"
+        bigus.write(bigus.from_files(path, self.folder / "poses.npy", pixel_spacing=SPACING), written)
+        header = written.read_bytes().split(b"ElementDataFile")[0]
+        for text in (b"DOE", b"JANE", b"4711", b"1947", b"2024"):
+            self.assertNotIn(text, header)
+
     def test_bad_dicom(self):
         def refused(path, part):
             with self.assertRaisesRegex(sources.SourceError, part) as caught:

@@ -34,6 +34,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
     }
     if (line[0] == '#')
     {
+      file.comments.emplace_back(Trimmed(std::string_view(line).substr(1)));
       continue;
     }
     const auto colon = line.find(':');

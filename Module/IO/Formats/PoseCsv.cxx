@@ -80,6 +80,24 @@ std::string ImageName(const SequenceFile& file, const std::string& pattern, std:
   return pattern.substr(0, percent) + text + pattern.substr(end + 1);
 }
 
+// Those that nothing is read from, with the value of the first row.
+void AddOtherColumns(SequenceFile& file, const std::vector<std::string>& names, const std::vector<std::string>& cells,
+                     const std::map<std::string, std::size_t>& columns)
+{
+  for (std::size_t column = 0; column < names.size(); ++column)
+  {
+    const std::string name = Lowercase(names[column]);
+    const bool isMatrix =
+        name.size() == 3 && name[0] == 'm' && name[1] >= '0' && name[1] <= '3' && name[2] >= '0' && name[2] <= '3';
+    const bool isRead =
+        isMatrix || name == "image" || name == "timestamp" || name == "status" || name == "width" || name == "height";
+    if (!isRead || columns.at(name) != column)  // of two columns of one name the first is read
+    {
+      file.otherColumns.emplace_back(names[column], cells[column]);
+    }
+  }
+}
+
 std::vector<std::string> PngFilesOf(const std::string& folder)
 {
   std::vector<std::string> files;
@@ -146,7 +164,12 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
   std::vector<std::string> named;
   while (input.ReadLine(line))
   {
-    if (Trimmed(line).empty() || line[0] == '#')
+    if (!line.empty() && line[0] == '#')
+    {
+      file.comments.emplace_back(Trimmed(std::string_view(line).substr(1)));
+      continue;
+    }
+    if (Trimmed(line).empty())
     {
       continue;
     }
@@ -156,6 +179,10 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
     {
       Refuse(file, "row " + std::to_string(row) + " has " + std::to_string(cells.size()) + " cells, the header " +
                        std::to_string(names.size()));
+    }
+    if (row == 0)
+    {
+      AddOtherColumns(file, names, cells, columns);
     }
     if (static_cast<std::int64_t>(row) >= mostFrames || input.Position() > longestHeader)
     {

@@ -35,6 +35,7 @@ class Images(NamedTuple):
     pixels: np.ndarray  # [frames, height, width], uint8, uint16, or float32 in [0, 1]
     times: Optional[np.ndarray] = None  # s, [frames]
     spacing: Optional[tuple] = None  # mm of a pixel along i and j, where the file says
+    has_text: bool = False  # the file says that text, which may name a patient, is part of the pictures
 
 
 class Poses(NamedTuple):
@@ -259,7 +260,7 @@ def _dicom(path: Path) -> Images:
                and region.get("PhysicalUnitsXDirection") == 3 and region.get("PhysicalUnitsYDirection") == 3]
     if len(regions) == 1:
         spacing = (10 * float(regions[0].PhysicalDeltaX), 10 * float(regions[0].PhysicalDeltaY))
-    return Images(pixels, times, spacing)
+    return Images(pixels, times, spacing, str(data.get("BurnedInAnnotation", "")) == "YES")
 
 
 def _sequence(path: Path) -> Images:
@@ -624,6 +625,9 @@ def load(
         notes.append("The calibration counts pixels from 1; it was moved by one pixel.")
     image = image @ _translation(-origin_pixel[0], -origin_pixel[1])
     pixels = frames.pixels
+    if crop is None and frames.has_text:
+        notes.append("The file says that text is part of its pictures (BurnedInAnnotation); it may name a patient. --crop keeps "
+                     "what lies inside.")
     if crop is not None:
         left, top, width, height = crop
         if min(crop) < 0 or min(width, height) < 1 or left + width > pixels.shape[2] or top + height > pixels.shape[1]:
