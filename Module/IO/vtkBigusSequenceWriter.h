@@ -39,7 +39,7 @@ public:
   ///@{
   /**
    * The names of the frames that the poses lead from and to; they make the transform's name in the file,
-   * <FromFrame>To<ToFrame>Transform. Defaults: Image, Reference.
+   * [FromFrame]To[ToFrame]Transform. Defaults: Image, Reference.
    */
   vtkSetStringMacro(FromFrame);
   vtkGetStringMacro(FromFrame);

@@ -18,7 +18,7 @@ inline constexpr const char* kAsTracked = "as tracked";
 void SetProvenanceLine(std::vector<std::string>& lines, const std::string& key, const std::string& value);
 
 /// The choices a training rested on: seed, loss, the settled options by their properties' names,
-/// `decision.<what>` = choice (evidence), and how far poses were corrected. Nothing that differs between two equal runs,
+/// `decision.NAME` = choice (evidence), and how far poses were corrected. Nothing that differs between two equal runs,
 /// such as the time. `isContinued`: the training began with a field.
 void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult& result, const Sweep& sweep,
                            bool isContinued);
