@@ -31,11 +31,12 @@ def properties(proxy):
 class PluginXml(unittest.TestCase):
     def test_every_command_is_a_method(self):
         for name, kind, proxy in proxies():
+            instance = kind()
             for node in proxy.iter():
                 command = node.get("command")
                 if command and node.tag.endswith("Property"):
                     with self.subTest(proxy=name, property=node.get("name")):
-                        self.assertTrue(hasattr(kind, command), command)
+                        self.assertTrue(hasattr(instance, command), command)
 
     def test_defaults_are_the_classes(self):
         compared = 0
@@ -95,4 +96,7 @@ class PluginXml(unittest.TestCase):
 
 if __name__ == "__main__":
     XML = sys.argv.pop(1)
+    if not hasattr(bigus, "vtkBigusTrainer"):
+        print("skipped: this Python has no VTK")
+        sys.exit(77)
     unittest.main()

@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""BIGUS in a ParaView for which the compiled plugin was not built: proxies over the Python package without VTK.
+
+ParaView's own Python must find the package `bigus` of Module/Wheel, built for its version, on PYTHONPATH. This file is
+loaded by Tools > Manage Plugins > Load New. Names, properties and their documentation come from bigus.xml beside it, which
+is the compiled plugin's; load one of the two.
+"""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from typing import Any, Optional
+
+import bigus
+import numpy as np
+from bigus.algorithm import NO_ERROR, Algorithm, properties, want_all
+from bigus.vtkdata import field_of_polydata, sweep_of_image, to_vtk
+from paraview.util.vtkAlgorithm import smproperty, smproxy
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSetAttributes
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
+
+paraview_plugin_name = "BIGUS"
+paraview_plugin_version = bigus.__version__
+
+LARGEST_SIDE = 16384  # pixels, as in the C++ class
+SMALLEST_SINE = 1e-5  # nearer to the normal, rounding errors would turn the picture
+
+
+def axes_of(normal: Any, down: Any) -> Optional[np.ndarray]:
+    """Right-handed unit axes as columns: the third along the normal, the second along `down` brought into the plane."""
+    length = np.linalg.norm(normal)
+    if not (length > 0 and np.isfinite(length)):
+        return None
+    z = np.array(normal) / length
+    for direction in (np.array(down), np.array([0.0, 0, 1]), np.array([1.0, 0, 0])):
+        x = np.cross(direction, z)
+        if np.linalg.norm(x) > SMALLEST_SINE * np.linalg.norm(direction):
+            x /= np.linalg.norm(x)
+            return np.stack([x, np.cross(z, x), z], axis=1)
+    return None
+
+
+@properties(Origin=(0.0, 0.0, 0.0), Normal=(0.0, 0.0, 1.0), Down=(0.0, 1.0, 0.0), Frame=-1, Size=(512, 512), PixelSize=0.0,
+            OutputMode=0, ElevationSigma=-1.0, HideUnseen=True, CoverageThreshold=0.0, Tolerance=1e-4, Engine="auto")
+class vtkBigusFieldSlice(Algorithm):
+    """A slice of a field as one image at its place; the C++ class of this name tells what each property means."""
+
+    def __init__(self) -> None:
+        super().__init__(("vtkPolyData", "vtkImageData"), ("vtkImageData",))
+        self._slicer, self._slicer_key = None, None
+        self._sweep, self._sweep_time = None, 0
+
+    def FillInputPortInformation(self, port: int, info: Any) -> int:
+        if port == 1:
+            info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
+        return super().FillInputPortInformation(port, info)
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        self._error_code = NO_ERROR
+        width, height = self._values["Size"]
+        try:
+            if not 1 <= min(width, height) <= max(width, height) <= LARGEST_SIDE:
+                raise bigus.Error(f"Size is {width} x {height}; give 1 to {LARGEST_SIDE} columns and rows.")
+            if self._values["Frame"] >= 0:
+                sweep = inputs[1].GetInformationObject(0)
+                if sweep is None:
+                    raise bigus.Error(f"Frame is {self._values['Frame']} but there is no sweep; connect the sweep, or set "
+                                      "Frame to -1 to use the plane.")
+                first_i, last_i, first_j, last_j = (
+                    sweep.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), k) for k in range(4))
+                width, height = last_i - first_i + 1, last_j - first_j + 1
+        except Exception as error:
+            return self._fail(error)
+        info = outputs.GetInformationObject(0)
+        info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), (0, width - 1, 0, height - 1, 0, 0), 6)
+        return 1
+
+    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
+        for connections in inputs:
+            want_all(connections)
+        return 1
+
+    def _at_plane(self, polydata: Any) -> np.ndarray:
+        """From pixel (i, j, 0, 1) to mm."""
+        pixel, size, origin = self._values["PixelSize"], np.array(self._values["Size"]), np.array(self._values["Origin"])
+        axes = axes_of(self._values["Normal"], self._values["Down"])
+        if axes is None:
+            raise bigus.Error(f"Normal is {self._values['Normal']}; give a vector that is finite and not 0.")
+        if not 0 <= pixel < np.inf:
+            raise bigus.Error(f"PixelSize is {pixel} mm; give 0 (automatic) or more.")
+        centre = np.zeros(2)  # of the picture, mm from Origin along the axes
+        if pixel == 0:
+            if polydata.GetNumberOfPoints():
+                bounds = np.array(polydata.GetBounds()).reshape(3, 2)
+                corners = np.array(np.meshgrid(*bounds)).reshape(3, -1)
+                places = axes[:, :2].T @ (corners - origin[:, None])
+                low, high = places.min(axis=1), places.max(axis=1)
+                centre = 0.5 * (low + high)
+                pixel = ((high - low) / np.maximum(1, size - 1)).max()
+            pixel = pixel if pixel > 0 else 1.0  # a field of one point, or none
+        matrix = np.eye(4)
+        matrix[:3, :2] = axes[:, :2] * pixel
+        matrix[:3, 2] = axes[:, 2]
+        matrix[:3, 3] = origin + axes[:, :2] @ (centre - 0.5 * (size - 1) * pixel)
+        return matrix
+
+    def _at_frame(self, image: Any) -> np.ndarray:
+        """From pixel (i, j, 0, 1) to mm."""
+        frame, poses = self._values["Frame"], image.GetFieldData().GetArray("ImageToReference")
+        number = poses.GetNumberOfTuples() if poses and poses.GetNumberOfComponents() == 16 else 0
+        if frame >= number:
+            raise bigus.Error(f"Frame is {frame} and the sweep has {number} poses in its field data ImageToReference [16]; "
+                              "give a frame that is there, counted from 0.")
+        extent, matrix = image.GetExtent(), np.array(poses.GetTuple(frame)).reshape(4, 4)
+        matrix[:, 3] += extent[0] * matrix[:, 0] + extent[2] * matrix[:, 1]  # our pixel (0, 0) is VTK's (x0, y0)
+        return matrix
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output = vtkDataObject.GetData(outputs, 0)
+        output.Initialize()
+        self._error_code = NO_ERROR
+        try:
+            polydata = vtkDataObject.GetData(inputs[0], 0)
+            recorded = vtkDataObject.GetData(inputs[1], 0) if inputs[1].GetNumberOfInformationObjects() else None
+            self._fill(output, polydata, recorded)
+        except Exception as error:
+            output.Initialize()
+            return self._fail(error)
+        return 1
+
+    def _fill(self, output: Any, polydata: Any, recorded: Any) -> None:
+        frame, scattering = self._values["Frame"], self._values["OutputMode"] == 1
+        matrix = self._at_frame(recorded) if frame >= 0 else self._at_plane(polydata)
+        width, height = recorded.GetDimensions()[:2] if frame >= 0 else self._values["Size"]
+        settings = (self._values["Engine"] or "auto", self._values["ElevationSigma"], self._values["Tolerance"])
+        key = (polydata.GetMTime(), *settings)
+        if self._slicer is None or self._slicer_key != key:  # kept while the plane moves
+            self._slicer, self._slicer_key = bigus.Slicer(field_of_polydata(polydata), *settings), key
+        image, coverage = self._slicer.slice_and_coverage(matrix, (width, height), scattering=scattering)
+
+        steps = np.linalg.norm(matrix[:3, :2], axis=0)
+        direction = np.eye(3)
+        direction[:, :2] = matrix[:3, :2] / steps
+        direction[:, 2] = np.cross(direction[:, 0], direction[:, 1])
+        output.SetExtent(0, width - 1, 0, height - 1, 0, 0)
+        output.SetOrigin(matrix[:3, 3].tolist())
+        output.SetSpacing(*steps.tolist(), 1.0)
+        output.SetDirectionMatrix(direction.ravel().tolist())
+        arrays = output.GetPointData()
+        arrays.SetScalars(to_vtk(image.ravel(), "Scattering" if scattering else "Intensity"))
+        arrays.AddArray(to_vtk(coverage.ravel(), "Coverage"))
+        if recorded is not None:
+            if self._sweep is None or self._sweep_time != recorded.GetMTime():
+                self._sweep, self._sweep_time = sweep_of_image(recorded)[0], recorded.GetMTime()
+            distance = bigus.distance_to_frames(self._sweep, matrix, (width, height))
+            arrays.AddArray(to_vtk(distance.ravel(), "Distance"))
+        if frame >= 0:
+            count = width * height
+            pixels = vtk_to_numpy(recorded.GetPointData().GetScalars())[frame * count:(frame + 1) * count]
+            arrays.AddArray(to_vtk(pixels, "Recorded"))
+        if self._values["HideUnseen"]:
+            unseen = coverage.ravel() <= np.float32(self._values["CoverageThreshold"])
+            arrays.AddArray(to_vtk((unseen * vtkDataSetAttributes.HIDDENPOINT).astype(np.uint8),
+                                   vtkDataSetAttributes.GhostArrayName()))
+
+
+def _expose() -> None:
+    """A class of this module for every proxy of bigus.xml, with its XML as ParaView's decorators keep it."""
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "bigus.xml")
+    for group in ElementTree.parse(path).getroot().iter("ProxyGroup"):
+        for proxy in group.iter("SourceProxy"):
+            name = proxy.get("class")
+            own = globals().get(name) or getattr(bigus, name)
+            kind = type(name, (own,), {"__module__": __name__, "__doc__": own.__doc__})
+            children = "".join(ElementTree.tostring(child, encoding="unicode") for child in proxy)
+            declare = smproxy.source(name=proxy.get("name"), label=proxy.get("label"), group=group.get("name"),
+                                     support_reload=False)
+            declare(smproperty.xml(children)(kind))
+            globals()[name] = kind
+
+
+_expose()
