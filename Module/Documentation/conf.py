@@ -83,12 +83,12 @@ def text_of(node):
     return re.sub(r"^(\w+(?:, \w+)*): ", r"- **\1**: ", text, flags=re.MULTILINE)
 
 
-def signature(node, skip=0):
+def signature(node, skip=0, wrap=True):
     node.args.args = node.args.args[skip:]
     # nanobind's stubs say of arrays more than a caller must know.
     arguments = re.sub(r"Annotated\[NDArray\[numpy\.(\w+)\], dict\([^)]*\)\]", r"NDArray[\1]", ast.unparse(node.args))
     result = f" -> {ast.unparse(node.returns)}" if node.returns else ""
-    if len(node.name + arguments + result) > 100:
+    if wrap and len(node.name + arguments + result) > 100:
         arguments = "\n    " + re.sub(r", (?=\*{0,2}\w+(?:: |=|$))", ",\n    ", arguments) + ",\n"
     return f"{node.name}({arguments}){result}"
 
@@ -104,8 +104,8 @@ def members(node, comments):
             if any(name.endswith(".setter") for name in decorators):
                 continue
             is_property = "property" in decorators
-            head = part.name if is_property else signature(part, 0 if "staticmethod" in decorators else 1)
-            yield f"- `{' '.join(head.split())}`: " + " ".join((ast.get_docstring(part) or "").split())
+            head = part.name if is_property else signature(part, 0 if "staticmethod" in decorators else 1, False)
+            yield f"- `{head}`: " + " ".join((ast.get_docstring(part) or "").split())
 
 
 def documented(package, stub):

@@ -20,7 +20,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-BLOCK = re.compile(r"(?:^ *\*(?P<mark>[^*\n]+)\*\n\n)?^(?P<indent> *)```(?P<kind>\w+)\n(?P<text>.*?)^ *```$", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"(?:^ *\*(?P<mark>[^*]+)\*\n\n)?^(?P<indent> *)```(?P<kind>\w+)\n(?P<text>.*?)^ *```$", re.DOTALL | re.MULTILINE)
 MISSING = 77
 
 # What stands in for installing and building: programs that are found first, and pip, which must win over an environment's.
@@ -116,7 +116,8 @@ def differences(expected, output):
     for line in expected.splitlines():
         if line.strip() == "...":
             continue
-        pattern = re.compile(r"\s+".join(".*?".join(map(re.escape, word.split("..."))) for word in line.split()) or "$")
+        parts = re.split(r"\s*\.\.\.\s*", line.strip())
+        pattern = re.compile(".*".join(r"\s+".join(map(re.escape, part.split())) for part in parts))
         found = next((k for k in range(position, len(lines)) if pattern.search(lines[k])), None)
         if found is None:
             yield line
@@ -132,12 +133,12 @@ def main():
         if block.mark.startswith("Not run"):
             print(f"{page.name}:{block.line}: {block.mark}")
     if not any(block.is_run() for block in blocks):
-        print(f"{page.name} has nothing to run.")
-        return 1
+        print(f"{page.name} has nothing else to run.")
+        return 0
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         folder_of_the_project(folder, build, for_real)
-        with_wheel = any("pip install" in block.text for block in blocks)
+        with_wheel = any("pip install" in block.text for block in blocks if block.is_run())
         if with_wheel and not for_real and not (build / "wheel/bigus/_core.pyi").is_file():
             print("The package without VTK is not built, because nanobind is missing.")
             return MISSING

@@ -149,6 +149,15 @@ TEST(OptionList, NumbersReadBackExactly)
   EXPECT_EQ(NumberText(1e-4), "0.0001");
 }
 
+std::string Replace(std::string text, char what, const std::string& by)
+{
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size()))
+  {
+    text.replace(at, 1, by);
+  }
+  return text;
+}
+
 /// The page's table, made from the list: when this fails, put what it prints there.
 TEST(OptionList, ThePageOfOptionsIsTheList)
 {
@@ -160,13 +169,11 @@ TEST(OptionList, ThePageOfOptionsIsTheList)
       group = option.info.group;
       table += "\n## " + group + "\n\n| option | default | values | meaning |\n|---|---|---|---|\n";
     }
-    std::string values = option.values;
-    for (std::size_t at = values.find('|'); at != std::string::npos; at = values.find('|', at))
-    {
-      values.replace(at, 1, ", ");
-    }
-    table += "| `" + std::string(option.info.name) + "` | " + option.value + " | " + values + " | " + option.info.help +
-             (*option.info.open ? "; auto: " + std::string(option.info.open) : "") + " |\n";
+    const std::string meaning =
+        option.info.help + (*option.info.open ? "; auto: " + std::string(option.info.open) : "");
+    // Markdown would take a bar for the next cell, and two stars for emphasis.
+    table += "| `" + std::string(option.info.name) + "` | " + option.value + " | " + Replace(option.values, '|', ", ") +
+             " | " + Replace(meaning, '*', "\\*") + " |\n";
   }
   std::ifstream file(std::string(BIGUS_SOURCE_DIR) + "/Module/Core/Training/Options.md");
   const std::string page{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
