@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IgtConnection.h"
 
-#include <fcntl.h>
 #include <netdb.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -29,6 +28,28 @@ constexpr std::size_t kChunk = std::size_t(1) << 16;
 /// Milliseconds that a message may take to be sent, once begun.
 constexpr int kSending = 200;
 
+/// Connects a socket that does not block, within so many milliseconds. What went wrong, as errno; 0: nothing.
+int Connect(int socket, const addrinfo& to, int milliseconds)
+{
+  if (connect(socket, to.ai_addr, to.ai_addrlen) == 0)
+  {
+    return 0;
+  }
+  if (errno != EINPROGRESS)
+  {
+    return errno;
+  }
+  pollfd wait{socket, POLLOUT, 0};
+  const int ready = poll(&wait, 1, milliseconds);
+  if (ready <= 0)
+  {
+    return ready == 0 ? ETIMEDOUT : errno;  // the second after a signal, such as Ctrl-C
+  }
+  int fault = 0;
+  socklen_t size = sizeof(fault);
+  return getsockopt(socket, SOL_SOCKET, SO_ERROR, &fault, &size) == 0 ? fault : errno;
+}
+
 }  // namespace
 
 bool IgtAddress::IsOne(const std::string& text)
@@ -51,7 +72,7 @@ IgtAddress IgtAddress::Parse(const std::string& text)
   return address;
 }
 
-IgtConnection::IgtConnection(const IgtAddress& address)
+IgtConnection::IgtConnection(const IgtAddress& address, double seconds)
 {
   addrinfo wanted{};
   wanted.ai_family = AF_UNSPEC;
@@ -65,10 +86,10 @@ IgtConnection::IgtConnection(const IgtAddress& address)
   int reason = 0;
   for (const addrinfo* one = found; one && socket_ < 0; one = one->ai_next)
   {
-    socket_ = socket(one->ai_family, one->ai_socktype | SOCK_CLOEXEC, one->ai_protocol);
-    if (socket_ >= 0 && connect(socket_, one->ai_addr, one->ai_addrlen) != 0)
+    socket_ = socket(one->ai_family, one->ai_socktype | SOCK_CLOEXEC | SOCK_NONBLOCK, one->ai_protocol);
+    reason = socket_ < 0 ? errno : Connect(socket_, *one, static_cast<int>(1000 * seconds));
+    if (socket_ >= 0 && reason != 0)
     {
-      reason = errno;
       close(socket_);
       socket_ = -1;
     }
@@ -79,7 +100,6 @@ IgtConnection::IgtConnection(const IgtAddress& address)
     throw Error("igtl://" + address.host + ":" + address.port + ": " + std::strerror(reason) +
                 ". Start the OpenIGTLink server first, and look at its port.");
   }
-  fcntl(socket_, F_SETFL, fcntl(socket_, F_GETFL) | O_NONBLOCK);
 }
 
 IgtConnection::~IgtConnection()

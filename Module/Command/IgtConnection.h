@@ -32,8 +32,8 @@ public:
     std::vector<std::uint8_t> body;
   };
 
-  /// Connects. Throws Error when nobody listens there.
-  explicit IgtConnection(const IgtAddress& address);
+  /// Connects, within so many seconds. Throws Error when nobody listens there.
+  IgtConnection(const IgtAddress& address, double seconds);
   ~IgtConnection();
   IgtConnection(const IgtConnection&) = delete;
   IgtConnection& operator=(const IgtConnection&) = delete;

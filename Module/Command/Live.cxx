@@ -24,6 +24,7 @@
 #include "Files.h"
 #include "IgtConnection.h"
 #include "Inputs.h"
+#include "LiveSources.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 
@@ -35,27 +36,19 @@ namespace
 
 using Clock = std::chrono::steady_clock;
 
-/// Seconds between two looks at the field, while frames arrive and while it is finished.
-constexpr double kLook = 0.1;
-
 /// Seconds after the last frame when the field counts as that of the moment when the probe was lifted.
 constexpr double kLifted = 0.5;
-
-/// Newest looks whose times are kept.
-constexpr std::size_t kMostLooks = 100000;
 
 /// Pixels of a side of the picture that is sent back.
 constexpr int kLargestSlice = 2048;
 
 struct Options
 {
-  SequenceOptions sequence;
-  std::string transform, plane;  ///< devices of an OpenIGTLink server
-  std::vector<int> sliceSize{256, 256};
-  double pause = 3;  ///< s
+  LiveSource source;
   std::string output;
-  double rate = 0;     ///< frames a second; 0: as recorded
-  double finish = 10;  ///< s
+  bool follow = false;  ///< the source is a table that grows
+  double rate = 0;      ///< frames a second; 0: as recorded
+  double finish = 10;   ///< s
   int holdOut = 0;
   LiveOptions live;
   std::string engine = "auto";
@@ -82,7 +75,7 @@ void RequireTimes(const Sweep& sweep, const Options& options)
   if (sweep.timestamps.empty() || !std::is_sorted(sweep.timestamps.begin(), sweep.timestamps.end()))
   {
     throw Error(
-        options.sequence.path +
+        options.source.sequence.path +
         ": its frames have no times, or these do not increase, so they cannot be replayed as recorded. Set --rate "
         "to a number of frames a second.");
   }
@@ -103,56 +96,6 @@ LiveFrame FrameOf(const Sweep& sweep, int frame, double time)
   return live;
 }
 
-double Quantile(std::vector<double> values, double q)
-{
-  if (values.empty())
-  {
-    return std::nan("");
-  }
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
-}
-
-/// How long slices take to come while the session works.
-class Looker
-{
-public:
-  explicit Looker(LiveSession& session) : session_(session) {}
-
-  /// The picture now.
-  const std::vector<float>& Look(const Eigen::Matrix4d& imageToReference, int width, int height)
-  {
-    image_.resize(static_cast<std::size_t>(width) * height);
-    const Clock::time_point start = Clock::now();
-    session_.Render(SlicePlane::FromImageToReference(imageToReference, width, height), ViewOutput::Intensity,
-                    image_.data());
-    if (latencies_.size() == kMostLooks)
-    {
-      latencies_.erase(latencies_.begin(), latencies_.begin() + kMostLooks / 2);
-    }
-    latencies_.push_back(1000 * SecondsSince(start));
-    return image_;
-  }
-
-  Json ToJson() const
-  {
-    return {{"slices", latencies_.size()},
-            {"median_ms", Quantile(latencies_, 0.5)},
-            {"q95_ms", Quantile(latencies_, 0.95)},
-            {"largest_ms", Quantile(latencies_, 1)}};
-  }
-  std::string Text() const
-  {
-    return FormatNumber(Quantile(latencies_, 0.5), 1) + " ms (median), " + FormatNumber(Quantile(latencies_, 0.95), 1) +
-           " ms (95 % below), " + FormatNumber(Quantile(latencies_, 1), 1) + " ms (longest)";
-  }
-
-private:
-  LiveSession& session_;
-  std::vector<float> image_;
-  std::vector<double> latencies_;
-};
-
 Json Score(const std::string& name, const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
            const std::string& engine, Console& console)
 {
@@ -164,132 +107,6 @@ Json Score(const std::string& name, const GaussianField& field, const Sweep& swe
   console.Print("  " + name + FormatNumber(scores.psnr, 2) + " dB, SSIM " + FormatNumber(scores.ssim, 4));
   return {{"psnr", scores.psnr}, {"ssim", scores.ssim}};
 }
-
-/// Frames that a server sends, until it stops.
-class Server
-{
-public:
-  Server(const Options& options, LiveSession& session, Looker& looker, Console& console)
-      : options_(options), session_(session), looker_(looker), console_(console)
-  {
-  }
-
-  /// Returns when no frame came for as long as a pause, the server closed, or the program is interrupted.
-  void Follow()
-  {
-    IgtConnection connection(IgtAddress::Parse(options_.sequence.path));
-    console_.Note("Connected to " + options_.sequence.path + ". Following until no frame comes for " +
-                  FormatNumber(options_.pause, 1) + " s, or Ctrl-C.");
-    const Clock::time_point begin = Clock::now();
-    Clock::time_point lastFrame = begin;
-    IgtConnection::Message message;
-    while (!IsInterrupted() && (frames_ == 0 || SecondsSince(lastFrame) < options_.pause))
-    {
-      IgtConnection::Event event;
-      try
-      {
-        event = connection.Receive(kLook, message);
-      }
-      catch (const Error& error)  // where the next message begins is not known
-      {
-        ++refused_;
-        console_.Note(std::string("bigus: ") + error.what() + " What came so far is kept.");
-        break;
-      }
-      if (event == IgtConnection::Event::Closed)
-      {
-        console_.Note("The server closed the connection.");
-        break;
-      }
-      if (event == IgtConnection::Event::Silence)
-      {
-        continue;
-      }
-      try
-      {
-        if (message.header.type == "IMAGE" && TakeImage(message, SecondsSince(begin)))
-        {
-          lastFrame = Clock::now();
-        }
-        else if (message.header.type == "TRANSFORM" && message.header.device == options_.transform)
-        {
-          pose_ = ParseIgtTransform(message.header, message.body);
-          poseTime_ = message.header.timestamp;
-        }
-        else if (message.header.type == "TRANSFORM" && message.header.device == options_.plane)
-        {
-          SendSlice(connection, ParseIgtTransform(message.header, message.body), message.header.timestamp);
-        }
-      }
-      catch (const Error& error)
-      {
-        ++refused_;
-        if (error.what() != lastError_)
-        {
-          console_.Note(std::string("bigus: ") + error.what());
-          lastError_ = error.what();
-        }
-      }
-      console_.Progress("Following", 0, std::to_string(session_.GetState().gaussians) + " Gaussians");
-    }
-  }
-
-  /// Messages that were no frame, plane or pose.
-  std::size_t Refused() const { return refused_; }
-
-private:
-  bool TakeImage(const IgtConnection::Message& message, double now)
-  {
-    IgtImage image = ParseIgtImage(message.header, message.body);
-    LiveFrame frame;
-    frame.timestamp = message.header.timestamp > 0 ? message.header.timestamp : now;
-    if (!options_.transform.empty())
-    {
-      constexpr double kTogether = 0.05;  // s: what the tracker said this near to the picture belongs to it
-      if (!pose_ || std::abs(poseTime_ - message.header.timestamp) > kTogether)
-      {
-        throw Error("an IMAGE came without a TRANSFORM of '" + options_.transform + "' at its time.");
-      }
-      image.imageToWorld = *pose_;
-    }
-    frame.width = image.width;
-    frame.height = image.height;
-    frame.pixels = std::move(image.pixels);
-    frame.imageToReference = image.imageToWorld;
-    const Eigen::Matrix4d pose = frame.imageToReference;
-    session_.Add(std::move(frame));
-    ++frames_;
-    if (Clock::now() >= nextLook_)
-    {
-      looker_.Look(pose, image.width, image.height);
-      nextLook_ = Clock::now() + std::chrono::milliseconds(100);
-    }
-    return true;
-  }
-
-  void SendSlice(IgtConnection& connection, const Eigen::Matrix4d& imageToWorld, double timestamp)
-  {
-    IgtImage slice;
-    slice.width = options_.sliceSize[0];
-    slice.height = options_.sliceSize[1];
-    slice.imageToWorld = imageToWorld;
-    const std::vector<float>& picture = looker_.Look(imageToWorld, slice.width, slice.height);
-    slice.pixels.resize(picture.size());
-    std::transform(picture.begin(), picture.end(), slice.pixels.begin(),
-                   [](float value) { return static_cast<std::uint8_t>(std::lround(255 * value)); });
-    connection.Send(PackIgtImage("BigusSlice", timestamp, slice));
-  }
-
-  const Options& options_;
-  LiveSession& session_;
-  Looker& looker_;
-  Console& console_;
-  std::size_t frames_ = 0, refused_ = 0;
-  std::string lastError_;
-  std::optional<Eigen::Matrix4d> pose_;
-  double poseTime_ = 0;
-  Clock::time_point nextLook_;
-};
 
 /// Hands over the sweep's frames when they are due.
 void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& options, LiveSession& session,
@@ -323,25 +140,30 @@ void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& o
 
 ExitCode Live(Console& console, Options options)
 {
-  RequireDistinct({options.sequence.path, options.sequence.chain.config}, {options.output});
+  RequireDistinct({options.source.sequence.path, options.source.sequence.chain.config}, {options.output});
   RequireWritable(options.output);
   RequireFieldName(options.output);
   options.live.training.engine = options.engine;
   options.live.training.seed = static_cast<std::uint64_t>(options.seed);
-  const bool isServer = IgtAddress::IsOne(options.sequence.path);
+  const std::string& path = options.source.sequence.path;
+  const bool isServer = IgtAddress::IsOne(path), isReplayed = !isServer && !options.follow;
   std::shared_ptr<const Sweep> sweep;
   std::vector<int> frames, heldOut;
+  if (!isReplayed && options.holdOut > 0)
+  {
+    throw Error("--hold-out needs a sequence that is replayed; frames that arrive are all followed.");
+  }
   if (isServer)
   {
-    if (options.holdOut > 0)
-    {
-      throw Error("--hold-out needs a sequence that is replayed; frames of a server are all followed.");
-    }
-    IgtAddress::Parse(options.sequence.path);
+    IgtAddress::Parse(path);
   }
   else
   {
-    sweep = ReadSweep(options.sequence, console);
+    RequireFile(path);
+  }
+  if (isReplayed)
+  {
+    sweep = ReadSweep(options.source.sequence, console);
     RequireTimes(*sweep, options);
     std::tie(frames, heldOut) = SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
   }
@@ -349,16 +171,15 @@ ExitCode Live(Console& console, Options options)
   LiveSession session(options.live);
   Looker looker(session);
   const Clock::time_point start = Clock::now();
-  std::size_t notFrames = 0;
-  if (isServer)
+  LiveEvents events;
+  if (isReplayed)
   {
-    Server server(options, session, looker, console);
-    server.Follow();
-    notFrames = server.Refused();
+    Replay(*sweep, frames, options, session, looker, console);
   }
   else
   {
-    Replay(*sweep, frames, options, session, looker, console);
+    events = isServer ? FollowServer(options.source, session, looker, console)
+                      : FollowTable(options.source, session, looker, console);
   }
   console.EndProgress();
   std::this_thread::sleep_for(std::chrono::duration<double>(kLifted));
@@ -380,13 +201,14 @@ ExitCode Live(Console& console, Options options)
   AddTrainingProvenance(provenance, result.training, *result.sweep, false);
   ReplaceProvenance(output, provenance);
   SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
-  SetProvenance(output, "world", options.sequence.chain.to);
+  SetProvenance(output, "world", options.source.sequence.chain.to);
   WriteFieldData(output, options.output, true, console);
 
   console.Print(options.output + ": " + std::to_string(field.Size()) + " Gaussians");
   console.Print("  frames    " + std::to_string(state.frames) + " in " + FormatNumber(followed, 1) + " s; " +
                 std::to_string(state.passedOver) + " passed over, " + std::to_string(state.dropped) + " dropped, " +
-                std::to_string(state.refused + notFrames) + " refused");
+                std::to_string(state.refused + events.refused) + " refused" +
+                (events.reconnects > 0 ? "; connected again " + std::to_string(events.reconnects) + " times" : ""));
   console.Print("  steps     " + std::to_string(state.steps) + " while frames came, " +
                 std::to_string(result.training.iterations) + " in " + FormatNumber(result.training.seconds, 1) +
                 " s afterwards");
@@ -401,7 +223,8 @@ ExitCode Live(Console& console, Options options)
                   {"seconds", followed},
                   {"passed_over", state.passedOver},
                   {"dropped", state.dropped},
-                  {"refused", state.refused + notFrames},
+                  {"refused", state.refused + events.refused},
+                  {"reconnects", events.reconnects},
                   {"steps", state.steps},
                   {"latency", looker.ToJson()},
                   {"held_out_at_lift", atLift},
@@ -419,11 +242,14 @@ void AddLive(Program& program)
                                  "Follow the probe: a field that grows while frames arrive\n"
                                  "  bigus live sweep.igs.mha -o field.vtp\n"
                                  "  bigus live igtl://localhost:18944 -o field.vtp --transform ImageToReference\n"
+                                 "  bigus live recording/poses.csv --follow -o field.vtp\n"
                                  "A sequence is replayed as it was recorded. An OpenIGTLink server, such as "
-                                 "PlusServer, sends frames as IMAGE.");
-  AddSequenceOptions(*app, options->sequence, "SOURCE",
+                                 "PlusServer, sends frames as IMAGE or TRACKEDFRAME. --follow takes the rows of a "
+                                 "CSV of poses while it is written.");
+  LiveSource& source = options->source;
+  AddSequenceOptions(*app, source.sequence, "SOURCE",
                      "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv, or a server: igtl://HOST:PORT");
-  AddReduceOption(*app, options->sequence.reduce);
+  AddReduceOption(*app, source.sequence.reduce);
   app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")
       ->check(FileToWrite(kFieldEndings))
       ->required()
@@ -441,27 +267,34 @@ void AddLive(Program& program)
       ->type_name("K")
       ->capture_default_str();
   const char* server = "Of a server";
-  app->add_option("--transform", options->transform,
+  app->add_flag("--follow", options->follow,
+                "The CSV of poses is being written: take each row, and its PNG, as it comes");
+  app->add_option("--transform", source.transform,
                   "TRANSFORM that takes pixels to mm; without one an IMAGE says itself where it lies")
       ->type_name("DEVICE")
       ->group(server);
   app->add_option(
-         "--plane", options->plane,
+         "--plane", source.plane,
          "TRANSFORM that takes the pixels of a slice to mm: whenever it comes, the slice is sent back, as the IMAGE "
          "of BigusSlice")
       ->type_name("DEVICE")
       ->group(server);
-  app->add_option("--slice-size", options->sliceSize, "Pixels of that slice")
+  app->add_option("--slice-size", source.sliceSize, "Pixels of that slice")
       ->expected(2)
       ->check(WholeNumberIn(1, kLargestSlice))
       ->type_name("W H")
       ->capture_default_str()
       ->group(server);
-  app->add_option("--pause", options->pause, "Seconds without a frame after which the probe counts as lifted")
-      ->check(NumberIn(0.1, 1e6))
+  app->add_option("--reconnect", source.reconnect, "Seconds for which a server that went away is waited for; 0: not")
+      ->check(NumberIn(0, 1e6))
       ->type_name("S")
       ->capture_default_str()
       ->group(server);
+  app->add_option("--pause", source.pause,
+                  "Seconds without a frame of a server, or a row, after which the probe counts as lifted")
+      ->check(NumberIn(0.1, 1e6))
+      ->type_name("S")
+      ->capture_default_str();
   app->add_option("--engine", options->engine, "What computes")->type_name("NAME")->capture_default_str();
   app->add_option("--seed", options->seed, "Of random numbers")
       ->check(WholeNumberIn(0, 1e9))

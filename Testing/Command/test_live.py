@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""bigus live as the client of an OpenIGTLink server, which is written here from the protocol, and of pyigtl's.
+"""bigus live as the client of an OpenIGTLink server, which is written here from the protocol, and of pyigtl's; and a table
+of poses that grows.
 
     test_live.py PATH_TO_BIGUS [unittest arguments]
 """
@@ -22,6 +23,7 @@ import zlib
 BIGUS = None
 RATE = 60  # frames a second
 WIDTH, HEIGHT, FRAMES = 64, 56, 24
+SOUND = 19  # dB, on a busy machine, too; pictures upside down give 13
 
 
 def checksum(data):
@@ -55,11 +57,39 @@ def image_body(pixels, pose, lps=False, kind=3, size=(WIDTH, HEIGHT, 1)):
             + struct.pack(">6H", 0, 0, 0, *size) + pixels)
 
 
+def tracked_frame_body(pixels, fields, embedded=None, order=5, kind=1, valid=True, **sizes):
+    """As PlusServer sends it: embedded None for versions up to 2.4, whose header ends before order and matrix."""
+    text = f'<TrackedFrame Timestamp="1" ImageDataValid="{str(valid).lower()}" NumberOfBits="8">\n'
+    text += "".join(f'  <FrameField Name="{name}" Value="{value}" />\n' for name, value in fields.items())
+    text = sizes.get("text", (text + "</TrackedFrame>\n").encode())
+    body = struct.pack(">6H2I", 3, 1, kind, *sizes.get("size", (WIDTH, HEIGHT, 1)), sizes.get("image_bytes", len(pixels)),
+                       sizes.get("text_bytes", len(text)))
+    if embedded is not None:  # in the order of bytes of the machine that sends
+        body += struct.pack(">H", order) + struct.pack("<16f", *(value for row in embedded for value in row))
+    return body + text + pixels
+
+
+def text_of(pose):
+    return " ".join(repr(value) for row in pose for value in row)
+
+
+IDENTITY = [[float(i == j) for j in range(4)] for i in range(4)]
+
+
+def png(pixels):
+    def chunk(kind, body):
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    rows = b"".join(b"\0" + pixels[y * WIDTH:(y + 1) * WIDTH] for y in range(HEIGHT))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 0, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
 def run(*arguments):
     return subprocess.run([BIGUS, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
 
-class Live(unittest.TestCase):
+class InFolder(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="bigus-live-"))
@@ -92,24 +122,34 @@ class Live(unittest.TestCase):
     def tearDownClass(cls):
         shutil.rmtree(cls.folder)
 
-    def follow(self, send, *arguments):
+    def follow(self, send, *arguments, finish=1):
         """Runs the program as a client of a server whose `send(connection)` sends. Gives its result and its answer."""
+        return self.follow_again([send], 0, "--reconnect", 0, *arguments, finish=finish)
+
+    def follow_again(self, sends, away, *arguments, finish=1):
+        """The server is there once for each of `sends`, and away for so many seconds in between. A field whose pictures are
+        looked at takes `finish` seconds so long that it ends by its steps."""
         server = socket.create_server(("127.0.0.1", 0))
+        port = server.getsockname()[1]
 
-        def serve():
-            connection, _ = server.accept()
-            with connection:
-                try:
-                    send(connection)
-                except OSError:
-                    pass  # the client left
+        def serve(server):
+            for send in sends:
+                server = server or socket.create_server(("127.0.0.1", port))
+                connection, _ = server.accept()
+                server.close()
+                with connection:
+                    try:
+                        send(connection)
+                    except OSError:
+                        pass  # the client left
+                server = None
+                time.sleep(away)
 
-        thread = threading.Thread(target=serve, daemon=True)
+        thread = threading.Thread(target=serve, args=(server,), daemon=True)
         thread.start()
-        result = run("live", f"igtl://127.0.0.1:{server.getsockname()[1]}", "-o", self.folder / "field.vtp", "--finish", 60,
-                     "--json", *arguments)
+        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", finish, "--json",
+                     *arguments)
         thread.join(10)
-        server.close()
         return result, json.loads(result.stdout)
 
     def send_frames(self, connection, lps=False, version=1):
@@ -127,13 +167,15 @@ class Live(unittest.TestCase):
         self.assertEqual(made.returncode, 0, made.stderr)
         return json.loads(run("metrics", slices, self.sweep, "--json").stdout)["psnr"]
 
+
+class Messages(InFolder):
     def test_pictures_that_say_where_they_lie(self):
         for lps, version in ((False, 1), (True, 1), (False, 2)):
             with self.subTest(lps=lps, version=version):
-                result, answer = self.follow(lambda connection: self.send_frames(connection, lps, version))
+                result, answer = self.follow(lambda connection: self.send_frames(connection, lps, version), finish=60)
                 self.assertEqual(result.returncode, 0, result.stderr)
                 self.assertEqual((answer["frames"], answer["refused"], answer["passed_over"]), (FRAMES, 0, 0))
-                self.assertGreater(self.psnr(), 22)
+                self.assertGreater(self.psnr(), SOUND)
 
     def test_poses_of_a_tracker(self):
         def send(connection):
@@ -145,10 +187,10 @@ class Live(unittest.TestCase):
                 connection.sendall(message("IMAGE", "Image", seconds, image_body(self.pixels[k], self.poses[0])))
                 time.sleep(1 / RATE)
 
-        result, answer = self.follow(send, "--transform", "ImageToReference")
+        result, answer = self.follow(send, "--transform", "ImageToReference", finish=60)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual((answer["frames"], answer["refused"]), (FRAMES, 0))
-        self.assertGreater(self.psnr(), 22)
+        self.assertGreater(self.psnr(), SOUND)
 
     def test_a_slice_is_sent_back_for_every_plane(self):
         slices = []
@@ -191,11 +233,11 @@ class Live(unittest.TestCase):
                 connection.sendall(message("IMAGE", "Image", 300, body, crc=crc))
             connection.sendall(message("IMAGE", "Image", 300, b"\xff" * 20, version=2))
 
-        result, answer = self.follow(send)
+        result, answer = self.follow(send, finish=60)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual((answer["frames"], answer["passed_over"], answer["refused"]), (FRAMES, 2, 9))
         self.assertIn("damaged on its way", result.stderr)
-        self.assertGreater(self.psnr(), 22)
+        self.assertGreater(self.psnr(), SOUND)
 
     def test_a_hostile_server_costs_nothing_that_came_before(self):
         for junk in (b"GET / HTTP/1.1\r\n" * 10,
@@ -258,10 +300,194 @@ class Live(unittest.TestCase):
 
         threading.Thread(target=serve, daemon=True).start()
         time.sleep(0.5)
-        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", 60, "--pause", 1, "--json")
+        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", 60, "--pause", 1,
+                     "--reconnect", 1, "--json")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(json.loads(result.stdout)["frames"], FRAMES)
-        self.assertGreater(self.psnr(), 22)
+        self.assertGreater(self.psnr(), SOUND)
+
+
+class TrackedFrames(InFolder):
+    def test_tracked_frames_of_plus(self):
+        config = self.folder / "plus.xml"
+        half = [[0.5 if i == j else 0.0 for j in range(4)] for i in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
+        double = [[2 * row[j] if j < 3 else row[j] for j in range(4)] for row in IDENTITY[:3]] + [IDENTITY[3]]
+        config.write_text('<PlusConfiguration><CoordinateDefinitions><Transform From="Image" To="Probe" Matrix="'
+                          + text_of(half) + '"/></CoordinateDefinitions></PlusConfiguration>')
+
+        def times(a, b):
+            return [[sum(a[i][k] * b[k][j] for k in range(4)) for j in range(4)] for i in range(4)]
+
+        def mirrored(k):
+            return b"".join(self.pixels[k][y * WIDTH:(y + 1) * WIDTH] for y in reversed(range(HEIGHT)))
+
+        def fields(name, pose):
+            return {f"{name}Transform": text_of(pose), f"{name}TransformStatus": "OK", "Operator": "A &quot;B&quot; &lt;C&gt;"}
+
+        kinds = {
+            "fields, old header": (lambda k: tracked_frame_body(self.pixels[k], fields("ImageToReference", self.poses[k])), []),
+            "fields before what is embedded": (lambda k: tracked_frame_body(
+                self.pixels[k], fields("ImageToReference", self.poses[k]), self.poses[0]), []),
+            "with a configuration": (lambda k: tracked_frame_body(
+                self.pixels[k], fields("ProbeToTracker", times(self.poses[k], double)), IDENTITY),
+                ["--config", config, "--image-to", "Tracker"]),
+            "embedded": (lambda k: tracked_frame_body(self.pixels[k], fields("StylusToTracker", IDENTITY), self.poses[k]), []),
+            "other order": (lambda k: tracked_frame_body(mirrored(k), fields("ImageToReference", self.poses[k]), IDENTITY, 8),
+                            [])}
+        for name, (body, arguments) in kinds.items():
+            def send(connection):
+                for k in range(FRAMES):
+                    connection.sendall(message("TRACKEDFRAME", "Tracked", 100 + k / RATE, body(k)))
+                    time.sleep(1 / RATE)
+
+            with self.subTest(name):
+                result, answer = self.follow(send, *arguments, finish=60)
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertEqual((answer["frames"], answer["refused"], answer["passed_over"]), (FRAMES, 0, 0), result.stderr)
+                self.assertGreater(self.psnr(), SOUND)
+
+    def test_tracked_frames_that_are_none_are_counted(self):
+        good = {"ImageToReferenceTransform": text_of(self.poses[0]), "ImageToReferenceTransformStatus": "OK"}
+        lost = {**good, "ImageToReferenceTransformStatus": "INVALID"}
+        pixels = self.pixels[0]
+        bad = [tracked_frame_body(pixels, lost), tracked_frame_body(pixels, {}), tracked_frame_body(pixels, {}, IDENTITY),
+               tracked_frame_body(pixels, {**good, "ImageToReferenceTransform": "1 2 3"}, self.poses[0]),
+               tracked_frame_body(pixels, good, valid=False), tracked_frame_body(pixels, good, kind=2),
+               tracked_frame_body(pixels, good, IDENTITY, order=12), tracked_frame_body(pixels, good, size=(WIDTH, HEIGHT, 2)),
+               tracked_frame_body(pixels, good, size=(65535, 65535, 1)), tracked_frame_body(pixels, good, image_bytes=2**32 - 1),
+               tracked_frame_body(pixels, good, text_bytes=2**32 - 1), tracked_frame_body(pixels, good, text=b"<a><b></a>"),
+               tracked_frame_body(pixels, good, text=b"<a>" * 200), tracked_frame_body(pixels, good, text=b" " * (2**20 + 1)),
+               tracked_frame_body(pixels, good)[:-1], tracked_frame_body(pixels, good)[:19], b""]
+
+        def send(connection):
+            self.send_frames(connection)
+            for body in bad:
+                connection.sendall(message("TRACKEDFRAME", "Tracked", 300, body, crc=0))
+
+        result, answer = self.follow(send)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual((answer["frames"], answer["refused"]), (FRAMES, len(bad)), result.stderr)
+        self.assertIn("EmbeddedTransformToFrame", result.stderr)
+        self.assertIn("INVALID", result.stderr)
+
+
+class Reconnects(InFolder):
+    def part(self, first, last, seconds, cut=0):
+        """Sends these frames, and at the end `cut` bytes of another."""
+        def send(connection):
+            for k in range(first, last):
+                connection.sendall(message("IMAGE", "Image", seconds + k / RATE, image_body(self.pixels[k], self.poses[k])))
+                time.sleep(1 / RATE)
+            connection.sendall(message("IMAGE", "Image", seconds + last / RATE, image_body(self.pixels[0], self.poses[0]))[:cut])
+
+        return send
+
+    def test_a_server_that_comes_back_is_followed_on(self):
+        third = FRAMES // 3
+        for name, clocks in (("the same clock", (100, 101, 102)), ("a clock that begins anew", (100, 100 - 5, 2))):
+            sends = [self.part(k * third, (k + 1) * third, clock, cut) for k, (clock, cut) in enumerate(zip(clocks, (0, 500, 0)))]
+            with self.subTest(name):
+                result, answer = self.follow_again(sends, 0.7, "--reconnect", 5, finish=60)
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertEqual((answer["frames"], answer["passed_over"], answer["reconnects"]), (FRAMES, 0, 2), result.stderr)
+                self.assertIn("again", result.stderr)
+                self.assertGreater(self.psnr(), SOUND)
+
+    def test_what_is_sent_again_after_a_reconnect_is_passed_over(self):
+        # The clock goes on, and after its first new frame the server repeats some.
+        def send(connection):
+            self.part(12, FRAMES, 100)(connection)
+            self.part(6, 18, 100)(connection)
+
+        result, answer = self.follow_again([self.part(0, 12, 100), send], 0.3, "--reconnect", 5)
+        self.assertEqual((result.returncode, answer["frames"], answer["passed_over"]), (0, FRAMES, 12), result.stderr)
+
+    def test_a_server_that_does_not_come_back_is_not_waited_for_without_end(self):
+        start = time.monotonic()
+        result, answer = self.follow_again([self.part(0, FRAMES, 100, 30)], 0, "--reconnect", 1.5)
+        self.assertEqual((result.returncode, answer["frames"], answer["reconnects"]), (0, FRAMES, 0), result.stderr)
+        self.assertLess(time.monotonic() - start, 30)
+
+    def test_a_server_that_only_drops_connections_is_not_followed_without_end(self):
+        start = time.monotonic()
+        junk = [lambda connection: None, lambda connection: connection.sendall(b"GET / HTTP/1.1\r\n" * 10)] * 20
+        result, answer = self.follow_again([self.part(0, FRAMES, 100), *junk], 0, "--reconnect", 2)
+        self.assertEqual((result.returncode, answer["frames"]), (0, FRAMES), result.stderr)
+        self.assertLess(answer["reconnects"], 6)
+        self.assertLess(time.monotonic() - start, 40)
+
+
+class Tables(InFolder):
+    HEADER = "image,timestamp," + ",".join(f"m{n // 4}{n % 4}" for n in range(16)) + "\n"
+
+    def grow(self, write, finish=1):
+        """Follows a table in a folder of its own, which `write(folder, stream)` makes longer."""
+        folder = pathlib.Path(tempfile.mkdtemp(dir=self.folder))
+        path = folder / "poses.csv"
+        path.touch()
+
+        def work():
+            with path.open("w") as stream:
+                write(folder, stream)
+
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        result = run("live", path, "--follow", "-o", self.folder / "field.vtp", "--finish", finish, "--pause", 2, "--json")
+        thread.join(10)
+        return result, json.loads(result.stdout)
+
+    def row(self, k, seconds=None):
+        return f"{k}.png,{k / RATE if seconds is None else seconds}," + text_of(self.poses[k]).replace(" ", ",") + "\n"
+
+    def test_a_table_that_grows(self):
+        def write(folder, stream):
+            stream.write(self.HEADER + "# of a recording\n\n")
+            for k in range(FRAMES):
+                text, image = self.row(k), png(self.pixels[k])
+                if k % 3 == 0:  # the picture comes first
+                    (folder / f"{k}.png").write_bytes(image)
+                stream.write(text[:40])  # half a line
+                stream.flush()
+                time.sleep(1 / RATE)
+                stream.write(text[40:])
+                stream.flush()
+                if k % 3 == 1:
+                    (folder / f"{k}.png").write_bytes(image[:300])  # half a picture
+                    time.sleep(0.1)
+                (folder / f"{k}.png").write_bytes(image)
+            stream.write(self.row(3))  # again
+            stream.write("1,2,3\n" + self.row(5).replace("5.png", "../5.png"))
+            stream.write(self.row(6).replace("6.png", "none.png", 1) + self.row(7, "soon"))
+
+        result, answer = self.grow(write, finish=60)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual((answer["frames"], answer["passed_over"], answer["refused"]), (FRAMES, 1, 4), result.stderr)
+        self.assertGreater(self.psnr(), SOUND)
+
+    def test_a_table_that_is_none_or_ends_early(self):
+        def other(folder, stream):
+            stream.write("x,y,z\n")
+
+        def without_pictures(folder, stream):
+            stream.write(self.HEADER.replace("image,", "picture,"))
+
+        for write, says in ((other, "no column m00"), (without_pictures, "no column image")):
+            result, answer = self.grow(write)
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertIn(says, answer["error"])
+
+        def cut(folder, stream):
+            stream.write(self.HEADER)
+            for k in range(FRAMES):
+                (folder / f"{k}.png").write_bytes(png(self.pixels[k]))
+                stream.write(self.row(k))
+            stream.flush()
+            time.sleep(1)
+            stream.truncate(100)
+
+        result, answer = self.grow(cut)
+        self.assertEqual((result.returncode, answer["frames"], answer["refused"]), (0, FRAMES, 1), result.stderr)
+        self.assertIn("shorter", result.stderr)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 // headers of the kinds that other readers of these formats are known to have crashed on.
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <string>
 
 #include "Data/FieldData.h"
@@ -194,6 +195,18 @@ void Messages()
   Seed("OpenIgtLink", "both", both);
   Seed("OpenIgtLink", "unchecked", unchecked + unchecked);
   Seed("OpenIgtLink", "extended", extended);
+  const std::string identity = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1";
+  const std::map<std::string, std::string> fields = {
+      {"ImageToReferenceTransform", identity}, {"ImageToReferenceTransformStatus", "OK"}, {"Operator", "A &lt;B&gt;"}};
+  const std::string old = test::TrackedFrameMessage(fields, false), now = test::TrackedFrameMessage(fields, true);
+  Seed("OpenIgtLink", "tracked-old", old);
+  Seed("OpenIgtLink", "tracked", now + now + both);
+  Seed("OpenIgtLink", "tracked-chain",
+       test::TrackedFrameMessage({{"ImageToProbeTransform", identity},
+                                  {"ImageToProbeTransformStatus", "OK"},
+                                  {"ReferenceToProbeTransform", identity},
+                                  {"ReferenceToProbeTransformStatus", "INVALID"}},
+                                 true));
 }
 
 }  // namespace bigus

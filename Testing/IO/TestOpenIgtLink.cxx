@@ -7,6 +7,7 @@
 
 #include "Core/Model/Error.h"
 #include "IO/Formats/OpenIgtLink.h"
+#include "IO/SmallFiles.h"
 
 namespace bigus::test
 {
@@ -43,6 +44,61 @@ TEST(OpenIgtLink, WhatIsPackedReadsBack)
   EXPECT_TRUE(image.imageToWorld.isApprox(Picture().imageToWorld, 1e-6));
   const std::vector<std::uint8_t> pose = PackIgtTransform("Probe", 2, Picture().imageToWorld);
   EXPECT_EQ(ParseIgtTransform(ParseIgtHeader(pose.data()), BodyOf(pose)), Picture().imageToWorld);
+}
+
+struct Message
+{
+  explicit Message(const std::string& bytes)
+      : header(ParseIgtHeader(reinterpret_cast<const std::uint8_t*>(bytes.data()))),
+        body(bytes.begin() + kIgtHeaderBytes, bytes.end())
+  {
+  }
+  IgtHeader header;
+  std::vector<std::uint8_t> body;
+};
+
+TEST(OpenIgtLink, TrackedFramesOfAllVersionsOfPlus)
+{
+  const std::map<std::string, std::string> fields = {{"ProbeToTrackerTransform", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"},
+                                                     {"ProbeToTrackerTransformStatus", "OK"}};
+  const Message old(TrackedFrameMessage(fields, false));
+  EXPECT_EQ(old.header.timestamp, 1.5);
+  const IgtTrackedFrame early = ParseIgtTrackedFrame(old.header, old.body);
+  EXPECT_EQ(early.image.width, 4);
+  EXPECT_EQ(early.image.height, 3);
+  EXPECT_EQ(early.image.pixels, (std::vector<std::uint8_t>{10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21}));
+  EXPECT_EQ(early.fields, fields);
+  EXPECT_FALSE(early.hasPose);
+
+  const Message now(TrackedFrameMessage(fields, true));
+  const IgtTrackedFrame late = ParseIgtTrackedFrame(now.header, now.body);
+  EXPECT_EQ(late.image.pixels, (std::vector<std::uint8_t>{18, 19, 20, 21, 14, 15, 16, 17, 10, 11, 12, 13}));  // from MN
+  EXPECT_EQ(late.fields, fields);
+  EXPECT_TRUE(late.hasPose);
+  EXPECT_EQ(late.image.imageToWorld, Eigen::Matrix4d(Eigen::Vector4d(2, 2, 2, 1).asDiagonal()));
+}
+
+TEST(OpenIgtLink, EveryCutOfATrackedFrameIsFound)
+{
+  for (const bool isNew : {false, true})
+  {
+    const Message whole(TrackedFrameMessage({{"ProbeToTrackerTransform", "1"}}, isNew));
+    for (std::size_t size = 0; size < whole.body.size(); ++size)
+    {
+      IgtHeader header = whole.header;
+      header.bodyBytes = size;
+      EXPECT_THROW(
+          ParseIgtTrackedFrame(header, {whole.body.begin(), whole.body.begin() + static_cast<std::ptrdiff_t>(size)}),
+          Error);
+    }
+    // The numbers before picture and text: none can be another one, but kind 0, and orders that have several numbers.
+    for (std::size_t k = 0; k < 20; ++k)
+    {
+      Message changed = whole;
+      changed.body[k] ^= 0x10;
+      EXPECT_THROW(ParseIgtTrackedFrame(changed.header, changed.body), Error) << "byte " << k;
+    }
+  }
 }
 
 TEST(OpenIgtLink, AnyTimeCanBeSent)

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "Core/Model/Error.h"
+#include "IO/Formats/Xml.h"
 
 namespace bigus
 {
@@ -24,6 +25,15 @@ constexpr std::size_t kTypeBytes = 12, kDeviceBytes = 20;
 
 // Codes of the protocol.
 constexpr int kUnsigned8 = 3, kLittleEndian = 2, kRas = 1, kLps = 2;
+
+/// Bytes of what a TRACKEDFRAME says of itself before picture and text: up to Plus 2.4, and since.
+constexpr std::size_t kShortFrameHeader = 20, kFrameHeader = 86;
+
+/// Bytes of a TRACKEDFRAME's text. Plus writes some 200 for each transform.
+constexpr std::size_t kLargestText = std::size_t(1) << 20;
+
+/// Kinds of pictures of a TRACKEDFRAME: not said, and B-mode.
+constexpr int kUnknownKind = 0, kBrightness = 1;
 
 /// Sides of a picture, pixels.
 constexpr int kLargestSide = 65535;
@@ -256,6 +266,88 @@ IgtHeader ParseIgtHeader(const std::uint8_t* bytes)
   return header;
 }
 
+namespace
+{
+
+/// How a TRACKEDFRAME's rows and columns get into marked-far order, by the number of its order in Plus.
+struct Turn
+{
+  bool flipsColumns, flipsRows;
+};
+
+Turn TurnOf(int order, const std::string& name)
+{
+  switch (order)
+  {
+    case 0:  // not said
+    case 5:  // MF, MFA
+    case 6:  // MFD
+      return {false, false};
+    case 1:  // UF, UFD
+    case 2:  // UFA
+      return {true, false};
+    case 3:  // UN, UNA
+    case 4:  // UND
+      return {true, true};
+    case 8:  // MN, MND
+    case 9:  // MNA
+      return {false, true};
+    default:
+      throw Error(name + ": its pixels lie in an order of number " + std::to_string(order) +
+                  ", which is not followed. Set PortUsImageOrientation to MF in the configuration of Plus.");
+  }
+}
+
+void ReverseColumns(IgtImage& image)
+{
+  for (auto row = image.pixels.begin(); row != image.pixels.end(); row += image.width)
+  {
+    std::reverse(row, row + image.width);
+  }
+}
+
+void ReverseRows(IgtImage& image)
+{
+  for (int top = 0, bottom = image.height - 1; top < bottom; ++top, --bottom)
+  {
+    const auto row = [&image](int j) { return image.pixels.begin() + static_cast<std::ptrdiff_t>(j) * image.width; };
+    std::swap_ranges(row(top), row(top) + image.width, row(bottom));
+  }
+}
+
+/// A float as Plus leaves it: the matrix of a TRACKEDFRAME is the one thing that it sends in its own machine's order of
+/// bytes, and Plus runs on machines whose lowest byte comes first.
+float LittleEndianFloat(const std::uint8_t* bytes)
+{
+  const std::uint32_t bits =
+      bytes[0] | std::uint32_t(bytes[1]) << 8 | std::uint32_t(bytes[2]) << 16 | std::uint32_t(bytes[3]) << 24;
+  float value;
+  std::memcpy(&value, &bits, sizeof(value));
+  return value;
+}
+
+/// Names and values of <TrackedFrame><FrameField Name="" Value=""/>...; older ones call it CustomFrameField.
+std::map<std::string, std::string> FieldsOf(std::string_view text, const std::string& name)
+{
+  const XmlElement root = ParseXml(text, name + ": its text");
+  std::map<std::string, std::string> fields;
+  for (const XmlElement& element : root.children)
+  {
+    const std::string *key = element.Attribute("Name"), *value = element.Attribute("Value");
+    if ((element.name == "FrameField" || element.name == "CustomFrameField") && key && value)
+    {
+      fields[*key] = *value;
+    }
+  }
+  if (root.Value("ImageDataValid") == "false")
+  {
+    throw Error(name + ": it holds no picture (ImageDataValid is false).");
+  }
+  return fields;
+}
+
+}  // namespace
+
 IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>& body)
 {
   Reader content = ContentOf(header, body);
@@ -324,6 +416,79 @@ Eigen::Matrix4d ParseIgtTransform(const IgtHeader& header, const std::vector<std
     throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes too many.");
   }
   return matrix;
+}
+
+IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<std::uint8_t>& body)
+{
+  const std::string name = NameOf(header);
+  Reader content = ContentOf(header, body);
+  const std::size_t size = content.Left();
+  const int type = content.Next<std::uint16_t>(), components = content.Next<std::uint16_t>();
+  const int kind = content.Next<std::uint16_t>();
+  int sides[3];
+  for (int& side : sides)
+  {
+    side = content.Next<std::uint16_t>();
+  }
+  const std::size_t imageBytes = content.Next<std::uint32_t>(), textBytes = content.Next<std::uint32_t>();
+  if (components != 1 || type != kUnsigned8 || (kind != kUnknownKind && kind != kBrightness))
+  {
+    throw Error(name + ": it has " + std::to_string(components) + " components of type " + std::to_string(type) +
+                " and kind " + std::to_string(kind) +
+                "; one of unsigned 8 bits (3) of B-mode (1) is followed. Set the sender to grey pictures.");
+  }
+  if (sides[2] != 1 || sides[0] < 1 || sides[1] < 1 ||
+      imageBytes != static_cast<std::size_t>(sides[0]) * static_cast<std::size_t>(sides[1]))
+  {
+    throw Error(name + ": it has " + std::to_string(sides[0]) + " x " + std::to_string(sides[1]) + " x " +
+                std::to_string(sides[2]) + " pixels in " + std::to_string(imageBytes) +
+                " bytes; a frame has one slice, and a byte a pixel.");
+  }
+  if (textBytes > kLargestText)
+  {
+    throw Error(name + ": its text has " + std::to_string(textBytes) + " bytes, more than " +
+                std::to_string(kLargestText) + ".");
+  }
+  const bool isLong = size == kFrameHeader + imageBytes + textBytes;
+  if (!isLong && size != kShortFrameHeader + imageBytes + textBytes)
+  {
+    throw Error(name + ": it has " + std::to_string(size) + " bytes for a picture of " + std::to_string(imageBytes) +
+                " and a text of " + std::to_string(textBytes) + ".");
+  }
+
+  IgtTrackedFrame frame;
+  Turn turn = {false, false};
+  if (isLong)
+  {
+    turn = TurnOf(content.Next<std::uint16_t>(), name);
+    Eigen::Matrix4d matrix;
+    for (int row = 0; row < 4; ++row)
+    {
+      for (int column = 0; column < 4; ++column)
+      {
+        matrix(row, column) = LittleEndianFloat(content.at());
+        content.Skip(sizeof(float));
+      }
+    }
+    // Plus sends the identity where nothing is embedded.
+    frame.hasPose = matrix.allFinite() && !matrix.isIdentity(0) && matrix.row(3) == Eigen::RowVector4d(0, 0, 0, 1);
+    frame.image.imageToWorld = frame.hasPose ? matrix : Eigen::Matrix4d::Identity();
+  }
+  const char* text = reinterpret_cast<const char*>(content.at());
+  content.Skip(textBytes);
+  frame.fields = FieldsOf({text, textBytes}, name);
+  frame.image.width = sides[0];
+  frame.image.height = sides[1];
+  frame.image.pixels.assign(content.at(), content.at() + imageBytes);
+  if (turn.flipsColumns)
+  {
+    ReverseColumns(frame.image);
+  }
+  if (turn.flipsRows)
+  {
+    ReverseRows(frame.image);
+  }
+  return frame;
 }
 
 std::vector<std::uint8_t> PackIgtImage(const std::string& device, double timestamp, const IgtImage& image)

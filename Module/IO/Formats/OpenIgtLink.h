@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Messages of the OpenIGTLink protocol (versions 1 to 3), by which trackers, scanners and 3D Slicer talk: IMAGE and
-// TRANSFORM. All comes from outside, so every number is checked before it is used. Numbers are big-endian.
+// Messages of the OpenIGTLink protocol (versions 1 to 3), by which trackers, scanners and 3D Slicer talk: IMAGE,
+// TRANSFORM and the TRACKEDFRAME of PlusServer. All comes from outside, so every number is checked before it is used. Numbers are big-endian.
 #pragma once
 
 #include <Eigen/Dense>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,19 @@ IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>&
 
 /// The matrix of a TRANSFORM. Throws Error as above.
 Eigen::Matrix4d ParseIgtTransform(const IgtHeader& header, const std::vector<std::uint8_t>& body);
+
+/// A picture, and what its sender knew at its time.
+struct IgtTrackedFrame
+{
+  /// In marked-far order, as what the fields say refers to it. imageToWorld is what PlusServer calls embedded, where
+  /// hasPose says so; else the identity.
+  IgtImage image;
+  bool hasPose = false;
+  std::map<std::string, std::string> fields;  ///< such as ProbeToTrackerTransform and its status, as in a sequence
+};
+
+/// A TRACKEDFRAME of PlusServer, of all versions since 2.0. Throws Error as above.
+IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<std::uint8_t>& body);
 
 /// Whole messages of version 1, with their header.
 std::vector<std::uint8_t> PackIgtImage(const std::string& device, double timestamp, const IgtImage& image);

@@ -1,8 +1,11 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
+#include "IO/Formats/PoseCsv.h"
+
 #include <algorithm>
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
@@ -18,7 +21,7 @@ namespace
 constexpr std::size_t mostCsvColumns = 1000;
 
 // One line's cells. Cells may be quoted with ", "" inside standing for one; they cannot contain line ends.
-std::vector<std::string> CsvCells(const SequenceFile& file, const std::string& line)
+std::vector<std::string> CsvCells(const std::string& fileName, const std::string& line)
 {
   std::vector<std::string> cells(1);
   bool quoted = false;
@@ -38,7 +41,7 @@ std::vector<std::string> CsvCells(const SequenceFile& file, const std::string& l
     {
       if (cells.size() >= mostCsvColumns)
       {
-        Refuse(file, "has more than " + std::to_string(mostCsvColumns) + " columns");
+        throw FormatError(fileName + ": has more than " + std::to_string(mostCsvColumns) + " columns");
       }
       cells.emplace_back();
     }
@@ -49,7 +52,7 @@ std::vector<std::string> CsvCells(const SequenceFile& file, const std::string& l
   }
   if (quoted)
   {
-    Refuse(file, "line " + Quoted(line) + " has a quote that does not end");
+    throw FormatError(fileName + ": line " + Quoted(line) + " has a quote that does not end");
   }
   for (std::string& cell : cells)
   {
@@ -80,24 +83,6 @@ std::string ImageName(const SequenceFile& file, const std::string& pattern, std:
   return pattern.substr(0, percent) + text + pattern.substr(end + 1);
 }
 
-// Those that nothing is read from, with the value of the first row.
-void AddOtherColumns(SequenceFile& file, const std::vector<std::string>& names, const std::vector<std::string>& cells,
-                     const std::map<std::string, std::size_t>& columns)
-{
-  for (std::size_t column = 0; column < names.size(); ++column)
-  {
-    const std::string name = Lowercase(names[column]);
-    const bool isMatrix =
-        name.size() == 3 && name[0] == 'm' && name[1] >= '0' && name[1] <= '3' && name[2] >= '0' && name[2] <= '3';
-    const bool isRead =
-        isMatrix || name == "image" || name == "timestamp" || name == "status" || name == "width" || name == "height";
-    if (!isRead || columns.at(name) != column)  // of two columns of one name the first is read
-    {
-      file.otherColumns.emplace_back(names[column], cells[column]);
-    }
-  }
-}
-
 std::vector<std::string> PngFilesOf(const std::string& folder)
 {
   std::vector<std::string> files;
@@ -125,6 +110,98 @@ bool LooksLikePoseCsv(const std::string& beginning)
   return line.find("m00") != std::string::npos && line.find(',') != std::string::npos;
 }
 
+PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fileName)
+{
+  if (header.rfind("\xef\xbb\xbf", 0) == 0)
+  {
+    header.erase(0, 3);  // a byte order mark
+  }
+  names_ = CsvCells(fileName_, header);
+  for (std::size_t i = 0; i < names_.size(); ++i)
+  {
+    columns_.emplace(Lowercase(names_[i]), i);
+  }
+  const bool lastRow = HasColumn("m30") || HasColumn("m31") || HasColumn("m32") || HasColumn("m33");
+  for (int i = 0; i < (lastRow ? 16 : 12); ++i)
+  {
+    const std::string name = "m" + std::to_string(i / 4) + std::to_string(i % 4);
+    const auto found = columns_.find(name);
+    if (found == columns_.end())
+    {
+      throw FormatError(fileName_ + ": has no column " + name +
+                        "; a pose takes m00 to m33, or m00 to m23 without the last row");
+    }
+    matrix_.push_back(found->second);
+  }
+}
+
+bool PoseCsv::IsBlank(const std::string& line)
+{
+  return Trimmed(line).empty();
+}
+
+PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
+{
+  Row row;
+  row.cells = CsvCells(fileName_, line);
+  if (row.cells.size() != names_.size())
+  {
+    throw FormatError(fileName_ + ": row " + std::to_string(number) + " has " + std::to_string(row.cells.size()) +
+                      " cells, the header " + std::to_string(names_.size()));
+  }
+  const auto cell = [&](const char* name) -> const std::string*
+  {
+    const auto found = columns_.find(name);
+    return found == columns_.end() ? nullptr : &row.cells[found->second];
+  };
+  std::string& pose = row.fields["ImageToReferenceTransform"];
+  for (const std::size_t column : matrix_)
+  {
+    pose += row.cells[column] + " ";
+  }
+  if (matrix_.size() == 12)
+  {
+    pose += "0 0 0 1";
+  }
+  const std::string* status = cell("status");
+  row.fields["ImageToReferenceTransformStatus"] = status ? *status : "OK";
+  if (const std::string* timestamp = cell("timestamp"))
+  {
+    row.fields["Timestamp"] = *timestamp;
+  }
+  for (int side = 0; side < 2; ++side)
+  {
+    const char* const name = side == 0 ? "width" : "height";
+    const std::string* text = cell(name);
+    std::int64_t pixels = 0;
+    if (text && (!ParseNumber(*text, pixels) || pixels < 1 || pixels > largestSide))
+    {
+      throw FormatError(fileName_ + ": row " + std::to_string(number) + " has " + name + " " + Quoted(*text) +
+                        "; 1 to " + std::to_string(largestSide) + " pixels are expected");
+    }
+    row.size[static_cast<std::size_t>(side)] = static_cast<int>(pixels);
+  }
+  const std::string* image = cell("image");
+  row.image = image ? *image : "";
+  return row;
+}
+
+std::vector<std::pair<std::string, std::string>> PoseCsv::OtherColumns(const Row& row) const
+{
+  std::vector<std::pair<std::string, std::string>> others;
+  for (std::size_t column = 0; column < names_.size(); ++column)
+  {
+    const std::string name = Lowercase(names_[column]);
+    const bool isRead = std::count(matrix_.begin(), matrix_.end(), column) > 0 || name == "image" ||
+                        name == "timestamp" || name == "status" || name == "width" || name == "height";
+    if (!isRead || columns_.at(name) != column)
+    {
+      others.emplace_back(names_[column], row.cells[column]);
+    }
+  }
+  return others;
+}
+
 void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& options)
 {
   file.format = "CSV of poses";
@@ -133,94 +210,32 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
 
   std::string line;
   input.ReadLine(line);
-  if (line.rfind("\xef\xbb\xbf", 0) == 0)
-  {
-    line.erase(0, 3);  // a byte order mark
-  }
-  std::map<std::string, std::size_t> columns;
-  const auto names = CsvCells(file, line);
-  for (std::size_t i = 0; i < names.size(); ++i)
-  {
-    columns.emplace(Lowercase(names[i]), i);
-  }
-  const bool lastRow = columns.count("m30") || columns.count("m31") || columns.count("m32") || columns.count("m33");
-  std::vector<std::size_t> matrix;
-  for (int i = 0; i < (lastRow ? 16 : 12); ++i)
-  {
-    const std::string name = "m" + std::to_string(i / 4) + std::to_string(i % 4);
-    const auto found = columns.find(name);
-    if (found == columns.end())
-    {
-      Refuse(file, "has no column " + name + "; a pose takes m00 to m33, or m00 to m23 without the last row");
-    }
-    matrix.push_back(found->second);
-  }
-  const auto cell = [&columns](const std::vector<std::string>& cells, const char* name) -> const std::string*
-  {
-    const auto found = columns.find(name);
-    return found == columns.end() ? nullptr : &cells[found->second];
-  };
-
+  const PoseCsv table(file.fileName, line);
   std::vector<std::string> named;
   while (input.ReadLine(line))
   {
-    if (!line.empty() && line[0] == '#')
+    if (PoseCsv::IsComment(line))
     {
       file.comments.emplace_back(Trimmed(std::string_view(line).substr(1)));
       continue;
     }
-    if (Trimmed(line).empty())
+    if (PoseCsv::IsBlank(line))
     {
       continue;
     }
-    const auto cells = CsvCells(file, line);
-    const std::size_t row = file.frames.size();
-    if (cells.size() != names.size())
+    const std::size_t number = file.frames.size();
+    PoseCsv::Row row = table.Parse(line, number);
+    if (number == 0)
     {
-      Refuse(file, "row " + std::to_string(row) + " has " + std::to_string(cells.size()) + " cells, the header " +
-                       std::to_string(names.size()));
+      file.otherColumns = table.OtherColumns(row);
     }
-    if (row == 0)
-    {
-      AddOtherColumns(file, names, cells, columns);
-    }
-    if (static_cast<std::int64_t>(row) >= mostFrames || input.Position() > longestHeader)
+    if (static_cast<std::int64_t>(number) >= mostFrames || input.Position() > longestHeader)
     {
       Refuse(file, "has more than " + std::to_string(mostFrames) + " rows or 256 MiB");
     }
-    Fields fields;
-    std::string& pose = fields["ImageToReferenceTransform"];
-    for (const std::size_t column : matrix)
-    {
-      pose += cells[column] + " ";
-    }
-    if (!lastRow)
-    {
-      pose += "0 0 0 1";
-    }
-    const std::string* status = cell(cells, "status");
-    fields["ImageToReferenceTransformStatus"] = status ? *status : "OK";
-    if (const std::string* timestamp = cell(cells, "timestamp"))
-    {
-      fields["Timestamp"] = *timestamp;
-    }
-    std::array<int, 2> size = {0, 0};
-    for (int side = 0; side < 2; ++side)
-    {
-      const char* const name = side == 0 ? "width" : "height";
-      const std::string* text = cell(cells, name);
-      std::int64_t pixels = 0;
-      if (text && (!ParseNumber(*text, pixels) || pixels < 1 || pixels > largestSide))
-      {
-        Refuse(file, "row " + std::to_string(row) + " has " + name + " " + Quoted(*text) + "; 1 to " +
-                         std::to_string(largestSide) + " pixels are expected");
-      }
-      size[static_cast<std::size_t>(side)] = static_cast<int>(pixels);
-    }
-    file.sizes.push_back(size);
-    const std::string* image = cell(cells, "image");
-    named.push_back(image ? *image : "");
-    file.frames.push_back(std::move(fields));
+    file.sizes.push_back(row.size);
+    named.push_back(std::move(row.image));
+    file.frames.push_back(std::move(row.fields));
   }
   if (file.frames.empty())
   {
@@ -236,7 +251,7 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
       file.images.push_back((std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
     }
   }
-  else if (columns.count("image"))
+  else if (table.HasColumn("image"))
   {
     for (const std::string& name : named)
     {
@@ -271,7 +286,7 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
       }
     }
   }
-  else if (!file.images.empty() && !columns.count("width") && !columns.count("height"))
+  else if (!file.images.empty() && !table.HasColumn("width") && !table.HasColumn("height"))
   {
     for (std::size_t row = 0; row < file.images.size(); ++row)
     {

@@ -7,6 +7,7 @@
 
 #include "Core/Live/LiveTraining.h"
 #include "Fuzz/Harness.h"
+#include "IO/Poses.h"
 
 namespace bigus::fuzz
 {
@@ -20,6 +21,21 @@ void TryMessage(const IgtHeader& header, const std::vector<std::uint8_t>& body, 
   if (header.type == "TRANSFORM")
   {
     ParseIgtTransform(header, body);
+    return;
+  }
+  if (header.type == "TRACKEDFRAME")
+  {
+    const IgtTrackedFrame frame = ParseIgtTrackedFrame(header, body);
+    const IgtImage& picture = frame.image;
+    SequenceFile sequence;  // as `live` finds the frame's pose
+    sequence.fileName = "TRACKEDFRAME";
+    sequence.width = picture.width;
+    sequence.height = picture.height;
+    sequence.numberOfFrames = 1;
+    sequence.frames = {frame.fields};
+    PoseTable table;
+    ResolvePoses(sequence, {}, table);
+    training.Add({picture.width, picture.height, picture.pixels, table.frames[0].imageToReference, header.timestamp});
     return;
   }
   const IgtImage image = ParseIgtImage(header, body);

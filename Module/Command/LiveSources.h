@@ -1,0 +1,63 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Where the frames of `bigus live` come from while they arrive: an OpenIGTLink server, or a table that grows.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "Console.h"
+#include "Core/Live/LiveSession.h"
+#include "Inputs.h"
+
+namespace bigus::command
+{
+
+struct LiveSource
+{
+  SequenceOptions sequence;
+  std::string transform, plane;          ///< devices of an OpenIGTLink server
+  std::vector<int> sliceSize{256, 256};  ///< pixels of the slice that is sent back
+  double pause = 3;                      ///< s without a frame after which the probe counts as lifted
+  double reconnect = 10;                 ///< s for which a server that went away is waited for
+};
+
+/// Seconds between two looks at the field while frames arrive.
+constexpr double kLook = 0.1;
+
+/// Takes slices of a session's field, and how long they take to come.
+class Looker
+{
+public:
+  explicit Looker(LiveSession& session) : session_(session) {}
+
+  /// The picture now.
+  const std::vector<float>& Look(const Eigen::Matrix4d& imageToReference, int width, int height);
+
+  Json ToJson() const;
+  std::string Text() const;
+
+private:
+  LiveSession& session_;
+  std::vector<float> image_;
+  std::vector<double> latencies_;  // ms
+};
+
+/// What happened besides frames.
+struct LiveEvents
+{
+  std::size_t refused = 0;     ///< messages or rows that were no frame, pose or plane
+  std::size_t reconnects = 0;  ///< times that a server went away and was there again
+};
+
+/// Hands over what a server sends. Returns when no frame came for as long as a pause, when the server went away for longer
+/// than it is waited for, or when the program is interrupted. Throws Error when nobody listens there at first.
+LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, Console& console);
+
+/// Hands over the rows of a CSV of poses, with their PNGs, as they are written. Returns when no row came for as long as a
+/// pause, or when the program is interrupted. Throws Error when the file is no such table.
+LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, Console& console);
+
+}  // namespace bigus::command

@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Rows of a CSV of poses, one at a time, so that a table can be followed while it grows. README.md lists the columns.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "IO/SequenceFile.h"
+
+namespace bigus
+{
+
+class PoseCsv
+{
+public:
+  struct Row
+  {
+    Fields fields;  ///< the pose ImageToReference, its status and Timestamp, as a sequence names them
+    std::array<int, 2> size = {0, 0};  ///< width and height where stated, else 0
+    std::string image;                 ///< empty where there is no such column
+    std::vector<std::string> cells;    ///< all of them
+  };
+
+  /// From the first line. Throws FileError, which names the file, when a column of the pose is missing.
+  PoseCsv(const std::string& fileName, std::string header);
+
+  /// Whether a line holds no row.
+  static bool IsBlank(const std::string& line);
+  static bool IsComment(const std::string& line) { return !line.empty() && line[0] == '#'; }
+
+  /// Throws FileError for a line that is no row of this table. `number` counts rows from 0.
+  Row Parse(const std::string& line, std::size_t number) const;
+
+  bool HasColumn(const std::string& name) const { return columns_.count(name) != 0; }
+
+  /// Names and cells of the columns that nothing is read from.
+  std::vector<std::pair<std::string, std::string>> OtherColumns(const Row& row) const;
+
+private:
+  std::string fileName_;
+  std::vector<std::string> names_;
+  std::map<std::string, std::size_t> columns_;  // by lower-case name; of two of one name the first
+  std::vector<std::size_t> matrix_;             // columns of the pose, 12 or 16
+};
+
+}  // namespace bigus
