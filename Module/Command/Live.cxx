@@ -45,7 +45,7 @@ constexpr int kLargestSlice = 2048;
 struct Options
 {
   LiveSource source;
-  std::string output;
+  std::string output, status;
   bool follow = false;  ///< the source is a table that grows
   double rate = 0;      ///< frames a second; 0: as recorded
   double finish = 10;   ///< s
@@ -110,7 +110,7 @@ Json Score(const std::string& name, const GaussianField& field, const Sweep& swe
 
 /// Hands over the sweep's frames when they are due.
 void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& options, LiveSession& session,
-            Looker& looker, Console& console)
+            Looker& looker, LiveStatus& status, Console& console)
 {
   const std::vector<double> times = ArrivalTimes(sweep, options);
   const Clock::time_point start = Clock::now();
@@ -118,6 +118,8 @@ void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& o
   for (const int frame : frames)
   {
     const LiveFrame live = FrameOf(sweep, frame, times[frame]);
+    const double share = times[frame] / std::max(times.back(), 1e-9);
+    status.Tell("following", {}, share);
     while (SecondsSince(start) < times[frame] && !IsInterrupted())
     {
       std::this_thread::sleep_for(
@@ -132,16 +134,20 @@ void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& o
     {
       looker.Look(live.imageToReference, live.width, live.height);
       nextLook = SecondsSince(start) + kLook;
-      console.Progress("Following", times[frame] / std::max(times.back(), 1e-9),
-                       std::to_string(session.GetState().gaussians) + " Gaussians");
+      console.Progress("Following", share, std::to_string(session.GetState().gaussians) + " Gaussians");
     }
   }
 }
 
 ExitCode Live(Console& console, Options options)
 {
-  RequireDistinct({options.source.sequence.path, options.source.sequence.chain.config}, {options.output});
+  RequireDistinct({options.source.sequence.path, options.source.sequence.chain.config},
+                  {options.output, options.status});
   RequireWritable(options.output);
+  if (!options.status.empty())
+  {
+    RequireWritable(options.status);
+  }
   RequireFieldName(options.output);
   options.live.training.engine = options.engine;
   options.live.training.seed = static_cast<std::uint64_t>(options.seed);
@@ -170,16 +176,17 @@ ExitCode Live(Console& console, Options options)
 
   LiveSession session(options.live);
   Looker looker(session);
+  LiveStatus status(options.status, session, looker, console);
   const Clock::time_point start = Clock::now();
   LiveEvents events;
   if (isReplayed)
   {
-    Replay(*sweep, frames, options, session, looker, console);
+    Replay(*sweep, frames, options, session, looker, status, console);
   }
   else
   {
-    events = isServer ? FollowServer(options.source, session, looker, console)
-                      : FollowTable(options.source, session, looker, console);
+    events = isServer ? FollowServer(options.source, session, looker, status, console)
+                      : FollowTable(options.source, session, looker, status, console);
   }
   console.EndProgress();
   std::this_thread::sleep_for(std::chrono::duration<double>(kLifted));
@@ -191,6 +198,7 @@ ExitCode Live(Console& console, Options options)
                                            [&](const TrainingProgress& now)
                                            {
                                              console.Progress("Finishing", now.fraction);
+                                             status.Tell("finishing", events, now.fraction);
                                              return !IsInterrupted();
                                            });
   console.EndProgress();
@@ -203,6 +211,7 @@ ExitCode Live(Console& console, Options options)
   SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
   SetProvenance(output, "world", options.source.sequence.chain.to);
   WriteFieldData(output, options.output, true, console);
+  status.Tell("ended", events, 1);
 
   console.Print(options.output + ": " + std::to_string(field.Size()) + " Gaussians");
   console.Print("  frames    " + std::to_string(state.frames) + " in " + FormatNumber(followed, 1) + " s; " +
@@ -295,6 +304,8 @@ void AddLive(Program& program)
       ->check(NumberIn(0.1, 1e6))
       ->type_name("S")
       ->capture_default_str();
+  app->add_option("--status", options->status, "File of JSON that tells scripts every second how the program is")
+      ->type_name("FILE");
   app->add_option("--engine", options->engine, "What computes")->type_name("NAME")->capture_default_str();
   app->add_option("--seed", options->seed, "Of random numbers")
       ->check(WholeNumberIn(0, 1e9))

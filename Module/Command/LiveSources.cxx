@@ -15,6 +15,7 @@
 #include "Command.h"
 #include "Core/Model/Error.h"
 #include "Exit.h"
+#include "Files.h"
 #include "IO/FileError.h"
 #include "IO/Formats/PngFile.h"
 #include "IO/Formats/PoseCsv.h"
@@ -116,8 +117,8 @@ LiveFrame ReadPicture(const std::string& path)
 class Follower
 {
 public:
-  Follower(const LiveSource& source, LiveSession& session, Looker& looker, Console& console)
-      : source_(source), session_(session), looker_(looker), console_(console)
+  Follower(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status, Console& console)
+      : source_(source), session_(session), looker_(looker), status_(status), console_(console)
   {
   }
 
@@ -163,6 +164,7 @@ protected:
   const LiveSource& source_;
   LiveSession& session_;
   Looker& looker_;
+  LiveStatus& status_;
   Console& console_;
   LiveEvents events_;
   const Clock::time_point begin_ = Clock::now();
@@ -206,6 +208,7 @@ private:
     IgtConnection::Message message;
     while (!IsInterrupted() && !IsSilentFor(source_.pause))
     {
+      status_.Tell("following", events_);
       IgtConnection::Event event;
       try
       {
@@ -247,6 +250,7 @@ private:
     {
       for (double slept = 0; slept < kBetweenAttempts && !IsInterrupted(); slept += kLook)
       {
+        status_.Tell("waiting", events_);
         Sleep(kLook);
       }
       try
@@ -444,6 +448,7 @@ public:
     std::string line;
     while (!IsInterrupted() && !IsSilentFor(source_.pause))
     {
+      status_.Tell("following", events_);
       try
       {
         if (!file.Next(line))
@@ -564,16 +569,59 @@ std::string Looker::Text() const
          " ms (95 % below), " + FormatNumber(Quantile(latencies_, 1), 1) + " ms (longest)";
 }
 
-LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, Console& console)
+LiveStatus::LiveStatus(std::string path, const LiveSession& session, const Looker& looker, Console& console)
+    : path_(std::move(path)), session_(session), looker_(looker), console_(console)
 {
-  ServerFollower follower(source, session, looker, console);
+}
+
+void LiveStatus::Tell(const std::string& phase, const LiveEvents& events, double fraction)
+{
+  constexpr double kBetweenWrites = 1;  // s
+  if (path_.empty() || (phase == phase_ && SecondsSince(written_) < kBetweenWrites))
+  {
+    return;
+  }
+  const LiveSession::State state = session_.GetState();
+  const Json status = {{"phase", phase},
+                       {"fraction", fraction < 0 ? Json(nullptr) : Json(fraction)},
+                       {"uptime_seconds", SecondsSince(begin_)},
+                       {"frames", state.frames},
+                       {"waiting", state.waiting},
+                       {"passed_over", state.passedOver},
+                       {"dropped", state.dropped},
+                       {"refused", state.refused + events.refused},
+                       {"reconnects", events.reconnects},
+                       {"steps", state.steps},
+                       {"gaussians", state.gaussians},
+                       {"latency", looker_.ToJson()}};
+  try
+  {
+    WriteAtomically(path_, [&status](std::ostream& file) { file << status.dump(2) << '\n'; });
+  }
+  catch (const Error& error)
+  {
+    if (!hasFailed_)
+    {
+      console_.Note(std::string("bigus: warning: ") + error.what() + " Following goes on without it.");
+      hasFailed_ = true;
+    }
+  }
+  phase_ = phase;
+  written_ = Clock::now();
+}
+
+LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
+                        Console& console)
+{
+  ServerFollower follower(source, session, looker, status, console);
   follower.Follow();
   return follower.Events();
 }
 
-LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, Console& console)
+LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
+                       Console& console)
 {
-  TableFollower follower(source, session, looker, console);
+  TableFollower follower(source, session, looker, status, console);
   follower.Follow();
   return follower.Events();
 }

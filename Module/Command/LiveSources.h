@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <chrono>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -52,12 +53,34 @@ struct LiveEvents
   std::size_t reconnects = 0;  ///< times that a server went away and was there again
 };
 
+/// A file of JSON that tells scripts how the program is.
+class LiveStatus
+{
+public:
+  /// `path` may be empty: then nothing is written.
+  LiveStatus(std::string path, const LiveSession& session, const Looker& looker, Console& console);
+
+  /// Writes the file anew when the phase is another one, or the last time is a second ago. `fraction` is how much of the
+  /// phase is done, where that is known, else below 0. A file that cannot be written is a note, once.
+  void Tell(const std::string& phase, const LiveEvents& events, double fraction = -1);
+
+private:
+  std::string path_, phase_;
+  const LiveSession& session_;
+  const Looker& looker_;
+  Console& console_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now(), written_;
+  bool hasFailed_ = false;
+};
+
 /// Hands over what a server sends. Returns when no frame came for as long as a pause, when the server went away for longer
 /// than it is waited for, or when the program is interrupted. Throws Error when nobody listens there at first.
-LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, Console& console);
+LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
+                        Console& console);
 
 /// Hands over the rows of a CSV of poses, with their PNGs, as they are written. Returns when no row came for as long as a
 /// pause, or when the program is interrupted. Throws Error when the file is no such table.
-LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, Console& console);
+LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
+                       Console& console);
 
 }  // namespace bigus::command

@@ -384,14 +384,27 @@ class Reconnects(InFolder):
 
     def test_a_server_that_comes_back_is_followed_on(self):
         third = FRAMES // 3
+        status, phases = self.folder / "status.json", set()
+
+        def look():
+            while not phases.issuperset({"ended"}):
+                if status.exists():  # read while it is replaced: always whole
+                    phases.add(json.loads(status.read_text())["phase"])
+                time.sleep(0.02)
+
+        threading.Thread(target=look, daemon=True).start()
         for name, clocks in (("the same clock", (100, 101, 102)), ("a clock that begins anew", (100, 100 - 5, 2))):
             sends = [self.part(k * third, (k + 1) * third, clock, cut) for k, (clock, cut) in enumerate(zip(clocks, (0, 500, 0)))]
             with self.subTest(name):
-                result, answer = self.follow_again(sends, 0.7, "--reconnect", 5, finish=60)
+                result, answer = self.follow_again(sends, 0.7, "--reconnect", 5, "--status", status, finish=60)
                 self.assertEqual(result.returncode, 0, result.stderr)
                 self.assertEqual((answer["frames"], answer["passed_over"], answer["reconnects"]), (FRAMES, 0, 2), result.stderr)
                 self.assertIn("again", result.stderr)
                 self.assertGreater(self.psnr(), SOUND)
+                last = json.loads(status.read_text())
+                self.assertEqual([last[key] for key in ("phase", "fraction", "frames", "reconnects", "refused", "waiting")],
+                                 ["ended", 1, FRAMES, 2, 0, 0])
+        self.assertEqual(phases, {"following", "waiting", "finishing", "ended"})
 
     def test_what_is_sent_again_after_a_reconnect_is_passed_over(self):
         # The clock goes on, and after its first new frame the server repeats some.
