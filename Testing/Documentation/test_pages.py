@@ -48,7 +48,7 @@ pip() {  # the wheel of the build, and the packages of the Python that it was ma
 }
 """
 
-# A server or a window: ended when it is there.
+# A server: its page is asked for, and it is ended.
 UNTIL_STOPPED = r"""
 log=$(mktemp)
 ( trap - INT; exec {command} ) >"$log" 2>&1 &
