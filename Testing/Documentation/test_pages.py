@@ -38,11 +38,17 @@ PATH=${PATH#*:} cmake -S "$PROJECT" --list-presets=all | grep "\\"${*: -1}\\"" >
 }
 PIP = r"""
 pip() {  # the wheel of the build, and the packages of the Python that it was made for
-  local package
-  for package in "${@:2}"; do
-    [[ $package == .* ]] || "$PYTHON" -c "import $package" || exit 77
+  local what
+  for what in "${@:2}"; do
+    case $what in
+      .) ;;
+      .*web*)
+        grep 'optional-dependencies.*web = ."aiohttp' pyproject.toml >/dev/null || return 1
+        "$PYTHON" -c "import aiohttp" || exit 77 ;;
+      .*) return 1 ;;  # no other extra is in a page yet
+      *) "$PYTHON" -c "import $what" || exit 77 ;;
+    esac
   done
-  [[ $* != *web* ]] || "$PYTHON" -c "import aiohttp" || exit 77
   { echo "$BUILD/wheel"; "$PYTHON" -c "import sys; print(*sys.path[1:], sep='\n')"; } \
     >"$(python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/bigus.pth"
 }
