@@ -142,6 +142,11 @@ IgtConnection::Event IgtConnection::Receive(double seconds, Message& message)
     if (Fill(kIgtHeaderBytes))
     {
       message.header = ParseIgtHeader(received_.data());
+      if (message.header.bodyBytes > largestBody_)
+      {
+        throw Error("OpenIGTLink: a message of " + std::to_string(message.header.bodyBytes) +
+                    " bytes is not expected.");
+      }
       if (Fill(kIgtHeaderBytes + message.header.bodyBytes))
       {
         message.body.assign(received_.begin() + kIgtHeaderBytes, received_.end());

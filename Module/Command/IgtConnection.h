@@ -3,6 +3,7 @@
 // A connection to an OpenIGTLink server, such as PlusServer or 3D Slicer.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -34,6 +35,8 @@ public:
 
   /// Connects, within so many seconds. Throws Error when nobody listens there.
   IgtConnection(const IgtAddress& address, double seconds);
+  /// Of a client that was accepted, as a socket that does not block. Messages with larger bodies are none.
+  IgtConnection(int socket, std::size_t largestBody) : socket_(socket), largestBody_(largestBody) {}
   ~IgtConnection();
   IgtConnection(const IgtConnection&) = delete;
   IgtConnection& operator=(const IgtConnection&) = delete;
@@ -51,12 +54,16 @@ public:
   /// Sends a whole message. False when it cannot be sent at once, because the other side does not read: it is left out.
   bool Send(const std::vector<std::uint8_t>& message);
 
+  /// To wait for together with others.
+  int Socket() const { return socket_; }
+
 private:
   bool Fill(std::size_t bytes);
 
   int socket_ = -1;
   std::vector<std::uint8_t> received_;  // of the message that is under way
   bool closed_ = false;
+  std::size_t largestBody_ = SIZE_MAX;
 };
 
 }  // namespace bigus::command

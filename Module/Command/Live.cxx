@@ -8,7 +8,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <tuple>
 #include <vector>
 
@@ -110,7 +109,7 @@ Json Score(const std::string& name, const GaussianField& field, const Sweep& swe
 
 /// Hands over the sweep's frames when they are due.
 void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& options, LiveSession& session,
-            Looker& looker, LiveStatus& status, Console& console)
+            Looker& looker, SliceServer& slices, LiveStatus& status, Console& console)
 {
   const std::vector<double> times = ArrivalTimes(sweep, options);
   const Clock::time_point start = Clock::now();
@@ -122,8 +121,7 @@ void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& o
     status.Tell("following", {}, share);
     while (SecondsSince(start) < times[frame] && !IsInterrupted())
     {
-      std::this_thread::sleep_for(
-          std::chrono::duration<double>(std::min(kLook, std::max(0.0, times[frame] - SecondsSince(start)))));
+      slices.Wait(-1, std::min(kLook, std::max(0.0, times[frame] - SecondsSince(start))));
     }
     if (IsInterrupted())
     {
@@ -176,20 +174,21 @@ ExitCode Live(Console& console, Options options)
 
   LiveSession session(options.live);
   Looker looker(session);
+  SliceServer slices(options.source.listen, options.source.plane, options.source.sliceSize, looker);
   LiveStatus status(options.status, session, looker, console);
   const Clock::time_point start = Clock::now();
   LiveEvents events;
   if (isReplayed)
   {
-    Replay(*sweep, frames, options, session, looker, status, console);
+    Replay(*sweep, frames, options, session, looker, slices, status, console);
   }
   else
   {
-    events = isServer ? FollowServer(options.source, session, looker, status, console)
-                      : FollowTable(options.source, session, looker, status, console);
+    events = isServer ? FollowServer(options.source, session, looker, slices, status, console)
+                      : FollowTable(options.source, session, looker, slices, status, console);
   }
   console.EndProgress();
-  std::this_thread::sleep_for(std::chrono::duration<double>(kLifted));
+  slices.Wait(-1, kLifted);
   const double followed = SecondsSince(start);
   const GaussianField liveField = session.Field();
   const LiveSession::State state = session.GetState();
@@ -288,12 +287,15 @@ void AddLive(Program& program)
          "of BigusSlice")
       ->type_name("DEVICE")
       ->group(server);
-  app->add_option("--slice-size", source.sliceSize, "Pixels of that slice")
+  app->add_option("--slice-size", source.sliceSize, "Pixels of a slice that is sent")
       ->expected(2)
       ->check(WholeNumberIn(1, kLargestSlice))
       ->type_name("W H")
-      ->capture_default_str()
-      ->group(server);
+      ->capture_default_str();
+  app->add_option("--listen", source.listen,
+                  "Port of this machine at which several OpenIGTLink clients ask for slices by TRANSFORM")
+      ->check(WholeNumberIn(1, 65535))
+      ->type_name("PORT");
   app->add_option("--reconnect", source.reconnect, "Seconds for which a server that went away is waited for; 0: not")
       ->check(NumberIn(0, 1e6))
       ->type_name("S")

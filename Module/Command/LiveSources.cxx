@@ -9,7 +9,6 @@
 #include <fstream>
 #include <memory>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "Command.h"
@@ -57,11 +56,6 @@ double Quantile(std::vector<double> values, double q)
   }
   std::sort(values.begin(), values.end());
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
-}
-
-void Sleep(double seconds)
-{
-  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
 }
 
 /// The pose of a frame by its fields, as of a sequence that has no other frame. Empty where no transforms lead from one
@@ -117,8 +111,9 @@ LiveFrame ReadPicture(const std::string& path)
 class Follower
 {
 public:
-  Follower(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status, Console& console)
-      : source_(source), session_(session), looker_(looker), status_(status), console_(console)
+  Follower(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices, LiveStatus& status,
+           Console& console)
+      : source_(source), session_(session), looker_(looker), slices_(slices), status_(status), console_(console)
   {
   }
 
@@ -164,6 +159,7 @@ protected:
   const LiveSource& source_;
   LiveSession& session_;
   Looker& looker_;
+  SliceServer& slices_;
   LiveStatus& status_;
   Console& console_;
   LiveEvents events_;
@@ -212,7 +208,8 @@ private:
       IgtConnection::Event event;
       try
       {
-        event = connection.Receive(kLook, message);
+        slices_.Wait(connection.Socket(), kLook);
+        event = connection.Receive(0, message);
       }
       catch (const Error& error)  // where the next message begins is not known
       {
@@ -251,7 +248,7 @@ private:
       for (double slept = 0; slept < kBetweenAttempts && !IsInterrupted(); slept += kLook)
       {
         status_.Tell("waiting", events_);
-        Sleep(kLook);
+        slices_.Wait(-1, kLook);
       }
       try
       {
@@ -284,7 +281,8 @@ private:
       }
       else if (header.type == "TRANSFORM" && header.device == source_.plane)
       {
-        SendSlice(connection, ParseIgtTransform(header, message.body), header.timestamp);
+        connection.Send(
+            SliceMessage(looker_, ParseIgtTransform(header, message.body), header.timestamp, source_.sliceSize));
       }
     }
     catch (const Error& error)
@@ -341,19 +339,6 @@ private:
     lastArrival_ = now;
     frameSinceWaiting_ = true;
     HandOver(std::move(frame));
-  }
-
-  void SendSlice(IgtConnection& connection, const Eigen::Matrix4d& imageToWorld, double timestamp)
-  {
-    IgtImage slice;
-    slice.width = source_.sliceSize[0];
-    slice.height = source_.sliceSize[1];
-    slice.imageToWorld = imageToWorld;
-    const std::vector<float>& picture = looker_.Look(imageToWorld, slice.width, slice.height);
-    slice.pixels.resize(picture.size());
-    std::transform(picture.begin(), picture.end(), slice.pixels.begin(),
-                   [](float value) { return static_cast<std::uint8_t>(std::lround(255 * value)); });
-    connection.Send(PackIgtImage("BigusSlice", timestamp, slice));
   }
 
   std::optional<Eigen::Matrix4d> pose_;  // what TRANSFORM said last
@@ -453,7 +438,7 @@ public:
       {
         if (!file.Next(line))
         {
-          Sleep(kBetweenRows);
+          slices_.Wait(-1, kBetweenRows);
           continue;
         }
       }
@@ -532,7 +517,7 @@ private:
           throw Error(name + ": " + error.what());
         }
       }
-      Sleep(kBetweenRows);
+      slices_.Wait(-1, kBetweenRows);
     }
   }
 
@@ -610,18 +595,18 @@ void LiveStatus::Tell(const std::string& phase, const LiveEvents& events, double
   written_ = Clock::now();
 }
 
-LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
-                        Console& console)
+LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices,
+                        LiveStatus& status, Console& console)
 {
-  ServerFollower follower(source, session, looker, status, console);
+  ServerFollower follower(source, session, looker, slices, status, console);
   follower.Follow();
   return follower.Events();
 }
 
-LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
-                       Console& console)
+LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices,
+                       LiveStatus& status, Console& console)
 {
-  TableFollower follower(source, session, looker, status, console);
+  TableFollower follower(source, session, looker, slices, status, console);
   follower.Follow();
   return follower.Events();
 }

@@ -12,6 +12,7 @@
 #include "Console.h"
 #include "Core/Live/LiveSession.h"
 #include "Inputs.h"
+#include "SliceServer.h"
 
 namespace bigus::command
 {
@@ -21,6 +22,7 @@ struct LiveSource
   SequenceOptions sequence;
   std::string transform, plane;          ///< devices of an OpenIGTLink server
   std::vector<int> sliceSize{256, 256};  ///< pixels of the slice that is sent back
+  int listen = 0;                        ///< port at which clients ask for slices; 0: none
   double pause = 3;                      ///< s without a frame after which the probe counts as lifted
   double reconnect = 10;                 ///< s for which a server that went away is waited for
 };
@@ -75,12 +77,12 @@ private:
 
 /// Hands over what a server sends. Returns when no frame came for as long as a pause, when the server went away for longer
 /// than it is waited for, or when the program is interrupted. Throws Error when nobody listens there at first.
-LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
-                        Console& console);
+LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices,
+                        LiveStatus& status, Console& console);
 
 /// Hands over the rows of a CSV of poses, with their PNGs, as they are written. Returns when no row came for as long as a
 /// pause, or when the program is interrupted. Throws Error when the file is no such table.
-LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, LiveStatus& status,
-                       Console& console);
+LiveEvents FollowTable(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices,
+                       LiveStatus& status, Console& console);
 
 }  // namespace bigus::command

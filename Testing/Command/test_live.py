@@ -24,6 +24,7 @@ BIGUS = None
 RATE = 60  # frames a second
 WIDTH, HEIGHT, FRAMES = 64, 56, 24
 SOUND = 19  # dB, on a busy machine, too; pictures upside down give 13
+LONG = 15  # s: a field of so small a sweep is finished by then, or is sound on a machine that does other work
 
 
 def checksum(data):
@@ -128,7 +129,7 @@ class InFolder(unittest.TestCase):
 
     def follow_again(self, sends, away, *arguments, finish=1):
         """The server is there once for each of `sends`, and away for so many seconds in between. A field whose pictures are
-        looked at takes `finish` seconds so long that it ends by its steps."""
+        looked at takes LONG to finish."""
         server = socket.create_server(("127.0.0.1", 0))
         port = server.getsockname()[1]
 
@@ -172,7 +173,7 @@ class Messages(InFolder):
     def test_pictures_that_say_where_they_lie(self):
         for lps, version in ((False, 1), (True, 1), (False, 2)):
             with self.subTest(lps=lps, version=version):
-                result, answer = self.follow(lambda connection: self.send_frames(connection, lps, version), finish=60)
+                result, answer = self.follow(lambda connection: self.send_frames(connection, lps, version), finish=LONG)
                 self.assertEqual(result.returncode, 0, result.stderr)
                 self.assertEqual((answer["frames"], answer["refused"], answer["passed_over"]), (FRAMES, 0, 0))
                 self.assertGreater(self.psnr(), SOUND)
@@ -187,7 +188,7 @@ class Messages(InFolder):
                 connection.sendall(message("IMAGE", "Image", seconds, image_body(self.pixels[k], self.poses[0])))
                 time.sleep(1 / RATE)
 
-        result, answer = self.follow(send, "--transform", "ImageToReference", finish=60)
+        result, answer = self.follow(send, "--transform", "ImageToReference", finish=LONG)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual((answer["frames"], answer["refused"]), (FRAMES, 0))
         self.assertGreater(self.psnr(), SOUND)
@@ -233,7 +234,7 @@ class Messages(InFolder):
                 connection.sendall(message("IMAGE", "Image", 300, body, crc=crc))
             connection.sendall(message("IMAGE", "Image", 300, b"\xff" * 20, version=2))
 
-        result, answer = self.follow(send, finish=60)
+        result, answer = self.follow(send, finish=LONG)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual((answer["frames"], answer["passed_over"], answer["refused"]), (FRAMES, 2, 9))
         self.assertIn("damaged on its way", result.stderr)
@@ -300,7 +301,7 @@ class Messages(InFolder):
 
         threading.Thread(target=serve, daemon=True).start()
         time.sleep(0.5)
-        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", 60, "--pause", 1,
+        result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "field.vtp", "--finish", LONG, "--pause", 1,
                      "--reconnect", 1, "--json")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(json.loads(result.stdout)["frames"], FRAMES)
@@ -341,7 +342,7 @@ class TrackedFrames(InFolder):
                     time.sleep(1 / RATE)
 
             with self.subTest(name):
-                result, answer = self.follow(send, *arguments, finish=60)
+                result, answer = self.follow(send, *arguments, finish=LONG)
                 self.assertEqual(result.returncode, 0, result.stderr)
                 self.assertEqual((answer["frames"], answer["refused"], answer["passed_over"]), (FRAMES, 0, 0), result.stderr)
                 self.assertGreater(self.psnr(), SOUND)
@@ -396,7 +397,7 @@ class Reconnects(InFolder):
         for name, clocks in (("the same clock", (100, 101, 102)), ("a clock that begins anew", (100, 100 - 5, 2))):
             sends = [self.part(k * third, (k + 1) * third, clock, cut) for k, (clock, cut) in enumerate(zip(clocks, (0, 500, 0)))]
             with self.subTest(name):
-                result, answer = self.follow_again(sends, 0.7, "--reconnect", 5, "--status", status, finish=60)
+                result, answer = self.follow_again(sends, 0.7, "--reconnect", 5, "--status", status, finish=LONG)
                 self.assertEqual(result.returncode, 0, result.stderr)
                 self.assertEqual((answer["frames"], answer["passed_over"], answer["reconnects"]), (FRAMES, 0, 2), result.stderr)
                 self.assertIn("again", result.stderr)
@@ -428,6 +429,71 @@ class Reconnects(InFolder):
         self.assertEqual((result.returncode, answer["frames"]), (0, FRAMES), result.stderr)
         self.assertLess(answer["reconnects"], 6)
         self.assertLess(time.monotonic() - start, 40)
+
+
+class Slices(InFolder):
+    def test_clients_take_turns(self):
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        lifted, counts, pictures = threading.Event(), {}, []
+
+        def connect():
+            while not lifted.is_set():
+                try:
+                    return socket.create_connection(("127.0.0.1", port), timeout=20)
+                except OSError:
+                    time.sleep(0.05)
+
+        def receive(stream):
+            header = stream.read(58)
+            kind, device, size, crc = struct.unpack(">2x12s20s8xQQ", header)
+            body = stream.read(size)
+            self.assertEqual((kind.rstrip(b"\0"), device.rstrip(b"\0"), crc), (b"IMAGE", b"BigusSlice", checksum(body)))
+            return body[72:]
+
+        def ask(name, ahead):
+            """One plane after another, each before so many answers have come."""
+            plane = message("TRANSFORM", "Plane", 1, matrix_bytes(self.poses[12]))
+            with connect() as connection, connection.makefile("rb") as stream:
+                counts[name] = 0
+                try:
+                    connection.sendall(plane * ahead)
+                    while not lifted.is_set():
+                        pictures.append(receive(stream))
+                        counts[name] += 1
+                        connection.sendall(plane * ahead)
+                except (OSError, struct.error):
+                    pass  # the program ended
+
+        def disturb():
+            for bad in (b"GET / HTTP/1.1\r\n" * 10, message("TRANSFORM", "Plane", 1, b"", crc=0), b"\0",
+                        message("TRANSFORM", "Plane", 1, bytes(48)), message("TRANSFORM", "Plane", 1, b"\xff" * 48, crc=0),
+                        struct.pack(">H12s20sQQQ", 1, b"TRANSFORM", b"Plane", 0, 2**25, 0)):
+                with connect() as connection:
+                    connection.sendall(bad)
+
+        def send(connection):
+            threads = [threading.Thread(target=ask, args=arguments, daemon=True)
+                       for arguments in (("patient", 1), ("greedy", 20), ("third", 1))]
+            for thread in [*threads, threading.Thread(target=disturb, daemon=True)]:
+                thread.start()
+            for _ in range(2):
+                self.send_frames(connection)
+            time.sleep(2)
+            lifted.set()
+
+        result, answer = self.follow(send, "--listen", port, "--slice-size", WIDTH, HEIGHT)
+        self.assertEqual((result.returncode, answer["frames"], answer["dropped"]), (0, FRAMES, 0), result.stderr)
+        self.assertGreater(min(counts.values()), 4, counts)
+        self.assertLess(max(counts.values()), 3 * min(counts.values()) + 5, counts)
+        error = sum((a - b) ** 2 for a, b in zip(pictures[-1], self.pixels[12])) / len(self.pixels[12])
+        self.assertLess(error, 40 ** 2)
+
+    def test_a_port_that_is_taken(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            result = run("live", self.sweep, "-o", self.folder / "none.vtp", "--rate", 100, "--listen", taken.getsockname()[1])
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("--listen", result.stderr)
 
 
 class Tables(InFolder):
@@ -472,7 +538,7 @@ class Tables(InFolder):
             stream.write("1,2,3\n" + self.row(5).replace("5.png", "../5.png"))
             stream.write(self.row(6).replace("6.png", "none.png", 1) + self.row(7, "soon"))
 
-        result, answer = self.grow(write, finish=60)
+        result, answer = self.grow(write, finish=LONG)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual((answer["frames"], answer["passed_over"], answer["refused"]), (FRAMES, 1, 4), result.stderr)
         self.assertGreater(self.psnr(), SOUND)

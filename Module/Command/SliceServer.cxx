@@ -1,0 +1,190 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "SliceServer.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "Core/Model/Error.h"
+#include "Exit.h"
+#include "LiveSources.h"
+
+namespace bigus::command
+{
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kMostClients = 16;
+
+/// Bytes of a client's message: a TRANSFORM has 48, and what version 3 of the protocol adds.
+constexpr std::size_t kLargestRequest = 4096;
+
+/// Messages of one client that are looked at in one go, so that one that sends without end does not hold up the others.
+constexpr int kMostAtOnce = 64;
+
+}  // namespace
+
+std::vector<std::uint8_t> SliceMessage(Looker& looker, const Eigen::Matrix4d& imageToWorld, double timestamp,
+                                       const std::vector<int>& size)
+{
+  IgtImage slice;
+  slice.width = size[0];
+  slice.height = size[1];
+  slice.imageToWorld = imageToWorld;
+  const std::vector<float>& picture = looker.Look(imageToWorld, slice.width, slice.height);
+  slice.pixels.resize(picture.size());
+  std::transform(picture.begin(), picture.end(), slice.pixels.begin(),
+                 [](float value) { return static_cast<std::uint8_t>(std::lround(255 * value)); });
+  return PackIgtImage("BigusSlice", timestamp, slice);
+}
+
+SliceServer::SliceServer(int port, std::string device, std::vector<int> size, Looker& looker)
+    : device_(std::move(device)), size_(std::move(size)), looker_(looker)
+{
+  if (port == 0)
+  {
+    return;
+  }
+  sockaddr_in here{};
+  here.sin_family = AF_INET;
+  here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);  // the protocol asks nobody who he is
+  here.sin_port = htons(static_cast<std::uint16_t>(port));
+  listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const int yes = 1;
+  if (listener_ >= 0)
+  {
+    setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+  }
+  if (listener_ < 0 || bind(listener_, reinterpret_cast<const sockaddr*>(&here), sizeof(here)) != 0 ||
+      listen(listener_, static_cast<int>(kMostClients)) != 0)
+  {
+    const int fault = errno;
+    if (listener_ >= 0)
+    {
+      close(listener_);
+    }
+    throw Error("--listen " + std::to_string(port) + ": " + std::strerror(fault) + ". Choose another port.");
+  }
+}
+
+SliceServer::~SliceServer()
+{
+  if (listener_ >= 0)
+  {
+    close(listener_);
+  }
+}
+
+void SliceServer::Accept()
+{
+  const int socket = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+  if (socket < 0)
+  {
+    return;
+  }
+  Client client;
+  client.connection = std::make_unique<IgtConnection>(socket, kLargestRequest);
+  if (clients_.size() < kMostClients)
+  {
+    clients_.push_back(std::move(client));
+  }
+}
+
+/// Takes what a client sent. False when it left, or what it sends is no message.
+bool SliceServer::Hear(Client& client) const
+{
+  IgtConnection::Message message;
+  for (int count = 0; count < kMostAtOnce; ++count)
+  {
+    try
+    {
+      const IgtConnection::Event event = client.connection->Receive(0, message);
+      if (event != IgtConnection::Event::Message)
+      {
+        return event != IgtConnection::Event::Closed;
+      }
+      if (message.header.type == "TRANSFORM" && (device_.empty() || message.header.device == device_))
+      {
+        client.plane = ParseIgtTransform(message.header, message.body);
+        client.timestamp = message.header.timestamp;
+      }
+    }
+    catch (const Error&)
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// One slice for whoever is next among those who wait.
+void SliceServer::AnswerNext()
+{
+  for (std::size_t k = 0; k < clients_.size(); ++k)
+  {
+    Client& client = clients_[(next_ + k) % clients_.size()];
+    if (!client.plane)
+    {
+      continue;
+    }
+    next_ = (next_ + k + 1) % clients_.size();
+    const Eigen::Matrix4d plane = *client.plane;
+    client.plane.reset();
+    try
+    {
+      client.connection->Send(SliceMessage(looker_, plane, client.timestamp, size_));
+    }
+    catch (const Error&)  // a plane that is none has no slice
+    {
+    }
+    return;
+  }
+}
+
+void SliceServer::Wait(int socket, double seconds)
+{
+  const Clock::time_point end =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  while (true)
+  {
+    std::vector<pollfd> waits = {{socket, POLLIN, 0}, {listener_, POLLIN, 0}};  // -1 is passed over
+    bool isAsked = false;
+    for (const Client& client : clients_)
+    {
+      waits.push_back({client.connection->Socket(), POLLIN, 0});
+      isAsked = isAsked || client.plane;
+    }
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()).count();
+    poll(waits.data(), waits.size(), isAsked ? 0 : static_cast<int>(std::max<long>(left, 0)));
+    for (std::size_t k = clients_.size(); k-- > 0;)
+    {
+      if (waits[2 + k].revents != 0 && !Hear(clients_[k]))
+      {
+        clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(k));
+      }
+    }
+    if (waits[1].revents != 0)
+    {
+      Accept();
+    }
+    AnswerNext();
+    if (waits[0].revents != 0 || Clock::now() >= end || IsInterrupted())
+    {
+      return;
+    }
+  }
+}
+
+}  // namespace bigus::command

@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Slices of a live field for several clients that speak OpenIGTLink.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "IgtConnection.h"
+
+namespace bigus::command
+{
+
+class Looker;
+
+/// The IMAGE of the device BigusSlice: the field at a plane, `size` pixels across and down.
+std::vector<std::uint8_t> SliceMessage(Looker& looker, const Eigen::Matrix4d& imageToWorld, double timestamp,
+                                       const std::vector<int>& size);
+
+/// Programs of this machine connect to a port and send TRANSFORM, pixels of a slice to mm; each is answered by the slice.
+/// Clients take turns: of each only the newest plane waits, and between two frames that arrive one slice is rendered, or
+/// more while no frame is there. It has no thread of its own, and works while Wait is called.
+class SliceServer
+{
+public:
+  /// `port` 0: no clients. `device`: whose TRANSFORM counts; empty: any. Throws Error when the port is taken.
+  SliceServer(int port, std::string device, std::vector<int> size, Looker& looker);
+  ~SliceServer();
+  SliceServer(const SliceServer&) = delete;
+  SliceServer& operator=(const SliceServer&) = delete;
+
+  /// Serves clients for so many seconds, or until `socket` (-1: none) can be read.
+  void Wait(int socket, double seconds);
+
+private:
+  struct Client
+  {
+    std::unique_ptr<IgtConnection> connection;
+    std::optional<Eigen::Matrix4d> plane;  // that waits for its slice
+    double timestamp = 0;
+  };
+  void Accept();
+  bool Hear(Client& client) const;
+  void AnswerNext();
+
+  std::string device_;
+  std::vector<int> size_;
+  Looker& looker_;
+  int listener_ = -1;
+  std::vector<Client> clients_;
+  std::size_t next_ = 0;  // whose turn it is
+};
+
+}  // namespace bigus::command
