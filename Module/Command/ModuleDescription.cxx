@@ -25,7 +25,7 @@ constexpr std::array<std::pair<const char*, const char*>, 4> kModules{
 constexpr const char* kMainGroup = "Options";    // CLI11's name for options without a group
 constexpr const char* kShorthand = "Short for";  // begins the help of flags that repeat another option
 // Options of the program that a module has, too; the others say how messages look.
-constexpr std::array<const char*, 2> kProgramOptions{"threads", "simd"};
+constexpr std::array<const char*, 3> kProgramOptions{"threads", "simd", "memory"};
 
 std::string Element(const std::string& name, const std::string& text)
 {

@@ -12,6 +12,7 @@
 
 #include "Command.h"
 #include "Core/Engine/InstructionSets.h"
+#include "Core/Model/PixelMemory.h"
 #include "IO/Text.h"
 #include "ModuleDescription.h"
 #include "Pipeline.h"
@@ -125,6 +126,16 @@ ExitCode Run(int argumentCount, char** arguments)
                      ". A published field comes back bit for bit with the set it was trained with")
       ->type_name("NAME");
 
+  double memory = 0;
+  CLI::Option* const memoryOption =
+      app.add_option(
+             "--memory", memory,
+             "Keep no more than about so many GB resident: pixels of sweeps that fill half of it lie in files in "
+             "$TMPDIR, or else /var/tmp; 0 sets no limit. Results do not depend on it")
+          ->check(NumberIn(0, 1e6))
+          ->type_name("GB")
+          ->capture_default_str();
+
   AddInfo(program);
   AddPhantom(program);
   AddPoses(program);
@@ -139,7 +150,8 @@ ExitCode Run(int argumentCount, char** arguments)
   AddBench(program);
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
   {
-    command->footer("Also: --json, --progress, --no-progress, --threads N, --simd NAME; 'bigus --help' explains them.");
+    command->footer(
+        "Also: --json, --progress, --no-progress, --threads N, --simd NAME, --memory GB; 'bigus --help' explains them.");
   }
 
   const std::string module = ModuleCommand(arguments[0]);
@@ -197,6 +209,10 @@ ExitCode Run(int argumentCount, char** arguments)
     else
     {
       UseInstructionSetOfEnvironment();
+    }
+    if (memoryOption->count() > 0)
+    {
+      LimitPixelMemory(static_cast<std::uint64_t>(memory * 1e9));
     }
   }
   catch (const Error& error)

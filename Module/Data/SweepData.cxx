@@ -7,6 +7,7 @@
 #include <string>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/PixelMemory.h"
 #include "Data/Arrays.h"
 #include "vtkDoubleArray.h"
 #include "vtkFloatArray.h"
@@ -30,10 +31,10 @@ std::shared_ptr<const void> Alias(vtkDataArray* array)
 std::shared_ptr<const void> ShortsAsFloats(vtkUnsignedShortArray* array)
 {
   const std::size_t n = static_cast<std::size_t>(array->GetNumberOfValues());
-  auto floats = std::make_shared<std::vector<float>>(n);
-  std::transform(array->GetPointer(0), array->GetPointer(0) + n, floats->begin(),
+  const auto floats = AllocatePixels<float>(n);
+  std::transform(array->GetPointer(0), array->GetPointer(0) + n, floats.get(),
                  [](unsigned short value) { return static_cast<float>(value / 65535.0); });
-  return std::shared_ptr<const void>(floats, floats->data());
+  return floats;
 }
 
 std::shared_ptr<const std::vector<std::uint8_t>> MaskOf(vtkDataArray* array)

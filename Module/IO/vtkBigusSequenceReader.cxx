@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "Core/Model/PixelMemory.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Data/Arrays.h"
 #include "Data/Progress.h"
@@ -274,7 +275,9 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     output->SetSpacing(1, 1, 1);
     auto scalars = vtkSmartPointer<vtkDataArray>::Take(vtkDataArray::CreateDataArray(VtkType(file.elementType)));
     scalars->SetName("Intensity");
-    scalars->SetNumberOfTuples(pixelsPerFrame * count);
+    scalars->SetVoidArray(bigus::NewPixels(file.FrameBytes() * static_cast<std::size_t>(count)), pixelsPerFrame * count,
+                          0, vtkAbstractArray::VTK_DATA_ARRAY_USER_DEFINED);
+    scalars->SetArrayFreeFunction(bigus::FreePixels);
     bigus::ReadPixels read;
     const auto goOn = [this](double share) { return bigus::ReportProgress(this, share); };
     if (!bigus::ReadFrames(file, poses, frames, clip, this->PixelRange, goOn,

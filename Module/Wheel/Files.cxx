@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include "Arrays.h"
 #include "Core/Model/FieldRounding.h"
+#include "Core/Model/PixelMemory.h"
 #include "Core/Model/Sweep.h"
 #include "IO/FieldFile.h"
 #include "IO/PlaneFile.h"
@@ -54,11 +56,11 @@ PoseOptions PoseOptionsOf(const std::string& config, const std::string& from, co
 }
 
 template <class Pixel>
-Array PixelsOf(std::vector<unsigned char> bytes, const SequenceFile& file, std::size_t frames)
+Array PixelsOf(const std::shared_ptr<unsigned char>& bytes, const SequenceFile& file, std::size_t frames)
 {
-  auto* kept = new std::vector<unsigned char>(std::move(bytes));
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<unsigned char>*>(p); });
-  return View(reinterpret_cast<Pixel*>(kept->data()),
+  auto* kept = new std::shared_ptr<unsigned char>(bytes);
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::shared_ptr<unsigned char>*>(p); });
+  return View(reinterpret_cast<Pixel*>(kept->get()),
               {frames, static_cast<std::size_t>(file.height), static_cast<std::size_t>(file.width)}, owner);
 }
 
@@ -73,7 +75,8 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   SequenceFile file;
   PoseTable poses;
   std::vector<int> frames;
-  std::vector<unsigned char> bytes, shape;
+  std::shared_ptr<unsigned char> bytes;
+  std::vector<unsigned char> shape;
   ReadPixels read;
   WorkAlone(
       [&](const std::function<bool(double)>& goOn)
@@ -101,8 +104,8 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
             frames.push_back(static_cast<int>(k));
           }
         }
-        bytes.resize(static_cast<std::size_t>(file.FrameBytes()) * frames.size());
-        ReadFrames(file, poses, frames, shape, std::max(0.0, pixelRange), goOn, bytes.data(), read);
+        bytes = AllocatePixels<unsigned char>(static_cast<std::size_t>(file.FrameBytes()) * frames.size());
+        ReadFrames(file, poses, frames, shape, std::max(0.0, pixelRange), goOn, bytes.get(), read);
       });
 
   const std::size_t n = frames.size();
@@ -139,9 +142,9 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   }
   const auto h = static_cast<std::size_t>(file.height), w = static_cast<std::size_t>(file.width);
   nb::dict found;
-  found["pixels"] = file.elementType == ElementType::UInt8    ? PixelsOf<std::uint8_t>(std::move(bytes), file, n)
-                    : file.elementType == ElementType::UInt16 ? PixelsOf<std::uint16_t>(std::move(bytes), file, n)
-                                                              : PixelsOf<float>(std::move(bytes), file, n);
+  found["pixels"] = file.elementType == ElementType::UInt8    ? PixelsOf<std::uint8_t>(bytes, file, n)
+                    : file.elementType == ElementType::UInt16 ? PixelsOf<std::uint16_t>(bytes, file, n)
+                                                              : PixelsOf<float>(bytes, file, n);
   found["poses"] = poses.chain.empty() ? nb::none() : nb::object(PosesToArray(matrices));
   found["timestamps"] = allTimed ? nb::object(Owned(std::move(times), {n})) : nb::none();
   found["status"] = Owned(std::move(status), {n});

@@ -22,7 +22,7 @@ import xml.etree.ElementTree as ET
 
 BIGUS, MODULES = sys.argv[1], pathlib.Path(sys.argv[2])
 COMMANDS = {"BigusTrain": "train", "BigusSlice": "slice", "BigusVoxelize": "voxelize", "BigusPoses": "poses"}
-PROGRAM_OPTIONS = {"threads", "simd"}  # of the whole program, which modules have, too
+PROGRAM_OPTIONS = {"threads", "simd", "memory"}  # of the whole program, which modules have, too
 
 
 def run(program, *arguments):

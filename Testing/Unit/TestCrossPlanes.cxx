@@ -3,6 +3,7 @@
 // Power along a sweep, beside waves and noise whose power is known.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <vector>
@@ -163,4 +164,34 @@ TEST(CrossPlanes, AreScoredBesideLinearInterpolation)
   const auto black = [](const SlicePlane&, float*) {};
   EXPECT_FALSE(bigus::CrossPlaneScorer(*sweep, {0, 1, 2, 3, 4, 5, 6, 7}).Score(black));  // seven gaps
   EXPECT_FALSE(bigus::CrossPlaneScorer(*BlackSweep(20, 24, 16, 0.4, 0.8), frames).Score(black));
+}
+
+TEST(CrossPlanes, OfALongSweepTheMiddleIsLookedAt)
+{
+  const auto noise = [](int frames)
+  {
+    auto sweep = BlackSweep(frames, 12, 10, 0.4, 0.8);
+    bigus::test::Random random(7);
+    for (std::size_t p = 0; p < sweep->PixelsPerFrame() * frames; ++p)
+    {
+      bigus::test::Pixels(*sweep)[p] = static_cast<float>(random.Uniform(0.2, 0.8));
+    }
+    return sweep;
+  };
+  const auto sweep = noise(520);
+  std::vector<int> middle;
+  for (int frame = 60; frame < 460; ++frame)
+  {
+    middle.push_back(frame);
+  }
+  const auto fainter = [&](const SlicePlane& plane, float* image)
+  {
+    PredictPoseInterpolation(*sweep, middle, plane, image);
+    std::transform(image, image + plane.NumberOfPixels(), image, [](float pixel) { return 0.8f * pixel; });
+  };
+  const std::optional<CrossScores> all = bigus::CrossPlaneScorer(*sweep, AllFrames(*sweep)).Score(fainter);
+  const std::optional<CrossScores> part = bigus::CrossPlaneScorer(*sweep, middle).Score(fainter);
+  ASSERT_TRUE(all && part);
+  EXPECT_EQ(all->linear.within, part->linear.within);
+  EXPECT_EQ(all->detail, part->detail);
 }

@@ -24,8 +24,9 @@ constexpr int kWindow = kWindowGaps * kSamplesPerGap;  // pixels
 constexpr int kStride = kWindow / 2;
 constexpr int kNyquist = kWindowGaps / 2;  // index of the frequency 1 / (2 d)
 constexpr int kPlanesEach = 3;
-constexpr int kMostColumns = 128;   // columns are measured one by one; more of them say little more
-constexpr double kRounding = 1e-6;  // steps: a last pixel on the last frame stays
+constexpr int kMostColumns = 128;         // columns are measured one by one; more of them say little more
+constexpr std::size_t kMostFrames = 400;  // in a path of metres, planes along all of it would take hours
+constexpr double kRounding = 1e-6;        // steps: a last pixel on the last frame stays
 
 /// Hann's taper over a window, of mean square 1.
 std::array<double, kWindow> Taper()
@@ -162,8 +163,10 @@ std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uin
   return SumPowerAlong(picture, counted, width, height).Mean();
 }
 
-CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& frames)
+CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& given)
 {
+  const auto spare = static_cast<std::ptrdiff_t>(given.size() - std::min(given.size(), kMostFrames)) / 2;
+  const std::vector<int> frames(given.begin() + spare, given.end() - spare);
   const double gap = frames.size() < 2 ? 0 : MeasureGeometry(sweep, frames).medianSpacing;
   if (gap > 0)
   {

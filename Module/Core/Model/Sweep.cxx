@@ -13,6 +13,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/PixelMemory.h"
 
 namespace bigus
 {
@@ -116,12 +117,12 @@ Sweep Sweep::Reduced(int n) const
   }
 
   const std::size_t outPixels = out.PixelsPerFrame();
-  auto reduced = std::make_shared<std::vector<float>>(outPixels * NumberOfFrames());
+  const auto reduced = AllocatePixels<float>(outPixels * NumberOfFrames());
   tbb::parallel_for(0, NumberOfFrames(),
                     [&](int frame)
                     {
                       const std::size_t first = static_cast<std::size_t>(frame) * PixelsPerFrame();
-                      float* to = reduced->data() + static_cast<std::size_t>(frame) * outPixels;
+                      float* to = reduced.get() + static_cast<std::size_t>(frame) * outPixels;
                       if (pixelType == PixelType::UInt8)
                       {
                         const auto* from = static_cast<const std::uint8_t*>(pixels.get()) + first;
@@ -134,7 +135,7 @@ Sweep Sweep::Reduced(int n) const
                         ReduceFrame<float, double>(from, width, n, 1.0, out.width, out.height, to);
                       }
                     });
-  out.pixels = std::shared_ptr<const void>(reduced, reduced->data());
+  out.pixels = reduced;
 
   if (mask)
   {
@@ -162,12 +163,12 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
   out.pixelType = pixelType;
   out.mask = mask;
   const std::size_t frameBytes = PixelsPerFrame() * BytesPerPixel(pixelType);
-  auto bytes = std::make_shared<std::vector<unsigned char>>(frameBytes * frames.size());
+  const auto bytes = AllocatePixels<unsigned char>(frameBytes * frames.size());
   for (std::size_t k = 0; k < frames.size(); ++k)
   {
     CheckFrame(*this, frames[k]);
     const std::size_t frame = static_cast<std::size_t>(frames[k]);
-    std::memcpy(bytes->data() + k * frameBytes, static_cast<const unsigned char*>(pixels.get()) + frame * frameBytes,
+    std::memcpy(bytes.get() + k * frameBytes, static_cast<const unsigned char*>(pixels.get()) + frame * frameBytes,
                 frameBytes);
     out.imageToReference.push_back(imageToReference[frame]);
     if (!timestamps.empty())
@@ -175,7 +176,7 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
       out.timestamps.push_back(timestamps[frame]);
     }
   }
-  out.pixels = std::shared_ptr<const void>(bytes, bytes->data());
+  out.pixels = bytes;
   return out;
 }
 

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/PixelMemory.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Phantom/Aperture.h"
 #include "Core/Phantom/Echo.h"
@@ -103,10 +104,10 @@ std::vector<std::uint8_t> Phantom::Mask(const SlicePlane& plane) const
 Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
 {
   const std::size_t frameSize = static_cast<std::size_t>(options_.width) * options_.height;
-  std::shared_ptr<std::vector<std::uint8_t>> pixels;
+  std::shared_ptr<std::uint8_t> pixels;
   try
   {
-    pixels = std::make_shared<std::vector<std::uint8_t>>(frameSize * options_.frames);
+    pixels = AllocatePixels<std::uint8_t>(frameSize * options_.frames);
   }
   catch (const std::bad_alloc&)
   {
@@ -124,7 +125,7 @@ Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
       return {};
     }
     tbb::parallel_for(first, std::min(first + group, options_.frames),
-                      [&](int k) { Frame(TruePlane(k), pixels->data() + k * frameSize); });
+                      [&](int k) { Frame(TruePlane(k), pixels.get() + k * frameSize); });
   }
   if (progress && !progress(1.0))
   {
@@ -134,7 +135,7 @@ Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
   Sweep sweep;
   sweep.width = options_.width;
   sweep.height = options_.height;
-  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  sweep.pixels = pixels;
   sweep.imageToReference = poses_.recorded;
   sweep.timestamps = poses_.timestamps;
   if (options_.probe != ProbeKind::Linear)

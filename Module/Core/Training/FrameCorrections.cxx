@@ -7,6 +7,7 @@
 #include <functional>
 #include <numeric>
 
+#include "Core/Model/PixelMemory.h"
 #include "Core/Poses/Alignment.h"
 
 namespace bigus
@@ -130,15 +131,15 @@ void WithPixels(Sweep& sweep, const Sweep& recorded, const std::vector<int>& fra
                 const std::function<void(float*)>& change)
 {
   const std::size_t size = sweep.PixelsPerFrame();
-  auto pixels = std::make_shared<std::vector<float>>(size * sweep.imageToReference.size());
+  const auto pixels = AllocatePixels<float>(size * sweep.imageToReference.size());
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
-    float* image = pixels->data() + k * size;
+    float* image = pixels.get() + k * size;
     static_cast<std::size_t>(k) < frames.size() ? recorded.CopyFrame(frames[k], image) : sweep.CopyFrame(k, image);
   }
-  change(pixels->data());
+  change(pixels.get());
   sweep.pixelType = Sweep::PixelType::Float32;
-  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  sweep.pixels = pixels;
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "Core/Model/PixelMemory.h"
 #include "Core/Training/GeometryDefaults.h"
 
 namespace bigus
@@ -75,7 +76,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   {
     using Pixel = decltype(zero);
     const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
-    auto values = std::make_shared<std::vector<Pixel>>(pixels * planes);
+    const auto values = AllocatePixels<Pixel>(pixels * planes);
     for (std::size_t first = 0; first < planes; first += kPlanesAtOnce)
     {
       if (goOn && !goOn(static_cast<double>(first) / static_cast<double>(planes)))
@@ -86,7 +87,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
           first, std::min(first + kPlanesAtOnce, planes),
           [&](std::size_t k)
           {
-            Pixel* to = values->data() + k * pixels;
+            Pixel* to = values.get() + k * pixels;
             if (k < frames.size())
             {
               std::copy_n(recorded + frames[k] * pixels, pixels, to);
@@ -102,7 +103,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
                            });
           });
     }
-    out->pixels = std::shared_ptr<const void>(values, values->data());
+    out->pixels = values;
     return true;
   };
   const bool isDone = sweep.pixelType == Sweep::PixelType::UInt8 ? fill(std::uint8_t(0)) : fill(0.0f);
