@@ -239,6 +239,13 @@ void FreePixels(void* pixels) noexcept
   PixelBlocks::Get().Free(pixels);
 }
 
+void PrefetchPixels(const void* pixels, std::size_t bytes) noexcept
+{
+  const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = reinterpret_cast<std::uintptr_t>(pixels) / page * page;
+  madvise(reinterpret_cast<void*>(first), reinterpret_cast<std::uintptr_t>(pixels) + bytes - first, MADV_WILLNEED);
+}
+
 std::uint64_t PixelBytesInFiles()
 {
   return PixelBlocks::Get().BytesInFiles();

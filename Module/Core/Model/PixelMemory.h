@@ -28,6 +28,9 @@ std::shared_ptr<Pixel> AllocatePixels(std::size_t count)
   return std::shared_ptr<Pixel>(static_cast<Pixel*>(NewPixels(count * sizeof(Pixel))), FreePixels);
 }
 
+/// Begins to fetch pixels that lie in a file and will be read soon; of others nothing happens.
+void PrefetchPixels(const void* pixels, std::size_t bytes) noexcept;
+
 /// Bytes of the blocks that lie in files.
 std::uint64_t PixelBytesInFiles();
 

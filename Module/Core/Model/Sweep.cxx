@@ -88,6 +88,16 @@ void Sweep::CopyFrame(int frame, float* image) const
   std::transform(in, in + n, image, [](std::uint8_t p) { return static_cast<float>(p) / 255.0f; });
 }
 
+void Sweep::Prefetch(const std::vector<int>& frames) const
+{
+  const std::size_t bytes = PixelsPerFrame() * BytesPerPixel(pixelType);
+  for (const int frame : frames)
+  {
+    CheckFrame(*this, frame);
+    PrefetchPixels(static_cast<const unsigned char*>(pixels.get()) + static_cast<std::size_t>(frame) * bytes, bytes);
+  }
+}
+
 Sweep Sweep::Reduced(int n) const
 {
   if (n < 1 || n > width || n > height)

@@ -41,6 +41,9 @@ struct Sweep
   /// The frame's intensities in [0, 1]; `image` has PixelsPerFrame() elements.
   void CopyFrame(int frame, float* image) const;
 
+  /// Begins to fetch frames that will be read soon, where they lie in a file (PixelMemory.h).
+  void Prefetch(const std::vector<int>& frames) const;
+
   /// Box-averages n x n pixels (a partial block at the right or lower edge is dropped); poses follow, so that the new
   /// pixel (0, 0) lies at the centre of the first block. Pixels become float: no second rounding. n >= 1.
   /// A reduced pixel counts as lit when any of its pixels was. n = 1 gives the sweep as it is, pixels shared.

@@ -13,6 +13,7 @@
 #include "Core/Engine/FieldState.h"
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Metrics/Metrics.h"
+#include "Core/Model/PixelMemory.h"
 #include "Core/Training/FrameCorrections.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/VirtualPlanes.h"
@@ -717,6 +718,10 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
       Correct(course.corrected);
     }
     const std::vector<int> batch = batches.Next();
+    if (PixelBytesInFiles() > 0)
+    {
+      targetSweep_->Prefetch(Batches(batches).Next());  // the batch after this one
+    }
     course.passes += static_cast<double>(batch.size()) / static_cast<double>(targets_.size());
     const double decay = Decay(plan_.finalRate, fraction, course.passes);
     const double steps = plan_.timeLimit > 0 && fraction > 0 ? std::min<double>(plan_.iterations, iteration / fraction)
