@@ -54,4 +54,6 @@ cmake -S "$source_folder" -B "$folder/build" -G Ninja -DCMAKE_BUILD_TYPE=Release
 cmake --build "$folder/build" ${JOBS:+--parallel "$JOBS"}
 [ $# -gt 0 ] || set -- -L 'io|fuzz|filters|regression|command|install|python'
 cd "$folder/build"
-ctest --output-on-failure "$@"
+# Installed programs know their own libraries' folder, but not the wheel's.
+libraries=$(find "$sdk" -name 'libvtk*.so*' -print -quit)
+LD_LIBRARY_PATH=$(dirname "$libraries")${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} ctest --output-on-failure "$@"
