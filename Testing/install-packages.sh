@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
 # Installs what building, testing and drawing need on Debian 12; asks apt only for what is missing. With --checks also
-# what checks the code itself.
+# what checks the code itself and builds the site.
 set -euo pipefail
 
 packages=(
@@ -15,7 +15,10 @@ packages=(
   libgtest-dev xvfb libgl1-mesa-dri                  # tests
   libbenchmark-dev                                   # benchmarks
 )
-[[ ${1:-} != --checks ]] || packages+=(clang clang-format clang-tidy)
+[[ ${1:-} != --checks ]] || packages+=(
+  clang clang-format clang-tidy
+  doxygen python3-sphinx python3-myst-parser furo  # the site of all pages
+)
 
 missing=()
 for package in "${packages[@]}"; do
