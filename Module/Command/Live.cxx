@@ -157,6 +157,13 @@ ExitCode Live(Console& console, Options options)
   {
     throw Error("--hold-out needs a sequence that is replayed; frames that arrive are all followed.");
   }
+  const SequenceOptions& sequence = options.source.sequence;
+  if (!isReplayed && (sequence.reduce > 1 || !sequence.clipRectangle.empty() || !sequence.clipFan.empty()))
+  {
+    throw Error(
+        "--reduce and --clip-... need a sequence that is replayed; frames that arrive are taken as they are. Have "
+        "the sender make them smaller, or cut them.");
+  }
   if (isServer)
   {
     IgtAddress::Parse(path);

@@ -276,6 +276,10 @@ class Messages(InFolder):
             self.assertIn(says, result.stderr)
         result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "none.vtp", "--hold-out", 4)
         self.assertIn("--hold-out", result.stderr)
+        for option in (["--reduce", 2], ["--clip-rectangle", 0, 0, 8, 8]):  # rather than to look past it
+            result = run("live", f"igtl://127.0.0.1:{port}", "-o", self.folder / "none.vtp", *option)
+            self.assertEqual(result.returncode, 2)
+            self.assertIn("need a sequence that is replayed", result.stderr)
         self.assertFalse((self.folder / "none.vtp").exists())
 
     def test_another_implementation(self):
