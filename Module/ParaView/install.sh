@@ -21,15 +21,18 @@ done_with() {
   echo "$1: $((SECONDS / 60)) min $((SECONDS % 60)) s after the start"
 }
 
-as_root=()
-if ((EUID != 0)); then
-  as_root=(sudo)
-  command -v sudo >/dev/null || as_root=(false)  # told below, and only where something is missing
-fi
-if ! apt-cache show paraview >/dev/null 2>&1; then
-  "${as_root[@]}" apt-get -qq update
-fi
+as_root() {
+  if ((EUID == 0)); then
+    "$@"
+  elif command -v sudo >/dev/null; then
+    sudo "$@"
+  else
+    echo "There is no sudo; run this as root, and then the script again: $*" >&2
+    return 1
+  fi
+}
 
+apt-cache show paraview >/dev/null 2>&1 || as_root apt-get -qq update
 if [[ ! -x $paraview/bin/pvpython ]]; then
   packages=$(mktemp -d)
   trap 'rm -rf "$packages"' EXIT
@@ -48,12 +51,8 @@ needs=$(paste -sd, "$folder/needs"),$(IFS=,; echo "${build_packages[*]}")
 missing=$(apt-get -s --no-install-recommends satisfy "$needs" | sed -n 's/^Inst \([^ ]*\).*/\1/p')
 if [[ -n $missing ]]; then
   echo "Installing $(wc -l <<<"$missing") packages"
-  if ! "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-remove --no-install-recommends \
-      -o Dpkg::Use-Pty=0 satisfy "$needs" >/dev/null; then
-    echo "These packages are missing, and installing them failed; run this script as root or with sudo:" >&2
-    echo "$missing" | paste -sd' ' >&2
-    exit 1
-  fi
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-remove --no-install-recommends \
+    -o Dpkg::Use-Pty=0 satisfy "$needs" >/dev/null
 fi
 done_with "Packages are there"
 
