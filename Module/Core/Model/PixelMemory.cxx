@@ -241,9 +241,10 @@ void FreePixels(void* pixels) noexcept
 
 void PrefetchPixels(const void* pixels, std::size_t bytes) noexcept
 {
-  const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
-  const auto first = reinterpret_cast<std::uintptr_t>(pixels) / page * page;
-  madvise(reinterpret_cast<void*>(first), reinterpret_cast<std::uintptr_t>(pixels) + bytes - first, MADV_WILLNEED);
+  const std::size_t before =
+      reinterpret_cast<std::uintptr_t>(pixels) % static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  auto* const page = const_cast<char*>(static_cast<const char*>(pixels) - before);  // madvise does not write
+  madvise(page, bytes + before, MADV_WILLNEED);
 }
 
 std::uint64_t PixelBytesInFiles()
