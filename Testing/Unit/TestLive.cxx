@@ -72,7 +72,7 @@ TEST(Live, AFieldThatFollowedTheProbeShowsFramesItHasNotSeen)
   const double live = bigus::ScoreField(training.Field(), *sweep, heldOut, "reference").psnr;
   EXPECT_GT(live, bigus::ScoreBaselines(*sweep, frames, heldOut).nearest.psnr);
 
-  const bigus::TrainingResult finished = training.Finish(600).training;  // ends when all its steps are taken
+  const bigus::TrainingResult finished = training.Finish(60).training;  // ends when all its steps are taken
   EXPECT_GT(bigus::ScoreField(finished.field, *sweep, heldOut, "reference").psnr, live);
   EXPECT_EQ(training.NumberOfGaussians(), finished.field.Size());
 }
