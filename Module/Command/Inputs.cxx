@@ -459,19 +459,24 @@ std::string TrainedPoses(vtkPolyData* field)
   return GetProvenance(field, "poses");
 }
 
-std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain)
+PoseOptions PoseOptionsOf(const PoseChain& chain)
 {
-  ImageOptions images;
-  images.wanted = false;
   PoseOptions options;
   options.fromFrame = chain.from;
   options.toFrame = chain.to;
   options.configFileName = chain.config;
   options.assumeMissingStatusOK = chain.assumeStatus;
+  return options;
+}
+
+std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain)
+{
+  ImageOptions images;
+  images.wanted = false;
   PoseTable table;
   try
   {
-    ResolvePoses(ReadSequenceFile(path, images), options, table);
+    ResolvePoses(ReadSequenceFile(path, images), PoseOptionsOf(chain), table);
   }
   catch (const Error&)
   {

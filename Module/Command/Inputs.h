@@ -11,6 +11,7 @@
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
+#include "IO/Poses.h"
 #include "vtkSmartPointer.h"
 
 class vtkBigusSequenceReader;
@@ -109,6 +110,8 @@ vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& con
 GaussianField ReadField(const std::string& path, Console& console);
 /// What was done to the poses that the field was trained at; empty where it does not say.
 std::string TrainedPoses(vtkPolyData* field);
+/// What the command line says of transforms, as the parsers take it.
+PoseOptions PoseOptionsOf(const PoseChain& chain);
 /// A checksum of a file's poses, as hexadecimal digits: it tells a sweep again without its name. Empty for a file that is
 /// neither a sequence nor a CSV of poses.
 std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain);

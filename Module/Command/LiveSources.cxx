@@ -63,11 +63,6 @@ double Quantile(std::vector<double> values, double q)
 std::optional<Eigen::Matrix4d> PoseByFields(const PoseChain& chain, const std::string& name, const Fields& fields,
                                             int width, int height)
 {
-  PoseOptions options;
-  options.fromFrame = chain.from;
-  options.toFrame = chain.to;
-  options.configFileName = chain.config;
-  options.assumeMissingStatusOK = chain.assumeStatus;
   SequenceFile sequence;
   sequence.fileName = name;
   sequence.width = width;
@@ -77,7 +72,7 @@ std::optional<Eigen::Matrix4d> PoseByFields(const PoseChain& chain, const std::s
   PoseTable table;
   try
   {
-    ResolvePoses(sequence, options, table);
+    ResolvePoses(sequence, PoseOptionsOf(chain), table);
   }
   catch (const FileError&)
   {

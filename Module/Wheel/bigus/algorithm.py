@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import weakref
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, NamedTuple, Optional, Sequence
 
 import numpy as np
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
@@ -20,13 +20,23 @@ from .vtkdata import texts_to_vtk, to_vtk
 NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
 
 
+class Clamped(NamedTuple):
+    """The default of a whole number that stays between two others, as by vtkSetClampMacro."""
+
+    value: int
+    low: int
+    high: int
+
+
 def properties(**defaults: Any) -> Callable[[type], type]:
     """Adds Set<Name> and Get<Name> for every name, and <Name>On and <Name>Off for switches; None is an open default."""
 
     def add(cls: type, name: str, default: Any) -> None:
         def setter(self: Any, *values: Any) -> None:
             value = values[0] if len(values) == 1 else values
-            if isinstance(default, tuple):
+            if isinstance(default, Clamped):
+                value = min(max(int(value), default.low), default.high)
+            elif isinstance(default, tuple):
                 value = tuple(type(default[0])(v) for v in value)
                 if len(value) != len(default):
                     raise TypeError(f"{name} is {len(default)} numbers, not {len(value)}")
@@ -53,7 +63,8 @@ def properties(**defaults: Any) -> Callable[[type], type]:
                 setattr(cls, method, function)
 
     def decorate(cls: type) -> type:
-        cls.defaults = {**getattr(cls, "defaults", {}), **defaults}
+        plain = {name: default.value if isinstance(default, Clamped) else default for name, default in defaults.items()}
+        cls.defaults = {**getattr(cls, "defaults", {}), **plain}
         for name, default in defaults.items():
             add(cls, name, default)
         return cls

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonTransforms import vtkAbstractTransform, vtkHomogeneousTransform
 
 from . import _core
-from .algorithm import NO_ERROR, Algorithm, matrix_of, properties
+from .algorithm import NO_ERROR, Algorithm, Clamped, matrix_of, properties
 from .vtkdata import field_of_polydata, polydata_of_field, to_vtk
 
 __all__ = ["vtkBigusFieldTensors", "vtkBigusTransformField"]
@@ -69,7 +69,7 @@ class vtkBigusTransformField(Algorithm):
         return moved
 
 
-@properties(Tensor=0)
+@properties(Tensor=Clamped(0, 0, 1))
 class vtkBigusFieldTensors(Algorithm):
     """Gives a field the tensors that VTK's glyph filters ask for: R diag(s) R^T, or the covariance R diag(s^2) R^T."""
 
@@ -77,12 +77,6 @@ class vtkBigusFieldTensors(Algorithm):
 
     def __init__(self) -> None:
         super().__init__(("vtkPolyData",), ("vtkPolyData",))
-
-    def SetTensor(self, tensor: int) -> None:
-        tensor = min(max(int(tensor), self.StandardDeviation), self.Covariance)
-        if self._values["Tensor"] != tensor:
-            self._values["Tensor"] = tensor
-            self.Modified()
 
     def SetTensorToStandardDeviation(self) -> None:
         self.SetTensor(self.StandardDeviation)

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandD
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core
-from .algorithm import NO_ERROR, Algorithm, matrix_of, properties, table_of, want_all
+from .algorithm import NO_ERROR, Algorithm, Clamped, matrix_of, properties, table_of, want_all
 from .vtkdata import image_of_sweep, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
 __all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"]
@@ -28,7 +28,8 @@ def _keyword(name: str) -> str:
 
 
 @properties(
-    Probe=0, Scene=0, Seed=1, NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2, ProbeRadius=0.0, HalfAngle=0.0,
+    Probe=Clamped(0, 0, 2), Scene=Clamped(0, 0, 2), Seed=1, NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2,
+    ProbeRadius=0.0, HalfAngle=0.0,
     Frequency=5.0, AxialSigma=0.2, LateralSigma=0.4, ElevationSigma=0.8, ScattererDensity=40.0, Attenuation=0.5,
     DynamicRange=50.0, WhiteLevel=24.0, FrameSpacing=0.5, SpeedVariation=0.4, Tilt=3.0, Wander=0.5, SweepAngle=0.0,
     FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0, TrackingDrift=0.0,
@@ -43,17 +44,6 @@ class vtkBigusPhantomSource(Algorithm):
 
     def __init__(self) -> None:
         super().__init__((), ("vtkImageData",))
-
-    def SetProbe(self, probe: int) -> None:
-        self._set("Probe", min(max(int(probe), self.LINEAR), self.SECTOR))
-
-    def SetScene(self, scene: int) -> None:
-        self._set("Scene", min(max(int(scene), self.ORGAN), self.POINTS))
-
-    def _set(self, name: str, value: int) -> None:
-        if self._values[name] != value:
-            self._values[name] = value
-            self.Modified()
 
     def SetProbeToLinear(self) -> None:
         self.SetProbe(self.LINEAR)
@@ -197,17 +187,12 @@ class vtkBigusPoseCorrection(Algorithm):
         data.AddArray(array)
 
 
-@properties(FrameStride=1)
+@properties(FrameStride=Clamped(1, 1, 2**31 - 1))
 class vtkBigusSweepOutline(Algorithm):
     """The outlines of a sweep's frames (output 0) and the probe's path (output 1), as lines."""
 
     def __init__(self) -> None:
         super().__init__(("vtkImageData",), ("vtkPolyData", "vtkPolyData"))
-
-    def SetFrameStride(self, stride: int) -> None:
-        if self._values["FrameStride"] != max(1, int(stride)):
-            self._values["FrameStride"] = max(1, int(stride))
-            self.Modified()
 
     def GetPathOutputPort(self) -> Any:
         return self.GetOutputPort(1)
