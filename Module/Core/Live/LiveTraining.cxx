@@ -38,10 +38,12 @@ constexpr std::size_t kPlanesOfFrame = 2;
 /// and all others worse, with twice it is the other way round.
 constexpr double kRecent = 16 * kPlanesOfFrame;
 
-/// Its own updates, after which a Gaussian's steps are as short as at the end of a training. Without it new frames
+/// Its own updates, after which a Gaussian's steps are short. Without it new frames
 /// disturb what the Gaussians that they share with older ones have learned: the oldest frames of the liver sweep fall
 /// from 36 to 28 dB.
 constexpr double kUpdatesToSettle = 120;
+/// What steps are left then. There is no mean of fields here that takes their jitter out.
+constexpr double kSettledStep = 0.05;
 /// No step of a Gaussian is shorter than by this.
 constexpr double kLeastStep = 0.02;
 
@@ -250,7 +252,7 @@ void LiveTraining::Absorb()
   if (shape_->rates.mean == 0)
   {
     shape_->rates = FirstRates(shape_->plan, field);
-    shape_->rates.settling = -std::log(shape_->plan.finalRate) / kUpdatesToSettle;
+    shape_->rates.settling = -std::log(kSettledStep) / kUpdatesToSettle;
     shape_->rates.settled = kLeastStep;
   }
 }

@@ -14,6 +14,7 @@
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/PixelMemory.h"
+#include "Core/Training/FieldAverage.h"
 #include "Core/Training/FrameCorrections.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/VirtualPlanes.h"
@@ -150,6 +151,12 @@ constexpr double kCoarseScale = 0.5;
 /// small; in long training they jitter. Held-out PSNR of the liver sweep (half, 100,000 Gaussians), whole steps, halves
 /// and quarters: 38.01, 38.32 and 38.53 dB with 153 steps, 42.45, 42.59 and 42.56 with 1376, 43.31 and 43.22 with 3670.
 constexpr double kQuarteredSteps = 500, kHalvedSteps = 2000;
+
+/// The end of training that the field is averaged over, and how many fields of it are. A step of Adam jitters by its
+/// rate, which the mean does not, so rates need not fall as far. PSNR of a liver volume of 64 slices with 250, 1000 and
+/// 4000 steps: 45.84, 49.23 and 51.93 dB without a mean and rates that fall to 5 %; 46.57, 49.86 and 52.15 like this.
+constexpr double kAveragedFrom = 0.9;
+constexpr double kAveragedFields = 20;
 
 /// When frames' gains and poses are found, as fractions of training: once the field says more than one frame does, and
 /// again when it is better.
@@ -318,7 +325,8 @@ struct TrainingLoop::Course
   std::vector<TrainingRecord> log;
   std::optional<GaussianField> best;  ///< on the validation frames
   double bestPsnr = 0;
-  int sinceBest = 0;  ///< evaluations
+  int sinceBest = 0;     ///< evaluations
+  FieldAverage average;  ///< of the last part
 
   /// Notes what the validation frames say of the engine's field. False when `patience` evaluations in a row were no
   /// better than the best.
@@ -622,9 +630,16 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   }
   course.bestPsnr = LoadPsnr(from);
   course.sinceBest = from.NumberIn(0, plan_.patience);
+  course.average.count = from.NumberIn(0, course.iteration);
+  if (course.average.count > 0)
+  {
+    course.average.mean = LoadField(from);
+  }
   engine_->LoadState(from);
   from.End();
   StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->Size() > 0), "a field of no Gaussian");
+  StateReader::Require(course.average.count == 0 || course.average.mean.Size() == engine_->FieldSize(),
+                       "the average of another field");
   if (isFirstStage)
   {
     TargetFrames(course.coarseness);
@@ -671,6 +686,11 @@ void TrainingLoop::Save(const Course& course, StateWriter& to) const
   }
   SavePsnr(course.bestPsnr, to);
   to.Number(course.sinceBest);
+  to.Number(course.average.count);
+  if (course.average.count > 0)
+  {
+    SaveField(course.average.mean, to);
+  }
   engine_->SaveState(to);
 }
 
@@ -734,6 +754,11 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     {
       Restructure(densification);
     }
+    const auto interval = std::max(1L, std::lround((1 - kAveragedFrom) * steps / kAveragedFields));
+    if (fraction >= kAveragedFrom && iteration % interval == 0)
+    {
+      course.average.Add(engine_->GetField());
+    }
 
     TrainingRecord& line = report_.record;
     line.iteration = iteration;
@@ -771,6 +796,14 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   if (keeping_.keep && !isFinished && course.iteration > 0)
   {
     keeping_.keep(save);
+  }
+  if (course.average.count > 0)
+  {
+    engine_->SetField(course.average.mean);
+    if (course.best)
+    {
+      course.Note(FieldPsnr(*engine_, *sweep_, validationFrames), *engine_, plan_.patience);
+    }
   }
 
   Fitted fitted;
