@@ -86,6 +86,18 @@ Split ReadSplit(const Json& description, int count)
       add(frame % step == 0, frame);
     }
   }
+  else if (fields.Has("first"))
+  {
+    const int wanted = fields.Required<int>("first");
+    if (wanted < 2 || wanted >= count)
+    {
+      throw Error("frames: 'first' must be 2 to " + std::to_string(count - 1) + ".");
+    }
+    for (int frame = 0; frame < count; ++frame)
+    {
+      add(frame < wanted, frame);
+    }
+  }
   else if (fields.Has("spread"))
   {
     // So many, evenly spread from the first to the last.
