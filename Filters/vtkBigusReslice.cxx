@@ -422,6 +422,11 @@ vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
   return vtkImageStencilData::SafeDownCast(this->GetOutputDataObject(2));
 }
 
+void vtkBigusReslice::SetStencilOutput(vtkImageStencilData* stencil)
+{
+  this->GetExecutive()->SetOutputData(2, stencil);
+}
+
 //------------------------------------------------------------------------------
 // Pipeline
 
