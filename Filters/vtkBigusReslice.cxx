@@ -21,6 +21,7 @@
 #include "vtkInformationVector.h"
 #include "vtkMath.h"
 #include "vtkMatrix4x4.h"
+#include "vtkNew.h"
 #include "vtkObjectFactory.h"
 
 vtkStandardNewMacro(vtkBigusReslice);
@@ -424,7 +425,12 @@ vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
 
 void vtkBigusReslice::SetStencilOutput(vtkImageStencilData* stencil)
 {
-  this->GetExecutive()->SetOutputData(2, stencil);
+  if (stencil != this->GetStencilOutput())
+  {
+    vtkNew<vtkImageStencilData> own;  // which the pipeline cannot make by itself
+    this->GetExecutive()->SetOutputData(2, stencil ? stencil : own.Get());
+    this->Modified();
+  }
 }
 
 //------------------------------------------------------------------------------
