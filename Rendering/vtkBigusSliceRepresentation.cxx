@@ -32,7 +32,7 @@ namespace
 constexpr double kArrow = 0.3;       // length of the normal's arrow as a share of the slice's shorter side
 constexpr double kHandlePixels = 5;  // radius of the ball
 constexpr double kAim = 0.8;         // of a picture's time that is planned with, because some take longer than most
-constexpr double kLeastShare = 0.1;  // of a picture's time, for the slice, however long the rest takes
+constexpr double kLeastShare = 0.2;  // of a picture's time, for the slice; with less it is coarser and hardly faster
 constexpr double kRise = 0.5;        // weight of a picture that took longer than those before, all but the slice
 constexpr double kFall = 0.1;        // and of one that took less, so that the estimate stays above the mean
 constexpr double kFacing = 0.95;     // cosine from which a plane counts as seen from its front (18 degrees)

@@ -160,7 +160,7 @@ public:
   ///@{
   /**
    * Tells how long the last picture took altogether, s. What is left of 0.8 times a picture's time after all but the slice
-   * is the slice's budget, at least a tenth. The widget calls it. Then: whether the next pictures are coarse (true) or exact.
+   * is the slice's budget, at least a fifth. The widget calls it. Then: whether the next pictures are coarse (true) or exact.
    */
   void SetPictureSeconds(double seconds);
   void SetMoving(bool moving);
