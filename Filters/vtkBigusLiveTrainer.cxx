@@ -8,7 +8,7 @@
 #include <cmath>
 #include <exception>
 #include <future>
-#include <vector>
+#include <limits>
 
 #include "Core/Deciding/Provenance.h"
 #include "Core/Live/LiveSession.h"
@@ -17,6 +17,7 @@
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
+#include "PipelineSupport.h"
 #include "vtkErrorCode.h"
 #include "vtkImageData.h"
 #include "vtkInformation.h"
@@ -25,6 +26,7 @@
 #include "vtkMatrix4x4.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
 
 vtkStandardNewMacro(vtkBigusLiveTrainer);
 
@@ -36,6 +38,17 @@ constexpr int kTogether = 16;
 
 /// How often the pipeline hears of a training that runs on another thread.
 constexpr std::chrono::milliseconds kReport(50);
+
+/// When frames were taken, s; without timestamps each a second after the one before, the first after `last`.
+std::vector<double> TimesOf(const bigus::Sweep& sweep, double last)
+{
+  std::vector<double> times = sweep.timestamps;
+  while (times.size() < static_cast<std::size_t>(sweep.NumberOfFrames()))
+  {
+    times.push_back(last += 1);
+  }
+  return times;
+}
 
 Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
 {
@@ -79,7 +92,7 @@ bigus::LiveFrame ToFrame(vtkImageData* image, const Eigen::Matrix4d& imageToRefe
 
 vtkBigusLiveTrainer::vtkBigusLiveTrainer()
 {
-  this->SetNumberOfInputPorts(0);
+  this->SetNumberOfInputPorts(1);
   this->SetEngine("auto");
 }
 
@@ -132,31 +145,43 @@ bool vtkBigusLiveTrainer::AddFrame(vtkImageData* image, vtkMatrix4x4* imageToRef
   }
 }
 
+/// Frames `first` to `last - 1`, when none of them waits any more, or as many as `goOn`, told how far it is, agrees to.
+/// Returns how many.
+int vtkBigusLiveTrainer::HandOver(const bigus::Sweep& sweep, const std::vector<double>& times, int first, int last,
+                                  const std::function<bool(double)>& goOn)
+{
+  bigus::LiveSession& session = this->Session();
+  std::vector<float> intensities(sweep.PixelsPerFrame());
+  for (int begin = first; begin < last; begin += kTogether)
+  {
+    if (goOn && !goOn(static_cast<double>(begin - first) / (last - first)))
+    {
+      return begin - first;
+    }
+    for (int k = begin; k < std::min(begin + kTogether, last); ++k)
+    {
+      bigus::LiveFrame frame;
+      frame.width = sweep.width;
+      frame.height = sweep.height;
+      frame.imageToReference = sweep.imageToReference[k];
+      frame.timestamp = this->LastTime = times[k];
+      sweep.CopyFrame(k, intensities.data());
+      frame.pixels.resize(intensities.size());
+      std::transform(intensities.begin(), intensities.end(), frame.pixels.begin(),
+                     [](float value) { return static_cast<std::uint8_t>(std::lround(255 * value)); });
+      session.Add(std::move(frame));
+    }
+    session.Wait();
+  }
+  return last - first;
+}
+
 bool vtkBigusLiveTrainer::AddSweep(vtkImageData* image)
 {
   try
   {
     const std::shared_ptr<const bigus::Sweep> sweep = bigus::SweepFromImage(image).sweep;
-    bigus::LiveSession& session = this->Session();
-    std::vector<float> intensities(sweep->PixelsPerFrame());
-    for (int k = 0; k < sweep->NumberOfFrames(); ++k)
-    {
-      bigus::LiveFrame frame;
-      frame.width = sweep->width;
-      frame.height = sweep->height;
-      frame.imageToReference = sweep->imageToReference[k];
-      frame.timestamp = sweep->timestamps.empty() ? this->LastTime + 1 : sweep->timestamps[k];
-      this->LastTime = frame.timestamp;
-      sweep->CopyFrame(k, intensities.data());
-      frame.pixels.resize(intensities.size());
-      std::transform(intensities.begin(), intensities.end(), frame.pixels.begin(),
-                     [](float value) { return static_cast<std::uint8_t>(std::lround(255 * value)); });
-      session.Add(std::move(frame));
-      if (k % kTogether == kTogether - 1 || k + 1 == sweep->NumberOfFrames())
-      {
-        session.Wait();
-      }
-    }
+    this->HandOver(*sweep, TimesOf(*sweep, this->LastTime), 0, sweep->NumberOfFrames());
     return true;
   }
   catch (const std::exception& error)
@@ -194,24 +219,109 @@ bool vtkBigusLiveTrainer::RenderSlice(vtkMatrix4x4* imageToReference, int width,
   }
 }
 
-void vtkBigusLiveTrainer::Reset()
+void vtkBigusLiveTrainer::EndSession()
 {
   this->Live.reset();
   this->LastTime = 0;
+  this->HandedFrames = 0;
+}
+
+void vtkBigusLiveTrainer::Reset()
+{
+  this->EndSession();
   this->Modified();
 }
 
-int vtkBigusLiveTrainer::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+//------------------------------------------------------------------------------
+// The pipeline
+
+int vtkBigusLiveTrainer::FillInputPortInformation(int, vtkInformation* info)
 {
-  vtkPolyData* output = vtkPolyData::GetData(outputs);
+  info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), "vtkImageData");
+  info->Set(vtkAlgorithm::INPUT_IS_OPTIONAL(), 1);
+  return 1;
+}
+
+int vtkBigusLiveTrainer::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+{
+  vtkInformation* info = outputs->GetInformationObject(0);
+  info->Remove(vtkStreamingDemandDrivenPipeline::TIME_STEPS());
+  info->Remove(vtkStreamingDemandDrivenPipeline::TIME_RANGE());
+  if (this->GetNumberOfInputConnections(0) == 0)
+  {
+    return 1;
+  }
+  try
+  {
+    // Times are data of the sweep, so they are known once it is there.
+    int port = 0;
+    this->GetInputAlgorithm(0, 0, port)->Update(port);
+    vtkImageData* input = vtkImageData::SafeDownCast(this->GetInputDataObject(0, 0));
+    std::vector<double> times = TimesOf(*bigus::SweepFromImage(input).sweep, -1);
+    std::sort(times.begin(), times.end());
+    times.erase(std::unique(times.begin(), times.end()), times.end());
+    const double range[2] = {times.front(), times.back()};
+    info->Set(vtkStreamingDemandDrivenPipeline::TIME_STEPS(), times.data(), static_cast<int>(times.size()));
+    info->Set(vtkStreamingDemandDrivenPipeline::TIME_RANGE(), range, 2);
+  }
+  catch (const bigus::Error&)
+  {
+    // What is no sweep has no times. RequestData says what is wrong.
+  }
+  return 1;
+}
+
+int vtkBigusLiveTrainer::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
+{
+  bigus::RequestWholeInput(inputs[0]);
+  return 1;
+}
+
+/// Hands over what the input has up to a time and the session has not had. True when that is all of it.
+bool vtkBigusLiveTrainer::FollowInput(vtkImageData* input, double until)
+{
+  const std::shared_ptr<const bigus::Sweep> sweep = bigus::SweepFromImage(input).sweep;
+  const std::vector<double> times = TimesOf(*sweep, -1);
+  const auto end = std::find_if(times.begin(), times.end(), [until](double time) { return time > until; });
+  const int last = static_cast<int>(end - times.begin());
+  const Options options = {this->Engine ? this->Engine : "", this->Seed, this->Window, this->MaximumFrames,
+                           this->MaximumGaussians};
+  if (last < this->HandedFrames || input->GetMTime() != this->InputTime || options != this->UsedOptions)
+  {
+    this->EndSession();
+    this->InputTime = input->GetMTime();
+    this->UsedOptions = options;
+  }
+  this->HandedFrames += this->HandOver(*sweep, times, this->HandedFrames, last,
+                                       [this](double share) { return bigus::ReportProgress(this, share); });
+  return this->HandedFrames == static_cast<int>(times.size());
+}
+
+int vtkBigusLiveTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
+{
+  vtkInformation* info = outputs->GetInformationObject(0);
+  vtkPolyData* output = vtkPolyData::GetData(info);
+  vtkImageData* input = vtkImageData::GetData(inputs[0], 0);
   output->Initialize();
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
+    bool isComplete = true;
+    if (input)
+    {
+      double time = std::numeric_limits<double>::infinity();
+      if (info->Has(vtkStreamingDemandDrivenPipeline::UPDATE_TIME_STEP()))
+      {
+        time = info->Get(vtkStreamingDemandDrivenPipeline::UPDATE_TIME_STEP());
+        output->GetInformation()->Set(vtkDataObject::DATA_TIME_STEP(), time);
+      }
+      isComplete = this->FollowInput(input, time);
+    }
     bigus::LiveSession& session = this->Session();
-    if (this->FinishTime <= 0)
+    if (this->FinishTime <= 0 || !isComplete)
     {
       bigus::FieldToPolyData(session.Field(), output);
+      bigus::KeepOutput(this);
       return 1;
     }
     // Observers are told on the caller's thread, which waits for the session's.
@@ -243,6 +353,10 @@ int vtkBigusLiveTrainer::RequestData(vtkInformation*, vtkInformationVector**, vt
   catch (const std::exception& error)
   {
     output->Initialize();
+    if (input)
+    {
+      this->EndSession();  // so that the next update begins anew
+    }
     vtkErrorMacro(<< error.what());
     this->SetErrorCode(vtkErrorCode::UserError);
     return 0;

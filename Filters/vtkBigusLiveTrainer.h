@@ -4,8 +4,8 @@
  * @class   vtkBigusLiveTrainer
  * @brief   A Gaussian field that follows the probe
  *
- * Frames are handed over one by one, or a sweep at a time, by AddFrame and AddSweep, which return at once. A thread of its
- * own trains on them. Update() gives the field so far, as vtkBigusTrainer's output; it has no point before the eighth frame
+ * Frames are handed over one by one, or a sweep at a time, by AddFrame and AddSweep. A thread of its own trains on them.
+ * Update() gives the field so far, as vtkBigusTrainer's output; it has no point before the eighth frame
  * that shows anything. RenderSlice gives a picture at any plane at any moment, without a copy of the field.
  *
  * With FinishTime above 0 the update first trains on all frames together for so many seconds, with the tracker's noise
@@ -16,17 +16,25 @@
  * vtkWindowToImageFilter, to get it as it is now. Equal frames do not give equal bits, because how much is learned between
  * two of them is a matter of time.
  *
+ * A sweep may be connected as input instead (optional), for programs that play one, such as ParaView. Its frames' times
+ * are the output's time steps, and an update hands over the frames up to the time that it is for, all where none is asked
+ * for. An earlier time, another sweep or a changed option begins anew. FinishTime then counts once the last frame is there.
+ * Use either the input or AddFrame and AddSweep.
+ *
  * An image has one component of unsigned char, a matrix takes its indices (i, j, 0, 1) to mm, and times, in seconds,
  * increase. A black frame, and one whose time is not after the last, is passed over. One of another size than the first,
  * or with an unsound pose, is refused. What became of frames is counted.
  *
- * Once frames were added, a change of an option takes effect with Reset().
+ * Once frames were added by a call, a change of an option takes effect with Reset().
  */
 #ifndef vtkBigusLiveTrainer_h
 #define vtkBigusLiveTrainer_h
 
-#include <memory>  // for the session
-#include <string>  // for texts
+#include <functional>  // for what is told on the way
+#include <memory>      // for the session
+#include <string>      // for texts
+#include <tuple>       // for options
+#include <vector>      // for times
 
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
@@ -34,7 +42,8 @@
 namespace bigus
 {
 class LiveSession;
-}
+struct Sweep;
+}  // namespace bigus
 class vtkImageData;
 class vtkMatrix4x4;
 
@@ -126,6 +135,9 @@ protected:
   vtkBigusLiveTrainer();
   ~vtkBigusLiveTrainer() override;
 
+  int FillInputPortInformation(int port, vtkInformation* info) override;
+  int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
 private:
@@ -133,6 +145,10 @@ private:
   void operator=(const vtkBigusLiveTrainer&) = delete;
 
   bigus::LiveSession& Session();
+  int HandOver(const bigus::Sweep& sweep, const std::vector<double>& times, int first, int last,
+               const std::function<bool(double)>& goOn = {});
+  bool FollowInput(vtkImageData* input, double until);
+  void EndSession();
 
   double FinishTime = 0;
   char* Engine = nullptr;
@@ -142,6 +158,13 @@ private:
   int MaximumGaussians = 1000000;
   std::string LastRefusal;
   double LastTime = 0;  // s
+
+  // What the session has had of the input.
+  using Options = std::tuple<std::string, int, int, int, int>;
+  Options UsedOptions;
+  vtkMTimeType InputTime = 0;
+  int HandedFrames = 0;
+
   std::unique_ptr<bigus::LiveSession> Live;
 };
 

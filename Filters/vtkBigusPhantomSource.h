@@ -84,11 +84,11 @@ public:
 
   ///@{
   /**
-   * Places the scatterers, moves the hand and draws the tracker's errors; the anatomy stays. Any value.
-   * Default: 1.
+   * Places the scatterers, moves the hand and draws the tracker's errors; the anatomy stays. 0 to 2^53, as
+   * vtkBigusTrainer's. Default: 1.
    */
-  vtkSetMacro(Seed, vtkTypeUInt64);
-  vtkGetMacro(Seed, vtkTypeUInt64);
+  vtkSetMacro(Seed, vtkTypeInt64);
+  vtkGetMacro(Seed, vtkTypeInt64);
   ///@}
 
   ///@{
@@ -351,7 +351,7 @@ protected:
   // Defaults are those of bigus::PhantomOptions.
   int Probe;
   int Scene;
-  vtkTypeUInt64 Seed;
+  vtkTypeInt64 Seed;
   int NumberOfFrames;
   int FrameSize[2];
   double PixelSize;

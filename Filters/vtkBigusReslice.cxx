@@ -21,6 +21,7 @@
 #include "vtkInformationVector.h"
 #include "vtkMath.h"
 #include "vtkMatrix4x4.h"
+#include "vtkNew.h"
 #include "vtkObjectFactory.h"
 
 vtkStandardNewMacro(vtkBigusReslice);
@@ -420,6 +421,16 @@ vtkImageData* vtkBigusReslice::GetDistanceOutput()
 vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
 {
   return vtkImageStencilData::SafeDownCast(this->GetOutputDataObject(2));
+}
+
+void vtkBigusReslice::SetStencilOutput(vtkImageStencilData* stencil)
+{
+  if (stencil != this->GetStencilOutput())
+  {
+    vtkNew<vtkImageStencilData> own;  // which the pipeline cannot make by itself
+    this->GetExecutive()->SetOutputData(2, stencil ? stencil : own.Get());
+    this->Modified();
+  }
 }
 
 //------------------------------------------------------------------------------

@@ -243,6 +243,8 @@ public:
    */
   vtkAlgorithmOutput* GetStencilOutputPort() { return this->GetOutputPort(2); }
   vtkImageStencilData* GetStencilOutput();
+  /** The object that the stencil is written into, as vtkImageReslice has it; null: one of the filter's own. */
+  void SetStencilOutput(vtkImageStencilData* stencil);
   ///@}
 
   ///@{

@@ -19,7 +19,6 @@
 #include "vtkCellArray.h"
 #include "vtkImageData.h"
 #include "vtkImageProperty.h"
-#include "vtkImageSliceCollection.h"
 #include "vtkImageSliceMapper.h"
 #include "vtkLookupTable.h"
 #include "vtkMatrix4x4.h"
@@ -28,6 +27,7 @@
 #include "vtkPolyData.h"
 #include "vtkPolyDataMapper.h"
 #include "vtkProperty.h"
+#include "vtkRenderer.h"
 
 vtkStandardNewMacro(vtkBigusSliceProp);
 
@@ -40,9 +40,7 @@ constexpr double kHalfMaximum = 1.177410;    // sqrt(2 ln 2): where a Gaussian p
 constexpr double kSmallestCoverage = 1e-30;  // a threshold above 0, because a table of no width shows nothing
 constexpr int kOverlayShades = 64;           // greys between a coverage of 0 and the threshold
 
-// Of vtkImageSlice::SetStackedImagePass.
-constexpr int kPassOfColours = 1;  // without depth
-constexpr int kAllPasses = -1;
+constexpr int kPassOfColours = 1;  // of vtkImageSlice::SetStackedImagePass: without depth
 
 Eigen::Vector3d Column(vtkMatrix4x4* matrix, int column)
 {
@@ -86,7 +84,6 @@ struct vtkBigusSliceProp::Made
 
 vtkBigusSliceProp::vtkBigusSliceProp()
     : Reslice(vtkBigusReslice::New()),
-      Picture(vtkImageSlice::New()),
       Coverage(vtkImageSlice::New()),
       CoverageTable(vtkLookupTable::New()),
       Outline(vtkActor::New()),
@@ -105,21 +102,17 @@ vtkBigusSliceProp::vtkBigusSliceProp()
   vtkNew<vtkImageSliceMapper> picture;
   picture->SetInputConnection(this->Reslice->GetOutputPort());
   picture->BorderOn();  // pixels are squares about their places, so the picture reaches the outline
-  this->Picture->SetMapper(picture);
-  this->Picture->GetProperty()->SetColorWindow(1);
-  this->Picture->GetProperty()->SetColorLevel(0.5);
-  this->Picture->GetProperty()->SetLayerNumber(0);
-  this->AddImage(this->Picture);
+  this->SetMapper(picture);
+  this->GetProperty()->SetColorWindow(1);
+  this->GetProperty()->SetColorLevel(0.5);
 
   vtkNew<vtkImageSliceMapper> coverage;
   coverage->SetInputConnection(this->Reslice->GetCoverageOutputPort());
   coverage->BorderOn();
   this->Coverage->SetMapper(coverage);
-  this->Coverage->PickableOff();
-  this->Coverage->GetProperty()->SetLayerNumber(1);
   this->Coverage->GetProperty()->SetLookupTable(this->CoverageTable);
   this->Coverage->GetProperty()->UseLookupTableScalarRangeOn();
-  this->AddImage(this->Coverage);
+  this->Coverage->SetStackedImagePass(kPassOfColours);
 
   vtkNew<vtkPolyDataMapper> outline;
   outline->SetInputData(this->OutlineShape);
@@ -137,11 +130,8 @@ vtkBigusSliceProp::vtkBigusSliceProp()
 
 vtkBigusSliceProp::~vtkBigusSliceProp()
 {
-  this->RemoveImage(this->Picture);
-  this->RemoveImage(this->Coverage);
   this->SetPlane(nullptr);
   this->Reslice->Delete();
-  this->Picture->Delete();
   this->Coverage->Delete();
   this->CoverageTable->Delete();
   this->Outline->Delete();
@@ -521,22 +511,20 @@ double* vtkBigusSliceProp::GetBounds()
 
 int vtkBigusSliceProp::RenderLayers(vtkViewport* viewport)
 {
-  const bool two = this->GetImages()->GetNumberOfItems() == 2 && this->HasImage(this->Picture) &&
-                   this->HasImage(this->Coverage) && this->Picture->GetVisibility() && this->Coverage->GetVisibility();
-  if (!two)
+  vtkRenderer* renderer = vtkRenderer::SafeDownCast(viewport);
+  if (!renderer)
   {
-    return this->Superclass::RenderOpaqueGeometry(viewport);
+    return 0;
   }
-  // A stack draws the colours of all its layers and then the depths of all. These two are the same rectangle, so the
-  // picture's depth serves for both, and the rectangle is drawn twice instead of four times. Where software draws, this
-  // is most of the time of a picture.
-  this->PokeMatrices(this->GetMatrix());
-  int drawn = this->Picture->RenderOpaqueGeometry(viewport);
-  this->Coverage->SetStackedImagePass(kPassOfColours);
-  drawn |= this->Coverage->RenderOpaqueGeometry(viewport);
-  this->Coverage->SetStackedImagePass(kAllPasses);
-  this->PokeMatrices(nullptr);
-  return drawn;
+  this->Render(renderer);
+  if (this->GetCoverageVisibility())
+  {
+    // It is the same rectangle as the picture, whose depth serves for both.
+    this->Coverage->PokeMatrix(this->GetMatrix());
+    this->Coverage->Render(renderer);
+    this->Coverage->PokeMatrix(nullptr);
+  }
+  return 1;
 }
 
 int vtkBigusSliceProp::RenderOpaqueGeometry(vtkViewport* viewport)
@@ -546,7 +534,7 @@ int vtkBigusSliceProp::RenderOpaqueGeometry(vtkViewport* viewport)
   {
     return 0;
   }
-  int drawn = this->RenderLayers(viewport);
+  int drawn = this->ForceTranslucent ? 0 : this->RenderLayers(viewport);
   if (this->OutlineVisibility)
   {
     drawn += this->Outline->RenderOpaqueGeometry(viewport);
@@ -565,7 +553,7 @@ int vtkBigusSliceProp::RenderTranslucentPolygonalGeometry(vtkViewport* viewport)
   {
     return 0;
   }
-  int drawn = this->Superclass::RenderTranslucentPolygonalGeometry(viewport);
+  int drawn = this->ForceTranslucent ? this->RenderLayers(viewport) : 0;
   if (this->BeamVisibility && this->GetBeamSigma() > 0)  // a plane has no slab
   {
     this->Beam->SetPropertyKeys(this->GetPropertyKeys());  // the renderer's pass, which the slab's shader must follow
@@ -577,14 +565,15 @@ int vtkBigusSliceProp::RenderTranslucentPolygonalGeometry(vtkViewport* viewport)
 void vtkBigusSliceProp::ReleaseGraphicsResources(vtkWindow* window)
 {
   this->Superclass::ReleaseGraphicsResources(window);
+  this->Coverage->ReleaseGraphicsResources(window);
   this->Outline->ReleaseGraphicsResources(window);
   this->Beam->ReleaseGraphicsResources(window);
 }
 
 vtkMTimeType vtkBigusSliceProp::GetMTime()
 {
-  return std::max(
-      {this->Superclass::GetMTime(), this->Reslice->GetMTime(), this->Outline->GetMTime(), this->Beam->GetMTime()});
+  return std::max({this->Superclass::GetMTime(), this->Reslice->GetMTime(), this->Coverage->GetMTime(),
+                   this->Outline->GetMTime(), this->Beam->GetMTime()});
 }
 
 void vtkBigusSliceProp::SetCoverageVisibility(vtkTypeBool visible)

@@ -9,15 +9,15 @@
  * matrix moves the slice and what it shows. A place (x, y, 0) on the slice lies at Plane (x, y, 0, 1), mm, in the field's
  * frame. Pixel (i, j) is at (x, y) = SliceOrigin + SliceSpacing (i, j).
  *
- * It is a vtkImageStack. Layer 0 is the picture: GetProperty() has its window, level, colour map (LookupTable), opacity
- * and interpolation, and pickers and vtkInteractorStyleImage find it. Layer 1 greys what the sweep never saw. More
- * vtkImageSlice may be added above; they move with the plane. The outline of the slice and the probe's beam, as a
- * translucent slab about the plane, can be shown beside it.
+ * It is a vtkImageSlice: GetProperty() has the picture's window, level, colour map (LookupTable), opacity and
+ * interpolation, and pickers and vtkInteractorStyleImage find it. What the sweep never saw is greyed. The outline of the
+ * slice and the probe's beam, as a translucent slab about the plane, can be shown beside it. Another vtkImageSlice whose
+ * UserMatrix is the prop's moves with the plane.
  *
  * With a TimeBudget the picture is rendered more coarsely, so that it follows a plane that moves. Without one (default)
  * it is exact: bit for bit what vtkBigusReslice gives.
  *
- * @sa vtkBigusReslice vtkBigusSliceWidget vtkImageStack
+ * @sa vtkBigusReslice vtkBigusSliceWidget vtkImageSlice
  */
 #ifndef vtkBigusSliceProp_h
 #define vtkBigusSliceProp_h
@@ -25,7 +25,7 @@
 #include <memory>  // for what is known of the field
 
 #include "vtkBigusRenderingModule.h"  // for the export macro
-#include "vtkImageStack.h"
+#include "vtkImageSlice.h"
 #include "vtkTimeStamp.h"  // for SliceTime
 
 class vtkActor;
@@ -37,11 +37,11 @@ class vtkMatrix4x4;
 class vtkPolyData;
 class vtkProperty;
 
-class VTKBIGUSRENDERING_EXPORT vtkBigusSliceProp : public vtkImageStack
+class VTKBIGUSRENDERING_EXPORT vtkBigusSliceProp : public vtkImageSlice
 {
 public:
   static vtkBigusSliceProp* New();
-  vtkTypeMacro(vtkBigusSliceProp, vtkImageStack);
+  vtkTypeMacro(vtkBigusSliceProp, vtkImageSlice);
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   ///@{
@@ -223,7 +223,6 @@ private:
   void UpdateOverlay();
   void UpdateShapes();
 
-  vtkImageSlice* Picture;
   vtkImageSlice* Coverage;
   vtkLookupTable* CoverageTable;
   vtkActor* Outline;

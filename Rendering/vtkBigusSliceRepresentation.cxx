@@ -29,11 +29,13 @@ vtkStandardNewMacro(vtkBigusSliceRepresentation);
 namespace
 {
 
-constexpr double kArrow = 0.3;            // length of the normal's arrow as a share of the slice's shorter side
-constexpr double kHandlePixels = 5;       // radius of the ball
-constexpr double kLeastShare = 0.25;      // of a picture's time, for the slice, however long the rest takes
-constexpr double kSmoothing = 0.3;        // weight of the newest picture in the mean time of all but the slice
-constexpr double kFacing = 0.95;          // cosine from which a plane counts as seen from its front (18 degrees)
+constexpr double kArrow = 0.3;       // length of the normal's arrow as a share of the slice's shorter side
+constexpr double kHandlePixels = 5;  // radius of the ball
+constexpr double kAim = 0.8;         // of a picture's time that is planned with, because some take longer than most
+constexpr double kLeastShare = 0.2;  // of a picture's time, for the slice; with less it is coarser and hardly faster
+constexpr double kRise = 0.5;        // weight of a picture that took longer than those before, all but the slice
+constexpr double kFall = 0.1;        // and of one that took less, so that the estimate stays above the mean
+constexpr double kFacing = 0.95;     // cosine from which a plane counts as seen from its front (18 degrees)
 constexpr double kSmallestWindow = 1e-3;  // of the picture's intensities, where the contrast would turn over
 constexpr int kPlacedPixels = 512;
 
@@ -417,8 +419,10 @@ void vtkBigusSliceRepresentation::ChangeWindowLevel(const double position[2])
 
 void vtkBigusSliceRepresentation::SetPictureSeconds(double seconds)
 {
-  const double other = std::max(0.0, seconds - this->SliceProp->GetResliceSeconds());
-  this->OtherSeconds += kSmoothing * (other - this->OtherSeconds);
+  // One picture that another program held up counts as one that was late, not as a second without pictures.
+  const double other = std::clamp(seconds - this->SliceProp->GetResliceSeconds(), 0.0, 1 / this->DesiredUpdateRate);
+  const double weight = this->OtherSeconds < 0 ? 1 : other > this->OtherSeconds ? kRise : kFall;
+  this->OtherSeconds += weight * (other - this->OtherSeconds);
   if (this->Moving)
   {
     this->SetMoving(true);
@@ -429,7 +433,8 @@ void vtkBigusSliceRepresentation::SetMoving(bool moving)
 {
   this->Moving = moving;
   const double picture = 1 / this->DesiredUpdateRate;
-  this->SliceProp->SetTimeBudget(moving ? std::max(picture - this->OtherSeconds, kLeastShare * picture) : 0);
+  const double left = kAim * picture - std::max(0.0, this->OtherSeconds);
+  this->SliceProp->SetTimeBudget(moving ? std::max(left, kLeastShare * picture) : 0);
 }
 
 void vtkBigusSliceRepresentation::Highlight(int on)

@@ -159,8 +159,8 @@ public:
 
   ///@{
   /**
-   * Tells how long the last picture took altogether, s; what is left of a picture's time after all but the slice is the
-   * slice's budget. The widget calls it. Then: whether the next pictures are coarse (true) or exact.
+   * Tells how long the last picture took altogether, s. What is left of 0.8 times a picture's time after all but the slice
+   * is the slice's budget, at least a fifth. The widget calls it. Then: whether the next pictures are coarse (true) or exact.
    */
   void SetPictureSeconds(double seconds);
   void SetMoving(bool moving);
@@ -194,7 +194,7 @@ private:
   double KeptPlane[16];
   bool Kept = false;
   bool Moving = false;
-  double OtherSeconds = 0;  // of a picture, without the slice
+  double OtherSeconds = -1;  // of a picture, without the slice, as slow pictures have it; negative: not known yet
   double LastEventPosition[2] = {0, 0};
   double LastPick[3] = {0, 0, 0};  // where the mouse held the slice, mm
   double TiltAxis[3] = {1, 0, 0}, TiltArm[3] = {0, 1, 0};

@@ -170,7 +170,7 @@ void AddPhantom(Program& program)
   const char* world = "World";
   choice("--scene", &Source::SetScene, {"organ", "speckle", "points"},
          "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE", world);
-  number("--seed", PROPERTY(Seed), "Seed of scatterers, hand and tracker; the anatomy stays", 0, 18446744073709549568.0,
+  number("--seed", PROPERTY(Seed), "Seed of scatterers, hand and tracker; the anatomy stays", 0, 9007199254740992.0,
          "S", world);
   number("--scatterers", PROPERTY(ScattererDensity), "Scatterers per mm^3 of parenchyma", 1, 1000, "N", world);
   number("--attenuation", PROPERTY(Attenuation), "One way, in parenchyma, dB / (cm MHz)", 0, 3, "DB", world);

@@ -122,6 +122,7 @@ Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses);
 void BindSweep(nb::module_& m);
 void BindField(nb::module_& m);
 void BindFiles(nb::module_& m);
+void BindLive(nb::module_& m);
 void BindTraining(nb::module_& m);
 void BindSlices(nb::module_& m);
 void BindPhantom(nb::module_& m);

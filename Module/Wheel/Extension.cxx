@@ -31,6 +31,7 @@ NB_MODULE(_core, m)
   bigus::BindField(m);
   bigus::BindFiles(m);
   bigus::BindTraining(m);
+  bigus::BindLive(m);
   bigus::BindSlices(m);
   bigus::BindPhantom(m);
   m.def("engines", &bigus::Engine::Names, "Names of what can compute here, the preferred first.");

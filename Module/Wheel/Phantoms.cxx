@@ -94,7 +94,7 @@ void Set(PhantomOptions& options, const std::string& name, nb::handle value)
   }
   if (name == "seed")
   {
-    options.seed = nb::cast<std::uint64_t>(value);
+    options.seed = nb::cast<std::int64_t>(value);
   }
   else if (name == "scene")
   {

@@ -17,6 +17,8 @@
 #include "vtkExtractVOI.h"
 #include "vtkFieldData.h"
 #include "vtkImageShiftScale.h"
+#include "vtkInformation.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
 
 namespace bigus::test
 {
@@ -203,6 +205,63 @@ TEST(LiveTrainer, WhatIsNoFrameIsOneError)
   std::ostringstream text;
   live->Print(text);
   EXPECT_NE(text.str().find("MaximumGaussians: 1000000"), std::string::npos);
+}
+
+TEST(LiveTrainer, AConnectedSweepIsHandedOverUpToTheTimeAskedFor)
+{
+  const auto sweep = PhantomSweep();
+  const auto time = [&](int frame) { return sweep->GetFieldData()->GetArray("Timestamp")->GetTuple1(frame); };
+  const auto isFinished = [](vtkBigusLiveTrainer* live)
+  {
+    const std::vector<std::string> provenance = ProvenanceOf(live->GetOutput());
+    return std::find(provenance.begin(), provenance.end(), "filter=vtkBigusLiveTrainer") != provenance.end();
+  };
+  vtkNew<vtkBigusLiveTrainer> live;
+  ErrorObserver errors(live);
+  live->SetEngine("cpu");
+  live->SetFinishTime(60);  // ends when all its steps are taken
+  live->SetInputData(sweep);
+  live->UpdateInformation();
+  vtkInformation* info = live->GetOutputInformation(0);
+  ASSERT_EQ(info->Length(vtkStreamingDemandDrivenPipeline::TIME_STEPS()), 24);
+  EXPECT_EQ(info->Get(vtkStreamingDemandDrivenPipeline::TIME_STEPS())[23], time(23));
+
+  live->UpdateTimeStep(time(11));
+  EXPECT_EQ(live->GetNumberOfFrames(), 12);
+  EXPECT_FALSE(isFinished(live));
+  EXPECT_GT(live->GetOutput()->GetNumberOfPoints(), 0);
+  live->UpdateTimeStep(time(23));  // goes on
+  EXPECT_EQ(live->GetNumberOfFrames(), 24);
+  EXPECT_EQ(live->GetNumberOfPassedOverFrames(), 0);
+  EXPECT_TRUE(isFinished(live));
+  live->UpdateTimeStep(time(9));  // begins anew
+  EXPECT_EQ(live->GetNumberOfFrames(), 10);
+  EXPECT_FALSE(isFinished(live));
+  EXPECT_TRUE(errors.Errors().empty());
+
+  live->SetEngine("abacus");  // a changed option begins anew, too
+  live->UpdateTimeStep(time(9));
+  EXPECT_EQ(errors.Errors().size(), 1u);
+  live->SetEngine("cpu");
+  live->UpdateTimeStep(time(9));
+  EXPECT_EQ(live->GetNumberOfFrames(), 10);
+  EXPECT_EQ(errors.Errors().size(), 1u);
+
+  vtkNew<vtkBigusLiveTrainer> whole;
+  whole->SetEngine("cpu");
+  whole->SetInputData(sweep);
+  whole->Update();  // no time is asked for
+  EXPECT_EQ(whole->GetNumberOfFrames(), 24);
+
+  vtkNew<vtkImageData> none;
+  none->SetDimensions(4, 4, 2);
+  none->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  vtkNew<vtkBigusLiveTrainer> broken;
+  ErrorObserver brokenErrors(broken);
+  broken->SetInputData(none);
+  broken->Update();
+  ASSERT_EQ(brokenErrors.Errors().size(), 1u);
+  EXPECT_NE(brokenErrors.Errors()[0].find("ImageToReference"), std::string::npos);
 }
 
 TEST(LiveTrainer, AnAbortEndsTheFinish)

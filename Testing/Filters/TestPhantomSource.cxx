@@ -122,6 +122,7 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
   EXPECT_TRUE(differs([](Source* s) { s->SetProbeToSector(); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetSceneToSpeckle(); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetSeed(2); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetSeed(9007199254740992); }));  // 2^53, the largest
   EXPECT_TRUE(differs([](Source* s) { s->SetNumberOfFrames(4); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetFrameSize(31, 20); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetPixelSize(0.7); }));

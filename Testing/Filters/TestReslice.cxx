@@ -472,6 +472,18 @@ TEST(Reslice, CoverageTellsSeenFromUnseen)
   EXPECT_EQ(reslice->GetOutput()->GetScalarComponentAsDouble(0, 0, 0, 0), 100);
   EXPECT_GT(reslice->GetOutput()->GetScalarComponentAsDouble(40, 40, 0, 0), 100);
 
+  // Into an object of the caller's.
+  vtkNew<vtkImageStencilData> own;
+  reslice->SetStencilOutput(own);
+  reslice->Update();
+  EXPECT_EQ(reslice->GetStencilOutput(), own.Get());
+  int extent[6];
+  own->GetExtent(extent);
+  EXPECT_EQ(extent[1], reslice->GetOutput()->GetExtent()[1]);
+  reslice->SetStencilOutput(nullptr);
+  reslice->Update();
+  EXPECT_NE(reslice->GetStencilOutput(), own.Get());
+
   reslice->GenerateCoverageOutputOff();
   reslice->GenerateStencilOutputOff();
   reslice->Update();

@@ -91,6 +91,39 @@ def main(plugin, folder, package=None):
     table = servermanager.Fetch(scores)
     assert table.GetNumberOfRows() == 1 and table.GetColumnByName("SSIM").GetValue(0) > 0.999999
 
+    # Another seed is another world, up to the largest one.
+    other = BIGUSPhantom(NumberOfFrames=17, FrameSize=[64, 48], PixelSize=0.5, Seed=9007199254740992)
+    other.UpdatePipeline()
+    assert (vtk_to_numpy(servermanager.Fetch(other).GetPointData().GetScalars()) != stack).mean() > 0.1
+    Delete(other)
+
+    # A field grows while the sweep is played, and begins anew when the time goes back.
+    live = BIGUSLiveTrainer(Input=sweep)
+    live.UpdatePipelineInformation()
+    times = list(live.TimestepValues)
+    assert len(times) == 17 and times == sorted(times), times
+    counts = []
+    for step in (3, 9, 16, 9):
+        live.UpdatePipeline(times[step])
+        counts.append(servermanager.Fetch(live).GetNumberOfPoints())
+    assert counts[0] == 0 < counts[1] < counts[2] and counts[3] < counts[2], counts  # it begins with the eighth frame
+    live.FinishTime = 2
+    live.UpdatePipeline(times[16])
+    finished = servermanager.Fetch(live).GetFieldData().GetAbstractArray("Provenance")
+    assert "filter=vtkBigusLiveTrainer" in [finished.GetValue(k) for k in range(finished.GetNumberOfValues())]
+    Delete(live)
+
+    # The parts together are the field.
+    whole = servermanager.Fetch(trainer)
+    parts = []
+    for piece in range(3):
+        part = BIGUSPartitionField(Input=trainer, NumberOfChunks=4, NumberOfPieces=3, Piece=piece)
+        part.UpdatePipeline()
+        parts.append(vtk_to_numpy(servermanager.Fetch(part).GetPointData().GetArray("Reflectivity")))
+        Delete(part)
+    assert all(len(part) for part in parts)
+    assert np.array_equal(np.sort(np.concatenate(parts)), np.sort(vtk_to_numpy(whole.GetPointData().GetArray("Reflectivity"))))
+
     # A training tells its progress. One that is stopped gives the field so far.
     endless = BIGUSTrainer(Input=sweep, Automatic=0, Gaussians=1000, Iterations=10000000)
     told = []

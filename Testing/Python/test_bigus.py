@@ -26,7 +26,7 @@ from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
-from vtkmodules.vtkImagingCore import vtkImageCast
+from vtkmodules.vtkImagingCore import vtkImageCast, vtkImageReslice
 
 import bigus
 
@@ -246,6 +246,13 @@ def noisy_sweeps():
         phantom.SetTrackingRotationNoise(noise)
         sweeps.append(bigus.update(phantom).GetOutput())
     return sweeps
+
+
+class BesideVtkImageReslice(unittest.TestCase):
+    def test_every_setting_is_there(self):
+        settings = [name for name in vars(vtkImageReslice) if name.startswith("Set") or name.endswith(("On", "Off"))]
+        self.assertGreater(len(settings), 40)
+        self.assertEqual([name for name in settings if not hasattr(bigus.vtkBigusReslice, name)], [])
 
 
 @unittest.skipUnless(hasattr(vtkAlgorithm, "__rshift__"), "filters are joined with >> from VTK 9.4 on")

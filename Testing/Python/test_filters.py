@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 try:
@@ -23,7 +24,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline, vtkTrivialProducer
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkCommonTransforms import vtkThinPlateSplineTransform, vtkTransform
 from vtkmodules.vtkImagingCore import vtkImageCast, vtkImageReslice
@@ -39,17 +40,23 @@ def add(attributes, name, values, dtype=np.float64):
     return array
 
 
-def field(reflectivities=(1.5, 2.0), rotations=((1, 0, 0, 0), (1, 0, 0, 0))):
+def field(reflectivities=(1.5, 2.0), rotations=((1, 0, 0, 0), (1, 0, 0, 0)), centers=CENTERS, scales=SCALES):
     data, points = vtkPolyData(), vtkPoints()
-    points.SetData(numpy_to_vtk(CENTERS.astype(float), deep=True))
+    points.SetData(numpy_to_vtk(centers.astype(float), deep=True))
     data.SetPoints(points)
-    add(data.GetPointData(), "Scale", SCALES)
+    add(data.GetPointData(), "Scale", scales)
     add(data.GetPointData(), "Rotation", rotations)
     add(data.GetPointData(), "Reflectivity", reflectivities)
     for name, value in (("Gamma", GAMMA), ("ElevationSigma", 0.0)):
         add(data.GetFieldData(), name, [value])
     add(data.GetFieldData(), "FormatVersion", [1], np.int32)
     return data
+
+
+def many(count):
+    """A field of `count` Gaussians in a row, whose reflectivities are their numbers."""
+    numbers = np.arange(count)
+    return field(numbers, np.tile([1, 0, 0, 0], (count, 1)), np.stack([numbers, 0 * numbers, 0 * numbers], 1), np.ones((count, 3)))
 
 
 def matrix(values):
@@ -614,6 +621,107 @@ class FieldTensors(unittest.TestCase):
         np.testing.assert_allclose(vtk_to_numpy(squared).reshape(-1, 3, 3)[0], np.diag([4.0, 1.0, 9.0]), atol=1e-12)
 
 
+class PartitionField(unittest.TestCase):
+    def parts(self, data, **settings):
+        for piece in range(settings["NumberOfPieces"]):
+            filter = bigus.vtkBigusPartitionField()
+            filter.SetInputDataObject(0, data)
+            for name, value in {**settings, "Piece": piece}.items():
+                getattr(filter, "Set" + name)(value)
+            yield bigus.update(filter).GetOutputDataObject(0)
+
+    def test_every_gaussian_is_in_one_part_and_blocks_are_dealt_in_turn(self):
+        parts = list(self.parts(many(1000), NumberOfChunks=4, NumberOfPieces=3))
+        numbered = [numbers(part.GetPointData(), "Reflectivity").astype(int) for part in parts]
+        # Blocks of 256: the chunks hold 0-255, 256-511, 512-767 and 768-999, of which the last piece has two.
+        for found, first, last in zip(numbered, (0, 256, 512), (256, 512, 1000)):
+            np.testing.assert_array_equal(found, np.arange(first, last))
+        self.assertEqual([numbers(part.GetFieldData(), "Chunks").tolist() for part in parts],
+                         [[4, 0, 256], [4, 1, 256], [4, 2, 256, 232]])
+        self.assertEqual(numbers(parts[0].GetFieldData(), "Gamma"), [GAMMA])
+
+    def test_mistakes_are_named(self):
+        for settings, named in (({"NumberOfChunks": 6}, "power of two"), ({"Piece": 1}, "Piece is 1"),
+                                ({"NumberOfPieces": 0}, "NumberOfPieces 0")):
+            filter = bigus.vtkBigusPartitionField()
+            filter.SetInputDataObject(0, field())
+            for name, value in settings.items():
+                getattr(filter, "Set" + name)(value)
+            with self.assertRaisesRegex(RuntimeError, named):
+                bigus.update(filter)
+
+
+class LiveTrainer(unittest.TestCase):
+    def setUp(self):
+        self.sweep = bigus.update(phantom(NumberOfFrames=20)).GetOutputDataObject(0)
+        self.poses = numbers(self.sweep.GetFieldData(), "ImageToReference").reshape(-1, 4, 4)
+        self.live = bigus.vtkBigusLiveTrainer()
+        self.live.SetEngine("cpu")
+
+    def frame(self, k):
+        image = vtkImageData()
+        width, height, _ = self.sweep.GetDimensions()
+        image.SetDimensions(width, height, 1)
+        image.GetPointData().SetScalars(numpy_to_vtk(pixels(self.sweep)[k].ravel(), deep=True))
+        return image
+
+    def is_finished(self):
+        lines = self.live.GetOutput().GetFieldData().GetAbstractArray("Provenance")
+        return lines is not None and "filter=vtkBigusLiveTrainer" in [lines.GetValue(k) for k in range(lines.GetNumberOfValues())]
+
+    def test_frames_one_by_one_a_slice_and_a_finished_field(self):
+        for k in range(20):
+            self.assertTrue(self.live.AddFrame(self.frame(k), matrix(self.poses[k]), 0.05 * k))
+        while self.live.GetNumberOfFrames() < 20:
+            time.sleep(0.01)
+        self.assertEqual((self.live.GetNumberOfRefusedFrames(), self.live.GetNumberOfWaitingFrames()), (0, 0))
+        self.live.SetFinishTime(20)  # ends when all its steps are taken
+        told = []
+        self.live.AddObserver("ProgressEvent", lambda *_: told.append(self.live.GetProgress()))
+        bigus.update(self.live)
+        self.assertTrue(self.is_finished() and len(told) > 2)
+        slice, truth = vtkImageData(), pixels(self.sweep)[10] / 255
+        self.assertTrue(self.live.RenderSlice(matrix(self.poses[10]), *self.sweep.GetDimensions()[:2], slice))
+        self.assertGreater(np.corrcoef(pixels(slice)[0].ravel(), truth.ravel())[0, 1], 0.8)
+        np.testing.assert_allclose(slice.GetOrigin(), self.poses[10][:3, 3])
+        np.testing.assert_allclose(slice.GetSpacing()[:2], np.linalg.norm(self.poses[10][:3, :2], axis=0))
+
+    def test_a_connected_sweep_is_handed_over_up_to_the_time_asked_for(self):
+        times = numbers(self.sweep.GetFieldData(), "Timestamp")
+        self.live.SetFinishTime(5)
+        self.live.SetInputDataObject(0, self.sweep)
+        self.live.UpdateInformation()
+        steps = self.live.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+        np.testing.assert_array_equal(steps, times)
+        for step, frames, finished in ((11, 12, False), (19, 20, True), (9, 10, False)):
+            self.live.UpdateTimeStep(times[step])
+            self.assertEqual((self.live.GetNumberOfFrames(), self.is_finished()), (frames, finished))
+            self.assertGreater(self.live.GetOutput().GetNumberOfPoints(), 0)
+        whole = bigus.vtkBigusLiveTrainer()
+        whole.SetInputDataObject(0, self.sweep)
+        bigus.update(whole)
+        self.assertEqual((whole.GetNumberOfFrames(), whole.GetNumberOfDroppedFrames()), (20, 0))
+
+    def test_what_is_no_frame_is_an_error_and_an_abort_keeps_the_field(self):
+        said = []
+        self.live.AddObserver("ErrorEvent", lambda *_: said.append(1))
+        self.assertFalse(self.live.AddFrame(self.sweep, matrix(self.poses[0]), 0))  # 20 slices
+        self.assertFalse(self.live.AddFrame(self.frame(0), None, 0))
+        self.assertFalse(self.live.RenderSlice(None, 8, 8, vtkImageData()))
+        self.assertEqual(len(said), 3)
+        self.assertTrue(self.live.AddSweep(self.sweep))
+        self.assertTrue(self.live.AddSweep(self.sweep))  # its times are over
+        self.assertEqual(self.live.GetNumberOfPassedOverFrames(), 20)
+        self.live.AddObserver("ProgressEvent", lambda *_: self.live.SetAbortExecute(1))
+        self.live.SetFinishTime(600)
+        begun = time.monotonic()
+        self.live.Update()
+        self.assertLess(time.monotonic() - begun, 60)
+        self.assertGreater(self.live.GetOutput().GetNumberOfPoints(), 0)
+        self.live.Reset()
+        self.assertEqual((self.live.GetNumberOfFrames(), self.live.GetLastRefusal()), (0, ""))
+
+
 def matrix_of(axes):
     return np.array([[axes.GetElement(i, j) for j in range(4)] for i in range(4)])
 
@@ -666,6 +774,11 @@ def scenes():
     data = corrected.GetFieldData()
     for name in ("ImageToReference", "PoseDisplacement", "PoseRotation", "PoseOutlier", "PoseStroke", "TrackerNoise"):
         found["same numbers: " + name] = numbers(data, name).astype(float)
+    part = bigus.vtkBigusPartitionField()
+    part.SetInputDataObject(0, many(3000))
+    part.SetNumberOfPieces(3)
+    part.SetPiece(1)
+    found["same numbers: part"] = numbers(bigus.update(part).GetOutputDataObject(0).GetPointData(), "Reflectivity")
     metrics = bigus.vtkBigusImageMetrics()
     metrics.SetInputDataObject(0, corrected)
     turned = vtkImageData()

@@ -154,36 +154,76 @@ TEST(SliceProp, OverlayGreysWhatHasNoCoverageAndNothingElse)
   EXPECT_GT(clear, 200);
 }
 
-TEST(SliceProp, PictureAndOverlayAreDrawnAsAStackDrawsThem)
+TEST(SliceProp, WhereTwoSlicesCrossTheNearerOneIsSeen)
 {
   BIGUS_NEEDS_DISPLAY();
   SliceScene scene;
   scene.prop->CoverageVisibilityOn();
-  scene.prop->OutlineVisibilityOn();
-  scene.prop->BeamVisibilityOn();
-  scene.plane->SetElement(0, 3, scene.plane->GetElement(0, 3) + 5);
-  scene.LookAtPlane();
-  scene.renderer->GetActiveCamera()->Azimuth(35);
-  // Something that is partly behind the slice, so that depth counts.
   vtkNew<vtkBigusSliceProp> crossing;
   crossing->SetInputData(scene.field);
   crossing->PlaceInField(0, 80);
+  crossing->OutlineVisibilityOff();
   scene.renderer->AddViewProp(crossing);
+  scene.renderer->GetActiveCamera()->Azimuth(35);
   scene.renderer->ResetCameraClippingRange();
-  const auto own = scene.Pixels();
-  // A third layer, which nobody sees, leaves the drawing to VTK's stack.
-  for (vtkBigusSliceProp* prop : {scene.prop.Get(), crossing.Get()})
+  const auto both = scene.Pixels();
+  crossing->VisibilityOff();
+  const auto first = scene.Pixels();
+  crossing->VisibilityOn();
+  scene.prop->VisibilityOff();
+  const auto second = scene.Pixels();
+
+  // Depth along the camera's direction of projection at which the line of sight through a pixel meets a slice.
+  vtkCamera* camera = scene.renderer->GetActiveCamera();
+  const auto depthAt = [&](vtkBigusSliceProp* prop, int i, int j)
   {
-    vtkNew<vtkImageSlice> unseen;
-    unseen->VisibilityOff();
-    prop->AddImage(unseen);
-  }
-  const auto stacked = scene.Pixels();
-  ASSERT_EQ(own->GetNumberOfValues(), stacked->GetNumberOfValues());
-  for (vtkIdType k = 0; k < own->GetNumberOfValues(); ++k)
+    Eigen::Vector4d near, far;
+    for (auto& [place, z] : {std::pair{&near, 0.0}, std::pair{&far, 1.0}})
+    {
+      scene.renderer->SetDisplayPoint(i + 0.5, j + 0.5, z);
+      scene.renderer->DisplayToWorld();
+      scene.renderer->GetWorldPoint(place->data());
+      *place /= (*place)[3];
+    }
+    const Eigen::Matrix4d plane =
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(prop->GetPlane()->GetData());
+    const Eigen::Vector3d normal = plane.col(0).head<3>().cross(plane.col(1).head<3>());
+    const Eigen::Vector3d line = (far - near).head<3>();
+    const double t = normal.dot((plane.col(3) - near).head<3>()) / normal.dot(line);
+    const Eigen::Vector3d at = near.head<3>() + t * line - plane.col(3).head<3>();
+    for (int axis = 0; axis < 2; ++axis)
+    {
+      const double place =
+          (at.dot(plane.col(axis).head<3>()) - prop->GetSliceOrigin()[axis]) / prop->GetSliceSpacing()[axis];
+      if (place < -0.5 || place > prop->GetSliceSize()[axis] - 0.5)
+      {
+        return std::numeric_limits<double>::infinity();
+      }
+    }
+    return t * (camera->GetClippingRange()[1] - camera->GetClippingRange()[0]);  // mm
+  };
+  int nearer[2] = {0, 0};
+  for (int j = 0; j < kHeight; ++j)
   {
-    ASSERT_EQ(own->GetValue(k), stacked->GetValue(k)) << k;
+    for (int i = 0; i < kWidth; ++i)
+    {
+      const double depths[2] = {depthAt(scene.prop, i, j), depthAt(crossing, i, j)};
+      if (std::abs(depths[0] - depths[1]) < 0.5 || (std::isinf(depths[0]) && std::isinf(depths[1])))
+      {
+        continue;  // too near the line where they cross, or neither is here
+      }
+      const bool isFirst = depths[0] < depths[1];
+      const auto& alone = isFirst ? first : second;
+      ++nearer[isFirst ? 0 : 1];
+      for (int colour = 0; colour < 3; ++colour)
+      {
+        ASSERT_EQ(both->GetComponent(j * kWidth + i, colour), alone->GetComponent(j * kWidth + i, colour))
+            << i << " " << j;
+      }
+    }
   }
+  EXPECT_GT(nearer[0], 500);
+  EXPECT_GT(nearer[1], 200);
 }
 
 TEST(SliceProp, BeamIsASlabOfTheProfilesWidthAtHalfMaximum)

@@ -270,6 +270,36 @@ TEST(SliceWidget, ItIsCoarseWhileItMovesAndExactWhenTheMouseRestsOrLeaves)
   EXPECT_EQ(scene.prop->GetReslice()->GetTolerance(), 1e-4);
 }
 
+TEST(SliceWidget, TheBudgetLeavesRoomFollowsSlowPicturesAtOnceAndForgetsAHiccup)
+{
+  vtkNew<vtkBigusSliceRepresentation> representation;
+  vtkBigusSliceProp* prop = representation->GetSliceProp();
+  representation->SetDesiredUpdateRate(25);  // 40 ms
+  const auto budgetAfter = [&](double seconds, int pictures)
+  {
+    for (int k = 0; k < pictures; ++k)
+    {
+      representation->SetPictureSeconds(seconds);
+    }
+    return prop->GetTimeBudget();
+  };
+  representation->SetMoving(true);
+  // All but the slice takes 20 ms. The first picture tells, and with the slice a picture takes less than it may.
+  const double steady = budgetAfter(0.020, 1);
+  EXPECT_GT(steady, 0.010);
+  EXPECT_LT(0.020 + steady, 0.9 * 0.040);
+  // Two pictures that take 26 ms cut what the slice may take by more than half of the difference.
+  EXPECT_LT(budgetAfter(0.026, 2), steady - 0.003);
+  EXPECT_GT(budgetAfter(0.020, 40), 0.9 * steady);
+  // A second in which another program had the processor counts as one late picture.
+  EXPECT_LT(budgetAfter(1.0, 1), 0.8 * steady);
+  EXPECT_GT(budgetAfter(0.020, 15), 0.8 * steady);
+  // However slow the rest is, the slice has some time, because a slice without pixels shows nothing.
+  EXPECT_GT(budgetAfter(0.5, 50), 0.007);
+  representation->SetMoving(false);
+  EXPECT_EQ(prop->GetTimeBudget(), 0);
+}
+
 TEST(SliceWidget, KeysPushTurnAlignAndPutBack)
 {
   BIGUS_NEEDS_DISPLAY();

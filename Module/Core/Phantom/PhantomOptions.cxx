@@ -27,6 +27,7 @@ void PhantomOptions::Validate() const
   };
   check("scene", static_cast<int>(scene), 0, 2, "");
   check("probe", static_cast<int>(probe), 0, 2, "");
+  check("seed", static_cast<double>(seed), 0, 9007199254740992.0, "");  // 2^53: every whole number up to it is a double
   check("frames", frames, 1, 100000, "");
   if (width != 0)
   {

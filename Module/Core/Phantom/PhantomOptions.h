@@ -28,7 +28,8 @@ enum class PhantomScene
 struct PhantomOptions
 {
   PhantomScene scene = PhantomScene::Organ;
-  std::uint64_t seed = 1;  ///< places the scatterers, moves the hand and the tracker's noise; the anatomy stays
+  std::int64_t seed =
+      1;  ///< places the scatterers, moves the hand and the tracker's noise; the anatomy stays; 0 to 2^53
 
   ProbeKind probe = ProbeKind::Linear;
   int frames = 64;         ///< 1 to 100000

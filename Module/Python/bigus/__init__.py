@@ -34,7 +34,6 @@ from .vtkBigusIO import *  # noqa: F401,F403
 if importlib.util.find_spec(__name__ + ".vtkBigusRendering"):  # not there when built without BIGUS_WITH_RENDERING
     import vtkmodules.vtkInteractionWidgets  # noqa: F401
     import vtkmodules.vtkRenderingCore  # noqa: F401
-    import vtkmodules.vtkRenderingImage  # noqa: F401
 
     from .vtkBigusRendering import *  # noqa: F401,F403
 

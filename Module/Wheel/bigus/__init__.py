@@ -39,7 +39,8 @@ __all__ = [
 _FILTERS = {  # by the module that they are in
     "filters": ["vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice",
                 "vtkBigusSequenceReader", "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer"],
-    "field_filters": ["vtkBigusFieldTensors", "vtkBigusTransformField"],
+    "field_filters": ["vtkBigusFieldTensors", "vtkBigusPartitionField", "vtkBigusTransformField"],
+    "live_filters": ["vtkBigusLiveTrainer"],
     "sweep_filters": ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"],
     "pipeline": ["update"],
 }

@@ -12,9 +12,13 @@ from vtkmodules.vtkCommonTransforms import vtkAbstractTransform, vtkHomogeneousT
 
 from . import _core
 from .algorithm import NO_ERROR, Algorithm, Clamped, matrix_of, properties
-from .vtkdata import field_of_polydata, polydata_of_field, to_vtk
+from .arrays import field as field_of_arrays
+from .vtkdata import field_of_polydata, ids_to_vtk, polydata_of_field, to_vtk
 
-__all__ = ["vtkBigusFieldTensors", "vtkBigusTransformField"]
+__all__ = ["vtkBigusFieldTensors", "vtkBigusPartitionField", "vtkBigusTransformField"]
+
+BLOCK = 256  # consecutive Gaussians, which stay together
+MOST_CHUNKS = 4096
 
 
 def axes_of(field: Any) -> np.ndarray:
@@ -101,5 +105,37 @@ class vtkBigusFieldTensors(Algorithm):
             output.GetPointData().SetTensors(to_vtk(tensors.reshape(-1, 9), self.GetTensorAsString()))
         except Exception as error:
             output.Initialize()
+            return self._fail(error)
+        return 1
+
+
+@properties(NumberOfChunks=16, NumberOfPieces=1, Piece=0)
+class vtkBigusPartitionField(Algorithm):
+    """One process's part of a field, as the C++ class makes it."""
+
+    def __init__(self) -> None:
+        super().__init__(("vtkPolyData",), ("vtkPolyData",))
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output = vtkDataObject.GetData(outputs, 0)
+        output.Initialize()
+        self._error_code = NO_ERROR
+        total, pieces, piece = (self._values[name] for name in ("NumberOfChunks", "NumberOfPieces", "Piece"))
+        try:
+            if not 1 <= total <= MOST_CHUNKS or total & (total - 1):
+                raise _core.Error(f"NumberOfChunks is {total}; it must be a power of two from 1 to {MOST_CHUNKS}.")
+            if not 0 <= piece < pieces:
+                raise _core.Error(f"Piece is {piece} of NumberOfPieces {pieces}; pieces are counted from 0.")
+            field = field_of_polydata(vtkDataObject.GetData(inputs[0], 0))
+            first, last = total * piece // pieces, total * (piece + 1) // pieces
+            chunk_of = np.arange(len(field)) // BLOCK % total
+            chunks = [np.flatnonzero(chunk_of == chunk) for chunk in range(first, last)]
+            kept = np.concatenate([np.empty(0, dtype=int), *chunks])
+            part = field_of_arrays(field.centers[kept], field.scales[kept], field.reflectivities[kept], field.rotations[kept],
+                                   field.gamma, field.elevation_sigma, field.probe_elevation_sigma, field.trained_normals)
+            part.provenance = field.provenance
+            output.ShallowCopy(polydata_of_field(part))
+            output.GetFieldData().AddArray(ids_to_vtk([total, first, *map(len, chunks)], "Chunks"))
+        except Exception as error:
             return self._fail(error)
         return 1

@@ -26,6 +26,13 @@ def to_vtk(values: np.ndarray, name: str) -> Any:
     return array
 
 
+def ids_to_vtk(values: Sequence[int], name: str) -> Any:
+    """A named array of ids."""
+    array = numpy_to_vtkIdTypeArray(np.array(values, dtype=np.int64), deep=True)
+    array.SetName(name)
+    return array
+
+
 def texts_to_vtk(texts: Sequence[str], name: str) -> vtkStringArray:
     array = vtkStringArray()
     array.SetName(name)

@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The field that follows the probe, in pure Python, with the names and properties of the C++ class."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Callable, Optional
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+from . import _core
+from .algorithm import NO_ERROR, Algorithm, Clamped, matrix_of, properties, want_all
+from .vtkdata import image_of, polydata_of_field, sweep_of_image
+
+__all__ = ["vtkBigusLiveTrainer"]
+
+TOGETHER = 16  # frames of a sweep that are handed over before the session is waited for, so that none is dropped
+MOST = 2**31 - 1
+
+
+def _times(sweep: Any, last: float) -> np.ndarray:
+    """When frames were taken, s; without timestamps each a second after the one before, the first after `last`."""
+    return np.arange(len(sweep)) + last + 1.0 if sweep.timestamps is None else sweep.timestamps
+
+
+@properties(FinishTime=0.0, Engine="auto", Seed=Clamped(1, 0, MOST), Window=Clamped(64, 8, 1024),
+            MaximumFrames=Clamped(2000, 8, 10**6), MaximumGaussians=Clamped(10**6, 1000, 2**26))
+class vtkBigusLiveTrainer(Algorithm):
+    """A field that grows while frames come, by AddFrame and AddSweep, or from a sweep that is played as input."""
+
+    def __init__(self) -> None:
+        super().__init__(("vtkImageData",), ("vtkPolyData",))
+        self._session: Optional[Any] = None
+        self._end_session()
+
+    def _end_session(self) -> None:
+        self._session, self._last, self._handed, self._used = None, 0.0, 0, None
+
+    def _live(self) -> Any:
+        if self._session is None:
+            numbers = (self._values[name] for name in ("Seed", "Window", "MaximumFrames", "MaximumGaussians"))
+            self._session = _core.LiveSession(self._values["Engine"] or "auto", *numbers)
+        return self._session
+
+    def SetFinishTime(self, seconds: float) -> None:
+        seconds = min(max(float(seconds), 0.0), 1e6)
+        if seconds != self._values["FinishTime"]:
+            self._values["FinishTime"] = seconds
+            self.Modified()
+
+    def AddFrame(self, image: Optional[vtkImageData], image_to_reference: Optional[vtkMatrix4x4],
+                 seconds: float) -> bool:
+        try:
+            if image is None or image.GetNumberOfPoints() == 0:
+                raise _core.Error("Live frame: there is no image.")
+            if image_to_reference is None:
+                raise _core.Error("There is no matrix.")
+            width, height, depth = image.GetDimensions()
+            components, kind = image.GetNumberOfScalarComponents(), image.GetScalarType()
+            if (kind, components, depth) != (VTK_UNSIGNED_CHAR, 1, 1):
+                raise _core.Error(
+                    f"Live frame: the image has {components} components of {image.GetScalarTypeAsString()} and {depth} "
+                    "slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
+                    "vtkImageShiftScale for other types.")
+            pose, extent = matrix_of(image_to_reference), image.GetExtent()
+            pose[:, 3] += extent[0] * pose[:, 0] + extent[2] * pose[:, 1]  # our pixel (0, 0) is VTK's (x0, y0)
+            pixels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width)
+            self._live().add(np.ascontiguousarray(pixels), np.ascontiguousarray(pose), float(seconds))
+            self._last = float(seconds)
+        except Exception as error:
+            return bool(self._fail(error))
+        return True
+
+    def _hand_over(self, sweep: Any, times: np.ndarray, first: int, last: int,
+                   go_on: Optional[Callable[[float], bool]] = None) -> int:
+        """Frames first to last - 1, when none of them waits any more; how many, fewer when `go_on` said so."""
+        session = self._live()
+        for begin in range(first, last, TOGETHER):
+            if go_on is not None and not go_on((begin - first) / (last - first)):
+                return begin - first
+            for k in range(begin, min(begin + TOGETHER, last)):
+                pixels = sweep.frames[k]
+                if pixels.dtype != np.uint8:
+                    pixels = np.floor(255 * pixels + np.float32(0.5)).astype(np.uint8)
+                session.add(np.ascontiguousarray(pixels), np.array(sweep.poses[k], order="C"), float(times[k]))
+                self._last = float(times[k])
+            session.wait()
+        return last - first
+
+    def AddSweep(self, image: Optional[vtkImageData]) -> bool:
+        try:
+            sweep, _ = sweep_of_image(image)
+            self._hand_over(sweep, _times(sweep, self._last), 0, len(sweep))
+        except Exception as error:
+            return bool(self._fail(error))
+        return True
+
+    def RenderSlice(self, image_to_reference: Optional[vtkMatrix4x4], width: int, height: int,
+                    slice: Optional[vtkImageData]) -> bool:
+        try:
+            if image_to_reference is None:
+                raise _core.Error("There is no matrix.")
+            if slice is None:
+                raise _core.Error("There is no image to render into.")
+            pose = matrix_of(image_to_reference)
+            picture = image_of(self._live().render(np.ascontiguousarray(pose), width, height)[None])
+            steps = np.linalg.norm(pose[:3, :2], axis=0)
+            direction = np.eye(3)
+            direction[:, :2] = pose[:3, :2] / steps
+            direction[:, 2] = np.cross(direction[:, 0], direction[:, 1])
+            picture.SetSpacing(*steps.tolist(), 1.0)
+            picture.SetOrigin(pose[:3, 3].tolist())
+            picture.SetDirectionMatrix(direction.ravel().tolist())
+            slice.Initialize()
+            slice.ShallowCopy(picture)
+        except Exception as error:
+            return bool(self._fail(error))
+        return True
+
+    def Reset(self) -> None:
+        self._end_session()
+        self.Modified()
+
+    def _count(self, name: str) -> int:
+        return self._session.state()[name] if self._session is not None else 0
+
+    def GetNumberOfFrames(self) -> int:
+        return self._count("frames")
+
+    def GetNumberOfPassedOverFrames(self) -> int:
+        return self._count("passed_over")
+
+    def GetNumberOfDroppedFrames(self) -> int:
+        return self._count("dropped")
+
+    def GetNumberOfRefusedFrames(self) -> int:
+        return self._count("refused")
+
+    def GetNumberOfWaitingFrames(self) -> int:
+        return self._count("waiting")
+
+    def GetNumberOfGaussians(self) -> int:
+        return self._count("gaussians")
+
+    def GetNumberOfSteps(self) -> int:
+        return self._count("steps")
+
+    def GetLastRefusal(self) -> str:
+        return self._session.state()["last_error"] if self._session is not None else ""
+
+    def FillInputPortInformation(self, port: int, info: Any) -> int:
+        info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
+        return super().FillInputPortInformation(port, info)
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        pipeline, info = vtkStreamingDemandDrivenPipeline, outputs.GetInformationObject(0)
+        info.Remove(pipeline.TIME_STEPS())
+        info.Remove(pipeline.TIME_RANGE())
+        if self.GetNumberOfInputConnections(0) == 0:
+            return 1
+        try:
+            # Times are data of the sweep, so they are known once it is there.
+            connection = self.GetInputConnection(0, 0)
+            connection.GetProducer().Update(connection.GetIndex())
+            sweep, _ = sweep_of_image(self.GetInputDataObject(0, 0))
+            times = sorted(set(np.array(_times(sweep, -1.0)).tolist()))
+            info.Set(pipeline.TIME_STEPS(), times, len(times))
+            info.Set(pipeline.TIME_RANGE(), (times[0], times[-1]), 2)
+        except _core.Error:
+            pass  # what is no sweep has no times; RequestData says what is wrong
+        return 1
+
+    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
+        want_all(inputs[0])
+        return 1
+
+    def _follow_input(self, image: vtkImageData, until: float) -> bool:
+        """Hands over what the input has up to a time and the session has not had; True when that is all of it."""
+        sweep, _ = sweep_of_image(image)
+        times = _times(sweep, -1.0)
+        late = np.flatnonzero(np.asarray(times) > until)
+        last = int(late[0]) if len(late) else len(times)
+        options = {name: value for name, value in self._values.items() if name != "FinishTime"}
+        used = (image.GetMTime(), options)
+        if last < self._handed or used != self._used:
+            self._end_session()
+            self._used = used
+        self._handed += self._hand_over(sweep, times, self._handed, last, self._go_on)
+        return self._handed == len(times)
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        output = vtkDataObject.GetData(outputs, 0)
+        output.Initialize()
+        self._error_code = NO_ERROR
+        info, image = outputs.GetInformationObject(0), None
+        try:
+            is_complete = True
+            if inputs[0].GetNumberOfInformationObjects():
+                key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+                image, time = vtkDataObject.GetData(inputs[0], 0), info.Get(key) if info.Has(key) else math.inf
+                is_complete = self._follow_input(image, time)
+            session, seconds = self._live(), self._values["FinishTime"]
+            field = session.finish(seconds, self._go_on) if seconds > 0 and is_complete else session.field()
+            output.ShallowCopy(polydata_of_field(field))
+            if image is not None and not math.isinf(time):
+                output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
+        except Exception as error:
+            output.Initialize()
+            if image is not None:
+                self._end_session()  # so that the next update begins anew
+            return self._fail(error)
+        return 1
