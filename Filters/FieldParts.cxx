@@ -8,6 +8,7 @@
 #include <string>
 
 #include "Core/Model/Error.h"
+#include "Data/FieldData.h"
 #include "vtkCommunicator.h"
 #include "vtkFieldData.h"
 #include "vtkIdTypeArray.h"
@@ -20,7 +21,6 @@ namespace bigus
 namespace
 {
 
-constexpr const char* kChunks = "Chunks";
 constexpr int kNodesTag = 7101, kPicturesTag = 7102;  // of messages to the first process
 
 bool IsPowerOfTwo(int number)
@@ -53,29 +53,6 @@ void Push(std::vector<Node>& nodes, Node node)
 }
 
 }  // namespace
-
-FieldChunks ChunksOfPiece(int total, int piece, int pieces)
-{
-  FieldChunks chunks;
-  chunks.total = total;
-  const auto begin = [&](int p) { return static_cast<int>(static_cast<long>(total) * p / pieces); };
-  chunks.first = begin(piece);
-  chunks.sizes.resize(static_cast<std::size_t>(begin(piece + 1) - begin(piece)));
-  return chunks;
-}
-
-void WriteChunks(const FieldChunks& chunks, vtkPolyData* part)
-{
-  vtkNew<vtkIdTypeArray> array;
-  array->SetName(kChunks);
-  array->InsertNextValue(chunks.total);
-  array->InsertNextValue(chunks.first);
-  for (const std::size_t size : chunks.sizes)
-  {
-    array->InsertNextValue(static_cast<vtkIdType>(size));
-  }
-  part->GetFieldData()->AddArray(array);
-}
 
 int FieldParts::NumberOfProcesses() const
 {
@@ -135,7 +112,7 @@ FieldChunks FieldParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) const
   Agree(
       [&]
       {
-        vtkDataArray* const array = part->GetFieldData()->GetArray(kChunks);
+        vtkDataArray* const array = part->GetFieldData()->GetArray(kChunksArray);
         if (!array)
         {
           while (chunks.total < processes)

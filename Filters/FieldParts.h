@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 
 class vtkMultiProcessController;
@@ -18,32 +19,9 @@ class vtkPolyData;
 namespace bigus
 {
 
-/// Chunks that a whole field is split into, and those of them that one process has. S is linear in the Gaussians, so
-/// pictures of chunks add up to the field's. They are added pairwise along a binary tree over all chunks. So the sum has
-/// the same bits however many processes have the chunks.
-struct FieldChunks
-{
-  int total = 1;                   ///< a power of two, 1 to kMost
-  int first = 0;                   ///< of this process
-  std::vector<std::size_t> sizes;  ///< Gaussians of each that this process has, in the order of its part
-
-  static constexpr int kMost = 4096;
-};
-
-/// The place of Gaussian i of a whole field of `total` chunks. Neighbours in the field, which lie near each other, stay
-/// together in blocks of 256, and blocks are dealt in turn, so that every chunk has a share of every slice.
-inline int ChunkOf(std::size_t i, int total)
-{
-  return static_cast<int>(i / 256 % static_cast<std::size_t>(total));
-}
-
-/// The chunks of piece `piece` of `pieces`: all chunks in turn, as evenly as they can be dealt.
-FieldChunks ChunksOfPiece(int total, int piece, int pieces);
-
-/// In the field data of a part, as array `Chunks`: total, first, sizes.
-void WriteChunks(const FieldChunks& chunks, vtkPolyData* part);
-
-/// All processes of a controller. Each member function is to be called by all of them.
+/// All processes of a controller. Each member function is to be called by all of them. Pictures of chunks are added
+/// pairwise along a binary tree over all chunks, whose number is a power of two. So the sum has the same bits however
+/// many processes have the chunks.
 class FieldParts
 {
 public:

@@ -3,18 +3,19 @@
 #include "vtkBigusPartitionField.h"
 
 #include <string>
-#include <vector>
 
 #include "Core/Model/Error.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
-#include "FieldParts.h"
 #include "PipelineSupport.h"
 #include "vtkErrorCode.h"
+#include "vtkFieldData.h"
 #include "vtkInformation.h"
+#include "vtkInformationIntegerKey.h"
 #include "vtkInformationVector.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
 
 vtkStandardNewMacro(vtkBigusPartitionField);
 
@@ -28,11 +29,7 @@ void CheckNumbers(int chunks, int piece, int pieces)
     throw bigus::Error("NumberOfChunks is " + std::to_string(chunks) + "; it must be a power of two from 1 to " +
                        std::to_string(bigus::FieldChunks::kMost) + ".");
   }
-  if (pieces < 1 || piece < 0 || piece >= pieces)
-  {
-    throw bigus::Error("Piece is " + std::to_string(piece) + " of NumberOfPieces " + std::to_string(pieces) +
-                       "; pieces are counted from 0.");
-  }
+  bigus::RequireChunks(chunks, piece, pieces);
 }
 
 }  // namespace
@@ -45,9 +42,23 @@ void vtkBigusPartitionField::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "Piece: " << this->Piece << "\n";
 }
 
+int vtkBigusPartitionField::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+{
+  outputs->GetInformationObject(0)->Remove(bigus::ChunksOfPiecesKey());
+  return 1;
+}
+
 int vtkBigusPartitionField::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
   bigus::RequestWholeInput(inputs[0]);
+  vtkInformation* info = inputs[0]->GetInformationObject(0);
+  this->IsInputAPart = this->Piece >= 0 && this->Piece < this->NumberOfPieces &&
+                       info->Get(bigus::ChunksOfPiecesKey()) == this->NumberOfChunks;
+  if (this->IsInputAPart)
+  {
+    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_PIECE_NUMBER(), this->Piece);
+    info->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES(), this->NumberOfPieces);
+  }
   return 1;
 }
 
@@ -59,25 +70,17 @@ int vtkBigusPartitionField::RequestData(vtkInformation*, vtkInformationVector** 
   {
     vtkPolyData* input = vtkPolyData::GetData(inputs[0]);
     CheckNumbers(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
-    const bigus::GaussianField field = bigus::FieldFromPolyData(input);
-    bigus::FieldChunks chunks = bigus::ChunksOfPiece(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
-    bigus::GaussianField part;
-    part.beam = field.beam;
-    part.transfer = field.transfer;
-    for (std::size_t k = 0; k < chunks.sizes.size(); ++k)
+    if (this->IsInputAPart && input->GetFieldData()->GetArray(bigus::kChunksArray))
     {
-      for (std::size_t i = 0; i < field.Size(); ++i)
-      {
-        if (bigus::ChunkOf(i, chunks.total) == chunks.first + static_cast<int>(k))
-        {
-          part.means.push_back(field.means[i]);
-          part.scales.push_back(field.scales[i]);
-          part.rotations.push_back(field.rotations[i]);
-          part.reflectivities.push_back(field.reflectivities[i]);
-          ++chunks.sizes[k];
-        }
-      }
+      output->ShallowCopy(input);
+      return 1;
     }
+    if (this->IsInputAPart && this->NumberOfPieces > 1)
+    {
+      throw bigus::Error("The reader could not read this part of the field.");
+    }
+    bigus::FieldChunks chunks = bigus::ChunksOfPiece(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
+    const bigus::GaussianField part = bigus::PartOf(bigus::FieldFromPolyData(input), chunks);
     bigus::FieldToPolyData(part, output);
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
     bigus::WriteChunks(chunks, output);

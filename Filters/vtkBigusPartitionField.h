@@ -11,6 +11,8 @@
  * A chunk takes blocks of 256 consecutive Gaussians in turn, so that every piece has its share of the work on any slice.
  * The field data array `Chunks` says which chunks the part has. A piece beyond NumberOfChunks is empty.
  *
+ * Behind a vtkBigusFieldReader of as many chunks this process reads its piece alone.
+ *
  * @sa vtkBigusFieldToImage::SetController
  */
 #ifndef vtkBigusPartitionField_h
@@ -55,12 +57,14 @@ protected:
   vtkBigusPartitionField() = default;
   ~vtkBigusPartitionField() override = default;
 
+  int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
   int NumberOfChunks = 16;
   int NumberOfPieces = 1;
   int Piece = 0;
+  bool IsInputAPart = false;  // the update in progress: the reader gives this piece alone
 
 private:
   vtkBigusPartitionField(const vtkBigusPartitionField&) = delete;

@@ -143,7 +143,7 @@ int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** 
       return 1;  // the output stays empty, and the next update begins anew
     }
     vtkNew<vtkDoubleArray> poses, recorded;
-    bigus::FillImagePoses(image, imported, found.trajectory.imageToReference, poses);
+    bigus::FillImagePoses({image}, imported, found.trajectory.imageToReference, poses);
     recorded->DeepCopy(image->GetFieldData()->GetArray("ImageToReference"));
     recorded->SetName("RecordedImageToReference");
     output->ShallowCopy(image);

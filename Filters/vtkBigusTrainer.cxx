@@ -291,10 +291,7 @@ vtkTable* vtkBigusTrainer::GetLog()
 int vtkBigusTrainer::FillInputPortInformation(int port, vtkInformation* info)
 {
   info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), port == 0 ? "vtkImageData" : "vtkPolyData");
-  if (port == 1)
-  {
-    info->Set(vtkAlgorithm::INPUT_IS_OPTIONAL(), 1);
-  }
+  info->Set(port == 0 ? vtkAlgorithm::INPUT_IS_REPEATABLE() : vtkAlgorithm::INPUT_IS_OPTIONAL(), 1);
   return 1;
 }
 
@@ -337,8 +334,12 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
       bigus::SetOption(options, name, value);
     }
 
-    vtkImageData* image = vtkImageData::GetData(inputs[0]);
-    const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
+    std::vector<vtkImageData*> images;
+    for (int k = 0; k < inputs[0]->GetNumberOfInformationObjects(); ++k)
+    {
+      images.push_back(vtkImageData::GetData(inputs[0], k));
+    }
+    const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
     std::optional<bigus::GaussianField> start;
     if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
     {
@@ -365,7 +366,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
     FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
     FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
-    bigus::FillImagePoses(image, imported, result.imageToReference, this->CorrectedPoses);
+    bigus::FillImagePoses(images, imported, result.imageToReference, this->CorrectedPoses);
     FillLog(result.log, log);
     FillDecisions(result.decisions, this->Decisions);
 
@@ -374,9 +375,13 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     bigus::FieldToPolyData(result.field, output);
     std::vector<std::string> provenance = {"filter=vtkBigusTrainer"};
     // Other lines of the sweep stay behind, because nobody knows what they tell of a patient.
-    if (const std::string poses = bigus::GetProvenance(image, "sweep.poses"); !poses.empty())
+    for (std::size_t k = 0; k < images.size(); ++k)
     {
-      bigus::SetProvenanceLine(provenance, "sweep.poses", poses);
+      if (const std::string poses = bigus::GetProvenance(images[k], "sweep.poses"); !poses.empty())
+      {
+        const std::string number = images.size() > 1 ? ".sequence" + std::to_string(k + 1) : "";
+        bigus::SetProvenanceLine(provenance, "sweep.poses" + number, poses);
+      }
     }
     bigus::AddTrainingProvenance(provenance, result, *imported.sweep, start.has_value());
     bigus::SetProvenanceLine(provenance, "trainingFrames", ToText(this->TrainingFrames));

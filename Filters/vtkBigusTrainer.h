@@ -9,6 +9,11 @@
  * indices (i, j, 0, 1) to mm. `Status` (0 = frame rejected) is honoured; `Mask` marks pixels never lit.
  * Pixels are unsigned char, unsigned short or float in [0, 1].
  *
+ * Several sweeps of one patient in one reference frame train one field: AddInputConnection() or AddInputData(), once for
+ * each. Their frames have one size; pixels may differ in mm. HoldOut and Validation count, and poses are corrected, in
+ * each by itself. Frames are numbered on from one sweep to the next, in the order of the inputs, and so are the tuples
+ * of GetCorrectedPoses().
+ *
  * Output 0 is the field, a vtkPolyData with one point (mm, the sweep's reference frame) for each Gaussian and
  *
  * | array | where | meaning |
@@ -21,7 +26,7 @@
  * | `ProbeElevationSigma` [1] | field data | that of the probe, mm; only where it is known |
  * | `TrainedNormals` [3] | field data | normals of the planes trained on; only with a known probe |
  * | `FormatVersion` [1] | field data | 1 |
- * | `Provenance` | field data | strings key=value: every option, `decision.<what>` = choice and evidence, and `poses` |
+ * | `Provenance` | field data | strings key=value: every option, `decision.<what>` = choice and evidence, `poses`, and of several sweeps `sequences` and `poses.sequence1` ... |
  *
  * Output 1 is the training log, a vtkTable with the columns Iteration, Seconds, Loss, ValidationPSNR (dB, NaN
  * where not measured), Gaussians and Rate (share of the first learning rate).
@@ -154,7 +159,8 @@ public:
   /** What computes: "auto" (default, the fastest present), "cpu", "cpu-double", "reference", or a plug-in's name. */
   vtkBigusTextOptionMacro(Engine);
 
-  /** Frames with index % HoldOut == HoldOut / 2, of those not rejected, are never trained on; 0 (default): none. */
+  /** Of each sweep frames with index % HoldOut == HoldOut / 2, of those not rejected, are never trained on; 0 (default):
+   * none. */
   vtkBigusNumberOptionMacro(HoldOut, int);
   /** Of the other frames every Validation-th, by the same rule, decides when to stop; 0 (default): none. */
   vtkBigusNumberOptionMacro(Validation, int);
@@ -209,7 +215,7 @@ public:
 
   ///@{
   /**
-   * Frames of the last training, by index in the image's third axis.
+   * Frames of the last training, by index in the image's third axis; in a further sweep it goes on from the one before.
    */
   vtkIntArray* GetTrainingFrames();
   vtkIntArray* GetValidationFrames();

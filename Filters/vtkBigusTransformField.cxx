@@ -14,6 +14,7 @@
 #include "vtkErrorCode.h"
 #include "vtkHomogeneousTransform.h"
 #include "vtkInformation.h"
+#include "vtkInformationIntegerKey.h"
 #include "vtkInformationVector.h"
 #include "vtkMatrix4x4.h"
 #include "vtkObjectFactory.h"
@@ -37,6 +38,12 @@ vtkMTimeType vtkBigusTransformField::GetMTime()
 {
   const vtkMTimeType own = this->Superclass::GetMTime();
   return this->Transform ? std::max(own, this->Transform->GetMTime()) : own;
+}
+
+int vtkBigusTransformField::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
+{
+  outputs->GetInformationObject(0)->Remove(bigus::ChunksOfPiecesKey());
+  return 1;
 }
 
 int vtkBigusTransformField::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)

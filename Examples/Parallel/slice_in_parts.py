@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A field on several processes, each with a part of it, and a slice that they render together.
+"""A field on several processes, each of which reads a part of it, and a slice that they render together.
 
-    mpirun -np 4 /usr/bin/python3 slice_in_parts.py FIELD SLICE.mha
+    mpirun -np 4 /usr/bin/python3 slice_in_parts.py FIELD.vtp|FIELD.pvtp SLICE.mha
 
 Needs mpi4py (Debian's python3-mpi4py). The slice has the same bits for any number of processes.
 """
@@ -12,7 +12,7 @@ import sys
 import time
 
 import bigus
-from mpi4py import MPI  # noqa: F401  It starts MPI, which VTK leaves to the interpreter.
+from mpi4py import MPI  # It also starts MPI, which VTK leaves to the interpreter.
 from vtkmodules.vtkIOImage import vtkMetaImageWriter
 from vtkmodules.vtkParallelCore import vtkDummyController
 from vtkmodules.vtkParallelMPI import vtkMPIController
@@ -31,7 +31,10 @@ part.SetInputConnection(reader.GetOutputPort())
 part.SetNumberOfPieces(controller.GetNumberOfProcesses())
 part.SetPiece(controller.GetLocalProcessId())
 part.Update()
-xmin, xmax, ymin, ymax, zmin, zmax = reader.GetOutput().GetBounds()
+is_empty = part.GetOutput().GetNumberOfPoints() == 0
+here = [float("inf"), -float("inf")] * 3 if is_empty else part.GetOutput().GetBounds()
+xmin, ymin, zmin = (MPI.COMM_WORLD.allreduce(here[k], MPI.MIN) for k in (0, 2, 4))
+xmax, ymax, zmax = (MPI.COMM_WORLD.allreduce(here[k], MPI.MAX) for k in (1, 3, 5))
 part.SetInputConnection(None)  # this process keeps its part alone
 part_data = part.GetOutput()
 del reader

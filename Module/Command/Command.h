@@ -68,6 +68,7 @@ CLI::Validator VolumeToRead(const std::string& endings);
 CLI::Validator VolumeToWrite(const std::string& endings);
 
 constexpr const char* kFieldEndings = ".vtp,.ply";
+constexpr const char* kFieldEndingsToRead = ".vtp,.pvtp,.ply";
 constexpr const char* kSequenceEndings = ".mha,.nrrd,.mhd,.nhdr,.csv";
 constexpr const char* kVolumeEndings = ".nrrd,.mha,.vti";
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// bigus convert: fields between .vtp and .ply, any tracked sequence to .igs.mha.
+// bigus convert: fields between .vtp, .pvtp and .ply, any tracked sequence to .igs.mha.
 #include <cmath>
 #include <memory>
 #include <numeric>
@@ -8,6 +8,7 @@
 #include "Command.h"
 #include "Data/Provenance.h"
 #include "Files.h"
+#include "IO/FieldFile.h"
 #include "IO/Formats/LinearTransform.h"
 #include "Inputs.h"
 #include "Outputs.h"
@@ -34,6 +35,7 @@ struct Options
   std::string transform;  ///< file; empty: none
   bool inverse = false;
   WorldSystem world = WorldSystem::Ras;
+  int pieces = FieldChunks::kUsual;  ///< of a .pvtp
   bool round = false;
   bool strip = false;
 };
@@ -77,13 +79,17 @@ ExitCode Convert(Console& console, const Options& options)
   const std::string& input = options.input.path;
   const std::string& output = options.output;
   RequireFile(input);
-  RequireDistinct({input, options.input.chain.config, options.transform}, {output});
-  RequireWritable(output);
+  const std::vector<std::string> outputs = FilesOfField(output, options.pieces);
+  RequireDistinct({input, options.input.chain.config, options.transform}, outputs);
+  for (const std::string& file : outputs)
+  {
+    RequireWritable(file);
+  }
 
   vtkNew<vtkBigusFieldReader> fieldReader;
   if (fieldReader->CanReadFile(input.c_str()))
   {
-    RequireFieldName(output);
+    RequireFieldName(output, true);
     vtkSmartPointer<vtkPolyData> field = ReadFieldData(input, console);
     if (!options.transform.empty())
     {
@@ -97,7 +103,7 @@ ExitCode Convert(Console& console, const Options& options)
     {
       ReplaceProvenance(field, {});
     }
-    WriteFieldData(field, output, options.round, console);
+    WriteFieldData(field, output, options.round, console, options.pieces);
     console.Print(output + ": " + std::to_string(field->GetNumberOfPoints()) + " Gaussians");
     console.Report({{"output", output}, {"kind", "field"}, {"gaussians", field->GetNumberOfPoints()}});
     return Success;
@@ -139,11 +145,17 @@ void AddConvert(Program& program)
       "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
       "  bigus convert field.vtp placed.vtp --transform patient.tfm  moved as 3D Slicer would move it\n"
       "  bigus convert field.vtp stranger.vtp --strip                nothing but what shows it\n"
+      "  bigus convert field.vtp field.pvtp --pieces 16              an index and 16 files, for several processes\n"
       "Rejected frames of a sequence are left out.");
-  AddSequenceOptions(*app, options->input, "INPUT", "Field (.vtp .ply) or sequence (.mha .mhd .nrrd .csv)");
-  app->add_option("OUTPUT", options->output, "Field: .vtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
+  AddSequenceOptions(*app, options->input, "INPUT", "Field (.vtp .pvtp .ply) or sequence (.mha .mhd .nrrd .csv)");
+  app->add_option("OUTPUT", options->output, "Field: .vtp, .pvtp or .ply; sequence: .igs.mha, .nrrd or .png (numbered)")
       ->required()
       ->type_name("");
+  app->add_option("--pieces", options->pieces,
+                  "Of a .pvtp: files to split the field into, so that processes read it piecewise; a power of two")
+      ->check(WholeNumberIn(1, FieldChunks::kMost))
+      ->type_name("N")
+      ->capture_default_str();
   app->add_flag("--round", options->round,
                 "Of a field: drop the digits that no picture shows (by less than 0.01 dB), as 'train' does");
   app->add_flag("--strip", options->strip,

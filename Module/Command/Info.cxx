@@ -384,7 +384,7 @@ void AddInfo(Program& program)
                                              "  bigus info plus.mha --config Plus.xml\n"
                                              "  bigus info field.vtp --json\n"
                                              "  bigus info --devices                   what can compute here");
-  AddSequenceOptions(*app, options->sequence, "FILE", "Sequence (.mha .mhd .nrrd .csv) or field (.vtp .ply)");
+  AddSequenceOptions(*app, options->sequence, "FILE", "Sequence (.mha .mhd .nrrd .csv) or field (.vtp .pvtp .ply)");
   CLI::Option* file = app->get_option("FILE")->required(false);
   app->add_flag("--devices", options->devices, "List engines, and why others cannot be used")->excludes(file);
 

@@ -8,9 +8,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <numeric>
+#include <sstream>
 
 #include "Command.h"
 #include "Core/Deciding/Provenance.h"
@@ -432,11 +434,12 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
   return result;
 }
 
-void RequireFieldName(const std::string& path)
+void RequireFieldName(const std::string& path, bool mayBePieces)
 {
-  if (!HasSuffix(path, ".vtp") && !HasSuffix(path, ".ply"))
+  if (!HasSuffix(path, ".vtp") && !HasSuffix(path, ".ply") && !(mayBePieces && HasSuffix(path, ".pvtp")))
   {
-    throw OutputError("Cannot write '" + path + "': the name of a field must end in .vtp or .ply.");
+    throw OutputError("Cannot write '" + path + "': the name of a field must end in .vtp" +
+                      (mayBePieces ? ", .pvtp" : "") + " or .ply.");
   }
 }
 
@@ -497,8 +500,17 @@ std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain)
 
 void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, const PoseChain& chain, Console& console)
 {
-  const std::string poses = TrainedPoses(field), recorded = GetProvenance(field, "recordedPoses");
-  if (poses.empty() || poses == kAsTracked || recorded.empty() || recorded != ChecksumOfPoses(sequence, chain))
+  std::istringstream recorded(GetProvenance(field, "recordedPoses"));
+  const std::vector<std::string> checksums{std::istream_iterator<std::string>(recorded), {}};
+  const auto found = std::find(checksums.begin(), checksums.end(), ChecksumOfPoses(sequence, chain));
+  if (found == checksums.end())
+  {
+    return;
+  }
+  const std::string poses =
+      checksums.size() == 1 ? TrainedPoses(field)
+                            : GetProvenance(field, "poses.sequence" + std::to_string(found - checksums.begin() + 1));
+  if (poses.empty() || poses == kAsTracked)
   {
     return;
   }
@@ -507,11 +519,12 @@ void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, const Po
                "wrote.");
 }
 
-void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console)
+void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console, int pieces)
 {
   vtkNew<vtkBigusFieldWriter> writer;
   writer->SetInputData(field);
   writer->SetRounding(isRounded);
+  writer->SetNumberOfPieces(pieces);
   writer->SetFileName(path.c_str());
   Write(writer, console, "Writing");
 }

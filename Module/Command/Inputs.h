@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
@@ -104,22 +105,24 @@ Sweep ReadPosesOnly(const SequenceOptions& options, Console& console);
 /// Says on stderr which frames were rejected.
 Planes ReadPlanes(const PlaneOptions& options, Console& console);
 
-/// Throws OutputError unless the name ends in .vtp or .ply.
-void RequireFieldName(const std::string& path);
+/// Throws OutputError unless the name ends in .vtp or .ply, or in .pvtp where a field in pieces may be written.
+void RequireFieldName(const std::string& path, bool mayBePieces = false);
 vtkSmartPointer<vtkPolyData> ReadFieldData(const std::string& path, Console& console);
 GaussianField ReadField(const std::string& path, Console& console);
-/// What was done to the poses that the field was trained at; empty where it does not say.
+/// What was done to the poses that the field was trained at, of all its sequences; empty where it does not say.
 std::string TrainedPoses(vtkPolyData* field);
 /// What the command line says of transforms, as the parsers take it.
 PoseOptions PoseOptionsOf(const PoseChain& chain);
+/// Where a field was trained on several sequences, its provenance has one checksum for each, between blanks.
 /// A checksum of a file's poses, as hexadecimal digits: it tells a sweep again without its name. Empty for a file that is
 /// neither a sequence nor a CSV of poses.
 std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain);
 /// Says on stderr when `sequence` has the poses of the one that the field was trained on, and these were corrected: then
 /// planes as tracked are not those that the field was trained at.
 void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, const PoseChain& chain, Console& console);
-/// `isRounded`: without the digits that no picture shows (Core/Model/FieldRounding.h).
-void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console);
+/// `isRounded`: without the digits that no picture shows (Core/Model/FieldRounding.h). `pieces`: of a .pvtp.
+void WriteFieldData(vtkPolyData* field, const std::string& path, bool isRounded, Console& console,
+                    int pieces = FieldChunks::kUsual);
 
 /// Throws Error when there is no file at `path`.
 void RequireFile(const std::string& path);

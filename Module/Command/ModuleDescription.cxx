@@ -81,7 +81,8 @@ std::string Describe(const CLI::Option& option, int& positionals)
 {
   const std::string& help = option.get_description();
   const bool isPositional = option.get_positional();
-  if (help.rfind(kShorthand, 0) == 0 || (!isPositional && option.get_lnames().empty()))
+  const bool isList = isPositional && option.get_expected_max() > 1;  // Slicer gives one file for an argument
+  if (help.rfind(kShorthand, 0) == 0 || (!isPositional && option.get_lnames().empty()) || isList)
   {
     return {};
   }

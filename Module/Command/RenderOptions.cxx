@@ -22,7 +22,7 @@ void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& 
         ->capture_default_str();
   };
   app.add_option("FIELD", options.field, "Field: .vtp or .ply")
-      ->check(FileToRead(kFieldEndings))
+      ->check(FileToRead(kFieldEndingsToRead))
       ->required()
       ->type_name("");
   choice("--mode", options.mode, "What a pixel is; scattering: signed, before compression, float",

@@ -46,7 +46,8 @@ namespace
 
 struct Options
 {
-  SequenceOptions sequence;
+  SequenceOptions sequence;       ///< the first, and how all are read
+  std::vector<std::string> more;  ///< further sequences
   std::string output, log, continueFrom, poses;
   std::map<std::string, std::string> trainer;  ///< values of the trainer's options that were given, by name
   double checkpointInterval = 60;              ///< s; 0 writes none
@@ -194,6 +195,24 @@ void ScoreAligned(const GaussianField& field, const Sweep& sweep, const std::vec
                 " degrees at most");
 }
 
+/// The score of each of several sequences, at the poses that were trained at and as tracked.
+void ScoreSequences(const GaussianField& field, const Sweep& lit, const Sweep& tracked, const std::vector<int>& heldOut,
+                    const std::string& engine, Json& answer, Console& console)
+{
+  for (const std::vector<int>& frames : BySequence(lit, heldOut))
+  {
+    const int k = lit.SequenceOf(frames.front());
+    const FrameScores scores = ScoreField(field, lit, frames, engine);
+    answer["sequences"][k]["held_out"] = ToFullJson(scores);
+    const bool isCorrected = std::any_of(frames.begin(), frames.end(),
+                                         [&](int f) { return lit.imageToReference[f] != tracked.imageToReference[f]; });
+    answer["sequences"][k]["held_out_tracked"] =
+        isCorrected ? ToFullJson(ScoreField(field, tracked, frames, engine)) : answer["sequences"][k]["held_out"];
+    console.Print(Row("  sequence " + std::to_string(k + 1), scores) + "   " + std::to_string(frames.size()) +
+                  " frames, poses " + answer["sequences"][k]["poses"].get<std::string>());
+  }
+}
+
 /// What the field shows along the sweep, where there is no truth: beside linear interpolation between the frames.
 void ScoreCrossPlanes(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
                       const std::string& engineName, Json& answer, Console& console)
@@ -210,6 +229,35 @@ void ScoreCrossPlanes(const GaussianField& field, const Sweep& sweep, const std:
   }
 }
 
+/// What to read, one for each sequence.
+std::vector<SequenceOptions> Sequences(const Options& options)
+{
+  std::vector<SequenceOptions> all = {options.sequence};
+  for (const std::string& path : options.more)
+  {
+    all.push_back(options.sequence);
+    all.back().path = path;
+  }
+  return all;
+}
+
+/// "poses.csv" to "poses-2.csv" for the second of several sequences; as it is for one alone.
+std::string NameOfSequence(const std::string& path, std::size_t k, std::size_t count)
+{
+  if (count == 1)
+  {
+    return path;
+  }
+  const std::filesystem::path name = std::filesystem::path(path).filename();
+  std::string stem = name.stem().string(), ending = name.extension().string();
+  if (HasSuffix(stem, ".igs") || HasSuffix(stem, ".seq"))
+  {
+    ending = stem.substr(stem.size() - 4) + ending;
+    stem.resize(stem.size() - 4);
+  }
+  return (std::filesystem::path(path).parent_path() / (stem + "-" + std::to_string(k + 1) + ending)).string();
+}
+
 /// The sequence as it is trained on, --reduce applied.
 vtkSmartPointer<vtkImageData> ReadTrainingImage(const SequenceOptions& options, Console& console)
 {
@@ -221,6 +269,16 @@ vtkSmartPointer<vtkImageData> ReadTrainingImage(const SequenceOptions& options, 
   auto reduced = vtkSmartPointer<vtkImageData>::New();
   SweepToImage(SweepFromImage(whole).sweep->Reduced(options.reduce), reduced);
   return reduced;
+}
+
+/// Throws Error, which names both files, where frames of two sequences differ in size.
+void RequireOneSizeOf(const std::vector<SequenceOptions>& sequences, const std::vector<vtkImageData*>& images)
+{
+  for (std::size_t k = 1; k < images.size(); ++k)
+  {
+    const int *first = images[0]->GetDimensions(), *other = images[k]->GetDimensions();
+    RequireOneSize(first[0], first[1], sequences[0].path, other[0], other[1], sequences[k].path);
+  }
 }
 
 /// The trainer's frames by their number in the sweep, which leaves rejected ones out. `usable` are the sweep's frames by
@@ -302,14 +360,25 @@ ExitCode Train(Console& console, const Options& options)
 {
   CheckpointFile checkpoint(options.output + ".checkpoint",
                             [&console](const std::string& what) { console.Note("bigus: warning: " + what); });
-  RequireDistinct({options.sequence.path, options.sequence.chain.config, options.continueFrom},
-                  {options.output, options.log, options.poses, checkpoint.Path()});
+  const std::vector<SequenceOptions> sequences = Sequences(options);
+  std::vector<std::string> inputs = {options.sequence.chain.config, options.continueFrom}, posesFiles;
+  for (std::size_t k = 0; k < sequences.size(); ++k)
+  {
+    inputs.push_back(sequences[k].path);
+    if (!options.poses.empty())
+    {
+      posesFiles.push_back(NameOfSequence(options.poses, k, sequences.size()));
+    }
+  }
+  std::vector<std::string> outputs = posesFiles;
+  outputs.insert(outputs.end(), {options.output, options.log, checkpoint.Path()});
+  RequireDistinct(inputs, outputs);
   RequireWritable(options.output);
   RequireFieldName(options.output);
-  if (!options.poses.empty())
+  for (const std::string& file : posesFiles)
   {
-    RequirePosesName(options.poses);
-    RequireWritable(options.poses);
+    RequirePosesName(file);
+    RequireWritable(file);
   }
   if (!options.log.empty())
   {
@@ -324,9 +393,17 @@ ExitCode Train(Console& console, const Options& options)
     SetOption(settings, name, value);
   }
   Engine::Create(settings.engine);  // an unknown name is said before the sweep is read
-  const vtkSmartPointer<vtkImageData> image = ReadTrainingImage(options.sequence, console);
-  const auto [sweep, usableFrames] = SweepFromImage(image);
-  const auto [trainingFrames, heldOutFrames] = SplitHoldOut(sweep->NumberOfFrames(), settings.holdOut);
+  std::vector<vtkSmartPointer<vtkImageData>> kept;
+  std::vector<vtkImageData*> images;
+  for (const SequenceOptions& one : sequences)
+  {
+    kept.push_back(ReadTrainingImage(one, console));
+    images.push_back(kept.back());
+  }
+  RequireOneSizeOf(sequences, images);
+  const auto [sweep, usableFrames] = SweepFromImages(images);
+  const std::vector<std::vector<int>> framesOf = BySequence(*sweep, AllFrames(*sweep));
+  const auto [trainingFrames, heldOutFrames] = SplitHoldOut(*sweep, AllFrames(*sweep), settings.holdOut);
   if (settings.holdOut > 0 && heldOutFrames.empty())
   {
     throw Error("--hold-out " + std::to_string(settings.holdOut) + " keeps none of the " +
@@ -337,14 +414,18 @@ ExitCode Train(Console& console, const Options& options)
     throw Error("Frames of " + std::to_string(sweep->width) + " x " + std::to_string(sweep->height) +
                 " pixels cannot be scored (11 x 11 are needed); use a smaller --reduce.");
   }
-  trainer->SetInputData(image);
+  for (vtkImageData* image : images)
+  {
+    trainer->AddInputData(image);
+  }
   if (!options.continueFrom.empty())
   {
     trainer->SetInitialFieldData(ReadFieldData(options.continueFrom, console));
   }
   console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " + std::to_string(sweep->width) +
-               " x " + std::to_string(sweep->height) + " pixels; " + std::to_string(heldOutFrames.size()) +
-               " held out.");
+               " x " + std::to_string(sweep->height) + " pixels" +
+               (sequences.size() > 1 ? ", from " + std::to_string(sequences.size()) + " sequences" : "") + "; " +
+               std::to_string(heldOutFrames.size()) + " held out.");
   std::string waiting;
   trainer->SetCheckpoints(KeepIn(checkpoint, waiting, options, console));
   UpdateUntilInterrupted(trainer, console, "Training");
@@ -352,7 +433,12 @@ ExitCode Train(Console& console, const Options& options)
   const bool interrupted = trainer->GetAborted() || IsInterrupted();
   vtkPolyData* output = trainer->GetOutput();
   SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
-  SetProvenance(output, "recordedPoses", ChecksumOfPoses(options.sequence.path, options.sequence.chain));
+  std::string recorded;
+  for (const SequenceOptions& one : sequences)
+  {
+    recorded += (recorded.empty() ? "" : " ") + ChecksumOfPoses(one.path, one.chain);
+  }
+  SetProvenance(output, "recordedPoses", recorded);
   SetProvenance(output, "world", options.sequence.chain.to);
   SetProvenance(output, "reduce", std::to_string(options.sequence.reduce));
   WriteFieldData(output, options.output, !options.exact, console);
@@ -369,12 +455,19 @@ ExitCode Train(Console& console, const Options& options)
   {
     WriteLog(options.log, trainer->GetLog());
   }
-  if (!options.poses.empty())
+  vtkIdType earlier = 0;  // frames of the images before
+  for (std::size_t k = 0; k < posesFiles.size(); ++k)
   {
+    const vtkIdType frames = images[k]->GetDimensions()[2];
+    vtkNew<vtkDoubleArray> poses;
+    poses->SetName("ImageToReference");
+    poses->SetNumberOfComponents(16);
+    poses->InsertTuples(0, frames, earlier, trainer->GetCorrectedPoses());
     vtkNew<vtkImageData> trained;
-    trained->ShallowCopy(image);
-    trained->GetFieldData()->AddArray(trainer->GetCorrectedPoses());
-    WritePoses(trained, options.poses, {}, console);
+    trained->ShallowCopy(images[k]);
+    trained->GetFieldData()->AddArray(poses);
+    WritePoses(trained, posesFiles[k], {}, console);
+    earlier += frames;
   }
 
   GaussianField field = FieldFromPolyData(output);
@@ -397,6 +490,7 @@ ExitCode Train(Console& console, const Options& options)
                  {"trained", nullptr},
                  {"baselines", nullptr},
                  {"cross_planes", nullptr},
+                 {"sequences", Json::array()},
                  {"interrupted", interrupted},
                  {"finished", trainer->GetFinished()},
                  {"decisions", decisions},
@@ -422,6 +516,14 @@ ExitCode Train(Console& console, const Options& options)
   Sweep lit = tracked;
   lit.imageToReference = CorrectedPoses(trainer, usableFrames);
   const bool corrected = lit.imageToReference != tracked.imageToReference;
+  for (std::size_t k = 0; k < framesOf.size(); ++k)
+  {
+    const std::string poses = framesOf.size() == 1 ? "poses" : "poses.sequence" + std::to_string(k + 1);
+    answer["sequences"].push_back({{"frames", framesOf[k].size()},
+                                   {"poses", GetProvenance(output, poses.c_str())},
+                                   {"held_out", nullptr},
+                                   {"held_out_tracked", nullptr}});
+  }
   if (!heldOutFrames.empty() && !interrupted)
   {
     console.Note("Scoring " + std::to_string(heldOutFrames.size()) + " held-out frames.");
@@ -446,6 +548,15 @@ ExitCode Train(Console& console, const Options& options)
     if (corrected)
     {
       console.Print(Row("  at tracked poses", scoresTracked) + "   BFS " + FormatNumber(scoresTracked.bfs.score, 3));
+    }
+    if (framesOf.size() > 1)
+    {
+      ScoreSequences(field, lit, tracked, heldOutFrames, settings.engine, answer, console);
+    }
+    else
+    {
+      answer["sequences"][0].update(
+          {{"held_out", answer["held_out"]}, {"held_out_tracked", answer["held_out_tracked"]}});
     }
     if (!options.withoutBaselines)
     {
@@ -547,11 +658,18 @@ void AddTrain(Program& program)
                                  "Turn a tracked sequence into a Gaussian field\n"
                                  "  bigus train sweep.igs.mha -o field.vtp --preview\n"
                                  "  bigus train sweep.igs.mha -o field.vtp --hold-out 8\n"
+                                 "  bigus train axial.igs.mha sagittal.igs.mha -o field.vtp --hold-out 8\n"
                                  "  bigus train plus.mha --config Plus.xml -o field.vtp "
                                  "--gaussians 300000 --time-limit 600 --log curve.csv\n"
                                  "Ctrl-C stops early and keeps the best field so far; --resume goes on from there.");
 
   AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
+  app->add_option(
+         "MORE", options->more,
+         "Further sequences of the same patient in the same world, for the same field. Poses are corrected and "
+         "frames held out in each by itself; the options below that say how a sequence is read are for all")
+      ->check(FileToRead(kSequenceEndings))
+      ->type_name("");
   AddReduceOption(*app, options->sequence.reduce);
   app->add_option("-o,--output", options->output, "Field to write: .vtp or .ply")
       ->check(FileToWrite(kFieldEndings))
@@ -563,11 +681,11 @@ void AddTrain(Program& program)
   app->add_option(
          "--write-poses", options->poses,
          "Write the poses that the field is trained at: the sequence, after --reduce, at these poses (.igs.mha, "
-         ".nrrd), or a CSV; 'slice --poses' takes either")
+         ".nrrd), or a CSV; 'slice --poses' takes either. Of several sequences OUT-1, OUT-2 and so on, before the ending")
       ->check(FileToWrite(".mha,.nrrd,.csv"))
       ->type_name("OUT");
   app->add_option("--continue", options->continueFrom, "Start from this field instead of seeding")
-      ->check(FileToRead(kFieldEndings))
+      ->check(FileToRead(kFieldEndingsToRead))
       ->type_name("FIELD");
   app->add_flag("--exact", options->exact,
                 "Write every digit of the field. Without it those are dropped that no picture shows (by less than 0.01 "

@@ -152,7 +152,7 @@ void AddView(Program& program)
       "A 3-D scene (Gaussians as ellipsoids at one standard deviation, blue where reflectivity is negative; the slice at a\n"
       "frame; frames and the probe's path), three planes at right angles, and the recorded frame beside the rendered one\n"
       "with their difference. ? lists the keys. It needs an X server, for --screenshot a virtual one is enough.");
-  app->add_option("FIELD", options->field, "Field: .vtp or .ply")->required()->type_name("");
+  app->add_option("FIELD", options->field, "Field: .vtp, .pvtp or .ply")->required()->type_name("");
   AddSequenceOptions(*app, options->sequence, "SEQUENCE",
                      "The sweep that it was trained on. Its poses are taken as they are: give what 'train "
                      "--write-poses' wrote, where poses were corrected");

@@ -7,8 +7,14 @@
 #include "Data/FieldShape.h"
 #include "Data/Provenance.h"
 #include "vtkCellArray.h"
+#include "vtkDemandDrivenPipeline.h"
 #include "vtkDoubleArray.h"
+#include "vtkFieldData.h"
+#include "vtkIdTypeArray.h"
+#include "vtkInformation.h"
+#include "vtkInformationIntegerKey.h"
 #include "vtkIntArray.h"
+#include "vtkNew.h"
 #include "vtkPointData.h"
 #include "vtkPoints.h"
 #include "vtkPolyData.h"
@@ -208,6 +214,45 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
     Assemble(to, points, scales, rotations, reflectivities, arrays.none.beam, arrays.none.transfer);
   }
   ReplaceProvenance(to, provenance);
+}
+
+namespace
+{
+
+/// Goes downstream as far as filters let it: ParaView puts one of its own behind every reader.
+class DownstreamKey : public vtkInformationIntegerKey
+{
+public:
+  DownstreamKey() : vtkInformationIntegerKey("CHUNKS_OF_PIECES", "BigusField") {}
+
+  void CopyDefaultInformation(vtkInformation* request, vtkInformation* from, vtkInformation* to) override
+  {
+    if (request->Has(vtkDemandDrivenPipeline::REQUEST_INFORMATION()))
+    {
+      this->ShallowCopy(from, to);
+    }
+  }
+};
+
+}  // namespace
+
+void WriteChunks(const FieldChunks& chunks, vtkPolyData* part)
+{
+  vtkNew<vtkIdTypeArray> array;
+  array->SetName(kChunksArray);
+  array->InsertNextValue(chunks.total);
+  array->InsertNextValue(chunks.first);
+  for (const std::size_t size : chunks.sizes)
+  {
+    array->InsertNextValue(static_cast<vtkIdType>(size));
+  }
+  part->GetFieldData()->AddArray(array);
+}
+
+vtkInformationIntegerKey* ChunksOfPiecesKey()
+{
+  static vtkInformationIntegerKey* const key = new DownstreamKey;  // deleted by VTK's manager of keys
+  return key;
 }
 
 }  // namespace bigus

@@ -7,9 +7,11 @@
 // On input any numeric type will do, cells are not looked at, and without points all arrays are optional.
 #pragma once
 
+#include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 #include "vtkBigusDataModule.h"
 
+class vtkInformationIntegerKey;
 class vtkPolyData;
 
 namespace bigus
@@ -26,5 +28,13 @@ VTKBIGUSDATA_EXPORT void FieldToPolyData(const GaussianField& field, vtkPolyData
 /// Checks the field in `from` as FieldFromPolyData does and makes `to` that field as FieldToPolyData does, with its
 /// provenance and without other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
 VTKBIGUSDATA_EXPORT void ShareField(vtkPolyData* from, vtkPolyData* to);
+
+/// The field data array of a part of a field that says which chunks it has: total, first, sizes.
+constexpr const char* kChunksArray = "Chunks";
+VTKBIGUSDATA_EXPORT void WriteChunks(const FieldChunks& chunks, vtkPolyData* part);
+
+/// In the output information of what can give a field piece by piece: of so many chunks, dealt to the pieces. 0: it cannot.
+/// It goes downstream by itself; a filter that always takes the whole field must remove it.
+VTKBIGUSDATA_EXPORT vtkInformationIntegerKey* ChunksOfPiecesKey();
 
 }  // namespace bigus

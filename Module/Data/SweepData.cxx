@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <string>
 
 #include "Core/Model/Error.h"
@@ -154,17 +155,52 @@ ImportedSweep SweepFromImage(vtkImageData* image)
   return imported;
 }
 
-void FillImagePoses(vtkImageData* image, const ImportedSweep& imported, const std::vector<Eigen::Matrix4d>& poses,
-                    vtkDoubleArray* array)
+ImportedSweep SweepFromImages(const std::vector<vtkImageData*>& images)
 {
-  array->DeepCopy(image->GetFieldData()->GetArray("ImageToReference"));
+  ImportedSweep all;
+  std::vector<std::shared_ptr<const Sweep>> sequences;
+  int earlier = 0;  // frames of the images before
+  for (std::size_t k = 0; k < images.size(); ++k)
+  {
+    try
+    {
+      const ImportedSweep one = SweepFromImage(images[k]);
+      sequences.push_back(one.sweep);
+      std::transform(one.frames.begin(), one.frames.end(), std::back_inserter(all.frames),
+                     [earlier](int frame) { return earlier + frame; });
+      earlier += images[k]->GetDimensions()[2];
+    }
+    catch (const Error& error)
+    {
+      throw Error((images.size() > 1 ? "Sequence " + std::to_string(k + 1) + ": " : "") + error.what());
+    }
+  }
+  all.sweep = Join(sequences);
+  return all;
+}
+
+void FillImagePoses(const std::vector<vtkImageData*>& images, const ImportedSweep& imported,
+                    const std::vector<Eigen::Matrix4d>& poses, vtkDoubleArray* array)
+{
+  array->Initialize();
+  array->SetNumberOfComponents(16);
   array->SetName("ImageToReference");
-  int extent[6];
-  image->GetExtent(extent);
+  std::vector<vtkImageData*> imageOf;  // of each frame
+  for (vtkImageData* image : images)
+  {
+    vtkDataArray* recorded = image->GetFieldData()->GetArray("ImageToReference");
+    imageOf.insert(imageOf.end(), static_cast<std::size_t>(recorded->GetNumberOfTuples()), image);
+    for (vtkIdType frame = 0; frame < recorded->GetNumberOfTuples(); ++frame)
+    {
+      array->InsertNextTuple(recorded->GetTuple(frame));
+    }
+  }
   for (std::size_t k = 0; k < poses.size(); ++k)
   {
     if (poses[k] != imported.sweep->imageToReference[k])
     {
+      int extent[6];
+      imageOf[imported.frames[k]]->GetExtent(extent);
       Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = poses[k];
       pose.col(3) -= extent[0] * pose.col(0) + extent[2] * pose.col(1);  // VTK's (x0, y0) is our pixel (0, 0)
       array->SetTypedTuple(imported.frames[k], pose.data());

@@ -30,9 +30,14 @@ struct ImportedSweep
 /// Throws Error naming the array and what to do. The result is valid in the sense of Sweep::Validate.
 VTKBIGUSDATA_EXPORT ImportedSweep SweepFromImage(vtkImageData* image);
 
-/// Fills `array` with the image's `ImageToReference` in which the frames that `imported` read from it lie at other poses,
-/// [sweep frames] as Sweep's. Poses of rejected frames, and poses that did not change, are the image's, bit for bit.
-VTKBIGUSDATA_EXPORT void FillImagePoses(vtkImageData* image, const ImportedSweep& imported,
+/// Several such images, of sequences in one world frame, as one sweep (Join in Sweep.h). Frames are counted on from one
+/// image to the next. Throws Error, which says of which image.
+VTKBIGUSDATA_EXPORT ImportedSweep SweepFromImages(const std::vector<vtkImageData*>& images);
+
+/// Fills `array` with the images' `ImageToReference`, one after the other, in which the frames that `imported` read from
+/// them lie at other poses, [sweep frames] as Sweep's. Poses of rejected frames, and poses that did not change, are the
+/// images', bit for bit.
+VTKBIGUSDATA_EXPORT void FillImagePoses(const std::vector<vtkImageData*>& images, const ImportedSweep& imported,
                                         const std::vector<Eigen::Matrix4d>& poses, vtkDoubleArray* array);
 
 /// Writes a sweep as such an image stack (pixels are copied).

@@ -7,6 +7,7 @@
 #include "IO/AtomicFile.h"
 #include "IO/FileError.h"
 #include "IO/Formats/Ply.h"
+#include "IO/Formats/Pvtp.h"
 #include "IO/Formats/Vtp.h"
 #include "IO/Text.h"
 
@@ -25,10 +26,9 @@ bool LooksLikeVtp(const std::string& beginning)
   return beginning.find("<VTKFile") != std::string::npos && beginning.find("PolyData") != std::string::npos;
 }
 
-/// The last four characters, such as ".vtp", in lower case.
-std::string Ending(const std::string& fileName)
+bool EndsIn(const std::string& fileName, const std::string& ending)
 {
-  return Lowercase(fileName.substr(fileName.size() - std::min<std::size_t>(4, fileName.size())));
+  return fileName.size() > ending.size() && Lowercase(fileName.substr(fileName.size() - ending.size())) == ending;
 }
 
 }  // namespace
@@ -38,8 +38,10 @@ bool LooksLikeField(const std::string& beginning)
   return LooksLikePly(beginning) || LooksLikeVtp(beginning);
 }
 
-std::optional<StoredField> ReadField(const std::string& fileName)
+std::optional<StoredField> ReadField(const std::string& fileName, const FieldPiece& piece,
+                                     const std::function<StoredField(const std::string&)>& foreign)
 {
+  RequireChunks(piece.chunks, piece.piece, piece.pieces);
   if (InputFile(fileName).Size() == 0)
   {
     throw TruncationError(fileName + ": the file is empty");
@@ -48,14 +50,29 @@ std::optional<StoredField> ReadField(const std::string& fileName)
   if (!LooksLikeField(beginning))
   {
     throw FileError(FileFault::Unrecognized,
-                    fileName + ": neither a VTK XML PolyData file (.vtp) nor a PLY file (.ply)");
+                    fileName + ": neither a VTK XML PolyData file (.vtp, .pvtp) nor a PLY file (.ply)");
   }
   try
   {
-    std::optional<StoredField> stored = LooksLikePly(beginning) ? ReadPly(fileName) : ReadVtp(fileName);
+    if (LooksLikePvtp(beginning))
+    {
+      return ReadPvtp(fileName, piece, foreign);
+    }
+    FieldChunks chunks = ChunksOfPiece(piece.chunks, piece.piece, piece.pieces);
+    FieldChunks* const wanted = piece.pieces > 1 ? &chunks : nullptr;
+    const bool isPly = LooksLikePly(beginning);
+    std::optional<StoredField> stored = isPly ? ReadPly(fileName) : ReadVtp(fileName, wanted);
     if (stored)
     {
       stored->field.Validate();
+      if (isPly && wanted)
+      {
+        stored->field = PartOf(stored->field, chunks);
+      }
+      if (wanted)
+      {
+        stored->chunks = chunks;
+      }
     }
     return stored;
   }
@@ -69,21 +86,57 @@ std::optional<StoredField> ReadField(const std::string& fileName)
   }
 }
 
+int ChunksOfFile(const std::string& fileName, int chunks)
+{
+  if (!LooksLikePvtp(FileBeginning(fileName, 4096)))
+  {
+    return chunks;
+  }
+  const auto pieces = static_cast<int>(PieceFilesOf(fileName).size());
+  return (pieces & (pieces - 1)) == 0 ? pieces : 0;
+}
+
 void RequireFieldName(const std::string& fileName)
 {
-  const std::string ending = Ending(fileName);
-  if (ending != ".vtp" && ending != ".ply")
+  if (!EndsIn(fileName, ".vtp") && !EndsIn(fileName, ".pvtp") && !EndsIn(fileName, ".ply"))
   {
-    throw FileError(FileFault::Unrecognized, fileName + ": fields are written as .vtp or .ply; name the file so");
+    throw FileError(FileFault::Unrecognized,
+                    fileName + ": fields are written as .vtp, .pvtp or .ply; name the file so");
   }
 }
 
-void WriteField(const StoredField& stored, const std::string& fileName)
+void WriteField(const StoredField& stored, const std::string& fileName, int pieces)
 {
   RequireFieldName(fileName);
+  if (EndsIn(fileName, ".pvtp"))
+  {
+    RequireChunks(pieces, 0, 1);
+    WritePvtp(stored, fileName, pieces);
+    return;
+  }
   AtomicFile file(fileName);
-  Ending(fileName) == ".ply" ? WritePly(stored, file) : WriteVtp(stored, file);
+  EndsIn(fileName, ".ply") ? WritePly(stored, file) : WriteVtp(stored, file, SinglesOf(stored.field));
   file.Commit();
+}
+
+void WriteFieldPiece(const StoredField& part, const std::string& fileName, int piece, int pieces)
+{
+  if (!EndsIn(fileName, ".pvtp"))
+  {
+    throw FileError(FileFault::Unrecognized, fileName + ": fields are written in pieces as .pvtp; name the file so");
+  }
+  RequireChunks(pieces, piece, pieces);
+  WritePvtpPiece(part, fileName, piece, pieces);
+}
+
+std::vector<std::string> FilesOfField(const std::string& fileName, int pieces)
+{
+  std::vector<std::string> files = {fileName};
+  for (int piece = 0; EndsIn(fileName, ".pvtp") && piece < pieces; ++piece)
+  {
+    files.push_back(PieceFileOf(fileName, piece));
+  }
+  return files;
 }
 
 }  // namespace bigus

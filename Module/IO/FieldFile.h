@@ -3,10 +3,12 @@
 // Gaussian fields in files, without VTK.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 
 namespace bigus
@@ -17,19 +19,39 @@ struct StoredField
 {
   GaussianField field;
   std::vector<std::string> provenance;  ///< key=value
+  std::optional<FieldChunks> chunks;    ///< that it has, where it is a part of a field
+};
+
+/// One of several parts of a field. A .pvtp is dealt file by file, each a chunk; other files are split into `chunks`.
+struct FieldPiece
+{
+  int piece = 0, pieces = 1;
+  int chunks = FieldChunks::kUsual;
 };
 
 /// Whether a file that begins with these bytes is worth handing to ReadField.
 bool LooksLikeField(const std::string& beginning);
 
-/// A valid field of a .vtp or .ply file. Nothing where a .vtp has another encoding than the one that we write. Throws
-/// FileError.
-std::optional<StoredField> ReadField(const std::string& fileName);
+/// A valid field of a .vtp, .pvtp or .ply file, or a part of it. Nothing where a .vtp has another encoding than the one
+/// that we write; of the pieces of a .pvtp `foreign` reads such ones. Throws FileError.
+std::optional<StoredField> ReadField(const std::string& fileName, const FieldPiece& piece = {},
+                                     const std::function<StoredField(const std::string&)>& foreign = {});
 
-/// Throws FileError, Unrecognized, unless the name ends in .vtp or .ply.
+/// How many chunks the pieces of a file are dealt in: those of a .pvtp where they are a power of two, else 0; `chunks` of
+/// any other file. Throws FileError.
+int ChunksOfFile(const std::string& fileName, int chunks);
+
+/// Throws FileError, Unrecognized, unless the name ends in .vtp, .pvtp or .ply.
 void RequireFieldName(const std::string& fileName);
 
-/// Writes a valid field, as .vtp or .ply by the name. Throws FileError; then nothing is written.
-void WriteField(const StoredField& stored, const std::string& fileName);
+/// Writes a valid field, as .vtp, .ply or .pvtp of so many pieces by the name. Throws FileError; then nothing is written.
+void WriteField(const StoredField& stored, const std::string& fileName, int pieces = FieldChunks::kUsual);
+
+/// Writes a process's part of a field as one of the pieces of a .pvtp, and with piece 0 the index, which names all. Throws
+/// FileError.
+void WriteFieldPiece(const StoredField& part, const std::string& fileName, int piece, int pieces);
+
+/// All files that WriteField writes under this name.
+std::vector<std::string> FilesOfField(const std::string& fileName, int pieces);
 
 }  // namespace bigus

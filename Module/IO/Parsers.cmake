@@ -15,6 +15,7 @@ set(bigus_parsers
   Formats/Ply.cxx
   Formats/PngFile.cxx
   Formats/PoseCsv.cxx
+  Formats/Pvtp.cxx
   Formats/VolumeGrid.cxx
   Formats/Vtp.cxx
   Formats/Xml.cxx

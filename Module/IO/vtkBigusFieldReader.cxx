@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusFieldReader.h"
 
+#include <algorithm>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
@@ -13,10 +15,12 @@
 #include "vtkCallbackCommand.h"
 #include "vtkExecutive.h"
 #include "vtkInformation.h"
+#include "vtkInformationIntegerKey.h"
 #include "vtkInformationVector.h"
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
 #include "vtkXMLPolyDataReader.h"
 
 vtkStandardNewMacro(vtkBigusFieldReader);
@@ -59,7 +63,7 @@ void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
 
 }  // namespace
 
-vtkBigusFieldReader::vtkBigusFieldReader() : FileName(nullptr)
+vtkBigusFieldReader::vtkBigusFieldReader() : FileName(nullptr), NumberOfChunks(bigus::FieldChunks::kUsual)
 {
   this->SetNumberOfInputPorts(0);
 }
@@ -75,11 +79,36 @@ int vtkBigusFieldReader::CanReadFile(const char* fileName)
   return bigus::LooksLikeField(beginning) ? 1 : 0;
 }
 
+int vtkBigusFieldReader::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
+{
+  vtkInformation* const info = outputVector->GetInformationObject(0);
+  info->Set(vtkAlgorithm::CAN_HANDLE_PIECE_REQUEST(), 1);
+  int chunks = 0;
+  try
+  {
+    chunks = this->FileName ? bigus::ChunksOfFile(this->FileName, this->NumberOfChunks) : 0;
+  }
+  catch (const std::exception&)
+  {
+    // Reading says what is wrong.
+  }
+  info->Set(bigus::ChunksOfPiecesKey(), chunks);
+  return 1;
+}
+
 int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)
 {
   vtkPolyData* const output = vtkPolyData::GetData(outputVector, 0);
   output->Initialize();
   this->SetErrorCode(vtkErrorCode::NoError);
+  vtkInformation* const info = outputVector->GetInformationObject(0);
+  bigus::FieldPiece piece;
+  piece.chunks = this->NumberOfChunks;
+  if (info->Has(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES()))
+  {
+    piece.piece = info->Get(vtkStreamingDemandDrivenPipeline::UPDATE_PIECE_NUMBER());
+    piece.pieces = std::max(1, info->Get(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES()));
+  }
   try
   {
     if (!this->FileName || !*this->FileName)
@@ -87,16 +116,34 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
       throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
     }
     const std::string fileName = this->FileName;
-    if (const auto stored = bigus::ReadField(fileName))
+    const auto foreign = [](const std::string& file)
+    {
+      vtkNew<vtkPolyData> part;
+      ReadWithVtk(file, part);
+      return bigus::StoredField{bigus::FieldFromPolyData(part), bigus::ProvenanceOf(part), {}};
+    };
+    if (const auto stored = bigus::ReadField(fileName, piece, foreign))
     {
       bigus::FieldToPolyData(stored->field, output);
       bigus::ReplaceProvenance(output, stored->provenance);
+      if (stored->chunks)
+      {
+        bigus::WriteChunks(*stored->chunks, output);
+      }
       return 1;
     }
     ReadWithVtk(fileName, output);
     try
     {
       bigus::ShareField(output, output);
+      if (piece.pieces > 1)
+      {
+        const std::vector<std::string> provenance = bigus::ProvenanceOf(output);
+        bigus::FieldChunks chunks = bigus::ChunksOfPiece(piece.chunks, piece.piece, piece.pieces);
+        bigus::FieldToPolyData(bigus::PartOf(bigus::FieldFromPolyData(output), chunks), output);
+        bigus::ReplaceProvenance(output, provenance);
+        bigus::WriteChunks(chunks, output);
+      }
     }
     catch (const bigus::Error& error)  // what is wrong with the field
     {
@@ -108,7 +155,8 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     vtkErrorMacro(<< bigus::MessageOf(error));
     this->SetErrorCode(bigus::ErrorCodeOf(error));
     output->Initialize();
-    return 0;
+    // Filters that other processes wait for must run and tell them. A piece without `Chunks` says that it failed.
+    return piece.pieces > 1 ? 1 : 0;
   }
   return 1;
 }
@@ -117,4 +165,5 @@ void vtkBigusFieldReader::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "FileName: " << (this->FileName ? this->FileName : "(none)") << "\n";
+  os << indent << "NumberOfChunks: " << this->NumberOfChunks << "\n";
 }

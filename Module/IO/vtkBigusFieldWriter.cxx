@@ -15,7 +15,7 @@
 
 vtkStandardNewMacro(vtkBigusFieldWriter);
 
-vtkBigusFieldWriter::vtkBigusFieldWriter() : FileName(nullptr) {}
+vtkBigusFieldWriter::vtkBigusFieldWriter() : FileName(nullptr), NumberOfPieces(bigus::FieldChunks::kUsual) {}
 
 vtkBigusFieldWriter::~vtkBigusFieldWriter()
 {
@@ -57,12 +57,19 @@ void vtkBigusFieldWriter::WriteFile()
     const std::string fileName = this->FileName;
     bigus::RequireFieldName(fileName);
     vtkPolyData* const input = this->GetInput();
-    bigus::StoredField stored = {bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input)};
+    bigus::StoredField stored = {bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}};
     if (this->Rounding)
     {
       bigus::RoundField(stored.field);
     }
-    bigus::WriteField(stored, fileName);
+    if (this->Piece >= 0)
+    {
+      bigus::WriteFieldPiece(stored, fileName, this->Piece, this->NumberOfPieces);
+    }
+    else
+    {
+      bigus::WriteField(stored, fileName, this->NumberOfPieces);
+    }
   }
   catch (const std::exception& error)
   {
@@ -76,4 +83,6 @@ void vtkBigusFieldWriter::PrintSelf(ostream& os, vtkIndent indent)
   this->Superclass::PrintSelf(os, indent);
   os << indent << "FileName: " << (this->FileName ? this->FileName : "(none)") << "\n";
   os << indent << "Rounding: " << this->Rounding << "\n";
+  os << indent << "NumberOfPieces: " << this->NumberOfPieces << "\n";
+  os << indent << "Piece: " << this->Piece << "\n";
 }

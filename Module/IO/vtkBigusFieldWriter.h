@@ -2,13 +2,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /**
  * @class   vtkBigusFieldWriter
- * @brief   writes a field of signed 3-D Gaussians (.vtp, .ply)
+ * @brief   writes a field of signed 3-D Gaussians (.vtp, .pvtp, .ply)
  *
  * The input is a field as vtkBigusFieldReader and vtkBigusTrainer make it; it is checked first, and its cells
  * are not looked at. The name's ending chooses the format:
  *
  * - `.vtp`: native and exact: appended binary data compressed with zlib, numbers in 32 bits where that holds all of an
  * array's values, else in 64.
+ * - `.pvtp`: an index and NumberOfPieces files beside it, `field_0.vtp` and so on for `field.pvtp`. Each holds a chunk, so
+ * that processes may read and render them piecewise.
  * - `.ply`: binary little-endian, for viewers of 3-D Gaussian splats: x, y, z, normals (0), f_dc_0..2,
  * opacity, scale_0..2 (natural logarithm) and rot_0..3 (w, x, y, z) as float, which show |r|, and an own
  * property `reflectivity` (double, signed). Gamma, the elevation sigma, the format version and the provenance
@@ -36,7 +38,7 @@ public:
 
   ///@{
   /**
-   * The file to write, ending in .vtp or .ply. No default.
+   * The file to write, ending in .vtp, .pvtp or .ply. No default.
    */
   vtkSetFilePathMacro(FileName);
   vtkGetFilePathMacro(FileName);
@@ -50,6 +52,23 @@ public:
   vtkSetMacro(Rounding, bool);
   vtkGetMacro(Rounding, bool);
   vtkBooleanMacro(Rounding, bool);
+  ///@}
+
+  ///@{
+  /**
+   * Of a .pvtp, 1 to 4096, default 16. Only a power of two can be rendered with the same bits by any number of processes.
+   */
+  vtkSetMacro(NumberOfPieces, int);
+  vtkGetMacro(NumberOfPieces, int);
+  ///@}
+
+  ///@{
+  /**
+   * Which piece of a .pvtp the input is, counted from 0, where every process has and writes a part of the field. Piece 0
+   * writes the index as well, so the field is complete when all have written. Negative (default): the input is all of it.
+   */
+  vtkSetMacro(Piece, int);
+  vtkGetMacro(Piece, int);
   ///@}
 
   vtkPolyData* GetInput();
@@ -67,6 +86,8 @@ protected:
 
   char* FileName;
   bool Rounding = false;
+  int NumberOfPieces;
+  int Piece = -1;
 
 private:
   vtkBigusFieldWriter(const vtkBigusFieldWriter&) = delete;

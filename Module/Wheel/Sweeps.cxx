@@ -272,6 +272,14 @@ void BindSweep(nb::module_& m)
       [](const InputFloats& f, const InputDoubles& p, std::optional<InputDoubles> t, std::optional<InputBytes> k)
       { return MakeSweep(f, Sweep::PixelType::Float32, p, t, k); },
       nb::arg("frames"), nb::arg("poses"), nb::arg("timestamps").none(), nb::arg("mask").none());
+  m.def(
+      "join",
+      [](const std::vector<std::shared_ptr<Sweep>>& sweeps)
+      {
+        const std::vector<std::shared_ptr<const Sweep>> sequences(sweeps.begin(), sweeps.end());
+        return sweeps.size() == 1 ? sweeps[0] : std::make_shared<Sweep>(*Join(sequences));
+      },
+      nb::arg("sweeps"));
   m.def("correct_poses", &Correct, nb::arg("sweep"), nb::arg("strength").none(), nb::arg("hold_out"),
         nb::arg("progress") = nb::none());
   m.def("compare", &Compare, nb::arg("image"), nb::arg("truth"));

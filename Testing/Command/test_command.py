@@ -1102,6 +1102,51 @@ class Poses(CommandTest):
         self.assertIn("--write-poses", notes[sweep])
         self.assertEqual(notes[table] + notes[sequence], "")
 
+    def test_several_sequences_train_one_field(self):
+        first, second = self.noisy(), self.folder / "patient-doe.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", second, *self.WORLD, *self.NOISE, "--sweep-angle", 90)
+        field, poses = self.folder / "f.vtp", self.folder / "poses.csv"
+        training = ["train", first, second, "-o", field, "--no-auto", "--pose-smoothing", 1, "--gaussians", 4000,
+                    "--iterations", 60, "--hold-out", 4, "--no-baselines", "--write-poses", poses]
+        answer = self.expect(SUCCESS, *training)
+        self.assertEqual(answer["held_out"]["frames"], 12)
+        self.assertEqual([one["held_out"]["frames"] for one in answer["sequences"]], [6, 6])
+        self.assertEqual([one["frames"] for one in answer["sequences"]], [24, 24])
+        mean = sum(one["held_out"]["psnr"] for one in answer["sequences"]) / 2
+        self.assertAlmostEqual(mean, answer["held_out"]["psnr"], places=6)
+        self.assertFalse(poses.exists())
+        for k, sweep in enumerate((first, second)):
+            own = self.folder / f"poses-{k + 1}.csv"
+            out, truth = self.folder / "s.mha", self.folder / "t.mha"
+            sliced = run("slice", field, "--poses", own, "--frames", "2,6,10,14,18,22", "-o", out, "--json")
+            self.assertEqual(sliced.stderr, "")
+            _, pixels, _ = read_sequence(sweep)
+            held_out = b"".join(pixels[n * 4096:(n + 1) * 4096] for n in range(2, 24, 4))
+            write_sequence(truth, read_sequence(out)[0], held_out)
+            # The report scores intensities before they are rounded to bytes.
+            self.assertAlmostEqual(self.expect(SUCCESS, "metrics", out, truth)["psnr"],
+                                   answer["sequences"][k]["held_out"]["psnr"], delta=0.02)
+            self.assertRegex(answer["sequences"][k]["poses"], r"^corrected by 0\.\d+ mm on average$")
+            note = run("slice", field, "--poses", sweep, "-o", out).stderr
+            self.assertIn("these planes are as tracked", note)
+        told = run("info", field, "--json").stdout
+        self.assertIn("poses.sequence2", told)
+        self.assertNotIn("doe", told)
+        # Trained again as the report says, the same bytes; a sequence alone has a list of one.
+        before = field.read_bytes()
+        self.expect(SUCCESS, *training)
+        self.assertEqual(field.read_bytes(), before)
+        alone = self.expect(SUCCESS, "train", first, "-o", field, *TINY, "--hold-out", 4)
+        self.assertEqual([one["held_out"] for one in alone["sequences"]], [alone["held_out"]])
+
+    def test_sequences_of_other_sizes_are_refused_with_both_names(self):
+        answer = self.expect(BAD_INPUT, "train", self.noisy(), self.sweep, "-o", self.folder / "f.vtp", says="48 x 40")
+        self.assertIn("sweep.igs.mha", answer["error"])
+        self.assertIn("64 x 64", answer["error"])
+        self.expect(BAD_INPUT, "train", self.sweep, self.folder / "none.mha", "-o", self.folder / "f.vtp", says="none.mha")
+        self.expect(CANNOT_WRITE, "train", self.sweep, self.sweep, "-o", self.folder / "f.vtp", "--write-poses", "x.txt",
+                    says=".csv")
+
     def test_written_poses_follow_reduce_and_say_nothing_of_exact_ones(self):
         field, poses = self.folder / "f.vtp", self.folder / "poses.mha"
         self.expect(SUCCESS, "train", self.sweep, "-o", field, *TINY, "--reduce", 2, "--write-poses", poses)
@@ -1733,6 +1778,28 @@ class Convert(CommandTest):
         self.expect(CANNOT_WRITE, "convert", self.sweep, self.folder / "s.ply", says=".mha")
         self.expect(CANNOT_WRITE, "convert", self.sweep, self.folder / "no" / "s.mha")
         self.assertNothingIn(self.folder)
+
+
+    def test_fields_in_pieces(self):
+        index = self.folder / "field.pvtp"
+        self.assertEqual(self.expect(SUCCESS, "convert", self.field, index, "--pieces", 2)["gaussians"], self.gaussians)
+        self.assertEqual(sorted(file.name for file in self.folder.iterdir()), ["field.pvtp", "field_0.vtp", "field_1.vtp"])
+        self.assertEqual(self.expect(SUCCESS, "info", index)["gaussians"], self.gaussians)
+        whole, pieces = self.folder / "whole.mha", self.folder / "pieces.mha"
+        self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "-o", whole)
+        self.expect(SUCCESS, "slice", index, "--poses", self.sweep, "-o", pieces)
+        # The same Gaussians in another order: sums differ by rounding, and each keeps to a tolerance of 1e-4.
+        psnr = self.expect(SUCCESS, "metrics", pieces, whole)["psnr"]
+        self.assertTrue(psnr is None or psnr > 74, psnr)  # 20 log10(2e-4)
+        again = self.folder / "again.vtp"
+        self.expect(SUCCESS, "convert", index, again)
+        self.assertEqual(self.expect(SUCCESS, "info", again)["gaussians"], self.gaussians)
+        # A piece is never written over the field that it is made of.
+        self.expect(CANNOT_WRITE, "convert", self.folder / "field_0.vtp", index, says="field_0.vtp")
+        self.expect(USAGE, "convert", self.field, index, "--pieces", 0)
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "x.pvtp", *TINY, says=".vtp")
+        (self.folder / "field_1.vtp").unlink()
+        self.expect(BAD_INPUT, "info", index, says="field_1.vtp")
 
 
 class Bench(CommandTest):

@@ -16,6 +16,7 @@
 #include "vtkFieldData.h"
 #include "vtkIntArray.h"
 #include "vtkTable.h"
+#include "vtkUnsignedCharArray.h"
 #include "vtkVariant.h"
 
 namespace bigus::test
@@ -440,6 +441,59 @@ TEST(Trainer, ANamedInterpolationKeepsContrastWhereThePresetAsksForIt)
   open.trainer->Update();
   named.trainer->Update();
   EXPECT_EQ(FieldFromPolyData(open.trainer->GetOutput()).means, FieldFromPolyData(named.trainer->GetOutput()).means);
+}
+
+TEST(Trainer, SeveralSweepsTrainOneField)
+{
+  Quick quick;
+  const vtkSmartPointer<vtkImageData> second = PatternSweep();
+  auto* poses = vtkDoubleArray::SafeDownCast(second->GetFieldData()->GetArray("ImageToReference"));
+  vtkNew<vtkUnsignedCharArray> status;
+  status->SetName("Status");
+  for (int k = 0; k < 12; ++k)
+  {
+    poses->SetComponent(k, 3, poses->GetComponent(k, 3) + 40);  // 40 mm beside the first
+    status->InsertNextValue(k != 3);
+  }
+  second->GetFieldData()->AddArray(status);
+  quick.trainer->AddInputData(second);
+  quick.trainer->SetGaussians(3000);
+  quick.trainer->SetIterations(120);
+  quick.trainer->Update();
+  vtkPolyData* field = quick.trainer->GetOutput();
+  ASSERT_GT(field->GetNumberOfPoints(), 2000);
+  // Frame 2, 6 and 10 of the usable ones of either, counted on in the second.
+  EXPECT_EQ(Values(quick.trainer->GetHeldOutFrames()), (std::vector<int>{2, 6, 10, 14, 19, 23}));
+  EXPECT_EQ(quick.trainer->GetTrainingFrames()->GetNumberOfValues(), 9 + 8);
+  EXPECT_GT(PsnrAt(field, quick.sweep, 6), 25);
+  EXPECT_GT(PsnrAt(field, second, 7), 25);
+  vtkDoubleArray* all = quick.trainer->GetCorrectedPoses();
+  ASSERT_EQ(all->GetNumberOfTuples(), 24);
+  for (int k = 0; k < 16; ++k)
+  {
+    EXPECT_EQ(all->GetComponent(5, k), quick.sweep->GetFieldData()->GetArray("ImageToReference")->GetComponent(5, k));
+    EXPECT_EQ(all->GetComponent(17, k), poses->GetComponent(5, k));
+  }
+  EXPECT_EQ(GetProvenance(field, "sequences"), "2");
+  EXPECT_EQ(GetProvenance(field, "poses.sequence2"), "as tracked");
+}
+
+TEST(TrainerBadInput, SeveralSweepsThatDoNotFit)
+{
+  {
+    Quick quick;
+    const vtkSmartPointer<vtkImageData> second = PatternSweep();
+    second->GetFieldData()->RemoveArray("ImageToReference");
+    quick.trainer->AddInputData(second);
+    ExpectOneError(quick.trainer, {"Sequence 2", "ImageToReference"});
+  }
+  {
+    Quick quick;
+    const vtkSmartPointer<vtkImageData> second = PatternSweep();
+    second->SetDimensions(40, 48, 12);  // as many pixels
+    quick.trainer->AddInputData(second);
+    ExpectOneError(quick.trainer, {"48 x 40", "40 x 48", "Crop or pad"});
+  }
 }
 
 TEST(Trainer, SettledOptionsAreTold)

@@ -160,6 +160,18 @@ void Fields()
     const std::string bytes = test::ReadBytes(name);
     std::filesystem::remove(name);
     Seed(target, "field", bytes);
+    if (target == "Vtp")
+    {
+      const std::string index = (root / "field.pvtp").string();
+      writer->SetFileName(index.c_str());
+      writer->SetNumberOfPieces(2);
+      writer->Write();
+      Seed("Pvtp", "index", test::ReadBytes(index));
+      for (const char* file : {"field.pvtp", "field_0.vtp", "field_1.vtp"})
+      {
+        std::filesystem::remove(root / file);
+      }
+    }
     if (target == "Ply")
     {
       std::string ascii = bytes.substr(0, bytes.find("end_header\n") + 11);

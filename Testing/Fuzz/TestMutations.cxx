@@ -360,5 +360,17 @@ TEST(Mutations, Vtp)
   TortureField(folder, "appended.vtp", ReadBytes(folder / "field.vtp"), 11);
 }
 
+// The index, its pieces sound.
+TEST(Mutations, Pvtp)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusFieldWriter> writer;
+  writer->SetFileName((folder / "field.pvtp").c_str());
+  writer->SetInputData(SmallField());
+  writer->SetNumberOfPieces(2);
+  writer->Write();
+  TortureField(folder, "index.pvtp", ReadBytes(folder / "field.pvtp"), 12);
+}
+
 }  // namespace
 }  // namespace bigus::test

@@ -6,6 +6,7 @@
 #include <tbb/global_control.h>
 
 #include <cstring>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "Support/Fields.h"
 #include "Support/Random.h"
 #include "vtkBigusFieldReader.h"
+#include "vtkBigusFieldWriter.h"
 #include "vtkBigusPartitionField.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"
@@ -128,6 +130,46 @@ TEST(Parts, SameBitsForAnyNumberOfProcesses)
         {
           EXPECT_EQ(Answer(Slice(Part(field, controller, chunks), controller)), truth);  // empty ones with few chunks
         });
+  }
+}
+
+TEST(Parts, EveryProcessReadsItsPartAlone)
+{
+  const auto field = Field();
+  const std::string folder = "/tmp/bigus-parts-" + std::to_string(World()->GetNumberOfProcesses());
+  if (World()->GetLocalProcessId() == 0)
+  {
+    std::filesystem::create_directories(folder);
+    for (const char* name : {"/field.vtp", "/field.pvtp"})
+    {
+      vtkNew<vtkBigusFieldWriter> writer;
+      writer->SetInputData(field);
+      writer->SetFileName((folder + name).c_str());
+      EXPECT_EQ(writer->Write(), 1);
+    }
+  }
+  World()->Barrier();
+  vtkNew<vtkDummyController> alone;
+  const std::vector<float> truth = Answer(Slice(Part(field, alone), alone));
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const int processes = controller->GetNumberOfProcesses();
+        for (const char* name : {"/field.vtp", "/field.pvtp"})
+        {
+          vtkNew<vtkBigusFieldReader> reader;
+          reader->SetFileName((folder + name).c_str());
+          const auto part = Part(field, controller);
+          part->SetInputConnection(reader->GetOutputPort());
+          EXPECT_EQ(Answer(Slice(part, controller)), truth) << name;
+          const vtkIdType most = (16 / processes + 1) * 768;  // 9000 Gaussians in 36 blocks: two or three a chunk
+          EXPECT_LE(reader->GetOutput()->GetNumberOfPoints(), processes == 1 ? 9000 : most) << name;
+        }
+      });
+  World()->Barrier();
+  if (World()->GetLocalProcessId() == 0)
+  {
+    std::filesystem::remove_all(folder);
   }
 }
 

@@ -373,6 +373,25 @@ class Environment(unittest.TestCase):
 
 
 class Train(unittest.TestCase):
+    def test_several_sweeps_train_one_field(self):
+        sweeps = [small_sweep(), small_sweep(count=7)]
+        few = {"Automatic": False, "Gaussians": 600, "Iterations": 20, "HoldOut": 4}
+        training = bigus.train(sweeps, False, **few)
+        self.assertEqual(training.poses.shape, (16, 4, 4))
+        np.testing.assert_array_equal(training.poses, np.concatenate([bigus.poses(sweep) for sweep in sweeps]))
+        lines = training.field.GetFieldData().GetAbstractArray("Provenance")
+        provenance = [lines.GetValue(k) for k in range(lines.GetNumberOfValues())]
+        self.assertIn("heldOutFrames=2 6 11 15", provenance)  # 2 and 6 of either, counted on
+        self.assertIn("sequences=2", provenance)
+        # One in a list is one alone.
+        for name in ("Scale", "Reflectivity"):
+            alone, listed = (vtk_to_numpy(bigus.train(one, False, **few).field.GetPointData().GetArray(name))
+                             for one in (sweeps[0], sweeps[:1]))
+            np.testing.assert_array_equal(alone, listed)
+        for wrong in ([], [sweeps[0], 3], "sweep"):
+            with self.assertRaises(TypeError):
+                bigus.train(wrong, False)
+
     def test_learns_a_small_sweep(self):
         sweep = small_sweep()
         seen = []

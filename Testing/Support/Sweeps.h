@@ -4,7 +4,6 @@
 #pragma once
 
 #include <memory>
-#include <numeric>
 #include <vector>
 
 #include "Core/Engine/Engine.h"
@@ -33,14 +32,6 @@ inline std::shared_ptr<Sweep> BlackSweep(int frames, int width, int height, doub
   auto pixels = std::make_shared<std::vector<float>>(sweep->PixelsPerFrame() * frames, 0.0f);
   sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
   return sweep;
-}
-
-/// Every frame's number.
-inline std::vector<int> AllFrames(const Sweep& sweep)
-{
-  std::vector<int> frames(sweep.NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
-  return frames;
 }
 
 /// One frame's intensities.

@@ -21,7 +21,6 @@ using bigus::Compounding;
 using bigus::Error;
 using bigus::SlicePlane;
 using bigus::Sweep;
-using bigus::test::AllFrames;
 using bigus::test::FrameOf;
 using bigus::test::Message;
 

@@ -9,7 +9,6 @@
 #include <cstring>
 #include <map>
 #include <memory>
-#include <numeric>
 #include <vector>
 
 #include "Core/Model/Error.h"
@@ -77,13 +76,6 @@ Sweep Make(const std::vector<double>& angles, int passes, const TrackerErrors& e
   }
   all.pixels = std::shared_ptr<const void>(pixels, pixels->data());
   return all;
-}
-
-std::vector<int> AllFrames(const Sweep& sweep)
-{
-  std::vector<int> frames(sweep.NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
-  return frames;
 }
 
 /// How far the sweep is bent, before and after.

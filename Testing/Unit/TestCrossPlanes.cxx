@@ -20,7 +20,6 @@ using bigus::CrossScores;
 using bigus::PowerAlong;
 using bigus::SlicePlane;
 using bigus::Sweep;
-using bigus::test::AllFrames;
 using bigus::test::BlackSweep;
 
 namespace

@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
-#include <numeric>
 #include <random>
 #include <string>
 #include <vector>
@@ -22,13 +21,6 @@ using namespace bigus;
 
 namespace
 {
-
-std::vector<int> AllFrames(const Sweep& sweep)
-{
-  std::vector<int> frames(sweep.NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
-  return frames;
-}
 
 /// A small linear phantom with 50 scatterers in a resolution cell: fully developed speckle. Tilt and wander
 /// as by default.

@@ -15,7 +15,6 @@
 using bigus::DistanceToFrames;
 using bigus::SlicePlane;
 using bigus::Sweep;
-using bigus::test::AllFrames;
 using bigus::test::BlackSweep;
 using bigus::test::Message;
 

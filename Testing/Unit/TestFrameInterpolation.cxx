@@ -193,7 +193,7 @@ TEST(FrameInterpolation, AParabolaInElevationStaysAParabola)
     for (double share : {0.25, 0.5, 0.8})
     {
       std::vector<float> image(sweep->PixelsPerFrame());
-      InterpolateFrames(*sweep, FramesAround::Gap({0, 1, 2, 3}, 1),
+      InterpolateFrames(*sweep, FramesAround::Gap(*sweep, {0, 1, 2, 3}, 1),
                         PlaneBetween(sweep->Plane(1), sweep->Plane(2), share), share, {path}, image.data());
       EXPECT_LT(LargestError(image, [&](double, double) { return bend(1 + share); }), 1e-5) << share;
     }

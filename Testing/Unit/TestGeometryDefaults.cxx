@@ -16,7 +16,7 @@ TrainingPlan PlanFor(double spacing, double pixel, const TrainerOptions& options
 {
   const auto sweep = test::BlackSweep(20, 16, 16, pixel, spacing);
   std::fill_n(test::Pixels(*sweep), 20 * sweep->PixelsPerFrame(), 0.5f);
-  return PlanByGeometry(options, *sweep, test::AllFrames(*sweep));
+  return PlanByGeometry(options, *sweep, bigus::AllFrames(*sweep));
 }
 
 bool Sparse(double spacing, double pixel)

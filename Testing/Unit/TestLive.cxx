@@ -85,7 +85,7 @@ TEST(Live, TheSameCallsGiveTheSameBitsForAnyNumberOfThreads)
   {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     LiveTraining training(Small());
-    Follow(training, *sweep, bigus::test::AllFrames(*sweep), 3);
+    Follow(training, *sweep, bigus::AllFrames(*sweep), 3);
     fields.push_back(training.Field());
   }
   EXPECT_EQ(fields[0].means, fields[1].means);
@@ -97,7 +97,7 @@ TEST(Live, TheSameCallsGiveTheSameBitsForAnyNumberOfThreads)
 TEST(Live, AProbeThatStaysOrComesBackAddsFewGaussians)
 {
   const auto sweep = bigus::test::RenderedSweep();
-  std::vector<int> there = bigus::test::AllFrames(*sweep), more;
+  std::vector<int> there = bigus::AllFrames(*sweep), more;
   LiveTraining training(Small());
   Follow(training, *sweep, there, 4);
   const std::size_t once = training.NumberOfGaussians();
@@ -138,7 +138,7 @@ TEST(Live, FramesThatSayNothingNewArePassedOver)
 TEST(Live, UnsoundFramesAreRefusedAndChangeNothing)
 {
   const auto sweep = bigus::test::RenderedSweep();
-  const std::vector<int> frames = bigus::test::AllFrames(*sweep);
+  const std::vector<int> frames = bigus::AllFrames(*sweep);
   LiveTraining sound(Small()), disturbed(Small());
   Follow(sound, *sweep, frames, 1);
   double time = 0;
@@ -177,7 +177,7 @@ TEST(Live, FramesAndGaussiansStayBelowTheirMaximum)
   // Frames 3 and 4 lie twice as near to each other as all others: of the frames before the window one of them goes first.
   bigus::Sweep uneven = *sweep;
   uneven.imageToReference[4](2, 3) = 0.5 * (uneven.imageToReference[3](2, 3) + uneven.imageToReference[4](2, 3));
-  Follow(training, uneven, bigus::test::AllFrames(uneven), 1);
+  Follow(training, uneven, bigus::AllFrames(uneven), 1);
   EXPECT_LE(training.NumberOfGaussians(), 1000u);
   const bigus::Sweep kept = training.Frames();
   EXPECT_EQ(kept.NumberOfFrames(), 18);

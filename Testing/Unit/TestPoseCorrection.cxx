@@ -71,7 +71,7 @@ TEST(PoseCorrection, NoiseIsTakenOutWherePicturesConfirmIt)
   const Phantom phantom(world);
   const Sweep sweep = phantom.MakeSweep();
   const auto truth = TruePoses(phantom, 48);
-  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  const PoseCorrection found = CorrectPoses(sweep, bigus::AllFrames(sweep));
   EXPECT_GE(found.strength, 1) << found.decision.evidence;
   EXPECT_LT(ErrorOf(sweep, found.trajectory.imageToReference, truth),
             0.5 * ErrorOf(sweep, sweep.imageToReference, truth));
@@ -109,7 +109,7 @@ TEST(PoseCorrection, ConstantErrorsAreTakenOutWhereSweepsCross)
     }
   }
   sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
-  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  const PoseCorrection found = CorrectPoses(sweep, bigus::AllFrames(sweep));
   EXPECT_TRUE(found.constant.isSignificant) << found.constant.evidence;
   EXPECT_NE(found.decision.choice.find("image moved on the probe"), std::string::npos) << found.decision.choice;
   EXPECT_NE(found.decision.evidence.find(found.constant.evidence), std::string::npos) << found.decision.evidence;
@@ -118,7 +118,7 @@ TEST(PoseCorrection, ConstantErrorsAreTakenOutWhereSweepsCross)
   { return bigus::MeasurePoseError(poses, truth, sweep.width, sweep.height).bending; };
   EXPECT_LT(bending(found.trajectory.imageToReference), 0.3 * bending(sweep.imageToReference));
   EXPECT_NEAR(found.trajectory.rotation[5], 2, 0.4);
-  const PoseCorrection kept = CorrectPoses(sweep, bigus::test::AllFrames(sweep), {0.0});
+  const PoseCorrection kept = CorrectPoses(sweep, bigus::AllFrames(sweep), {0.0});
   EXPECT_EQ(kept.trajectory.imageToReference, sweep.imageToReference);
 
   // A training that corrects nothing else is repeated by its settled options.
@@ -159,7 +159,7 @@ TEST(PoseCorrection, FramesAreAlignedWhereTheProbeComesBack)
   const auto truth = TruePoses(phantom, 64);
   bigus::PoseCorrectionOptions smoothOnly;
   smoothOnly.isRefined = false;
-  const std::vector<int> all = bigus::test::AllFrames(sweep);
+  const std::vector<int> all = bigus::AllFrames(sweep);
   const PoseCorrection smooth = CorrectPoses(sweep, all, smoothOnly), aligned = CorrectPoses(sweep, all);
   EXPECT_FALSE(smooth.isRefined);
   ASSERT_TRUE(aligned.isRefined) << aligned.decision.evidence;
@@ -187,7 +187,7 @@ TEST(PoseCorrection, SlowErrorsAlongTheNormalAreFoundWhereTheProbeComesBack)
   const auto truth = TruePoses(phantom, 64);
   bigus::PoseCorrectionOptions smoothOnly;
   smoothOnly.isRefined = false;
-  const std::vector<int> all = bigus::test::AllFrames(sweep);
+  const std::vector<int> all = bigus::AllFrames(sweep);
   const PoseCorrection smooth = CorrectPoses(sweep, all, smoothOnly), aligned = CorrectPoses(sweep, all);
   ASSERT_TRUE(aligned.isRefined) << aligned.decision.evidence;
   EXPECT_LT(ErrorOf(sweep, aligned.trajectory.imageToReference, truth),
@@ -236,7 +236,7 @@ TEST(PoseCorrection, AShakingProbeIsLeftAsTracked)
   }
   const Sweep sweep = Taken(phantom, shaken, 96);
   ASSERT_TRUE(bigus::SmoothTrajectory(sweep).IsChanged());
-  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  const PoseCorrection found = CorrectPoses(sweep, bigus::AllFrames(sweep));
   EXPECT_EQ(found.strength, 0) << found.decision.evidence;
   EXPECT_EQ(found.trajectory.imageToReference, sweep.imageToReference);
   EXPECT_EQ(found.decision.choice, "as tracked");
@@ -246,12 +246,11 @@ TEST(PoseCorrection, AShakingProbeIsLeftAsTracked)
 TEST(PoseCorrection, ExactPosesAndStepsAreLeftAsTracked)
 {
   const Sweep exact = Phantom(SmallWorld(24)).MakeSweep();
-  EXPECT_EQ(CorrectPoses(exact, bigus::test::AllFrames(exact)).trajectory.imageToReference, exact.imageToReference);
+  EXPECT_EQ(CorrectPoses(exact, bigus::AllFrames(exact)).trajectory.imageToReference, exact.imageToReference);
   PhantomOptions world = SmallWorld(24);
   world.tilt = world.wander = world.speedVariation = 0;
   const Sweep stepped = Phantom(world).MakeSweep();
-  EXPECT_EQ(CorrectPoses(stepped, bigus::test::AllFrames(stepped)).trajectory.imageToReference,
-            stepped.imageToReference);
+  EXPECT_EQ(CorrectPoses(stepped, bigus::AllFrames(stepped)).trajectory.imageToReference, stepped.imageToReference);
 }
 
 // Pictures came evenly, poses are those of the times at which they arrived.
@@ -269,12 +268,12 @@ TEST(PoseCorrection, FramesNumbersAreTheClockWherePicturesCameEvenly)
     sweep.imageToReference[k] += std::abs(late) * (truth[next] - truth[k]);
   }
   ASSERT_TRUE(HasUsableTimes(sweep));
-  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  const PoseCorrection found = CorrectPoses(sweep, bigus::AllFrames(sweep));
   EXPECT_EQ(found.trajectory.clock, bigus::FrameClock::Numbers) << found.decision.evidence;
   EXPECT_LT(ErrorOf(sweep, found.trajectory.imageToReference, truth),
             0.6 * ErrorOf(sweep, sweep.imageToReference, truth));
   // A given strength uses the same clock.
-  EXPECT_EQ(CorrectPoses(sweep, bigus::test::AllFrames(sweep), {found.strength}).trajectory.imageToReference,
+  EXPECT_EQ(CorrectPoses(sweep, bigus::AllFrames(sweep), {found.strength}).trajectory.imageToReference,
             found.trajectory.imageToReference);
 }
 
@@ -290,7 +289,7 @@ TEST(PoseCorrection, ExactPosesAreLeftWhereFramesWereDropped)
     }
   }
   const Sweep sweep = whole.Subset(kept);
-  const PoseCorrection found = CorrectPoses(sweep, bigus::test::AllFrames(sweep));
+  const PoseCorrection found = CorrectPoses(sweep, bigus::AllFrames(sweep));
   EXPECT_EQ(found.trajectory.imageToReference, sweep.imageToReference) << found.decision.evidence;
 }
 
@@ -346,7 +345,7 @@ TEST(PoseCorrection, WhatIsGivenIsObeyedAndFewFramesAreNoEvidence)
   PhantomOptions world = SmallWorld(24);
   world.trackingNoise = 0.2;
   const Sweep sweep = Phantom(world).MakeSweep();
-  const std::vector<int> all = bigus::test::AllFrames(sweep);
+  const std::vector<int> all = bigus::AllFrames(sweep);
   const PoseCorrection kept = CorrectPoses(sweep, all, {0.0});
   EXPECT_EQ(kept.trajectory.imageToReference, sweep.imageToReference);
   EXPECT_EQ(kept.decision.evidence, "given");
@@ -386,7 +385,7 @@ TEST(PoseCorrection, ItCanBeStoppedAndThenKeepsEveryPose)
       return seen.size() < call;
     };
   };
-  ASSERT_FALSE(CorrectPoses(*sweep, bigus::test::AllFrames(*sweep), {}, stopAt(1000)).aborted);
+  ASSERT_FALSE(CorrectPoses(*sweep, bigus::AllFrames(*sweep), {}, stopAt(1000)).aborted);
   const std::size_t calls = seen.size();
   ASSERT_GE(calls, 2u);
   EXPECT_TRUE(std::is_sorted(seen.begin(), seen.end()));
@@ -394,7 +393,7 @@ TEST(PoseCorrection, ItCanBeStoppedAndThenKeepsEveryPose)
   for (const std::size_t call : {std::size_t(1), calls})
   {
     seen.clear();
-    const PoseCorrection stopped = CorrectPoses(*sweep, bigus::test::AllFrames(*sweep), {}, stopAt(call));
+    const PoseCorrection stopped = CorrectPoses(*sweep, bigus::AllFrames(*sweep), {}, stopAt(call));
     EXPECT_TRUE(stopped.aborted);
     EXPECT_EQ(stopped.trajectory.imageToReference, sweep->imageToReference);
     EXPECT_EQ(stopped.strength, 0);

@@ -14,16 +14,6 @@ namespace
 
 using bigus::SeedPlacement;
 
-std::vector<int> AllFrames(const bigus::Sweep& sweep)
-{
-  std::vector<int> frames(sweep.NumberOfFrames());
-  for (std::size_t i = 0; i < frames.size(); ++i)
-  {
-    frames[i] = static_cast<int>(i);
-  }
-  return frames;
-}
-
 /// 20 frames of 64 x 64 pixels: columns 0-7 black, then dim (0.1) to column 35, then bright (0.8).
 std::shared_ptr<bigus::Sweep> Steps()
 {

@@ -186,10 +186,16 @@ NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const G
     const std::string text = bytes.Take();
     field.Add(text.data(), text.size());
   }
+  std::string parts;
+  const std::vector<std::vector<int>> sequences = BySequence(sweep, AllFrames(sweep));
+  for (std::size_t k = 0; k < sequences.size() && sequences.size() > 1; ++k)
+  {
+    parts += (k == 0 ? ", in sequences of " : ", ") + std::to_string(sequences[k].size());
+  }
   NamedTexts identity = {{"version", BIGUS_VERSION},
                          {"engine", EngineOf(options.engine)},
                          {"sequence", std::to_string(frames) + " frames of " + std::to_string(sweep.width) + " x " +
-                                          std::to_string(sweep.height) + " pixels"},
+                                          std::to_string(sweep.height) + " pixels" + parts},
                          {"checksum of the pixels", Hexadecimal(pixels)},
                          {"checksum of the poses and times", Hexadecimal(poses)},
                          {"checksum of the mask", sweep.mask ? Hexadecimal(mask) : "none"},

@@ -206,10 +206,16 @@ Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& fr
   }
   const Stopwatch watch;
   std::string evidence = "frames cross";
+  const std::vector<int> tried = LongestSequence(sweep, frames);
   if (state.plan.probeElevationSigma > 0)
   {
     state.plan.elevationSigma = state.plan.probeElevationSigma;
     evidence += ", so it is the probe's";
+    return Made(state, "elevation sigma", choice(), evidence, watch.Seconds());
+  }
+  if (tried.size() < frames.size() && !FramesCross(sweep, tried))
+  {
+    evidence += ", but not those of one sequence, on which a trial is";
     return Made(state, "elevation sigma", choice(), evidence, watch.Seconds());
   }
   for (const double sigma : kCrossingBeams)
@@ -266,9 +272,11 @@ Decision DecideGaussians(State& state)
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
                              TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper)
 {
-  if (frames.size() < kFewestFrames)
+  // Trials and speckle rest on the order of frames, so they look at one sequence.
+  const std::vector<int> longest = LongestSequence(sweep, frames);
+  if (longest.size() < kFewestFrames)
   {
-    return {{"everything", "by geometry", std::to_string(frames.size()) + " frames are too few to compare on", 0}};
+    return {{"everything", "by geometry", std::to_string(longest.size()) + " frames are too few to compare on", 0}};
   }
   Trials trials(sweep, frames, asked, progress, keeper);
   State state{asked, trials, plan, {}};
@@ -285,7 +293,7 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   }
   if (trials.Proceed())
   {
-    decisions.push_back(DecideProbeBeam(state, sweep, frames));
+    decisions.push_back(DecideProbeBeam(state, sweep, longest));
   }
   if (isTexture)
   {

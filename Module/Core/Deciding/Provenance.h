@@ -18,7 +18,8 @@ inline constexpr const char* kAsTracked = "as tracked";
 void SetProvenanceLine(std::vector<std::string>& lines, const std::string& key, const std::string& value);
 
 /// The choices a training rested on: seed, loss, the settled options by their properties' names,
-/// `decision.NAME` = choice (evidence), and how far poses were corrected. Nothing that differs between two equal runs,
+/// `decision.NAME` = choice (evidence), and how far poses were corrected. Of several sequences `sequences` says how many,
+/// and `poses.sequence1` and so on the same for each. Nothing that differs between two equal runs,
 /// such as the time. `isContinued`: the training began with a field.
 void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult& result, const Sweep& sweep,
                            bool isContinued);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <tuple>
 
 #include "Core/Deciding/Checkpointer.h"
 #include "Core/Deciding/DecisionRules.h"
@@ -66,38 +67,55 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
               ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
 }
 
-/// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it. Poses are kept
-/// where `goOn` says stop.
+/// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it. Every sequence
+/// is corrected as if it were alone, because it is a motion and a registration of its own. Poses are kept where `goOn`
+/// says stop.
 std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
                                      TrainerOptions& options, std::vector<Decision>& decisions,
                                      const std::function<bool()>& goOn)
 {
-  const PoseCorrection correction =
-      CorrectPoses(*sweep, frames, {options.poseSmoothing}, [&goOn](double) { return goOn(); });
-  // What pictures change where the tracker has no noise to take out is found by leaving the choice to them once more: a
-  // strength of 0 keeps every pose.
-  if (correction.strength > 0 || !correction.trajectory.IsChanged())
+  const std::vector<std::vector<int>> sequences = BySequence(*sweep, AllFrames(*sweep));
+  auto corrected = std::make_shared<Sweep>(*sweep);
+  std::vector<double> strengths;
+  bool isChanged = false, isOpen = false;
+  for (std::size_t k = 0; k < sequences.size(); ++k)
   {
-    options.poseSmoothing = correction.strength;
+    const int first = sequences[k].front();
+    const Sweep sequence = sweep->Range(first, static_cast<int>(sequences[k].size()));
+    std::vector<int> own;
+    for (const int frame : frames)
+    {
+      if (sweep->SequenceOf(frame) == sweep->SequenceOf(first))
+      {
+        own.push_back(frame - first);
+      }
+    }
+    PoseCorrection correction =
+        CorrectPoses(sequence, own, {options.poseSmoothing}, [&goOn](double) { return goOn(); });
+    if (correction.aborted)
+    {
+      options.poseSmoothing = 0;
+      return sweep;
+    }
+    // What pictures change where the tracker has no noise to take out is found by leaving the choice to them once more: a
+    // strength of 0 keeps every pose.
+    isOpen = isOpen || (correction.strength == 0 && correction.trajectory.IsChanged());
+    strengths.push_back(correction.strength);
+    if (sequences.size() > 1)
+    {
+      correction.decision.what += " of sequence " + std::to_string(k + 1);
+    }
+    decisions.push_back(correction.decision);
+    isChanged = isChanged || correction.trajectory.IsChanged();
+    std::copy(correction.trajectory.imageToReference.begin(), correction.trajectory.imageToReference.end(),
+              corrected->imageToReference.begin() + first);
   }
-  if (correction.aborted)
+  // One option stands for all sequences, so it is settled where all chose the same.
+  if (!isOpen && std::count(strengths.begin(), strengths.end(), strengths[0]) == std::ptrdiff_t(strengths.size()))
   {
-    return sweep;
+    options.poseSmoothing = strengths[0];
   }
-  decisions.push_back(correction.decision);
-  return correction.trajectory.IsChanged() ? std::make_shared<const Sweep>(AtCorrectedPoses(*sweep, correction))
-                                           : sweep;
-}
-
-/// The elements of `values` at `indices`.
-std::vector<int> Pick(const std::vector<int>& values, const std::vector<int>& indices)
-{
-  std::vector<int> picked;
-  for (int index : indices)
-  {
-    picked.push_back(values[index]);
-  }
-  return picked;
+  return isChanged ? corrected : sweep;
 }
 
 /// The options with the plan's choices.
@@ -162,13 +180,11 @@ try
   Checkpointer keeper(checkpoints, isKept ? IdentityOf(*sweep, options, start) : NamedTexts());
   const Stopwatch watch(call.Seconds() + keeper.Seconds());
 
-  auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), options.holdOut);
+  auto [frames, heldOut] = SplitHoldOut(*sweep, AllFrames(*sweep), options.holdOut);
   std::vector<int> validation;
   if (options.validation > 0)
   {
-    const auto [train, validate] = SplitHoldOut(static_cast<int>(frames.size()), options.validation);
-    validation = Pick(frames, validate);
-    frames = Pick(frames, train);
+    std::tie(frames, validation) = SplitHoldOut(*sweep, frames, options.validation);
   }
   if (frames.empty())
   {
@@ -222,7 +238,7 @@ try
   }
   else
   {
-    const bool isJudged = asked.automatic && frames.size() >= kFewestFrames;
+    const bool isJudged = asked.automatic && LongestSequence(*sweep, frames).size() >= kFewestFrames;
     if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
     {
       sweep = Correct(sweep, frames, asked, result.decisions, [&passOn] { return passOn({}); });

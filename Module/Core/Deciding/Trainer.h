@@ -27,7 +27,7 @@ struct TrainingResult
   /// Held-out frames belong at these, too: their own pixels had no part in them.
   std::vector<Eigen::Matrix4d> imageToReference;
   /// The options with every choice made, so that they repeat the training. Open is poseSmoothing alone, and only where
-  /// pictures corrected poses without smoothing: then they do so again.
+  /// pictures corrected poses without smoothing, or smoothed sequences differently: then they do so again.
   TrainerOptions settled;
   int iterations = 0;
   double seconds = 0;
@@ -52,6 +52,7 @@ struct Checkpoints
   std::string resume;
 };
 
+/// A sweep of several sequences (Join) is held out from, and its poses are corrected, sequence by sequence.
 /// `progress` (may be empty) is called at least every 100 ms or once an iteration; returning false stops training and
 /// keeps the best field so far. `start` (may be null) is a field to continue from instead of seeding; without one,
 /// fewer than two frames to train on or frames of equal pixels throughout are an Error.

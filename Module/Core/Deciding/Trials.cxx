@@ -80,8 +80,9 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const Trainer
                const ProgressCallback& progress, Checkpointer& keeper)
     : asked_(asked), progress_(progress), keeper_(keeper)
 {
-  const std::size_t tried = std::min(kTrialFrames, frames.size());
-  const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - tried) / 2);
+  const std::vector<int> longest = LongestSequence(sweep, frames);
+  const std::size_t tried = std::min(kTrialFrames, longest.size());
+  const auto begin = longest.begin() + static_cast<std::ptrdiff_t>((longest.size() - tried) / 2);
   share_ = static_cast<double>(tried) / static_cast<double>(frames.size());
   const Sweep part = sweep.Subset({begin, begin + static_cast<std::ptrdiff_t>(tried)});
   reduction_ = Reduction(part);

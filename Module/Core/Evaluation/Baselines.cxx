@@ -44,7 +44,7 @@ void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const 
 void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
 {
   CheckTraining(sweep, training);
-  const auto [before, after] = Neighbours(training, frame);
+  const auto [before, after] = Neighbours(sweep, training, frame);
   sweep.CopyFrame(before == kNoFrame ? after : before, image);
   if (before != kNoFrame && after != kNoFrame)
   {

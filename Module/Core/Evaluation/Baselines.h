@@ -19,8 +19,8 @@ namespace bigus
 /// mean square distance, mm, between the corners of the two images; of equals the first.
 void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, float* image);
 
-/// Mean of the training frames before and after index `frame` in the sequence, pixel for pixel (poses ignored). At an
-/// end of the sweep the single neighbour.
+/// Mean of the training frames before and after index `frame` in its sequence, pixel for pixel (poses ignored). At an
+/// end of the sequence the single neighbour.
 void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& training, int frame, float* image);
 
 /// How a frame is sampled between its pixels. Outside of it the edge's pixels repeat.
@@ -30,15 +30,15 @@ enum class PixelInterpolation
   Cubic    ///< bicubic convolution with Keys' kernel, a = -1/2 (Catmull-Rom), clamped to [0, 1]
 };
 
-/// Pose-aware interpolation between the training frames before and after index `frame` in the sequence (at an end, the
+/// Pose-aware interpolation between the training frames before and after index `frame` in its sequence (at an end, the
 /// one there is): from every pixel's point a line along the mean of their normals meets both planes; the frames are
 /// sampled there and mixed linearly, each weighing as much as the point's distance from the other. Where the line
 /// misses one of the images (by more than half a pixel) the other is taken, where it misses both 0.
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image,
                               PixelInterpolation sampling = PixelInterpolation::Linear);
 
-/// The same at any plane, which has no place in the sequence: for every pixel, of the consecutive training frames that
-/// have its point between them, the two with the smallest sum of distances. A point between none takes the sample of
+/// The same at any plane, which has no place in the sequence: for every pixel, of the consecutive training frames of
+/// one sequence that have its point between them, the two with the smallest sum of distances. A point between none takes the sample of
 /// the nearest plane it projects onto at right angles, if any.
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image, PixelInterpolation sampling = PixelInterpolation::Linear);

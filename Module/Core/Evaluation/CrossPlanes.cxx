@@ -163,8 +163,9 @@ std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uin
   return SumPowerAlong(picture, counted, width, height).Mean();
 }
 
-CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& given)
+CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& training)
 {
+  const std::vector<int> given = LongestSequence(sweep, training);
   const auto spare = static_cast<std::ptrdiff_t>(given.size() - std::min(given.size(), kMostFrames)) / 2;
   const std::vector<int> frames(given.begin() + spare, given.end() - spare);
   const double gap = frames.size() < 2 ? 0 : MeasureGeometry(sweep, frames).medianSpacing;

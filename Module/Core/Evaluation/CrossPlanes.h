@@ -59,7 +59,7 @@ class CrossPlaneScorer
 public:
   /// Three axial and three lateral cross-planes of at most 128 columns, with kSamplesPerGap pixels to the median gap of
   /// `frames`. Of more than 400 frames those in the middle are looked at.
-  CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& frames);
+  CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& training);
 
   /// `predict(plane, image)` is called for one plane after another. Nothing for sweeps of eight frames or fewer, and where
   /// linear interpolation is flat.

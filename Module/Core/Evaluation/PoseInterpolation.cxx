@@ -72,13 +72,14 @@ private:
 class CubicPair
 {
 public:
-  /// The frames at places k and k + 1 of `frames`, which are in the order of the sweep.
-  CubicPair(const std::vector<FrameInSpace>& frames, std::size_t k)
+  /// The frames at places k and k + 1 of `frames`, which are in the order of the sweep; which of the two outer ones there
+  /// are.
+  CubicPair(const std::vector<FrameInSpace>& frames, std::size_t k, bool hasBefore, bool hasAfter)
       : pair_(frames[k], frames[k + 1]),
         a_(frames[k]),
         b_(frames[k + 1]),
-        outerA_(k == 0 ? std::nullopt : std::optional(frames[k - 1])),
-        outerB_(k + 2 == frames.size() ? std::nullopt : std::optional(frames[k + 2]))
+        outerA_(hasBefore ? std::optional(frames[k - 1]) : std::nullopt),
+        outerB_(hasAfter ? std::optional(frames[k + 2]) : std::nullopt)
   {
   }
 
@@ -148,6 +149,7 @@ public:
     CheckTraining(sweep, training);
     for (int frame : training)
     {
+      sequences_.push_back(sweep.SequenceOf(frame));
       frames_.emplace_back(sweep, frame, sampling);
       Eigen::Vector3d normal = frames_.back().Plane().Normal();
       if (!normals_.empty())
@@ -161,6 +163,11 @@ public:
 
   const std::vector<FrameInSpace>& Frames() const { return frames_; }
   const FramePair& Pair(int k) const { return pairs_[k]; }  ///< frames k and k + 1
+  /// Frames k and k + 1 with those around them, of one sequence.
+  CubicPair Cubic(std::size_t k) const
+  {
+    return CubicPair(frames_, k, k > 0 && IsOneSequence(k - 1), k + 2 < frames_.size() && IsOneSequence(k + 1));
+  }
 
   /// Of the pairs that have the point between them and for which `accept(feet)` holds, the one with the smallest sum of
   /// distances; kNoFrame when there is none.
@@ -174,7 +181,7 @@ public:
     {
       const double distance = normals_[k].dot(x - frames_[k].Plane().origin);
       const double gap = std::abs(before) + std::abs(distance);
-      if (k > 0 && before * distance <= 0 && gap < smallest && accept(pairs_[k - 1].Find(x)))
+      if (k > 0 && IsOneSequence(k - 1) && before * distance <= 0 && gap < smallest && accept(pairs_[k - 1].Find(x)))
       {
         smallest = gap;
         found = static_cast<int>(k) - 1;
@@ -209,7 +216,10 @@ public:
   }
 
 private:
+  bool IsOneSequence(std::size_t k) const { return sequences_[k] == sequences_[k + 1]; }
+
   std::vector<FrameInSpace> frames_;
+  std::vector<int> sequences_;  // of the frames
   std::vector<FramePair> pairs_;
   std::vector<Eigen::Vector3d> normals_;  // all to the same side
 };
@@ -220,7 +230,7 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
                               PixelInterpolation sampling)
 {
   CheckTraining(sweep, training);
-  const auto [before, after] = Neighbours(training, frame);
+  const auto [before, after] = Neighbours(sweep, training, frame);
   const FramePair pair(FrameInSpace(sweep, before == kNoFrame ? after : before, sampling),
                        FrameInSpace(sweep, after == kNoFrame ? before : after, sampling));
   ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return pair.Mix(pair.Find(x)); });
@@ -245,14 +255,14 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
 {
   CheckTraining(sweep, training);
-  const auto [before, after] = Neighbours(training, frame);
+  const auto [before, after] = Neighbours(sweep, training, frame);
   if (before == kNoFrame || after == kNoFrame)
   {
     PredictPoseInterpolation(sweep, training, frame, image, PixelInterpolation::Cubic);
     return;
   }
   std::vector<FrameInSpace> frames;
-  const int first = Neighbours(training, before).first, last = Neighbours(training, after).second;
+  const int first = Neighbours(sweep, training, before).first, last = Neighbours(sweep, training, after).second;
   for (int near : {first, before, after, last})
   {
     if (near != kNoFrame)
@@ -260,7 +270,7 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
       frames.emplace_back(sweep, near, PixelInterpolation::Cubic);
     }
   }
-  const CubicPair cubic(frames, first == kNoFrame ? 0 : 1);
+  const CubicPair cubic(frames, first == kNoFrame ? 0 : 1, first != kNoFrame, last != kNoFrame);
   ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return cubic.At(x); });
 }
 
@@ -271,7 +281,7 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
   std::vector<CubicPair> pairs;
   for (std::size_t k = 0; k + 1 < training.size(); ++k)
   {
-    pairs.emplace_back(stack.Frames(), k);
+    pairs.push_back(stack.Cubic(k));
   }
   ForEachPixel(plane, image,
                [&](const Eigen::Vector3d& x) { return stack.At(x, [&](int k) { return pairs[k].At(x); }); });

@@ -95,13 +95,6 @@ Sweep ToSweep(const std::deque<LiveFrame>& frames, std::size_t first)
   return sweep;
 }
 
-std::vector<int> AllFrames(const Sweep& sweep)
-{
-  std::vector<int> frames(sweep.NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
-  return frames;
-}
-
 void Append(const GaussianField& more, GaussianField& field)
 {
   field.means.insert(field.means.end(), more.means.begin(), more.means.end());

@@ -9,8 +9,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <limits>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <type_traits>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/PixelMemory.h"
@@ -115,6 +118,7 @@ Sweep Sweep::Reduced(int n) const
   out.height = height / n;
   out.pixelType = PixelType::Float32;
   out.timestamps = timestamps;
+  out.sequences = sequences;
 
   // Old index = n * new index + (n - 1) / 2: the centre of a block.
   Eigen::Matrix4d newToOld = Eigen::Matrix4d::Identity();
@@ -185,8 +189,33 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
     {
       out.timestamps.push_back(timestamps[frame]);
     }
+    if (!sequences.empty())
+    {
+      out.sequences.push_back(sequences[frame]);
+    }
   }
   out.pixels = bytes;
+  return out;
+}
+
+Sweep Sweep::Range(int first, int count) const
+{
+  CheckFrame(*this, first);
+  CheckFrame(*this, first + count - 1);
+  const auto cut = [first, count](auto& perFrame)
+  {
+    if (!perFrame.empty())
+    {
+      perFrame =
+          std::remove_reference_t<decltype(perFrame)>(perFrame.begin() + first, perFrame.begin() + first + count);
+    }
+  };
+  Sweep out = *this;
+  cut(out.imageToReference);
+  cut(out.timestamps);
+  cut(out.sequences);
+  const std::size_t skipped = static_cast<std::size_t>(first) * PixelsPerFrame() * BytesPerPixel(pixelType);
+  out.pixels = std::shared_ptr<const void>(pixels, static_cast<const unsigned char*>(pixels.get()) + skipped);
   return out;
 }
 
@@ -270,6 +299,11 @@ void Sweep::ValidateLayout() const
     throw Error("Sweep: the frames have poses but no pixels.");
   }
   CheckLength(timestamps, "timestamps", frames);
+  CheckLength(sequences, "numbers of sequences", frames);
+  if (!std::is_sorted(sequences.begin(), sequences.end()))
+  {
+    throw Error("Sweep: frames of one sequence must follow each other, but their numbers of sequences fall.");
+  }
   if (mask && mask->size() != PixelsPerFrame())
   {
     throw Error("Sweep: the mask has " + std::to_string(mask->size()) + " pixels, but frames are " +
@@ -345,6 +379,150 @@ std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(int numberOfFrames, i
     (held ? split.second : split.first).push_back(frame);
   }
   return split;
+}
+
+std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(const Sweep& sweep, const std::vector<int>& frames, int k)
+{
+  std::pair<std::vector<int>, std::vector<int>> split;
+  for (const std::vector<int>& own : BySequence(sweep, frames))
+  {
+    const auto places = SplitHoldOut(static_cast<int>(own.size()), k);
+    const auto pick = [&own](const std::vector<int>& from, std::vector<int>& to)
+    { std::transform(from.begin(), from.end(), std::back_inserter(to), [&own](int place) { return own[place]; }); };
+    pick(places.first, split.first);
+    pick(places.second, split.second);
+  }
+  return split;
+}
+
+std::vector<int> AllFrames(const Sweep& sweep)
+{
+  std::vector<int> frames(sweep.NumberOfFrames());
+  std::iota(frames.begin(), frames.end(), 0);
+  return frames;
+}
+
+std::vector<std::vector<int>> BySequence(const Sweep& sweep, const std::vector<int>& frames)
+{
+  std::vector<std::vector<int>> lists;
+  for (const int frame : frames)
+  {
+    if (lists.empty() || sweep.SequenceOf(frame) != sweep.SequenceOf(lists.back().back()))
+    {
+      lists.emplace_back();
+    }
+    lists.back().push_back(frame);
+  }
+  return lists;
+}
+
+std::vector<int> LongestSequence(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const auto lists = BySequence(sweep, frames);
+  const auto longest =
+      std::max_element(lists.begin(), lists.end(),
+                       [](const std::vector<int>& a, const std::vector<int>& b) { return a.size() < b.size(); });
+  return longest == lists.end() ? std::vector<int>() : *longest;
+}
+
+void RequireOneSize(int width, int height, const std::string& name, int otherWidth, int otherHeight,
+                    const std::string& otherName)
+{
+  if (otherWidth != width || otherHeight != height)
+  {
+    throw Error("Frames of " + name + " are " + std::to_string(width) + " x " + std::to_string(height) +
+                " pixels, those of " + otherName + " " + std::to_string(otherWidth) + " x " +
+                std::to_string(otherHeight) +
+                "; sequences that are trained together need frames of one size. Crop or pad them to it. (Their pixels "
+                "may differ in mm.)");
+  }
+}
+
+std::shared_ptr<const Sweep> Join(const std::vector<std::shared_ptr<const Sweep>>& sequences)
+{
+  if (sequences.empty())
+  {
+    throw Error("Sweep: there is no sequence to train on; give at least one.");
+  }
+  const Sweep& first = *sequences[0];
+  if (sequences.size() == 1)
+  {
+    return sequences[0];
+  }
+  Sweep out;
+  out.width = first.width;
+  out.height = first.height;
+  bool areTimed = true, areMasked = false;
+  std::size_t frames = 0;
+  for (std::size_t k = 0; k < sequences.size(); ++k)
+  {
+    const Sweep& sequence = *sequences[k];
+    RequireOneSize(first.width, first.height, "sequence 1", sequence.width, sequence.height,
+                   "sequence " + std::to_string(k + 1));
+    if (sequence.pixelType != Sweep::PixelType::UInt8)
+    {
+      out.pixelType = Sweep::PixelType::Float32;
+    }
+    areTimed = areTimed && !sequence.timestamps.empty();
+    areMasked = areMasked || sequence.mask;
+    frames += sequence.imageToReference.size();
+  }
+  const std::size_t size = out.PixelsPerFrame();
+  const auto copyTo = [&](auto* pixels)
+  {
+    using Pixel = std::remove_pointer_t<decltype(pixels)>;
+    for (const auto& sequence : sequences)
+    {
+      for (int frame = 0; frame < sequence->NumberOfFrames(); ++frame, pixels += size)
+      {
+        if constexpr (std::is_same_v<Pixel, std::uint8_t>)
+        {
+          std::copy_n(static_cast<const std::uint8_t*>(sequence->pixels.get()) + frame * size, size, pixels);
+        }
+        else
+        {
+          sequence->CopyFrame(frame, pixels);
+        }
+        for (std::size_t pixel = 0; sequence->mask && pixel < size; ++pixel)
+        {
+          pixels[pixel] = sequence->IsLit(pixel) ? pixels[pixel] : Pixel(0);
+        }
+      }
+    }
+  };
+  if (out.pixelType == Sweep::PixelType::UInt8)
+  {
+    const auto pixels = AllocatePixels<std::uint8_t>(size * frames);
+    copyTo(pixels.get());
+    out.pixels = pixels;
+  }
+  else
+  {
+    const auto pixels = AllocatePixels<float>(size * frames);
+    copyTo(pixels.get());
+    out.pixels = pixels;
+  }
+  std::vector<std::uint8_t> lit(size, std::uint8_t(0));
+  for (std::size_t k = 0; k < sequences.size(); ++k)
+  {
+    const Sweep& sequence = *sequences[k];
+    out.imageToReference.insert(out.imageToReference.end(), sequence.imageToReference.begin(),
+                                sequence.imageToReference.end());
+    out.sequences.insert(out.sequences.end(), sequence.imageToReference.size(), static_cast<int>(k));
+    if (areTimed)
+    {
+      out.timestamps.insert(out.timestamps.end(), sequence.timestamps.begin(), sequence.timestamps.end());
+    }
+    for (std::size_t pixel = 0; areMasked && pixel < size; ++pixel)
+    {
+      lit[pixel] |= sequence.IsLit(pixel);
+    }
+  }
+  if (std::count(lit.begin(), lit.end(), 0) > 0 && areMasked)
+  {
+    out.mask = std::make_shared<const std::vector<std::uint8_t>>(std::move(lit));
+  }
+  return std::make_shared<const Sweep>(std::move(out));
 }
 
 }  // namespace bigus

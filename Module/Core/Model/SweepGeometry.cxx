@@ -61,9 +61,17 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   std::vector<double> spacings;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
+    if (sweep.SequenceOf(frames[k]) != sweep.SequenceOf(frames[k + 1]))
+    {
+      continue;
+    }
     spacings.push_back(GapBetween(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
   }
-  geometry.pixelSize = frames.empty() ? 0.0 : sweep.Plane(frames[0]).PixelSize();
+  for (const std::vector<int>& own : BySequence(sweep, frames))
+  {
+    const double size = sweep.Plane(own[0]).PixelSize();
+    geometry.pixelSize = geometry.pixelSize > 0 ? std::min(geometry.pixelSize, size) : size;
+  }
   if (!spacings.empty())
   {
     std::sort(spacings.begin(), spacings.end());

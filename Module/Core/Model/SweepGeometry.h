@@ -13,8 +13,8 @@ namespace bigus
 /// What the seeder and the trainer's defaults derive from a sweep's geometry, all mm.
 struct SweepGeometry
 {
-  double pixelSize = 0;      ///< geometric mean of the pixel sides
-  double medianSpacing = 0;  ///< between neighbouring planes, at the image centre, along the normal
+  double pixelSize = 0;      ///< geometric mean of the pixel sides; of several sequences the smallest
+  double medianSpacing = 0;  ///< between neighbouring planes of a sequence, at the image centre, along the normal
   double smallestSpacing = 0;
   double largestSpacing = 0;
 };

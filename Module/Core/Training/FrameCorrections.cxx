@@ -65,7 +65,8 @@ PixelSums SumsOf(const Sweep& sweep, const float* a, const float* b)
 }
 
 /// A first guess at frames' gains, from neighbours alone. The ratio of neighbours' contrasts counts as far as they
-/// correlate. Of its running product a smooth curve belongs to the scene, and what is left to the frames.
+/// correlate. Of its running product a smooth curve belongs to the scene, and what is left to the frames. The first of
+/// `pixels` are those of one sequence.
 void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
 {
   const std::size_t size = poses.PixelsPerFrame();
@@ -148,7 +149,14 @@ std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<i
 {
   auto levelled = std::make_shared<Sweep>(present);
   WithPixels(*levelled, recorded, frames,
-             [&](float* pixels) { LevelWithNeighbours(*levelled, frames.size(), pixels); });
+             [&](float* pixels)
+             {
+               for (const std::vector<int>& own : BySequence(recorded, frames))
+               {
+                 LevelWithNeighbours(*levelled, own.size(), pixels);
+                 pixels += own.size() * recorded.PixelsPerFrame();
+               }
+             });
   return levelled;
 }
 

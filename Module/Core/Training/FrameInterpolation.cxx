@@ -523,13 +523,15 @@ std::string FrameInterpolation::ToString() const
   return std::string(path == Path::Normals ? "normals" : "probe") + (flow ? "+flow" : "") + Suffix(decay);
 }
 
-FramesAround FramesAround::Gap(const std::vector<int>& frames, std::size_t gap)
+FramesAround FramesAround::Gap(const Sweep& sweep, const std::vector<int>& frames, std::size_t gap)
 {
+  const auto ifSame = [&](int frame)
+  { return sweep.SequenceOf(frame) == sweep.SequenceOf(frames[gap]) ? frame : kNone; };
   FramesAround around;
   around.first = frames[gap];
   around.second = frames[gap + 1];
-  around.before = gap > 0 ? frames[gap - 1] : kNone;
-  around.after = gap + 2 < frames.size() ? frames[gap + 2] : kNone;
+  around.before = gap > 0 ? ifSame(frames[gap - 1]) : kNone;
+  around.after = gap + 2 < frames.size() ? ifSame(frames[gap + 2]) : kNone;
   return around;
 }
 
@@ -582,15 +584,24 @@ void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const Sli
 std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
                                          const FrameInterpolation& interpolation, const std::function<bool()>& goOn)
 {
-  if (frames.size() < 3)
+  std::vector<std::size_t> inner;  // places in `frames` that have a neighbour on either side
+  for (std::size_t k = 1; k + 1 < frames.size(); ++k)
   {
-    throw Error("Interpolation: a score needs three frames, not " + std::to_string(frames.size()) + ".");
+    if (sweep.SequenceOf(frames[k - 1]) == sweep.SequenceOf(frames[k + 1]))
+    {
+      inner.push_back(k);
+    }
   }
-  const std::size_t inner = frames.size() - 2, scored = std::min(kScored, inner);
+  if (inner.empty())
+  {
+    throw Error("Interpolation: a score needs three frames of one sequence; of " + std::to_string(frames.size()) +
+                " no three follow each other.");
+  }
+  const std::size_t scored = std::min(kScored, inner.size());
   std::vector<double> psnr(scored);
   const auto predict = [&](std::size_t n)
   {
-    const std::size_t k = 1 + (2 * n + 1) * inner / (2 * scored);
+    const std::size_t k = inner[(2 * n + 1) * inner.size() / (2 * scored)];
     const SlicePlane plane = sweep.Plane(frames[k]);
     const auto distance = [&](int other)
     {
@@ -602,8 +613,8 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
     std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
     std::vector<int> others = frames;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
-    InterpolateFrames(sweep, FramesAround::Gap(others, k - 1), plane, u + v > 0 ? u / (u + v) : 0.5, interpolation,
-                      image.data());
+    InterpolateFrames(sweep, FramesAround::Gap(sweep, others, k - 1), plane, u + v > 0 ? u / (u + v) : 0.5,
+                      interpolation, image.data());
     sweep.BlackenUnlit(image.data());
     sweep.CopyFrame(frames[k], truth.data());
     psnr[n] = Psnr(image.data(), truth.data(), image.size());

@@ -57,8 +57,8 @@ struct FramesAround
   int first = 0, second = 0;  ///< the plane lies between these
   int after = kNone;          ///< the frame after `second`, or none
 
-  /// Those around the gap between frames[gap] and frames[gap + 1].
-  static FramesAround Gap(const std::vector<int>& frames, std::size_t gap);
+  /// Those around the gap between frames[gap] and frames[gap + 1], of the sequence that frames[gap] is of.
+  static FramesAround Gap(const Sweep& sweep, const std::vector<int>& frames, std::size_t gap);
 };
 
 /// The picture at `plane`, which lies a share of the way from the first to the second frame. Frames are sampled
@@ -70,7 +70,7 @@ void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const Sli
                        const FrameInterpolation& interpolation, float* image);
 
 /// How well `interpolation` predicts frames (at most 12, evenly chosen) from their neighbours among `frames`: mean
-/// PSNR, dB. Needs three frames; throws Error with fewer. Null when `goOn` (may be empty), asked every few frames, says
+/// PSNR, dB. Needs three frames of a sequence; throws Error with fewer. Null when `goOn` (may be empty), asked every few frames, says
 /// stop.
 std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
                                          const FrameInterpolation& interpolation,

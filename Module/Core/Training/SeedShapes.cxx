@@ -66,7 +66,9 @@ StructureTensor MeasureStructure(const Sweep& sweep, const std::vector<int>& fra
   out.xx = averaged(dx.mul(dx));
   out.xy = averaged(dx.mul(dy));
   out.yy = averaged(dy.mul(dy));
-  const std::size_t before = f > 0 ? f - 1 : f, after = f + 1 < frames.size() ? f + 1 : f;
+  const auto isNear = [&](std::size_t k)
+  { return k < frames.size() && sweep.SequenceOf(frames[k]) == sweep.SequenceOf(frames[f]); };
+  const std::size_t before = f > 0 && isNear(f - 1) ? f - 1 : f, after = isNear(f + 1) ? f + 1 : f;
   cv::Mat dz = cv::Mat::zeros(here.size(), CV_32F);
   if (after > before)
   {

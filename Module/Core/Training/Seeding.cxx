@@ -300,7 +300,8 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
 
         // Half a gap to either side along the sweep, on the way to the neighbour's pose.
         const double along = Uniform(random) - 0.5;
-        const std::size_t neighbour = along < 0 ? (f > 0 ? f - 1 : f) : (f + 1 < frames.size() ? f + 1 : f);
+        std::size_t neighbour = along < 0 ? (f > 0 ? f - 1 : f) : (f + 1 < frames.size() ? f + 1 : f);
+        neighbour = sweep.SequenceOf(frames[neighbour]) == sweep.SequenceOf(frames[f]) ? neighbour : f;
         double gap = usualGap;
         Eigen::Vector3d mean3 = plane.Point(i, j);
         if (neighbour != f)

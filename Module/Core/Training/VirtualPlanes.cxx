@@ -42,8 +42,9 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   };
   std::vector<Gap> gaps;
   const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
-  const auto isBreak = [&](const SlicePlane& from, const SlicePlane& to)
+  const auto isBreak = [&](int before, int after)
   {
+    const SlicePlane from = sweep.Plane(before), to = sweep.Plane(after);
     const Eigen::Vector3d step = to.Point(0.5 * (to.width - 1), 0.5 * (to.height - 1)) -
                                  from.Point(0.5 * (from.width - 1), 0.5 * (from.height - 1));
     return std::abs(step.dot(from.Normal())) > widest;
@@ -51,16 +52,16 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
     const SlicePlane from = sweep.Plane(frames[k]), to = sweep.Plane(frames[k + 1]);
-    if (isBreak(from, to))
+    if (sweep.SequenceOf(frames[k]) != sweep.SequenceOf(frames[k + 1]) || isBreak(frames[k], frames[k + 1]))
     {
       continue;
     }
-    FramesAround around = FramesAround::Gap(frames, k);
-    if (around.before != FramesAround::kNone && isBreak(sweep.Plane(around.before), from))
+    FramesAround around = FramesAround::Gap(sweep, frames, k);
+    if (around.before != FramesAround::kNone && isBreak(around.before, around.first))
     {
       around.before = FramesAround::kNone;
     }
-    if (around.after != FramesAround::kNone && isBreak(to, sweep.Plane(around.after)))
+    if (around.after != FramesAround::kNone && isBreak(around.second, around.after))
     {
       around.after = FramesAround::kNone;
     }

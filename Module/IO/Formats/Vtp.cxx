@@ -24,7 +24,9 @@ namespace bigus
 namespace
 {
 
-constexpr std::uint64_t largestFile = std::uint64_t(4) << 30;
+// Of a file that is read by pieces, never as a whole; and of its XML, or the whole of a file in another encoding than ours.
+constexpr std::uint64_t largestFile = std::uint64_t(256) << 30;
+constexpr std::uint64_t largestText = std::uint64_t(4) << 30;
 constexpr std::int64_t mostPoints = 1000000000;
 constexpr std::int64_t mostComponents = 16;
 // Of the provenance. Every string costs 32 bytes in memory, however short it is, so their number needs a bound of its own.
@@ -60,35 +62,57 @@ bool IsOneOf(const std::string& text, std::initializer_list<const char*> known)
 class VtpFile
 {
 public:
-  explicit VtpFile(const std::string& fileName) : name_(fileName), text_(ReadTextFile(fileName, largestFile))
+  explicit VtpFile(const std::string& fileName) : name_(fileName), file_(fileName)
   {
-    if (text_.find("</VTKFile>", text_.size() - std::min<std::size_t>(text_.size(), 64)) == std::string::npos)
+    if (file_.Size() > largestFile)
+    {
+      throw FormatError(name_ + ": has " + std::to_string(file_.Size()) + " bytes; " + std::to_string(largestFile) +
+                        " are read. Split it into the pieces of a .pvtp");
+    }
+    const std::uint64_t tailBegin = file_.Size() - std::min<std::uint64_t>(file_.Size(), kTail);
+    const std::string tail = BytesAt(tailBegin, kTail);
+    if (tail.find("</VTKFile>", tail.size() - std::min<std::size_t>(tail.size(), 64)) == std::string::npos)
     {
       throw TruncationError(name_ + ": does not end with </VTKFile>; the file is truncated");
     }
-    // What follows <AppendedData ...> _ is not XML.
-    const std::size_t appended = text_.find("<AppendedData");
-    std::string beforeAppended;
-    bool raw = false;
-    if (appended != std::string::npos)
+    // What follows <AppendedData ...> _ is not XML, and is not read before it is needed.
+    std::string text;
+    std::size_t appended = std::string::npos, begin = std::string::npos;
+    while (begin == std::string::npos && text.size() < file_.Size())
     {
-      const std::size_t begin = text_.find('_', appended);
-      const std::size_t end = text_.rfind("</AppendedData>");
-      if (begin == std::string::npos || end == std::string::npos || end < begin)
+      if (text.size() > largestText)
+      {
+        throw FormatError(name_ + ": has more than " + std::to_string(largestText) + " bytes of XML");
+      }
+      const std::size_t known = text.size() - std::min<std::size_t>(text.size(), 16);  // the tag may be cut in two
+      text += BytesAt(text.size(), kTextAtOnce);
+      appended = appended == std::string::npos ? text.find("<AppendedData", known) : appended;
+      begin = appended == std::string::npos ? appended : text.find('_', appended);
+      if (appended != std::string::npos && begin == std::string::npos && text.size() - appended > kTextAtOnce)
       {
         throw Damaged("the appended data");
       }
-      const std::string tag = text_.substr(appended, begin - appended);
+    }
+    bool raw = false;
+    if (appended != std::string::npos)
+    {
+      const std::size_t endInTail = tail.rfind("</AppendedData>");
+      if (begin == std::string::npos || endInTail == std::string::npos || tailBegin + endInTail <= begin)
+      {
+        throw Damaged("the appended data");
+      }
+      const std::string tag = text.substr(appended, begin - appended);
       raw = tag.find("encoding=\"raw\"") != std::string::npos;
       if (!raw && tag.find("encoding=\"base64\"") == std::string::npos)
       {
         throw Damaged("the encoding of the appended data");
       }
-      appended_ = std::string_view(text_).substr(begin + 1, end - begin - 1);
-      beforeAppended = text_.substr(0, appended) + "</VTKFile>";
+      appendedBegin_ = begin + 1;
+      appendedSize_ = tailBegin + endInTail - appendedBegin_;
+      text.resize(appended);
+      text += "</VTKFile>";
     }
-    const std::string& xml = appended != std::string::npos ? beforeAppended : text_;
-    root_ = ParseXml(xml, name_ + ": not valid XML");
+    root_ = ParseXml(text, name_ + ": not valid XML");
     if (root_.name != "VTKFile" || root_.Value("type") != "PolyData")
     {
       throw FormatError(name_ + ": not a VTK XML PolyData file");
@@ -102,7 +126,7 @@ public:
     piece_ = polyData_->Child("Piece");
     const std::string points = piece_->Value("NumberOfPoints");
     if (!ParseNumber(points, points_) || points_ < 0 || points_ > mostPoints ||
-        static_cast<std::uint64_t>(points_) > text_.size() * deflateLimit)
+        static_cast<std::uint64_t>(points_) > file_.Size() * deflateLimit)
     {
       throw FormatError(name_ + ": NumberOfPoints is " + Quoted(points) + "; 0 to " + std::to_string(mostPoints) +
                         " are read, and no more than the file can hold");
@@ -113,9 +137,11 @@ public:
   /// Whether the file is encoded as we write it, so that Field can read it.
   bool IsOurs() const { return ours_; }
 
-  StoredField Field()
+  /// Of the Gaussians those of `chunks`, one chunk after the other, and the chunks' sizes; all of them where it is null.
+  StoredField Field(FieldChunks* chunks)
   {
     StoredField stored;
+    Choose(chunks);
     GaussianField& field = stored.field;
     const bool required = points_ > 0;
     if (const XmlElement* node = Node("FormatVersion"))
@@ -123,7 +149,7 @@ public:
       const FoundArray version = Find(*node, "FormatVersion", 1);
       RequireArrayShape(kOwner, version.name, version.components, version.tuples, 1, 1);
       std::int32_t number = 0;
-      Inflate(version, &number);
+      Inflate(version, Whole(1), sizeof(number), &number);
       RequireFieldFormatVersion(kOwner, number);
     }
     ReadScalar("Gamma", required, field.transfer.gamma);
@@ -133,7 +159,7 @@ public:
     {
       const FoundArray normals = Find(*node, "TrainedNormals", 1);
       RequireFewTrainedNormals(kOwner, normals.tuples);
-      ReadVectors(normals, normals.tuples, field.beam.trainedNormals);
+      ReadVectors(normals, Whole(normals.tuples), field.beam.trainedNormals);
     }
     if (required)
     {
@@ -142,13 +168,13 @@ public:
       {
         throw FormatError(name_ + ": Points must have 3 components and " + std::to_string(points_) + " tuples");
       }
-      ReadVectors(points, points_, field.means);
-      ReadVectors(FindOfPoints("Scale", 3), points_, field.scales);
-      ReadVectors(FindOfPoints("Rotation", 4), points_, field.rotations);
+      ReadVectors(points, wanted_, field.means);
+      ReadVectors(FindOfPoints("Scale", 3), wanted_, field.scales);
+      ReadVectors(FindOfPoints("Rotation", 4), wanted_, field.rotations);
       const FoundArray reflectivities = FindOfPoints("Reflectivity", 1);
       RequireArrayShape(kOwner, reflectivities.name, reflectivities.components, reflectivities.tuples, 1, points_);
-      field.reflectivities.resize(static_cast<std::size_t>(points_));
-      ReadDoubles(reflectivities, field.reflectivities.data());
+      field.reflectivities.resize(Count(wanted_));
+      ReadDoubles(reflectivities, wanted_, field.reflectivities.data());
     }
     if (const XmlElement* node = Node("Provenance"))
     {
@@ -158,14 +184,66 @@ public:
   }
 
 private:
+  static constexpr std::uint64_t kTail = 4096;             // bytes in which the appended data end
+  static constexpr std::uint64_t kTextAtOnce = 64 * 1024;  // bytes of XML
+
   // The blocks of one compressed array.
   struct Blocks
   {
     std::vector<std::uint64_t> sizes;  // compressed bytes of each
     std::uint64_t blockSize = 0;       // bytes of each but the last
     std::uint64_t total = 0;           // bytes of all
-    std::string_view data;
+    std::uint64_t begin = 0;           // of the first block, in the file
   };
+
+  // `count` tuples of an array from `from` on, and where they go.
+  struct Run
+  {
+    std::uint64_t from, count, to;
+  };
+  using Runs = std::vector<Run>;  // in the order of the array
+
+  static Runs Whole(std::int64_t tuples) { return {{0, static_cast<std::uint64_t>(tuples), 0}}; }
+
+  static std::size_t Count(const Runs& runs)
+  {
+    return std::accumulate(runs.begin(), runs.end(), std::size_t(0),
+                           [](std::size_t sum, const Run& run) { return sum + run.count; });
+  }
+
+  void Choose(FieldChunks* chunks)
+  {
+    wanted_ = Whole(points_);
+    if (!chunks)
+    {
+      return;
+    }
+    wanted_.clear();
+    const auto points = static_cast<std::uint64_t>(points_);
+    CountChunks(points, *chunks);
+    std::vector<std::uint64_t> to(chunks->sizes.size(), 0);
+    std::partial_sum(chunks->sizes.begin(), chunks->sizes.end() - (chunks->sizes.empty() ? 0 : 1),
+                     to.begin() + (to.empty() ? 0 : 1));
+    const std::uint64_t round = kChunkBlock * static_cast<std::uint64_t>(chunks->total);
+    for (std::uint64_t first = kChunkBlock * static_cast<std::uint64_t>(chunks->first); first < points; first += round)
+    {
+      for (std::size_t k = 0; k < to.size() && first + k * kChunkBlock < points; ++k)
+      {
+        const std::uint64_t from = first + k * kChunkBlock, count = std::min<std::uint64_t>(kChunkBlock, points - from);
+        wanted_.push_back({from, count, to[k]});
+        to[k] += count;
+      }
+    }
+  }
+
+  // At most `count` bytes, fewer at the end of the file.
+  std::string BytesAt(std::uint64_t position, std::uint64_t count)
+  {
+    std::string bytes(static_cast<std::size_t>(std::min(count, file_.Size() - std::min(position, file_.Size()))), '\0');
+    file_.Seek(position);
+    bytes.resize(file_.Read(bytes.data(), bytes.size()));
+    return bytes;
+  }
 
   // An array whose blocks hold as many bytes as its shape needs.
   struct FoundArray
@@ -274,7 +352,7 @@ private:
   }
 
   // `tuples` is what an array of the piece has; the array's own word goes before it.
-  FoundArray Find(const XmlElement& node, const char* name, std::int64_t tuples) const
+  FoundArray Find(const XmlElement& node, const char* name, std::int64_t tuples)
   {
     std::int64_t components = 1;
     const std::string* statedTuples = node.Attribute("NumberOfTuples");
@@ -296,7 +374,7 @@ private:
     return found;
   }
 
-  FoundArray FindOfPoints(const char* name, int components) const
+  FoundArray FindOfPoints(const char* name, int components)
   {
     const XmlElement* node = Node(name);
     if (!node)
@@ -306,7 +384,7 @@ private:
     return Find(*node, name, points_);
   }
 
-  void ReadScalar(const char* name, bool required, double& value) const
+  void ReadScalar(const char* name, bool required, double& value)
   {
     const XmlElement* node = Node(name);
     if (!node && required)
@@ -317,35 +395,35 @@ private:
     {
       const FoundArray found = Find(*node, name, 1);
       RequireArrayShape(kOwner, name, found.components, found.tuples, 1, 1);
-      ReadDoubles(found, &value);
+      ReadDoubles(found, Whole(1), &value);
     }
   }
 
   template <int Rows>
-  void ReadVectors(const FoundArray& found, std::int64_t tuples,
-                   std::vector<Eigen::Matrix<double, Rows, 1>>& vectors) const
+  void ReadVectors(const FoundArray& found, const Runs& runs, std::vector<Eigen::Matrix<double, Rows, 1>>& vectors)
   {
-    RequireArrayShape(kOwner, found.name, found.components, found.tuples, Rows, tuples);
-    vectors.resize(static_cast<std::size_t>(tuples));
+    RequireArrayShape(kOwner, found.name, found.components, found.tuples, Rows, found.tuples);
+    vectors.resize(Count(runs));
     static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "they lie one after another, as in the file");
-    ReadDoubles(found, reinterpret_cast<double*>(vectors.data()));
+    ReadDoubles(found, runs, reinterpret_cast<double*>(vectors.data()));
   }
 
-  // `values` has room for all of them.
-  void ReadDoubles(const FoundArray& found, double* values) const
+  // `values` has room for all of the runs.
+  void ReadDoubles(const FoundArray& found, const Runs& runs, double* values)
   {
+    const auto components = static_cast<std::size_t>(found.components);
     if (!found.isSingle)
     {
-      Inflate(found, values);
+      Inflate(found, runs, components * sizeof(double), values);
       return;
     }
-    std::vector<float> singles(static_cast<std::size_t>(found.tuples * found.components));
-    Inflate(found, singles.data());
+    std::vector<float> singles(Count(runs) * components);
+    Inflate(found, runs, components * sizeof(float), singles.data());
     std::copy(singles.begin(), singles.end(), values);
   }
 
   // Strings are stored one after the other, each with a zero at its end.
-  void ReadStrings(const XmlElement& node, const char* name, std::vector<std::string>& strings) const
+  void ReadStrings(const XmlElement& node, const char* name, std::vector<std::string>& strings)
   {
     const FoundArray found = {name, 0, 1, false, FindBlocks(node, name)};
     if (found.blocks.total > mostTextBytes)
@@ -353,7 +431,7 @@ private:
       throw TooMuchText(name);
     }
     std::string bytes(found.blocks.total, '\0');
-    Inflate(found, bytes.data());
+    Inflate(found, Whole(static_cast<std::int64_t>(bytes.size())), 1, bytes.data());
     if (std::count(bytes.begin(), bytes.end(), '\0') > mostStrings)
     {
       throw TooMuchText(name);
@@ -366,82 +444,109 @@ private:
     }
   }
 
-  std::uint64_t TakeNumber(std::string_view& stored, const std::string& what) const
-  {
-    std::uint64_t number = 0;
-    if (stored.size() < sizeof(number))
-    {
-      throw Damaged(what);
-    }
-    std::memcpy(&number, stored.data(), sizeof(number));
-    stored.remove_prefix(sizeof(number));
-    return number;
-  }
-
   // Number of blocks, size of a block, size of the last one where it is smaller (else 0), compressed size of each; then
   // the blocks. All numbers agree with each other and with the bytes there are when this returns.
-  Blocks FindBlocks(const XmlElement& node, const std::string& what) const
+  Blocks FindBlocks(const XmlElement& node, const std::string& what)
   {
+    constexpr std::uint64_t number = sizeof(std::uint64_t);
     std::int64_t offset = -1;
-    if (!ParseNumber(node.Value("offset"), offset) || offset < 0 ||
-        static_cast<std::uint64_t>(offset) > appended_.size())
+    if (!ParseNumber(node.Value("offset"), offset) || offset < 0 || static_cast<std::uint64_t>(offset) > appendedSize_)
     {
       throw Damaged(what);
     }
+    std::uint64_t at = appendedBegin_ + static_cast<std::uint64_t>(offset);
+    const std::uint64_t end = appendedBegin_ + appendedSize_;
+    const auto take = [&](std::uint64_t* numbers, std::uint64_t count)
+    {
+      file_.Seek(at);
+      if (count > (end - at) / number || file_.Read(numbers, count * number) != count * number)
+      {
+        throw Damaged(what);
+      }
+      at += count * number;
+    };
     Blocks blocks;
-    blocks.data = appended_.substr(static_cast<std::size_t>(offset));
-    const std::uint64_t count = TakeNumber(blocks.data, what);
+    std::uint64_t count = 0;
+    take(&count, 1);
     if (count == 0)
     {
       return blocks;
     }
-    blocks.blockSize = TakeNumber(blocks.data, what);
-    const std::uint64_t lastSize = TakeNumber(blocks.data, what);
-    if (count > blocks.data.size() / sizeof(std::uint64_t) || blocks.blockSize > largestFile ||
-        lastSize > blocks.blockSize)
+    std::uint64_t stated[2];  // size of a block, and of the last
+    take(stated, 2);
+    blocks.blockSize = stated[0];
+    const std::uint64_t lastSize = stated[1];
+    if (count > (end - at) / number || blocks.blockSize > largestFile || lastSize > blocks.blockSize ||
+        (blocks.blockSize > 0 && count > std::numeric_limits<std::uint64_t>::max() / blocks.blockSize))
     {
       throw Damaged(what);
     }
     blocks.total = (count - (lastSize ? 1 : 0)) * blocks.blockSize + lastSize;
-    if (blocks.total > blocks.data.size() * deflateLimit)
+    if (blocks.total / deflateLimit > end - at)
     {
       throw Damaged(what);
     }
-    for (std::uint64_t block = 0; block < count; ++block)
+    blocks.sizes.resize(static_cast<std::size_t>(count));
+    take(blocks.sizes.data(), count);
+    blocks.begin = at;
+    for (const std::uint64_t size : blocks.sizes)
     {
-      blocks.sizes.push_back(TakeNumber(blocks.data, what));
+      if (size > end - at)
+      {
+        throw Damaged(what);
+      }
+      at += size;
     }
     return blocks;
   }
 
-  // `out` has room for all bytes of the array.
-  void Inflate(const FoundArray& found, void* out) const
+  // The tuples of the runs, of so many bytes each; `out` has room for them. Blocks without any are not looked at.
+  void Inflate(const FoundArray& found, const Runs& runs, std::size_t tupleBytes, void* out)
   {
-    Blocks blocks = found.blocks;
-    std::uint64_t done = 0;
+    const Blocks& blocks = found.blocks;
+    std::string packed, unpacked;
+    std::uint64_t at = blocks.begin, done = 0;  // in the file, and bytes of the array before this block
+    auto run = runs.begin();
     for (const std::uint64_t size : blocks.sizes)
     {
-      auto room = static_cast<uLongf>(std::min(blocks.blockSize, blocks.total - done));
-      const uLongf wanted = room;
-      if (size > blocks.data.size() ||
-          uncompress(static_cast<Bytef*>(out) + done, &room, reinterpret_cast<const Bytef*>(blocks.data.data()),
-                     static_cast<uLong>(size)) != Z_OK ||
-          room != wanted)
+      const std::uint64_t bytes = std::min(blocks.blockSize, blocks.total - done);
+      while (run != runs.end() && (run->from + run->count) * tupleBytes <= done)
       {
-        throw Damaged(found.name);
+        ++run;
       }
-      blocks.data.remove_prefix(size);
-      done += room;
+      if (run != runs.end() && run->from * tupleBytes < done + bytes)
+      {
+        packed = BytesAt(at, size);
+        unpacked.resize(static_cast<std::size_t>(bytes));
+        auto room = static_cast<uLongf>(bytes);
+        if (packed.size() != size ||
+            uncompress(reinterpret_cast<Bytef*>(unpacked.data()), &room, reinterpret_cast<const Bytef*>(packed.data()),
+                       static_cast<uLong>(size)) != Z_OK ||
+            room != bytes)
+        {
+          throw Damaged(found.name);
+        }
+        for (auto part = run; part != runs.end() && part->from * tupleBytes < done + bytes; ++part)
+        {
+          const std::uint64_t begin = std::max(part->from * tupleBytes, done);
+          const std::uint64_t end = std::min((part->from + part->count) * tupleBytes, done + bytes);
+          std::memcpy(static_cast<char*>(out) + part->to * tupleBytes + (begin - part->from * tupleBytes),
+                      unpacked.data() + (begin - done), static_cast<std::size_t>(end - begin));
+        }
+      }
+      at += size;
+      done += bytes;
     }
   }
 
   std::string name_;
-  std::string text_;
+  InputFile file_;
   XmlElement root_;
   const XmlElement* polyData_ = nullptr;
   const XmlElement* piece_ = nullptr;
-  std::string_view appended_;
+  std::uint64_t appendedBegin_ = 0, appendedSize_ = 0;  // bytes of the file
   std::int64_t points_ = 0;
+  Runs wanted_;  // of the points
   bool ours_ = false;
 };
 
@@ -498,23 +603,17 @@ class VtpText
 public:
   void Line(const std::string& line) { text_ += line + "\n"; }
 
-  /// In 32 bits where that holds every value. `tuples`: of a field array, else -1.
-  void AddDoubles(const char* name, int components, const double* values, std::size_t count, std::int64_t tuples = -1)
+  /// Of the points, in 32 bits or in 64.
+  void AddDoubles(const char* name, int components, const double* values, std::size_t count, bool isSingle)
   {
-    // What lies beyond the range of a float must not be converted to one.
-    const auto fits = [](double value)
-    {
-      return std::abs(value) <= std::numeric_limits<float>::max() &&
-             static_cast<double>(static_cast<float>(value)) == value;
-    };
-    if (count > 0 && std::all_of(values, values + count, fits))
+    if (isSingle)
     {
       const std::vector<float> singles(values, values + count);
-      AddArray("Float32", name, components, singles.data(), singles.size(), tuples);
+      AddArray("Float32", name, components, singles.data(), singles.size(), -1);
     }
     else
     {
-      AddArray("Float64", name, components, values, count, tuples);
+      AddArray("Float64", name, components, values, count, -1);
     }
   }
 
@@ -555,6 +654,18 @@ private:
   AppendedArrays arrays_;
 };
 
+/// Whether there are values and floats hold all of them.
+bool FitFloats(const double* values, std::size_t count)
+{
+  // What lies beyond the range of a float must not be converted to one.
+  const auto fits = [](double value)
+  {
+    return std::abs(value) <= std::numeric_limits<float>::max() &&
+           static_cast<double>(static_cast<float>(value)) == value;
+  };
+  return count > 0 && std::all_of(values, values + count, fits);
+}
+
 template <int Rows>
 const double* NumbersOf(const std::vector<Eigen::Matrix<double, Rows, 1>>& vectors)
 {
@@ -564,13 +675,20 @@ const double* NumbersOf(const std::vector<Eigen::Matrix<double, Rows, 1>>& vecto
 
 }  // namespace
 
-std::optional<StoredField> ReadVtp(const std::string& fileName)
+std::optional<StoredField> ReadVtp(const std::string& fileName, FieldChunks* chunks)
 {
   VtpFile file(fileName);
-  return file.IsOurs() ? std::optional<StoredField>(file.Field()) : std::nullopt;
+  return file.IsOurs() ? std::optional<StoredField>(file.Field(chunks)) : std::nullopt;
 }
 
-void WriteVtp(const StoredField& stored, AtomicFile& file)
+VtpSingles SinglesOf(const GaussianField& field)
+{
+  const std::size_t n = field.Size();
+  return {FitFloats(NumbersOf(field.means), 3 * n), FitFloats(NumbersOf(field.scales), 3 * n),
+          FitFloats(NumbersOf(field.rotations), 4 * n), FitFloats(field.reflectivities.data(), n)};
+}
+
+void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& singles)
 {
   const GaussianField& field = stored.field;
   const std::size_t n = field.Size();
@@ -603,13 +721,13 @@ void WriteVtp(const StoredField& stored, AtomicFile& file)
   text.Line("<Piece NumberOfPoints=\"" + points + "\" NumberOfVerts=\"" + points +
             "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">");
   text.Line("<PointData Scalars=\"Reflectivity\">");
-  text.AddDoubles("Scale", 3, NumbersOf(field.scales), 3 * n);
-  text.AddDoubles("Rotation", 4, NumbersOf(field.rotations), 4 * n);
-  text.AddDoubles("Reflectivity", 1, field.reflectivities.data(), n);
+  text.AddDoubles("Scale", 3, NumbersOf(field.scales), 3 * n, singles.scales);
+  text.AddDoubles("Rotation", 4, NumbersOf(field.rotations), 4 * n, singles.rotations);
+  text.AddDoubles("Reflectivity", 1, field.reflectivities.data(), n, singles.reflectivities);
   text.Line("</PointData>");
   text.Line("<CellData/>");
   text.Line("<Points>");
-  text.AddDoubles("Points", 3, NumbersOf(field.means), 3 * n);
+  text.AddDoubles("Points", 3, NumbersOf(field.means), 3 * n, singles.means);
   text.Line("</Points>");
   // One vertex a point, so that viewers show them.
   text.Line("<Verts>");

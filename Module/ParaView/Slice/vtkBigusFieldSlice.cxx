@@ -7,17 +7,21 @@
 #include <cmath>
 #include <string>
 
+#include "Data/FieldData.h"
 #include "vtkBigusReslice.h"
 #include "vtkCallbackCommand.h"
+#include "vtkCommunicator.h"
 #include "vtkDataArray.h"
 #include "vtkErrorCode.h"
 #include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkInformation.h"
+#include "vtkInformationIntegerKey.h"
 #include "vtkInformationVector.h"
 #include "vtkMath.h"
 #include "vtkMatrix3x3.h"
 #include "vtkMatrix4x4.h"
+#include "vtkMultiProcessController.h"
 #include "vtkObjectFactory.h"
 #include "vtkPointData.h"
 #include "vtkPolyData.h"
@@ -175,7 +179,8 @@ int vtkBigusFieldSlice::RequestInformation(vtkInformation*, vtkInformationVector
 
 int vtkBigusFieldSlice::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
 {
-  // A slice sums all Gaussians and belongs to all frames, whatever part of it is asked for.
+  // A slice sums all Gaussians and belongs to all frames, whatever part of it is asked for. Where a server has several
+  // processes and the field can be had in parts, each has one, and they render it together.
   for (int port = 0; port < 2; ++port)
   {
     if (vtkInformation* in = inputs[port]->GetInformationObject(0))
@@ -190,10 +195,48 @@ int vtkBigusFieldSlice::RequestUpdateExtent(vtkInformation*, vtkInformationVecto
       in->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES(), 1);
     }
   }
+  vtkInformation* in = inputs[0]->GetInformationObject(0);
+  vtkMultiProcessController* server = vtkMultiProcessController::GetGlobalController();
+  this->IsInParts = server && server->GetNumberOfProcesses() > 1 && in->Get(bigus::ChunksOfPiecesKey()) > 0;
+  if (this->IsInParts)
+  {
+    in->Set(vtkStreamingDemandDrivenPipeline::UPDATE_PIECE_NUMBER(), server->GetLocalProcessId());
+    in->Set(vtkStreamingDemandDrivenPipeline::UPDATE_NUMBER_OF_PIECES(), server->GetNumberOfProcesses());
+  }
+  this->Reslice->SetController(this->IsInParts ? server : nullptr);
   return 1;
 }
 
-bool vtkBigusFieldSlice::PlaceAtPlane(vtkPolyData* field)
+bool vtkBigusFieldSlice::MeasureField(vtkPolyData* field)
+{
+  vtkMath::UninitializeBounds(this->FieldBounds);
+  if (field->GetNumberOfPoints() > 0)
+  {
+    field->GetBounds(this->FieldBounds);
+  }
+  if (!this->IsInParts)
+  {
+    return true;
+  }
+  vtkMultiProcessController* server = vtkMultiProcessController::GetGlobalController();
+  const int isHere = field->GetFieldData()->GetArray(bigus::kChunksArray) ? 1 : 0;
+  int isThere = 0;
+  server->AllReduce(&isHere, &isThere, 1, vtkCommunicator::MIN_OP);
+  if (!isThere)
+  {
+    return this->Fail(isHere ? "Another process of the server could not read its part of the field."
+                             : "This process of the server could not read its part of the field.");
+  }
+  for (int k = 0; k < 6; ++k)
+  {
+    const double none = k % 2 ? -VTK_DOUBLE_MAX : VTK_DOUBLE_MAX;
+    const double own = field->GetNumberOfPoints() > 0 ? this->FieldBounds[k] : none;
+    server->AllReduce(&own, &this->FieldBounds[k], 1, k % 2 ? vtkCommunicator::MAX_OP : vtkCommunicator::MIN_OP);
+  }
+  return true;
+}
+
+bool vtkBigusFieldSlice::PlaceAtPlane()
 {
   Axes axes;
   if (!AxesOf(this->Normal, this->Down, axes))
@@ -210,9 +253,8 @@ bool vtkBigusFieldSlice::PlaceAtPlane(vtkPolyData* field)
   double centre[2] = {0, 0};  // of the picture, mm from Origin along the axes
   if (pixel == 0)
   {
-    double bounds[6];
-    field->GetBounds(bounds);
-    const bool empty = field->GetNumberOfPoints() == 0;
+    const double* bounds = this->FieldBounds;
+    const bool empty = bounds[0] > bounds[1];
     const Vector* along[2] = {&axes.x, &axes.y};
     for (int axis = 0; axis < 2 && !empty; ++axis)
     {
@@ -268,7 +310,7 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
   vtkImageData* output = vtkImageData::GetData(outputs);
   output->Initialize();
   this->SetErrorCode(vtkErrorCode::NoError);
-  if (!(this->Frame >= 0 ? this->PlaceAtFrame(sweep) : this->PlaceAtPlane(field)))
+  if (!this->MeasureField(field) || !(this->Frame >= 0 ? this->PlaceAtFrame(sweep) : this->PlaceAtPlane()))
   {
     return 0;
   }

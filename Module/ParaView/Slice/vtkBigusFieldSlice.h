@@ -20,6 +20,9 @@
  * The plane is given by a point and a normal, as a plane widget gives them. Its picture's rows run along `Down`, as seen
  * in the plane. With Frame set, the plane and its pixels are those of that frame of the sweep instead.
  *
+ * On a server of several processes (pvserver) behind a vtkBigusFieldReader each process reads a part of the field, and all
+ * render the slice together, with the same bits for any number of them but one.
+ *
  * @sa vtkBigusReslice
  */
 #ifndef vtkBigusFieldSlice_h
@@ -143,10 +146,14 @@ private:
   void operator=(const vtkBigusFieldSlice&) = delete;
 
   bool Fail(const std::string& message);
-  bool PlaceAtPlane(vtkPolyData* field);
+  /// The bounds of the whole field; false where a process has no part of it.
+  bool MeasureField(vtkPolyData* field);
+  bool PlaceAtPlane();
   bool PlaceAtFrame(vtkImageData* sweep);
 
   vtkNew<vtkBigusReslice> Reslice;
+  bool IsInParts = false;  // the update in progress: every process of the server has a part of the field
+  double FieldBounds[6];   // mm, of the update in progress
 };
 
 #endif

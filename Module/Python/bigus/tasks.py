@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from typing import Any, Callable, NamedTuple, Optional, Union
+from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -191,7 +191,7 @@ def _bar() -> Optional[_Bar]:
 
 
 def train(
-    sweep: vtkImageData,
+    sweep: Union[vtkImageData, Sequence[vtkImageData]],
     progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
     start: Optional[vtkPolyData] = None,
     checkpoint: Union[None, str, os.PathLike] = None,
@@ -200,6 +200,9 @@ def train(
     **properties: Any,
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
+
+    A list of sweeps of one patient in one reference frame trains one field. Poses are corrected and frames held out in each
+    by itself; frames and poses of the second are counted on from those of the first, and so on.
 
     What no property sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
     sweep's geometry. To force all of it: Gaussians, ElevationSigma (mm), SignedReflectivity, VirtualPlanes,
@@ -217,11 +220,14 @@ def train(
     with the bits of one that never stopped, or begins where there is no such file. One of another sweep, start or
     option is a RuntimeError that says which; one that cannot be written is a RuntimeWarning.
     """
-    _require(sweep, vtkImageData, "train", "sweep")
+    sweeps = list(sweep) if isinstance(sweep, (list, tuple)) else [sweep]
+    for one in sweeps or [None]:
+        _require(one, vtkImageData, "train", "sweep")
     if start is not None:
         _require(start, vtkPolyData, "train", "field as start")
     trainer = vtkBigusTrainer()
-    trainer.SetInputDataObject(0, sweep)
+    for one in sweeps:
+        trainer.AddInputDataObject(0, one)
     if start is not None:
         trainer.SetInputDataObject(1, start)
     set_properties(trainer, properties)

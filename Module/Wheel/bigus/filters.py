@@ -749,7 +749,8 @@ class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
     Every option of bigus.train is a property: SetHoldOut(8), AutomaticOff(), SetEngine("cpu"). A negative number leaves
-    an open choice open. Input 1 may be a field to continue from.
+    an open choice open. Several sweeps of one patient (AddInputDataObject(0, sweep)) train one field; frames are numbered on
+    from one to the next. Input 1 may be a field to continue from.
     """
 
     def __init__(self) -> None:
@@ -857,8 +858,7 @@ class vtkBigusTrainer(Algorithm):
         return self._decisions
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
-        if port == 1:
-            info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
+        info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL() if port == 1 else vtkAlgorithm.INPUT_IS_REPEATABLE(), 1)
         return super().FillInputPortInformation(port, info)
 
     def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
@@ -873,18 +873,28 @@ class vtkBigusTrainer(Algorithm):
         self._forget()
         self._error_code = NO_ERROR
         try:
-            image = vtkDataObject.GetData(inputs[0], 0)
-            sweep, frames = sweep_of_image(image)
+            images = [vtkDataObject.GetData(inputs[0], k) for k in range(inputs[0].GetNumberOfInformationObjects())]
+            sweeps, frames = [], []
+            for number, image in enumerate(images, 1):
+                try:
+                    sweep, own = sweep_of_image(image)
+                except _core.Error as error:
+                    if len(images) == 1:
+                        raise
+                    raise _core.Error(f"Sequence {number}: {error}") from error
+                sweeps.append(sweep)
+                frames.append(own)
             start = inputs[1].GetNumberOfInformationObjects() and vtkDataObject.GetData(inputs[1], 0)
             start = field_of_polydata(start) if start else None
             try:
-                result = train(sweep, self._go_on, start, **self._options)
+                result = train(sweeps, self._go_on, start, **self._options)
             except TrainingInterrupted as interrupt:
                 result = interrupt.training
             self._result = result
-            self._keep(result, image, frames)
+            self._keep(result, images, frames)
             # Where the sweep came from, the filter, and how it was trained; each key once.
-            lines = [*provenance_of(image.GetFieldData()), "filter=vtkBigusTrainer", *result.field.provenance]
+            lines = [line for image in images for line in provenance_of(image.GetFieldData())]
+            lines = [*lines, "filter=vtkBigusTrainer", *result.field.provenance]
             provenance = {line.split("=", 1)[0]: line for line in lines}
             for name, array in self._frames.items():
                 key = name[0].lower() + name[1:]
@@ -900,15 +910,19 @@ class vtkBigusTrainer(Algorithm):
             return self._fail(error)
         return 1
 
-    def _keep(self, result: Any, image: vtkImageData, frames: np.ndarray) -> None:
+    def _keep(self, result: Any, images: list[vtkImageData], frames: list[np.ndarray]) -> None:
+        first = np.cumsum([0, *(image.GetDimensions()[2] for image in images)])
+        numbers_of = np.concatenate([own + offset for own, offset in zip(frames, first)])
         for name, numbers in (("TrainingFrames", result.training_frames), ("ValidationFrames", result.validation_frames),
                               ("HeldOutFrames", result.held_out_frames)):
             for number in numbers:  # the caller knows frames by index in the image
-                self._frames[name].InsertNextValue(int(frames[number]))
+                self._frames[name].InsertNextValue(int(numbers_of[number]))
         rows = result.decisions
         self._decisions = table_of({
             **{name: [row[name.lower()] for row in rows] for name in ("Decision", "Choice", "Evidence")},
             "Seconds": np.array([row["seconds"] for row in rows]),
         })
-        poses = poses_of_image(image, frames, result.poses)
-        self._poses = to_vtk(poses.reshape(-1, 16), "ImageToReference")
+        used = np.cumsum([0, *map(len, frames)])
+        poses = [poses_of_image(image, own, result.poses[begin : begin + len(own)])
+                 for image, own, begin in zip(images, frames, used)]
+        self._poses = to_vtk(np.concatenate(poses).reshape(-1, 16), "ImageToReference")

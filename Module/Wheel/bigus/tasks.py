@@ -120,7 +120,7 @@ def _bar() -> Optional[_Bar]:
 
 
 def train(
-    sweep: Sweep,
+    sweep: Union[Sweep, Sequence[Sweep]],
     progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
     start: Optional[Field] = None,
     checkpoint: Union[None, str, os.PathLike] = None,
@@ -129,6 +129,9 @@ def train(
     **properties: Any,
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
+
+    A list of sweeps of one patient in one reference frame trains one field. Poses are corrected and frames held out in each
+    by itself; frames and poses of the second are counted on from those of the first, and so on.
 
     What no option sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
     sweep's geometry.
@@ -146,7 +149,9 @@ def train(
     Raises TypeError for an option that there is not, and Error for a value out of range and for sweeps that teach
     nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
     """
-    _require(sweep, Sweep, "train", "sweep")
+    sweeps = list(sweep) if isinstance(sweep, (list, tuple)) else [sweep]
+    for one in sweeps or [None]:
+        _require(one, Sweep, "train", "sweep")
     if start is not None:
         _require(start, Field, "train", "field as start")
     texts = _texts(properties)
@@ -167,7 +172,7 @@ def train(
             return tell(fraction, f"{text}, {left:.0f} s left" if left > 0 else text)
 
     try:
-        found, failure, cautions = _core.train(sweep, texts, start, report, path, float(checkpoint_interval), bool(resume))
+        found, failure, cautions = _core.train(_core.join(sweeps), texts, start, report, path, float(checkpoint_interval), bool(resume))
         if bar and found["finished"]:
             bar(1.0, "finished")
     finally:

@@ -322,7 +322,8 @@ void PredictFrameInterpolation(const Sweep& sweep, const std::vector<int>& train
     return;
   }
   // How far between the two the plane lies, by the distances of its centre.
-  const FramesAround around = FramesAround::Gap(training, static_cast<std::size_t>(before - 1 - training.begin()));
+  const FramesAround around =
+      FramesAround::Gap(sweep, training, static_cast<std::size_t>(before - 1 - training.begin()));
   const int a = around.first, b = around.second;
   const auto centre = [&sweep](int k)
   { return sweep.Plane(k).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };

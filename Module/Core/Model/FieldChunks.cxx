@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Model/FieldChunks.h"
+
+#include <algorithm>
+#include <string>
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+
+void RequireChunks(int total, int piece, int pieces)
+{
+  if (total < 1 || total > FieldChunks::kMost)
+  {
+    throw Error("A field of " + std::to_string(total) + " chunks was asked for; 1 to " +
+                std::to_string(FieldChunks::kMost) + " are possible.");
+  }
+  if (pieces < 1 || piece < 0 || piece >= pieces)
+  {
+    throw Error("Piece is " + std::to_string(piece) + " of NumberOfPieces " + std::to_string(pieces) +
+                "; pieces are counted from 0.");
+  }
+}
+
+FieldChunks ChunksOfPiece(int total, int piece, int pieces)
+{
+  FieldChunks chunks;
+  chunks.total = total;
+  const auto begin = [&](int p) { return static_cast<int>(static_cast<long>(total) * p / pieces); };
+  chunks.first = begin(piece);
+  chunks.sizes.resize(static_cast<std::size_t>(begin(piece + 1) - begin(piece)));
+  return chunks;
+}
+
+void CountChunks(std::size_t gaussians, FieldChunks& chunks)
+{
+  const std::size_t round = kChunkBlock * static_cast<std::size_t>(chunks.total);  // a block for every chunk
+  const std::size_t rest = gaussians % round;
+  for (std::size_t k = 0; k < chunks.sizes.size(); ++k)
+  {
+    const std::size_t begin = kChunkBlock * (static_cast<std::size_t>(chunks.first) + k);
+    chunks.sizes[k] = gaussians / round * kChunkBlock + std::min(kChunkBlock, rest > begin ? rest - begin : 0);
+  }
+}
+
+GaussianField PartOf(const GaussianField& field, FieldChunks& chunks)
+{
+  GaussianField part;
+  part.beam = field.beam;
+  part.transfer = field.transfer;
+  CountChunks(field.Size(), chunks);
+  for (std::size_t k = 0; k < chunks.sizes.size(); ++k)
+  {
+    const std::size_t first = kChunkBlock * (static_cast<std::size_t>(chunks.first) + k);
+    for (std::size_t block = first; block < field.Size(); block += kChunkBlock * static_cast<std::size_t>(chunks.total))
+    {
+      for (std::size_t i = block; i < std::min(block + kChunkBlock, field.Size()); ++i)
+      {
+        part.means.push_back(field.means[i]);
+        part.scales.push_back(field.scales[i]);
+        part.rotations.push_back(field.rotations[i]);
+        part.reflectivities.push_back(field.reflectivities[i]);
+      }
+    }
+  }
+  return part;
+}
+
+}  // namespace bigus

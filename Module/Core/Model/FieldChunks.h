@@ -1,0 +1,48 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// How a field is split among processes and files.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "Core/Model/GaussianField.h"
+
+namespace bigus
+{
+
+/// Chunks that a whole field is split into, and those of them that one part of it has. S is linear in the Gaussians, so
+/// pictures of chunks add up to the field's.
+struct FieldChunks
+{
+  int total = 1;                   ///< 1 to kMost
+  int first = 0;                   ///< of this part
+  std::vector<std::size_t> sizes;  ///< Gaussians of each that this part has, in its order
+
+  static constexpr int kMost = 4096;
+  static constexpr int kUsual = 16;
+};
+
+/// Gaussians that follow each other in the field, and in a chunk.
+constexpr std::size_t kChunkBlock = 256;
+
+/// The place of Gaussian i of a whole field of `total` chunks. Neighbours in the field, which lie near each other, stay
+/// together in blocks of 256, and blocks are dealt in turn, so that every chunk has a share of every slice.
+inline int ChunkOf(std::size_t i, int total)
+{
+  return static_cast<int>(i / kChunkBlock % static_cast<std::size_t>(total));
+}
+
+/// Throws Error unless `total` is 1 to FieldChunks::kMost, and `piece` one of `pieces`, counted from 0.
+void RequireChunks(int total, int piece, int pieces);
+
+/// The chunks of piece `piece` of `pieces`: all chunks in turn, as evenly as they can be dealt.
+FieldChunks ChunksOfPiece(int total, int piece, int pieces);
+
+/// Fills in how many of `gaussians` each of the chunks has.
+void CountChunks(std::size_t gaussians, FieldChunks& chunks);
+
+/// The Gaussians of these chunks, one chunk after the other, and the sizes of the chunks.
+GaussianField PartOf(const GaussianField& field, FieldChunks& chunks);
+
+}  // namespace bigus

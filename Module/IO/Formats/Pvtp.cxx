@@ -1,0 +1,219 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "IO/Formats/Pvtp.h"
+
+#include <filesystem>
+#include <memory>
+#include <set>
+
+#include "IO/AtomicFile.h"
+#include "IO/Bytes.h"
+#include "IO/FileError.h"
+#include "IO/Formats/Vtp.h"
+#include "IO/Formats/Xml.h"
+#include "IO/Text.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::uint64_t kLargestIndex = 4 << 20;
+
+/// What all pieces of a field have in common.
+bool IsOneField(const GaussianField& a, const GaussianField& b)
+{
+  return a.transfer.gamma == b.transfer.gamma && a.beam.elevationSigma == b.beam.elevationSigma &&
+         a.beam.probeElevationSigma == b.beam.probeElevationSigma && a.beam.trainedNormals == b.beam.trainedNormals;
+}
+
+template <class T>
+void Append(std::vector<T>& to, const std::vector<T>& more)
+{
+  to.insert(to.end(), more.begin(), more.end());
+}
+
+std::string Declared(const char* name, int components, bool isSingle)
+{
+  return std::string("<PDataArray type=\"") + (isSingle ? "Float32" : "Float64") + "\" Name=\"" + name +
+         "\" NumberOfComponents=\"" + std::to_string(components) + "\"/>\n";
+}
+
+/// The index, without what the names of its pieces may hold that XML does not.
+std::string IndexText(const std::string& fileName, int pieces, const VtpSingles& singles)
+{
+  std::string text = std::string("<?xml version=\"1.0\"?>\n<VTKFile type=\"PPolyData\" version=\"1.0\" byte_order=\"") +
+                     (kThisMachineIsBigEndian ? "BigEndian" : "LittleEndian") +
+                     "\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n<PPolyData GhostLevel=\"0\">\n";
+  text += "<PPointData Scalars=\"Reflectivity\">\n" + Declared("Scale", 3, singles.scales) +
+          Declared("Rotation", 4, singles.rotations) + Declared("Reflectivity", 1, singles.reflectivities) +
+          "</PPointData>\n<PPoints>\n" + Declared("Points", 3, singles.means) + "</PPoints>\n";
+  for (int piece = 0; piece < pieces; ++piece)
+  {
+    std::string name;
+    for (const char c : std::filesystem::path(PieceFileOf(fileName, piece)).filename().string())
+    {
+      name += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '"' ? "&quot;" : std::string(1, c);
+    }
+    text += "<Piece Source=\"" + name + "\"/>\n";
+  }
+  return text + "</PPolyData>\n</VTKFile>\n";
+}
+
+}  // namespace
+
+bool LooksLikePvtp(const std::string& beginning)
+{
+  return beginning.find("<VTKFile") != std::string::npos && beginning.find("PPolyData") != std::string::npos;
+}
+
+std::vector<std::string> PieceFilesOf(const std::string& fileName)
+{
+  const std::string text = ReadTextFile(fileName, kLargestIndex);
+  if (text.find("</VTKFile>") == std::string::npos)
+  {
+    throw TruncationError(fileName + ": does not end with </VTKFile>; the file is truncated");
+  }
+  const XmlElement root = ParseXml(text, fileName + ": not valid XML");
+  const XmlElement* index = root.Child("PPolyData");
+  if (root.name != "VTKFile" || root.Value("type") != "PPolyData" || !index)
+  {
+    throw FormatError(fileName + ": not a VTK XML index of PolyData pieces");
+  }
+  if (const std::string ghosts = index->Value("GhostLevel"); !ghosts.empty() && ghosts != "0")
+  {
+    throw FormatError(fileName + ": GhostLevel is " + Quoted(ghosts) +
+                      "; pieces that hold others' Gaussians again would count them twice. Write it without ghosts");
+  }
+  std::vector<std::string> files;
+  std::set<std::string> known;
+  for (const XmlElement& child : index->children)
+  {
+    if (child.name != "Piece")
+    {
+      continue;
+    }
+    if (files.size() == FieldChunks::kMost)
+    {
+      throw FormatError(fileName + ": names more than " + std::to_string(FieldChunks::kMost) + " pieces");
+    }
+    files.push_back(CompanionFile(fileName, FolderOf(fileName), child.Value("Source")));
+    std::error_code ignored;
+    if (!known.insert(std::filesystem::weakly_canonical(files.back(), ignored).string()).second)
+    {
+      throw FormatError(fileName + ": names the piece " + Quoted(child.Value("Source")) +
+                        " twice, so its Gaussians would count twice");
+    }
+  }
+  if (files.empty())
+  {
+    throw FormatError(fileName + ": names no piece");
+  }
+  return files;
+}
+
+std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiece& piece,
+                                    const std::function<StoredField(const std::string&)>& foreign)
+{
+  const std::vector<std::string> files = PieceFilesOf(fileName);
+  const auto total = static_cast<int>(files.size());
+  FieldChunks chunks = ChunksOfPiece(total, piece.piece, piece.pieces);
+  StoredField all;
+  std::string first;  // file that had Gaussians
+  for (std::size_t k = 0; k < chunks.sizes.size(); ++k)
+  {
+    const std::string& file = files[static_cast<std::size_t>(chunks.first) + k];
+    std::optional<StoredField> part = ReadVtp(file);
+    if (!part && !foreign)
+    {
+      return std::nullopt;
+    }
+    part = part ? std::move(part) : foreign(file);
+    try
+    {
+      part->field.Validate();
+    }
+    catch (const Error& error)
+    {
+      throw FormatError(file + ": " + error.what());
+    }
+    chunks.sizes[k] = part->field.Size();
+    if (k == 0)
+    {
+      all.provenance = part->provenance;
+    }
+    if (part->field.Size() == 0)
+    {
+      continue;  // of a foreign program it has no field data either
+    }
+    if (first.empty())
+    {
+      first = file;
+      all.field.transfer = part->field.transfer;
+      all.field.beam = part->field.beam;
+    }
+    else if (!IsOneField(all.field, part->field))
+    {
+      throw FormatError(file + ": has another Gamma, elevation sigma or trained normals than " + first +
+                        ", so they are not of one field. Write all pieces anew");
+    }
+    Append(all.field.means, part->field.means);
+    Append(all.field.scales, part->field.scales);
+    Append(all.field.rotations, part->field.rotations);
+    Append(all.field.reflectivities, part->field.reflectivities);
+  }
+  // Pictures of chunks are added up along a binary tree over a power of two of them.
+  if ((total & (total - 1)) == 0)
+  {
+    all.chunks = chunks;
+  }
+  return all;
+}
+
+std::string PieceFileOf(const std::string& fileName, int piece)
+{
+  return fileName.substr(0, fileName.size() - 5) + "_" + std::to_string(piece) + ".vtp";
+}
+
+void WritePvtp(const StoredField& stored, const std::string& fileName, int pieces)
+{
+  for (const std::string& file : FilesOfField(fileName, pieces))
+  {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(file, ignored))
+    {
+      throw FileError(FileFault::CannotOpen, file + ": is a folder, so no file can be written there");
+    }
+  }
+  const VtpSingles singles = SinglesOf(stored.field);  // VTK wants them alike in all pieces
+  std::vector<std::unique_ptr<AtomicFile>> files;
+  for (int piece = 0; piece < pieces; ++piece)
+  {
+    FieldChunks chunk{pieces, piece, {0}};
+    files.push_back(std::make_unique<AtomicFile>(PieceFileOf(fileName, piece)));
+    WriteVtp({PartOf(stored.field, chunk), stored.provenance, {}}, *files.back(), singles);
+    files.back()->Finish();
+  }
+  files.push_back(std::make_unique<AtomicFile>(fileName));
+  files.back()->Write(IndexText(fileName, pieces, singles));
+  files.back()->Finish();
+  for (const auto& file : files)
+  {
+    file->Commit();
+  }
+}
+
+void WritePvtpPiece(const StoredField& stored, const std::string& fileName, int piece, int pieces)
+{
+  AtomicFile file(PieceFileOf(fileName, piece));
+  WriteVtp(stored, file, {});
+  file.Commit();
+  if (piece == 0)
+  {
+    AtomicFile index(fileName);
+    index.Write(IndexText(fileName, pieces, {}));
+    index.Commit();
+  }
+}
+
+}  // namespace bigus
