@@ -261,7 +261,8 @@ TEST(Pieces, WhatIsWrongIsOneErrorThatNamesIt)
   const GaussianField field = Field(2000);
   WriteField({field, {}, {}}, index, 4);
   const std::string good = ReadBytes(index);
-  const auto with = [&](const std::string& from, const std::string& to) { WriteBytes(index, Replaced(good, from, to)); };
+  const auto with = [&](const std::string& from, const std::string& to)
+  { WriteBytes(index, Replaced(good, from, to)); };
 
   std::filesystem::rename(folder / "field_2.vtp", folder / "away");
   Refused(index, "field_2.vtp");
@@ -328,7 +329,8 @@ TEST(Pieces, AFailedWriteLeavesWhatWas)
   EXPECT_THROW(WriteFieldPiece(other, folder / "field.pvtp", 2, 2), bigus::Error);
   EXPECT_TRUE(ReadBytes(folder / "field_0.vtp") == before);
   EXPECT_EQ(ReadField(folder / "field.pvtp")->field.Size(), 600u);
-  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(folder / "field.pvtp").parent_path()))
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::filesystem::path(folder / "field.pvtp").parent_path()))
   {
     EXPECT_EQ(entry.path().string().find("bigus-part"), std::string::npos) << entry.path();
   }

@@ -203,7 +203,8 @@ TEST(Sequences, PosesAreCorrectedInEachAloneAndNotSmearedOverAnOffset)
   };
   Sweep asOne = *joined;
   asOne.sequences.clear();
-  const std::vector<Eigen::Matrix4d> through = bigus::SmoothTrajectory(asOne, {1, bigus::FrameClock::Times}).imageToReference;
+  const std::vector<Eigen::Matrix4d> through =
+      bigus::SmoothTrajectory(asOne, {1, bigus::FrameClock::Times}).imageToReference;
   EXPECT_LT(errorBesideTheSeam(trained.imageToReference), errorBesideTheSeam(joined->imageToReference));
   EXPECT_LT(errorBesideTheSeam(trained.imageToReference), 0.7 * errorBesideTheSeam(through));
 
