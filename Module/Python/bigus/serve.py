@@ -17,6 +17,7 @@ import concurrent.futures
 import hmac
 import ipaddress
 import json
+import logging
 import math
 import os
 import secrets
@@ -340,6 +341,7 @@ class Server:
         self.rendered = self.superseded = self.refused = 0
         self._recent: list[float] = []  # seconds of the last renders
         self._begin = time.monotonic()
+        self._goodbye: dict = {}  # how clients are let go when the server ends
         self._turn: asyncio.Lock
         self._pool = concurrent.futures.ThreadPoolExecutor(1, "render")
         self._page = Path(__file__).with_name("serve.html").read_text(encoding="utf-8")
@@ -382,7 +384,8 @@ class Server:
     async def _close(self, application: Any) -> None:
         from aiohttp import WSCloseCode
 
-        goodbyes = [socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server ends") for socket in self.clients]
+        self._goodbye = {"code": WSCloseCode.GOING_AWAY, "message": b"the server ends"}
+        goodbyes = [socket.close(**self._goodbye) for socket in self.clients]
         await asyncio.wait([asyncio.ensure_future(one) for one in goodbyes], timeout=2) if goodbyes else None
         self._pool.shutdown(wait=True, cancel_futures=True)
 
@@ -457,6 +460,8 @@ class Server:
                 self.superseded += client.newest is not None
                 client.newest = asked
                 client.arrived.set()
+            if self._goodbye:  # aiohttp before 3.9 would say that all is well
+                await socket.close(**self._goodbye)
         except (ConnectionError, asyncio.TimeoutError):
             pass  # it went away
         finally:
@@ -540,9 +545,17 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _is_ours(record: logging.LogRecord) -> bool:
+    """False for what aiohttp before 3.9 logs, with a traceback, of a request that is no HTTP: clients must not fill logs."""
+    from aiohttp.http import HttpProcessingError
+
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+
+
 async def _run(server: Server, host: str, port: int, tell: Any) -> None:
     from aiohttp import web
 
+    logging.getLogger("aiohttp.server").addFilter(_is_ours)
     runner = web.AppRunner(server.application(), access_log=None, keepalive_timeout=15)
     end = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
