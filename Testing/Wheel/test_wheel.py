@@ -282,7 +282,9 @@ class Training(unittest.TestCase):
         field = self.training.field
         kept = field.centers.copy()
         further = bigus.train(self.sweep, False, start=field, Automatic=False, Iterations=5)
-        self.assertEqual(len(further.field), len(field))
+        # The same Gaussians, but for those that have become too faint to be seen.
+        self.assertLessEqual(len(further.field), len(field))
+        self.assertGreater(len(further.field), 0.99 * len(field))
         np.testing.assert_array_equal(field.centers, kept)
 
     def test_progress_stops_and_its_errors_are_raised(self):
