@@ -48,7 +48,7 @@ struct TrainingSettings
   double meanRate = 0.3;           ///< Adam step for means, pixels
   double shapeRate = 0.08;         ///< Adam step for log-scales and rotation (radian)
   double reflectivityRate = 0.15;  ///< Adam step for r, in units of mean |r|
-  double finalRate = 0.15;         ///< rates decay to this share, and further in more than some 300 passes
+  double finalRate = 0.1;          ///< rates decay to this share, and further in more than some 300 passes
   DensificationOptions densification;
 };
 
