@@ -4,6 +4,7 @@
 // four; groups of them are one, two, three and four processes.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <filesystem>
@@ -136,7 +137,8 @@ TEST(Parts, SameBitsForAnyNumberOfProcesses)
 TEST(Parts, EveryProcessReadsItsPartAlone)
 {
   const auto field = Field();
-  const std::string folder = "/tmp/bigus-parts-" + std::to_string(World()->GetNumberOfProcesses());
+  // One for all processes, which mpirun has started, and for no other run.
+  const std::string folder = std::filesystem::temp_directory_path() / ("bigus-parts-" + std::to_string(getppid()));
   if (World()->GetLocalProcessId() == 0)
   {
     std::filesystem::create_directories(folder);
