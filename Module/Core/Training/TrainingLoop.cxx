@@ -339,7 +339,8 @@ struct TrainingLoop::Course
       sinceBest = 0;
       return true;
     }
-    return ++sinceBest < patience;
+    sinceBest = std::min(sinceBest + 1, patience);  // the last part goes on when they are used up
+    return sinceBest < patience;
   }
 };
 
