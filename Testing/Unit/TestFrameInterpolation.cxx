@@ -409,6 +409,7 @@ TEST(VirtualPlanes, PixelsStayBytesWhereTheyWereBytes)
   eightBit.pixels = std::shared_ptr<const void>(bytes, bytes->data());
   const auto small = AddVirtualPlanes(eightBit, {0, 1, 3}, 2), large = AddVirtualPlanes(*sweep, {0, 1, 3}, 2);
   ASSERT_EQ(small->NumberOfFrames(), 3 + 2 * 2);
+  EXPECT_EQ(small->timestamps, std::vector<double>({0, 1, 2, 1 / 3.0, 2 / 3.0, 1 + 1 / 3.0, 1 + 2 / 3.0}));
   EXPECT_EQ(small->pixelType, Sweep::PixelType::UInt8);
   EXPECT_EQ(large->pixelType, Sweep::PixelType::Float32);
   std::vector<float> a(sweep->PixelsPerFrame()), b(a.size());

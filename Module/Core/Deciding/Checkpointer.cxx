@@ -21,7 +21,7 @@ namespace
 constexpr char kMagic[8] = {'B', 'I', 'G', 'U', 'S', 'C', 'K', 'P'};
 
 /// Another number for every change of what follows the header.
-constexpr std::uint32_t kFormat = 2;
+constexpr std::uint32_t kFormat = 3;
 
 /// Tells machines with another order of bytes.
 constexpr std::uint32_t kByteOrder = 0x01020304;
@@ -229,34 +229,65 @@ const TrialScores* Checkpointer::FindTrial(const std::string& name) const
 void Checkpointer::NoteTrial(const std::string& name, const TrialScores& scores)
 {
   trials_[name] = scores;
+  trial_.clear();
+  trialState_.clear();
   isSaved_ = false;
 }
 
-void Checkpointer::Settle(Settlement settlement)
+void Checkpointer::Settle(Settlement settlement, bool keepsTraining)
 {
   settled_ = std::move(settlement);
   trials_.clear();
-  state_ = {};
+  trial_.clear();
+  trialState_.clear();
+  if (!keepsTraining)
+  {
+    training_.clear();
+  }
   isSaved_ = false;
 }
 
-std::string_view Checkpointer::TakeLoop(const std::string& name)
+std::string Checkpointer::TakeTraining()
 {
-  return name == loop_ ? std::exchange(state_, {}) : std::string_view();
+  return settled_ ? std::exchange(training_, {}) : training_;  // what saves a trial saves it, too
 }
 
-Keeping Checkpointer::KeepingOf(const std::string& name)
+std::string Checkpointer::TakeTrial(const std::string& name)
+{
+  return name == trial_ ? std::exchange(trialState_, {}) : std::string();
+}
+
+Keeping Checkpointer::KeepingOfTraining()
 {
   if (!checkpoints_.save)
   {
     return {};
   }
-  return {[this] { return IsDue(); }, [this, name](const auto& write) { Save(name, write); }};
+  return {[this] { return IsDue(); },
+          [this](const auto& write)
+          {
+            StateWriter to;
+            write(to);
+            training_ = to.Take();
+            Save();
+          }};
 }
 
-void Checkpointer::Save()
+Keeping Checkpointer::KeepingOfTrial(const std::string& name)
 {
-  Save(loop_, [this](StateWriter& to) { to.Numbers(state_.data(), state_.size()); });
+  if (!checkpoints_.save)
+  {
+    return {};
+  }
+  return {[this] { return IsDue(); },
+          [this, name](const auto& write)
+          {
+            StateWriter to;
+            write(to);
+            trial_ = name;
+            trialState_ = to.Take();
+            Save();
+          }};
 }
 
 void Checkpointer::Close()
@@ -273,7 +304,7 @@ bool Checkpointer::IsDue() const
   return checkpoints_.save && !isClosed_ && watch_.Seconds() - saved_ >= checkpoints_.interval;
 }
 
-void Checkpointer::Save(const std::string& loop, const std::function<void(StateWriter&)>& writeState)
+void Checkpointer::Save()
 {
   if (!checkpoints_.save || isClosed_)
   {
@@ -296,13 +327,18 @@ void Checkpointer::Save(const std::string& loop, const std::function<void(StateW
   {
     SaveSettlement(*settled_, to);
   }
-  to.Text(loop);
-  writeState(to);
+  to.Text(training_);
+  to.Text(trial_);
+  to.Text(trialState_);
   std::string bytes = to.Take();
   SetHeader(bytes);
   checkpoints_.save(bytes);
   saved_ = watch_.Seconds();
   isSaved_ = true;
+  if (settled_)
+  {
+    training_.clear();  // the next one comes with its own
+  }
 }
 
 void Checkpointer::Load(std::string_view bytes)
@@ -321,8 +357,10 @@ void Checkpointer::Load(std::string_view bytes)
   {
     settled_ = LoadSettlement(from);
   }
-  loop_ = LoadText(from);
-  state_ = from.Rest();
+  training_ = from.Text();
+  trial_ = LoadText(from);
+  trialState_ = from.Text();
+  from.End();
 }
 
 void Checkpointer::RequireSameTraining(const NamedTexts& then) const

@@ -42,8 +42,9 @@ struct Settlement
   std::vector<Eigen::Matrix4d> imageToReference;  ///< of all frames
 };
 
-/// Keeps the scores of finished trials until all is decided, then what was decided; and the state of the loop that is
-/// under way, be it a trial's or the training's own. Everything else follows from these and is done again.
+/// Keeps the scores of finished trials until all is decided, then what was decided; the state of the training's own loop,
+/// whose first stage comes before trials; and that of the trial that is under way. Everything else follows from these
+/// and is done again.
 class Checkpointer
 {
 public:
@@ -58,11 +59,14 @@ public:
   void NoteTrial(const std::string& name, const TrialScores& scores);
 
   const std::optional<Settlement>& Settled() const { return settled_; }
-  void Settle(Settlement settlement);
+  /// What the training's own loop has done is kept if it goes on with it.
+  void Settle(Settlement settlement, bool keepsTraining);
 
-  /// The state that this loop was in, "" for one that begins. The training's own loop has the name "".
-  std::string_view TakeLoop(const std::string& name);
-  Keeping KeepingOf(const std::string& name);
+  /// The state that the training's own loop, or a trial's, was in; "" for one that begins.
+  std::string TakeTraining();
+  std::string TakeTrial(const std::string& name);
+  Keeping KeepingOfTraining();
+  Keeping KeepingOfTrial(const std::string& name);
 
   /// Writes all that is known.
   void Save();
@@ -71,7 +75,6 @@ public:
 
 private:
   bool IsDue() const;
-  void Save(const std::string& loop, const std::function<void(StateWriter&)>& writeState);
   void Load(std::string_view bytes);
   void RequireSameTraining(const NamedTexts& then) const;
 
@@ -83,8 +86,8 @@ private:
   bool isClosed_ = false, isSaved_ = false;  // saved: nothing was noted since
   std::map<std::string, TrialScores> trials_;
   std::optional<Settlement> settled_;
-  std::string loop_;        // to go on from
-  std::string_view state_;  // of it; in checkpoints_.resume
+  std::string training_;            // the state of the training's own loop
+  std::string trial_, trialState_;  // the trial under way
 };
 
 }  // namespace bigus

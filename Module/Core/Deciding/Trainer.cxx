@@ -38,9 +38,6 @@ constexpr double kLeastTime = 1e-9;
 /// The option that may be another when a training goes on.
 const std::string kTimeLimit = "TimeLimit";
 
-/// Names the loop that is no trial's.
-const std::string kTheTraining;
-
 /// Refuses what no field can be seeded from: a single plane says nothing about space, equal pixels nothing at all.
 void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
 {
@@ -258,31 +255,84 @@ try
   }
   result.imageToReference = sweep->imageToReference;
   TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
-  // A field to continue from was decided on before.
-  if (options.automatic && !start && options.iterations.value_or(1) > 0)
+  const auto boundGaussians = [&]
   {
-    if (keeper.Settled())
+    if (options.timeLimit > 0 && !asked.gaussians && !start)
     {
-      // Decided before.
+      plan.gaussians =
+          std::min(plan.gaussians,
+                   std::max<std::size_t>(1000, static_cast<std::size_t>(kGaussiansPerSecond * options.timeLimit)));
     }
-    else if (options.timeLimit > 0 && options.timeLimit < kLeastTimeToTry)
+  };
+  boundGaussians();
+  const auto leave = [&](double seconds)
+  {
+    if (options.timeLimit > 0)
+    {
+      plan.timeLimit = std::max(options.timeLimit - watch.Seconds() - seconds, kLeastTime);
+    }
+  };
+  std::unique_ptr<TrainingLoop> loop;
+  const auto begin = [&]
+  {
+    loop = std::make_unique<TrainingLoop>(sweep, frames, plan, passOn);
+    loop->SetKeeping(keeper.KeepingOfTraining());
+    if (const std::string state = keeper.TakeTraining(); !state.empty())
+    {
+      loop->Resume(state);
+    }
+    else if (start)
+    {
+      Start first{*start, false};
+      first.field.beam = Beam{plan.elevationSigma};
+      loop->Begin(std::move(first));
+    }
+    else
+    {
+      loop->Begin(loop->SeedAndSolve());
+    }
+  };
+  Fitted fitted;
+  // A field to continue from was decided on before, and so was a training that goes on after that.
+  if (options.automatic && !start && options.iterations.value_or(1) > 0 && !keeper.Settled())
+  {
+    if (options.timeLimit > 0 && options.timeLimit < kLeastTimeToTry)
     {
       result.decisions.push_back({"the rest", "by geometry", "the time limit is too short to try anything", 0});
     }
     else
     {
+      // The first stage comes before trials, because it rests on few of the choices, and its field is what a caller gets
+      // who stops amid them. Where they choose what it rests on otherwise, it is done again.
+      const TrainingPlan byGeometry = plan;
+      if (TrainingLoop::HasFirstStage(plan))
+      {
+        leave(kDecidingTime * options.timeLimit);
+        begin();
+        fitted = loop->Run(validation, TrainingLoop::Until::FirstStage);
+      }
+      const double rest = lastLeft, begun = watch.Seconds();
       std::vector<Decision> decisions = Decide(
           *sweep, frames, asked, plan,
-          [&](const TrainingProgress& now)
-          { return passOn(now) && (options.timeLimit == 0 || watch.Seconds() < kDecidingTime * options.timeLimit); },
+          [&](TrainingProgress now)
+          {
+            now.secondsLeft = rest;
+            return passOn(now) &&
+                   (options.timeLimit == 0 || watch.Seconds() - begun < kDecidingTime * options.timeLimit);
+          },
           keeper);
       result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
+      boundGaussians();
+      if (aborted && loop)
+      {
+        plan.gaussians = byGeometry.gaussians;  // as the field that is returned
+        plan.elevationSigma = byGeometry.elevationSigma;
+      }
+      else if (plan.gaussians != byGeometry.gaussians || plan.elevationSigma != byGeometry.elevationSigma)
+      {
+        loop.reset();
+      }
     }
-  }
-  if (options.timeLimit > 0 && !asked.gaussians && !start)
-  {
-    plan.gaussians = std::min(
-        plan.gaussians, std::max<std::size_t>(1000, static_cast<std::size_t>(kGaussiansPerSecond * options.timeLimit)));
   }
   result.settled = Settled(asked, plan);
   if (aborted)
@@ -291,31 +341,24 @@ try
   }
   else if (!keeper.Settled())
   {
-    keeper.Settle({TextsOf(result.settled), result.decisions, result.imageToReference});
+    keeper.Settle({TextsOf(result.settled), result.decisions, result.imageToReference}, loop != nullptr);
     keeper.Save();
   }
-  if (options.timeLimit > 0)
+  leave(0);
+  if (!loop)
   {
-    plan.timeLimit = std::max(options.timeLimit - watch.Seconds(), kLeastTime);
+    begin();
+    fitted = loop->Run(validation);
   }
-  TrainingLoop loop(sweep, frames, plan, passOn);
-  loop.SetKeeping(keeper.KeepingOf(kTheTraining));
-  const std::string_view state = keeper.TakeLoop(kTheTraining);
-  Start first;
-  if (!state.empty())
+  else if (!aborted)
   {
-    // The engine's state has it.
+    loop->Replan(plan);
+    fitted = loop->Run(validation);
   }
-  else if (start)
+  if (aborted && !fitted.finished && fitted.iterations > 0)
   {
-    first = {*start, false};
-    first.field.beam = Beam{plan.elevationSigma};
+    fitted.field = loop->Settle(validation);
   }
-  else
-  {
-    first = loop.SeedAndSolve();
-  }
-  Fitted fitted = state.empty() ? loop.Run(std::move(first), validation) : loop.Resume(state, validation);
   result.field = std::move(fitted.field);
   // Set last, because training itself needs the beam of its own planes only.
   result.field.beam.probeElevationSigma = plan.probeElevationSigma;
@@ -330,7 +373,7 @@ try
   }
   result.log = std::move(fitted.log);
   result.iterations = fitted.iterations;
-  result.device = loop.engine().Device();
+  result.device = loop->engine().Device();
   result.trainingFrames = std::move(frames);
   result.validationFrames = std::move(validation);
   result.heldOutFrames = std::move(heldOut);

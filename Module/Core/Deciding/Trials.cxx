@@ -85,8 +85,7 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const Trainer
   const auto begin = longest.begin() + static_cast<std::ptrdiff_t>((longest.size() - tried) / 2);
   share_ = static_cast<double>(tried) / static_cast<double>(frames.size());
   const Sweep part = sweep.Subset({begin, begin + static_cast<std::ptrdiff_t>(tried)});
-  reduction_ = Reduction(part);
-  sweep_ = std::make_shared<const Sweep>(reduction_ > 1 ? part.Reduced(reduction_) : part);
+  sweep_ = std::make_shared<const Sweep>(part.Reduced(Reduction(part)));
   std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), kValidationEvery);
   pixelSize_ = MeasureGeometry(*sweep_, training_).pixelSize;
   MakeAcross();
@@ -149,7 +148,6 @@ bool Trials::Proceed()
     TrainingProgress now;
     now.phase = TrainingProgress::Phase::Deciding;
     now.fraction = 1 - std::pow(1 - kProgressOfATrial, trained_);
-    now.secondsLeft = secondsLeft_;
     stopped_ = !progress_(now);
   }
   return !stopped_;
@@ -170,8 +168,6 @@ TrialScores Trials::Score(const TrainingPlan& plan, double passes)
 
 TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& name)
 {
-  const Stopwatch watch;
-  const int wanted = plan.iterations;
   plan.gaussians =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(static_cast<double>(plan.gaussians) * share_)));
   const int steps =
@@ -187,15 +183,18 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
   }
   TrainingLoop loop(
       sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, withVirtualPlanes);
-  loop.SetKeeping(keeper_.KeepingOf(name));
-  const std::string_view state = keeper_.TakeLoop(name);
-  const Fitted fitted = state.empty() ? loop.Run(loop.SeedAndSolve(), {}) : loop.Resume(state, {});
-  ++trained_;
-  // A step on a frame takes as many splats in a trial as in the training; its time grows about with the frame's sides.
-  if (fitted.iterations > 0)
+  loop.SetKeeping(keeper_.KeepingOfTrial(name));
+  const std::string state = keeper_.TakeTrial(name);
+  if (state.empty())
   {
-    secondsLeft_ = watch.Seconds() * reduction_ * wanted / fitted.iterations;
+    loop.Begin(loop.SeedAndSolve());
   }
+  else
+  {
+    loop.Resume(state);
+  }
+  const Fitted fitted = loop.Run({});
+  ++trained_;
   Engine& engine = loop.engine();
   engine.SetAccuracy({});
   engine.SetField(fitted.field);

@@ -72,9 +72,7 @@ private:
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;
   std::vector<AcrossTruth> across_;
-  double pixelSize_ = 0;    // mm, of sweep_
-  int reduction_ = 1;       // sides of the frames over those of sweep_
-  double secondsLeft_ = 0;  // what the whole training will take, by the last trial; 0 before one
+  double pixelSize_ = 0;  // mm, of sweep_
   double share_ = 1;
   std::map<std::pair<int, std::string>, std::shared_ptr<const Sweep>> withVirtualPlanes_;
   int trained_ = 0;

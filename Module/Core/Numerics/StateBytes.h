@@ -128,8 +128,6 @@ public:
     return text;
   }
 
-  /// All that is left.
-  std::string_view Rest() { return std::exchange(left_, {}); }
   std::size_t Left() const { return left_.size(); }
   /// Nothing may be left.
   void End() const { Require(left_.empty(), "more than was to be read"); }

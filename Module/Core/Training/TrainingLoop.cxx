@@ -24,10 +24,12 @@ namespace bigus
 namespace
 {
 
-/// Training frames in a new order every epoch, dealt in batches.
+/// Training frames in a new order every epoch, dealt in batches. The frames of a batch lie a stride apart along the
+/// sweep, so that few Gaussians are seen by two of them: a step moves more Gaussians, and each is seen at more steps.
 class Batches
 {
 public:
+  /// `frames` are in their order along the sweep.
   Batches(std::vector<int> frames, int size, std::uint64_t seed)
       : frames_(std::move(frames)), size_(std::min<std::size_t>(size, frames_.size())), random_(seed)
   {
@@ -40,19 +42,35 @@ public:
     {
       if (at_ == 0)
       {
-        for (std::size_t i = frames_.size(); i > 1; --i)  // Fisher-Yates; std::shuffle differs between libraries
-        {
-          std::swap(frames_[i - 1], frames_[random_() % i]);
-        }
+        Deal();
       }
-      batch.push_back(frames_[at_]);
-      at_ = (at_ + 1) % frames_.size();
+      batch.push_back(dealt_[at_]);
+      at_ = (at_ + 1) % dealt_.size();
     }
     return batch;
   }
 
 private:
-  std::vector<int> frames_;
+  void Deal()
+  {
+    const std::size_t stride = (frames_.size() + size_ - 1) / size_, phase = random_() % frames_.size();
+    std::vector<std::size_t> firsts(stride);
+    std::iota(firsts.begin(), firsts.end(), std::size_t(0));
+    for (std::size_t i = stride; i > 1; --i)  // Fisher-Yates; std::shuffle differs between libraries
+    {
+      std::swap(firsts[i - 1], firsts[random_() % i]);
+    }
+    dealt_.clear();
+    for (const std::size_t first : firsts)
+    {
+      for (std::size_t k = first; k < frames_.size(); k += stride)
+      {
+        dealt_.push_back(frames_[(k + phase) % frames_.size()]);
+      }
+    }
+  }
+
+  std::vector<int> frames_, dealt_;
   std::size_t size_;
   std::size_t at_ = 0;
   std::mt19937_64 random_;
@@ -156,6 +174,12 @@ constexpr double kQuarteredSteps = 500, kHalvedSteps = 2000;
 /// rate, which the mean does not, so rates need not fall as far (README.md has what this gains).
 constexpr double kAveragedFrom = 0.9;
 constexpr double kAveragedFields = 20;
+
+/// What a field that is stopped amid training still gets: so many steps or seconds, whichever are over first, because who
+/// stops a program waits for it; the share of the rates of then that is left at their end; and the part of them from
+/// which on fields are averaged.
+constexpr int kSettlingSteps = 40;
+constexpr double kSettlingSeconds = 0.6, kSettlingRate = 0.1, kSettledFrom = 2.0 / 3;
 
 /// When frames' gains and poses are found, as fractions of training: once the field says more than one frame does, and
 /// again when it is better.
@@ -357,6 +381,8 @@ TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> 
   Proceed(TrainingProgress::Phase::Seeding, 0.0);
 }
 
+TrainingLoop::~TrainingLoop() = default;
+
 /// What the first stage trains on: the recorded frames, reduced where Gaussians are large.
 void TrainingLoop::TargetFrames(int coarseness)
 {
@@ -407,6 +433,8 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
     }
     frames.resize(sweep->NumberOfFrames());
     std::iota(frames.begin(), frames.end(), 0);
+    const std::vector<double>& along = sweep->timestamps;
+    std::sort(frames.begin(), frames.end(), [&along](int a, int b) { return along[a] < along[b]; });
   }
   isFirstStage_ = false;
   coarseness_ = targets.coarseness;
@@ -569,16 +597,31 @@ void TrainingLoop::Restructure(const DensificationOptions& densification)
   engine_->ResetScores();
 }
 
-Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
+bool TrainingLoop::HasFirstStage(const TrainingPlan& plan)
 {
-  Course course;
+  return plan.iterations > 0 && !plan.frameGains && !plan.poseRefinement;
+}
+
+void TrainingLoop::Replan(TrainingPlan plan)
+{
+  plan_ = std::move(plan);
+  if (plan_.timeLimit > 0)
+  {
+    plan_.timeLimit += watch_.Seconds();
+  }
+}
+
+void TrainingLoop::Begin(Start start)
+{
+  course_ = std::make_unique<Course>();
+  Course& course = *course_;
   {
     const GaussianField field = Load(std::move(start));
     course.rates = FirstRates(plan_, field);
     course.cap = plan_.densification.cap > 0 ? plan_.densification.cap : 2 * field.Size();
     course.coarseness = FirstCoarseness(*sweep_, frames_.size(), field.Size());
   }
-  if (AreFramesChanged() || plan_.iterations == 0)
+  if (!HasFirstStage(plan_))
   {
     course.second.planes = plan_.iterations > 0 ? plan_.virtualPlanes : 0;
     TargetPlanes(course.second);
@@ -591,13 +634,13 @@ Fitted TrainingLoop::Run(Start start, const std::vector<int>& validationFrames)
   {
     engine_->ResetScores();
   }
-  return GoOn(course, validationFrames);
 }
 
-Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& validationFrames)
+void TrainingLoop::Resume(std::string_view state)
 {
   StateReader from(state);
-  Course course;
+  course_ = std::make_unique<Course>();
+  Course& course = *course_;
   course.iteration = from.NumberIn(1, std::max(plan_.iterations, 1));
   course.firstStage = from.NumberIn(0, course.iteration);
   course.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
@@ -655,11 +698,11 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
     Correct(course.corrected);
     targetSweep_->Validate();
   }
-  return GoOn(course, validationFrames);
 }
 
-void TrainingLoop::Save(const Course& course, StateWriter& to) const
+void TrainingLoop::Save(StateWriter& to) const
 {
+  const Course& course = *course_;
   to.Number(course.iteration);
   to.Number(course.firstStage);
   to.Number(course.coarseness);
@@ -697,9 +740,9 @@ void TrainingLoop::Save(const Course& course, StateWriter& to) const
   engine_->SaveState(to);
 }
 
-/// Trains on from where `course` and the engine are.
-Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFrames)
+Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
 {
+  Course& course = *course_;
   DensificationOptions densification = plan_.densification;
   densification.cap = course.cap;
   Batches batches(targets_, plan_.batch, plan_.seed);
@@ -711,7 +754,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   const double trainingStart = watch_.Seconds() - course.trainingTime;
   double stageStart = watch_.Seconds();
   int stageFirst = course.iteration;
-  const auto save = [this, &course](StateWriter& to) { Save(course, to); };
+  const auto save = [this](StateWriter& to) { Save(to); };
   bool isFinished = course.iteration >= plan_.iterations && !aborted_;
   while (!isFinished && !aborted_)
   {
@@ -723,6 +766,10 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     }
     if (isFirstStage_ && fraction >= kFirstStage)
     {
+      if (until == Until::FirstStage)
+      {
+        break;
+      }
       const auto second = TargetPlanesInTime((watch_.Seconds() - trainingStart) / course.passes);
       if (!second)
       {
@@ -812,16 +859,42 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   }
 
   Fitted fitted;
-  fitted.log = std::move(course.log);
+  fitted.log = course.log;
   fitted.iterations = course.iteration;
   fitted.finished = isFinished;
-  fitted.field = course.best ? std::move(*course.best) : engine_->GetField();
+  fitted.field = course.best ? *course.best : engine_->GetField();
   if (plan_.iterations > 0)
   {
     RemoveInvisible(fitted.field, plan_.tolerance);
   }
   fitted.aborted = aborted_;
   return fitted;
+}
+
+GaussianField TrainingLoop::Settle(const std::vector<int>& validationFrames)
+{
+  Course& course = *course_;
+  const Stopwatch watch;
+  const double fraction = static_cast<double>(course.iteration) / plan_.iterations;
+  const double decay = Decay(plan_.finalRate, fraction, course.passes);
+  Batches batches(targets_, plan_.batch, plan_.seed);
+  FieldAverage average;
+  double done = 0;
+  for (int k = 1; done < 1; ++k)
+  {
+    done = std::max(static_cast<double>(k) / kSettlingSteps, watch.Seconds() / kSettlingSeconds);
+    Step(batches.Next(), plan_.iterations, Blend(plan_, fraction),
+         Scaled(course.rates, decay * std::pow(kSettlingRate, std::min(done, 1.0))));
+    if (done > kSettledFrom)
+    {
+      average.Add(engine_->GetField());
+    }
+  }
+  engine_->SetField(average.mean);
+  GaussianField field =
+      course.best && FieldPsnr(*engine_, *sweep_, validationFrames) <= course.bestPsnr ? *course.best : average.mean;
+  RemoveInvisible(field, plan_.tolerance);
+  return field;
 }
 
 bool TrainingLoop::Proceed(TrainingProgress::Phase phase, double fraction)

@@ -57,7 +57,7 @@ std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMa
 /// The step sizes that a training of such a field begins with.
 LearningRates FirstRates(const TrainingPlan& plan, const GaussianField& field);
 
-/// One training: upload the frames once, seed and solve, then run. SeedAndSolve and Run may be called more than once.
+/// One training: Begin (with what SeedAndSolve gives, say) or Resume, then Run.
 class TrainingLoop
 {
 public:
@@ -65,16 +65,39 @@ public:
   /// AddVirtualPlanes gives for the same frames and plan; null makes them.
   TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
                ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes = nullptr);
+  ~TrainingLoop();
 
   /// Seeds over the volume of the frames, scaled and solved so that their renderings are near the frames.
   Start SeedAndSolve();
 
-  /// Trains from `start`, which is of the plan's beam. `validationFrames` (may be empty) serve early stop.
-  Fitted Run(Start start, const std::vector<int>& validationFrames);
+  /// Trains from `start`, which is of the plan's beam.
+  void Begin(Start start);
 
   /// Goes on where a loop of the same sweep, frames and plan was when it gave this state to its Keeping, and ends with
   /// the same bits. The time that a limit bounds goes on, too. Throws Error for bytes that are no such state.
-  Fitted Resume(std::string_view state, const std::vector<int>& validationFrames);
+  void Resume(std::string_view state);
+
+  /// Where a run ends. The first stage sees recorded frames alone, so it rests on no choice about virtual planes.
+  enum class Until
+  {
+    FirstStage,
+    End
+  };
+
+  /// Trains on from where Begin, Resume or a run until the first stage's end left off. `validationFrames` (may be empty)
+  /// serve early stop.
+  Fitted Run(const std::vector<int>& validationFrames, Until until = Until::End);
+
+  /// The field for a caller who stops amid training, after at least one step. The steps of then are so large that the
+  /// field jitters, so it takes a few more, ever smaller ones, and the mean of the last. Nothing goes on from here.
+  GaussianField Settle(const std::vector<int>& validationFrames);
+
+  /// False where what training sees changes on the way, by gains or poses of frames found in it: then there is one stage.
+  static bool HasFirstStage(const TrainingPlan& plan);
+
+  /// What follows is by this plan, which may differ in the interpolation, the probe's beam and the time limit: seconds
+  /// from now on.
+  void Replan(TrainingPlan plan);
 
   /// From now on the state is kept.
   void SetKeeping(Keeping keeping) { keeping_ = std::move(keeping); }
@@ -103,8 +126,7 @@ private:
   double SecondsLeft(int iteration, double pace) const;
   double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);
-  Fitted GoOn(Course& course, const std::vector<int>& validationFrames);
-  void Save(const Course& course, StateWriter& to) const;
+  void Save(StateWriter& to) const;
   void Restructure(const DensificationOptions& densification);
   bool Proceed(TrainingProgress::Phase phase, double fraction);
 
@@ -115,6 +137,7 @@ private:
   ProgressCallback progress_;
   Keeping keeping_;
   std::unique_ptr<Engine> engine_;
+  std::unique_ptr<Course> course_;                  // null before Begin and Resume
   std::shared_ptr<const Sweep> withVirtualPlanes_;  // as given
   std::shared_ptr<const Sweep> targetSweep_;        // what the engine trains on: the frames, perhaps reduced or
   std::vector<int> targets_;                        // corrected, then virtual planes; and which of its frames

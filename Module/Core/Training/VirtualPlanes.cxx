@@ -34,6 +34,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   for (int frame : frames)
   {
     out->imageToReference.push_back(sweep.imageToReference[frame]);
+    out->timestamps.push_back(static_cast<double>(out->timestamps.size()));
   }
   struct Gap
   {
@@ -70,6 +71,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
       const double share = v / (perGap + 1.0);
       gaps.push_back({around, share});
       out->imageToReference.push_back(PlaneBetween(from, to, share).ImageToReference());
+      out->timestamps.push_back(static_cast<double>(k) + share);
     }
   }
   const std::size_t pixels = sweep.PixelsPerFrame(), planes = out->imageToReference.size();
