@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-# Habits that need no build: layout of the code, licence lines, arrows between rooms, links of pages.
+# Habits that need no build: layout of the code, licence lines, no merge left half done, arrows between rooms, links of
+# pages.
 # Testing/check.sh --fix lays the code out.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -22,6 +23,10 @@ fi
 unlicensed=$(git ls-files '*.h' '*.cxx' '*.cu' '*.py' '*.sh' '*CMakeLists.txt' | xargs grep -L "SPDX-License-Identifier" || true)
 if [[ -n $unlicensed ]]; then
   printf 'These files lack the SPDX lines:\n%s\n' "$unlicensed" >&2
+  exit 1
+fi
+if git grep -nE '^(<<<<<<<|>>>>>>>)( |$)' -- ':!*.patch' >&2; then
+  echo "These lines were left by a merge." >&2
   exit 1
 fi
 python3 Testing/Structure/check_rooms.py .
