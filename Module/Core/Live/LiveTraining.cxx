@@ -416,13 +416,20 @@ bool LiveTraining::Step()
   {
     return false;
   }
-  // Frames side by side, because most Gaussians that one of them sees the others see, too; exponentially more often the
-  // newer they are.
-  const int count = recent_->NumberOfFrames(), batch = std::min(options_.batch, count), oldest = count - batch;
+  // Exponentially more often the newer they are; and one from each of equally probable stretches of the window, because a
+  // step moves more Gaussians by frames that lie apart, and each Gaussian is seen at more steps.
+  const int count = recent_->NumberOfFrames(), batch = std::min(options_.batch, count);
   const double u = static_cast<double>(random_() >> 11) * 0x1p-53;
-  const double back = -kRecent * std::log1p(u * std::expm1(-oldest / kRecent));
-  std::vector<int> frames(batch);
-  std::iota(frames.begin(), frames.end(), oldest - std::min(oldest, static_cast<int>(back)));
+  std::vector<int> frames;
+  for (int k = 0; k < batch; ++k)
+  {
+    const double back = -kRecent * std::log1p((u + k) / batch * std::expm1(-count / kRecent));
+    const int frame = count - 1 - std::min(count - 1, static_cast<int>(back));
+    if (frames.empty() || frames.back() != frame)  // the newest stretches may be shorter than a frame
+    {
+      frames.push_back(frame);
+    }
+  }
   ParameterLimits limits;
   limits.minimumScale = shape_->plan.minimumScale;
   limits.maximumScale = shape_->plan.maximumScale;

@@ -31,7 +31,7 @@ struct LiveOptions
   /// every hundred frames; else a field is as large as what it was trained on (44 bytes for as many lit pixels).
   TrainerOptions training;
   int window = 64;                         ///< newest frames, which the steps learn from: 8 to 1024
-  int batch = 2;                           ///< frames of a step: 1 to the window
+  int batch = 4;                           ///< frames of a step: 1 to the window
   std::size_t maximumFrames = 2000;        ///< that Finish trains on: from the window to 10^6
   std::size_t maximumGaussians = 1000000;  ///< 1000 to 2^26; then no more are added
 
