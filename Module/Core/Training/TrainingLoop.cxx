@@ -11,6 +11,7 @@
 #include <random>
 
 #include "Core/Engine/FieldState.h"
+#include "Core/Engine/PartEngine.h"
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/PixelMemory.h"
@@ -322,7 +323,7 @@ struct TrainingLoop::Course
   std::size_t corrections = 0;  ///< how often frames were corrected
   Corrections corrected;        ///< what was found the last time
   std::vector<TrainingRecord> log;
-  std::optional<GaussianField> best;  ///< on the validation frames
+  std::optional<FieldPart> best;  ///< on the validation frames
   double bestPsnr = 0;
   int sinceBest = 0;     ///< evaluations
   FieldAverage average;  ///< of the last part
@@ -334,7 +335,7 @@ struct TrainingLoop::Course
   {
     if (!best || psnr > bestPsnr)
     {
-      best = engine.GetField();
+      best = engine.GetPart();
       bestPsnr = psnr;
       sinceBest = 0;
       return true;
@@ -345,12 +346,14 @@ struct TrainingLoop::Course
 };
 
 TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
-                           ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes)
-    : sweep_(std::move(sweep)),
+                           ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes,
+                           Exchange* exchange)
+    : exchange_(exchange),
+      sweep_(std::move(sweep)),
       frames_(std::move(frames)),
       plan_(std::move(plan)),
       progress_(std::move(progress)),
-      engine_(Engine::Create(plan_.engine)),
+      engine_(CreatePartEngine(plan_.engine, exchange)),
       withVirtualPlanes_(std::move(withVirtualPlanes))
 {
   engine_->SetAccuracy({plan_.tolerance, true});
@@ -376,10 +379,10 @@ void TrainingLoop::TargetFrames(int coarseness)
 /// than `most` seconds (0: no limit) or the caller said stop.
 bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
 {
-  const double begun = watch_.Seconds();
+  const double begun = Seconds();
   const auto goOn = [&](double done)
   {
-    const double spent = watch_.Seconds() - begun;
+    const double spent = Seconds() - begun;
     const bool isTooSlow = most > 0 && spent > most * std::max(done, kLeastProjected);
     if (done > 0)
     {
@@ -428,7 +431,7 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
   Targets targets{plan_.virtualPlanes, 1};
   while (targets.planes > 0 && !aborted_)
   {
-    const double left = plan_.timeLimit - watch_.Seconds();
+    const double left = plan_.timeLimit - Seconds();
     const double training = needed.passes * (1 + targets.planes) * secondsAtFullSize / targets.coarseness;
     if (plan_.timeLimit <= 0 ? TargetPlanes(targets)
                              : (1 - needed.share) * left > training && TargetPlanes(targets, needed.share * left))
@@ -453,7 +456,7 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
     return std::nullopt;
   }
   // No time for virtual planes. Detail that few passes cannot teach costs time all the same.
-  const bool isTimeForDetail = plan_.timeLimit - watch_.Seconds() > kPassesForDetail * secondsOfPass;
+  const bool isTimeForDetail = plan_.timeLimit - Seconds() > kPassesForDetail * secondsOfPass;
   targets = {0, isTimeForDetail || plan_.timeLimit <= 0 ? 1 : coarseness_, true};
   TargetPlanes(targets);
   return targets;
@@ -519,8 +522,7 @@ double TrainingLoop::Fraction(int iteration, double trainingStart) const
   const double fraction = static_cast<double>(iteration - 1) / plan_.iterations;
   if (plan_.timeLimit > 0)
   {
-    return std::max(fraction,
-                    (watch_.Seconds() - trainingStart) / std::max(plan_.timeLimit - trainingStart, kLeastTime));
+    return std::max(fraction, (Seconds() - trainingStart) / std::max(plan_.timeLimit - trainingStart, kLeastTime));
   }
   return fraction;
 }
@@ -627,7 +629,7 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   course.log = LoadLog(from);
   if (from.Flag())
   {
-    course.best = LoadField(from);
+    course.best = FieldPart{LoadField(from), {}};
   }
   course.bestPsnr = LoadPsnr(from);
   course.sinceBest = from.NumberIn(0, plan_.patience);
@@ -639,7 +641,8 @@ Fitted TrainingLoop::Resume(std::string_view state, const std::vector<int>& vali
   }
   engine_->LoadState(from);
   from.End();
-  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->Size() > 0), "a field of no Gaussian");
+  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->field.Size() > 0),
+                       "a field of no Gaussian");
   StateReader::Require(course.average.count == 0 || course.average.mean.Size() == engine_->FieldSize(),
                        "the average of another field");
   if (isFirstStage)
@@ -684,7 +687,7 @@ void TrainingLoop::Save(const Course& course, StateWriter& to) const
   to.Flag(course.best.has_value());
   if (course.best)
   {
-    SaveField(*course.best, to);
+    SaveField(course.best->field, to);
   }
   SavePsnr(course.bestPsnr, to);
   to.Number(course.sinceBest);
@@ -708,8 +711,8 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     batches.Next();
   }
   const int logInterval = std::max(1, plan_.iterations / kLogLines);
-  const double trainingStart = watch_.Seconds() - course.trainingTime;
-  double stageStart = watch_.Seconds();
+  const double trainingStart = Seconds() - course.trainingTime;
+  double stageStart = Seconds();
   int stageFirst = course.iteration;
   const auto save = [this, &course](StateWriter& to) { Save(course, to); };
   bool isFinished = course.iteration >= plan_.iterations && !aborted_;
@@ -723,7 +726,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     }
     if (isFirstStage_ && fraction >= kFirstStage)
     {
-      const auto second = TargetPlanesInTime((watch_.Seconds() - trainingStart) / course.passes);
+      const auto second = TargetPlanesInTime((Seconds() - trainingStart) / course.passes);
       if (!second)
       {
         break;
@@ -731,7 +734,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
       course.firstStage = course.iteration;
       course.second = *second;
       batches = Batches(targets_, plan_.batch, plan_.seed);
-      stageStart = watch_.Seconds();
+      stageStart = Seconds();
       stageFirst = course.iteration;
     }
     if (AreFramesChanged() && course.corrections < kCorrections.size() && fraction >= kCorrections[course.corrections])
@@ -761,7 +764,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     const auto interval = std::max(1L, std::lround((1 - kAveragedFrom) * steps / kAveragedFields));
     if (isLastPart && iteration % interval == 0)
     {
-      course.average.Add(engine_->GetField());
+      course.average.Add(engine_->GetPart().field);
     }
 
     TrainingRecord& line = report_.record;
@@ -772,7 +775,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
     isFinished = iteration == plan_.iterations || iteration == course.endsAt;
     if (iteration % logInterval == 0 || isFinished)
     {
-      line.seconds = watch_.Seconds();
+      line.seconds = Seconds();
       line.validationPsnr.reset();
       if (!validationFrames.empty())
       {
@@ -788,11 +791,11 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
       course.lossSum = 0;
       course.lossCount = 0;
     }
-    const double pace = (watch_.Seconds() - stageStart) / (iteration - stageFirst);
+    const double pace = (Seconds() - stageStart) / (iteration - stageFirst);
     report_.secondsLeft = SecondsLeft(iteration, pace);
     secondsOfSecondStage_ = (1 - kFirstStage) * coarseness_ * pace * plan_.iterations;
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
-    course.trainingTime = watch_.Seconds() - trainingStart;
+    course.trainingTime = Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())
     {
       keeping_.keep(save);
@@ -804,7 +807,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   }
   if (course.average.count > 0)
   {
-    engine_->SetField(course.average.mean);
+    engine_->SetPart(course.average.mean);
     if (course.best)
     {
       course.Note(FieldPsnr(*engine_, *sweep_, validationFrames), *engine_, plan_.patience);
@@ -815,7 +818,7 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   fitted.log = std::move(course.log);
   fitted.iterations = course.iteration;
   fitted.finished = isFinished;
-  fitted.field = course.best ? std::move(*course.best) : engine_->GetField();
+  fitted.field = course.best ? engine_->Gather(std::move(*course.best)) : engine_->GetField();
   if (plan_.iterations > 0)
   {
     RemoveInvisible(fitted.field, plan_.tolerance);
@@ -824,11 +827,18 @@ Fitted TrainingLoop::GoOn(Course& course, const std::vector<int>& validationFram
   return fitted;
 }
 
+/// Since the loop was made. With a time limit what is done depends on them, so processes go by the clock of the first.
+double TrainingLoop::Seconds() const
+{
+  const double seconds = watch_.Seconds();
+  return exchange_ && plan_.timeLimit > 0 ? exchange_->OfFirst(seconds) : seconds;
+}
+
 bool TrainingLoop::Proceed(TrainingProgress::Phase phase, double fraction)
 {
   report_.phase = phase;
   report_.fraction = fraction;
-  report_.record.seconds = watch_.Seconds();
+  report_.record.seconds = Seconds();
   aborted_ = aborted_ || (progress_ && !progress_(report_));
   return !aborted_;
 }
