@@ -10,6 +10,8 @@ namespace bigus
 namespace
 {
 
+constexpr int kSwapTag = 7103;  // beside those of FieldParts.cxx
+
 void Require(int done)
 {
   if (!done)
@@ -30,14 +32,24 @@ int ProcessExchange::Size() const
   return controller_->GetNumberOfProcesses();
 }
 
-void ProcessExchange::GatherTo(int root, const char* mine, std::size_t bytes, char* all)
-{
-  Require(controller_->Gather(mine, all, static_cast<vtkIdType>(bytes), root));
-}
-
 void ProcessExchange::GatherToAll(const char* mine, std::size_t bytes, char* all)
 {
   Require(controller_->AllGather(mine, all, static_cast<vtkIdType>(bytes)));
+}
+
+void ProcessExchange::Swap(int other, const char* mine, std::size_t bytes, char* theirs)
+{
+  const auto length = static_cast<vtkIdType>(bytes);
+  if (Rank() < other)  // both may wait until the other takes what they send
+  {
+    Require(controller_->Send(mine, length, other, kSwapTag));
+    Require(controller_->Receive(theirs, length, other, kSwapTag));
+  }
+  else
+  {
+    Require(controller_->Receive(theirs, length, other, kSwapTag));
+    Require(controller_->Send(mine, length, other, kSwapTag));
+  }
 }
 
 }  // namespace bigus

@@ -21,8 +21,8 @@ public:
   int Size() const override;
 
 protected:
-  void GatherTo(int root, const char* mine, std::size_t bytes, char* all) override;
   void GatherToAll(const char* mine, std::size_t bytes, char* all) override;
+  void Swap(int other, const char* mine, std::size_t bytes, char* theirs) override;
 
 private:
   vtkMultiProcessController* controller_;

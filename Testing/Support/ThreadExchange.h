@@ -5,11 +5,14 @@
 
 #include <condition_variable>
 #include <cstring>
+#include <deque>
 #include <exception>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "Core/Engine/Exchange.h"
@@ -39,7 +42,8 @@ public:
       everyone.wait(lock, [&] { return rounds != round; });
     }
 
-    std::vector<const char*> given;  // by rank
+    std::vector<const char*> given;                                   // by rank
+    std::map<std::pair<int, int>, std::deque<std::string>> messages;  // from one to another
     std::mutex mutex;
     std::condition_variable everyone;
     int waiting = 0, rounds = 0;
@@ -50,24 +54,29 @@ public:
   int Size() const override { return static_cast<int>(room_.given.size()); }
 
 protected:
-  void GatherTo(int root, const char* mine, std::size_t bytes, char* all) override
-  {
-    Gather(mine, bytes, root == rank_ ? all : nullptr);
-  }
-  void GatherToAll(const char* mine, std::size_t bytes, char* all) override { Gather(mine, bytes, all); }
-
-private:
-  void Gather(const char* mine, std::size_t bytes, char* all)
+  void GatherToAll(const char* mine, std::size_t bytes, char* all) override
   {
     room_.given[static_cast<std::size_t>(rank_)] = mine;
     room_.Wait();
-    for (std::size_t rank = 0; all && bytes > 0 && rank < room_.given.size(); ++rank)
+    for (std::size_t rank = 0; bytes > 0 && rank < room_.given.size(); ++rank)
     {
       std::memcpy(all + rank * bytes, room_.given[rank], bytes);
     }
     room_.Wait();
   }
 
+  void Swap(int other, const char* mine, std::size_t bytes, char* theirs) override
+  {
+    std::unique_lock<std::mutex> lock(room_.mutex);
+    room_.messages[{rank_, other}].emplace_back(mine, bytes);
+    room_.everyone.notify_all();
+    std::deque<std::string>& arriving = room_.messages[{other, rank_}];
+    room_.everyone.wait(lock, [&] { return !arriving.empty(); });
+    arriving.front().copy(theirs, bytes);
+    arriving.pop_front();
+  }
+
+private:
   Room& room_;
   int rank_;
 };

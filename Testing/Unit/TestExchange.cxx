@@ -31,7 +31,7 @@ std::vector<Real> Numbers(int rank, std::size_t count)
 template <class Real>
 void ExpectOrderedSums()
 {
-  for (const int size : {1, 2, 3, 4})
+  for (const int size : {1, 2, 3, 4, 5, 6, 7, 8})
   {
     for (const std::size_t count : {0u, 1u, 2u, 1001u})
     {

@@ -34,6 +34,24 @@ private:
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
+/// A tournament: in every round each process has another partner, until all have met. With an odd number of processes one
+/// rests, and its partner is the number of processes.
+int Rounds(int size)
+{
+  return size + size % 2 - 1;
+}
+
+int Partner(int rank, int round, int size)
+{
+  const int rounds = Rounds(size), last = rounds;  // the last process stays, and the others turn round it
+  if (rank == last)
+  {
+    return round * ((rounds + 1) / 2) % rounds;
+  }
+  const int other = (round - rank + rounds) % rounds;
+  return other == rank ? last : other;
+}
+
 }  // namespace
 
 void Exchange::Together(const std::function<void()>& work)
@@ -160,21 +178,34 @@ std::vector<std::string> Exchange::Words(const std::string& mine)
   return words;
 }
 
-/// Each process adds up its share of the values, whose parts it gets from all, and gives the sums to all. So each sends
-/// 2 (1 - 1 / Size()) times the values, however many processes there are.
+/// Two processes give each other all values at once. More of them share the work: each gets its share of the values from
+/// every other, adds it up, and gives the sums to all. So each sends 2 (1 - 1 / Size()) times the values, however many
+/// processes there are.
 template <class Real>
 void Exchange::SumOf(Real* values, std::size_t count)
 {
-  const auto size = static_cast<std::size_t>(Size());
-  const std::size_t share = (count + size - 1) / size, bytes = share * sizeof(Real);
-  std::vector<Real> mine(share * size), parts(share * size);
+  const auto size = static_cast<std::size_t>(Size()), rank = static_cast<std::size_t>(Rank());
+  const std::size_t share = size == 2 ? count : (count + size - 1) / size, bytes = share * sizeof(Real);
+  std::vector<Real> mine(size == 2 ? count : share * size), parts(share * size);
   std::copy_n(values, count, mine.begin());
   Meet(std::is_same_v<Real, float> ? Call::SumFloats : Call::SumDoubles, count, 0);  // all have the memory for it
   const Timer timer(sent_.sending);
-  for (std::size_t root = 0; root < size; ++root)
+  if (size == 2)
   {
-    GatherTo(static_cast<int>(root), reinterpret_cast<const char*>(mine.data() + root * share), bytes,
-             reinterpret_cast<char*>(parts.data()));
+    GatherToAll(reinterpret_cast<const char*>(mine.data()), bytes, reinterpret_cast<char*>(parts.data()));
+  }
+  else
+  {
+    std::copy_n(&mine[rank * share], share, &parts[rank * share]);
+    for (int round = 0; round < Rounds(Size()); ++round)
+    {
+      const int other = Partner(Rank(), round, Size());
+      if (other < Size())
+      {
+        const std::size_t at = static_cast<std::size_t>(other) * share;
+        Swap(other, reinterpret_cast<const char*>(mine.data() + at), bytes, reinterpret_cast<char*>(parts.data() + at));
+      }
+    }
   }
   for (std::size_t other = 1; other < size; ++other)
   {
@@ -183,9 +214,12 @@ void Exchange::SumOf(Real* values, std::size_t count)
       parts[k] += parts[other * share + k];
     }
   }
-  GatherToAll(reinterpret_cast<const char*>(parts.data()), bytes, reinterpret_cast<char*>(mine.data()));
-  std::copy_n(mine.begin(), count, values);
-  sent_.bytes += 2 * bytes * (size - 1);
+  if (size != 2)
+  {
+    GatherToAll(reinterpret_cast<const char*>(parts.data()), bytes, reinterpret_cast<char*>(mine.data()));
+  }
+  std::copy_n(size == 2 ? parts.begin() : mine.begin(), count, values);
+  sent_.bytes += (size == 2 ? 1 : 2 * (size - 1)) * bytes;
 }
 
 template void Exchange::SumOf(float*, std::size_t);

@@ -51,10 +51,10 @@ public:
   const Traffic& Sent() const { return sent_; }
 
 protected:
-  /// `all`, where this process is `root`, gets `bytes` from every process, by rank. Throws Error when it cannot.
-  virtual void GatherTo(int root, const char* mine, std::size_t bytes, char* all) = 0;
-  /// The same for all processes.
+  /// `all` gets `bytes` from every process, by rank. Throws Error when it cannot.
   virtual void GatherToAll(const char* mine, std::size_t bytes, char* all) = 0;
+  /// `theirs` gets `bytes` from another process, which calls this with the rank of this one.
+  virtual void Swap(int other, const char* mine, std::size_t bytes, char* theirs) = 0;
 
 private:
   enum class Call : std::int32_t
