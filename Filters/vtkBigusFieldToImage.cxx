@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <string>
 
+#include "CollectiveExecutive.h"
 #include "Core/Model/Error.h"
 #include "Data/Progress.h"
 #include "FieldRenderer.h"
@@ -85,26 +86,6 @@ void Clear(vtkInformationVector* outputs)
 
 }  // namespace
 
-/// Where an input cannot be made, the filter behind it is not asked for data, and other processes would wait for it.
-class vtkBigusFieldToImage::CollectiveExecutive : public vtkStreamingDemandDrivenPipeline
-{
-public:
-  static CollectiveExecutive* New();
-  vtkTypeMacro(CollectiveExecutive, vtkStreamingDemandDrivenPipeline);
-
-  vtkTypeBool ProcessRequest(vtkInformation* request, vtkInformationVector** inputs,
-                             vtkInformationVector* outputs) override
-  {
-    const vtkTypeBool done = this->Superclass::ProcessRequest(request, inputs, outputs);
-    if (!done && request->Has(REQUEST_DATA()))
-    {
-      static_cast<vtkBigusFieldToImage*>(this->GetAlgorithm())->TellOfNoInput();
-    }
-    return done;
-  }
-};
-vtkStandardNewMacro(vtkBigusFieldToImage::CollectiveExecutive);
-
 vtkBigusFieldToImage::vtkBigusFieldToImage() : Renderer(std::make_unique<bigus::FieldRenderer>())
 {
   this->SetEngine("auto");
@@ -118,7 +99,15 @@ vtkBigusFieldToImage::~vtkBigusFieldToImage()
 
 vtkExecutive* vtkBigusFieldToImage::CreateDefaultExecutive()
 {
-  return CollectiveExecutive::New();
+  bigus::CollectiveExecutive* const executive = bigus::CollectiveExecutive::New();
+  executive->Failed = [this](bool isData)
+  {
+    if (isData)
+    {
+      this->TellOfNoInput();
+    }
+  };
+  return executive;
 }
 
 void vtkBigusFieldToImage::SetController(vtkMultiProcessController* controller)

@@ -198,7 +198,6 @@ private:
   void Agree(const std::function<void()>& work);
   /// Tells other processes, which wait for this one, that it has no input.
   void TellOfNoInput();
-  class CollectiveExecutive;
 
   std::unique_ptr<bigus::FieldRenderer> Renderer;
   vtkMultiProcessController* Controller = nullptr;

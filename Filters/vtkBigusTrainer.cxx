@@ -10,6 +10,7 @@
 #include <optional>
 #include <sstream>
 
+#include "CollectiveExecutive.h"
 #include "Core/Deciding/Provenance.h"
 #include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
@@ -19,6 +20,7 @@
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
 #include "PipelineSupport.h"
+#include "ProcessExchange.h"
 #include "vtkDoubleArray.h"
 #include "vtkErrorCode.h"
 #include "vtkFieldData.h"
@@ -27,6 +29,7 @@
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkIntArray.h"
+#include "vtkMultiProcessController.h"
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
@@ -54,6 +57,11 @@ void FillFrameList(vtkIntArray* list, const std::vector<int>& frames, const std:
   {
     list->SetValue(static_cast<vtkIdType>(i), imageIndices[frames[i]]);
   }
+}
+
+bool IsShared(vtkMultiProcessController* controller)
+{
+  return controller && controller->GetNumberOfProcesses() > 1;
 }
 
 std::string ProgressLine(const bigus::TrainingProgress& progress)
@@ -178,7 +186,36 @@ vtkBigusTrainer::vtkBigusTrainer()
   }
 }
 
-vtkBigusTrainer::~vtkBigusTrainer() = default;
+vtkBigusTrainer::~vtkBigusTrainer()
+{
+  this->SetController(nullptr);
+}
+
+vtkCxxSetObjectMacro(vtkBigusTrainer, Controller, vtkMultiProcessController);
+
+vtkExecutive* vtkBigusTrainer::CreateDefaultExecutive()
+{
+  bigus::CollectiveExecutive* const executive = bigus::CollectiveExecutive::New();
+  executive->Failed = [this](bool) { this->TellOfNoInput(); };
+  return executive;
+}
+
+void vtkBigusTrainer::TellOfNoInput()
+{
+  if (!this->WasAsked && IsShared(this->Controller))
+  {
+    try
+    {
+      bigus::ProcessExchange(this->Controller).Together([] { throw bigus::Error("its sequence could not be read"); });
+    }
+    catch (const bigus::Error& error)
+    {
+      vtkErrorMacro(<< error.what());
+      this->SetErrorCode(vtkErrorCode::UserError);
+    }
+  }
+  this->WasAsked = false;
+}
 
 void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
 {
@@ -197,6 +234,10 @@ void vtkBigusTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "HeldOutFrames: " << ToText(this->HeldOutFrames) << "\n";
   os << indent << "CorrectedPoses: " << this->CorrectedPoses->GetNumberOfTuples() << "\n";
   os << indent << "Decisions: " << this->Decisions->GetNumberOfRows() << "\n";
+  os << indent << "Controller: " << this->Controller << "\n";
+  os << indent << "SentBytes: " << this->SentBytes << "\n";
+  os << indent << "WaitingSeconds: " << this->WaitingSeconds << "\n";
+  os << indent << "SendingSeconds: " << this->SendingSeconds << "\n";
 }
 
 void vtkBigusTrainer::SetOption(const char* name, const char* value)
@@ -325,70 +366,27 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->HeldOutFrames->Initialize();
   this->CorrectedPoses->Initialize();
   FillDecisions({}, this->Decisions);
+  this->SentBytes = 0;
+  this->WaitingSeconds = 0;
+  this->SendingSeconds = 0;
   this->SetErrorCode(vtkErrorCode::NoError);
+  this->WasAsked = true;
   try
   {
-    bigus::TrainerOptions options;
-    for (const auto& [name, value] : this->Options)
+    if (IsShared(this->Controller))
     {
-      bigus::SetOption(options, name, value);
+      bigus::ProcessExchange exchange(this->Controller);
+      exchange.Together([&] { this->Train(inputs, outputs, &exchange); });
+      const bigus::Exchange::Traffic& sent = exchange.Sent();
+      this->SentBytes = static_cast<vtkTypeInt64>(sent.bytes);
+      this->WaitingSeconds = sent.waiting;
+      this->SendingSeconds = sent.sending;
     }
-
-    std::vector<vtkImageData*> images;
-    for (int k = 0; k < inputs[0]->GetNumberOfInformationObjects(); ++k)
+    else
     {
-      images.push_back(vtkImageData::GetData(inputs[0], k));
+      this->Train(inputs, outputs, nullptr);
     }
-    const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
-    std::optional<bigus::GaussianField> start;
-    if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
-    {
-      start = bigus::FieldFromPolyData(initial);
-    }
-
-    const auto progress = [this](const bigus::TrainingProgress& now)
-    {
-      this->SetProgressText(ProgressLine(now).c_str());
-      return bigus::ReportProgress(this, now.fraction);
-    };
-    const bigus::TrainingResult result =
-        bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress, *this->Checkpoints);
-
-    for (const bigus::OptionText& option : bigus::ListOptions(result.settled))
-    {
-      this->SettledOptions[option.info.name] = option.value;
-    }
-    this->IterationsDone = result.iterations;
-    this->Seconds = result.seconds;
-    this->Device = result.device;
-    this->Aborted = result.aborted;
-    this->Finished = result.finished;
-    FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
-    FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
-    FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
-    bigus::FillImagePoses(images, imported, result.imageToReference, this->CorrectedPoses);
-    FillLog(result.log, log);
-    FillDecisions(result.decisions, this->Decisions);
-
-    // Nothing that differs between two equal runs, such as the time, goes in here: equal runs write equal
-    // files.
-    bigus::FieldToPolyData(result.field, output);
-    std::vector<std::string> provenance = {"filter=vtkBigusTrainer"};
-    // Other lines of the sweep stay behind, because nobody knows what they tell of a patient.
-    for (std::size_t k = 0; k < images.size(); ++k)
-    {
-      if (const std::string poses = bigus::GetProvenance(images[k], "sweep.poses"); !poses.empty())
-      {
-        const std::string number = images.size() > 1 ? ".sequence" + std::to_string(k + 1) : "";
-        bigus::SetProvenanceLine(provenance, "sweep.poses" + number, poses);
-      }
-    }
-    bigus::AddTrainingProvenance(provenance, result, *imported.sweep, start.has_value());
-    bigus::SetProvenanceLine(provenance, "trainingFrames", ToText(this->TrainingFrames));
-    bigus::SetProvenanceLine(provenance, "validationFrames", ToText(this->ValidationFrames));
-    bigus::SetProvenanceLine(provenance, "heldOutFrames", ToText(this->HeldOutFrames));
-    bigus::ReplaceProvenance(output, provenance);
-    bigus::KeepOutput(this);
+    this->WasAsked = false;
     return 1;
   }
   catch (const std::exception& error)
@@ -399,4 +397,71 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     this->SetErrorCode(vtkErrorCode::UserError);
     return 0;
   }
+}
+
+void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange* exchange)
+{
+  vtkPolyData* output = vtkPolyData::GetData(outputs, 0);
+  vtkTable* log = vtkTable::GetData(outputs, 1);
+  bigus::TrainerOptions options;
+  for (const auto& [name, value] : this->Options)
+  {
+    bigus::SetOption(options, name, value);
+  }
+
+  std::vector<vtkImageData*> images;
+  for (int k = 0; k < inputs[0]->GetNumberOfInformationObjects(); ++k)
+  {
+    images.push_back(vtkImageData::GetData(inputs[0], k));
+  }
+  const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
+  std::optional<bigus::GaussianField> start;
+  if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
+  {
+    start = bigus::FieldFromPolyData(initial);
+  }
+
+  const auto progress = [this](const bigus::TrainingProgress& now)
+  {
+    this->SetProgressText(ProgressLine(now).c_str());
+    return bigus::ReportProgress(this, now.fraction);
+  };
+  const bigus::TrainingResult result =
+      bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress, *this->Checkpoints, exchange);
+
+  for (const bigus::OptionText& option : bigus::ListOptions(result.settled))
+  {
+    this->SettledOptions[option.info.name] = option.value;
+  }
+  this->IterationsDone = result.iterations;
+  this->Seconds = result.seconds;
+  this->Device = result.device;
+  this->Aborted = result.aborted;
+  this->Finished = result.finished;
+  FillFrameList(this->TrainingFrames, result.trainingFrames, imported.frames);
+  FillFrameList(this->ValidationFrames, result.validationFrames, imported.frames);
+  FillFrameList(this->HeldOutFrames, result.heldOutFrames, imported.frames);
+  bigus::FillImagePoses(images, imported, result.imageToReference, this->CorrectedPoses);
+  FillLog(result.log, log);
+  FillDecisions(result.decisions, this->Decisions);
+
+  // Nothing that differs between two equal runs, such as the time, goes in here: equal runs write equal
+  // files.
+  bigus::FieldToPolyData(result.field, output);
+  std::vector<std::string> provenance = {"filter=vtkBigusTrainer"};
+  // Other lines of the sweep stay behind, because nobody knows what they tell of a patient.
+  for (std::size_t k = 0; k < images.size(); ++k)
+  {
+    if (const std::string poses = bigus::GetProvenance(images[k], "sweep.poses"); !poses.empty())
+    {
+      const std::string number = images.size() > 1 ? ".sequence" + std::to_string(k + 1) : "";
+      bigus::SetProvenanceLine(provenance, "sweep.poses" + number, poses);
+    }
+  }
+  bigus::AddTrainingProvenance(provenance, result, *imported.sweep, start.has_value());
+  bigus::SetProvenanceLine(provenance, "trainingFrames", ToText(this->TrainingFrames));
+  bigus::SetProvenanceLine(provenance, "validationFrames", ToText(this->ValidationFrames));
+  bigus::SetProvenanceLine(provenance, "heldOutFrames", ToText(this->HeldOutFrames));
+  bigus::ReplaceProvenance(output, provenance);
+  bigus::KeepOutput(this);
 }

@@ -39,7 +39,8 @@
  *
  * Training reports progress, with a line of text in GetProgressText(), and stops soon after AbortExecute is
  * set; the output is then the best field so far and GetAborted() is true. The same sweep, options and Seed
- * give the same field on the same machine with any number of threads, unless TimeLimit cuts it short.
+ * give the same field on the same machine with any number of threads, unless TimeLimit cuts it short. With a Controller
+ * they do so with the same number of processes.
  */
 #ifndef vtkBigusTrainer_h
 #define vtkBigusTrainer_h
@@ -55,9 +56,11 @@
 namespace bigus
 {
 struct Checkpoints;
-}
+class Exchange;
+}  // namespace bigus
 class vtkDoubleArray;
 class vtkIntArray;
+class vtkMultiProcessController;
 class vtkTable;
 
 // The property of an option: a number (of a switch 1 or 0), or a text. A negative number leaves a choice open.
@@ -190,6 +193,28 @@ public:
 
   ///@{
   /**
+   * Processes that train one field together, each a part of it; null (default), or a controller of one process: this one
+   * trains alone. The same filter with the same input and the same options runs in every process, and each gets the whole
+   * field, with the same bits. They depend on the number of processes by rounding. What fails in one process is an error in
+   * all, and what stops one stops all. The engine is "cpu" or "cpu-double", and checkpoints are refused. See
+   * DistributedTraining.md.
+   */
+  virtual void SetController(vtkMultiProcessController*);
+  vtkMultiProcessController* GetController() { return this->Controller; }
+  ///@}
+
+  ///@{
+  /**
+   * What the last training exchanged with other processes: bytes that this one sent, seconds that it waited until all had
+   * done their share of a step, and seconds of the exchange itself.
+   */
+  vtkGetMacro(SentBytes, vtkTypeInt64);
+  vtkGetMacro(WaitingSeconds, double);
+  vtkGetMacro(SendingSeconds, double);
+  ///@}
+
+  ///@{
+  /**
    * What the last training did: optimizer steps, seconds, what computed, and whether it was stopped from
    * outside.
    */
@@ -246,6 +271,7 @@ protected:
   int FillOutputPortInformation(int port, vtkInformation* info) override;
   int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
+  vtkExecutive* CreateDefaultExecutive() override;
 
   void SetNumber(const char* name, double value);
   double GetNumber(const char* name);
@@ -262,10 +288,20 @@ protected:
   vtkSmartPointer<vtkTable> Decisions;
   vtkSmartPointer<vtkDoubleArray> CorrectedPoses;
   std::unique_ptr<bigus::Checkpoints> Checkpoints;
+  vtkMultiProcessController* Controller = nullptr;
+  vtkTypeInt64 SentBytes = 0;
+  double WaitingSeconds = 0;
+  double SendingSeconds = 0;
 
 private:
   vtkBigusTrainer(const vtkBigusTrainer&) = delete;
   void operator=(const vtkBigusTrainer&) = delete;
+
+  void Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange* exchange);
+  /// Tells other processes, which wait for this one, that it has no input.
+  void TellOfNoInput();
+
+  bool WasAsked = false;  // for data, by the update under way
 };
 
 #endif

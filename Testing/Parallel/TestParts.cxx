@@ -1,9 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// One field on several processes: the same bits for any number of them, and errors that all hear of. Run by mpirun on
-// four; groups of them are one, two, three and four processes.
+// One field on several processes: the same bits for any number of them, and errors that all hear of.
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 #include <unistd.h>
 
 #include <cstring>
@@ -13,6 +11,7 @@
 #include <vector>
 
 #include "Data/FieldData.h"
+#include "Parallel/Groups.h"
 #include "Support/ErrorObserver.h"
 #include "Support/Fields.h"
 #include "Support/Random.h"
@@ -26,45 +25,16 @@
 #include "vtkErrorCode.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
-#include "vtkMPIController.h"
 #include "vtkNew.h"
 #include "vtkPointData.h"
 #include "vtkPolyData.h"
-#include "vtkProcessGroup.h"
 #include "vtkSmartPointer.h"
 
 namespace
 {
 
-vtkMPIController* World()
-{
-  static vtkMPIController* const world =
-      vtkMPIController::SafeDownCast(vtkMultiProcessController::GetGlobalController());
-  return world;
-}
-
-/// Runs a test with the first 1, 2, 3 and 4 processes.
-void WithGroups(const std::function<void(vtkMultiProcessController*)>& test)
-{
-  for (int processes = 1; processes <= World()->GetNumberOfProcesses(); ++processes)
-  {
-    SCOPED_TRACE(std::to_string(processes) + " processes");
-    vtkNew<vtkProcessGroup> group;
-    group->Initialize(World());
-    group->RemoveAllProcessIds();
-    for (int id = 0; id < processes; ++id)
-    {
-      group->AddProcessId(id);
-    }
-    vtkSmartPointer<vtkMultiProcessController> controller;
-    controller.TakeReference(World()->CreateSubController(group));
-    if (controller)
-    {
-      test(controller);
-    }
-    World()->Barrier();
-  }
-}
+using bigus::test::WithGroups;
+using bigus::test::World;
 
 vtkSmartPointer<vtkPolyData> Field(std::size_t count = 9000, double gamma = 0.5)
 {
@@ -321,17 +291,3 @@ TEST(Parts, AnAbortInOneProcessEndsAll)
 }
 
 }  // namespace
-
-int main(int argumentCount, char** arguments)
-{
-  const tbb::global_control oneThreadEach(tbb::global_control::max_allowed_parallelism, 1);
-  vtkNew<vtkMPIController> controller;
-  controller->Initialize(&argumentCount, &arguments);
-  vtkMultiProcessController::SetGlobalController(controller);
-  testing::InitGoogleTest(&argumentCount, arguments);
-  const int failed = RUN_ALL_TESTS();
-  int anyFailed = 0;
-  controller->AllReduce(&failed, &anyFailed, 1, vtkCommunicator::MAX_OP);
-  controller->Finalize();
-  return anyFailed;
-}

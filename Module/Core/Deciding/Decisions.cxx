@@ -270,7 +270,8 @@ Decision DecideGaussians(State& state)
 }  // namespace
 
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper)
+                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper,
+                             Exchange* exchange)
 {
   // Trials and speckle rest on the order of frames, so they look at one sequence.
   const std::vector<int> longest = LongestSequence(sweep, frames);
@@ -278,7 +279,7 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   {
     return {{"everything", "by geometry", std::to_string(longest.size()) + " frames are too few to compare on", 0}};
   }
-  Trials trials(sweep, frames, asked, progress, keeper);
+  Trials trials(sweep, frames, asked, progress, keeper, exchange);
   State state{asked, trials, plan, {}};
   const bool isTexture = asked.preset == Preset::Texture;
   std::vector<Decision> decisions;

@@ -20,8 +20,9 @@ namespace bigus
 /// their interpolation, the beam and the number of Gaussians, in this order. Returns a record of each. Short trainings
 /// on a part of the frames are compared on others of them (Trials.h) by the rules of DecisionRules.h. With fewer than
 /// kFewestFrames frames the plan stays as it is. When `progress` returns false the choices made so far stand. `keeper` has the
-/// scores of trials that were made before.
+/// scores of trials that were made before. Of `exchange` see TrainingLoop.
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper);
+                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper,
+                             Exchange* exchange);
 
 }  // namespace bigus

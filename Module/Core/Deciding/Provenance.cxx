@@ -54,6 +54,10 @@ void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult
   }
   // The same field comes back only with these, whatever the number of threads.
   SetProvenanceLine(lines, "instructionSet", InstructionSets().front());
+  if (result.processes > 1)
+  {
+    SetProvenanceLine(lines, "processes", std::to_string(result.processes));
+  }
   // What came of it, rather than what was asked for.
   SetProvenanceLine(lines, "gaussians", std::to_string(result.field.Size()));
   SetProvenanceLine(lines, "iterations", std::to_string(result.iterations));

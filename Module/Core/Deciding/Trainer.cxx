@@ -9,6 +9,7 @@
 #include "Core/Deciding/Checkpointer.h"
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
+#include "Core/Engine/Exchange.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/OpenCv.h"
@@ -164,16 +165,57 @@ std::shared_ptr<const Sweep> Restore(const Settlement& settled, const std::share
   return posed;
 }
 
+/// Throws Error in all processes unless they were asked for the same training.
+void RequireSameTraining(Exchange& exchange, const Sweep& sweep, const TrainerOptions& options,
+                         const GaussianField* start)
+{
+  NamedTexts identity = IdentityOf(sweep, options, start);
+  identity.emplace_back(kTimeLimit, NumberText(options.timeLimit));
+  std::string mine;
+  for (const auto& [name, text] : identity)
+  {
+    mine += name + ": " + text + "\n";
+  }
+  const std::vector<std::string> all = exchange.Gather(mine);
+  for (std::size_t rank = 1; rank < all.size(); ++rank)
+  {
+    if (all[rank] == all[0])
+    {
+      continue;
+    }
+    const auto differ = std::mismatch(all[0].begin(), all[0].end(), all[rank].begin(), all[rank].end()).first;
+    const std::string same(all[0].begin(), differ);
+    const std::size_t begin = same.rfind('\n') + 1;  // 0 in the first line
+    const auto line = [begin](const std::string& text) { return text.substr(begin, text.find('\n', begin) - begin); };
+    throw Error(
+        "Trainer: processes that train together need the same sequence, options, program and instructions. The "
+        "first has '" +
+        line(all[0]) + "', and process " + std::to_string(rank) + " has '" + line(all[rank]) + "'.");
+  }
+}
+
 }  // namespace
 
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
-                     const ProgressCallback& progress, const Checkpoints& checkpoints)
+                     const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange* exchange)
 try
 {
   const Stopwatch call;
   options.Validate();
   sweep->Validate();
   const bool isKept = checkpoints.save || !checkpoints.resume.empty();
+  if (exchange && exchange->Size() == 1)
+  {
+    exchange = nullptr;
+  }
+  if (exchange)
+  {
+    if (isKept)
+    {
+      throw Error("Trainer: on several processes no checkpoints are kept or resumed; leave them off.");
+    }
+    RequireSameTraining(*exchange, *sweep, options, start);
+  }
   Checkpointer keeper(checkpoints, isKept ? IdentityOf(*sweep, options, start) : NamedTexts());
   const Stopwatch watch(call.Seconds() + keeper.Seconds());
 
@@ -225,8 +267,11 @@ try
     }
     now.fraction = fraction;
     aborted = aborted || (progress && !progress(now));
+    aborted = exchange ? exchange->Any(aborted) : aborted;
     return !aborted;
   };
+  // With a time limit what is done depends on it, so processes go by the clock of the first.
+  const auto spent = [&] { return exchange ? exchange->OfFirst(watch.Seconds()) : watch.Seconds(); };
   TrainingResult result;
   TrainerOptions asked = options;
   if (keeper.Settled())
@@ -269,13 +314,13 @@ try
   {
     if (options.timeLimit > 0)
     {
-      plan.timeLimit = std::max(options.timeLimit - watch.Seconds() - seconds, kLeastTime);
+      plan.timeLimit = std::max(options.timeLimit - spent() - seconds, kLeastTime);
     }
   };
   std::unique_ptr<TrainingLoop> loop;
   const auto begin = [&]
   {
-    loop = std::make_unique<TrainingLoop>(sweep, frames, plan, passOn);
+    loop = std::make_unique<TrainingLoop>(sweep, frames, plan, passOn, nullptr, exchange);
     loop->SetKeeping(keeper.KeepingOfTraining());
     if (const std::string state = keeper.TakeTraining(); !state.empty())
     {
@@ -311,16 +356,15 @@ try
         begin();
         fitted = loop->Run(validation, TrainingLoop::Until::FirstStage);
       }
-      const double rest = lastLeft, begun = watch.Seconds();
+      const double rest = lastLeft, begun = options.timeLimit > 0 ? spent() : 0;
       std::vector<Decision> decisions = Decide(
           *sweep, frames, asked, plan,
           [&](TrainingProgress now)
           {
             now.secondsLeft = rest;
-            return passOn(now) &&
-                   (options.timeLimit == 0 || watch.Seconds() - begun < kDecidingTime * options.timeLimit);
+            return passOn(now) && (options.timeLimit == 0 || spent() - begun < kDecidingTime * options.timeLimit);
           },
-          keeper);
+          keeper, exchange);
       result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
       boundGaussians();
       if (aborted && loop)
@@ -374,6 +418,7 @@ try
   result.log = std::move(fitted.log);
   result.iterations = fitted.iterations;
   result.device = loop->engine().Device();
+  result.processes = exchange ? exchange->Size() : 1;
   result.trainingFrames = std::move(frames);
   result.validationFrames = std::move(validation);
   result.heldOutFrames = std::move(heldOut);

@@ -18,6 +18,8 @@
 namespace bigus
 {
 
+class Exchange;
+
 struct TrainingResult
 {
   GaussianField field;
@@ -32,6 +34,7 @@ struct TrainingResult
   int iterations = 0;
   double seconds = 0;
   std::string device;
+  int processes = 1;     ///< that trained together
   bool aborted = false;  ///< the callback said stop; the field is the best so far
   /// All steps were taken, or validation said stop. Else a training can go on from its last checkpoint.
   bool finished = false;
@@ -56,8 +59,11 @@ struct Checkpoints
 /// `progress` (may be empty) is called at least every 100 ms or once an iteration; returning false stops training and
 /// keeps the best field so far. `start` (may be null) is a field to continue from instead of seeding; without one,
 /// fewer than two frames to train on or frames of equal pixels throughout are an Error.
+/// With an `exchange` of more than one process each of them trains a part of the field. All call this, with the same sweep,
+/// options and start, and get the same field with the same bits; it differs by rounding from that of another number of
+/// processes. When `progress` of one says stop, all stop. Checkpoints are an Error there.
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
                      const GaussianField* start = nullptr, const ProgressCallback& progress = {},
-                     const Checkpoints& checkpoints = {});
+                     const Checkpoints& checkpoints = {}, Exchange* exchange = nullptr);
 
 }  // namespace bigus

@@ -77,8 +77,8 @@ std::string Gain::ToString() const
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-               const ProgressCallback& progress, Checkpointer& keeper)
-    : asked_(asked), progress_(progress), keeper_(keeper)
+               const ProgressCallback& progress, Checkpointer& keeper, Exchange* exchange)
+    : asked_(asked), progress_(progress), keeper_(keeper), exchange_(exchange)
 {
   const std::vector<int> longest = LongestSequence(sweep, frames);
   const std::size_t tried = std::min(kTrialFrames, longest.size());
@@ -182,7 +182,7 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
     return {};
   }
   TrainingLoop loop(
-      sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, withVirtualPlanes);
+      sweep_, training_, plan, [this](const TrainingProgress&) { return Proceed(); }, withVirtualPlanes, exchange_);
   loop.SetKeeping(keeper_.KeepingOfTrial(name));
   const std::string state = keeper_.TakeTrial(name);
   if (state.empty())

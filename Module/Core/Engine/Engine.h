@@ -22,6 +22,7 @@
 namespace bigus
 {
 
+class Exchange;
 class StateReader;
 class StateWriter;
 
@@ -48,6 +49,13 @@ struct Accuracy
   /// Compute an exponential for every pixel instead of recurrences along the rows: slower; to measure what
   /// recurrences cost in exactness.
   bool direct = false;
+};
+
+/// The Gaussians of a field that one process has, and where in the field they are.
+struct FieldPart
+{
+  GaussianField field;
+  std::vector<std::uint32_t> places;  ///< [field.Size()]; empty: it is the whole field
 };
 
 /// Numbers a view can hold.
@@ -85,6 +93,18 @@ public:
   virtual void SetField(const GaussianField& field, const std::vector<int>* parents = nullptr) = 0;
   virtual GaussianField GetField() const = 0;
   virtual std::size_t FieldSize() const = 0;
+
+  /// The Gaussians that this process trains: all of them, unless the engine is a PartEngine.
+  virtual FieldPart GetPart() const { return {GetField(), {}}; }
+  /// Replaces those by as many others, and resets all state.
+  virtual void SetPart(const GaussianField& part) { SetField(part); }
+  /// The whole field, of which every process gives the part that its GetPart gave at some time.
+  virtual GaussianField Gather(FieldPart part) const { return std::move(part.field); }
+
+  /// From now on the engine's field is a part of one, and what it trains on is the sum of S of the parts of all
+  /// processes, each of which calls Backpropagate, TrainStep and SolveReflectivities as this one does. Null: it has the
+  /// whole field. The exchange must outlive the engine. By default throws Error, since not every engine can.
+  virtual void SetExchange(Exchange* exchange);
 
   virtual void SetAccuracy(const Accuracy& accuracy) = 0;
 

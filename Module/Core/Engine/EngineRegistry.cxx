@@ -147,6 +147,11 @@ std::vector<std::string> Engine::Names()
   return names;
 }
 
+void Engine::SetExchange(Exchange*)
+{
+  throw Error("The engine " + Device() + " cannot train a part of a field; on several processes choose \"cpu\".");
+}
+
 void Engine::SaveState(StateWriter&) const
 {
   throw Error("The engine " + Device() + " cannot save its state.");

@@ -11,6 +11,7 @@
 #include <random>
 
 #include "Core/Engine/FieldState.h"
+#include "Core/Engine/PartEngine.h"
 #include "Core/Formula/SsimWindow.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/PixelMemory.h"
@@ -346,7 +347,7 @@ struct TrainingLoop::Course
   std::size_t corrections = 0;  ///< how often frames were corrected
   Corrections corrected;        ///< what was found the last time
   std::vector<TrainingRecord> log;
-  std::optional<GaussianField> best;  ///< on the validation frames
+  std::optional<FieldPart> best;  ///< on the validation frames
   double bestPsnr = 0;
   int sinceBest = 0;     ///< evaluations
   FieldAverage average;  ///< of the last part
@@ -358,7 +359,7 @@ struct TrainingLoop::Course
   {
     if (!best || psnr > bestPsnr)
     {
-      best = engine.GetField();
+      best = engine.GetPart();
       bestPsnr = psnr;
       sinceBest = 0;
       return true;
@@ -369,12 +370,14 @@ struct TrainingLoop::Course
 };
 
 TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
-                           ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes)
-    : sweep_(std::move(sweep)),
+                           ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes,
+                           Exchange* exchange)
+    : exchange_(exchange),
+      sweep_(std::move(sweep)),
       frames_(std::move(frames)),
       plan_(std::move(plan)),
       progress_(std::move(progress)),
-      engine_(Engine::Create(plan_.engine)),
+      engine_(CreatePartEngine(plan_.engine, exchange)),
       withVirtualPlanes_(std::move(withVirtualPlanes))
 {
   engine_->SetAccuracy({plan_.tolerance, true});
@@ -402,10 +405,10 @@ void TrainingLoop::TargetFrames(int coarseness)
 /// than `most` seconds (0: no limit) or the caller said stop.
 bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
 {
-  const double begun = watch_.Seconds();
+  const double begun = Seconds();
   const auto goOn = [&](double done)
   {
-    const double spent = watch_.Seconds() - begun;
+    const double spent = Seconds() - begun;
     const bool isTooSlow = most > 0 && spent > most * std::max(done, kLeastProjected);
     if (done > 0)
     {
@@ -456,7 +459,7 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
   Targets targets{plan_.virtualPlanes, 1};
   while (targets.planes > 0 && !aborted_)
   {
-    const double left = plan_.timeLimit - watch_.Seconds();
+    const double left = plan_.timeLimit - Seconds();
     const double training = needed.passes * (1 + targets.planes) * secondsAtFullSize / targets.coarseness;
     if (plan_.timeLimit <= 0 ? TargetPlanes(targets)
                              : (1 - needed.share) * left > training && TargetPlanes(targets, needed.share * left))
@@ -481,7 +484,7 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
     return std::nullopt;
   }
   // No time for virtual planes. Detail that few passes cannot teach costs time all the same.
-  const bool isTimeForDetail = plan_.timeLimit - watch_.Seconds() > kPassesForDetail * secondsOfPass;
+  const bool isTimeForDetail = plan_.timeLimit - Seconds() > kPassesForDetail * secondsOfPass;
   targets = {0, isTimeForDetail || plan_.timeLimit <= 0 ? 1 : coarseness_, true};
   TargetPlanes(targets);
   return targets;
@@ -547,8 +550,7 @@ double TrainingLoop::Fraction(int iteration, double trainingStart) const
   const double fraction = static_cast<double>(iteration - 1) / plan_.iterations;
   if (plan_.timeLimit > 0)
   {
-    return std::max(fraction,
-                    (watch_.Seconds() - trainingStart) / std::max(plan_.timeLimit - trainingStart, kLeastTime));
+    return std::max(fraction, (Seconds() - trainingStart) / std::max(plan_.timeLimit - trainingStart, kLeastTime));
   }
   return fraction;
 }
@@ -607,7 +609,7 @@ void TrainingLoop::Replan(TrainingPlan plan)
   plan_ = std::move(plan);
   if (plan_.timeLimit > 0)
   {
-    plan_.timeLimit += watch_.Seconds();
+    plan_.timeLimit += Seconds();
   }
 }
 
@@ -670,7 +672,7 @@ void TrainingLoop::Resume(std::string_view state)
   course.log = LoadLog(from);
   if (from.Flag())
   {
-    course.best = LoadField(from);
+    course.best = FieldPart{LoadField(from), {}};
   }
   course.bestPsnr = LoadPsnr(from);
   course.sinceBest = from.NumberIn(0, plan_.patience);
@@ -682,7 +684,8 @@ void TrainingLoop::Resume(std::string_view state)
   }
   engine_->LoadState(from);
   from.End();
-  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->Size() > 0), "a field of no Gaussian");
+  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->field.Size() > 0),
+                       "a field of no Gaussian");
   StateReader::Require(course.average.count == 0 || course.average.mean.Size() == engine_->FieldSize(),
                        "the average of another field");
   if (isFirstStage)
@@ -727,7 +730,7 @@ void TrainingLoop::Save(StateWriter& to) const
   to.Flag(course.best.has_value());
   if (course.best)
   {
-    SaveField(*course.best, to);
+    SaveField(course.best->field, to);
   }
   SavePsnr(course.bestPsnr, to);
   to.Number(course.sinceBest);
@@ -751,8 +754,8 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     batches.Next();
   }
   const int logInterval = std::max(1, plan_.iterations / kLogLines);
-  const double trainingStart = watch_.Seconds() - course.trainingTime;
-  double stageStart = watch_.Seconds();
+  const double trainingStart = Seconds() - course.trainingTime;
+  double stageStart = Seconds();
   int stageFirst = course.iteration;
   const auto save = [this](StateWriter& to) { Save(to); };
   bool isFinished = course.iteration >= plan_.iterations && !aborted_;
@@ -770,7 +773,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
       {
         break;
       }
-      const auto second = TargetPlanesInTime((watch_.Seconds() - trainingStart) / course.passes);
+      const auto second = TargetPlanesInTime((Seconds() - trainingStart) / course.passes);
       if (!second)
       {
         break;
@@ -778,7 +781,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
       course.firstStage = course.iteration;
       course.second = *second;
       batches = Batches(targets_, plan_.batch, plan_.seed);
-      stageStart = watch_.Seconds();
+      stageStart = Seconds();
       stageFirst = course.iteration;
     }
     if (AreFramesChanged() && course.corrections < kCorrections.size() && fraction >= kCorrections[course.corrections])
@@ -808,7 +811,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     const auto interval = std::max(1L, std::lround((1 - kAveragedFrom) * steps / kAveragedFields));
     if (isLastPart && iteration % interval == 0)
     {
-      course.average.Add(engine_->GetField());
+      course.average.Add(engine_->GetPart().field);
     }
 
     TrainingRecord& line = report_.record;
@@ -819,7 +822,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     isFinished = iteration == plan_.iterations || iteration == course.endsAt;
     if (iteration % logInterval == 0 || isFinished)
     {
-      line.seconds = watch_.Seconds();
+      line.seconds = Seconds();
       line.validationPsnr.reset();
       if (!validationFrames.empty())
       {
@@ -835,11 +838,11 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
       course.lossSum = 0;
       course.lossCount = 0;
     }
-    const double pace = (watch_.Seconds() - stageStart) / (iteration - stageFirst);
+    const double pace = (Seconds() - stageStart) / (iteration - stageFirst);
     report_.secondsLeft = SecondsLeft(iteration, pace);
     secondsOfSecondStage_ = (1 - kFirstStage) * coarseness_ * pace * plan_.iterations;
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
-    course.trainingTime = watch_.Seconds() - trainingStart;
+    course.trainingTime = Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())
     {
       keeping_.keep(save);
@@ -851,7 +854,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
   }
   if (course.average.count > 0)
   {
-    engine_->SetField(course.average.mean);
+    engine_->SetPart(course.average.mean);
     if (course.best)
     {
       course.Note(FieldPsnr(*engine_, *sweep_, validationFrames), *engine_, plan_.patience);
@@ -862,7 +865,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
   fitted.log = course.log;
   fitted.iterations = course.iteration;
   fitted.finished = isFinished;
-  fitted.field = course.best ? *course.best : engine_->GetField();
+  fitted.field = course.best ? engine_->Gather(*course.best) : engine_->GetField();
   if (plan_.iterations > 0)
   {
     RemoveInvisible(fitted.field, plan_.tolerance);
@@ -882,26 +885,34 @@ GaussianField TrainingLoop::Settle(const std::vector<int>& validationFrames)
   double done = 0;
   for (int k = 1; done < 1; ++k)
   {
-    done = std::max(static_cast<double>(k) / kSettlingSteps, watch.Seconds() / kSettlingSeconds);
+    const double seconds = exchange_ ? exchange_->OfFirst(watch.Seconds()) : watch.Seconds();
+    done = std::max(static_cast<double>(k) / kSettlingSteps, seconds / kSettlingSeconds);
     Step(batches.Next(), plan_.iterations, Blend(plan_, fraction),
          Scaled(course.rates, decay * std::pow(kSettlingRate, std::min(done, 1.0))));
     if (done > kSettledFrom)
     {
-      average.Add(engine_->GetField());
+      average.Add(engine_->GetPart().field);
     }
   }
-  engine_->SetField(average.mean);
-  GaussianField field =
-      course.best && FieldPsnr(*engine_, *sweep_, validationFrames) <= course.bestPsnr ? *course.best : average.mean;
+  engine_->SetPart(average.mean);
+  const bool isBest = !course.best || FieldPsnr(*engine_, *sweep_, validationFrames) > course.bestPsnr;
+  GaussianField field = isBest ? engine_->GetField() : engine_->Gather(*course.best);
   RemoveInvisible(field, plan_.tolerance);
   return field;
+}
+
+/// Since the loop was made. With a time limit what is done depends on them, so processes go by the clock of the first.
+double TrainingLoop::Seconds() const
+{
+  const double seconds = watch_.Seconds();
+  return exchange_ && plan_.timeLimit > 0 ? exchange_->OfFirst(seconds) : seconds;
 }
 
 bool TrainingLoop::Proceed(TrainingProgress::Phase phase, double fraction)
 {
   report_.phase = phase;
   report_.fraction = fraction;
-  report_.record.seconds = watch_.Seconds();
+  report_.record.seconds = Seconds();
   aborted_ = aborted_ || (progress_ && !progress_(report_));
   return !aborted_;
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/Exchange.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/FrameCorrections.h"
@@ -62,9 +63,11 @@ class TrainingLoop
 {
 public:
   /// Trains on `frames` of the sweep as `plan` says. `withVirtualPlanes` spares making virtual planes again: it is what
-  /// AddVirtualPlanes gives for the same frames and plan; null makes them.
+  /// AddVirtualPlanes gives for the same frames and plan; null makes them. With an `exchange`, which must outlive the
+  /// loop, processes train one field together: all make the same calls, and `progress` answers the same in all.
   TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
-               ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes = nullptr);
+               ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes = nullptr,
+               Exchange* exchange = nullptr);
   ~TrainingLoop();
 
   /// Seeds over the volume of the frames, scaled and solved so that their renderings are near the frames.
@@ -129,7 +132,9 @@ private:
   void Save(StateWriter& to) const;
   void Restructure(const DensificationOptions& densification);
   bool Proceed(TrainingProgress::Phase phase, double fraction);
+  double Seconds() const;
 
+  Exchange* exchange_;
   Stopwatch watch_;
   std::shared_ptr<const Sweep> sweep_;
   std::vector<int> frames_;

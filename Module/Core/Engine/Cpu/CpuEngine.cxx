@@ -25,6 +25,7 @@
 #include "Core/Engine/Cpu/FlushDenormals.h"
 #include "Core/Engine/Cpu/VisibleSplats.h"
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/Exchange.h"
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Engine/InstructionSets.h"
 #include "Core/Formula/Adam.h"
@@ -38,6 +39,37 @@ namespace
 
 constexpr int kSmallestBand = 32,
               kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
+
+/// Unknowns of a field's part for ConjugateGradients: a product with others is that of the whole field's.
+template <class T>
+struct Unknowns
+{
+  std::vector<T> values;
+  Exchange* exchange;  // null: they are all
+};
+
+template <class T>
+double Dot(const Unknowns<T>& p, const Unknowns<T>& q)
+{
+  double sum = bigus::Dot(p.values, q.values);
+  if (p.exchange)
+  {
+    p.exchange->Sum(&sum, 1);
+  }
+  return sum;
+}
+
+template <class T>
+void AddScaled(Unknowns<T>& y, double alpha, const Unknowns<T>& x)
+{
+  bigus::AddScaled(y.values, alpha, x.values);
+}
+
+template <class T>
+void ScaleAndAdd(Unknowns<T>& y, double beta, const Unknowns<T>& x)
+{
+  bigus::ScaleAndAdd(y.values, beta, x.values);
+}
 
 template <class T>
 class CpuEngine final : public Engine
@@ -60,6 +92,7 @@ public:
 
   GaussianField GetField() const override { return field_.Get(); }
   std::size_t FieldSize() const override { return field_.Size(); }
+  void SetExchange(Exchange* exchange) override { exchange_ = exchange; }
   void SetAccuracy(const Accuracy& accuracy) override { accuracy_ = accuracy; }
 
   void Render(const SlicePlane& plane, const Window& window, ViewOutput output, float* image, float* coverage) override
@@ -162,7 +195,8 @@ public:
     {
       buffers += bytes(buffer);
     }
-    return field_.Bytes() + visible_.Bytes() + bytes(gradient_) + bytes(scores_) + bytes(images_) + buffers;
+    return field_.Bytes() + visible_.Bytes() + bytes(gradient_) + bytes(scores_) + bytes(images_) + bytes(sum_) +
+           buffers;
   }
 
   double SolveReflectivities(const std::vector<int>& frames, int iterations,
@@ -172,17 +206,17 @@ public:
     // One pass over the frames for the right-hand side and one for each iteration.
     const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
     double done = 0;
-    std::vector<T> r = field_.Reflectivities();
+    Unknowns<T> r{field_.Reflectivities(), exchange_};
     const double residual = ConjugateGradients(
         r, iterations,
-        [&](const std::vector<T>& x, bool withTarget)
+        [&](const Unknowns<T>& x, bool withTarget)
         {
-          std::vector<T> out(x.size(), T(0));
+          Unknowns<T> out{std::vector<T>(x.values.size(), T(0)), exchange_};
           for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
           {
             const std::vector<int> batch(frames.begin() + first,
                                          frames.begin() + std::min(first + kSolveBatch, frames.size()));
-            ForwardFrames(batch, x.data(),
+            ForwardFrames(batch, x.values.data(),
                           [&](const T* truth, const T* counts, T* line)
                           {
                             for (int column = 0; column < sweep_->width; ++column)
@@ -202,7 +236,7 @@ public:
                     const auto& list = visible_.ListOf(slot, f);
                     const VisibleSplat<T>* splats = visible_.Splats(list);
                     kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
-                    T* sums = out.data() + visible_.Block(slot) * kBlock;
+                    T* sums = out.values.data() + visible_.Block(slot) * kBlock;
                     for (int k = 0; k < list.count; ++k)
                     {
                       sums[static_cast<int>(splats[k].gaussian)] += moments.values[kMoment0][k];
@@ -212,12 +246,12 @@ public:
             done += static_cast<double>(batch.size());
             if (progress && !progress(done / steps))
             {
-              return std::optional<std::vector<T>>();
+              return std::optional<Unknowns<T>>();
             }
           }
           return std::make_optional(std::move(out));
         });
-    field_.SetReflectivities(r);
+    field_.SetReflectivities(r.values);
     return residual;
   }
 
@@ -296,6 +330,18 @@ private:
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on
+    const auto finish = [&](int f, int begin, int end)
+    {
+      const PixelRows<T> rows = FrameRows(f);
+      std::vector<T> truth(stride, T(0)), counts(stride, T(0));
+      for (int row = begin; row < end; ++row)
+      {
+        const std::size_t pixel = static_cast<std::size_t>(row) * width;
+        ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
+        ReadCounts(row, counts.data());
+        sums[static_cast<std::size_t>(f) * height + row] = line(truth.data(), counts.data(), rows.Row(row));
+      }
+    };
     ForBands(static_cast<int>(frames.size()), height,
              [&](int f, int begin, int end)
              {
@@ -304,21 +350,43 @@ private:
                visible_.AddTo(f, begin, end, rows,
                               [this, values](std::size_t b)
                               { return values ? values + b * kBlock : field_.Block(b).reflectivity; });
-               std::vector<T> truth(stride, T(0)), counts(stride, T(0));
-               for (int row = begin; row < end; ++row)
+               if (!exchange_)
                {
-                 const std::size_t pixel = static_cast<std::size_t>(row) * width;
-                 ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
-                 ReadCounts(row, counts.data());
-                 sums[static_cast<std::size_t>(f) * height + row] = line(truth.data(), counts.data(), rows.Row(row));
+                 finish(f, begin, end);  // while they are in the cache
                }
              });
+    if (exchange_)
+    {
+      AddPartsOfOthers(frames.size());
+      ForBands(static_cast<int>(frames.size()), height, finish);
+    }
     double total = 0;
     for (double sum : sums)
     {
       total += sum;
     }
     return total;
+  }
+
+  /// images_ of S of the whole field.
+  void AddPartsOfOthers(std::size_t frames)
+  {
+    const std::size_t width = sweep_->width, height = sweep_->height;
+    sum_.resize(frames * height * width);  // without what lies between rows, which need not travel
+    const auto forRows = [&](auto&& copy)
+    {
+      for (std::size_t f = 0; f < frames; ++f)
+      {
+        const PixelRows<T> rows = FrameRows(f);
+        for (std::size_t row = 0; row < height; ++row)
+        {
+          copy(rows.Row(static_cast<int>(row)), sum_.data() + (f * height + row) * width);
+        }
+      }
+    };
+    forRows([width](const T* row, T* sum) { std::copy_n(row, width, sum); });
+    exchange_->Sum(sum_.data(), sum_.size());
+    forRows([width](T* row, const T* sum) { std::copy_n(sum, width, row); });
   }
 
   /// images_ of dL/dS, and the loss.
@@ -453,6 +521,7 @@ private:
   std::vector<ScoreBlock<T>> scores_;
   bool keepScores_ = false;
   Accuracy accuracy_;
+  Exchange* exchange_ = nullptr;  // of others that have parts of the same field
 
   std::shared_ptr<const Sweep> sweep_;
   std::size_t countedPixels_ = 0;
@@ -461,6 +530,7 @@ private:
   // The last ForwardFrames.
   std::vector<Camera> cameras_;
   std::vector<T> images_;
+  std::vector<T> sum_;  // of the images of all processes, packed
   tbb::enumerable_thread_specific<std::vector<T>> bandBuffers_;
 };
 
