@@ -6,10 +6,18 @@
 #include "CudaEngine.h"
 #include "Device.h"
 
-/// Sets `factory` and returns null; or returns why there can be no CUDA engine here, and the CPU computes.
-extern "C" __attribute__((visibility("default"))) const char* bigusCudaEngine(bigus::Engine::Factory* factory)
+/// Sets `factory` and returns null; or returns why there can be no CUDA engine here, and the CPU computes. A library that
+/// was left beside the Core of another version would crash, so it is not used.
+extern "C" __attribute__((visibility("default"))) const char* bigusCudaEngine(const char* version,
+                                                                              bigus::Engine::Factory* factory)
 {
   static std::string reason;
+  if (std::string(version) != BIGUS_VERSION)
+  {
+    reason = std::string("libBIGUSCuda is of version " BIGUS_VERSION ", libBIGUSCore beside it of ") + version +
+             "; take both from one build";
+    return reason.c_str();
+  }
   int devices = 0;
   cudaError_t status = cudaGetDeviceCount(&devices);
   if (status == cudaSuccess && devices > 0)

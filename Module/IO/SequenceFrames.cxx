@@ -40,8 +40,10 @@ std::vector<unsigned char> FanMask(int width, int height, const Clip& clip)
   return MaskOf(width, height,
                 [&clip](double i, double j)
                 {
-                  const double radius = std::hypot(i - clip.apex[0], j - clip.apex[1]);
-                  const double angle = std::atan2(i - clip.apex[0], j - clip.apex[1]) * (180.0 / kPi);
+                  const double x = i - clip.apex[0];
+                  const double y = j - clip.apex[1];
+                  const double radius = std::sqrt(x * x + y * y);
+                  const double angle = std::atan2(x, y) * (180.0 / kPi);
                   return radius >= clip.radii[0] && radius <= clip.radii[1] && angle >= clip.angles[0] &&
                          angle <= clip.angles[1];
                 });

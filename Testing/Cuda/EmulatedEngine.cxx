@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The CUDA engine compiled for the emulator: one more engine for every test that takes them all.
+// The CUDA engine compiled for the emulator.
 // The sources themselves, which nvcc compiles elsewhere.
 #include "Cuda/CudaEngine.cu"
 
@@ -18,14 +18,3 @@ const FourierLibrary* FourierLibrary::Find()
 
 }  // namespace cuda
 }  // namespace bigus
-
-namespace
-{
-
-const bool kRegistered = []
-{
-  bigus::Engine::Register("cuda-emulated", bigus::CreateCudaEngine, false);
-  return true;
-}();
-
-}  // namespace

@@ -23,6 +23,7 @@
 #define __host__
 #define __launch_bounds__(...)
 #define __shared__ static thread_local
+#define CUDART_VERSION 12000
 
 struct float2
 {
@@ -41,6 +42,8 @@ enum cudaError_t
 {
   cudaSuccess = 0,
   cudaErrorMemoryAllocation = 2,
+  cudaErrorInsufficientDriver = 35,
+  cudaErrorNoDevice = 100,
   cudaErrorStreamCaptureUnsupported = 900
 };
 enum cudaMemcpyKind
@@ -164,6 +167,11 @@ T atomicMax(T* at, T value)
 cudaError_t cudaMalloc(void** memory, std::size_t bytes);
 cudaError_t cudaFree(void* memory);
 cudaError_t cudaMemGetInfo(std::size_t* free, std::size_t* total);
+inline cudaError_t cudaGetDeviceCount(int* count)
+{
+  *count = 1;
+  return cudaSuccess;
+}
 cudaError_t cudaGetDeviceProperties(cudaDeviceProp* properties, int device);
 inline cudaError_t cudaGetLastError()
 {

@@ -3,9 +3,11 @@
 """The half of test_slicer_example.py that runs in a Python with slicer-core.
 
     slicer_core_scene.py FOLDER               writes plane, line, box and pose as Slicer saves them, for the plane of
-                                              FOLDER/plane.npy, and shown.npy: where the example's logic puts a slice
+                                              FOLDER/plane.npy, and shown.npy: where the example's logic puts a slice.
+                                              With the wheel, shown-pixels.npy: the slice of FOLDER/field.vtp
     slicer_core_scene.py FOLDER VOLUME...     reads volumes as Slicer does, and writes VOLUME.npy: their IJKToRAS
 """
+import importlib.util
 import pathlib
 import sys
 
@@ -64,11 +66,15 @@ def write():
 
     import BigusPlane
 
-    # The example as outside Slicer, but with its scene: what it would import there, and a field that shows its pose.
+    # The example as outside Slicer, but with its scene, which is what it would import there.
     BigusPlane.vtk, BigusPlane.slicer = vtk, slicer
     logic = BigusPlane.BigusPlaneLogic()
-    logic.render = lambda pose, width, height: np.linspace(0, 1, width * height).reshape(height, width).astype(np.float32)
     volume = add(slicer.vtkMRMLScalarVolumeNode)
+    if importlib.util.find_spec("bigus"):
+        logic.load(FOLDER / "field.vtp")
+        logic.show(plane, volume, 0.5)
+        np.save(FOLDER / "shown-pixels.npy", slicer.util.arrayFromVolume(volume)[0])
+    logic.render = lambda pose, width, height: np.linspace(0, 1, width * height).reshape(height, width).astype(np.float32)
     logic.show(plane, volume, 0.5)
     assert volume.GetImageData().GetDimensions() == (40, 24, 1)
     assert volume.GetImageData().GetScalarComponentAsDouble(39, 23, 0, 0) == 255

@@ -5,12 +5,14 @@
     test_slicer_example.py BIGUS FIELD
 
 $BIGUS_SLICER_PYTHON may name a Python that has slicer-core of PyPI. It then writes markups and transforms, which the
-program reads, and shows a slice through the logic, which must lie where the plane lies.
+program reads, and shows a slice through the logic, which must lie where the plane lies. Where the wheel is installed in it,
+too, the slice must be the program's.
 """
 import importlib.util
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -122,6 +124,7 @@ class WithSlicerCore(unittest.TestCase):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
             np.save(folder / "plane.npy", to_world)
+            shutil.copy(FIELD, folder / "field.vtp")
             result = subprocess.run([python, str(pathlib.Path(__file__).with_name("slicer_core_scene.py")), str(folder)],
                                     capture_output=True, text=True, cwd=folder,
                                     env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"})
@@ -131,6 +134,10 @@ class WithSlicerCore(unittest.TestCase):
             pose, pixels = read_volume(folder / "plane.nrrd")
             self.assertEqual(pixels.shape, (24, 40))
             self.assertLess(np.abs(pose - expected).max(), 1e-9)
+            if (folder / "shown-pixels.npy").exists():  # the wheel is there, too
+                shown = np.load(folder / "shown-pixels.npy")
+                self.assertLessEqual(np.abs(shown.astype(int) - pixels).max(), 1)
+                self.assertGreater(shown.std(), 2)
             for ending in ("tfm", "txt", "h5"):
                 bigus("slice", FIELD, "--poses", folder / f"pose.{ending}", "--size", 7, 5, "--volume", folder / "pose.nrrd")
                 self.assertLess(np.abs(read_volume(folder / "pose.nrrd")[0] - to_world).max(), 1e-9, ending)

@@ -34,8 +34,8 @@ struct Registry
   std::vector<std::pair<std::string, std::string>> missing;
 };
 
-/// Loads the library of the CUDA engine, if it lies beside this one. Its one function gives a factory and returns
-/// null, or returns why the engine cannot be used.
+/// Loads the library of the CUDA engine, if it lies beside this one. Its one function is told this library's version. It
+/// gives a factory and returns null, or returns why the engine cannot be used.
 void LoadCuda(Registry& registry)
 {
 #if defined(__unix__)
@@ -48,10 +48,10 @@ void LoadCuda(Registry& registry)
   const std::string library = file.substr(0, file.find_last_of('/') + 1) + "libBIGUSCuda.so.1";
   const bool isThere = access(library.c_str(), F_OK) == 0;
   void* const handle = isThere ? dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL) : nullptr;
-  using Function = const char* (*)(Engine::Factory*);
+  using Function = const char* (*)(const char*, Engine::Factory*);
   const auto find = handle ? reinterpret_cast<Function>(dlsym(handle, "bigusCudaEngine")) : nullptr;
   Engine::Factory factory;
-  const char* reason = find ? find(&factory) : (handle || isThere) ? dlerror() : "this build has no CUDA engine";
+  const char* reason = find ? find(BIGUS_VERSION, &factory) : isThere ? dlerror() : "this build has no CUDA engine";
   if (reason)
   {
     registry.missing.emplace_back("cuda", reason);

@@ -211,12 +211,15 @@ void LiveSession::Run(LiveOptions options)
       Task job;
       {
         std::unique_lock lock(mutex_);
-        wake_.wait(lock,
-                   [&]
-                   {
-                     return stop_ || !frames_.empty() || !requests_.empty() || !jobs_.empty() ||
-                            (training.HasField() && sinceFrame < restAfter);
-                   });
+        const auto hasWork = [&]
+        {
+          return stop_ || !frames_.empty() || !requests_.empty() || !jobs_.empty() ||
+                 (training.HasField() && sinceFrame < restAfter);
+        };
+        // Not wait(), because it would bind Core to the libstdc++ of GCC 12, which systems that the wheel is for lack.
+        while (!wake_.wait_for(lock, std::chrono::minutes(1), hasWork))
+        {
+        }
         hasFrames = !frames_.empty();
         if (!hasFrames && !jobs_.empty())
         {

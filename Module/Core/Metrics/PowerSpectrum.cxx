@@ -4,6 +4,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -47,7 +48,7 @@ struct Rings
       for (int u = 0; u < kWindowSide; ++u)
       {
         // The ring |f| = (b + 1 +- 1/2) / 32; the mean, and the corners beyond Nyquist's frequency, are in none.
-        const int ring = static_cast<int>(std::lround(std::hypot(signedFrequency(u), signedFrequency(v))));
+        const int ring = static_cast<int>(std::lround(Eigen::Vector2d(signedFrequency(u), signedFrequency(v)).norm()));
         bin[v][u] = ring >= 1 && ring <= kSpectrumBins ? ring - 1 : -1;
         if (bin[v][u] >= 0)
         {

@@ -83,7 +83,7 @@ public:
     { return step.norm() * std::sqrt((static_cast<double>(n) * n - 1) / 12); };
     const double across = spread(plane.columnStep, plane.width);
     const double down = spread(plane.rowStep, plane.height);
-    lever_ = {std::max(down, pixel_), std::max(across, pixel_), std::max(std::hypot(across, down), pixel_)};
+    lever_ = {std::max(down, pixel_), std::max(across, pixel_), std::max(Eigen::Vector2d(across, down).norm(), pixel_)};
 
     for (int k = 0; k < 6; ++k)
     {

@@ -523,7 +523,8 @@ public:
   {
     const SlicePlane& plane = sight.Recorded(0);
     // Root mean square distance of the pixels from the centre of a square image of this diagonal.
-    const double lever = 0.29 * std::hypot(plane.width * plane.columnStep.norm(), plane.height * plane.rowStep.norm());
+    const Eigen::Vector2d size(plane.width * plane.columnStep.norm(), plane.height * plane.rowStep.norm());
+    const double lever = 0.29 * size.norm();
     const double speed = sight.ThePath().Speed();
     step_ = PerKind(speed > 0 ? 1 / speed : 0, 1, 1 / lever / kRadiansPerDegree) * 0.25 * sigma;
     KeepSeen(places, q);
