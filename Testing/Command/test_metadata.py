@@ -20,7 +20,8 @@ import unittest
 import zlib
 
 BIGUS = None
-NAMES = ("doe", "jane", "kx47-11", "st. mary", "1947-07-11")
+# So long that no pixels, compressed or in base 64, spell one by chance.
+NAMES = ("weatherbee", "josephine", "kx47-11", "st. mary", "1947-07-11")
 DATE = 1714550400.25  # s since 1970: 1 May 2024
 FRAMES, WIDTH, HEIGHT = 10, 40, 32
 TINY = ["--no-auto", "--gaussians", "300", "--iterations", "8", "--batch", "2"]
@@ -62,7 +63,7 @@ class Metadata(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.root = pathlib.Path(tempfile.mkdtemp(prefix="bigus-metadata-"))
-        cls.folder = cls.root / "Doe, Jane KX47-11"  # what is read
+        cls.folder = cls.root / "Weatherbee, Josephine KX47-11"  # what is read
         cls.folder.mkdir()
         plain = cls.root / "plain.igs.mha"
         made = run("phantom", "-o", plain, "--frames", FRAMES, "--width", WIDTH, "--height", HEIGHT, "--pixel-size", "0.6",
@@ -86,42 +87,42 @@ class Metadata(unittest.TestCase):
         lines = []
         for k in range(FRAMES):
             for name, value in (("ImageToReferenceTransform", " ".join(cls.poses[k])), ("ImageToReferenceTransformStatus", "OK"),
-                                ("Timestamp", DATE + k / 20), ("ImageStatus", "OK"), ("Operator", "Jane"),
-                                ("FrameNumber", k), ("Remark", "pain, says Mrs Doe")):
+                                ("Timestamp", DATE + k / 20), ("ImageStatus", "OK"), ("Operator", "Josephine"),
+                                ("FrameNumber", k), ("Remark", "pain, says Mrs Weatherbee")):
                 lines.append(f"Seq_Frame{k:04}_{name}{assign}{value}")
         return lines
 
     @classmethod
     def meta_image(cls):
-        lines = ["ObjectType = Image", "NDims = 3", "Comment = Doe^Jane", "Name = Jane Doe", "ID = KX47-11",
-                 "AcquisitionDate = 1947-07-11", "PatientName = DOE^JANE", "BinaryData = True", "BinaryDataByteOrderMSB = False",
+        lines = ["ObjectType = Image", "NDims = 3", "Comment = Weatherbee^Josephine", "Name = Josephine Weatherbee", "ID = KX47-11",
+                 "AcquisitionDate = 1947-07-11", "PatientName = WEATHERBEE^JOSEPHINE", "BinaryData = True", "BinaryDataByteOrderMSB = False",
                  "CompressedData = False", f"DimSize = {WIDTH} {HEIGHT} {FRAMES}", "ElementType = MET_UCHAR",
                  "UltrasoundImageOrientation = MF", "UltrasoundImageType = BRIGHTNESS", "Hospital = St. Mary",
                  *cls.frame_fields(" = "), "ElementDataFile = LOCAL"]
-        path = cls.folder / "Jane Doe.igs.mha"
+        path = cls.folder / "Josephine Weatherbee.igs.mha"
         path.write_bytes("\n".join(lines).encode() + b"\n" + cls.pixels)
         return path
 
     @classmethod
     def nrrd_file(cls):
-        lines = ["NRRD0005", "# Jane Doe, St. Mary", "type: uint8", "dimension: 3", f"sizes: {WIDTH} {HEIGHT} {FRAMES}",
-                 "kinds: domain domain list", "encoding: raw", "content: liver of Jane Doe", "PatientID:=KX47-11",
-                 "labels: \"Jane\" \"Doe\" \"KX47-11\"", "birthday:=1947-07-11", *cls.frame_fields(":=")]
-        path = cls.folder / "Jane Doe.seq.nrrd"
+        lines = ["NRRD0005", "# Josephine Weatherbee, St. Mary", "type: uint8", "dimension: 3", f"sizes: {WIDTH} {HEIGHT} {FRAMES}",
+                 "kinds: domain domain list", "encoding: raw", "content: liver of Josephine Weatherbee", "PatientID:=KX47-11",
+                 "labels: \"Josephine\" \"Weatherbee\" \"KX47-11\"", "birthday:=1947-07-11", *cls.frame_fields(":=")]
+        path = cls.folder / "Josephine Weatherbee.seq.nrrd"
         path.write_bytes("\n".join(lines).encode() + b"\n\n" + cls.pixels)
         return path
 
     @classmethod
     def table(cls):
         names = [f"m{n // 4}{n % 4}" for n in range(16)]
-        rows = ["# Jane Doe", ",".join(["image", "timestamp", "patient", *names])]
+        rows = ["# Josephine Weatherbee", ",".join(["image", "timestamp", "patient", *names])]
         rows[0], rows[1] = rows[1], rows[0]  # names come first
         for k in range(FRAMES):
-            image = f"doe_jane_{k:02}.png"
+            image = f"weatherbee_josephine_{k:02}.png"
             size = WIDTH * HEIGHT
-            (cls.folder / image).write_bytes(png(WIDTH, HEIGHT, cls.pixels[k * size:(k + 1) * size], b"Jane Doe, KX47-11"))
-            rows.append(",".join([image, repr(DATE + k / 20), '"Doe, Jane"', *cls.poses[k]]))
-        path = cls.folder / "Jane Doe.csv"
+            (cls.folder / image).write_bytes(png(WIDTH, HEIGHT, cls.pixels[k * size:(k + 1) * size], b"Josephine Weatherbee, KX47-11"))
+            rows.append(",".join([image, repr(DATE + k / 20), '"Weatherbee, Josephine"', *cls.poses[k]]))
+        path = cls.folder / "Josephine Weatherbee.csv"
         path.write_text("\n".join(rows) + "\n")
         return path
 
@@ -145,9 +146,10 @@ class Metadata(unittest.TestCase):
         return (("mha", self.mha), ("nrrd", self.nrrd), ("csv", self.csv))
 
     def test_the_search_finds_names_that_are_packed(self):
-        hidden = b"\0" * 7 + zlib.compress("Patient: DOE^JANE".encode("utf-16-le")) + b"more"
-        self.assertEqual(names_in(hidden), {"doe", "jane"})
-        self.assertEqual(names_in(self.csv.with_name("doe_jane_00.png").read_bytes()), {"doe", "jane", "kx47-11"})
+        hidden = b"\0" * 7 + zlib.compress("Patient: WEATHERBEE^JOSEPHINE".encode("utf-16-le")) + b"more"
+        self.assertEqual(names_in(hidden), {"weatherbee", "josephine"})
+        image = self.csv.with_name("weatherbee_josephine_00.png").read_bytes()
+        self.assertEqual(names_in(image), {"weatherbee", "josephine", "kx47-11"})
 
     def test_fields_and_all_that_training_writes(self):
         for kind, source in self.sources():
@@ -185,10 +187,10 @@ class Metadata(unittest.TestCase):
         self.assertNoNames()
 
     def test_a_configuration(self):
-        config = self.folder / "Jane Doe.xml"
-        config.write_text("""<PlusConfiguration version="2.9"><!-- Jane Doe --><Patient Name="DOE^JANE" ID="kx47-11"/>
+        config = self.folder / "Josephine Weatherbee.xml"
+        config.write_text("""<PlusConfiguration version="2.9"><!-- Josephine Weatherbee --><Patient Name="WEATHERBEE^JOSEPHINE" ID="kx47-11"/>
           <CoordinateDefinitions><Transform From="Reference" To="World" Matrix="1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1"
-          Date="1947-07-11" Operator="Doe"/></CoordinateDefinitions></PlusConfiguration>""")
+          Date="1947-07-11" Operator="Weatherbee"/></CoordinateDefinitions></PlusConfiguration>""")
         chain = ["--config", config, "--image-to", "World"]
         self.do("train", self.mha, "-o", self.out / "field.vtp", *chain, *TINY)
         self.do("convert", self.mha, self.out / "sweep.igs.mha", *chain)
@@ -203,7 +205,7 @@ class Metadata(unittest.TestCase):
                       "csv": {"comment", "patient"}}[kind]
             self.assertEqual(set(found), wanted, kind)
         text = self.do("info", self.mha).stdout
-        self.assertRegex(text, r"Operator = Jane \(and 9 more\)")
+        self.assertRegex(text, r"Operator = Josephine \(and 9 more\)")
         written = self.out / "again.igs.mha"
         self.do("convert", self.mha, written)
         self.assertEqual(json.loads(self.do("info", written, "--json").stdout)["not_taken_along"], [])
@@ -226,13 +228,13 @@ class Metadata(unittest.TestCase):
         field, noted = self.out / "field.ply", self.folder / "noted.ply"
         self.do("train", self.mha, "-o", field, *TINY)
         mark = b"comment bigus.provenance "
-        noted.write_bytes(field.read_bytes().replace(mark, mark + b"patient=Jane Doe\ncomment Jane Doe\n" + mark, 1))
+        noted.write_bytes(field.read_bytes().replace(mark, mark + b"patient=Josephine Weatherbee\ncomment Josephine Weatherbee\n" + mark, 1))
         provenance = json.loads(self.do("info", noted, "--json").stdout)["provenance"]
-        self.assertEqual(provenance["patient"], "Jane Doe")
+        self.assertEqual(provenance["patient"], "Josephine Weatherbee")
         self.assertIn("poses", provenance)
         kept = self.folder / "kept.vtp"
         self.do("convert", noted, kept)
-        self.assertEqual(names_in(kept.read_bytes()), {"doe", "jane"})
+        self.assertEqual(names_in(kept.read_bytes()), {"weatherbee", "josephine"})
         for ending in (".vtp", ".ply"):
             stripped = self.out / f"stripped{ending}"
             self.do("convert", noted, stripped, "--strip")

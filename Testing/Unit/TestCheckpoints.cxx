@@ -168,6 +168,19 @@ TEST(Checkpoints, ValidationAndDensificationGoOn)
   ExpectStopsDoNotMatter(options, {{3}, {7}, {20}, {33}});
 }
 
+// Validation frames that stop to gain bring the last part forward. A stop amid that part goes on in it.
+TEST(Checkpoints, AnEndThatValidationBroughtForwardGoesOn)
+{
+  TrainerOptions options = Small();
+  options.iterations = 400;
+  options.validation = 4;
+  options.patience = 1;
+  options.reflectivityRate = 0.8;  // coarse steps, so that some do not gain
+  const int last = bigus::Train(RenderedSweep(), options).iterations;
+  ASSERT_LT(last, 400);
+  ExpectStopsDoNotMatter(options, {{last - 1}, {last - 20}});
+}
+
 TEST(Checkpoints, CorrectedFramesGoOn)
 {
   TrainerOptions options = Small();
