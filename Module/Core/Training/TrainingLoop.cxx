@@ -200,6 +200,13 @@ constexpr double kSolvingShare = 0.1;
 /// Seconds that a time limit leaves to training at the least, so that nothing is divided by 0.
 constexpr double kLeastTime = 1e-3;
 
+/// By how much a step takes longer on frames whose sides are not divided any more, for what is told of the time left: 1.5
+/// on the liver sweep and 1.3 on the brain's, whose sides are halved first.
+double Growth(int coarseness)
+{
+  return std::sqrt(static_cast<double>(coarseness));
+}
+
 /// The loss a fraction of the way through training.
 Loss Blend(const TrainingPlan& options, double fraction)
 {
@@ -566,7 +573,7 @@ double TrainingLoop::SecondsLeft(int iteration, double pace) const
   const double first = kFirstStage * plan_.iterations;
   const double planes = (plan_.sparse ? kStepsToMakeSparsePlane : kStepsToMakeDensePlane) * plan_.virtualPlanes *
                         static_cast<double>(frames_.size()) / plan_.batch;
-  return pace * (std::max(0.0, first - iteration) + coarseness_ * (plan_.iterations - first + planes));
+  return pace * (std::max(0.0, first - iteration) + Growth(coarseness_) * (plan_.iterations - first + planes));
 }
 
 /// The loss of a step of the batch, or of several on parts of it where there are few `steps` in all.
@@ -841,7 +848,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     }
     const double pace = (Seconds() - stageStart) / (iteration - stageFirst);
     report_.secondsLeft = SecondsLeft(iteration, pace);
-    secondsOfSecondStage_ = (1 - kFirstStage) * coarseness_ * pace * plan_.iterations;
+    secondsOfSecondStage_ = (1 - kFirstStage) * Growth(coarseness_) * pace * plan_.iterations;
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
     course.trainingTime = Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())
