@@ -225,7 +225,8 @@ try
   Checkpointer keeper(checkpoints, isKept ? IdentityOf(*sweep, options, start) : NamedTexts());
   const Stopwatch watch(call.Seconds() + keeper.Seconds());
 
-  auto [frames, heldOut] = SplitHoldOut(*sweep, AllFrames(*sweep), options.holdOut);
+  std::vector<int> frames, heldOut;  // no structured binding, which Clang's lambdas cannot see
+  std::tie(frames, heldOut) = SplitHoldOut(*sweep, AllFrames(*sweep), options.holdOut);
   std::vector<int> validation;
   if (options.validation > 0)
   {
