@@ -29,9 +29,9 @@ constexpr double kDecidingTime = 1.0 / 5;
 /// Seconds of a time limit below which nothing is tried: a fifth of it would end amid the first comparison.
 constexpr double kLeastTimeToTry = 30;
 
-/// Seconds that deciding takes for a second of the training that is left after the first stage, where their number is
-/// open and where it is given; for what is told of the time left. Brain and spine sweep: 0.45 and 0.49; liver sweep with
-/// a given number 0.1.
+/// Seconds that deciding takes for a second of the training that is left after the first stage, where the number of
+/// Gaussians is open and where it is given; for what is told of the time left. Brain and spine sweep: 0.45 and 0.49; liver
+/// sweep with a given number: 0.1.
 constexpr double kDecidingShare = 0.45, kDecidingShareGiven = 0.1;
 
 /// Gaussians that are trained for a second of a time limit at the most. With more each is seen too seldom. In 10 s and
