@@ -194,6 +194,17 @@ void AtomicFile::Finish()
   }
 }
 
+void AtomicFile::RemoveEarlier()
+{
+  std::error_code error;
+  std::filesystem::remove(finalName_, error);
+  if (error)
+  {
+    throw FileError(FileFault::CannotOpen,
+                    fileName_ + ": cannot be replaced: " + error.message() + "; nothing was written");
+  }
+}
+
 void AtomicFile::Commit()
 {
   Finish();

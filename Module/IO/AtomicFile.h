@@ -36,6 +36,8 @@ public:
 
   /// Puts all bytes on the disk and closes the file, so that many files may wait for their commit.
   void Finish();
+  /// Removes an earlier file of the final name: one that names others, which are about to be replaced.
+  void RemoveEarlier();
   /// Finishes, then gives the file its name, which survives a power cut, too.
   void Commit();
 

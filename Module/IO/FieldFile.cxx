@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "Core/Engine/Exchange.h"
 #include "IO/AtomicFile.h"
 #include "IO/FileError.h"
 #include "IO/Formats/Ply.h"
@@ -119,14 +120,15 @@ void WriteField(const StoredField& stored, const std::string& fileName, int piec
   file.Commit();
 }
 
-void WriteFieldPiece(const StoredField& part, const std::string& fileName, int piece, int pieces)
+void WriteFieldTogether(const StoredField& part, const std::string& fileName, Exchange& processes)
 {
   if (!EndsIn(fileName, ".pvtp"))
   {
-    throw FileError(FileFault::Unrecognized, fileName + ": fields are written in pieces as .pvtp; name the file so");
+    throw FileError(FileFault::Unrecognized,
+                    fileName + ": several processes write a field in pieces, as .pvtp; name the file so");
   }
-  RequireChunks(pieces, piece, pieces);
-  WritePvtpPiece(part, fileName, piece, pieces);
+  RequireChunks(processes.Size(), processes.Rank(), processes.Size());
+  WritePvtpTogether(part, fileName, processes);
 }
 
 std::vector<std::string> FilesOfField(const std::string& fileName, int pieces)

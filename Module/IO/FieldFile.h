@@ -14,6 +14,8 @@
 namespace bigus
 {
 
+class Exchange;
+
 /// A field, and what its file says of where it comes from.
 struct StoredField
 {
@@ -47,9 +49,10 @@ void RequireFieldName(const std::string& fileName);
 /// Writes a valid field, as .vtp, .ply or .pvtp of so many pieces by the name. Throws FileError; then nothing is written.
 void WriteField(const StoredField& stored, const std::string& fileName, int pieces = FieldChunks::kUsual);
 
-/// Writes a process's part of a field as one of the pieces of a .pvtp, and with piece 0 the index, which names all. Throws
-/// FileError.
-void WriteFieldPiece(const StoredField& part, const std::string& fileName, int piece, int pieces);
+/// Writes a valid field of which every process has a part, as a .pvtp with a piece of each. All call it with the same name,
+/// inside Exchange::Together, so what fails in one fails in all; then files of before are as they were. Throws FileError,
+/// and Error for parts that are not of one field.
+void WriteFieldTogether(const StoredField& part, const std::string& fileName, Exchange& processes);
 
 /// All files that WriteField writes under this name.
 std::vector<std::string> FilesOfField(const std::string& fileName, int pieces);

@@ -4,12 +4,15 @@
 
 #include <string>
 
+#include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
 #include "Data/FieldData.h"
+#include "Data/ProcessExchange.h"
 #include "Data/Provenance.h"
 #include "IO/ErrorCode.h"
 #include "IO/FieldFile.h"
 #include "vtkInformation.h"
+#include "vtkMultiProcessController.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
 
@@ -20,7 +23,10 @@ vtkBigusFieldWriter::vtkBigusFieldWriter() : FileName(nullptr), NumberOfPieces(b
 vtkBigusFieldWriter::~vtkBigusFieldWriter()
 {
   this->SetFileName(nullptr);
+  this->SetController(nullptr);
 }
+
+vtkCxxSetObjectMacro(vtkBigusFieldWriter, Controller, vtkMultiProcessController);
 
 int vtkBigusFieldWriter::FillInputPortInformation(int, vtkInformation* info)
 {
@@ -46,29 +52,32 @@ void vtkBigusFieldWriter::WriteData()
 }
 #endif
 
-void vtkBigusFieldWriter::WriteFile()
+int vtkBigusFieldWriter::Write()
 {
+  this->HasTold = false;
+  const int done = this->Superclass::Write();
+  // Where the input cannot be made there was nothing to write, and the others wait for this process.
+  if (!this->HasTold && this->Controller && this->Controller->GetNumberOfProcesses() > 1)
+  {
+    this->Together([](bigus::Exchange*) { throw bigus::Error("its part of the field could not be made"); });
+    return 0;
+  }
+  return done;
+}
+
+void vtkBigusFieldWriter::Together(const std::function<void(bigus::Exchange*)>& work)
+{
+  this->HasTold = true;
   try
   {
-    if (!this->FileName || !*this->FileName)
+    if (this->Controller && this->Controller->GetNumberOfProcesses() > 1)
     {
-      throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
-    }
-    const std::string fileName = this->FileName;
-    bigus::RequireFieldName(fileName);
-    vtkPolyData* const input = this->GetInput();
-    bigus::StoredField stored = {bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}};
-    if (this->Rounding)
-    {
-      bigus::RoundField(stored.field);
-    }
-    if (this->Piece >= 0)
-    {
-      bigus::WriteFieldPiece(stored, fileName, this->Piece, this->NumberOfPieces);
+      bigus::ProcessExchange processes(this->Controller);
+      processes.Together([&] { work(&processes); });
     }
     else
     {
-      bigus::WriteField(stored, fileName, this->NumberOfPieces);
+      work(nullptr);
     }
   }
   catch (const std::exception& error)
@@ -78,11 +87,39 @@ void vtkBigusFieldWriter::WriteFile()
   }
 }
 
+void vtkBigusFieldWriter::WriteFile()
+{
+  this->Together(
+      [this](bigus::Exchange* processes)
+      {
+        if (!this->FileName || !*this->FileName)
+        {
+          throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
+        }
+        const std::string fileName = this->FileName;
+        bigus::RequireFieldName(fileName);
+        vtkPolyData* const input = this->GetInput();
+        bigus::StoredField stored = {bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}};
+        if (this->Rounding)
+        {
+          bigus::RoundField(stored.field);
+        }
+        if (processes)
+        {
+          bigus::WriteFieldTogether(stored, fileName, *processes);
+        }
+        else
+        {
+          bigus::WriteField(stored, fileName, this->NumberOfPieces);
+        }
+      });
+}
+
 void vtkBigusFieldWriter::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "FileName: " << (this->FileName ? this->FileName : "(none)") << "\n";
   os << indent << "Rounding: " << this->Rounding << "\n";
   os << indent << "NumberOfPieces: " << this->NumberOfPieces << "\n";
-  os << indent << "Piece: " << this->Piece << "\n";
+  os << indent << "Controller: " << this->Controller << "\n";
 }

@@ -18,15 +18,22 @@
  * precision.
  *
  * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an
- * earlier file of that name as it was.
+ * earlier file of that name as it was. With a Controller this holds for all processes together.
  */
 #ifndef vtkBigusFieldWriter_h
 #define vtkBigusFieldWriter_h
+
+#include <functional>  // for what processes do together
 
 #include "vtkBigusIOModule.h"
 #include "vtkVersionMacros.h"
 #include "vtkWriter.h"
 
+namespace bigus
+{
+class Exchange;
+}  // namespace bigus
+class vtkMultiProcessController;
 class vtkPolyData;
 
 class VTKBIGUSIO_EXPORT vtkBigusFieldWriter : public vtkWriter
@@ -64,12 +71,16 @@ public:
 
   ///@{
   /**
-   * Which piece of a .pvtp the input is, counted from 0, where every process has and writes a part of the field. Piece 0
-   * writes the index as well, so the field is complete when all have written. Negative (default): the input is all of it.
+   * Processes that have one field together, each a part of it, as vtkBigusPartitionField leaves it to them. All call Write()
+   * with the same FileName, a .pvtp in a folder that they share, and each writes its part as one piece, whatever
+   * NumberOfPieces says. What fails in one process is an error in all. Null (default), or a controller of one process: the
+   * input is the whole field.
    */
-  vtkSetMacro(Piece, int);
-  vtkGetMacro(Piece, int);
+  virtual void SetController(vtkMultiProcessController*);
+  vtkMultiProcessController* GetController() { return this->Controller; }
   ///@}
+
+  int Write() override;
 
   vtkPolyData* GetInput();
 
@@ -87,13 +98,17 @@ protected:
   char* FileName;
   bool Rounding = false;
   int NumberOfPieces;
-  int Piece = -1;
+  vtkMultiProcessController* Controller = nullptr;
 
 private:
   vtkBigusFieldWriter(const vtkBigusFieldWriter&) = delete;
   void operator=(const vtkBigusFieldWriter&) = delete;
 
-  void WriteFile();  // sets the error code when it fails
+  void WriteFile();
+  /// Does the work, with all processes if there are several. Sets the error code when it fails.
+  void Together(const std::function<void(bigus::Exchange*)>& work);
+
+  bool HasTold = false;  // others of this write
 };
 
 #endif

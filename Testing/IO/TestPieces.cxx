@@ -19,6 +19,7 @@
 #include "Support/Fields.h"
 #include "Support/Random.h"
 #include "Support/TestSupport.h"
+#include "Support/ThreadExchange.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkDataArray.h"
@@ -226,30 +227,23 @@ TEST(Pieces, VtkReadsOursAndWeReadVtks)
   }
 }
 
-TEST(Pieces, EveryProcessMayWriteItsOwn)
+TEST(Pieces, ProcessesWriteTheirPartsTogether)
 {
   TemporaryFolder folder;
   const GaussianField field = Field(2000);
-  for (const int piece : {2, 0, 1, 3})  // in any order
-  {
-    vtkNew<vtkPolyData> part;
-    FieldToPolyData(ChunkByHand(field, piece, 4), part);
-    vtkNew<vtkBigusFieldWriter> writer;
-    ErrorObserver errors(writer);
-    writer->SetInputData(part);
-    writer->SetFileName((folder / "field.pvtp").c_str());
-    writer->SetNumberOfPieces(4);
-    writer->SetPiece(piece);
-    EXPECT_EQ(writer->Write(), 1) << errors.Text();
-  }
+  const std::string index = folder / "field.pvtp";
+  const auto write = [&](Exchange& processes) {
+    WriteFieldTogether({ChunkByHand(field, processes.Rank(), 4), {}, {}}, index, processes);
+  };
+  EXPECT_EQ(InThreads(4, write), std::vector<std::string>(4));
   GaussianField truth = ChunkByHand(field, 0, 4);
   for (int piece = 1; piece < 4; ++piece)
   {
     truth = Joined(truth, ChunkByHand(field, piece, 4));
   }
-  EXPECT_TRUE(Same(ReadField(folder / "field.pvtp")->field, truth));
+  EXPECT_TRUE(Same(ReadField(index)->field, truth));
   vtkNew<vtkXMLPPolyDataReader> vtk;
-  vtk->SetFileName((folder / "field.pvtp").c_str());
+  vtk->SetFileName(index.c_str());
   vtk->Update();
   EXPECT_EQ(vtk->GetOutput()->GetNumberOfPoints(), 2000);
 }
@@ -325,8 +319,13 @@ TEST(Pieces, AFailedWriteLeavesWhatWas)
   EXPECT_THROW(WriteField(other, folder / "field.pvtp", 4), bigus::Error);
   EXPECT_THROW(WriteField(other, folder / "field.pvtp", 0), bigus::Error);
   EXPECT_THROW(WriteField(other, folder / "field.pvtp", 4097), bigus::Error);
-  EXPECT_THROW(WriteFieldPiece(other, folder / "field.vtp", 0, 2), bigus::Error);
-  EXPECT_THROW(WriteFieldPiece(other, folder / "field.pvtp", 2, 2), bigus::Error);
+  for (const auto& [name, words] :
+       {std::pair("field.vtp", "name the file so"), std::pair("field.pvtp", "same Gaussians")})
+  {
+    const auto errors = InThreads(2, [&](Exchange& processes) { WriteFieldTogether(other, folder / name, processes); });
+    EXPECT_NE(errors[0].find(words), std::string::npos) << errors[0];
+    EXPECT_NE(errors[1].find(words), std::string::npos) << errors[1];
+  }
   EXPECT_TRUE(ReadBytes(folder / "field_0.vtp") == before);
   EXPECT_EQ(ReadField(folder / "field.pvtp")->field.Size(), 600u);
   for (const auto& entry :

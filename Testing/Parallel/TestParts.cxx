@@ -2,11 +2,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // One field on several processes: the same bits for any number of them, and errors that all hear of.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <functional>
+#include <iterator>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -88,6 +93,72 @@ std::vector<float> Answer(vtkImageAlgorithm* filter)
   return Pixels(filter->GetOutput());
 }
 
+/// A folder that all processes which mpirun has started know, and no other run. The first makes and removes it.
+class SharedFolder
+{
+public:
+  explicit SharedFolder(const std::string& name)
+      : path_(std::filesystem::temp_directory_path() / ("bigus-" + name + "-" + std::to_string(getppid())))
+  {
+    if (World()->GetLocalProcessId() == 0)
+    {
+      std::filesystem::create_directories(path_);
+    }
+    World()->Barrier();
+  }
+  ~SharedFolder()
+  {
+    World()->Barrier();
+    if (World()->GetLocalProcessId() == 0)
+    {
+      std::filesystem::remove_all(path_);
+    }
+  }
+  SharedFolder(const SharedFolder&) = delete;
+  SharedFolder& operator=(const SharedFolder&) = delete;
+
+  std::string operator/(const std::string& name) const { return path_ / name; }
+
+  /// Names and bytes.
+  std::map<std::string, std::string> Files() const
+  {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(path_))
+    {
+      std::ifstream file(entry.path(), std::ios::binary);
+      files[entry.path().filename()] = std::string(std::istreambuf_iterator<char>(file), {});
+    }
+    return files;
+  }
+
+private:
+  std::filesystem::path path_;
+};
+
+/// While this lives, writing files beyond a few KB fails, as on a full disk.
+class FullDisk
+{
+public:
+  explicit FullDisk(bool isFull) : handler_(std::signal(SIGXFSZ, SIG_IGN))
+  {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit small = before_;
+    small.rlim_cur = isFull ? 4096 : before_.rlim_cur;
+    setrlimit(RLIMIT_FSIZE, &small);
+  }
+  ~FullDisk()
+  {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+private:
+  rlimit before_;
+  void (*handler_)(int);
+};
+
 TEST(Parts, SameBitsForAnyNumberOfProcesses)
 {
   const auto field = Field();
@@ -107,16 +178,14 @@ TEST(Parts, SameBitsForAnyNumberOfProcesses)
 TEST(Parts, EveryProcessReadsItsPartAlone)
 {
   const auto field = Field();
-  // One for all processes, which mpirun has started, and for no other run.
-  const std::string folder = std::filesystem::temp_directory_path() / ("bigus-parts-" + std::to_string(getppid()));
+  const SharedFolder folder("parts");
   if (World()->GetLocalProcessId() == 0)
   {
-    std::filesystem::create_directories(folder);
-    for (const char* name : {"/field.vtp", "/field.pvtp"})
+    for (const char* name : {"field.vtp", "field.pvtp"})
     {
       vtkNew<vtkBigusFieldWriter> writer;
       writer->SetInputData(field);
-      writer->SetFileName((folder + name).c_str());
+      writer->SetFileName((folder / name).c_str());
       EXPECT_EQ(writer->Write(), 1);
     }
   }
@@ -127,10 +196,10 @@ TEST(Parts, EveryProcessReadsItsPartAlone)
       [&](vtkMultiProcessController* controller)
       {
         const int processes = controller->GetNumberOfProcesses();
-        for (const char* name : {"/field.vtp", "/field.pvtp"})
+        for (const char* name : {"field.vtp", "field.pvtp"})
         {
           vtkNew<vtkBigusFieldReader> reader;
-          reader->SetFileName((folder + name).c_str());
+          reader->SetFileName((folder / name).c_str());
           const auto part = Part(field, controller);
           part->SetInputConnection(reader->GetOutputPort());
           EXPECT_EQ(Answer(Slice(part, controller)), truth) << name;
@@ -138,11 +207,6 @@ TEST(Parts, EveryProcessReadsItsPartAlone)
           EXPECT_LE(reader->GetOutput()->GetNumberOfPoints(), processes == 1 ? 9000 : most) << name;
         }
       });
-  World()->Barrier();
-  if (World()->GetLocalProcessId() == 0)
-  {
-    std::filesystem::remove_all(folder);
-  }
 }
 
 TEST(Parts, ShowWhatTheWholeFieldShows)
@@ -267,6 +331,85 @@ TEST(Parts, WhatFailsInOneProcessFailsInAll)
           const auto slice = Slice(isLast ? static_cast<vtkAlgorithm*>(reader) : part, controller);
           ExpectRefused(slice, "");
         }
+      });
+}
+
+TEST(Parts, AreWrittenByAllProcessesOrByNone)
+{
+  const SharedFolder folder("written");
+  const auto old = Field(7000), field = Field(9000), other = Field(9000, 0.25);
+  const std::string name = folder / "field.pvtp";
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const int processes = controller->GetNumberOfProcesses(), last = processes - 1;
+        const bool isLast = controller->GetLocalProcessId() == last;
+        const auto write = [&](vtkAlgorithm* producer, const std::string& fileName, std::string words)
+        {
+          vtkNew<vtkBigusFieldWriter> writer;
+          const bigus::test::ErrorObserver errors(writer);
+          writer->SetController(controller);
+          writer->SetInputConnection(producer->GetOutputPort());
+          writer->SetFileName(fileName.c_str());
+          EXPECT_EQ(writer->Write(), words.empty() ? 1 : 0);
+          EXPECT_EQ(errors.Errors().size(), words.empty() ? 0u : 1u) << errors.Text();
+          EXPECT_NE(errors.Text().find(words), std::string::npos) << errors.Text();
+          controller->Barrier();
+        };
+        write(Part(old, controller), name, "");
+        const auto before = folder.Files();
+        EXPECT_EQ(before.count("field.pvtp"), 1u);
+        controller->Barrier();  // all have looked
+        const std::string process = "Process " + std::to_string(last) + " of";
+        {
+          const FullDisk full(isLast);
+          write(Part(field, controller), name, isLast ? "writing failed" : process);
+        }
+        EXPECT_EQ(folder.Files(), before);
+        controller->Barrier();  // all have looked
+        if (processes > 1)
+        {
+          const std::string piece = folder / ("field_" + std::to_string(last) + ".vtp");
+          if (isLast)
+          {
+            std::filesystem::rename(piece, piece + ".away");
+            std::filesystem::create_directories(piece + "/in the way");
+          }
+          controller->Barrier();
+          write(Part(field, controller), name, isLast ? "is a folder" : process);
+          if (isLast)
+          {
+            std::filesystem::remove_all(piece);
+            std::filesystem::rename(piece + ".away", piece);
+          }
+          write(Part(field, controller), isLast ? folder / "nowhere/field.pvtp" : name, "all need one file name");
+          write(Part(field, controller), folder / "nowhere/field.pvtp", "cannot be written");
+          write(Part(field, controller), folder / "field.vtp", "as .pvtp");
+          write(Part(isLast ? other : field, controller), name, "not of one field");
+          const auto whole = Part(field, controller);
+          whole->SetNumberOfPieces(1);
+          whole->SetPiece(0);
+          write(whole, name, "same Gaussians");
+          vtkNew<vtkBigusFieldReader> reader;
+          reader->SetFileName("/there/is/no/such/field.vtp");
+          const bigus::test::ErrorObserver ignored(reader);
+          const auto part = Part(field, controller);
+          write(isLast ? static_cast<vtkAlgorithm*>(reader) : part, name, "could not be made");
+          EXPECT_EQ(folder.Files(), before);
+        }
+        controller->Barrier();
+        write(Part(field, controller), name, "");
+        vtkNew<vtkBigusFieldReader> reader;
+        reader->SetFileName(name.c_str());
+        vtkNew<vtkDummyController> alone;
+        const auto slice = Slice(reader, nullptr);
+        const std::vector<float> written = Answer(slice), truth = Answer(Slice(Part(field, alone), alone));
+        ASSERT_EQ(written.size(), truth.size());
+        for (std::size_t p = 0; p < truth.size(); ++p)
+        {
+          ASSERT_NEAR(written[p], truth[p], 2e-4 + 1e-5);  // both may be off by Tolerance
+        }
+        controller->Barrier();
       });
 }
 

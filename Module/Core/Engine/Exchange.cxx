@@ -139,7 +139,7 @@ std::vector<Exchange::Message> Exchange::Meet(Call call, std::uint64_t count, do
     {
       isOver_ = true;
       throw Error("The " + std::to_string(Size()) +
-                  " processes that train together no longer do the same; they need the same sequence, options and "
+                  " processes that have one field together no longer do the same; they need the same input, options and "
                   "program.");
     }
   }

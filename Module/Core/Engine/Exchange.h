@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Processes that train one field together: what they tell each other. Core knows no MPI; who has it derives from this.
+// Processes that have one field together: what they tell each other. Core knows no MPI; who has it derives from this.
 #pragma once
 
 #include <cstddef>

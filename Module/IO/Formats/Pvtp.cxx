@@ -2,10 +2,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Formats/Pvtp.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <set>
 
+#include "Core/Engine/Exchange.h"
+#include "Core/Engine/FieldState.h"
+#include "Core/Numerics/Checksum.h"
 #include "IO/AtomicFile.h"
 #include "IO/Bytes.h"
 #include "IO/FileError.h"
@@ -58,6 +63,97 @@ std::string IndexText(const std::string& fileName, int pieces, const VtpSingles&
     text += "<Piece Source=\"" + name + "\"/>\n";
   }
   return text + "</PPolyData>\n</VTKFile>\n";
+}
+
+void RequireNoFolders(const std::vector<std::string>& files)
+{
+  for (const std::string& file : files)
+  {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(file, ignored))
+    {
+      throw FileError(FileFault::CannotOpen, file + ": is a folder, so no file can be written there");
+    }
+  }
+}
+
+/// Throws unless all processes were told the same name.
+void RequireOneName(const std::string& fileName, Exchange& processes)
+{
+  const std::vector<std::string> names = processes.Gather(fileName);
+  for (std::size_t rank = 1; rank < names.size(); ++rank)
+  {
+    if (names[rank] != names[0])
+    {
+      throw FileError(FileFault::NoName, names[0] + ": process " + std::to_string(rank) +
+                                             " was told to write its piece of " + names[rank] +
+                                             "; all need one file name");
+    }
+  }
+}
+
+/// Throws unless the parts, of which some may be empty, can be pieces of one field.
+void RequirePartsOfOneField(const GaussianField& part, Exchange& processes)
+{
+  StateWriter shared;
+  shared.Number(part.transfer.gamma);
+  SaveBeam(part.beam, shared);
+  Checksum own;
+  const auto add = [&own](const auto& values) { own.Add(values.data(), values.size() * sizeof(values[0])); };
+  add(part.means);
+  add(part.scales);
+  add(part.rotations);
+  add(part.reflectivities);
+  const bool isEmpty = part.Size() == 0;
+  const std::vector<std::string> kinds = processes.Gather(isEmpty ? "" : shared.Take());
+  const std::vector<std::string> sums = processes.Gather(isEmpty ? "" : std::to_string(own.Value()));
+  std::map<std::string, std::size_t> known;  // checksums, and whose they are
+  std::size_t first = kinds.size();
+  for (std::size_t rank = 0; rank < kinds.size(); ++rank)
+  {
+    if (kinds[rank].empty())
+    {
+      continue;
+    }
+    first = std::min(first, rank);
+    if (kinds[rank] != kinds[first])
+    {
+      throw Error("The processes " + std::to_string(first) + " and " + std::to_string(rank) +
+                  " have parts with another Gamma, elevation sigma or trained normals, so they are not of one field.");
+    }
+    if (const auto [other, isNew] = known.emplace(sums[rank], rank); !isNew)
+    {
+      throw Error("The processes " + std::to_string(other->second) + " and " + std::to_string(rank) +
+                  " have the same Gaussians, which would count twice. Where every process has the whole field, "
+                  "vtkBigusPartitionField leaves each its part, or one process writes the field alone.");
+    }
+  }
+}
+
+/// The arrays whose values are floats in all processes, because VTK wants them alike in all pieces.
+VtpSingles SinglesOfAll(const GaussianField& part, Exchange& processes)
+{
+  VtpSingles singles = SinglesOf(part);
+  for (bool* const isSingle : {&singles.means, &singles.scales, &singles.rotations, &singles.reflectivities})
+  {
+    *isSingle = !processes.Any(!*isSingle);
+  }
+  return singles;
+}
+
+/// Throws FileError unless this process finds the files of all.
+void RequireOneFolder(const std::vector<std::string>& files)
+{
+  for (std::size_t rank = 0; rank < files.size(); ++rank)
+  {
+    std::error_code ignored;
+    if (!std::filesystem::exists(files[rank], ignored))
+    {
+      throw FileError(FileFault::CannotOpen, files[rank] + ": process " + std::to_string(rank) +
+                                                 " has written its piece where process 0 does not find it; all need "
+                                                 "a folder that they share. Nothing was written");
+    }
+  }
 }
 
 }  // namespace
@@ -177,14 +273,7 @@ std::string PieceFileOf(const std::string& fileName, int piece)
 
 void WritePvtp(const StoredField& stored, const std::string& fileName, int pieces)
 {
-  for (const std::string& file : FilesOfField(fileName, pieces))
-  {
-    std::error_code ignored;
-    if (std::filesystem::is_directory(file, ignored))
-    {
-      throw FileError(FileFault::CannotOpen, file + ": is a folder, so no file can be written there");
-    }
-  }
+  RequireNoFolders(FilesOfField(fileName, pieces));
   const VtpSingles singles = SinglesOf(stored.field);  // VTK wants them alike in all pieces
   std::vector<std::unique_ptr<AtomicFile>> files;
   for (int piece = 0; piece < pieces; ++piece)
@@ -194,25 +283,48 @@ void WritePvtp(const StoredField& stored, const std::string& fileName, int piece
     WriteVtp({PartOf(stored.field, chunk), stored.provenance, {}}, *files.back(), singles);
     files.back()->Finish();
   }
-  files.push_back(std::make_unique<AtomicFile>(fileName));
-  files.back()->Write(IndexText(fileName, pieces, singles));
-  files.back()->Finish();
+  AtomicFile index(fileName);
+  index.Write(IndexText(fileName, pieces, singles));
+  index.Finish();
+  index.RemoveEarlier();
   for (const auto& file : files)
   {
     file->Commit();
   }
+  index.Commit();
 }
 
-void WritePvtpPiece(const StoredField& stored, const std::string& fileName, int piece, int pieces)
+void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exchange& processes)
 {
-  AtomicFile file(PieceFileOf(fileName, piece));
-  WriteVtp(stored, file, {});
-  file.Commit();
-  if (piece == 0)
+  RequireOneName(fileName, processes);
+  RequirePartsOfOneField(part.field, processes);
+  const VtpSingles singles = SinglesOfAll(part.field, processes);
+  const bool isFirst = processes.Rank() == 0;
+  const std::string pieceName = PieceFileOf(fileName, processes.Rank());
+  RequireNoFolders(isFirst ? std::vector<std::string>{pieceName, fileName} : std::vector<std::string>{pieceName});
+  AtomicFile file(pieceName);
+  WriteVtp(part, file, singles);
+  file.Finish();
+  std::optional<AtomicFile> index;
+  if (isFirst)
   {
-    AtomicFile index(fileName);
-    index.Write(IndexText(fileName, pieces, {}));
-    index.Commit();
+    index.emplace(fileName);
+    index->Write(IndexText(fileName, processes.Size(), singles));
+    index->Finish();
+  }
+  // Nothing is in its place yet, and of what failed anywhere until here all hear now.
+  const std::vector<std::string> names = processes.Gather(file.TemporaryName());
+  if (index)
+  {
+    RequireOneFolder(names);
+    index->RemoveEarlier();
+  }
+  processes.Any(false);  // all have come so far
+  file.Commit();
+  processes.Any(false);
+  if (index)
+  {
+    index->Commit();
   }
 }
 

@@ -14,6 +14,8 @@
 namespace bigus
 {
 
+class Exchange;
+
 /// Whether a file that begins with these bytes is such an index.
 bool LooksLikePvtp(const std::string& beginning);
 
@@ -29,10 +31,11 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
 std::string PieceFileOf(const std::string& fileName, int piece);
 
 /// Writes a valid field as `pieces` files, each a chunk, and their index; what was under these names stays until all are
-/// complete. Throws FileError.
+/// complete. While they are put there, there is no index, so none ever names pieces of two fields. Throws FileError.
 void WritePvtp(const StoredField& stored, const std::string& fileName, int pieces);
 
-/// Writes a valid field as the file of one piece, and with piece 0 the index of all. Throws FileError.
-void WritePvtpPiece(const StoredField& stored, const std::string& fileName, int piece, int pieces);
+/// The same for a field of which every process has a part, which becomes a piece. All call it, inside Together. Throws
+/// FileError and Error.
+void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exchange& processes);
 
 }  // namespace bigus

@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "Core/Engine/PartEngine.h"
-#include "Filters/ProcessExchange.h"
+#include "Data/ProcessExchange.h"
 #include "Support/Random.h"
 #include "Support/Sweeps.h"
 #include "vtkMPIController.h"

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What processes tell each other while they train one field, by a controller of VTK. Private to Filters.
-#ifndef BigusProcessExchange_h
-#define BigusProcessExchange_h
+// What processes that have one field together tell each other, by a controller of VTK.
+#pragma once
 
 #include "Core/Engine/Exchange.h"
+#include "vtkBigusDataModule.h"
 
 class vtkMultiProcessController;
 
 namespace bigus
 {
 
-class ProcessExchange : public Exchange
+class VTKBIGUSDATA_EXPORT ProcessExchange : public Exchange
 {
 public:
   /// The controller must outlive this.
@@ -29,5 +29,3 @@ private:
 };
 
 }  // namespace bigus
-
-#endif

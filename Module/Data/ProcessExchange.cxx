@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "ProcessExchange.h"
+#include "Data/ProcessExchange.h"
 
 #include "Core/Model/Error.h"
 #include "vtkMultiProcessController.h"
@@ -10,13 +10,13 @@ namespace bigus
 namespace
 {
 
-constexpr int kSwapTag = 7103;  // beside those of FieldParts.cxx
+constexpr int kSwapTag = 7103;  // beside those of Filters/FieldParts.cxx
 
 void Require(int done)
 {
   if (!done)
   {
-    throw Error("The processes that train together could not exchange what they have.");
+    throw Error("The processes that have one field together could not exchange what they have.");
   }
 }
 
