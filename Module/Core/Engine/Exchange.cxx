@@ -138,9 +138,10 @@ std::vector<Exchange::Message> Exchange::Meet(Call call, std::uint64_t count, do
     if (other.call != all[0].call || (isSum && other.count != all[0].count))
     {
       isOver_ = true;
-      throw Error("The " + std::to_string(Size()) +
-                  " processes that have one field together no longer do the same; they need the same input, options and "
-                  "program.");
+      throw Error(
+          "The " + std::to_string(Size()) +
+          " processes that have one field together no longer do the same; they need the same input, options and "
+          "program.");
     }
   }
   return all;
