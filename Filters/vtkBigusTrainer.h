@@ -196,8 +196,8 @@ public:
    * Processes that train one field together, each a part of it; null (default), or a controller of one process: this one
    * trains alone. The same filter with the same input and the same options runs in every process, and each gets the whole
    * field, with the same bits. They depend on the number of processes by rounding. What fails in one process is an error in
-   * all, and what stops one stops all. The engine is "cpu" or "cpu-double", and checkpoints are refused. See
-   * DistributedTraining.md.
+   * all, and what stops one stops all. The engine is "cpu" or "cpu-double". The checkpoints of the
+   * first process hold the state of all. See DistributedTraining.md.
    */
   virtual void SetController(vtkMultiProcessController*);
   vtkMultiProcessController* GetController() { return this->Controller; }

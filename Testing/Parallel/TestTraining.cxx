@@ -4,10 +4,13 @@
 // that all hear of. What is trained is tested with Core.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <string>
 #include <vector>
 
+#include "Core/Deciding/Trainer.h"
+#include "Core/Model/Error.h"
 #include "Data/FieldData.h"
 #include "Data/SweepData.h"
 #include "Parallel/Groups.h"
@@ -190,6 +193,87 @@ TEST(Training, WhatFailsInOneProcessFailsInAll)
           ExpectRefused(controller, unread.trainer, "its sequence could not be read");
           EXPECT_GT(Quick(controller).Train().Size(), 0u);
         }
+      });
+}
+
+/// Everything that a state holds: Gaussians are added, and validation frames keep the best field.
+void AskForEverything(vtkBigusTrainer* trainer)
+{
+  trainer->SetValidation(5);
+  trainer->SetDensificationInterval(4);
+  trainer->SetDensificationPercentile(80);
+}
+
+TEST(Training, GoesOnFromACheckpointWithTheSameBits)
+{
+  std::string earlier;  // state of fewer processes
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const int processes = controller->GetNumberOfProcesses();
+        const bool isFirst = controller->GetLocalProcessId() == 0;
+        Quick whole(controller);
+        AskForEverything(whole.trainer);
+        const GaussianField truth = whole.Train();
+        std::vector<std::string> states;  // after every step
+        Quick kept(controller);
+        AskForEverything(kept.trainer);
+        Checkpoints checkpoints;
+        checkpoints.interval = 0;
+        checkpoints.save = [&states](const std::string& state) { states.push_back(state); };
+        kept.trainer->SetCheckpoints(checkpoints);
+        EXPECT_TRUE(SameField(kept.Train(), truth));
+        EXPECT_EQ(states.empty(), !isFirst);  // the first process keeps the state of all
+        std::string last;
+        for (const std::size_t stop : {4, 25})
+        {
+          Quick resumed(controller);
+          AskForEverything(resumed.trainer);
+          Checkpoints from;
+          from.resume = isFirst ? states.at(stop) : "";
+          resumed.trainer->SetCheckpoints(from);
+          EXPECT_TRUE(SameField(resumed.Train(), truth)) << stop;
+          EXPECT_EQ(resumed.trainer->GetIterationsDone(), whole.trainer->GetIterationsDone());
+          last = from.resume;
+        }
+        if (processes > 1)
+        {
+          Quick other(controller);
+          AskForEverything(other.trainer);
+          Checkpoints from;
+          from.resume = earlier;
+          other.trainer->SetCheckpoints(from);
+          const ErrorObserver errors(other.trainer);
+          other.trainer->Update();
+          EXPECT_NE(errors.Text().find("processes was " + std::to_string(processes - 1) + " and is "),
+                    std::string::npos)
+              << errors.Text();
+          from.resume = last.substr(0, last.size() / 2);
+          other.trainer->SetCheckpoints(from);
+          other.trainer->Update();
+          EXPECT_NE(errors.Text().find("cut off"), std::string::npos) << errors.Text();
+        }
+        earlier = last;
+      });
+}
+
+TEST(Training, AllHearOfACheckpointThatCannotBeKept)
+{
+  WithGroups(
+      [](vtkMultiProcessController* controller)
+      {
+        Quick together(controller);
+        Checkpoints checkpoints;
+        checkpoints.interval = 0;
+        checkpoints.save = [](const std::string&) { throw Error("the disk is full"); };
+        together.trainer->SetCheckpoints(checkpoints);
+        const ErrorObserver errors(together.trainer);
+        together.trainer->Update();
+        const bool isFirst = controller->GetLocalProcessId() == 0;
+        EXPECT_NE(errors.Text().find(isFirst ? "the disk is full" : "Process 0 of"), std::string::npos)
+            << errors.Text();
+        together.trainer->SetCheckpoints({});
+        EXPECT_GT(together.Train().Size(), 0u);  // and goes on afterwards
       });
 }
 

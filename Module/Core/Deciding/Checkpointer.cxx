@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "Core/Engine/Exchange.h"
 #include "Core/Engine/FieldState.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Checksum.h"
@@ -21,7 +22,7 @@ namespace
 constexpr char kMagic[8] = {'B', 'I', 'G', 'U', 'S', 'C', 'K', 'P'};
 
 /// Another number for every change of what follows the header.
-constexpr std::uint32_t kFormat = 3;
+constexpr std::uint32_t kFormat = 4;
 
 /// Tells machines with another order of bytes.
 constexpr std::uint32_t kByteOrder = 0x01020304;
@@ -211,12 +212,19 @@ NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const G
   return identity;
 }
 
-Checkpointer::Checkpointer(const Checkpoints& checkpoints, NamedTexts identity)
-    : checkpoints_(checkpoints), identity_(std::move(identity))
+Checkpointer::Checkpointer(const Checkpoints& checkpoints, NamedTexts identity, Exchange* exchange)
+    : checkpoints_(checkpoints),
+      exchange_(exchange),
+      isKept_(exchange ? exchange->OfFirst(checkpoints.save ? 1 : 0) > 0 : static_cast<bool>(checkpoints.save)),
+      identity_(std::move(identity))
 {
-  if (!checkpoints.resume.empty())
+  identity_.emplace_back("processes", std::to_string(exchange ? exchange->Size() : 1));
+  const std::string ofFirst =
+      exchange ? exchange->Gather(exchange->Rank() == 0 ? checkpoints.resume : std::string())[0] : std::string();
+  const std::string& resume = exchange ? ofFirst : checkpoints.resume;
+  if (!resume.empty())
   {
-    Load(BodyOf(checkpoints.resume));
+    Load(BodyOf(resume));
   }
 }
 
@@ -259,7 +267,7 @@ std::string Checkpointer::TakeTrial(const std::string& name)
 
 Keeping Checkpointer::KeepingOfTraining()
 {
-  if (!checkpoints_.save)
+  if (!isKept_)
   {
     return {};
   }
@@ -275,7 +283,7 @@ Keeping Checkpointer::KeepingOfTraining()
 
 Keeping Checkpointer::KeepingOfTrial(const std::string& name)
 {
-  if (!checkpoints_.save)
+  if (!isKept_)
   {
     return {};
   }
@@ -299,17 +307,40 @@ void Checkpointer::Close()
   isClosed_ = true;
 }
 
-bool Checkpointer::IsDue() const
+bool Checkpointer::IsDue()
 {
-  return checkpoints_.save && !isClosed_ && watch_.Seconds() - saved_ >= checkpoints_.interval;
+  if (!isKept_ || isClosed_)
+  {
+    return false;
+  }
+  const bool isDue = watch_.Seconds() - saved_ >= checkpoints_.interval;
+  return exchange_ ? exchange_->OfFirst(isDue ? 1 : 0) > 0 : isDue;
 }
 
 void Checkpointer::Save()
 {
-  if (!checkpoints_.save || isClosed_)
+  if (!isKept_ || isClosed_)
   {
     return;
   }
+  if (!exchange_ || exchange_->Rank() == 0)
+  {
+    Write();
+  }
+  if (exchange_)
+  {
+    exchange_->Any(false);  // all hear of it when the first cannot write
+  }
+  saved_ = watch_.Seconds();
+  isSaved_ = true;
+  if (settled_)
+  {
+    training_.clear();  // the next one comes with its own
+  }
+}
+
+void Checkpointer::Write()
+{
   StateWriter to;
   constexpr char kRoom[kHeaderBytes] = {};
   to.Numbers(kRoom, kHeaderBytes);
@@ -333,12 +364,6 @@ void Checkpointer::Save()
   std::string bytes = to.Take();
   SetHeader(bytes);
   checkpoints_.save(bytes);
-  saved_ = watch_.Seconds();
-  isSaved_ = true;
-  if (settled_)
-  {
-    training_.clear();  // the next one comes with its own
-  }
 }
 
 void Checkpointer::Load(std::string_view bytes)

@@ -21,6 +21,8 @@
 namespace bigus
 {
 
+class Exchange;
+
 /// Names and texts: the options of a training, say.
 using NamedTexts = std::vector<std::pair<std::string, std::string>>;
 
@@ -48,8 +50,10 @@ struct Settlement
 class Checkpointer
 {
 public:
-  /// What is referred to must outlive this. Throws Error when there is a state to go on from and it is damaged or of a training with another identity.
-  Checkpointer(const Checkpoints& checkpoints, NamedTexts identity);
+  /// What is referred to must outlive this. Throws Error when there is a state to go on from and it is damaged or of a
+  /// training with another identity. With an `exchange` all processes have one and make the same calls; `checkpoints` of the
+  /// first count.
+  Checkpointer(const Checkpoints& checkpoints, NamedTexts identity, Exchange* exchange);
 
   /// Seconds that the training took before.
   double Seconds() const { return seconds_; }
@@ -74,11 +78,14 @@ public:
   void Close();
 
 private:
-  bool IsDue() const;
+  bool IsDue();
+  void Write();
   void Load(std::string_view bytes);
   void RequireSameTraining(const NamedTexts& then) const;
 
   const Checkpoints& checkpoints_;
+  Exchange* exchange_;
+  bool isKept_;  // by the first process
   NamedTexts identity_;
   double seconds_ = 0;
   Stopwatch watch_;

@@ -172,11 +172,9 @@ std::shared_ptr<const Sweep> Restore(const Settlement& settled, const std::share
 }
 
 /// Throws Error in all processes unless they were asked for the same training.
-void RequireSameTraining(Exchange& exchange, const Sweep& sweep, const TrainerOptions& options,
-                         const GaussianField* start)
+void RequireSameTraining(Exchange& exchange, NamedTexts identity, double timeLimit)
 {
-  NamedTexts identity = IdentityOf(sweep, options, start);
-  identity.emplace_back(kTimeLimit, NumberText(options.timeLimit));
+  identity.emplace_back(kTimeLimit, NumberText(timeLimit));
   std::string mine;
   for (const auto& [name, text] : identity)
   {
@@ -209,20 +207,20 @@ try
   const Stopwatch call;
   options.Validate();
   sweep->Validate();
-  const bool isKept = checkpoints.save || !checkpoints.resume.empty();
   if (exchange && exchange->Size() == 1)
   {
     exchange = nullptr;
   }
+  NamedTexts identity;
+  if (exchange || checkpoints.save || !checkpoints.resume.empty())
+  {
+    identity = IdentityOf(*sweep, options, start);
+  }
   if (exchange)
   {
-    if (isKept)
-    {
-      throw Error("Trainer: on several processes no checkpoints are kept or resumed; leave them off.");
-    }
-    RequireSameTraining(*exchange, *sweep, options, start);
+    RequireSameTraining(*exchange, identity, options.timeLimit);
   }
-  Checkpointer keeper(checkpoints, isKept ? IdentityOf(*sweep, options, start) : NamedTexts());
+  Checkpointer keeper(checkpoints, std::move(identity), exchange);
   const Stopwatch watch(call.Seconds() + keeper.Seconds());
 
   std::vector<int> frames, heldOut;  // no structured binding, which Clang's lambdas cannot see

@@ -61,7 +61,8 @@ struct Checkpoints
 /// fewer than two frames to train on or frames of equal pixels throughout are an Error.
 /// With an `exchange` of more than one process each of them trains a part of the field. All call this, with the same sweep,
 /// options and start, and get the same field with the same bits; it differs by rounding from that of another number of
-/// processes. When `progress` of one says stop, all stop. Checkpoints are an Error there.
+/// processes. When `progress` of one says stop, all stop. The first one's `checkpoints` hold the state of all, and others' are
+/// not looked at; as many processes as then go on from it.
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
                      const GaussianField* start = nullptr, const ProgressCallback& progress = {},
                      const Checkpoints& checkpoints = {}, Exchange* exchange = nullptr);

@@ -7,9 +7,11 @@
 #include <utility>
 
 #include "Core/Engine/Exchange.h"
+#include "Core/Engine/FieldState.h"
 #include "Core/Engine/MortonOrder.h"
 #include "Core/Formula/GaussianBlock.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/StateBytes.h"
 
 namespace bigus
 {
@@ -32,6 +34,20 @@ std::vector<Value> GatherValues(Exchange& exchange, const std::vector<Value>& mi
     {
       std::memcpy(static_cast<void*>(all.data() + before), part.data(), part.size());
     }
+  }
+  return all;
+}
+
+/// Where the Gaussians of all processes lie in the whole field. Throws Error unless they fill it, each at one place: a
+/// state that was read may say anything.
+Places GatherPlaces(Exchange& exchange, const Places& mine)
+{
+  Places all = GatherValues(exchange, mine);
+  std::vector<bool> taken(all.size(), false);
+  for (const std::uint32_t place : all)
+  {
+    StateReader::Require(place < taken.size() && !taken[place], "parts that are not those of one field");
+    taken[place] = true;
   }
   return all;
 }
@@ -125,7 +141,7 @@ public:
 
   GaussianField Gather(FieldPart part) const override
   {
-    const Places places = GatherValues(exchange_, part.places);
+    const Places places = GatherPlaces(exchange_, part.places);
     GaussianField field;
     field.transfer = transfer_;
     field.beam = beam_;
@@ -186,6 +202,30 @@ public:
                              const std::function<bool(double)>& progress) override
   {
     return own_->SolveReflectivities(frames, iterations, progress);
+  }
+
+  /// Of this process's part alone. All are loaded in as many processes.
+  void SaveState(StateWriter& to) const override
+  {
+    to.Array(places_);
+    to.Number(transfer_.gamma);
+    SaveBeam(beam_, to);
+    own_->SaveState(to);
+  }
+
+  void LoadState(StateReader& from) override
+  {
+    Places places = from.Array<std::uint32_t>();
+    TransferFunction transfer;
+    transfer.gamma = from.Number<double>();
+    Beam beam = LoadBeam(from);
+    own_->LoadState(from);
+    StateReader::Require(std::is_sorted(places.begin(), places.end()) && places.size() == own_->FieldSize(),
+                         "places of other Gaussians");
+    size_ = GatherPlaces(exchange_, places).size();
+    places_ = std::move(places);
+    transfer_ = transfer;
+    beam_ = std::move(beam);
   }
 
   FieldGradient GetGradient() const override

@@ -403,8 +403,8 @@ void TrainingLoop::TargetFrames(int coarseness)
   targets_ = frames_;
   if (coarseness_ > 1)
   {
-    targetSweep_ = std::make_shared<const Sweep>(sweep_->Subset(frames_).Reduced(coarseness_));
-    std::iota(targets_.begin(), targets_.end(), 0);
+    targetSweep_ =
+        std::make_shared<const Sweep>(sweep_->Reduced(coarseness_));  // of all, without a copy of frames_ first
   }
   UploadTargets();
 }
@@ -648,7 +648,18 @@ void TrainingLoop::Begin(Start start)
 
 void TrainingLoop::Resume(std::string_view state)
 {
-  StateReader from(state);
+  StateReader all(state);
+  const auto processes = static_cast<std::uint64_t>(exchange_ ? exchange_->Size() : 1);
+  const auto here = static_cast<std::uint64_t>(exchange_ ? exchange_->Rank() : 0);
+  StateReader::Require(all.Number<std::uint64_t>() == processes, "the parts of another number of processes");
+  std::string_view own;
+  for (std::uint64_t rank = 0; rank < processes; ++rank)
+  {
+    const std::string_view part = all.Text();
+    own = rank == here ? part : own;
+  }
+  all.End();
+  StateReader from(own);
   course_ = std::make_unique<Course>();
   Course& course = *course_;
   course.iteration = from.NumberIn(1, std::max(plan_.iterations, 1));
@@ -680,7 +691,9 @@ void TrainingLoop::Resume(std::string_view state)
   course.log = LoadLog(from);
   if (from.Flag())
   {
-    course.best = FieldPart{LoadField(from), {}};
+    course.best = FieldPart{LoadField(from), from.Array<std::uint32_t>()};
+    StateReader::Require(course.best->places.size() == (exchange_ ? course.best->field.Size() : 0),
+                         "places of other Gaussians");
   }
   course.bestPsnr = LoadPsnr(from);
   course.sinceBest = from.NumberIn(0, plan_.patience);
@@ -692,9 +705,10 @@ void TrainingLoop::Resume(std::string_view state)
   }
   engine_->LoadState(from);
   from.End();
-  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || course.best->field.Size() > 0),
+  // Of several processes one may have no Gaussian.
+  StateReader::Require(engine_->FieldSize() > 0 && (!course.best || exchange_ || course.best->field.Size() > 0),
                        "a field of no Gaussian");
-  StateReader::Require(course.average.count == 0 || course.average.mean.Size() == engine_->FieldSize(),
+  StateReader::Require(course.average.count == 0 || course.average.mean.Size() == engine_->GetPart().field.Size(),
                        "the average of another field");
   if (isFirstStage)
   {
@@ -711,7 +725,20 @@ void TrainingLoop::Resume(std::string_view state)
   }
 }
 
+/// Of every process its part, in one state: the first keeps it for all.
 void TrainingLoop::Save(StateWriter& to) const
+{
+  StateWriter own;
+  SavePart(own);
+  const std::vector<std::string> all = exchange_ ? exchange_->Gather(own.Take()) : std::vector<std::string>{own.Take()};
+  to.Number<std::uint64_t>(all.size());
+  for (const std::string& part : all)
+  {
+    to.Text(part);
+  }
+}
+
+void TrainingLoop::SavePart(StateWriter& to) const
 {
   const Course& course = *course_;
   to.Number(course.iteration);
@@ -739,6 +766,7 @@ void TrainingLoop::Save(StateWriter& to) const
   if (course.best)
   {
     SaveField(course.best->field, to);
+    to.Array(course.best->places);
   }
   SavePsnr(course.bestPsnr, to);
   to.Number(course.sinceBest);

@@ -45,7 +45,7 @@ struct Fitted
 /// When and where the state of a training is kept, as bytes for TrainingLoop::Resume. Both may be empty.
 struct Keeping
 {
-  std::function<bool()> due;  ///< asked after every step
+  std::function<bool()> due;  ///< asked after every step; answers the same in all processes
   /// Called when it is due, and at the end of a training that is not finished, with what writes the state.
   std::function<void(const std::function<void(StateWriter&)>& write)> keep;
 };
@@ -130,6 +130,7 @@ private:
   double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);
   void Save(StateWriter& to) const;
+  void SavePart(StateWriter& to) const;
   void Restructure(const DensificationOptions& densification);
   bool Proceed(TrainingProgress::Phase phase, double fraction);
   double Seconds() const;
