@@ -169,7 +169,7 @@ def main():
                     problems.append(f"{name}:{block.line}: {command}: {problem}")
         (folder / "field.vtp").write_bytes(fields)
         python = [f"print('line {block.line}', flush=True)\n{block.text}" for block in blocks if block.kind == "python"]
-        if python and "ParaView" not in name:
+        if python and not re.search("ParaView|Slicer", name):  # their own Python runs these
             script = IMPORTS + GIVEN.get(name, "") + "".join(python)
             result = subprocess.run([sys.executable, "-c", script], cwd=folder, env=environment, text=True,
                                     stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
