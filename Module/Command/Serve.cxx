@@ -118,7 +118,10 @@ void AddServe(Program& program)
       "Prints the address of a page where a plane is moved. Only this machine reaches it, unless --host says otherwise;\n"
       "then the address holds a token. Ctrl-C ends it. With --json, stdout holds a line of JSON for each phase: reading,\n"
       "ready with the url, ending. It needs Python with aiohttp: BIGUS_PYTHON names it, such as env/bin/python.");
-  app->add_option("FIELD", options->field, "Field: .vtp, .pvtp or .ply, or igtl://HOST:PORT of a running live --listen PORT")->required()->type_name("");
+  app->add_option("FIELD", options->field,
+                  "Field: .vtp, .pvtp or .ply, or igtl://HOST:PORT of a running live --listen PORT")
+      ->required()
+      ->type_name("");
   app->add_option("SEQUENCE", options->sequence, "The sweep that it was trained on")->type_name("");
   app->add_option("--host", options->host, "Address to listen at; default: 127.0.0.1, this machine only")
       ->type_name("ADDRESS");

@@ -32,7 +32,7 @@ NOT_RUN = {  # what a command begins with, and who runs it
     r"PYTHONPATH=\S+ (/usr/bin/python3|\.\.\.)$": "it starts an interpreter, as tests `python` do",
     r"echo .*bigusExperiment": "it takes minutes on a real sweep",
 }
-SERVERS = r"(build/bin/)?bigus (serve|view)(?!.*--screenshot)|python3 -m bigus\.serve"  # run until they are stopped
+SERVERS = r"(build/bin/)?bigus (serve|view)(?!.*--screenshot|.*igtl:)|python3 -m bigus\.serve"  # run until they are stopped
 SMALL = "--frames 24 --width 64 --height 48 --pixel-size 0.5"  # a sweep that takes seconds
 
 GIVEN = {  # what a page's text, or another page, has told before its snippets

@@ -143,6 +143,19 @@ class Questions(WithLive):
         self.assertGreater(shown.coverage.mean(), 0.2 * scene.mean_coverage)
         self.assertLess(shown.coverage.mean(), 20 * scene.mean_coverage)
 
+    def test_the_recorded_frames_beside_it(self):
+        live = self.start()
+        scene = serve.read_scene(live.address, self.sweep, lambda *_, **__: None)
+        self.send(live, range(FRAMES))
+        scores = []
+        for _ in range(2):
+            head, (image, _) = scene.render(scene.parse('{"id": 1, "frame": 20}'))
+            self.assertEqual((head["frame"], head["same"], len(image)), (20, True, WIDTH * HEIGHT))
+            scores.append(head["psnr"])
+            time.sleep(2)
+        self.assertGreater(scores[1], 15)  # 10 where nothing is shown
+        self.assertEqual(head["live"]["frames"], FRAMES)
+
     def test_bad_questions_are_answered_or_dropped(self):
         live = self.start()
         good = self.field(live)
@@ -382,5 +395,4 @@ class Page(WithLive):
 
 if __name__ == "__main__":
     BIGUS = sys.argv.pop(1)
-    sys.path.insert(0, str(Path(__file__).parent))
     unittest.main()
