@@ -59,12 +59,12 @@ def free_port():
 class Live:
     """`bigus live`, connected to a sender that sends when it is told to."""
 
-    def __init__(self, folder, port=None, *more):
+    def __init__(self, folder, port=None, finish=3):
         sender = socket.create_server(("127.0.0.1", 0))
         self.port, self.field = port or free_port(), str(Path(folder, "live.vtp"))
         self.process = subprocess.Popen(
             [BIGUS, "live", f"igtl://127.0.0.1:{sender.getsockname()[1]}", "-o", self.field, "--listen", str(self.port),
-             "--finish", "3", "--pause", "60", "--reconnect", "0", "--json", *more],
+             "--finish", str(finish), "--pause", "60", "--reconnect", "0", "--json"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
         self.connection, _ = sender.accept()
         sender.close()
@@ -104,8 +104,8 @@ class WithLive(unittest.IsolatedAsyncioTestCase):
         read = bigus.read(cls.sweep)
         cls.pixels, cls.poses = np.asarray(bigus.frames(read)), np.array(bigus.poses(read), dtype=float)
 
-    def start(self, *more):
-        live = Live(self.folder.name, None, *more)
+    def start(self, finish=3):
+        live = Live(self.folder.name, finish=finish)
         self.addCleanup(live.kill)
         return live
 
@@ -221,6 +221,20 @@ class Questions(WithLive):
         self.assertGreater(len(fractions), 5)
         self.assertEqual(fractions, sorted(fractions))
         self.assertGreater(fractions[-1], 0.5)
+
+    def test_an_interrupt_while_the_field_is_finished(self):
+        live = self.start(finish=600)
+        field = self.field(live)
+        self.send(live, range(FRAMES))
+        live.connection.close()
+        while field.state["phase"] != "finishing":
+            field.render(self.poses[8], WIDTH, HEIGHT)
+        begin = time.monotonic()
+        live.process.send_signal(signal.SIGINT)
+        told, _ = live.process.communicate(timeout=120)
+        self.assertLess(time.monotonic() - begin, 60)
+        self.assertEqual((live.process.returncode, json.loads(told)["frames"]), (130, FRAMES))
+        self.assertGreater(len(np.asarray(bigus.reslice(bigus.read(live.field), self.poses[8], size=(8, 8)))), 0)
 
     def test_what_is_no_live_field(self):
         for address, says in ((f"igtl://127.0.0.1:{free_port()}", "--listen"), ("igtl://127.0.0.1:99999", "igtl://HOST:PORT"),
