@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus live: a field that grows while frames arrive.
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -130,11 +132,36 @@ void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& o
     session.Add(live);
     if (SecondsSince(start) >= nextLook)
     {
-      looker.Look(live.imageToReference, live.width, live.height);
+      looker.LookAtProbe(live.imageToReference, live.width, live.height);
       nextLook = SecondsSince(start) + kLook;
       console.Progress("Following", share, std::to_string(session.GetState().gaussians) + " Gaussians");
     }
   }
+}
+
+/// Trains on all frames together, while clients are served.
+LiveResult Finish(double seconds, LiveSession& session, SliceServer& slices, LiveStatus& status,
+                  const LiveEvents& events, Console& console)
+{
+  std::atomic<double> fraction{0};
+  auto finished = std::async(std::launch::async,
+                             [&]
+                             {
+                               return session.Finish(seconds,
+                                                     [&fraction](const TrainingProgress& now)
+                                                     {
+                                                       fraction = now.fraction;
+                                                       return !IsInterrupted();
+                                                     });
+                             });
+  // An interrupted program does not wait for clients, but for the field.
+  while (finished.wait_for(std::chrono::milliseconds(IsInterrupted() ? 100 : 0)) != std::future_status::ready)
+  {
+    slices.Wait(-1, kLook);
+    console.Progress("Finishing", fraction);
+    status.Tell("finishing", events, fraction);
+  }
+  return finished.get();
 }
 
 ExitCode Live(Console& console, Options options)
@@ -181,8 +208,8 @@ ExitCode Live(Console& console, Options options)
 
   LiveSession session(options.live);
   Looker looker(session);
-  SliceServer slices(options.source.listen, options.source.plane, options.source.sliceSize, looker);
   LiveStatus status(options.status, session, looker, console);
+  SliceServer slices(options.source.listen, options.source.plane, options.source.sliceSize, looker, status);
   const Clock::time_point start = Clock::now();
   LiveEvents events;
   if (isReplayed)
@@ -200,13 +227,7 @@ ExitCode Live(Console& console, Options options)
   const GaussianField liveField = session.Field();
   const LiveSession::State state = session.GetState();
 
-  const LiveResult result = session.Finish(options.finish,
-                                           [&](const TrainingProgress& now)
-                                           {
-                                             console.Progress("Finishing", now.fraction);
-                                             status.Tell("finishing", events, now.fraction);
-                                             return !IsInterrupted();
-                                           });
+  const LiveResult result = Finish(options.finish, session, slices, status, events, console);
   console.EndProgress();
   vtkNew<vtkPolyData> output;
   const GaussianField& field = result.training.field;

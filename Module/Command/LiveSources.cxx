@@ -124,7 +124,7 @@ protected:
     lastFrame_ = Clock::now();
     if (lastFrame_ >= nextLook_)
     {
-      looker_.Look(pose, width, height);
+      looker_.LookAtProbe(pose, width, height);
       nextLook_ = Clock::now() + std::chrono::milliseconds(static_cast<int>(1000 * kLook));
     }
     ShowProgress();
@@ -523,16 +523,60 @@ private:
 
 const std::vector<float>& Looker::Look(const Eigen::Matrix4d& imageToReference, int width, int height)
 {
-  image_.resize(static_cast<std::size_t>(width) * height);
+  return Render(SlicePlane::FromImageToReference(imageToReference, width, height), false);
+}
+
+const std::vector<float>& Looker::LookWithCoverage(const Eigen::Matrix4d& imageToReference, int width, int height)
+{
+  return Render(SlicePlane::FromImageToReference(imageToReference, width, height), true);
+}
+
+void Looker::LookAtProbe(const Eigen::Matrix4d& imageToReference, int width, int height)
+{
+  probe_ = SlicePlane::FromImageToReference(imageToReference, width, height);
+  Render(*probe_, false);
+}
+
+const std::vector<float>& Looker::Render(const SlicePlane& plane, bool withCoverage)
+{
+  const std::size_t pixels = plane.NumberOfPixels();
+  image_.resize(withCoverage ? 2 * pixels : pixels);
   const Clock::time_point start = Clock::now();
-  session_.Render(SlicePlane::FromImageToReference(imageToReference, width, height), ViewOutput::Intensity,
-                  image_.data());
+  session_.Render(plane, ViewOutput::Intensity, image_.data(), withCoverage ? image_.data() + pixels : nullptr);
   if (latencies_.size() == kMostLooks)
   {
     latencies_.erase(latencies_.begin(), latencies_.begin() + kMostLooks / 2);
   }
   latencies_.push_back(1000 * SecondsSince(start));
   return image_;
+}
+
+std::vector<float> Looker::Gaussians(std::size_t most) const
+{
+  const GaussianField field = session_.Field();
+  const std::size_t step = std::max<std::size_t>(1, (field.Size() + most - 1) / most);
+  std::vector<float> numbers;
+  for (std::size_t k = 0; k < field.Size(); k += step)
+  {
+    const Eigen::Vector3d &mean = field.means[k], &scale = field.scales[k];
+    for (const double number : {mean.x(), mean.y(), mean.z(), field.reflectivities[k], scale.x(), scale.y(), scale.z()})
+    {
+      numbers.push_back(static_cast<float>(number));
+    }
+  }
+  return numbers;
+}
+
+Json Looker::ProbeJson() const
+{
+  if (!probe_)
+  {
+    return nullptr;
+  }
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = probe_->ImageToReference();
+  return {{"plane", std::vector<double>(matrix.data(), matrix.data() + matrix.size())},
+          {"width", probe_->width},
+          {"height", probe_->height}};
 }
 
 Json Looker::ToJson() const
@@ -557,23 +601,17 @@ LiveStatus::LiveStatus(std::string path, const LiveSession& session, const Looke
 void LiveStatus::Tell(const std::string& phase, const LiveEvents& events, double fraction)
 {
   constexpr double kBetweenWrites = 1;  // s
-  if (path_.empty() || (phase == phase_ && SecondsSince(written_) < kBetweenWrites))
+  const bool isDue = phase != phase_ || SecondsSince(written_) >= kBetweenWrites;
+  phase_ = phase;
+  events_ = events;
+  fraction_ = fraction;
+  if (path_.empty() || !isDue)
   {
     return;
   }
-  const LiveSession::State state = session_.GetState();
-  const Json status = {{"phase", phase},
-                       {"fraction", fraction < 0 ? Json(nullptr) : Json(fraction)},
-                       {"uptime_seconds", SecondsSince(begin_)},
-                       {"frames", state.frames},
-                       {"waiting", state.waiting},
-                       {"passed_over", state.passedOver},
-                       {"dropped", state.dropped},
-                       {"refused", state.refused + events.refused},
-                       {"reconnects", events.reconnects},
-                       {"steps", state.steps},
-                       {"gaussians", state.gaussians},
-                       {"latency", looker_.ToJson()}};
+  Json status = Now();
+  status.erase("probe");
+  status["latency"] = looker_.ToJson();
   try
   {
     WriteAtomically(path_, [&status](std::ostream& file) { file << status.dump(2) << '\n'; });
@@ -586,8 +624,24 @@ void LiveStatus::Tell(const std::string& phase, const LiveEvents& events, double
       hasFailed_ = true;
     }
   }
-  phase_ = phase;
   written_ = Clock::now();
+}
+
+Json LiveStatus::Now() const
+{
+  const LiveSession::State state = session_.GetState();
+  return {{"phase", phase_},
+          {"fraction", fraction_ < 0 ? Json(nullptr) : Json(fraction_)},
+          {"uptime_seconds", SecondsSince(begin_)},
+          {"frames", state.frames},
+          {"waiting", state.waiting},
+          {"passed_over", state.passedOver},
+          {"dropped", state.dropped},
+          {"refused", state.refused + events_.refused},
+          {"reconnects", events_.reconnects},
+          {"steps", state.steps},
+          {"gaussians", state.gaussians},
+          {"probe", looker_.ProbeJson()}};
 }
 
 LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices,

@@ -6,11 +6,13 @@
 #include <Eigen/Dense>
 #include <chrono>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "Console.h"
 #include "Core/Live/LiveSession.h"
+#include "Core/Model/SlicePlane.h"
 #include "Inputs.h"
 #include "SliceServer.h"
 
@@ -30,6 +32,8 @@ struct LiveSource
 /// Seconds between two looks at the field while frames arrive.
 constexpr double kLook = 0.1;
 
+constexpr int kNumbersOfGaussian = 7;
+
 /// Takes slices of a session's field, and how long they take to come.
 class Looker
 {
@@ -38,12 +42,26 @@ public:
 
   /// The picture now.
   const std::vector<float>& Look(const Eigen::Matrix4d& imageToReference, int width, int height);
+  /// The picture, and after it the coverage of each of its pixels.
+  const std::vector<float>& LookWithCoverage(const Eigen::Matrix4d& imageToReference, int width, int height);
+  /// The picture at the pose of a frame that arrived, which is where the probe is.
+  void LookAtProbe(const Eigen::Matrix4d& imageToReference, int width, int height);
+
+  /// At most so many Gaussians, evenly taken: kNumbersOfGaussian numbers for each, the place (mm), the reflectivity and the
+  /// scales (mm).
+  std::vector<float> Gaussians(std::size_t most) const;
+
+  /// The pose of the last LookAtProbe and the size of its frame; null before.
+  Json ProbeJson() const;
 
   Json ToJson() const;
   std::string Text() const;
 
 private:
+  const std::vector<float>& Render(const SlicePlane& plane, bool withCoverage);
+
   LiveSession& session_;
+  std::optional<SlicePlane> probe_;
   std::vector<float> image_;
   std::vector<double> latencies_;  // ms
 };
@@ -55,7 +73,7 @@ struct LiveEvents
   std::size_t reconnects = 0;  ///< times that a server went away and was there again
 };
 
-/// A file of JSON that tells scripts how the program is.
+/// How the program is: for clients, and for scripts in a file of JSON.
 class LiveStatus
 {
 public:
@@ -66,8 +84,13 @@ public:
   /// phase is done, where that is known, else below 0. A file that cannot be written is a note, once.
   void Tell(const std::string& phase, const LiveEvents& events, double fraction = -1);
 
+  /// The phase that was told last, what became of frames until now, and where the probe is.
+  Json Now() const;
+
 private:
-  std::string path_, phase_;
+  std::string path_, phase_ = "following";
+  LiveEvents events_;
+  double fraction_ = -1;
   const LiveSession& session_;
   const Looker& looker_;
   Console& console_;

@@ -76,17 +76,48 @@ std::vector<std::string> KindOf(const CLI::Option& option)
   }
 }
 
+/// Whether the option is the list of files at the end of the command line. In the XML it has a flag, because Slicer refuses to
+/// run while what has none is empty.
+bool IsList(const CLI::Option& option)
+{
+  return option.get_positional() && option.get_expected_max() > 1;
+}
+
+/// The files of one value, with commas between. A name that holds commas stands in double quotes.
+std::vector<std::string> SplitFiles(const std::string& value)
+{
+  std::vector<std::string> files(1);
+  bool isQuoted = false;
+  for (const char c : value)
+  {
+    if (c == '"')
+    {
+      isQuoted = !isQuoted;
+    }
+    else if (c == ',' && !isQuoted)
+    {
+      files.emplace_back();
+    }
+    else
+    {
+      files.back() += c;
+    }
+  }
+  files.erase(std::remove(files.begin(), files.end(), ""), files.end());
+  return files;
+}
+
 /// One option, or nothing where Slicer shall not show it.
 std::string Describe(const CLI::Option& option, int& positionals)
 {
   const std::string& help = option.get_description();
   const bool isPositional = option.get_positional();
-  const bool isList = isPositional && option.get_expected_max() > 1;  // Slicer gives one file for an argument
-  if (help.rfind(kShorthand, 0) == 0 || (!isPositional && option.get_lnames().empty()) || isList)
+  if (help.rfind(kShorthand, 0) == 0 || (!isPositional && option.get_lnames().empty()))
   {
     return {};
   }
   const std::string name = isPositional ? option.get_name(true) : option.get_lnames().front();
+  const bool isList = IsList(option);
   const std::vector<std::string> kind = KindOf(option);
   const std::vector<std::string> names = Names(option.get_type_name());
   const bool isNumber = kind.size() == 1;
@@ -101,14 +132,15 @@ std::string Describe(const CLI::Option& option, int& positionals)
   {
     tag = "boolean";
   }
-  else if (option.get_expected_max() > 1)
-  {
-    tag = kind.at(0) + "-vector";
-  }
   else if (isFile)
   {
     tag = kind[0];
-    attributes = " fileExtensions=\"" + kind[2] + "\"" + (tag == "image" ? " type=\"scalar\"" : "");
+    attributes = std::string(isList ? " multiple=\"true\"" : "") + " fileExtensions=\"" + kind[2] + "\"" +
+                 (tag == "image" ? " type=\"scalar\"" : "");
+  }
+  else if (option.get_expected_max() > 1)
+  {
+    tag = kind.at(0) + "-vector";
   }
   else if (!names.empty())
   {
@@ -120,7 +152,8 @@ std::string Describe(const CLI::Option& option, int& positionals)
   }
 
   std::string text = "<" + tag + attributes + ">\n" + Element("name", Identifier(name));
-  text += isPositional ? Element("index", std::to_string(positionals++)) : Element("longflag", "--" + Identifier(name));
+  text += isPositional && !isList ? Element("index", std::to_string(positionals++))
+                                  : Element("longflag", "--" + Identifier(name));
   text += Element("description", help) + Element("label", Label(name));
   if (tag == "boolean")
   {
@@ -211,18 +244,30 @@ std::string DescribeModule(const CLI::App& program, const CLI::App& command)
   return xml + "</executable>\n";
 }
 
-std::vector<std::string> ModuleArguments(const std::string& command, int argumentCount, char** arguments)
+std::vector<std::string> ModuleArguments(const CLI::App& command, int argumentCount, char** arguments)
 {
-  std::vector<std::string> rewritten = {command};
+  std::string list;  // the flag of the list of files
+  for (const CLI::Option* option : command.get_options())
+  {
+    list = IsList(*option) ? "--" + Identifier(option->get_name(true)) : list;
+  }
+  std::vector<std::string> rewritten = {command.get_name()}, files;
   for (int k = 1; k < argumentCount; ++k)
   {
     std::string argument = arguments[k];
+    if (argument == list && k + 1 < argumentCount)
+    {
+      const std::vector<std::string> more = SplitFiles(arguments[++k]);
+      files.insert(files.end(), more.begin(), more.end());
+      continue;
+    }
     if (argument.rfind("--", 0) == 0)
     {
       std::replace(argument.begin(), argument.begin() + std::min(argument.find('='), argument.size()), '_', '-');
     }
     rewritten.push_back(argument);
   }
+  rewritten.insert(rewritten.end(), files.begin(), files.end());
   return rewritten;
 }
 

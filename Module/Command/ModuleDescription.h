@@ -23,7 +23,8 @@ std::string ModuleCommand(const std::string& program);
 std::string DescribeModule(const CLI::App& program, const CLI::App& command);
 
 /// Arguments of a module as the program takes them: "--hold_out" to "--hold-out", because names in the XML may hold
-/// underscores but no hyphens. Values stay as they are.
-std::vector<std::string> ModuleArguments(const std::string& command, int argumentCount, char** arguments);
+/// underscores but no hyphens. "--more a,b", which may be there repeatedly, to a and b at the end, where the subcommand has
+/// a list of files MORE. Other values stay as they are.
+std::vector<std::string> ModuleArguments(const CLI::App& command, int argumentCount, char** arguments);
 
 }  // namespace bigus::command

@@ -164,10 +164,11 @@ ExitCode Run(int argumentCount, char** arguments)
     else
     {
       console.bar = Console::Bar::Tags;
-      std::vector<std::string> words = ModuleArguments(module, argumentCount, arguments);
+      const CLI::App& command = *app.get_subcommand(module);
+      std::vector<std::string> words = ModuleArguments(command, argumentCount, arguments);
       if (std::find(words.begin(), words.end(), "--xml") != words.end())
       {
-        console.Print(DescribeModule(app, *app.get_subcommand(module)));
+        console.Print(DescribeModule(app, command));
         return Success;
       }
       std::reverse(words.begin(), words.end());  // as CLI11 takes them

@@ -12,6 +12,7 @@
 #include "Command.h"
 #include "Exit.h"
 #include "Files.h"
+#include "IgtConnection.h"
 #include "Inputs.h"
 
 namespace bigus::command
@@ -58,7 +59,14 @@ std::string PackageFolders()
 /// Does not return where Python can be started.
 ExitCode Serve(Console& console, const Options& options, int threads)
 {
-  RequireFile(options.field);
+  if (IgtAddress::IsOne(options.field))
+  {
+    IgtAddress::Parse(options.field);
+  }
+  else
+  {
+    RequireFile(options.field);
+  }
   if (!options.sequence.empty())
   {
     RequireFile(options.sequence);
@@ -106,10 +114,14 @@ void AddServe(Program& program)
       "serve",
       "See a field in the browser, slice by slice, with its sweep beside it\n"
       "  bigus serve field.vtp sweep.igs.mha\n"
+      "  bigus serve igtl://localhost:18945                    a field that grows: bigus live ... --listen 18945\n"
       "Prints the address of a page where a plane is moved. Only this machine reaches it, unless --host says otherwise;\n"
       "then the address holds a token. Ctrl-C ends it. With --json, stdout holds a line of JSON for each phase: reading,\n"
       "ready with the url, ending. It needs Python with aiohttp: BIGUS_PYTHON names it, such as env/bin/python.");
-  app->add_option("FIELD", options->field, "Field: .vtp, .pvtp or .ply")->required()->type_name("");
+  app->add_option("FIELD", options->field,
+                  "Field: .vtp, .pvtp or .ply, or igtl://HOST:PORT of a running live --listen PORT")
+      ->required()
+      ->type_name("");
   app->add_option("SEQUENCE", options->sequence, "The sweep that it was trained on")->type_name("");
   app->add_option("--host", options->host, "Address to listen at; default: 127.0.0.1, this machine only")
       ->type_name("ADDRESS");

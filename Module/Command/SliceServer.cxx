@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "Core/Model/Error.h"
@@ -34,6 +35,66 @@ constexpr std::size_t kLargestRequest = 4096;
 /// Messages of one client that are looked at in one go, so that one that sends without end does not hold up the others.
 constexpr int kMostAtOnce = 64;
 
+/// Device of questions of JSON and of what answers them.
+constexpr const char* kView = "BigusView";
+
+/// Bounds of a view: those of a page in the browser, Module/Python/bigus/serve.py.
+constexpr int kLargestSide = 4096, kMostPixels = 2 * 1024 * 1024, kMostPoints = 60000;
+
+/// A whole number of a question. Throws Error.
+int WholeOf(const Json& question, const std::string& name, int largest)
+{
+  const auto found = question.find(name);
+  if (found == question.end() || !found->is_number_integer() || *found < 1 || *found > largest)
+  {
+    throw Error(name + " is a whole number from 1 to " + std::to_string(largest) + ".");
+  }
+  return found->get<int>();
+}
+
+/// The matrix of a question, sound or not. Throws Error where there is none.
+Eigen::Matrix4d PlaneOf(const Json& question)
+{
+  const Json& numbers = question["plane"];
+  if (!numbers.is_array() || numbers.size() != 16 ||
+      !std::all_of(numbers.begin(), numbers.end(), [](const Json& number) { return number.is_number(); }))
+  {
+    throw Error("plane is a list of 16 numbers, the matrix from pixels to mm by rows.");
+  }
+  Eigen::Matrix4d matrix;
+  for (std::size_t k = 0; k < numbers.size(); ++k)
+  {
+    matrix(static_cast<int>(k) / 4, static_cast<int>(k) % 4) = numbers[k].get<double>();
+  }
+  return matrix;
+}
+
+/// The array that a question asks for, as a message; empty where it asks for none. Throws Error for what is no question.
+std::vector<std::uint8_t> ArrayFor(const Json& question, double timestamp, Looker& looker)
+{
+  if (!question.is_object())
+  {
+    throw Error("a question is an object of JSON.");
+  }
+  if (question.contains("points"))
+  {
+    const std::vector<float> points = looker.Gaussians(WholeOf(question, "points", kMostPoints));
+    return PackIgtArray(kView, timestamp, {static_cast<int>(points.size()) / kNumbersOfGaussian, kNumbersOfGaussian},
+                        points);
+  }
+  if (question.contains("plane"))
+  {
+    const int width = WholeOf(question, "width", kLargestSide), height = WholeOf(question, "height", kLargestSide);
+    if (width > kMostPixels / height)
+    {
+      throw Error("a slice has at most " + std::to_string(kMostPixels) + " pixels.");
+    }
+    return PackIgtArray(kView, timestamp, {2, height, width},
+                        looker.LookWithCoverage(PlaneOf(question), width, height));
+  }
+  return {};
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> SliceMessage(Looker& looker, const Eigen::Matrix4d& imageToWorld, double timestamp,
@@ -50,8 +111,8 @@ std::vector<std::uint8_t> SliceMessage(Looker& looker, const Eigen::Matrix4d& im
   return PackIgtImage("BigusSlice", timestamp, slice);
 }
 
-SliceServer::SliceServer(int port, std::string device, std::vector<int> size, Looker& looker)
-    : device_(std::move(device)), size_(std::move(size)), looker_(looker)
+SliceServer::SliceServer(int port, std::string device, std::vector<int> size, Looker& looker, const LiveStatus& status)
+    : device_(std::move(device)), size_(std::move(size)), looker_(looker), status_(status)
 {
   if (port == 0)
   {
@@ -117,8 +178,11 @@ bool SliceServer::Hear(Client& client) const
       }
       if (message.header.type == "TRANSFORM" && (device_.empty() || message.header.device == device_))
       {
-        client.plane = ParseIgtTransform(message.header, message.body);
-        client.timestamp = message.header.timestamp;
+        client.question = {message.header.timestamp, ParseIgtTransform(message.header, message.body), ""};
+      }
+      else if (message.header.type == "STRING" && message.header.device == kView)
+      {
+        client.question = {message.header.timestamp, std::nullopt, ParseIgtString(message.header, message.body)};
       }
     }
     catch (const Error&)
@@ -129,26 +193,48 @@ bool SliceServer::Hear(Client& client) const
   return true;
 }
 
-/// One slice for whoever is next among those who wait.
+std::vector<std::uint8_t> SliceServer::Answer(const Question& question) const
+{
+  if (question.plane)
+  {
+    try
+    {
+      return SliceMessage(looker_, *question.plane, question.timestamp, size_);
+    }
+    catch (const Error&)  // a plane that is none has no slice
+    {
+      return {};
+    }
+  }
+  Json state = status_.Now();
+  std::vector<std::uint8_t> array;
+  try
+  {
+    array = ArrayFor(Json::parse(question.text, nullptr, false), question.timestamp, looker_);
+  }
+  catch (const Error& error)
+  {
+    state = {{"error", error.what()}};
+  }
+  std::vector<std::uint8_t> answer = PackIgtString(kView, question.timestamp, state.dump());
+  answer.insert(answer.end(), array.begin(), array.end());
+  return answer;
+}
+
+/// One answer for whoever is next among those who wait.
 void SliceServer::AnswerNext()
 {
   for (std::size_t k = 0; k < clients_.size(); ++k)
   {
     Client& client = clients_[(next_ + k) % clients_.size()];
-    if (!client.plane)
+    if (!client.question)
     {
       continue;
     }
     next_ = (next_ + k + 1) % clients_.size();
-    const Eigen::Matrix4d plane = *client.plane;
-    client.plane.reset();
-    try
-    {
-      client.connection->Send(SliceMessage(looker_, plane, client.timestamp, size_));
-    }
-    catch (const Error&)  // a plane that is none has no slice
-    {
-    }
+    const Question question = *client.question;
+    client.question.reset();
+    client.connection->Send(Answer(question));
     return;
   }
 }
@@ -164,7 +250,7 @@ void SliceServer::Wait(int socket, double seconds)
     for (const Client& client : clients_)
     {
       waits.push_back({client.connection->Socket(), POLLIN, 0});
-      isAsked = isAsked || client.plane;
+      isAsked = isAsked || client.question;
     }
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()).count();
     poll(waits.data(), waits.size(), isAsked ? 0 : static_cast<int>(std::max<long>(left, 0)));

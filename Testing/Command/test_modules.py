@@ -83,6 +83,7 @@ class Descriptions(unittest.TestCase):
                     self.assertRegex(element.findtext("longflag"), r"^--[_a-zA-Z][_a-zA-Z0-9]*$")
                 self.assertIn(element.tag, {"boolean", "integer", "double", "string", "integer-vector", "double-vector",
                                             "string-enumeration", "file", "image"})
+                self.assertTrue("longflag" in order or element.get("multiple") is None)
                 if element.tag in ("file", "image"):
                     self.assertIn(element.findtext("channel"), ("input", "output"))
                     self.assertRegex(element.get("fileExtensions"), r"^\.[^,]+(,\.[^,]+)*$")
@@ -102,7 +103,8 @@ class Descriptions(unittest.TestCase):
                 if found and found.group(1) != "help":
                     listed.add(found.group(1))
             shorthand = {"auto", "preview", "signed", "positive"} if command == "train" else set()
-            positional = {re.search(r"\nPositionals:\n  (\w+)", text).group(1).lower()}
+            positional = {name.lower() for name in re.findall(r"\n  ([A-Z]+) ", text.split("\nOptions:")[0])}
+            self.assertEqual(len(positional), 2 if command == "train" else 1)
             described = {element.findtext("name") for element in parameters(describe(module))}
             self.assertEqual(described - PROGRAM_OPTIONS - positional,
                              {name.replace("-", "_") for name in listed - shorthand}, module)
@@ -171,6 +173,27 @@ class Runs(unittest.TestCase):
         text = self.module("BigusTrain", sequence=self.sweep, output=output, automatic="off", iterations=40, threads=2)
         self.assertEqual(output.read_bytes(), self.field.read_bytes())
         self.check_progress(text, {"Reading", "Training", "Writing"})
+
+    def test_further_sequences_train_one_field(self):
+        """As Slicer gives several files for one option, with commas between, and as the schema allows, one by one."""
+        other = self.folder / "turned, by 90.igs.mha"
+        run(BIGUS, "phantom", "-o", other, "--frames", 9, "--width", 64, "--height", 48, "--pixel-size", 0.5,
+            "--sweep-angle", 90)
+        plain, output = self.folder / "three.vtp", self.folder / "module.vtp"
+        options = ["--no-auto", "--iterations", 40, "--threads", 2]
+        result = run(BIGUS, "train", self.sweep, other, self.sweep, "-o", plain, *options)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.module("BigusTrain", sequence=self.sweep, more=f'"{other}",{self.sweep}', output=output, automatic="off",
+                    iterations=40, threads=2)
+        self.assertEqual(output.read_bytes(), plain.read_bytes())
+        output.unlink()
+        result = run(MODULES / "BigusTrain", "--more", f'"{other}"', "--more", self.sweep, "--output", output,
+                     "--automatic", "off", "--iterations", 40, "--threads", 2, self.sweep)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(output.read_bytes(), plain.read_bytes())
+        result = run(MODULES / "BigusTrain", "--more", f"{self.sweep},missing.mha", "--output", output, self.sweep)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("missing.mha", result.stderr)
 
     def test_slice_is_the_command(self):
         output, plain = self.folder / "module.igs.mha", self.folder / "command.igs.mha"

@@ -32,7 +32,7 @@ NOT_RUN = {  # what a command begins with, and who runs it
     r"PYTHONPATH=\S+ (/usr/bin/python3|\.\.\.)$": "it starts an interpreter, as tests `python` do",
     r"echo .*bigusExperiment": "it takes minutes on a real sweep",
 }
-SERVERS = r"(build/bin/)?bigus (serve|view)(?!.*--screenshot)|python3 -m bigus\.serve"  # run until they are stopped
+SERVERS = r"(build/bin/)?bigus (serve|view)(?!.*--screenshot|.*igtl:)|python3 -m bigus\.serve"  # run until they are stopped
 SMALL = "--frames 24 --width 64 --height 48 --pixel-size 0.5"  # a sweep that takes seconds
 
 GIVEN = {  # what a page's text, or another page, has told before its snippets
@@ -169,7 +169,7 @@ def main():
                     problems.append(f"{name}:{block.line}: {command}: {problem}")
         (folder / "field.vtp").write_bytes(fields)
         python = [f"print('line {block.line}', flush=True)\n{block.text}" for block in blocks if block.kind == "python"]
-        if python and "ParaView" not in name:
+        if python and not re.search("ParaView|Slicer", name):  # their own Python runs these
             script = IMPORTS + GIVEN.get(name, "") + "".join(python)
             result = subprocess.run([sys.executable, "-c", script], cwd=folder, env=environment, text=True,
                                     stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip

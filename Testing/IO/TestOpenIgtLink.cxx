@@ -46,6 +46,34 @@ TEST(OpenIgtLink, WhatIsPackedReadsBack)
   EXPECT_EQ(ParseIgtTransform(ParseIgtHeader(pose.data()), BodyOf(pose)), Picture().imageToWorld);
 }
 
+TEST(OpenIgtLink, TextsReadBackAndDamagedOnesAreRefused)
+{
+  const std::string text = R"({"plane": [1, 2]})";
+  const std::vector<std::uint8_t> message = PackIgtString("View", 3, text);
+  const IgtHeader header = ParseIgtHeader(message.data());
+  EXPECT_EQ(header.type, "STRING");
+  EXPECT_EQ(ParseIgtString(header, BodyOf(message)), text);
+  for (const std::size_t bytes : {std::size_t(0), std::size_t(3), text.size() + 3, text.size() + 5})
+  {
+    std::vector<std::uint8_t> body = BodyOf(message);
+    body.resize(bytes, 'x');
+    IgtHeader other = header;
+    other.bodyBytes = bytes;
+    other.checksum = 0;
+    EXPECT_THROW(ParseIgtString(other, body), Error) << bytes;
+  }
+  EXPECT_THROW(PackIgtString("View", 3, std::string(65536, 'x')), Error);
+}
+
+TEST(OpenIgtLink, ArraysAreAsTheProtocolHasThem)
+{
+  const std::vector<std::uint8_t> body = BodyOf(PackIgtArray("View", 0, {1, 2}, {1.0f, -2.5f}));
+  const std::vector<std::uint8_t> expected = {10, 2, 0, 1, 0, 2, 0x3F, 0x80, 0, 0, 0xC0, 0x20, 0, 0};  // IEEE 754
+  EXPECT_EQ(body, expected);
+  EXPECT_THROW(PackIgtArray("View", 0, {1, 3}, {1.0f}), Error);
+  EXPECT_THROW(PackIgtArray("View", 0, {65536, 0}, {}), Error);
+}
+
 struct Message
 {
   explicit Message(const std::string& bytes)

@@ -46,6 +46,28 @@ def pixels(source):
                    for i in range(image.GetPointData().GetNumberOfArrays())}
 
 
+def provenance(field):
+    lines = servermanager.Fetch(field).GetFieldData().GetAbstractArray("Provenance")
+    return [lines.GetValue(k) for k in range(lines.GetNumberOfValues())]
+
+
+def field_array(field, name="Reflectivity"):
+    field.UpdatePipeline()
+    return vtk_to_numpy(servermanager.Fetch(field).GetPointData().GetArray(name)).copy()
+
+
+def likeness_to_frames(field, sweep):
+    """Mean correlation of what the field shows at every fourth frame of a sweep with that frame."""
+    found = []
+    for frame in range(0, 17, 4):
+        source = BIGUSFieldSlice(Input=field, Sweep=sweep, Frame=frame, HideUnseen=0)
+        _, shown = pixels(source)
+        found.append(np.corrcoef(shown["Recorded"], shown["Intensity"])[0, 1])
+        Delete(source)
+    print("likeness to the frames of the second sweep:", np.round(found, 2))
+    return np.nanmean(np.nan_to_num(found))
+
+
 def main(plugin, folder, package=None):
     # ParaView 5.11 imports inspect.getargspec for plugins in Python, which Debian's Python 3.11 no longer has.
     inspect.getargspec = inspect.getfullargspec
@@ -91,6 +113,19 @@ def main(plugin, folder, package=None):
     table = servermanager.Fetch(scores)
     assert table.GetNumberOfRows() == 1 and table.GetColumnByName("SSIM").GetValue(0) > 0.999999
 
+    # A second sweep, across the first, in the same field; without it the field is again the first one's.
+    across = BIGUSPhantom(registrationName="across", NumberOfFrames=17, FrameSize=[64, 48], PixelSize=0.5, SweepAngle=90)
+    both = BIGUSTrainer(registrationName="both", Input=[sweep, across], Automatic=0, Gaussians=1000, Iterations=60)
+    both.UpdatePipeline()
+    assert "sequences=2" in provenance(both), provenance(both)
+    alone, together = (likeness_to_frames(source, across) for source in (trainer, both))
+    assert together > alone + 0.1, (alone, together)  # the middle of the second was all that the first saw of it
+    reflectivity = field_array(both)
+    both.Input = sweep
+    both.UpdatePipeline()
+    assert np.array_equal(field_array(both), field_array(trainer)) and "sequences=2" not in provenance(both)
+    both.Input = [sweep, across]
+
     # Another seed is another world, up to the largest one.
     other = BIGUSPhantom(NumberOfFrames=17, FrameSize=[64, 48], PixelSize=0.5, Seed=9007199254740992)
     other.UpdatePipeline()
@@ -109,8 +144,7 @@ def main(plugin, folder, package=None):
     assert counts[0] == 0 < counts[1] < counts[2] and counts[3] < counts[2], counts  # it begins with the eighth frame
     live.FinishTime = 2
     live.UpdatePipeline(times[16])
-    finished = servermanager.Fetch(live).GetFieldData().GetAbstractArray("Provenance")
-    assert "filter=vtkBigusLiveTrainer" in [finished.GetValue(k) for k in range(finished.GetNumberOfValues())]
+    assert "filter=vtkBigusLiveTrainer" in provenance(live)
     Delete(live)
 
     # The parts together are the field.
@@ -152,6 +186,7 @@ def main(plugin, folder, package=None):
     _, reloaded = pixels(FindSource("oblique"))
     for name in ("Intensity", "Coverage", "Distance"):
         assert np.array_equal(reloaded[name], arrays[name]), name + " differs after a state was loaded"
+    assert len(FindSource("both").Input) == 2 and np.array_equal(field_array(FindSource("both")), reflectivity)
 
     if not package:
         print("skipped: comparison with VTK, because no folder of the package bigus was given")

@@ -110,7 +110,10 @@ def split(folder):
 def main(pvserver, pvpython, mpiexec, plugin, folder):
     os.makedirs(folder, exist_ok=True)
     environment = dict(os.environ, OMPI_MCA_rmaps_base_oversubscribe="1", OMPI_ALLOW_RUN_AS_ROOT="1",
-                       OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMPI_MCA_btl_vader_single_copy_mechanism="none")
+                       OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMPI_MCA_btl_vader_single_copy_mechanism="none",
+                       # A process that waits for its client's next command asks without end: it is to give its core away
+                       # meanwhile, and the one that works is not to be bound to a core that another test has.
+                       OMPI_MCA_mpi_yield_when_idle="1", OMPI_MCA_hwloc_base_binding_policy="none")
     port = 20000 + os.getpid() % 20000
     server = subprocess.Popen([mpiexec, "-np", str(PROCESSES), pvserver, f"--server-port={port}"], env=environment,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

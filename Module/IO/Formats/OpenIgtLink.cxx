@@ -24,7 +24,7 @@ constexpr double kLatestTime = 4294967295.0;
 constexpr std::size_t kTypeBytes = 12, kDeviceBytes = 20;
 
 // Codes of the protocol.
-constexpr int kUnsigned8 = 3, kLittleEndian = 2, kRas = 1, kLps = 2;
+constexpr int kUnsigned8 = 3, kFloat32 = 10, kLittleEndian = 2, kRas = 1, kLps = 2, kAscii = 3;
 
 /// Bytes of what a TRACKEDFRAME says of itself before picture and text: up to Plus 2.4, and since.
 constexpr std::size_t kShortFrameHeader = 20, kFrameHeader = 86;
@@ -35,7 +35,7 @@ constexpr std::size_t kLargestText = std::size_t(1) << 20;
 /// Kinds of pictures of a TRACKEDFRAME: not said, and B-mode.
 constexpr int kUnknownKind = 0, kBrightness = 1;
 
-/// Sides of a picture, pixels.
+/// Sides of a picture or an array.
 constexpr int kLargestSide = 65535;
 
 /// Numbers one after another, big-endian.
@@ -418,6 +418,20 @@ Eigen::Matrix4d ParseIgtTransform(const IgtHeader& header, const std::vector<std
   return matrix;
 }
 
+std::string ParseIgtString(const IgtHeader& header, const std::vector<std::uint8_t>& body)
+{
+  Reader content = ContentOf(header, body);
+  content.Skip(sizeof(std::uint16_t));  // the encoding: texts here are ASCII, which all share
+  const auto bytes = content.Next<std::uint16_t>();
+  const char* text = reinterpret_cast<const char*>(content.at());
+  content.Skip(bytes);
+  if (content.Left() != 0)
+  {
+    throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes too many.");
+  }
+  return {text, bytes};
+}
+
 IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<std::uint8_t>& body)
 {
   const std::string name = NameOf(header);
@@ -529,6 +543,48 @@ std::vector<std::uint8_t> PackIgtTransform(const std::string& device, double tim
   Writer body;
   PutMatrix(matrix, body);
   return WithHeader("TRANSFORM", device, timestamp, body.bytes);
+}
+
+std::vector<std::uint8_t> PackIgtString(const std::string& device, double timestamp, const std::string& text)
+{
+  if (text.size() > UINT16_MAX)
+  {
+    throw Error("OpenIGTLink: a text of " + std::to_string(text.size()) + " bytes cannot be sent; 65535 can.");
+  }
+  Writer body;
+  body.Put<std::uint16_t>(kAscii);
+  body.Put(static_cast<std::uint16_t>(text.size()));
+  body.PutText(text, text.size());
+  return WithHeader("STRING", device, timestamp, body.bytes);
+}
+
+std::vector<std::uint8_t> PackIgtArray(const std::string& device, double timestamp, const std::vector<int>& sides,
+                                       const std::vector<float>& values)
+{
+  Writer body;
+  body.Put(static_cast<std::uint8_t>(kFloat32));
+  body.Put(static_cast<std::uint8_t>(sides.size()));
+  std::size_t count = 1;
+  for (const int side : sides)
+  {
+    if (side < 0 || side > kLargestSide)
+    {
+      throw Error("OpenIGTLink: an array with a side of " + std::to_string(side) + " cannot be sent; 0 to 65535 can.");
+    }
+    count *= static_cast<std::size_t>(side);
+    body.Put(static_cast<std::uint16_t>(side));
+  }
+  if (count != values.size())
+  {
+    throw Error("OpenIGTLink: an array has " + std::to_string(values.size()) + " values and room for " +
+                std::to_string(count) + ".");
+  }
+  body.bytes.reserve(body.bytes.size() + sizeof(float) * count);
+  for (const float value : values)
+  {
+    body.PutFloat(value);
+  }
+  return WithHeader("NDARRAY", device, timestamp, body.bytes);
 }
 
 }  // namespace bigus

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Messages of the OpenIGTLink protocol (versions 1 to 3), by which trackers, scanners and 3D Slicer talk: IMAGE,
-// TRANSFORM and the TRACKEDFRAME of PlusServer. All comes from outside, so every number is checked before it is used. Numbers are big-endian.
+// TRANSFORM, STRING, NDARRAY and the TRACKEDFRAME of PlusServer. All comes from outside, so every number is checked before it
+// is used. Numbers are big-endian.
 #pragma once
 
 #include <Eigen/Dense>
@@ -45,6 +46,9 @@ IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>&
 /// The matrix of a TRANSFORM. Throws Error as above.
 Eigen::Matrix4d ParseIgtTransform(const IgtHeader& header, const std::vector<std::uint8_t>& body);
 
+/// The text of a STRING. Throws Error as above.
+std::string ParseIgtString(const IgtHeader& header, const std::vector<std::uint8_t>& body);
+
 /// A picture, and what its sender knew at its time.
 struct IgtTrackedFrame
 {
@@ -61,5 +65,11 @@ IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<
 /// Whole messages of version 1, with their header.
 std::vector<std::uint8_t> PackIgtImage(const std::string& device, double timestamp, const IgtImage& image);
 std::vector<std::uint8_t> PackIgtTransform(const std::string& device, double timestamp, const Eigen::Matrix4d& matrix);
+/// Throws Error for a text of more than 65535 bytes.
+std::vector<std::uint8_t> PackIgtString(const std::string& device, double timestamp, const std::string& text);
+/// NDARRAY of 32-bit floats, the last side varying fastest. Throws Error where a side is beyond 65535 or there are other
+/// than so many values.
+std::vector<std::uint8_t> PackIgtArray(const std::string& device, double timestamp, const std::vector<int>& sides,
+                                       const std::vector<float>& values);
 
 }  // namespace bigus

@@ -4,6 +4,7 @@
 
     python3 -m bigus.serve field.vtp
     python3 -m bigus.serve field.vtp sweep.igs.mha --port 9000
+    python3 -m bigus.serve igtl://localhost:18945     # a field that grows: bigus live ... --listen 18945
 
 The address is printed when all is read. Only programs of this machine reach it, unless --host says otherwise; then a
 token is asked for, which is part of the address that is printed. Ctrl-C ends it.
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import concurrent.futures
+import contextlib
 import hmac
 import ipaddress
 import json
@@ -22,6 +24,7 @@ import math
 import os
 import secrets
 import signal
+import socket
 import struct
 import sys
 import time
@@ -44,6 +47,9 @@ FINEST, COARSEST = 1e-4, 1e2  # mm a pixel
 MOST_POINTS = 30000  # of the overview; more are not told apart in a picture of 500 x 500
 SEND_SECONDS = 20.0  # a client that takes no bytes for so long is dropped
 SAME_POSE = 1e-6  # mm at the image's corners: the plane is the frame's own
+LIVE_SECONDS = 10.0  # a live field that does not answer for so long is away
+REFRESH_SECONDS = 2.0  # a live field's Gaussians are asked for at most so often
+MOST_LIVE_BYTES = 2**26  # of a message
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -68,6 +74,7 @@ class FieldOfVtk:
             self.centers = vtk_to_numpy(field.GetPoints().GetData())
             self.scales = vtk_to_numpy(data.GetArray("Scale"))
             self.reflectivities = vtk_to_numpy(data.GetArray("Reflectivity")).ravel()
+        self.gaussians, self.weight = len(self.centers), 1.0
         self._filter = bigus.vtkBigusReslice()
         self._filter.SetInputData(field)
 
@@ -90,10 +97,115 @@ class FieldOfWheel:
     def __init__(self, bigus: Any, field: Any):
         self.centers = np.asarray(field.centers)
         self.scales, self.reflectivities = np.asarray(field.scales), np.asarray(field.reflectivities).ravel()
+        self.gaussians, self.weight = len(self.centers), 1.0
         self._slicer = bigus.Slicer(field)
 
     def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
         return Rendered(*self._slicer.slice_and_coverage(plane, (width, height)))
+
+
+class Away(Exception):
+    """A live field cannot be asked now. It may come back."""
+
+
+class FieldOfLive:
+    """The field of a running `bigus live --listen PORT`, for one thread at a time.
+
+    Questions and answers are messages of OpenIGTLink: STRING, with JSON, and NDARRAY. Module/Command/Live.md tells them.
+    """
+
+    def __init__(self, address: str, tell: Any):
+        try:
+            parts = urlsplit(address)
+            self._place = (parts.hostname or "", parts.port or 18944)
+        except ValueError as error:
+            raise ValueError(f"{address} is no address igtl://HOST:PORT ({error})") from None
+        self.address, self._tell = address, tell
+        self.centers, self.scales, self.reflectivities = np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
+        self.gaussians, self.weight = 0, 1.0  # of which each in `centers` stands for so many
+        self.state: dict[str, Any] = {}
+        self._stream: Any = None
+        try:
+            self._ask({}, 0)
+        except Away as error:
+            raise ValueError(f"{error}. Start bigus live with --listen {self._place[1]} first.") from None
+
+    def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
+        pixels = self._ask({"plane": plane.ravel().tolist(), "width": width, "height": height}, 3)
+        if pixels.shape != (2, height, width):
+            self._leave(f"{self.address} gave a slice of another size")
+        return Rendered(*pixels)
+
+    def look(self) -> None:
+        """Brings `state` up to date."""
+        self._ask({}, 0)
+
+    def refresh(self) -> None:
+        """Asks for the Gaussians anew."""
+        numbers = self._ask({"points": MOST_POINTS}, 2)
+        if numbers.shape[1] != 7:
+            self._leave(f"{self.address} gave points of another kind")
+        self.centers, self.reflectivities, self.scales = numbers[:, :3], numbers[:, 3], numbers[:, 4:]
+        self.weight = max(1.0, self.gaussians / max(len(numbers), 1))
+
+    def _leave(self, why: str) -> Any:
+        if self._stream is not None:
+            with contextlib.suppress(OSError):  # of what was not sent yet
+                self._stream.close()
+            self._stream = None
+        if self.state.get("phase") not in (None, "away"):  # once
+            self._tell("waiting", address=self.address)
+        self.state = {**self.state, "phase": "away"}
+        raise Away(why)
+
+    def _ask(self, question: dict[str, Any], sides: int) -> np.ndarray:
+        """Sends a question, keeps the state and gives the array of so many sides that comes with it, if any."""
+        try:
+            if self._stream is None:
+                with socket.create_connection(self._place, timeout=LIVE_SECONDS) as connection:
+                    self._stream = connection.makefile("rwb")  # keeps it open
+            text = json.dumps(question).encode()
+            body = struct.pack(">HH", 3, len(text)) + text
+            self._stream.write(struct.pack(">H12s20sQQQ", 1, b"STRING", b"BigusView", 0, len(body), 0) + body)
+            self._stream.flush()
+            state = json.loads(self._receive(b"STRING")[4:])
+            array = np.empty(0, np.float32)
+            if sides and "error" not in state:
+                body = self._receive(b"NDARRAY")
+                kind, count, *shape = struct.unpack_from(f">BB{sides}H", body)
+                if (kind, count) != (10, sides):
+                    raise ValueError("an array of another kind")
+                array = np.frombuffer(body, ">f4", offset=2 + 2 * sides).reshape(shape).astype(np.float32)
+            if not isinstance(state, dict) or not ("error" in state or isinstance(state.get("gaussians"), int)):
+                raise ValueError("a state of another kind")
+        except (OSError, ValueError, struct.error, RecursionError) as error:
+            self._leave(f"no live field answers at {self.address} ({error or type(error).__name__})")
+        if "error" in state:
+            raise ValueError(state["error"])
+        if self.state.get("phase") == "away":
+            self._tell("following", address=self.address)
+        self.state, self.gaussians = state, state["gaussians"]
+        return array
+
+    def _receive(self, kind: bytes) -> bytes:
+        header = self._stream.read(58)
+        if len(header) < 58:
+            raise OSError("it closed the connection")
+        name, size = struct.unpack(">2x12s28xQ8x", header)
+        if name.rstrip(b"\0") != kind or size > MOST_LIVE_BYTES:
+            raise ValueError(f"{name!r} came, not {kind.decode()}")
+        body = self._stream.read(size)
+        if len(body) < size:
+            raise OSError("it closed the connection")
+        return body
+
+
+def _thinned(plane: np.ndarray, width: int, height: int) -> tuple[np.ndarray, int, int]:
+    """The same part of the plane in at most MOST_PIXELS: every pixel, or every second, third, ... of them."""
+    step = max(1, math.ceil(math.sqrt(width * height / MOST_PIXELS)))
+    plane = plane.copy()
+    plane[:, :2] *= step
+    return plane, max(1, width // step), max(1, height // step)
 
 
 def _bytes(pixels: np.ndarray) -> np.ndarray:
@@ -155,17 +267,55 @@ class Scene:
 
     def __init__(self, field: Any, sweep: Optional[Sweep]):
         self.field, self.sweep = field, sweep
+        self.live = isinstance(field, FieldOfLive)
+        self._refreshed = -math.inf
+        self.refresh() if self.live else self._measure()
+
+    def _measure(self) -> None:
+        field = self.field
         centers = field.centers if len(field.centers) else np.zeros((1, 3))
         self.low, self.high = centers.min(axis=0), centers.max(axis=0)
         sides = np.maximum(self.high - self.low, 1e-3)
         # The field's mean coverage, to which that of a pixel is compared: its Gaussians' integrals over its box.
         volume = float(np.prod(sides))
-        self.mean_coverage = (2 * math.pi) ** 1.5 * float(np.prod(field.scales, axis=1).sum()) / volume or 1.0
+        integrals = float(np.prod(field.scales, axis=1, dtype=np.float64).sum()) * field.weight
+        self.mean_coverage = (2 * math.pi) ** 1.5 * integrals / volume or 1.0
+        # Some of the Gaussians, evenly taken: x, y, z (mm) and reflectivity, float32.
+        step = max(1, math.ceil(len(field.centers) / MOST_POINTS))
+        chosen = np.column_stack([field.centers, field.reflectivities])[::step]
+        self.points = np.ascontiguousarray(chosen, dtype="<f4").tobytes()
+
+    def refresh(self) -> None:
+        """Of a live field: brings it up to date, unless that was done just now. One that is away stays as it was."""
+        if not self.live or time.monotonic() - self._refreshed < REFRESH_SECONDS:
+            return
+        try:
+            self.field.refresh()
+        except Away:
+            if math.isfinite(self._refreshed):
+                return
+        self._refreshed = time.monotonic()
+        self._measure()
+
+    def look(self) -> None:
+        """Of a live field: asks for its state."""
+        try:
+            self.field.look() if self.live else None
+        except Away:
+            pass  # which the state says
+
+    def probe(self) -> Optional[tuple[np.ndarray, int, int]]:
+        """Of a live field: plane and size of the newest frame."""
+        found = self.field.state.get("probe") if self.live else None
+        return found and _thinned(np.array(found["plane"]).reshape(4, 4), found["width"], found["height"])
 
     def first_plane(self) -> tuple[np.ndarray, int, int]:
-        """Of the frame in the middle; without frames through the middle of the field, along its two longest sides."""
+        """Of the frame in the middle, or of the probe; without both through the middle of the field, along its two longest
+        sides."""
         if self.sweep:
             return self.sweep.poses[len(self.sweep) // 2], self.sweep.width, self.sweep.height
+        if probe := self.probe():
+            return probe
         sides = self.high - self.low
         along = np.argsort(-sides, kind="stable")[:2]
         size = 512
@@ -181,18 +331,13 @@ class Scene:
         plane, width, height = self.first_plane()
         sweep = self.sweep
         return {
-            "gaussians": len(self.field.centers), "low": self.low.tolist(), "high": self.high.tolist(),
+            "gaussians": self.field.gaussians, "low": self.low.tolist(), "high": self.high.tolist(),
             "plane": plane.ravel().tolist(), "width": width, "height": height,
             "frames": [] if sweep is None else [pose.ravel().tolist() for pose in sweep.poses],
             "numbers": [] if sweep is None else sweep.numbers.tolist(),
             "firstFrame": None if sweep is None else len(sweep) // 2,
+            "live": self.field.state if self.live else None,
         }  # fmt: skip
-
-    def points(self) -> bytes:
-        """Some of the Gaussians, evenly taken: x, y, z (mm) and reflectivity, float32."""
-        step = max(1, math.ceil(len(self.field.centers) / MOST_POINTS))
-        chosen = np.column_stack([self.field.centers, self.field.reflectivities])[::step]
-        return np.ascontiguousarray(chosen, dtype="<f4").tobytes()
 
     def parse(self, text: str) -> Request:
         """A request of a client. Raises ValueError for whatever is not sound."""
@@ -235,6 +380,7 @@ class Scene:
 
     def render(self, request: Request) -> tuple[dict[str, Any], list[bytes]]:
         """What is told of the slice, and its pixels and coverage as bytes."""
+        self.refresh()
         begin = time.perf_counter()
         plane = self.sweep.poses[request.frame] if request.frame is not None else request.plane
         image, coverage = self.field.render(plane, request.width, request.height)
@@ -251,6 +397,10 @@ class Scene:
                 difference = difference if self.sweep.mask is None else difference[self.sweep.mask]
                 error = float(np.mean(np.square(difference), dtype=np.float64)) if difference.size else 0.0
                 head["psnr"] = -10 * math.log10(error) if error > 0 else None
+        if self.live:
+            head["live"] = {**self.field.state, "probe": None}
+            if probe := self.probe():
+                head["live"]["probe"] = probe[0].ravel().tolist()
         head["seconds"] = time.perf_counter() - begin
         return head, [grey.tobytes(), seen.tobytes()]
 
@@ -258,11 +408,13 @@ class Scene:
 def read_scene(field: str, sweep: Optional[str], tell: Any) -> Scene:
     import bigus
 
-    tell("reading", file=field)
-    data = bigus.read(field)
     wheel = hasattr(bigus, "Slicer")
-    if not (isinstance(data, bigus.Field) if wheel else data.IsA("vtkPolyData")):
-        raise ValueError(f"{field} is not a field (.vtp or .ply)")
+    live = FieldOfLive(field, tell) if field.startswith("igtl://") else None
+    if not live:
+        tell("reading", file=field)
+        data = bigus.read(field)
+        if not (isinstance(data, bigus.Field) if wheel else data.IsA("vtkPolyData")):
+            raise ValueError(f"{field} is not a field (.vtp or .ply)")
     frames = None
     if sweep is not None:
         tell("reading", file=sweep)
@@ -272,7 +424,7 @@ def read_scene(field: str, sweep: Optional[str], tell: Any) -> Scene:
         frames = Sweep(bigus, found)
         if not len(frames):
             raise ValueError(f"{sweep}: no frame has a usable pose")
-    return Scene(FieldOfWheel(bigus, data) if wheel else FieldOfVtk(bigus, data), frames)
+    return Scene(live or (FieldOfWheel(bigus, data) if wheel else FieldOfVtk(bigus, data)), frames)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -345,7 +497,6 @@ class Server:
         self._turn: asyncio.Lock
         self._pool = concurrent.futures.ThreadPoolExecutor(1, "render")
         self._page = Path(__file__).with_name("serve.html").read_text(encoding="utf-8")
-        self._points = scene.points()
 
     def application(self) -> Any:
         from aiohttp import web
@@ -401,24 +552,35 @@ class Server:
     async def _send_health(self, request: Any) -> Any:
         from aiohttp import web
 
+        await self._in_turn(self.scene.look)
         return web.json_response(self.health())
 
     async def _send_scene(self, request: Any) -> Any:
         from aiohttp import web
 
+        await self._in_turn(self.scene.refresh)
         return web.json_response(self.scene.description())
 
     async def _send_points(self, request: Any) -> Any:
         from aiohttp import web
 
-        return web.Response(body=self._points, content_type="application/octet-stream")
+        await self._in_turn(self.scene.refresh)
+        return web.Response(body=self.scene.points, content_type="application/octet-stream")
+
+    async def _in_turn(self, work: Any) -> None:
+        """What asks a live field, on the thread that renders."""
+        if self.scene.live:
+            async with self._turn:
+                await asyncio.get_running_loop().run_in_executor(self._pool, work)
 
     def health(self) -> dict[str, Any]:
         """What scripts read at /health."""
         recent = sorted(self._recent)
+        live = self.scene.field.state if self.scene.live else None
         return {
-            "status": "ok",
-            "gaussians": len(self.scene.field.centers),
+            "status": "waiting" if live and live.get("phase") == "away" else "ok",
+            **({"live": live} if live else {}),
+            "gaussians": self.scene.field.gaussians,
             "frames": len(self.scene.sweep) if self.scene.sweep else 0,
             "clients": len(self.clients),
             "rendered": self.rendered,
@@ -492,6 +654,8 @@ class Server:
                         continue
                     try:
                         head, parts = await loop.run_in_executor(self._pool, self.scene.render, asked)
+                    except Away as error:
+                        head, parts = {"id": asked.id, "error": str(error), "away": True}, []
                     except Exception as error:  # of the renderer; the others are served on
                         self.refused += 1
                         print(f"a slice failed: {error}", file=sys.stderr)
@@ -534,7 +698,7 @@ def parser() -> argparse.ArgumentParser:
 
     parser = _Parser(prog="bigus serve", description=__doc__,
                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    parser.add_argument("field", metavar="FIELD", help=".vtp or .ply")
+    parser.add_argument("field", metavar="FIELD", help=".vtp or .ply, or igtl://HOST:PORT of bigus live --listen PORT")
     parser.add_argument("sequence", metavar="SEQUENCE", nargs="?", help="the sweep that it was trained on")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1, this machine only)")
     parser.add_argument("--port", type=port, default=8765, help="0: any that is free (default: 8765)")

@@ -15,12 +15,17 @@ namespace bigus::fuzz
 namespace
 {
 
-/// The body as an image, a transform, and the image as a frame. Gives what reading says.
+/// The body as an image, a transform or a text, and the image as a frame. Gives what reading says.
 void TryMessage(const IgtHeader& header, const std::vector<std::uint8_t>& body, LiveTraining& training)
 {
   if (header.type == "TRANSFORM")
   {
     ParseIgtTransform(header, body);
+    return;
+  }
+  if (header.type == "STRING")
+  {
+    ParseIgtString(header, body);
     return;
   }
   if (header.type == "TRACKEDFRAME")
