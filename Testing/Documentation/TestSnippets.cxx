@@ -6,6 +6,8 @@
 
 #include "Rendering/RenderingTestSupport.h"
 #include "Support/TestSupport.h"
+#include "vtkBigusFieldReader.h"
+#include "vtkBigusFieldWriter.h"
 #include "vtkBigusImageMetrics.h"
 #include "vtkBigusPartitionField.h"
 #include "vtkBigusPhantomSource.h"
@@ -84,12 +86,18 @@ TEST_F(Snippets, TrainResliceAndScore)
 
 TEST_F(Snippets, Parts)
 {
+  GoToSweep();
   vtkNew<vtkTrivialProducer> reader;
   reader->SetOutput(field);
   vtkNew<vtkDummyController> controller;
 #include "Filters/Parts-1.h"
   EXPECT_EQ(vtkPolyData::SafeDownCast(part->GetOutputDataObject(0))->GetNumberOfPoints(), 80);
   EXPECT_GT(reslice->GetOutput()->GetNumberOfPoints(), 0);
+#include "Filters/Parts-2.h"
+  vtkNew<vtkBigusFieldReader> again;
+  again->SetFileName("field.pvtp");
+  again->Update();
+  EXPECT_EQ(again->GetOutput()->GetNumberOfPoints(), 80);
 }
 
 TEST_F(Snippets, SliceProp)

@@ -290,7 +290,7 @@ TEST(Checkpoints, ATimeLimitMayBeProlonged)
   options.timeLimit = 1.0;
   const TrainingResult longer = bigus::Train(sweep, options, nullptr, {}, checkpoints);
   EXPECT_GT(longer.iterations, limited.iterations);
-  EXPECT_LT(longer.seconds, 1.5);
+  EXPECT_FALSE(longer.finished);
 }
 
 /// A checkpoint of a small training, in its middle.

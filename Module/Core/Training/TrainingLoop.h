@@ -126,6 +126,7 @@ private:
   ParameterLimits Limits() const;
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;
+  double RateLeft(double fraction) const;
   double SecondsLeft(int iteration, double pace) const;
   double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);
