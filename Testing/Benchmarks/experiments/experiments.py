@@ -100,6 +100,8 @@ def main():
     parser.add_argument("--data", type=Path,
                         default=os.environ.get("BIGUS_DATA") or PROJECT.parent / "shared" / "data")
     parser.add_argument("--program", type=Path, default=PROJECT / "build/bin/bigusExperiment")
+    parser.add_argument("--other", default=[], action="append", metavar="COMMIT=PROGRAM",
+                        help="the program of another commit, for rows that ask for it (e12: 92a5706)")
     parser.add_argument("--budget", type=float, default=math.inf, metavar="MINUTES")
     parser.add_argument("--priority", type=int, default=2, choices=[1, 2, 3],
                         help="leave out jobs above it that were not run before; 3 runs everything (default: 2)")
@@ -109,7 +111,8 @@ def main():
     named = [name for name in options.what if name in EXPERIMENTS]
     chosen = [EXPERIMENTS[name] for name in (named or EXPERIMENTS)]
     scale = Scale.quick() if options.quick else Scale()
-    runner = Runner(options.program, Path(options.data), output, 60 * options.budget)
+    others = dict(other.split("=", 1) for other in options.other)
+    runner = Runner(options.program, Path(options.data), output, 60 * options.budget, others)
     if "publish" in options.what:
         publish(runner, scale)
         return 0

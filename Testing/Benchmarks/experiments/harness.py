@@ -73,6 +73,7 @@ class Runner:
     data: Path
     output: Path
     budget: float = math.inf       # seconds left to spend
+    others: dict = field(default_factory=dict)  # programs of other versions, for jobs whose request has "program"
     ran: int = 0
     start: float = field(default_factory=time.monotonic)
 
@@ -107,12 +108,18 @@ class Runner:
         if job.seconds > self.budget:
             job.state = "not run"
             return
+        request = dict(job.request)
+        other = request.pop("program", None)
+        program = self.others.get(other) if other else self.program
+        if program is None:
+            job.state = f"no program: {other}"
+            return
         began = time.monotonic()
         left = "" if math.isinf(self.budget) else f", {self.budget / 60:.1f} min left"
         print(f"[{began - self.start:6.0f} s{left}] {job.labels}, about {job.seconds:.0f} s", flush=True)
-        command = [str(self.program), "--data", str(self.data), "--cache", str(self.output / "phantoms")]
+        command = [str(program), "--data", str(self.data), "--cache", str(self.output / "phantoms")]
         try:
-            answer = subprocess.run(command, input=json.dumps(job.request), capture_output=True, text=True,
+            answer = subprocess.run(command, input=json.dumps(request), capture_output=True, text=True,
                                     timeout=4 * job.seconds + 120)
             if answer.returncode != 0:
                 raise RuntimeError((answer.stderr.strip() or f"exit status {answer.returncode}").splitlines()[-1])
@@ -123,7 +130,7 @@ class Runner:
             return
         finally:
             self.budget -= time.monotonic() - began
-        result |= {"job": job.request, "machine": machine(), "commit": commit(), "wall_seconds": time.monotonic() - began,
+        result |= {"job": job.request, "machine": machine(), "commit": other or commit(), "wall_seconds": time.monotonic() - began,
                    "date": datetime.now(timezone.utc).isoformat(timespec="seconds")}
         self.path(job).parent.mkdir(parents=True, exist_ok=True)
         write_whole(self.path(job), json.dumps(result, indent=1))

@@ -122,6 +122,26 @@ class Harness(unittest.TestCase):
         return call("e5", "--quick", "--program", PROGRAM, "--data", self.folder / "nothing", "--output", self.folder,
                     *more)
 
+    def test_rows_of_another_commit_are_by_its_program_or_say_that_there_is_none(self):
+        # Its program stands for one that was built of another commit, and tells what it was asked.
+        other = self.folder / "other"
+        other.write_text(f'#!/bin/sh\ntee -a {self.folder}/asked | {PROGRAM} "$@"\n')
+        other.chmod(0o755)
+        arguments = ["e12", "--quick", "--program", PROGRAM, "--data", self.folder / "nothing", "--output", self.folder]
+        status, said = call(*arguments, "--only", "'limit': 5")
+        self.assertEqual(status, 0, said)
+        with open(self.folder / "quick" / "e12.csv") as file:
+            states = {(row["method"], row["state"]) for row in csv.DictReader(file)
+                      if row["scene"] == "phantom, linear" and row["limit"] == "5"}
+        self.assertEqual(states, {("field", "done"), ("field of 92a5706", "no program: 92a5706")})
+        status, said = call(*arguments, "--only", "92a5706', 'limit': 5", "--other", f"92a5706={other}")
+        self.assertEqual(status, 0, said)
+        self.assertNotIn("program", json.loads((self.folder / "asked").read_text()))
+        with open(self.folder / "quick" / "e12.csv") as file:
+            done = {(row["scene"], row["commit"]) for row in csv.DictReader(file)
+                    if row["method"] == "field of 92a5706" and row["state"] == "done"}
+        self.assertEqual(done, {("phantom, linear", "92a5706")})
+
     def test_runs_once_and_reports(self):
         status, said = self.run_e5()
         self.assertEqual(status, 0, said)
