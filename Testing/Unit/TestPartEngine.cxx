@@ -372,24 +372,20 @@ TEST(TrainingInParts, WhatFailsInOneFailsInAll)
 TEST(TrainingInParts, RefusesWhatCannotWork)
 {
   const auto sweep = RenderedSweep();
-  const auto ask = [&](const std::function<void(int, TrainerOptions&, Checkpoints&)>& change)
+  const auto ask = [&](const std::function<void(int, TrainerOptions&)>& change)
   {
     return InThreads(2,
                      [&](Exchange& exchange)
                      {
                        TrainerOptions options = QuickOptions();
-                       Checkpoints checkpoints;
-                       change(exchange.Rank(), options, checkpoints);
-                       Train(sweep, options, nullptr, {}, checkpoints, &exchange);
+                       change(exchange.Rank(), options);
+                       Train(sweep, options, nullptr, {}, {}, &exchange);
                      });
   };
-  const std::vector<std::pair<std::function<void(int, TrainerOptions&, Checkpoints&)>, std::string>> wrong = {
-      {[](int rank, TrainerOptions& options, Checkpoints&) { options.batch = 2 + rank; }, "process 1 has 'batch: 3'"},
-      {[](int rank, TrainerOptions& options, Checkpoints&) { options.timeLimit = 1 + rank; },
-       "process 1 has 'TimeLimit: 2'"},
-      {[](int rank, TrainerOptions& options, Checkpoints&) { options.batch = rank; }, "batch"},
-      {[](int, TrainerOptions&, Checkpoints& checkpoints) { checkpoints.save = [](const std::string&) {}; },
-       "no checkpoints"}};
+  const std::vector<std::pair<std::function<void(int, TrainerOptions&)>, std::string>> wrong = {
+      {[](int rank, TrainerOptions& options) { options.batch = 2 + rank; }, "process 1 has 'batch: 3'"},
+      {[](int rank, TrainerOptions& options) { options.timeLimit = 1 + rank; }, "process 1 has 'TimeLimit: 2'"},
+      {[](int rank, TrainerOptions& options) { options.batch = rank; }, "batch"}};
   for (const auto& [change, words] : wrong)
   {
     for (const std::string& error : ask(change))
