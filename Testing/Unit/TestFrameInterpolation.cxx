@@ -62,7 +62,7 @@ std::vector<float> Between(const Sweep& sweep, int a, int b, double share, const
   FramesAround around;
   around.first = a;
   around.second = b;
-  InterpolateFrames(sweep, around, PlaneBetween(sweep.Plane(a), sweep.Plane(b), share), share, how, image.data());
+  InterpolateFrames(sweep, around, {{PlaneBetween(sweep.Plane(a), sweep.Plane(b), share), share}}, how, {image.data()});
   return image;
 }
 
@@ -194,7 +194,7 @@ TEST(FrameInterpolation, AParabolaInElevationStaysAParabola)
     {
       std::vector<float> image(sweep->PixelsPerFrame());
       InterpolateFrames(*sweep, FramesAround::Gap(*sweep, {0, 1, 2, 3}, 1),
-                        PlaneBetween(sweep->Plane(1), sweep->Plane(2), share), share, {path}, image.data());
+                        {{PlaneBetween(sweep->Plane(1), sweep->Plane(2), share), share}}, {path}, {image.data()});
       EXPECT_LT(LargestError(image, [&](double, double) { return bend(1 + share); }), 1e-5) << share;
     }
   }
@@ -234,7 +234,7 @@ TEST(FrameInterpolation, OuterFramesHelpWhereFramesChangeSmoothly)
       around.before = outer ? f - 3 : FramesAround::kNone;
       around.after = outer ? f + 3 : FramesAround::kNone;
       std::vector<float> image(sweep->PixelsPerFrame());
-      InterpolateFrames(*sweep, around, sweep->Plane(f), 0.5, {Path::Normals, false, decay}, image.data());
+      InterpolateFrames(*sweep, around, {{sweep->Plane(f), 0.5}}, {Path::Normals, false, decay}, {image.data()});
       for (std::size_t p = 0; p < image.size(); ++p)
       {
         const double d = image[p] - test::Pixels(*sweep)[f * image.size() + p];
@@ -306,6 +306,32 @@ TEST(FrameInterpolation, FlowMovesABlobHalfTheWay)
   }
 }
 
+TEST(FrameInterpolation, PlanesOfAGapAreMadeTogetherAsOneByOne)
+{
+  // The blob of the test before, 8 pixels further in the second frame; flow is found once, in the middle.
+  const auto blob = [](double i, double j, double at)
+  { return 0.1 + 0.7 * std::exp(-((i - at) * (i - at) + (j - 28) * (j - 28)) / 32); };
+  const auto sweep = Frames(2, [&](double i, double j, int f) { return blob(i, j, 27 + 8 * f); });
+  FramesAround around;
+  around.second = 1;
+  std::vector<PlaneInGap> planes;
+  for (const double share : {0.25, 0.5, 0.75})
+  {
+    planes.push_back({PlaneBetween(sweep->Plane(0), sweep->Plane(1), share), share});
+  }
+  for (const bool flow : {false, true})
+  {
+    std::vector<std::vector<float>> images(3, std::vector<float>(sweep->PixelsPerFrame()));
+    const FrameInterpolation how{Path::Normals, flow};
+    InterpolateFrames(*sweep, around, planes, how, {images[0].data(), images[1].data(), images[2].data()});
+    for (int n = 0; n < 3; ++n)
+    {
+      // All planes show the same pixels of both frames here, so they have the same flow.
+      EXPECT_EQ(images[n], Between(*sweep, 0, 1, planes[n].share, how)) << n;
+    }
+  }
+}
+
 TEST(FrameInterpolation, SpeckleThatFramesDoNotShareIsSmoothedUnlessContrastIsKept)
 {
   test::Random random(5);
@@ -371,6 +397,20 @@ TEST(FrameInterpolation, OppositeFramesDoNotCrash)
       }
     }
   }
+}
+
+TEST(FrameInterpolation, AnOuterFrameSeenFromItsEdgeSaysNothing)
+{
+  // The first of four frames is turned by 90 degrees, so that no line along the normals meets it.
+  const auto sweep = Frames(4, [](double i, double j, int) { return Texture(i, j); });
+  const FramesAround three = FramesAround::Gap(*sweep, {1, 2, 3}, 0), four = FramesAround::Gap(*sweep, {0, 1, 2, 3}, 1);
+  sweep->imageToReference[0].block<3, 3>(0, 0) =
+      Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitY()) * sweep->imageToReference[0].block<3, 3>(0, 0);
+  const PlaneInGap middle{PlaneBetween(sweep->Plane(1), sweep->Plane(2), 0.5), 0.5};
+  std::vector<float> with(sweep->PixelsPerFrame()), without(with.size());
+  InterpolateFrames(*sweep, four, {middle}, {Path::Normals}, {with.data()});
+  InterpolateFrames(*sweep, three, {middle}, {Path::Normals}, {without.data()});
+  EXPECT_EQ(with, without);
 }
 
 TEST(FrameInterpolation, AScoreNeedsThreeFrames)

@@ -22,8 +22,9 @@ namespace
 
 constexpr int kBands = 4;             // octaves; what is below them is the same in all frames
 constexpr double kFirstBlur = 0.8;    // pixels: the blur that the finest octave is without; it doubles with each
-constexpr int kWindow = 65;           // pixels over which a band's correlation is taken
+constexpr int kHalved = 2;            // octaves from here on are kept in half the size
 constexpr int kCell = 16;             // pixels a side of a cell: correlations of windows four times as wide vary slowly
+constexpr int kWindow = 4;            // cells a side of the window over which a band's correlation is taken
 constexpr double kAlike = 1 - 1e-6;   // correlation that equal pictures count with
 constexpr double kNothing = 1e-10;    // power of a band, (1e-5 of white)^2, below which there is no contrast to mix
 constexpr double kMostContrast = 4;   // gain that keeps contrast; two frames with nothing in common ask for 1.4
@@ -55,21 +56,28 @@ constexpr int kFinestFlow = 0;
 
 constexpr int kFrames = 4;  // around a plane: before, first, second, after
 constexpr int kFirst = 1, kSecond = 2;
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-/// Two pictures of one plane and how far the plane lies from the first, as a share, pixel by pixel.
-struct Pair
-{
-  cv::Mat first, second, share;
-};
+/// Where the frames around a plane lie at one of its pixels: signed distances from the plane, in units of the distance
+/// between the first and the second. Not a number where a frame says nothing.
+using Positions = std::array<double, kFrames>;
 
-/// Pictures of one plane from the frames around it, and where each frame lies, pixel by pixel: its signed distance from
-/// the plane, in units of the distance between the first and the second. A frame that shows nothing of a pixel has a
-/// position that is not a number there. Empty where there is no frame.
+/// What each frame weighs.
+using Weights = std::array<double, kFrames>;
+
+/// Pictures of one plane from the frames around it, and where the frames lie at pixel (x, y). Pictures are empty where
+/// there is no frame.
 struct Views
 {
-  std::array<cv::Mat, kFrames> picture, position;
+  std::array<cv::Mat, kFrames> picture;
+  std::function<Positions(int x, int y)> positions;
+};
 
-  Pair InnerPair() const { return {picture[kFirst], picture[kSecond], -position[kFirst]}; }
+/// A picture's octaves, finest first, and what is below them. From kHalved on they have half the size.
+struct Octaves
+{
+  std::array<cv::Mat, kBands> bands;
+  cv::Mat rest;
 };
 
 /// An orthonormal frame of the plane: along its rows, in the plane across them, along its normal.
@@ -89,46 +97,58 @@ cv::Mat Picture(const Sweep& sweep, int frame)
   return picture;
 }
 
-/// Where lines along `direction` from the plane's pixels meet `target`, in its pixels, and how far away, mm.
+/// Where lines along `direction` from a plane's pixels meet `target`: in its pixels, and the signed distance in mm. Both
+/// are planes, so it is linear in the pixel. Not a number where the direction lies in the target.
 struct Meeting
 {
-  cv::Mat i, j, distance;
-};
-Meeting Meet(const SlicePlane& plane, const Eigen::Vector3d& direction, const SlicePlane& target)
-{
-  // T (x - o) = (i, j, z): a point x goes to x + t d with t = -z / (T d)_z.
-  const Eigen::Matrix3d t = target.WorldToSlice();
-  const Eigen::Vector3d d = t * direction;
-  Meeting meeting;
-  for (cv::Mat* map : {&meeting.i, &meeting.j, &meeting.distance})
+  Eigen::Vector3d origin, perColumn, perRow;
+
+  Meeting(const SlicePlane& plane, const Eigen::Vector3d& direction, const SlicePlane& target)
   {
-    map->create(plane.height, plane.width, CV_32F);
+    // T (x - o) = (i, j, z): a point x goes to x + t d with t = -z / (T d)_z.
+    const Eigen::Matrix3d t = target.WorldToSlice();
+    const Eigen::Vector3d d = t * direction;
+    Eigen::Matrix3d meet = Eigen::Matrix3d::Identity();
+    meet.col(2) = Eigen::Vector3d(-d[0], -d[1], -1) / d[2];
+    origin = meet * (t * (plane.origin - target.origin));
+    perColumn = meet * (t * plane.columnStep);
+    perRow = meet * (t * plane.rowStep);
   }
-  for (int y = 0; y < plane.height; ++y)
+
+  Eigen::Vector3d At(int x, int y) const { return origin + x * perColumn + y * perRow; }
+
+  /// What the plane shows of the target's picture.
+  cv::Mat Sample(const cv::Mat& picture) const
   {
-    for (int x = 0; x < plane.width; ++x)
+    const cv::Mat map =
+        (cv::Mat_<double>(2, 3) << perColumn[0], perRow[0], origin[0], perColumn[1], perRow[1], origin[1]);
+    cv::Mat out = cv::Mat::zeros(picture.size(), CV_32F);
+    if (cv::checkRange(map))
     {
-      const Eigen::Vector3d p = t * (plane.Point(x, y) - target.origin);
-      const double steps = -p[2] / d[2];
-      meeting.i.at<float>(y, x) = static_cast<float>(p[0] + steps * d[0]);
-      meeting.j.at<float>(y, x) = static_cast<float>(p[1] + steps * d[1]);
-      meeting.distance.at<float>(y, x) = static_cast<float>(std::abs(steps));
+      cv::warpAffine(picture, out, map, out.size(), cv::INTER_CUBIC | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
     }
+    return out;
   }
-  return meeting;
+};
+
+/// Whether a place in pixels is inside a frame's image.
+bool IsInside(const Eigen::Vector3d& at, const Sweep& sweep)
+{
+  return at[0] >= -0.5 && at[0] <= sweep.width - 0.5 && at[1] >= -0.5 && at[1] <= sweep.height - 0.5;
 }
 
-cv::Mat Sample(const cv::Mat& picture, const cv::Mat& i, const cv::Mat& j)
+/// Without outer frames that come too near to the inner two.
+Positions Apart(Positions positions)
 {
-  cv::Mat out;
-  cv::remap(picture, out, i, j, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
-  return out;
-}
-
-bool Inside(const Meeting& meeting, int x, int y, int width, int height)
-{
-  const float i = meeting.i.at<float>(y, x), j = meeting.j.at<float>(y, x);
-  return i >= -0.5f && i <= static_cast<float>(width) - 0.5f && j >= -0.5f && j <= static_cast<float>(height) - 0.5f;
+  if (!(positions[0] < positions[kFirst] - kLeastStep))
+  {
+    positions[0] = kUnknown;
+  }
+  if (!(positions[kFrames - 1] > positions[kSecond] + kLeastStep))
+  {
+    positions[kFrames - 1] = kUnknown;
+  }
+  return positions;
 }
 
 /// Frames sampled along lines parallel to the mean normal of the inner two.
@@ -143,41 +163,35 @@ Views ViewsAlongNormals(const Sweep& sweep, const std::array<int, kFrames>& fram
   }
   direction.normalize();
   Views views;
-  std::array<Meeting, kFrames> meetings;
+  std::array<std::optional<Meeting>, kFrames> meetings;
   for (int k = 0; k < kFrames; ++k)
   {
     if (frames[k] != FramesAround::kNone)
     {
-      meetings[k] = Meet(plane, direction, sweep.Plane(frames[k]));
-      views.picture[k] = Sample(Picture(sweep, frames[k]), meetings[k].i, meetings[k].j);
-      views.position[k].create(sweep.height, sweep.width, CV_32F);
+      meetings[k].emplace(plane, direction, sweep.Plane(frames[k]));
+      views.picture[k] = meetings[k]->Sample(Picture(sweep, frames[k]));
     }
   }
-  const auto inside = [&](int k, int x, int y) { return Inside(meetings[k], x, y, sweep.width, sweep.height); };
-  for (int y = 0; y < sweep.height; ++y)
+  views.positions = [&sweep, meetings, share](int x, int y)
   {
-    for (int x = 0; x < sweep.width; ++x)
+    const Eigen::Vector3d a = meetings[kFirst]->At(x, y), b = meetings[kSecond]->At(x, y);
+    const double u = std::abs(a[2]), v = std::abs(b[2]);
+    const bool inFirst = IsInside(a, sweep), inSecond = IsInside(b, sweep);
+    const double s = inFirst != inSecond ? (inFirst ? 0.0 : 1.0) : u + v > 0 ? u / (u + v) : share;
+    Positions positions{kUnknown, -s, 1 - s, kUnknown};
+    if (inFirst && inSecond && u + v > 0)
     {
-      const float u = meetings[kFirst].distance.at<float>(y, x), v = meetings[kSecond].distance.at<float>(y, x);
-      const bool inFirst = inside(kFirst, x, y), inSecond = inside(kSecond, x, y);
-      const float s = inFirst != inSecond ? (inFirst ? 0.0f : 1.0f)
-                      : u + v > 0         ? u / (u + v)
-                                          : static_cast<float>(share);
-      views.position[kFirst].at<float>(y, x) = -s;
-      views.position[kSecond].at<float>(y, x) = 1 - s;
       for (const int k : {0, kFrames - 1})
       {
-        if (!views.picture[k].empty())
+        const Eigen::Vector3d at = meetings[k] ? meetings[k]->At(x, y) : Eigen::Vector3d::Constant(kUnknown);
+        if (IsInside(at, sweep))
         {
-          const bool known = inFirst && inSecond && u + v > 0 && inside(k, x, y);
-          const float distance = known ? meetings[k].distance.at<float>(y, x) / (u + v) : 0.0f;
-          views.position[k].at<float>(y, x) = !known   ? std::numeric_limits<float>::quiet_NaN()
-                                              : k == 0 ? -distance
-                                                       : distance;
+          positions[k] = (k == 0 ? -1 : 1) * std::abs(at[2]) / (u + v);
         }
       }
     }
-  }
+    return Apart(positions);
+  };
   return views;
 }
 
@@ -187,26 +201,26 @@ Views ViewsAlongProbe(const Sweep& sweep, const std::array<int, kFrames>& frames
   const auto centre = [&](int k)
   { return sweep.Plane(frames[k]).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
   const double gap = (centre(kSecond) - centre(kFirst)).norm();
+  const auto gaps = [&](int a, int b) { return gap > 0 ? (centre(a) - centre(b)).norm() / gap : 1; };
   Views views;
+  Positions positions{kUnknown, -share, 1 - share, kUnknown};
   for (int k = 0; k < kFrames; ++k)
   {
-    if (frames[k] == FramesAround::kNone)
+    if (frames[k] != FramesAround::kNone)
     {
-      continue;
+      views.picture[k] = Picture(sweep, frames[k]);
+      positions[k] = k == 0 ? -share - gaps(kFirst, 0) : k == kFrames - 1 ? 1 - share + gaps(k, kSecond) : positions[k];
     }
-    double position = k <= kFirst ? -share : 1 - share;
-    if (k == 0)
-    {
-      position -= gap > 0 ? (centre(kFirst) - centre(0)).norm() / gap : 1;
-    }
-    else if (k == kFrames - 1)
-    {
-      position += gap > 0 ? (centre(k) - centre(kSecond)).norm() / gap : 1;
-    }
-    views.picture[k] = Picture(sweep, frames[k]);
-    views.position[k] = cv::Mat(sweep.height, sweep.width, CV_32F, cv::Scalar(position));
   }
+  views.positions = [positions = Apart(positions)](int, int) { return positions; };
   return views;
+}
+
+Views ViewsOf(const Sweep& sweep, const FramesAround& around, const PlaneInGap& at, FrameInterpolation::Path path)
+{
+  const std::array<int, kFrames> frames = {around.before, around.first, around.second, around.after};
+  return path == FrameInterpolation::Path::Normals ? ViewsAlongNormals(sweep, frames, at.plane, at.share)
+                                                   : ViewsAlongProbe(sweep, frames, at.share);
 }
 
 /// A displacement in pixels from one picture to another, both of bytes.
@@ -251,105 +265,177 @@ cv::Mat Flow(const cv::Mat& from, const cv::Mat& to, FindFlow find)
 }
 
 /// All pictures moved along the flow between the inner two, each to the plane.
-Views MovedByFlow(const Views& views, FindFlow find)
+Views MovedByFlow(const Views& views, const cv::Mat& flow)
 {
-  const cv::Mat flow = Flow(views.picture[kFirst], views.picture[kSecond], find);
   Views moved;
-  moved.position = views.position;
-  cv::Mat i(flow.size(), CV_32F), j(flow.size(), CV_32F);
+  moved.positions = views.positions;
+  std::array<cv::Mat, kFrames> i, j;
   for (int k = 0; k < kFrames; ++k)
   {
-    if (views.picture[k].empty())
+    i[k].create(flow.size(), CV_32F);
+    j[k].create(flow.size(), CV_32F);
+  }
+  for (int y = 0; y < flow.rows; ++y)
+  {
+    for (int x = 0; x < flow.cols; ++x)
     {
-      continue;
-    }
-    for (int y = 0; y < flow.rows; ++y)
-    {
-      for (int x = 0; x < flow.cols; ++x)
+      const cv::Vec2f step = flow.at<cv::Vec2f>(y, x);
+      const Positions positions = views.positions(x, y);
+      for (int k = 0; k < kFrames; ++k)
       {
-        const cv::Vec2f step = flow.at<cv::Vec2f>(y, x);
-        const float position = views.position[k].at<float>(y, x), known = std::isnan(position) ? 0.0f : position;
-        i.at<float>(y, x) = static_cast<float>(x) + known * step[0];
-        j.at<float>(y, x) = static_cast<float>(y) + known * step[1];
+        const auto known = static_cast<float>(std::isnan(positions[k]) ? 0.0 : positions[k]);
+        i[k].at<float>(y, x) = static_cast<float>(x) + known * step[0];
+        j[k].at<float>(y, x) = static_cast<float>(y) + known * step[1];
       }
     }
-    moved.picture[k] = Sample(views.picture[k], i, j);
+  }
+  for (int k = 0; k < kFrames; ++k)
+  {
+    if (!views.picture[k].empty())
+    {
+      cv::remap(views.picture[k], moved.picture[k], i[k], j[k], cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    }
   }
   return moved;
 }
 
-/// Takes an octave out of a picture: what blurring by `sigma` pixels removes. The picture keeps the rest.
-cv::Mat TakeBand(cv::Mat& picture, double sigma)
+/// Takes octaves out of a picture: each is what blurring removes of what is left. The picture is halved once it is so
+/// blurred that it can be.
+Octaves Split(cv::Mat picture)
 {
-  cv::Mat low;
-  cv::GaussianBlur(picture, low, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
-  const cv::Mat band = picture - low;
-  picture = low;
-  return band;
+  Octaves octaves;
+  double sigma = kFirstBlur;
+  for (int band = 0; band < kBands; ++band, sigma *= 2)
+  {
+    cv::Mat low;
+    cv::GaussianBlur(picture, low, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
+    if (band + 1 == kHalved)
+    {
+      cv::Mat half, again;
+      cv::resize(low, half, cv::Size((low.cols + 1) / 2, (low.rows + 1) / 2), 0, 0, cv::INTER_AREA);
+      cv::resize(half, again, low.size(), 0, 0, cv::INTER_LINEAR);
+      octaves.bands[band] = picture - again;
+      picture = half;
+      sigma /= 2;
+    }
+    else
+    {
+      octaves.bands[band] = picture - low;
+      picture = low;
+    }
+  }
+  octaves.rest = picture;
+  return octaves;
 }
 
-/// The mean of a product of two bands around every pixel.
-cv::Mat LocalMean(const cv::Mat& a, const cv::Mat& b)
+/// The cells that weights are found for: at the middle of each, and interpolated between.
+struct Cells
 {
-  cv::Mat mean;
-  cv::boxFilter(a.mul(b), mean, CV_32F, cv::Size(kWindow, kWindow), cv::Point(-1, -1), true, cv::BORDER_REFLECT_101);
-  return mean;
+  cv::Size size;                     ///< of the grid
+  std::vector<Positions> positions;  ///< [rows][columns] of the frames at their middles
+
+  Cells(const Views& views, cv::Size picture)
+      : size((picture.width + kCell - 1) / kCell, (picture.height + kCell - 1) / kCell)
+  {
+    for (int y = 0; y < size.height; ++y)
+    {
+      for (int x = 0; x < size.width; ++x)
+      {
+        positions.push_back(views.positions(std::min(x * kCell + kCell / 2, picture.width - 1),
+                                            std::min(y * kCell + kCell / 2, picture.height - 1)));
+      }
+    }
+  }
+};
+
+/// The mean of a product of two bands in a window of kWindow cells a side around the middle of every cell, as far as it
+/// lies in the picture. Cells are of `side` pixels.
+std::vector<double> LocalMeans(const cv::Mat& a, const cv::Mat& b, cv::Size cells, int side)
+{
+  const int block = side / 2;  // windows consist of whole blocks
+  const cv::Size blocks((a.cols + block - 1) / block, (a.rows + block - 1) / block);
+  cv::Mat sums = cv::Mat::zeros(blocks, CV_64F), integral;
+  std::vector<float> columns(a.cols);
+  for (int y = 0; y < blocks.height; ++y)
+  {
+    std::fill(columns.begin(), columns.end(), 0.0f);
+    for (int row = y * block; row < std::min((y + 1) * block, a.rows); ++row)
+    {
+      const float *u = a.ptr<float>(row), *v = b.ptr<float>(row);
+      for (int x = 0; x < a.cols; ++x)
+      {
+        columns[x] += u[x] * v[x];
+      }
+    }
+    for (int x = 0; x < a.cols; ++x)
+    {
+      sums.at<double>(y, x / block) += columns[x];
+    }
+  }
+  cv::integral(sums, integral, CV_64F);
+  std::vector<double> means;
+  for (int y = 0; y < cells.height; ++y)
+  {
+    for (int x = 0; x < cells.width; ++x)
+    {
+      const int left = std::max(2 * x + 1 - kWindow, 0), right = std::min(2 * x + 1 + kWindow, blocks.width);
+      const int top = std::max(2 * y + 1 - kWindow, 0), bottom = std::min(2 * y + 1 + kWindow, blocks.height);
+      const double pixels = static_cast<double>(std::min(right * block, a.cols) - left * block) *
+                            (std::min(bottom * block, a.rows) - top * block);
+      means.push_back((integral.at<double>(bottom, right) - integral.at<double>(bottom, left) -
+                       integral.at<double>(top, right) + integral.at<double>(top, left)) /
+                      pixels);
+    }
+  }
+  return means;
 }
 
-/// Weights of the frames around a plane.
-using Weights = std::array<double, kFrames>;
-/// Their positions; not a number where a frame says nothing.
-using Positions = std::array<double, kFrames>;
-
-/// The positions at one pixel, without outer frames that come too near to the inner two.
-Positions PositionsAt(const Views& views, int x, int y)
+/// |p_i - p_j|^e and |p_i|^e of the frames at one pixel: what correlations rest on beside rho.
+struct Distances
 {
-  Positions positions;
-  for (int k = 0; k < kFrames; ++k)
+  Eigen::Matrix<double, kFrames, kFrames> between;
+  Eigen::Matrix<double, kFrames, 1> toPlane;  ///< not a number where a frame says nothing
+
+  Distances(const Positions& positions, double exponent)
   {
-    positions[k] = views.picture[k].empty() ? std::nan("") : views.position[k].at<float>(y, x);
+    for (int a = 0; a < kFrames; ++a)
+    {
+      toPlane[a] = std::pow(std::abs(positions[a]), exponent);
+      for (int b = 0; b < a; ++b)
+      {
+        between(a, b) = std::pow(std::abs(positions[a] - positions[b]), exponent);
+      }
+    }
   }
-  if (!(positions[0] < positions[kFirst] - kLeastStep))
-  {
-    positions[0] = std::nan("");
-  }
-  if (!(positions[kFrames - 1] > positions[kSecond] + kLeastStep))
-  {
-    positions[kFrames - 1] = std::nan("");
-  }
-  return positions;
-}
+};
 
 /// Weights of the best linear estimate, K w = k. K_ij = rho^(|p_i - p_j|^e) + noise and k_i = rho^(|p_i|^e) are the
 /// correlations between frames and with the plane, rho that of frames one gap apart.
-Weights BestLinear(const Positions& positions, double rho, double exponent)
+Weights BestLinear(const Distances& distances, double rho)
 {
-  std::array<int, kFrames> known{};
-  int count = 0;
-  for (int k = 0; k < kFrames; ++k)
+  const double decay = std::log(rho);  // rho 0: minus infinity
+  const auto correlation = [decay](double distance) { return distance > 0 ? std::exp(decay * distance) : 1.0; };
+  Eigen::Matrix<double, kFrames, kFrames> between = Eigen::Matrix<double, kFrames, kFrames>::Identity();
+  Eigen::Matrix<double, kFrames, 1> with = Eigen::Matrix<double, kFrames, 1>::Zero();
+  for (int a = 0; a < kFrames; ++a)
   {
-    if (!std::isnan(positions[k]))
+    if (std::isnan(distances.toPlane[a]))
     {
-      known[count++] = k;
+      continue;
+    }
+    with[a] = correlation(distances.toPlane[a]);
+    between(a, a) += kNoise;
+    for (int b = 0; b < a; ++b)
+    {
+      if (!std::isnan(distances.toPlane[b]))
+      {
+        between(a, b) = correlation(distances.between(a, b));  // LLT reads the lower half
+      }
     }
   }
-  const auto correlation = [&](double distance) { return std::pow(rho, std::pow(std::abs(distance), exponent)); };
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kFrames, kFrames> between(count, count);
-  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kFrames, 1> with(count);
-  for (int a = 0; a < count; ++a)
-  {
-    for (int b = 0; b < count; ++b)
-    {
-      between(a, b) = correlation(positions[known[a]] - positions[known[b]]) + (a == b ? kNoise : 0.0);
-    }
-    with[a] = correlation(positions[known[a]]);
-  }
-  const auto solved = between.llt().solve(with).eval();
-  Weights weights{};
-  for (int a = 0; a < count; ++a)
-  {
-    weights[known[a]] = solved[a];
-  }
+  const Eigen::Matrix<double, kFrames, 1> solved = between.llt().solve(with);
+  Weights weights;
+  std::copy_n(solved.data(), kFrames, weights.begin());
   return weights;
 }
 
@@ -384,105 +470,128 @@ Weights Cubic(const Positions& p)
   return weights;
 }
 
-/// Adds the weighted sum of `pictures` to `sum`. `weights(x, y)` gives the weights at a pixel; they are found at the
-/// middle of every cell and interpolated between.
-template <class Find>
-void AddWeighted(const std::array<cv::Mat, kFrames>& pictures, const Find& weights, cv::Mat& sum)
+/// Adds the weighted sum of `pictures` to `sum`. Weights are those of cells of `side` pixels, interpolated between.
+void AddWeighted(const std::array<const cv::Mat*, kFrames>& pictures, const std::vector<Weights>& weights,
+                 cv::Size cells, int side, cv::Mat& sum)
 {
-  const cv::Size cells((sum.cols + kCell - 1) / kCell, (sum.rows + kCell - 1) / kCell);
-  std::array<cv::Mat, kFrames> maps;
-  for (cv::Mat& map : maps)
+  cv::Mat map(cells, CV_32F), whole;
+  for (int k = 0; k < kFrames; ++k)
   {
-    map.create(cells, CV_32F);
-  }
-  for (int y = 0; y < cells.height; ++y)
-  {
-    for (int x = 0; x < cells.width; ++x)
+    if (pictures[k] != nullptr)
     {
-      const Weights found =
-          weights(std::min(x * kCell + kCell / 2, sum.cols - 1), std::min(y * kCell + kCell / 2, sum.rows - 1));
-      for (int k = 0; k < kFrames; ++k)
-      {
-        maps[k].at<float>(y, x) = static_cast<float>(found[k]);
-      }
+      std::transform(weights.begin(), weights.end(), map.ptr<float>(),
+                     [k](const Weights& found) { return static_cast<float>(found[k]); });
+      cv::resize(map, whole, cells * side, 0, 0, cv::INTER_LINEAR);
+      sum += whole(cv::Rect(cv::Point(), sum.size())).mul(*pictures[k]);
     }
   }
+}
+
+/// The frames' pictures mixed octave by octave. `ofBand(band, side)` gives the weights of all cells, which have `side`
+/// pixels there, and ofRest(cell) those of what is below the last octave.
+template <class OfBand, class OfRest>
+cv::Mat Mix(const std::array<std::optional<Octaves>, kFrames>& frames, const Cells& cells, const OfBand& ofBand,
+            const OfRest& ofRest)
+{
+  std::array<const cv::Mat*, kFrames> pictures{};
+  const auto choose = [&](const auto& part)
+  {
+    for (int k = 0; k < kFrames; ++k)
+    {
+      pictures[k] = frames[k] ? &part(*frames[k]) : nullptr;
+    }
+  };
+  cv::Mat whole = cv::Mat::zeros(frames[kFirst]->bands[0].size(), CV_32F);
+  cv::Mat half = cv::Mat::zeros(frames[kFirst]->rest.size(), CV_32F);
+  for (int band = 0; band < kBands; ++band)
+  {
+    const int side = band < kHalved ? kCell : kCell / 2;
+    choose([band](const Octaves& octaves) -> const cv::Mat& { return octaves.bands[band]; });
+    AddWeighted(pictures, ofBand(band, side), cells.size, side, band < kHalved ? whole : half);
+  }
+  std::vector<Weights> weights;
+  for (const Positions& positions : cells.positions)
+  {
+    weights.push_back(ofRest(positions));
+  }
+  choose([](const Octaves& octaves) -> const cv::Mat& { return octaves.rest; });
+  AddWeighted(pictures, weights, cells.size, kCell / 2, half);
+  cv::Mat again;
+  cv::resize(half, again, whole.size(), 0, 0, cv::INTER_LINEAR);
+  return whole + again;
+}
+
+std::array<std::optional<Octaves>, kFrames> SplitAll(const std::array<cv::Mat, kFrames>& pictures)
+{
+  std::array<std::optional<Octaves>, kFrames> all;
   for (int k = 0; k < kFrames; ++k)
   {
     if (!pictures[k].empty())
     {
-      cv::Mat whole;
-      cv::resize(maps[k], whole, cells * kCell, 0, 0, cv::INTER_LINEAR);
-      sum += whole(cv::Rect(cv::Point(), sum.size())).mul(pictures[k]);
+      all[k] = Split(pictures[k]);
     }
   }
+  return all;
 }
 
-/// The pictures mixed band by band, each by the best linear estimate under the correlation that the inner two have in a
-/// window. What is below the last octave follows a cubic.
+/// The best linear estimate, octave by octave, under the correlation that the inner two have in a window. What is below
+/// the last octave follows a cubic.
 cv::Mat Estimate(const Views& views, double exponent)
 {
-  std::array<cv::Mat, kFrames> rest = views.picture;
-  cv::Mat sum = cv::Mat::zeros(rest[kFirst].size(), CV_32F);
-  for (int band = 0; band < kBands; ++band)
+  const Cells cells(views, views.picture[kFirst].size());
+  std::vector<Distances> distances;
+  for (const Positions& positions : cells.positions)
   {
-    std::array<cv::Mat, kFrames> bands;
-    for (int k = 0; k < kFrames; ++k)
-    {
-      if (!rest[k].empty())
-      {
-        bands[k] = TakeBand(rest[k], kFirstBlur * (1 << band));
-      }
-    }
-    const cv::Mat &u = bands[kFirst], &v = bands[kSecond];
-    const cv::Mat uu = LocalMean(u, u), vv = LocalMean(v, v), uv = LocalMean(u, v);
-    AddWeighted(
-        bands,
-        [&](int x, int y)
-        {
-          const double a = std::max(0.0f, uu.at<float>(y, x)), b = std::max(0.0f, vv.at<float>(y, x));
-          const double deviations = std::sqrt(a * b);
-          const double rho = deviations > kNothing ? std::clamp(uv.at<float>(y, x) / deviations, 0.0, kAlike) : 0.0;
-          return BestLinear(PositionsAt(views, x, y), rho, exponent);
-        },
-        sum);
+    distances.emplace_back(positions, exponent);
   }
-  AddWeighted(
-      rest, [&](int x, int y) { return Cubic(PositionsAt(views, x, y)); }, sum);
-  return sum;
+  const auto frames = SplitAll(views.picture);
+  const auto ofBand = [&](int band, int side)
+  {
+    const cv::Mat &u = frames[kFirst]->bands[band], &v = frames[kSecond]->bands[band];
+    const std::vector<double> uu = LocalMeans(u, u, cells.size, side), vv = LocalMeans(v, v, cells.size, side),
+                              uv = LocalMeans(u, v, cells.size, side);
+    std::vector<Weights> weights;
+    for (std::size_t cell = 0; cell < distances.size(); ++cell)
+    {
+      const double deviations = std::sqrt(std::max(uu[cell], 0.0) * std::max(vv[cell], 0.0));
+      const double rho = deviations > kNothing ? std::clamp(uv[cell] / deviations, 0.0, kAlike) : 0.0;
+      weights.push_back(BestLinear(distances[cell], rho));
+    }
+    return weights;
+  };
+  return Mix(frames, cells, ofBand, Cubic);
 }
 
-/// Two pictures mixed band by band by the shares 1 - s and s. Bands get the power that those of the frames as they were
-/// `recorded` have around the same pixel, because sampling between pixels and mixing take from it.
-cv::Mat MixKeepingContrast(const Pair& pair, const std::array<cv::Mat, 2>& recorded)
+/// The inner two mixed octave by octave by the shares 1 - s and s. Octaves get the power that those of the frames as they
+/// were `recorded` have around the same pixel, because sampling between pixels and mixing take from it.
+cv::Mat MixKeepingContrast(const Views& views, const std::array<cv::Mat, 2>& recorded)
 {
-  cv::Mat first = pair.first, second = pair.second, mix = cv::Mat::zeros(first.size(), CV_32F);
-  std::array<cv::Mat, 2> whole = recorded;
-  for (int band = 0; band < kBands; ++band)
+  const Cells cells(views, views.picture[kFirst].size());
+  const auto frames = SplitAll({cv::Mat(), views.picture[kFirst], views.picture[kSecond], cv::Mat()});
+  const std::array<Octaves, 2> whole = {Split(recorded[0]), Split(recorded[1])};
+  const auto ofRest = [](const Positions& positions) { return Weights{0, positions[kSecond], -positions[kFirst], 0}; };
+  const auto ofBand = [&](int band, int side)
   {
-    const double sigma = kFirstBlur * (1 << band);
-    const cv::Mat u = TakeBand(first, sigma), v = TakeBand(second, sigma);
-    const cv::Mat uu = LocalMean(u, u), vv = LocalMean(v, v), uv = LocalMean(u, v);
-    std::array<cv::Mat, 2> power;
-    for (int k = 0; k < 2; ++k)
+    const auto means = [&](const cv::Mat& a, const cv::Mat& b) { return LocalMeans(a, b, cells.size, side); };
+    const cv::Mat &u = frames[kFirst]->bands[band], &v = frames[kSecond]->bands[band];
+    const std::vector<double> uu = means(u, u), vv = means(v, v), uv = means(u, v);
+    const std::vector<double> first = means(whole[0].bands[band], whole[0].bands[band]),
+                              second = means(whole[1].bands[band], whole[1].bands[band]);
+    std::vector<Weights> weights;
+    for (std::size_t cell = 0; cell < uu.size(); ++cell)
     {
-      const cv::Mat wholeBand = TakeBand(whole[k], sigma);
-      power[k] = LocalMean(wholeBand, wholeBand);
+      Weights found = ofRest(cells.positions[cell]);
+      const double a = found[kFirst], b = found[kSecond];
+      const double left = a * a * uu[cell] + b * b * vv[cell] + 2 * a * b * uv[cell];
+      const double wanted = a * first[cell] + b * second[cell];
+      const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMostContrast) : 1.0;
+      found[kFirst] *= gain;
+      found[kSecond] *= gain;
+      weights.push_back(found);
     }
-    for (int y = 0; y < mix.rows; ++y)
-    {
-      for (int x = 0; x < mix.cols; ++x)
-      {
-        const double a = std::max(0.0f, uu.at<float>(y, x)), b = std::max(0.0f, vv.at<float>(y, x));
-        const double ab = uv.at<float>(y, x), s = pair.share.at<float>(y, x);
-        const double left = (1 - s) * (1 - s) * a + s * s * b + 2 * s * (1 - s) * ab;
-        const double wanted = (1 - s) * power[0].at<float>(y, x) + s * power[1].at<float>(y, x);
-        const double gain = left > kNothing && wanted > 0 ? std::min(std::sqrt(wanted / left), kMostContrast) : 1.0;
-        mix.at<float>(y, x) += static_cast<float>(gain * ((1 - s) * u.at<float>(y, x) + s * v.at<float>(y, x)));
-      }
-    }
-  }
-  return mix + first + pair.share.mul(second - first);
+    return weights;
+  };
+  return Mix(frames, cells, ofBand, ofRest);
 }
 
 double Exponent(FrameInterpolation::Decay decay)
@@ -550,35 +659,48 @@ SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double sha
   return plane;
 }
 
-void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const SlicePlane& plane, double share,
-                       const FrameInterpolation& interpolation, float* image)
+void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const std::vector<PlaneInGap>& planes,
+                       const FrameInterpolation& interpolation, const std::vector<float*>& images)
 {
-  const std::array<int, kFrames> frames = {around.before, around.first, around.second, around.after};
-  const Views views = interpolation.path == FrameInterpolation::Path::Normals
-                          ? ViewsAlongNormals(sweep, frames, plane, share)
-                          : ViewsAlongProbe(sweep, frames, share);
-  cv::Mat mix;
-  if (interpolation.keepContrast)
+  std::vector<cv::Mat> flows;
+  if (interpolation.flow)
   {
-    const Views moved = interpolation.flow ? MovedByFlow(views, FarnebackFlow) : views;
-    mix = MixKeepingContrast(moved.InnerPair(), {Picture(sweep, around.first), Picture(sweep, around.second)});
-  }
-  else
-  {
-    const double exponent = Exponent(interpolation.decay);
-    mix = Estimate(views, exponent);
-    if (interpolation.flow)  // the mean of several estimates has less error than any; its texture is none of theirs
+    const Views middle = ViewsOf(sweep, around, planes[planes.size() / 2], interpolation.path);
+    const cv::Mat &from = middle.picture[kFirst], &to = middle.picture[kSecond];
+    flows.push_back(Flow(from, to, FarnebackFlow));
+    if (!interpolation.keepContrast)
     {
-      mix += Estimate(MovedByFlow(views, FarnebackFlow), exponent);
-      mix += Estimate(MovedByFlow(views, InverseSearchFlow), exponent);
-      mix /= 3;
+      flows.push_back(Flow(from, to, InverseSearchFlow));
     }
   }
-  for (int y = 0; y < mix.rows; ++y)
+  const auto interpolate = [&](std::size_t n)
   {
-    std::transform(mix.ptr<float>(y), mix.ptr<float>(y) + mix.cols, image + static_cast<std::size_t>(y) * mix.cols,
-                   [](float value) { return std::clamp(value, 0.0f, 1.0f); });
-  }
+    const Views views = ViewsOf(sweep, around, planes[n], interpolation.path);
+    cv::Mat mix;
+    if (interpolation.keepContrast)
+    {
+      mix = MixKeepingContrast(interpolation.flow ? MovedByFlow(views, flows[0]) : views,
+                               {Picture(sweep, around.first), Picture(sweep, around.second)});
+    }
+    else
+    {
+      const double exponent = Exponent(interpolation.decay);
+      mix = Estimate(views, exponent);
+      for (const cv::Mat& flow :
+           flows)  // the mean of several estimates has less error than any; its texture is none of theirs
+      {
+        mix += Estimate(MovedByFlow(views, flow), exponent);
+      }
+      mix /= 1.0 + static_cast<double>(flows.size());
+    }
+    for (int y = 0; y < mix.rows; ++y)
+    {
+      std::transform(mix.ptr<float>(y), mix.ptr<float>(y) + mix.cols,
+                     images[n] + static_cast<std::size_t>(y) * mix.cols,
+                     [](float value) { return std::clamp(value, 0.0f, 1.0f); });
+    }
+  };
+  tbb::parallel_for(std::size_t(0), planes.size(), interpolate);
 }
 
 std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<int>& frames,
@@ -613,8 +735,8 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
     std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
     std::vector<int> others = frames;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(k));
-    InterpolateFrames(sweep, FramesAround::Gap(sweep, others, k - 1), plane, u + v > 0 ? u / (u + v) : 0.5,
-                      interpolation, image.data());
+    InterpolateFrames(sweep, FramesAround::Gap(sweep, others, k - 1), {{plane, u + v > 0 ? u / (u + v) : 0.5}},
+                      interpolation, {image.data()});
     sweep.BlackenUnlit(image.data());
     sweep.CopyFrame(frames[k], truth.data());
     psnr[n] = Psnr(image.data(), truth.data(), image.size());

@@ -61,13 +61,21 @@ struct FramesAround
   static FramesAround Gap(const Sweep& sweep, const std::vector<int>& frames, std::size_t gap);
 };
 
-/// The picture at `plane`, which lies a share of the way from the first to the second frame. Frames are sampled
+/// A plane of the frames' size, a share (0 to 1) of the way from the first to the second frame.
+struct PlaneInGap
+{
+  SlicePlane plane;
+  double share;
+};
+
+/// The pictures at planes between the first and the second frame. Frames are sampled
 /// bicubically and mixed band by band (four octaves). Speckle that they do not share is noise to the plane between
 /// them, so each band gets the best linear estimate (simple kriging) under the correlation rho found between the inner
 /// two in a window around the pixel. Frames a share d of their distance apart count as correlated by rho^(d^e), e by
-/// `decay`. `image` gets plane.NumberOfPixels() values in [0, 1]; the plane is of the frames' size.
-void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const SlicePlane& plane, double share,
-                       const FrameInterpolation& interpolation, float* image);
+/// `decay`. Optical flow is found once, at the middle one of the planes. Each of `images` gets plane.NumberOfPixels() values
+/// in [0, 1].
+void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const std::vector<PlaneInGap>& planes,
+                       const FrameInterpolation& interpolation, const std::vector<float*>& images);
 
 /// How well `interpolation` predicts frames (at most 12, evenly chosen) from their neighbours among `frames`: mean
 /// PSNR, dB. Needs three frames of a sequence; throws Error with fewer. Null when `goOn` (may be empty), asked every few frames, says

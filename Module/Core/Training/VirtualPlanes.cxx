@@ -36,12 +36,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     out->imageToReference.push_back(sweep.imageToReference[frame]);
     out->timestamps.push_back(static_cast<double>(out->timestamps.size()));
   }
-  struct Gap
-  {
-    FramesAround around;
-    double share;
-  };
-  std::vector<Gap> gaps;
+  std::vector<FramesAround> gaps;
   const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
   const auto isBreak = [&](int before, int after)
   {
@@ -66,10 +61,10 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     {
       around.after = FramesAround::kNone;
     }
+    gaps.push_back(around);
     for (int v = 1; v <= perGap; ++v)
     {
       const double share = v / (perGap + 1.0);
-      gaps.push_back({around, share});
       out->imageToReference.push_back(PlaneBetween(from, to, share).ImageToReference());
       out->timestamps.push_back(static_cast<double>(k) + share);
     }
@@ -80,31 +75,36 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     using Pixel = decltype(zero);
     const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
     const auto values = AllocatePixels<Pixel>(pixels * planes);
-    for (std::size_t first = 0; first < planes; first += kPlanesAtOnce)
+    tbb::parallel_for(std::size_t(0), frames.size(),
+                      [&](std::size_t k)
+                      { std::copy_n(recorded + frames[k] * pixels, pixels, values.get() + k * pixels); });
+    const auto fillGap = [&](std::size_t gap)
     {
-      if (goOn && !goOn(static_cast<double>(first) / static_cast<double>(planes)))
+      std::vector<std::vector<float>> images(perGap, std::vector<float>(pixels));
+      std::vector<float*> to;
+      std::vector<PlaneInGap> between;
+      const std::size_t first = frames.size() + gap * perGap;
+      for (int v = 0; v < perGap; ++v)
+      {
+        to.push_back(images[v].data());
+        between.push_back({out->Plane(static_cast<int>(first) + v), (v + 1) / (perGap + 1.0)});
+      }
+      InterpolateFrames(sweep, gaps[gap], between, interpolation, to);
+      for (int v = 0; v < perGap; ++v)
+      {
+        std::transform(images[v].begin(), images[v].end(), values.get() + (first + v) * pixels,
+                       [](float value)
+                       { return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value); });
+      }
+    };
+    const std::size_t atOnce = std::max<std::size_t>(1, kPlanesAtOnce / std::max(perGap, 1));
+    for (std::size_t first = 0; first < gaps.size(); first += atOnce)
+    {
+      if (goOn && !goOn(static_cast<double>(first) / static_cast<double>(gaps.size())))
       {
         return false;
       }
-      tbb::parallel_for(
-          first, std::min(first + kPlanesAtOnce, planes),
-          [&](std::size_t k)
-          {
-            Pixel* to = values.get() + k * pixels;
-            if (k < frames.size())
-            {
-              std::copy_n(recorded + frames[k] * pixels, pixels, to);
-              return;
-            }
-            const Gap& gap = gaps[k - frames.size()];
-            std::vector<float> image(pixels);
-            InterpolateFrames(sweep, gap.around, out->Plane(static_cast<int>(k)), gap.share, interpolation,
-                              image.data());
-            std::transform(image.begin(), image.end(), to,
-                           [](float value) {
-                             return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value);
-                           });
-          });
+      tbb::parallel_for(first, std::min(first + atOnce, gaps.size()), fillGap);
     }
     out->pixels = values;
     return true;

@@ -328,7 +328,8 @@ void PredictFrameInterpolation(const Sweep& sweep, const std::vector<int>& train
   const auto centre = [&sweep](int k)
   { return sweep.Plane(k).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
   const double toA = (centre(frame) - centre(a)).norm(), toB = (centre(frame) - centre(b)).norm();
-  InterpolateFrames(sweep, around, sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5, interpolation, image);
+  InterpolateFrames(sweep, around, {{sweep.Plane(frame), toA + toB > 0 ? toA / (toA + toB) : 0.5}}, interpolation,
+                    {image});
 }
 
 /// Interpolation. A frame of the sweep is predicted from its neighbours in the sequence, another plane from the frames
