@@ -28,57 +28,63 @@ constexpr double kFlat = 1e-12;
 /// Sobel's derivative over 3 pixels divided by the sum of its weights: per pixel.
 constexpr double kSobel = 1.0 / 8;
 
-/// Products of a frame's derivatives, averaged over the surroundings of every pixel of a smaller picture.
-struct StructureTensor
-{
-  int reduction = 1;  // pixels of the frame to one of the pictures, along each side
-  cv::Mat xx, xy, yy, xz, yz, zz;
-};
+/// Frames of a row that one thread looks at: each is smoothed once, and so are the two beside the row.
+constexpr std::size_t kRow = 16;
 
-StructureTensor MeasureStructure(const Sweep& sweep, const std::vector<int>& frames, std::size_t f, double surroundings)
+/// How frames are looked at: what is averaged over two pixels and more needs no more pixels than that.
+struct Looking
 {
-  StructureTensor out;
-  // What is averaged over two pixels and more needs no more pixels than that.
-  out.reduction = std::max(1, static_cast<int>(surroundings));
-  const double sigma = surroundings / out.reduction;
-  const auto smoothed = [&](std::size_t k)
+  int reduction;  ///< pixels of the frame to one of the pictures, along each side
+  double sigma;   ///< of the surroundings, in pixels of the pictures
+
+  explicit Looking(double surroundings)
+      : reduction(std::max(1, static_cast<int>(surroundings))), sigma(surroundings / reduction)
+  {
+  }
+
+  cv::Mat Smoothed(const Sweep& sweep, int frame) const
   {
     std::vector<float> image(sweep.PixelsPerFrame());
-    sweep.CopyFrame(frames[k], image.data());
+    sweep.CopyFrame(frame, image.data());
     const cv::Mat whole(sweep.height, sweep.width, CV_32F, image.data());
     cv::Mat small, smooth;
-    const cv::Size size((sweep.width + out.reduction - 1) / out.reduction,
-                        (sweep.height + out.reduction - 1) / out.reduction);
+    const cv::Size size((sweep.width + reduction - 1) / reduction, (sweep.height + reduction - 1) / reduction);
     cv::resize(whole, small, size, 0, 0, cv::INTER_AREA);
     cv::GaussianBlur(small, smooth, cv::Size(), kBeforeGradient * sigma);
     return smooth;
-  };
-  const auto averaged = [sigma](const cv::Mat& product)
-  {
-    cv::Mat mean;
-    cv::GaussianBlur(product, mean, cv::Size(), sigma);
-    return mean;
-  };
-  const cv::Mat here = smoothed(f);
-  cv::Mat dx, dy;
-  cv::Sobel(here, dx, CV_32F, 1, 0, 3, kSobel / out.reduction);
-  cv::Sobel(here, dy, CV_32F, 0, 1, 3, kSobel / out.reduction);
-  out.xx = averaged(dx.mul(dx));
-  out.xy = averaged(dx.mul(dy));
-  out.yy = averaged(dy.mul(dy));
-  const auto isNear = [&](std::size_t k)
-  { return k < frames.size() && sweep.SequenceOf(frames[k]) == sweep.SequenceOf(frames[f]); };
-  const std::size_t before = f > 0 && isNear(f - 1) ? f - 1 : f, after = isNear(f + 1) ? f + 1 : f;
-  cv::Mat dz = cv::Mat::zeros(here.size(), CV_32F);
-  if (after > before)
-  {
-    dz = (smoothed(after) - smoothed(before)) / static_cast<double>(after - before);
   }
-  out.xz = averaged(dx.mul(dz));
-  out.yz = averaged(dy.mul(dz));
-  out.zz = averaged(dz.mul(dz));
-  return out;
-}
+};
+
+/// Products of a frame's derivatives, averaged over the surroundings of every pixel of a smaller picture.
+struct StructureTensor
+{
+  cv::Mat xx, xy, yy, xz, yz, zz;
+
+  /// `before` and `after` lie `apart` frames apart; they may be the frame itself.
+  StructureTensor(const cv::Mat& here, const cv::Mat& before, const cv::Mat& after, std::size_t apart,
+                  const Looking& looking)
+  {
+    const auto averaged = [&looking](const cv::Mat& product)
+    {
+      cv::Mat mean;
+      cv::GaussianBlur(product, mean, cv::Size(), looking.sigma);
+      return mean;
+    };
+    cv::Mat dx, dy, dz = cv::Mat::zeros(here.size(), CV_32F);
+    cv::Sobel(here, dx, CV_32F, 1, 0, 3, kSobel / looking.reduction);
+    cv::Sobel(here, dy, CV_32F, 0, 1, 3, kSobel / looking.reduction);
+    if (apart > 0)
+    {
+      dz = (after - before) / static_cast<double>(apart);
+    }
+    xx = averaged(dx.mul(dx));
+    xy = averaged(dx.mul(dy));
+    yy = averaged(dy.mul(dy));
+    xz = averaged(dx.mul(dz));
+    yz = averaged(dy.mul(dz));
+    zz = averaged(dz.mul(dz));
+  }
+};
 
 /// V diag(1 / l) V^T over the cube root of its determinant.
 Eigen::Matrix3d Stretch(const Eigen::Matrix3d& tensor)
@@ -107,37 +113,62 @@ void ShapeSeeds(const Sweep& sweep, const std::vector<int>& frames, const SeedPl
   // At least what a derivative needs.
   const double surroundings =
       std::max(1.0, kSurroundings * sum / static_cast<double>(std::max<std::size_t>(1, field.Size())));
-  tbb::parallel_for(
-      std::size_t(0), frames.size(),
-      [&](std::size_t f)
+  const Looking looking(surroundings);
+  const auto shapeSeedsOf = [&](std::size_t f, const StructureTensor& structure)
+  {
+    const double pixel = sweep.Plane(frames[f]).columnStep.norm();
+    for (std::size_t k = places.first[f]; k < places.first[f + 1]; ++k)
+    {
+      const int x = places.pixels[k].x() / looking.reduction, y = places.pixels[k].y() / looking.reduction;
+      const auto at = [x, y](const cv::Mat& picture) { return static_cast<double>(picture.at<float>(y, x)); };
+      Eigen::Matrix3d tensor;
+      tensor << at(structure.xx), at(structure.xy), at(structure.xz), at(structure.xy), at(structure.yy),
+          at(structure.yz), at(structure.xz), at(structure.yz), at(structure.zz);
+      const double scale = field.scales[k][0] / pixel;
+      const Eigen::Vector3d units(scale, scale, reach);
+      const Eigen::Matrix3d stretch = Stretch(units.asDiagonal() * tensor * units.asDiagonal());
+      const Eigen::Matrix3d covariance = field.scales[k].asDiagonal() * stretch * field.scales[k].asDiagonal();
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+      Eigen::Matrix3d axes = solver.eigenvectors();
+      if (axes.determinant() < 0)
       {
-        if (places.first[f] == places.first[f + 1])
-        {
-          return;
-        }
-        const StructureTensor structure = MeasureStructure(sweep, frames, f, surroundings);
-        const double pixel = sweep.Plane(frames[f]).columnStep.norm();
-        for (std::size_t k = places.first[f]; k < places.first[f + 1]; ++k)
-        {
-          const int x = places.pixels[k].x() / structure.reduction, y = places.pixels[k].y() / structure.reduction;
-          const auto at = [x, y](const cv::Mat& picture) { return static_cast<double>(picture.at<float>(y, x)); };
-          Eigen::Matrix3d tensor;
-          tensor << at(structure.xx), at(structure.xy), at(structure.xz), at(structure.xy), at(structure.yy),
-              at(structure.yz), at(structure.xz), at(structure.yz), at(structure.zz);
-          const double scale = field.scales[k][0] / pixel;
-          const Eigen::Vector3d units(scale, scale, reach);
-          const Eigen::Matrix3d stretch = Stretch(units.asDiagonal() * tensor * units.asDiagonal());
-          const Eigen::Matrix3d covariance = field.scales[k].asDiagonal() * stretch * field.scales[k].asDiagonal();
-          const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
-          Eigen::Matrix3d axes = solver.eigenvectors();
-          if (axes.determinant() < 0)
-          {
-            axes.col(0) = -axes.col(0);
-          }
-          field.scales[k] = solver.eigenvalues().cwiseMax(0).cwiseSqrt().cwiseMax(GaussianField::kSmallestScale);
-          field.rotations[k] = Quaternion(RotationMatrix(field.rotations[k]) * axes);
-        }
-      });
+        axes.col(0) = -axes.col(0);
+      }
+      field.scales[k] = solver.eigenvalues().cwiseMax(0).cwiseSqrt().cwiseMax(GaussianField::kSmallestScale);
+      field.rotations[k] = Quaternion(RotationMatrix(field.rotations[k]) * axes);
+    }
+  };
+  tbb::parallel_for(std::size_t(0), (frames.size() + kRow - 1) / kRow,
+                    [&](std::size_t row)
+                    {
+                      const std::size_t begin = row * kRow, end = std::min(begin + kRow, frames.size());
+                      cv::Mat before, here, after;  // empty: not smoothed
+                      for (std::size_t f = begin; f < end; ++f)
+                      {
+                        const auto isNear = [&](std::size_t k)
+                        { return k < frames.size() && sweep.SequenceOf(frames[k]) == sweep.SequenceOf(frames[f]); };
+                        const bool hasBefore = f > 0 && isNear(f - 1), hasAfter = isNear(f + 1);
+                        if (here.empty())
+                        {
+                          here = looking.Smoothed(sweep, frames[f]);
+                        }
+                        if (hasBefore && before.empty())
+                        {
+                          before = looking.Smoothed(sweep, frames[f - 1]);
+                        }
+                        if (hasAfter)
+                        {
+                          after = looking.Smoothed(sweep, frames[f + 1]);
+                        }
+                        if (places.first[f] < places.first[f + 1])
+                        {
+                          shapeSeedsOf(f, StructureTensor(here, hasBefore ? before : here, hasAfter ? after : here,
+                                                          std::size_t(hasBefore) + hasAfter, looking));
+                        }
+                        before = here;
+                        here = hasAfter ? after : cv::Mat();
+                      }
+                    });
 }
 
 }  // namespace bigus

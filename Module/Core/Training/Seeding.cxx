@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Training/Seeding.h"
 
+#include <tbb/combinable.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -127,14 +128,16 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
                       {
                         std::transform(image.begin(), image.end(), density.begin(), IntensityDensity);
                       }
+                      std::size_t p = 0;
                       for (int y = 0; y < sweep.height; ++y)
                       {
-                        for (int x = 0; x < sweep.width; ++x)
+                        float* mass = &grid.mass[f * cells + cellOf(0, y)];
+                        for (int left = 0; left < sweep.width; left += grid.block, ++mass)
                         {
-                          const std::size_t p = static_cast<std::size_t>(y) * sweep.width + x;
-                          if (lit[p])
+                          const std::size_t next = p + std::min(grid.block, sweep.width - left);
+                          for (; p < next; ++p)
                           {
-                            grid.mass[f * cells + cellOf(x, y)] += density[p];
+                            *mass += lit[p] ? density[p] : 0.0f;
                           }
                         }
                       }
@@ -203,17 +206,30 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   const std::size_t pixels = sweep.PixelsPerFrame();
   std::vector<std::uint8_t> lit(pixels, 0);
   std::vector<double> sums(frames.size(), 0.0);
-  std::vector<float> image(pixels);
+  tbb::combinable<std::vector<std::uint8_t>> litByThread([pixels] { return std::vector<std::uint8_t>(pixels, 0); });
+  tbb::parallel_for(std::size_t(0), frames.size(),
+                    [&](std::size_t f)
+                    {
+                      std::vector<float> frame(pixels);
+                      std::vector<std::uint8_t>& seen = litByThread.local();
+                      sweep.CopyFrame(frames[f], frame.data());
+                      for (std::size_t p = 0; p < pixels; ++p)
+                      {
+                        sums[f] += frame[p];
+                        seen[p] |= frame[p] > 0;
+                      }
+                    });
+  litByThread.combine_each(
+      [&](const std::vector<std::uint8_t>& seen)
+      {
+        for (std::size_t p = 0; p < pixels; ++p)
+        {
+          lit[p] |= seen[p] && sweep.IsLit(p);
+        }
+      });
   double mean = 0;
-  for (int frame : frames)
+  for (const double sum : sums)
   {
-    sweep.CopyFrame(frame, image.data());
-    double sum = 0;
-    for (std::size_t p = 0; p < pixels; ++p)
-    {
-      sum += image[p];
-      lit[p] |= image[p] > 0 && sweep.IsLit(p);
-    }
     mean += sum / static_cast<double>(pixels * frames.size());
   }
   if (std::count(lit.begin(), lit.end(), 1) == 0)
@@ -270,6 +286,7 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   field.beam = beam;
   field.transfer = TransferFunction::FromMeanIntensity(mean);
   field.Resize(options.count);
+  std::vector<float> image(pixels);
   SeedPlaces places;
   places.pixels.resize(options.count);
   std::size_t out = 0;
