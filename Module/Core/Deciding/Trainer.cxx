@@ -307,6 +307,7 @@ try
   }
   result.imageToReference = sweep->imageToReference;
   TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
+  plan.continued = start != nullptr;
   const auto boundGaussians = [&]
   {
     if (options.timeLimit > 0 && !asked.gaussians && !start)
@@ -411,6 +412,12 @@ try
   if (aborted && !fitted.finished && fitted.iterations > 0)
   {
     fitted.field = loop->Settle(validation);
+  }
+  if (start && fitted.iterations > 0)
+  {
+    GaussianField before = *start;
+    before.beam = Beam{plan.elevationSigma};
+    fitted.field = loop->Nearer(std::move(fitted.field), before);
   }
   result.field = std::move(fitted.field);
   // Set last, because training itself needs the beam of its own planes only.

@@ -150,6 +150,11 @@ constexpr double kSettledPasses = 300;
 /// 0.04 dB of 43.1 (README.md has what it gains). Sparse frames gain nothing by it: brain sweep -0.1 to -0.2 dB, spine 0.
 constexpr double kOpenEndedSteps = 64;
 
+/// The share of the first rates that a field to continue from begins with, for a training of one pass over frames and
+/// virtual planes; it grows with the root of passes, up to 1. Whole steps throw a good field back, and few passes do not
+/// make up for that (README.md).
+constexpr double kContinuedRate = 0.2, kLeastContinuedRate = 0.1;
+
 /// Share of training that sees the recorded frames alone, perhaps reduced. Virtual planes join then.
 constexpr double kFirstStage = 0.25;
 
@@ -199,7 +204,7 @@ constexpr double kAveragedFields = 20;
 constexpr int kSettlingSteps = 40;
 constexpr double kSettlingSeconds = 0.6, kSettlingRate = 0.1, kSettledFrom = 2.0 / 3;
 
-/// Training frames that tell which of two fields a caller gets who stops.
+/// Training frames that tell which of two fields a caller gets.
 constexpr std::size_t kJudges = 8;
 
 /// When frames' gains and poses are found, as fractions of training: once the field says more than one frame does, and
@@ -605,7 +610,26 @@ double TrainingLoop::RateLeft(double fraction) const
 {
   const double left = std::pow(plan_.finalRate, fraction) / std::sqrt(1 + course_->passes / kSettledPasses);
   const bool isOpenEnded = isFirstStage_ && !plan_.sparse && plan_.timeLimit == 0;
-  return isOpenEnded ? left / (1 + course_->iteration / kOpenEndedSteps) : left;
+  return ContinuedRate(fraction) * (isOpenEnded ? left / (1 + course_->iteration / kOpenEndedSteps) : left);
+}
+
+/// Steps in all. With a time limit they follow from those so far, of which there may be none.
+double TrainingLoop::StepsInAll(double fraction) const
+{
+  return plan_.timeLimit > 0 && fraction > 0 ? std::min<double>(plan_.iterations, course_->iteration / fraction)
+                                             : plan_.iterations;
+}
+
+/// By what the rates of a field to continue from are less than those of seeds.
+double TrainingLoop::ContinuedRate(double fraction) const
+{
+  if (!plan_.continued)
+  {
+    return 1;
+  }
+  const double views = static_cast<double>(frames_.size()) * (1 + plan_.virtualPlanes);
+  const double passes = StepsInAll(fraction) * plan_.batch / views;
+  return std::clamp(kContinuedRate * std::sqrt(passes), kLeastContinuedRate, 1.0);
 }
 
 /// Seconds that the steps left will take, and the virtual planes to be made, at a pace of so many seconds a step.
@@ -674,7 +698,8 @@ void TrainingLoop::Begin(Start start)
     const GaussianField field = Load(std::move(start));
     course.rates = FirstRates(plan_, field);
     course.cap = plan_.densification.cap > 0 ? plan_.densification.cap : 2 * field.Size();
-    course.coarseness = FirstCoarseness(*sweep_, frames_.size(), field.Size());
+    // Reduced frames would take the detail from a field that has it.
+    course.coarseness = plan_.continued ? 1 : FirstCoarseness(*sweep_, frames_.size(), field.Size());
   }
   if (!HasFirstStage(plan_))
   {
@@ -868,9 +893,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
       targetSweep_->Prefetch(Batches(batches).Next());  // the batch after this one
     }
     course.passes += static_cast<double>(batch.size()) / static_cast<double>(targets_.size());
-    const double rateLeft = RateLeft(fraction);
-    const double steps = plan_.timeLimit > 0 && fraction > 0 ? std::min<double>(plan_.iterations, iteration / fraction)
-                                                             : plan_.iterations;
+    const double rateLeft = RateLeft(fraction), steps = StepsInAll(fraction);
     course.lossSum += Step(batch, steps, Blend(plan_, fraction), Scaled(course.rates, rateLeft));
     ++course.lossCount;
     course.iteration = iteration;
@@ -982,6 +1005,15 @@ GaussianField TrainingLoop::Settle(const std::vector<int>& validationFrames)
   }
   RemoveInvisible(field, plan_.tolerance);
   return field;
+}
+
+GaussianField TrainingLoop::Nearer(GaussianField a, const GaussianField& b)
+{
+  const std::vector<int> judges = Sample(frames_, kJudges);
+  engine_->SetField(a);
+  const double psnr = FieldPsnr(*engine_, *sweep_, judges);
+  engine_->SetField(b);
+  return FieldPsnr(*engine_, *sweep_, judges) > psnr ? b : std::move(a);
 }
 
 /// Since the loop was made. With a time limit what is done depends on them, so processes go by the clock of the first.

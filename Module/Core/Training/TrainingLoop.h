@@ -95,6 +95,9 @@ public:
   /// field jitters, so it takes a few more, ever smaller ones, and the mean of the last. Nothing goes on from here.
   GaussianField Settle(const std::vector<int>& validationFrames);
 
+  /// Of two fields the one that shows a few training frames better, `a` where both are as good. Nothing goes on from here.
+  GaussianField Nearer(GaussianField a, const GaussianField& b);
+
   /// False where what training sees changes on the way, by gains or poses of frames found in it: then there is one stage.
   static bool HasFirstStage(const TrainingPlan& plan);
 
@@ -127,6 +130,8 @@ private:
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;
   double RateLeft(double fraction) const;
+  double StepsInAll(double fraction) const;
+  double ContinuedRate(double fraction) const;
   double SecondsLeft(int iteration, double pace) const;
   double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);

@@ -13,7 +13,8 @@ namespace bigus
 /// The settings, and for every choice that options leave open what was chosen. Made by PlanByGeometry.
 struct TrainingPlan : TrainingSettings
 {
-  bool sparse = false;  ///< the frames' planes lie far apart (IsSparse)
+  bool sparse = false;     ///< the frames' planes lie far apart (IsSparse)
+  bool continued = false;  ///< from a field that was trained before, and not from seeds
   std::size_t gaussians = 0;
   std::size_t maximumGaussians = 0;  ///< that may be decided
   double elevationSigma = 0;         ///< mm, of the planes trained on
