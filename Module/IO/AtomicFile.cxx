@@ -23,6 +23,9 @@ namespace
 /// Of temporary names. No other program's, because a leftover is removed.
 constexpr const char* kSuffix = ".bigus-part";
 
+/// What the name of an earlier file that is set aside has besides.
+constexpr const char* kEarlier = "-earlier";
+
 /// So many programs may write one name at a time; each has a temporary name of its own.
 constexpr int kWriters = 16;
 
@@ -104,10 +107,17 @@ AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName), final
 
 AtomicFile::~AtomicFile()
 {
+  if (isUndone_ && !hasEarlier_ && committed_)
+  {
+    unlink(finalName_.c_str());
+  }
+  if (isUndone_)
+  {
+    RestoreEarlier();
+  }
   if (!committed_)
   {
-    std::error_code ignored;
-    std::filesystem::remove(temporaryName_, ignored);
+    unlink(temporaryName_.c_str());
   }
   if (file_)
   {
@@ -194,15 +204,23 @@ void AtomicFile::Finish()
   }
 }
 
-void AtomicFile::RemoveEarlier()
+void AtomicFile::SetEarlierAside()
 {
-  std::error_code error;
-  std::filesystem::remove(finalName_, error);
-  if (error)
+  earlierName_ = temporaryName_ + kEarlier;
+  hasEarlier_ = rename(finalName_.c_str(), earlierName_.c_str()) == 0;
+  if (!hasEarlier_ && errno != ENOENT)
   {
     throw FileError(FileFault::CannotOpen,
-                    fileName_ + ": cannot be replaced: " + error.message() + "; nothing was written");
+                    fileName_ + ": cannot be replaced: " + std::strerror(errno) + "; nothing was written");
   }
+  isUndone_ = true;
+}
+
+/// Gives the earlier file, if there was one, its name back. False where that fails.
+bool AtomicFile::RestoreEarlier() noexcept
+{
+  hasEarlier_ = hasEarlier_ && rename(earlierName_.c_str(), finalName_.c_str()) != 0;
+  return !hasEarlier_;
 }
 
 void AtomicFile::Commit()
@@ -212,8 +230,9 @@ void AtomicFile::Commit()
   std::filesystem::rename(temporaryName_, finalName_, error);
   if (error)
   {
-    throw FileError(FileFault::CannotOpen,
-                    fileName_ + ": cannot be written: " + error.message() + "; nothing was written");
+    const std::string left = RestoreEarlier() ? "nothing was written"
+                                              : "the earlier file could not be put back either, and is " + earlierName_;
+    throw FileError(FileFault::CannotOpen, fileName_ + ": cannot be written: " + error.message() + "; " + left);
   }
   committed_ = true;
   // The new name reaches the disk with its folder. Where a folder cannot be opened for that, the file is there all the same.
@@ -223,6 +242,12 @@ void AtomicFile::Commit()
     fsync(folder);
     close(folder);
   }
+}
+
+void AtomicFile::Keep() noexcept
+{
+  isUndone_ = false;
+  unlink(earlierName_.c_str());
 }
 
 }  // namespace bigus

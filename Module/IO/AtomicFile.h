@@ -36,20 +36,28 @@ public:
 
   /// Puts all bytes on the disk and closes the file, so that many files may wait for their commit.
   void Finish();
-  /// Removes an earlier file of the final name: one that names others, which are about to be replaced.
-  void RemoveEarlier();
+  /// For files that are replaced together: sets an earlier file of the final name aside. From now on until Keep() the
+  /// destructor undoes a commit, too, so all files are again as they were. Where that fails, or the program is killed in
+  /// between, the earlier file is TemporaryName() + "-earlier".
+  void SetEarlierAside();
   /// Finishes, then gives the file its name, which survives a power cut, too.
   void Commit();
+  /// The last of the files that are replaced together has its name.
+  void Keep() noexcept;
 
 private:
   bool Open(const std::string& temporaryName);
   [[noreturn]] void Fail(const std::string& what);
+  bool RestoreEarlier() noexcept;
 
   std::string fileName_;  ///< as it was given, for messages
   std::string finalName_;
   std::string temporaryName_;
+  std::string earlierName_;  ///< of the earlier file while it is set aside
   std::FILE* file_ = nullptr;
   bool committed_ = false;
+  bool isUndone_ = false;    ///< by the destructor
+  bool hasEarlier_ = false;  ///< under earlierName_
 };
 
 }  // namespace bigus

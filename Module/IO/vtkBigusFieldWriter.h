@@ -18,7 +18,8 @@
  * precision.
  *
  * The file appears under its name only when it is complete; a failed write leaves nothing behind, and an
- * earlier file of that name as it was. With a Controller this holds for all processes together.
+ * earlier file of that name as it was. With a Controller this holds for all processes together, and for index and pieces
+ * of a `.pvtp`.
  */
 #ifndef vtkBigusFieldWriter_h
 #define vtkBigusFieldWriter_h

@@ -10,6 +10,7 @@ import json
 import pathlib
 import re
 import shutil
+import signal
 import socket
 import struct
 import subprocess
@@ -86,6 +87,13 @@ def png(pixels):
             + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
+def read_sequence(path):
+    """Header and pixels of a MetaImage."""
+    data, mark = path.read_bytes(), b"ElementDataFile = LOCAL\n"
+    header, pixels = data[:data.index(mark)].decode(), data[data.index(mark) + len(mark):]
+    return header, zlib.decompress(pixels) if "CompressedData = True" in header else pixels
+
+
 def run(*arguments):
     return subprocess.run([BIGUS, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
@@ -98,10 +106,7 @@ class InFolder(unittest.TestCase):
         made = run("phantom", "-o", cls.sweep, "--frames", FRAMES, "--width", WIDTH, "--height", HEIGHT, "--pixel-size",
                    "0.5", "--frame-spacing", "0.4")
         assert made.returncode == 0, made.stderr
-        data = cls.sweep.read_bytes()
-        mark = b"ElementDataFile = LOCAL\n"
-        header, pixels = data[:data.index(mark)].decode(), data[data.index(mark) + len(mark):]
-        pixels = zlib.decompress(pixels) if "CompressedData = True" in header else pixels
+        header, pixels = read_sequence(cls.sweep)
         size = WIDTH * HEIGHT
         cls.pixels = [pixels[k * size:(k + 1) * size] for k in range(FRAMES)]
 
@@ -492,6 +497,77 @@ class Slices(InFolder):
         self.assertLess(max(counts.values()), 3 * min(counts.values()) + 5, counts)
         error = sum((a - b) ** 2 for a, b in zip(pictures[-1], self.pixels[12])) / len(self.pixels[12])
         self.assertLess(error, 40 ** 2)
+
+    def test_another_implementation_asks(self):
+        """pyigtl asks for the state by STRING and for a slice by TRANSFORM. It keeps only a device's newest message, so each
+        question waits for its answer."""
+        try:
+            import numpy
+            import pyigtl
+        except ImportError:
+            self.skipTest("pyigtl is not installed")
+        sender, done = socket.create_server(("127.0.0.1", 0)), threading.Event()
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+
+        def serve():
+            connection, _ = sender.accept()
+            with sender, connection:
+                self.send_frames(connection)
+                done.wait(120)
+
+        threading.Thread(target=serve, daemon=True).start()
+        field, slices = self.folder / "asked.vtp", self.folder / "asked.igs.mha"
+        command = [BIGUS, "live", f"igtl://127.0.0.1:{sender.getsockname()[1]}", "-o", field, "--listen", port, "--slice-size",
+                   WIDTH, HEIGHT, "--pause", 120, "--json"]
+        with subprocess.Popen(map(str, command), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+            client = pyigtl.OpenIGTLinkClient("127.0.0.1", port)
+
+            def ask(question):
+                client.send_message(pyigtl.StringMessage(json.dumps(question), device_name="BigusView"))
+                answer = client.wait_for_message("BigusView", 20)
+                self.assertIsNotNone(answer, question)
+                return json.loads(answer.string)
+
+            try:
+                states, end = [ask({})], time.monotonic() + 60
+                # The newest frames are trained on for a while. Then the field stays as it is.
+                while len(states) < 3 or states[-1]["frames"] < FRAMES or states[-1]["steps"] != states[-3]["steps"]:
+                    self.assertLess(time.monotonic(), end, states[-1])
+                    time.sleep(0.5)
+                    states.append(ask({}))
+                # pyigtl passes over the array that comes after this state.
+                state = ask({"plane": [value for row in self.poses[12] for value in row], "width": 8, "height": 8})
+                self.assertIn("points is a whole number", ask({"points": 0})["error"])
+                client.send_message(pyigtl.TransformMessage(numpy.array(self.poses[12]), 7.5, "Plane"))
+                slice = client.wait_for_message("BigusSlice", 20)
+                self.assertIsNotNone(slice)
+                program.send_signal(signal.SIGINT)  # it writes the field as it is
+                output, errors = program.communicate(timeout=60)
+            finally:
+                done.set()
+                client.stop()
+                program.kill()
+        self.assertEqual(program.returncode, 130, errors)
+        written = json.loads(output)
+        self.assertEqual([state[key] for key in ("phase", "fraction", "frames", "passed_over", "dropped", "refused")],
+                         ["following", None, FRAMES, 0, 0, 0])
+        self.assertEqual((state["gaussians"], state["steps"]), (written["gaussians"], written["steps"]))
+        probe = state["probe"]
+        self.assertEqual((probe["width"], probe["height"]), (WIDTH, HEIGHT))
+        plane = numpy.reshape(probe["plane"], (4, 4))
+        # 1e-5 mm: what travels as a float of up to 64 mm is 2e-6 off, and two such errors meet in an IMAGE's middle.
+        self.assertLess(min(numpy.abs(plane - pose).max() for pose in self.poses), 1e-5)
+        self.assertEqual((slice.image.shape, slice.image.dtype, slice.world_coordinate_system, slice.timestamp),
+                         ((1, HEIGHT, WIDTH), numpy.uint8, "ras", 7.5))
+        self.assertLess(numpy.abs(slice.ijk_to_world_matrix - self.poses[12]).max(), 1e-5)
+        made = run("slice", field, "--poses", self.sweep, "--frames", 12, "-o", slices)
+        self.assertEqual(made.returncode, 0, made.stderr)
+        expected, frame = (numpy.frombuffer(pixels, numpy.uint8).reshape(HEIGHT, WIDTH).astype(float)
+                           for pixels in (read_sequence(slices)[1], self.pixels[12]))
+        # The plane as floats and the rounding of what is written move a pixel by far less than half a grey level.
+        self.assertLessEqual(numpy.abs(slice.image[0] - expected).max(), 1)
+        self.assertLess(numpy.mean((slice.image[0] - frame) ** 2), 40 ** 2)
 
     def test_a_port_that_is_taken(self):
         with socket.create_server(("127.0.0.1", 0)) as taken:

@@ -56,6 +56,43 @@ TEST(AtomicFile, OldContentStaysUntilTheCommit)
   EXPECT_EQ(NamesIn(folder / ""), std::set<std::string>({"a"}));
 }
 
+TEST(AtomicFile, FilesThatAreReplacedTogetherAreUndoneTogether)
+{
+  const TemporaryFolder folder;
+  WriteBytes(folder / "a", "old");
+  const auto write = [&](bool isKept)
+  {
+    AtomicFile replaced(folder / "a"), fresh(folder / "b");
+    for (AtomicFile* const file : {&replaced, &fresh})
+    {
+      file->Write("new");
+      file->SetEarlierAside();
+      file->Commit();
+    }
+    EXPECT_EQ(ReadBytes(folder / "a"), "new");
+    EXPECT_EQ(ReadBytes(folder / "b"), "new");
+    if (isKept)
+    {
+      replaced.Keep();
+      fresh.Keep();
+    }
+  };
+  write(false);
+  EXPECT_EQ(ReadBytes(folder / "a"), "old");
+  EXPECT_EQ(NamesIn(folder / ""), std::set<std::string>({"a"}));
+  {
+    AtomicFile file(folder / "a");
+    file.Write("new");
+    file.SetEarlierAside();  // and something else fails before the commit
+    EXPECT_FALSE(std::filesystem::exists(folder / "a"));
+  }
+  EXPECT_EQ(ReadBytes(folder / "a"), "old");
+  WriteBytes(folder / "b.bigus-part-earlier", "of a writer that was killed");
+  write(true);
+  EXPECT_EQ(ReadBytes(folder / "a"), "new");
+  EXPECT_EQ(NamesIn(folder / ""), std::set<std::string>({"a", "b"}));
+}
+
 TEST(AtomicFile, PermissionsStay)
 {
   const TemporaryFolder folder;

@@ -8,6 +8,7 @@
 #include "Core/Model/Error.h"
 #include "IO/Formats/OpenIgtLink.h"
 #include "IO/SmallFiles.h"
+#include "Support/Random.h"
 
 namespace bigus::test
 {
@@ -44,6 +45,41 @@ TEST(OpenIgtLink, WhatIsPackedReadsBack)
   EXPECT_TRUE(image.imageToWorld.isApprox(Picture().imageToWorld, 1e-6));
   const std::vector<std::uint8_t> pose = PackIgtTransform("Probe", 2, Picture().imageToWorld);
   EXPECT_EQ(ParseIgtTransform(ParseIgtHeader(pose.data()), BodyOf(pose)), Picture().imageToWorld);
+}
+
+/// CRC-64 of ECMA-182, bit by bit.
+std::uint64_t PlainChecksum(const std::vector<std::uint8_t>& bytes)
+{
+  std::uint64_t sum = 0;
+  for (const std::uint8_t byte : bytes)
+  {
+    sum ^= std::uint64_t(byte) << 56;
+    for (int bit = 0; bit < 8; ++bit)
+    {
+      sum = sum >> 63 ? sum << 1 ^ 0x42F0E1EBA9EA3693u : sum << 1;
+    }
+  }
+  return sum;
+}
+
+TEST(OpenIgtLink, ChecksumsOfEveryLengthAreThoseOfTheDefinition)
+{
+  const std::string check = "123456789";
+  ASSERT_EQ(PlainChecksum({check.begin(), check.end()}), 0x6C40DF5F0B497347u);  // as tables of CRCs give it
+  Random random(3);
+  for (int width = 1; width <= 70; ++width)
+  {
+    IgtImage image = Picture();
+    image.width = width;
+    image.height = 1;
+    image.pixels.resize(static_cast<std::size_t>(width));
+    for (std::uint8_t& pixel : image.pixels)
+    {
+      pixel = static_cast<std::uint8_t>(random.Integer(0, 255));
+    }
+    const std::vector<std::uint8_t> message = PackIgtImage("Image", 1, image);
+    EXPECT_EQ(ParseIgtHeader(message.data()).checksum, PlainChecksum(BodyOf(message))) << width;
+  }
 }
 
 TEST(OpenIgtLink, TextsReadBackAndDamagedOnesAreRefused)

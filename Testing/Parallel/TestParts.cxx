@@ -17,6 +17,7 @@
 
 #include "Data/FieldData.h"
 #include "Parallel/Groups.h"
+#include "Support/BrokenRename.h"
 #include "Support/ErrorObserver.h"
 #include "Support/Fields.h"
 #include "Support/Random.h"
@@ -129,6 +130,14 @@ public:
       files[entry.path().filename()] = std::string(std::istreambuf_iterator<char>(file), {});
     }
     return files;
+  }
+
+  void Clear() const
+  {
+    for (const auto& entry : std::filesystem::directory_iterator(path_))
+    {
+      std::filesystem::remove(entry.path());
+    }
   }
 
 private:
@@ -408,6 +417,87 @@ TEST(Parts, AreWrittenByAllProcessesOrByNone)
         for (std::size_t p = 0; p < truth.size(); ++p)
         {
           ASSERT_NEAR(written[p], truth[p], 2e-4 + 1e-5);  // both may be off by Tolerance
+        }
+        controller->Barrier();
+      });
+}
+
+TEST(Parts, WhatFailsAmidTheRenamesLeavesWhatWas)
+{
+  const SharedFolder folder("renamed");
+  const auto old = Field(7000), field = Field(9000);
+  const std::string name = folder / "field.pvtp";
+  WithGroups(
+      [&](vtkMultiProcessController* controller)
+      {
+        const int processes = controller->GetNumberOfProcesses(), pieces = processes == 1 ? 4 : processes;
+        const auto write = [&](vtkPolyData* data, const std::vector<std::string>& words)
+        {
+          const auto part = Part(data, controller);
+          vtkNew<vtkBigusFieldWriter> writer;
+          const bigus::test::ErrorObserver errors(writer);
+          writer->SetController(controller);
+          writer->SetNumberOfPieces(pieces);
+          writer->SetInputConnection(part->GetOutputPort());
+          writer->SetFileName(name.c_str());
+          EXPECT_EQ(writer->Write(), words.empty() ? 1 : 0);
+          EXPECT_EQ(errors.Errors().size(), words.empty() ? 0u : 1u) << errors.Text();
+          for (const std::string& one : words)
+          {
+            EXPECT_NE(errors.Text().find(one), std::string::npos) << errors.Text();
+          }
+          controller->Barrier();
+        };
+        /// The index's rename, or that of a piece, fails in the process that does it.
+        const auto fail = [&](int piece, int times, const std::string& words)
+        {
+          const std::string victim = piece < pieces ? "field_" + std::to_string(piece) + ".vtp" : "field.pvtp";
+          SCOPED_TRACE(victim);
+          const int process = processes == 1 || piece == pieces ? 0 : piece;
+          const bool isHere = controller->GetLocalProcessId() == process;
+          const bigus::test::BrokenRename broken(victim, isHere ? times : 0);
+          write(field, {isHere ? "" : "Process " + std::to_string(process) + " of ",
+                        victim + ": cannot be written: Input/output error; " + words});
+          return victim;
+        };
+        for (const bool isNew : {true, false})
+        {
+          const auto before = folder.Files();
+          EXPECT_EQ(before.empty(), isNew);
+          controller->Barrier();  // all have looked
+          for (int piece = 0; piece <= pieces; ++piece)
+          {
+            fail(piece, 1, "nothing was written");
+            EXPECT_TRUE(folder.Files() == before);
+            controller->Barrier();
+          }
+          write(old, {});
+        }
+        // Where a name cannot be given back either, all are told where the earlier file is.
+        for (const int piece : {pieces - 1, pieces})
+        {
+          const auto before = folder.Files();
+          controller->Barrier();
+          const std::string victim = fail(piece, 3, "the earlier file could not be put back either, and is ");
+          const std::string aside = victim + ".bigus-part-earlier";
+          auto after = folder.Files();
+          EXPECT_EQ(after.count(victim), 0u);
+          after[victim] = after[aside];
+          after.erase(aside);
+          EXPECT_TRUE(after == before);
+          controller->Barrier();
+          if (controller->GetLocalProcessId() == 0)
+          {
+            std::filesystem::rename(folder / aside, folder / victim);
+          }
+          controller->Barrier();
+        }
+        write(field, {});
+        EXPECT_EQ(folder.Files().size(), static_cast<std::size_t>(pieces) + 1);
+        controller->Barrier();
+        if (controller->GetLocalProcessId() == 0)
+        {
+          folder.Clear();
         }
         controller->Barrier();
       });

@@ -275,6 +275,7 @@ void WritePvtp(const StoredField& stored, const std::string& fileName, int piece
 {
   RequireNoFolders(FilesOfField(fileName, pieces));
   const VtpSingles singles = SinglesOf(stored.field);  // VTK wants them alike in all pieces
+  AtomicFile index(fileName);  // before the pieces, so that where one fails it is the last that comes back
   std::vector<std::unique_ptr<AtomicFile>> files;
   for (int piece = 0; piece < pieces; ++piece)
   {
@@ -283,15 +284,20 @@ void WritePvtp(const StoredField& stored, const std::string& fileName, int piece
     WriteVtp({PartOf(stored.field, chunk), stored.provenance, {}}, *files.back(), singles);
     files.back()->Finish();
   }
-  AtomicFile index(fileName);
   index.Write(IndexText(fileName, pieces, singles));
   index.Finish();
-  index.RemoveEarlier();
+  index.SetEarlierAside();
   for (const auto& file : files)
   {
+    file->SetEarlierAside();
     file->Commit();
   }
   index.Commit();
+  index.Keep();
+  for (const auto& file : files)
+  {
+    file->Keep();
+  }
 }
 
 void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exchange& processes)
@@ -302,9 +308,6 @@ void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exc
   const bool isFirst = processes.Rank() == 0;
   const std::string pieceName = PieceFileOf(fileName, processes.Rank());
   RequireNoFolders(isFirst ? std::vector<std::string>{pieceName, fileName} : std::vector<std::string>{pieceName});
-  AtomicFile file(pieceName);
-  WriteVtp(part, file, singles);
-  file.Finish();
   std::optional<AtomicFile> index;
   if (isFirst)
   {
@@ -312,19 +315,29 @@ void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exc
     index->Write(IndexText(fileName, processes.Size(), singles));
     index->Finish();
   }
+  AtomicFile file(pieceName);
+  WriteVtp(part, file, singles);
+  file.Finish();
   // Nothing is in its place yet, and of what failed anywhere until here all hear now.
   const std::vector<std::string> names = processes.Gather(file.TemporaryName());
   if (index)
   {
     RequireOneFolder(names);
-    index->RemoveEarlier();
+    index->SetEarlierAside();
   }
   processes.Any(false);  // all have come so far
+  file.SetEarlierAside();
   file.Commit();
   processes.Any(false);
   if (index)
   {
     index->Commit();
+  }
+  processes.Any(false);  // until here each undoes what it did when one fails
+  file.Keep();
+  if (index)
+  {
+    index->Keep();
   }
 }
 
