@@ -56,12 +56,14 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
   ToArray(gradient, g);
   state.updates = state.updates + one;
   Real correction =
-      sqrt(one - exp(Real(kLogSecondDecay) * state.updates)) / (one - exp(Real(kLogFirstDecay) * state.updates));
+      sqrt(one - exp(Real(kLogSecondDecay) * state.updates)) / (one - exp(Real(kLogYoungDecay) * state.updates));
   if (step.settling > 0)
   {
     const Real share = exp(Real(-step.settling) * state.updates), least = Real(step.settled);
     correction = correction * Select(share < least, least, share);
   }
+  // Later, when the share is less, nothing is left of the bias of the first mean.
+  const Real firstShare = Clamp(Real(kYoungUpdates) / state.updates, Real(kFirstShare), Real(kYoungShare));
   Real move[kParametersPerGaussian];
   Real guarded = zero;
   for (int k = 0; k < kParametersPerGaussian; ++k)
@@ -69,7 +71,7 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     const Real largest = Real(kLargestGradient);
     const Real value = Select(g[k] == g[k], Clamp(g[k], zero - largest, largest), zero);  // NaN becomes 0
     guarded = guarded + Select(abs(g[k]) <= largest, zero, one);
-    state.first[k] = state.first[k] + Real(kFirstShare) * (value - state.first[k]);
+    state.first[k] = state.first[k] + firstShare * (value - state.first[k]);
     state.second[k] = state.second[k] + Real(kSecondShare) * (value * value - state.second[k]);
     // The tiny floor only keeps 0 / 0 away: Adam is meant to be blind to the gradient's unit.
     move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));

@@ -23,12 +23,15 @@ enum Parameter
   kParametersPerGaussian = 10
 };
 
-// What a step keeps of the averages: beta 0.9 and 0.99. A Gaussian is seen by a few frames a pass, so the usual 0.999
-// would remember a hundred passes, gradients among them that are long gone, and hold back every step.
-constexpr double kFirstShare = 0.1;
+// What a new gradient counts in the mean of squares: beta 0.99. A Gaussian is seen by a few frames a pass, so the usual
+// 0.999 would remember a hundred passes, gradients among them that are long gone, and hold back every step.
 constexpr double kSecondShare = 0.01;
-constexpr double kLogFirstDecay = -0.105360515657826301;   // ln(1 - kFirstShare)
 constexpr double kLogSecondDecay = -0.010050335853501441;  // ln(1 - kSecondShare)
+// What it counts in the mean: half at first, because the mean of ten gradients points to where a young Gaussian was; then
+// kYoungUpdates over its updates; at last a tenth (beta 0.9), because the mean of more gradients has less noise.
+constexpr double kYoungShare = 0.5, kFirstShare = 0.1;
+constexpr double kYoungUpdates = 40;
+constexpr double kLogYoungDecay = -0.693147180559945309;  // ln(1 - kYoungShare)
 constexpr double kLargestGradient = 1e15;                  // its square is far from the largest float
 
 /// Step sizes and limits as kernels use them.

@@ -147,12 +147,12 @@ constexpr double kSettledPasses = 300;
 
 /// Steps after which the rates of the first stage are halved where frames are dense and no time limit tells its end,
 /// because the field is to be good whenever somebody stops. The second stage begins at full rates again, so this costs
-/// 0.04 dB of 43.1 (README.md has what it gains). Sparse frames gain nothing by it: brain sweep -0.1 to -0.2 dB, spine 0.
+/// 0.04 dB of 43.1 (ShortTraining.md has what it gains). Sparse frames gain nothing by it: brain sweep -0.1 to -0.2 dB, spine 0.
 constexpr double kOpenEndedSteps = 64;
 
 /// The share of the first rates that a field to continue from begins with, for a training of one pass over frames and
 /// virtual planes; it grows with the root of passes, up to 1. Whole steps throw a good field back, and few passes do not
-/// make up for that (README.md).
+/// make up for that (ShortTraining.md).
 constexpr double kContinuedRate = 0.2, kLeastContinuedRate = 0.1;
 
 /// Share of training that sees the recorded frames alone, perhaps reduced. Virtual planes join then.
