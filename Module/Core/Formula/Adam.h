@@ -32,7 +32,7 @@ constexpr double kLogSecondDecay = -0.010050335853501441;  // ln(1 - kSecondShar
 constexpr double kYoungShare = 0.5, kFirstShare = 0.1;
 constexpr double kYoungUpdates = 40;
 constexpr double kLogYoungDecay = -0.693147180559945309;  // ln(1 - kYoungShare)
-constexpr double kLargestGradient = 1e15;                  // its square is far from the largest float
+constexpr double kLargestGradient = 1e15;                 // its square is far from the largest float
 
 /// Step sizes and limits as kernels use them.
 struct AdamStep
