@@ -40,7 +40,8 @@ std::vector<Vector> LoadVectors(StateReader& from)
 
 /// Throws Error unless averages of a gradient and of its square can be Adam's. Of gradients that are at most
 /// kLargestGradient the first is at most sqrt(33.4) times the root of the second (Cauchy and Schwarz, with the weights of
-/// both: b <- s^2 / 0.01 + (1 - s)^2 / 0.99 b for the share s from 0.1 to 0.5), but for squares that are too small for a float. Others would make a step of any length.
+/// both: b <- s^2 / 0.01 + (1 - s)^2 / 0.99 b for the share s from 0.1 to 0.5), but for squares that are too small for a
+/// float. Others would make a step of any length.
 template <class T>
 void RequireAverages(const T* first, const T* second, std::size_t count)
 {

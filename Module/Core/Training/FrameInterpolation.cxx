@@ -686,8 +686,8 @@ void InterpolateFrames(const Sweep& sweep, const FramesAround& around, const std
     {
       const double exponent = Exponent(interpolation.decay);
       mix = Estimate(views, exponent);
-      for (const cv::Mat& flow :
-           flows)  // the mean of several estimates has less error than any; its texture is none of theirs
+      // The mean of several estimates has less error than any; its texture is none of theirs.
+      for (const cv::Mat& flow : flows)
       {
         mix += Estimate(MovedByFlow(views, flow), exponent);
       }
