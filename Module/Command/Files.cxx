@@ -108,9 +108,18 @@ void WriteTogether(const std::vector<std::string>& paths, const std::function<vo
       }
       whole.Finish();
     }
+    // Of one file a rename is whole in itself. Of several, one that fails undoes those before.
     for (AtomicFile& whole : files)
     {
+      if (files.size() > 1)
+      {
+        whole.SetEarlierAside();
+      }
       whole.Commit();
+    }
+    for (AtomicFile& whole : files)
+    {
+      whole.Keep();
     }
   }
   catch (const FileError& error)

@@ -26,7 +26,7 @@ void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<s
 /// temporary file is removed and OutputError thrown.
 void WriteAtomically(const std::string& path, const std::function<void(std::ostream&)>& write);
 /// The same for many files, `write` being told which one it fills. They take their names when all are complete, so that
-/// a full disk or an interrupt leaves none of them.
+/// a full disk or an interrupt leaves none of them, and a name that cannot be given takes those before it back.
 void WriteTogether(const std::vector<std::string>& paths, const std::function<void(std::size_t, std::ostream&)>& write);
 
 /// "slice.png" and 7 of 120 to "slice_007.png": one name a frame, as wide as the last number.

@@ -1227,11 +1227,16 @@ class Hostile(CommandTest):
             path.write_bytes(text[:array.start()] + tag + text[array.end():raw] + appended + block + b"\n  " + text[tail:])
             self.expect(BAD_INPUT, "info", path, says="Provenance")
 
-    def test_no_byte_past_the_last_frame_is_read(self):
-        guard = self.folder / "guard.so"
-        source = pathlib.Path(__file__).with_name("guard_pages.c")
-        if shutil.which("cc") is None or subprocess.run(["cc", "-O1", "-shared", "-fPIC", source, "-o", guard]).returncode:
+    def library_to_preload(self, name):
+        library = self.folder.parent / f"{name}-{os.getpid()}.so"
+        source = pathlib.Path(__file__).with_name(f"{name}.c")
+        if shutil.which("cc") is None or subprocess.run(["cc", "-O1", "-shared", "-fPIC", source, "-o", library]).returncode:
             self.skipTest("no C compiler")
+        self.addCleanup(library.unlink)
+        return library
+
+    def test_no_byte_past_the_last_frame_is_read(self):
+        guard = self.library_to_preload("guard_pages")
         sweep = self.folder / "sweep.mha"
         self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", "6", "--width", "256", "--height", "256")
         result = subprocess.run([BIGUS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, "--no-baselines"],
@@ -1266,6 +1271,18 @@ class Hostile(CommandTest):
         (self.folder / "s_005.png").mkdir()
         self.expect(CANNOT_WRITE, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "s.png", says="s_005.png")
         self.assertEqual(os.listdir(self.folder), ["s_005.png"])
+
+    def test_a_series_whose_last_picture_cannot_be_named_leaves_the_earlier_ones(self):
+        broken = self.library_to_preload("broken_rename")
+        earlier = {"s_004.png": b"old", "s_005.png": b"old, too"}
+        for name, content in earlier.items():
+            (self.folder / name).write_bytes(content)
+        result = subprocess.run(
+            [BIGUS, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "s.png"], capture_output=True, text=True,
+            env={**os.environ, "LD_PRELOAD": str(broken), "BROKEN_NAME": "s_008.png"}, timeout=300)
+        self.assertEqual(result.returncode, CANNOT_WRITE, result.stderr)
+        self.assertIn("s_008.png", result.stderr)
+        self.assertEqual({file.name: file.read_bytes() for file in self.folder.iterdir()}, earlier)
 
     def test_a_file_that_may_not_grow_is_an_error(self):
         limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
