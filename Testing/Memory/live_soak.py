@@ -57,12 +57,8 @@ def read_sweep(path):
     data, mark = path.read_bytes(), b"ElementDataFile = LOCAL\n"
     header, pixels = data[:data.index(mark)].decode(), data[data.index(mark) + len(mark):]
     pixels = zlib.decompress(pixels) if "CompressedData = True" in header else pixels
-    poses = []
-    for line in re.findall(r"Seq_Frame\d+_ProbeToReferenceTransform = (.*)", header):
-        poses.append([[float(v) for v in line.split()][4 * row:4 * row + 4] for row in range(4)])
-    fixed = re.search(r"\nImageToProbeTransform = (.*)", header).group(1).split()
-    fixed = [[float(v) for v in fixed][4 * row:4 * row + 4] for row in range(4)]
-    poses = [[[sum(a[i][k] * fixed[k][j] for k in range(4)) for j in range(4)] for i in range(4)] for a in poses]
+    poses = [[[float(v) for v in line.split()][4 * row:4 * row + 4] for row in range(4)]
+             for line in re.findall(r"Seq_Frame\d+_ImageToReferenceTransform = (.*)", header)]
     size = WIDTH * HEIGHT
     return [pixels[k * size:(k + 1) * size] for k in range(FRAMES)], poses
 
