@@ -293,7 +293,19 @@ void LiveTraining::Absorb()
 /// frames.
 GaussianField LiveTraining::SeedsFor(const Sweep& chunk, const std::vector<int>& frames)
 {
-  const std::size_t pixels = chunk.PixelsPerFrame();
+  GaussianField seeds = FreshSeeds(chunk, frames);
+  std::vector<std::vector<float>> scattering(frames.size());  // the field's
+  KeepWhatIsMissing(chunk, frames, seeds, scattering);
+  if (seeds.Size() > 0)
+  {
+    ScaleToWhatIsMissing(chunk, frames, scattering, seeds);
+  }
+  return seeds;
+}
+
+/// As many seeds as the frames get, whatever the field has there, under the field's gamma.
+GaussianField LiveTraining::FreshSeeds(const Sweep& chunk, const std::vector<int>& frames)
+{
   const std::size_t most = options_.maximumGaussians - std::min(options_.maximumGaussians, NumberOfGaussians());
   const std::size_t usual = options_.training.gaussians ? *options_.training.gaussians * frames.size() / 100
                                                         : GaussiansOfSweepsSize(chunk, frames.size());
@@ -311,11 +323,18 @@ GaussianField LiveTraining::SeedsFor(const Sweep& chunk, const std::vector<int>&
     r *= seeds.transfer.gamma / shape_->transfer.gamma;
   }
   seeds.transfer = shape_->transfer;
+  return seeds;
+}
 
-  // What the seeds would bring to each frame, and what is there.
+/// Keeps of the seeds those in places that the field covers too little. `scattering` becomes what the field shows of the
+/// frames; without a field it stays empty, and all seeds stay.
+void LiveTraining::KeepWhatIsMissing(const Sweep& chunk, const std::vector<int>& frames, GaussianField& seeds,
+                                     std::vector<std::vector<float>>& scattering)
+{
+  const std::size_t pixels = chunk.PixelsPerFrame();
   seedEngine_->SetField(seeds);
   std::vector<double> brought(frames.size());
-  std::vector<std::vector<float>> covered(frames.size()), scattering(frames.size());
+  std::vector<std::vector<float>> covered(frames.size());
   std::vector<float> seeded(pixels), coverage(pixels);
   for (std::size_t k = 0; k < frames.size(); ++k)
   {
@@ -333,53 +352,54 @@ GaussianField LiveTraining::SeedsFor(const Sweep& chunk, const std::vector<int>&
   if (!HasField())
   {
     shape_->coverage = *std::max_element(brought.begin(), brought.end());
-  }
-  else
-  {
-    // A seed stays unless its pixel of the nearest frame is covered.
-    std::vector<SlicePlane> planes;
-    std::vector<Eigen::Matrix3d> toSlice;
-    for (const int frame : frames)
-    {
-      planes.push_back(chunk.Plane(frame));
-      toSlice.push_back(planes.back().WorldToSlice());
-    }
-    std::size_t kept = 0;
-    for (std::size_t s = 0; s < seeds.Size(); ++s)
-    {
-      std::size_t nearest = 0;
-      Eigen::Vector3d at = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
-      for (std::size_t k = 0; k < planes.size(); ++k)
-      {
-        const Eigen::Vector3d here = toSlice[k] * (seeds.means[s] - planes[k].origin);
-        if (std::abs(here.z()) < std::abs(at.z()))
-        {
-          nearest = k;
-          at = here;
-        }
-      }
-      const int i = std::clamp(static_cast<int>(std::lround(at.x())), 0, chunk.width - 1);
-      const int j = std::clamp(static_cast<int>(std::lround(at.y())), 0, chunk.height - 1);
-      const double missing = shape_->coverage - covered[nearest][static_cast<std::size_t>(j) * chunk.width + i];
-      if (missing > kMissing * std::min(brought[nearest], shape_->coverage))
-      {
-        seeds.means[kept] = seeds.means[s];
-        seeds.scales[kept] = seeds.scales[s];
-        seeds.rotations[kept] = seeds.rotations[s];
-        seeds.reflectivities[kept] = seeds.reflectivities[s];
-        ++kept;
-      }
-    }
-    seeds.Resize(kept);
-  }
-  if (seeds.Size() == 0)
-  {
-    return seeds;
+    return;
   }
 
-  // The factor f of all seeds for which field + f seeds is nearest to the frames, by least squares.
+  // What counts is a seed's pixel of the nearest frame.
+  std::vector<SlicePlane> planes;
+  std::vector<Eigen::Matrix3d> toSlice;
+  for (const int frame : frames)
+  {
+    planes.push_back(chunk.Plane(frame));
+    toSlice.push_back(planes.back().WorldToSlice());
+  }
+  std::size_t kept = 0;
+  for (std::size_t s = 0; s < seeds.Size(); ++s)
+  {
+    std::size_t nearest = 0;
+    Eigen::Vector3d at = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
+    for (std::size_t k = 0; k < planes.size(); ++k)
+    {
+      const Eigen::Vector3d here = toSlice[k] * (seeds.means[s] - planes[k].origin);
+      if (std::abs(here.z()) < std::abs(at.z()))
+      {
+        nearest = k;
+        at = here;
+      }
+    }
+    const int i = std::clamp(static_cast<int>(std::lround(at.x())), 0, chunk.width - 1);
+    const int j = std::clamp(static_cast<int>(std::lround(at.y())), 0, chunk.height - 1);
+    const double missing = shape_->coverage - covered[nearest][static_cast<std::size_t>(j) * chunk.width + i];
+    if (missing > kMissing * std::min(brought[nearest], shape_->coverage))
+    {
+      seeds.means[kept] = seeds.means[s];
+      seeds.scales[kept] = seeds.scales[s];
+      seeds.rotations[kept] = seeds.rotations[s];
+      seeds.reflectivities[kept] = seeds.reflectivities[s];
+      ++kept;
+    }
+  }
+  seeds.Resize(kept);
+}
+
+/// Multiplies the seeds' reflectivities by the one factor f for which field + f seeds is nearest to the frames, by least
+/// squares over a few of them.
+void LiveTraining::ScaleToWhatIsMissing(const Sweep& chunk, const std::vector<int>& frames,
+                                        const std::vector<std::vector<float>>& scattering, GaussianField& seeds)
+{
+  const std::size_t pixels = chunk.PixelsPerFrame();
   seedEngine_->SetField(seeds);
-  std::vector<float> truth(pixels);
+  std::vector<float> truth(pixels), seeded(pixels);
   double product = 0, square = 0;
   const std::size_t samples = std::min(kScaledFrames, frames.size() - 1);
   for (std::size_t n = 1; n <= samples; ++n)
@@ -403,7 +423,6 @@ GaussianField LiveTraining::SeedsFor(const Sweep& chunk, const std::vector<int>&
   {
     r *= factor;
   }
-  return seeds;
 }
 
 /// Makes the newest frames what steps learn from. `chunk` are those that are new.

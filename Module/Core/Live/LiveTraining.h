@@ -57,7 +57,7 @@ struct LiveResult
 
 /// Frames come in by Add, optimizer steps are taken by Step, slices can be rendered after any of them.
 ///
-/// Gaussians are seeded a few frames at a time, where no Gaussian of the field covers these frames yet. So a probe that
+/// Gaussians are seeded a few frames at a time, where Gaussians of the field do not cover these frames enough yet. So a probe that
 /// stands still or comes back does not make the field larger. Every step learns from a batch of newest frames, and a
 /// Gaussian's steps become shorter the more of them it took.
 /// Finish then trains on all frames together.
@@ -114,6 +114,11 @@ private:
   }
   void Absorb();
   GaussianField SeedsFor(const Sweep& chunk, const std::vector<int>& frames);
+  GaussianField FreshSeeds(const Sweep& chunk, const std::vector<int>& frames);
+  void KeepWhatIsMissing(const Sweep& chunk, const std::vector<int>& frames, GaussianField& seeds,
+                         std::vector<std::vector<float>>& scattering);
+  void ScaleToWhatIsMissing(const Sweep& chunk, const std::vector<int>& frames,
+                            const std::vector<std::vector<float>>& scattering, GaussianField& seeds);
   void UploadWindow(const Sweep& chunk);
   void ThinOut();
 
