@@ -28,13 +28,21 @@ SOUND = 19  # dB, on a busy machine, too; pictures upside down give 13
 LONG = 15  # s: a field of so small a sweep is finished by then, or is sound on a machine that does other work
 
 
+def checksum_of_byte(byte):
+    value = byte << 56
+    for _ in range(8):
+        value = (value << 1 ^ 0x42F0E1EBA9EA3693) & (2**64 - 1) if value >> 63 else value << 1
+    return value
+
+
+CHECKSUMS = [checksum_of_byte(byte) for byte in range(256)]
+
+
 def checksum(data):
-    """CRC-64 of ECMA-182, bit by bit."""
+    """CRC-64 of ECMA-182."""
     value = 0
     for byte in data:
-        value ^= byte << 56
-        for _ in range(8):
-            value = (value << 1 ^ 0x42F0E1EBA9EA3693) & (2**64 - 1) if value >> 63 else value << 1
+        value = (value << 8 & (2**64 - 1)) ^ CHECKSUMS[value >> 56 ^ byte]
     return value
 
 

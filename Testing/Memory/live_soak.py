@@ -5,7 +5,7 @@
 
     live_soak.py BIGUS [minutes]
 
-A server of OpenIGTLink, written here from the protocol, sends 20 frames of 320 x 240 a second of a made-up sweep, there and
+A server of OpenIGTLink, with the messages of test_live.py, sends 20 frames of 320 x 240 a second of a made-up sweep, there and
 back, with a second of rest at either end and the noise of a tracker in every pose (0.05 mm). Once a second it asks for a
 slice and takes it. Every 15 s a line tells what is resident, how many Gaussians there are and what was lost. Fails when
 the program does not end well, a slice is missing, a frame was dropped, or the resident size of the last fifth is more than
@@ -22,41 +22,17 @@ import sys
 import tempfile
 import threading
 import time
-import zlib
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "Command"))
+from test_live import checksum, matrix_bytes, message, read_sequence
 
 WIDTH, HEIGHT, FRAMES, RATE, REST = 320, 240, 140, 20, 20
 JITTER = 0.05  # mm
 SLICE = 256  # pixels of a side
 
-TABLE = []
-for byte in range(256):
-    value = byte << 56
-    for _ in range(8):
-        value = (value << 1 ^ 0x42F0E1EBA9EA3693) & (2**64 - 1) if value >> 63 else value << 1
-    TABLE.append(value)
-
-
-def message(kind, device, seconds, body, checksum=None):
-    """Version 1, with the CRC-64 of ECMA-182."""
-    return struct.pack(">H12s20sQQQ", 1, kind.encode(), device.encode(), int(seconds * 2**32), len(body),
-                       check(body) if checksum is None else checksum) + body
-
-
-def check(body):
-    value = 0
-    for byte in body:
-        value = (value << 8 & (2**64 - 1)) ^ TABLE[value >> 56 ^ byte]
-    return value
-
-
-def matrix_bytes(pose):
-    return struct.pack(">12f", *(pose[row][column] for column in range(4) for row in range(3)))
-
 
 def read_sweep(path):
-    data, mark = path.read_bytes(), b"ElementDataFile = LOCAL\n"
-    header, pixels = data[:data.index(mark)].decode(), data[data.index(mark) + len(mark):]
-    pixels = zlib.decompress(pixels) if "CompressedData = True" in header else pixels
+    header, pixels = read_sequence(path)
     poses = [[[float(v) for v in line.split()][4 * row:4 * row + 4] for row in range(4)]
              for line in re.findall(r"Seq_Frame\d+_ImageToReferenceTransform = (.*)", header)]
     size = WIDTH * HEIGHT
@@ -70,7 +46,7 @@ class Server:
         self.bodies = [struct.pack(">HBBBB3H", 1, 1, 3, 2, 1, WIDTH, HEIGHT, 1)
                        + matrix_bytes([[float(i == j) for j in range(4)] for i in range(4)])
                        + struct.pack(">6H", 0, 0, 0, WIDTH, HEIGHT, 1) + frame for frame in pixels]
-        self.checks = [check(body) for body in self.bodies]
+        self.checks = [checksum(body) for body in self.bodies]
         self.poses = poses
         self.listening = socket.create_server(("127.0.0.1", 0))
         self.asked = self.answered = self.sent = 0
@@ -97,7 +73,7 @@ class Server:
                 pose[axis][3] += JITTER * math.sin(12.9898 * k + 78.233 * axis)
             seconds = 1000 + k / RATE
             connection.sendall(message("TRANSFORM", "ImageToReference", seconds, matrix_bytes(pose))
-                               + message("IMAGE", "Image", seconds, self.bodies[frame], self.checks[frame]))
+                               + message("IMAGE", "Image", seconds, self.bodies[frame], crc=self.checks[frame]))
             self.sent += 1
             if k >= 2 * RATE and k % RATE == 0:
                 middle = self.poses[FRAMES // 2]

@@ -57,8 +57,8 @@ struct LiveResult
 
 /// Frames come in by Add, optimizer steps are taken by Step, slices can be rendered after any of them.
 ///
-/// Gaussians are seeded a few frames at a time, where Gaussians of the field do not cover these frames enough yet. So a probe that
-/// stands still or comes back does not make the field larger. Every step learns from a batch of newest frames, and a
+/// Gaussians are seeded a few frames at a time, where those of the field do not cover these frames enough yet. So a probe
+/// that stands still or comes back hardly makes the field larger. Every step learns from a batch of newest frames, and a
 /// Gaussian's steps become shorter the more of them it took.
 /// Finish then trains on all frames together.
 class LiveTraining
