@@ -197,7 +197,7 @@ void Exchange::SumOf(Real* values, std::size_t count)
   }
   else
   {
-    std::copy_n(&mine[rank * share], share, &parts[rank * share]);
+    std::copy_n(mine.data() + rank * share, share, parts.data() + rank * share);
     for (int round = 0; round < Rounds(Size()); ++round)
     {
       const int other = Partner(Rank(), round, Size());
