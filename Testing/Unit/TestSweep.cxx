@@ -173,6 +173,24 @@ TEST(Sweep, ReductionByOneSharesThePixels)
   EXPECT_EQ(sweep.Reduced(1).pixelType, Sweep::PixelType::UInt8);
 }
 
+TEST(Sweep, SomeFramesAreReducedAsInTheWholeSweep)
+{
+  Sweep sweep = RandomBytes(13, 11, 5);
+  sweep.timestamps = {0.0, 0.1, 0.2, 0.3, 0.4};
+  sweep.sequences = {0, 0, 1, 1, 2};
+  for (const int n : {1, 3})
+  {
+    const Sweep all = sweep.Reduced(n), some = sweep.ReducedOf({1, 4}, n);
+    ASSERT_EQ(some.NumberOfFrames(), 2);
+    EXPECT_EQ(FrameOf(some, 0), FrameOf(all, 1));
+    EXPECT_EQ(FrameOf(some, 1), FrameOf(all, 4));
+    EXPECT_EQ(some.imageToReference[1], all.imageToReference[4]);
+    EXPECT_EQ(some.timestamps, (std::vector<double>{0.1, 0.4}));
+    EXPECT_EQ(some.sequences, (std::vector<int>{0, 2}));
+    EXPECT_THROW(sweep.ReducedOf({5}, n), Error);
+  }
+}
+
 TEST(Sweep, AReducedPixelIsLitWhereAnyOfItsPixelsWas)
 {
   Sweep sweep = RandomBytes(5, 4, 1);

@@ -28,7 +28,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t kTests = 48;  // frames that are predicted, evenly chosen: 2 s for 140 frames on two cores
+constexpr std::size_t kTests = 48;  // frames that are predicted, evenly chosen
 // Predicted from neighbours, from those one further, and from frames of which the probe came back to this one's place.
 constexpr int kLags = 3;
 constexpr int kNeighbourLags = 2;
@@ -61,27 +61,43 @@ struct Test
   int frame, before, after;
 };
 
-/// The predicted frame less the frame, NaN where a neighbour shows nothing or the edge is near.
-cv::Mat Residual(const FramePictures& pictures, const Test& test, const std::vector<SlicePlane>& planes)
+/// Predicted frames less the frame, NaN where a neighbour shows nothing or the edge is near; empty where there is no test.
+using Residuals = std::array<cv::Mat, kLags>;
+Residuals ResidualsOf(const FramePictures& pictures, const std::array<Test, kLags>& tests,
+                      const std::vector<SlicePlane>& planes)
 {
   const auto& frames = pictures.frames;
-  return PredictPicture(pictures.inner, planes[test.frame], planes[test.before], frames[test.before],
-                        planes[test.after], frames[test.after]) -
-         frames[test.frame];
+  Residuals residuals;
+  for (int lag = 0; lag < kLags; ++lag)
+  {
+    const Test& test = tests[lag];
+    if (test.frame >= 0)
+    {
+      residuals[lag] = PredictPicture(pictures.inner, planes[test.frame], planes[test.before], frames[test.before],
+                                      planes[test.after], frames[test.after]) -
+                       frames[test.frame];
+    }
+  }
+  return residuals;
 }
 
+/// Each is what blurring removes of what is left: by 1 pixel, then by 2, 4, 8. What has been blurred by 2 more needs half as
+/// many pixels a side, so from then on every picture is halved and blurred by 2 of its own.
 using Bands = std::array<cv::Mat, kBands>;
 Bands BandsOf(cv::Mat picture)
 {
   Bands bands;
-  double sigma = 1;
-  for (cv::Mat& band : bands)
+  for (int band = 0; band < kBands; ++band)
   {
+    const double sigma = band == 0 ? 1 : 2;
     cv::Mat low;
     cv::GaussianBlur(picture, low, cv::Size(), sigma, sigma, cv::BORDER_CONSTANT);
-    band = picture - low;
+    bands[band] = picture - low;
     picture = low;
-    sigma *= 2;
+    if (band > 0 && band + 1 < kBands)
+    {
+      cv::resize(low, picture, cv::Size((low.cols + 1) / 2, (low.rows + 1) / 2), 0, 0, cv::INTER_AREA);
+    }
   }
   return bands;
 }
@@ -102,17 +118,17 @@ struct Findings
   std::array<bool, kLags> isSound{};
 };
 
-Findings Find(const FramePictures& pictures, const std::array<Test, kLags>& tests,
-              const std::vector<SlicePlane>& recorded, const std::vector<SlicePlane>& corrected)
+/// From residuals at recorded and at corrected poses, of pictures with so many lit pixels.
+Findings Find(const Residuals& recorded, const Residuals& corrected, double pixels)
 {
   Findings findings;
   for (int lag = 0; lag < kLags; ++lag)
   {
-    if (tests[lag].frame < 0)
+    if (recorded[lag].empty())
     {
       continue;
     }
-    cv::Mat before = Residual(pictures, tests[lag], recorded), after = Residual(pictures, tests[lag], corrected);
+    cv::Mat before = recorded[lag].clone(), after = corrected[lag].clone();
     int seen = 0;
     for (std::size_t p = 0; p < before.total(); ++p)
     {
@@ -122,7 +138,7 @@ Findings Find(const FramePictures& pictures, const std::array<Test, kLags>& test
       r = both ? r : 0.0f;
       s = both ? s : 0.0f;
     }
-    if (!(seen > kLeastCover * pictures.pixels))
+    if (!(seen > kLeastCover * pixels))
     {
       continue;
     }
@@ -131,7 +147,8 @@ Findings Find(const FramePictures& pictures, const std::array<Test, kLags>& test
     for (int band = kFirstBand; band < kBands; ++band)
     {
       // Rounding to grey levels keeps an empty picture from dividing by nothing.
-      const double rounding = seen * kGreyLevel * kGreyLevel / 12;
+      const double share = static_cast<double>(r[band].total()) / static_cast<double>(before.total());
+      const double rounding = share * seen * kGreyLevel * kGreyLevel / 12;
       const double squares = r[band].dot(r[band]) + rounding, left = s[band].dot(s[band]) + rounding;
       const cv::Mat d = r[band] - s[band];
       const double level = 0.5 * (squares + left);
@@ -333,7 +350,9 @@ public:
     if (!frames_.empty())
     {
       pictures_ = PicturesOf(sweep, frames_);
-      recorded_ = PlanesAt(sweep.imageToReference);
+      recorded_.resize(tests_.size());
+      ForResidualsAt(sweep.imageToReference,
+                     [&](std::size_t t, Residuals residuals) { recorded_[t] = std::move(residuals); });
     }
   }
 
@@ -349,9 +368,8 @@ public:
     Candidate candidate;
     candidate.strength = strength;
     candidate.findings.resize(tests_.size());
-    const std::vector<SlicePlane> planes = PlanesAt(trajectory.imageToReference);
-    tbb::parallel_for(std::size_t(0), tests_.size(),
-                      [&](std::size_t t) { candidate.findings[t] = Find(pictures_, tests_[t], recorded_, planes); });
+    ForResidualsAt(trajectory.imageToReference, [&](std::size_t t, const Residuals& residuals)
+                   { candidate.findings[t] = Find(recorded_[t], residuals, pictures_.pixels); });
     candidate.share = ConfirmedShare(candidate.findings);
     candidate.gain = GainOf(candidate.findings, nullptr);
     candidate.trajectory = std::move(trajectory);
@@ -359,21 +377,24 @@ public:
   }
 
 private:
-  std::vector<SlicePlane> PlanesAt(const std::vector<Eigen::Matrix4d>& poses) const
+  /// Calls use(test, its residuals at these poses) for every test, on all threads.
+  template <class Use>
+  void ForResidualsAt(const std::vector<Eigen::Matrix4d>& poses, Use use) const
   {
     std::vector<SlicePlane> planes;
     for (const int frame : frames_)
     {
       planes.push_back(PicturePlane(sweep_, poses[frame], pictures_.reduction));
     }
-    return planes;
+    tbb::parallel_for(std::size_t(0), tests_.size(),
+                      [&](std::size_t t) { use(t, ResidualsOf(pictures_, tests_[t], planes)); });
   }
 
   const Sweep& sweep_;
   std::vector<std::array<Test, kLags>> tests_;
   std::vector<int> frames_;
   FramePictures pictures_;
-  std::vector<SlicePlane> recorded_;
+  std::vector<Residuals> recorded_;
   const std::function<bool(double)>& progress_;
   mutable int judged_ = 0;
 };
@@ -408,19 +429,28 @@ std::string ChoiceText(const Trajectory& trajectory, double strength)
   return Format("smoothed by %.3g", strength) + Format(" (%.2f mm)", Mean(trajectory.displacement));
 }
 
-/// By recorded times, where there are any, unless frames' numbers predict frames better.
-std::vector<Trajectory> ChooseClock(const Sweep& sweep, const Evidence& evidence, const std::vector<double>& strengths,
-                                    std::size_t which)
+/// Paths of every strength, and what pictures say of one of them.
+struct Paths
 {
-  std::vector<Trajectory> byTimes = SmoothTrajectories(sweep, FrameClock::Times, strengths);
-  if (byTimes[which].clock == FrameClock::Numbers)
+  std::vector<Trajectory> ofStrength;
+  Candidate judged;
+};
+
+/// By recorded times, where there are any, unless frames' numbers predict frames better.
+Paths ChooseClock(const Sweep& sweep, const Evidence& evidence, const std::vector<double>& strengths, std::size_t which)
+{
+  const auto judged = [&](std::vector<Trajectory> paths)
+  {
+    Candidate candidate = evidence.Judge(paths[which], strengths[which]);
+    return Paths{std::move(paths), std::move(candidate)};
+  };
+  Paths byTimes = judged(SmoothTrajectories(sweep, FrameClock::Times, strengths));
+  if (byTimes.ofStrength[which].clock == FrameClock::Numbers)
   {
     return byTimes;
   }
-  std::vector<Trajectory> byNumbers = SmoothTrajectories(sweep, FrameClock::Numbers, strengths);
-  const Candidate times = evidence.Judge(byTimes[which], strengths[which]);
-  const Candidate numbers = evidence.Judge(byNumbers[which], strengths[which]);
-  return numbers.IsBetterThan(times, kLeastGain) ? byNumbers : byTimes;
+  Paths byNumbers = judged(SmoothTrajectories(sweep, FrameClock::Numbers, strengths));
+  return byNumbers.judged.IsBetterThan(byTimes.judged, kLeastGain) ? byNumbers : byTimes;
 }
 
 /// From strength 1 up while that predicts frames clearly better and poses allow it, or down while what there is does not
@@ -430,8 +460,7 @@ Candidate Choose(const Sweep& sweep, const Evidence& evidence)
   const std::vector<double> strengths(kStrengths.begin(), kStrengths.end());
   const auto first = std::find(strengths.begin(), strengths.end(), 1.0);
   std::size_t which = static_cast<std::size_t>(first - strengths.begin());
-  const std::vector<Trajectory> paths = ChooseClock(sweep, evidence, strengths, which);
-  Candidate best = evidence.Judge(paths[which], strengths[which]);
+  auto [paths, best] = ChooseClock(sweep, evidence, strengths, which);
   while (!best.IsConfirmed() && which > 0)
   {
     --which;
@@ -544,7 +573,8 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
                       {
                         if (isLeftOut[k])
                         {
-                          findings[k] = Find(pictures, tests[k], before, after);
+                          findings[k] = Find(ResidualsOf(pictures, tests[k], before),
+                                             ResidualsOf(pictures, tests[k], after), pictures.pixels);
                         }
                       });
   }
@@ -587,7 +617,7 @@ try
     const Evidence pictures(sweep, frames, correction.trajectory.stroke, progress);
     if (options.strength)
     {
-      correction.trajectory = ChooseClock(sweep, pictures, {correction.strength}, 0)[0];
+      correction.trajectory = ChooseClock(sweep, pictures, {correction.strength}, 0).judged.trajectory;
     }
     else if (pictures.NumberOfTests() > 0)
     {

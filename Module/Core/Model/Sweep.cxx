@@ -75,6 +75,19 @@ void ReduceFrame(const Pixel* in, int width, int n, double scale, int outWidth, 
   }
 }
 
+/// Adds those of a frame, where there are any.
+void CopyTimeAndSequence(const Sweep& from, int frame, Sweep& to)
+{
+  if (!from.timestamps.empty())
+  {
+    to.timestamps.push_back(from.timestamps[frame]);
+  }
+  if (!from.sequences.empty())
+  {
+    to.sequences.push_back(from.sequences[frame]);
+  }
+}
+
 }  // namespace
 
 void Sweep::CopyFrame(int frame, float* image) const
@@ -103,6 +116,11 @@ void Sweep::Prefetch(const std::vector<int>& frames) const
 
 Sweep Sweep::Reduced(int n) const
 {
+  return n == 1 ? *this : ReducedOf(AllFrames(*this), n);
+}
+
+Sweep Sweep::ReducedOf(const std::vector<int>& frames, int n) const
+{
   if (n < 1 || n > width || n > height)
   {
     throw Error("Sweep: cannot average blocks of " + std::to_string(n) + " x " + std::to_string(n) +
@@ -111,32 +129,31 @@ Sweep Sweep::Reduced(int n) const
   }
   if (n == 1)
   {
-    return *this;
+    return Subset(frames);
   }
   Sweep out;
   out.width = width / n;
   out.height = height / n;
   out.pixelType = PixelType::Float32;
-  out.timestamps = timestamps;
-  out.sequences = sequences;
 
   // Old index = n * new index + (n - 1) / 2: the centre of a block.
   Eigen::Matrix4d newToOld = Eigen::Matrix4d::Identity();
   newToOld(0, 0) = newToOld(1, 1) = n;
   newToOld(0, 3) = newToOld(1, 3) = 0.5 * (n - 1);
-  out.imageToReference.reserve(imageToReference.size());
-  for (const Eigen::Matrix4d& pose : imageToReference)
+  for (const int frame : frames)
   {
-    out.imageToReference.push_back(pose * newToOld);
+    CheckFrame(*this, frame);
+    out.imageToReference.push_back(imageToReference[frame] * newToOld);
+    CopyTimeAndSequence(*this, frame, out);
   }
 
   const std::size_t outPixels = out.PixelsPerFrame();
-  const auto reduced = AllocatePixels<float>(outPixels * NumberOfFrames());
-  tbb::parallel_for(0, NumberOfFrames(),
-                    [&](int frame)
+  const auto reduced = AllocatePixels<float>(outPixels * frames.size());
+  tbb::parallel_for(std::size_t(0), frames.size(),
+                    [&](std::size_t k)
                     {
-                      const std::size_t first = static_cast<std::size_t>(frame) * PixelsPerFrame();
-                      float* to = reduced.get() + static_cast<std::size_t>(frame) * outPixels;
+                      const std::size_t first = static_cast<std::size_t>(frames[k]) * PixelsPerFrame();
+                      float* to = reduced.get() + k * outPixels;
                       if (pixelType == PixelType::UInt8)
                       {
                         const auto* from = static_cast<const std::uint8_t*>(pixels.get()) + first;
@@ -185,14 +202,7 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
     std::memcpy(bytes.get() + k * frameBytes, static_cast<const unsigned char*>(pixels.get()) + frame * frameBytes,
                 frameBytes);
     out.imageToReference.push_back(imageToReference[frame]);
-    if (!timestamps.empty())
-    {
-      out.timestamps.push_back(timestamps[frame]);
-    }
-    if (!sequences.empty())
-    {
-      out.sequences.push_back(sequences[frame]);
-    }
+    CopyTimeAndSequence(*this, frames[k], out);
   }
   out.pixels = bytes;
   return out;

@@ -54,6 +54,9 @@ struct Sweep
   /// Throws Error when the block does not fit the frame.
   Sweep Reduced(int n) const;
 
+  /// The same of the frames named, in that order, as Subset gives them. Throws Error for a frame that is not there.
+  Sweep ReducedOf(const std::vector<int>& frames, int n) const;
+
   /// The frames named, in that order. Pixels are copied. Throws Error for a frame that is not there.
   Sweep Subset(const std::vector<int>& frames) const;
 

@@ -40,7 +40,7 @@ FramePictures PicturesOf(const Sweep& sweep, const std::vector<int>& frames)
   FramePictures pictures;
   pictures.reduction =
       static_cast<int>(std::ceil(std::sqrt(static_cast<double>(sweep.PixelsPerFrame()) / kPicturePixels) - 1e-9));
-  const Sweep small = sweep.Subset(frames).Reduced(std::min({pictures.reduction, sweep.width, sweep.height}));
+  const Sweep small = sweep.ReducedOf(frames, std::min({pictures.reduction, sweep.width, sweep.height}));
   std::vector<int> all(frames.size());
   for (std::size_t k = 0; k < frames.size(); ++k)
   {

@@ -84,21 +84,36 @@ SlicePlane MovedBy(const SlicePlane& plane, const FrameMotion& motion, double le
   return Moved(plane, {motion[0], motion[1], motion[3]}, {0, 0, motion[2] / lever / kRadiansPerDegree});
 }
 
-/// Smoothed where pictures show something, without what is wider.
-cv::Mat Band(const cv::Mat& picture, const cv::Mat& inner, double sigma)
+/// Smooths pictures where they show something, and takes away what is wider.
+class BandFilter
 {
-  cv::Mat weight, shown = cv::Mat::zeros(picture.size(), CV_32F);
-  inner.convertTo(weight, CV_32F);
-  picture.copyTo(shown, inner);
-  const auto blurred = [&](double width)
+public:
+  BandFilter(const cv::Mat& inner, double sigma) : inner_(inner), sigma_(sigma)
   {
-    cv::Mat sum, weights;
-    cv::GaussianBlur(shown, sum, {}, width, width, cv::BORDER_CONSTANT);
-    cv::GaussianBlur(weight, weights, {}, width, width, cv::BORDER_CONSTANT);
-    return cv::Mat(sum / cv::max(weights, 1e-3));
-  };
-  return blurred(sigma) - blurred(kWidest * sigma);
-}
+    cv::Mat weight;
+    inner.convertTo(weight, CV_32F);
+    weights_ = cv::max(Blurred(weight, sigma), 1e-3);
+    wideWeights_ = cv::max(Blurred(weight, kWidest * sigma), 1e-3);
+  }
+
+  cv::Mat operator()(const cv::Mat& picture) const
+  {
+    cv::Mat shown = cv::Mat::zeros(picture.size(), CV_32F);
+    picture.copyTo(shown, inner_);
+    return Blurred(shown, sigma_) / weights_ - Blurred(shown, kWidest * sigma_) / wideWeights_;
+  }
+
+private:
+  static cv::Mat Blurred(const cv::Mat& picture, double sigma)
+  {
+    cv::Mat blurred;
+    cv::GaussianBlur(picture, blurred, {}, sigma, sigma, cv::BORDER_CONSTANT);
+    return blurred;
+  }
+
+  cv::Mat inner_, weights_, wideWeights_;
+  double sigma_;
+};
 
 /// Least squares of a frame's motion, robust.
 struct Equations
@@ -264,8 +279,8 @@ void PoseRefinement::Align()
   std::vector<cv::Mat> bands(frames_.size());
   for (const double blur : kBlurs)
   {
-    tbb::parallel_for(std::size_t(0), bands.size(),
-                      [&](std::size_t k) { bands[k] = Band(pictures.frames[k], pictures.inner, blur); });
+    const BandFilter band(pictures.inner, blur);
+    tbb::parallel_for(std::size_t(0), bands.size(), [&](std::size_t k) { bands[k] = band(pictures.frames[k]); });
     tbb::parallel_for(std::size_t(0), comparisons_.size(),
                       [&](std::size_t t)
                       {

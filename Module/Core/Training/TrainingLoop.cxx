@@ -435,6 +435,13 @@ TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> 
 
 TrainingLoop::~TrainingLoop() = default;
 
+/// By what the sides of frames are divided in the first stage of a training of so many Gaussians. Reduced frames would
+/// take the detail from a field to continue from, which has it.
+int TrainingLoop::FirstCoarsenessFor(std::size_t gaussians) const
+{
+  return plan_.continued || !HasFirstStage(plan_) ? 1 : FirstCoarseness(*sweep_, frames_.size(), gaussians);
+}
+
 /// What the first stage trains on: the recorded frames, reduced where Gaussians are large.
 void TrainingLoop::TargetFrames(int coarseness)
 {
@@ -469,7 +476,7 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
   std::vector<int> frames = frames_;
   if (targets.coarseness > 1 || AreFramesChanged())
   {
-    sweep = std::make_shared<const Sweep>(sweep_->Subset(frames_).Reduced(targets.coarseness));
+    sweep = std::make_shared<const Sweep>(sweep_->ReducedOf(frames_, targets.coarseness));
     std::iota(frames.begin(), frames.end(), 0);
   }
   if (targets.planes > 0 && frames.size() > 1)
@@ -546,11 +553,12 @@ void TrainingLoop::UploadTargets()
 
 Start TrainingLoop::SeedAndSolve()
 {
+  TargetFrames(FirstCoarsenessFor(plan_.gaussians));
   Start start;
-  start.field =
-      Seed(*sweep_, frames_, Beam{plan_.elevationSigma}, {plan_.seeding, plan_.gaussians, plan_.seed, plan_.sparse});
+  start.field = Seed(*targetSweep_, frames_, Beam{plan_.elevationSigma},
+                     {plan_.seeding, plan_.gaussians, plan_.seed, plan_.sparse});
   engine_->SetField(start.field);
-  ScaleReflectivities(*engine_, *sweep_, frames_, start.field);
+  ScaleReflectivities(*engine_, *targetSweep_, frames_, start.field);
   if (plan_.solveIterations > 0 && !aborted_)
   {
     TargetPlanes({});
@@ -698,15 +706,14 @@ void TrainingLoop::Begin(Start start)
     const GaussianField field = Load(std::move(start));
     course.rates = FirstRates(plan_, field);
     course.cap = plan_.densification.cap > 0 ? plan_.densification.cap : 2 * field.Size();
-    // Reduced frames would take the detail from a field that has it.
-    course.coarseness = plan_.continued ? 1 : FirstCoarseness(*sweep_, frames_.size(), field.Size());
+    course.coarseness = FirstCoarsenessFor(field.Size());
   }
   if (!HasFirstStage(plan_))
   {
     course.second.planes = plan_.iterations > 0 ? plan_.virtualPlanes : 0;
     TargetPlanes(course.second);
   }
-  else
+  else if (!isFirstStage_ || coarseness_ != course.coarseness)  // else seeds come from them
   {
     TargetFrames(course.coarseness);
   }

@@ -120,6 +120,7 @@ private:
     bool flow = true;    // if the plan's interpolation has it
   };
 
+  int FirstCoarsenessFor(std::size_t gaussians) const;
   void TargetFrames(int coarseness);
   bool TargetPlanes(const Targets& targets, double most = 0);
   std::optional<Targets> TargetPlanesInTime(double secondsOfPass);
