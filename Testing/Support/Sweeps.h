@@ -93,11 +93,11 @@ inline Problem RandomProblem(std::uint64_t seed, std::size_t gaussians, double r
   return problem;
 }
 
-/// 24 frames of 48 x 40 pixels showing 300 soft Gaussians of both signs on a bright ground.
-inline std::shared_ptr<Sweep> RenderedSweep()
+/// 24 frames, unless said of 48 x 40 pixels, showing 300 soft Gaussians of both signs on a bright ground.
+inline std::shared_ptr<Sweep> RenderedSweep(int width = 48, int height = 40)
 {
   Random random(3);
-  auto sweep = BlackSweep(24, 48, 40, 0.4, 0.4);
+  auto sweep = BlackSweep(24, width, height, 0.4, 0.4);
   GaussianField field = RandomField(random, 300, 8.0, 0.7, 2.0, 0.3);
   field.means.push_back({0, 0, 0});
   field.scales.push_back({12, 12, 12});

@@ -97,9 +97,9 @@ TrainingResult Resumed(const std::shared_ptr<const bigus::Sweep>& sweep, const T
 }
 
 /// A training that is stopped and goes on ends with the bits of one that never stopped.
-void ExpectStopsDoNotMatter(const TrainerOptions& options, const std::vector<Stop>& stops)
+void ExpectStopsDoNotMatter(const TrainerOptions& options, const std::vector<Stop>& stops,
+                            const std::shared_ptr<const bigus::Sweep>& sweep = RenderedSweep())
 {
-  const auto sweep = RenderedSweep();
   const TrainingResult whole = bigus::Train(sweep, options);
   for (const Stop& stop : stops)
   {
@@ -189,6 +189,13 @@ TEST(Checkpoints, CorrectedFramesGoOn)
   options.frameGains = options.poseRefinement = true;
   options.poseSmoothing = 1;
   ExpectStopsDoNotMatter(options, {{5}, {12}, {25}});
+}
+
+TEST(Checkpoints, ReducedAndInterleavedFramesGoOn)
+{
+  TrainerOptions options = Small();
+  options.virtualPlanes = 0;
+  ExpectStopsDoNotMatter(options, {{5}, {14}, {15}, {16}, {40}}, RenderedSweep(71, 65));
 }
 
 TEST(Checkpoints, NeedlesGoOn)

@@ -13,6 +13,7 @@
 #include <limits>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <tuple>
 #include <type_traits>
 
 #include "Core/Model/Error.h"
@@ -73,6 +74,27 @@ void ReduceFrame(const Pixel* in, int width, int n, double scale, int outWidth, 
       out[static_cast<std::size_t>(y) * outWidth + x] = static_cast<float>(static_cast<double>(sums[x]) * mean);
     }
   }
+}
+
+/// Copies every n-th pixel of every n-th row, from `in` on.
+template <class Pixel>
+void TakeEvery(const Pixel* in, int width, int n, int outWidth, int outHeight, Pixel* out)
+{
+  for (int y = 0; y < outHeight; ++y)
+  {
+    const Pixel* row = in + static_cast<std::size_t>(y) * n * width;
+    for (int x = 0; x < outWidth; ++x)
+    {
+      *out++ = row[static_cast<std::size_t>(x) * n];
+    }
+  }
+}
+
+/// The first of every n-th pixel along a side, for phases 0 to n - 1. What is left over at the side's end is taken by odd
+/// frames in place of what lies at its beginning.
+int FirstOfPhase(int side, int n, int phase, bool isOdd)
+{
+  return isOdd && phase < side % n ? phase + n : phase;
 }
 
 /// Adds those of a frame, where there are any.
@@ -179,6 +201,74 @@ Sweep Sweep::ReducedOf(const std::vector<int>& frames, int n) const
         {
           (*any)[y / n * out.width + x / n] = 1;
         }
+      }
+    }
+    out.mask = any;
+  }
+  return out;
+}
+
+Sweep Sweep::Interleaved(const std::vector<int>& frames, int n) const
+{
+  if (n < 1 || n > width || n > height)
+  {
+    throw Error("Sweep: cannot take pixels that lie " + std::to_string(n) + " apart from frames of " +
+                std::to_string(width) + " x " + std::to_string(height) +
+                "; the step must be at least 1 and fit the frame.");
+  }
+  Sweep out;
+  out.width = width / n;
+  out.height = height / n;
+  out.pixelType = pixelType;
+  const int phases = n * n, all = static_cast<int>(frames.size()) * phases;
+  const auto first = [&](int k)
+  {
+    const bool isOdd = k / phases % 2 == 1;
+    return std::pair(FirstOfPhase(width, n, k % n, isOdd), FirstOfPhase(height, n, k % phases / n, isOdd));
+  };
+  for (int k = 0; k < all; ++k)
+  {
+    const int frame = frames[k / phases];
+    CheckFrame(*this, frame);
+    Eigen::Matrix4d newToOld = Eigen::Matrix4d::Identity();
+    newToOld(0, 0) = newToOld(1, 1) = n;
+    std::tie(newToOld(0, 3), newToOld(1, 3)) = first(k);
+    out.imageToReference.push_back(imageToReference[frame] * newToOld);
+    CopyTimeAndSequence(*this, frame, out);
+  }
+
+  const std::size_t outPixels = out.PixelsPerFrame(), size = BytesPerPixel(pixelType);
+  const auto offset = [&](int k)
+  { return static_cast<std::size_t>(first(k).second) * width + static_cast<std::size_t>(first(k).first); };
+  const auto taken = AllocatePixels<unsigned char>(outPixels * size * all);
+  tbb::parallel_for(0, all,
+                    [&](int k)
+                    {
+                      const std::size_t in = frames[k / phases] * PixelsPerFrame() + offset(k);
+                      const auto* from = static_cast<const unsigned char*>(pixels.get()) + in * size;
+                      unsigned char* to = taken.get() + k * outPixels * size;
+                      if (pixelType == PixelType::UInt8)
+                      {
+                        TakeEvery(from, width, n, out.width, out.height, to);
+                      }
+                      else
+                      {
+                        TakeEvery(reinterpret_cast<const float*>(from), width, n, out.width, out.height,
+                                  reinterpret_cast<float*>(to));
+                      }
+                    });
+  out.pixels = taken;
+
+  if (mask)
+  {
+    auto any = std::make_shared<std::vector<std::uint8_t>>(outPixels, std::uint8_t(0));
+    std::vector<std::uint8_t> lit(outPixels);
+    for (int k = 0; k < std::min(all, 2 * phases); ++k)  // of an even and an odd frame
+    {
+      TakeEvery(mask->data() + offset(k), width, n, out.width, out.height, lit.data());
+      for (std::size_t p = 0; p < outPixels; ++p)
+      {
+        (*any)[p] = (*any)[p] != 0 || lit[p] != 0;
       }
     }
     out.mask = any;

@@ -57,6 +57,13 @@ struct Sweep
   /// The same of the frames named, in that order, as Subset gives them. Throws Error for a frame that is not there.
   Sweep ReducedOf(const std::vector<int>& frames, int n) const;
 
+  /// Of each of the frames named n * n frames of every n-th pixel of every n-th row, which together have its pixels:
+  /// first those that begin at pixels (0, 0), (1, 0) and so on of the next frame. Unlike reduced frames they are samples
+  /// of the frame. Where n does not divide a side, what is left over at its end is in the second, fourth, ... frame, and
+  /// what lies at its beginning is not. A pixel counts as lit when any is that it stands for. Pixels are copied in their
+  /// type. Throws Error for a frame that is not there and for n that does not fit.
+  Sweep Interleaved(const std::vector<int>& frames, int n) const;
+
   /// The frames named, in that order. Pixels are copied. Throws Error for a frame that is not there.
   Sweep Subset(const std::vector<int>& frames) const;
 

@@ -170,11 +170,6 @@ constexpr TimeForPlanes kDenseTime = {10, 0.25};
 /// 25.3 dB without.
 constexpr TimeForPlanes kSparseTime = {3, 0.5};
 
-/// Passes over reduced frames that must fit into what a time limit leaves after the first stage, else training stays with
-/// them. On the liver sweep (full size) training on reduced frames to the end gives 0.7 dB more in 5 s, where 9 passes
-/// fit, the same in 6 to 8 s and 0.5 dB less in 10 s, where 13 fit.
-constexpr double kPassesForDetail = 10;
-
 /// Where there is no time for virtual planes, a third of them is tried.
 constexpr int kFewerPlanes = 3;
 /// The share of them that tells how long all will take.
@@ -223,13 +218,6 @@ constexpr double kSolvingShare = 0.1;
 
 /// Seconds that a time limit leaves to training at the least, so that nothing is divided by 0.
 constexpr double kLeastTime = 1e-3;
-
-/// By how much a step takes longer on frames whose sides are not divided any more, for what is told of the time left: 1.5
-/// on the liver sweep and 1.3 on the brain's, whose sides are halved first.
-double Growth(int coarseness)
-{
-  return std::sqrt(static_cast<double>(coarseness));
-}
 
 /// The loss a fraction of the way through training.
 Loss Blend(const TrainingPlan& options, double fraction)
@@ -495,6 +483,13 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
     const std::vector<double>& along = sweep->timestamps;
     std::sort(frames.begin(), frames.end(), [&along](int a, int b) { return along[a] < along[b]; });
   }
+  if (targets.pixelStep > 1)
+  {
+    targetSweep_ = sweep_;  // reduced frames take no room beside the copy
+    UploadTargets();
+    sweep = std::make_shared<const Sweep>(sweep->Interleaved(frames, targets.pixelStep));
+    frames = AllFrames(*sweep);
+  }
   isFirstStage_ = false;
   coarseness_ = targets.coarseness;
   targetSweep_ = plan_.frameGains ? Levelled(*sweep_, frames_, *sweep) : std::move(sweep);
@@ -512,7 +507,7 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
 {
   const TimeForPlanes& needed = plan_.sparse ? kSparseTime : kDenseTime;
   const double secondsAtFullSize = coarseness_ * secondsOfPass;
-  Targets targets{plan_.virtualPlanes, 1};
+  Targets targets{plan_.virtualPlanes};
   while (targets.planes > 0 && !aborted_)
   {
     const double left = plan_.timeLimit - Seconds();
@@ -539,9 +534,9 @@ std::optional<TrainingLoop::Targets> TrainingLoop::TargetPlanesInTime(double sec
   {
     return std::nullopt;
   }
-  // No time for virtual planes. Detail that few passes cannot teach costs time all the same.
-  const bool isTimeForDetail = plan_.timeLimit - Seconds() > kPassesForDetail * secondsOfPass;
-  targets = {0, isTimeForDetail || plan_.timeLimit <= 0 ? 1 : coarseness_, true};
+  // No virtual planes, or no time for them. A step sees as many pixels of a frame as in the first stage, because few
+  // passes are worth more in more steps.
+  targets = {0, 1, coarseness_, true};
   TargetPlanes(targets);
   return targets;
 }
@@ -640,6 +635,13 @@ double TrainingLoop::ContinuedRate(double fraction) const
   return std::clamp(kContinuedRate * std::sqrt(passes), kLeastContinuedRate, 1.0);
 }
 
+/// By how much a step of the second stage takes longer than one on the first's frames, for what is told of the time left:
+/// 1.5 on the liver sweep and 1.3 on the brain's, whose sides are halved first; 1.03 where frames are interleaved then.
+double TrainingLoop::Growth() const
+{
+  return plan_.virtualPlanes > 0 ? std::sqrt(static_cast<double>(coarseness_)) : 1;
+}
+
 /// Seconds that the steps left will take, and the virtual planes to be made, at a pace of so many seconds a step.
 double TrainingLoop::SecondsLeft(int iteration, double pace) const
 {
@@ -650,7 +652,7 @@ double TrainingLoop::SecondsLeft(int iteration, double pace) const
   const double first = kFirstStage * plan_.iterations;
   const double planes = (plan_.sparse ? kStepsToMakeSparsePlane : kStepsToMakeDensePlane) * plan_.virtualPlanes *
                         static_cast<double>(frames_.size()) / plan_.batch;
-  return pace * (std::max(0.0, first - iteration) + Growth(coarseness_) * (plan_.iterations - first + planes));
+  return pace * (std::max(0.0, first - iteration) + Growth() * (plan_.iterations - first + planes));
 }
 
 /// The loss of a step of the batch, or of several on parts of it where there are few `steps` in all.
@@ -744,6 +746,7 @@ void TrainingLoop::Resume(std::string_view state)
   course.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
   course.second.planes = from.NumberIn(0, plan_.virtualPlanes);
   course.second.coarseness = from.NumberIn(1, std::min(sweep_->width, sweep_->height));
+  course.second.pixelStep = from.NumberIn(1, course.second.planes > 0 ? 1 : std::min(sweep_->width, sweep_->height));
   course.second.flow = from.Flag();
   course.passes = from.NumberIn(0.0, 1e9);
   const bool isFirstStage = from.Flag();
@@ -817,6 +820,7 @@ void TrainingLoop::SavePart(StateWriter& to) const
   to.Number(course.coarseness);
   to.Number(course.second.planes);
   to.Number(course.second.coarseness);
+  to.Number(course.second.pixelStep);
   to.Flag(course.second.flow);
   to.Number(course.passes);
   to.Flag(isFirstStage_);
@@ -942,7 +946,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     }
     const double pace = (Seconds() - stageStart) / (iteration - stageFirst);
     report_.secondsLeft = SecondsLeft(iteration, pace);
-    secondsOfSecondStage_ = (1 - kFirstStage) * Growth(coarseness_) * pace * plan_.iterations;
+    secondsOfSecondStage_ = (1 - kFirstStage) * Growth() * pace * plan_.iterations;
     Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
     course.trainingTime = Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())

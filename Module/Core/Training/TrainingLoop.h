@@ -117,6 +117,7 @@ private:
   {
     int planes = 0;      // virtual ones in every gap
     int coarseness = 1;  // the frames' sides are divided by it
+    int pixelStep = 1;   // pixels that lie so far apart are frames of their own, see Sweep::Interleaved; 1 with planes
     bool flow = true;    // if the plan's interpolation has it
   };
 
@@ -133,6 +134,7 @@ private:
   double RateLeft(double fraction) const;
   double StepsInAll(double fraction) const;
   double ContinuedRate(double fraction) const;
+  double Growth() const;
   double SecondsLeft(int iteration, double pace) const;
   double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
   void Correct(const Corrections& found);
