@@ -11,6 +11,7 @@
 #include "Fuzz/Png.h"
 #include "IO/Formats/OpenIgtLink.h"
 #include "IO/SmallFiles.h"
+#include "Support/SourceFolder.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
@@ -270,7 +271,7 @@ int main(int count, char** arguments)
   {
     Seed("Loss", std::to_string(std::string(text).size()), text);
   }
-  Seed("Transform", "hdf5", test::ReadBytes(std::string(BIGUS_SOURCE_DIR) + "/Testing/Data/transform.h5"));
+  Seed("Transform", "hdf5", test::ReadBytes((test::SourceFolder() / "Testing/Data/transform.h5").string()));
   Messages();
   const std::string magic = "#Insight Transform File V1.0\n#Transform 0\n";
   Seed("Transform", "affine",

@@ -10,6 +10,8 @@
 #include <filesystem>
 #include <string>
 
+#include "Support/SourceFolder.h"
+
 namespace bigus::test
 {
 
@@ -17,14 +19,13 @@ namespace bigus::test
 inline std::filesystem::path DataFolder()
 {
   const char* given = std::getenv("BIGUS_DATA");
-  return given && *given ? std::filesystem::path(given)
-                         : std::filesystem::path(BIGUS_SOURCE_DIR) / ".." / "shared" / "data";
+  return given && *given ? std::filesystem::path(given) : SourceFolder() / ".." / "shared" / "data";
 }
 
 /// Small files that belong to the repository: Testing/Data.
 inline std::filesystem::path TestDataFolder()
 {
-  return std::filesystem::path(BIGUS_SOURCE_DIR) / "Testing" / "Data";
+  return SourceFolder() / "Testing" / "Data";
 }
 
 /// An empty folder for one test, removed with everything in it when the test ends.

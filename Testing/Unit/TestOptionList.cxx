@@ -11,6 +11,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Training/OptionList.h"
+#include "Support/SourceFolder.h"
 
 namespace
 {
@@ -175,7 +176,7 @@ TEST(OptionList, ThePageOfOptionsIsTheList)
     table += "| `" + std::string(option.info.name) + "` | " + option.value + " | " + Replace(option.values, '|', ", ") +
              " | " + Replace(meaning, '*', "\\*") + " |\n";
   }
-  std::ifstream file(std::string(BIGUS_SOURCE_DIR) + "/Module/Core/Training/Options.md");
+  std::ifstream file(bigus::test::SourceFolder() / "Module/Core/Training/Options.md");
   const std::string page{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   EXPECT_NE(page.find(table), std::string::npos) << "Module/Core/Training/Options.md lacks this text:\n" << table;
 }
