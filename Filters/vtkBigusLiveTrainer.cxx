@@ -10,9 +10,9 @@
 #include <future>
 #include <limits>
 
-#include "Core/Deciding/Provenance.h"
 #include "Core/Live/LiveSession.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Provenance.h"
 #include "Data/FieldData.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"

@@ -11,9 +11,9 @@
 #include <sstream>
 
 #include "CollectiveExecutive.h"
-#include "Core/Deciding/Provenance.h"
-#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Provenance.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
 #include "Data/ProcessExchange.h"

@@ -232,7 +232,7 @@ public:
 
 #ifndef __VTK_WRAP__
   /**
-   * How the next training keeps its state, and the state that it goes on from: Core/Deciding/Trainer.h. For C++ alone.
+   * How the next training keeps its state, and the state that it goes on from: Core/Trainer/Trainer.h. For C++ alone.
    * Default: it keeps nothing and begins.
    */
   void SetCheckpoints(const bigus::Checkpoints& checkpoints);

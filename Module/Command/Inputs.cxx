@@ -15,9 +15,9 @@
 #include <sstream>
 
 #include "Command.h"
-#include "Core/Deciding/Provenance.h"
 #include "Core/Numerics/Checksum.h"
 #include "Core/Poses/PoseDoubts.h"
+#include "Core/Trainer/Provenance.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"

@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "Command.h"
-#include "Core/Deciding/Provenance.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Live/LiveSession.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
+#include "Core/Trainer/Provenance.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
 #include "Files.h"

@@ -10,12 +10,12 @@
 #include <optional>
 
 #include "Command.h"
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "Core/Deciding/Provenance.h"
+#include "Core/Trainer/Provenance.h"
 #include "vtkDataObject.h"
 #include "vtkFieldData.h"
 #include "vtkNew.h"

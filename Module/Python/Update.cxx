@@ -10,8 +10,8 @@
 #include <exception>
 #include <memory>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/InstructionSets.h"
+#include "Core/Trainer/Trainer.h"
 #include "IO/CheckpointFile.h"
 #include "vtkAlgorithm.h"
 #include "vtkBigusTrainer.h"

@@ -10,10 +10,10 @@
 #include <memory>
 
 #include "Arrays.h"
-#include "Core/Deciding/Provenance.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Live/LiveSession.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Provenance.h"
 #include "Progress.h"
 
 namespace bigus

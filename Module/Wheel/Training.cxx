@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "Arrays.h"
-#include "Core/Deciding/Provenance.h"
-#include "Core/Deciding/Trainer.h"
+#include "Core/Trainer/Provenance.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
 #include "IO/CheckpointFile.h"
 

@@ -9,10 +9,10 @@
 #include <iostream>
 #include <string>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Trainer.h"
 #include "Emulator.h"
 #include "Support/Engines.h"
 #include "Support/Fields.h"

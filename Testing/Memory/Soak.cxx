@@ -17,8 +17,8 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Trainer.h"
 #include "Support/Random.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"

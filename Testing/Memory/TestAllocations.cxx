@@ -31,9 +31,9 @@
 #include <thread>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Trainer.h"
 #include "Data/FieldData.h"
 #include "Data/SweepData.h"
 #include "Support/Sweeps.h"

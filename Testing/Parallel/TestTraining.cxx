@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Trainer.h"
 #include "Data/FieldData.h"
 #include "Data/SweepData.h"
 #include "Parallel/Groups.h"

@@ -10,11 +10,11 @@
 #include <memory>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Poses/Alignment.h"
+#include "Core/Trainer/Trainer.h"
 #include "Support/Errors.h"
 #include "Support/Fields.h"
 #include "Support/Sweeps.h"

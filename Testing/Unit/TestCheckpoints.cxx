@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Checksum.h"
+#include "Core/Trainer/Trainer.h"
 #include "Support/Errors.h"
 #include "Support/Sweeps.h"
 

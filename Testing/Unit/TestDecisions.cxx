@@ -9,11 +9,11 @@
 
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Compounding.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/TrainingLoop.h"
 

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/PartEngine.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Trainer.h"
 #include "Support/Fields.h"
 #include "Support/Psnr.h"
 #include "Support/Sweeps.h"

@@ -11,10 +11,10 @@
 #include <string>
 #include <thread>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/PixelMemory.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Trainer/Trainer.h"
 
 namespace
 {

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "Core/Deciding/PoseCorrection.h"
-#include "Core/Deciding/Trainer.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Poses/PoseError.h"
+#include "Core/Trainer/Trainer.h"
 #include "Support/Sweeps.h"
 
 namespace

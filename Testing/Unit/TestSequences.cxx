@@ -8,13 +8,13 @@
 #include <numeric>
 
 #include "Core/Deciding/PoseCorrection.h"
-#include "Core/Deciding/Provenance.h"
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Poses/PoseError.h"
+#include "Core/Trainer/Provenance.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/VirtualPlanes.h"
 #include "Support/Errors.h"
 #include "Support/Sweeps.h"

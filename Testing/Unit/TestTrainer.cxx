@@ -6,11 +6,11 @@
 #include <cmath>
 #include <functional>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Trainer/Trainer.h"
 #include "Support/Sweeps.h"
 
 namespace

@@ -270,7 +270,7 @@ Decision DecideGaussians(State& state)
 }  // namespace
 
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper,
+                             TrainingPlan& plan, const ProgressCallback& progress, TrialKeeper& keeper,
                              Exchange* exchange)
 {
   // Trials and speckle rest on the order of frames, so they look at one sequence.

@@ -6,8 +6,8 @@
 
 #include <vector>
 
-#include "Core/Deciding/Checkpointer.h"
 #include "Core/Deciding/Decision.h"
+#include "Core/Deciding/TrialKeeper.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
 #include "Core/Training/TrainingPlan.h"
@@ -22,7 +22,7 @@ namespace bigus
 /// kFewestFrames frames the plan stays as it is. When `progress` returns false the choices made so far stand. `keeper` has the
 /// scores of trials that were made before. Of `exchange` see TrainingLoop.
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-                             TrainingPlan& plan, const ProgressCallback& progress, Checkpointer& keeper,
+                             TrainingPlan& plan, const ProgressCallback& progress, TrialKeeper& keeper,
                              Exchange* exchange);
 
 }  // namespace bigus

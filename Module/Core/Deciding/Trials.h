@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "Core/Deciding/Checkpointer.h"
+#include "Core/Deciding/TrialKeeper.h"
 #include "Core/Evaluation/CrossPlanes.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/FrameInterpolation.h"
@@ -39,7 +39,7 @@ public:
   /// may do. Finished trials and the one under way are kept by `keeper`. Of `exchange` see TrainingLoop. What is referred
   /// to must outlive this.
   Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
-         const ProgressCallback& progress, Checkpointer& keeper, Exchange* exchange);
+         const ProgressCallback& progress, TrialKeeper& keeper, Exchange* exchange);
 
   /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.
   std::optional<Gain> Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes);
@@ -69,7 +69,7 @@ private:
 
   const TrainerOptions& asked_;
   const ProgressCallback& progress_;
-  Checkpointer& keeper_;
+  TrialKeeper& keeper_;
   Exchange* exchange_;
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;

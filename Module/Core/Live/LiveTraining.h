@@ -14,11 +14,11 @@
 #include <utility>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/TrainerOptions.h"
 #include "Core/Training/TrainingProgress.h"
 

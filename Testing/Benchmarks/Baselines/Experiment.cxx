@@ -25,7 +25,6 @@
 
 #include "Core/Deciding/ElevationEstimate.h"
 #include "Core/Deciding/PoseCorrection.h"
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
@@ -34,6 +33,7 @@
 #include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Error.h"
 #include "Core/Poses/PoseError.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/Seeding.h"

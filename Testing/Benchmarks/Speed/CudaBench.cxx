@@ -16,10 +16,10 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
+#include "Core/Trainer/Trainer.h"
 #include "Testing/Benchmarks/Speed/Ceilings.h"
 #include "Testing/Benchmarks/Speed/Workloads.h"
 

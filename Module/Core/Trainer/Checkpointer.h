@@ -14,7 +14,8 @@
 #include <vector>
 
 #include "Core/Deciding/Decision.h"
-#include "Core/Deciding/Trainer.h"
+#include "Core/Deciding/TrialKeeper.h"
+#include "Core/Trainer/Trainer.h"
 #include "Core/Training/Stopwatch.h"
 #include "Core/Training/TrainingLoop.h"
 
@@ -30,12 +31,6 @@ using NamedTexts = std::vector<std::pair<std::string, std::string>>;
 /// field to continue from, and every option but the time limit, which may be another when a training goes on.
 NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const GaussianField* start);
 
-/// PSNRs of a trial, dB: of validation frames, and of planes across the frames.
-struct TrialScores
-{
-  std::vector<double> frames, across;
-};
-
 /// What deciding ends with.
 struct Settlement
 {
@@ -47,7 +42,7 @@ struct Settlement
 /// Keeps the scores of finished trials until all is decided, then what was decided; the state of the training's own loop,
 /// whose first stage comes before trials; and that of the trial that is under way. Everything else follows from these
 /// and is done again.
-class Checkpointer
+class Checkpointer : public TrialKeeper
 {
 public:
   /// What is referred to must outlive this. Throws Error when there is a state to go on from and it is damaged or of a
@@ -58,19 +53,18 @@ public:
   /// Seconds that the training took before.
   double Seconds() const { return seconds_; }
 
-  /// Null where the trial was not finished.
-  const TrialScores* FindTrial(const std::string& name) const;
-  void NoteTrial(const std::string& name, const TrialScores& scores);
+  const TrialScores* FindTrial(const std::string& name) const override;
+  void NoteTrial(const std::string& name, const TrialScores& scores) override;
+  std::string TakeTrial(const std::string& name) override;
+  Keeping KeepingOfTrial(const std::string& name) override;
 
   const std::optional<Settlement>& Settled() const { return settled_; }
   /// What the training's own loop has done is kept if it goes on with it.
   void Settle(Settlement settlement, bool keepsTraining);
 
-  /// The state that the training's own loop, or a trial's, was in; "" for one that begins.
+  /// As TakeTrial and KeepingOfTrial, of the training's own loop.
   std::string TakeTraining();
-  std::string TakeTrial(const std::string& name);
   Keeping KeepingOfTraining();
-  Keeping KeepingOfTrial(const std::string& name);
 
   /// Writes all that is known.
   void Save();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Deciding/Checkpointer.h"
+#include "Core/Trainer/Checkpointer.h"
 
 #include <algorithm>
 #include <cinttypes>

@@ -1,19 +1,19 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Deciding/Trainer.h"
+#include "Core/Trainer/Trainer.h"
 
 #include <algorithm>
 #include <functional>
 #include <tuple>
 #include <utility>
 
-#include "Core/Deciding/Checkpointer.h"
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
 #include "Core/Engine/Exchange.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/OpenCv.h"
+#include "Core/Trainer/Checkpointer.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Deciding/Provenance.h"
+#include "Core/Trainer/Provenance.h"
 
 #include <algorithm>
 #include <cctype>

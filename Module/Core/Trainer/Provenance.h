@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/Trainer.h"
+#include "Core/Trainer/Trainer.h"
 
 namespace bigus
 {
