@@ -29,5 +29,12 @@ if git grep -nE '^(<<<<<<<|>>>>>>>)( |$)' -- ':!*.patch' >&2; then
   echo "These lines were left by a merge." >&2
   exit 1
 fi
+# The version stands in CMakeLists.txt. What no build makes has to agree with it.
+version=$(sed -n 's/^project(BIGUS VERSION \([0-9.]*\) .*/\1/p' CMakeLists.txt)
+date=$(sed -n "s/^## $version (\([0-9]\{4\}-[0-9][0-9]-[0-9][0-9]\))$/\1/p" CHANGELOG.md)
+if [[ -z $date ]] || ! grep -qx "version: $version" CITATION.cff || ! grep -qx "date-released: \"$date\"" CITATION.cff; then
+  echo "CMakeLists.txt says version $version. CHANGELOG.md needs a heading '## $version (YEAR-MONTH-DAY)' and CITATION.cff the same version and date." >&2
+  exit 1
+fi
 python3 Testing/Structure/check_rooms.py .
 python3 Testing/Structure/check_links.py .

@@ -16,7 +16,7 @@ packages=(
   libbenchmark-dev                                   # benchmarks
 )
 [[ ${1:-} != --checks ]] || packages+=(
-  clang clang-format clang-tidy
+  ccache clang clang-format clang-tidy
   doxygen python3-sphinx python3-myst-parser furo  # the site of all pages
 )
 

@@ -690,6 +690,10 @@ class Package(unittest.TestCase):
             self.skipTest("BIGUS_EXPECTED_PACKAGE says where the package should come from; it is not set")
         self.assertEqual(os.path.realpath(os.path.dirname(bigus.__file__)), os.path.realpath(expected))
 
+    def test_version_is_the_one_to_cite(self):
+        citation = (pathlib.Path(__file__).resolve().parents[2] / "CITATION.cff").read_text()
+        self.assertIn(f"\nversion: {bigus.__version__}\n", citation)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -22,6 +22,7 @@ import importlib.util
 from . import environment
 
 environment.require()  # before anything compiled is loaded
+__version__ = environment.VERSION
 
 # VTK's own wrapped classes must be there before the classes derived from them.
 import vtkmodules.vtkCommonDataModel  # noqa: F401

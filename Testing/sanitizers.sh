@@ -1,0 +1,15 @@
+#!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+# Builds the tests that ctest is asked for under the address and undefined-behaviour sanitizers, and runs them. The first
+# that fails ends the run. Arguments go to ctest: Testing/sanitizers.sh -L '^io$'
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+targets=()
+for label in unit:Core io:IO fuzz:Fuzz filters:Filters; do
+  [[ " $* " != *"${label%:*}"* ]] || targets+=("bigus${label#*:}Tests")
+done
+cmake --preset sanitizers
+cmake --build --preset sanitizers --parallel "$(nproc)" --target "${targets[@]}"
+ctest --preset sanitizers --stop-on-failure --parallel "$(nproc)" "$@"
