@@ -13,6 +13,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/OpenCv.h"
+#include "Core/Trainer/Budget.h"
 #include "Core/Trainer/Checkpointer.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/OptionList.h"
@@ -23,12 +24,6 @@ namespace bigus
 namespace
 {
 
-/// The most of a limited time that deciding takes; training gets the larger part.
-constexpr double kDecidingTime = 1.0 / 5;
-
-/// Seconds of a time limit below which nothing is tried: a fifth of it would end amid the first comparison.
-constexpr double kLeastTimeToTry = 30;
-
 /// Seconds that deciding takes for a second of the training that is left after the first stage, where the number of
 /// Gaussians is open and where it is given; for what is told of the time left. Brain and spine sweep: 0.45 and 0.49; liver
 /// sweep with a given number: 0.1.
@@ -37,10 +32,7 @@ constexpr double kDecidingShare = 0.45, kDecidingShareGiven = 0.1;
 /// Gaussians that are trained for a second of a time limit at the most. With more each is seen too seldom. In 10 s and
 /// 20 s two threads take the liver sweep (full size) to 38.7 dB with 200,000 and 40.1 dB with 300,000.
 constexpr double kGaussiansPerSecond = 20000;
-
-/// Seconds that a time limit leaves to training at the least, since 0 would mean no limit. So short that none is left for
-/// a step of a training whose checkpoint says that the limit has passed.
-constexpr double kLeastTime = 1e-9;
+constexpr std::size_t kFewestInLimitedTime = 1000;
 
 /// The option that may be another when a training goes on.
 const std::string kTimeLimit = "TimeLimit";
@@ -198,250 +190,300 @@ void RequireSameTraining(Exchange& exchange, NamedTexts identity, double timeLim
   }
 }
 
+/// What says that a training is the same; empty where nobody asks. Throws Error in all processes unless they agree.
+NamedTexts AgreedIdentity(const Sweep& sweep, const TrainerOptions& options, const GaussianField* start,
+                          const Checkpoints& checkpoints, Exchange* exchange)
+{
+  if (!exchange && !checkpoints.save && checkpoints.resume.empty())
+  {
+    return {};
+  }
+  NamedTexts identity = IdentityOf(sweep, options, start);
+  if (exchange)
+  {
+    RequireSameTraining(*exchange, identity, options.timeLimit);
+  }
+  return identity;
+}
+
+/// What Train does, step by step, and what the steps hand on.
+class Training
+{
+public:
+  /// The options and the sweep are valid; the rest is as for Train, but for an `exchange` of one process, which is none.
+  Training(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
+           const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange* exchange,
+           const Stopwatch& sinceCall)
+      : options_(options),
+        start_(start),
+        exchange_(exchange),
+        sweep_(std::move(sweep)),
+        asked_(options),
+        keeper_(checkpoints, AgreedIdentity(*sweep_, options, start, checkpoints, exchange), exchange),
+        budget_(options.timeLimit, sinceCall.Seconds() + keeper_.Seconds(), progress, exchange)
+  {
+  }
+
+  void SetApart();
+  void CorrectPoses();
+  void Plan();
+  void FirstStage();
+  void Decide();
+  TrainingResult Finish();
+
+private:
+  bool IsDeciding() const;
+  void BoundGaussians();
+  void MakeLoop();
+  void Try();
+  void Settle();
+  void TrainToTheEnd();
+  void SetBeam(GaussianField& field) const;
+
+  const TrainerOptions& options_;
+  const GaussianField* start_;
+  Exchange* exchange_;
+  std::shared_ptr<const Sweep> sweep_;
+  TrainerOptions asked_;  // the options, with what poses and the field to continue from settle
+  Checkpointer keeper_;
+  Budget budget_;
+  TrainingPlan plan_;
+  std::unique_ptr<TrainingLoop> loop_;
+  Fitted fitted_;
+  TrainingResult result_;
+};
+
+/// Frames that validate, that are held out and that are trained on; what none of the last lights is seen by nobody.
+void Training::SetApart()
+{
+  std::vector<int>&frames = result_.trainingFrames, &validation = result_.validationFrames;
+  std::tie(frames, result_.heldOutFrames) = SplitHoldOut(*sweep_, AllFrames(*sweep_), options_.holdOut);
+  if (options_.validation > 0)
+  {
+    std::tie(frames, validation) = SplitHoldOut(*sweep_, frames, options_.validation);
+  }
+  if (frames.empty())
+  {
+    throw Error("Trainer: with a hold-out of " + std::to_string(options_.holdOut) + " and validation of " +
+                std::to_string(options_.validation) + ", none of the " + std::to_string(sweep_->NumberOfFrames()) +
+                " frames is left to train on.");
+  }
+  if (!start_)
+  {
+    RequireSomethingToLearn(*sweep_, frames);
+  }
+  else if (start_->Size() == 0)
+  {
+    throw Error("Trainer: the field to continue from holds no Gaussian.");
+  }
+  sweep_ = std::make_shared<const Sweep>(sweep_->LitBy(frames));
+}
+
+void Training::CorrectPoses()
+{
+  if (keeper_.Settled())
+  {
+    sweep_ = Restore(*keeper_.Settled(), sweep_, asked_, result_.decisions);
+  }
+  else
+  {
+    const bool isJudged = asked_.automatic && LongestSequence(*sweep_, result_.trainingFrames).size() >= kFewestFrames;
+    if (asked_.poseSmoothing ? asked_.automatic || *asked_.poseSmoothing > 0 : isJudged)
+    {
+      sweep_ = Correct(sweep_, result_.trainingFrames, asked_, result_.decisions, [this] { return budget_.Tell({}); });
+    }
+    else
+    {
+      asked_.poseSmoothing = 0;
+    }
+  }
+  result_.imageToReference = sweep_->imageToReference;
+}
+
+void Training::Plan()
+{
+  if (start_ && !keeper_.Settled())
+  {
+    asked_.elevationSigma = asked_.elevationSigma.value_or(start_->beam.elevationSigma);
+    asked_.probeElevationSigma = asked_.probeElevationSigma.value_or(start_->beam.probeElevationSigma);
+  }
+  plan_ = PlanByGeometry(asked_, *sweep_, result_.trainingFrames);
+  plan_.continued = start_ != nullptr;
+  BoundGaussians();
+}
+
+void Training::BoundGaussians()
+{
+  if (budget_.IsLimited() && !asked_.gaussians && !start_)
+  {
+    const auto most = static_cast<std::size_t>(kGaussiansPerSecond * budget_.Limit());
+    plan_.gaussians = std::min(plan_.gaussians, std::max(kFewestInLimitedTime, most));
+  }
+}
+
+/// A field to continue from was decided on before, and so was a training that goes on after that.
+bool Training::IsDeciding() const
+{
+  return options_.automatic && !start_ && options_.iterations.value_or(1) > 0 && !keeper_.Settled();
+}
+
+/// The loop goes on from the checkpoint, from the field to continue from, or begins with seeds.
+void Training::MakeLoop()
+{
+  loop_ = std::make_unique<TrainingLoop>(
+      sweep_, result_.trainingFrames, plan_, [this](const TrainingProgress& now) { return budget_.Tell(now); }, nullptr,
+      exchange_);
+  loop_->SetKeeping(keeper_.KeepingOfTraining());
+  if (const std::string state = keeper_.TakeTraining(); !state.empty())
+  {
+    loop_->Resume(state);
+  }
+  else if (start_)
+  {
+    Start first{*start_, false};
+    first.field.beam = Beam{plan_.elevationSigma};
+    loop_->Begin(std::move(first));
+  }
+  else
+  {
+    loop_->Begin(loop_->SeedAndSolve());
+  }
+}
+
+/// The first stage comes before trials, because it rests on few of the choices, and its field is what a caller gets who
+/// stops amid them. Where they choose what it rests on otherwise, it is done again.
+void Training::FirstStage()
+{
+  if (IsDeciding() && !budget_.IsTooShortToTry() && TrainingLoop::HasFirstStage(plan_))
+  {
+    plan_.timeLimit = budget_.Left(true);
+    budget_.ExpectTrials(asked_.gaussians ? kDecidingShareGiven : kDecidingShare);
+    MakeLoop();
+    fitted_ = loop_->Run(result_.validationFrames, TrainingLoop::Until::FirstStage);
+  }
+}
+
+void Training::Decide()
+{
+  if (IsDeciding() && budget_.IsTooShortToTry())
+  {
+    result_.decisions.push_back({"the rest", "by geometry", "the time limit is too short to try anything", 0});
+  }
+  else if (IsDeciding())
+  {
+    Try();
+  }
+  Settle();
+}
+
+void Training::Try()
+{
+  const TrainingPlan byGeometry = plan_;
+  const std::vector<Decision> decisions =
+      bigus::Decide(*sweep_, result_.trainingFrames, asked_, plan_, budget_.OfTrials(), keeper_, exchange_);
+  result_.decisions.insert(result_.decisions.end(), decisions.begin(), decisions.end());
+  BoundGaussians();
+  if (budget_.IsAborted() && loop_)
+  {
+    plan_.gaussians = byGeometry.gaussians;  // as the field that is returned
+    plan_.elevationSigma = byGeometry.elevationSigma;
+  }
+  else if (plan_.gaussians != byGeometry.gaussians || plan_.elevationSigma != byGeometry.elevationSigma)
+  {
+    loop_.reset();
+  }
+}
+
+/// All is decided: the result says so, and a checkpoint keeps it.
+void Training::Settle()
+{
+  result_.settled = Settled(asked_, plan_);
+  if (budget_.IsAborted())
+  {
+    keeper_.Close();
+  }
+  else if (!keeper_.Settled())
+  {
+    keeper_.Settle({TextsOf(result_.settled), result_.decisions, result_.imageToReference}, loop_ != nullptr);
+    keeper_.Save();
+  }
+}
+
+/// The rest of the training, or all of it. Who stops it gets a field that has settled, and one that is no worse than that
+/// which was continued.
+void Training::TrainToTheEnd()
+{
+  plan_.timeLimit = budget_.Left(false);
+  if (!loop_)
+  {
+    MakeLoop();
+    fitted_ = loop_->Run(result_.validationFrames);
+  }
+  else if (!budget_.IsAborted())
+  {
+    loop_->Replan(plan_);
+    fitted_ = loop_->Run(result_.validationFrames);
+  }
+  if (budget_.IsAborted() && !fitted_.finished && fitted_.iterations > 0)
+  {
+    fitted_.field = loop_->Settle(result_.validationFrames);
+  }
+  if (start_ && fitted_.iterations > 0)
+  {
+    GaussianField before = *start_;
+    before.beam = Beam{plan_.elevationSigma};
+    fitted_.field = loop_->Nearer(std::move(fitted_.field), before);
+  }
+}
+
+/// The probe's beam, and the directions of planes where training itself has a thinner one. Set last, because training
+/// needs the beam of its own planes only.
+void Training::SetBeam(GaussianField& field) const
+{
+  field.beam.probeElevationSigma = plan_.probeElevationSigma;
+  if (plan_.probeElevationSigma > plan_.elevationSigma)
+  {
+    std::vector<Eigen::Vector3d>& normals = field.beam.trainedNormals;
+    normals = DistinctNormals(*sweep_, result_.trainingFrames);
+    if (start_)
+    {
+      normals.insert(normals.end(), start_->beam.trainedNormals.begin(), start_->beam.trainedNormals.end());
+    }
+  }
+}
+
+TrainingResult Training::Finish()
+{
+  TrainToTheEnd();
+  result_.field = std::move(fitted_.field);
+  SetBeam(result_.field);
+  result_.log = std::move(fitted_.log);
+  result_.iterations = fitted_.iterations;
+  result_.device = loop_->engine().Device();
+  result_.processes = exchange_ ? exchange_->Size() : 1;
+  result_.aborted = budget_.IsAborted() && !fitted_.finished;  // a stop after the last step stopped nothing
+  result_.finished = fitted_.finished;
+  result_.seconds = budget_.Seconds();
+  return std::move(result_);
+}
+
 }  // namespace
 
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
                      const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange* exchange)
 try
 {
-  const Stopwatch call;
+  const Stopwatch sinceCall;
   options.Validate();
   sweep->Validate();
-  if (exchange && exchange->Size() == 1)
-  {
-    exchange = nullptr;
-  }
-  NamedTexts identity;
-  if (exchange || checkpoints.save || !checkpoints.resume.empty())
-  {
-    identity = IdentityOf(*sweep, options, start);
-  }
-  if (exchange)
-  {
-    RequireSameTraining(*exchange, identity, options.timeLimit);
-  }
-  Checkpointer keeper(checkpoints, std::move(identity), exchange);
-  const Stopwatch watch(call.Seconds() + keeper.Seconds());
-
-  std::vector<int> frames, heldOut;  // no structured binding, which Clang's lambdas cannot see
-  std::tie(frames, heldOut) = SplitHoldOut(*sweep, AllFrames(*sweep), options.holdOut);
-  std::vector<int> validation;
-  if (options.validation > 0)
-  {
-    std::tie(frames, validation) = SplitHoldOut(*sweep, frames, options.validation);
-  }
-  if (frames.empty())
-  {
-    throw Error("Trainer: with a hold-out of " + std::to_string(options.holdOut) + " and validation of " +
-                std::to_string(options.validation) + ", none of the " + std::to_string(sweep->NumberOfFrames()) +
-                " frames is left to train on.");
-  }
-  if (!start)
-  {
-    RequireSomethingToLearn(*sweep, frames);
-  }
-  else if (start->Size() == 0)
-  {
-    throw Error("Trainer: the field to continue from holds no Gaussian.");
-  }
-  sweep = std::make_shared<const Sweep>(sweep->LitBy(frames));
-
-  double fraction = 0;              // of the whole, which never falls
-  double lastLeft = 0, lastAt = 0;  // seconds left when that was last known
-  double decidingShare = 0;         // of what is left then, while trials are still to come
-  bool aborted = false;
-  const auto passOn = [&](TrainingProgress now)
-  {
-    now.record.seconds = watch.Seconds();
-    now.secondsLeft *= 1 + decidingShare;
-    if (options.timeLimit > 0)
-    {
-      const double left = std::max(0.0, options.timeLimit - now.record.seconds);
-      now.secondsLeft = now.secondsLeft > 0 ? std::min(now.secondsLeft, left) : left;
-    }
-    if (now.secondsLeft > 0)
-    {
-      lastLeft = now.secondsLeft;
-      lastAt = now.record.seconds;
-    }
-    else if (lastLeft > 0)
-    {
-      now.secondsLeft = std::max(1.0, lastLeft - (now.record.seconds - lastAt));
-    }
-    if (now.secondsLeft > 0)
-    {
-      fraction = std::max(fraction, now.record.seconds / (now.record.seconds + now.secondsLeft));
-    }
-    now.fraction = fraction;
-    aborted = aborted || (progress && !progress(now));
-    aborted = exchange ? exchange->Any(aborted) : aborted;
-    return !aborted;
-  };
-  // With a time limit what is done depends on it, so processes go by the clock of the first.
-  const auto spent = [&] { return exchange ? exchange->OfFirst(watch.Seconds()) : watch.Seconds(); };
-  TrainingResult result;
-  TrainerOptions asked = options;
-  if (keeper.Settled())
-  {
-    sweep = Restore(*keeper.Settled(), sweep, asked, result.decisions);
-  }
-  else
-  {
-    const bool isJudged = asked.automatic && LongestSequence(*sweep, frames).size() >= kFewestFrames;
-    if (asked.poseSmoothing ? asked.automatic || *asked.poseSmoothing > 0 : isJudged)
-    {
-      sweep = Correct(sweep, frames, asked, result.decisions, [&passOn] { return passOn({}); });
-    }
-    else
-    {
-      asked.poseSmoothing = 0;
-    }
-    if (start && !asked.elevationSigma)
-    {
-      asked.elevationSigma = start->beam.elevationSigma;
-    }
-    if (start && !asked.probeElevationSigma)
-    {
-      asked.probeElevationSigma = start->beam.probeElevationSigma;
-    }
-  }
-  result.imageToReference = sweep->imageToReference;
-  TrainingPlan plan = PlanByGeometry(asked, *sweep, frames);
-  plan.continued = start != nullptr;
-  const auto boundGaussians = [&]
-  {
-    if (options.timeLimit > 0 && !asked.gaussians && !start)
-    {
-      plan.gaussians =
-          std::min(plan.gaussians,
-                   std::max<std::size_t>(1000, static_cast<std::size_t>(kGaussiansPerSecond * options.timeLimit)));
-    }
-  };
-  boundGaussians();
-  const auto leave = [&](double seconds)
-  {
-    if (options.timeLimit > 0)
-    {
-      plan.timeLimit = std::max(options.timeLimit - spent() - seconds, kLeastTime);
-    }
-  };
-  std::unique_ptr<TrainingLoop> loop;
-  const auto begin = [&]
-  {
-    loop = std::make_unique<TrainingLoop>(sweep, frames, plan, passOn, nullptr, exchange);
-    loop->SetKeeping(keeper.KeepingOfTraining());
-    if (const std::string state = keeper.TakeTraining(); !state.empty())
-    {
-      loop->Resume(state);
-    }
-    else if (start)
-    {
-      Start first{*start, false};
-      first.field.beam = Beam{plan.elevationSigma};
-      loop->Begin(std::move(first));
-    }
-    else
-    {
-      loop->Begin(loop->SeedAndSolve());
-    }
-  };
-  Fitted fitted;
-  // A field to continue from was decided on before, and so was a training that goes on after that.
-  if (options.automatic && !start && options.iterations.value_or(1) > 0 && !keeper.Settled())
-  {
-    if (options.timeLimit > 0 && options.timeLimit < kLeastTimeToTry)
-    {
-      result.decisions.push_back({"the rest", "by geometry", "the time limit is too short to try anything", 0});
-    }
-    else
-    {
-      // The first stage comes before trials, because it rests on few of the choices, and its field is what a caller gets
-      // who stops amid them. Where they choose what it rests on otherwise, it is done again.
-      const TrainingPlan byGeometry = plan;
-      if (TrainingLoop::HasFirstStage(plan))
-      {
-        leave(kDecidingTime * options.timeLimit);
-        decidingShare = asked.gaussians ? kDecidingShareGiven : kDecidingShare;
-        begin();
-        fitted = loop->Run(validation, TrainingLoop::Until::FirstStage);
-      }
-      const double ahead = lastLeft, training = ahead / (1 + std::exchange(decidingShare, 0));
-      const double decidingFrom = watch.Seconds(), begun = options.timeLimit > 0 ? spent() : 0;
-      std::vector<Decision> decisions = Decide(
-          *sweep, frames, asked, plan,
-          [&](TrainingProgress now)
-          {
-            now.secondsLeft = std::max(training, ahead - (watch.Seconds() - decidingFrom));
-            return passOn(now) && (options.timeLimit == 0 || spent() - begun < kDecidingTime * options.timeLimit);
-          },
-          keeper, exchange);
-      result.decisions.insert(result.decisions.end(), decisions.begin(), decisions.end());
-      boundGaussians();
-      if (aborted && loop)
-      {
-        plan.gaussians = byGeometry.gaussians;  // as the field that is returned
-        plan.elevationSigma = byGeometry.elevationSigma;
-      }
-      else if (plan.gaussians != byGeometry.gaussians || plan.elevationSigma != byGeometry.elevationSigma)
-      {
-        loop.reset();
-      }
-    }
-  }
-  result.settled = Settled(asked, plan);
-  if (aborted)
-  {
-    keeper.Close();
-  }
-  else if (!keeper.Settled())
-  {
-    keeper.Settle({TextsOf(result.settled), result.decisions, result.imageToReference}, loop != nullptr);
-    keeper.Save();
-  }
-  leave(0);
-  if (!loop)
-  {
-    begin();
-    fitted = loop->Run(validation);
-  }
-  else if (!aborted)
-  {
-    loop->Replan(plan);
-    fitted = loop->Run(validation);
-  }
-  if (aborted && !fitted.finished && fitted.iterations > 0)
-  {
-    fitted.field = loop->Settle(validation);
-  }
-  if (start && fitted.iterations > 0)
-  {
-    GaussianField before = *start;
-    before.beam = Beam{plan.elevationSigma};
-    fitted.field = loop->Nearer(std::move(fitted.field), before);
-  }
-  result.field = std::move(fitted.field);
-  // Set last, because training itself needs the beam of its own planes only.
-  result.field.beam.probeElevationSigma = plan.probeElevationSigma;
-  if (plan.probeElevationSigma > plan.elevationSigma)
-  {
-    std::vector<Eigen::Vector3d>& normals = result.field.beam.trainedNormals;
-    normals = DistinctNormals(*sweep, frames);
-    if (start)
-    {
-      normals.insert(normals.end(), start->beam.trainedNormals.begin(), start->beam.trainedNormals.end());
-    }
-  }
-  result.log = std::move(fitted.log);
-  result.iterations = fitted.iterations;
-  result.device = loop->engine().Device();
-  result.processes = exchange ? exchange->Size() : 1;
-  result.trainingFrames = std::move(frames);
-  result.validationFrames = std::move(validation);
-  result.heldOutFrames = std::move(heldOut);
-  result.aborted = aborted && !fitted.finished;  // a stop after the last step stopped nothing
-  result.finished = fitted.finished;
-  result.seconds = watch.Seconds();
-  return result;
+  Exchange* others = exchange && exchange->Size() > 1 ? exchange : nullptr;
+  Training training(std::move(sweep), options, start, progress, checkpoints, others, sinceCall);
+  training.SetApart();
+  training.CorrectPoses();
+  training.Plan();
+  training.FirstStage();
+  training.Decide();
+  return training.Finish();
 }
 catch (const cv::Exception& exception)
 {
