@@ -7,6 +7,7 @@
 
 #include "CollectiveExecutive.h"
 #include "Core/Model/Error.h"
+#include "Core/Slicing/Pixels.h"
 #include "Data/Progress.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
@@ -28,29 +29,11 @@ bigus::ViewOutput ToViewOutput(int mode)
   return mode == vtkBigusFieldToImage::ScatteringField ? bigus::ViewOutput::Scattering : bigus::ViewOutput::Intensity;
 }
 
-// Throws Error unless pixels of this type can hold what is wanted.
-void CheckPixelFormat(int mode, int scalarType)
+bigus::Extent ToExtent(const int extent[6])
 {
-  if (scalarType != VTK_FLOAT && scalarType != VTK_UNSIGNED_CHAR)
-  {
-    throw bigus::Error(std::string("OutputScalarType is ") + vtkImageScalarTypeNameMacro(scalarType) +
-                       "; float and unsigned char are possible.");
-  }
-  if (mode == vtkBigusFieldToImage::ScatteringField && scalarType != VTK_FLOAT)
-  {
-    throw bigus::Error("The scattering field is signed and unbounded; set OutputScalarType to float.");
-  }
-}
-
-void CheckOutputSize(const int extent[6], vtkIdType maximum)
-{
-  if (bigus::ExtentSize(extent) > static_cast<double>(maximum))
-  {
-    throw bigus::Error("The output asked for is " + std::to_string(extent[1] - extent[0] + 1) + " x " +
-                       std::to_string(extent[3] - extent[2] + 1) + " x " + std::to_string(extent[5] - extent[4] + 1) +
-                       " pixels, more than MaximumOutputPixels (" + std::to_string(maximum) +
-                       "). Make it smaller or its spacing larger, or stream it in pieces.");
-  }
+  bigus::Extent values;
+  std::copy_n(extent, 6, values.begin());
+  return values;
 }
 
 // What the asking port wants together with what the consumers of the others want, so that a filter connected to two
@@ -64,7 +47,7 @@ void CombineUpdateExtents(vtkInformation* request, vtkInformationVector* outputs
     vtkInformation* other = outputs->GetInformationObject(port);
     int wanted[6];
     vtkStreamingDemandDrivenPipeline::GetUpdateExtent(other, wanted);
-    if (vtkExecutive::CONSUMERS()->Length(other) > 0 && bigus::ExtentSize(wanted) > 0)
+    if (vtkExecutive::CONSUMERS()->Length(other) > 0 && bigus::ExtentSize(ToExtent(wanted)) > 0)
     {
       for (int axis = 0; axis < 3; ++axis)
       {
@@ -219,16 +202,28 @@ const char* vtkBigusFieldToImage::GetDevice() const
   return this->Renderer->Device().c_str();
 }
 
-const bigus::GaussianField& vtkBigusFieldToImage::UpdatedField()
+bigus::OutputGrid vtkBigusFieldToImage::GridOverInput(const double axes[9], int maximumDimension)
 {
   int port = 0;
   if (vtkAlgorithm* producer = this->GetInputAlgorithm(0, 0, port))
   {
     producer->Update(port);
   }
-  const bigus::GaussianField* field = nullptr;
-  this->Agree([&] { field = &this->Renderer->Load(vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0))); });
-  return *field;
+  Eigen::AlignedBox3d bounds;
+  this->Agree(
+      [&]
+      {
+        const auto& field = this->Renderer->Load(vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0)));
+        bounds = bigus::BoundsAlong(field, Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(axes));
+      });
+  if (this->Parts())
+  {
+    Eigen::Matrix<double, 6, 1> values;
+    values << bounds.min(), -bounds.max();
+    this->Parts()->Least(values.data(), 6);
+    bounds = Eigen::AlignedBox3d(values.head<3>(), -values.tail<3>());
+  }
+  return bigus::GridOver(bounds, maximumDimension);
 }
 
 int vtkBigusFieldToImage::FillInputPortInformation(int, vtkInformation* info)
@@ -240,15 +235,21 @@ int vtkBigusFieldToImage::FillInputPortInformation(int, vtkInformation* info)
 int vtkBigusFieldToImage::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputs)
 {
   this->SetErrorCode(vtkErrorCode::NoError);
-  double spacing[3], origin[3];
-  int extent[6];
-  std::copy_n(this->OutputSpacing, 3, spacing);
-  std::copy_n(this->OutputOrigin, 3, origin);
+  bigus::OutputGrid grid;
   try
   {
-    bigus::CheckGrid(spacing, origin);  // defaults in there are sound
-    this->ComputeGrid(spacing, origin, extent);
-    CheckPixelFormat(this->OutputMode, this->OutputScalarType);
+    bigus::GivenGrid given;
+    if (!this->ComputeOutputSpacing)
+    {
+      given.spacing = Eigen::Vector3d(this->OutputSpacing);
+    }
+    if (!this->ComputeOutputOrigin)
+    {
+      given.origin = Eigen::Vector3d(this->OutputOrigin);
+    }
+    bigus::CheckGiven(given);
+    grid = this->ComputeGrid(given);
+    bigus::CheckPixelType(vtkImageScalarTypeNameMacro(this->OutputScalarType), ToViewOutput(this->OutputMode));
   }
   catch (const std::exception& error)
   {
@@ -259,9 +260,9 @@ int vtkBigusFieldToImage::RequestInformation(vtkInformation*, vtkInformationVect
   for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
   {
     vtkInformation* info = outputs->GetInformationObject(port);
-    info->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), extent, 6);
-    info->Set(vtkDataObject::SPACING(), spacing, 3);
-    info->Set(vtkDataObject::ORIGIN(), origin, 3);
+    info->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), grid.extent.data(), 6);
+    info->Set(vtkDataObject::SPACING(), grid.spacing.data(), 3);
+    info->Set(vtkDataObject::ORIGIN(), grid.origin.data(), 3);
     info->Set(vtkAlgorithm::CAN_PRODUCE_SUB_EXTENT(), 1);
   }
   vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(0), this->OutputScalarType, 1);
@@ -290,7 +291,7 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
         [&]
         {
           CombineUpdateExtents(request, outputs, whole, extent);
-          CheckOutputSize(extent, this->MaximumOutputPixels);
+          bigus::CheckOutputSize(ToExtent(extent), this->MaximumOutputPixels);
           if (!this->Engine)
           {
             throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
@@ -308,13 +309,13 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
           slab = this->ComputeSlab();
           this->AllocateOutputs(outputs, extent);
         });
-    const bool finished =
-        this->Renderer->Render(indexToWorld, whole, extent, ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
-                               [&](const bigus::PixelBand& band)
-                               {
-                                 this->StoreBand(band, outputs);
-                                 return bigus::ReportProgress(this, band.fraction);
-                               });
+    const bool finished = this->Renderer->Render({indexToWorld, ToExtent(whole), ToExtent(extent)},
+                                                 ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
+                                                 [&](const bigus::PixelBand& band)
+                                                 {
+                                                   this->StoreBand(band, outputs);
+                                                   return bigus::ReportProgress(this, band.fraction);
+                                                 });
     if (!finished)
     {
       Clear(outputs);

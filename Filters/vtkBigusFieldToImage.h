@@ -27,7 +27,8 @@ namespace bigus
 {
 class FieldParts;
 class FieldRenderer;
-struct GaussianField;
+struct GivenGrid;
+struct OutputGrid;
 struct PixelBand;
 struct Slab;
 }  // namespace bigus
@@ -151,16 +152,13 @@ protected:
   int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
-  /// The input as a field, brought up to date and read again only when it changed: for default geometry, which depends
-  /// on the field's bounds. Throws bigus::Error.
-  const bigus::GaussianField& UpdatedField();
+  /// The grid over the input along unit axes, the columns of a matrix given row by row. The input is brought up to date,
+  /// and read again only when it changed. Throws bigus::Error.
+  bigus::OutputGrid GridOverInput(const double axes[9], int maximumDimension);
 
-  /// Who renders with this process; null: nobody.
-  const bigus::FieldParts* Parts() const;
-
-  /// The geometry of the output. In: OutputSpacing and OutputOrigin, found sound; out: what the output has. Throws
+  /// The geometry of the output. `given`: OutputSpacing and OutputOrigin where they are set, found sound. Throws
   /// bigus::Error.
-  virtual void ComputeGrid(double spacing[3], double origin[3], int extent[6]) = 0;
+  virtual bigus::OutputGrid ComputeGrid(bigus::GivenGrid given) = 0;
 
   /// The 4 x 4 matrix, row by row, that takes an output index (i, j, k, 1) to mm in the field's frame. Throws
   /// bigus::Error.
@@ -196,6 +194,8 @@ private:
 
   /// Does it, in agreement with all processes if there are several. Throws bigus::Error.
   void Agree(const std::function<void()>& work);
+  /// Who renders with this process; null: nobody.
+  const bigus::FieldParts* Parts() const;
   /// Tells other processes, which wait for this one, that it has no input.
   void TellOfNoInput();
 

@@ -3,13 +3,9 @@
 #include "vtkBigusReslice.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
-#include <numeric>
-#include <string>
+#include <optional>
 
-#include "Core/Model/Error.h"
-#include "Core/Model/FrameDistance.h"
+#include "Core/Slicing/Pixels.h"
 #include "Data/SweepData.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
@@ -19,10 +15,10 @@
 #include "vtkImageStencilData.h"
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
-#include "vtkMath.h"
 #include "vtkMatrix4x4.h"
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
+#include "vtkSmartPointer.h"
 
 vtkStandardNewMacro(vtkBigusReslice);
 vtkCxxSetObjectMacro(vtkBigusReslice, ResliceAxes, vtkMatrix4x4);
@@ -42,117 +38,34 @@ namespace
 
 using RowMajorMatrix = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 
+// None: the identity.
 Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
 {
-  return Eigen::Map<const RowMajorMatrix>(matrix->GetData());
+  return matrix ? Eigen::Matrix4d(Eigen::Map<const RowMajorMatrix>(matrix->GetData())) : Eigen::Matrix4d::Identity();
 }
 
-// Resliced coordinates to the field's frame: affine, or Error.
-Eigen::Matrix4d OutputToWorld(vtkMatrix4x4* axes, vtkAbstractTransform* transform)
+std::optional<Eigen::Matrix4d> ToEigen(vtkAbstractTransform* transform)
 {
-  Eigen::Matrix4d matrix = axes ? ToEigen(axes) : Eigen::Matrix4d::Identity();
-  if (transform)
+  if (!transform)
   {
-    auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(transform);
-    if (!homogeneous)
-    {
-      throw bigus::Error(std::string("ResliceTransform is a ") + transform->GetClassName() +
-                         ", which may bend planes; give a linear transform, for example a vtkTransform.");
-    }
-    homogeneous->Update();
-    matrix = ToEigen(homogeneous->GetMatrix()) * matrix;
+    return std::nullopt;
   }
-  if (!matrix.allFinite())
+  auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(transform);
+  if (!homogeneous)
   {
-    throw bigus::Error("ResliceAxes or ResliceTransform holds a value that is not finite.");
+    bigus::RefuseTransform(transform->GetClassName());
   }
-  const Eigen::RowVector4d last = matrix.row(3);
-  if (last[3] == 0 || last.head<3>().cwiseAbs().maxCoeff() > 1e-12 * std::abs(last[3]))
-  {
-    throw bigus::Error(
-        "ResliceAxes and ResliceTransform together are perspective (their last row is not 0 0 0 1); "
-        "a slice must stay evenly spaced.");
-  }
-  return matrix / last[3];
+  homogeneous->Update();
+  return ToEigen(homogeneous->GetMatrix());
 }
 
-// Adds the runs of seen pixels in a band's rows to the stencil.
-void InsertRuns(const bigus::PixelBand& band, float threshold, vtkImageStencilData* stencil)
+bigus::OutputGrid GridOf(vtkImageData* image)
 {
-  int extent[6];
-  stencil->GetExtent(extent);
-  const vtkIdType columns = extent[1] - extent[0] + 1;
-  const vtkIdType rows = extent[3] - extent[2] + 1;
-  for (vtkIdType start = 0; start < band.count; start += columns)
-  {
-    const vtkIdType line = (band.first + start) / columns;
-    const int y = extent[2] + static_cast<int>(line % rows);
-    const int z = extent[4] + static_cast<int>(line / rows);
-    const float* coverage = band.coverage + start;
-    for (int x = 0; x < columns; ++x)
-    {
-      const int begin = x;
-      while (x < columns && coverage[x] > threshold)
-      {
-        ++x;
-      }
-      if (x > begin)
-      {
-        stencil->InsertNextExtent(extent[0] + begin, extent[0] + x - 1, y, z);
-      }
-    }
-  }
-}
-
-constexpr int kDefaultDimension = 256;  // pixels along the longest side of a field, where no geometry is given
-constexpr double kLargestIndex = 1e9;   // fits an int; so large an output is refused later
-
-// The grid that default geometry is derived from, mm along the axes of the field's frame.
-struct InputGrid
-{
-  Eigen::Vector3d spacing, origin;
-  int extent[6];
-
-  Eigen::Vector3d Centre() const
-  {
-    Eigen::Vector3d centre;
-    for (int j = 0; j < 3; ++j)
-    {
-      centre[j] = origin[j] + 0.5 * (static_cast<double>(extent[2 * j]) + extent[2 * j + 1]) * spacing[j];
-    }
-    return centre;
-  }
-
-  // The box around the grid's corners after a transform.
-  Eigen::AlignedBox3d BoundsFrom(const Eigen::Matrix4d& transform) const
-  {
-    Eigen::AlignedBox3d box;
-    for (int corner = 0; corner < 8; ++corner)
-    {
-      Eigen::Vector3d point;
-      for (int j = 0; j < 3; ++j)
-      {
-        point[j] = origin[j] + extent[2 * j + (corner >> j & 1)] * spacing[j];
-      }
-      box.extend((transform * point.homogeneous()).hnormalized());
-    }
-    return box;
-  }
-};
-
-InputGrid GridOf(vtkImageData* image)
-{
-  InputGrid grid;
+  bigus::OutputGrid grid;
   image->GetSpacing(grid.spacing.data());
   image->GetOrigin(grid.origin.data());
-  image->GetExtent(grid.extent);
+  image->GetExtent(grid.extent.data());
   return grid;
-}
-
-InputGrid GridOf(const bigus::FieldGrid& field)
-{
-  const Eigen::Vector3i last = field.dimensions - Eigen::Vector3i::Ones();
-  return {Eigen::Vector3d::Constant(field.spacing), field.origin, {0, last[0], 0, last[1], 0, last[2]}};
 }
 
 vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
@@ -452,89 +365,39 @@ int vtkBigusReslice::RequestInformation(vtkInformation* request, vtkInformationV
   return this->Superclass::RequestInformation(request, inputs, outputs);
 }
 
-void vtkBigusReslice::ComputeGrid(double spacing[3], double origin[3], int extent[6])
+bigus::OutputGrid vtkBigusReslice::ComputeGrid(bigus::GivenGrid given)
 {
-  std::copy_n(this->OutputExtent, 6, extent);
-  if (this->ComputeOutputSpacing || this->ComputeOutputOrigin || this->ComputeOutputExtent)
+  if (!this->ComputeOutputExtent)
   {
-    const InputGrid in = this->InformationInput
-                             ? GridOf(this->InformationInput)
-                             : GridOf(bigus::GridOver(this->UpdatedField(), Eigen::Matrix3d::Identity(),
-                                                      kDefaultDimension, this->Parts()));
-
-    // The grid is turned to the output's axes as vtkImageReslice does: spacing and size are averaged with the squares of
-    // the direction cosines as weights, and the centre is kept. Weights of the identity leave it as it stands.
-    const Eigen::Matrix4d axes = this->ResliceAxes ? ToEigen(this->ResliceAxes) : Eigen::Matrix4d::Identity();
-    const Eigen::Matrix4d turn = this->TransformInputSampling ? axes : Eigen::Matrix4d::Identity();
-    const Eigen::Vector4d centre = turn.inverse() * in.Centre().homogeneous();
-    if (!centre.allFinite() || !axes.inverse().allFinite())
-    {
-      throw bigus::Error(
-          "ResliceAxes cannot be inverted, so there is no default output geometry; set "
-          "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
-    }
-    const Eigen::AlignedBox3d crop =
-        this->AutoCropOutput ? in.BoundsFrom(OutputToWorld(this->ResliceAxes, this->ResliceTransform).inverse())
-                             : Eigen::AlignedBox3d();
-    for (int i = 0; i < 3; ++i)
-    {
-      const Eigen::Array3d weight = turn.block<3, 1>(0, i).array().square();
-      const double sum = weight.sum();
-      double length = 0, first = 0;
-      for (int j = 0; j < 3; ++j)
-      {
-        length += weight[j] * (static_cast<double>(in.extent[2 * j + 1]) - in.extent[2 * j]) * std::abs(in.spacing[j]);
-        first += weight[j] * in.extent[2 * j];
-      }
-      length = this->AutoCropOutput ? crop.sizes()[i] : length / (sum * std::sqrt(sum));
-      if (this->ComputeOutputSpacing)
-      {
-        spacing[i] = (weight * in.spacing.array().abs()).sum() / sum;
-      }
-      if (this->ComputeOutputExtent)
-      {
-        extent[2 * i] = vtkMath::Round(std::clamp(first / sum, -kLargestIndex, kLargestIndex));
-        extent[2 * i + 1] = vtkMath::Round(extent[2 * i] + std::min(std::abs(length / spacing[i]), kLargestIndex));
-      }
-      if (this->ComputeOutputOrigin)
-      {
-        origin[i] = this->AutoCropOutput
-                        ? crop.min()[i] - extent[2 * i] * spacing[i]
-                        : centre[i] - 0.5 * (static_cast<double>(extent[2 * i]) + extent[2 * i + 1]) * spacing[i];
-      }
-    }
+    given.extent.emplace();
+    std::copy_n(this->OutputExtent, 6, given.extent->begin());
   }
-  for (int axis = this->OutputDimensionality; axis < 3; ++axis)
+  bigus::ResliceSettings settings{ToEigen(this->ResliceAxes), std::nullopt, this->TransformInputSampling != 0,
+                                  this->AutoCropOutput != 0, this->OutputDimensionality};
+  if (settings.crops && !given.IsWhole())
   {
-    extent[2 * axis] = extent[2 * axis + 1] = 0;
-    origin[axis] = 0;
+    settings.transform = ToEigen(this->ResliceTransform);
   }
-  for (int axis = 0; axis < 3; ++axis)
-  {
-    if (static_cast<double>(extent[2 * axis + 1]) - extent[2 * axis] + 1 > std::numeric_limits<int>::max())
-    {
-      throw bigus::Error("OutputExtent runs from " + std::to_string(extent[2 * axis]) + " to " +
-                         std::to_string(extent[2 * axis + 1]) + " along axis " + std::to_string(axis) +
-                         "; an axis can have at most 2^31 - 1 pixels.");
-    }
-  }
+  return bigus::ResliceGrid(given, settings,
+                            [this]
+                            {
+                              const double axes[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+                              return this->InformationInput ? GridOf(this->InformationInput)
+                                                            : this->GridOverInput(axes, bigus::kDefaultDimension);
+                            });
 }
 
 void vtkBigusReslice::ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16])
 {
-  Eigen::Matrix4d indexToOutput = Eigen::Matrix4d::Identity();
-  indexToOutput.diagonal().head<3>() = Eigen::Map<const Eigen::Vector3d>(spacing);
-  indexToOutput.col(3).head<3>() = Eigen::Map<const Eigen::Vector3d>(origin);
+  const Eigen::Matrix4d outputToWorld =
+      bigus::OutputToWorld(ToEigen(this->ResliceAxes), ToEigen(this->ResliceTransform));
   Eigen::Map<RowMajorMatrix> indexToWorld(matrix);
-  indexToWorld = OutputToWorld(this->ResliceAxes, this->ResliceTransform) * indexToOutput;
+  indexToWorld = bigus::IndexToWorld(outputToWorld, Eigen::Vector3d(spacing), Eigen::Vector3d(origin));
 }
 
 void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int extent[6])
 {
-  if (!(this->CoverageThreshold >= 0))
-  {
-    throw bigus::Error("CoverageThreshold is " + std::to_string(this->CoverageThreshold) + "; it must be at least 0.");
-  }
+  this->GetSeen().Validate();
   this->Superclass::AllocateOutputs(outputs, extent);
   vtkImageData* image = vtkImageData::GetData(outputs, 0);
   vtkImageData* coverage = vtkImageData::GetData(outputs, 1);
@@ -574,54 +437,36 @@ void vtkBigusReslice::FillDistance(vtkInformationVector* outputs, const int exte
 
   RowMajorMatrix indexToWorld;
   this->ComputeIndexToWorld(image->GetSpacing(), image->GetOrigin(), indexToWorld.data());
-  bigus::SlicePlane plane;
-  plane.columnStep = indexToWorld.col(0).head<3>();
-  plane.rowStep = indexToWorld.col(1).head<3>();
-  plane.width = extent[1] - extent[0] + 1;
-  plane.height = extent[3] - extent[2] + 1;
-  std::vector<int> frames(recorded.sweep->NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
-  for (int k = extent[4]; k <= extent[5]; ++k)
-  {
-    plane.origin = (indexToWorld * Eigen::Vector4d(extent[0], extent[2], k, 1)).head<3>();
-    bigus::DistanceToFrames(*recorded.sweep, frames, plane,
-                            static_cast<float*>(distance->GetScalarPointer(extent[0], extent[2], k)));
-  }
+  bigus::Extent part;
+  std::copy_n(extent, 6, part.begin());
+  bigus::GridDistances(*recorded.sweep, indexToWorld, part, static_cast<float*>(distance->GetScalarPointer()));
 }
 
 bigus::Slab vtkBigusReslice::ComputeSlab()
 {
-  if (!std::isfinite(this->SlabSliceSpacingFraction))
-  {
-    throw bigus::Error("SlabSliceSpacingFraction is not finite; 1 puts a slab's planes one OutputSpacing apart.");
-  }
   static_assert(bigus::Slab::Min == VTK_IMAGE_SLAB_MIN && bigus::Slab::Sum == VTK_IMAGE_SLAB_SUM);
-  return {this->SlabNumberOfSlices, this->SlabSliceSpacingFraction, static_cast<bigus::Slab::Mode>(this->SlabMode),
-          this->SlabTrapezoidIntegration != 0};
+  const bigus::Slab slab{this->SlabNumberOfSlices, this->SlabSliceSpacingFraction,
+                         static_cast<bigus::Slab::Mode>(this->SlabMode), this->SlabTrapezoidIntegration != 0};
+  slab.Validate();
+  return slab;
 }
 
-bool vtkBigusReslice::FillsBackground() const
+bigus::Seen vtkBigusReslice::GetSeen() const
 {
-  // Where nothing is seen S and I are 0 already.
-  return this->BackgroundLevel != 0 || this->CoverageThreshold > 0;
+  return {this->CoverageThreshold, this->BackgroundLevel};
 }
 
 bool vtkBigusReslice::NeedsCoverage()
 {
-  return this->FillsBackground() || this->GenerateCoverageOutput || this->GenerateStencilOutput;
+  return this->GetSeen().FillsBackground() || this->GenerateCoverageOutput || this->GenerateStencilOutput;
 }
 
 void vtkBigusReslice::StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs)
 {
-  const float threshold = static_cast<float>(this->CoverageThreshold);
-  if (this->FillsBackground())
+  const bigus::Seen seen = this->GetSeen();
+  if (seen.FillsBackground())
   {
-    const bool bytes = this->OutputScalarType == VTK_UNSIGNED_CHAR;
-    const float background = static_cast<float>(bytes ? this->BackgroundLevel / 255 : this->BackgroundLevel);
-    for (vtkIdType pixel = 0; pixel < band.count; ++pixel)
-    {
-      band.image[pixel] = band.coverage[pixel] > threshold ? band.image[pixel] : background;
-    }
+    seen.FillBackground(band, this->OutputScalarType == VTK_UNSIGNED_CHAR);
   }
   this->Superclass::StoreBand(band, outputs);
   if (this->GenerateCoverageOutput)
@@ -630,6 +475,10 @@ void vtkBigusReslice::StoreBand(const bigus::PixelBand& band, vtkInformationVect
   }
   if (this->GenerateStencilOutput)
   {
-    InsertRuns(band, threshold, StencilOf(outputs));
+    vtkImageStencilData* stencil = StencilOf(outputs);
+    bigus::Extent extent;
+    stencil->GetExtent(extent.data());
+    seen.ForEachRun(band, extent,
+                    [stencil](int first, int last, int y, int z) { stencil->InsertNextExtent(first, last, y, z); });
   }
 }

@@ -41,6 +41,11 @@ class vtkAlgorithmOutput;
 class vtkImageStencilData;
 class vtkMatrix4x4;
 
+namespace bigus
+{
+struct Seen;
+}
+
 class VTKBIGUSFILTERS_EXPORT vtkBigusReslice : public vtkBigusFieldToImage
 {
 public:
@@ -312,7 +317,7 @@ protected:
 
   int FillOutputPortInformation(int port, vtkInformation* info) override;
   int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
-  void ComputeGrid(double spacing[3], double origin[3], int extent[6]) override;
+  bigus::OutputGrid ComputeGrid(bigus::GivenGrid given) override;
   void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) override;
   void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]) override;
   bigus::Slab ComputeSlab() override;
@@ -346,7 +351,7 @@ private:
   void operator=(const vtkBigusReslice&) = delete;
 
   void Refuse(const char* what, const char* instead);
-  bool FillsBackground() const;
+  bigus::Seen GetSeen() const;
   void FillDistance(vtkInformationVector* outputs, const int extent[6]);
 
   struct Recorded;

@@ -64,7 +64,7 @@ protected:
   ~vtkBigusVoxelizer() override = default;
 
   int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
-  void ComputeGrid(double spacing[3], double origin[3], int extent[6]) override;
+  bigus::OutputGrid ComputeGrid(bigus::GivenGrid given) override;
   void ComputeIndexToWorld(const double spacing[3], const double origin[3], double matrix[16]) override;
   void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]) override;
 

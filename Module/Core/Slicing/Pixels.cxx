@@ -1,0 +1,92 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Slicing/Pixels.h"
+
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+#include "Core/Model/Error.h"
+#include "Core/Model/FrameDistance.h"
+
+namespace bigus
+{
+
+void CheckPixelType(const std::string& type, ViewOutput output)
+{
+  if (type != "float" && type != "unsigned char")
+  {
+    throw Error("OutputScalarType is " + type + "; float and unsigned char are possible.");
+  }
+  if (output == ViewOutput::Scattering && type != "float")
+  {
+    throw Error("The scattering field is signed and unbounded; set OutputScalarType to float.");
+  }
+}
+
+void Seen::Validate() const
+{
+  if (!(threshold >= 0))
+  {
+    throw Error("CoverageThreshold is " + std::to_string(threshold) + "; it must be at least 0.");
+  }
+}
+
+void Seen::FillBackground(const PixelBand& band, bool isBytes) const
+{
+  const float least = static_cast<float>(threshold);
+  const float background = static_cast<float>(isBytes ? level / 255 : level);
+  for (std::int64_t pixel = 0; pixel < band.count; ++pixel)
+  {
+    band.image[pixel] = band.coverage[pixel] > least ? band.image[pixel] : background;
+  }
+}
+
+void Seen::ForEachRun(const PixelBand& band, const Extent& extent,
+                      const std::function<void(int, int, int, int)>& run) const
+{
+  const float least = static_cast<float>(threshold);
+  const std::int64_t columns = extent[1] - extent[0] + 1;
+  const std::int64_t rows = extent[3] - extent[2] + 1;
+  for (std::int64_t start = 0; start < band.count; start += columns)
+  {
+    const std::int64_t line = (band.first + start) / columns;
+    const int y = extent[2] + static_cast<int>(line % rows);
+    const int z = extent[4] + static_cast<int>(line / rows);
+    const float* coverage = band.coverage + start;
+    for (int x = 0; x < columns; ++x)
+    {
+      const int begin = x;
+      while (x < columns && coverage[x] > least)
+      {
+        ++x;
+      }
+      if (x > begin)
+      {
+        run(extent[0] + begin, extent[0] + x - 1, y, z);
+      }
+    }
+  }
+}
+
+void ToBytes(const float* values, std::int64_t count, unsigned char* bytes)
+{
+  std::transform(values, values + count, bytes,
+                 [](float value) -> unsigned char
+                 { return value > 0 ? static_cast<unsigned char>(std::min(255 * value + 0.5f, 255.0f)) : 0; });
+}
+
+void GridDistances(const Sweep& sweep, const Eigen::Matrix4d& indexToWorld, const Extent& extent, float* distances)
+{
+  std::vector<int> frames(sweep.NumberOfFrames());
+  std::iota(frames.begin(), frames.end(), 0);
+  const GridPart grid{indexToWorld, extent, extent};
+  for (int k = extent[4]; k <= extent[5]; ++k)
+  {
+    const SlicePlane plane = grid.PlaneAt(k);
+    DistanceToFrames(sweep, frames, plane, distances);
+    distances += plane.NumberOfPixels();
+  }
+}
+
+}  // namespace bigus
