@@ -25,13 +25,14 @@ def reasons_of(output):
 def main():
     tests = collections.defaultdict(list)  # by reason
     for case in ElementTree.parse(sys.argv[1]).getroot().iter("testcase"):
+        name = case.get("name").split(" ")[0]  # behind it GoogleTest has a parameter
         output = case.findtext("system-out") or ""
         if case.get("status") == "notrun":
             for reason in reasons_of(output)[:1] or ["no reason given"]:
-                tests[reason].append(case.get("name"))
+                tests[reason].append(name)
         elif case.get("status") == "run":  # a part of it
             for reason in re.findall(REASONS[1], output):
-                tests[reason].append(f"a part of {case.get('name')}")
+                tests[reason].append(f"a part of {name}")
     for reason, names in sorted(tests.items(), key=lambda item: -len(item[1])):
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         print(f"Skipped: {', '.join(names[:3])}{more}: {reason}")
