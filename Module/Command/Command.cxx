@@ -77,12 +77,12 @@ CLI::Validator Number(double low, double high, bool whole)
   return CLI::Validator(check, "", whole ? kWhole : kReal);
 }
 
-CLI::Validator Names(const std::string& what, const std::string& endings)
-{
-  return CLI::Validator([](const std::string&) { return std::string(); }, "", what + " " + endings);
-}
-
 }  // namespace
+
+CLI::Validator Named(const std::string& name)
+{
+  return CLI::Validator([](const std::string&) { return std::string(); }, "", name);
+}
 
 CLI::Validator NumberIn(double low, double high)
 {
@@ -110,22 +110,22 @@ CLI::Validator PositiveNumber()
 
 CLI::Validator FileToRead(const std::string& endings)
 {
-  return Names("file input", endings);
+  return Named("file input " + endings);
 }
 
 CLI::Validator FileToWrite(const std::string& endings)
 {
-  return Names("file output", endings);
+  return Named("file output " + endings);
 }
 
 CLI::Validator VolumeToRead(const std::string& endings)
 {
-  return Names("image input", endings);
+  return Named("image input " + endings);
 }
 
 CLI::Validator VolumeToWrite(const std::string& endings)
 {
-  return Names("image output", endings);
+  return Named("image output " + endings);
 }
 
 }  // namespace bigus::command

@@ -59,6 +59,9 @@ CLI::Validator PositiveNumber();
 constexpr const char* kWhole = "integer";
 constexpr const char* kReal = "double";
 
+/// A check that has the name and lets every text pass, for an option that is checked where its value is used.
+CLI::Validator Named(const std::string& name);
+
 /// The value names a file that is read or written, whose name ends in one of `endings`, such as ".vtp,.ply"; the first is
 /// what 3D Slicer takes for files of its own.
 CLI::Validator FileToRead(const std::string& endings);

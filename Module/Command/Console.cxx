@@ -64,6 +64,34 @@ std::string FormatNumber(double value, int decimals)
   return text.str();
 }
 
+std::string Words(const std::string& pattern, const Json& values)
+{
+  std::string text;
+  for (std::size_t at = 0; at < pattern.size();)
+  {
+    const std::size_t open = pattern.find('{', at), close = pattern.find('}', open);
+    text += pattern.substr(at, open - at);
+    if (close == std::string::npos)
+    {
+      break;
+    }
+    const std::string field = pattern.substr(open + 1, close - open - 1);
+    const std::size_t colon = field.find(':');
+    const Json& value = values.at(Json::json_pointer("/" + field.substr(0, colon)));
+    if (colon != std::string::npos)
+    {
+      const double scale = field.back() == 'M' ? 1e-6 : 1;
+      text += FormatNumber(value.get<double>() * scale, field[colon + 1] - '0');
+    }
+    else
+    {
+      text += value.is_string() ? value.get<std::string>() : value.dump();
+    }
+    at = close + 1;
+  }
+  return text;
+}
+
 std::string NoiseText(double translation, double rotation, double corner)
 {
   if (std::isnan(translation))
@@ -81,6 +109,11 @@ void Console::Print(const std::string& line)
   {
     std::cout << line << '\n' << std::flush;
   }
+}
+
+void Console::Print(const std::string& pattern, const Json& values)
+{
+  Print(Words(pattern, values));
 }
 
 void Console::Note(const std::string& line)

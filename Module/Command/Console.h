@@ -29,6 +29,8 @@ public:
 
   /// A line of the answer for people, on stdout; nothing with --json.
   void Print(const std::string& line);
+  /// The same of values of the answer, by Words.
+  void Print(const std::string& pattern, const Json& values);
   /// A line about what is going on, on stderr.
   void Note(const std::string& line);
   /// The answer for machines; printed only with --json.
@@ -63,6 +65,11 @@ std::string FormatDuration(double seconds);
 
 /// Fixed number of decimals whatever the locale; "infinite" as such, "-" for what is no number.
 std::string FormatNumber(double value, int decimals);
+
+/// A line for people with what `values` holds in it, so that a number is written down once for people and machines: "{psnr:2}
+/// dB" is the value at "psnr" with two decimals, "{bytes:1M}" that at "bytes" in millions, "{device}" what needs no decimals;
+/// "/" leads into objects inside. Throws what nlohmann::json throws for a name that is not there.
+std::string Words(const std::string& pattern, const Json& values);
 
 /// A tracker's noise, as Trajectory has it: mm and degrees on each axis, mm at the image's corners; or that it is unknown.
 std::string NoiseText(double translation, double rotation, double corner);

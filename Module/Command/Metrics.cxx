@@ -146,6 +146,21 @@ TextureComparison ReadTexture(vtkTable* table)
   return texture;
 }
 
+void RequireEqualSizes(vtkImageData* image, vtkImageData* truth, const Options& options)
+{
+  int size[3], truthSize[3];
+  image->GetDimensions(size);
+  truth->GetDimensions(truthSize);
+  if (!std::equal(size, size + 3, truthSize))
+  {
+    const auto text = [](const int* s)
+    { return std::to_string(s[0]) + " x " + std::to_string(s[1]) + " x " + std::to_string(s[2]); };
+    throw Error(
+        "'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " + text(truthSize) +
+        ": only images of equal size compare. --reduce averages the pixels of the second, --frames chooses images.");
+  }
+}
+
 ExitCode Measure(Console& console, const Options& options)
 {
   double imageRange = 0, truthRange = 0;
@@ -172,46 +187,35 @@ ExitCode Measure(Console& console, const Options& options)
   {
     truth = Reduced(truth, options.reduce);
   }
-  int size[3], truthSize[3];
-  image->GetDimensions(size);
-  truth->GetDimensions(truthSize);
-  if (!std::equal(size, size + 3, truthSize))
-  {
-    const auto text = [](const int* s)
-    { return std::to_string(s[0]) + " x " + std::to_string(s[1]) + " x " + std::to_string(s[2]); };
-    throw Error(
-        "'" + options.image + "' has " + text(size) + " pixels and '" + options.truth + "' " + text(truthSize) +
-        ": only images of equal size compare. --reduce averages the pixels of the second, --frames chooses images.");
-  }
+  RequireEqualSizes(image, truth, options);
 
   vtkNew<vtkBigusImageMetrics> metrics;
   metrics->SetInputData(image);
   metrics->SetTruthData(truth);
   Update(metrics, console, "Comparing");
 
+  const int* size = image->GetDimensions();
   const int slices = size[2];
   console.Print(std::to_string(slices) + (slices == 1 ? " image" : " images") + " of " + std::to_string(size[0]) +
                 " x " + std::to_string(size[1]) + " pixels (mean, standard deviation)");
-  console.Print("  PSNR  " + FormatNumber(metrics->GetPSNR(), 3) + " dB, " +
-                FormatNumber(metrics->GetPSNRStandardDeviation(), 3));
-  console.Print("  SSIM  " + FormatNumber(metrics->GetSSIM(), 5) + ", " +
-                FormatNumber(metrics->GetSSIMStandardDeviation(), 5));
-  console.Print("  BFS   " + FormatNumber(metrics->GetBFS(), 4) + "  (mean contrast " +
-                FormatNumber(metrics->GetMeanContrast(), 4) + ", contrast distribution " +
-                FormatNumber(metrics->GetContrastDistribution(), 4) + ", Rayleigh " +
-                FormatNumber(metrics->GetRayleigh(), 4) + ")");
-  const TextureComparison texture = ReadTexture(metrics->GetOutput());
-  PrintTexture(texture, console);
-  console.Report({{"images", slices},
-                  {"psnr", metrics->GetPSNR()},
-                  {"psnr_std", metrics->GetPSNRStandardDeviation()},
-                  {"ssim", metrics->GetSSIM()},
-                  {"ssim_std", metrics->GetSSIMStandardDeviation()},
-                  {"bfs", metrics->GetBFS()},
-                  {"mean_contrast", metrics->GetMeanContrast()},
-                  {"contrast_distribution", metrics->GetContrastDistribution()},
-                  {"rayleigh", metrics->GetRayleigh()},
-                  {"texture", TextureJson(texture)}});
+  const Json answer = {{"images", slices},
+                       {"psnr", metrics->GetPSNR()},
+                       {"psnr_std", metrics->GetPSNRStandardDeviation()},
+                       {"ssim", metrics->GetSSIM()},
+                       {"ssim_std", metrics->GetSSIMStandardDeviation()},
+                       {"bfs", metrics->GetBFS()},
+                       {"mean_contrast", metrics->GetMeanContrast()},
+                       {"contrast_distribution", metrics->GetContrastDistribution()},
+                       {"rayleigh", metrics->GetRayleigh()},
+                       {"texture", TextureJson(ReadTexture(metrics->GetOutput()))}};
+  console.Print("  PSNR  {psnr:3} dB, {psnr_std:3}", answer);
+  console.Print("  SSIM  {ssim:5}, {ssim_std:5}", answer);
+  console.Print(
+      "  BFS   {bfs:4}  (mean contrast {mean_contrast:4}, contrast distribution {contrast_distribution:4}, Rayleigh "
+      "{rayleigh:4})",
+      answer);
+  PrintTexture(answer["texture"], console);
+  console.Report(answer);
   return Success;
 }
 

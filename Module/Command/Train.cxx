@@ -7,12 +7,10 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <optional>
+#include <tuple>
 
 #include "Command.h"
 #include "Core/Engine/Engine.h"
-#include "Core/Evaluation/CrossPlanes.h"
-#include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
 #include "Core/Trainer/Trainer.h"
@@ -49,8 +47,8 @@ struct Options
   SequenceOptions sequence;       ///< the first, and how all are read
   std::vector<std::string> more;  ///< further sequences
   std::string output, log, continueFrom, poses;
-  std::map<std::string, std::string> trainer;  ///< values of the trainer's options that were given, by name
-  double checkpointInterval = 60;              ///< s; 0 writes none
+  TrainerOptions trainer;
+  double checkpointInterval = 60;  ///< s; 0 writes none
   bool withoutBaselines = false, align = false, resume = false, exact = false;
 };
 
@@ -112,6 +110,11 @@ void PrintDecisions(const Json& decisions, Console& console)
   }
 }
 
+bool WasInterrupted(vtkBigusTrainer* trainer)
+{
+  return trainer->GetAborted() || IsInterrupted();
+}
+
 /// The options with every choice made, whoever made it.
 Json SettledJson(vtkBigusTrainer* trainer)
 {
@@ -122,111 +125,6 @@ Json SettledJson(vtkBigusTrainer* trainer)
     settled[SpellOption(option.info.name, '_')] = bigus::ToJson<Json>(option);
   }
   return settled;
-}
-
-Json ToJson(const BackscatterFidelity& bfs)
-{
-  return {{"mean_contrast", bfs.meanContrast},
-          {"contrast_distribution", bfs.contrastDistribution},
-          {"rayleigh", bfs.rayleigh}};
-}
-
-Json ToJson(const FrameScores& scores)
-{
-  return {{"psnr", scores.psnr}, {"ssim", scores.ssim}};
-}
-
-Json ToFullJson(const FrameScores& scores)
-{
-  return {{"frames", scores.frames.size()},  {"psnr", scores.psnr},
-          {"psnr_std", scores.psnrStd},      {"ssim", scores.ssim},
-          {"bfs", scores.bfs.score},         {"ssim_std", scores.ssimStd},
-          {"bfs_terms", ToJson(scores.bfs)}, {"texture", TextureJson(scores.texture)}};
-}
-
-std::string Row(const std::string& name, const FrameScores& scores)
-{
-  return "  " + name + std::string(24 - name.size(), ' ') + FormatNumber(scores.psnr, 2) + " dB +- " +
-         FormatNumber(scores.psnrStd, 2) + "   SSIM " + FormatNumber(scores.ssim, 4);
-}
-
-/// The plain methods on the same frames. One that cannot be had (a volume too large to compound) takes none
-/// of the field's own score with it.
-void ScoreBaselines(const Sweep& sweep, const std::vector<int>& training, const std::vector<int>& heldOut, Json& answer,
-                    Console& console)
-{
-  try
-  {
-    const BaselineScores scores = bigus::ScoreBaselines(sweep, training, heldOut);
-    answer["baselines"] = {{"nearest", ToJson(scores.nearest)},
-                           {"neighbour_average", ToJson(scores.neighbourAverage)},
-                           {"pose_interpolation", ToJson(scores.poseInterpolation)},
-                           {"compounding", ToJson(scores.compounding)}};
-    answer["baselines"]["compounding"]["voxel_size"] = scores.compoundingVoxelSize;
-    console.Print(Row("nearest frame", scores.nearest));
-    console.Print(Row("neighbour average", scores.neighbourAverage));
-    console.Print(Row("pose interpolation", scores.poseInterpolation));
-    console.Print(Row("voxel compounding", scores.compounding));
-  }
-  catch (const Error& error)
-  {
-    console.Note(std::string("bigus: the baselines were not scored: ") + error.what());
-  }
-}
-
-/// What the tracker's error costs: the same frames once more, each at the pose where the field explains it
-/// best.
-void ScoreAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& heldOut,
-                  const std::string& engine, Json& answer, Console& console)
-{
-  console.Note("Aligning " + std::to_string(heldOut.size()) + " held-out frames.");
-  const AlignedScores aligned = ScoreFieldAligned(field, sweep, heldOut, {}, engine);
-  answer["held_out_aligned"] = ToFullJson(aligned.scores);
-  answer["held_out_aligned"].update({{"mean_translation", aligned.meanTranslation},
-                                     {"largest_translation", aligned.largestTranslation},
-                                     {"mean_rotation", aligned.meanRotation},
-                                     {"largest_rotation", aligned.largestRotation}});
-  console.Print("Held-out frames (" + std::to_string(heldOut.size()) +
-                "), aligned poses (diagnostic: the frame itself chose its pose)");
-  console.Print(Row("this field", aligned.scores) + "   BFS " + FormatNumber(aligned.scores.bfs.score, 3));
-  console.Print("  moved by " + FormatNumber(aligned.meanTranslation, 3) + " mm and " +
-                FormatNumber(aligned.meanRotation, 2) + " degrees on average, " +
-                FormatNumber(aligned.largestTranslation, 3) + " mm and " + FormatNumber(aligned.largestRotation, 2) +
-                " degrees at most");
-}
-
-/// The score of each of several sequences, at the poses that were trained at and as tracked.
-void ScoreSequences(const GaussianField& field, const Sweep& lit, const Sweep& tracked, const std::vector<int>& heldOut,
-                    const std::string& engine, Json& answer, Console& console)
-{
-  for (const std::vector<int>& frames : BySequence(lit, heldOut))
-  {
-    const int k = lit.SequenceOf(frames.front());
-    const FrameScores scores = ScoreField(field, lit, frames, engine);
-    answer["sequences"][k]["held_out"] = ToFullJson(scores);
-    const bool isCorrected = std::any_of(frames.begin(), frames.end(),
-                                         [&](int f) { return lit.imageToReference[f] != tracked.imageToReference[f]; });
-    answer["sequences"][k]["held_out_tracked"] =
-        isCorrected ? ToFullJson(ScoreField(field, tracked, frames, engine)) : answer["sequences"][k]["held_out"];
-    console.Print(Row("  sequence " + std::to_string(k + 1), scores) + "   " + std::to_string(frames.size()) +
-                  " frames, poses " + answer["sequences"][k]["poses"].get<std::string>());
-  }
-}
-
-/// What the field shows along the sweep, where there is no truth: beside linear interpolation between the frames.
-void ScoreCrossPlanes(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
-                      const std::string& engineName, Json& answer, Console& console)
-{
-  const std::unique_ptr<Engine> engine = Engine::Create(engineName);
-  engine->SetField(field);
-  const auto render = [&engine](const SlicePlane& plane, float* image)
-  { engine->Render(plane, ViewOutput::Intensity, image); };
-  if (const std::optional<CrossScores> scores = CrossPlaneScorer(sweep, training).Score(render))
-  {
-    answer["cross_planes"] = {{"detail", scores->detail}, {"scratches", scores->scratches}};
-    console.Print("Planes along the sweep (linear interpolation between frames: 1 and 1)");
-    console.Print("  detail " + FormatNumber(scores->detail, 2) + ", scratches " + FormatNumber(scores->scratches, 2));
-  }
 }
 
 /// What to read, one for each sequence.
@@ -307,18 +205,6 @@ std::vector<Eigen::Matrix4d> CorrectedPoses(vtkBigusTrainer* trainer, const std:
   return poses;
 }
 
-/// At most `count` of the frames, evenly spread.
-std::vector<int> Spread(const std::vector<int>& frames, std::size_t count)
-{
-  count = std::min(count, frames.size());
-  std::vector<int> some;
-  for (std::size_t k = 0; k < count; ++k)
-  {
-    some.push_back(frames[k * frames.size() / count]);
-  }
-  return some;
-}
-
 /// How a training keeps its state in `file`. After an interruption the state waits in `waiting`, because the field is
 /// written first.
 Checkpoints KeepIn(CheckpointFile& file, std::string& waiting, const Options& options, Console& console)
@@ -356,22 +242,28 @@ Checkpoints KeepIn(CheckpointFile& file, std::string& waiting, const Options& op
   return checkpoints;
 }
 
-ExitCode Train(Console& console, const Options& options)
+/// The files that poses are written to, one for each sequence; none where they are not asked for.
+std::vector<std::string> PosesFiles(const Options& options, std::size_t count)
 {
-  CheckpointFile checkpoint(options.output + ".checkpoint",
-                            [&console](const std::string& what) { console.Note("bigus: warning: " + what); });
-  const std::vector<SequenceOptions> sequences = Sequences(options);
-  std::vector<std::string> inputs = {options.sequence.chain.config, options.continueFrom}, posesFiles;
-  for (std::size_t k = 0; k < sequences.size(); ++k)
+  std::vector<std::string> files;
+  for (std::size_t k = 0; k < count && !options.poses.empty(); ++k)
   {
-    inputs.push_back(sequences[k].path);
-    if (!options.poses.empty())
-    {
-      posesFiles.push_back(NameOfSequence(options.poses, k, sequences.size()));
-    }
+    files.push_back(NameOfSequence(options.poses, k, count));
+  }
+  return files;
+}
+
+/// Throws OutputError, before hours of work, where something could not be written at their end.
+void RequireOutputs(const Options& options, const std::vector<SequenceOptions>& sequences,
+                    const std::vector<std::string>& posesFiles, const std::string& checkpoint)
+{
+  std::vector<std::string> inputs = {options.sequence.chain.config, options.continueFrom};
+  for (const SequenceOptions& one : sequences)
+  {
+    inputs.push_back(one.path);
   }
   std::vector<std::string> outputs = posesFiles;
-  outputs.insert(outputs.end(), {options.output, options.log, checkpoint.Path()});
+  outputs.insert(outputs.end(), {options.output, options.log, checkpoint});
   RequireDistinct(inputs, outputs);
   RequireWritable(options.output);
   RequireFieldName(options.output);
@@ -384,37 +276,49 @@ ExitCode Train(Console& console, const Options& options)
   {
     RequireWritable(options.log);
   }
+}
 
-  vtkNew<vtkBigusTrainer> trainer;
-  TrainerOptions settings;
-  for (const auto& [name, value] : options.trainer)
-  {
-    trainer->SetOption(name.c_str(), value.c_str());
-    SetOption(settings, name, value);
-  }
-  Engine::Create(settings.engine);  // an unknown name is said before the sweep is read
-  std::vector<vtkSmartPointer<vtkImageData>> kept;
+/// What is trained on: one image a sequence, all frames as one sweep, and which of them are held out.
+struct Frames
+{
+  std::vector<vtkSmartPointer<vtkImageData>> images;
+  ImportedSweep imported;
+  std::vector<int> training, heldOut;
+};
+
+Frames ReadFrames(const std::vector<SequenceOptions>& sequences, int holdOut, Console& console)
+{
+  Frames frames;
   std::vector<vtkImageData*> images;
   for (const SequenceOptions& one : sequences)
   {
-    kept.push_back(ReadTrainingImage(one, console));
-    images.push_back(kept.back());
+    frames.images.push_back(ReadTrainingImage(one, console));
+    images.push_back(frames.images.back());
   }
   RequireOneSizeOf(sequences, images);
-  const auto [sweep, usableFrames] = SweepFromImages(images);
-  const std::vector<std::vector<int>> framesOf = BySequence(*sweep, AllFrames(*sweep));
-  const auto [trainingFrames, heldOutFrames] = SplitHoldOut(*sweep, AllFrames(*sweep), settings.holdOut);
-  if (settings.holdOut > 0 && heldOutFrames.empty())
+  frames.imported = SweepFromImages(images);
+  const Sweep& sweep = *frames.imported.sweep;
+  std::tie(frames.training, frames.heldOut) = SplitHoldOut(sweep, AllFrames(sweep), holdOut);
+  if (holdOut > 0 && frames.heldOut.empty())
   {
-    throw Error("--hold-out " + std::to_string(settings.holdOut) + " keeps none of the " +
-                std::to_string(sweep->NumberOfFrames()) + " usable frames; use a smaller number.");
+    throw Error("--hold-out " + std::to_string(holdOut) + " keeps none of the " +
+                std::to_string(sweep.NumberOfFrames()) + " usable frames; use a smaller number.");
   }
-  if (settings.holdOut > 0 && std::min(sweep->width, sweep->height) < 11)
+  if (holdOut > 0 && std::min(sweep.width, sweep.height) < 11)
   {
-    throw Error("Frames of " + std::to_string(sweep->width) + " x " + std::to_string(sweep->height) +
+    throw Error("Frames of " + std::to_string(sweep.width) + " x " + std::to_string(sweep.height) +
                 " pixels cannot be scored (11 x 11 are needed); use a smaller --reduce.");
   }
-  for (vtkImageData* image : images)
+  return frames;
+}
+
+void Prepare(vtkBigusTrainer* trainer, const Options& options, const Frames& frames, Console& console)
+{
+  for (const OptionText& option : ListOptions(options.trainer))
+  {
+    trainer->SetOption(option.info.name, option.value.c_str());
+  }
+  for (vtkImageData* image : frames.images)
   {
     trainer->AddInputData(image);
   }
@@ -422,41 +326,36 @@ ExitCode Train(Console& console, const Options& options)
   {
     trainer->SetInitialFieldData(ReadFieldData(options.continueFrom, console));
   }
-  console.Note("Training on " + std::to_string(trainingFrames.size()) + " frames of " + std::to_string(sweep->width) +
-               " x " + std::to_string(sweep->height) + " pixels" +
-               (sequences.size() > 1 ? ", from " + std::to_string(sequences.size()) + " sequences" : "") + "; " +
-               std::to_string(heldOutFrames.size()) + " held out.");
-  std::string waiting;
-  trainer->SetCheckpoints(KeepIn(checkpoint, waiting, options, console));
-  UpdateUntilInterrupted(trainer, console, "Training");
+  const Sweep& sweep = *frames.imported.sweep;
+  const std::size_t sequences = frames.images.size();
+  console.Note("Training on " + std::to_string(frames.training.size()) + " frames of " + std::to_string(sweep.width) +
+               " x " + std::to_string(sweep.height) + " pixels" +
+               (sequences > 1 ? ", from " + std::to_string(sequences) + " sequences" : "") + "; " +
+               std::to_string(frames.heldOut.size()) + " held out.");
+}
 
-  const bool interrupted = trainer->GetAborted() || IsInterrupted();
-  vtkPolyData* output = trainer->GetOutput();
-  SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
+/// Writes the field, with what the command knows of its making.
+void WriteField(vtkPolyData* field, const Options& options, const std::vector<SequenceOptions>& sequences,
+                Console& console)
+{
   std::string recorded;
   for (const SequenceOptions& one : sequences)
   {
     recorded += (recorded.empty() ? "" : " ") + ChecksumOfPoses(one.path, one.chain);
   }
-  SetProvenance(output, "recordedPoses", recorded);
-  SetProvenance(output, "world", options.sequence.chain.to);
-  SetProvenance(output, "reduce", std::to_string(options.sequence.reduce));
-  WriteFieldData(output, options.output, !options.exact, console);
-  if (!waiting.empty())
-  {
-    checkpoint.Write(waiting);
-    waiting.clear();
-  }
-  if (trainer->GetFinished())
-  {
-    checkpoint.Remove();
-  }
-  if (!options.log.empty())
-  {
-    WriteLog(options.log, trainer->GetLog());
-  }
+  SetProvenance(field, "program", std::string("bigus ") + BIGUS_VERSION);
+  SetProvenance(field, "recordedPoses", recorded);
+  SetProvenance(field, "world", options.sequence.chain.to);
+  SetProvenance(field, "reduce", std::to_string(options.sequence.reduce));
+  WriteFieldData(field, options.output, !options.exact, console);
+}
+
+/// Writes each sequence at the poses that were trained at.
+void WriteTrainedPoses(vtkBigusTrainer* trainer, const std::vector<vtkSmartPointer<vtkImageData>>& images,
+                       const std::vector<std::string>& files, Console& console)
+{
   vtkIdType earlier = 0;  // frames of the images before
-  for (std::size_t k = 0; k < posesFiles.size(); ++k)
+  for (std::size_t k = 0; k < files.size(); ++k)
   {
     const vtkIdType frames = images[k]->GetDimensions()[2];
     vtkNew<vtkDoubleArray> poses;
@@ -466,127 +365,148 @@ ExitCode Train(Console& console, const Options& options)
     vtkNew<vtkImageData> trained;
     trained->ShallowCopy(images[k]);
     trained->GetFieldData()->AddArray(poses);
-    WritePoses(trained, posesFiles[k], {}, console);
+    WritePoses(trained, files[k], {}, console);
     earlier += frames;
   }
+}
+
+/// What is known before anything is scored. Scores are null; their names keep the place where they will stand.
+Json Summary(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Sweep& sweep)
+{
+  Json sequences = Json::array();
+  const std::vector<std::vector<int>> framesOf = BySequence(sweep, AllFrames(sweep));
+  for (std::size_t k = 0; k < framesOf.size(); ++k)
+  {
+    const std::string poses = framesOf.size() == 1 ? "poses" : "poses.sequence" + std::to_string(k + 1);
+    sequences.push_back({{"frames", framesOf[k].size()},
+                         {"poses", GetProvenance(trainer->GetOutput(), poses.c_str())},
+                         {"held_out", nullptr},
+                         {"held_out_tracked", nullptr}});
+  }
+  return {{"gaussians", field.Size()},
+          {"bytes", std::filesystem::file_size(options.output)},
+          {"seconds", trainer->GetSeconds()},
+          {"iterations", trainer->GetIterationsDone()},
+          {"device", trainer->GetDevice()},
+          {"seed", options.trainer.seed},
+          {"peak_memory_bytes", PeakMemory()},  // of training; the baselines may need more
+          {"held_out", nullptr},
+          {"held_out_tracked", nullptr},
+          {"held_out_aligned", nullptr},
+          {"trained", nullptr},
+          {"baselines", nullptr},
+          {"cross_planes", nullptr},
+          {"sequences", sequences},
+          {"interrupted", WasInterrupted(trainer)},
+          {"finished", trainer->GetFinished()},
+          {"decisions", ToJson(trainer->GetDecisions())},
+          {"settled", SettledJson(trainer)},
+          {"elevation_sigma", field.beam.elevationSigma},
+          {"training_frames", trainer->GetTrainingFrames()->GetNumberOfValues()},
+          {"validation_frames", trainer->GetValidationFrames()->GetNumberOfValues()},
+          {"width", sweep.width},
+          {"height", sweep.height}};
+}
+
+void PrintSummary(const Json& answer, const std::string& output, Console& console)
+{
+  console.Print(
+      output + ": " +
+      Words("{gaussians} Gaussians, {bytes:1M} MB, {iterations} iterations in {seconds:1} s on {device}, beam "
+            "sigma {elevation_sigma:2} mm",
+            answer));
+  if (!answer["decisions"].empty())
+  {
+    console.Print("Decisions, in dB on validation frames (standard error of the mean)");
+    PrintDecisions(answer["decisions"], console);
+  }
+}
+
+/// Scores what was trained, unless it was interrupted: then nobody waits for scores.
+void Score(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Frames& frames,
+           Json& answer, Console& console)
+{
+  // Held-out frames have no say in what the probe lights, either.
+  const Sweep tracked = frames.imported.sweep->LitBy(frames.training);
+  Sweep corrected = tracked;
+  corrected.imageToReference = CorrectedPoses(trainer, frames.imported.frames);
+  const std::vector<int> trained = SweepFrames(trainer->GetTrainingFrames(), frames.imported.frames);
+  const TrainedField scored{field,
+                            tracked,
+                            corrected,
+                            frames.training,
+                            trained,
+                            frames.heldOut,
+                            options.trainer.engine,
+                            !options.withoutBaselines,
+                            options.align};
+  if (!frames.heldOut.empty())
+  {
+    ScoreHeldOut(scored, answer, console);
+  }
+  ScoreCrossPlanes(scored, answer, console);
+}
+
+ExitCode Train(Console& console, const Options& options)
+{
+  CheckpointFile checkpoint(options.output + ".checkpoint",
+                            [&console](const std::string& what) { console.Note("bigus: warning: " + what); });
+  const std::vector<SequenceOptions> sequences = Sequences(options);
+  const std::vector<std::string> posesFiles = PosesFiles(options, sequences.size());
+  RequireOutputs(options, sequences, posesFiles, checkpoint.Path());
+  Engine::Create(options.trainer.engine);  // an unknown name is said before the sweep is read
+  const Frames frames = ReadFrames(sequences, options.trainer.holdOut, console);
+
+  vtkNew<vtkBigusTrainer> trainer;
+  Prepare(trainer, options, frames, console);
+  std::string waiting;
+  trainer->SetCheckpoints(KeepIn(checkpoint, waiting, options, console));
+  UpdateUntilInterrupted(trainer, console, "Training");
+
+  vtkPolyData* output = trainer->GetOutput();
+  WriteField(output, options, sequences, console);
+  if (!waiting.empty())
+  {
+    checkpoint.Write(waiting);
+  }
+  if (trainer->GetFinished())
+  {
+    checkpoint.Remove();
+  }
+  if (!options.log.empty())
+  {
+    WriteLog(options.log, trainer->GetLog());
+  }
+  WriteTrainedPoses(trainer, frames.images, posesFiles, console);
 
   GaussianField field = FieldFromPolyData(output);
   if (!options.exact)
   {
     RoundField(field);  // what is scored is what was written
   }
-  const Json decisions = ToJson(trainer->GetDecisions());
-  const auto bytes = std::filesystem::file_size(options.output);
-  Json answer = {{"gaussians", field.Size()},
-                 {"bytes", bytes},
-                 {"seconds", trainer->GetSeconds()},
-                 {"iterations", trainer->GetIterationsDone()},
-                 {"device", trainer->GetDevice()},
-                 {"seed", settings.seed},
-                 {"peak_memory_bytes", PeakMemory()},  // of training; the baselines may need more
-                 {"held_out", nullptr},
-                 {"held_out_tracked", nullptr},
-                 {"held_out_aligned", nullptr},
-                 {"trained", nullptr},
-                 {"baselines", nullptr},
-                 {"cross_planes", nullptr},
-                 {"sequences", Json::array()},
-                 {"interrupted", interrupted},
-                 {"finished", trainer->GetFinished()},
-                 {"decisions", decisions},
-                 {"settled", SettledJson(trainer)},
-                 {"elevation_sigma", field.beam.elevationSigma},
-                 {"training_frames", trainer->GetTrainingFrames()->GetNumberOfValues()},
-                 {"validation_frames", trainer->GetValidationFrames()->GetNumberOfValues()},
-                 {"width", sweep->width},
-                 {"height", sweep->height}};
-  console.Print(options.output + ": " + std::to_string(field.Size()) + " Gaussians, " +
-                FormatNumber(static_cast<double>(bytes) / 1e6, 1) + " MB, " +
-                std::to_string(trainer->GetIterationsDone()) + " iterations in " +
-                FormatNumber(trainer->GetSeconds(), 1) + " s on " + trainer->GetDevice() + ", beam sigma " +
-                FormatNumber(field.beam.elevationSigma, 2) + " mm");
-  if (!decisions.empty())
+  Json answer = Summary(trainer, options, field, *frames.imported.sweep);
+  PrintSummary(answer, options.output, console);
+  const bool isInterrupted = answer["interrupted"];
+  if (!isInterrupted)
   {
-    console.Print("Decisions, in dB on validation frames (standard error of the mean)");
-    PrintDecisions(decisions, console);
+    Score(trainer, options, field, frames, answer, console);
   }
-
-  // Held-out frames have no say in what the probe lights, either.
-  const Sweep tracked = sweep->LitBy(trainingFrames);
-  Sweep lit = tracked;
-  lit.imageToReference = CorrectedPoses(trainer, usableFrames);
-  const bool corrected = lit.imageToReference != tracked.imageToReference;
-  for (std::size_t k = 0; k < framesOf.size(); ++k)
-  {
-    const std::string poses = framesOf.size() == 1 ? "poses" : "poses.sequence" + std::to_string(k + 1);
-    answer["sequences"].push_back({{"frames", framesOf[k].size()},
-                                   {"poses", GetProvenance(output, poses.c_str())},
-                                   {"held_out", nullptr},
-                                   {"held_out_tracked", nullptr}});
-  }
-  if (!heldOutFrames.empty() && !interrupted)
-  {
-    console.Note("Scoring " + std::to_string(heldOutFrames.size()) + " held-out frames.");
-    const FrameScores scores = ScoreField(field, lit, heldOutFrames, settings.engine);
-    const FrameScores scoresTracked = corrected ? ScoreField(field, tracked, heldOutFrames, settings.engine) : scores;
-    answer["held_out"] = ToFullJson(scores);
-    answer["held_out_tracked"] = ToFullJson(scoresTracked);
-    const std::vector<int> trainedFrames = SweepFrames(trainer->GetTrainingFrames(), usableFrames);
-    const FrameScores trained = ScoreField(field, lit, Spread(trainedFrames, heldOutFrames.size()), settings.engine);
-    answer["trained"] = {{"frames", trained.frames.size()},
-                         {"psnr", trained.psnr},
-                         {"ssim", trained.ssim},
-                         {"bfs", trained.bfs.score},
-                         {"texture", TextureJson(trained.texture)}};
-    console.Print("Frames it was trained on (" + std::to_string(trained.frames.size()) + " of them)");
-    console.Print(Row("this field", trained) + "   BFS " + FormatNumber(trained.bfs.score, 3));
-    console.Print(TextureLine(trained.texture));
-    console.Print("Held-out frames (" + std::to_string(scores.frames.size()) + "), " +
-                  (corrected ? "corrected poses (their own pixels had no part in them)" : "tracked poses"));
-    console.Print(Row("this field", scores) + "   BFS " + FormatNumber(scores.bfs.score, 3));
-    console.Print(TextureLine(scores.texture));
-    if (corrected)
-    {
-      console.Print(Row("  at tracked poses", scoresTracked) + "   BFS " + FormatNumber(scoresTracked.bfs.score, 3));
-    }
-    if (framesOf.size() > 1)
-    {
-      ScoreSequences(field, lit, tracked, heldOutFrames, settings.engine, answer, console);
-    }
-    else
-    {
-      answer["sequences"][0].update(
-          {{"held_out", answer["held_out"]}, {"held_out_tracked", answer["held_out_tracked"]}});
-    }
-    if (!options.withoutBaselines)
-    {
-      ScoreBaselines(lit, trainingFrames, heldOutFrames, answer, console);
-    }
-    if (options.align)
-    {
-      ScoreAligned(field, lit, heldOutFrames, settings.engine, answer, console);
-    }
-  }
-  if (!interrupted)
-  {
-    ScoreCrossPlanes(field, lit, trainingFrames, settings.engine, answer, console);
-  }
-  if (interrupted)
+  else
   {
     console.Note("Interrupted: the best field so far was saved.");
   }
   if (!trainer->GetFinished() && checkpoint.Exists())
   {
     console.Note("Not all steps were taken. The same command with --resume " +
-                 std::string(interrupted ? "" : "and a longer --time-limit ") + "goes on from " + checkpoint.Path() +
+                 std::string(isInterrupted ? "" : "and a longer --time-limit ") + "goes on from " + checkpoint.Path() +
                  ".");
   }
   console.Report(answer);
-  return interrupted ? InterruptedCode() : Success;
+  return isInterrupted ? InterruptedCode() : Success;
 }
 
 /// The trainer's options by the list that Core keeps of them: their names, ranges, defaults and help.
-void AddTrainerOptions(CLI::App& app, std::map<std::string, std::string>& given)
+void AddTrainerOptions(CLI::App& app, TrainerOptions& options)
 {
   // Other names that are shorter.
   static const std::map<std::string, std::string> kShort = {{"MaximumGaussians", ",--max-gaussians"},
@@ -601,23 +521,20 @@ void AddTrainerOptions(CLI::App& app, std::map<std::string, std::string>& given)
     help += isNumber ? "; " + option.values : "";
     help += *option.info.open ? "; auto: " + std::string(option.info.open) : "";
     const std::string type = isNumber ? "N" : option.values.empty() ? "TEXT" : option.values;
-    const auto fault = [name](const std::string& value) -> std::string
+    const auto parse = [&options, name](const std::string& value)
     {
       try
       {
-        TrainerOptions any;
-        SetOption(any, name, value);
-        return "";
+        SetOption(options, name, value);
       }
       catch (const Error& error)
       {
-        return error.what();
+        throw CLI::ValidationError("--" + SpellOption(name, '-'), error.what());
       }
     };
     const std::string flags = "--" + SpellOption(name, '-') + (kShort.count(name) ? kShort.at(name) : "");
-    added[name] = app.add_option_function<std::string>(
-                         flags, [&given, name](const std::string& value) { given[name] = value; }, help)
-                      ->check(CLI::Validator(fault, "", isNumber ? option.isWhole ? kWhole : kReal : ""))
+    added[name] = app.add_option_function<std::string>(flags, parse, help)
+                      ->check(Named(isNumber ? option.isWhole ? kWhole : kReal : ""))
                       ->type_name(type + (option.mayBeOpen ? "|auto" : ""))
                       ->default_str(option.value)
                       ->group(option.info.group);
@@ -625,23 +542,23 @@ void AddTrainerOptions(CLI::App& app, std::map<std::string, std::string>& given)
 
   // Switches that need no value.
   app.add_flag_function(
-         "--auto,!--no-auto", [&given](std::int64_t count) { given["Automatic"] = count > 0 ? "on" : "off"; },
+         "--auto,!--no-auto", [&options](std::int64_t count) { options.automatic = count > 0; },
          "Short for --automatic on, and off")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast)
       ->group(added["Automatic"]->get_group())
       ->excludes(added["Automatic"]);
   app.add_flag_callback(
-         "--preview", [&given] { given["TimeLimit"] = "10"; },
+         "--preview", [&options] { options.timeLimit = 10; },
          "Short for --time-limit 10: a usable field in ten seconds, without trials")
       ->group(added["TimeLimit"]->get_group())
       ->excludes(added["TimeLimit"]);
   CLI::Option* isSigned =
       app.add_flag_callback(
-             "--signed", [&given] { given["SignedReflectivity"] = "on"; }, "Short for --signed-reflectivity on")
+             "--signed", [&options] { options.signedReflectivity = true; }, "Short for --signed-reflectivity on")
           ->group(added["SignedReflectivity"]->get_group())
           ->excludes(added["SignedReflectivity"]);
   app.add_flag_callback(
-         "--positive,--positive-only", [&given] { given["SignedReflectivity"] = "off"; },
+         "--positive,--positive-only", [&options] { options.signedReflectivity = false; },
          "Short for --signed-reflectivity off")
       ->group(added["SignedReflectivity"]->get_group())
       ->excludes(added["SignedReflectivity"])
