@@ -38,6 +38,35 @@ class PluginXml(unittest.TestCase):
                     with self.subTest(proxy=name, property=node.get("name")):
                         self.assertTrue(hasattr(instance, command), command)
 
+    def test_every_option_of_the_trainer_is_a_property(self):
+        trainer = bigus.vtkBigusTrainer()
+        options = {trainer.GetOptionName(k) for k in range(trainer.GetNumberOfOptions())}
+        for name, kind, proxy in proxies():
+            if kind is bigus.vtkBigusTrainer:
+                self.assertEqual({node.get("name") for node in properties(proxy)}, options)
+
+    def test_choices_of_the_trainer_are_accepted(self):
+        """The update refuses a value that the trainer does not know."""
+        sweep = bigus.vtkBigusPhantomSource()
+        sweep.SetNumberOfFrames(9)
+        sweep.SetFrameSize(32, 32)
+        sweep.Update()
+        chosen = 0
+        for name, kind, proxy in proxies():
+            if kind is not bigus.vtkBigusTrainer:
+                continue
+            for node in properties(proxy):
+                for choice in node.iter("String"):
+                    trainer = kind()
+                    trainer.AutomaticOff()
+                    trainer.SetIterations(0)
+                    trainer.SetGaussians(100)
+                    trainer.SetInputData(sweep.GetOutput())
+                    trainer.SetOption(node.get("name"), choice.get("value"))
+                    bigus.update(trainer)
+                    chosen += 1
+        self.assertGreater(chosen, 10)
+
     def test_defaults_are_the_classes(self):
         compared = 0
         for name, kind, proxy in proxies():

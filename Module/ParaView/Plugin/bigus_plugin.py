@@ -3,8 +3,8 @@
 """BIGUS in a ParaView for which the compiled plugin was not built: proxies over the Python package without VTK.
 
 ParaView's own Python must find the package `bigus` of Module/Wheel, built for its version, on PYTHONPATH. This file is
-loaded by Tools > Manage Plugins > Load New. Names, properties and their documentation come from bigus.xml beside it, which
-is the compiled plugin's; load one of the two.
+loaded by Tools > Manage Plugins > Load New from the package, where bigus.xml lies beside it. That is the compiled plugin's
+and has names, properties and their documentation; load one of the two.
 """
 
 from __future__ import annotations
