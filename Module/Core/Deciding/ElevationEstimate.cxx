@@ -43,19 +43,67 @@ namespace bigus
 namespace
 {
 
-constexpr int Terms = 96;  // of the series; the rest of Li2(1) is 1 %, of anything beside x = 1 nothing
-constexpr double VarianceOfLog = 1.6449340668482264;  // Li2(1) = pi^2 / 6
-constexpr double BinRatio = 1.25;                     // distance bins are geometric
-constexpr double NearestBin = 0.05;                   // mm
-constexpr int Bins = 30;                              // up to 40 mm
-constexpr std::size_t PairsPerBin = 48;               // those least turned against each other
-constexpr std::size_t PatchesPerPair = 400;
-constexpr int Blocks = 8;                   // for the standard error
-constexpr double MaximumBlackShare = 0.02;  // of a patch's pixels: where speckle is darkest, it is clamped
+// Where no reason is given, a value was chosen, not measured.
+
+// Terms of the series that are summed. The rest of Li2(1) is 1 %; away from x = 1 nothing is left.
+constexpr int kTerms = 96;
+constexpr double kVarianceOfLog = 1.6449340668482264;  // Li2(1) = pi^2 / 6
+
+// Bins of distance are geometric: the first ends at 0.05 * 1.25 mm, the last at 0.05 * 1.25^30 = 40 mm.
+constexpr double kBinRatio = 1.25;
+constexpr double kNearestBin = 0.05;  // mm
+constexpr int kBins = 30;
+
+// What is compared: a second or two of one core at most.
+constexpr std::size_t kMostFrames = 400;  // neighbours must stay neighbours: of a long sweep the middle is taken
+constexpr int kStartsPerLag = 200;        // pairs looked at for each difference of frame numbers
+constexpr std::size_t kPairsPerBin = 48;  // those least turned against each other
+constexpr std::size_t kPatchesPerPair = 400;
+constexpr std::size_t kFramesForSpeckle = 24;   // frames in which the size of speckle is measured
+constexpr std::size_t kPatchesForShifts = 100;  // patches by which two frames are matched
+constexpr int kBlocks = 8;                      // parts of the sweep, left out in turn for the standard error
+// cos 15 degrees: planes turned by more share too little for a patch of one to be compared with the other's.
+constexpr double kLeastCosine = 0.966;
+constexpr double kFarthestShift = 1e6;  // pixels: beyond every image, and still a whole number that an int holds
+
+// Patches.
+constexpr double kMaximumBlackShare = 0.02;  // of a patch's pixels: where speckle is darkest, it is clamped
+constexpr int kFirstPatch = 16;              // pixels a side, before the size of speckle is known
+constexpr int kSpecklesPerSide = 6;          // 36 speckles a patch: detrending takes little, its correction is small
+constexpr int kSmallestPatch = 8, kLargestPatch = 32;  // pixels a side
+constexpr double kVarianceRatio = 3;                   // of a patch to the median patch, either way: else it is an edge
+
+// The size of speckle, from the first lag at which the correlation is below kHalfLeft, by halving an interval.
+constexpr double kHalfLeft = 0.6;                           // the steep part of the curve
+constexpr double kSmallestSpeckle = 0.3;                    // pixels: finer speckle has no correlation at lag 1
+constexpr double kLargestShare = 0.35;                      // of a patch's side: coarser texture is a trend in it
+constexpr double kNearSmallest = 1.1, kNearLargest = 0.95;  // so near to these ends the interval did not hold it
+constexpr int kSizeRounds = 4, kHalvings = 14;              // 2^-14 of the interval is 0.001 pixels
+
+// Frames misplaced in their planes.
+constexpr int kReach = 3;                   // pixels to each side; a match at the rim is none
+constexpr double kLeastCorrelation = 0.25;  // of two frames that are matched: below, a maximum may be chance
+// A pose weighs as a deviation ten times that of a step between two frames: 1 / 10^2.
+constexpr double kPosePull = 0.01;
+constexpr int kShiftSweeps = 200;  // of Gauss-Seidel; that many frames hear of each other
+constexpr int kHeightSteps = 10;   // of damped Jacobi, in each of kHeightRounds fits
+constexpr int kHeightRounds = 3;
+constexpr double kJacobiDamping = 0.5;  // neighbours that both take the whole step overshoot
+
+// What an estimate needs.
+constexpr std::size_t kFewestFrames = 4;
+constexpr std::size_t kFewestPairs = 6;          // as many as the model has parameters
+constexpr std::size_t kFewestPatches = 50;       // lit, for the median of their variances
+constexpr std::size_t kFewestPatchesOfCell = 8;  // the ratio of sums is biased by its denominator's noise
+constexpr double kLeastBest = 0.1;               // correlation of the nearest planes: below, there is no curve to fit
+constexpr double kReachOfCurve = 1.2;    // sigmas: one plane must be nearer and one farther, or only a part is seen
+constexpr double kLargestError = 0.15;   // standard error in sigmas
+constexpr double kLargestTurning = 0.1;  // sigmas: what the phase of turned planes may change the answer by
+constexpr double kOffBound = 0.01;       // a carrier that is nearer to its bound was stopped there
 
 int BinOf(double distance)
 {
-  return distance <= NearestBin ? 0 : static_cast<int>(std::log(distance / NearestBin) / std::log(BinRatio));
+  return distance <= kNearestBin ? 0 : static_cast<int>(std::log(distance / kNearestBin) / std::log(kBinRatio));
 }
 
 // ---- patches ----
@@ -149,7 +197,7 @@ private:
       ysb += (y - middle) * rowB;
     }
     const double n = static_cast<double>(size) * size, nx = n * (n - 1) / 12;
-    if (saturated > 0 || black > MaximumBlackShare * 2 * n)
+    if (saturated > 0 || black > kMaximumBlackShare * 2 * n)
     {
       return false;
     }
@@ -166,7 +214,7 @@ private:
   std::vector<std::uint32_t> unlit_;  // [height + 1][width + 1] unlit pixels above and to the left
 };
 
-/// First pixels of lit patches, side by side, at most PatchesPerPair of them.
+/// First pixels of lit patches, side by side, at most kPatchesPerPair of them.
 std::vector<Eigen::Vector2i> PlacePatches(const Sweep& sweep, const Images& images, int size)
 {
   std::vector<Eigen::Vector2i> all, some;
@@ -180,7 +228,7 @@ std::vector<Eigen::Vector2i> PlacePatches(const Sweep& sweep, const Images& imag
       }
     }
   }
-  const std::size_t step = (all.size() + PatchesPerPair - 1) / PatchesPerPair;
+  const std::size_t step = (all.size() + kPatchesPerPair - 1) / kPatchesPerPair;
   for (std::size_t p = 0; p < all.size(); p += step)
   {
     some.push_back(all[p]);
@@ -224,11 +272,11 @@ std::pair<double, double> TrendTerms(int size, double k, double s, int lag)
 }
 
 /// Share of every term that detrending takes from patches of this size that are `lag` apart.
-using TrendShares = std::array<double, Terms + 1>;
+using TrendShares = std::array<double, kTerms + 1>;
 TrendShares MakeTrendShares(int size, const Eigen::Vector2d& speckle, const Eigen::Vector2i& lag)
 {
   TrendShares shares{};
-  for (int k = 1; k <= Terms; ++k)
+  for (int k = 1; k <= kTerms; ++k)
   {
     const auto x = TrendTerms(size, k, speckle.x(), lag.x()), y = TrendTerms(size, k, speckle.y(), lag.y());
     shares[k] = (x.first * y.first + x.second * y.first + x.first * y.second) / (static_cast<double>(size) * size);
@@ -238,8 +286,8 @@ TrendShares MakeTrendShares(int size, const Eigen::Vector2d& speckle, const Eige
 
 double DetrendedVariance(const TrendShares& shares)
 {
-  double variance = VarianceOfLog;
-  for (int k = 1; k <= Terms; ++k)
+  double variance = kVarianceOfLog;
+  for (int k = 1; k <= kTerms; ++k)
   {
     variance -= shares[k] / (k * k);
   }
@@ -252,7 +300,7 @@ double CorrelationWithin(int size, const Eigen::Vector2d& speckle, const Eigen::
   const TrendShares shares = MakeTrendShares(size, speckle, lag);
   const double exponent = 0.5 * (lag.cast<double>().array() / speckle.array()).square().sum();
   double sum = 0;
-  for (int k = 1; k <= Terms; ++k)
+  for (int k = 1; k <= kTerms; ++k)
   {
     sum += (std::exp(-k * exponent) - shares[k]) / (k * k);
   }
@@ -322,7 +370,7 @@ public:
 
     const double x = std::exp(-exponent);
     double power = 1, sum = 0, byExponent = 0, byJitter = 0, byFalloff = 0;
-    for (int k = 1; k <= Terms; ++k)
+    for (int k = 1; k <= kTerms; ++k)
     {
       power *= x;
       if (power < 1e-7 * k)
@@ -473,7 +521,7 @@ struct Relation
     const Eigen::Vector3d turnedRow = b.columnStep.normalized();
     const double aboutColumn = nb.dot(row), aboutRow = nb.dot(column), aboutNormal = turnedRow.dot(column);
     squaredTurn = Eigen::Array3d(aboutRow, aboutColumn, aboutNormal).square();
-    valid = na.dot(nb) > 0.966 && turnedRow.dot(row) > 0.966;
+    valid = na.dot(nb) > kLeastCosine && turnedRow.dot(row) > kLeastCosine;
     if (!valid)
     {
       return;
@@ -506,21 +554,20 @@ struct Pair
 /// Pairs of frames, near and far: for each bin of distance (at the image's centre) those least turned.
 std::vector<Pair> ChoosePairs(const Sweep& sweep, const std::vector<int>& frames)
 {
-  constexpr int startsPerLag = 200;
   const int n = static_cast<int>(frames.size());
   const Eigen::Vector2d centre(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
-  std::vector<std::vector<Pair>> bins(Bins);
+  std::vector<std::vector<Pair>> bins(kBins);
   for (int lag = 1; lag < n; lag = std::max(lag + 1, lag * 6 / 5))
   {
-    const int step = (n - lag + startsPerLag - 1) / startsPerLag;
+    const int step = (n - lag + kStartsPerLag - 1) / kStartsPerLag;
     for (int k = 0; k + lag < n; k += step)
     {
       const Relation relation(sweep.Plane(frames[k]), sweep.Plane(frames[k + lag]));
-      const int bin = relation.valid ? BinOf(std::abs(relation.DistanceAt(centre))) : Bins;
-      if (bin < Bins)
+      const int bin = relation.valid ? BinOf(std::abs(relation.DistanceAt(centre))) : kBins;
+      if (bin < kBins)
       {
         bins[bin].push_back(
-            {k, k + lag, static_cast<int>((2ll * k + lag) * Blocks / (2 * n)), relation.squaredTurn.sum()});
+            {k, k + lag, static_cast<int>((2ll * k + lag) * kBlocks / (2 * n)), relation.squaredTurn.sum()});
       }
     }
   }
@@ -528,7 +575,7 @@ std::vector<Pair> ChoosePairs(const Sweep& sweep, const std::vector<int>& frames
   for (std::vector<Pair>& bin : bins)
   {
     std::stable_sort(bin.begin(), bin.end(), [](const Pair& p, const Pair& q) { return p.turn < q.turn; });
-    bin.resize(std::min(bin.size(), PairsPerBin));
+    bin.resize(std::min(bin.size(), kPairsPerBin));
     pairs.insert(pairs.end(), bin.begin(), bin.end());
   }
   return pairs;
@@ -545,9 +592,8 @@ struct Speckle
 
 Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vector<int>& frames, int size)
 {
-  constexpr std::size_t framesLookedAt = 24;
   const std::vector<Eigen::Vector2i> patches = PlacePatches(sweep, images, size);
-  const std::size_t step = (frames.size() + framesLookedAt - 1) / framesLookedAt;
+  const std::size_t step = (frames.size() + kFramesForSpeckle - 1) / kFramesForSpeckle;
   const auto correlation = [&](const Eigen::Vector2i& lag, const SpeckleRange& range, std::vector<double>* variances)
   {
     Products sum;
@@ -574,8 +620,7 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
   Speckle speckle;
   std::vector<double> variances;
   correlation({0, 0}, {}, &variances);
-  constexpr std::size_t fewest = 50;
-  if (variances.size() < fewest)
+  if (variances.size() < kFewestPatches)
   {
     speckle.problem = "only " + std::to_string(variances.size()) + " patches of " + std::to_string(size) + " x " +
                       std::to_string(size) + " pixels are lit and neither black nor white";
@@ -592,9 +637,9 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
   const auto middle = variances.begin() + (flat - variances.begin()) / 2;
   std::nth_element(variances.begin(), middle, flat);
   const double median = *middle;
-  speckle.range = {median / 3, median * 3};
+  speckle.range = {median / kVarianceRatio, median * kVarianceRatio};
 
-  // On each axis the first lag at which less than 0.6 is left, and the size that explains it.
+  // On each axis the first lag at which less than kHalfLeft is left, and the size that explains it.
   std::array<Eigen::Vector2i, 2> lags;
   std::array<double, 2> left;
   for (int axis = 0; axis < 2; ++axis)
@@ -603,31 +648,30 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
     {
       lags[axis] = lag * Eigen::Vector2i::Unit(axis);
       left[axis] = correlation(lags[axis], speckle.range, nullptr);
-      if (left[axis] < 0.6)
+      if (left[axis] < kHalfLeft)
       {
         break;
       }
     }
   }
-  const double smallest = 0.3, largest = 0.35 * size;
+  const double largest = kLargestShare * size;
   speckle.size = {1, 1};
-  for (int round = 0; round < 4; ++round)
+  for (int round = 0; round < kSizeRounds; ++round)
   {
     for (int axis = 0; axis < 2; ++axis)
     {
-      double low = smallest, high = largest;
-      for (int halving = 0; halving < 14; ++halving)
+      double low = kSmallestSpeckle, high = largest;
+      for (int halving = 0; halving < kHalvings; ++halving)
       {
         speckle.size[axis] = 0.5 * (low + high);
         (CorrelationWithin(size, speckle.size, lags[axis]) < left[axis] ? low : high) = speckle.size[axis];
       }
     }
   }
-  if (speckle.size.minCoeff() < 1.1 * smallest || speckle.size.maxCoeff() > 0.95 * largest)
+  const bool isTooFine = speckle.size.minCoeff() < kNearSmallest * kSmallestSpeckle;
+  if (isTooFine || speckle.size.maxCoeff() > kNearLargest * largest)
   {
-    speckle.problem =
-        "texture is " +
-        std::string(speckle.size.minCoeff() < 1.1 * smallest ? "finer than a pixel" : "too coarse to be speckle");
+    speckle.problem = std::string("texture is ") + (isTooFine ? "finer than a pixel" : "too coarse to be speckle");
   }
   return speckle;
 }
@@ -640,12 +684,12 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
   const Relation relation(sweep.Plane(a), sweep.Plane(b));
   const double spread = (static_cast<double>(size) * size - 1) / 12;  // pixels^2, of a patch along an axis
   const Eigen::Matrix2d drift = relation.map - Eigen::Matrix2d::Identity();
-  std::vector<Cell> cells(2 * Bins);
+  std::vector<Cell> cells(2 * kBins);
   for (const Eigen::Vector2i& patch : patches)
   {
     const Eigen::Vector2d centre = patch.cast<double>().array() + 0.5 * (size - 1);
     const Eigen::Vector2d shift = relation.origin + relation.map * centre - centre + moved;
-    if (!(shift.cwiseAbs().maxCoeff() < 1e6))
+    if (!(shift.cwiseAbs().maxCoeff() < kFarthestShift))
     {
       continue;
     }
@@ -655,12 +699,12 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
     const double squaredDistance = distance * distance + spread * relation.slope.squaredNorm();
     const int bin = BinOf(std::sqrt(squaredDistance));
     Products products;
-    if (bin >= Bins || !images.IsLit(other.x(), other.y(), size) ||
+    if (bin >= kBins || !images.IsLit(other.x(), other.y(), size) ||
         !images.Compare(a, patch.x(), patch.y(), b, other.x(), other.y(), size, products) || !range.Holds(products))
     {
       continue;
     }
-    Cell& cell = cells[distance < 0 ? Bins + bin : bin];
+    Cell& cell = cells[distance < 0 ? kBins + bin : bin];
     cell.distance += distance;
     cell.squaredDistance += squaredDistance;
     cell.offset += (shift - whole).array();
@@ -670,8 +714,7 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
   std::vector<Cell> filled;
   for (Cell& cell : cells)
   {
-    constexpr std::size_t fewest = 8;  // so that the ratio of the sums is not biased by the noise of its denominator
-    if (cell.products.patches >= fewest)
+    if (cell.products.patches >= kFewestPatchesOfCell)
     {
       cell.squaredTurn = relation.squaredTurn;
       cell.distance /= cell.products.patches;
@@ -692,11 +735,8 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
                                            const std::vector<Eigen::Vector2i>& patches, int size,
                                            const Speckle& speckle)
 {
-  constexpr int reach = 3;  // pixels
-  constexpr double leastCorrelation = 0.25;
-  constexpr std::size_t patchesUsed = 100;
   std::vector<Eigen::Vector2i> some;
-  for (std::size_t p = 0; p < patches.size(); p += (patches.size() + patchesUsed - 1) / patchesUsed)
+  for (std::size_t p = 0; p < patches.size(); p += (patches.size() + kPatchesForShifts - 1) / kPatchesForShifts)
   {
     some.push_back(patches[p]);
   }
@@ -717,11 +757,11 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
           return;
         }
         Eigen::Vector2d rounded = Eigen::Vector2d::Zero();  // what comparing whole pixels left out
-        std::array<double, (2 * reach + 1) * (2 * reach + 1)> known;
+        std::array<double, (2 * kReach + 1) * (2 * kReach + 1)> known;
         known.fill(2);
         const auto at = [&](int x, int y)
         {
-          double& c = known[(y + reach) * (2 * reach + 1) + x + reach];
+          double& c = known[(y + kReach) * (2 * kReach + 1) + x + kReach];
           if (c == 2)
           {
             Products sum;
@@ -740,7 +780,7 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
           climbing = false;
           for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}})
           {
-            if (std::abs(x + dx) <= reach && std::abs(y + dy) <= reach && at(x + dx, y + dy) > at(x, y))
+            if (std::abs(x + dx) <= kReach && std::abs(y + dy) <= kReach && at(x + dx, y + dy) > at(x, y))
             {
               x += dx;
               y += dy;
@@ -748,7 +788,7 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
             }
           }
         }
-        if (at(x, y) < leastCorrelation || std::abs(x) == reach || std::abs(y) == reach)
+        if (at(x, y) < kLeastCorrelation || std::abs(x) == kReach || std::abs(y) == kReach)
         {
           return;
         }
@@ -761,15 +801,14 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
           steps[k] = {true, Eigen::Vector2d(x, y) + sub - rounded};
         }
       });
-  // Gauss-Seidel: steps weigh 1, the pose that of a deviation ten times a step's.
-  constexpr double pull = 0.01;
+  // Gauss-Seidel: steps weigh 1.
   std::vector<Eigen::Vector2d> shifts(n, Eigen::Vector2d::Zero());
-  for (int round = 0; round < 200; ++round)
+  for (int round = 0; round < kShiftSweeps; ++round)
   {
     for (std::size_t k = 0; k < n; ++k)
     {
       Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-      double weight = pull;
+      double weight = kPosePull;
       for (std::size_t lag = 1; lag <= 2; ++lag)
       {
         if (k + lag < n && steps[2 * k + lag - 1].found)
@@ -810,7 +849,7 @@ void MeasureHeights(const std::vector<Cell>& cells, const Model& model, const Fi
   const double variance = fit.cost / cells.size();  // of a patch's correlation
   const double prior = variance / (misplacement * misplacement);
   Vector unused;
-  for (int step = 0; step < 10; ++step)
+  for (int step = 0; step < kHeightSteps; ++step)
   {
     std::vector<double> gradient(heights.size(), 0.0), curvature(heights.size(), prior);
     for (const Cell& cell : Raised(cells, heights))
@@ -826,7 +865,7 @@ void MeasureHeights(const std::vector<Cell>& cells, const Model& model, const Fi
     }
     for (std::size_t k = 0; k < heights.size(); ++k)
     {
-      heights[k] += 0.5 * (gradient[k] - prior * heights[k]) / curvature[k];
+      heights[k] += kJacobiDamping * (gradient[k] - prior * heights[k]) / curvature[k];
     }
   }
 }
@@ -843,9 +882,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
                   std::to_string(sweep.NumberOfFrames() - 1) + ".");
     }
   }
-  // Neighbours must stay neighbours, so of a long sweep the middle is taken.
-  constexpr std::size_t mostFrames = 400;
-  const std::size_t left = given.size() > mostFrames ? (given.size() - mostFrames) / 2 : 0;
+  const std::size_t left = given.size() > kMostFrames ? (given.size() - kMostFrames) / 2 : 0;
   const std::vector<int> frames(given.begin() + left, given.end() - left);
   ElevationEstimate result;
   const auto refuse = [&](const std::string& reason)
@@ -853,19 +890,18 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
     result.reason = reason;
     return result;
   };
-  constexpr std::size_t fewestFrames = 4;
-  if (frames.size() < fewestFrames)
+  if (frames.size() < kFewestFrames)
   {
     return refuse("there are only " + std::to_string(frames.size()) + " frames");
   }
 
-  // Patches hold a few dozen speckles, so that detrending takes little and the correction for it is small.
   const Images images(sweep);
-  int size = 16;
+  int size = kFirstPatch;
   Speckle speckle = MeasureSpeckle(sweep, images, frames, size);
   if (speckle.problem.empty())
   {
-    const int fitting = std::clamp(static_cast<int>(std::lround(6 * std::sqrt(speckle.size.prod()))), 8, 32);
+    const int fitting = std::clamp(static_cast<int>(std::lround(kSpecklesPerSide * std::sqrt(speckle.size.prod()))),
+                                   kSmallestPatch, kLargestPatch);
     if (fitting != size)
     {
       size = fitting;
@@ -900,8 +936,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
     cells.insert(cells.end(), of.begin(), of.end());
     result.pairs += !of.empty();
   }
-  constexpr std::size_t fewestPairs = 6;
-  if (result.pairs < fewestPairs)
+  if (result.pairs < kFewestPairs)
   {
     return refuse("only " + std::to_string(result.pairs) + " pairs of frames overlap, nearly parallel");
   }
@@ -925,7 +960,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   }
   result.misplacement = std::sqrt(result.misplacement);
   std::vector<double> heights(frames.size(), 0.0);
-  for (int round = 0; round < 3 && result.misplacement > 0 && fit.cost > 0; ++round)
+  for (int round = 0; round < kHeightRounds && result.misplacement > 0 && fit.cost > 0; ++round)
   {
     MeasureHeights(posed, model, fit, result.misplacement, heights);
     cells = Raised(posed, heights);
@@ -938,13 +973,13 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
     double patches = 0, squaredDistance = 0, fitted = 0;
     Products products;
   };
-  std::vector<Point> curve(Bins);
+  std::vector<Point> curve(kBins);
   Vector unused;
   for (const Cell& cell : cells)
   {
     const double n = static_cast<double>(cell.products.patches);
     // Raising a frame may carry a cell beyond the last bin.
-    Point& point = curve[std::min(BinOf(std::sqrt(std::max(cell.squaredDistance, 0.0))), Bins - 1)];
+    Point& point = curve[std::min(BinOf(std::sqrt(std::max(cell.squaredDistance, 0.0))), kBins - 1)];
     point.patches += n;
     point.squaredDistance += n * cell.squaredDistance;
     point.fitted += n * model(cell, fit.parameters, unused);
@@ -964,8 +999,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   // up.
   double scatter = 0;
   int parts = 0;
-  std::array<double, Blocks> without;
-  for (int block = 0; block < Blocks; ++block)
+  std::array<double, kBlocks> without;
+  for (int block = 0; block < kBlocks; ++block)
   {
     if (std::any_of(posed.begin(), posed.end(), [&](const Cell& cell) { return cell.block == block; }))
     {
@@ -980,8 +1015,8 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   result.standardError = parts > 1 ? std::sqrt(scatter * (parts - 1) / parts) : result.sigma;
   // What sigma would be if turning changed no phase. Far from the fit, it is a guess unless the data tell the
   // carrier.
-  const bool carrierKnown =
-      fit.parameters[Carrier] > 1.01 * model.Low()[Carrier] && fit.parameters[Carrier] < 0.99 * model.High()[Carrier];
+  const bool carrierKnown = fit.parameters[Carrier] > (1 + kOffBound) * model.Low()[Carrier] &&
+                            fit.parameters[Carrier] < (1 - kOffBound) * model.High()[Carrier];
   Vector still = model.High();
   still[Carrier] = 0;
   Vector start = fit.parameters;
@@ -994,26 +1029,26 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   // that noise and misregistration flatten too.
   const auto text = [](double mm) { return std::to_string(mm).substr(0, 5) + " mm"; };
   const double best = *std::max_element(result.fitted.begin(), result.fitted.end());
-  if (best < 0.1)
+  if (best < kLeastBest)
   {
     return refuse("planes are too far apart or differ too much: correlation is at most " +
                   std::to_string(best).substr(0, 5));
   }
-  if (result.distance.front() > 1.2 * result.sigma)
+  if (result.distance.front() > kReachOfCurve * result.sigma)
   {
     return refuse("planes are too far apart: the nearest are " + text(result.distance.front()) + ", the fit says " +
                   text(result.sigma));
   }
-  if (result.distance.back() < 1.2 * result.sigma)
+  if (result.distance.back() < kReachOfCurve * result.sigma)
   {
     return refuse("planes are too near: speckle is still alike at " + text(result.distance.back()));
   }
-  if (!(result.standardError < 0.15 * result.sigma))
+  if (!(result.standardError < kLargestError * result.sigma))
   {
     return refuse("parts of the sweep disagree: standard error " + text(result.standardError) + " of " +
                   text(result.sigma));
   }
-  if (std::abs(unturned - result.sigma) > 0.1 * result.sigma)
+  if (std::abs(unturned - result.sigma) > kLargestTurning * result.sigma)
   {
     return refuse("the probe turns as it advances, and what turning does cannot be told apart: " + text(unturned) +
                   " if it does nothing, " + text(result.sigma) + " if it shifts the phase of the echoes");

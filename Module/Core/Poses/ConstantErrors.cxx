@@ -44,20 +44,22 @@ Vector PerKind(double delay, double shift, double rotation)
   return all;
 }
 
+// Where no reason is given, a value was chosen, not measured.
+
 // Errors of this size (standard deviation) are expected before a picture is seen.
 const Vector kPrior = PerKind(0.1, 3, 3);
 // A parameter whose standard error is larger is left at 0, ...
 const Vector kObservable = PerKind(0.01, 0.3, 0.3);
 // ... unless it differs from 0 by so many standard errors, and they are at most so many times larger. Fewer standard
 // errors are no evidence of an error; much larger ones come with what single poses are off by.
-constexpr double kTold = 2;
+constexpr double kIdentified = 2;  // standard errors: 95 of 100 estimates of nothing are nearer to 0
 constexpr double kLeastKnown = 2;
 // Estimates of phantoms without error scatter by twice their standard errors: beams of different directions do not show
 // the same, and that is the same in all of the overlap.
 constexpr double kSystematic = 2;
-constexpr double kLeastBending = 0.1;  // mm: a correction that bends the sweep less is not worth the change
-constexpr double kSure = 2;            // standard errors by which corrected frames must agree better
-constexpr std::size_t kFewestPlaces = 500;
+constexpr double kLeastBending = 0.1;         // mm: a correction that bends the sweep less is not worth the change
+constexpr double kSure = 2;                   // standard errors by which corrected frames must agree better
+constexpr std::size_t kFewestOverlaps = 500;  // some seventy for each of seven parameters
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& rotation)
 {
@@ -197,16 +199,16 @@ private:
   double speed_ = 0;
 };
 
-// ---- Places that are seen twice ----
+// ---- Overlaps: places that are seen twice ----
 
 constexpr int kTries = 40000;  // places looked at for a second view
-constexpr std::size_t kMostPlaces = 12000;
+constexpr std::size_t kMostOverlaps = 12000;
 constexpr double kCrossing = 10;    // degrees between two planes from which on they cross
 constexpr double kAway = 4;         // mm: a place that the probe left so far and came back to is seen anew
 constexpr double kWidestGap = 0.8;  // mm between two frames that a place between them is predicted from
 
 /// Where a frame is, for points to be projected onto it.
-struct View
+struct FramePose
 {
   SlicePlane plane;
   Eigen::Matrix3d toSlice;
@@ -226,9 +228,9 @@ Cell CellOf(const Eigen::Vector3d& point, double size)
   return {static_cast<int>(cell[0]), static_cast<int>(cell[1]), static_cast<int>(cell[2])};
 }
 
-/// A pixel of one frame, and the first of two consecutive frames between which it lies. Frames are counted among those
+/// A place that is seen twice: a pixel of one frame, and the first of two consecutive frames between which it lies. Frames are counted among those
 /// whose pixels may be read.
-struct Place
+struct Overlap
 {
   int frame;
   double i, j;
@@ -236,42 +238,42 @@ struct Place
 };
 
 /// The frames whose pixels may be read, on the path.
-class Sight
+class SeenFrames
 {
 public:
-  Sight(const Sweep& sweep, const std::vector<int>& frames) : path_(sweep), frames_(frames) {}
+  SeenFrames(const Sweep& sweep, const std::vector<int>& frames) : path_(sweep), frames_(frames) {}
 
   const Path& ThePath() const { return path_; }
   int Count() const { return static_cast<int>(frames_.size()); }
   const SlicePlane& Recorded(int k) const { return path_.Recorded(frames_[k]); }
   bool Follow(int a, int b) const { return path_.Segment(frames_[a]) == path_.Segment(frames_[b]); }
 
-  std::vector<View> Views(const Vector& q) const
+  std::vector<FramePose> Poses(const Vector& q) const
   {
-    std::vector<View> views;
+    std::vector<FramePose> poses;
     for (const int frame : frames_)
     {
       const SlicePlane plane = path_.Corrected(frame, q);
       const Eigen::Vector3d normal = plane.Normal();
-      views.push_back({plane, plane.WorldToSlice(), normal, normal.dot(plane.origin)});
+      poses.push_back({plane, plane.WorldToSlice(), normal, normal.dot(plane.origin)});
     }
-    return views;
+    return poses;
   }
 
-  /// Places of frames that lie between two consecutive frames which cross this one, or which were taken after the probe
+  /// Pixels of frames that lie between two consecutive frames which cross this one, or which were taken after the probe
   /// had been away or had been lifted. Frames next to each other on the path tell nothing: an oblique vessel seems to
   /// move in the image just as if the image were turned on the probe.
-  std::vector<Place> FindPlaces(const Vector& q) const
+  std::vector<Overlap> FindOverlaps(const Vector& q) const
   {
-    const std::vector<View> views = Views(q);
-    std::vector<std::vector<Place>> found(Count());
-    tbb::parallel_for(0, Count(), [&](int a) { found[a] = PlacesOf(a, views); });
-    std::vector<Place> all;
-    for (const std::vector<Place>& places : found)
+    const std::vector<FramePose> poses = Poses(q);
+    std::vector<std::vector<Overlap>> found(Count());
+    tbb::parallel_for(0, Count(), [&](int a) { found[a] = OverlapsOf(a, poses); });
+    std::vector<Overlap> all;
+    for (const std::vector<Overlap>& overlaps : found)
     {
-      all.insert(all.end(), places.begin(), places.end());
+      all.insert(all.end(), overlaps.begin(), overlaps.end());
     }
-    const std::size_t kept = std::min(all.size(), kMostPlaces);
+    const std::size_t kept = std::min(all.size(), kMostOverlaps);
     for (std::size_t n = 0; n < kept; ++n)
     {
       all[n] = all[n * all.size() / kept];
@@ -281,34 +283,34 @@ public:
   }
 
 private:
-  std::vector<Place> PlacesOf(int a, const std::vector<View>& views) const
+  std::vector<Overlap> OverlapsOf(int a, const std::vector<FramePose>& poses) const
   {
-    std::vector<Place> places;
+    std::vector<Overlap> overlaps;
     RandomNumbers random(static_cast<std::uint64_t>(a));
-    const SlicePlane& plane = views[a].plane;
-    std::vector<double> height(views.size());
+    const SlicePlane& plane = poses[a].plane;
+    std::vector<double> height(poses.size());
     for (int n = 0; n < std::max(1, kTries / Count()); ++n)
     {
-      Place place{a, random.Uniform(0, plane.width - 1), random.Uniform(0, plane.height - 1), 0};
+      Overlap overlap{a, random.Uniform(0, plane.width - 1), random.Uniform(0, plane.height - 1), 0};
       const std::uint64_t choice = random.Bits();
-      const Eigen::Vector3d point = plane.Point(place.i, place.j);
-      for (std::size_t b = 0; b < views.size(); ++b)
+      const Eigen::Vector3d point = plane.Point(overlap.i, overlap.j);
+      for (std::size_t b = 0; b < poses.size(); ++b)
       {
-        height[b] = views[b].Height(point);
+        height[b] = poses[b].Height(point);
       }
       std::vector<int> pairs;
-      AddPairs(a, -1, point, views, height, pairs);
-      AddPairs(a, 1, point, views, height, pairs);
+      AddPairs(a, -1, point, poses, height, pairs);
+      AddPairs(a, 1, point, poses, height, pairs);
       if (!pairs.empty())
       {
-        place.before = pairs[choice % pairs.size()];
-        places.push_back(place);
+        overlap.before = pairs[choice % pairs.size()];
+        overlaps.push_back(overlap);
       }
     }
-    return places;
+    return overlaps;
   }
 
-  void AddPairs(int a, int side, const Eigen::Vector3d& point, const std::vector<View>& views,
+  void AddPairs(int a, int side, const Eigen::Vector3d& point, const std::vector<FramePose>& poses,
                 const std::vector<double>& height, std::vector<int>& pairs) const
   {
     const double crossing = std::cos(kCrossing * kRadiansPerDegree);
@@ -318,10 +320,10 @@ private:
       away = std::max(away, std::abs(height[b]));
       if ((height[b] > 0) != (height[c] > 0) && std::abs(height[b] - height[c]) <= kWidestGap && Follow(b, c))
       {
-        const bool isAnew = std::abs(views[b].normal.dot(views[a].normal)) < crossing || away > kAway || !Follow(a, b);
-        const Eigen::Vector3d at = views[b].Project(point);
+        const bool isAnew = std::abs(poses[b].normal.dot(poses[a].normal)) < crossing || away > kAway || !Follow(a, b);
+        const Eigen::Vector3d at = poses[b].Project(point);
         const bool isInside =
-            at[0] >= 0 && at[1] >= 0 && at[0] <= views[b].plane.width - 1 && at[1] <= views[b].plane.height - 1;
+            at[0] >= 0 && at[1] >= 0 && at[0] <= poses[b].plane.width - 1 && at[1] <= poses[b].plane.height - 1;
         if (isAnew && isInside)
         {
           pairs.push_back(std::min(b, c));
@@ -341,26 +343,33 @@ constexpr std::size_t kMostPixels = std::size_t(1) << 24;  // of all pictures of
 constexpr double kFlattening = 3;
 // Of white: what is darker is left out. Shadows turn with the beam.
 constexpr float kDark = 0.1f;
+constexpr double kEnd = 2;        // sigma: 95 % of a Gaussian
+constexpr double kSafety = 3;     // the angle between frames that flow together is so much smaller than kCrossing
+constexpr double kShrink = 0.7;   // smoothings: pixels of a reduced picture; below 1 they sample what is left
+constexpr int kFewestPixels = 8;  // a side of a reduced picture
+constexpr double kLeastVariance = 0.01;  // pixels^2, of a blur: a narrower one leaves a picture as it is
+constexpr float kLeastWeight = 1e-3f;    // of lit pixels under the kernel: keeps a division by 0 away
+constexpr double kLeastSpacing = 1e-3;   // mm: frames at one place still count
 
 /// The frames smoothed, in the frame and across frames.
 class Pictures
 {
 public:
   /// `sigma` is in mm.
-  Pictures(const Sweep& seen, const Sight& sight, double sigma)
+  Pictures(const Sweep& seen, const SeenFrames& seenFrames, double sigma)
   {
     const double pixel = seen.Plane(0).PixelSize();
-    block_ = std::max(1, static_cast<int>(std::lround(0.7 * sigma / pixel)));
-    const int coarsest = std::max(1, std::min(seen.width, seen.height) / 8);
+    block_ = std::max(1, static_cast<int>(std::lround(kShrink * sigma / pixel)));
+    const int coarsest = std::max(1, std::min(seen.width, seen.height) / kFewestPixels);
     while (seen.PixelsPerFrame() * seen.NumberOfFrames() / (block_ * block_) > kMostPixels)
     {
       ++block_;
     }
     block_ = std::min(block_, coarsest);
     // A box of n pixels has the variance n^2 / 12.
-    const double blur = std::sqrt(std::max(0.01, std::pow(sigma / (pixel * block_), 2) - 1.0 / 12));
+    const double blur = std::sqrt(std::max(kLeastVariance, std::pow(sigma / (pixel * block_), 2) - 1.0 / 12));
     SmoothInPlane(seen.Reduced(block_), blur);
-    SmoothAcross(sight, sigma);
+    SmoothAcross(seenFrames, sigma);
     Flatten(kFlattening * sigma / (pixel * block_));
   }
 
@@ -404,7 +413,7 @@ private:
       isLit.ptr()[p] = reduced.IsLit(p) ? 1 : 0;
       lit.ptr<float>()[p] = isLit.ptr()[p];
     }
-    const cv::Mat weight = cv::max(Blurred(lit, blur), 1e-3f);
+    const cv::Mat weight = cv::max(Blurred(lit, blur), kLeastWeight);
     images_.resize(reduced.NumberOfFrames());
     usable_.assign(images_.size(), isLit);
     tbb::parallel_for(0, reduced.NumberOfFrames(),
@@ -418,26 +427,26 @@ private:
 
   /// Speckle of two directions is alike only when it is smoothed alike in all directions. Frames that cross, or were
   /// taken another time, must not flow together, or they would agree at the given poses whatever these are: the sum
-  /// ends at 2 sigma and at a third of the angle from which on planes cross.
-  void SmoothAcross(const Sight& sight, double sigma)
+  /// ends at kEnd sigma and at 1 / kSafety of the angle from which on planes cross.
+  void SmoothAcross(const SeenFrames& seenFrames, double sigma)
   {
-    const double parallel = std::cos(kCrossing / 3 * kRadiansPerDegree);
+    const double parallel = std::cos(kCrossing / kSafety * kRadiansPerDegree);
     std::vector<cv::Mat> smoothed(images_.size());
-    tbb::parallel_for(0, sight.Count(),
+    tbb::parallel_for(0, seenFrames.Count(),
                       [&](int k)
                       {
-                        const SlicePlane& plane = sight.Recorded(k);
-                        cv::Mat sum = images_[k] * Spacing(sight, k);
-                        cv::Mat weights(sum.rows, sum.cols, CV_32F, cv::Scalar(Spacing(sight, k)));
+                        const SlicePlane& plane = seenFrames.Recorded(k);
+                        cv::Mat sum = images_[k] * Spacing(seenFrames, k);
+                        cv::Mat weights(sum.rows, sum.cols, CV_32F, cv::Scalar(Spacing(seenFrames, k)));
                         for (const int side : {-1, 1})
                         {
                           cv::Mat going(sum.rows, sum.cols, CV_8U, cv::Scalar(1));
                           bool any = true;
-                          for (int b = k + side; any && b >= 0 && b < sight.Count(); b += side)
+                          for (int b = k + side; any && b >= 0 && b < seenFrames.Count(); b += side)
                           {
-                            const SlicePlane& there = sight.Recorded(b);
-                            any = sight.Follow(k, b) && std::abs(there.Normal().dot(plane.Normal())) > parallel &&
-                                  AddAcross(plane, there, b, Spacing(sight, b), sigma, going, sum, weights);
+                            const SlicePlane& there = seenFrames.Recorded(b);
+                            any = seenFrames.Follow(k, b) && std::abs(there.Normal().dot(plane.Normal())) > parallel &&
+                                  AddAcross(plane, there, b, Spacing(seenFrames, b), sigma, going, sum, weights);
                           }
                         }
                         smoothed[k] = sum / weights;
@@ -446,12 +455,12 @@ private:
   }
 
   /// Length of the path that frame k stands for, mm.
-  static double Spacing(const Sight& sight, int k)
+  static double Spacing(const SeenFrames& seenFrames, int k)
   {
-    const int before = k > 0 && sight.Follow(k - 1, k) ? k - 1 : k;
-    const int after = k + 1 < sight.Count() && sight.Follow(k, k + 1) ? k + 1 : k;
-    const double length = (CentreOf(sight.Recorded(after)) - CentreOf(sight.Recorded(before))).norm();
-    return std::max(1e-3, length / std::max(1, after - before));
+    const int before = k > 0 && seenFrames.Follow(k - 1, k) ? k - 1 : k;
+    const int after = k + 1 < seenFrames.Count() && seenFrames.Follow(k, k + 1) ? k + 1 : k;
+    const double length = (CentreOf(seenFrames.Recorded(after)) - CentreOf(seenFrames.Recorded(before))).norm();
+    return std::max(kLeastSpacing, length / std::max(1, after - before));
   }
 
   /// Adds frame `b`, which is `there`, to a weighted sum at `plane`, where it is near. False when it is near nowhere.
@@ -472,7 +481,7 @@ private:
       {
         const Eigen::Vector3d at = origin + x * right + y * down;
         const double distance = at[2] / sigma;
-        go[x] = go[x] && distance * distance < 4 ? 1 : 0;
+        go[x] = go[x] && distance * distance < kEnd * kEnd ? 1 : 0;
         double value = 0;
         if (go[x] && Sample(b, at[0], at[1], value))
         {
@@ -494,7 +503,7 @@ private:
                         cv::Mat bright = (images_[k] > kDark) & (usable_[k] > 0), weight;
                         bright.convertTo(weight, CV_32F, 1.0 / 255);
                         const cv::Mat mean = Blurred(images_[k].mul(weight), blur);
-                        images_[k] = images_[k] - mean / cv::max(Blurred(weight, blur), 1e-3f);
+                        images_[k] = images_[k] - mean / cv::max(Blurred(weight, blur), kLeastWeight);
                         usable_[k] = bright;
                       });
   }
@@ -505,6 +514,19 @@ private:
 
 // ---- What is minimised ----
 
+// Root mean square distance of the pixels of an image from its centre, in diagonals: 1 / sqrt(12), rounded. It only
+// scales the steps below.
+constexpr double kLever = 0.29;
+constexpr double kStep = 0.25;           // smoothings: the steps of central differences
+constexpr double kConverged = 0.06;      // of these steps: a change of 1/64 of the smoothing ends the search
+constexpr double kBounds = 3;            // prior deviations: as far as the coarsest smoothing can see
+constexpr double kLeastScale = 1e-3;     // of white: pictures without any difference have a scale, too
+constexpr double kIndependent = 3;       // smoothings between overlaps that are independent
+constexpr double kBendingSteps = 2;      // steps to each side by which the cost's own bending is measured
+constexpr double kLeastOfBending = 0.1;  // of the linearisation: a standard error is at most ten times as large for it
+// The smallest width of a Cauchy cost at which estimates are 95 % efficient, and a standard deviation in median sizes.
+constexpr double kCauchy = 2.385, kDeviationByMedian = 1.4826;
+
 /// The disagreement of frames at places that are seen twice: the difference r between what one frame shows there and
 /// what two consecutive others show in between, in sum of w log(1 + r^2 / s^2), and the prior.
 class Disagreement
@@ -512,35 +534,34 @@ class Disagreement
 public:
   struct State
   {
-    std::vector<float> differences;  // not a number where the place is not seen
+    std::vector<float> differences;  // not a number where the place is not seen twice
     double cost = 0;
   };
 
   /// `sigma`, mm, is that of the pictures. `free` parameters may change.
-  Disagreement(const Sight& sight, const Pictures& pictures, double sigma, const std::vector<Place>& places,
-               const std::vector<bool>& free, const Vector& q)
-      : sight_(sight), pictures_(pictures), free_(free)
+  Disagreement(const SeenFrames& seenFrames, const Pictures& pictures, double sigma,
+               const std::vector<Overlap>& overlaps, const std::vector<bool>& free, const Vector& q)
+      : seenFrames_(seenFrames), pictures_(pictures), free_(free)
   {
-    const SlicePlane& plane = sight.Recorded(0);
-    // Root mean square distance of the pixels from the centre of a square image of this diagonal.
+    const SlicePlane& plane = seenFrames.Recorded(0);
     const Eigen::Vector2d size(plane.width * plane.columnStep.norm(), plane.height * plane.rowStep.norm());
-    const double lever = 0.29 * size.norm();
-    const double speed = sight.ThePath().Speed();
-    step_ = PerKind(speed > 0 ? 1 / speed : 0, 1, 1 / lever / kRadiansPerDegree) * 0.25 * sigma;
-    KeepSeen(places, q);
+    const double lever = kLever * size.norm();
+    const double speed = seenFrames.ThePath().Speed();
+    step_ = PerKind(speed > 0 ? 1 / speed : 0, 1, 1 / lever / kRadiansPerDegree) * kStep * sigma;
+    KeepSeen(overlaps, q);
     Calibrate(sigma, q);
   }
 
-  const std::vector<Place>& Places() const { return places_; }
+  const std::vector<Overlap>& Overlaps() const { return overlaps_; }
 
   State Evaluate(const Vector& q) const
   {
     State state;
     state.differences = Differences(q);
     double sum = 0;
-    for (std::size_t n = 0; n < places_.size(); ++n)
+    for (std::size_t n = 0; n < overlaps_.size(); ++n)
     {
-      // A place that is lost counts as it was: to lose sight of it is no gain.
+      // An overlap that is lost counts as it was: to lose sight of it is no gain.
       const double r = std::isnan(state.differences[n]) ? start_[n] : state.differences[n];
       sum += Cost(r);
     }
@@ -569,19 +590,19 @@ public:
     return {hessian, gradient};
   }
 
-  Vector Bounded(const Vector& q) const { return q.cwiseMax(-3 * kPrior).cwiseMin(3 * kPrior); }
+  Vector Bounded(const Vector& q) const { return q.cwiseMax(-kBounds * kPrior).cwiseMin(kBounds * kPrior); }
 
   bool IsConverged(const Vector& from, const Vector& to, double /*costFrom*/, double /*costTo*/) const
   {
-    return ((to - from).cwiseAbs() - 0.06 * step_).maxCoeff() <= 0;
+    return ((to - from).cwiseAbs() - kConverged * step_).maxCoeff() <= 0;
   }
 
-  /// Covariance of the free parameters at the minimum. Differences of places close together are alike, and so are those
+  /// Covariance of the free parameters at the minimum. Differences of overlaps close together are alike, and so are those
   /// of one frame, whose pose has an error of its own. So gradients are added up by cell of space and by frame before
   /// they are squared; what both count is taken away once (clustering in two ways: Cameron, Gelbach and Miller, 2011).
   Matrix Covariance(const Vector& q, const State& state) const
   {
-    const std::vector<View> views = sight_.Views(q);
+    const std::vector<FramePose> poses = seenFrames_.Poses(q);
     std::map<Cell, Vector> cells;
     std::map<int, Vector> frames;
     std::map<std::pair<Cell, int>, Vector> both;
@@ -589,12 +610,12 @@ public:
     ForEachRow(q, state,
                [&](std::size_t n, double weight, const Vector& row, double r)
                {
-                 const Place& place = places_[n];
-                 const Cell cell = CellOf(views[place.frame].plane.Point(place.i, place.j), kCell);
+                 const Overlap& overlap = overlaps_[n];
+                 const Cell cell = CellOf(poses[overlap.frame].plane.Point(overlap.i, overlap.j), kCell);
                  const Vector gradient = weight * r * row;
                  cells.try_emplace(cell, Vector::Zero()).first->second += gradient;
-                 frames.try_emplace(place.frame, Vector::Zero()).first->second += gradient;
-                 both.try_emplace({cell, place.frame}, Vector::Zero()).first->second += gradient;
+                 frames.try_emplace(overlap.frame, Vector::Zero()).first->second += gradient;
+                 both.try_emplace({cell, overlap.frame}, Vector::Zero()).first->second += gradient;
                  hessian.noalias() += weight * row * row.transpose();
                });
     const Matrix prior = kPrior.cwiseAbs2().cwiseInverse().asDiagonal();
@@ -608,7 +629,7 @@ public:
     return covariance;
   }
 
-  /// Differences where the search began, one a place.
+  /// Differences where the search began, one for each overlap.
   const std::vector<float>& Start() const { return start_; }
 
 private:
@@ -623,40 +644,40 @@ private:
     return squares;
   }
 
-  void KeepSeen(const std::vector<Place>& places, const Vector& q)
+  void KeepSeen(const std::vector<Overlap>& overlaps, const Vector& q)
   {
-    places_ = places;
+    overlaps_ = overlaps;
     const std::vector<float> differences = Differences(q);
-    places_.clear();
-    for (std::size_t n = 0; n < places.size(); ++n)
+    overlaps_.clear();
+    for (std::size_t n = 0; n < overlaps.size(); ++n)
     {
       if (!std::isnan(differences[n]))
       {
-        places_.push_back(places[n]);
+        overlaps_.push_back(overlaps[n]);
       }
     }
   }
 
-  /// Regression of the one view on the other, scale of the differences, and how many of them are independent.
+  /// Regression of the one picture on the other, scale of the differences, and how many of them are independent.
   void Calibrate(double sigma, const Vector& q)
   {
-    if (places_.empty())
+    if (overlaps_.empty())
     {
       return;
     }
-    // Two views of speckle are alike only in part. Without the slope the cost would also fall where the prediction is
-    // merely smoother, and bend more than what the two views share.
+    // Two pictures of one speckle are alike only in part. Without the slope the cost would also fall where the prediction is
+    // merely smoother, and bend more than what the two pictures share.
     const std::vector<float> differences = Differences(q);
-    const double n = static_cast<double>(places_.size());
-    Eigen::MatrixX2d views(places_.size(), 2);
-    for (std::size_t k = 0; k < places_.size(); ++k)
+    const double n = static_cast<double>(overlaps_.size());
+    Eigen::MatrixX2d pictures(overlaps_.size(), 2);
+    for (std::size_t k = 0; k < overlaps_.size(); ++k)
     {
       double here = 0;
-      pictures_.Sample(places_[k].frame, places_[k].i, places_[k].j, here);
-      views.row(k) << here + differences[k], here;
+      pictures_.Sample(overlaps_[k].frame, overlaps_[k].i, overlaps_[k].j, here);
+      pictures.row(k) << here + differences[k], here;
     }
-    const Eigen::RowVector2d mean = views.colwise().sum() / n;
-    const Eigen::MatrixX2d centred = views.rowwise() - mean;
+    const Eigen::RowVector2d mean = pictures.colwise().sum() / n;
+    const Eigen::MatrixX2d centred = pictures.rowwise() - mean;
     const double variance = centred.col(0).squaredNorm();
     slope_ = variance > 0 ? std::max(0.0, centred.col(0).dot(centred.col(1)) / variance) : 1;
     offset_ = mean[1] - slope_ * mean[0];
@@ -667,73 +688,72 @@ private:
     {
       sizes.push_back(std::abs(r));
     }
-    // Cauchy's weights are 95 % efficient at 2.385 standard deviations; one is 1.4826 times the median size.
-    scale_ = std::max(1e-3, 2.385 * 1.4826 * Median(sizes));
+    scale_ = std::max(kLeastScale, kCauchy * kDeviationByMedian * Median(sizes));
 
-    // Places closer than the smoothing say the same.
+    // Overlaps closer than the smoothing say the same.
     std::set<Cell> cells;
-    const std::vector<View> frames = sight_.Views(q);
-    for (const Place& place : places_)
+    const std::vector<FramePose> frames = seenFrames_.Poses(q);
+    for (const Overlap& overlap : overlaps_)
     {
-      cells.insert(CellOf(frames[place.frame].plane.Point(place.i, place.j), 3 * sigma));
+      cells.insert(CellOf(frames[overlap.frame].plane.Point(overlap.i, overlap.j), kIndependent * sigma));
     }
     share_ = static_cast<double>(cells.size()) / n;
   }
 
-  /// How much less the cost bends than its linearisation says, because outliers hardly count and two views share less
+  /// How much less the cost bends than its linearisation says, because outliers hardly count and two pictures share less
   /// fine structure than each has; the same in all directions, so taken from those that bend it well.
   double Bending(const Vector& q, const State& state, const Matrix& hessian) const
   {
     std::vector<double> ratios;
     for (int p = 0; p < kParameters; ++p)
     {
-      const double step = 2 * step_[p], bend = hessian(p, p) * step * step;
+      const double step = kBendingSteps * step_[p], bend = hessian(p, p) * step * step;
       if (free_[p] && step > 0 && bend > 0)
       {
         const double up = Evaluate(q + step * Vector::Unit(p)).cost, down = Evaluate(q - step * Vector::Unit(p)).cost;
         ratios.push_back((up + down - 2 * state.cost) / (2 * bend));
       }
     }
-    return std::clamp(Median(ratios), 0.1, 1.0);
+    return std::clamp(Median(ratios), kLeastOfBending, 1.0);
   }
 
   std::vector<float> Differences(const Vector& q) const
   {
-    const std::vector<View> views = sight_.Views(q);
-    std::vector<float> differences(places_.size());
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places_.size(), 256),
+    const std::vector<FramePose> poses = seenFrames_.Poses(q);
+    std::vector<float> differences(overlaps_.size());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, overlaps_.size(), 256),
                       [&](const tbb::blocked_range<std::size_t>& range)
                       {
                         for (std::size_t n = range.begin(); n < range.end(); ++n)
                         {
-                          differences[n] = Difference(views, places_[n]);
+                          differences[n] = Difference(poses, overlaps_[n]);
                         }
                       });
     return differences;
   }
 
-  float Difference(const std::vector<View>& views, const Place& place) const
+  float Difference(const std::vector<FramePose>& poses, const Overlap& overlap) const
   {
     constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-    const Eigen::Vector3d point = views[place.frame].plane.Point(place.i, place.j);
+    const Eigen::Vector3d point = poses[overlap.frame].plane.Point(overlap.i, overlap.j);
     // The pair that encloses the point, looked for from where it was.
-    int b = place.before;
-    double low = views[b].Height(point), high = views[b + 1].Height(point);
+    int b = overlap.before;
+    double low = poses[b].Height(point), high = poses[b + 1].Height(point);
     for (int direction = 0; (low > 0) == (high > 0);)
     {
       const int towards = std::abs(high) < std::abs(low) ? 1 : -1;
       b += towards;
-      if (direction * towards < 0 || b < 0 || b + 1 >= sight_.Count() || !sight_.Follow(b, b + 1))
+      if (direction * towards < 0 || b < 0 || b + 1 >= seenFrames_.Count() || !seenFrames_.Follow(b, b + 1))
       {
         return kNone;  // the path turns round here, or ends
       }
       direction = towards;
-      low = views[b].Height(point);
-      high = views[b + 1].Height(point);
+      low = poses[b].Height(point);
+      high = poses[b + 1].Height(point);
     }
-    const Eigen::Vector3d p = views[b].Project(point), s = views[b + 1].Project(point);
+    const Eigen::Vector3d p = poses[b].Project(point), s = poses[b + 1].Project(point);
     double here = 0, first = 0, second = 0;
-    if (std::abs(high - low) > kWidestGap || !pictures_.Sample(place.frame, place.i, place.j, here) ||
+    if (std::abs(high - low) > kWidestGap || !pictures_.Sample(overlap.frame, overlap.i, overlap.j, here) ||
         !pictures_.Sample(b, p[0], p[1], first) || !pictures_.Sample(b + 1, s[0], s[1], second))
     {
       return kNone;
@@ -742,7 +762,7 @@ private:
     return static_cast<float>(offset_ + slope_ * ((1 - share) * first + share * second) - here);
   }
 
-  /// Calls add(place, weight, derivatives, difference) for each place that counts.
+  /// Calls add(place, weight, derivatives, difference) for each overlap that counts.
   template <class Add>
   void ForEachRow(const Vector& q, const State& state, Add add) const
   {
@@ -755,7 +775,7 @@ private:
         before[p] = Differences(q - step_[p] * Vector::Unit(p));
       }
     }
-    for (std::size_t n = 0; n < places_.size(); ++n)
+    for (std::size_t n = 0; n < overlaps_.size(); ++n)
     {
       Vector row = Vector::Zero();
       for (int p = 0; p < kParameters; ++p)
@@ -770,14 +790,14 @@ private:
     }
   }
 
-  const Sight& sight_;
+  const SeenFrames& seenFrames_;
   const Pictures& pictures_;
   std::vector<bool> free_;
-  std::vector<Place> places_;
+  std::vector<Overlap> overlaps_;
   std::vector<float> start_;  // differences where the search began
-  Vector step_;               // of central differences: a quarter of the smoothing
+  Vector step_;               // of central differences
   double scale_ = 1;          // s
-  double share_ = 1;          // w: of the places that are independent
+  double share_ = 1;          // w: of the overlaps that are independent
   double slope_ = 1, offset_ = 0;
 };
 
@@ -787,12 +807,12 @@ struct Fit
   // Of all parameters at once.
   Vector standardError = Vector::Constant(std::numeric_limits<double>::infinity());
   std::vector<bool> free;  // those that were not left at 0
-  int places = 0;
+  int overlaps = 0;
 
-  /// Whether the pictures tell a parameter apart from all others.
-  bool IsTold(int p) const
+  /// Whether the pictures distinguish a parameter from all others.
+  bool IsIdentified(int p) const
   {
-    return free[p] && (standardError[p] <= kObservable[p] || std::abs(value[p]) >= kTold * standardError[p]);
+    return free[p] && (standardError[p] <= kObservable[p] || std::abs(value[p]) >= kIdentified * standardError[p]);
   }
 };
 
@@ -800,9 +820,9 @@ struct Fit
 class Search
 {
 public:
-  Search(const Sweep& seen, const Sight& sight) : seen_(seen), sight_(sight) {}
+  Search(const Sweep& seen, const SeenFrames& seenFrames) : seen_(seen), seenFrames_(seenFrames) {}
 
-  /// No place where hardly any is seen twice.
+  /// A fit of no overlaps where there are too few.
   Fit Run()
   {
     Fit fit;
@@ -810,17 +830,17 @@ public:
     for (int times = kCoarsest; times >= 1; times /= 2)
     {
       const double sigma = times * finest_;
-      pictures_ = std::make_unique<Pictures>(seen_, sight_, sigma);
+      pictures_ = std::make_unique<Pictures>(seen_, seenFrames_, sigma);
       if (!RunLevel(sigma, fit))
       {
         return Fit();
       }
     }
-    LeaveOutWhatIsNotTold(fit);
+    LeaveOutUnidentified(fit);
     return fit;
   }
 
-  /// How frames that did not tell a correction judge it.
+  /// How frames that a correction was not estimated from judge it.
   struct Judgement
   {
     double before = 0, after = 0;  // root mean square differences without and with the correction
@@ -830,26 +850,26 @@ public:
   /// Each half of the frames judges what the other half says.
   Judgement Judge(const Fit& fit) const
   {
-    const std::vector<Place> all = sight_.FindPlaces(fit.value);
-    const std::vector<View> views = sight_.Views(fit.value);
+    const std::vector<Overlap> all = seenFrames_.FindOverlaps(fit.value);
+    const std::vector<FramePose> poses = seenFrames_.Poses(fit.value);
     Judgement out;
     std::map<Cell, double> cells;
     std::map<int, double> frames;
     double count = 0;
     for (const int half : {0, 1})
     {
-      const Vector told = Minimum(Problem(Half(all, half), finest_, fit.free, fit.value), fit.value).first;
-      // Both times the same places, and a regression of their own.
+      const Vector estimate = Minimum(Problem(Half(all, half), finest_, fit.free, fit.value), fit.value).first;
+      // Both times the same overlaps, and a regression of their own.
       const Vector none = Vector::Zero();
       const Disagreement seenBefore = Problem(Half(all, 1 - half), finest_, fit.free, none);
-      const Disagreement after = Problem(seenBefore.Places(), finest_, fit.free, told);
-      const Disagreement before = Problem(after.Places(), finest_, fit.free, none);
-      for (std::size_t n = 0; n < before.Places().size(); ++n)
+      const Disagreement after = Problem(seenBefore.Overlaps(), finest_, fit.free, estimate);
+      const Disagreement before = Problem(after.Overlaps(), finest_, fit.free, none);
+      for (std::size_t n = 0; n < before.Overlaps().size(); ++n)
       {
-        const Place& place = before.Places()[n];
+        const Overlap& overlap = before.Overlaps()[n];
         const double gain = before.Cost(before.Start()[n]) - before.Cost(after.Start()[n]);
-        cells[CellOf(views[place.frame].plane.Point(place.i, place.j), kCell)] += gain;
-        frames[place.frame] += gain;
+        cells[CellOf(poses[overlap.frame].plane.Point(overlap.i, overlap.j), kCell)] += gain;
+        frames[overlap.frame] += gain;
         out.before += std::pow(before.Start()[n], 2);
         out.after += std::pow(after.Start()[n], 2);
         ++count;
@@ -866,10 +886,10 @@ private:
   static constexpr int kCoarsest = 8;     // times that: errors of 3 mm and 3 degrees are found from there
   static constexpr int kIterations = 12;  // Gauss-Newton steps at most
 
-  Disagreement Problem(const std::vector<Place>& places, double sigma, const std::vector<bool>& free,
+  Disagreement Problem(const std::vector<Overlap>& overlaps, double sigma, const std::vector<bool>& free,
                        const Vector& q) const
   {
-    return Disagreement(sight_, *pictures_, sigma, places, free, q);
+    return Disagreement(seenFrames_, *pictures_, sigma, overlaps, free, q);
   }
 
   /// A sum in standard errors. What is counted under one key is alike.
@@ -896,31 +916,31 @@ private:
 
   /// Those of which both frames are of every second block of frames: no frame serves two halves, so that the errors of
   /// single poses cannot speak for the same correction in both.
-  static std::vector<Place> Half(const std::vector<Place>& places, int which)
+  static std::vector<Overlap> Half(const std::vector<Overlap>& overlaps, int which)
   {
     constexpr int kBlock = 6;  // frames
-    std::vector<Place> half;
-    for (const Place& place : places)
+    std::vector<Overlap> half;
+    for (const Overlap& overlap : overlaps)
     {
-      if (place.frame / kBlock % 2 == which && place.before / kBlock % 2 == which)
+      if (overlap.frame / kBlock % 2 == which && overlap.before / kBlock % 2 == which)
       {
-        half.push_back(place);
+        half.push_back(overlap);
       }
     }
     return half;
   }
 
-  /// What the pictures do not tell is left at 0, the least known parameter first. False when too few places are seen.
+  /// A parameter that is not identified is left at 0, the least known first. False when there are too few overlaps.
   bool RunLevel(double sigma, Fit& fit)
   {
-    const bool hasTimes = sight_.ThePath().Speed() > 0;
+    const bool hasTimes = seenFrames_.ThePath().Speed() > 0;
     fit.free.assign(kParameters, true);
     fit.free[0] = hasTimes;
     for (bool isFirst = true, isDone = false; !isDone; isFirst = false)
     {
-      const Disagreement problem = Problem(sight_.FindPlaces(fit.value), sigma, fit.free, fit.value);
-      fit.places = static_cast<int>(problem.Places().size());
-      if (problem.Places().size() < kFewestPlaces)
+      const Disagreement problem = Problem(seenFrames_.FindOverlaps(fit.value), sigma, fit.free, fit.value);
+      fit.overlaps = static_cast<int>(problem.Overlaps().size());
+      if (problem.Overlaps().size() < kFewestOverlaps)
       {
         return false;
       }
@@ -928,7 +948,7 @@ private:
       fit.value = q;
       if (isFirst)
       {
-        continue;  // the places are looked for once more, now that it is better known where they are
+        continue;  // overlaps are looked for once more, now that it is better known where they are
       }
       const Vector errors = kSystematic * problem.Covariance(q, state).diagonal().cwiseSqrt();
       if (std::count(fit.free.begin(), fit.free.end(), true) == (hasTimes ? kParameters : kParameters - 1))
@@ -939,8 +959,8 @@ private:
       Vector excess = errors.cwiseQuotient(kObservable * (sigma / finest_));
       for (int p = 0; p < kParameters; ++p)
       {
-        const bool isTold = std::abs(q[p]) >= kTold * errors[p] && excess[p] <= kLeastKnown;
-        excess[p] = fit.free[p] && !isTold ? excess[p] : 0;
+        const bool isIdentified = std::abs(q[p]) >= kIdentified * errors[p] && excess[p] <= kLeastKnown;
+        excess[p] = fit.free[p] && !isIdentified ? excess[p] : 0;
       }
       isDone = !(excess.maxCoeff(&worst) > 1);
       if (!isDone)
@@ -956,9 +976,9 @@ private:
     return true;
   }
 
-  /// A number that is known only while others are 0 is not told apart from them, and nothing of it is to be taken out:
-  /// it is 0 as well, and those that are left are found anew.
-  void LeaveOutWhatIsNotTold(Fit& fit) const
+  /// A parameter that is known only while others are 0 is not identified, so it is left at 0 as well. The others are
+  /// found anew.
+  void LeaveOutUnidentified(Fit& fit) const
   {
     for (;;)
     {
@@ -966,7 +986,7 @@ private:
       for (int p = 0; p < kParameters; ++p)
       {
         const auto excess = [&](int q) { return fit.standardError[q] / kObservable[q]; };
-        if (fit.free[p] && !fit.IsTold(p) && (worst < 0 || excess(p) > excess(worst)))
+        if (fit.free[p] && !fit.IsIdentified(p) && (worst < 0 || excess(p) > excess(worst)))
         {
           worst = p;
         }
@@ -977,12 +997,12 @@ private:
       }
       fit.free[worst] = false;
       fit.value[worst] = 0;
-      fit.value = Minimum(Problem(sight_.FindPlaces(fit.value), finest_, fit.free, fit.value), fit.value).first;
+      fit.value = Minimum(Problem(seenFrames_.FindOverlaps(fit.value), finest_, fit.free, fit.value), fit.value).first;
     }
   }
 
   const Sweep& seen_;
-  const Sight& sight_;
+  const SeenFrames& seenFrames_;
   double finest_ = kFinest;  // mm
   std::unique_ptr<Pictures> pictures_;
 };
@@ -1043,16 +1063,16 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
                   std::to_string(sweep.NumberOfFrames()) + ".");
     }
   }
-  const Sight sight(sweep, frames);
-  if (sight.FindPlaces(Vector::Zero()).size() < kFewestPlaces)
+  const SeenFrames seenFrames(sweep, frames);
+  if (seenFrames.FindOverlaps(Vector::Zero()).size() < kFewestOverlaps)
   {
     return out;
   }
   const Sweep seen = sweep.Subset(frames);
-  Search search(seen, sight);
+  Search search(seen, seenFrames);
   const Fit fit = search.Run();
-  out.comparisons = fit.places;
-  if (fit.places == 0)
+  out.comparisons = fit.overlaps;
+  if (fit.overlaps == 0)
   {
     out.evidence = "too few places are seen a second time in light";
     return out;
@@ -1063,17 +1083,17 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     ConstantError error;
     error.value = fit.value[p];
     error.standardError = fit.standardError[p];
-    error.isObservable = fit.IsTold(p);
+    error.isObservable = fit.IsIdentified(p);
     return error;
   };
   out.delay = number(0);
-  bool isFound = std::abs(fit.value[0]) > kTold * fit.standardError[0];
+  bool isFound = std::abs(fit.value[0]) > kIdentified * fit.standardError[0];
   for (int axis = 0; axis < 3; ++axis)
   {
     out.shift[axis] = number(1 + axis);
     out.rotation[axis] = number(4 + axis);
-    isFound = isFound || std::abs(fit.value[1 + axis]) > kTold * fit.standardError[1 + axis] ||
-              std::abs(fit.value[4 + axis]) > kTold * fit.standardError[4 + axis];
+    isFound = isFound || std::abs(fit.value[1 + axis]) > kIdentified * fit.standardError[1 + axis] ||
+              std::abs(fit.value[4 + axis]) > kIdentified * fit.standardError[4 + axis];
   }
 
   const Search::Judgement judgement = search.Judge(fit);
@@ -1088,7 +1108,7 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
   if (!isFound)
   {
     out.evidence =
-        "nothing differs from 0 by more than " + std::to_string(static_cast<int>(kTold)) + " standard errors";
+        "nothing differs from 0 by more than " + std::to_string(static_cast<int>(kIdentified)) + " standard errors";
   }
   else if (judgement.sureness < kSure)
   {
