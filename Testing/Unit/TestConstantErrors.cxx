@@ -13,7 +13,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
-#include "Core/Poses/ConstantErrors.h"
+#include "Core/Probe/ConstantErrors.h"
 #include "Core/Poses/PoseError.h"
 
 namespace bigus

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Probe/ElevationEstimate.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
 

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "Core/Deciding/DecisionRules.h"
-#include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Probe/ElevationEstimate.h"
 #include "Core/Deciding/Format.h"
 #include "Core/Deciding/Trials.h"
 #include "Core/Model/SweepGeometry.h"

@@ -10,7 +10,7 @@
 
 #include "Core/Deciding/Decision.h"
 #include "Core/Model/Sweep.h"
-#include "Core/Poses/ConstantErrors.h"
+#include "Core/Probe/ConstantErrors.h"
 #include "Core/Poses/Trajectory.h"
 
 namespace bigus

@@ -23,7 +23,7 @@
 #include <string>
 #include <vector>
 
-#include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Probe/ElevationEstimate.h"
 #include "Core/Deciding/PoseCorrection.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"

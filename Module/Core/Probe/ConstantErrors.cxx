@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Poses/ConstantErrors.h"
+#include "Core/Probe/ConstantErrors.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>

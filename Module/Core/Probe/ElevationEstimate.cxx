@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Deciding/ElevationEstimate.h"
+#include "Core/Probe/ElevationEstimate.h"
 
 #include <tbb/parallel_for.h>
 
