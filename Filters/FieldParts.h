@@ -12,9 +12,16 @@
 
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
+#include "vtkBigusFiltersModule.h"  // for the ABI namespace
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkMultiProcessController;
 class vtkPolyData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

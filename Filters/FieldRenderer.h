@@ -13,10 +13,17 @@
 #include "Core/Engine/Engine.h"
 #include "Core/Slicing/Bands.h"
 #include "FieldParts.h"
+#include "vtkBigusFiltersModule.h"  // for the ABI namespace
 #include "vtkType.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkImageData;
 class vtkPolyData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

@@ -7,7 +7,15 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "vtkBigusFiltersModule.h"  // for the ABI namespace
+
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkInformationVector;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

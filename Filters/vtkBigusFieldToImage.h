@@ -33,7 +33,13 @@ struct PixelBand;
 struct Slab;
 }  // namespace bigus
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkMultiProcessController;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusFieldToImage : public vtkImageAlgorithm
 {

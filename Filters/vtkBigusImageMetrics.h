@@ -35,8 +35,14 @@
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkTableAlgorithm.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAlgorithmOutput;
 class vtkDataObject;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusImageMetrics : public vtkTableAlgorithm
 {

@@ -44,8 +44,14 @@ namespace bigus
 class LiveSession;
 struct Sweep;
 }  // namespace bigus
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkImageData;
 class vtkMatrix4x4;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusLiveTrainer : public vtkPolyDataAlgorithm
 {

@@ -27,8 +27,14 @@
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkImageAlgorithm.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkImageData;
 class vtkMatrix4x4;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

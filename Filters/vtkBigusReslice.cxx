@@ -118,6 +118,10 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "BackgroundLevel: " << this->BackgroundLevel << "\n";
   os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
   os << indent << "GenerateStencilOutput: " << (this->GenerateStencilOutput ? "On\n" : "Off\n");
+  os << indent << "InterpolationMode: " << this->GetInterpolationModeAsString() << "\n";
+  os << indent << "Border: " << (this->Border ? "On\n" : "Off\n");
+  os << indent << "BorderThickness: " << this->BorderThickness << "\n";
+  os << indent << "Optimization: " << (this->Optimization ? "On\n" : "Off\n");
 }
 
 //------------------------------------------------------------------------------

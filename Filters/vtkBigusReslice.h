@@ -34,12 +34,19 @@
 
 #include "vtkBigusFieldToImage.h"
 #include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkMath.h"                // for ClampValue
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAbstractImageInterpolator;
 class vtkAbstractTransform;
 class vtkAlgorithmOutput;
 class vtkImageStencilData;
 class vtkMatrix4x4;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {
@@ -263,9 +270,13 @@ public:
   ///@{
   /**
    * How vtkImageReslice reads between voxels and at the border of its volume. A field has a value at every point and no
-   * border, so all of these give the same image. They are kept so that code written for vtkImageReslice runs.
+   * border, so all of these give the same image and setting one does not make the filter run again. They are kept so that
+   * code written for vtkImageReslice runs.
    */
-  vtkSetClampMacro(InterpolationMode, int, VTK_NEAREST_INTERPOLATION, VTK_CUBIC_INTERPOLATION);
+  virtual void SetInterpolationMode(int mode)
+  {
+    this->InterpolationMode = vtkMath::ClampValue(mode, VTK_NEAREST_INTERPOLATION, VTK_CUBIC_INTERPOLATION);
+  }
   vtkGetMacro(InterpolationMode, int);
   void SetInterpolationModeToNearestNeighbor() { this->SetInterpolationMode(VTK_NEAREST_INTERPOLATION); }
   void SetInterpolationModeToLinear() { this->SetInterpolationMode(VTK_LINEAR_INTERPOLATION); }
@@ -275,12 +286,12 @@ public:
   int GetInterpolate() { return this->InterpolationMode != VTK_NEAREST_INTERPOLATION; }
   void InterpolateOn() { this->SetInterpolate(1); }
   void InterpolateOff() { this->SetInterpolate(0); }
-  vtkSetMacro(Border, vtkTypeBool);
+  virtual void SetBorder(vtkTypeBool border) { this->Border = border; }
   vtkGetMacro(Border, vtkTypeBool);
   vtkBooleanMacro(Border, vtkTypeBool);
-  vtkSetMacro(BorderThickness, double);
+  virtual void SetBorderThickness(double thickness) { this->BorderThickness = thickness; }
   vtkGetMacro(BorderThickness, double);
-  vtkSetMacro(Optimization, vtkTypeBool);
+  virtual void SetOptimization(vtkTypeBool optimization) { this->Optimization = optimization; }
   vtkGetMacro(Optimization, vtkTypeBool);
   vtkBooleanMacro(Optimization, vtkTypeBool);
   ///@}

@@ -22,7 +22,13 @@
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAlgorithmOutput;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusSweepOutline : public vtkPolyDataAlgorithm
 {

@@ -157,7 +157,7 @@ const bigus::OptionText* FindOption(const char* name)
   return found == Defaults().end() ? nullptr : &*found;
 }
 
-/// What was done to poses: how far the image's corners moved on average.
+/// The numbers of a list, separated by blanks.
 std::string ToText(vtkIntArray* list)
 {
   std::string text;

@@ -58,10 +58,16 @@ namespace bigus
 struct Checkpoints;
 class Exchange;
 }  // namespace bigus
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkDoubleArray;
 class vtkIntArray;
 class vtkMultiProcessController;
 class vtkTable;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 // The property of an option: a number (of a switch 1 or 0), or a text. A negative number leaves a choice open.
 // clang-format off
@@ -96,7 +102,8 @@ public:
   /**
    * Every option below by its name and as text: "VirtualPlanes", "2"; "auto" leaves a choice open; null or "" is the
    * default. What the value may be is checked by the update, which fails with one error that names the option. Names
-   * are counted by GetNumberOfOptions().
+   * are counted by GetNumberOfOptions(). What is said of each below is what Core/Training/OptionList.h says of it, and a
+   * test keeps it so; where auto is a default, a negative number stands for it.
    */
   void SetOption(const char* name, const char* value);
   const char* GetOption(const char* name);
@@ -109,86 +116,137 @@ public:
    */
   const char* GetSettledOption(const char* name);
 
-  /** Whether open choices are made by short trainings, on (default), or from the sweep's geometry, at once. */
+  /**
+   * Decide what is left at auto by short trainings, scored on frames set aside among those to train on; off: follow the
+   * sweep's geometry, at once. Values: on, off. Default: on.
+   */
   vtkBigusSwitchOptionMacro(Automatic);
-  /** Gaussians to seed, 1 to 2^26. Negative (default): open. */
+  /**
+   * Gaussians to start with. Values: 1 to 67108864. Default: auto, begins at one for every 44 lit pixels to train on
+   * (preset texture: 8), 1000 to 300000.
+   */
   vtkBigusNumberOptionMacro(Gaussians, vtkIdType);
   /**
-   * The most Gaussians that are chosen while Gaussians is open, 1 to 2^26. Negative (default): as many as fill the
-   * memory of the sweep's lit pixels, at 44 bytes each.
+   * The most Gaussians that are chosen while Gaussians is auto. Values: 1 to 67108864. Default: auto, as many as fill
+   * the memory of the sweep's lit pixels, at 44 bytes each.
    */
   vtkBigusNumberOptionMacro(MaximumGaussians, vtkIdType);
-  /** What twice the Gaussians must gain on validation frames to be chosen, dB of PSNR, 0 to 100, default 0.1. */
+  /** What twice the Gaussians must gain on validation frames to be chosen, PSNR. Values: 0 to 100 dB. Default: 0.1. */
   vtkBigusNumberOptionMacro(Price, double);
-  /** Standard deviation of the elevation profile of the planes trained on, mm, 0 (a thin plane) to 1000. Negative
-   * (default): open. */
+  /**
+   * Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane. Values: 0 to 1000 mm.
+   * Default: auto, 0, or the probe's where sweeps cross; the field's own when continuing.
+   */
   vtkBigusNumberOptionMacro(ElevationSigma, double);
-  /** Standard deviation of the probe's elevation profile, mm, 0 (not known) to 1000. Planes across the sweep show it.
-   * Negative (default): open, measured where it can be. */
+  /**
+   * Thickness of the probe's beam out of plane, standard deviation, which planes across the sweep show; 0 where it is
+   * not known. Values: 0 to 1000 mm. Default: auto, measured by how fast speckle changes, where it can be; the field's
+   * own when continuing.
+   */
   vtkBigusNumberOptionMacro(ProbeElevationSigma, double);
-  /** Whether a Gaussian may have negative reflectivity and so darken others, default on. */
+  /** Allow negative reflectivity, which darkens. Values: on, off. Default: on. */
   vtkBigusSwitchOptionMacro(SignedReflectivity);
-  /** Planes added in every gap between neighbouring training frames, 0 to 8. Negative (default): open. */
+  /**
+   * Interpolated planes added in every gap between neighbouring training frames. Values: 0 to 8. Default: auto, so many
+   * that planes lie about a pixel apart, 2 to 7.
+   */
   vtkBigusNumberOptionMacro(VirtualPlanes, int);
-  /** What virtual planes show: "normals", "normals+flow", "probe", "probe+flow" or "auto" (default): open. */
+  /**
+   * What virtual planes show: points meet along the frames' normals (trusts poses) or at the same pixel (trusts the
+   * smoothness of the probe's path), with or without optical flow; frames change smoothly along the sweep, roughly, or
+   * in between. Values: normals, probe[+flow][+rough, +smooth]. Default: auto, chosen by how well frames predict each
+   * other.
+   */
   vtkBigusTextOptionMacro(Interpolation);
-  /** Whether a gain and an offset are removed from every training frame, default off. */
+  /**
+   * Remove a gain and an offset from every training frame, for sweeps whose frames differ in brightness. Values: on,
+   * off. Default: off.
+   */
   vtkBigusSwitchOptionMacro(FrameGains);
-  /** How strongly the tracker's noise is taken out of poses, 0 (not at all) to 1000. Negative (default): open. */
+  /**
+   * How strongly the tracker's noise is taken out of all poses, in units of the noise found in them; 0 keeps them as
+   * tracked. Values: 0 to 1000. Default: auto, begins at 1, or 0 where pictures do not confirm it; 0 without Automatic.
+   */
   vtkBigusNumberOptionMacro(PoseSmoothing, double);
-  /** Whether training frames are aligned rigidly to the field twice on the way, default off. */
+  /**
+   * Align training frames to the field on the way, for sweeps tracked worse than their pixels. Values: on, off.
+   * Default: off.
+   */
   vtkBigusSwitchOptionMacro(PoseRefinement);
-  /** How far PoseRefinement trusts a tracked position, standard deviation in mm, above 0 to 1000, default 0.3. */
+  /** How far PoseRefinement trusts a tracked position, standard deviation. Values: 1e-06 to 1000 mm. Default: 0.3. */
   vtkBigusNumberOptionMacro(TrackerTranslation, double);
-  /** How far PoseRefinement trusts an orientation, standard deviation in degrees, above 0 to 45, default 0.3. */
+  /**
+   * How far PoseRefinement trusts a tracked orientation, standard deviation. Values: 1e-06 to 45 degrees. Default: 0.3.
+   */
   vtkBigusNumberOptionMacro(TrackerRotation, double);
-  /** Where Gaussians start: "intensity" (default, by brightness), "harris" (at corners) or "random" (anywhere). */
+  /**
+   * Where Gaussians start: spread by brightness, at corners, or anywhere. Values: intensity, harris, random. Default:
+   * intensity.
+   */
   vtkBigusTextOptionMacro(Seeding);
 
-  /** Optimizer steps, 0 (seeding only) to 10^7. Negative (default): open. */
+  /**
+   * Optimizer steps; 0 only seeds. Values: 0 to 10000000. Default: auto, begins at 80 passes over frames and virtual
+   * planes, 60 where planes are sparse, at least 200.
+   */
   vtkBigusNumberOptionMacro(Iterations, int);
-  /** Seconds, decisions and seeding included, 0 (default) for no limit. The rates are fitted to it. */
+  /** Time for all of it, decisions included; 0 sets no limit. Values: 0 to 1000000000 s. Default: 0. */
   vtkBigusNumberOptionMacro(TimeLimit, double);
-  /** Seed of everything random, 0 to 2^53, default 1. */
+  /** Seed of everything random: same seed, same field. Values: 0 to 9007199254740992. Default: 1. */
   vtkBigusNumberOptionMacro(Seed, vtkTypeInt64);
-  /** Frames in one optimizer step, 1 to 4096, default 8. */
+  /** Frames in one step. Values: 1 to 4096. Default: 8. */
   vtkBigusNumberOptionMacro(Batch, int);
-  /** What the field is for: "fidelity" (default), the least error, or "texture", speckle as strong as in the frames. */
+  /**
+   * What the field is for: least error (fidelity), or speckle as strong as in the frames, which costs error (texture).
+   * Values: fidelity, texture. Default: fidelity.
+   */
   vtkBigusTextOptionMacro(Preset);
-  /** What training makes small: a sum of l1, l2, dssim, ffl and contrast, as "0.8*l1+0.2*dssim". Default: the preset's. */
+  /**
+   * What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim. Default: auto, the preset's:
+   * l1, or l1+30*contrast for texture.
+   */
   vtkBigusTextOptionMacro(Loss);
-  /** The loss at the end, whose weights are reached linearly from those of Loss. Default: Loss stays as it is. */
+  /** The loss at the end; its weights are reached linearly from those of Loss. Default: auto, Loss stays as it is. */
   vtkBigusTextOptionMacro(FinalLoss);
-  /** What computes: "auto" (default, the fastest present), "cpu", "cpu-double", "reference", or a plug-in's name. */
+  /** What computes: auto (the fastest present) or a name from 'bigus info --devices'. Default: auto. */
   vtkBigusTextOptionMacro(Engine);
 
-  /** Of each sweep frames with index % HoldOut == HoldOut / 2, of those not rejected, are never trained on; 0 (default):
-   * none. */
+  /**
+   * Keep frames with index % K == K / 2 out of everything but the final score; 0 keeps none. Values: 0 or 2 to 1000000.
+   * Default: 0.
+   */
   vtkBigusNumberOptionMacro(HoldOut, int);
-  /** Of the other frames every Validation-th, by the same rule, decides when to stop; 0 (default): none. */
+  /** Of the other frames, keep every K-th to stop early by; 0 keeps none. Values: 0 or 2 to 1000000. Default: 0. */
   vtkBigusNumberOptionMacro(Validation, int);
-  /** Evaluations on validation frames without a better PSNR before training stops, at least 1, default 10. */
+  /**
+   * Evaluations on validation frames without a better PSNR before training stops. Values: 1 to 1000000. Default: 10.
+   */
   vtkBigusNumberOptionMacro(Patience, int);
 
-  /** First step of the Gaussians' centres, pixels, 0 (they stay) to 100, default 0.3. */
+  /** First step of the centres. Values: 0 to 100 pixels. Default: 0.3. */
   vtkBigusNumberOptionMacro(MeanRate, double);
-  /** First step of the logarithm of the scales and of the rotation (radian), 0 to 1, default 0.08. */
+  /** First step of the logarithm of the scales and of the rotation (radian). Values: 0 to 1. Default: 0.08. */
   vtkBigusNumberOptionMacro(ShapeRate, double);
-  /** First step of the reflectivities, in units of their mean magnitude, 0 to 10, default 0.15. */
+  /** First step of the reflectivities, in units of their mean magnitude. Values: 0 to 10. Default: 0.15. */
   vtkBigusNumberOptionMacro(ReflectivityRate, double);
-  /** The share of the steps that is left at the end of training, above 0 to 1, default 0.05. */
+  /** Share of the steps that is left at the end. Values: 1e-06 to 1. Default: 0.1. */
   vtkBigusNumberOptionMacro(FinalRate, double);
-  /** Conjugate-gradient steps on the reflectivities before training, 0 to 1000, default 0. */
+  /** Conjugate-gradient steps on the reflectivities before training. Values: 0 to 1000. Default: 0. */
   vtkBigusNumberOptionMacro(SolveIterations, int);
-  /** How much cutting off a Gaussian's footprint may change a pixel's intensity, 0 to 1, default 1e-4. */
+  /** How much cutting off a Gaussian's footprint may change a pixel's intensity. Values: 0 to 1. Default: 0.0001. */
   vtkBigusNumberOptionMacro(Tolerance, double);
-  /** Whether all pixels count for nothing that no training frame lights; off (default): those far away are black. */
+  /**
+   * Leave every pixel that no training frame lights out of the loss; off: only those within 5 pixels of lit ones, the
+   * rest is learned as black. Values: on, off. Default: off.
+   */
   vtkBigusSwitchOptionMacro(IgnoreMasked);
-  /** Iterations between restructurings that add Gaussians where the error stays; 0 (default) never. */
+  /**
+   * Steps between restructurings that add Gaussians where error persists; 0 never. Values: 0 to 10000000. Default: 0.
+   */
   vtkBigusNumberOptionMacro(DensificationInterval, int);
-  /** Gaussians whose error score lies above this percentile are densified, 0 to 100, default 95. */
+  /** Gaussians with an error score above this percentile are densified. Values: 0 to 100. Default: 95. */
   vtkBigusNumberOptionMacro(DensificationPercentile, double);
-  /** No growth beyond this many Gaussians; 0 (default) is twice the first number. */
+  /** No growth beyond so many Gaussians; 0 is twice the first number. Values: 0 to 67108864. Default: 0. */
   vtkBigusNumberOptionMacro(DensificationCap, vtkIdType);
 
   ///@{
@@ -303,5 +361,9 @@ private:
 
   bool WasAsked = false;  // for data, by the update under way
 };
+
+#undef vtkBigusNumberOptionMacro
+#undef vtkBigusSwitchOptionMacro
+#undef vtkBigusTextOptionMacro
 
 #endif

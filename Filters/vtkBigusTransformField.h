@@ -20,7 +20,13 @@
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAbstractTransform;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusTransformField : public vtkPolyDataAlgorithm
 {

@@ -32,7 +32,13 @@
 #include "vtkBigusRenderingModule.h"  // for the export macro
 #include "vtkMapper.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkPolyData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSRENDERING_EXPORT vtkBigusFieldMapper : public vtkMapper
 {

@@ -25,13 +25,19 @@
 #include "vtkNew.h"
 #include "vtkVolume.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAlgorithmOutput;
-class vtkBigusVoxelizer;
 class vtkColorTransferFunction;
 class vtkImageData;
 class vtkPiecewiseFunction;
 class vtkPolyData;
 class vtkSmartVolumeMapper;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
+class vtkBigusVoxelizer;
 
 class VTKBIGUSRENDERING_EXPORT vtkBigusFieldVolume : public vtkVolume
 {

@@ -20,10 +20,16 @@
 #include "vtkBigusRenderingModule.h"  // for the export macro
 #include "vtkResliceCursorLineRepresentation.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAlgorithmOutput;
-class vtkBigusReslice;
 class vtkPolyData;
 class vtkResliceCursor;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
+class vtkBigusReslice;
 
 class VTKBIGUSRENDERING_EXPORT vtkBigusResliceCursorRepresentation : public vtkResliceCursorLineRepresentation
 {

@@ -28,14 +28,20 @@
 #include "vtkImageSlice.h"
 #include "vtkTimeStamp.h"  // for SliceTime
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkActor;
 class vtkAlgorithmOutput;
-class vtkBigusReslice;
 class vtkImageSliceMapper;
 class vtkLookupTable;
 class vtkMatrix4x4;
 class vtkPolyData;
 class vtkProperty;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
+class vtkBigusReslice;
 
 class VTKBIGUSRENDERING_EXPORT vtkBigusSliceProp : public vtkImageSlice
 {

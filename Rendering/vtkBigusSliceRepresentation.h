@@ -21,12 +21,18 @@
 #include "vtkBigusRenderingModule.h"  // for the export macro
 #include "vtkWidgetRepresentation.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkActor;
-class vtkBigusSliceProp;
 class vtkConeSource;
 class vtkLineSource;
 class vtkProperty;
 class vtkSphereSource;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
+class vtkBigusSliceProp;
 
 class VTKBIGUSRENDERING_EXPORT vtkBigusSliceRepresentation : public vtkWidgetRepresentation
 {

@@ -11,8 +11,14 @@
 #include "Core/Model/GaussianField.h"
 #include "vtkBigusDataModule.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkInformationIntegerKey;
 class vtkPolyData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

@@ -5,7 +5,13 @@
 
 #include "vtkBigusDataModule.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAlgorithm;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

@@ -9,8 +9,14 @@
 #include "Core/Model/Sweep.h"
 #include "vtkBigusDataModule.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkDoubleArray;
 class vtkImageData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 namespace bigus
 {

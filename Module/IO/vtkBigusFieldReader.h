@@ -11,8 +11,8 @@
  *
  * `.vtp` is the native format. `.ply` (ascii or binary) is read both as written by vtkBigusFieldWriter and as
  * 3-D Gaussian splatting programs write it; in the latter case the reflectivity is taken from opacity and
- * colour: r = sigmoid(opacity) * clamp(luminance, 0, 1), where the luminance is that of the colour 0.5 +
- * 0.2821 f_dc with weights 0.2126, 0.7152, 0.0722, Gamma is 1 and ElevationSigma 0. Spherical harmonics above
+ * colour: r = sigmoid(opacity) * clamp(luminance, 0, 1), where the luminance is that of the colour
+ * 0.5 + 0.2821 f_dc with weights 0.2126, 0.7152, 0.0722, Gamma is 1 and ElevationSigma 0. Spherical harmonics above
  * order 0 are ignored.
  *
  * `.pvtp` is an index of `.vtp` files in its folder, which are read one after the other.

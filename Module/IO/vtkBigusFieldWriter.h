@@ -34,8 +34,14 @@ namespace bigus
 {
 class Exchange;
 }  // namespace bigus
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkMultiProcessController;
 class vtkPolyData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSIO_EXPORT vtkBigusFieldWriter : public vtkWriter
 {

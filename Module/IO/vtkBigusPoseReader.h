@@ -29,7 +29,13 @@
 #include "vtkBigusIOModule.h"
 #include "vtkBigusTrackedReader.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkTable;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSIO_EXPORT vtkBigusPoseReader : public vtkBigusTrackedReader
 {

@@ -33,7 +33,13 @@
 #include "vtkBigusIOModule.h"
 #include "vtkBigusTrackedReader.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkImageData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSIO_EXPORT vtkBigusSequenceReader : public vtkBigusTrackedReader
 {

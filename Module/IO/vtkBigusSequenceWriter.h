@@ -19,7 +19,13 @@
 #include "vtkVersionMacros.h"
 #include "vtkWriter.h"
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkImageData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSIO_EXPORT vtkBigusSequenceWriter : public vtkWriter
 {

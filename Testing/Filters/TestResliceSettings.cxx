@@ -104,6 +104,40 @@ TEST(ResliceSettings, ASlabIsThatOfVtkImageReslice)
   }
 }
 
+TEST(ResliceSettings, WhatChangesNothingDoesNotRunTheFilterAgain)
+{
+  const FieldAndVolume data;
+  vtkNew<vtkBigusReslice> reslice;
+  reslice->SetInputData(data.input);
+  PlaceObliquely(reslice.Get());
+  reslice->Update();
+  const vtkMTimeType settings = reslice->GetMTime(), made = reslice->GetOutput()->GetMTime();
+
+  reslice->SetInterpolationModeToCubic();
+  reslice->InterpolateOff();
+  reslice->SetInterpolationMode(1000);
+  reslice->BorderOff();
+  reslice->SetBorderThickness(7);
+  reslice->OptimizationOff();
+  reslice->Update();
+  EXPECT_EQ(reslice->GetMTime(), settings);
+  EXPECT_EQ(reslice->GetOutput()->GetMTime(), made);
+
+  EXPECT_EQ(reslice->GetInterpolationMode(), VTK_CUBIC_INTERPOLATION);
+  EXPECT_EQ(reslice->GetBorder(), 0);
+  EXPECT_EQ(reslice->GetBorderThickness(), 7);
+  EXPECT_EQ(reslice->GetOptimization(), 0);
+  std::ostringstream printed;
+  reslice->Print(printed);
+  for (const char* line : {"InterpolationMode: Cubic", "Border: Off", "BorderThickness: 7", "Optimization: Off"})
+  {
+    EXPECT_NE(printed.str().find(line), std::string::npos) << line;
+  }
+  reslice->SetBackgroundLevel(3);
+  reslice->Update();
+  EXPECT_GT(reslice->GetOutput()->GetMTime(), made);
+}
+
 TEST(ResliceSettings, ASlabShowsWhatVtkImageSlabResliceShows)
 {
   const FieldAndVolume data;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The closed-form footprint against adaptive quadrature of the beam integral (BIGUS, eq 4), in long double.
+// The closed-form footprint against adaptive quadrature of the beam integral (paper eq 4), in long double.
 
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ struct Case
   double elevationSigma;
 };
 
-/// ln of eq 4's integrand at elevation z, straight from the definition.
+/// ln of the integrand of paper eq 4 at elevation z, straight from the definition.
 Long Exponent(const Case& c, const Eigen::Vector2d& pixel, Long z)
 {
   const Eigen::Matrix<Long, 3, 3> r = bigus::RotationMatrix(c.rotation).cast<Long>();

@@ -116,9 +116,9 @@ TEST_P(Training, AThousandStepsFromABadStart)
 TEST_P(Training, AGradientBeyondAnyUseIsGuardedAndCounted)
 {
   // Two Gaussians of a ten-thousandth of a pixel that cancel, r = +-1e12, half a deviation from a lit pixel
-  // of 1e-5 mm: S = 0, where the loss pulls with its full slope, and dL/dmu is about r / (s pixels) = 1e12 /
-  // 1e-9 / 4 = 2e20 a mm. Its square is beyond the largest float, 3e38, and would leave Adam with inf - inf a
-  // step later.
+  // of 1e-5 mm: S = 0, where the loss pulls with its full slope, and dL/dmu is about
+  // r / (s pixels) = 1e12 / 1e-9 / 4 = 2e20 a mm. Its square is beyond the largest float, 3e38, and would leave Adam with
+  // inf - inf a step later.
   Random random(62);
   const SlicePlane plane = RandomPlane(random, {0, 0, 0}, 1e-5, 2, 2);
   const auto sweep = RandomSweep(random, {plane}, 1, 1);

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iterator>
 #include <set>
+#include <sstream>
 #include <string>
 
 #include "Core/Model/Error.h"
@@ -179,6 +180,40 @@ TEST(OptionList, ThePageOfOptionsIsTheList)
   std::ifstream file(bigus::test::SourceFolder() / "Module/Core/Training/Options.md");
   const std::string page{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   EXPECT_NE(page.find(table), std::string::npos) << "Module/Core/Training/Options.md lacks this text:\n" << table;
+}
+
+/// Of a text, without what is only there for its layout in a comment.
+std::string Words(const std::string& text)
+{
+  std::istringstream in(text);
+  std::string words, word;
+  while (in >> word)
+  {
+    words += word == "*" ? "" : (words.empty() ? "" : " ") + word;
+  }
+  return words;
+}
+
+/// The comments of the trainer's properties, made from the list: when this fails, put what it prints there.
+TEST(OptionList, ThePropertiesOfTheTrainerAreTheList)
+{
+  std::ifstream file(bigus::test::SourceFolder() / "Filters/vtkBigusTrainer.h");
+  const std::string header{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  for (const OptionText& option : ListOptions())
+  {
+    const std::string name = option.info.name;
+    std::size_t at = header.find("OptionMacro(" + name + ")");
+    at = at == std::string::npos ? header.find("OptionMacro(" + name + ",") : at;
+    ASSERT_NE(at, std::string::npos) << "Filters/vtkBigusTrainer.h has no property " << name;
+    const std::size_t end = header.rfind("*/", at), begin = header.rfind("/**", end);
+    const std::string values = option.values.empty() ? "" : " Values: " + Replace(option.values, '|', ", ") + ".";
+    const std::string open = *option.info.open ? ", " + std::string(option.info.open) : "";
+    EXPECT_EQ(Words(header.substr(begin + 3, end - begin - 3)),
+              Words(std::string(option.info.help) + "." + values + " Default: " + option.value + open + "."))
+        << name;
+    EXPECT_EQ(Words(header.substr(end + 2, header.find("OptionMacro", end) - end - 2)).rfind("vtkBigus", 0), 0u)
+        << name;
+  }
 }
 
 }  // namespace

@@ -69,9 +69,9 @@ constexpr double kCrossingBeams[] = {0.4, 0.8, 1.6, 3.2};
 /// so fewer must lose next to nothing.
 constexpr double kFewerMayLose = 0.02;
 
-/// The share of what smoothing changes in poses that pictures must confirm, less standard errors as above. 1 is a path
-/// that is true, 0 a path whose recorded poses are, and from 0.5 smoothed poses predict frames better. Liver, wire
-/// phantom and noisy phantom show 0.95 to 1.05, the brain sweep, whose steps are irregular, 0.3.
+/// The share of what smoothing changes in poses that pictures must confirm, less standard errors as above. The
+/// share is 1 when the smoothed path is the true one and 0 when the recorded poses are; above 0.5 smoothing helps. Liver,
+/// wire phantom and noisy phantom show 0.95 to 1.05, the brain sweep, whose steps are irregular, 0.3.
 constexpr double kLeastConfirmed = 0.5;
 
 /// Gaussians below which no half is tried: they take no time any more.

@@ -133,11 +133,11 @@ public:
   virtual void SetFrames(std::shared_ptr<const Sweep> sweep) = 0;
 
   /// Renders the frames, and adds up the loss (mean over the batch's frames), its gradient
-  /// with respect to every parameter, and eq 14's error scores. Replaces the previous gradient; scores
+  /// with respect to every parameter, and the error scores of paper eq 14. Replaces the previous gradient; scores
   /// accumulate. Throws Error when a term of the loss finds no window in frames of this size and mask.
   virtual double Backpropagate(const std::vector<int>& frames, const Loss& loss) = 0;
 
-  /// One Adam step (beta 0.9, 0.99) along the gradient of the last Backpropagate, for the Gaussians that its
+  /// One Adam step (Formula/Adam.h) along the gradient of the last Backpropagate, for the Gaussians that its
   /// frames saw; all others rest, their averages with them.
   virtual void Step(const LearningRates& rates, const ParameterLimits& limits) = 0;
 
@@ -173,7 +173,7 @@ public:
   /// Per Gaussian, summed since the last ResetScores.
   struct Scores
   {
-    std::vector<double> error;             ///< E_i of eq 14: sum_p |dL/dS| w_i
+    std::vector<double> error;             ///< E_i of paper eq 14: sum_p |dL/dS| w_i
     std::vector<Eigen::Vector3d> descent;  ///< sum of -dL/dmu
     std::vector<double> visits;            ///< frames that saw the Gaussian
   };

@@ -8,20 +8,20 @@
 //
 //     y = cu d_u + cv d_v + cz (z - mu'_z),    cu = S^-1 R^T a,  cv = S^-1 R^T b,  cz = S^-1 R^T n.
 //
-// The beam integral (BIGUS, eq 4, normalised to unit area) over N(z; 0, sigma_E^2) acts along e = cz / |cz| alone: with
+// The beam integral (paper eq 4, normalised to unit area) over N(z; 0, sigma_E^2) acts along e = cz / |cz| alone: with
 // N = 1 + sigma_E^2 |cz|^2 it shrinks that component by 1 / sqrt(N) and multiplies the result by the same factor:
 //
-//     w(p) = 1 / sqrt(N) exp(-|y'|^2 / 2),   y' = D (cu d_u + cv d_v - cz mu'_z),   D = I - (1 - 1 / sqrt(N))
-//     e e^T.
+//     w(p) = 1 / sqrt(N) exp(-|y'|^2 / 2),   y' = D (cu d_u + cv d_v - cz mu'_z),
+//     D = I - (1 - 1 / sqrt(N)) e e^T.
 //
 // So a thick beam costs no more than a thin plane, sigma_E = 0 needs no special case (D = I), and no exponent is ever
 // positive. A QR of [D cu, D cv] gives the upper triangular factor U of the footprint's precision; the determinant and
 // the residual have closed forms free of cancellation: with t = n^T Sigma n + sigma_E^2,
 //
-//     U22 = |a x b| sqrt(t / N) / (det S U11),   residual rho = -mu'_z / sqrt(t),   w(p) = amplitude exp(-|U
-//     (p - m)|^2 / 2).
+//     U22 = |a x b| sqrt(t / N) / (det S U11),   residual rho = -mu'_z / sqrt(t),
+//     w(p) = amplitude exp(-|U (p - m)|^2 / 2).
 //
-// This equals eq 8 to 11 (A~ = U^T U up to pixel units, kappa_0 and parallax folded into amplitude and m).
+// This equals paper eq 8 to 11 (A~ = U^T U up to pixel units, kappa_0 and parallax folded into amplitude and m).
 //
 // Written once for every number type: float and double, host and device, and the SIMD vectors of CpuKernels.cxx. So
 // there are no branches here. It has no include guard: Splat.h includes it into namespace bigus, CpuKernels.cxx once
@@ -191,7 +191,7 @@ struct Moments
   Real m0;             ///< sum g w
   Real m1, m2;         ///< sum g w eta
   Real m11, m12, m22;  ///< sum g w eta eta^T
-  Real error;          ///< sum |g| w: E_i of eq 14
+  Real error;          ///< sum |g| w: E_i of paper eq 14
 };
 
 /// Derivatives of the loss with respect to one Gaussian; see FieldGradient for units.
@@ -206,7 +206,8 @@ struct GaussianGradient
 /// that the beam sees at a pixel, dw/dtheta = w <d ln G / dtheta> where ln G = -|y|^2 / 2:
 ///
 ///     dL/dmu = r R S^-1 Y1,   dL/d ln s_k = r Y2_kk,   dL/domega_i = r Y2_jk (s_j^2 - s_k^2) / (s_j s_k),
-///     dL/dr = m0 Y1 = sum g w <y> = D Y1',   Y2 = sum g w <y y^T> = D Y2' D + m0 (N - 1) / N e e^T
+///     dL/dr = m0,
+///     Y1 = sum g w <y> = D Y1',   Y2 = sum g w <y y^T> = D Y2' D + m0 (N - 1) / N e e^T
 ///
 /// with Y1', Y2' the same sums of y' = q1 eta_1 + q2 eta_2 + q3 rho. (i, j, k) is cyclic.
 template <class Real>

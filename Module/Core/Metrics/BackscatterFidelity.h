@@ -6,7 +6,7 @@
 namespace bigus
 {
 
-/// BIGUS, eq 15, which leaves its terms open; README.md of this folder defines them. Each lies in [0, 1], 1 for an image
+/// Paper eq 15, which leaves its terms open; README.md of this folder defines them. Each lies in [0, 1], 1 for an image
 /// whose speckle has the statistics of the truth's.
 struct BackscatterFidelity
 {

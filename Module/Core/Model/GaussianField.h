@@ -14,7 +14,7 @@
 namespace bigus
 {
 
-/// N Gaussians r_i exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 R^T (BIGUS, eq 1), with the beam and the
+/// N Gaussians r_i exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 R^T (paper eq 1), with the beam and the
 /// transfer function they were trained under. Arrays are of equal length. Values are kept in double; engines move them
 /// near the origin and compute in float.
 struct GaussianField

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// From scattering S to displayed intensity I and back (BIGUS, eq 13).
+// From scattering S to displayed intensity I and back (paper eq 13).
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ struct TransferFunction
     return -std::log1p(-i) / static_cast<Real>(gamma);
   }
 
-  /// gamma = -ln(1 - mean intensity): puts the mean scattering near 1 (BIGUS, below eq 13).
+  /// gamma = -ln(1 - mean intensity): puts the mean scattering near 1 (paper, below eq 13).
   /// The mean is clamped to [1e-3, 0.9], so that an almost black or white sweep still trains.
   static TransferFunction FromMeanIntensity(double meanIntensity)
   {

@@ -93,8 +93,8 @@ std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const s
       options.poseSmoothing = 0;
       return sweep;
     }
-    // What pictures change where the tracker has no noise to take out is found by leaving the choice to them once more: a
-    // strength of 0 keeps every pose.
+    // Where nothing is smoothed but pictures aligned frames, the option stays open, because 0 would also forbid the
+    // alignment.
     isOpen = isOpen || (correction.strength == 0 && correction.trajectory.IsChanged());
     strengths.push_back(correction.strength);
     if (sequences.size() > 1)

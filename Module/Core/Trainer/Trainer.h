@@ -49,8 +49,8 @@ struct Checkpoints
   /// is not finished. Empty: nothing is kept. What it throws ends the training.
   std::function<void(const std::string& state)> save;
   /// What `save` got, to go on from there; empty: begin. The field that a training ends with is then the same, bit for
-  /// bit, as if it had never stopped, for any number of threads. (A time limit bounds the time of all parts together.
-  /// It alone may differ from then; bits that depend on the clock are nobody's.) Bytes that are damaged, or of a training
+  /// bit, as if it had never stopped, for any number of threads. A time limit bounds the time of all parts together and
+  /// may differ from then: a training that it ends is not repeatable. Bytes that are damaged, or of a training
   /// with another sweep, start, engine or option, are an Error that says which.
   std::string resume;
 };

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Error-attributed densification (BIGUS, section 2.3, eq 14): more Gaussians where error persists, fewer where none is
+// Error-attributed densification (paper section 2.3 and eq 14): more Gaussians where error persists, fewer where none is
 // needed.
 #pragma once
 

@@ -96,7 +96,9 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
   TrainingPlan plan;
   static_cast<TrainingSettings&>(plan) = options;
   plan.sparse = sparse;
-  const std::size_t usual = UsualGaussians(sweep, frames, contrast);
+  // Counting looks at every pixel, so it is done only where the number is used.
+  const bool isUsed = !options.gaussians || (contrast && !options.maximumGaussians);
+  const std::size_t usual = isUsed ? UsualGaussians(sweep, frames, contrast) : 0;
   // The texture preset asks for a Gaussian a grain, which is more than the sweep's size.
   plan.maximumGaussians =
       options.maximumGaussians.value_or(contrast ? usual : GaussiansOfSweepsSize(sweep, frames.size()));

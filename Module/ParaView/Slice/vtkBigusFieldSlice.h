@@ -34,9 +34,15 @@
 #include "vtkImageAlgorithm.h"
 #include "vtkNew.h"  // for the reslice
 
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
 class vtkAlgorithmOutput;
-class vtkBigusReslice;
 class vtkPolyData;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
+class vtkBigusReslice;
 
 class VTKBIGUSSLICE_EXPORT vtkBigusFieldSlice : public vtkImageAlgorithm
 {
