@@ -23,7 +23,7 @@ namespace
 constexpr std::uint64_t largestConfig = 16u << 20;
 
 // Sine of the angle below which three axes count as lying in a plane.
-constexpr double flattest = 1e-9;
+constexpr double kFlattest = 1e-9;
 
 struct Link
 {
@@ -88,7 +88,7 @@ std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
   }
   const Eigen::Matrix3d axes = matrix.topLeftCorner<3, 3>();
   const double volume = axes.col(0).norm() * axes.col(1).norm() * axes.col(2).norm();
-  if (!(std::abs(axes.determinant()) > flattest * volume))
+  if (!(std::abs(axes.determinant()) > kFlattest * volume))
   {
     return "is singular";
   }
@@ -220,14 +220,14 @@ std::vector<Step> FindChain(const std::vector<Link>& links, const std::string& f
 
 std::string Listed(const std::vector<std::string>& names)
 {
-  constexpr std::size_t most = 30;
+  constexpr std::size_t kMost = 30;
   std::string text;
-  for (std::size_t i = 0; i < names.size() && i < most; ++i)
+  for (std::size_t i = 0; i < names.size() && i < kMost; ++i)
   {
     text += (i ? ", " : "") + Shortened(names[i]);
   }
   return names.empty()         ? "none"
-         : names.size() > most ? text + " and " + std::to_string(names.size() - most) + " more"
+         : names.size() > kMost ? text + " and " + std::to_string(names.size() - kMost) + " more"
                                : text;
 }
 

@@ -15,7 +15,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t longestLine = 64 * 1024;
+constexpr std::size_t kLongestLine = 64 * 1024;
 
 bool IsBlank(char c)
 {
@@ -122,13 +122,13 @@ std::vector<std::string_view> Words(std::string_view text)
 
 std::string Shortened(std::string_view text)
 {
-  constexpr std::size_t longest = 60;
+  constexpr std::size_t kLongest = 60;
   std::string printable;
   std::size_t at = 0;
   while (at < text.size())
   {
     const std::size_t bytes = std::max<std::size_t>(Utf8Bytes(text.substr(at)), 1);
-    if (printable.size() + bytes > longest)
+    if (printable.size() + bytes > kLongest)
     {
       return printable + "...";
     }
@@ -232,7 +232,7 @@ bool InputFile::ReadLine(std::string& line)
     {
       break;
     }
-    if (line.size() >= longestLine)
+    if (line.size() >= kLongestLine)
     {
       throw FormatError(name_ + ": the header has a line longer than 64 KiB; this is not a text header");
     }

@@ -13,8 +13,8 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
-#include "Core/Probe/ConstantErrors.h"
 #include "Core/Poses/PoseError.h"
+#include "Core/Probe/ConstantErrors.h"
 
 namespace bigus
 {

@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "Core/Probe/ElevationEstimate.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Probe/ElevationEstimate.h"
 
 using namespace bigus;
 

@@ -10,8 +10,8 @@
 
 #include "Core/Deciding/Decision.h"
 #include "Core/Model/Sweep.h"
-#include "Core/Probe/ConstantErrors.h"
 #include "Core/Poses/Trajectory.h"
+#include "Core/Probe/ConstantErrors.h"
 
 namespace bigus
 {

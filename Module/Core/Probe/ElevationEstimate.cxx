@@ -946,7 +946,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   Fit fit;
   for (const double sigma : {0.2, 0.8, 3.2, 12.8})  // mm
   {
-    Vector start;
+    Vector start;  // beside sigma a small turn of the phase and little misplacement: chosen, as bounds are far apart
     start << 0.5 / (sigma * sigma), 2 * model.Low()[Carrier], 0.05, 0.5, 0.01 * model.High()[Jitter], 0.9;
     const Fit other = Descend(cells, model, model.Low(), model.High(), start, -1);
     fit = other.cost < fit.cost ? other : fit;

@@ -151,13 +151,13 @@ void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::
 
 void FieldCollector::Add(const SequenceFile& file, std::string_view key, std::string_view value)
 {
-  constexpr std::string_view prefix = "Seq_Frame";
-  if (key.substr(0, prefix.size()) != prefix)
+  constexpr std::string_view kPrefix = "Seq_Frame";
+  if (key.substr(0, kPrefix.size()) != kPrefix)
   {
     fields[std::string(key)] = value;
     return;
   }
-  const auto rest = key.substr(prefix.size());
+  const auto rest = key.substr(kPrefix.size());
   const auto underscore = rest.find('_');
   std::int64_t frame = -1;
   if (underscore == std::string_view::npos || !ParseNumber(rest.substr(0, underscore), frame) || frame < 0)

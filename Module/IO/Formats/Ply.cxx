@@ -18,7 +18,7 @@ namespace
 
 constexpr double sphericalHarmonic0 = 0.28209479177387814;  // 1 / (2 sqrt(pi)): colour = 0.5 + this * f_dc
 constexpr std::uint64_t longestHeader = 1u << 20;
-constexpr std::size_t mostProperties = 1000;
+constexpr std::size_t kMostProperties = 1000;
 constexpr std::int64_t mostVertices = 1000000000;
 
 enum class Layout
@@ -118,9 +118,9 @@ PlyHeader ReadHeader(InputFile& input)
     {
       Property property;
       if (inVertex && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
-                       header.properties.size() >= mostProperties))
+                       header.properties.size() >= kMostProperties))
       {
-        throw refuse("header line " + Quoted(line) + "; a vertex has up to " + std::to_string(mostProperties) +
+        throw refuse("header line " + Quoted(line) + "; a vertex has up to " + std::to_string(kMostProperties) +
                      " properties of a number type and no lists");
       }
       if (inVertex)

@@ -14,8 +14,8 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t largestChunk = 16u << 20;   // bytes of one chunk of text, a colour profile or the like
-constexpr std::size_t largestChunks = 64u << 20;  // bytes of all of them
+constexpr std::size_t kLargestChunk = 16u << 20;   // bytes of one chunk of text, a colour profile or the like
+constexpr std::size_t kLargestChunks = 64u << 20;  // bytes of all of them
 
 class PngDecoder
 {
@@ -29,7 +29,7 @@ public:
     const auto read = [](spng_ctx*, void* input, void* bytes, std::size_t count) -> int
     { return static_cast<InputFile*>(input)->Read(bytes, count) == count ? SPNG_OK : SPNG_IO_EOF; };
     Require(spng_set_crc_action(png_.get(), SPNG_CRC_ERROR, SPNG_CRC_ERROR));
-    Require(spng_set_chunk_limits(png_.get(), largestChunk, largestChunks));
+    Require(spng_set_chunk_limits(png_.get(), kLargestChunk, kLargestChunks));
     Require(spng_set_png_stream(png_.get(), read, &input_));
   }
 

@@ -18,7 +18,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t mostCsvColumns = 1000;
+constexpr std::size_t kMostCsvColumns = 1000;
 
 // One line's cells. Cells may be quoted with ", "" inside standing for one; they cannot contain line ends.
 std::vector<std::string> CsvCells(const std::string& fileName, const std::string& line)
@@ -39,9 +39,9 @@ std::vector<std::string> CsvCells(const std::string& fileName, const std::string
     }
     else if (c == ',' && !quoted)
     {
-      if (cells.size() >= mostCsvColumns)
+      if (cells.size() >= kMostCsvColumns)
       {
-        throw FormatError(fileName + ": has more than " + std::to_string(mostCsvColumns) + " columns");
+        throw FormatError(fileName + ": has more than " + std::to_string(kMostCsvColumns) + " columns");
       }
       cells.emplace_back();
     }

@@ -15,8 +15,8 @@ namespace bigus
 namespace
 {
 
-constexpr int mostLines = 1000000;  // a sequence that serves as a grid has some lines a frame
-constexpr double flattest = 1e-6;   // sine below which three axes count as lying in a plane
+constexpr int kMostLines = 1000000;  // a sequence that serves as a grid has some lines a frame
+constexpr double kFlattest = 1e-6;   // sine below which three axes count as lying in a plane
 
 /// The `separator`-parted lines of a header, by lowercase name, up to the line `last` or an empty one.
 Fields ReadHeader(InputFile& input, char separator, const std::string& last)
@@ -26,7 +26,7 @@ Fields ReadHeader(InputFile& input, char separator, const std::string& last)
   for (int count = 0; input.ReadLine(line) && !line.empty(); ++count)
   {
     const auto end = line.find(separator);
-    if (count > mostLines || (count > 0 && end == std::string::npos && line[0] != '#'))
+    if (count > kMostLines || (count > 0 && end == std::string::npos && line[0] != '#'))
     {
       throw FormatError(input.Name() + ": header line " + Quoted(line) + " is not \"name" + separator + " value\"");
     }
@@ -197,7 +197,7 @@ VolumeGrid ReadVolumeGrid(const std::string& fileName, bool worldIsLps)
   const Header header{fileName, isNrrd ? ReadHeader(input, ':', "") : ReadHeader(input, '=', "elementdatafile")};
   VolumeGrid grid = isNrrd ? GridOfNrrd(header) : GridOfMetaImage(header);
   const Eigen::Matrix3d axes = grid.steps.colwise().normalized();
-  if (!(grid.steps.colwise().norm().minCoeff() > 0) || !(std::abs(axes.determinant()) > flattest))
+  if (!(grid.steps.colwise().norm().minCoeff() > 0) || !(std::abs(axes.determinant()) > kFlattest))
   {
     throw FormatError(fileName + ": the axes of its voxels do not span space");
   }

@@ -23,7 +23,6 @@
 #include <string>
 #include <vector>
 
-#include "Core/Probe/ElevationEstimate.h"
 #include "Core/Deciding/PoseCorrection.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
@@ -33,6 +32,7 @@
 #include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Error.h"
 #include "Core/Poses/PoseError.h"
+#include "Core/Probe/ElevationEstimate.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
