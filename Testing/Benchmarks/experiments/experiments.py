@@ -7,7 +7,7 @@
     experiments.py list              what would run, in which order, and how long it should take
     experiments.py publish           put tables and plots of --output into results/, and a few rows into README.md
 
-For each experiment writes NAME.csv (all that is known), NAME.md and NAME-table.csv (the table), NAME-decisions.md (what
+For each experiment writes NAME.csv (all that is known), NAME.md and NAME-table.csv (the table), NAME-decisions.csv (what
 the trainer decided) and NAME.png (the plot). Jobs run in the
 order of their priority, over all the experiments asked for; each runs once, whatever the number of calls. What a budget
 has no room for is listed as not run. --quick: the same on small pictures with few Gaussians, a minute or two each; it
@@ -38,9 +38,9 @@ def report(experiment, jobs, scale, folder):
     write_rows([row for _, rows in tables for row in rows], folder / f"{name}-table.csv")
     text = "".join((f"**{title}**\n\n" if title else "") + markdown(rows, experiment.split) + "\n"
                    for title, rows in tables)
-    made = decisions(jobs) if experiment.shows_decisions else ""
+    made = decisions(jobs) if experiment.shows_decisions else []
     if made:
-        write_whole(folder / f"{name}-decisions.md", made)
+        write_rows(made, folder / f"{name}-decisions.csv")
     if scale.is_quick:
         text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
     done = [job for job in jobs if job.result]
@@ -62,6 +62,14 @@ def report(experiment, jobs, scale, folder):
     return text
 
 
+def page(experiment, text, decided):
+    """What the tables in CSV do not say: which jobs have no result, machines, versions and seeds."""
+    said = [line for line in text.splitlines() if line and not line.startswith(("|", "**"))]
+    name = experiment.name
+    rows = f"Rows: [{name}.csv]({name}.csv)." + f" Decisions: [{name}-decisions.csv]({name}-decisions.csv)." * decided
+    return "\n".join([f"# {experiment.title}", "", rows, "", *said]) + "\n"
+
+
 def publish(runner, scale):
     """Tables and plots of what has been run into results/, and a few rows of each into README.md. Runs nothing. What
     --output does not have stays as it was published before."""
@@ -73,13 +81,12 @@ def publish(runner, scale):
     for name, experiment in EXPERIMENTS.items():
         if not (runner.output / f"{name}.md").is_file():
             continue
-        title = f"# {experiment.title}\n\n"
-        write_whole(results / f"{name}.md", title + (runner.output / f"{name}.md").read_text())
-        if (made := runner.output / f"{name}-decisions.md").is_file():
-            write_whole(results / made.name, title + "What the trainer decided by itself.\n\n" + made.read_text())
-        for kept, published in ((f"{name}-table.csv", f"{name}.csv"), (f"{name}.png", f"{name}.png")):
+        for kept, published in ((f"{name}-table.csv", f"{name}.csv"), (f"{name}-decisions.csv", f"{name}-decisions.csv"),
+                                (f"{name}.png", f"{name}.png")):
             if (runner.output / kept).is_file():
                 (results / published).write_bytes((runner.output / kept).read_bytes())
+        decided = (results / f"{name}-decisions.csv").is_file()
+        write_whole(results / f"{name}.md", page(experiment, (runner.output / f"{name}.md").read_text(), decided))
     readme = HERE / "README.md"
     text = readme.read_text()
     for name, experiment in EXPERIMENTS.items():

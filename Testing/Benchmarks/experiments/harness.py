@@ -232,15 +232,15 @@ def summary(rows, corner, down, across):
 
 
 def decisions(jobs):
-    """What the trainer decided by itself, and why: a table, or nothing where it did not."""
-    lines = []
+    """What the trainer decided by itself, and why: rows, none where it did not."""
+    rows = []
     for labels, members in groups(jobs):
         made = value(members[0].result, "facts.decisions") if members[0].result else None
         open_ones = [entry for entry in made or [] if entry["evidence"] != "given"]
         name = ", ".join(str(label) for label in labels.values() if label != "")
-        lines += [f"| {name if k == 0 else ''} | {entry['what']} | {entry['choice']} | {entry['evidence']} | "
-                  f"{entry['seconds']:.1f} |" for k, entry in enumerate(open_ones)]
-    return "\n".join(["| | decided | choice | evidence | seconds |", "|---|---|---|---|---|"] + lines) + "\n" if lines else ""
+        rows += [{"row": name, "decided": entry["what"], "choice": entry["choice"], "evidence": entry["evidence"],
+                  "seconds": f"{entry['seconds']:.1f}"} for entry in open_ones]
+    return rows
 
 
 def flat(result, prefix=""):

@@ -198,14 +198,16 @@ class Harness(unittest.TestCase):
     def test_publishes_tables_beside_and_a_summary_below_the_heading(self):
         quick = self.folder / "quick"
         quick.mkdir()
-        (quick / "e5.md").write_text("| new |\n")
+        (quick / "e5.md").write_text("**liver**\n\n| new |\n\nSeeds: 1.\n")
         (quick / "e5-table.csv").write_text("scene,gap,method,held-out PSNR\nliver,1,BIGUS 100k,40.32\nliver,2,BIGUS 100k,"
                                             "37.71\nliver,2,compounding,34.22\nliver,4,compounding,not run\n")
         readme = self.folder / "README.md"
         readme.write_text("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| old |\n|---|\n\n## E6: after\n| kept |\n")
         with mock.patch.object(experiments, "HERE", self.folder):
             call("publish", "--quick", "--output", self.folder)
-        self.assertEqual((self.folder / "results/e5.md").read_text(), f"# {EXPERIMENTS['e5'].title}\n\n| new |\n")
+        self.assertEqual((self.folder / "results/e5.md").read_text(),
+                         f"# {EXPERIMENTS['e5'].title}\n\nRows: [e5.csv](e5.csv).\n\nSeeds: 1.\n")
+        self.assertEqual((self.folder / "results/e5.csv").read_text(), (quick / "e5-table.csv").read_text())
         text = readme.read_text()
         self.assertTrue(text.startswith("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| liver"), text)
         self.assertTrue(text.endswith(" |\n\n## E6: after\n| kept |\n"), text)
