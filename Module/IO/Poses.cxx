@@ -226,9 +226,9 @@ std::string Listed(const std::vector<std::string>& names)
   {
     text += (i ? ", " : "") + Shortened(names[i]);
   }
-  return names.empty()         ? "none"
+  return names.empty()          ? "none"
          : names.size() > kMost ? text + " and " + std::to_string(names.size() - kMost) + " more"
-                               : text;
+                                : text;
 }
 
 // The frame's pose, or why it has none.
