@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusPartitionField.h"
 
-#include <string>
-
 #include "Core/Model/Error.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
@@ -18,21 +16,6 @@
 #include "vtkStreamingDemandDrivenPipeline.h"
 
 vtkStandardNewMacro(vtkBigusPartitionField);
-
-namespace
-{
-
-void CheckNumbers(int chunks, int piece, int pieces)
-{
-  if (chunks < 1 || chunks > bigus::FieldChunks::kMost || (chunks & (chunks - 1)) != 0)
-  {
-    throw bigus::Error("NumberOfChunks is " + std::to_string(chunks) + "; it must be a power of two from 1 to " +
-                       std::to_string(bigus::FieldChunks::kMost) + ".");
-  }
-  bigus::RequireChunks(chunks, piece, pieces);
-}
-
-}  // namespace
 
 void vtkBigusPartitionField::PrintSelf(ostream& os, vtkIndent indent)
 {
@@ -69,7 +52,7 @@ int vtkBigusPartitionField::RequestData(vtkInformation*, vtkInformationVector** 
   try
   {
     vtkPolyData* input = vtkPolyData::GetData(inputs[0]);
-    CheckNumbers(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
+    bigus::RequirePartition(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
     if (this->IsInputAPart && input->GetFieldData()->GetArray(bigus::kChunksArray))
     {
       output->ShallowCopy(input);

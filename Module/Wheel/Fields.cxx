@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Gaussian fields whose arrays numpy sees without copies.
 #include "Arrays.h"
+#include "Core/Model/FieldChunks.h"
 #include "Core/Model/FieldRounding.h"
 #include "Core/Model/FieldTransform.h"
+#include "Data/FieldShape.h"
 
 namespace bigus
 {
@@ -120,6 +122,17 @@ void BindField(nb::module_& m)
           "The field in other coordinates: matrix, float64 [4, 4], turns, mirrors, scales evenly and moves (mm). Raises "
           "Error for one that does anything else.")
       .def(
+          "part",
+          [](const Field& field, int total, int piece, int pieces)
+          {
+            RequirePartition(total, piece, pieces);
+            FieldChunks chunks = ChunksOfPiece(total, piece, pieces);
+            Field part(PartOf(field, chunks), field.provenance);
+            return nb::make_tuple(std::move(part), chunks.first, chunks.sizes);
+          },
+          nb::arg("chunks"), nb::arg("piece"), nb::arg("pieces"),
+          "One process's part of the field, split into so many chunks: (field, its first chunk, Gaussians of each chunk).")
+      .def(
           "rounded",
           [](Field field)
           {
@@ -133,6 +146,22 @@ void BindField(nb::module_& m)
           "__deepcopy__", [](const Field& field, nb::handle) { return Field(field); }, nb::arg("memo"))
       .def("__repr__",
            [](const Field& field) { return "<bigus.Field of " + std::to_string(field.Size()) + " Gaussians>"; });
+  // What VTK's arrays must be, for vtkdata.py; shapes are (components, tuples).
+  using Shape = std::pair<int, std::int64_t>;
+  m.attr("format_version") = kFieldFormatVersion;
+  m.def("require_format_version", &RequireFieldFormatVersion, nb::arg("owner"), nb::arg("version"));
+  m.def("require_few_normals", &RequireFewTrainedNormals, nb::arg("owner"), nb::arg("normals"));
+  m.def(
+      "require_array",
+      [](const std::string& owner, const std::string& name, const std::optional<Shape>& found, const Shape& needed)
+      {
+        if (!found)
+        {
+          throw MissingArray(owner, name, needed.first, needed.second);
+        }
+        RequireArrayShape(owner, name, found->first, found->second, needed.first, needed.second);
+      },
+      nb::arg("owner"), nb::arg("name"), nb::arg("found").none(), nb::arg("needed"));
 }
 
 }  // namespace bigus

@@ -1,14 +1,16 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// A field on an engine, ready for many slices.
-#include <cmath>
+// A field on an engine, ready for many slices, and the grids that filters of VTK's pipelines render.
+#include <algorithm>
 #include <memory>
 #include <mutex>
+#include <tuple>
 
 #include "Arrays.h"
 #include "Core/Engine/Engine.h"
-#include "Core/Model/Error.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Slicing/Pixels.h"
+#include "Progress.h"
 
 namespace bigus
 {
@@ -17,6 +19,17 @@ namespace
 
 constexpr double kMostPixels = 4294967296.0;  // 2^32 of one call: 16 GiB of floats
 
+ViewOutput OutputOf(bool isScattering)
+{
+  return isScattering ? ViewOutput::Scattering : ViewOutput::Intensity;
+}
+
+Eigen::Matrix4d ToMatrix(const InputDoubles& matrix)
+{
+  RequireShape(matrix, {4, 4}, "a matrix");
+  return MatrixAt(matrix.data());
+}
+
 /// An engine is used by one thread at a time.
 class Slicer
 {
@@ -24,15 +37,7 @@ public:
   Slicer(const Field& field, const std::string& engine, double elevationSigma, double tolerance)
   {
     const nb::gil_scoped_release others;
-    if (!(tolerance >= 0 && tolerance <= 1))
-    {
-      throw Error("The tolerance is " + std::to_string(tolerance) + "; it must lie between 0 and 1.");
-    }
-    if (!std::isfinite(elevationSigma))
-    {
-      throw Error(
-          "The elevation sigma is not finite; give mm, 0 for a thin plane, or a negative number for the field's.");
-    }
+    ViewSettings{engine, elevationSigma, tolerance}.Validate();
     engine_ = Engine::Create(engine);
     GaussianField shown = field;
     if (elevationSigma >= 0)
@@ -67,18 +72,156 @@ public:
     {
       const nb::gil_scoped_release others;
       const std::lock_guard<std::mutex> alone(mutex_);
-      engine_->RenderStack(planes, isScattering ? ViewOutput::Scattering : ViewOutput::Intensity, images.data(),
-                           isCovered ? coverage.data() : nullptr);
+      engine_->RenderStack(planes, OutputOf(isScattering), images.data(), isCovered ? coverage.data() : nullptr);
     }
     const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
     const nb::object image = Owned(std::move(images), {n, h, w});
     return nb::make_tuple(image, isCovered ? nb::object(Owned(std::move(coverage), {n, h, w})) : nb::none());
   }
 
+  /// Pixels of part of a grid (uint8 or float32), their coverage, and the runs of seen ones, [n, 4] of first, last, y and
+  /// z; None when `progress` said stop.
+  nb::object RenderPart(const InputDoubles& indexToWorld, const Extent& whole, const Extent& extent, ViewOutput output,
+                        bool isBytes, const std::tuple<int, double, int, bool>& slab, const Seen& seen, bool isCovered,
+                        bool isStencil, nb::object progress)
+  {
+    const auto [planes, spacing, mode, trapezoid] = slab;
+    const Slab joined{planes, spacing, static_cast<Slab::Mode>(mode), trapezoid};
+    joined.Validate();
+    seen.Validate();
+    const GridPart grid{ToMatrix(indexToWorld), whole, extent};
+    const auto count = static_cast<std::size_t>(ExtentSize(extent));
+    const bool needsCoverage = isCovered || isStencil || seen.FillsBackground();
+    std::vector<float> pixels(isBytes ? 0 : count), coverage(isCovered ? count : 0);
+    std::vector<unsigned char> bytes(isBytes ? count : 0);
+    std::vector<int> runs;
+    PythonProgress tell(std::move(progress));
+    const auto keep = [&](const PixelBand& band)
+    {
+      if (seen.FillsBackground())
+      {
+        seen.FillBackground(band, isBytes);
+      }
+      if (isBytes)
+      {
+        ToBytes(band.image, band.count, bytes.data() + band.first);
+      }
+      else
+      {
+        std::copy_n(band.image, band.count, pixels.begin() + band.first);
+      }
+      if (isCovered)
+      {
+        std::copy_n(band.coverage, band.count, coverage.begin() + band.first);
+      }
+      if (isStencil)
+      {
+        seen.ForEachRun(band, extent, [&](int a, int b, int y, int z) { runs.insert(runs.end(), {a, b, y, z}); });
+      }
+      return tell(band.fraction);
+    };
+    bool isFinished = false;
+    {
+      const nb::gil_scoped_release others;
+      const std::lock_guard<std::mutex> alone(mutex_);
+      isFinished = bands_.Run(grid, needsCoverage, joined, PlanesOn(*engine_, output), keep);
+    }
+    tell.Rethrow();
+    if (!isFinished)
+    {
+      return nb::none();
+    }
+    const nb::object image = isBytes ? nb::object(Owned(std::move(bytes), {count})) : Owned(std::move(pixels), {count});
+    const std::size_t n = runs.size() / 4;
+    return nb::make_tuple(image, Owned(std::move(coverage), {isCovered ? count : 0}), Owned(std::move(runs), {n, 4}));
+  }
+
 private:
+  Bands bands_;
   std::unique_ptr<Engine> engine_;
   std::mutex mutex_;
 };
+
+using Numbers = std::optional<std::array<double, 3>>;
+
+GivenGrid Given(const Numbers& spacing, const Numbers& origin, const std::optional<Extent>& extent)
+{
+  const auto vector = [](const Numbers& values)
+  { return values ? std::optional<Eigen::Vector3d>(Eigen::Vector3d(values->data())) : std::nullopt; };
+  const GivenGrid given{vector(spacing), vector(origin), extent};
+  CheckGiven(given);
+  return given;
+}
+
+nb::tuple ToPython(const OutputGrid& grid)
+{
+  const auto numbers = [](const Eigen::Vector3d& v) { return std::array<double, 3>{v[0], v[1], v[2]}; };
+  return nb::make_tuple(numbers(grid.spacing), numbers(grid.origin), grid.extent);
+}
+
+/// `input()` gives the field, or spacing, origin and extent of an image.
+nb::tuple GridOfSlice(const Numbers& spacing, const Numbers& origin, const std::optional<Extent>& extent,
+                      const InputDoubles& axes, const std::optional<InputDoubles>& transform, bool turnsInput,
+                      bool crops, int dimensionality, const nb::callable& input)
+{
+  ResliceSettings settings{ToMatrix(axes), std::nullopt, turnsInput, crops, dimensionality};
+  if (transform)
+  {
+    settings.transform = ToMatrix(*transform);
+  }
+  const auto derive = [&]
+  {
+    const nb::object found = input();
+    if (nb::isinstance<Field>(found))
+    {
+      return GridOver(BoundsAlong(nb::cast<const Field&>(found), Eigen::Matrix3d::Identity()), kDefaultDimension);
+    }
+    const auto [step, start, indices] =
+        nb::cast<std::tuple<std::array<double, 3>, std::array<double, 3>, Extent>>(found);
+    return OutputGrid{Eigen::Vector3d(step.data()), Eigen::Vector3d(start.data()), indices};
+  };
+  return ToPython(ResliceGrid(Given(spacing, origin, extent), settings, derive));
+}
+
+/// `field()` gives the field.
+nb::tuple GridOfVoxels(const Numbers& spacing, const Numbers& origin, const std::optional<std::array<int, 3>>& size,
+                       const std::array<double, 9>& direction, int maximumDimension, const nb::callable& field)
+{
+  std::optional<Extent> extent;
+  if (size)
+  {
+    extent = {0, (*size)[0] - 1, 0, (*size)[1] - 1, 0, (*size)[2] - 1};
+  }
+  const Eigen::Matrix3d axes = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(direction.data());
+  const auto derive = [&]
+  {
+    const nb::object found = field();
+    return GridOver(BoundsAlong(nb::cast<const Field&>(found), axes), maximumDimension);
+  };
+  return ToPython(VoxelGrid(Given(spacing, origin, extent), axes, derive));
+}
+
+Array PlaceOfIndices(const InputDoubles& axes, const std::optional<InputDoubles>& transform,
+                     const std::array<double, 3>& spacing, const std::array<double, 3>& origin)
+{
+  const std::optional<Eigen::Matrix4d> after =
+      transform ? std::optional<Eigen::Matrix4d>(ToMatrix(*transform)) : std::nullopt;
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = IndexToWorld(
+      OutputToWorld(ToMatrix(axes), after), Eigen::Vector3d(spacing.data()), Eigen::Vector3d(origin.data()));
+  return Owned(std::vector<double>(matrix.data(), matrix.data() + 16), {4, 4});
+}
+
+Array DistancesOfGrid(const Sweep& sweep, const InputDoubles& indexToWorld, const Extent& extent)
+{
+  const Eigen::Matrix4d matrix = ToMatrix(indexToWorld);
+  const auto count = static_cast<std::size_t>(ExtentSize(extent));
+  std::vector<float> distances(count);
+  {
+    const nb::gil_scoped_release others;
+    GridDistances(sweep, matrix, extent, distances.data());
+  }
+  return Owned(std::move(distances), {count});
+}
 
 }  // namespace
 
@@ -89,7 +232,32 @@ void BindSlices(nb::module_& m)
            nb::arg("elevation_sigma"), nb::arg("tolerance"))
       .def_prop_ro("device", &Slicer::Device)
       .def("render", &Slicer::Render, nb::arg("planes"), nb::arg("width"), nb::arg("height"), nb::arg("scattering"),
-           nb::arg("coverage"));
+           nb::arg("coverage"))
+      .def(
+          "render_part",
+          [](Slicer& slicer, const InputDoubles& indexToWorld, const Extent& whole, const Extent& extent,
+             bool isScattering, bool isBytes, const std::tuple<int, double, int, bool>& slab,
+             const std::pair<double, double>& seen, bool isCovered, bool isStencil, nb::object progress)
+          {
+            return slicer.RenderPart(indexToWorld, whole, extent, OutputOf(isScattering), isBytes, slab,
+                                     {seen.first, seen.second}, isCovered, isStencil, std::move(progress));
+          },
+          nb::arg("index_to_world"), nb::arg("whole"), nb::arg("extent"), nb::arg("scattering"), nb::arg("bytes"),
+          nb::arg("slab"), nb::arg("seen"), nb::arg("coverage"), nb::arg("stencil"), nb::arg("progress"));
+  m.def("reslice_grid", &GridOfSlice, nb::arg("spacing").none(), nb::arg("origin").none(), nb::arg("extent").none(),
+        nb::arg("axes"), nb::arg("transform").none(), nb::arg("turns_input"), nb::arg("crops"),
+        nb::arg("dimensionality"), nb::arg("input"));
+  m.def("voxel_grid", &GridOfVoxels, nb::arg("spacing").none(), nb::arg("origin").none(), nb::arg("dimensions").none(),
+        nb::arg("direction"), nb::arg("maximum_dimension"), nb::arg("field"));
+  m.def("index_to_world", &PlaceOfIndices, nb::arg("axes"), nb::arg("transform").none(), nb::arg("spacing"),
+        nb::arg("origin"));
+  m.def("grid_distances", &DistancesOfGrid, nb::arg("sweep"), nb::arg("index_to_world"), nb::arg("extent"));
+  m.def("check_output_size", &CheckOutputSize, nb::arg("extent"), nb::arg("maximum"));
+  m.def(
+      "check_pixel_type",
+      [](const std::string& type, bool isScattering) { CheckPixelType(type, OutputOf(isScattering)); }, nb::arg("type"),
+      nb::arg("scattering"));
+  m.def("refuse_transform", &RefuseTransform, nb::arg("kind"));
 }
 
 }  // namespace bigus

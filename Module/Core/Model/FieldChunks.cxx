@@ -24,6 +24,16 @@ void RequireChunks(int total, int piece, int pieces)
   }
 }
 
+void RequirePartition(int total, int piece, int pieces)
+{
+  if (total < 1 || total > FieldChunks::kMost || (total & (total - 1)) != 0)
+  {
+    throw Error("NumberOfChunks is " + std::to_string(total) + "; it must be a power of two from 1 to " +
+                std::to_string(FieldChunks::kMost) + ".");
+  }
+  RequireChunks(total, piece, pieces);
+}
+
 FieldChunks ChunksOfPiece(int total, int piece, int pieces)
 {
   FieldChunks chunks;

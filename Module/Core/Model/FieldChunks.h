@@ -36,6 +36,9 @@ inline int ChunkOf(std::size_t i, int total)
 /// Throws Error unless `total` is 1 to FieldChunks::kMost, and `piece` one of `pieces`, counted from 0.
 void RequireChunks(int total, int piece, int pieces);
 
+/// The same where a field is split anew: then `total` is a power of two, so that pictures of chunks are added as a tree.
+void RequirePartition(int total, int piece, int pieces);
+
 /// The chunks of piece `piece` of `pieces`: all chunks in turn, as evenly as they can be dealt.
 FieldChunks ChunksOfPiece(int total, int piece, int pieces);
 

@@ -15,8 +15,8 @@ from typing import Any, Optional
 
 import bigus
 import numpy as np
-from bigus.algorithm import NO_ERROR, Algorithm, properties, want_all
-from bigus.vtkdata import field_of_polydata, sweep_of_image, to_vtk
+from bigus.algorithm import NO_ERROR, Algorithm, properties
+from bigus.vtkdata import field_of_polydata, place_image, shifted_to_first_pixel, sweep_of_image, to_vtk
 from paraview.util.vtkAlgorithm import smproperty, smproxy
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSetAttributes
@@ -78,11 +78,6 @@ class vtkBigusFieldSlice(Algorithm):
         info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), (0, width - 1, 0, height - 1, 0, 0), 6)
         return 1
 
-    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
-        for connections in inputs:
-            want_all(connections)
-        return 1
-
     def _at_plane(self, polydata: Any) -> np.ndarray:
         """From pixel (i, j, 0, 1) to mm."""
         pixel, size, origin = self._values["PixelSize"], np.array(self._values["Size"]), np.array(self._values["Origin"])
@@ -114,24 +109,10 @@ class vtkBigusFieldSlice(Algorithm):
         if frame >= number:
             raise bigus.Error(f"Frame is {frame} and the sweep has {number} poses in its field data ImageToReference [16]; "
                               "give a frame that is there, counted from 0.")
-        extent, matrix = image.GetExtent(), np.array(poses.GetTuple(frame)).reshape(4, 4)
-        matrix[:, 3] += extent[0] * matrix[:, 0] + extent[2] * matrix[:, 1]  # our pixel (0, 0) is VTK's (x0, y0)
-        return matrix
+        return shifted_to_first_pixel(np.array(poses.GetTuple(frame)).reshape(4, 4), image.GetExtent())
 
-    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        output = vtkDataObject.GetData(outputs, 0)
-        output.Initialize()
-        self._error_code = NO_ERROR
-        try:
-            polydata = vtkDataObject.GetData(inputs[0], 0)
-            recorded = vtkDataObject.GetData(inputs[1], 0) if inputs[1].GetNumberOfInformationObjects() else None
-            self._fill(output, polydata, recorded)
-        except Exception as error:
-            output.Initialize()
-            return self._fail(error)
-        return 1
-
-    def _fill(self, output: Any, polydata: Any, recorded: Any) -> None:
+    def _fill(self, data: list, outputs: list) -> None:
+        output, polydata, recorded = outputs[0], data[0][0], data[1][0] if data[1] else None
         frame, scattering = self._values["Frame"], self._values["OutputMode"] == 1
         matrix = self._at_frame(recorded) if frame >= 0 else self._at_plane(polydata)
         width, height = recorded.GetDimensions()[:2] if frame >= 0 else self._values["Size"]
@@ -141,14 +122,8 @@ class vtkBigusFieldSlice(Algorithm):
             self._slicer, self._slicer_key = bigus.Slicer(field_of_polydata(polydata), *settings), key
         image, coverage = self._slicer.slice_and_coverage(matrix, (width, height), scattering=scattering)
 
-        steps = np.linalg.norm(matrix[:3, :2], axis=0)
-        direction = np.eye(3)
-        direction[:, :2] = matrix[:3, :2] / steps
-        direction[:, 2] = np.cross(direction[:, 0], direction[:, 1])
         output.SetExtent(0, width - 1, 0, height - 1, 0, 0)
-        output.SetOrigin(matrix[:3, 3].tolist())
-        output.SetSpacing(*steps.tolist(), 1.0)
-        output.SetDirectionMatrix(direction.ravel().tolist())
+        place_image(output, matrix)
         arrays = output.GetPointData()
         arrays.SetScalars(to_vtk(image.ravel(), "Scattering" if scattering else "Intensity"))
         arrays.AddArray(to_vtk(coverage.ravel(), "Coverage"))

@@ -28,74 +28,124 @@ class Clamped(NamedTuple):
     high: int
 
 
+class Choice(NamedTuple):
+    """The default of a property that is one of these, counted from 0; each name is a constant of the class, too."""
+
+    value: int
+    names: tuple[str, ...]
+
+
+class Open(NamedTuple):
+    """A property without a value until it is set; it then shows this one."""
+
+    value: tuple
+
+
+def _converted(name: str, default: Any, values: tuple) -> Any:
+    """What Set<Name> was called with, as a value of the property's kind."""
+    value = values[0] if len(values) == 1 else values
+    if isinstance(default, Choice):
+        default = Clamped(default.value, 0, len(default.names) - 1)
+    if isinstance(default, Clamped):
+        return min(max(int(value), default.low), default.high)
+    if isinstance(default, Open):
+        default = default.value
+    if isinstance(default, tuple):
+        value = tuple(type(default[0])(v) for v in value)
+        if len(value) != len(default):
+            raise TypeError(f"{name} is {len(default)} numbers, not {len(value)}")
+        return value
+    if isinstance(default, str):
+        return "" if value is None else os.fspath(value)
+    return value if default is None else type(default)(value)
+
+
+def _methods(name: str, default: Any) -> dict[str, Callable]:
+    def put(self: Any, value: Any) -> None:
+        if self._values[name] != value:
+            self._values[name] = value
+            self.Modified()
+
+    def getter(self: Any) -> Any:
+        value = self._values[name]
+        if isinstance(default, Open) and value is None:
+            return default.value
+        return int(value) if isinstance(default, bool) else value
+
+    methods = {"Set" + name: lambda self, *values: put(self, _converted(name, default, values)), "Get" + name: getter}
+    if isinstance(default, Open):
+        methods[f"Set{name}ToDefault"] = lambda self: put(self, None)
+    if isinstance(default, bool):
+        methods[name + "On"] = lambda self: put(self, True)
+        methods[name + "Off"] = lambda self: put(self, False)
+    if isinstance(default, Choice):
+        methods[f"Get{name}AsString"] = lambda self: default.names[self._values[name]]
+        for number, choice in enumerate(default.names):
+            methods[f"Set{name}To{choice}"] = lambda self, number=number: put(self, number)
+    return methods
+
+
 def properties(**defaults: Any) -> Callable[[type], type]:
-    """Adds Set<Name> and Get<Name> for every name, and <Name>On and <Name>Off for switches; None is an open default."""
-
-    def add(cls: type, name: str, default: Any) -> None:
-        def setter(self: Any, *values: Any) -> None:
-            value = values[0] if len(values) == 1 else values
-            if isinstance(default, Clamped):
-                value = min(max(int(value), default.low), default.high)
-            elif isinstance(default, tuple):
-                value = tuple(type(default[0])(v) for v in value)
-                if len(value) != len(default):
-                    raise TypeError(f"{name} is {len(default)} numbers, not {len(value)}")
-            elif isinstance(default, bool):
-                value = bool(value)
-            elif isinstance(default, str):
-                value = "" if value is None else os.fspath(value)
-            elif default is not None:
-                value = type(default)(value)
-            if self._values[name] != value:
-                self._values[name] = value
-                self.Modified()
-
-        def getter(self: Any) -> Any:
-            value = self._values[name]
-            return int(value) if isinstance(default, bool) else value
-
-        methods = {"Set" + name: setter, "Get" + name: getter}
-        if isinstance(default, bool):
-            methods[name + "On"] = lambda self: setter(self, True)
-            methods[name + "Off"] = lambda self: setter(self, False)
-        for method, function in methods.items():
-            if method not in cls.__dict__:
-                setattr(cls, method, function)
+    """Adds Set<Name> and Get<Name> for every name, and what its kind of default has besides, such as <Name>On."""
 
     def decorate(cls: type) -> type:
-        plain = {name: default.value if isinstance(default, Clamped) else default for name, default in defaults.items()}
+        kinds = (Clamped, Choice)
+        plain = {name: None if isinstance(default, Open) else default.value if isinstance(default, kinds) else default
+                 for name, default in defaults.items()}
         cls.defaults = {**getattr(cls, "defaults", {}), **plain}
         for name, default in defaults.items():
-            add(cls, name, default)
+            _add(cls, _methods(name, default))
         return cls
 
     return decorate
 
 
-def geometry(name: str, usual: tuple) -> dict[str, Callable]:
-    """The methods of a property that has a default of its own: Set, Get and Set<Name>ToDefault."""
+def parts(*names: str) -> Callable[[type], type]:
+    """Adds Set<Name> and Get<Name> of objects, None at first, whose changes are followed."""
 
-    def setter(self: Any, *values: Any) -> None:
-        value = tuple(type(usual[0])(v) for v in (values[0] if len(values) == 1 else values))
-        if len(value) != len(usual):
-            raise TypeError(f"{name} is {len(usual)} numbers, not {len(value)}")
-        if self._values[name] != value:
-            self._values[name] = value
-            self.Modified()
+    def decorate(cls: type) -> type:
+        for name in names:
+            _add(cls, {"Set" + name: lambda self, part, name=name: self._set_part(name, part),
+                       "Get" + name: lambda self, name=name: self._parts.get(name)})
+        return cls
 
-    def to_default(self: Any) -> None:
-        if self._values[name] is not None:
-            self._values[name] = None
-            self.Modified()
+    return decorate
 
-    def getter(self: Any) -> tuple:
-        return usual if self._values[name] is None else self._values[name]
 
-    return {"Set" + name: setter, "Get" + name: getter, f"Set{name}ToDefault": to_default}
+def ports(**names: int) -> Callable[[type], type]:
+    """Adds Get<Name> and Get<Name>Port of outputs by their numbers."""
+
+    def decorate(cls: type) -> type:
+        for name, number in names.items():
+            _add(cls, {"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
+                       f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)})
+        return cls
+
+    return decorate
+
+
+def getters(source: str, **names: tuple[str, Any]) -> Callable[[type], type]:
+    """Adds Get<Name> of what the dict in attribute `source` has for a key, or of a default."""
+
+    def decorate(cls: type) -> type:
+        for name, (key, default) in names.items():
+            _add(cls, {"Get" + name: lambda self, key=key, default=default: getattr(self, source).get(key, default)})
+        return cls
+
+    return decorate
+
+
+def _add(cls: type, methods: dict[str, Callable]) -> None:
+    for name, function in methods.items():
+        if name not in cls.__dict__:
+            setattr(cls, name, function)
 
 
 class Algorithm(VTKPythonAlgorithmBase):
-    """What all have in common: values of properties, and errors as VTK's own algorithms report them."""
+    """Values of properties, and errors as VTK's own algorithms report them.
+
+    A class of its own says in `_fill(data, outputs)` what comes out. `data` has a list of objects for each input port.
+    """
 
     defaults: dict[str, Any] = {}
 
@@ -130,6 +180,35 @@ class Algorithm(VTKPythonAlgorithmBase):
 
     def GetInput(self) -> Any:
         return self.GetInputDataObject(0, 0)
+
+    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
+        """Asks for whole images."""
+        key = vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()
+        for connections in inputs:
+            for info in infos_of(connections):
+                if info.Has(key):
+                    info.Set(vtkStreamingDemandDrivenPipeline.UPDATE_EXTENT(), extent_of(info, key), 6)
+        return 1
+
+    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+        filled = [vtkDataObject.GetData(info) for info in infos_of(outputs)]
+        for output in filled:
+            output.Initialize()
+        self._error_code = NO_ERROR
+        try:
+            self._fill([[vtkDataObject.GetData(info) for info in infos_of(port)] for port in inputs], filled)
+        except Exception as error:
+            for output in filled:
+                output.Initialize()
+            return self._fail(error)
+        return 1
+
+    def _update_input(self, port: int = 0) -> Any:
+        """Brings an input up to date before data are asked for; it."""
+        if self.GetNumberOfInputConnections(port):
+            connection = self.GetInputConnection(port, 0)
+            connection.GetProducer().Update(connection.GetIndex())
+        return self.GetInputDataObject(port, 0)
 
     def _set_part(self, name: str, part: Any) -> None:
         """Keeps an object by reference: a change to it is seen at the next update."""
@@ -170,17 +249,22 @@ class Algorithm(VTKPythonAlgorithmBase):
         return not self.GetAbortExecute()
 
 
+def infos_of(vector: Any) -> list:
+    return [vector.GetInformationObject(k) for k in range(vector.GetNumberOfInformationObjects())]
+
+
 def extent_of(info: Any, key: Any) -> tuple:
     return tuple(info.Get(key, k) for k in range(6))
 
 
-def want_all(inputs: Any) -> None:
-    """Asks the connections of a port for whole images."""
-    pipeline = vtkStreamingDemandDrivenPipeline
-    for k in range(inputs.GetNumberOfInformationObjects()):
-        info = inputs.GetInformationObject(k)
-        if info.Has(pipeline.WHOLE_EXTENT()):
-            info.Set(pipeline.UPDATE_EXTENT(), extent_of(info, pipeline.WHOLE_EXTENT()), 6)
+def tell_image(info: Any, extent: Sequence[int], scalar_type: Optional[int] = None,
+               spacing: Sequence[float] = (1.0,) * 3, origin: Sequence[float] = (0.0,) * 3) -> None:
+    """Says where the pixels of an image that is not made yet will lie, and of which type they are."""
+    info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
+    info.Set(vtkDataObject.SPACING(), spacing, 3)
+    info.Set(vtkDataObject.ORIGIN(), origin, 3)
+    if scalar_type is not None:
+        vtkDataObject.SetPointDataActiveScalarInfo(info, scalar_type, 1)
 
 
 def matrix_of(matrix: Optional[vtkMatrix4x4]) -> np.ndarray:
@@ -193,8 +277,5 @@ def table_of(columns: dict[str, Any]) -> vtkTable:
     """Columns of numbers (arrays) and of texts (lists)."""
     table = vtkTable()
     for name, values in columns.items():
-        if isinstance(values, np.ndarray):
-            table.AddColumn(to_vtk(values, name))
-            continue
-        table.AddColumn(texts_to_vtk(values, name))
+        table.AddColumn(to_vtk(values, name) if isinstance(values, np.ndarray) else texts_to_vtk(values, name))
     return table

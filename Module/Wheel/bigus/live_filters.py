@@ -15,8 +15,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandD
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core
-from .algorithm import NO_ERROR, Algorithm, Clamped, matrix_of, properties, want_all
-from .vtkdata import image_of, polydata_of_field, sweep_of_image
+from .algorithm import Algorithm, Clamped, getters, matrix_of, properties
+from .vtkdata import image_of, place_image, polydata_of_field, shifted_to_first_pixel, sweep_of_image
 
 __all__ = ["vtkBigusLiveTrainer"]
 
@@ -31,6 +31,9 @@ def _times(sweep: Any, last: float) -> np.ndarray:
 
 @properties(FinishTime=0.0, Engine="auto", Seed=Clamped(1, 0, MOST), Window=Clamped(64, 8, 1024),
             MaximumFrames=Clamped(2000, 8, 10**6), MaximumGaussians=Clamped(10**6, 1000, 2**26))
+@getters("_state", LastRefusal=("last_error", ""), **{f"NumberOf{name}": (key, 0) for name, key in (
+    ("Frames", "frames"), ("PassedOverFrames", "passed_over"), ("DroppedFrames", "dropped"), ("RefusedFrames", "refused"),
+    ("WaitingFrames", "waiting"), ("Gaussians", "gaussians"), ("Steps", "steps"))})
 class vtkBigusLiveTrainer(Algorithm):
     """A field that grows while frames come, by AddFrame and AddSweep, or from a sweep that is played as input."""
 
@@ -68,8 +71,7 @@ class vtkBigusLiveTrainer(Algorithm):
                     f"Live frame: the image has {components} components of {image.GetScalarTypeAsString()} and {depth} "
                     "slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
                     "vtkImageShiftScale for other types.")
-            pose, extent = matrix_of(image_to_reference), image.GetExtent()
-            pose[:, 3] += extent[0] * pose[:, 0] + extent[2] * pose[:, 1]  # our pixel (0, 0) is VTK's (x0, y0)
+            pose = shifted_to_first_pixel(matrix_of(image_to_reference), image.GetExtent())
             pixels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width)
             self._live().add(np.ascontiguousarray(pixels), np.ascontiguousarray(pose), float(seconds))
             self._last = float(seconds)
@@ -110,13 +112,7 @@ class vtkBigusLiveTrainer(Algorithm):
                 raise _core.Error("There is no image to render into.")
             pose = matrix_of(image_to_reference)
             picture = image_of(self._live().render(np.ascontiguousarray(pose), width, height)[None])
-            steps = np.linalg.norm(pose[:3, :2], axis=0)
-            direction = np.eye(3)
-            direction[:, :2] = pose[:3, :2] / steps
-            direction[:, 2] = np.cross(direction[:, 0], direction[:, 1])
-            picture.SetSpacing(*steps.tolist(), 1.0)
-            picture.SetOrigin(pose[:3, 3].tolist())
-            picture.SetDirectionMatrix(direction.ravel().tolist())
+            place_image(picture, pose)
             slice.Initialize()
             slice.ShallowCopy(picture)
         except Exception as error:
@@ -127,32 +123,9 @@ class vtkBigusLiveTrainer(Algorithm):
         self._end_session()
         self.Modified()
 
-    def _count(self, name: str) -> int:
-        return self._session.state()[name] if self._session is not None else 0
-
-    def GetNumberOfFrames(self) -> int:
-        return self._count("frames")
-
-    def GetNumberOfPassedOverFrames(self) -> int:
-        return self._count("passed_over")
-
-    def GetNumberOfDroppedFrames(self) -> int:
-        return self._count("dropped")
-
-    def GetNumberOfRefusedFrames(self) -> int:
-        return self._count("refused")
-
-    def GetNumberOfWaitingFrames(self) -> int:
-        return self._count("waiting")
-
-    def GetNumberOfGaussians(self) -> int:
-        return self._count("gaussians")
-
-    def GetNumberOfSteps(self) -> int:
-        return self._count("steps")
-
-    def GetLastRefusal(self) -> str:
-        return self._session.state()["last_error"] if self._session is not None else ""
+    @property
+    def _state(self) -> dict:
+        return {} if self._session is None else self._session.state()
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
         info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
@@ -166,18 +139,12 @@ class vtkBigusLiveTrainer(Algorithm):
             return 1
         try:
             # Times are data of the sweep, so they are known once it is there.
-            connection = self.GetInputConnection(0, 0)
-            connection.GetProducer().Update(connection.GetIndex())
-            sweep, _ = sweep_of_image(self.GetInputDataObject(0, 0))
+            sweep, _ = sweep_of_image(self._update_input())
             times = sorted(set(np.array(_times(sweep, -1.0)).tolist()))
             info.Set(pipeline.TIME_STEPS(), times, len(times))
             info.Set(pipeline.TIME_RANGE(), (times[0], times[-1]), 2)
         except _core.Error:
             pass  # what is no sweep has no times; RequestData says what is wrong
-        return 1
-
-    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
-        want_all(inputs[0])
         return 1
 
     def _follow_input(self, image: vtkImageData, until: float) -> bool:
@@ -194,25 +161,18 @@ class vtkBigusLiveTrainer(Algorithm):
         self._handed += self._hand_over(sweep, times, self._handed, last, self._go_on)
         return self._handed == len(times)
 
-    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        output = vtkDataObject.GetData(outputs, 0)
-        output.Initialize()
-        self._error_code = NO_ERROR
-        info, image = outputs.GetInformationObject(0), None
+    def _fill(self, data: list, outputs: list) -> None:
+        pipeline, info = vtkStreamingDemandDrivenPipeline, self.GetOutputInformation(0)
+        image = data[0][0] if data[0] else None
+        time = info.Get(pipeline.UPDATE_TIME_STEP()) if info.Has(pipeline.UPDATE_TIME_STEP()) else math.inf
         try:
-            is_complete = True
-            if inputs[0].GetNumberOfInformationObjects():
-                key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-                image, time = vtkDataObject.GetData(inputs[0], 0), info.Get(key) if info.Has(key) else math.inf
-                is_complete = self._follow_input(image, time)
+            is_complete = image is None or self._follow_input(image, time)
             session, seconds = self._live(), self._values["FinishTime"]
             field = session.finish(seconds, self._go_on) if seconds > 0 and is_complete else session.field()
-            output.ShallowCopy(polydata_of_field(field))
+            outputs[0].ShallowCopy(polydata_of_field(field))
             if image is not None and not math.isinf(time):
-                output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
-        except Exception as error:
-            output.Initialize()
+                outputs[0].GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
+        except Exception:
             if image is not None:
                 self._end_session()  # so that the next update begins anew
-            return self._fail(error)
-        return 1
+            raise

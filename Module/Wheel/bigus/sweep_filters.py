@@ -10,16 +10,15 @@ import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkImageData, vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core
-from .algorithm import NO_ERROR, Algorithm, Clamped, matrix_of, properties, table_of, want_all
+from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, getters, matrix_of, ports, properties, table_of, tell_image
 from .vtkdata import image_of_sweep, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
 __all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"]
 
-PROBES, SCENES = ("linear", "convex", "sector"), ("organ", "speckle", "points")
 KEYWORDS = {"NumberOfFrames": "frames"}  # of Phantom; the others are the properties' names in small letters
 
 
@@ -28,8 +27,8 @@ def _keyword(name: str) -> str:
 
 
 @properties(
-    Probe=Clamped(0, 0, 2), Scene=Clamped(0, 0, 2), Seed=1, NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2,
-    ProbeRadius=0.0, HalfAngle=0.0,
+    Probe=Choice(0, ("Linear", "Convex", "Sector")), Scene=Choice(0, ("Organ", "Speckle", "Points")), Seed=1,
+    NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2, ProbeRadius=0.0, HalfAngle=0.0,
     Frequency=5.0, AxialSigma=0.2, LateralSigma=0.4, ElevationSigma=0.8, ScattererDensity=40.0, Attenuation=0.5,
     DynamicRange=50.0, WhiteLevel=24.0, FrameSpacing=0.5, SpeedVariation=0.4, Tilt=3.0, Wander=0.5, SweepAngle=0.0,
     FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0, TrackingDrift=0.0,
@@ -45,34 +44,10 @@ class vtkBigusPhantomSource(Algorithm):
     def __init__(self) -> None:
         super().__init__((), ("vtkImageData",))
 
-    def SetProbeToLinear(self) -> None:
-        self.SetProbe(self.LINEAR)
-
-    def SetProbeToConvex(self) -> None:
-        self.SetProbe(self.CONVEX)
-
-    def SetProbeToSector(self) -> None:
-        self.SetProbe(self.SECTOR)
-
-    def GetProbeAsString(self) -> str:
-        return PROBES[self._values["Probe"]].capitalize()
-
-    def SetSceneToOrgan(self) -> None:
-        self.SetScene(self.ORGAN)
-
-    def SetSceneToSpeckle(self) -> None:
-        self.SetScene(self.SPECKLE)
-
-    def SetSceneToPoints(self) -> None:
-        self.SetScene(self.POINTS)
-
-    def GetSceneAsString(self) -> str:
-        return SCENES[self._values["Scene"]].capitalize()
-
     def _phantom(self) -> Any:
         options = {_keyword(name): value for name, value in self._values.items() if name != "FrameSize"}
         options["width"], options["height"] = self._values["FrameSize"]
-        options["probe"], options["scene"] = PROBES[options["probe"]], SCENES[options["scene"]]
+        options["probe"], options["scene"] = self.GetProbeAsString().lower(), self.GetSceneAsString().lower()
         return _core.Phantom(**options)
 
     def GetScatterersPerResolutionCell(self) -> float:
@@ -95,30 +70,20 @@ class vtkBigusPhantomSource(Algorithm):
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         self._error_code = NO_ERROR
-        info = outputs.GetInformationObject(0)
         try:
             size = self._phantom().size
         except Exception as error:
             vtkDataObject.GetData(outputs, 0).Initialize()  # an earlier result is not the answer to these options
             return self._fail(error)
-        info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), [n for side in size for n in (0, side - 1)], 6)
-        info.Set(vtkDataObject.SPACING(), (1.0, 1.0, 1.0), 3)
-        info.Set(vtkDataObject.ORIGIN(), (0.0, 0.0, 0.0), 3)
-        vtkDataObject.SetPointDataActiveScalarInfo(info, VTK_UNSIGNED_CHAR, 1)
+        tell_image(outputs.GetInformationObject(0), [n for side in size for n in (0, side - 1)], VTK_UNSIGNED_CHAR)
         return 1
 
-    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        output = vtkDataObject.GetData(outputs, 0)
-        output.Initialize()
-        try:
-            phantom = self._phantom()
-            sweep = phantom.sweep(self._go_on)
-            if len(sweep):  # else stopped: an empty output is not an error
-                output.ShallowCopy(image_of_sweep(sweep))
-                output.GetFieldData().AddArray(to_vtk(phantom.true_poses.reshape(-1, 16), "TrueImageToReference"))
-        except Exception as error:
-            return self._fail(error)
-        return 1
+    def _fill(self, data: list, outputs: list) -> None:
+        phantom = self._phantom()
+        sweep = phantom.sweep(self._go_on)
+        if len(sweep):  # else stopped: an empty output is not an error
+            outputs[0].ShallowCopy(image_of_sweep(sweep))
+            outputs[0].GetFieldData().AddArray(to_vtk(phantom.true_poses.reshape(-1, 16), "TrueImageToReference"))
 
 
 @properties(Strength=-1.0, HoldOut=0)
@@ -139,45 +104,33 @@ class vtkBigusPoseCorrection(Algorithm):
                                                   vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
         return 1
 
-    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
-        want_all(inputs[0])
-        return 1
-
-    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        output = vtkDataObject.GetData(outputs, 0)
-        output.Initialize()
-        self._chosen, self._error_code = 0.0, NO_ERROR
-        try:
-            image = vtkDataObject.GetData(inputs[0], 0)
-            sweep, frames = sweep_of_image(image)
-            strength = self._values["Strength"]
-            found = _core.correct_poses(sweep, None if strength < 0 else strength, self._values["HoldOut"], self._go_on)
-            if found is None:
-                return 1  # stopped: the output stays empty, and the next update begins anew
-            recorded = vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")).astype(np.float64)
-            output.ShallowCopy(image)
-            data = output.GetFieldData()
-            data.AddArray(to_vtk(poses_of_image(image, frames, found["sweep"].poses).reshape(-1, 16), "ImageToReference"))
-            data.AddArray(to_vtk(recorded, "RecordedImageToReference"))
-            for name, values, rejected in (("PoseDisplacement", found["displacement"], 0),
-                                           ("PoseRotation", found["rotation"], 0),
-                                           ("PoseOutlier", found["outlier"], 0), ("PoseStroke", found["stroke"], -1)):
-                every = np.full(len(recorded), rejected, dtype=values.dtype)
-                every[frames] = values
-                data.AddArray(to_vtk(every, name))
-            self._add_numbers(data, "ConstantErrors", found["constant_errors"], self.CONSTANT_ERRORS)
-            data.AddArray(to_vtk(np.array([found["constant_errors_applied"]], dtype=np.uint8), "ConstantErrorsApplied"))
-            noise = found["noise"]
-            self._add_numbers(data, "TrackerNoise", np.array([list(noise.values())]), [name.capitalize() for name in noise])
-            data.AddArray(to_vtk(np.array([found["strength"]]), "PoseStrength"))
-            decision = found["decision"]
-            data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))
-            set_provenance(data, "sweep.poses", f"{decision['choice']} ({decision['evidence']})")
-            self._chosen = found["strength"]
-        except Exception as error:
-            output.Initialize()
-            return self._fail(error)
-        return 1
+    def _fill(self, inputs: list, outputs: list) -> None:
+        self._chosen = 0.0
+        image, output = inputs[0][0], outputs[0]
+        sweep, frames = sweep_of_image(image)
+        strength = self._values["Strength"]
+        found = _core.correct_poses(sweep, None if strength < 0 else strength, self._values["HoldOut"], self._go_on)
+        if found is None:
+            return  # stopped: the output stays empty, and the next update begins anew
+        recorded = vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")).astype(np.float64)
+        output.ShallowCopy(image)
+        data = output.GetFieldData()
+        data.AddArray(to_vtk(poses_of_image(image, frames, found["sweep"].poses).reshape(-1, 16), "ImageToReference"))
+        data.AddArray(to_vtk(recorded, "RecordedImageToReference"))
+        for name, key, rejected in (("PoseDisplacement", "displacement", 0), ("PoseRotation", "rotation", 0),
+                                    ("PoseOutlier", "outlier", 0), ("PoseStroke", "stroke", -1)):
+            every = np.full(len(recorded), rejected, dtype=found[key].dtype)
+            every[frames] = found[key]
+            data.AddArray(to_vtk(every, name))
+        self._add_numbers(data, "ConstantErrors", found["constant_errors"], self.CONSTANT_ERRORS)
+        data.AddArray(to_vtk(np.array([found["constant_errors_applied"]], dtype=np.uint8), "ConstantErrorsApplied"))
+        noise = found["noise"]
+        self._add_numbers(data, "TrackerNoise", np.array([list(noise.values())]), [name.capitalize() for name in noise])
+        data.AddArray(to_vtk(np.array([found["strength"]]), "PoseStrength"))
+        decision = found["decision"]
+        data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))
+        set_provenance(data, "sweep.poses", f"{decision['choice']} ({decision['evidence']})")
+        self._chosen = found["strength"]
 
     @staticmethod
     def _add_numbers(data: Any, name: str, values: np.ndarray, components: Any) -> None:
@@ -188,44 +141,26 @@ class vtkBigusPoseCorrection(Algorithm):
 
 
 @properties(FrameStride=Clamped(1, 1, 2**31 - 1))
+@ports(PathOutput=1)
 class vtkBigusSweepOutline(Algorithm):
     """The outlines of a sweep's frames (output 0) and the probe's path (output 1), as lines."""
 
     def __init__(self) -> None:
         super().__init__(("vtkImageData",), ("vtkPolyData", "vtkPolyData"))
 
-    def GetPathOutputPort(self) -> Any:
-        return self.GetOutputPort(1)
-
-    def GetPathOutput(self) -> vtkPolyData:
-        return self.GetOutputDataObject(1)
-
-    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
-        want_all(inputs[0])
-        return 1
-
-    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        outlines, path = (vtkDataObject.GetData(outputs, port) for port in range(2))
-        outlines.Initialize()
-        path.Initialize()
-        self._error_code = NO_ERROR
-        try:
-            sweep, frames = sweep_of_image(vtkDataObject.GetData(inputs[0], 0))
-            right, bottom, last = sweep.width - 1, sweep.height - 1, len(sweep) - 1
-            chosen = [k for k in range(len(sweep)) if k % self._values["FrameStride"] == 0 or k == last]
-            corners = [(0, 0), (right, 0), (right, bottom), (0, bottom)]
-            cells = [[4 * n, 4 * n + 1, 4 * n + 2, 4 * n + 3, 4 * n] for n in range(len(chosen))]
-            self._fill(outlines, self._pixels(sweep.poses[chosen], corners), cells)
-            self._fill(path, self._pixels(sweep.poses, [(0.5 * right, 0)]), [list(range(len(sweep)))] if last > 0 else [])
-            for attributes, numbers in ((outlines.GetCellData(), chosen), (path.GetPointData(), range(len(sweep)))):
-                attributes.AddArray(to_vtk(frames[list(numbers)].astype(np.int32), "Frame"))
-                if sweep.timestamps is not None:
-                    attributes.AddArray(to_vtk(np.array(sweep.timestamps)[list(numbers)], "Timestamp"))
-        except Exception as error:
-            outlines.Initialize()
-            path.Initialize()
-            return self._fail(error)
-        return 1
+    def _fill(self, data: list, outputs: list) -> None:
+        outlines, path = outputs
+        sweep, frames = sweep_of_image(data[0][0])
+        right, bottom, last = sweep.width - 1, sweep.height - 1, len(sweep) - 1
+        chosen = [k for k in range(len(sweep)) if k % self._values["FrameStride"] == 0 or k == last]
+        corners = [(0, 0), (right, 0), (right, bottom), (0, bottom)]
+        cells = [[4 * n, 4 * n + 1, 4 * n + 2, 4 * n + 3, 4 * n] for n in range(len(chosen))]
+        self._lines(outlines, self._pixels(sweep.poses[chosen], corners), cells)
+        self._lines(path, self._pixels(sweep.poses, [(0.5 * right, 0)]), [list(range(len(sweep)))] if last > 0 else [])
+        for attributes, numbers in ((outlines.GetCellData(), chosen), (path.GetPointData(), range(len(sweep)))):
+            attributes.AddArray(to_vtk(frames[list(numbers)].astype(np.int32), "Frame"))
+            if sweep.timestamps is not None:
+                attributes.AddArray(to_vtk(np.array(sweep.timestamps)[list(numbers)], "Timestamp"))
 
     @staticmethod
     def _pixels(poses: np.ndarray, pixels: list) -> np.ndarray:
@@ -233,7 +168,7 @@ class vtkBigusSweepOutline(Algorithm):
         return np.einsum("fab,pb->fpa", poses, [(i, j, 0, 1) for i, j in pixels])[..., :3].reshape(-1, 3)
 
     @staticmethod
-    def _fill(polydata: vtkPolyData, places: np.ndarray, cells: list) -> None:
+    def _lines(polydata: vtkPolyData, places: np.ndarray, cells: list) -> None:
         points, lines = vtkPoints(), vtkCellArray()
         points.SetData(to_vtk(places, "Points"))
         if cells:
@@ -244,35 +179,25 @@ class vtkBigusSweepOutline(Algorithm):
         polydata.SetLines(lines)
 
 
+SCORES = {"PSNR": "psnr", "SSIM": "ssim", "BFS": "bfs", "MeanContrast": "mean_contrast",
+          "ContrastDistribution": "contrast_distribution", "Rayleigh": "rayleigh"}
+TEXTURES = ("ContrastRatio", "ContrastDistance", "IntensityDistance", "SpectrumDifference", "HighFrequencyPower")
+SPREADS = ("PSNR", "SSIM")
+
+
+@getters("_means", **{name: (name, 0.0) for name in (*SCORES, *TEXTURES, *(name + "StandardDeviation" for name in SPREADS))})
 class vtkBigusImageMetrics(Algorithm):
     """How close an image (input 0) is to the truth (input 1): a table with a row for each z slice."""
-
-    SCORES = {"PSNR": "psnr", "SSIM": "ssim", "BFS": "bfs", "MeanContrast": "mean_contrast",
-              "ContrastDistribution": "contrast_distribution", "Rayleigh": "rayleigh"}
-    TEXTURES = ("ContrastRatio", "ContrastDistance", "IntensityDistance", "SpectrumDifference", "HighFrequencyPower")
 
     def __init__(self) -> None:
         super().__init__(("vtkImageData", "vtkImageData"), ("vtkTable",))
         self._means: dict[str, float] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        plain = name[3:].replace("StandardDeviation", "")
-        if name.startswith("Get") and (plain in self.SCORES if plain == name[3:] else plain in ("PSNR", "SSIM")):
-            return lambda: self._means.get(name[3:], 0.0)
-        if name.startswith("Get") and name[3:] in self.TEXTURES:
-            return lambda: self._means.get(name[3:], 0.0)
-        raise AttributeError(f"vtkBigusImageMetrics has no {name}")
 
     def SetTruthConnection(self, port: Any) -> None:
         self.SetInputConnection(1, port)
 
     def SetTruthData(self, image: Any) -> None:
         self.SetInputDataObject(1, image)
-
-    def RequestUpdateExtent(self, request: Any, inputs: Any, outputs: Any) -> int:
-        for connections in inputs:
-            want_all(connections)
-        return 1
 
     @staticmethod
     def _pixels(image: Optional[vtkImageData], name: str) -> np.ndarray:
@@ -298,35 +223,23 @@ class vtkBigusImageMetrics(Algorithm):
                               "vtkImageShiftScale to scale them.")
         return pixels
 
-    def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        table = vtkDataObject.GetData(outputs, 0)
-        table.Initialize()
-        self._means, self._error_code = {}, NO_ERROR
-        try:
-            image, truth = (vtkDataObject.GetData(connections, 0) for connections in inputs)
-            a, b = self._pixels(image, "The image"), self._pixels(truth, "The truth")
-            if a.shape != b.shape:
-                sizes = [" x ".join(str(n) for n in pixels.shape[::-1]) for pixels in (a, b)]
-                raise _core.Error(f"The image is {sizes[0]} pixels, the truth {sizes[1]}; they must be equal.")
-            rows: list[dict[str, Any]] = []
-            for k in range(len(a)):
-                pair = self._intensities(a[k], "The image"), self._intensities(b[k], "The truth")
-                scores = _core.compare(*pair)
-                rows.append({**{column: scores[name] for column, name in self.SCORES.items()}, **_core.compare_textures(*pair)})
-                if not self._go_on((k + 1) / len(a)):
-                    break  # what was measured so far is the result
-            columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-            first = image.GetExtent()[4]
-            table.ShallowCopy(table_of({"Slice": np.arange(first, first + len(rows), dtype=np.int32), **columns}))
-            self._means = {name: float(np.mean(columns[name])) for name in (*self.SCORES, *self.TEXTURES)}
-            for name in ("PSNR", "SSIM"):  # equal slices of infinite PSNR do not spread
-                values = columns[name]
-                self._means[name + "StandardDeviation"] = 0.0 if (values == values[0]).all() else float(np.std(values))
-        except Exception as error:
-            table.Initialize()
-            return self._fail(error)
-        return 1
-
-    def FillInputPortInformation(self, port: int, info: Any) -> int:
-        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), "vtkImageData")
-        return 1
+    def _fill(self, data: list, outputs: list) -> None:
+        self._means = {}
+        a, b = self._pixels(data[0][0], "The image"), self._pixels(data[1][0], "The truth")
+        if a.shape != b.shape:
+            sizes = [" x ".join(str(n) for n in pixels.shape[::-1]) for pixels in (a, b)]
+            raise _core.Error(f"The image is {sizes[0]} pixels, the truth {sizes[1]}; they must be equal.")
+        rows: list[dict[str, Any]] = []
+        for k in range(len(a)):
+            pair = self._intensities(a[k], "The image"), self._intensities(b[k], "The truth")
+            scores = _core.compare(*pair)
+            rows.append({**{column: scores[name] for column, name in SCORES.items()}, **_core.compare_textures(*pair)})
+            if not self._go_on((k + 1) / len(a)):
+                break  # what was measured so far is the result
+        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        first = data[0][0].GetExtent()[4]
+        outputs[0].ShallowCopy(table_of({"Slice": np.arange(first, first + len(rows), dtype=np.int32), **columns}))
+        self._means = {name: float(np.mean(columns[name])) for name in (*SCORES, *TEXTURES)}
+        for name in SPREADS:  # equal slices of infinite PSNR do not spread
+            values = columns[name]
+            self._means[name + "StandardDeviation"] = 0.0 if (values == values[0]).all() else float(np.std(values))

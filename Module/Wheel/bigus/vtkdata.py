@@ -11,12 +11,10 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray,
 from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, VTK_UNSIGNED_SHORT, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkImageData, vtkPolyData
 
+from . import _core
 from ._core import Error, Field, Sweep
 from .arrays import field as field_of_arrays
 from .arrays import sweep as sweep_of_arrays
-
-FORMAT_VERSION = 1
-MOST_NORMALS = 10000
 
 
 def to_vtk(values: np.ndarray, name: str) -> Any:
@@ -59,17 +57,12 @@ def set_provenance(data: Any, key: str, value: str) -> None:
 def _found(data: Any, owner: str, name: str, components: int, tuples: int, required: bool) -> Optional[np.ndarray]:
     """The numeric array of that name and shape, or Error."""
     found = data.GetAbstractArray(name) if data else None
-    if found is None:
-        if required:
-            raise Error(f"{owner}: the array {name} is missing; it needs {tuples} tuples of {components}.")
+    if found is None and not required:
         return None
-    if not found.IsA("vtkDataArray"):
+    if found is not None and not found.IsA("vtkDataArray"):
         raise Error(f"{owner}: the array {name} holds {found.GetDataTypeAsString()}; it must be numeric.")
-    if (found.GetNumberOfComponents(), found.GetNumberOfTuples()) != (components, tuples):
-        raise Error(
-            f"{owner}: the array {name} has {found.GetNumberOfTuples()} tuples of {found.GetNumberOfComponents()}; "
-            f"expected {tuples} of {components}."
-        )
+    shape = None if found is None else (found.GetNumberOfComponents(), found.GetNumberOfTuples())
+    _core.require_array(owner, name, shape, (components, tuples))
     return vtk_to_numpy(found)
 
 
@@ -92,6 +85,24 @@ def image_of_sweep(sweep: Sweep) -> vtkImageData:
     if sweep.mask is not None:
         data.AddArray(to_vtk(np.array(sweep.mask).ravel(), "Mask"))
     return image
+
+
+def shifted_to_first_pixel(poses: np.ndarray, extent: Sequence[int], sign: int = 1) -> np.ndarray:
+    """Poses [..., 4, 4] whose pixel (0, 0) is the image's first, which is VTK's (x0, y0); back with -1."""
+    poses = np.array(poses)
+    poses[..., 3] += sign * (extent[0] * poses[..., 0] + extent[2] * poses[..., 1])
+    return poses
+
+
+def place_image(image: vtkImageData, pose: np.ndarray) -> None:
+    """Puts an image of one slice where a pose puts its pixels."""
+    steps = np.linalg.norm(pose[:3, :2], axis=0)
+    direction = np.eye(3)
+    direction[:, :2] = pose[:3, :2] / steps
+    direction[:, 2] = np.cross(direction[:, 0], direction[:, 1])
+    image.SetSpacing(*steps.tolist(), 1.0)
+    image.SetOrigin(pose[:3, 3].tolist())
+    image.SetDirectionMatrix(direction.ravel().tolist())
 
 
 def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
@@ -117,10 +128,9 @@ def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
             "[0, 1] are expected. Use vtkImageShiftScale first."
         )
     width, height, depth = image.GetDimensions()
-    extent = image.GetExtent()
     data = image.GetFieldData()
     poses = _found(data, owner, "ImageToReference", 16, depth, True).reshape(-1, 4, 4).astype(np.float64)
-    poses[:, :, 3] += extent[0] * poses[:, :, 0] + extent[2] * poses[:, :, 1]  # our pixel (0, 0) is VTK's (x0, y0)
+    poses = shifted_to_first_pixel(poses, image.GetExtent())
     times = _found(data, owner, "Timestamp", 1, depth, False)
     mask = _found(data, owner, "Mask", 1, width * height, False)
     status = _found(data, owner, "Status", 1, depth, False)
@@ -138,10 +148,7 @@ def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
 def poses_of_image(image: vtkImageData, frames: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """ImageToReference of every frame of an image stack, in VTK's indices: those of `frames` are `poses` of the sweep."""
     every = vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")).astype(np.float64).reshape(-1, 4, 4)
-    placed = np.array(poses)
-    extent = image.GetExtent()
-    placed[:, :, 3] -= extent[0] * placed[:, :, 0] + extent[2] * placed[:, :, 1]
-    every[frames] = placed
+    every[frames] = shifted_to_first_pixel(poses, image.GetExtent(), -1)
     return every
 
 
@@ -165,7 +172,7 @@ def polydata_of_field(field: Field) -> vtkPolyData:
         data.AddArray(to_vtk(np.array([field.probe_elevation_sigma]), "ProbeElevationSigma"))
     if len(field.trained_normals):
         data.AddArray(to_vtk(np.array(field.trained_normals), "TrainedNormals"))
-    data.AddArray(to_vtk(np.array([FORMAT_VERSION], dtype=np.int32), "FormatVersion"))
+    data.AddArray(to_vtk(np.array([_core.format_version], dtype=np.int32), "FormatVersion"))
     if field.provenance:
         data.AddArray(texts_to_vtk(field.provenance, "Provenance"))
     return polydata
@@ -183,22 +190,14 @@ def field_of_polydata(polydata: vtkPolyData) -> Field:
         found = _found(data, owner, name, 1, 1, required)
         return default if found is None else float(found[0])
 
-    version = number("FormatVersion", False, FORMAT_VERSION)
-    if version != FORMAT_VERSION:
-        raise Error(
-            f"{owner}: FormatVersion is {version:g}, a version that this program cannot read (it reads {FORMAT_VERSION}); "
-            "a newer BIGUS is needed."
-        )
+    _core.require_format_version(owner, number("FormatVersion", False, _core.format_version))
     empty = Field()
     gamma = number("Gamma", count > 0, empty.gamma)
     sigma = number("ElevationSigma", count > 0, empty.elevation_sigma)
     probe = number("ProbeElevationSigma", False, 0.0)
     normals = data.GetArray("TrainedNormals")
     if normals is not None:
-        if normals.GetNumberOfTuples() > MOST_NORMALS:
-            raise Error(
-                f"{owner}: TrainedNormals holds {normals.GetNumberOfTuples()} normals; at most {MOST_NORMALS} are read."
-            )
+        _core.require_few_normals(owner, normals.GetNumberOfTuples())
         normals = _found(data, owner, "TrainedNormals", 3, normals.GetNumberOfTuples(), True)
     if count == 0:
         scales = rotations = reflectivities = centers = np.empty((0, 3))
