@@ -10,6 +10,8 @@ import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
+from .common import check_sweep
+
 
 def _pixels(data: vtkImageData) -> np.ndarray:
     """[depth, height, width] view of an image's scalars."""
@@ -77,10 +79,7 @@ def sweep(
     """
     pixels = np.asarray(frames)
     matrices = np.ascontiguousarray(poses, dtype=np.float64)
-    if pixels.ndim != 3:
-        raise ValueError(f"frames have shape (frames, height, width), not {pixels.shape}")
-    if matrices.shape != (len(pixels), 4, 4):
-        raise ValueError(f"{len(pixels)} frames need poses of shape ({len(pixels)}, 4, 4), not {matrices.shape}")
+    check_sweep(pixels, matrices)
     data = image(pixels)
 
     def attach(name: str, values: np.ndarray, components: int, count: int) -> None:

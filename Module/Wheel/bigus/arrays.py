@@ -10,6 +10,7 @@ from typing import Optional
 import numpy as np
 
 from ._core import Field, Sweep, sweep_of_bytes, sweep_of_floats
+from .common import check_sweep
 
 
 def _doubles(values: object, name: str) -> np.ndarray:
@@ -38,9 +39,8 @@ def sweep(
     Raises ValueError for shapes that do not fit, TypeError for pixels of another type, and Error, which names the frame
     and the value, for poses and pixels that are not sound.
     """
-    pixels = np.asarray(frames)
-    if pixels.ndim != 3 or 0 in pixels.shape:
-        raise ValueError(f"frames have shape (frames, height, width), not {pixels.shape}")
+    pixels, matrices = np.asarray(frames), _doubles(poses, "poses")
+    check_sweep(pixels, matrices)
     if pixels.dtype == np.bool_:
         pixels = pixels.astype(np.uint8)
     elif pixels.dtype == np.uint16:
@@ -49,9 +49,6 @@ def sweep(
         if pixels.dtype.kind != "f":
             raise TypeError(f"frames are uint8, uint16, bool or floats in [0, 1], not {pixels.dtype}")
         pixels = pixels.astype(np.float32, copy=False)
-    matrices = _doubles(poses, "poses")
-    if matrices.shape != (len(pixels), 4, 4):
-        raise ValueError(f"{len(pixels)} frames need poses of shape ({len(pixels)}, 4, 4), not {matrices.shape}")
     if spacing is not None:
         sides = _doubles(spacing, "spacing")
         if sides.shape != (2,) or not (np.isfinite(sides).all() and (sides > 0).all()):

@@ -6,15 +6,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import Any, NamedTuple, Optional, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 
 from . import _core
 from ._core import Error, Field, Sweep
 from .arrays import sweep as sweep_of_arrays
-
-FIELD_EXTENSIONS = (".vtp", ".ply")
+from .common import FIELD_EXTENSIONS, Planes, is_lps
 
 POSES = {
     "ConfigFileName": "",
@@ -139,16 +138,6 @@ def write(data: Union[Sweep, Field], path: Union[str, os.PathLike], **properties
         raise TypeError(f"write takes a bigus.Sweep or a bigus.Field, not {type(data).__name__}")
 
 
-class Planes(NamedTuple):
-    """Slice planes of a file."""
-
-    poses: np.ndarray  # float64 [n, 4, 4], ImageToReference: pixel (i, j, 0, 1) to mm
-    sizes: np.ndarray  # int32 [n, 2], (width, height) in pixels; 0 where the file does not say
-    source_frames: np.ndarray  # int32 [n], index in the file
-    timestamps: Optional[np.ndarray]  # float64 [n], seconds; None unless every plane has one
-    rejections: str  # which poses were left out and why, in a sentence; empty when none was
-
-
 def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str = "RAS", **properties: Any) -> Planes:
     """Slice planes: poses of a sequence or a CSV, 3D Slicer's planes and lines (.mrk.json) and transforms (.tfm, .h5).
 
@@ -156,7 +145,5 @@ def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str 
     "RAS" as 3D Slicer shows tracked sequences, or "LPS"; only 3D Slicer's files look at it.
     properties: ConfigFileName, FromFrame, ToFrame, AssumeMissingStatusOK and AllowReflectedPoses, as for read.
     """
-    if world not in ("RAS", "LPS"):
-        raise ValueError(f"world is RAS or LPS, not {world!r}")
     settings = settings_of(POSES, properties, "read_planes")
-    return Planes(**_core.read_planes(os.fspath(path), float(spacing), world == "LPS", **settings))
+    return Planes(**_core.read_planes(os.fspath(path), float(spacing), is_lps(world), **settings))

@@ -20,7 +20,8 @@ import pyvista
 from ._core import Field, Sweep
 from .filters import vtkBigusVoxelizer
 from .pipeline import update
-from .tasks import Slicer, _pixel_matrix, _size_of_view, train
+from .common import pixel_matrix, size_of_view
+from .tasks import Slicer, train
 from .vtkdata import field_of_polydata, image_of_sweep, polydata_of_field, sweep_of_image
 
 Spacing = Union[None, float, tuple]
@@ -37,7 +38,7 @@ def mesh(data: Union[Field, Sweep]) -> Any:
 
 def image_at(plane: np.ndarray, pixels: np.ndarray, name: str = "Intensity") -> Any:
     """pixels [height, width] as pyvista.ImageData where they lie: (i, j) at plane @ (i, j, 0, 1), mm."""
-    matrix = _pixel_matrix(plane, None)
+    matrix = pixel_matrix(plane, None)
     sides = np.append(np.linalg.norm(matrix[:3, :2], axis=0), 1.0)
     image = pyvista.ImageData()
     image.dimensions = (pixels.shape[1], pixels.shape[0], 1)
@@ -65,8 +66,8 @@ class FieldAccessor:
         plane, size, spacing and properties are those of bigus.reslice.
         """
         field = self.field
-        matrix = _pixel_matrix(plane, spacing)
-        size = size if size is not None else _size_of_view(field, matrix)
+        matrix = pixel_matrix(plane, spacing)
+        size = size if size is not None else size_of_view(field.centers, matrix)
         pixels, coverage = Slicer(field, **properties).slice_and_coverage(matrix, size)
         image = image_at(matrix, pixels)
         image.point_data["Coverage"] = coverage.ravel()
@@ -92,7 +93,7 @@ class FieldAccessor:
         width, height, _ = image.dimensions
         j, i = np.mgrid[:height, :width]
         index = np.stack([i, j, np.zeros_like(i), np.ones_like(i)], -1)
-        points = (index @ _pixel_matrix(plane, spacing).T)[..., :3]
+        points = (index @ pixel_matrix(plane, spacing).T)[..., :3]
         surface = pyvista.StructuredGrid(*(points[:, :, None, axis] for axis in range(3)))
         surface.point_data["Intensity"] = np.asarray(image.point_data["Intensity"]).reshape(height, width).ravel(order="F")
         plotter = plotter if plotter is not None else pyvista.Plotter()

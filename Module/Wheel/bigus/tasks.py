@@ -5,19 +5,14 @@
 from __future__ import annotations
 
 import os
-import sys
 import warnings
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
-from . import _core
+from . import _core, common
 from ._core import Field, Sweep
-
-
-def _require(data: Any, kind: type, task: str, noun: str) -> None:
-    if not isinstance(data, kind):
-        raise TypeError(f"{task} takes a {noun} (bigus.{kind.__name__}), not {type(data).__name__}")
+from .common import PoseCorrection, TrainingInterrupted, pixel_matrix, require
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -51,12 +46,6 @@ class Training(_FieldAndLog):
     training_frames: list[int]
     validation_frames: list[int]
     held_out_frames: list[int]
-
-
-class TrainingInterrupted(KeyboardInterrupt):
-    """Ctrl-C while training. ``training`` is the best so far."""
-
-    training: Training
 
 
 def _plain(name: str) -> str:
@@ -93,32 +82,6 @@ def options() -> list[dict[str, str]]:
     return _core.options()
 
 
-class _Bar:
-    """Shows a training's progress; close it in any case."""
-
-    def __init__(self, bar: Any) -> None:
-        self._bar = bar
-
-    def __call__(self, fraction: float, text: str) -> None:
-        self._bar.set_postfix_str(text, refresh=False)
-        self._bar.update(100 * fraction - self._bar.n)
-
-    def close(self) -> None:
-        self._bar.close()
-
-
-def _bar() -> Optional[_Bar]:
-    """A progress bar by tqdm where somebody watches and it is installed."""
-    if "ipykernel" not in sys.modules and not (sys.stderr and sys.stderr.isatty()):
-        return None
-    try:
-        from tqdm.auto import tqdm
-    except ImportError:
-        return None
-    bar = tqdm(total=100, desc="Training", unit="%", bar_format="{desc} {bar} {percentage:3.0f} %  {elapsed}{postfix}")
-    return _Bar(bar)
-
-
 def train(
     sweep: Union[Sweep, Sequence[Sweep]],
     progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
@@ -130,37 +93,22 @@ def train(
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
 
-    A list of sweeps of one patient in one reference frame trains one field. Poses are corrected and frames held out in each
-    by itself; frames and poses of the second are counted on from those of the first, and so on.
+    {SEVERAL_SWEEPS}
 
     What no option sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
     sweep's geometry.
 
-    progress(fraction, text) is called now and then; when it returns False training stops there and gives the best field
-    so far. Without it tqdm, where it is installed, draws a bar in a terminal or a notebook; progress=False draws none.
-    Other Python threads run meanwhile. Ctrl-C raises TrainingInterrupted, a KeyboardInterrupt that keeps the best so far.
-    start is a field to continue from.
+    {PROGRESS}
 
-    checkpoint is a file that keeps the state of the training: every checkpoint_interval seconds, 0 or more, and when it is
-    stopped, by Ctrl-C or a time limit. A training that finishes removes it. With resume=True training goes on from there
-    with the bits of one that never stopped, or begins where there is no such file. One of another sweep, start or
-    option is an Error that says which; one that cannot be written is a RuntimeWarning.
+    {CHECKPOINTS}
 
     Raises TypeError for an option that there is not, and Error for a value out of range and for sweeps that teach
     nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
     """
-    sweeps = list(sweep) if isinstance(sweep, (list, tuple)) else [sweep]
-    for one in sweeps or [None]:
-        _require(one, Sweep, "train", "sweep")
-    if start is not None:
-        _require(start, Field, "train", "field as start")
+    sweeps = common.training_inputs(sweep, start, Sweep, Field)
     texts = _texts(properties)
-    if resume and checkpoint is None:
-        raise ValueError("resume goes on from a checkpoint; say from which file: checkpoint=...")
-    if not 0 <= checkpoint_interval < float("inf"):
-        raise ValueError(f"checkpoint_interval is a number of seconds, 0 or more, not {checkpoint_interval}")
-    path = "" if checkpoint is None else os.fspath(checkpoint)
-    bar = _bar() if progress is None or progress is True else None
+    path = common.checkpoint_path(checkpoint, resume, checkpoint_interval)
+    bar = common.bar_for(progress)
     if progress is None or progress is True:
         progress = bar
     report = None
@@ -184,9 +132,7 @@ def train(
     for name, value in found.items():
         setattr(training, name, value)
     if isinstance(failure, KeyboardInterrupt):
-        stopped = TrainingInterrupted("the field so far is in .training")
-        stopped.training = training
-        raise stopped from failure
+        raise TrainingInterrupted(training) from failure
     if failure is not None:
         raise failure
     return training
@@ -202,19 +148,7 @@ def _list_of_options() -> str:
     return "\n" + "\n".join(lines) + "\n    "
 
 
-train.__doc__ = (train.__doc__ or "") + _list_of_options()
-
-
-class PoseCorrection(NamedTuple):
-    """A sweep at corrected poses, and what was found. Arrays have one element a frame."""
-
-    sweep: Sweep  # pixels shared with the sweep given
-    displacement: np.ndarray  # mm that the image's corners moved, mean of four
-    rotation: np.ndarray  # degrees
-    outlier: np.ndarray  # bool: recorded so far off that the pose follows from its neighbours
-    noise: dict[str, float]  # the tracker's: translation (mm), rotation (degrees), corner (mm at the image's corners)
-    strength: float  # in units of the noise found; 0: no noise is taken out
-    decision: dict[str, str]  # choice and evidence
+train.__doc__ = (train.__doc__ or "").format(**vars(common)) + _list_of_options()
 
 
 def correct_poses(sweep: Sweep, Strength: Optional[float] = None, HoldOut: int = 0) -> PoseCorrection:
@@ -223,7 +157,7 @@ def correct_poses(sweep: Sweep, Strength: Optional[float] = None, HoldOut: int =
     Strength: 0 to 1000, in units of the noise found; None or a negative number: chosen by evidence.
     HoldOut: the pixels of frames with index % HoldOut == HoldOut // 2 are not looked at; 0: all are.
     """
-    _require(sweep, Sweep, "correct_poses", "sweep")
+    require(sweep, Sweep, "correct_poses", "sweep")
     strength = None if Strength is None or Strength < 0 else float(Strength)
     found = _core.correct_poses(sweep, strength, int(HoldOut))
     found["outlier"] = found["outlier"] != 0
@@ -248,36 +182,7 @@ def plane(
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1] = directions[:2]
     matrix[:3, 3] = np.asarray(origin, dtype=np.float64).reshape(3)
-    return _pixel_matrix(matrix, spacing)
-
-
-def _pixel_matrix(matrix: np.ndarray, spacing: Union[None, float, tuple[float, float]]) -> np.ndarray:
-    """The matrix with columns of this spacing and its third column along the normal, of length 1."""
-    matrix = np.array(matrix, dtype=np.float64)
-    if matrix.shape != (4, 4):
-        raise ValueError(f"a plane is a 4 x 4 matrix, not of shape {matrix.shape}")
-    normal = np.cross(matrix[:3, 0], matrix[:3, 1])
-    if not np.isfinite(matrix).all() or np.linalg.norm(normal) == 0:
-        raise ValueError("the first two columns of the plane's matrix must be finite and span a plane")
-    if spacing is not None:
-        if not all(0 < side < np.inf for side in np.ravel(spacing)):
-            raise ValueError(f"the spacing must be positive, not {spacing}")
-        matrix[:3, :2] *= np.broadcast_to(spacing, 2) / np.linalg.norm(matrix[:3, :2], axis=0)
-    matrix[:3, 2] = normal / np.linalg.norm(normal)
-    matrix[3] = (0, 0, 0, 1)
-    return matrix
-
-
-def _size_of_view(field: Field, matrix: np.ndarray) -> tuple[int, int]:
-    """(width, height) of the image that starts at pixel (0, 0) and reaches the field's last Gaussian either way."""
-    advice = "give size=(width, height)"
-    if len(field) == 0:
-        raise ValueError(f"the field is empty, so there is nothing to size the image by; {advice}")
-    pixels = (field.centers - matrix[:3, 3]) @ np.linalg.pinv(matrix[:3, :2]).T
-    width, height = (int(n) for n in np.ceil(pixels.max(axis=0)) + 1)
-    if width < 1 or height < 1:
-        raise ValueError(f"the whole field lies before pixel (0, 0) of this plane; {advice}")
-    return width, height
+    return pixel_matrix(matrix, spacing)
 
 
 class Slicer:
@@ -289,7 +194,7 @@ class Slicer:
     """
 
     def __init__(self, field: Field, Engine: str = "auto", ElevationSigma: float = -1.0, Tolerance: float = 1e-4):
-        _require(field, Field, "Slicer", "field")
+        require(field, Field, "Slicer", "field")
         self._field = field
         self._renderer = _core.Renderer(field, Engine, float(ElevationSigma), float(Tolerance))
 
@@ -304,10 +209,8 @@ class Slicer:
         stack = matrices[None] if is_one else matrices
         if stack.ndim != 3 or stack.shape[1:] != (4, 4):
             raise ValueError(f"a plane is a 4 x 4 matrix, not of shape {matrices.shape}")
-        width, height = (int(n) for n in size)
-        if width < 1 or height < 1:
-            raise ValueError(f"the size must be positive, not {width} x {height}")
-        pixels = np.array([_pixel_matrix(matrix, spacing) for matrix in stack]).reshape(-1, 4, 4)
+        width, height = common.checked_size(size)
+        pixels = np.array([pixel_matrix(matrix, spacing) for matrix in stack]).reshape(-1, 4, 4)
         images, seen = self._renderer.render(pixels, width, height, scattering, coverage)
         return (images[0], seen[0] if coverage else None) if is_one else (images, seen)
 
@@ -351,10 +254,10 @@ def reslice(
 
     For many planes of one field, and for the coverage, use a Slicer: it prepares the field only once.
     """
-    _require(field, Field, "reslice", "field")
-    matrix = _pixel_matrix(plane, spacing)
+    require(field, Field, "reslice", "field")
+    matrix = pixel_matrix(plane, spacing)
     slicer = Slicer(field, **properties)
-    return slicer.slice(matrix, size if size is not None else _size_of_view(field, matrix))
+    return slicer.slice(matrix, size if size is not None else common.size_of_view(field.centers, matrix))
 
 
 def distance_to_frames(
@@ -364,9 +267,9 @@ def distance_to_frames(
 
     frames: the numbers of those that count; by default all.
     """
-    _require(sweep, Sweep, "distance_to_frames", "sweep")
+    require(sweep, Sweep, "distance_to_frames", "sweep")
     numbers = range(len(sweep)) if frames is None else frames
-    return _core.distances(sweep, [int(n) for n in numbers], _pixel_matrix(plane, None), int(size[0]), int(size[1]))
+    return _core.distances(sweep, [int(n) for n in numbers], pixel_matrix(plane, None), int(size[0]), int(size[1]))
 
 
 def _intensities(image: np.ndarray) -> np.ndarray:
