@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus info: what is in a sequence or a field, and what can compute here.
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <memory>
 
 #include "Command.h"
@@ -37,15 +39,9 @@ std::string Line(const std::string& name, const std::string& value)
   return name + std::string(name.size() < 18 ? 18 - name.size() : 1, ' ') + value;
 }
 
-std::string Box(const double* bounds)
+std::string Box(const Json& bounds)
 {
-  std::string text;
-  for (int axis = 0; axis < 3; ++axis)
-  {
-    text += std::string(axis ? ", " : "") + "xyz"[axis] + " " + FormatNumber(bounds[2 * axis], 1) + " to " +
-            FormatNumber(bounds[2 * axis + 1], 1);
-  }
-  return text + " mm";
+  return Words("x {0:1} to {1:1}, y {2:1} to {3:1}, z {4:1} to {5:1} mm", bounds);
 }
 
 ExitCode ShowDevices(Console& console)
@@ -75,30 +71,36 @@ ExitCode ShowDevices(Console& console)
   return Success;
 }
 
-ExitCode ShowField(Console& console, const std::string& path)
+std::size_t NegativeGaussians(const GaussianField& field)
 {
-  const vtkSmartPointer<vtkPolyData> data = ReadFieldData(path, console);
-  const GaussianField field = FieldFromPolyData(data);
-  const std::size_t n = field.Size();
+  return std::count_if(field.reflectivities.begin(), field.reflectivities.end(), [](double r) { return r < 0; });
+}
 
-  double bounds[6] = {};
-  if (n > 0)
-  {
-    data->GetBounds(bounds);
-  }
-  std::vector<double> sizes;  // the middle one of each Gaussian's three standard deviations
-  std::size_t negative = 0;
+Json ReflectivityJson(const GaussianField& field)
+{
   double low = 0, high = 0, total = 0;
-  for (std::size_t i = 0; i < n; ++i)
+  for (const double r : field.reflectivities)
+  {
+    low = std::min(low, r);
+    high = std::max(high, r);
+    total += std::abs(r);
+  }
+  const std::size_t n = field.Size();
+  return {{"minimum", low},
+          {"maximum", high},
+          {"mean_magnitude", n ? total / n : 0},
+          {"negative_share", n ? double(NegativeGaussians(field)) / n : 0}};
+}
+
+/// Of the middle one of each Gaussian's three standard deviations.
+Json ScalePercentiles(const GaussianField& field)
+{
+  std::vector<double> sizes;
+  for (std::size_t i = 0; i < field.Size(); ++i)
   {
     std::array<double, 3> scale = {field.scales[i][0], field.scales[i][1], field.scales[i][2]};
     std::sort(scale.begin(), scale.end());
     sizes.push_back(scale[1]);
-    const double r = field.reflectivities[i];
-    low = std::min(low, r);
-    high = std::max(high, r);
-    negative += r < 0;
-    total += std::abs(r);
   }
   const auto percentile = [&sizes](double share)
   {
@@ -110,8 +112,11 @@ ExitCode ShowField(Console& console, const std::string& path)
     std::nth_element(sizes.begin(), at, sizes.end());
     return *at;
   };
-  const double small = percentile(0.05), middle = percentile(0.5), large = percentile(0.95);
+  return {{"5", percentile(0.05)}, {"50", percentile(0.5)}, {"95", percentile(0.95)}};
+}
 
+Json ProvenanceJson(vtkPolyData* data)
+{
   Json provenance = Json::object();
   if (auto* lines = vtkStringArray::SafeDownCast(data->GetFieldData()->GetAbstractArray("Provenance")))
   {
@@ -122,32 +127,45 @@ ExitCode ShowField(Console& console, const std::string& path)
       provenance[line.substr(0, mark)] = mark == std::string::npos ? "" : line.substr(mark + 1);
     }
   }
+  return provenance;
+}
+
+ExitCode ShowField(Console& console, const std::string& path)
+{
+  const vtkSmartPointer<vtkPolyData> data = ReadFieldData(path, console);
+  const GaussianField field = FieldFromPolyData(data);
+  const std::size_t n = field.Size();
+  std::array<double, 6> bounds = {};
+  if (n > 0)
+  {
+    data->GetBounds(bounds.data());
+  }
+  const Json answer = {{"kind", "field"},
+                       {"gaussians", n},
+                       {"bounds", bounds},
+                       {"scale_percentiles", ScalePercentiles(field)},
+                       {"reflectivity", ReflectivityJson(field)},
+                       {"gamma", field.transfer.gamma},
+                       {"elevation_sigma", field.beam.elevationSigma},
+                       {"provenance", ProvenanceJson(data)}};
 
   console.Print(Line("Field", path));
-  console.Print(Line("Gaussians", std::to_string(n)));
-  console.Print(Line("Centres", n ? Box(bounds) : "-"));
-  console.Print(Line("Scale", FormatNumber(middle, 3) + " mm (5 to 95 %: " + FormatNumber(small, 3) + " to " +
-                                  FormatNumber(large, 3) + "; the middle of three axes)"));
-  console.Print(Line("Reflectivity", FormatNumber(low, 3) + " to " + FormatNumber(high, 3) + ", " +
-                                         FormatNumber(n ? 100.0 * negative / n : 0, 1) + " % negative"));
-  console.Print(Line("Gamma", FormatNumber(field.transfer.gamma, 4)));
-  console.Print(Line("Beam thickness", FormatNumber(field.beam.elevationSigma, 3) + " mm (standard deviation)"));
-  for (const auto& [key, value] : provenance.items())
+  console.Print(Line("Gaussians", "{gaussians}"), answer);
+  console.Print(Line("Centres", n ? Box(answer["bounds"]) : "-"));
+  console.Print(Line("Scale", "{50:3} mm (5 to 95 %: {5:3} to {95:3}; the middle of three axes)"),
+                answer["scale_percentiles"]);
+  console.Print(Line("Reflectivity", Words("{minimum:3} to {maximum:3}, ", answer["reflectivity"]) +
+                                         FormatNumber(n ? 100.0 * NegativeGaussians(field) / n : 0, 1) +
+                                         " % negative"));
+  console.Print(Line("Gamma", "{gamma:4}"), answer);
+  console.Print(Line("Beam thickness", "{elevation_sigma:3} mm (standard deviation)"), answer);
+  std::string name = "Made by";
+  for (const auto& [key, value] : answer["provenance"].items())
   {
-    console.Print(Line(key == provenance.begin().key() ? "Made by" : "", key + " = " + value.get<std::string>()));
+    console.Print(Line(name, key + " = " + value.get<std::string>()));
+    name = "";
   }
-  console.Report({{"kind", "field"},
-                  {"gaussians", n},
-                  {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
-                  {"scale_percentiles", {{"5", small}, {"50", middle}, {"95", large}}},
-                  {"reflectivity",
-                   {{"minimum", low},
-                    {"maximum", high},
-                    {"mean_magnitude", n ? total / n : 0},
-                    {"negative_share", n ? double(negative) / n : 0}}},
-                  {"gamma", field.transfer.gamma},
-                  {"elevation_sigma", field.beam.elevationSigma},
-                  {"provenance", provenance}});
+  console.Report(answer);
   return Success;
 }
 
@@ -230,37 +248,44 @@ Json ShowUnusedFields(Console& console, vtkBigusSequenceReader* reader)
   return fields;
 }
 
+void PrintFormat(vtkBigusSequenceReader* reader, Console& console)
+{
+  console.Print(Line(
+      "Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " + reader->GetElementType()));
+}
+
 /// A volume, or pictures without any transform.
 ExitCode ShowImages(Console& console, const std::string& path, vtkBigusSequenceReader* reader)
 {
   int size[2];
   reader->GetFrameSize(size);
   const int count = reader->GetNumberOfFramesInFile();
+  Json answer = {{"kind", "images"}, {"images", count}, {"width", size[0]}, {"height", size[1]}};
   console.Print(Line("Images", path));
-  console.Print(Line(
-      "Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " + reader->GetElementType()));
-  console.Print(Line("Size", std::to_string(count) + (count == 1 ? " image" : " images") + " of " +
-                                 std::to_string(size[0]) + " x " + std::to_string(size[1]) + " pixels"));
+  PrintFormat(reader, console);
+  console.Print(
+      Line("Size", std::string("{images}") + (count == 1 ? " image" : " images") + " of {width} x {height} pixels"),
+      answer);
   console.Print(Line("Poses",
                      "none: a volume, or a sequence without transforms. 'bigus metrics' compares it; to train on "
                      "it give a Plus configuration or poses in a CSV"));
-  const Json unused = ShowUnusedFields(console, reader);
-  console.Report(
-      {{"kind", "images"}, {"images", count}, {"width", size[0]}, {"height", size[1]}, {"not_taken_along", unused}});
+  answer["not_taken_along"] = ShowUnusedFields(console, reader);
+  console.Report(answer);
   return Success;
 }
 
-ExitCode ShowSequence(Console& console, const SequenceOptions& options)
+/// Reads all but pixels. Returns the fault that leaves no frame usable, which is a part of the report; throws Error for a
+/// file that is neither a sequence nor a volume or a picture.
+std::string ReadHeader(vtkBigusSequenceReader* reader)
 {
-  const auto reader = NewSequenceReader(options);
-  std::string fault;  // when no frame is usable the report says why
   try
   {
     UpdateInformation(reader);
+    return "";
   }
   catch (const Error& error)
   {
-    fault = error.what();
+    const std::string fault = error.what();
     if (reader->GetNumberOfFramesInFile() == 0)
     {
       // A volume or a picture, which have no poses and are no fault?
@@ -274,83 +299,100 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
         throw Error(fault);
       }
     }
+    return fault;
   }
-  if (reader->GetNumberOfFramesInFile() > 0 && reader->GetNumberOfTransforms() == 0)
-  {
-    return ShowImages(console, options.path, reader);
-  }
+}
 
-  const int inFile = reader->GetNumberOfFramesInFile(), accepted = reader->GetNumberOfAcceptedFrames();
+/// What the file says of its frames, transforms and poses.
+Json HeaderJson(vtkBigusSequenceReader* reader)
+{
   int size[2];
-  double pixel[2], spacing[3], bounds[6];
+  std::array<double, 2> pixel{};
+  std::array<double, 3> spacing{};
+  std::array<double, 6> bounds{};
   reader->GetFrameSize(size);
-  reader->GetPixelSize(pixel);
-  reader->GetPlaneSpacing(spacing);
-  reader->GetBounds(bounds);
-
+  reader->GetPixelSize(pixel.data());
+  reader->GetPlaneSpacing(spacing.data());
+  reader->GetBounds(bounds.data());
   Json transforms = Json::array(), rejected = Json::array();
-  console.Print(Line("Sequence", options.path));
-  console.Print(Line(
-      "Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " + reader->GetElementType()));
-  const std::string chain = reader->GetTransformChain() ? reader->GetTransformChain() : "";
-  console.Print(Line("Frames", std::to_string(inFile) + " of " + std::to_string(size[0]) + " x " +
-                                   std::to_string(size[1]) + " pixels, " +
-                                   (chain.empty() ? "poses unknown" : std::to_string(accepted) + " usable")));
-  console.Print(Line("Orientation", reader->GetOrientation()));
   for (int i = 0; i < reader->GetNumberOfTransforms(); ++i)
   {
     transforms.push_back({{"name", reader->GetTransformName(i)}, {"source", reader->GetTransformSource(i)}});
-    console.Print(Line(i ? "" : "Transforms",
-                       std::string(reader->GetTransformName(i)) + " (" + reader->GetTransformSource(i) + ")"));
-  }
-  console.Print(Line("Chain used", chain.empty() ? "none: the transforms do not lead from " + options.chain.from +
-                                                       " to " + options.chain.to
-                                                 : chain));
-  if (accepted > 0)
-  {
-    console.Print(Line("Pixel", FormatNumber(pixel[0], 4) + " x " + FormatNumber(pixel[1], 4) + " mm"));
-    console.Print(Line("Plane spacing", FormatNumber(spacing[1], 3) + " mm (" + FormatNumber(spacing[0], 3) + " to " +
-                                            FormatNumber(spacing[2], 3) + "), path " +
-                                            FormatNumber(reader->GetPathLength(), 1) + " mm"));
-    console.Print(Line("Extent", Box(bounds)));
-    if (reader->GetHasTimestamps())
-    {
-      console.Print(Line("Duration", FormatNumber(reader->GetDuration(), 2) + " s"));
-    }
   }
   for (int i = 0; i < reader->GetNumberOfRejectionReasons(); ++i)
   {
     rejected.push_back({{"reason", reader->GetRejectionReason(i)}, {"frames", reader->GetRejectionCount(i)}});
   }
+  return {{"kind", "sequence"},
+          {"format", reader->GetFormat()},
+          {"encoding", reader->GetEncoding()},
+          {"element_type", reader->GetElementType()},
+          {"orientation", reader->GetOrientation()},
+          {"frames_in_file", reader->GetNumberOfFramesInFile()},
+          {"frames", reader->GetNumberOfAcceptedFrames()},
+          {"width", size[0]},
+          {"height", size[1]},
+          {"transforms", transforms},
+          {"chain", reader->GetTransformChain() ? reader->GetTransformChain() : ""},
+          {"pixel_size", pixel},
+          {"plane_spacing", {{"minimum", spacing[0]}, {"median", spacing[1]}, {"maximum", spacing[2]}}},
+          {"path_length", reader->GetPathLength()},
+          {"bounds", bounds},
+          {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
+          {"rejected", rejected}};
+}
+
+void PrintHeader(const Json& answer, const SequenceOptions& options, vtkBigusSequenceReader* reader, Console& console)
+{
+  const std::string chain = answer["chain"];
+  console.Print(Line("Sequence", options.path));
+  PrintFormat(reader, console);
+  console.Print(Line("Frames", std::string("{frames_in_file} of {width} x {height} pixels, ") +
+                                   (chain.empty() ? "poses unknown" : "{frames} usable")),
+                answer);
+  console.Print(Line("Orientation", "{orientation}"), answer);
+  std::string name = "Transforms";
+  for (const Json& transform : answer["transforms"])
+  {
+    console.Print(Line(name, "{name} ({source})"), transform);
+    name = "";
+  }
+  console.Print(Line("Chain used", chain.empty() ? "none: the transforms do not lead from " + options.chain.from +
+                                                       " to " + options.chain.to
+                                                 : chain));
+  if (answer["frames"] > 0)
+  {
+    console.Print(Line("Pixel", "{pixel_size/0:4} x {pixel_size/1:4} mm"), answer);
+    console.Print(Line("Plane spacing",
+                       "{plane_spacing/median:3} mm ({plane_spacing/minimum:3} to {plane_spacing/maximum:3}), path "
+                       "{path_length:1} mm"),
+                  answer);
+    console.Print(Line("Extent", Box(answer["bounds"])));
+    if (!answer["duration"].is_null())
+    {
+      console.Print(Line("Duration", "{duration:2} s"), answer);
+    }
+  }
   if (reader->GetNumberOfRejectedFrames() > 0)
   {
     console.Print(Line("Rejected", reader->GetRejectionSummary()));
   }
+}
 
-  const Json unused = ShowUnusedFields(console, reader);
-  const Sweep poses = accepted > 0 ? ReadPosesOnly(options, console) : Sweep();
-  const Json tracker = ShowTracker(console, poses), doubts = ShowDoubts(console, poses, reader);
-
-  Json answer = {{"kind", "sequence"},
-                 {"format", reader->GetFormat()},
-                 {"encoding", reader->GetEncoding()},
-                 {"element_type", reader->GetElementType()},
-                 {"orientation", reader->GetOrientation()},
-                 {"frames_in_file", inFile},
-                 {"frames", accepted},
-                 {"width", size[0]},
-                 {"height", size[1]},
-                 {"transforms", transforms},
-                 {"chain", chain},
-                 {"pixel_size", {pixel[0], pixel[1]}},
-                 {"plane_spacing", {{"minimum", spacing[0]}, {"median", spacing[1]}, {"maximum", spacing[2]}}},
-                 {"path_length", reader->GetPathLength()},
-                 {"bounds", {bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5]}},
-                 {"duration", reader->GetHasTimestamps() ? Json(reader->GetDuration()) : Json(nullptr)},
-                 {"rejected", rejected},
-                 {"not_taken_along", unused},
-                 {"tracker", tracker},
-                 {"doubts", doubts}};
+ExitCode ShowSequence(Console& console, const SequenceOptions& options)
+{
+  const auto reader = NewSequenceReader(options);
+  std::string fault = ReadHeader(reader);
+  if (reader->GetNumberOfFramesInFile() > 0 && reader->GetNumberOfTransforms() == 0)
+  {
+    return ShowImages(console, options.path, reader);
+  }
+  Json answer = HeaderJson(reader);
+  PrintHeader(answer, options, reader, console);
+  answer["not_taken_along"] = ShowUnusedFields(console, reader);
+  const Sweep poses = answer["frames"] > 0 ? ReadPosesOnly(options, console) : Sweep();
+  answer["tracker"] = ShowTracker(console, poses);
+  answer["doubts"] = ShowDoubts(console, poses, reader);
   if (!fault.empty())
   {
     fault = WithRemedy(fault);

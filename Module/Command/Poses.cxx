@@ -148,6 +148,91 @@ std::string OutlierText(const std::vector<int>& outliers)
   return text + (outliers.size() > kMostListed ? ", ..." : "");
 }
 
+/// Writes the sequence, or its poses with what was done to each.
+void WriteCorrected(vtkImageData* sweep, const std::string& path, Console& console)
+{
+  const auto recorded = Centres(sweep, "RecordedImageToReference");
+  WritePoses(sweep, path,
+             {{"displacement", Values(sweep, "PoseDisplacement")},
+              {"rotation", Values(sweep, "PoseRotation")},
+              {"outlier", Values(sweep, "PoseOutlier")},
+              {"stroke", Values(sweep, "PoseStroke")},
+              {"recorded_x", recorded[0]},
+              {"recorded_y", recorded[1]},
+              {"recorded_z", recorded[2]}},
+             console);
+}
+
+std::vector<int> Outliers(vtkImageData* sweep)
+{
+  std::vector<int> outliers;
+  const std::vector<int> isOutlier = Numbers(sweep, "PoseOutlier");
+  for (std::size_t k = 0; k < isOutlier.size(); ++k)
+  {
+    if (isOutlier[k] != 0)
+    {
+      outliers.push_back(static_cast<int>(k));
+    }
+  }
+  return outliers;
+}
+
+Json EachFrame(vtkImageData* sweep)
+{
+  const std::vector<double> times = Values(sweep, "Timestamp");
+  return {{"source_frame", Numbers(sweep, "SourceFrame")},
+          {"timestamp", times.empty() ? Json() : Json(times)},
+          {"displacement", Values(sweep, "PoseDisplacement")},
+          {"rotation", Values(sweep, "PoseRotation")},
+          {"stroke", Numbers(sweep, "PoseStroke")},
+          {"recorded_centre", Points(Centres(sweep, "RecordedImageToReference"))},
+          {"corrected_centre", Points(Centres(sweep, "ImageToReference"))}};
+}
+
+Json CorrectionJson(vtkBigusPoseCorrection* correction, const std::string& output)
+{
+  vtkImageData* sweep = correction->GetOutput();
+  const std::vector<double> displacement = Values(sweep, "PoseDisplacement"), stroke = Values(sweep, "PoseStroke");
+  const std::vector<double> noise = {Values(sweep, "TrackerNoise", 0)[0], Values(sweep, "TrackerNoise", 1)[0],
+                                     Values(sweep, "TrackerNoise", 2)[0]};
+  auto* decision = vtkStringArray::SafeDownCast(sweep->GetFieldData()->GetAbstractArray("PoseDecision"));
+  return {{"output", output},
+          {"frames", displacement.size()},
+          {"changed", std::any_of(displacement.begin(), displacement.end(), [](double mm) { return mm > 0; })},
+          {"strength", correction->GetChosenStrength()},
+          {"decision", {{"choice", decision->GetValue(0)}, {"evidence", decision->GetValue(1)}}},
+          {"noise", {{"translation", noise[0]}, {"rotation", noise[1]}, {"corner", noise[2]}}},
+          {"constant_errors",
+           {{"applied", Values(sweep, "ConstantErrorsApplied")[0] != 0},
+            {"delay", ConstantErrorJson(sweep, 0, 1)},
+            {"shift", ConstantErrorJson(sweep, 1, 4)},
+            {"rotation", ConstantErrorJson(sweep, 4, 7)}}},
+          {"outliers", Outliers(sweep)},
+          {"strokes", 1 + static_cast<int>(*std::max_element(stroke.begin(), stroke.end()))},
+          {"displacement", Summary(displacement)},
+          {"rotation", Summary(Values(sweep, "PoseRotation"))},
+          {"each_frame", EachFrame(sweep)}};
+}
+
+void PrintCorrection(const Json& answer, Console& console)
+{
+  const Json& noise = answer["noise"];
+  console.Print(
+      std::string("{output}: {frames}") + (answer["frames"] == 1 ? " frame" : " frames") + ", poses {decision/choice}",
+      answer);
+  console.Print("  evidence         {decision/evidence}", answer);
+  console.Print("  tracker's noise  " + NoiseText(noise["translation"], noise["rotation"], noise["corner"]));
+  console.Print("  outliers         " + OutlierText(answer["outliers"]));
+  console.Print(std::string("  path             {strokes}") +
+                    (answer["strokes"] == 1 ? " continuous motion" : " continuous motions"),
+                answer);
+  if (answer["changed"])
+  {
+    console.Print("  moved            " + SummaryText(answer["displacement"], 3, "mm (the image's corners)"));
+    console.Print("  turned           " + SummaryText(answer["rotation"], 3, "degrees"));
+  }
+}
+
 ExitCode CorrectPoses(Console& console, const Options& options)
 {
   RequireDistinct({options.sequence.path, options.sequence.chain.config}, {options.output});
@@ -158,73 +243,10 @@ ExitCode CorrectPoses(Console& console, const Options& options)
   correction->SetStrength(StrengthOf(options.strength));
   correction->SetHoldOut(options.holdOut);
   Update(correction, console, "Comparing");
-
-  vtkImageData* sweep = correction->GetOutput();
-  const std::vector<double> displacement = Values(sweep, "PoseDisplacement"), rotation = Values(sweep, "PoseRotation");
-  const std::vector<double> isOutlier = Values(sweep, "PoseOutlier"), stroke = Values(sweep, "PoseStroke");
-  const auto recorded = Centres(sweep, "RecordedImageToReference"), corrected = Centres(sweep, "ImageToReference");
-  WritePoses(sweep, options.output,
-             {{"displacement", displacement},
-              {"rotation", rotation},
-              {"outlier", isOutlier},
-              {"stroke", stroke},
-              {"recorded_x", recorded[0]},
-              {"recorded_y", recorded[1]},
-              {"recorded_z", recorded[2]}},
-             console);
-
-  std::vector<int> outliers;
-  for (std::size_t k = 0; k < isOutlier.size(); ++k)
-  {
-    if (isOutlier[k] != 0)
-    {
-      outliers.push_back(static_cast<int>(k));
-    }
-  }
-  const std::size_t frames = displacement.size();
-  const int strokes = 1 + static_cast<int>(*std::max_element(stroke.begin(), stroke.end()));
-  const bool isChanged = std::any_of(displacement.begin(), displacement.end(), [](double mm) { return mm > 0; });
-  const Json moved = Summary(displacement), turned = Summary(rotation);
-  double noise[3];
-  sweep->GetFieldData()->GetArray("TrackerNoise")->GetTuple(0, noise);
-  auto* decision = vtkStringArray::SafeDownCast(sweep->GetFieldData()->GetAbstractArray("PoseDecision"));
-
-  console.Print(options.output + ": " + std::to_string(frames) + (frames == 1 ? " frame" : " frames") + ", poses " +
-                decision->GetValue(0));
-  console.Print("  evidence         " + decision->GetValue(1));
-  console.Print("  tracker's noise  " + NoiseText(noise[0], noise[1], noise[2]));
-  console.Print("  outliers         " + OutlierText(outliers));
-  console.Print("  path             " + std::to_string(strokes) +
-                (strokes == 1 ? " continuous motion" : " continuous motions"));
-  if (isChanged)
-  {
-    console.Print("  moved            " + SummaryText(moved, 3, "mm (the image's corners)"));
-    console.Print("  turned           " + SummaryText(turned, 3, "degrees"));
-  }
-  const std::vector<double> times = Values(sweep, "Timestamp");
-  console.Report({{"output", options.output},
-                  {"frames", frames},
-                  {"changed", isChanged},
-                  {"strength", correction->GetChosenStrength()},
-                  {"decision", {{"choice", decision->GetValue(0)}, {"evidence", decision->GetValue(1)}}},
-                  {"noise", {{"translation", noise[0]}, {"rotation", noise[1]}, {"corner", noise[2]}}},
-                  {"constant_errors",
-                   {{"applied", Values(sweep, "ConstantErrorsApplied")[0] != 0},
-                    {"delay", ConstantErrorJson(sweep, 0, 1)},
-                    {"shift", ConstantErrorJson(sweep, 1, 4)},
-                    {"rotation", ConstantErrorJson(sweep, 4, 7)}}},
-                  {"outliers", outliers},
-                  {"strokes", strokes},
-                  {"displacement", moved},
-                  {"rotation", turned},
-                  {"each_frame",
-                   {{"source_frame", Numbers(sweep, "SourceFrame")},
-                    {"timestamp", times.empty() ? Json() : Json(times)},
-                    {"displacement", displacement},
-                    {"rotation", rotation},
-                    {"stroke", Numbers(sweep, "PoseStroke")},
-                    {"recorded_centre", Points(recorded)},
-                    {"corrected_centre", Points(corrected)}}}});
+  WriteCorrected(correction->GetOutput(), options.output, console);
+  const Json answer = CorrectionJson(correction, options.output);
+  PrintCorrection(answer, console);
+  console.Report(answer);
   return Success;
 }
 
