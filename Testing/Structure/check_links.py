@@ -49,6 +49,12 @@ def dead_links(root, page):
             yield f"{page.relative_to(root)}: there is no {target}"
         elif anchor and path.suffix == ".md" and anchor not in anchors_of(path):
             yield f"{page.relative_to(root)}: {name or 'the page'} has no heading #{anchor}"
+        elif path.is_dir():
+            yield f"{page.relative_to(root)}: {target} is a folder, which the site has not; link to a page of it"
+    headings = "\n".join(line for line in without_code(page.read_text()).splitlines() if line.startswith("#"))
+    for target in re.findall(r"\]\(\s*([^)\s]+)", headings):
+        if not re.search(r"\.md(#|$)|^#", target):
+            yield f"{page.relative_to(root)}: a heading links to {target}, which stops Sphinx; link below the heading"
 
 
 def too_long(root, page):
