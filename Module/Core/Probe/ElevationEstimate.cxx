@@ -870,9 +870,10 @@ void MeasureHeights(const std::vector<Cell>& cells, const Model& model, const Fi
   }
 }
 
-}  // namespace
+// ---- the steps of an estimate ----
 
-ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<int>& given)
+/// The frames that are used. Throws Error for one that is not there.
+std::vector<int> ChooseFrames(const Sweep& sweep, const std::vector<int>& given)
 {
   for (const int frame : given)
   {
@@ -883,36 +884,40 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
     }
   }
   const std::size_t left = given.size() > kMostFrames ? (given.size() - kMostFrames) / 2 : 0;
-  const std::vector<int> frames(given.begin() + left, given.end() - left);
-  ElevationEstimate result;
-  const auto refuse = [&](const std::string& reason)
-  {
-    result.reason = reason;
-    return result;
-  };
-  if (frames.size() < kFewestFrames)
-  {
-    return refuse("there are only " + std::to_string(frames.size()) + " frames");
-  }
+  return {given.begin() + left, given.end() - left};
+}
 
-  const Images images(sweep);
-  int size = kFirstPatch;
-  Speckle speckle = MeasureSpeckle(sweep, images, frames, size);
-  if (speckle.problem.empty())
-  {
-    const int fitting = std::clamp(static_cast<int>(std::lround(kSpecklesPerSide * std::sqrt(speckle.size.prod()))),
-                                   kSmallestPatch, kLargestPatch);
-    if (fitting != size)
-    {
-      size = fitting;
-      speckle = MeasureSpeckle(sweep, images, frames, size);
-    }
-  }
+/// Speckle in patches of `size` pixels a side, which is set to what fits it.
+Speckle MeasureSpeckleInFittingPatches(const Sweep& sweep, const Images& images, const std::vector<int>& frames,
+                                       int& size)
+{
+  size = kFirstPatch;
+  const Speckle speckle = MeasureSpeckle(sweep, images, frames, size);
   if (!speckle.problem.empty())
   {
-    return refuse(speckle.problem);
+    return speckle;
   }
+  const int fitting = std::clamp(static_cast<int>(std::lround(kSpecklesPerSide * std::sqrt(speckle.size.prod()))),
+                                 kSmallestPatch, kLargestPatch);
+  if (fitting == size)
+  {
+    return speckle;
+  }
+  size = fitting;
+  return MeasureSpeckle(sweep, images, frames, size);
+}
 
+/// What is known of the frames before the beam is fitted.
+struct Compared
+{
+  std::vector<Cell> cells;
+  std::size_t pairs = 0;  // that have any cell
+  double misplacement = 0;
+};
+
+Compared CompareFrames(const Sweep& sweep, const Images& images, const std::vector<int>& frames, int size,
+                       const Speckle& speckle)
+{
   const std::vector<Pair> pairs = ChoosePairs(sweep, frames);
   const std::vector<Eigen::Vector2i> patches = PlacePatches(sweep, images, size);
   const std::vector<Eigen::Vector2d> shifts = MeasureShifts(sweep, images, frames, patches, size, speckle);
@@ -930,19 +935,25 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
                         cell.b = pair.b;
                       }
                     });
-  std::vector<Cell> cells;
+  Compared out;
   for (const std::vector<Cell>& of : byPair)
   {
-    cells.insert(cells.end(), of.begin(), of.end());
-    result.pairs += !of.empty();
+    out.cells.insert(out.cells.end(), of.begin(), of.end());
+    out.pairs += !of.empty();
   }
-  if (result.pairs < kFewestPairs)
-  {
-    return refuse("only " + std::to_string(result.pairs) + " pairs of frames overlap, nearly parallel");
-  }
-
   const SlicePlane plane = sweep.Plane(frames[0]);
-  const Model model(size, speckle.size, {plane.columnStep.norm(), plane.rowStep.norm()});
+  const Eigen::Array2d pixel(plane.columnStep.norm(), plane.rowStep.norm());
+  for (const Eigen::Vector2d& shift : shifts)
+  {
+    out.misplacement += 0.5 * (shift.array() * pixel).square().sum() / shifts.size();
+  }
+  out.misplacement = std::sqrt(out.misplacement);
+  return out;
+}
+
+/// The best of fits from beams of four thicknesses, at the poses as they are.
+Fit FitAsPosed(const std::vector<Cell>& cells, const Model& model)
+{
   Fit fit;
   for (const double sigma : {0.2, 0.8, 3.2, 12.8})  // mm
   {
@@ -951,23 +962,12 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
     const Fit other = Descend(cells, model, model.Low(), model.High(), start, -1);
     fit = other.cost < fit.cost ? other : fit;
   }
-  const std::vector<Cell> posed = cells;
-  const Fit posedFit = fit;
-  const Eigen::Array2d pixel(plane.columnStep.norm(), plane.rowStep.norm());
-  for (const Eigen::Vector2d& shift : shifts)
-  {
-    result.misplacement += 0.5 * (shift.array() * pixel).square().sum() / shifts.size();
-  }
-  result.misplacement = std::sqrt(result.misplacement);
-  std::vector<double> heights(frames.size(), 0.0);
-  for (int round = 0; round < kHeightRounds && result.misplacement > 0 && fit.cost > 0; ++round)
-  {
-    MeasureHeights(posed, model, fit, result.misplacement, heights);
-    cells = Raised(posed, heights);
-    fit = Descend(cells, model, model.Low(), model.High(), fit.parameters, -1);
-  }
-  result.sigma = fit.Sigma();
+  return fit;
+}
 
+/// Puts the curve that was measured and the one that was fitted into `result`.
+void DrawCurve(const std::vector<Cell>& cells, const Model& model, const Fit& fit, ElevationEstimate& result)
+{
   struct Point
   {
     double patches = 0, squaredDistance = 0, fitted = 0;
@@ -994,9 +994,12 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
       result.fitted.push_back(point.fitted / point.patches);
     }
   }
+}
 
-  // Of the fit that takes poses as they are: blind to what the misplacements, fitted to all, may have taken
-  // up.
+/// By leaving out a block at a time. It is of the fit that takes poses as they are, which is blind to what the
+/// misplacements, fitted to all, may have taken up. `otherwise` where there is but one block.
+double StandardError(const std::vector<Cell>& posed, const Model& model, const Fit& fit, double otherwise)
+{
   double scatter = 0;
   int parts = 0;
   std::array<double, kBlocks> without;
@@ -1004,7 +1007,7 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   {
     if (std::any_of(posed.begin(), posed.end(), [&](const Cell& cell) { return cell.block == block; }))
     {
-      without[parts++] = Descend(posed, model, model.Low(), model.High(), posedFit.parameters, block).Sigma();
+      without[parts++] = Descend(posed, model, model.Low(), model.High(), fit.parameters, block).Sigma();
     }
   }
   const double mean = std::accumulate(without.begin(), without.begin() + parts, 0.0) / parts;
@@ -1012,48 +1015,100 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   {
     scatter += (without[part] - mean) * (without[part] - mean);
   }
-  result.standardError = parts > 1 ? std::sqrt(scatter * (parts - 1) / parts) : result.sigma;
-  // What sigma would be if turning changed no phase. Far from the fit, it is a guess unless the data tell the
-  // carrier.
+  return parts > 1 ? std::sqrt(scatter * (parts - 1) / parts) : otherwise;
+}
+
+/// What sigma would be if turning changed no phase. Far from the fit, the fit is a guess unless the data tell the carrier.
+double SigmaWithoutTurning(const std::vector<Cell>& cells, const Model& model, const Fit& fit)
+{
   const bool carrierKnown = fit.parameters[Carrier] > (1 + kOffBound) * model.Low()[Carrier] &&
                             fit.parameters[Carrier] < (1 - kOffBound) * model.High()[Carrier];
-  Vector still = model.High();
-  still[Carrier] = 0;
-  Vector start = fit.parameters;
-  start[Carrier] = 0;
-  Vector none = model.Low();
-  none[Carrier] = 0;
-  const double unturned = carrierKnown ? result.sigma : Descend(cells, model, none, still, start, -1).Sigma();
+  if (carrierKnown)
+  {
+    return fit.Sigma();
+  }
+  Vector low = model.Low(), high = model.High(), start = fit.parameters;
+  low[Carrier] = high[Carrier] = start[Carrier] = 0;
+  return Descend(cells, model, low, high, start, -1).Sigma();
+}
 
-  // Without a plane nearer than sigma the fit would rest on the tail alone; without one farther, on a top
-  // that noise and misregistration flatten too.
+/// What is wrong with an estimate; empty: nothing. Without a plane nearer than sigma the fit would rest on the tail
+/// alone; without one farther, on a top that noise and misregistration flatten too.
+std::string WhyUnreliable(const ElevationEstimate& estimate, double withoutTurning)
+{
   const auto text = [](double mm) { return std::to_string(mm).substr(0, 5) + " mm"; };
-  const double best = *std::max_element(result.fitted.begin(), result.fitted.end());
+  const double sigma = estimate.sigma;
+  const double best = *std::max_element(estimate.fitted.begin(), estimate.fitted.end());
   if (best < kLeastBest)
   {
-    return refuse("planes are too far apart or differ too much: correlation is at most " +
-                  std::to_string(best).substr(0, 5));
+    return "planes are too far apart or differ too much: correlation is at most " + std::to_string(best).substr(0, 5);
   }
-  if (result.distance.front() > kReachOfCurve * result.sigma)
+  if (estimate.distance.front() > kReachOfCurve * sigma)
   {
-    return refuse("planes are too far apart: the nearest are " + text(result.distance.front()) + ", the fit says " +
-                  text(result.sigma));
+    return "planes are too far apart: the nearest are " + text(estimate.distance.front()) + ", the fit says " +
+           text(sigma);
   }
-  if (result.distance.back() < kReachOfCurve * result.sigma)
+  if (estimate.distance.back() < kReachOfCurve * sigma)
   {
-    return refuse("planes are too near: speckle is still alike at " + text(result.distance.back()));
+    return "planes are too near: speckle is still alike at " + text(estimate.distance.back());
   }
-  if (!(result.standardError < kLargestError * result.sigma))
+  if (!(estimate.standardError < kLargestError * sigma))
   {
-    return refuse("parts of the sweep disagree: standard error " + text(result.standardError) + " of " +
-                  text(result.sigma));
+    return "parts of the sweep disagree: standard error " + text(estimate.standardError) + " of " + text(sigma);
   }
-  if (std::abs(unturned - result.sigma) > kLargestTurning * result.sigma)
+  if (std::abs(withoutTurning - sigma) > kLargestTurning * sigma)
   {
-    return refuse("the probe turns as it advances, and what turning does cannot be told apart: " + text(unturned) +
-                  " if it does nothing, " + text(result.sigma) + " if it shifts the phase of the echoes");
+    return "the probe turns as it advances, and what turning does cannot be told apart: " + text(withoutTurning) +
+           " if it does nothing, " + text(sigma) + " if it shifts the phase of the echoes";
   }
-  result.reliable = true;
+  return "";
+}
+
+}  // namespace
+
+ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<int>& given)
+{
+  const std::vector<int> frames = ChooseFrames(sweep, given);
+  ElevationEstimate result;
+  if (frames.size() < kFewestFrames)
+  {
+    result.reason = "there are only " + std::to_string(frames.size()) + " frames";
+    return result;
+  }
+  const Images images(sweep);
+  int size = 0;
+  const Speckle speckle = MeasureSpeckleInFittingPatches(sweep, images, frames, size);
+  if (!speckle.problem.empty())
+  {
+    result.reason = speckle.problem;
+    return result;
+  }
+  const Compared compared = CompareFrames(sweep, images, frames, size, speckle);
+  result.pairs = compared.pairs;
+  if (result.pairs < kFewestPairs)
+  {
+    result.reason = "only " + std::to_string(result.pairs) + " pairs of frames overlap, nearly parallel";
+    return result;
+  }
+
+  const SlicePlane plane = sweep.Plane(frames[0]);
+  const Model model(size, speckle.size, {plane.columnStep.norm(), plane.rowStep.norm()});
+  const Fit posedFit = FitAsPosed(compared.cells, model);
+  result.misplacement = compared.misplacement;
+  std::vector<Cell> cells = compared.cells;
+  Fit fit = posedFit;
+  std::vector<double> heights(frames.size(), 0.0);
+  for (int round = 0; round < kHeightRounds && result.misplacement > 0 && fit.cost > 0; ++round)
+  {
+    MeasureHeights(compared.cells, model, fit, result.misplacement, heights);
+    cells = Raised(compared.cells, heights);
+    fit = Descend(cells, model, model.Low(), model.High(), fit.parameters, -1);
+  }
+  result.sigma = fit.Sigma();
+  DrawCurve(cells, model, fit, result);
+  result.standardError = StandardError(compared.cells, model, posedFit, result.sigma);
+  result.reason = WhyUnreliable(result, SigmaWithoutTurning(cells, model, fit));
+  result.reliable = result.reason.empty();
   return result;
 }
 
