@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "Core/Model/FieldTransform.h"
 #include "Core/Slicing/Pixels.h"
 #include "Data/SweepData.h"
 #include "FieldRenderer.h"
@@ -53,7 +54,7 @@ std::optional<Eigen::Matrix4d> ToEigen(vtkAbstractTransform* transform)
   auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(transform);
   if (!homogeneous)
   {
-    bigus::RefuseTransform(transform->GetClassName());
+    bigus::RefuseTransform("ResliceTransform", transform->GetClassName(), "planes");
   }
   homogeneous->Update();
   return ToEigen(homogeneous->GetMatrix());

@@ -3,10 +3,7 @@
 #include "vtkBigusTransformField.h"
 
 #include <algorithm>
-#include <sstream>
-#include <string>
 
-#include "Core/Model/Error.h"
 #include "Core/Model/FieldTransform.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
@@ -67,23 +64,14 @@ int vtkBigusTransformField::RequestData(vtkInformation*, vtkInformationVector** 
     auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(this->Transform);
     if (!homogeneous)
     {
-      throw bigus::Error(std::string("Transform is a ") + this->Transform->GetClassName() +
-                         ", which may bend space; give a linear transform, for example a vtkTransform.");
+      bigus::RefuseTransform("Transform", this->Transform->GetClassName(), "space");
     }
     homogeneous->Update();
     const double* elements = homogeneous->GetMatrix()->GetData();
     const Eigen::Matrix4d matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(elements);
     bigus::FieldToPolyData(bigus::Transformed(bigus::FieldFromPolyData(input), matrix), output);
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
-    std::ostringstream text;
-    text.precision(17);
-    std::string before = bigus::GetProvenance(input, "transform");
-    text << before << (before.empty() ? "" : "; then ");
-    for (int i = 0; i < 16; ++i)
-    {
-      text << (i ? " " : "") << elements[i];
-    }
-    bigus::SetProvenance(output, "transform", text.str());
+    bigus::SetProvenance(output, "transform", bigus::TransformText(bigus::GetProvenance(input, "transform"), matrix));
     return 1;
   }
   catch (const std::exception& error)

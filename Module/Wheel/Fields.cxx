@@ -146,6 +146,12 @@ void BindField(nb::module_& m)
           "__deepcopy__", [](const Field& field, nb::handle) { return Field(field); }, nb::arg("memo"))
       .def("__repr__",
            [](const Field& field) { return "<bigus.Field of " + std::to_string(field.Size()) + " Gaussians>"; });
+  m.def(
+      "transform_text",
+      [](const std::string& before, const InputDoubles& matrix)
+      { return TransformText(before, MatrixAt(matrix.data())); },
+      nb::arg("before"), nb::arg("matrix"));
+  m.def("refuse_transform", &RefuseTransform, nb::arg("property"), nb::arg("kind"), nb::arg("what"));
   // What VTK's arrays must be, for vtkdata.py; shapes are (components, tuples).
   using Shape = std::pair<int, std::int64_t>;
   m.attr("format_version") = kFieldFormatVersion;

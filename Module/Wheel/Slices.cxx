@@ -257,7 +257,6 @@ void BindSlices(nb::module_& m)
       "check_pixel_type",
       [](const std::string& type, bool isScattering) { CheckPixelType(type, OutputOf(isScattering)); }, nb::arg("type"),
       nb::arg("scattering"));
-  m.def("refuse_transform", &RefuseTransform, nb::arg("kind"));
 }
 
 }  // namespace bigus

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Model/FieldTransform.h"
 
+#include <sstream>
 #include <string>
 
 #include "Core/Model/Error.h"
@@ -53,6 +54,24 @@ GaussianField Transformed(GaussianField field, const Eigen::Matrix4d& transform)
   }
   field.Validate();
   return field;
+}
+
+std::string TransformText(const std::string& before, const Eigen::Matrix4d& transform)
+{
+  std::ostringstream text;
+  text.precision(17);
+  text << before << (before.empty() ? "" : "; then ");
+  for (int i = 0; i < 16; ++i)
+  {
+    text << (i ? " " : "") << transform(i / 4, i % 4);
+  }
+  return text.str();
+}
+
+void RefuseTransform(const std::string& property, const std::string& kind, const std::string& what)
+{
+  throw Error(property + " is a " + kind + ", which may bend " + what +
+              "; give a linear transform, for example a vtkTransform.");
 }
 
 }  // namespace bigus

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <string>
 
 #include "Core/Model/GaussianField.h"
 
@@ -19,5 +20,12 @@ namespace bigus
 /// stretches space differently in different directions (by more than 1e-6 of k), because the beam's thickness would
 /// then depend on where a plane points.
 GaussianField Transformed(GaussianField field, const Eigen::Matrix4d& transform);
+
+/// What provenance says of a transform that comes after those that `before` tells: its numbers row by row, exactly.
+std::string TransformText(const std::string& before, const Eigen::Matrix4d& transform);
+
+/// The error of a transform that is not linear. `property`: where it was given; `kind`: the name of its class; `what`: what
+/// it may bend.
+[[noreturn]] void RefuseTransform(const std::string& property, const std::string& kind, const std::string& what);
 
 }  // namespace bigus

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "Core/Model/Error.h"
 
@@ -198,12 +199,6 @@ OutputGrid ResliceGrid(const GivenGrid& given, const ResliceSettings& settings, 
     }
   }
   return grid;
-}
-
-void RefuseTransform(const std::string& kind)
-{
-  throw Error("ResliceTransform is a " + kind +
-              ", which may bend planes; give a linear transform, for example a vtkTransform.");
 }
 
 Eigen::Matrix4d OutputToWorld(const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform)

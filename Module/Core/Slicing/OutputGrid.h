@@ -7,7 +7,6 @@
 #include <array>
 #include <functional>
 #include <optional>
-#include <string>
 
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
@@ -66,9 +65,6 @@ struct ResliceSettings
 
 /// The grid of a reslice. Throws Error.
 OutputGrid ResliceGrid(const GivenGrid& given, const ResliceSettings& settings, const InputGrid& input);
-
-/// The error of a ResliceTransform that is not linear. `kind`: the name of its class.
-[[noreturn]] void RefuseTransform(const std::string& kind);
 
 /// From a grid's place along its axes, mm, to the field's frame. Throws Error unless that is affine.
 Eigen::Matrix4d OutputToWorld(const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform);

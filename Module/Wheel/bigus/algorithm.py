@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkTable
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
+from . import _core
 from .vtkdata import texts_to_vtk, to_vtk
 
 NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
@@ -271,6 +272,16 @@ def matrix_of(matrix: Optional[vtkMatrix4x4]) -> np.ndarray:
     if matrix is None:
         return np.eye(4)
     return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+
+
+def transform_matrix(transform: Any, name: str, what: str) -> Optional[np.ndarray]:
+    """The matrix of a linear transform, of None none; Error for one that may bend `what`."""
+    if transform is None:
+        return None
+    if not transform.IsA("vtkHomogeneousTransform"):
+        _core.refuse_transform(name, transform.GetClassName(), what)
+    transform.Update()
+    return matrix_of(transform.GetMatrix())
 
 
 def table_of(columns: dict[str, Any]) -> vtkTable:

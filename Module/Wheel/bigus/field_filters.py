@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from .algorithm import Algorithm, Choice, matrix_of, parts, properties
-from .vtkdata import field_of_polydata, ids_to_vtk, polydata_of_field, to_vtk
+from .algorithm import Algorithm, Choice, parts, properties, transform_matrix
+from .vtkdata import field_of_polydata, ids_to_vtk, polydata_of_field, set_provenance, to_vtk
 
 __all__ = ["vtkBigusFieldTensors", "vtkBigusPartitionField", "vtkBigusTransformField"]
 
@@ -36,24 +36,14 @@ class vtkBigusTransformField(Algorithm):
         super().__init__(("vtkPolyData",), ("vtkPolyData",))
 
     def _fill(self, data: list, outputs: list) -> None:
-        field, transform = field_of_polydata(data[0][0]), self.GetTransform()
-        if transform is not None:
-            if not transform.IsA("vtkHomogeneousTransform"):
-                raise _core.Error(f"Transform is a {transform.GetClassName()}, which may bend space; give a linear "
-                                  "transform, for example a vtkTransform.")
-            transform.Update()
-            field = self._moved(field, matrix_of(transform.GetMatrix()))
-        outputs[0].ShallowCopy(polydata_of_field(field))
-
-    @staticmethod
-    def _moved(field: Any, matrix: np.ndarray) -> Any:
-        key = "transform="
-        before = [line[len(key):] for line in field.provenance if line.startswith(key)]
-        text = "; then ".join([*before, " ".join(f"{element:.17g}" for element in matrix.ravel())])
-        moved = field.transformed(matrix)
-        lines = [key + text if line.startswith(key) else line for line in field.provenance]
-        moved.provenance = lines if before else [*lines, key + text]
-        return moved
+        field = field_of_polydata(data[0][0])
+        matrix = transform_matrix(self.GetTransform(), "Transform", "space")
+        outputs[0].ShallowCopy(polydata_of_field(field if matrix is None else field.transformed(matrix)))
+        if matrix is not None:
+            key = "transform="
+            before = [line[len(key):] for line in field.provenance if line.startswith(key)]
+            text = _core.transform_text(before[0] if before else "", matrix)
+            set_provenance(outputs[0].GetFieldData(), "transform", text)
 
 
 @properties(Tensor=Choice(0, ("StandardDeviation", "Covariance")))

@@ -22,7 +22,7 @@ from vtkmodules.vtkImagingCore import vtkImageStencilData
 
 from . import _core
 from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, Open, extent_of, getters, infos_of, matrix_of, parts, ports
-from .algorithm import properties, table_of, tell_image
+from .algorithm import properties, table_of, tell_image, transform_matrix
 from .files import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, read_field, write
 from .tasks import TrainingInterrupted, train
 from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, sweep_of_image, to_vtk
@@ -401,13 +401,7 @@ class vtkBigusReslice(vtkBigusFieldToImage):
         self.SetOutputDimensionality(2)
 
     def _transform(self) -> Optional[np.ndarray]:
-        transform = self.GetResliceTransform()
-        if transform is None:
-            return None
-        if not transform.IsA("vtkHomogeneousTransform"):
-            _core.refuse_transform(transform.GetClassName())
-        transform.Update()
-        return matrix_of(transform.GetMatrix())
+        return transform_matrix(self.GetResliceTransform(), "ResliceTransform", "planes")
 
     def _input_grid(self) -> Any:
         image = self.GetInformationInput()
