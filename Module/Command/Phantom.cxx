@@ -107,19 +107,20 @@ ExitCode MakePhantom(Console& console, const Options& options)
   const std::vector<std::string> files = WriteStack(stack, options.output, numbers, console);
 
   const int* size = stack->GetDimensions();
-  console.Print(NameOf(files) + ": " + std::to_string(size[2]) + (size[2] == 1 ? " frame of " : " frames of ") +
-                std::to_string(size[0]) + " x " + std::to_string(size[1]) +
-                " pixels; beam thickness (standard deviation) " + FormatNumber(options.source->GetElevationSigma(), 2) +
-                " mm");
-  console.Report({{"output", files},
-                  {"true_poses", options.truePosesFile.empty() ? Json() : Json(options.truePosesFile)},
-                  {"frames", size[2]},
-                  {"width", size[0]},
-                  {"height", size[1]},
-                  {"elevation_sigma", options.source->GetElevationSigma()},
-                  {"scatterers_per_resolution_cell", options.source->GetScatterersPerResolutionCell()},
-                  {"seed", options.source->GetSeed()},
-                  {"seconds", seconds}});
+  const Json answer = {{"output", files},
+                       {"true_poses", options.truePosesFile.empty() ? Json() : Json(options.truePosesFile)},
+                       {"frames", size[2]},
+                       {"width", size[0]},
+                       {"height", size[1]},
+                       {"elevation_sigma", options.source->GetElevationSigma()},
+                       {"scatterers_per_resolution_cell", options.source->GetScatterersPerResolutionCell()},
+                       {"seed", options.source->GetSeed()},
+                       {"seconds", seconds}};
+  console.Print(NameOf(files) + ": " +
+                Words(std::string("{frames}") + (size[2] == 1 ? " frame" : " frames") +
+                          " of {width} x {height} pixels; beam thickness (standard deviation) {elevation_sigma:2} mm",
+                      answer));
+  console.Report(answer);
   return Success;
 }
 

@@ -3,7 +3,6 @@
 // bigus slice: the field seen at any planes.
 #include <algorithm>
 #include <memory>
-#include <numeric>
 
 #include "Command.h"
 #include "Core/Model/FrameDistance.h"
@@ -53,9 +52,7 @@ Sweep LitSweep(const PlaneOptions& options, const SlicePlane& plane, Console& co
                 " pixels, but the images of " + options.poses + " " + std::to_string(sweep->width) + " x " +
                 std::to_string(sweep->height) + "; their sizes must agree.");
   }
-  std::vector<int> all(sweep->NumberOfFrames());
-  std::iota(all.begin(), all.end(), 0);
-  return sweep->LitBy(all);
+  return sweep->LitBy(AllFrames(*sweep));
 }
 
 /// Standard deviation of the beam that the planes trained on have in the field, mm.
@@ -84,8 +81,7 @@ vtkSmartPointer<vtkImageData> Distances(const Options& options, const Planes& pl
   sequence.path = options.recorded;
   sequence.chain = options.planes.chain;
   const Sweep sweep = ReadPosesOnly(sequence, console);
-  std::vector<int> frames(sweep.NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
+  const std::vector<int> frames = AllFrames(sweep);
   for (const int frame : frames)
   {
     sweep.Plane(frame).Validate(options.recorded + ", frame " + std::to_string(frame));
@@ -120,9 +116,9 @@ vtkSmartPointer<vtkImageData> Placed(vtkImageData* stack, const SlicePlane& plan
   return volume;
 }
 
-ExitCode Slice(Console& console, Options& options)
+/// Throws OutputError, before anything is rendered, where something could not be written.
+void RequireOutputs(const Options& options)
 {
-  const bool bytes = options.render.IsBytes();
   RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
                   {options.output, options.volume, options.coverage, options.distance});
   if (!options.volume.empty())
@@ -140,34 +136,28 @@ ExitCode Slice(Console& console, Options& options)
   }
   for (const std::string& path : {options.output, options.coverage, options.distance})
   {
-    if (HasSuffix(path, ".png") && (!bytes || path != options.output))
+    if (HasSuffix(path, ".png") && (!options.render.IsBytes() || path != options.output))
     {
       throw OutputError("Cannot write '" + path + "': PNG holds 8-bit intensities; name it .mha or .nrrd.");
     }
   }
+}
 
-  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
-  NoteTrackedPlanes(field, options.planes.poses, options.planes.chain, console);
-  const Planes planes = ReadPlanes(options.planes, console);
-  const SlicePlane& first = planes.planes.front();
+/// Stacks of images, one a plane; null where they were not asked for.
+struct Images
+{
+  vtkSmartPointer<vtkImageData> slices, coverage, distance;
+};
+
+/// Renders the planes, black where `probe` is a sweep that lights nothing. Returns seconds.
+double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe, const Images& images,
+              Console& console)
+{
   const int count = static_cast<int>(planes.planes.size());
-  if (!options.volume.empty() && count > 1)
-  {
-    throw Error("--volume holds one slice, and " + options.planes.poses + " has " + std::to_string(count) +
-                " planes; choose one with --frames.");
-  }
-  const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
-  const auto stack = NewStack(planes.planes, planes.timestamps, bytes);
-  const auto coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
-  const auto distance = options.distance.empty() ? nullptr : Distances(options, planes, console);
-
   vtkNew<vtkMatrix4x4> axes;
-  vtkNew<vtkBigusReslice> reslice;
-  Configure(reslice, field, options.render);
-  reslice->SetElevationSigma(options.elevationSigma);
-  reslice->SetOutputToFrame(axes, first.width, first.height);
+  reslice->SetOutputToFrame(axes, planes.planes.front().width, planes.planes.front().height);
   reslice->SetMaximumOutputPixels(VTK_ID_MAX);  // ReadPlanes has its own bound
-  reslice->SetGenerateCoverageOutput(coverage != nullptr);
+  reslice->SetGenerateCoverageOutput(images.coverage != nullptr);
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < count; ++k)
   {
@@ -175,45 +165,79 @@ ExitCode Slice(Console& console, Options& options)
     axes->DeepCopy(pose.data());
     Update(reslice, console, "Slicing", {k, count});
     Blacken(reslice->GetOutput(), probe);
-    SetImage(stack, k, reslice->GetOutput());
-    if (coverage)
+    SetImage(images.slices, k, reslice->GetOutput());
+    if (images.coverage)
     {
-      SetImage(coverage, k, reslice->GetCoverageOutput());
+      SetImage(images.coverage, k, reslice->GetCoverageOutput());
     }
   }
-  const double seconds = SecondsSince(start);
+  return SecondsSince(start);
+}
 
+/// Returns the names of the files that hold slices.
+std::vector<std::string> WriteImages(const Images& images, const Planes& planes, const Options& options,
+                                     Console& console)
+{
   std::vector<std::string> files;
   if (!options.output.empty())
   {
-    files = WriteStack(stack, options.output, planes.numbers, console);
+    files = WriteStack(images.slices, options.output, planes.numbers, console);
   }
   if (!options.volume.empty())
   {
-    WriteVolume(Placed(stack, first), options.volume, options.planes.world, console);
+    WriteVolume(Placed(images.slices, planes.planes.front()), options.volume, options.planes.world, console);
     files.push_back(options.volume);
   }
-  if (coverage)
+  if (images.coverage)
   {
-    WriteStack(coverage, options.coverage, planes.numbers, console);
+    WriteStack(images.coverage, options.coverage, planes.numbers, console);
   }
-  if (distance)
+  if (images.distance)
   {
-    WriteStack(distance, options.distance, planes.numbers, console);
+    WriteStack(images.distance, options.distance, planes.numbers, console);
   }
-  const double sigma = options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field);
-  console.Print(NameOf(files) + ": " + std::to_string(count) + (count == 1 ? " slice of " : " slices of ") +
-                std::to_string(first.width) + " x " + std::to_string(first.height) + " pixels, " +
-                FormatNumber(1000 * seconds / count, 1) + " ms each on " + reslice->GetDevice());
-  console.Report({{"output", files},
-                  {"slices", count},
-                  {"rejected", planes.rejected},
-                  {"width", first.width},
-                  {"height", first.height},
-                  {"elevation_sigma", sigma},
-                  {"trained_poses", TrainedPoses(field).empty() ? Json() : Json(TrainedPoses(field))},
-                  {"seconds", seconds},
-                  {"device", reslice->GetDevice()}});
+  return files;
+}
+
+ExitCode Slice(Console& console, Options& options)
+{
+  RequireOutputs(options);
+  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
+  NoteTrackedPlanes(field, options.planes.poses, options.planes.chain, console);
+  const Planes planes = ReadPlanes(options.planes, console);
+  const SlicePlane& first = planes.planes.front();
+  const std::size_t count = planes.planes.size();
+  if (!options.volume.empty() && count > 1)
+  {
+    throw Error("--volume holds one slice, and " + options.planes.poses + " has " + std::to_string(count) +
+                " planes; choose one with --frames.");
+  }
+  const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
+  Images images;
+  images.slices = NewStack(planes.planes, planes.timestamps, options.render.IsBytes());
+  images.coverage = options.coverage.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
+  images.distance = options.distance.empty() ? nullptr : Distances(options, planes, console);
+
+  vtkNew<vtkBigusReslice> reslice;
+  Configure(reslice, field, options.render);
+  reslice->SetElevationSigma(options.elevationSigma);
+  const double seconds = Render(reslice, planes, probe, images, console);
+  const std::vector<std::string> files = WriteImages(images, planes, options, console);
+  const std::string trainedPoses = TrainedPoses(field);
+  const Json answer = {{"output", files},
+                       {"slices", count},
+                       {"rejected", planes.rejected},
+                       {"width", first.width},
+                       {"height", first.height},
+                       {"elevation_sigma", options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field)},
+                       {"trained_poses", trainedPoses.empty() ? Json() : Json(trainedPoses)},
+                       {"seconds", seconds},
+                       {"device", reslice->GetDevice()}};
+  console.Print(
+      NameOf(files) + ": " +
+      Words(std::string("{slices}") + (count == 1 ? " slice" : " slices") + " of {width} x {height} pixels, ", answer) +
+      FormatNumber(1000 * seconds / static_cast<double>(count), 1) + " ms each on " + reslice->GetDevice());
+  console.Report(answer);
   return Success;
 }
 

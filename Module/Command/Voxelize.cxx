@@ -109,16 +109,16 @@ ExitCode Voxelize(Console& console, const Options& options)
   const int* size = volume->GetDimensions();
   const double* spacing = volume->GetSpacing();
   const double* origin = volume->GetOrigin();
-  console.Print(options.output + ": " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
-                std::to_string(size[2]) + " voxels of " + FormatNumber(spacing[0], 3) + " mm, " +
-                FormatNumber(seconds, 1) + " s on " + voxelizer->GetDevice());
-  console.Report({{"output", options.output},
-                  {"size", {size[0], size[1], size[2]}},
-                  {"spacing", {spacing[0], spacing[1], spacing[2]}},
-                  {"world_system", options.world == WorldSystem::Ras ? "ras" : "lps"},
-                  {"origin", {origin[0], origin[1], origin[2]}},
-                  {"seconds", seconds},
-                  {"device", voxelizer->GetDevice()}});
+  const Json answer = {{"output", options.output},
+                       {"size", {size[0], size[1], size[2]}},
+                       {"spacing", {spacing[0], spacing[1], spacing[2]}},
+                       {"world_system", options.world == WorldSystem::Ras ? "ras" : "lps"},
+                       {"origin", {origin[0], origin[1], origin[2]}},
+                       {"seconds", seconds},
+                       {"device", voxelizer->GetDevice()}};
+  console.Print("{output}: {size/0} x {size/1} x {size/2} voxels of {spacing/0:3} mm, {seconds:1} s on {device}",
+                answer);
+  console.Report(answer);
   return Success;
 }
 
