@@ -467,36 +467,5 @@ __global__ void __launch_bounds__(kBackwardThreads) TakeStep(BackwardTask task)
   Spend(gaussian, gradient, visited, task.field, task.adam, task.parameters->adam, task.guarded);
 }
 
-/// sums[block][Gaussian] += sum over planes and pixels of image * w: what the reflectivity solve needs. Launched as
-/// Backward.
-__global__ void __launch_bounds__(kBackwardThreads)
-    GatherZeroth(Lists lists, const float* images, int width, int height, float* sums)
-{
-  __shared__ float moments[kMoments][kBlock];
-  if (*lists.used > lists.capacity)
-  {
-    return;
-  }
-  const int b = blockIdx.x, i = threadIdx.x;
-  float sum = 0;
-  for (int view = 0; view < lists.views; ++view)
-  {
-    const Seen& seen = lists.seen[static_cast<std::size_t>(b) * lists.views + view];
-    if (seen.count == 0)
-    {
-      continue;
-    }
-    GatherAll<1>(lists.splats + seen.offset, seen.count, images + static_cast<std::size_t>(view) * width * height,
-                 width, height, moments);
-    const int k = i < kBlock ? RankIn(seen, i) : -1;
-    sum += k >= 0 ? moments[0][k] : 0.0f;
-    __syncthreads();
-  }
-  if (i < kBlock)
-  {
-    sums[static_cast<std::size_t>(b) * kBlock + i] += sum;
-  }
-}
-
 }  // namespace cuda
 }  // namespace bigus

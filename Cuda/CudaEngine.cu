@@ -12,12 +12,10 @@
 #include "Backward.h"
 #include "Core/Engine/BlockField.h"
 #include "Core/Engine/Checks.h"
-#include "Core/Numerics/ConjugateGradients.h"
 #include "CudaEngine.h"
 #include "CudaField.h"
 #include "CudaFrames.h"
 #include "CudaImageLosses.h"
-#include "Vector.h"
 #include "Workspace.h"
 
 namespace bigus
@@ -125,60 +123,6 @@ public:
            splats_.Bytes() + overlaps_.Bytes() + images_.Bytes() + rendered_.Bytes() + parameters_.Bytes();
   }
 
-  double SolveReflectivities(const std::vector<int>& frames, int iterations,
-                             const std::function<bool(double)>& progress) override
-  {
-    CheckFrames(frames_.GetSweep(), frames);
-    const Sweep& sweep = *frames_.GetSweep();
-    const Camera* const cameras = frames_.Cameras(field_.GetBeam());
-    // One pass over the frames for the right-hand side and one for each iteration.
-    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
-    double done = 0;
-    const std::size_t blocks = field_.Blocks(), slots = blocks * kBlock;
-    DeviceVector r(slots, work_.stream);
-    field_.CopyReflectivitiesTo(r.data());
-    SolveTask task{};
-    task.tiles = TilesOfWindow({0, sweep.width, 0, sweep.height});
-    task.sweep = frames_.View();
-    task.gamma = static_cast<float>(field_.Transfer().gamma);
-    const double residual = ConjugateGradients(
-        r, iterations,
-        [&](const DeviceVector& x, bool withTarget)
-        {
-          std::optional<DeviceVector> out(std::in_place, slots, work_.stream);
-          for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
-          {
-            const std::vector<int> batch(frames.begin() + first,
-                                         frames.begin() + std::min(first + kSolveBatch, frames.size()));
-            UploadBatch(batch);
-            work_.Grow(images_, batch.size() * sweep.PixelsPerFrame(), "images", kSmallerBatch);
-            task.vector = x.data();
-            task.frames = batch_.data();
-            task.withTarget = withTarget;
-            task.images = images_.data();
-            Repeat(
-                [&]
-                {
-                  task.lists = FindVisible(cameras, static_cast<int>(batch.size()), sweep.width, sweep.height,
-                                           task.tiles, FootprintsFor::Solving);
-                  Launch("solving", SolveTiles, Warps(task.tiles), batch.size(), kForwardWarps * kWarp, work_.stream,
-                         task);
-                  Launch("solving", GatherZeroth, blocks, 1, kBackwardThreads, work_.stream, task.lists, images_.data(),
-                         sweep.width, sweep.height, out->data());
-                });
-            done += static_cast<double>(batch.size());
-            if (progress && !progress(done / steps))
-            {
-              out.reset();
-              return out;
-            }
-          }
-          return out;
-        });
-    field_.SetReflectivities(r.data());
-    return residual;
-  }
-
   void SaveState(StateWriter& to) const override
   {
     BlockState<float> state = field_.State();
@@ -225,7 +169,6 @@ public:
   }
 
 private:
-  static constexpr std::size_t kSolveBatch = 64;                     // frames held at once while solving
   static constexpr std::size_t kStackPixels = std::size_t(1) << 25;  // of a stack, rendered at once
   static constexpr std::size_t kStackPlanes = 64;                    // the same; their lists are held too
 
@@ -333,8 +276,8 @@ private:
     const OverlapGrid grid = OverlapGrid::For(width, height);
     MakeRoom(views, grid, tiles);
     FindTask task{};
-    task.truncation = Truncation::For(purpose, accuracy_.tolerance / field_.Transfer().gamma, accuracy_.perSplat,
-                                      field_.Size(), purpose == FootprintsFor::Solving ? field_.MeanMagnitude() : 0.0);
+    task.truncation =
+        Truncation::For(purpose, accuracy_.tolerance / field_.Transfer().gamma, accuracy_.perSplat, field_.Size());
     task.overlaps = {overlaps_.data(), grid};
     task.field = field_.View();
     task.cameras = cameras;

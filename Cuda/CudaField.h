@@ -40,24 +40,6 @@ __global__ void __launch_bounds__(kBlock)
   out.updates[i] = in ? in->updates[k] : 0.0f;
 }
 
-/// Reflectivities into a vector, or back. Launched as Inherit.
-__global__ void __launch_bounds__(kBlock) CopyReflectivities(GaussianBlock<float>* gaussians, float* vector, bool back)
-{
-  float& inField = gaussians[blockIdx.x].reflectivity[threadIdx.x];
-  float& inVector = vector[static_cast<std::size_t>(blockIdx.x) * kBlock + threadIdx.x];
-  (back ? inField : inVector) = back ? inVector : inField;
-}
-
-/// Sums of |r|, a block each. Launched as Inherit.
-__global__ void __launch_bounds__(kBlock) SumMagnitudes(const GaussianBlock<float>* gaussians, double* sums)
-{
-  const double sum = BlockSum<kBlock>(static_cast<double>(std::abs(gaussians[blockIdx.x].reflectivity[threadIdx.x])));
-  if (threadIdx.x == 0)
-  {
-    sums[blockIdx.x] = sum;
-  }
-}
-
 class CudaField
 {
 public:
@@ -193,31 +175,6 @@ public:
     }
   }
 
-  /// Of the field's |r|; 1 where all are 0.
-  double MeanMagnitude()
-  {
-    const std::size_t blocks = gaussians_.size();
-    Launch("adding up reflectivities", SumMagnitudes, blocks, 1, kBlock, work_.stream, gaussians_.data(),
-           work_.losses.data());
-    const double sum = work_.Sum(work_.losses.data(), blocks);
-    return sum > 0 ? sum / static_cast<double>(order_.size()) : 1.0;
-  }
-
-  /// The reflectivities, slot by slot, into `vector`, or back from it.
-  void CopyReflectivitiesTo(float* vector)
-  {
-    Launch("copying reflectivities", CopyReflectivities, Blocks(), 1, kBlock, work_.stream, gaussians_.data(), vector,
-           false);
-  }
-  void SetReflectivities(float* vector)
-  {
-    Launch("copying reflectivities", CopyReflectivities, Blocks(), 1, kBlock, work_.stream, gaussians_.data(), vector,
-           true);
-    Launch("measuring blocks", MeasureBlocks, Blocks(), 1, kBackwardThreads, work_.stream, View());
-    // The needles' exact copies have the old reflectivities; shapes did not change, but float's are near enough.
-    ForgetSharp();
-  }
-
   std::size_t Bytes() const
   {
     return gaussians_.Bytes() + places_.Bytes() + sharpSlots_.Bytes() + sharp_.Bytes() + adam_.Bytes();
@@ -274,11 +231,6 @@ private:
       }
     }
     return false;
-  }
-
-  void ForgetSharp()
-  {
-    Check(cudaMemsetAsync(sharpSlots_.data(), 0xff, sharpSlots_.size() * sizeof(int), work_.stream), "clearing");
   }
 
   void InheritAdam(const std::vector<std::uint32_t>& order, std::size_t blocks, const std::vector<int>* parents)

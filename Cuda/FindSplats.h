@@ -127,9 +127,7 @@ __device__ Gaussian<T> LoadGaussian(const GaussianBlock<T>& block, int i)
 template <class T>
 __device__ T MagnitudeOf(const Truncation& truncation, const Gaussian<T>& gaussian)
 {
-  return truncation.commonMagnitude > 0
-             ? static_cast<T>(truncation.commonMagnitude)
-             : max(std::abs(gaussian.reflectivity), static_cast<T>(truncation.leastMagnitude));
+  return max(std::abs(gaussian.reflectivity), static_cast<T>(truncation.leastMagnitude));
 }
 
 /// Projects one Gaussian in T and finds its footprint in the window; false when it has none.

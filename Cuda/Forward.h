@@ -28,22 +28,14 @@ struct Lists
   unsigned long long capacity;
 };
 
-/// What footprints are multiplied with: their Gaussians' reflectivity, numbers of a vector, or 1.
+/// What footprints are multiplied with: their Gaussians' reflectivity, or 1.
 struct OwnReflectivity
 {
-  __device__ float operator()(int, const DeviceSplat& s) const { return s.reflectivity; }
-};
-struct NumberOfVector
-{
-  const float* vector;  // [blocks][kBlock]
-  __device__ float operator()(int block, const DeviceSplat& s) const
-  {
-    return vector[static_cast<std::size_t>(block) * kBlock + s.gaussian];
-  }
+  __device__ float operator()(const DeviceSplat& s) const { return s.reflectivity; }
 };
 struct One
 {
-  __device__ float operator()(int, const DeviceSplat&) const { return 1.0f; }
+  __device__ float operator()(const DeviceSplat&) const { return 1.0f; }
 };
 
 /// p / q to two roundings.
@@ -223,7 +215,7 @@ __device__ void AddTile(const Lists& lists, const Values& values, int view, cons
                                      [&](int k)
                                      {
                                        const DeviceSplat& s = splats[first + k];
-                                       AddSplat(s, values(block, s), strip, sums);
+                                       AddSplat(s, values(s), strip, sums);
                                      });
                           }
                         });
@@ -466,50 +458,6 @@ __global__ void __launch_bounds__(kPixelThreads) ToDerivatives(PixelTask task)
   if (threadIdx.x == 0)
   {
     task.losses[static_cast<std::size_t>(blockIdx.y) * gridDim.x + blockIdx.x] = loss;
-  }
-}
-
-struct SolveTask
-{
-  Lists lists;
-  Tiles tiles;
-  const float* vector;  // [blocks][kBlock] in place of reflectivities
-  const int* frames;
-  Frames sweep;
-  float gamma;
-  bool withTarget;
-  float* images;
-};
-
-/// omega (S - [target] S_gt), omega = (1 - I_gt)^2: see Engine::SolveReflectivities. Launched as
-/// RenderTiles.
-__global__ void __launch_bounds__(kForwardWarps* kWarp) SolveTiles(SolveTask task)
-{
-  int tile;
-  if (!FindTile(task.lists, task.tiles, tile))
-  {
-    return;
-  }
-  const int view = blockIdx.y, frame = task.frames[view];
-  const Box box = task.tiles.At(tile);
-  const Strip strip(box);
-  float sums[kRun] = {};
-  AddTile(task.lists, NumberOfVector{task.vector}, view, box, strip, sums);
-  const int width = task.sweep.width, height = task.sweep.height;
-#pragma unroll
-  for (int n = 0; n < kRun; ++n)
-  {
-    if (strip.column >= width || strip.row + n >= height)
-    {
-      continue;
-    }
-    const std::size_t pixel = static_cast<std::size_t>(strip.row + n) * width + strip.column;
-    const float truth = task.sweep.Truth(frame, pixel), fade = 1.0f - truth;
-    // TransferFunction::Scattering, which is for the host
-    const float bounded = min(max(truth, 0.0f), static_cast<float>(1.0 - 1.0 / 510.0));
-    const float target = task.withTarget ? -log1pf(-bounded) / task.gamma : 0.0f;
-    task.images[static_cast<std::size_t>(view) * width * height + pixel] =
-        task.sweep.Counts(pixel) * fade * fade * (sums[n] - target);
   }
 }
 

@@ -202,7 +202,7 @@ def draw_curve(folder, answer):
     decided = sum(d["seconds"] for d in answer["decisions"])
     first = seconds[0] if seconds else answer["seconds"]
     for begin, end, what, shade in ((0, min(decided, first), "deciding", "#eef1f4"),
-                                    (min(decided, first), first, "solving for reflectivities", "#dfe5ea")):
+                                    (min(decided, first), first, "seeding", "#dfe5ea")):
         if end - begin > 0.01 * answer["seconds"]:
             axes.axvspan(begin, end, color=shade, zorder=0)
             axes.text((begin + end) / 2, 0.5, what, rotation=90, ha="center", va="center", fontsize=8, color="#555555",

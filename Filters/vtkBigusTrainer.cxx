@@ -77,9 +77,6 @@ std::string ProgressLine(const bigus::TrainingProgress& progress)
     case Phase::Seeding:
       line << "seeding";
       break;
-    case Phase::Solving:
-      line << "solving for reflectivities";
-      break;
     case Phase::Training:
       line << "iteration " << progress.record.iteration << ", loss " << progress.record.loss;
       break;

@@ -231,8 +231,6 @@ public:
   vtkBigusNumberOptionMacro(ReflectivityRate, double);
   /** Share of the steps that is left at the end. Values: 1e-06 to 1. Default: 0.1. */
   vtkBigusNumberOptionMacro(FinalRate, double);
-  /** Conjugate-gradient steps on the reflectivities before training. Values: 0 to 1000. Default: 0. */
-  vtkBigusNumberOptionMacro(SolveIterations, int);
   /** How much cutting off a Gaussian's footprint may change a pixel's intensity. Values: 0 to 1. Default: 0.0001. */
   vtkBigusNumberOptionMacro(Tolerance, double);
   /**

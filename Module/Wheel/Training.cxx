@@ -18,7 +18,7 @@ namespace
 
 const char* NameOf(TrainingProgress::Phase phase)
 {
-  const char* const names[] = {"deciding", "seeding", "solving", "training"};
+  const char* const names[] = {"deciding", "seeding", "training"};
   return names[static_cast<int>(phase)];
 }
 

@@ -254,7 +254,7 @@ TEST(CpuEngine, EveryInstructionSetOfThisMachineEqualsTheReference)
   }
 }
 
-/// Three training steps and a reflectivity solve, then all parameters as bytes.
+/// Three training steps, then all parameters as bytes.
 std::vector<double> TrainBriefly(const std::string& name, int threads)
 {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -262,7 +262,6 @@ std::vector<double> TrainBriefly(const std::string& name, int threads)
   const auto engine = bigus::Engine::Create(name);
   engine->SetFrames(problem.sweep);
   engine->SetField(problem.field);
-  engine->SolveReflectivities({0, 1, 2, 3}, 3);
   for (int i = 0; i < 3; ++i)
   {
     engine->TrainStep({i, i + 1}, bigus::Loss(), {0.1, 0.05, 0.05, 0.02}, {});
@@ -416,55 +415,6 @@ TEST_P(FastEngine, AWindowHoldsTheBitsOfTheWhole)
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, FastEngine, testing::ValuesIn(FastEngines()), EngineTestName);
-
-TEST(Engine, SolvesForReflectivities)
-{
-  // Frames rendered from a known field: solving from zero must find its reflectivities where frames see them.
-  for (const std::string& name : bigus::Engine::Names())
-  {
-    Random random(5);
-    bigus::GaussianField field = bigus::test::RandomField(random, 20, 4.0, 0.6, 1.2, 0.4);
-    for (double& r : field.reflectivities)
-    {
-      r = std::abs(r) + 0.1;
-    }
-    std::vector<bigus::SlicePlane> planes;
-    for (int i = -4; i <= 4; ++i)
-    {
-      bigus::SlicePlane plane;
-      plane.columnStep = {0.5, 0, 0};
-      plane.rowStep = {0, 0.5, 0};
-      plane.width = plane.height = 24;
-      plane.origin = {-6, -6, 1.0 * i};
-      planes.push_back(plane);
-    }
-    auto sweep = bigus::test::RandomSweep(random, planes, 0, 1);
-    const auto engine = bigus::Engine::Create(name);
-    engine->SetAccuracy({0.0, true});
-    engine->SetField(field);
-    auto pixels = std::make_shared<std::vector<float>>(9 * 24 * 24);
-    for (int i = 0; i < 9; ++i)
-    {
-      engine->Render(planes[i], bigus::ViewOutput::Intensity, pixels->data() + i * 24 * 24);
-    }
-    sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
-    bigus::GaussianField blank = field;
-    for (double& r : blank.reflectivities)
-    {
-      r = 0;
-    }
-    engine->SetFrames(sweep);
-    engine->SetField(blank);
-    engine->SetAccuracy({0.0, true});
-    const double residual = engine->SolveReflectivities({0, 1, 2, 3, 4, 5, 6, 7, 8}, 60);
-    EXPECT_LT(residual, 1e-3) << name;
-    const bigus::GaussianField solved = engine->GetField();
-    for (std::size_t i = 0; i < field.Size(); ++i)
-    {
-      EXPECT_NEAR(solved.reflectivities[i], field.reflectivities[i], 0.02) << name << " Gaussian " << i;
-    }
-  }
-}
 
 TEST(Engine, RefusesWhatItCannotDo)
 {

@@ -358,7 +358,6 @@ TEST_F(Allocations, TrainingWithEverythingOn)
   options.automatic = false;
   options.gaussians = 150;
   options.iterations = 8;
-  options.solveIterations = 1;
   options.virtualPlanes = 1;
   options.interpolation = bigus::FrameInterpolation::Parse("probe+flow");
   options.loss = bigus::Loss::Parse("l1+0.2*dssim+0.1*ffl+contrast");

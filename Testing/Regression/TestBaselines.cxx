@@ -181,7 +181,6 @@ TEST(Baseline, Brain)
   trainer->SetAutomatic(false);  // what trials decide is not what this picture is about
   trainer->SetGaussians(5000);
   trainer->SetIterations(0);
-  trainer->SetSolveIterations(0);
   trainer->SetVirtualPlanes(0);
   trainer->Update();
   ASSERT_EQ(trainer->GetOutput()->GetNumberOfPoints(), 5000);

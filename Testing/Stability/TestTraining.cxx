@@ -199,19 +199,6 @@ TEST_P(Training, AGaussianThatNoFrameSeesStaysWhereItIs)
   EXPECT_GT(moved, 5u);  // those the plane crosses
 }
 
-TEST_P(Training, ReflectivitiesSolvedOnBlackAndSaturatedFrames)
-{
-  std::size_t nonFinite = 0;
-  for (const double level : {0.0, 0.5, 1.0})
-  {
-    Random random(65);
-    engine_->SetField(BadField(random, 200));
-    engine_->SetFrames(BadFrames(random, level, level));
-    nonFinite += !std::isfinite(engine_->SolveReflectivities({0, 1, 2, 3}, 10)) + CountNonFinite(engine_->GetField());
-  }
-  ConcludeFinite("training", "reflectivities solved from a bad start", GetParam(), 0, nonFinite);
-}
-
 INSTANTIATE_TEST_SUITE_P(Engines, Training, ::testing::ValuesIn(FastEngines()), EngineTestName);
 
 }  // namespace

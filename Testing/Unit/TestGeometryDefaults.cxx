@@ -74,7 +74,6 @@ TEST(GeometryDefaults, WhatIsGivenStays)
   options.elevationSigma = 0.6;
   options.virtualPlanes = 3;
   options.iterations = 5;
-  options.solveIterations = 2;
   options.interpolation = FrameInterpolation{FrameInterpolation::Path::Probe, true};
   options.batch = 3;
   options.frameGains = true;
@@ -83,7 +82,6 @@ TEST(GeometryDefaults, WhatIsGivenStays)
   EXPECT_EQ(plan.elevationSigma, 0.6);
   EXPECT_EQ(plan.virtualPlanes, 3);
   EXPECT_EQ(plan.iterations, 5);
-  EXPECT_EQ(plan.solveIterations, 2);
   EXPECT_EQ(plan.interpolation.ToString(), "probe+flow");
   EXPECT_EQ(plan.batch, 3);
   EXPECT_TRUE(plan.frameGains);

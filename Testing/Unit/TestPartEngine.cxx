@@ -216,26 +216,6 @@ TEST(PartEngine, GradientsAndScoresAreThoseOfTheWholeField)
   }
 }
 
-TEST(PartEngine, SolvesForReflectivities)
-{
-  const Problem problem = RandomProblem(11, 200, 6, 3, 0.3, 30, 26);
-  const auto solve = [&](Engine& engine)
-  {
-    engine.SetFrames(problem.sweep);
-    engine.SetField(problem.field);
-    const double residual = engine.SolveReflectivities({0, 1, 2}, 4, {});
-    std::vector<double> numbers = engine.GetField().reflectivities;
-    numbers.push_back(residual);
-    return numbers;
-  };
-  const std::vector<double> truth = solve(*Engine::Create("cpu-double"));
-  for (const int processes : kProcesses)
-  {
-    // What is cut off there depends on the mean |r| of a part.
-    EXPECT_LT(RelativeError(truth, Answers<std::vector<double>>(processes, "cpu-double", solve)[0]), 1e-3);
-  }
-}
-
 TEST(PartEngine, EnginesThatCannotSaySo)
 {
   const auto errors = InThreads(2, [](Exchange& exchange) { CreatePartEngine("reference", &exchange); });

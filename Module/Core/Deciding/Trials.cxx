@@ -187,7 +187,7 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
   const std::string state = keeper_.TakeTrial(name);
   if (state.empty())
   {
-    loop.Begin(loop.SeedAndSolve());
+    loop.Begin(loop.SeedStart());
   }
   else
   {

@@ -102,7 +102,7 @@ public:
   virtual GaussianField Gather(FieldPart part) const { return std::move(part.field); }
 
   /// From now on the engine's field is a part of one, and what it trains on is the sum of S of the parts of all
-  /// processes, each of which calls Backpropagate, TrainStep and SolveReflectivities as this one does. Null: it has the
+  /// processes, each of which calls Backpropagate and TrainStep as this one does. Null: it has the
   /// whole field. The exchange must outlive the engine. By default throws Error, since not every engine can.
   virtual void SetExchange(Exchange* exchange);
 
@@ -153,13 +153,6 @@ public:
   /// Bytes the engine holds: field, optimizer state, scores, what the last step needed. Frames are shared
   /// with their owner and not counted.
   virtual std::size_t MemoryUse() const = 0;
-
-  /// Weighted least squares for all reflectivities with the geometry fixed (S is linear in r): conjugate
-  /// gradients on sum_p (1 - I_gt)^2 (S - S_gt)^2 over `frames`, from the present values. `progress` (may be
-  /// empty) gets the fraction done; when it returns false the solve stops and keeps what it has. Returns the
-  /// relative residual.
-  virtual double SolveReflectivities(const std::vector<int>& frames, int iterations,
-                                     const std::function<bool(double)>& progress = {}) = 0;
 
   /// All that further steps depend on, frames and accuracy apart: field, optimizer state, scores. LoadState of an engine
   /// of the same name, which computes with the same instructions, goes on with the same bits. LoadState throws Error for

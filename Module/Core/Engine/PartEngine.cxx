@@ -198,12 +198,6 @@ public:
 
   std::size_t MemoryUse() const override { return own_->MemoryUse() + places_.capacity() * sizeof(places_[0]); }
 
-  double SolveReflectivities(const std::vector<int>& frames, int iterations,
-                             const std::function<bool(double)>& progress) override
-  {
-    return own_->SolveReflectivities(frames, iterations, progress);
-  }
-
   /// Of this process's part alone. All are loaded in as many processes.
   void SaveState(StateWriter& to) const override
   {

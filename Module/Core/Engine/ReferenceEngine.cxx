@@ -16,7 +16,6 @@
 #include "Core/Engine/Packing.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/PixelLoss.h"
-#include "Core/Numerics/ConjugateGradients.h"
 
 namespace bigus
 {
@@ -159,47 +158,6 @@ public:
   {
     return gaussians_.capacity() * sizeof(gaussians_[0]) + adam_.capacity() * sizeof(adam_[0]) +
            gradient_.capacity() * sizeof(gradient_[0]) + scores_.capacity() * sizeof(scores_[0]);
-  }
-
-  double SolveReflectivities(const std::vector<int>& frames, int iterations,
-                             const std::function<bool(double)>& progress) override
-  {
-    CheckFrames(sweep_, frames);
-    // One pass over the frames for the right-hand side and one for each iteration.
-    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
-    double done = 0;
-    std::vector<double> r = Reflectivities();
-    const double residual = ConjugateGradients(
-        r, iterations,
-        [&](const std::vector<double>& x, bool withTarget)
-        {
-          std::vector<double> out(x.size(), 0.0);
-          for (int frame : frames)
-          {
-            const std::vector<Projection<double>> projections = ProjectAll(sweep_->Plane(frame));
-            std::vector<double> image = Scattering(projections, x);
-            const std::vector<float> truth = Frame(frame);
-            for (std::size_t pixel = 0; pixel < image.size(); ++pixel)
-            {
-              const double fade = 1.0 - truth[pixel];
-              const double weight = sweep_->IsLit(pixel) ? fade * fade : 0.0;
-              const double target = withTarget ? transfer_.Scattering<double>(truth[pixel]) : 0.0;
-              image[pixel] = weight * (image[pixel] - target);
-            }
-            tbb::parallel_for(std::size_t(0), x.size(),
-                              [&](std::size_t i) { out[i] += GatherMoments(projections[i].splat, image).m0; });
-            if (progress && !progress(++done / steps))
-            {
-              return std::optional<std::vector<double>>();
-            }
-          }
-          return std::make_optional(std::move(out));
-        });
-    for (std::size_t i = 0; i < r.size(); ++i)
-    {
-      gaussians_[i].reflectivity = r[i];
-    }
-    return residual;
   }
 
   void SaveState(StateWriter& to) const override

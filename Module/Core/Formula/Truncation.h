@@ -18,8 +18,7 @@ namespace bigus
 enum class FootprintsFor
 {
   Rendering,  ///< each ends where its own |r| w falls below its share
-  Training,   ///< the same, but |r| counts as at least Truncation::leastMagnitude
-  Solving     ///< all end as if every |r| were the field's mean, because r changes while footprints stay
+  Training    ///< the same, but |r| counts as at least Truncation::leastMagnitude
 };
 
 /// How much may be dropped, on S. Unless the tolerance is on each splat, all that is dropped at any pixel adds up to at
@@ -29,28 +28,23 @@ enum class FootprintsFor
 struct Truncation
 {
   double tolerance;
-  bool isShared;                         // the tolerance bounds the sum, not each splat
-  double floor;                          // least contribution that is counted; the tolerance where it is not shared
-  double commonMagnitude;                // stands for every |r|; 0: each has its own
-  double leastMagnitude;                 // or at least this
-  double logCommon, logLeast, logFloor;  // logarithms of them
+  bool isShared;              // the tolerance bounds the sum, not each splat
+  double floor;               // least contribution that is counted; the tolerance where it is not shared
+  double leastMagnitude;      // |r| counts as at least this
+  double logLeast, logFloor;  // logarithms of them
 
   /// In training a Gaussian is cut as if |r| were at least 7.4 times the tolerance, so that two standard deviations of
   /// it (e^2 = 7.4) are always seen. Else one whose r comes to lie within the tolerance of 0, as some do in every step,
   /// would be left out from then on, and with it the gradient that could bring it back.
   static double LeastMagnitude(double tolerance) { return max(7.4 * tolerance, 1e-30); }
 
-  /// `meanMagnitude` is the field's mean |r|, needed for Solving only.
-  static Truncation For(FootprintsFor purpose, double tolerance, bool perSplat, std::size_t gaussians,
-                        double meanMagnitude)
+  static Truncation For(FootprintsFor purpose, double tolerance, bool perSplat, std::size_t gaussians)
   {
     Truncation out{};
     out.tolerance = tolerance;
-    out.isShared = !perSplat && purpose != FootprintsFor::Solving && tolerance > 0 && gaussians > 0;
+    out.isShared = !perSplat && tolerance > 0 && gaussians > 0;
     out.floor = out.isShared ? tolerance / (2.0 * static_cast<double>(gaussians)) : tolerance;
-    out.commonMagnitude = purpose == FootprintsFor::Solving ? meanMagnitude : 0.0;
     out.leastMagnitude = purpose == FootprintsFor::Rendering ? 0.0 : LeastMagnitude(tolerance);
-    out.logCommon = std::log(out.commonMagnitude);
     out.logLeast = std::log(out.leastMagnitude);
     out.logFloor = std::log(out.floor);
     return out;
@@ -60,10 +54,7 @@ struct Truncation
   BIGUS_FORMULA double Share(std::uint32_t most) const { return isShared ? 0.5 * tolerance / most : tolerance; }
 
   /// ln of the largest magnitude that a Gaussian of a block stands for.
-  BIGUS_FORMULA double LogMagnitude(const BlockPlace& place) const
-  {
-    return commonMagnitude > 0 ? logCommon : max(place.logMagnitude, logLeast);
-  }
+  BIGUS_FORMULA double LogMagnitude(const BlockPlace& place) const { return max(place.logMagnitude, logLeast); }
 };
 
 /// Square tiles of an image on which Gaussians are counted.

@@ -346,7 +346,7 @@ void Training::MakeLoop()
   }
   else
   {
-    loop_->Begin(loop_->SeedAndSolve());
+    loop_->Begin(loop_->SeedStart());
   }
 }
 

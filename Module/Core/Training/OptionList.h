@@ -138,8 +138,6 @@ void ForEachOption(Options& options, const Visit& visit)
       OptionInfo{"ReflectivityRate", fine, "First step of the reflectivities, in units of their mean magnitude", 0, 10},
       options.reflectivityRate);
   visit(OptionInfo{"FinalRate", fine, "Share of the steps that is left at the end", kAboveZero, 1}, options.finalRate);
-  visit(OptionInfo{"SolveIterations", fine, "Conjugate-gradient steps on the reflectivities before training", 0, 1000},
-        options.solveIterations);
   visit(
       OptionInfo{"Tolerance", fine, "How much cutting off a Gaussian's footprint may change a pixel's intensity", 0, 1},
       options.tolerance);

@@ -44,7 +44,6 @@ struct TrainingSettings
   std::optional<Loss> finalLoss;    ///< weights move linearly from `loss` to these during training; empty: they stay
   bool ignoreMasked = false;       ///< true: no pixel never lit counts in the loss; false: those far from lit are black
   double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
-  int solveIterations = 0;         ///< conjugate-gradient steps on r at the start, 0 to 1000
   double meanRate = 0.3;           ///< Adam step for means, pixels
   double shapeRate = 0.08;         ///< Adam step for log-scales and rotation (radian)
   double reflectivityRate = 0.15;  ///< Adam step for r, in units of mean |r|

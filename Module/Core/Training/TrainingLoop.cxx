@@ -213,8 +213,8 @@ constexpr double kFirstDensification = 0.1, kLastDensification = 0.6;
 /// Lines of the log that a training of many iterations writes; each costs a pass over the validation frames.
 constexpr int kLogLines = 100;
 
-/// Share of the progress bar that seeding and solving take.
-constexpr double kSolvingShare = 0.1;
+/// Share of the progress bar that seeding takes.
+constexpr double kSeedingShare = 0.1;
 
 /// Seconds that a time limit leaves to training at the least, so that nothing is divided by 0.
 constexpr double kLeastTime = 1e-3;
@@ -546,7 +546,7 @@ void TrainingLoop::UploadTargets()
   engine_->SetFrames(WithCountedPixels(*targetSweep_, plan_.ignoreMasked));
 }
 
-Start TrainingLoop::SeedAndSolve()
+Start TrainingLoop::SeedStart()
 {
   TargetFrames(FirstCoarsenessFor(plan_.gaussians));
   Start start;
@@ -554,13 +554,6 @@ Start TrainingLoop::SeedAndSolve()
                      {plan_.seeding, plan_.gaussians, plan_.seed, plan_.sparse});
   engine_->SetField(start.field);
   ScaleReflectivities(*engine_, *targetSweep_, frames_, start.field);
-  if (plan_.solveIterations > 0 && !aborted_)
-  {
-    TargetPlanes({});
-    engine_->SolveReflectivities(targets_, plan_.solveIterations,
-                                 [this](double fraction)
-                                 { return Proceed(TrainingProgress::Phase::Solving, kSolvingShare * fraction); });
-  }
   // Only the reflectivities are the engine's: it rounds places.
   start.field.reflectivities = engine_->GetField().reflectivities;
   return start;
@@ -947,7 +940,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     const double pace = (Seconds() - stageStart) / (iteration - stageFirst);
     report_.secondsLeft = SecondsLeft(iteration, pace);
     secondsOfSecondStage_ = (1 - kFirstStage) * Growth() * pace * plan_.iterations;
-    Proceed(TrainingProgress::Phase::Training, kSolvingShare + (1 - kSolvingShare) * fraction);
+    Proceed(TrainingProgress::Phase::Training, kSeedingShare + (1 - kSeedingShare) * fraction);
     course.trainingTime = Seconds() - trainingStart;
     if (keeping_.due && !isFinished && !aborted_ && keeping_.due())
     {

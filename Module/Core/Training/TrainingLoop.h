@@ -58,7 +58,7 @@ std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMa
 /// The step sizes that a training of such a field begins with.
 LearningRates FirstRates(const TrainingPlan& plan, const GaussianField& field);
 
-/// One training: Begin (with what SeedAndSolve gives, say) or Resume, then Run.
+/// One training: Begin (with what SeedStart gives, say) or Resume, then Run.
 class TrainingLoop
 {
 public:
@@ -71,7 +71,7 @@ public:
   ~TrainingLoop();
 
   /// Seeds over the volume of the frames, scaled and solved so that their renderings are near the frames.
-  Start SeedAndSolve();
+  Start SeedStart();
 
   /// Trains from `start`, which is of the plan's beam.
   void Begin(Start start);

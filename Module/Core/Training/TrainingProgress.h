@@ -27,7 +27,6 @@ struct TrainingProgress
   {
     Deciding,
     Seeding,
-    Solving,
     Training
   };
   Phase phase = Phase::Deciding;

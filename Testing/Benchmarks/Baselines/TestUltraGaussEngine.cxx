@@ -158,10 +158,4 @@ TEST(UltraGaussEngine, TrainsAndDoesNotDependOnTheNumberOfThreads)
   }
 }
 
-TEST(UltraGaussEngine, RefusesToSolveForReflectivities)
-{
-  const auto engine = bigus::CreateUltraGaussEngine();
-  EXPECT_THROW(engine->SolveReflectivities({0}, 1), bigus::Error);
-}
-
 }  // namespace

@@ -176,11 +176,6 @@ public:
            scores_.size() * sizeof(scores_[0]);
   }
 
-  double SolveReflectivities(const std::vector<int>&, int, const std::function<bool(double)>&) override
-  {
-    throw Error("Engine: the weighted mean of UltraGauss cannot be solved for reflectivities; train without solving.");
-  }
-
   FieldGradient GetGradient() const override { return UnpackGradient(gradient_); }
 
   Scores GetScores() const override

@@ -15,9 +15,8 @@ namespace bigus
 ///     I = S / W,   S = sum_i r_i w_i,   W = 1e-3 + sum_i w_i
 ///
 /// without a transfer function. It is meant for r in [0, 1] and a beam without thickness. Footprints end where w falls
-/// below Accuracy::tolerance; no bound on I is promised. SolveReflectivities throws Error, because I does not become
-/// linear in r by any inverse of a transfer function. It computes in double, on all threads, without SIMD: some ten times
-/// slower than the engine "cpu".
+/// below Accuracy::tolerance; no bound on I is promised. It computes in double, on all
+/// threads, without SIMD: some ten times slower than the engine "cpu".
 std::unique_ptr<Engine> CreateUltraGaussEngine();
 
 }  // namespace bigus

@@ -436,7 +436,7 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
   task.view = MakeView<float>(plane, {0}, Eigen::Vector3d::Zero());
   task.columnEnd = plane.width;
   task.rowEnd = plane.height;
-  task.commonMagnitude = 1;
+  task.leastMagnitude = 1;  // of every Gaussian
   task.slab = 1;
   task.tolerance = std::exp(-4.5f);  // where w falls below this: three standard deviations
   RandomNumbers random(5);

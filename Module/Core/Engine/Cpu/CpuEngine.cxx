@@ -30,7 +30,6 @@
 #include "Core/Engine/InstructionSets.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/Truncation.h"
-#include "Core/Numerics/ConjugateGradients.h"
 
 namespace bigus
 {
@@ -39,37 +38,6 @@ namespace
 
 constexpr int kSmallestBand = 32,
               kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
-
-/// Unknowns of a field's part for ConjugateGradients: a product with others is that of the whole field's.
-template <class T>
-struct Unknowns
-{
-  std::vector<T> values;
-  Exchange* exchange;  // null: they are all
-};
-
-template <class T>
-double Dot(const Unknowns<T>& p, const Unknowns<T>& q)
-{
-  double sum = bigus::Dot(p.values, q.values);
-  if (p.exchange)
-  {
-    p.exchange->Sum(&sum, 1);
-  }
-  return sum;
-}
-
-template <class T>
-void AddScaled(Unknowns<T>& y, double alpha, const Unknowns<T>& x)
-{
-  bigus::AddScaled(y.values, alpha, x.values);
-}
-
-template <class T>
-void ScaleAndAdd(Unknowns<T>& y, double beta, const Unknowns<T>& x)
-{
-  bigus::ScaleAndAdd(y.values, beta, x.values);
-}
 
 template <class T>
 class CpuEngine final : public Engine
@@ -199,62 +167,6 @@ public:
            buffers;
   }
 
-  double SolveReflectivities(const std::vector<int>& frames, int iterations,
-                             const std::function<bool(double)>& progress) override
-  {
-    CheckFrames(sweep_, frames);
-    // One pass over the frames for the right-hand side and one for each iteration.
-    const double steps = (iterations + 1.0) * static_cast<double>(frames.size());
-    double done = 0;
-    Unknowns<T> r{field_.Reflectivities(), exchange_};
-    const double residual = ConjugateGradients(
-        r, iterations,
-        [&](const Unknowns<T>& x, bool withTarget)
-        {
-          Unknowns<T> out{std::vector<T>(x.values.size(), T(0)), exchange_};
-          for (std::size_t first = 0; first < frames.size(); first += kSolveBatch)
-          {
-            const std::vector<int> batch(frames.begin() + first,
-                                         frames.begin() + std::min(first + kSolveBatch, frames.size()));
-            ForwardFrames(batch, x.values.data(),
-                          [&](const T* truth, const T* counts, T* line)
-                          {
-                            for (int column = 0; column < sweep_->width; ++column)
-                            {
-                              const T fade = T(1) - truth[column];
-                              const T target = withTarget ? field_.Transfer().Scattering(truth[column]) : T(0);
-                              line[column] = counts[column] * fade * fade * (line[column] - target);
-                            }
-                            return 0.0;
-                          });
-            visible_.ForBlocks(
-                [&](std::size_t slot)
-                {
-                  MomentBlock<T> moments;
-                  for (std::size_t f = 0; f < batch.size(); ++f)
-                  {
-                    const auto& list = visible_.ListOf(slot, f);
-                    const VisibleSplat<T>* splats = visible_.Splats(list);
-                    kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
-                    T* sums = out.values.data() + visible_.Block(slot) * kBlock;
-                    for (int k = 0; k < list.count; ++k)
-                    {
-                      sums[static_cast<int>(splats[k].gaussian)] += moments.values[kMoment0][k];
-                    }
-                  }
-                });
-            done += static_cast<double>(batch.size());
-            if (progress && !progress(done / steps))
-            {
-              return std::optional<Unknowns<T>>();
-            }
-          }
-          return std::make_optional(std::move(out));
-        });
-    field_.SetReflectivities(r.values);
-    return residual;
-  }
-
   void SaveState(StateWriter& to) const override
   {
     BlockState<T> state = field_.State();
@@ -282,8 +194,6 @@ public:
   }
 
 private:
-  static constexpr std::size_t kSolveBatch = 8;  // frames held at once while solving
-
   /// High enough to leave each thread a few bands. What a pixel gets does not depend on it.
   static int BandRows(int images, int rows)
   {
@@ -313,11 +223,11 @@ private:
     return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_ (of given values, by slot, if not null) and calls line(truth, counts, S) for every
-  /// row, which replaces S by what is to be propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns
+  /// Renders the frames into images_ and calls line(truth, counts, S) for every row, which replaces S by what is to be
+  /// propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns
   /// the sum of the results.
   template <class Line>
-  double ForwardFrames(const std::vector<int>& frames, const T* values, Line&& line)
+  double ForwardFrames(const std::vector<int>& frames, Line&& line)
   {
     cameras_.clear();
     for (int frame : frames)
@@ -325,8 +235,7 @@ private:
       cameras_.push_back(CameraOf(sweep_->Plane(frame), field_.GetBeam()));
     }
     const int width = sweep_->width, height = sweep_->height;
-    visible_.Find(field_, cameras_, width, height, {0, 0, width, height}, accuracy_,
-                  values ? FootprintsFor::Solving : FootprintsFor::Training);
+    visible_.Find(field_, cameras_, width, height, {0, 0, width, height}, accuracy_, FootprintsFor::Training);
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     images_.resize(frames.size() * stride * height);
     std::vector<double> sums(frames.size() * height);  // of rows: no order to depend on
@@ -347,9 +256,7 @@ private:
              {
                const PixelRows<T> rows = FrameRows(f);
                std::fill(rows.Row(begin), rows.Row(end), T(0));
-               visible_.AddTo(f, begin, end, rows,
-                              [this, values](std::size_t b)
-                              { return values ? values + b * kBlock : field_.Block(b).reflectivity; });
+               visible_.AddTo(f, begin, end, rows, [this](std::size_t b) { return field_.Block(b).reflectivity; });
                if (!exchange_)
                {
                  finish(f, begin, end);  // while they are in the cache
@@ -410,13 +317,12 @@ private:
     };
     if (loss.IsPixelwise())
     {
-      return ForwardFrames(frames, nullptr,
-                           [&](const T* truth, T* weights, T* line)
-                           { return toDerivative(truth, weights, nullptr, line); });
+      return ForwardFrames(
+          frames, [&](const T* truth, T* weights, T* line) { return toDerivative(truth, weights, nullptr, line); });
     }
 
     // Terms that look at whole images need all their rows: I of each frame, then dL/dI, then dL/dS.
-    ForwardFrames(frames, nullptr, [](const T*, T*, T*) { return 0.0; });
+    ForwardFrames(frames, [](const T*, T*, T*) { return 0.0; });
     const int width = sweep_->width, height = sweep_->height;
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     std::vector<T> image(stride * height), truth(stride * height), others(stride * height);

@@ -225,42 +225,6 @@ void CpuField<T>::InheritAdam(const std::vector<std::uint32_t>& order, std::size
 }
 
 template <class T>
-double CpuField<T>::MeanMagnitude() const
-{
-  double sum = 0;
-  for (const GaussianBlock<T>& block : blocks_)
-  {
-    for (const T r : block.reflectivity)
-    {
-      sum += std::abs(static_cast<double>(r));
-    }
-  }
-  return sum > 0 ? sum / static_cast<double>(order_.size()) : 1.0;
-}
-
-template <class T>
-std::vector<T> CpuField<T>::Reflectivities() const
-{
-  std::vector<T> r(blocks_.size() * kBlock, T(0));
-  for (std::size_t slot = 0; slot < order_.size(); ++slot)
-  {
-    r[slot] = blocks_[slot / kBlock].reflectivity[slot % kBlock];
-  }
-  return r;
-}
-
-template <class T>
-void CpuField<T>::SetReflectivities(const std::vector<T>& reflectivities)
-{
-  for (std::size_t slot = 0; slot < order_.size(); ++slot)
-  {
-    blocks_[slot / kBlock].reflectivity[slot % kBlock] = reflectivities[slot];
-  }
-  tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t b) { Measure(b); });
-  groupsAreStale_ = true;
-}
-
-template <class T>
 void CpuField<T>::PrepareStep()
 {
   adam_.resize(blocks_.size());

@@ -46,12 +46,6 @@ public:
   /// Places of kGroup blocks each, brought up to date with those of their blocks.
   const std::vector<BlockPlace>& Groups();
 
-  /// Mean |r|; 1 where all are 0.
-  double MeanMagnitude() const;
-  /// By slot, with zeros that fill the last block.
-  std::vector<T> Reflectivities() const;
-  void SetReflectivities(const std::vector<T>& reflectivities);
-
   /// Before Update is called for any block.
   void PrepareStep();
   /// One step of the Gaussians of a block that its gradient says were seen. Blocks may be updated at the same time.

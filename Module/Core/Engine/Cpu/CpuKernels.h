@@ -112,8 +112,7 @@ struct ProjectionTask
   int columnBegin, columnEnd, rowBegin, rowEnd;  // pixels to be computed
   T slab;                                        // mm^2: no Gaussian of the block with mu_z^2 beyond matters
   T tolerance;
-  T commonMagnitude;                      // 0: every Gaussian's own |r|
-  T leastMagnitude;                       // or at least this
+  T leastMagnitude;                       // every Gaussian's own |r|, but at least this
   bool direct;                            // no recurrences
   T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
 };

@@ -81,9 +81,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     {
       continue;
     }
-    const L magnitude = task.commonMagnitude > 0
-                            ? L(task.commonMagnitude)
-                            : max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
+    const L magnitude = max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
     inside =
         hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude, task.tolerance));
     const ChosenLanes<T> chosen(inside);
@@ -106,8 +104,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     const auto at = [&](int row) { return L::Load(near[row] + first); };
     const Gaussian<L> gaussian = GaussianOf(at);
     const Splat<L> s = Project(gaussian, view).splat;
-    const L magnitude =
-        task.commonMagnitude > 0 ? L(task.commonMagnitude) : max(abs(gaussian.reflectivity), L(task.leastMagnitude));
+    const L magnitude = max(abs(gaussian.reflectivity), L(task.leastMagnitude));
     const Footprint<L> f = FootprintOf(s, magnitude, task.tolerance, task.lowestExponent);
     const auto clip = [](L value, L low, L high) { return min(max(value, low), high); };
     const L columnBegin = clip(originColumn + f.columnBegin, firstColumn, lastColumn);

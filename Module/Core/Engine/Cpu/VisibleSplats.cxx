@@ -128,7 +128,6 @@ int VisibleSplats<T>::Project(const CpuField<T>& field, std::size_t b, const Cam
     out.rowEnd = window.firstRow + window.rows;
     out.slab = static_cast<U>(std::min(slab, 1e30));
     out.tolerance = static_cast<U>(share);
-    out.commonMagnitude = static_cast<U>(truncation.commonMagnitude);
     out.leastMagnitude = static_cast<U>(truncation.leastMagnitude);
     out.direct = direct;
     out.lowestExponent = kLowestExponent<T>;
@@ -152,8 +151,7 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
                             const Engine::Window& window, const Accuracy& accuracy, FootprintsFor purpose)
 {
   const Truncation truncation =
-      Truncation::For(purpose, accuracy.tolerance / field.Transfer().gamma, accuracy.perSplat, field.Size(),
-                      purpose == FootprintsFor::Solving ? field.MeanMagnitude() : 0.0);
+      Truncation::For(purpose, accuracy.tolerance / field.Transfer().gamma, accuracy.perSplat, field.Size());
   const PixelBox pixels{window.firstColumn, window.firstColumn + window.columns, window.firstRow,
                         window.firstRow + window.rows};
   const std::vector<TileCounts> overlaps = FindBlocks(field, cameras, width, height, truncation);
