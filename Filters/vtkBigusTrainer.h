@@ -169,17 +169,6 @@ public:
    */
   vtkBigusNumberOptionMacro(PoseSmoothing, double);
   /**
-   * Align training frames to the field on the way, for sweeps tracked worse than their pixels. Values: on, off.
-   * Default: off.
-   */
-  vtkBigusSwitchOptionMacro(PoseRefinement);
-  /** How far PoseRefinement trusts a tracked position, standard deviation. Values: 1e-06 to 1000 mm. Default: 0.3. */
-  vtkBigusNumberOptionMacro(TrackerTranslation, double);
-  /**
-   * How far PoseRefinement trusts a tracked orientation, standard deviation. Values: 1e-06 to 45 degrees. Default: 0.3.
-   */
-  vtkBigusNumberOptionMacro(TrackerRotation, double);
-  /**
    * Where Gaussians start: spread by brightness, at corners, or anywhere. Values: intensity, harris, random. Default:
    * intensity.
    */

@@ -510,7 +510,6 @@ void AddTrainerOptions(CLI::App& app, TrainerOptions& options)
 {
   // Other names that are shorter.
   static const std::map<std::string, std::string> kShort = {{"MaximumGaussians", ",--max-gaussians"},
-                                                            {"PoseRefinement", ",--refine-poses"},
                                                             {"DensificationInterval", ",--densify"}};
   std::map<std::string, CLI::Option*> added;
   for (const OptionText& option : ListOptions())

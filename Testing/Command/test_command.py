@@ -176,7 +176,7 @@ class Help(CommandTest):
     def test_train_has_every_promised_option(self):
         text = run("train", "--help").stdout
         for option in ("--auto", "--no-auto", "--max-gaussians", "--price", "--signed", "--positive", "--virtual-planes",
-                       "--interpolation", "--frame-gains", "--pose-smoothing", "--refine-poses", "--tracker-translation", "--tracker-rotation",
+                       "--interpolation", "--frame-gains", "--pose-smoothing",
                        "--preset", "--loss", "--final-loss", "--validation", "--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
                        "--time-limit", "--seed", "--config", "--image-to", "--log"):
             self.assertIn(option, text)
@@ -227,9 +227,6 @@ class Usage(CommandTest):
                "--interpolation": ["", "sideways", "probe+flo", "x" * 10000],
                "--frame-gains": ["maybe", "", "1"],
                "--pose-smoothing": ["-1", "1001", "nan", "on"],
-               "--refine-poses": ["yes"],
-               "--tracker-translation": ["0", "nan", "1e9"],
-               "--tracker-rotation": ["0", "90"],
                "--preset": ["", "beauty", "Texture "],
                "--final-loss": ["l3", "l1+"],
                "--loss": ["l3", "", "l1+", "-1*l1", "0*l1", "nan*l2"]}
@@ -655,10 +652,10 @@ class Train(CommandTest):
     def test_forced_choices_are_obeyed_and_reported(self):
         path = self.folder / "f.vtp"
         forced = ["--signed", "--virtual-planes", 1, "--interpolation", "probe+flow", "--frame-gains", "on",
-                  "--pose-smoothing", 0, "--refine-poses", "on", "--elevation-sigma", 0.55, "--final-loss", "l2",
+                  "--pose-smoothing", 0, "--elevation-sigma", 0.55, "--final-loss", "l2",
                   "--probe-elevation-sigma", 0.9]
         settled = {"gaussians": 400, "elevation_sigma": 0.55, "signed_reflectivity": True, "virtual_planes": 1,
-                   "interpolation": "probe+flow", "frame_gains": True, "pose_smoothing": 0, "pose_refinement": True,
+                   "interpolation": "probe+flow", "frame_gains": True, "pose_smoothing": 0,
                    "iterations": 12, "loss": "l1", "final_loss": "l2"}
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced)
         self.assertEqual({name: answer["settled"][name] for name in settled}, settled)

@@ -272,20 +272,17 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
   EXPECT_EQ(GetProvenance(field, "virtualPlanes"), "2");
   EXPECT_EQ(GetProvenance(field, "interpolation"), "normals");
   EXPECT_EQ(GetProvenance(field, "frameGains"), "off");
-  EXPECT_EQ(GetProvenance(field, "poseRefinement"), "off");
 
   quick.trainer->SetPreset("texture");
   quick.trainer->SetInterpolation("probe+flow");
   quick.trainer->SetVirtualPlanes(1);
   quick.trainer->FrameGainsOn();
-  quick.trainer->PoseRefinementOn();
   quick.trainer->Update();
   field = quick.trainer->GetOutput();
   EXPECT_NE(GetProvenance(field, "loss").find("contrast"), std::string::npos);
   EXPECT_EQ(GetProvenance(field, "interpolation"), "probe+flow");
   EXPECT_EQ(GetProvenance(field, "virtualPlanes"), "1");
   EXPECT_EQ(GetProvenance(field, "frameGains"), "on");
-  EXPECT_EQ(GetProvenance(field, "poseRefinement"), "on");
 
   quick.trainer->SetLoss("l2");  // wins over the preset
   quick.trainer->SetFinalLoss("l1");

@@ -361,7 +361,7 @@ TEST_F(Allocations, TrainingWithEverythingOn)
   options.virtualPlanes = 1;
   options.interpolation = bigus::FrameInterpolation::Parse("probe+flow");
   options.loss = bigus::Loss::Parse("l1+0.2*dssim+0.1*ffl+contrast");
-  options.frameGains = options.poseRefinement = true;
+  options.frameGains = true;
   options.poseSmoothing = 1;
   options.validation = 4;
   options.densification.interval = 2;

@@ -186,7 +186,7 @@ TEST(Checkpoints, CorrectedFramesGoOn)
   TrainerOptions options = Small();
   options.iterations = 30;
   options.virtualPlanes = 1;
-  options.frameGains = options.poseRefinement = true;
+  options.frameGains = true;
   options.poseSmoothing = 1;
   ExpectStopsDoNotMatter(options, {{5}, {12}, {25}});
 }

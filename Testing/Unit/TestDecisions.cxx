@@ -128,7 +128,6 @@ TrainerOptions Forced()
   options.interpolation = FrameInterpolation{FrameInterpolation::Path::Probe};
   options.frameGains = false;
   options.poseSmoothing = 0;
-  options.poseRefinement = true;
   options.iterations = 25;
   return options;
 }
@@ -156,7 +155,6 @@ TEST(Decisions, WhatIsGivenIsObeyed)
   EXPECT_EQ(*result.settled.virtualPlanes, 1);
   EXPECT_EQ(result.settled.interpolation->ToString(), "probe");
   EXPECT_FALSE(result.settled.frameGains);
-  EXPECT_TRUE(result.settled.poseRefinement);
 
   // Nothing was found out, so it is the training without decisions.
   TrainerOptions plain = Forced();
@@ -206,7 +204,6 @@ TEST(Decisions, ThePriceAndTheMaximumBoundTheGaussians)
 {
   TrainerOptions options = Forced();
   options.gaussians.reset();
-  options.poseRefinement = false;
   options.virtualPlanes = 0;
   options.maximumGaussians = 9000;
   options.price = 0;  // whatever helps, as far as the maximum goes
@@ -274,7 +271,6 @@ TEST(Decisions, ATrainingFromASharedStartIsTheSame)
 {
   const std::vector<int> frames = {0, 1, 2, 4, 5, 6};
   TrainerOptions options = Forced();
-  options.poseRefinement = false;  // it changes the frames on the way
   options.iterations = 20;
   TrainingPlan plan = PlanByGeometry(options, *PhantomSweep(), frames);
   const Start shared = TrainingLoop(PhantomSweep(), frames, plan, {}).SeedStart();
@@ -357,7 +353,6 @@ TEST(Trainer, FrameGainsHelpWhereFramesDifferInBrightness)
   options.iterations = 200;
   options.signedReflectivity = true;
   options.virtualPlanes = 0;
-  options.poseRefinement = false;
   options.holdOut = 8;
   options.frameGains = false;
   const TrainingResult off = Train(uneven, options);
@@ -469,7 +464,6 @@ TEST(Decisions, EmptySpaceGetsNoGaussians)
   options.maximumGaussians = 7000;
   options.iterations = 100;
   options.virtualPlanes = 0;
-  options.poseRefinement = false;
   const TrainingResult result = Train(half, options);
   // In empty space: not even three standard deviations towards the lit half reach it.
   int inside = 0, far = 0;

@@ -263,7 +263,6 @@ TEST(TrainingInParts, GivesAFieldAsGood)
   all[2].validation = 4;
   all[2].frameGains = true;
   all[3].loss = Loss::Parse("l2+0.2*dssim");
-  all[3].poseRefinement = true;
   for (TrainerOptions& options : all)
   {
     options.engine = "cpu-double";

@@ -417,8 +417,6 @@ TEST(Trainer, OptionsOutOfRangeAreNamed)
   refused("maximum gaussians", [](TrainerOptions& o) { o.maximumGaussians = 0; });
   refused("price", [](TrainerOptions& o) { o.price = std::nan(""); });
   refused("virtual planes", [](TrainerOptions& o) { o.virtualPlanes = 9; });
-  refused("tracker translation", [](TrainerOptions& o) { o.trackerTranslation = 0; });
-  refused("tracker rotation", [](TrainerOptions& o) { o.trackerRotation = 46; });
   refused("percentile", [](TrainerOptions& o) { o.densification.percentile = 101; });
   refused("engine", [](TrainerOptions& o) { o.engine = "abacus"; });
 }

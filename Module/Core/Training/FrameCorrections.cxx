@@ -8,7 +8,6 @@
 #include <numeric>
 
 #include "Core/Model/PixelMemory.h"
-#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {
@@ -24,10 +23,6 @@ constexpr int kReach = 4;
 /// Gain 1 weighs as much as this share of the frame's own contrast: a frame that the field hardly explains keeps its
 /// brightness.
 constexpr double kPriorOnGain = 0.1;
-
-/// Gauss-Newton steps of an alignment, and pixels from one that it looks at to the next: a frame is aligned twice in a
-/// training, and each time only has to come nearer.
-constexpr int kAlignmentSteps = 3, kAlignmentStride = 2;
 
 /// The frame's pixels without the gain and the offset that were found for it.
 void Undo(double gain, double offset, float* pixels, std::size_t size)
@@ -95,37 +90,6 @@ void LevelWithNeighbours(const Sweep& poses, std::size_t frames, float* pixels)
   }
 }
 
-/// Gain and offset of every frame against the field, by least squares, drawn to (1, 0) by kPriorOnGain. The mean gain
-/// and offset of all frames stay 1 and 0, since they belong to the scene. Poses are those of `poses`.
-void FindGains(Engine& engine, const Sweep& poses, const Sweep& recorded, const std::vector<int>& frames,
-               Corrections& found)
-{
-  const std::size_t size = poses.PixelsPerFrame();
-  found.gains.resize(frames.size());
-  found.offsets.resize(frames.size());
-  std::vector<float> image(size), pixels(size);
-  for (std::size_t k = 0; k < frames.size(); ++k)
-  {
-    engine.Render(poses.Plane(static_cast<int>(k)), ViewOutput::Intensity, image.data());
-    recorded.CopyFrame(frames[k], pixels.data());
-    const auto [x, y, xx, yy, xy, n] = SumsOf(poses, image.data(), pixels.data());
-    const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
-    const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
-    const double prior = kPriorOnGain * variance;
-    double& gain = found.gains[k];
-    gain = variance > 0 ? std::clamp((covariance + prior) / (variance + prior), kSmallestGain, kLargestGain) : 1.0;
-    found.offsets[k] = n > 0 ? std::clamp(y / n - gain * x / n, -kLargestOffset, kLargestOffset) : 0.0;
-  }
-  const auto mean = [](const std::vector<double>& values)
-  { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
-  const double meanGain = mean(found.gains), meanOffset = mean(found.offsets);
-  for (std::size_t k = 0; k < frames.size(); ++k)
-  {
-    found.gains[k] /= meanGain;
-    found.offsets[k] -= meanOffset;
-  }
-}
-
 /// Gives `sweep`, which begins with the recorded `frames`, these frames' pixels as `change` makes them of the recorded
 /// ones; those after them stay as they are.
 void WithPixels(Sweep& sweep, const Sweep& recorded, const std::vector<int>& frames,
@@ -160,34 +124,31 @@ std::shared_ptr<const Sweep> Levelled(const Sweep& recorded, const std::vector<i
   return levelled;
 }
 
-Corrections FindCorrections(Engine& engine, const Sweep& recorded, const std::vector<int>& frames, const Sweep& present,
-                            const TrainingPlan& plan)
+Corrections FindCorrections(Engine& engine, const Sweep& recorded, const std::vector<int>& frames)
 {
+  const std::size_t size = recorded.PixelsPerFrame();
   Corrections found;
-  if (plan.poseRefinement)
+  std::vector<float> image(size), pixels(size);
+  for (const int frame : frames)
   {
-    AlignmentOptions alignment;
-    alignment.translationPrior = plan.trackerTranslation;
-    alignment.rotationPrior = plan.trackerRotation;
-    alignment.iterations = kAlignmentSteps;
-    alignment.stride = kAlignmentStride;
-    Eigen::Vector3d drift = Eigen::Vector3d::Zero();  // the mean shift says nothing about any one frame
-    for (const int frame : frames)
-    {
-      const RigidAlignment aligned = AlignFrame(engine, recorded, frame, alignment);
-      found.imageToReference.push_back(aligned.plane.ImageToReference());
-      const double i = 0.5 * (recorded.width - 1), j = 0.5 * (recorded.height - 1);
-      drift += (aligned.plane.Point(i, j) - recorded.Plane(frame).Point(i, j)) / static_cast<double>(frames.size());
-    }
-    for (Eigen::Matrix4d& pose : found.imageToReference)
-    {
-      pose.block<3, 1>(0, 3) -= drift;
-    }
+    engine.Render(recorded.Plane(frame), ViewOutput::Intensity, image.data());
+    recorded.CopyFrame(frame, pixels.data());
+    const auto [x, y, xx, yy, xy, n] = SumsOf(recorded, image.data(), pixels.data());
+    const double variance = n > 0 ? xx / n - x / n * (x / n) : 0.0;
+    const double covariance = n > 0 ? xy / n - x / n * (y / n) : 0.0;
+    const double prior = kPriorOnGain * variance;
+    const double gain =
+        variance > 0 ? std::clamp((covariance + prior) / (variance + prior), kSmallestGain, kLargestGain) : 1.0;
+    found.gains.push_back(gain);
+    found.offsets.push_back(n > 0 ? std::clamp(y / n - gain * x / n, -kLargestOffset, kLargestOffset) : 0.0);
   }
-  if (plan.frameGains)
+  const auto mean = [](const std::vector<double>& values)
+  { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
+  const double meanGain = mean(found.gains), meanOffset = mean(found.offsets);
+  for (std::size_t k = 0; k < frames.size(); ++k)
   {
-    const auto posed = Corrected(found, recorded, frames, present);
-    FindGains(engine, *posed, recorded, frames, found);
+    found.gains[k] /= meanGain;
+    found.offsets[k] -= meanOffset;
   }
   return found;
 }
@@ -196,19 +157,15 @@ std::shared_ptr<const Sweep> Corrected(const Corrections& found, const Sweep& re
                                        const Sweep& present)
 {
   auto corrected = std::make_shared<Sweep>(present);
-  std::copy(found.imageToReference.begin(), found.imageToReference.end(), corrected->imageToReference.begin());
-  if (!found.gains.empty())
-  {
-    const std::size_t size = corrected->PixelsPerFrame();
-    WithPixels(*corrected, recorded, frames,
-               [&](float* pixels)
+  const std::size_t size = corrected->PixelsPerFrame();
+  WithPixels(*corrected, recorded, frames,
+             [&](float* pixels)
+             {
+               for (std::size_t k = 0; k < frames.size(); ++k)
                {
-                 for (std::size_t k = 0; k < frames.size(); ++k)
-                 {
-                   Undo(found.gains[k], found.offsets[k], pixels + k * size, size);
-                 }
-               });
-  }
+                 Undo(found.gains[k], found.offsets[k], pixels + k * size, size);
+               }
+             });
   return corrected;
 }
 

@@ -85,15 +85,6 @@ void ForEachOption(Options& options, const Visit& visit)
                    "keeps them as tracked",
                    0, 1000, "", "begins at 1, or 0 where pictures do not confirm it; 0 without Automatic"},
         options.poseSmoothing);
-  visit(OptionInfo{"PoseRefinement", field,
-                   "Align training frames to the field on the way, for sweeps tracked worse than their pixels"},
-        options.poseRefinement);
-  visit(OptionInfo{"TrackerTranslation", field, "How far PoseRefinement trusts a tracked position, standard deviation",
-                   kAboveZero, 1000, "mm"},
-        options.trackerTranslation);
-  visit(OptionInfo{"TrackerRotation", field, "How far PoseRefinement trusts a tracked orientation, standard deviation",
-                   kAboveZero, 45, "degrees"},
-        options.trackerRotation);
   visit(OptionInfo{"Seeding", field, "Where Gaussians start: spread by brightness, at corners, or anywhere"},
         options.seeding);
 

@@ -34,14 +34,10 @@ struct TrainingSettings
   /// A gain and an offset for every frame to train on, removed from it: images of one place that differ in brightness
   /// otherwise contradict each other.
   bool frameGains = false;
-  /// Every frame to train on is aligned rigidly to the field twice during training, with the tracked pose as prior.
-  bool poseRefinement = false;
-  double trackerTranslation = 0.3;  ///< mm, above 0 to 1000: standard deviation of a tracked position
-  double trackerRotation = 0.3;     ///< degrees, above 0 to 45: of a tracked orientation
-  int patience = 10;                ///< evaluations without a better validation PSNR before stopping, >= 1
-  double timeLimit = 0;             ///< seconds, all included, 0 = none; the rate schedule is fitted to it
-  int batch = 8;                    ///< frames a step, 1 to 4096
-  std::optional<Loss> finalLoss;    ///< weights move linearly from `loss` to these during training; empty: they stay
+  int patience = 10;               ///< evaluations without a better validation PSNR before stopping, >= 1
+  double timeLimit = 0;            ///< seconds, all included, 0 = none; the rate schedule is fitted to it
+  int batch = 8;                   ///< frames a step, 1 to 4096
+  std::optional<Loss> finalLoss;   ///< weights move linearly from `loss` to these during training; empty: they stay
   bool ignoreMasked = false;       ///< true: no pixel never lit counts in the loss; false: those far from lit are black
   double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
   double meanRate = 0.3;           ///< Adam step for means, pixels

@@ -202,7 +202,7 @@ constexpr double kSettlingSeconds = 0.6, kSettlingRate = 0.1, kSettledFrom = 2.0
 /// Training frames that tell which of two fields a caller gets.
 constexpr std::size_t kJudges = 8;
 
-/// When frames' gains and poses are found, as fractions of training: once the field says more than one frame does, and
+/// When frames' gains are found, as fractions of training: once the field says more than one frame does, and
 /// again when it is better.
 constexpr std::array<double, 2> kCorrections = {0.3, 0.6};
 
@@ -462,7 +462,7 @@ bool TrainingLoop::TargetPlanes(const Targets& targets, double most)
   };
   std::shared_ptr<const Sweep> sweep = sweep_;
   std::vector<int> frames = frames_;
-  if (targets.coarseness > 1 || AreFramesChanged())
+  if (targets.coarseness > 1 || plan_.frameGains)
   {
     sweep = std::make_shared<const Sweep>(sweep_->ReducedOf(frames_, targets.coarseness));
     std::iota(frames.begin(), frames.end(), 0);
@@ -681,7 +681,8 @@ void TrainingLoop::Restructure(const DensificationOptions& densification)
 
 bool TrainingLoop::HasFirstStage(const TrainingPlan& plan)
 {
-  return plan.iterations > 0 && !plan.frameGains && !plan.poseRefinement;
+  // Gains are found on the way, which needs all frames as they are from the first step on.
+  return plan.iterations > 0 && !plan.frameGains;
 }
 
 void TrainingLoop::Replan(TrainingPlan plan)
@@ -752,14 +753,10 @@ void TrainingLoop::Resume(std::string_view state)
   course.lossSum = from.Number<double>();
   course.lossCount = from.NumberIn(0, course.iteration);
   course.corrections = from.NumberIn<std::uint64_t>(0, kCorrections.size());
-  course.corrected.imageToReference = LoadVectors<Eigen::Matrix4d>(from);
   course.corrected.gains = from.Array<double>();
   course.corrected.offsets = from.Array<double>();
-  const auto isOfFrames = [&](std::size_t size, bool isAsked)
-  { return size == (isAsked && course.corrections > 0 ? frames_.size() : 0); };
-  StateReader::Require(isOfFrames(course.corrected.imageToReference.size(), plan_.poseRefinement) &&
-                           isOfFrames(course.corrected.gains.size(), plan_.frameGains) &&
-                           isOfFrames(course.corrected.offsets.size(), plan_.frameGains),
+  const std::size_t corrected = plan_.frameGains && course.corrections > 0 ? frames_.size() : 0;
+  StateReader::Require(course.corrected.gains.size() == corrected && course.corrected.offsets.size() == corrected,
                        "corrections of other frames");
   course.log = LoadLog(from);
   course.best = LoadKept(from, exchange_ != nullptr);
@@ -826,7 +823,6 @@ void TrainingLoop::SavePart(StateWriter& to) const
   to.Number(course.lossSum);
   to.Number(course.lossCount);
   to.Number<std::uint64_t>(course.corrections);
-  SaveVectors(course.corrected.imageToReference, to);
   to.Array(course.corrected.gains);
   to.Array(course.corrected.offsets);
   SaveLog(course.log, to);
@@ -885,10 +881,10 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
       stageStart = Seconds();
       stageFirst = course.iteration;
     }
-    if (AreFramesChanged() && course.corrections < kCorrections.size() && fraction >= kCorrections[course.corrections])
+    if (plan_.frameGains && course.corrections < kCorrections.size() && fraction >= kCorrections[course.corrections])
     {
       ++course.corrections;
-      course.corrected = FindCorrections(*engine_, *sweep_, frames_, *targetSweep_, plan_);
+      course.corrected = FindCorrections(*engine_, *sweep_, frames_);
       Correct(course.corrected);
     }
     const std::vector<int> batch = batches.Next();

@@ -126,8 +126,6 @@ private:
   bool TargetPlanes(const Targets& targets, double most = 0);
   std::optional<Targets> TargetPlanesInTime(double secondsOfPass);
   void UploadTargets();
-  /// Gains or poses of frames are found on the way, which needs all frames as they are from the first step on.
-  bool AreFramesChanged() const { return plan_.frameGains || plan_.poseRefinement; }
   ParameterLimits Limits() const;
   GaussianField Load(Start start);
   double Fraction(int iteration, double trainingStart) const;

@@ -137,7 +137,7 @@ def train(
 
     What no property sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
     sweep's geometry. To force all of it: Gaussians, ElevationSigma (mm), SignedReflectivity, VirtualPlanes,
-    Interpolation ("normals" or "probe", each with "+flow", "+rough" or "+smooth" after it), FrameGains, PoseRefinement, Iterations.
+    Interpolation ("normals" or "probe", each with "+flow", "+rough" or "+smooth" after it), FrameGains, Iterations.
     Preset="texture" asks for speckle as strong as in the frames, at a price in error.
 
     {PROGRESS}
