@@ -9,10 +9,10 @@
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Format.h"
 #include "Core/Evaluation/Baselines.h"
-#include "Core/Metrics/Metrics.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/Judging.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"
 #include "Core/Training/VirtualPlanes.h"
@@ -198,18 +198,14 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
   Engine& engine = loop.engine();
   engine.SetAccuracy({});
   engine.SetField(fitted.field);
-  std::vector<float> image(sweep_->PixelsPerFrame()), truth(image.size());
   TrialScores psnrs;
-  for (int frame : validation_)
+  for (const double psnr : FramePsnrs(engine, *sweep_, validation_))
   {
-    engine.Render(sweep_->Plane(frame), ViewOutput::Intensity, image.data());
-    sweep_->BlackenUnlit(image.data());
-    sweep_->CopyFrame(frame, truth.data());
-    psnrs.frames.push_back(std::min(kMostPsnr, Psnr(image.data(), truth.data(), image.size())));
+    psnrs.frames.push_back(std::min(kMostPsnr, psnr));
   }
   for (const auto& [cross, seen] : across_)
   {
-    image.resize(seen.size());
+    std::vector<float> image(seen.size());
     engine.Render(cross.plane, ViewOutput::Intensity, image.data());
     psnrs.across.push_back(PsnrWithin(cross, image, seen));
   }

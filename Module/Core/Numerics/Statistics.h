@@ -59,4 +59,17 @@ inline double Quantile(const std::vector<double>& sorted, double share)
   return sorted[below] + (position - static_cast<double>(below)) * (sorted[above] - sorted[below]);
 }
 
+/// `count` of the values, evenly spread over them, or all.
+template <class Value>
+std::vector<Value> EvenlySpread(const std::vector<Value>& values, std::size_t count)
+{
+  std::vector<Value> some;
+  count = std::min(count, values.size());
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    some.push_back(values[(2 * k + 1) * values.size() / (2 * count)]);
+  }
+  return some;
+}
+
 }  // namespace bigus

@@ -16,6 +16,7 @@
 #include "Core/Trainer/Budget.h"
 #include "Core/Trainer/Checkpointer.h"
 #include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/Judging.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"
 
@@ -354,7 +355,7 @@ void Training::MakeLoop()
 /// stops amid them. Where they choose what it rests on otherwise, it is done again.
 void Training::FirstStage()
 {
-  if (IsDeciding() && !budget_.IsTooShortToTry() && TrainingLoop::HasFirstStage(plan_))
+  if (IsDeciding() && !budget_.IsTooShortToTry() && HasFirstStage(plan_))
   {
     plan_.timeLimit = budget_.Left(true);
     budget_.ExpectTrials(asked_.gaussians ? kDecidingShareGiven : kDecidingShare);
@@ -432,7 +433,7 @@ void Training::TrainToTheEnd()
   {
     GaussianField before = *start_;
     before.beam = Beam{plan_.elevationSigma};
-    fitted_.field = loop_->Nearer(std::move(fitted_.field), before);
+    fitted_.field = Nearer(loop_->engine(), *sweep_, result_.trainingFrames, std::move(fitted_.field), before);
   }
 }
 

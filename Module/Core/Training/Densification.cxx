@@ -137,4 +137,31 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   return out;
 }
 
+void Densify(Engine& engine, double pixelSize, const DensificationOptions& options)
+{
+  const Restructured next = Densify(engine.GetField(), engine.GetScores(), pixelSize, options);
+  if (next.field.Size() > 0)
+  {
+    engine.SetField(next.field, &next.parents);
+  }
+  engine.ResetScores();
+}
+
+void RemoveInvisible(GaussianField& field, double tolerance)
+{
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    if (std::abs(field.reflectivities[i]) * field.transfer.gamma >= tolerance || (i + 1 == field.Size() && kept == 0))
+    {
+      field.means[kept] = field.means[i];
+      field.scales[kept] = field.scales[i];
+      field.rotations[kept] = field.rotations[i];
+      field.reflectivities[kept] = field.reflectivities[i];
+      ++kept;
+    }
+  }
+  field.Resize(kept);
+}
+
 }  // namespace bigus

@@ -38,4 +38,12 @@ struct Restructured
 Restructured Densify(const GaussianField& field, const Engine::Scores& scores, double pixelSize,
                      const DensificationOptions& options);
 
+/// The same of the field that an engine trains, which gathers scores anew from then on. One that would be empty stays as it is.
+void Densify(Engine& engine, double pixelSize, const DensificationOptions& options);
+
+/// Removes Gaussians that no plane shows: a footprint's peak is at most |r|, which changes I by at most
+/// gamma |r|, and below the tolerance training does not render it either. One stays, whatever it is: a field
+/// is never empty.
+void RemoveInvisible(GaussianField& field, double tolerance);
+
 }  // namespace bigus

@@ -12,6 +12,7 @@
 #include <random>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Statistics.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/SeedShapes.h"
 
@@ -358,6 +359,31 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
     ShapeSeeds(sweep, frames, places, options.sparse ? kSparseReach : kDenseReach, field);
   }
   return field;
+}
+
+void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames, GaussianField& field)
+{
+  constexpr std::size_t kSamples = 4;  // frames: one factor needs few
+  std::vector<float> scattering(sweep.PixelsPerFrame()), truth(sweep.PixelsPerFrame());
+  double product = 0, square = 0;
+  for (const int frame : EvenlySpread(frames, kSamples))
+  {
+    sweep.CopyFrame(frame, truth.data());
+    engine.Render(sweep.Plane(frame), ViewOutput::Scattering, scattering.data());
+    for (std::size_t p = 0; p < truth.size(); ++p)
+    {
+      product += field.transfer.Scattering<double>(truth[p]) * scattering[p];
+      square += static_cast<double>(scattering[p]) * scattering[p];
+    }
+  }
+  if (product > 0 && square > 0)
+  {
+    for (double& r : field.reflectivities)
+    {
+      r *= product / square;
+    }
+    engine.SetField(field);
+  }
 }
 
 }  // namespace bigus

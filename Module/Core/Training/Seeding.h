@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Model/SweepGeometry.h"
@@ -31,5 +32,9 @@ struct SeedingOptions
 /// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function at the
 /// seed; gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options);
+
+/// Scales all reflectivities of the engine's `field` by the one factor that brings rendered scattering closest to the
+/// frames' (least squares): neighbouring seeds overlap, so inverting the transfer function at each overshoots.
+void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames, GaussianField& field);
 
 }  // namespace bigus

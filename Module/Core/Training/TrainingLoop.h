@@ -5,8 +5,6 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
-#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -15,8 +13,10 @@
 #include "Core/Engine/Exchange.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
-#include "Core/Training/FrameCorrections.h"
-#include "Core/Training/Stopwatch.h"
+#include "Core/Training/Course.h"
+#include "Core/Training/Report.h"
+#include "Core/Training/Schedule.h"
+#include "Core/Training/Targets.h"
 #include "Core/Training/TrainingPlan.h"
 #include "Core/Training/TrainingProgress.h"
 
@@ -50,14 +50,6 @@ struct Keeping
   std::function<void(const std::function<void(StateWriter&)>& write)> keep;
 };
 
-/// The sweep with a mask of the pixels that count in the loss. Beside the lit area frames contradict each other:
-/// tissue outside one's fan lies inside its neighbour's. So what is dark within an SSIM window of lit pixels does not
-/// count. Further out it is black, lest Gaussians reach where no frame looks; nor does it count if `ignoreMasked`.
-std::shared_ptr<const Sweep> WithCountedPixels(const Sweep& sweep, bool ignoreMasked);
-
-/// The step sizes that a training of such a field begins with.
-LearningRates FirstRates(const TrainingPlan& plan, const GaussianField& field);
-
 /// One training: Begin (with what SeedStart gives, say) or Resume, then Run.
 class TrainingLoop
 {
@@ -68,9 +60,8 @@ public:
   TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
                ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes = nullptr,
                Exchange* exchange = nullptr);
-  ~TrainingLoop();
 
-  /// Seeds over the volume of the frames, scaled and solved so that their renderings are near the frames.
+  /// Seeds over the volume of the frames, so bright that their renderings are near the frames.
   Start SeedStart();
 
   /// Trains from `start`, which is of the plan's beam.
@@ -95,12 +86,6 @@ public:
   /// field jitters, so it takes a few more, ever smaller ones, and the mean of the last. Nothing goes on from here.
   GaussianField Settle(const std::vector<int>& validationFrames);
 
-  /// Of two fields the one that shows a few training frames better, `a` where both are as good. Nothing goes on from here.
-  GaussianField Nearer(GaussianField a, const GaussianField& b);
-
-  /// False where what training sees changes on the way, by gains or poses of frames found in it: then there is one stage.
-  static bool HasFirstStage(const TrainingPlan& plan);
-
   /// What follows is by this plan, which may differ in the interpolation, the probe's beam and the time limit: seconds
   /// from now on.
   void Replan(TrainingPlan plan);
@@ -112,53 +97,32 @@ public:
   Engine& engine() { return *engine_; }
 
 private:
-  struct Course;
-  struct Targets
-  {
-    int planes = 0;      // virtual ones in every gap
-    int coarseness = 1;  // the frames' sides are divided by it
-    int pixelStep = 1;   // pixels that lie so far apart are frames of their own, see Sweep::Interleaved; 1 with planes
-    bool flow = true;    // if the plan's interpolation has it
-  };
+  struct Lap;
 
   int FirstCoarsenessFor(std::size_t gaussians) const;
-  void TargetFrames(int coarseness);
-  bool TargetPlanes(const Targets& targets, double most = 0);
-  std::optional<Targets> TargetPlanesInTime(double secondsOfPass);
-  void UploadTargets();
-  ParameterLimits Limits() const;
   GaussianField Load(Start start);
-  double Fraction(int iteration, double trainingStart) const;
-  double RateLeft(double fraction) const;
-  double StepsInAll(double fraction) const;
-  double ContinuedRate(double fraction) const;
-  double Growth() const;
-  double SecondsLeft(int iteration, double pace) const;
-  double Step(const std::vector<int>& batch, double steps, const Loss& loss, const LearningRates& rates);
-  void Correct(const Corrections& found);
+  CourseBounds Bounds() const;
+  Moment Now(double fraction) const { return {course_.iteration, fraction, course_.passes, course_.isFirstStage}; }
+  bool EnterSecondStage(Lap& lap);
+  void CorrectFrames(double fraction);
+  Moment TakeStep(Lap& lap, double fraction);
+  double Step(const std::vector<int>& batch, double stepsInAll, const Loss& loss, const LearningRates& rates);
+  void AddLogLine(const std::vector<int>& validationFrames, const Moment& now);
+  void Tell(const Lap& lap, double fraction);
   void Save(StateWriter& to) const;
-  void SavePart(StateWriter& to) const;
-  void Restructure(const DensificationOptions& densification);
-  bool Proceed(TrainingProgress::Phase phase, double fraction);
-  double Seconds() const;
+  void TakeAverage(const std::vector<int>& validationFrames);
+  Fitted Result(bool isFinished) const;
 
   Exchange* exchange_;
-  Stopwatch watch_;
   std::shared_ptr<const Sweep> sweep_;
   std::vector<int> frames_;
   TrainingPlan plan_;
-  ProgressCallback progress_;
+  Report report_;
   Keeping keeping_;
   std::unique_ptr<Engine> engine_;
-  std::unique_ptr<Course> course_;                  // null before Begin and Resume
-  std::shared_ptr<const Sweep> withVirtualPlanes_;  // as given
-  std::shared_ptr<const Sweep> targetSweep_;        // what the engine trains on: the frames, perhaps reduced or
-  std::vector<int> targets_;                        // corrected, then virtual planes; and which of its frames
-  bool isFirstStage_ = false;
-  int coarseness_ = 1;  // the sides of what is trained on are divided by it
-  TrainingProgress report_;
+  Targets targets_;
+  Course course_;
   double secondsOfSecondStage_ = 0;  // at the first stage's pace
-  bool aborted_ = false;
 };
 
 }  // namespace bigus
