@@ -335,7 +335,7 @@ TEST(Checkpoints, AForgedCheckpointGivesAnErrorOrASoundField)
   const auto sweep = RenderedSweep();
   bigus::test::Random random(5);
   int refused = 0, trained = 0;
-  for (int forgery = 0; forgery < 200; ++forgery)
+  for (int forgery = 0; forgery < 240; ++forgery)
   {
     std::string state = AState();
     for (int change = 0; change < 1 + forgery % 3; ++change)

@@ -56,6 +56,8 @@ BIGUS_FORMULA Footprint<Real> FootprintOf(const Splat<Real>& s, Real magnitude, 
   out.mu = s.mu - out.column;
   out.mv = s.mv - out.row;
   out.half = bounded(max(floor(out.mv + halfV) + one, floor(halfV - out.mv)));
+  // A centre that had to be bounded lies further away than any row can be counted from: no row is its own.
+  out.half = Select(out.mv <= one, Select(out.mv >= -one, out.half, zero), zero);
   out.columnBegin = bounded(ceil(s.mu - halfU));
   out.columnEnd = bounded(floor(s.mu + halfU) + one);
   out.margin = sqrt(max(Real(T(2)) * (out.logAmplitude - Real(lowestExponent)), zero)) - k;

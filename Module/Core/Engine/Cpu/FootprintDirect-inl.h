@@ -46,10 +46,11 @@ struct DirectRow
     const double bounded = std::min(std::max(centre, -1e15), 1e15);
     ridge = static_cast<std::int64_t>(std::floor(bounded + 0.5));
     fraction = static_cast<T>(bounded - static_cast<double>(ridge));
-    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless.
+    // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless;
+    // what is no number, of a footprint far away, becomes the first column.
     const double half = std::sqrt(static_cast<double>(rest)) / s.u11;
     const auto clip = [&s](double column)
-    { return static_cast<int>(std::min<double>(std::max<double>(column, s.columnBegin), s.columnEnd)); };
+    { return static_cast<int>(std::min<double>(s.columnEnd, std::max<double>(s.columnBegin, column))); };
     begin = clip(std::ceil(centre - half));
     end = std::max(begin, clip(std::floor(centre + half) + 1));
   }

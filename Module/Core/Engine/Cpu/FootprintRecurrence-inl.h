@@ -66,8 +66,9 @@ static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, int star
   const T nearest = s.u22 * (top > 0 ? top : (bottom < 0 ? -bottom : T(0)));
   const T half = std::sqrt(std::max(s.cut - nearest * nearest, T(0))) / s.u11;
   const T slope = -s.u12 / s.u11;
+  // What is no number, of a footprint far away, becomes the first column.
   const auto column = [&](T offset)
-  { return static_cast<int>(std::min(std::max(s.column + offset, s.columnBegin), s.columnEnd)); };
+  { return static_cast<int>(std::min(s.columnEnd, std::max(s.columnBegin, s.column + offset))); };
   const T low = s.mu + std::min(slope * top, slope * bottom) - half;
   const T high = s.mu + std::max(slope * top, slope * bottom) + half;
   return {start, begin, end, column(std::floor(low)), column(std::ceil(high) + 1)};
