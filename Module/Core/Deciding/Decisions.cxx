@@ -193,7 +193,7 @@ Decision DecideProbeBeam(State& state, const Sweep& sweep, const std::vector<int
 /// The beam that the field is trained under. Frames that lie side by side cannot tell it, because what is blurred across
 /// them fits them as well, so there it is thin. Where sweeps cross, each shows what the other's beam has blurred. There
 /// it is the probe's or, if that is not known, the one that predicts frames best.
-Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& frames)
+Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& tried)
 {
   const auto choice = [&state] { return Format("%.3g mm", state.plan.elevationSigma); };
   if (state.asked.elevationSigma)
@@ -206,7 +206,6 @@ Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& fr
   }
   const Stopwatch watch;
   std::string evidence = "frames cross";
-  const std::vector<int> tried = LongestSequence(sweep, frames);
   if (state.plan.probeElevationSigma > 0)
   {
     state.plan.elevationSigma = state.plan.probeElevationSigma;
@@ -279,7 +278,7 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   {
     return {{"everything", "by geometry", std::to_string(longest.size()) + " frames are too few to compare on", 0}};
   }
-  Trials trials(sweep, frames, asked, progress, keeper, exchange);
+  Trials trials(sweep, longest, frames.size(), asked, progress, keeper, exchange);
   State state{asked, trials, plan, {}};
   const bool isTexture = asked.preset == Preset::Texture;
   std::vector<Decision> decisions;
@@ -301,7 +300,7 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
     decisions.push_back({"the rest", "by geometry", "PSNR is best for smooth pictures, so it cannot judge texture", 0});
     return decisions;
   }
-  decisions.push_back(DecideBeam(state, sweep, frames));
+  decisions.push_back(DecideBeam(state, sweep, frames, longest));
   decisions.push_back(DecideGaussians(state));
   return decisions;
 }

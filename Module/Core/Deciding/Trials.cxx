@@ -76,14 +76,13 @@ std::string Gain::ToString() const
   return Format("%+.2f", mean) + Format(" +- %.2f dB", error) + Format(" and across %+.2f dB", across);
 }
 
-Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
+Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
                const ProgressCallback& progress, TrialKeeper& keeper, Exchange* exchange)
     : asked_(asked), progress_(progress), keeper_(keeper), exchange_(exchange)
 {
-  const std::vector<int> longest = LongestSequence(sweep, frames);
-  const std::size_t tried = std::min(kTrialFrames, longest.size());
-  const auto begin = longest.begin() + static_cast<std::ptrdiff_t>((longest.size() - tried) / 2);
-  share_ = static_cast<double>(tried) / static_cast<double>(frames.size());
+  const std::size_t tried = std::min(kTrialFrames, frames.size());
+  const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - tried) / 2);
+  share_ = static_cast<double>(tried) / static_cast<double>(trained);
   const Sweep part = sweep.Subset({begin, begin + static_cast<std::ptrdiff_t>(tried)});
   sweep_ = std::make_shared<const Sweep>(part.Reduced(Reduction(part)));
   std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), kValidationEvery);

@@ -35,10 +35,10 @@ struct Gain
 class Trials
 {
 public:
-  /// Of the `frames` of the sweep the middle ones are tried on. `asked` is what the caller set; it bounds what a trial
-  /// may do. Finished trials and the one under way are kept by `keeper`. Of `exchange` see TrainingLoop. What is referred
+  /// Of `frames`, which are of one sequence of the sweep, the middle ones are tried on, for a training on `trained` frames.
+  /// `asked` is what the caller set; it bounds what a trial may do. Finished trials and the one under way are kept by `keeper`. Of `exchange` see TrainingLoop. What is referred
   /// to must outlive this.
-  Trials(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
+  Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
          const ProgressCallback& progress, TrialKeeper& keeper, Exchange* exchange);
 
   /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.

@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "Core/Model/Sequences.h"
+
 namespace bigus
 {
 namespace
@@ -61,11 +63,11 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   std::vector<double> spacings;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    if (sweep.SequenceOf(frames[k]) != sweep.SequenceOf(frames[k + 1]))
+    if (NeighbourhoodOf(sweep, frames, k).after)
     {
-      continue;
+      spacings.push_back(
+          GapBetween(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
     }
-    spacings.push_back(GapBetween(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
   }
   for (const std::vector<int>& own : BySequence(sweep, frames))
   {

@@ -10,6 +10,7 @@
 #include "Core/Engine/Exchange.h"
 #include "Core/Engine/FieldState.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/Sequences.h"
 #include "Core/Numerics/Checksum.h"
 #include "Core/Numerics/StateBytes.h"
 #include "Core/Training/OptionList.h"
@@ -188,10 +189,10 @@ NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const G
     field.Add(text.data(), text.size());
   }
   std::string parts;
-  const std::vector<std::vector<int>> sequences = BySequence(sweep, AllFrames(sweep));
+  const std::vector<Sequence> sequences = SequencesOf(sweep);
   for (std::size_t k = 0; k < sequences.size() && sequences.size() > 1; ++k)
   {
-    parts += (k == 0 ? ", in sequences of " : ", ") + std::to_string(sequences[k].size());
+    parts += (k == 0 ? ", in sequences of " : ", ") + std::to_string(sequences[k].sweep.NumberOfFrames());
   }
   NamedTexts identity = {{"version", BIGUS_VERSION},
                          {"engine", EngineOf(options.engine)},

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "Core/Engine/InstructionSets.h"
+#include "Core/Model/Sequences.h"
 #include "Core/Poses/Trajectory.h"
 #include "Core/Training/OptionList.h"
 
@@ -67,14 +68,13 @@ void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult
     SetProvenanceLine(lines, "decision." + decision.what, decision.choice + " (" + decision.evidence + ")");
   }
   SetProvenanceLine(lines, "poses", PosesText(sweep, result.imageToReference));
-  const std::vector<std::vector<int>> sequences = BySequence(sweep, AllFrames(sweep));
+  const std::vector<Sequence> sequences = SequencesOf(sweep);
   for (std::size_t k = 0; k < sequences.size() && sequences.size() > 1; ++k)
   {
-    const int first = sequences[k].front(), count = static_cast<int>(sequences[k].size());
-    const auto from = result.imageToReference.begin() + first;
+    const auto from = result.imageToReference.begin() + sequences[k].first;
     SetProvenanceLine(lines, "sequences", std::to_string(sequences.size()));
     SetProvenanceLine(lines, "poses.sequence" + std::to_string(k + 1),
-                      PosesText(sweep.Range(first, count), {from, from + count}));
+                      PosesText(sequences[k].sweep, {from, from + sequences[k].sweep.NumberOfFrames()}));
   }
   if (isContinued)
   {

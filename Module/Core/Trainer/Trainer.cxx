@@ -11,6 +11,7 @@
 #include "Core/Deciding/Decisions.h"
 #include "Core/Engine/Exchange.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/Sequences.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/OpenCv.h"
 #include "Core/Trainer/Budget.h"
@@ -71,24 +72,14 @@ std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const s
                                      TrainerOptions& options, std::vector<Decision>& decisions,
                                      const std::function<bool()>& goOn)
 {
-  const std::vector<std::vector<int>> sequences = BySequence(*sweep, AllFrames(*sweep));
+  const std::vector<Sequence> sequences = SequencesOf(*sweep, frames);
   auto corrected = std::make_shared<Sweep>(*sweep);
   std::vector<double> strengths;
   bool isChanged = false, isOpen = false;
-  for (std::size_t k = 0; k < sequences.size(); ++k)
+  for (const Sequence& sequence : sequences)
   {
-    const int first = sequences[k].front();
-    const Sweep sequence = sweep->Range(first, static_cast<int>(sequences[k].size()));
-    std::vector<int> own;
-    for (const int frame : frames)
-    {
-      if (sweep->SequenceOf(frame) == sweep->SequenceOf(first))
-      {
-        own.push_back(frame - first);
-      }
-    }
     PoseCorrection correction =
-        CorrectPoses(sequence, own, {options.poseSmoothing}, [&goOn](double) { return goOn(); });
+        CorrectPoses(sequence.sweep, sequence.frames, {options.poseSmoothing}, [&goOn](double) { return goOn(); });
     if (correction.aborted)
     {
       options.poseSmoothing = 0;
@@ -100,12 +91,12 @@ std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const s
     strengths.push_back(correction.strength);
     if (sequences.size() > 1)
     {
-      correction.decision.what += " of sequence " + std::to_string(k + 1);
+      correction.decision.what += " of sequence " + std::to_string(strengths.size());
     }
     decisions.push_back(correction.decision);
     isChanged = isChanged || correction.trajectory.IsChanged();
     std::copy(correction.trajectory.imageToReference.begin(), correction.trajectory.imageToReference.end(),
-              corrected->imageToReference.begin() + first);
+              corrected->imageToReference.begin() + sequence.first);
   }
   // One option stands for all sequences, so it is settled where all chose the same.
   if (!isOpen && std::count(strengths.begin(), strengths.end(), strengths[0]) == std::ptrdiff_t(strengths.size()))

@@ -14,6 +14,7 @@
 
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/Sequences.h"
 
 namespace bigus
 {
@@ -634,13 +635,12 @@ std::string FrameInterpolation::ToString() const
 
 FramesAround FramesAround::Gap(const Sweep& sweep, const std::vector<int>& frames, std::size_t gap)
 {
-  const auto ifSame = [&](int frame)
-  { return sweep.SequenceOf(frame) == sweep.SequenceOf(frames[gap]) ? frame : kNone; };
+  const auto before = NeighbourhoodOf(sweep, frames, gap).before, after = NeighbourhoodOf(sweep, frames, gap + 1).after;
   FramesAround around;
   around.first = frames[gap];
   around.second = frames[gap + 1];
-  around.before = gap > 0 ? ifSame(frames[gap - 1]) : kNone;
-  around.after = gap + 2 < frames.size() ? ifSame(frames[gap + 2]) : kNone;
+  around.before = before ? frames[*before] : kNone;
+  around.after = after ? frames[*after] : kNone;
   return around;
 }
 
@@ -709,7 +709,8 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
   std::vector<std::size_t> inner;  // places in `frames` that have a neighbour on either side
   for (std::size_t k = 1; k + 1 < frames.size(); ++k)
   {
-    if (sweep.SequenceOf(frames[k - 1]) == sweep.SequenceOf(frames[k + 1]))
+    const Neighbourhood around = NeighbourhoodOf(sweep, frames, k);
+    if (around.before && around.after)
     {
       inner.push_back(k);
     }

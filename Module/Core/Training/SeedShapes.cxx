@@ -8,6 +8,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "Core/Model/Sequences.h"
+
 namespace bigus
 {
 namespace
@@ -145,9 +147,8 @@ void ShapeSeeds(const Sweep& sweep, const std::vector<int>& frames, const SeedPl
                       cv::Mat before, here, after;  // empty: not smoothed
                       for (std::size_t f = begin; f < end; ++f)
                       {
-                        const auto isNear = [&](std::size_t k)
-                        { return k < frames.size() && sweep.SequenceOf(frames[k]) == sweep.SequenceOf(frames[f]); };
-                        const bool hasBefore = f > 0 && isNear(f - 1), hasAfter = isNear(f + 1);
+                        const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
+                        const bool hasBefore = around.before.has_value(), hasAfter = around.after.has_value();
                         if (here.empty())
                         {
                           here = looking.Smoothed(sweep, frames[f]);

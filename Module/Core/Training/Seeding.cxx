@@ -12,6 +12,7 @@
 #include <random>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/Sequences.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/SeedShapes.h"
@@ -294,6 +295,7 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
     places.first.push_back(out);
+    const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
     const SlicePlane plane = sweep.Plane(frames[f]);
     const double area = plane.columnStep.cross(plane.rowStep).norm();
     Eigen::Matrix3d axes;
@@ -318,8 +320,7 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
 
         // Half a gap to either side along the sweep, on the way to the neighbour's pose.
         const double along = Uniform(random) - 0.5;
-        std::size_t neighbour = along < 0 ? (f > 0 ? f - 1 : f) : (f + 1 < frames.size() ? f + 1 : f);
-        neighbour = sweep.SequenceOf(frames[neighbour]) == sweep.SequenceOf(frames[f]) ? neighbour : f;
+        const std::size_t neighbour = (along < 0 ? around.before : around.after).value_or(f);
         double gap = usualGap;
         Eigen::Vector3d mean3 = plane.Point(i, j);
         if (neighbour != f)

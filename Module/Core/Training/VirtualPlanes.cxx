@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "Core/Model/PixelMemory.h"
+#include "Core/Model/Sequences.h"
 #include "Core/Training/GeometryDefaults.h"
 
 namespace bigus
@@ -48,7 +49,7 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
     const SlicePlane from = sweep.Plane(frames[k]), to = sweep.Plane(frames[k + 1]);
-    if (sweep.SequenceOf(frames[k]) != sweep.SequenceOf(frames[k + 1]) || isBreak(frames[k], frames[k + 1]))
+    if (!NeighbourhoodOf(sweep, frames, k).after || isBreak(frames[k], frames[k + 1]))
     {
       continue;
     }
