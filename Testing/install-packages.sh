@@ -9,7 +9,7 @@ packages=(
   g++ cmake ninja-build
   libeigen3-dev libtbb-dev libhwy-dev libopencv-dev  # Core
   libvtk9-dev python3-vtk9                           # filters, readers and their Python wrapping
-  libspng-dev zlib1g-dev                             # PNG images of a sweep; compressed pixels and fields
+  libspng-dev zlib1g-dev libpugixml-dev              # PNG images of a sweep; compressed pixels and fields; XML
   libcli11-dev nlohmann-json3-dev                    # the bigus command
   python3 python3-numpy python3-matplotlib           # the Python package; panels and curves
   libgtest-dev xvfb libgl1-mesa-dri                  # tests

@@ -30,6 +30,7 @@ set(bigus_parsers
 list(TRANSFORM bigus_parsers PREPEND "${CMAKE_CURRENT_LIST_DIR}/")
 
 find_package(nlohmann_json REQUIRED)
+find_package(pugixml REQUIRED GLOBAL)  # tests read XML, too
 find_package(ZLIB REQUIRED)
 find_path(SPNG_INCLUDE_DIR spng.h REQUIRED)
 find_library(SPNG_LIBRARY spng REQUIRED)

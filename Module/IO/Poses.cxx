@@ -98,8 +98,8 @@ std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
 std::vector<Link> ReadConfig(const std::string& fileName)
 {
   const std::string text = ReadTextFile(fileName, largestConfig);
-  const XmlElement document = ParseXml(text, fileName + ": not a Plus configuration");
-  const XmlElement* definitions = document.Child("CoordinateDefinitions");
+  const pugi::xml_document document = ParseXml(text, fileName + ": not a Plus configuration");
+  const pugi::xml_node definitions = document.document_element().child("CoordinateDefinitions");
   if (!definitions)
   {
     throw FormatError(fileName +
@@ -107,22 +107,18 @@ std::vector<Link> ReadConfig(const std::string& fileName)
                       "expected");
   }
   std::vector<Link> links;
-  for (const XmlElement& element : definitions->children)
+  for (const pugi::xml_node& element : definitions.children("Transform"))
   {
-    if (element.name != "Transform")
-    {
-      continue;
-    }
     Link link;
-    link.name.from = element.Value("From");
-    link.name.to = element.Value("To");
+    link.name.from = element.attribute("From").value();
+    link.name.to = element.attribute("To").value();
     link.name.source = "config";
-    const std::string* matrix = element.Attribute("Matrix");
+    const pugi::xml_attribute matrix = element.attribute("Matrix");
     if (link.name.from.empty() || link.name.to.empty() || !matrix)
     {
       throw FormatError(fileName + ": a Transform lacks From, To or Matrix");
     }
-    link.problem = ParseMatrix(*matrix, link.matrix);
+    link.problem = ParseMatrix(matrix.value(), link.matrix);
     links.push_back(std::move(link));
   }
   return links;

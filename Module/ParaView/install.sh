@@ -13,7 +13,7 @@ folder=$(mkdir -p "${1:-$HOME/bigus-paraview}" && cd "${1:-$HOME/bigus-paraview}
 paraview=$folder/paraview/usr
 build_packages=(
   g++ cmake ninja-build
-  libeigen3-dev libtbb-dev libhwy-dev libopencv-dev libspng-dev nlohmann-json3-dev  # what the plugin is built on
+  libeigen3-dev libtbb-dev libhwy-dev libopencv-dev libspng-dev libpugixml-dev nlohmann-json3-dev  # what the plugin is built on
   mpi-default-dev libutfcpp-dev liblz4-dev liblzma-dev libdouble-conversion-dev libexpat1-dev zlib1g-dev  # ParaView's headers
 )
 

@@ -353,17 +353,19 @@ float LittleEndianFloat(const std::uint8_t* bytes)
 /// Names and values of <TrackedFrame><FrameField Name="" Value=""/>...; older ones call it CustomFrameField.
 std::map<std::string, std::string> FieldsOf(std::string_view text, const std::string& name)
 {
-  const XmlElement root = ParseXml(text, name + ": its text");
+  const pugi::xml_document document = ParseXml(text, name + ": its text");
+  const pugi::xml_node root = document.document_element();
   std::map<std::string, std::string> fields;
-  for (const XmlElement& element : root.children)
+  for (const pugi::xml_node& element : root.children())
   {
-    const std::string *key = element.Attribute("Name"), *value = element.Attribute("Value");
-    if ((element.name == "FrameField" || element.name == "CustomFrameField") && key && value)
+    const std::string_view kind = element.name();
+    const pugi::xml_attribute key = element.attribute("Name"), value = element.attribute("Value");
+    if ((kind == "FrameField" || kind == "CustomFrameField") && key && value)
     {
-      fields[*key] = *value;
+      fields[key.value()] = value.value();
     }
   }
-  if (root.Value("ImageDataValid") == "false")
+  if (root.attribute("ImageDataValid").value() == std::string_view("false"))
   {
     throw Error(name + ": it holds no picture (ImageDataValid is false).");
   }

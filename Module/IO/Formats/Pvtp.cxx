@@ -170,34 +170,32 @@ std::vector<std::string> PieceFilesOf(const std::string& fileName)
   {
     throw TruncationError(fileName + ": does not end with </VTKFile>; the file is truncated");
   }
-  const XmlElement root = ParseXml(text, fileName + ": not valid XML");
-  const XmlElement* index = root.Child("PPolyData");
-  if (root.name != "VTKFile" || root.Value("type") != "PPolyData" || !index)
+  const pugi::xml_document document = ParseXml(text, fileName + ": not valid XML");
+  const pugi::xml_node root = document.document_element(), index = root.child("PPolyData");
+  if (root.name() != std::string_view("VTKFile") || root.attribute("type").value() != std::string_view("PPolyData") ||
+      !index)
   {
     throw FormatError(fileName + ": not a VTK XML index of PolyData pieces");
   }
-  if (const std::string ghosts = index->Value("GhostLevel"); !ghosts.empty() && ghosts != "0")
+  if (const std::string ghosts = index.attribute("GhostLevel").value(); !ghosts.empty() && ghosts != "0")
   {
     throw FormatError(fileName + ": GhostLevel is " + Quoted(ghosts) +
                       "; pieces that hold others' Gaussians again would count them twice. Write it without ghosts");
   }
   std::vector<std::string> files;
   std::set<std::string> known;
-  for (const XmlElement& child : index->children)
+  for (const pugi::xml_node& piece : index.children("Piece"))
   {
-    if (child.name != "Piece")
-    {
-      continue;
-    }
+    const std::string source = piece.attribute("Source").value();
     if (files.size() == FieldChunks::kMost)
     {
       throw FormatError(fileName + ": names more than " + std::to_string(FieldChunks::kMost) + " pieces");
     }
-    files.push_back(CompanionFile(fileName, FolderOf(fileName), child.Value("Source")));
+    files.push_back(CompanionFile(fileName, FolderOf(fileName), source));
     std::error_code ignored;
     if (!known.insert(std::filesystem::weakly_canonical(files.back(), ignored).string()).second)
     {
-      throw FormatError(fileName + ": names the piece " + Quoted(child.Value("Source")) +
+      throw FormatError(fileName + ": names the piece " + Quoted(source) +
                         " twice, so its Gaussians would count twice");
     }
   }

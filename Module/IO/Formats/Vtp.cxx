@@ -112,19 +112,19 @@ public:
       text.resize(appended);
       text += "</VTKFile>";
     }
-    root_ = ParseXml(text, name_ + ": not valid XML");
-    if (root_.name != "VTKFile" || root_.Value("type") != "PolyData")
+    document_ = ParseXml(text, name_ + ": not valid XML");
+    root_ = document_.document_element();
+    if (root_.name() != std::string_view("VTKFile") || root_.attribute("type").value() != std::string_view("PolyData"))
     {
       throw FormatError(name_ + ": not a VTK XML PolyData file");
     }
-    polyData_ = root_.Child("PolyData");
-    const auto isPiece = [](const XmlElement& child) { return child.name == "Piece"; };
-    if (!polyData_ || std::count_if(polyData_->children.begin(), polyData_->children.end(), isPiece) != 1)
+    polyData_ = root_.child("PolyData");
+    piece_ = polyData_.child("Piece");
+    if (!piece_ || piece_.next_sibling("Piece"))
     {
       throw FormatError(name_ + ": must have one Piece");
     }
-    piece_ = polyData_->Child("Piece");
-    const std::string points = piece_->Value("NumberOfPoints");
+    const std::string points = piece_.attribute("NumberOfPoints").value();
     if (!ParseNumber(points, points_) || points_ < 0 || points_ > mostPoints ||
         static_cast<std::uint64_t>(points_) > file_.Size() * deflateLimit)
     {
@@ -144,9 +144,9 @@ public:
     Choose(chunks);
     GaussianField& field = stored.field;
     const bool required = points_ > 0;
-    if (const XmlElement* node = Node("FormatVersion"))
+    if (const pugi::xml_node node = Node("FormatVersion"))
     {
-      const FoundArray version = Find(*node, "FormatVersion", 1);
+      const FoundArray version = Find(node, "FormatVersion", 1);
       RequireArrayShape(kOwner, version.name, version.components, version.tuples, 1, 1);
       std::int32_t number = 0;
       Inflate(version, Whole(1), sizeof(number), &number);
@@ -155,15 +155,15 @@ public:
     ReadScalar("Gamma", required, field.transfer.gamma);
     ReadScalar("ElevationSigma", required, field.beam.elevationSigma);
     ReadScalar("ProbeElevationSigma", false, field.beam.probeElevationSigma);
-    if (const XmlElement* node = Node("TrainedNormals"))
+    if (const pugi::xml_node node = Node("TrainedNormals"))
     {
-      const FoundArray normals = Find(*node, "TrainedNormals", 1);
+      const FoundArray normals = Find(node, "TrainedNormals", 1);
       RequireFewTrainedNormals(kOwner, normals.tuples);
       ReadVectors(normals, Whole(normals.tuples), field.beam.trainedNormals);
     }
     if (required)
     {
-      const FoundArray points = Find(*PointsNode(), "Points", points_);
+      const FoundArray points = Find(PointsNode(), "Points", points_);
       if (points.components != 3 || points.tuples != points_)
       {
         throw FormatError(name_ + ": Points must have 3 components and " + std::to_string(points_) + " tuples");
@@ -176,9 +176,9 @@ public:
       field.reflectivities.resize(Count(wanted_));
       ReadDoubles(reflectivities, wanted_, field.reflectivities.data());
     }
-    if (const XmlElement* node = Node("Provenance"))
+    if (const pugi::xml_node node = Node("Provenance"))
     {
-      ReadStrings(*node, "Provenance", stored.provenance);
+      ReadStrings(node, "Provenance", stored.provenance);
     }
     return stored;
   }
@@ -266,30 +266,18 @@ private:
                        std::to_string(mostStrings) + " lines; shorten or remove it");
   }
 
-  const XmlElement* PointsNode() const
-  {
-    const XmlElement* points = piece_->Child("Points");
-    return points ? points->Child("DataArray") : nullptr;
-  }
+  pugi::xml_node PointsNode() const { return piece_.child("Points").child("DataArray"); }
 
-  const XmlElement* Node(const ArrayName& wanted) const
+  pugi::xml_node Node(const ArrayName& wanted) const
   {
-    const XmlElement* parent =
-        std::strcmp(wanted.parent, "PointData") == 0 ? piece_->Child("PointData") : polyData_->Child("FieldData");
+    const bool isOfPoints = std::strcmp(wanted.parent, "PointData") == 0;
+    const pugi::xml_node parent = isOfPoints ? piece_.child("PointData") : polyData_.child("FieldData");
     const char* kind = std::strcmp(wanted.ownType, "String") == 0 ? "Array" : "DataArray";
-    for (std::size_t k = 0; parent && k < parent->children.size(); ++k)
-    {
-      const XmlElement& child = parent->children[k];
-      if (child.name == kind && child.Value("Name") == wanted.name)
-      {
-        return &child;
-      }
-    }
-    return nullptr;
+    return parent.find_child_by_attribute(kind, "Name", wanted.name);
   }
 
   // One of kArrays by its name.
-  const XmlElement* Node(const char* name) const
+  pugi::xml_node Node(const char* name) const
   {
     return Node(*std::find_if(std::begin(kArrays), std::end(kArrays),
                               [name](const ArrayName& array) { return std::strcmp(array.name, name) == 0; }));
@@ -298,16 +286,16 @@ private:
   // Refuses what is no encoding of VTK's, because that is damage, and tells ours from the others.
   void FindEncoding(bool raw)
   {
-    for (const auto& attribute : root_.attributes)
+    for (const pugi::xml_attribute& attribute : root_.attributes())
     {
-      if (!IsOneOf(attribute.first, {"type", "version", "byte_order", "header_type", "compressor"}))
+      if (!IsOneOf(attribute.name(), {"type", "version", "byte_order", "header_type", "compressor"}))
       {
-        throw FormatError(name_ + ": VTKFile has the attribute " + Quoted(attribute.first) + ", which is not known");
+        throw FormatError(name_ + ": VTKFile has the attribute " + Quoted(attribute.name()) + ", which is not known");
       }
     }
-    const std::string order = root_.Value("byte_order");
-    const std::string header = root_.Value("header_type");
-    const std::string compressor = root_.Value("compressor");
+    const std::string order = root_.attribute("byte_order").value();
+    const std::string header = root_.attribute("header_type").value();
+    const std::string compressor = root_.attribute("compressor").value();
     if (!IsOneOf(order, {"LittleEndian", "BigEndian"}) || !IsOneOf(header, {"", "UInt32", "UInt64"}) ||
         !IsOneOf(compressor, {"", "vtkZLibDataCompressor", "vtkLZ4DataCompressor", "vtkLZMADataCompressor"}))
     {
@@ -316,10 +304,10 @@ private:
     }
     ours_ = raw && header == "UInt64" && compressor == "vtkZLibDataCompressor" &&
             order == (kThisMachineIsBigEndian ? "BigEndian" : "LittleEndian");
-    const auto look = [this](const XmlElement& node, const char* name, const std::string& ownType)
+    const auto look = [this](const pugi::xml_node& node, const char* name, const std::string& ownType)
     {
-      const std::string type = node.Value("type");
-      const std::string format = node.Value("format");
+      const std::string type = node.attribute("type").value();
+      const std::string format = node.attribute("format").value();
       if (!IsOneOf(type, {"Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Float32",
                           "Float64", "String"}) ||
           !IsOneOf(format, {"ascii", "binary", "appended"}))
@@ -328,7 +316,7 @@ private:
                           "; numbers of 8 to 64 bits in ascii, binary or appended are read");
       }
       std::int64_t strings = 0;
-      if (type == "String" && ParseNumber(node.Value("NumberOfTuples"), strings) && strings > mostStrings)
+      if (type == "String" && ParseNumber(node.attribute("NumberOfTuples").value(), strings) && strings > mostStrings)
       {
         throw TooMuchText(name);
       }
@@ -340,32 +328,33 @@ private:
       {
         throw FormatError(name_ + ": the array Points is missing");
       }
-      look(*PointsNode(), "Points", "Float64");
+      look(PointsNode(), "Points", "Float64");
     }
     for (const ArrayName& wanted : kArrays)
     {
-      if (const XmlElement* node = Node(wanted))
+      if (const pugi::xml_node node = Node(wanted))
       {
-        look(*node, wanted.name, wanted.ownType);
+        look(node, wanted.name, wanted.ownType);
       }
     }
   }
 
   // `tuples` is what an array of the piece has; the array's own word goes before it.
-  FoundArray Find(const XmlElement& node, const char* name, std::int64_t tuples)
+  FoundArray Find(const pugi::xml_node& node, const char* name, std::int64_t tuples)
   {
     std::int64_t components = 1;
-    const std::string* statedTuples = node.Attribute("NumberOfTuples");
-    const std::string* statedComponents = node.Attribute("NumberOfComponents");
-    if ((statedTuples && (!ParseNumber(*statedTuples, tuples) || tuples < 0 || tuples > mostPoints)) ||
+    const pugi::xml_attribute statedTuples = node.attribute("NumberOfTuples");
+    const pugi::xml_attribute statedComponents = node.attribute("NumberOfComponents");
+    if ((statedTuples && (!ParseNumber(statedTuples.value(), tuples) || tuples < 0 || tuples > mostPoints)) ||
         (statedComponents &&
-         (!ParseNumber(*statedComponents, components) || components < 1 || components > mostComponents)))
+         (!ParseNumber(statedComponents.value(), components) || components < 1 || components > mostComponents)))
     {
-      throw FormatError(name_ + ": " + name + " claims " + Quoted(node.Value("NumberOfTuples")) + " tuples of " +
-                        Quoted(node.Value("NumberOfComponents")) + " components");
+      throw FormatError(name_ + ": " + name + " claims " + Quoted(node.attribute("NumberOfTuples").value()) +
+                        " tuples of " + Quoted(node.attribute("NumberOfComponents").value()) + " components");
     }
-    const bool isDouble = node.Value("type") == "Float64";
-    FoundArray found = {name, tuples, components, node.Value("type") == "Float32", FindBlocks(node, name)};
+    const std::string_view type = node.attribute("type").value();
+    const bool isDouble = type == "Float64";
+    FoundArray found = {name, tuples, components, type == "Float32", FindBlocks(node, name)};
     const std::uint64_t bytes = isDouble ? sizeof(double) : sizeof(float);  // Int32 is as large as Float32
     if (found.blocks.total != static_cast<std::uint64_t>(tuples * components) * bytes)
     {
@@ -376,24 +365,24 @@ private:
 
   FoundArray FindOfPoints(const char* name, int components)
   {
-    const XmlElement* node = Node(name);
+    const pugi::xml_node node = Node(name);
     if (!node)
     {
       throw MissingArray(kOwner, name, components, points_);
     }
-    return Find(*node, name, points_);
+    return Find(node, name, points_);
   }
 
   void ReadScalar(const char* name, bool required, double& value)
   {
-    const XmlElement* node = Node(name);
+    const pugi::xml_node node = Node(name);
     if (!node && required)
     {
       throw MissingArray(kOwner, name, 1, 1);
     }
     if (node)
     {
-      const FoundArray found = Find(*node, name, 1);
+      const FoundArray found = Find(node, name, 1);
       RequireArrayShape(kOwner, name, found.components, found.tuples, 1, 1);
       ReadDoubles(found, Whole(1), &value);
     }
@@ -423,7 +412,7 @@ private:
   }
 
   // Strings are stored one after the other, each with a zero at its end.
-  void ReadStrings(const XmlElement& node, const char* name, std::vector<std::string>& strings)
+  void ReadStrings(const pugi::xml_node& node, const char* name, std::vector<std::string>& strings)
   {
     const FoundArray found = {name, 0, 1, false, FindBlocks(node, name)};
     if (found.blocks.total > mostTextBytes)
@@ -446,11 +435,12 @@ private:
 
   // Number of blocks, size of a block, size of the last one where it is smaller (else 0), compressed size of each; then
   // the blocks. All numbers agree with each other and with the bytes there are when this returns.
-  Blocks FindBlocks(const XmlElement& node, const std::string& what)
+  Blocks FindBlocks(const pugi::xml_node& node, const std::string& what)
   {
     constexpr std::uint64_t number = sizeof(std::uint64_t);
     std::int64_t offset = -1;
-    if (!ParseNumber(node.Value("offset"), offset) || offset < 0 || static_cast<std::uint64_t>(offset) > appendedSize_)
+    if (!ParseNumber(node.attribute("offset").value(), offset) || offset < 0 ||
+        static_cast<std::uint64_t>(offset) > appendedSize_)
     {
       throw Damaged(what);
     }
@@ -541,9 +531,8 @@ private:
 
   std::string name_;
   InputFile file_;
-  XmlElement root_;
-  const XmlElement* polyData_ = nullptr;
-  const XmlElement* piece_ = nullptr;
+  pugi::xml_document document_;
+  pugi::xml_node root_, polyData_, piece_;
   std::uint64_t appendedBegin_ = 0, appendedSize_ = 0;  // bytes of the file
   std::int64_t points_ = 0;
   Runs wanted_;  // of the points
