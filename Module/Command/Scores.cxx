@@ -139,8 +139,7 @@ void ScoreAligned(const TrainedField& trained, Json& answer, Console& console)
 {
   const std::string count = std::to_string(trained.heldOut.size());
   console.Note("Aligning " + count + " held-out frames.");
-  const AlignedScores aligned =
-      ScoreFieldAligned(trained.field, trained.corrected, trained.heldOut, {}, trained.engine);
+  const AlignedScores aligned = ScoreFieldAligned(trained.field, trained.corrected, trained.heldOut, trained.engine);
   Json scores = ToJson(aligned.scores);
   scores.update({{"mean_translation", aligned.meanTranslation},
                  {"largest_translation", aligned.largestTranslation},

@@ -127,19 +127,14 @@ TEST(Alignment, FindsWhereTheFrameWasTaken)
   {
     const SlicePlane tracked = TrackedFor(truth, motion.translation, motion.rotation);
     const auto sweep = FrameAt(truth, tracked);
-    for (int stride : {1, 2})
-    {
-      AlignmentOptions options;
-      options.stride = stride;
-      const RigidAlignment found = AlignFrame(*engine, *sweep, 0, options);
-      EXPECT_LT(CornerDistance(found.plane, truth), 0.02 * pixel) << "from " << CornerDistance(tracked, truth);
-      EXPECT_NEAR(found.translation, motion.translation.norm(), 0.01 * pixel);
-      EXPECT_NEAR(found.rotation, motion.rotation.norm(), 0.01);
-      EXPECT_LT(found.residualAfter, 0.01 * found.residualBefore);
-      EXPECT_LE(found.iterations, 8);
-      EXPECT_EQ(found.plane.width, width);
-      EXPECT_EQ(found.plane.height, height);
-    }
+    const RigidAlignment found = AlignFrame(*engine, *sweep, 0);
+    EXPECT_LT(CornerDistance(found.plane, truth), 0.02 * pixel) << "from " << CornerDistance(tracked, truth);
+    EXPECT_NEAR(found.translation, motion.translation.norm(), 0.01 * pixel);
+    EXPECT_NEAR(found.rotation, motion.rotation.norm(), 0.01);
+    EXPECT_LT(found.residualAfter, 0.01 * found.residualBefore);
+    EXPECT_LE(found.iterations, 8);
+    EXPECT_EQ(found.plane.width, width);
+    EXPECT_EQ(found.plane.height, height);
   }
 }
 
@@ -194,97 +189,6 @@ TEST(Alignment, IgnoresMaskedPixels)
   const RigidAlignment found = AlignFrame(*engine, *sweep, 0);
   EXPECT_LT(CornerDistance(found.plane, truth), 0.02 * pixel);
   EXPECT_LT(found.residualAfter, 1e-3);
-}
-
-TEST(Alignment, PriorsPullBack)
-{
-  const SlicePlane truth = Oblique();
-  const auto sweep = FrameAt(truth, TrackedFor(truth, {0.3, 0, 0.3}, {0.6, 0, 0.6}));
-  Random random(7);  // noise, so that there is something to weigh the prior against
-  for (std::size_t p = 0; p < sweep->PixelsPerFrame(); ++p)
-  {
-    Pixels(*sweep)[p] = std::clamp(Pixels(*sweep)[p] + static_cast<float>(random.Uniform(-0.1, 0.1)), 0.0f, 1.0f);
-  }
-  const auto engine = EngineWith(Scene());
-  double translation = 1e9, rotation = 1e9;
-  for (double sigma : {0.0, 0.01, 0.003, 0.001})  // 0: none
-  {
-    AlignmentOptions options;
-    options.translationPrior = sigma;
-    options.rotationPrior = 2 * sigma;
-    const RigidAlignment found = AlignFrame(*engine, *sweep, 0, options);
-    EXPECT_LT(found.translation, translation);
-    EXPECT_LT(found.rotation, rotation);
-    EXPECT_LE(found.residualAfter, found.residualBefore);
-    translation = found.translation;
-    rotation = found.rotation;
-  }
-  EXPECT_LT(translation, 0.1);
-  // A prior that allows what happened changes next to nothing.
-  AlignmentOptions wide;
-  wide.translationPrior = 1;
-  wide.rotationPrior = 2;
-  EXPECT_LT(CornerDistance(AlignFrame(*engine, *sweep, 0, wide).plane, AlignFrame(*engine, *sweep, 0).plane),
-            0.02 * pixel);
-}
-
-// One parameter in an image that is linear in it: the posterior's maximum has a closed form.
-TEST(Alignment, WeighsPriorAgainstNoiseAsGaussianStatisticsDo)
-{
-  SlicePlane plane;
-  plane.width = 60;
-  plane.height = 50;
-  plane.origin = {-29.5, -24.5, 0};
-  Random random(3);
-  std::vector<float> pattern(plane.NumberOfPixels()), image(plane.NumberOfPixels());
-  double signal = 0, data = 0;
-  const double shift = 0.04;  // mm out of plane, of which the image is a multiple
-  std::vector<double> noise(image.size());
-  for (std::size_t p = 0; p < image.size(); ++p)
-  {
-    pattern[p] = static_cast<float>(random.Uniform(-1, 1));
-    noise[p] = random.Uniform(-0.3, 0.3);
-    image[p] = static_cast<float>(shift * pattern[p] + noise[p]);
-    signal += static_cast<double>(pattern[p]) * pattern[p];
-    data += static_cast<double>(pattern[p]) * image[p];
-  }
-  const auto render = [&](const SlicePlane& at, float* out)
-  {
-    const double z = at.Point(29.5, 24.5)[2];
-    std::transform(pattern.begin(), pattern.end(), out, [z](float f) { return static_cast<float>(z * f); });
-  };
-  AlignmentOptions options;
-  options.maximumRotation = 0;
-  options.iterations = 20;
-  EXPECT_NEAR(AlignImage(render, image.data(), nullptr, plane, options).translation, data / signal, 1e-4);
-  options.translationPrior = 0.01;
-  const double variance = 0.6 * 0.6 / 12;  // of the noise
-  const double expected = data / (signal + variance / (0.01 * 0.01));
-  EXPECT_NEAR(AlignImage(render, image.data(), nullptr, plane, options).translation, expected, 0.05 * expected);
-}
-
-TEST(Alignment, StaysWithinItsBounds)
-{
-  const SlicePlane truth = Oblique();
-  const auto sweep = FrameAt(truth, TrackedFor(truth, {0.4, 0, 0.3}, {0, 0.8, 0.8}));
-  const auto engine = EngineWith(Scene());
-  AlignmentOptions options;
-  options.maximumTranslation = 0.2;
-  options.maximumRotation = 0.5;
-  RigidAlignment found = AlignFrame(*engine, *sweep, 0, options);
-  EXPECT_LE(found.translation, 0.2 + 1e-12);
-  EXPECT_LE(found.rotation, 0.5 + 1e-12);
-  EXPECT_GT(found.translation, 0.1);
-  EXPECT_LT(found.residualAfter, found.residualBefore);
-
-  options.maximumRotation = 0;
-  found = AlignFrame(*engine, *sweep, 0, options);
-  EXPECT_EQ(found.rotation, 0);
-  EXPECT_TRUE(found.plane.columnStep.isApprox(sweep->Plane(0).columnStep, 1e-14));
-  EXPECT_GT(found.translation, 0.1);
-  options.maximumTranslation = 0;
-  found = AlignFrame(*engine, *sweep, 0, options);
-  EXPECT_EQ(found.plane.ImageToReference(), sweep->Plane(0).ImageToReference());
 }
 
 TEST(Alignment, LeavesAFrameThatShowsNothing)
@@ -377,20 +281,8 @@ TEST(Alignment, DoesNotDependOnTheNumberOfThreads)
   EXPECT_EQ(measure(), one);
 }
 
-TEST(Alignment, OptionsOutOfRange)
+TEST(Alignment, OfNoFrameIsRefused)
 {
-  const auto expectError = [](auto change, const char* name)
-  {
-    AlignmentOptions options;
-    change(options);
-    ExpectRefused([&] { options.Validate(); }, {name});
-  };
-  expectError([](AlignmentOptions& o) { o.maximumTranslation = -1; }, "maximum translation");
-  expectError([](AlignmentOptions& o) { o.maximumRotation = 46; }, "maximum rotation");
-  expectError([](AlignmentOptions& o) { o.translationPrior = std::nan(""); }, "translation prior");
-  expectError([](AlignmentOptions& o) { o.rotationPrior = -1; }, "rotation prior");
-  expectError([](AlignmentOptions& o) { o.iterations = -1; }, "iterations");
-  expectError([](AlignmentOptions& o) { o.stride = 0; }, "stride");
   const auto sweep = BlackSweep(1, 4, 4, 1, 1);
   EXPECT_THROW(AlignFrame(*EngineWith(Scene()), *sweep, 1), Error);
 }

@@ -213,10 +213,6 @@ TEST(ScoreFieldAligned, TellsTrackingErrorFromModellingError)
   EXPECT_NEAR(aligned.largestTranslation, 0.2, 0.01);
   EXPECT_LT(aligned.largestRotation, 0.2);
   EXPECT_LE(aligned.meanRotation, aligned.largestRotation);
-
-  bigus::AlignmentOptions fixed;
-  fixed.maximumTranslation = fixed.maximumRotation = 0;
-  ExpectSame(bigus::ScoreFieldAligned(field, sweep, {1, 2}, fixed).scores, tracked, 0);
 }
 
 TEST(ScoreBaselines, GivesEachPredictorTheTrainingFramesOnly)

@@ -60,7 +60,7 @@ FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std
 }
 
 AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
-                                const AlignmentOptions& options, const std::string& engineName)
+                                const std::string& engineName)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
   engine->SetField(field);
@@ -68,7 +68,7 @@ AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, 
   out.scores = ScoreFrames(sweep, frames,
                            [&](int frame, float* image)
                            {
-                             const RigidAlignment found = AlignFrame(*engine, sweep, frame, options);
+                             const RigidAlignment found = AlignFrame(*engine, sweep, frame);
                              const double share = 1 / static_cast<double>(frames.size());
                              out.meanTranslation += share * found.translation;
                              out.largestTranslation = std::max(out.largestTranslation, found.translation);

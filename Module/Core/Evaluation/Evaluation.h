@@ -48,7 +48,7 @@ struct AlignedScores
 
 /// Scores the field at poses rigidly aligned to it, frame by frame (see Alignment.h).
 AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
-                                const AlignmentOptions& options = {}, const std::string& engine = "auto");
+                                const std::string& engine = "auto");
 
 /// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the held-out pose;
 /// neighbour average and pose interpolation the held-out frame's place in the sequence.

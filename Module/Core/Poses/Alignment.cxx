@@ -5,11 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
-#include "Core/Model/Error.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/LevenbergMarquardt.h"
 
@@ -26,33 +25,15 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr double kDifferenceStep = 0.25;
 constexpr double kConvergedStep = 0.01;  // pixels: motion (root mean square over the image) that is as good as none
 constexpr double kRoundingOfI = 1e-6;    // a residual below this is rounding
-
-void CheckRange(const char* name, double value, double low, double high)
-{
-  if (!(value >= low && value <= high))
-  {
-    throw Error(std::string("Alignment: ") + name + " is " + std::to_string(value) + "; it must lie between " +
-                std::to_string(low) + " and " + std::to_string(high) + ".");
-  }
-}
-
-/// Every n-th pixel of every n-th row.
-SlicePlane Strided(const SlicePlane& plane, int n)
-{
-  SlicePlane out = plane;
-  out.columnStep *= n;
-  out.rowStep *= n;
-  out.width = (plane.width - 1) / n + 1;
-  out.height = (plane.height - 1) / n + 1;
-  return out;
-}
+constexpr int kMostSteps = 8;            // each takes 13 renders
+constexpr double kMostTranslation = 2;   // mm: an optimum farther away is another place that looks alike
+constexpr double kMostRotation = 3;      // degrees
 
 /// What is seen from one pose.
 struct Prediction
 {
   std::vector<float> image;  // the pixels compared
-  double sumOfSquares = 0;   // of its differences to the frame
-  double cost = 0;           // the objective
+  double cost = 0;           // sum of the squares of its differences to the frame
 };
 
 /// What is minimised, and by which steps. The six parameters q are all in mm of displacement, root mean square over the
@@ -61,22 +42,14 @@ struct Prediction
 class Problem
 {
 public:
-  Problem(const std::function<void(const SlicePlane&, float*)>& render, const float* image, const std::uint8_t* mask,
-          const SlicePlane& plane, const AlignmentOptions& options)
-      : render_(render), plane_(plane), options_(options), pixel_(plane.PixelSize())
+  Problem(Engine& engine, const std::vector<float>& image, const std::vector<std::uint8_t>* mask,
+          const SlicePlane& plane)
+      : engine_(engine), plane_(plane), pixel_(plane.PixelSize()), image_(image)
   {
-    const SlicePlane grid = Strided(plane, options.stride);
-    width_ = grid.width;
-    for (int y = 0; y < grid.height; ++y)
+    for (std::size_t p = 0; p < image_.size(); ++p)
     {
-      for (int x = 0; x < grid.width; ++x)
-      {
-        const std::size_t p =
-            (static_cast<std::size_t>(y) * plane.width + x) * static_cast<std::size_t>(options.stride);
-        image_.push_back(image[p]);
-        lit_.push_back(!mask || mask[p] != 0);
-        count_ += lit_.back();
-      }
+      lit_.push_back(!mask || (*mask)[p] != 0);
+      count_ += lit_.back();
     }
     // Root mean square distance of the pixels from each axis through the centre.
     const auto spread = [](const Eigen::Vector3d& step, int n)
@@ -84,17 +57,6 @@ public:
     const double across = spread(plane.columnStep, plane.width);
     const double down = spread(plane.rowStep, plane.height);
     lever_ = {std::max(down, pixel_), std::max(across, pixel_), std::max(Eigen::Vector2d(across, down).norm(), pixel_)};
-
-    for (int k = 0; k < 6; ++k)
-    {
-      const double deviation =
-          k < 3 ? options.translationPrior : options.rotationPrior * kRadiansPerDegree * lever_[k % 3];
-      prior_[k] = deviation > 0 ? 1 / (deviation * deviation) : 0;
-      if ((k < 3 ? options.maximumTranslation : options.maximumRotation) > 0)
-      {
-        free_.push_back(k);
-      }
-    }
   }
 
   /// Whether there is anything to align by.
@@ -109,7 +71,7 @@ public:
         high = std::max(high, image_[p]);
       }
     }
-    return high > low && !free_.empty();
+    return high > low;
   }
 
   Eigen::Vector3d Translation(const Vector6& q) const { return q.head<3>(); }
@@ -121,13 +83,13 @@ public:
   {
     const double shift = Translation(q).norm();
     const double angle = Rotation(q).norm();
-    if (shift > options_.maximumTranslation)
+    if (shift > kMostTranslation)
     {
-      q.head<3>() *= options_.maximumTranslation / shift;
+      q.head<3>() *= kMostTranslation / shift;
     }
-    if (angle > options_.maximumRotation)
+    if (angle > kMostRotation)
     {
-      q.tail<3>() *= options_.maximumRotation / angle;
+      q.tail<3>() *= kMostRotation / angle;
     }
     return q;
   }
@@ -135,77 +97,33 @@ public:
   std::vector<float> Predict(const Vector6& q) const
   {
     std::vector<float> prediction(image_.size());
-    render_(Strided(Plane(q), options_.stride), prediction.data());
+    engine_.Render(Plane(q), ViewOutput::Intensity, prediction.data());
     return prediction;
   }
 
-  double SumOfSquares(const std::vector<float>& prediction) const
-  {
-    double sum = 0;
-    for (std::size_t p = 0; p < image_.size(); ++p)
-    {
-      const double r = lit_[p] ? static_cast<double>(prediction[p]) - image_[p] : 0;
-      sum += r * r;
-    }
-    return sum;
-  }
   double RootMeanSquare(double sumOfSquares) const
   {
     return std::sqrt(sumOfSquares / static_cast<double>(std::max<std::size_t>(count_, 1)));
-  }
-
-  /// Speckle makes residuals of neighbours alike, so n pixels hold fewer independent ones. With correlation rho^|lag|
-  /// along rows and columns, of residuals and derivatives alike, n / A with A = (1 + rho^2) / (1 - rho^2) on each axis.
-  void CountIndependent(const std::vector<float>& prediction)
-  {
-    std::vector<double> residual(image_.size(), 0.0);
-    double mean = 0;
-    for (std::size_t p = 0; p < image_.size(); ++p)
-    {
-      residual[p] = static_cast<double>(prediction[p]) - image_[p];
-      mean += lit_[p] ? residual[p] / static_cast<double>(count_) : 0;
-    }
-    independent_ = static_cast<double>(count_);
-    for (std::size_t lag : {std::size_t(1), static_cast<std::size_t>(width_)})
-    {
-      double products = 0, squares = 0;
-      for (std::size_t p = 0; p + lag < image_.size(); ++p)
-      {
-        const bool sameRow = lag > 1 || (p + 1) % width_ != 0;
-        if (lit_[p] && lit_[p + lag] && sameRow)
-        {
-          const double a = residual[p] - mean, b = residual[p + lag] - mean;
-          products += a * b;
-          squares += 0.5 * (a * a + b * b);
-        }
-      }
-      const double rho = squares > 0 ? std::clamp(products / squares, 0.0, 0.99) : 0;
-      independent_ *= (1 - rho * rho) / (1 + rho * rho);
-    }
-  }
-
-  /// Minus twice the logarithm of the posterior: n_ind ln(sum r^2) is that of Gaussian residuals whose level is
-  /// unknown, which is to say sigma^2 is the mean square residual of the pose at hand.
-  double Objective(const Vector6& q, double sumOfSquares) const
-  {
-    return independent_ * std::log(Level(sumOfSquares)) + q.cwiseAbs2().dot(prior_);
   }
 
   Prediction Evaluate(const Vector6& q) const
   {
     Prediction out;
     out.image = Predict(q);
-    out.sumOfSquares = SumOfSquares(out.image);
-    out.cost = Objective(q, out.sumOfSquares);
+    for (std::size_t p = 0; p < image_.size(); ++p)
+    {
+      const double r = lit_[p] ? static_cast<double>(out.image[p]) - image_[p] : 0;
+      out.cost += r * r;
+    }
     return out;
   }
 
-  /// Half the objective's Hessian (Gauss-Newton) and half its gradient at q; `prediction` is what is seen there.
+  /// Half the cost's Hessian (Gauss-Newton) and half its gradient at q; `prediction` is what is seen there.
   std::pair<Matrix6, Vector6> Linearise(const Vector6& q, const Prediction& prediction) const
   {
     const double h = kDifferenceStep * pixel_;
     std::array<std::vector<float>, 6> derivative;
-    for (int k : free_)
+    for (int k = 0; k < 6; ++k)
     {
       derivative[k] = Predict(q + h * Vector6::Unit(k));
       const std::vector<float> before = Predict(q - h * Vector6::Unit(k));
@@ -224,23 +142,12 @@ public:
         continue;
       }
       Vector6 row = Vector6::Zero();
-      for (int k : free_)
+      for (int k = 0; k < 6; ++k)
       {
         row[k] = derivative[k][p];
       }
       gradient += (static_cast<double>(prediction.image[p]) - image_[p]) * row;
       hessian.noalias() += row * row.transpose();
-    }
-    const double weight = independent_ / Level(prediction.sumOfSquares);
-    hessian *= weight;
-    hessian.diagonal() += prior_;
-    gradient = weight * gradient + prior_.cwiseProduct(q);
-    for (int k = 0; k < 6; ++k)
-    {
-      if (std::find(free_.begin(), free_.end(), k) == free_.end())
-      {
-        gradient[k] = 0;
-      }
     }
     return {hessian, gradient};
   }
@@ -251,23 +158,13 @@ public:
   }
 
 private:
-  double Level(double sumOfSquares) const
-  {
-    return std::max(sumOfSquares, kRoundingOfI * kRoundingOfI * static_cast<double>(count_));
-  }
-
-  const std::function<void(const SlicePlane&, float*)>& render_;
+  Engine& engine_;
   const SlicePlane plane_;
-  const AlignmentOptions options_;
   const double pixel_;  // mm
-  int width_ = 0;       // of the pixels compared
-  std::vector<float> image_;
+  const std::vector<float>& image_;
   std::vector<char> lit_;
   std::size_t count_ = 0;  // of lit pixels
-  double independent_ = 0;
   Eigen::Vector3d lever_;  // mm
-  Vector6 prior_;          // 1 / variance of q
-  std::vector<int> free_;  // parameters that may change
 };
 
 }  // namespace
@@ -289,34 +186,21 @@ SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, co
   return out;
 }
 
-void AlignmentOptions::Validate() const
+RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame)
 {
-  CheckRange("the maximum translation (mm)", maximumTranslation, 0, 1000);
-  CheckRange("the maximum rotation (degrees)", maximumRotation, 0, 45);
-  CheckRange("the translation prior (mm)", translationPrior, 0, 1e9);
-  CheckRange("the rotation prior (degrees)", rotationPrior, 0, 1e9);
-  CheckRange("the number of iterations", iterations, 0, 1000);
-  CheckRange("the stride", stride, 1, 4096);
-}
-
-RigidAlignment AlignImage(const std::function<void(const SlicePlane&, float*)>& render, const float* image,
-                          const std::uint8_t* mask, const SlicePlane& plane, const AlignmentOptions& options)
-{
-  options.Validate();
-  plane.Validate("Alignment");
-  Problem problem(render, image, mask, plane, options);
+  std::vector<float> image(sweep.PixelsPerFrame());
+  sweep.CopyFrame(frame, image.data());
+  Problem problem(engine, image, sweep.mask.get(), sweep.Plane(frame));
   Vector6 q = Vector6::Zero();
   Prediction prediction = problem.Evaluate(q);
-  problem.CountIndependent(prediction.image);
-  prediction.cost = problem.Objective(q, prediction.sumOfSquares);
   RigidAlignment out;
-  out.plane = plane;
-  out.residualBefore = problem.RootMeanSquare(prediction.sumOfSquares);
+  out.plane = sweep.Plane(frame);
+  out.residualBefore = problem.RootMeanSquare(prediction.cost);
 
   if (problem.HasContrast() && out.residualBefore > kRoundingOfI)
   {
     LevenbergMarquardtOptions descent;
-    descent.iterations = options.iterations;
+    descent.iterations = kMostSteps;
     descent.ridge = 1e-3;
     out.iterations = MinimiseByLevenbergMarquardt(problem, descent, q, prediction);
   }
@@ -326,17 +210,8 @@ RigidAlignment AlignImage(const std::function<void(const SlicePlane&, float*)>& 
   }
   out.translation = problem.Translation(q).norm();
   out.rotation = problem.Rotation(q).norm();
-  out.residualAfter = problem.RootMeanSquare(prediction.sumOfSquares);
+  out.residualAfter = problem.RootMeanSquare(prediction.cost);
   return out;
-}
-
-RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame, const AlignmentOptions& options)
-{
-  std::vector<float> image(sweep.PixelsPerFrame());
-  sweep.CopyFrame(frame, image.data());
-  return AlignImage([&engine](const SlicePlane& plane, float* out)
-                    { engine.Render(plane, ViewOutput::Intensity, out); },
-                    image.data(), sweep.mask ? sweep.mask->data() : nullptr, sweep.Plane(frame), options);
 }
 
 }  // namespace bigus

@@ -531,7 +531,7 @@ Json ToJson(const PlaneScores& scores)
 /// The field at poses that the held-out frames chose for themselves: a diagnostic of the tracking.
 Json AlignedScores(const Method& method, const Sweep& sweep, const std::vector<int>& frames)
 {
-  const bigus::AlignedScores aligned = ScoreFieldAligned(*method.field, sweep, frames, {}, method.engine);
+  const bigus::AlignedScores aligned = ScoreFieldAligned(*method.field, sweep, frames, method.engine);
   Json scores = ToJson(aligned.scores);
   scores["mean_translation"] = aligned.meanTranslation;
   scores["largest_translation"] = aligned.largestTranslation;
