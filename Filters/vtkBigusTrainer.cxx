@@ -157,12 +157,7 @@ const bigus::OptionText* FindOption(const char* name)
 /// The numbers of a list, separated by blanks.
 std::string ToText(vtkIntArray* list)
 {
-  std::string text;
-  for (vtkIdType i = 0; i < list->GetNumberOfValues(); ++i)
-  {
-    text += (i ? " " : "") + std::to_string(list->GetValue(i));
-  }
-  return text;
+  return bigus::FrameListText({list->GetPointer(0), list->GetPointer(0) + list->GetNumberOfValues()});
 }
 
 }  // namespace

@@ -23,15 +23,9 @@ struct FieldChunks
   static constexpr int kUsual = 16;
 };
 
-/// Gaussians that follow each other in the field, and in a chunk.
+/// Gaussians that follow each other in the field, and in a chunk. Neighbours in the field, which lie near each other, stay
+/// together, and blocks are dealt to the chunks in turn, so that every chunk has a share of every slice.
 constexpr std::size_t kChunkBlock = 256;
-
-/// The place of Gaussian i of a whole field of `total` chunks. Neighbours in the field, which lie near each other, stay
-/// together in blocks of 256, and blocks are dealt in turn, so that every chunk has a share of every slice.
-inline int ChunkOf(std::size_t i, int total)
-{
-  return static_cast<int>(i / kChunkBlock % static_cast<std::size_t>(total));
-}
 
 /// Throws Error unless `total` is 1 to FieldChunks::kMost, and `piece` one of `pieces`, counted from 0.
 void RequireChunks(int total, int piece, int pieces);

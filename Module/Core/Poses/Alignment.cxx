@@ -169,16 +169,27 @@ private:
 
 }  // namespace
 
-SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, const Eigen::Vector3d& rotation)
+Eigen::Matrix3d AxesOf(const SlicePlane& plane)
 {
   Eigen::Matrix3d axes;
   axes.col(0) = plane.columnStep.normalized();
   axes.col(2) = plane.Normal();
   axes.col(1) = axes.col(2).cross(axes.col(0));
+  return axes;
+}
+
+Eigen::Vector3d CentreOf(const SlicePlane& plane)
+{
+  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+}
+
+SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, const Eigen::Vector3d& rotation)
+{
+  const Eigen::Matrix3d axes = AxesOf(plane);
   const double angle = rotation.norm() * kRadiansPerDegree;
   const Eigen::Matrix3d turn = angle > 0 ? Eigen::AngleAxisd(angle, axes * rotation.normalized()).toRotationMatrix()
                                          : Eigen::Matrix3d::Identity().eval();
-  const Eigen::Vector3d centre = plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+  const Eigen::Vector3d centre = CentreOf(plane);
   SlicePlane out = plane;
   out.columnStep = turn * plane.columnStep;
   out.rowStep = turn * plane.rowStep;

@@ -65,20 +65,6 @@ constexpr double kRevisitError = 0.1;
 constexpr int kRounds = 5;           // of robust weights of comparisons
 constexpr double kSuspiciousAt = 3;  // standard errors at which a comparison counts half
 
-Eigen::Vector3d CentreOf(const SlicePlane& plane)
-{
-  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
-}
-
-Eigen::Matrix3d AxesOf(const SlicePlane& plane)
-{
-  Eigen::Matrix3d axes;
-  axes.col(0) = plane.columnStep.normalized();
-  axes.col(2) = plane.Normal();
-  axes.col(1) = axes.col(2).cross(axes.col(0));
-  return axes;
-}
-
 SlicePlane MovedBy(const SlicePlane& plane, const FrameMotion& motion, double lever)
 {
   return Moved(plane, {motion[0], motion[1], motion[3]}, {0, 0, motion[2] / lever / kRadiansPerDegree});

@@ -73,20 +73,6 @@ Eigen::Matrix3d RotationBy(const Eigen::Vector3d& vector)
   return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
 }
 
-Eigen::Matrix3d AxesOf(const SlicePlane& plane)
-{
-  Eigen::Matrix3d axes;
-  axes.col(0) = plane.columnStep.normalized();
-  axes.col(2) = plane.Normal();
-  axes.col(1) = axes.col(2).cross(axes.col(0));
-  return axes;
-}
-
-Eigen::Vector3d CentreOf(const SlicePlane& plane)
-{
-  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
-}
-
 double Median(std::vector<double> values)
 {
   if (values.empty())

@@ -15,6 +15,7 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
+#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {
@@ -80,16 +81,6 @@ struct Octaves
   std::array<cv::Mat, kBands> bands;
   cv::Mat rest;
 };
-
-/// An orthonormal frame of the plane: along its rows, in the plane across them, along its normal.
-Eigen::Matrix3d FrameOf(const SlicePlane& plane)
-{
-  Eigen::Matrix3d r;
-  r.col(0) = plane.columnStep.normalized();
-  r.col(2) = plane.Normal();
-  r.col(1) = r.col(2).cross(r.col(0));
-  return r;
-}
 
 cv::Mat Picture(const Sweep& sweep, int frame)
 {
@@ -647,7 +638,7 @@ FramesAround FramesAround::Gap(const Sweep& sweep, const std::vector<int>& frame
 SlicePlane PlaneBetween(const SlicePlane& from, const SlicePlane& to, double share)
 {
   const double i = 0.5 * (from.width - 1), j = 0.5 * (from.height - 1);
-  const Eigen::Matrix3d first = FrameOf(from), second = FrameOf(to);
+  const Eigen::Matrix3d first = AxesOf(from), second = AxesOf(to);
   const Eigen::Matrix3d r = Eigen::Quaterniond(first).slerp(share, Eigen::Quaterniond(second)).toRotationMatrix();
   // Steps are mixed in the planes' own frames, so that shear stays what it is.
   const auto mix = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) -> Eigen::Vector3d
