@@ -14,11 +14,21 @@
 namespace bigus::command
 {
 
-/// One subcommand is chosen by the arguments; it leaves its work in `job`, which Run runs.
+/// What every program and command can be told.
+struct CommonOptions
+{
+  bool progress = false;
+  int threads = 0;             ///< 0: all cores
+  std::string instructionSet;  ///< empty: the best, or that of the environment
+  double memory = 0;           ///< GB; 0: no limit
+};
+
+/// What is chosen by the arguments leaves its work in `job`, which RunChosenJob runs.
 struct Program
 {
   CLI::App app;
   Console console;
+  CommonOptions options;
   std::function<ExitCode()> job;
 };
 
@@ -31,12 +41,18 @@ void AddSlice(Program& program);
 void AddVoxelize(Program& program);
 void AddMetrics(Program& program);
 void AddConvert(Program& program);
-void AddBench(Program& program);
 void AddView(Program& program);
 void AddServe(Program& program);
 
 /// The whole program: understands the arguments and does what they ask for.
 ExitCode Run(int argumentCount, char** arguments);
+
+/// The options that every program and command has. The arguments are looked at for --json, so that a wrong command line is
+/// reported in JSON too, however early parsing stops.
+void AddCommonOptions(Program& program, int argumentCount, char** arguments);
+
+/// Does what the arguments asked for, as the common options say.
+ExitCode RunChosenJob(Program& program);
 
 /// Says what went wrong, to people or to machines. Returns `code`.
 ExitCode Fail(Console& console, ExitCode code, const std::string& message);

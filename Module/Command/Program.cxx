@@ -1,21 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// The program: its options, what it is interrupted by, and how a run ends.
-#include <tbb/global_control.h>
-
+// The program: its first tour, its subcommands, and what it says of a wrong command line.
+#include <algorithm>
 #include <cctype>
-#include <csignal>
-#include <cstring>
-#include <iostream>
 #include <memory>
+#include <sstream>
 #include <utility>
 
 #include "Command.h"
-#include "Core/Engine/InstructionSets.h"
-#include "Core/Model/PixelMemory.h"
-#include "IO/Text.h"
 #include "ModuleDescription.h"
-#include "Pipeline.h"
 
 namespace bigus::command
 {
@@ -38,7 +31,6 @@ const char* const description =
     "  bigus serve field.vtp sweep.igs.mha                             both in the browser\n"
     "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
     "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
-    "  bigus bench --quick                                             how fast and exact it is here\n"
     "\n"
     "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
     "intensities lie in [0, 1].";
@@ -93,48 +85,16 @@ ExitCode Run(int argumentCount, char** arguments)
   Program program;
   CLI::App& app = program.app;
   Console& console = program.console;
-  // A wrong command line is reported in JSON too, however early parsing stops.
-  for (int i = 1; i < argumentCount; ++i)
-  {
-    console.json = console.json || std::strcmp(arguments[i], "--json") == 0;
-  }
-
   app.name("bigus");
   app.description(description);
   app.footer(footer);
   app.set_version_flag("--version", std::string("bigus ") + BIGUS_VERSION);
-  CatchVtkMessages(console);
   app.require_subcommand(1);
   app.fallthrough();  // --json and the like are understood after the subcommand, too
   const auto formatter = std::make_shared<HelpFormatter>();
   formatter->column_width(34);
   app.formatter(formatter);
-
-  app.add_flag("--json", "Print one JSON object on stdout, nothing else");
-  bool wantsBar = false;
-  const CLI::Option* barOption =
-      app.add_flag("--progress,!--no-progress", wantsBar, "Draw the progress bar always, or never; else on a terminal");
-  int threads = 0;
-  app.add_option("--threads", threads, "Threads to use; 0 takes all cores. Results do not depend on it")
-      ->check(WholeNumberIn(0, 4096))
-      ->type_name("N")
-      ->capture_default_str();
-
-  std::string instructionSet;
-  app.add_option("--simd", instructionSet,
-                 "Use no better instructions than these; here: " + CLI::detail::join(InstructionSets(), ", ") +
-                     ". A published field comes back bit for bit with the set it was trained with")
-      ->type_name("NAME");
-
-  double memory = 0;
-  CLI::Option* const memoryOption =
-      app.add_option(
-             "--memory", memory,
-             "Keep no more than about so many GB resident: pixels of sweeps that fill half of it lie in files in "
-             "$TMPDIR, or else /var/tmp; 0 sets no limit. Results do not depend on it")
-          ->check(NumberIn(0, 1e6))
-          ->type_name("GB")
-          ->capture_default_str();
+  AddCommonOptions(program, argumentCount, arguments);
 
   AddInfo(program);
   AddPhantom(program);
@@ -147,7 +107,6 @@ ExitCode Run(int argumentCount, char** arguments)
   AddServe(program);
   AddMetrics(program);
   AddConvert(program);
-  AddBench(program);
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
   {
     command->footer(
@@ -196,39 +155,7 @@ ExitCode Run(int argumentCount, char** arguments)
     }
     return Fail(console, UsageFault, message + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
   }
-  if (barOption->count() > 0)
-  {
-    console.bar = wantsBar ? Console::Bar::Always : Console::Bar::Never;
-  }
-
-  try
-  {
-    if (!instructionSet.empty())
-    {
-      UseInstructionSet(instructionSet);
-    }
-    else
-    {
-      UseInstructionSetOfEnvironment();
-    }
-    if (memoryOption->count() > 0)
-    {
-      LimitPixelMemory(static_cast<std::uint64_t>(memory * 1e9));
-    }
-  }
-  catch (const Error& error)
-  {
-    return Fail(console, UsageFault, error.what());
-  }
-  std::unique_ptr<tbb::global_control> limit;
-  if (threads > 0)
-  {
-    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
-  }
-  ListenToSignals();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large fails to be written, with a message
-
-  return RunJob(console, program.job);
+  return RunChosenJob(program);
 }
 
 }  // namespace bigus::command

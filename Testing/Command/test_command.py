@@ -1240,21 +1240,6 @@ class Hostile(CommandTest):
                                 capture_output=True, text=True, env={**os.environ, "LD_PRELOAD": str(guard)}, timeout=300)
         self.assertEqual(result.returncode, SUCCESS, result.stderr)
 
-    def test_bench_runs_nothing_of_the_working_directory(self):
-        for name in ("torch.py", "numpy.py", "json.py"):
-            (self.folder / name).write_text(f"open('{self.folder}/ran', 'w')\n")
-        environment = {**os.environ, "PYTHONPATH": str(self.folder)}
-        result = subprocess.run([BIGUS, "bench", "train-pass", "--quick", "--repeats", "1", "--share", "0.005"],
-                                capture_output=True, cwd=self.folder, env=environment, timeout=300)
-        self.assertEqual(result.returncode, SUCCESS, result.stderr)
-        self.assertFalse((self.folder / "ran").exists())
-
-    def test_bench_without_a_temporary_folder(self):
-        environment = {**os.environ, "TMPDIR": str(self.folder / "absent")}
-        result = subprocess.run([BIGUS, "bench", "train-pass", "--quick", "--repeats", "1", "--share", "0.005"],
-                                capture_output=True, env=environment, timeout=300)
-        self.assertIn(result.returncode, (SUCCESS, BAD_INPUT), "success where PyTorch is missing")
-
     def test_stdout_that_cannot_be_written(self):
         if not os.path.exists("/dev/full"):
             self.skipTest("there is no /dev/full here")
@@ -1814,73 +1799,6 @@ class Convert(CommandTest):
         self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "x.pvtp", *TINY, says=".vtp")
         (self.folder / "field_1.vtp").unlink()
         self.expect(BAD_INPUT, "info", index, says="field_1.vtp")
-
-
-class Bench(CommandTest):
-    """What the answer holds and how exact pictures are; no test looks at a time."""
-    RATIOS = {"render_vs_plain", "render_vs_slab_reslice", "train_pass_vs_torch", "backward_vs_forward",
-              "field_2m_vs_140k", "second_core"}
-    TINY = ["--quick", "--repeats", 1, "--share", 0.005]
-    # On I: float sums and recurrences in float (Core/Engine/README.md), and the float that every picture is returned in.
-    ROUNDING = {"float": 1e-5, "double": 1e-7}
-
-    def test_everything(self):
-        table = self.folder / "frontier.csv"
-        answer = self.expect(SUCCESS, "bench", *self.TINY, "--csv", table)
-        self.assertLessEqual({"ratios", "splat_ns", "pairs_per_second", "frontier", "machine"}, set(answer))
-        self.assertEqual(set(answer["ratios"]), self.RATIOS)
-        skipped = [check for check in answer["checks"] if "skipped" in check]
-        for name, value in answer["ratios"].items():
-            if value is None:  # without PyTorch, or on one core
-                self.assertTrue(name == "train_pass_vs_torch" and skipped
-                                or name == "second_core" and answer["machine"]["threads"] == 1, name)
-            else:
-                self.assertTrue(math.isfinite(value), name)
-        for key in ("splat_ns", "pairs_per_second"):
-            self.assertEqual(set(answer[key]), {"1", "1.5", "2.5", "4"})
-        for key in ("device", "multiply_adds_per_second", "bytes_per_second"):
-            self.assertTrue(answer["machine"][key], key)
-        for timing in answer["timings"]:
-            self.assertLessEqual(timing["min_ms"], timing["ms"])
-            self.assertLessEqual(timing["ms"], timing["max_ms"])
-        for key in ("training_bytes_per_gaussian", "bytes_per_frame_stored"):
-            self.assertGreater(answer["memory"][key], 0)
-        self.assertEqual(answer["memory"]["bytes_per_frame_stored"], 160 * 160)
-
-        self.assertFrontier(answer)
-        with open(table, newline="") as file:
-            rows = list(csv.DictReader(file))
-        self.assertEqual(len(rows), len(answer["frontier"]) + len(answer["frontier_plain"]))
-        self.assertEqual(float(rows[0]["tolerance"]), answer["frontier"][0]["tolerance"])
-
-    def assertFrontier(self, answer):
-        keys = {"tolerance", "precision", "evaluation", "threads", "ms", "max", "rms", "p999"}
-        seen = set()
-        for point in answer["frontier"]:
-            self.assertEqual(set(point), keys)
-            seen.add((point["precision"], point["evaluation"], point["tolerance"]))
-            self.assertLess(point["max"], point["tolerance"] + self.ROUNDING[point["precision"]])
-            self.assertLessEqual(point["rms"], point["p999"])
-            self.assertLessEqual(point["p999"], point["max"])
-        self.assertEqual(seen, {(p, e, t) for p in ("float", "double") for e in ("recurrence", "direct")
-                                for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)})
-
-    def test_one_workload_and_one_instruction_set(self):
-        answer = self.expect(SUCCESS, "bench", "frontier", *self.TINY, "--threads", 1)
-        self.assertEqual(set(answer["ratios"]), self.RATIOS)
-        self.assertEqual(set(answer["ratios"].values()), {None})
-        self.assertEqual({point["threads"] for point in answer["frontier"]}, {1})
-        self.assertFrontier(answer)
-        worst = instruction_sets()[-1]
-        answer = self.expect(SUCCESS, "bench", "evaluation", *self.TINY, "--simd", worst)
-        self.assertIn(f"({worst},", answer["machine"]["device"])
-
-    def test_errors(self):
-        self.expect(USAGE, "bench", "speed")
-        self.expect(USAGE, "bench", "--simd", "AVX9")
-        self.expect(USAGE, "bench", "--repeats", 0)
-        self.expect(CANNOT_WRITE, "bench", "frontier", *self.TINY, "--csv", self.folder / "no" / "f.csv")
-        self.assertNothingIn(self.folder)
 
 
 if __name__ == "__main__":

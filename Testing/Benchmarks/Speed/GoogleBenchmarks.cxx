@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// render, train-pass and evaluation by Google Benchmark, on the workloads of `bigus bench`.
+// render, train-pass and evaluation by Google Benchmark, on the workloads of `bigus-bench`.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 

@@ -8,6 +8,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "Exit.h"
+
 namespace bigus::bench
 {
 
@@ -49,11 +51,11 @@ double Contender::Slowest() const
   return *std::max_element(seconds.begin(), seconds.end());
 }
 
-void Race(const std::vector<Contender*>& contenders, int rounds, Listener& listener, const std::string& job)
+void Race(const std::vector<Contender*>& contenders, int rounds, command::Console& console, const std::string& job)
 {
   constexpr double kEnough = 0.03;  // seconds a clock measures well
   constexpr double kWarm = 0.3;     // seconds until a processor that was idle runs at its speed
-  for (double seconds = 0; seconds < kWarm && !listener.IsInterrupted();)
+  for (double seconds = 0; seconds < kWarm && !command::IsInterrupted();)
   {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, contenders[0]->threads);
     seconds += Once(*contenders[0]);
@@ -63,9 +65,9 @@ void Race(const std::vector<Contender*>& contenders, int rounds, Listener& liste
   {
     for (std::size_t i = 0; i < contenders.size(); ++i)
     {
-      if (listener.IsInterrupted())
+      if (command::IsInterrupted())
       {
-        throw Interrupted();
+        throw command::Interrupted();
       }
       Contender& contender = *contenders[i];
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, contender.threads);
@@ -86,10 +88,10 @@ void Race(const std::vector<Contender*>& contenders, int rounds, Listener& liste
       {
         contender.seconds.push_back(seconds / runs[i]);
       }
-      listener.Progress(job, (round + 1 + (i + 1.0) / contenders.size()) / (rounds + 1));
+      console.Progress(job, (round + 1 + (i + 1.0) / contenders.size()) / (rounds + 1));
     }
   }
-  listener.EndProgress();
+  console.EndProgress();
 }
 
 Ratio Over(const std::vector<double>& numerator, const std::vector<double>& denominator)

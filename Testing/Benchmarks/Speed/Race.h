@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "Listener.h"
+#include "Console.h"
 
 namespace bigus::bench
 {
@@ -34,7 +34,7 @@ struct Contender
 /// Runs every contender once a round, in turn, so that what slows the machine down slows all of them; after
 /// one round that does not count. What takes less than 30 ms is run several times in a row and divided.
 /// Throws Interrupted.
-void Race(const std::vector<Contender*>& contenders, int rounds, Listener& listener, const std::string& job);
+void Race(const std::vector<Contender*>& contenders, int rounds, command::Console& console, const std::string& job);
 
 /// Ratio of the medians, and the smallest and largest ratio of one round.
 struct Ratio

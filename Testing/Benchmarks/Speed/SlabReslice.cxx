@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "Core/Engine/Engine.h"
+#include "Exit.h"
 #include "Workloads.h"
 #include "vtkImageData.h"
 #include "vtkMatrix4x4.h"
@@ -13,7 +14,7 @@
 namespace bigus::bench
 {
 
-vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, Listener& listener)
+vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, command::Console& console)
 {
   const Eigen::Vector3i size = box.cast<int>();
   const Eigen::Vector3d origin = -0.5 * kWorkloadPixel * (size.cast<double>() - Eigen::Vector3d::Ones());
@@ -36,13 +37,13 @@ vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vect
     plane.origin = origin + k * kWorkloadPixel * Eigen::Vector3d::UnitZ();
     engine->Render(plane, ViewOutput::Scattering,
                    static_cast<float*>(volume->GetScalarPointer()) + k * plane.NumberOfPixels());
-    listener.Progress("Voxelizing", (k + 1.0) / size[2]);
-    if (listener.IsInterrupted())
+    console.Progress("Voxelizing", (k + 1.0) / size[2]);
+    if (command::IsInterrupted())
     {
-      throw Interrupted();
+      throw command::Interrupted();
     }
   }
-  listener.EndProgress();
+  console.EndProgress();
   return volume;
 }
 

@@ -3,9 +3,9 @@
 // What a pipeline uses today for a slice of some thickness: voxels, and vtkImageSlabReslice through them.
 #pragma once
 
+#include "Console.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
-#include "Listener.h"
 #include "vtkImageSlabReslice.h"
 #include "vtkSmartPointer.h"
 
@@ -16,7 +16,7 @@ namespace bigus::bench
 
 /// S of the field itself (no beam) as float voxels of a workload pixel's side, over a box (pixels) around the
 /// origin. Throws Interrupted.
-vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, Listener& listener);
+vtkSmartPointer<vtkImageData> SampleField(GaussianField field, const Eigen::Vector3d& box, command::Console& console);
 
 /// The mean of 9 linear samples across a slab whose variance is the beam's, at the plane's pixels; one
 /// thread.

@@ -107,7 +107,7 @@ Ratio Smaller(const std::optional<Ratio>& a, const Ratio& b)
 class Measurement
 {
 public:
-  Measurement(Listener& listener, const SpeedOptions& options) : listener_(listener), options_(options)
+  Measurement(command::Console& console, const SpeedOptions& options) : console_(console), options_(options)
   {
     for (const char* name : {"render_vs_plain", "render_vs_slab_reslice", "train_pass_vs_torch", "backward_vs_forward",
                              "field_2m_vs_140k", "second_core"})
@@ -129,11 +129,11 @@ public:
                 {"bytes_per_second", nullptr},
                 {"multiply_adds_per_second_one_thread", nullptr},
                 {"bytes_per_second_one_thread", nullptr}};
-    listener_.Print("Engine       " + engine_->Device() + "; " + Processor());
-    listener_.Print("Times are medians of " + std::to_string(repeats_) + " rounds (smallest to largest)" +
-                    (options_.share < 1 ? "; fields hold a share of " + FormatNumber(options_.share, 3) +
-                                              " of the Gaussians named: ratios do not count"
-                                        : ""));
+    console_.Print("Engine       " + engine_->Device() + "; " + Processor());
+    console_.Print("Times are medians of " + std::to_string(repeats_) + " rounds (smallest to largest)" +
+                   (options_.share < 1 ? "; fields hold a share of " + FormatNumber(options_.share, 3) +
+                                             " of the Gaussians named: ratios do not count"
+                                       : ""));
     if (Wants("machine"))
     {
       MeasureMachine();
@@ -202,7 +202,7 @@ private:
   /// Times them and writes the times down.
   void Race(const std::string& job, const std::vector<Contender*>& contenders, bool print = true)
   {
-    bench::Race(contenders, repeats_, listener_, job);
+    bench::Race(contenders, repeats_, console_, job);
     for (const Contender* c : contenders)
     {
       timings_.push_back(ToJson(*c));
@@ -216,7 +216,7 @@ private:
 
   void Row(const std::string& name, const std::string& value)
   {
-    listener_.Print("  " + name + std::string(name.size() < 58 ? 58 - name.size() : 1, ' ') + value);
+    console_.Print("  " + name + std::string(name.size() < 58 ? 58 - name.size() : 1, ' ') + value);
   }
 
   void SetRatio(const std::string& name, const Ratio& ratio)
@@ -229,7 +229,7 @@ private:
 
   void MeasureMachine()
   {
-    listener_.Print("machine: what it can do at best");
+    console_.Print("machine: what it can do at best");
     const MachinePeak one = MeasurePeak(1, repeats_), all = threads_ > 1 ? MeasurePeak(threads_, repeats_) : one;
     peak_ = one;
     machine_["multiply_adds_per_second"] = all.multiplyAddsPerSecond;
@@ -268,7 +268,7 @@ private:
 
   void MeasureEvaluation()
   {
-    listener_.Print("evaluation: the kernel alone, 40000 splats, boxes of 3 sigma, 640 x 480 pixels, 1 thread");
+    console_.Print("evaluation: the kernel alone, 40000 splats, boxes of 3 sigma, 640 x 480 pixels, 1 thread");
     const std::vector<double> sigmas{1, 1.5, 2.5, 4};
     std::vector<std::unique_ptr<KernelRun>> runs;
     std::vector<Contender> contenders;
@@ -295,7 +295,7 @@ private:
   /// what poses are: the ratios are those of the oblique plane and of the footprint that makes them smaller.
   void MeasureHeadline()
   {
-    listener_.Print("render: 140000 Gaussians, 512 x 512, tolerance 1e-4, beside the plain loop and slab reslice");
+    console_.Print("render: 140000 Gaussians, 512 x 512, tolerance 1e-4, beside the plain loop and slab reslice");
     const int width = 512;
     std::optional<Ratio> plainRatio, slabRatio;
     // Seconds of all four slices, round by round.
@@ -305,7 +305,7 @@ private:
     {
       const MadeUpField description = FieldAround(width, Gaussians(140000), size);
       const GaussianField field = MakeField(description);
-      const vtkSmartPointer<vtkImageData> volume = SampleField(field, description.box, listener_);
+      const vtkSmartPointer<vtkImageData> volume = SampleField(field, description.box, console_);
       PlainRenderer plain(field);
       engine_->SetAccuracy({});
       engine_->SetField(field);
@@ -398,7 +398,7 @@ private:
 
   void MeasureLargeField()
   {
-    listener_.Print("render: 2000000 Gaussians against 140000 at the same density, so that a plane sees as many");
+    console_.Print("render: 2000000 Gaussians against 140000 at the same density, so that a plane sees as many");
     std::optional<Ratio> worst;
     const std::size_t small = Gaussians(140000), large = Gaussians(2000000);
     std::vector<float> image(512 * 512);
@@ -435,7 +435,7 @@ private:
   /// What every size costs, and the reference engine for scale.
   void MeasureSizes()
   {
-    listener_.Print("render: sizes of fields and slices (visible splats in brackets)");
+    console_.Print("render: sizes of fields and slices (visible splats in brackets)");
     const std::vector<std::size_t> counts = options_.quick ? std::vector<std::size_t>{10000, 140000}
                                                            : std::vector<std::size_t>{10000, 140000, 1000000, 2000000};
     for (int width : {160, 512})
@@ -508,8 +508,8 @@ private:
   {
     const int frames = options_.quick ? 32 : 160, width = 160, batch = 8;
     const std::size_t count = Gaussians(140000);
-    listener_.Print("train-pass: " + std::to_string(count) + " Gaussians, " + std::to_string(frames) +
-                    " slices of 160 x 160 in batches of 8");
+    console_.Print("train-pass: " + std::to_string(count) + " Gaussians, " + std::to_string(frames) +
+                   " slices of 160 x 160 in batches of 8");
     const TrainingPass pass = MakeTrainingPass(count, frames, width, batch);
     const auto engine = NewTrainingEngine(pass);
     const std::size_t idle = engine->MemoryUse();
@@ -613,13 +613,12 @@ private:
     std::optional<Ratio> least;
     for (const Contender* ours : passes)
     {
-      listener_.Progress("Training in PyTorch", 0);
-      const TorchResult torch =
-          RunTorchPass(pass, options_.quick ? 1 : std::min(repeats_, 3), ours->threads, listener_);
-      listener_.EndProgress();
+      console_.Progress("Training in PyTorch", 0);
+      const TorchResult torch = RunTorchPass(pass, options_.quick ? 1 : std::min(repeats_, 3), ours->threads);
+      console_.EndProgress();
       if (!torch.missing.empty())
       {
-        listener_.Note("train_pass_vs_torch skipped: " + torch.missing + ".");
+        console_.Note("train_pass_vs_torch skipped: " + torch.missing + ".");
         Check({{"name", "torch"}, {"skipped", torch.missing}});
         return;
       }
@@ -650,9 +649,9 @@ private:
     const GaussianField field = MakeField(FieldAround(width, Gaussians(140000), kFourPixels));
     const SlicePlane plane = MakePlane(width, true);
     const std::vector<std::size_t> pixels = SamplePixels(plane, options_.quick ? 1024 : 8192, 6);
-    listener_.Print("frontier: speed against error, " + std::to_string(field.Size()) +
-                    " Gaussians of 4 pixels, 512 x 512 oblique; |dI| against the untruncated double reference at " +
-                    std::to_string(pixels.size()) + " random pixels");
+    console_.Print("frontier: speed against error, " + std::to_string(field.Size()) +
+                   " Gaussians of 4 pixels, 512 x 512 oblique; |dI| against the untruncated double reference at " +
+                   std::to_string(pixels.size()) + " random pixels");
     const std::vector<double> reference = ReferenceIntensities(field, plane, pixels);
     CheckReference(field, plane, pixels, reference);
 
@@ -683,7 +682,7 @@ private:
     {
       if (!std::count(names.begin(), names.end(), name))
       {
-        listener_.Note("frontier: there is no engine '" + name + "' here; " + precision + " is left out.");
+        console_.Note("frontier: there is no engine '" + name + "' here; " + precision + " is left out.");
         continue;
       }
       engines.push_back(Engine::Create(name));
@@ -729,7 +728,7 @@ private:
     std::ostringstream table;
     table.imbue(std::locale::classic());
     table << "tolerance,precision,evaluation,threads,ms,min_ms,max_ms,max,rms,p999\n";
-    listener_.Print("  tolerance  precision  evaluation  threads        ms       max       rms      p999");
+    console_.Print("  tolerance  precision  evaluation  threads        ms       max       rms      p999");
     for (const Setting& s : settings)
     {
       const Contender& c = s.contender;
@@ -746,7 +745,7 @@ private:
            << s.evaluation << std::right << std::setw(7) << c.threads << std::setw(10)
            << FormatNumber(1e3 * c.Seconds(), 2) << std::setw(10) << Short(s.error.max) << std::setw(10)
            << Short(s.error.rms) << std::setw(10) << Short(s.error.p999);
-      listener_.Print(line.str());
+      console_.Print(line.str());
     }
     report_.frontierCsv = table.str();
   }
@@ -772,7 +771,7 @@ private:
     }
   }
 
-  Listener& listener_;
+  command::Console& console_;
   const SpeedOptions& options_;
   int threads_, repeats_;
   SpeedReport report_;
@@ -787,9 +786,9 @@ private:
 
 }  // namespace
 
-SpeedReport MeasureSpeed(const SpeedOptions& options, Listener& listener, Json& json)
+SpeedReport MeasureSpeed(const SpeedOptions& options, command::Console& console, Json& json)
 {
-  return Measurement(listener, options).Run(json);
+  return Measurement(console, options).Run(json);
 }
 
 }  // namespace bigus::bench

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "Listener.h"
+#include "Console.h"
 
 namespace bigus::bench
 {
@@ -27,8 +27,8 @@ struct SpeedReport
   std::string frontierCsv;  ///< a table; empty unless the frontier was measured
 };
 
-/// Measures and tells the listener line by line; `json` gets all numbers. Throws Interrupted, and Error when results
+/// Measures and tells the console line by line; `json` gets all numbers. Throws command::Interrupted, and Error when results
 /// that must be equal are not.
-SpeedReport MeasureSpeed(const SpeedOptions& options, Listener& listener, nlohmann::ordered_json& json);
+SpeedReport MeasureSpeed(const SpeedOptions& options, command::Console& console, nlohmann::ordered_json& json);
 
 }  // namespace bigus::bench

@@ -17,6 +17,7 @@
 
 #include "BenchTorchScript.h"
 #include "Core/Model/Error.h"
+#include "Exit.h"
 
 extern char** environ;
 
@@ -111,8 +112,7 @@ void WriteWorkload(const TrainingPass& pass, const std::string& path)
 
 /// Runs a program that reads `input` and puts what it prints into `output`; its stderr goes nowhere. Returns
 /// its exit status, or -1 if it cannot be started. Throws Interrupted, with the program ended.
-int RunProgram(const std::vector<std::string>& arguments, const std::string& input, std::string& output,
-               const Listener& listener)
+int RunProgram(const std::vector<std::string>& arguments, const std::string& input, std::string& output)
 {
   int toChild[2], fromChild[2];
   if (pipe2(toChild, O_CLOEXEC) != 0)
@@ -167,7 +167,7 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
   for (;;)
   {
     pollfd ready{fromChild[0], POLLIN, 0};
-    if (listener.IsInterrupted())
+    if (command::IsInterrupted())
     {
       kill(child, SIGTERM);
     }
@@ -187,9 +187,9 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
   while (waitpid(child, &status, 0) < 0 && errno == EINTR)
   {
   }
-  if (listener.IsInterrupted())
+  if (command::IsInterrupted())
   {
-    throw Interrupted();
+    throw command::Interrupted();
   }
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
@@ -198,12 +198,12 @@ int RunProgram(const std::vector<std::string>& arguments, const std::string& inp
 constexpr const char* kIsolated = "-I";
 
 /// The first Python that can import PyTorch, or nothing.
-std::string FindPython(const Listener& listener)
+std::string FindPython()
 {
   for (const char* python : {"python3", "/usr/bin/python3"})
   {
     std::string output;
-    if (RunProgram({python, kIsolated, "-c", "import numpy, torch"}, "", output, listener) == 0)
+    if (RunProgram({python, kIsolated, "-c", "import numpy, torch"}, "", output) == 0)
     {
       return python;
     }
@@ -213,10 +213,10 @@ std::string FindPython(const Listener& listener)
 
 }  // namespace
 
-TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads, const Listener& listener)
+TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads)
 {
   TorchResult result;
-  const std::string python = FindPython(listener);
+  const std::string python = FindPython();
   if (python.empty())
   {
     result.missing = "neither python3 nor /usr/bin/python3 can import torch";
@@ -227,7 +227,7 @@ TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads, con
   std::string output;
   const int status =
       RunProgram({python, kIsolated, "-", workload.Path(), std::to_string(repeats), std::to_string(threads)},
-                 kBenchTorchScript, output, listener);
+                 kBenchTorchScript, output);
   const nlohmann::json answer = nlohmann::json::parse(output, nullptr, false);
   if (status != 0 || !answer.is_object())
   {

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "Listener.h"
 #include "Workloads.h"
 
 namespace bigus::bench
@@ -23,6 +22,6 @@ struct TorchResult
 
 /// Runs the pass `repeats` times with that many threads, all batches of equal size. Tries `python3`, then
 /// Debian's /usr/bin/python3. Throws Interrupted, and Error when PyTorch is there but fails.
-TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads, const Listener& listener);
+TorchResult RunTorchPass(const TrainingPass& pass, int repeats, int threads);
 
 }  // namespace bigus::bench

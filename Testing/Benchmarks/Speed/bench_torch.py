@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The training pass of `bigus bench` in PyTorch: the same Gaussians, planes, frames and batches, float32, on the CPU.
+"""The training pass of `bigus-bench` in PyTorch: the same Gaussians, planes, frames and batches, float32, on the CPU.
 
     python3 - WORKLOAD REPEATS THREADS < bench_torch.py
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Speed against error: the table that `bigus bench frontier --csv` writes, as one log-log plot and as Markdown.
+"""Speed against error: the table that `bigus-bench frontier --csv` writes, as one log-log plot and as Markdown.
 
-    build/bin/bigus bench frontier --csv frontier.csv
+    build/bin/bigus-bench frontier --csv frontier.csv
     Testing/Benchmarks/Speed/frontier.py frontier.csv [--output FOLDER]
 
 Writes frontier.png and frontier.md into FOLDER (default: beside the table) and prints the Markdown.
@@ -36,7 +36,7 @@ def read(path):
     with open(path, newline="") as file:
         reader = csv.DictReader(file)
         if reader.fieldnames != COLUMNS:
-            sys.exit(f"{path}: the first line should be {','.join(COLUMNS)}; is this a table of bigus bench?")
+            sys.exit(f"{path}: the first line should be {','.join(COLUMNS)}; is this a table of bigus-bench?")
         return [{key: value if key in ("precision", "evaluation") else float(value) for key, value in row.items()}
                 for row in reader]
 
@@ -99,7 +99,7 @@ def markdown(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", type=Path, help="written by bigus bench frontier --csv")
+    parser.add_argument("table", type=Path, help="written by bigus-bench frontier --csv")
     parser.add_argument("--output", type=Path, help="folder for the plot and the Markdown")
     options = parser.parse_args()
     folder = options.output or options.table.parent
