@@ -41,7 +41,7 @@ try() {
     echo "=== $what: $script"
     code=0 strict=default path=$(dirname "$python") arguments=()
     [[ $what != *"no compiler" ]] || strict=error  # other packages have deprecations of their own
-    [[ $script != Python/test_serve.py ]] || path=$path:$PATH arguments=("$root/Testing/Data/phantom-field.vtp")
+    [[ $script != */test_serve.py ]] || path=$path:$PATH arguments=("$root/Testing/Data/phantom-field.vtp")
     (cd "$scratch" && env -u LD_LIBRARY_PATH -u PYTHONPATH PATH="$path" "$python" -W "$strict::DeprecationWarning" \
       "$root/Testing/$script" "${arguments[@]}") || code=$?
     case $code in
@@ -137,7 +137,7 @@ assert bigus.reslice(field, sweep.poses[4], (64, 64)).std() > 0.02"
   "$environment/bin/pip" install --quiet h5py pydicom imageio imageio-ffmpeg opencv-python-headless
   try "$name, $(version "$environment" pyvista), Jupyter, $(version "$environment" aiohttp), files of many kinds" \
     "$environment/bin/python" \
-    Wheel/test_pyvista.py Wheel/test_notebook.py Python/test_serve.py Python/test_sources.py
+    Wheel/test_pyvista.py Wheel/test_notebook.py ../Module/Serve/Testing/test_serve.py Python/test_sources.py
   rm -r "$environment" "$scratch/picked"
 done
 for file in "$folder"/*; do

@@ -32,6 +32,18 @@ struct Program
   std::function<ExitCode()> job;
 };
 
+/// A subcommand.
+struct Verb
+{
+  int place;            ///< in the first tour that help begins with, and in its list
+  const char* example;  ///< of the tour
+  const char* meaning;
+  void (*add)(Program&);
+};
+
+/// The table of subcommands. What is linked into the program may add rows before main begins; it returns the table's size.
+std::size_t AddVerb(const Verb& verb);
+
 void AddInfo(Program& program);
 void AddPhantom(Program& program);
 void AddPoses(Program& program);
@@ -41,8 +53,6 @@ void AddSlice(Program& program);
 void AddVoxelize(Program& program);
 void AddMetrics(Program& program);
 void AddConvert(Program& program);
-void AddView(Program& program);
-void AddServe(Program& program);
 
 /// The whole program: understands the arguments and does what they ask for.
 ExitCode Run(int argumentCount, char** arguments);

@@ -75,8 +75,7 @@ ExitCode RunChosenJob(Program& program)
   std::unique_ptr<tbb::global_control> limit;
   if (options.threads > 0)
   {
-    limit =
-        std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, options.threads);
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, options.threads);
   }
   ListenToSignals();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large fails to be written, with a message

@@ -3,9 +3,11 @@
 // The program: its first tour, its subcommands, and what it says of a wrong command line.
 #include <algorithm>
 #include <cctype>
+#include <iomanip>
 #include <memory>
 #include <sstream>
 #include <utility>
+#include <vector>
 
 #include "Command.h"
 #include "ModuleDescription.h"
@@ -16,24 +18,38 @@ namespace bigus::command
 namespace
 {
 
-const char* const description =
-    "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
-    "\n"
-    "A first tour, without any data:\n"
-    "  bigus phantom -o sweep.igs.mha                                  a made-up sweep with known truth\n"
-    "  bigus info sweep.igs.mha                                        what is in it\n"
-    "  bigus poses sweep.igs.mha -o corrected.igs.mha                  without the tracker's noise, no training\n"
-    "  bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv  frames to a Gaussian field\n"
-    "  bigus live sweep.igs.mha -o live.vtp                            the same while frames arrive\n"
-    "  bigus slice field.vtp --poses poses.csv -o again.igs.mha        the field at the sweep's planes\n"
-    "  bigus metrics again.igs.mha sweep.igs.mha                       how alike they are\n"
-    "  bigus view field.vtp sweep.igs.mha                              both in a window\n"
-    "  bigus serve field.vtp sweep.igs.mha                             both in the browser\n"
-    "  bigus voxelize field.vtp -o volume.mha --spacing 0.5            a plain volume\n"
-    "  bigus convert field.vtp field.ply                               for point cloud viewers\n"
-    "\n"
-    "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
-    "intensities lie in [0, 1].";
+std::vector<Verb>& Verbs()
+{
+  static std::vector<Verb> verbs = {
+      {10, "bigus phantom -o sweep.igs.mha", "a made-up sweep with known truth", AddPhantom},
+      {20, "bigus info sweep.igs.mha", "what is in it", AddInfo},
+      {30, "bigus poses sweep.igs.mha -o corrected.igs.mha", "without the tracker's noise, no training", AddPoses},
+      {40, "bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv", "frames to a Gaussian field", AddTrain},
+      {50, "bigus live sweep.igs.mha -o live.vtp", "the same while frames arrive", AddLive},
+      {60, "bigus slice field.vtp --poses poses.csv -o again.igs.mha", "the field at the sweep's planes", AddSlice},
+      {70, "bigus metrics again.igs.mha sweep.igs.mha", "how alike they are", AddMetrics},
+      {100, "bigus voxelize field.vtp -o volume.mha --spacing 0.5", "a plain volume", AddVoxelize},
+      {110, "bigus convert field.vtp field.ply", "for point cloud viewers", AddConvert},
+  };
+  return verbs;
+}
+
+std::string Description(const std::vector<Verb>& verbs)
+{
+  std::ostringstream text;
+  text << "Tracked B-mode ultrasound as signed 3-D Gaussians: train a field on a sweep, see it at any plane.\n"
+          "\n"
+          "A first tour, without any data:\n";
+  for (const Verb& verb : verbs)
+  {
+    text << "  " << std::left << std::setw(62) << verb.example << "  " << verb.meaning << "\n";
+  }
+  text
+      << "\n"
+         "'bigus COMMAND --help' tells all about one command. Lengths are millimetres in the sweep's reference frame;\n"
+         "intensities lie in [0, 1].";
+  return text.str();
+}
 
 const char* const footer =
     "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted\n"
@@ -80,13 +96,21 @@ std::string NearestOption(const CLI::App& app, const std::string& given)
 
 }  // namespace
 
+std::size_t AddVerb(const Verb& verb)
+{
+  Verbs().push_back(verb);
+  return Verbs().size();
+}
+
 ExitCode Run(int argumentCount, char** arguments)
 {
   Program program;
   CLI::App& app = program.app;
   Console& console = program.console;
   app.name("bigus");
-  app.description(description);
+  std::vector<Verb> verbs = Verbs();
+  std::sort(verbs.begin(), verbs.end(), [](const Verb& a, const Verb& b) { return a.place < b.place; });
+  app.description(Description(verbs));
   app.footer(footer);
   app.set_version_flag("--version", std::string("bigus ") + BIGUS_VERSION);
   app.require_subcommand(1);
@@ -96,17 +120,10 @@ ExitCode Run(int argumentCount, char** arguments)
   app.formatter(formatter);
   AddCommonOptions(program, argumentCount, arguments);
 
-  AddInfo(program);
-  AddPhantom(program);
-  AddPoses(program);
-  AddTrain(program);
-  AddLive(program);
-  AddSlice(program);
-  AddVoxelize(program);
-  AddView(program);
-  AddServe(program);
-  AddMetrics(program);
-  AddConvert(program);
+  for (const Verb& verb : verbs)
+  {
+    verb.add(program);
+  }
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
   {
     command->footer(

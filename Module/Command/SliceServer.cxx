@@ -38,7 +38,7 @@ constexpr int kMostAtOnce = 64;
 /// Device of questions of JSON and of what answers them.
 constexpr const char* kView = "BigusView";
 
-/// Bounds of a view: those of a page in the browser, Module/Python/bigus/serve.py.
+/// Bounds of a view: those of a page in the browser.
 constexpr int kLargestSide = 4096, kMostPixels = 2 * 1024 * 1024, kMostPoints = 60000;
 
 /// A whole number of a question. Throws Error.

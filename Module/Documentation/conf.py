@@ -39,8 +39,8 @@ CONTENTS = {
     ],
     "Use": [
         "Module/Python/Sources", "Module/Documentation/Choosing", "Module/Documentation/Troubleshooting", "Examples/README",
-        "Module/Command/README", "Module/Command/View", "Module/Command/Live", "Module/Command/Slicer",
-        "Module/Python/Serve",
+        "Module/Command/README", "Module/Viewer/README", "Module/Command/Live", "Module/Command/Slicer",
+        "Module/Serve/README",
     ],
     "Look up": [
         "Module/Documentation/Coordinates", "Module/IO/README", "Module/Core/Training/Options",

@@ -164,7 +164,7 @@ class Help(CommandTest):
     def test_every_subcommand_teaches(self):
         top = run("--help")
         self.assertEqual(top.returncode, SUCCESS)
-        for name in ("info", "phantom", "poses", "train", "slice", "view", "voxelize", "metrics", "convert"):
+        for name in ("info", "phantom", "poses", "train", "slice", "voxelize", "metrics", "convert"):
             with self.subTest(name):
                 self.assertIn(f"bigus {name} ", top.stdout)
                 own = run(name, "--help")

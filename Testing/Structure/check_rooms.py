@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Includes point one way only: down through the layers, and inside Core down through its rooms.
+"""Includes point one way only: down through the layers, and inside Core down through its rooms. The trunk names no wing.
 
     check_rooms.py FOLDER        the project's root; prints every wrong include and fails when there is one
     check_rooms.py --floors FOLDER   prints how many floors of rooms and of headers Core has
@@ -23,8 +23,18 @@ LAYERS = {
     "Module/ParaView": ["Filters", "Module/IO", "Module/Data", "Module/Core"],
     "Module/Command": ["Rendering", "Filters", "Module/IO", "Module/Data", "Module/Core"],
 }
+# What each wing may include beside itself. No wing includes another.
+WINGS = {
+    "Module/Serve": ["Module/Command", "Module/IO", "Module/Data", "Module/Core"],
+    "Module/Viewer": ["Module/Command", *LAYERS["Module/Command"]],
+}
 # How an include begins that names a layer.
 PREFIXES = {"Core/": "Module/Core", "Data/": "Module/Data", "Cuda/": "Cuda", "Testing/": "Testing", "Support/": "Testing"}
+
+# Names that several folders have.
+COMMON = {"CMakeLists.txt", "__init__.py", "vtk.module"}
+# The one line of each wing; who runs all tests of the package without VTK; what measures wings.
+KNOW_WINGS = {"CMakeLists.txt", "Testing/wheel.sh", "Testing/Benchmarks/Speed/live_clients.py"}
 
 
 def includes_of(path):
@@ -59,7 +69,7 @@ def wrong_between_rooms(root):
 
 
 def wrong_between_layers(root):
-    for layer, allowed in LAYERS.items():
+    for layer, allowed in {**LAYERS, **WINGS}.items():
         for path in sources_below(root / layer):
             for include in includes_of(path):
                 for prefix, target in PREFIXES.items():
@@ -70,6 +80,33 @@ def wrong_between_layers(root):
                     home = next((l for l in LAYERS if (root / l / name).exists()), layer)
                     if home != layer and home not in allowed:
                         yield f"{path.relative_to(root)}: {layer} includes {include} of {home}"
+
+
+def trunk_files(root):
+    """What is compiled, configured or run, outside wings. Pages name wings for readers, and so does what lists pages."""
+    for path in sorted(root.rglob("*")):
+        name = path.relative_to(root).as_posix()
+        is_code = path.suffix in {".h", ".cxx", ".cu", ".py", ".cmake", ".sh", ".xml", ".in"} or path.name == "CMakeLists.txt"
+        skipped = ("build", ".", "Testing/Structure/", "Module/Documentation/", *(w + "/" for w in WINGS))
+        if is_code and path.is_file() and not name.startswith(skipped) and name not in KNOW_WINGS:
+            yield path
+
+
+def wings_named(root):
+    """Lines of the trunk that name a wing's folder or one of its files."""
+    own = {p.name: wing for wing in WINGS for p in (root / wing).rglob("*")
+           if p.is_file() and p.suffix not in {".md", ".png"} and p.name not in COMMON}  # fmt: skip
+    modules = [re.escape(name[:-3]) for name in own if name.endswith(".py")]
+    names = re.compile(r"(?<![\w/.-])(?:[\w.-]+/)*(" + "|".join(map(re.escape, [*own, *WINGS])) + r")(?![\w-]|\.\w)"
+                       + "".join(rf"|^ *import {m}\b|^ *from [.\w]* ?(?:import )?{m}\b" for m in modules))
+    for path in trunk_files(root):
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            if found := names.search(line):
+                yield f"{path.relative_to(root)}:{number}: the trunk names {found.group().strip()}, which is of a wing"
+    root_list = (root / "CMakeLists.txt").read_text().splitlines()
+    for wing in WINGS:
+        if (root / wing).is_dir() and root_list.count(f"add_subdirectory({wing})") != 1:
+            yield f"CMakeLists.txt: {wing} is a wing, and not one line of its own"
 
 
 def floors(root):
@@ -102,6 +139,7 @@ def main():
         print("%d floors, %d units, %d files" % floors(arguments.folder))
         return 0
     wrong = list(wrong_between_rooms(arguments.folder)) + list(wrong_between_layers(arguments.folder))
+    wrong += wings_named(arguments.folder)
     print("\n".join(wrong) or "Every include points down.")
     return 1 if wrong else 0
 

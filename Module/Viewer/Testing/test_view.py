@@ -15,8 +15,9 @@ import sys
 import time
 import unittest
 
-import test_command
-from test_command import BAD_INPUT, CANNOT_WRITE, SUCCESS, USAGE, CommandTest, read_sequence, run
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "Testing" / "Command"))
+import test_command  # noqa: E402
+from test_command import BAD_INPUT, CANNOT_WRITE, SUCCESS, USAGE, CommandTest, read_sequence, run  # noqa: E402
 
 try:
     from vtkmodules.vtkImagingCore import vtkImageDifference
@@ -29,6 +30,7 @@ except OSError:
     XTest = None
 
 DATA = None
+BASELINES = pathlib.Path(__file__).resolve().parent / "Baseline"
 NEEDS_DISPLAY = unittest.skipUnless(os.environ.get("DISPLAY"), "rendering needs an X server; none is set in DISPLAY")
 SIZE = ["--size", 600, 400]
 MOST_DIFFERENCE = 10  # of two pictures by VTK's metric, as VTK's own tests ask of scenes
@@ -126,8 +128,8 @@ class View(CommandTest):
         return metric.GetThresholdedError()
 
     def check_baseline(self, name, picture):
-        baselines = sorted((DATA / "Baseline").glob(f"view-{name}*.png"))  # one a platform where they differ
-        self.assertTrue(baselines, f"no view-{name}*.png in {DATA}/Baseline")
+        baselines = sorted(BASELINES.glob(f"view-{name}*.png"))  # one a platform where they differ
+        self.assertTrue(baselines, f"no view-{name}*.png in {BASELINES}")
         smallest = min(self.difference(picture, baseline) for baseline in baselines)
         if smallest > MOST_DIFFERENCE:
             kept = pathlib.Path(f"view-{name}.png").absolute()
@@ -146,7 +148,7 @@ class View(CommandTest):
         answer, picture = self.screenshot(self.trained_field)
         self.assertEqual((answer["frame"], answer["psnr"]), (None, None))
         self.check_baseline("field", picture)
-        self.assertGreater(self.difference(picture, DATA / "Baseline" / "view-sweep.png"), MOST_DIFFERENCE)
+        self.assertGreater(self.difference(picture, BASELINES / "view-sweep.png"), MOST_DIFFERENCE)
 
     @NEEDS_DISPLAY
     def test_the_score_is_that_of_the_slice(self):

@@ -6,16 +6,14 @@
 #include <numeric>
 
 #include "Command.h"
-#include "Exit.h"
-#include "Inputs.h"
-#include "ViewParts.h"
-#ifdef BIGUS_WITH_RENDERING
 #include "Display.h"
+#include "Exit.h"
 #include "Files.h"
+#include "Inputs.h"
 #include "ViewBox.h"
+#include "ViewParts.h"
 #include "ViewWindow.h"
 #include "vtkPolyData.h"
-#endif
 
 namespace bigus::command
 {
@@ -31,8 +29,6 @@ struct Options
   int frame = -1;  ///< negative: the middle one
   std::vector<std::string> show = {"ellipsoids", "slice", "frames"};
 };
-
-#ifdef BIGUS_WITH_RENDERING
 
 constexpr double kFewInside = 0.5;  // of the lit pixels in the field's box; a sweep's own are nearly all there
 
@@ -128,19 +124,6 @@ ExitCode View(Console& console, const Options& options)
   return Success;
 }
 
-#else
-
-ExitCode View(Console&, const Options&)
-{
-  throw Error(
-      "This bigus was built without windows. Build it with -DBIGUS_WITH_RENDERING=ON, which needs a VTK with "
-      "RenderingOpenGL2 and InteractionWidgets.");
-}
-
-#endif
-
-}  // namespace
-
 void AddView(Program& program)
 {
   auto options = std::make_shared<Options>();
@@ -177,5 +160,10 @@ void AddView(Program& program)
       ->type_name("OUT");
   RunWhenChosen(app, program, [options](Console& console) { return View(console, *options); });
 }
+
+[[maybe_unused]] const std::size_t row =
+    AddVerb({80, "bigus view field.vtp sweep.igs.mha", "both in a window", AddView});
+
+}  // namespace
 
 }  // namespace bigus::command

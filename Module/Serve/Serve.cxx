@@ -12,7 +12,6 @@
 #include "Command.h"
 #include "Exit.h"
 #include "Files.h"
-#include "IgtConnection.h"
 #include "Inputs.h"
 
 namespace bigus::command
@@ -28,6 +27,9 @@ struct Options
   std::vector<std::string> names;
   bool token = false;
 };
+
+/// How the address of a field that grows begins.
+constexpr const char* kOfServer = "igtl://";
 
 /// Python puts neither the working directory nor folders of the environment on its path, so that nobody's json.py runs.
 constexpr const char* kIsolated = "-I";
@@ -59,11 +61,7 @@ std::string PackageFolders()
 /// Does not return where Python can be started.
 ExitCode Serve(Console& console, const Options& options, int threads)
 {
-  if (IgtAddress::IsOne(options.field))
-  {
-    IgtAddress::Parse(options.field);
-  }
-  else
+  if (options.field.compare(0, std::strlen(kOfServer), kOfServer) != 0)  // the package understands the rest of it
   {
     RequireFile(options.field);
   }
@@ -105,8 +103,6 @@ ExitCode Serve(Console& console, const Options& options, int threads)
               "). The page is served by the Python package; BIGUS_PYTHON names a Python that has it, and aiohttp.");
 }
 
-}  // namespace
-
 void AddServe(Program& program)
 {
   auto options = std::make_shared<Options>();
@@ -137,5 +133,10 @@ void AddServe(Program& program)
   RunWhenChosen(app, program,
                 [options, threads](Console& console) { return Serve(console, *options, threads->as<int>()); });
 }
+
+[[maybe_unused]] const std::size_t row =
+    AddVerb({90, "bigus serve field.vtp sweep.igs.mha", "both in the browser", AddServe});
+
+}  // namespace
 
 }  // namespace bigus::command
