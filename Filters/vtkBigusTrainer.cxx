@@ -369,7 +369,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     {
       bigus::ProcessExchange exchange(this->Controller);
       exchange.Together([&] { this->Train(inputs, outputs, &exchange); });
-      const bigus::Exchange::Traffic& sent = exchange.Sent();
+      const bigus::PeerExchange::Traffic& sent = exchange.Sent();
       this->SentBytes = static_cast<vtkTypeInt64>(sent.bytes);
       this->WaitingSeconds = sent.waiting;
       this->SendingSeconds = sent.sending;

@@ -3,7 +3,7 @@
 // What processes that have one field together tell each other, by a controller of VTK.
 #pragma once
 
-#include "Core/Engine/Exchange.h"
+#include "Core/Engine/PeerExchange.h"
 #include "vtkBigusDataModule.h"
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
@@ -17,7 +17,7 @@ VTK_ABI_NAMESPACE_END
 namespace bigus
 {
 
-class VTKBIGUSDATA_EXPORT ProcessExchange : public Exchange
+class VTKBIGUSDATA_EXPORT ProcessExchange : public PeerExchange
 {
 public:
   /// The controller must outlive this.

@@ -15,12 +15,12 @@
 #include <utility>
 #include <vector>
 
-#include "Core/Engine/Exchange.h"
+#include "Core/Engine/PeerExchange.h"
 
 namespace bigus::test
 {
 
-class ThreadExchange : public Exchange
+class ThreadExchange : public PeerExchange
 {
 public:
   /// What the threads have in common.

@@ -161,5 +161,30 @@ TEST(Exchange, ProcessesThatDoDifferentThingsAreToldSo)
   }
 }
 
+// A process alone answers as one of PeerExchange does that has no peer.
+TEST(Exchange, AProcessAloneAnswersForItself)
+{
+  const auto ask = [](Exchange& exchange)
+  {
+    EXPECT_EQ(exchange.Rank(), 0);
+    EXPECT_EQ(exchange.Size(), 1);
+    EXPECT_TRUE(exchange.IsAlone());
+    exchange.Together(
+        [&]
+        {
+          std::vector<float> numbers = Numbers<float>(3, 7);
+          exchange.Sum(numbers.data(), numbers.size());
+          EXPECT_EQ(numbers, Numbers<float>(3, 7));
+          EXPECT_EQ(exchange.Gather("words"), std::vector<std::string>{"words"});
+          EXPECT_TRUE(exchange.Any(true));
+          EXPECT_FALSE(exchange.Any(false));
+          EXPECT_EQ(exchange.OfFirst(0.1), 0.1);
+        });
+    EXPECT_THROW(exchange.Together([] { throw Error("unwell"); }), Error);
+  };
+  ask(Exchange::Alone());
+  InThreads(1, ask);
+}
+
 }  // namespace
 }  // namespace bigus::test

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "Core/Engine/PartEngine.h"
 #include "Core/Model/Error.h"
 #include "Core/Trainer/Trainer.h"
 #include "Support/Fields.h"
@@ -95,7 +94,7 @@ std::vector<Answer> Answers(int processes, const std::string& engine, const std:
   const auto errors = InThreads(processes,
                                 [&](Exchange& exchange)
                                 {
-                                  const auto parts = CreatePartEngine(engine, &exchange);
+                                  const auto parts = exchange.CreateEngine(engine);
                                   answers[static_cast<std::size_t>(exchange.Rank())] = work(*parts);
                                 });
   EXPECT_EQ(errors, std::vector<std::string>(static_cast<std::size_t>(processes)));
@@ -218,7 +217,7 @@ TEST(PartEngine, GradientsAndScoresAreThoseOfTheWholeField)
 
 TEST(PartEngine, EnginesThatCannotSaySo)
 {
-  const auto errors = InThreads(2, [](Exchange& exchange) { CreatePartEngine("reference", &exchange); });
+  const auto errors = InThreads(2, [](Exchange& exchange) { exchange.CreateEngine("reference"); });
   for (const std::string& error : errors)
   {
     EXPECT_NE(error.find("choose \"cpu\""), std::string::npos) << error;

@@ -322,13 +322,9 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Engine> CreatePartEngine(const std::string& name, Exchange* exchange)
+std::unique_ptr<Engine> CreatePartEngine(const std::string& name, Exchange& exchange)
 {
-  if (!exchange)
-  {
-    return Engine::Create(name);
-  }
-  return std::make_unique<PartEngine>(name == "auto" ? "cpu" : name, *exchange);
+  return std::make_unique<PartEngine>(name == "auto" ? "cpu" : name, exchange);
 }
 
 }  // namespace bigus

@@ -13,8 +13,8 @@ namespace bigus
 
 /// The engine `name` ("auto": "cpu") for this process's part. All processes make the same calls with the same arguments,
 /// SetField with the whole field, and get the same answers with the same bits, GetField the whole field; MemoryUse is this
-/// process's own, and so is a state, which holds its part. What is left out of a Render is bounded for the sum. `exchange`, which may be
-/// null for one process, must outlive the engine.
-std::unique_ptr<Engine> CreatePartEngine(const std::string& name, Exchange* exchange);
+/// process's own, and so is a state, which holds its part. What is left out of a Render is bounded for the sum. `exchange` must
+/// outlive the engine.
+std::unique_ptr<Engine> CreatePartEngine(const std::string& name, Exchange& exchange);
 
 }  // namespace bigus

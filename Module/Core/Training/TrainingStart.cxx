@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "Core/Engine/PartEngine.h"
+#include "Core/Engine/Exchange.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Seeding.h"
 #include "Core/Training/TrainingLoop.h"
@@ -20,7 +20,7 @@ TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> 
       frames_(std::move(frames)),
       plan_(std::move(plan)),
       report_(plan_, std::move(progress), exchange),
-      engine_(CreatePartEngine(plan_.engine, exchange)),
+      engine_((exchange ? *exchange : Exchange::Alone()).CreateEngine(plan_.engine)),
       targets_(sweep_, frames_, plan_, *engine_, report_, std::move(withVirtualPlanes))
 {
   engine_->SetAccuracy({plan_.tolerance, true});

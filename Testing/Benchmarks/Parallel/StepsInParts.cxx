@@ -19,7 +19,6 @@
 #include <exception>
 #include <vector>
 
-#include "Core/Engine/PartEngine.h"
 #include "Data/ProcessExchange.h"
 #include "Support/Random.h"
 #include "Support/Sweeps.h"
@@ -87,7 +86,7 @@ double At(double share, std::vector<double> times)
 
 void Measure(std::size_t gaussians, int side, int frames, int batch, int steps, MeasuredExchange* exchange)
 {
-  const auto engine = bigus::CreatePartEngine("cpu", exchange);
+  const auto engine = (exchange ? *exchange : bigus::Exchange::Alone()).CreateEngine("cpu");
   {
     const auto sweep = bigus::test::BlackSweep(frames, side, side, kPixel, kGap);
     bigus::test::Random random(2);
@@ -101,7 +100,7 @@ void Measure(std::size_t gaussians, int side, int frames, int batch, int steps, 
   limits.minimumScale = kPixel / 4;
   limits.maximumScale = 48 * kPixel;
   std::vector<double> whole, computing, waiting, sending;
-  const bigus::Exchange::Traffic none;
+  const bigus::PeerExchange::Traffic none;
   std::uint64_t bytes = 0;
   for (int step = 0; step < steps + 2; ++step)  // the first two find their memory
   {
@@ -110,13 +109,13 @@ void Measure(std::size_t gaussians, int side, int frames, int batch, int steps, 
     {
       batchFrames.push_back((37 * (step * batch + k)) % frames);
     }
-    const bigus::Exchange::Traffic before = exchange ? exchange->Sent() : none;
+    const bigus::PeerExchange::Traffic before = exchange ? exchange->Sent() : none;
     const auto computed = [&] { return ProcessorSeconds() - (exchange ? exchange->processorSeconds : 0); };
     const double computedBefore = computed();
     const auto begin = std::chrono::steady_clock::now();
     engine->TrainStep(batchFrames, bigus::Loss{}, {0.01, 0.01, 0.01, 0.01}, limits);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    const bigus::Exchange::Traffic& after = exchange ? exchange->Sent() : none;
+    const bigus::PeerExchange::Traffic& after = exchange ? exchange->Sent() : none;
     if (step >= 2)
     {
       whole.push_back(seconds);

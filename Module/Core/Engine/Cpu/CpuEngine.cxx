@@ -257,12 +257,12 @@ private:
                const PixelRows<T> rows = FrameRows(f);
                std::fill(rows.Row(begin), rows.Row(end), T(0));
                visible_.AddTo(f, begin, end, rows, [this](std::size_t b) { return field_.Block(b).reflectivity; });
-               if (!exchange_)
+               if (exchange_->IsAlone())
                {
                  finish(f, begin, end);  // while they are in the cache
                }
              });
-    if (exchange_)
+    if (!exchange_->IsAlone())
     {
       AddPartsOfOthers(frames.size());
       ForBands(static_cast<int>(frames.size()), height, finish);
@@ -427,7 +427,7 @@ private:
   std::vector<ScoreBlock<T>> scores_;
   bool keepScores_ = false;
   Accuracy accuracy_;
-  Exchange* exchange_ = nullptr;  // of others that have parts of the same field
+  Exchange* exchange_ = &Exchange::Alone();  // with others that have parts of the same field
 
   std::shared_ptr<const Sweep> sweep_;
   std::size_t countedPixels_ = 0;
