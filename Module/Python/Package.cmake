@@ -9,7 +9,7 @@ function(bigus_add_package target)
 endfunction()
 
 # bigus_add_to_package(<target> <file>...)
-# Adds files of the calling folder to a package, where that is built.
+# Adds files, whose paths count from the calling folder, to a package, where that is built.
 function(bigus_add_to_package target)
   if(NOT TARGET ${target})
     return()
@@ -17,9 +17,10 @@ function(bigus_add_to_package target)
   get_target_property(folder ${target} BIGUS_FOLDER)
   get_target_property(install ${target} BIGUS_INSTALL)
   foreach(file IN LISTS ARGN)
+    cmake_path(ABSOLUTE_PATH file)
     cmake_path(GET file FILENAME name)
     add_custom_command(OUTPUT "${folder}/${name}"
-      COMMAND "${CMAKE_COMMAND}" -E copy "${CMAKE_CURRENT_SOURCE_DIR}/${file}" "${folder}/${name}"
+      COMMAND "${CMAKE_COMMAND}" -E copy "${file}" "${folder}/${name}"
       DEPENDS "${file}")
     list(APPEND copied_files "${folder}/${name}")
     install(FILES "${file}" DESTINATION ${install})

@@ -26,7 +26,7 @@ NOT_RUN = {  # what a command begins with, and who runs it
     r"\./Examples/quickstart\.sh": "continuous integration runs it",
     r"\./Testing/run\.sh|cmake |ctest ": "tests of Module/Documentation and `install` build and install",
     r"python3 Testing/Structure/|Testing/check\.sh": "tests `structure` run it",
-    r"python3 -m venv|env/bin/|python3\.12 -m pip|PYTHONPATH=~": "Testing/wheel.sh installs the wheel",
+    r"python3 -m venv|env/bin/|python3\.12 -m pip|PYTHONPATH=~": "a test of the package without VTK installs it",
     r"Slicer |pvpython |paraview|\. ~/bigus-paraview|Module/ParaView/install\.sh": "it needs another program",
     r"PYTHONPATH=build/python /usr/bin/python3 (Testing|Examples)|/tmp/drawing/": "tests `examples` and `benchmarks` run it",
     r"PYTHONPATH=\S+ (/usr/bin/python3|\.\.\.)$": "it starts an interpreter, as tests `python` do",

@@ -4,7 +4,7 @@
 
     pvpython pipeline.py PLUGIN FOLDER [PACKAGE]     or pvbatch; writes into FOLDER
 
-PLUGIN is the compiled BIGUS.so, or bigus_plugin.py, for which PYTHONPATH holds the package bigus that needs no VTK.
+PLUGIN is the compiled BIGUS.so, or the plugin of the package bigus that needs no VTK, which PYTHONPATH holds then.
 PACKAGE is the folder that holds the Python package bigus, built against the distribution's VTK. /usr/bin/python3 renders
 with it what is compared. Without it the comparison is skipped with a message.
 """

@@ -4,6 +4,7 @@
 
     check_rooms.py FOLDER        the project's root; prints every wrong include and fails when there is one
     check_rooms.py --floors FOLDER   prints how many floors of rooms and of headers Core has
+    check_rooms.py --wings FOLDER    prints the folders of the wings
 """
 
 import argparse
@@ -16,7 +17,6 @@ LAYERS = {
     "Module/Core": [],
     "Cuda": ["Module/Core"],
     "Module/Data": ["Module/Core"],
-    "Module/Wheel": ["Module/IO", "Module/Data", "Module/Core"],
     "Module/IO": ["Module/Data", "Module/Core"],
     "Filters": ["Module/Data", "Module/Core"],
     "Rendering": ["Filters", "Module/IO", "Module/Data", "Module/Core"],
@@ -27,14 +27,13 @@ LAYERS = {
 WINGS = {
     "Module/Serve": ["Module/Command", "Module/IO", "Module/Data", "Module/Core"],
     "Module/Viewer": ["Module/Command", *LAYERS["Module/Command"]],
+    "Module/Wheel": ["Module/IO", "Module/Data", "Module/Core"],
 }
 # How an include begins that names a layer.
 PREFIXES = {"Core/": "Module/Core", "Data/": "Module/Data", "Cuda/": "Cuda", "Testing/": "Testing", "Support/": "Testing"}
 
-# Names that several folders have.
-COMMON = {"CMakeLists.txt", "__init__.py", "vtk.module"}
-# The one line of each wing; who runs all tests of the package without VTK; what measures wings.
-KNOW_WINGS = {"CMakeLists.txt", "Testing/wheel.sh", "Testing/Benchmarks/Speed/live_clients.py"}
+# The one line of each wing, and what measures wings.
+KNOW_WINGS = {"CMakeLists.txt", "Testing/Benchmarks/Speed/live_clients.py"}
 
 
 def includes_of(path):
@@ -94,8 +93,9 @@ def trunk_files(root):
 
 def wings_named(root):
     """Lines of the trunk that name a wing's folder or one of its files."""
-    own = {p.name: wing for wing in WINGS for p in (root / wing).rglob("*")
-           if p.is_file() and p.suffix not in {".md", ".png"} and p.name not in COMMON}  # fmt: skip
+    shared = {path.name for path in trunk_files(root)}
+    own = {path.name for wing in WINGS for path in (root / wing).rglob("*")
+           if path.is_file() and path.suffix not in {".md", ".png", ".pyc"}} - shared  # fmt: skip
     modules = [re.escape(name[:-3]) for name in own if name.endswith(".py")]
     names = re.compile(r"(?<![\w/.-])(?:[\w.-]+/)*(" + "|".join(map(re.escape, [*own, *WINGS])) + r")(?![\w-]|\.\w)"
                        + "".join(rf"|^ *import {m}\b|^ *from [.\w]* ?(?:import )?{m}\b" for m in modules))
@@ -133,10 +133,14 @@ def floors(root):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--floors", action="store_true")
+    parser.add_argument("--wings", action="store_true")
     parser.add_argument("folder", type=pathlib.Path)
     arguments = parser.parse_args()
     if arguments.floors:
         print("%d floors, %d units, %d files" % floors(arguments.folder))
+        return 0
+    if arguments.wings:
+        print("\n".join(WINGS))
         return 0
     wrong = list(wrong_between_rooms(arguments.folder)) + list(wrong_between_layers(arguments.folder))
     wrong += wings_named(arguments.folder)

@@ -21,7 +21,7 @@ except ImportError as error:
     print(f"skipped: {error}")
     sys.exit(77)
 
-NOTEBOOK = pathlib.Path(__file__).parents[2] / "Examples" / "Wheel" / "sweep_to_slice.ipynb"
+NOTEBOOK = pathlib.Path(__file__).resolve().parents[3] / "Examples" / "Wheel" / "sweep_to_slice.ipynb"
 
 
 class Notebook(unittest.TestCase):

@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
 # Puts a Python that this Debian lacks into a folder of its own, and installs nothing: packages of a later Debian, with
-# the C library that they need. It is for Testing/wheel.sh.
+# the C library that they need. It is for wheel.sh, which is beside it.
 #   Testing/newer-python.sh FOLDER [VERSION [SUITE]]     3.14 of forky by default; prints the path of the Python
 set -euo pipefail
 folder=$(mkdir -p "${1:?a folder}" && cd "$1" && pwd)

@@ -20,7 +20,7 @@ import zlib
 import bigus
 import numpy as np
 
-DATA = pathlib.Path(__file__).parents[1] / "Data"
+DATA = pathlib.Path(__file__).resolve().parents[3] / "Testing" / "Data"
 FRAMES, HEIGHT, WIDTH = 3, 4, 5
 KIND = {np.uint8: "UCHAR", np.uint16: "USHORT", np.float32: "FLOAT", np.int16: "SHORT"}
 

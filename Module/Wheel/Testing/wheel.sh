@@ -5,13 +5,13 @@
 # alone and no compiler, with older and the newest vtk of the registry and the distribution's, with PyVista, Jupyter, the
 # page in the browser and what reads files of your own. A table says what passed and how many seconds `pip install` and
 # the first slice took.
-#   Testing/wheel.sh FOLDER [PYTHON...]     wheels go to FOLDER; PYTHON: python3 by default
+#   Module/Wheel/Testing/wheel.sh FOLDER [PYTHON...]     wheels go to FOLDER; PYTHON: python3 by default
 # A wheel of 3.12 serves all later ones, so only what has no wheel yet is built; where ccache is installed, Core is
 # compiled once for all of them. With BIGUS_BUILD=build, the folder of a finished C++ build for /usr/bin/python3,
 # fields, files and filters are compared with those of the program and the C++ classes, and an emulated CUDA engine is
-# loaded. Testing/newer-python.sh gets Pythons that the distribution lacks.
+# loaded. newer-python.sh beside this gets Pythons that the distribution lacks.
 set -euo pipefail
-root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../../.." && pwd)
 folder=$(mkdir -p "${1:?a folder for the wheels}" && cd "$1" && pwd)
 shift
 scratch=$(mktemp -d)
@@ -43,7 +43,7 @@ try() {
     [[ $what != *"no compiler" ]] || strict=error  # other packages have deprecations of their own
     [[ $script != */test_serve.py ]] || path=$path:$PATH arguments=("$root/Testing/Data/phantom-field.vtp")
     (cd "$scratch" && env -u LD_LIBRARY_PATH -u PYTHONPATH PATH="$path" "$python" -W "$strict::DeprecationWarning" \
-      "$root/Testing/$script" "${arguments[@]}") || code=$?
+      "$root/$script" "${arguments[@]}") || code=$?
     case $code in
       0) ;;
       77) outcome="passed, $(basename "$script") skipped" ;;
@@ -108,7 +108,7 @@ assert bigus.reslice(field, sweep.poses[4], (64, 64)).std() > 0.02"
     'BEGIN { printf "%.1f s, first slice %.1f s later", b - a, c - b }')
   table+=("$name: pip install $seconds ($(basename "$wheel"))")
   try "$name, $(version "$environment" numpy), no compiler" "$environment/bin/python" \
-    Wheel/test_wheel.py Wheel/test_files.py Wheel/test_engines.py
+    Module/Wheel/Testing/test_wheel.py Module/Wheel/Testing/test_files.py Module/Wheel/Testing/test_engines.py
 
   for numbers in "9.2.6 9.3.1 9.4.0 9.6.0" 9.5.2; do
     "$python" -m venv "$environment-old"
@@ -116,7 +116,7 @@ assert bigus.reslice(field, sweep.poses[4], (64, 64)).std() > 0.02"
     if install_old_vtk "$environment-old" $numbers; then
       "$environment-old/bin/pip" install --quiet "$wheel"
       try "$name, $(version "$environment-old" vtk)" "$environment-old/bin/python" \
-        Python/test_filters.py Wheel/test_files.py
+        Testing/Python/test_filters.py Module/Wheel/Testing/test_files.py
     fi
     rm -r "$environment-old"
   done
@@ -127,17 +127,17 @@ assert bigus.reslice(field, sweep.poses[4], (64, 64)).std() > 0.02"
     "$environment-system/bin/pip" install --quiet --no-deps "$wheel"
     vtk=$("$environment-system/bin/python" -c \
       'from vtkmodules.vtkCommonCore import vtkVersion as v; print(v.GetVTKVersion())')
-    try "$name, the distribution's vtk $vtk" "$environment-system/bin/python" Python/test_filters.py
+    try "$name, the distribution's vtk $vtk" "$environment-system/bin/python" Testing/Python/test_filters.py
   fi
   rm -r "$environment-system"
 
   "$environment/bin/pip" install --quiet "${wheel}[vtk]"
-  try "$name, $(version "$environment" vtk)" "$environment/bin/python" Python/test_filters.py
+  try "$name, $(version "$environment" vtk)" "$environment/bin/python" Testing/Python/test_filters.py
   "$environment/bin/pip" install --quiet "${wheel}[vtk,pyvista,web]" matplotlib nbclient ipykernel
   "$environment/bin/pip" install --quiet h5py pydicom imageio imageio-ffmpeg opencv-python-headless
   try "$name, $(version "$environment" pyvista), Jupyter, $(version "$environment" aiohttp), files of many kinds" \
     "$environment/bin/python" \
-    Wheel/test_pyvista.py Wheel/test_notebook.py ../Module/Serve/Testing/test_serve.py Python/test_sources.py
+    Module/Wheel/Testing/test_pyvista.py Module/Wheel/Testing/test_notebook.py Module/Serve/Testing/test_serve.py Testing/Python/test_sources.py
   rm -r "$environment" "$scratch/picked"
 done
 for file in "$folder"/*; do

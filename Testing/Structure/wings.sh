@@ -1,0 +1,41 @@
+#!/bin/bash
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+# Whether the trunk stands without its wings: deletes one after the other, its folder and its line of CMake, in a copy of what
+# git has, builds what is left and runs its quick tests. Then all at once.
+#   Testing/Structure/wings.sh [FOLDER] [WING...]     FOLDER: of the copy and its build, else a new one that goes away;
+#                                                     WING: such as Module/Serve, else each of them and all together
+# Links of pages are not looked at, because pages name wings for readers.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+if (($#)); then
+  folder=$(mkdir -p "$1" && cd "$1" && pwd)
+  shift
+else
+  folder=$(mktemp -d)
+  trap 'rm -rf "$folder"' EXIT
+fi
+wings=("$@")
+if ((${#wings[@]} == 0)); then
+  mapfile -t wings < <(python3 "$root/Testing/Structure/check_rooms.py" --wings "$root")
+  wings+=("${wings[*]}")
+fi
+
+for gone in "${wings[@]}"; do
+  start=$SECONDS
+  echo "=== without $gone"
+  rm -rf "$folder/source" "$folder/build"  # files of a wing that an earlier build left would hide that the trunk needs them
+  git clone --quiet --shared "$root" "$folder/source"
+  cd "$folder/source"
+  for wing in $gone; do
+    rm -r "$wing"
+    sed -i "\|^add_subdirectory($wing)\$|d" CMakeLists.txt
+  done
+  cmake -S . -B "$folder/build" -G Ninja -DCMAKE_BUILD_TYPE=Release >"$folder/log" || { cat "$folder/log"; exit 1; }
+  cmake --build "$folder/build" --parallel "$(nproc)" >"$folder/log" || { tail -50 "$folder/log"; exit 1; }
+  python3 Testing/Structure/check_rooms.py .
+  ctest --test-dir "$folder/build" --output-on-failure --parallel "$(nproc)" -LE '^(slow|nightly|site|install)$' \
+    -E '^structure[.]links$' >"$folder/log" || { tail -50 "$folder/log"; exit 1; }
+  tail -3 "$folder/log" | head -1
+  echo "=== without $gone: $((SECONDS - start)) s"
+done
