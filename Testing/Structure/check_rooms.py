@@ -97,7 +97,7 @@ def wings_named(root):
     own = {path.name for wing in WINGS for path in (root / wing).rglob("*")
            if path.is_file() and path.suffix not in {".md", ".png", ".pyc"}} - shared  # fmt: skip
     modules = [re.escape(name[:-3]) for name in own if name.endswith(".py")]
-    names = re.compile(r"(?<![\w/.-])(?:[\w.-]+/)*(" + "|".join(map(re.escape, [*own, *WINGS])) + r")(?![\w-]|\.\w)"
+    names = re.compile(r"(?<![\w.-])(?:[\w.-]+/)*(" + "|".join(map(re.escape, [*own, *WINGS])) + r")(?![\w-]|\.\w)"
                        + "".join(rf"|^ *import {m}\b|^ *from [.\w]* ?(?:import )?{m}\b" for m in modules))
     for path in trunk_files(root):
         for number, line in enumerate(path.read_text().splitlines(), 1):
