@@ -6,6 +6,7 @@
 #include <exception>
 #include <limits>
 #include <string>
+#include <type_traits>
 
 #include "Core/Model/Error.h"
 #include "Data/FieldData.h"
@@ -52,14 +53,43 @@ void Push(std::vector<Node>& nodes, Node node)
   nodes.push_back(std::move(node));
 }
 
+/// Gaussians from `first` on.
+GaussianField Slice(const GaussianField& field, std::size_t first, std::size_t count)
+{
+  const auto part = [first, count](const auto& values)
+  {
+    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
+    return std::decay_t<decltype(values)>(begin, begin + static_cast<std::ptrdiff_t>(count));
+  };
+  return {part(field.means),          part(field.scales), part(field.rotations),
+          part(field.reflectivities), field.beam,         field.transfer};
+}
+
 }  // namespace
 
-int FieldParts::NumberOfProcesses() const
+void FieldParts::Join(vtkPolyData*, const GaussianField& field, PartEngines& whole) const
+{
+  whole.chunks = {};
+  whole.chunks.sizes = {field.Size()};
+  whole.transfer = field.transfer;
+}
+
+void FieldParts::SetField(const GaussianField& part, PartEngines& whole) const
+{
+  whole.engines[0]->SetField(part);
+}
+
+RenderPlanes FieldParts::PlanesOf(const PartEngines& whole, ViewOutput output) const
+{
+  return PlanesOn(*whole.engines[0], output);
+}
+
+int ProcessParts::NumberOfProcesses() const
 {
   return controller_->GetNumberOfProcesses();
 }
 
-void FieldParts::Agree(const std::function<void()>& share) const
+void ProcessParts::Agree(const std::function<void()>& share) const
 {
   std::exception_ptr own;
   std::string words;
@@ -91,7 +121,7 @@ void FieldParts::Agree(const std::function<void()>& share) const
   throw Error("Process " + std::to_string(first) + " of " + std::to_string(processes) + ": " + words);
 }
 
-bool FieldParts::All(bool here) const
+bool ProcessParts::All(bool here) const
 {
   const int mine = here;
   int all = 0;
@@ -99,13 +129,13 @@ bool FieldParts::All(bool here) const
   return all != 0;
 }
 
-void FieldParts::Least(double* values, int count) const
+void ProcessParts::Least(double* values, int count) const
 {
   const std::vector<double> mine(values, values + count);
   controller_->AllReduce(mine.data(), values, count, vtkCommunicator::MIN_OP);
 }
 
-FieldChunks FieldParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) const
+FieldChunks ProcessParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) const
 {
   const int here = controller_->GetLocalProcessId(), processes = NumberOfProcesses();
   FieldChunks chunks;
@@ -168,7 +198,7 @@ FieldChunks FieldParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) const
   return chunks;
 }
 
-void FieldParts::RequireOneField(const GaussianField& part, TransferFunction& transfer) const
+void ProcessParts::RequireOneField(const GaussianField& part, TransferFunction& transfer) const
 {
   const Beam& beam = part.beam;
   const double says[] = {part.transfer.gamma, beam.elevationSigma, beam.probeElevationSigma,
@@ -198,8 +228,8 @@ void FieldParts::RequireOneField(const GaussianField& part, TransferFunction& tr
   }
 }
 
-void FieldParts::Sum(const FieldChunks& chunks, std::size_t count, const std::function<void(int, float*)>& render,
-                     float* sum) const
+void ProcessParts::Sum(const FieldChunks& chunks, std::size_t count, const std::function<void(int, float*)>& render,
+                       float* sum) const
 {
   std::vector<Node> nodes;
   Agree(
@@ -248,6 +278,62 @@ void FieldParts::Sum(const FieldChunks& chunks, std::size_t count, const std::fu
     std::copy_n(nodes[0].picture.data(), count, sum);  // the root: ChunksOf saw that all chunks are there
   }
   controller_->Broadcast(sum, length, 0);
+}
+
+void ProcessParts::TellOfNoPart() const
+{
+  Agree([] { throw Error("its part of the field could not be made"); });
+}
+
+void ProcessParts::Join(vtkPolyData* part, const GaussianField& field, PartEngines& whole) const
+{
+  whole.chunks = ChunksOf(part, field.Size());
+  RequireOneField(field, whole.transfer);
+}
+
+void ProcessParts::SetField(const GaussianField& part, PartEngines& whole) const
+{
+  std::size_t first = 0;
+  for (std::size_t k = 0; k < whole.engines.size(); ++k)
+  {
+    whole.engines[k]->SetField(Slice(part, first, whole.chunks.sizes[k]));
+    first += whole.chunks.sizes[k];
+  }
+}
+
+RenderPlanes ProcessParts::PlanesOf(const PartEngines& whole, ViewOutput output) const
+{
+  return [this, &whole, output](const std::vector<SlicePlane>& planes, const Engine::Window& window, float* image,
+                                float* coverage)
+  {
+    const std::size_t size = static_cast<std::size_t>(window.rows) * window.columns;
+    for (std::size_t i = 0; i < planes.size(); ++i)
+    {
+      Render(whole, planes[i], window, output, image + i * size, coverage ? coverage + i * size : nullptr);
+    }
+  };
+}
+
+void ProcessParts::Render(const PartEngines& whole, const SlicePlane& plane, const Engine::Window& window,
+                          ViewOutput output, float* image, float* coverage) const
+{
+  // Scattering and coverage are linear in the Gaussians, and intensity follows from the sum.
+  const std::size_t pixels = static_cast<std::size_t>(window.rows) * window.columns;
+  std::vector<float> sum((coverage ? 2 : 1) * pixels);
+  Sum(
+      whole.chunks, sum.size(),
+      [&](int k, float* picture) {
+        whole.engines[k]->Render(plane, window, ViewOutput::Scattering, picture, coverage ? picture + pixels : nullptr);
+      },
+      sum.data());
+  for (std::size_t p = 0; p < pixels; ++p)
+  {
+    image[p] = output == ViewOutput::Intensity ? whole.transfer.Intensity(sum[p]) : sum[p];
+  }
+  if (coverage)
+  {
+    std::copy(sum.begin() + static_cast<std::ptrdiff_t>(pixels), sum.end(), coverage);
+  }
 }
 
 }  // namespace bigus

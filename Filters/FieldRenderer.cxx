@@ -3,7 +3,6 @@
 #include "FieldRenderer.h"
 
 #include <algorithm>
-#include <type_traits>
 #include <utility>
 
 #include "Core/Slicing/Pixels.h"
@@ -16,23 +15,6 @@
 
 namespace bigus
 {
-namespace
-{
-
-/// Gaussians from `first` on.
-GaussianField Slice(const GaussianField& field, std::size_t first, std::size_t count)
-{
-  const auto part = [first, count](const auto& values)
-  {
-    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
-    return std::decay_t<decltype(values)>(begin, begin + static_cast<std::ptrdiff_t>(count));
-  };
-  return {part(field.means),          part(field.scales), part(field.rotations),
-          part(field.reflectivities), field.beam,         field.transfer};
-}
-
-}  // namespace
-
 void AllocatePixels(vtkImageData* image, const int extent[6], int scalarType, const char* name)
 {
   image->SetExtent(const_cast<int*>(extent));
@@ -60,7 +42,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
     input_ = nullptr;  // should the next line throw, nothing valid is held
     field_ = FieldFromPolyData(input);
     uploadedSigma_.reset();
-    bands_ = Bands(!parts_);  // processes take the same bands
+    bands_ = Bands(parts_->FollowsClock());
     input_ = input;
     inputTime_ = input->GetMTime();
   }
@@ -70,39 +52,35 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
 void FieldRenderer::SetParts(std::unique_ptr<FieldParts> parts)
 {
   parts_ = std::move(parts);
-  chunks_ = {};
-  engines_.clear();
+  whole_ = {};
   uploadedSigma_.reset();
-  bands_ = Bands(!parts_);
+  bands_ = Bands(parts_->FollowsClock());
 }
 
 void FieldRenderer::Upload(vtkPolyData* input, const ViewSettings& settings)
 {
-  if (!parts_)
-  {
-    UploadHere(input, settings);
-    return;
-  }
-  parts_->Agree([&] { Load(input); });
-  chunks_ = parts_->ChunksOf(input, field_.Size());
-  parts_->RequireOneField(field_, transfer_);
-  parts_->Agree([&] { UploadHere(input, settings); });
+  parts_->Agree(
+      [&]
+      {
+        settings.Validate();
+        Load(input);
+      });
+  parts_->Join(input, field_, whole_);
+  parts_->Agree([&] { UploadHere(settings); });
 }
 
-void FieldRenderer::UploadHere(vtkPolyData* input, const ViewSettings& settings)
+void FieldRenderer::UploadHere(const ViewSettings& settings)
 {
-  settings.Validate();
-  Load(input);
-  const std::size_t engines = parts_ ? chunks_.sizes.size() : 1;
-  if (engines_.size() != engines || engineName_ != settings.engine)
+  const std::size_t engines = whole_.chunks.sizes.size();
+  if (whole_.engines.size() != engines || engineName_ != settings.engine)
   {
-    engines_.clear();
+    whole_.engines.clear();
     for (std::size_t k = 0; k < engines; ++k)
     {
-      engines_.push_back(Engine::Create(settings.engine));
+      whole_.engines.push_back(Engine::Create(settings.engine));
     }
     engineName_ = settings.engine;
-    device_ = engines_.empty() ? "" : engines_[0]->Device();
+    device_ = engines == 0 ? "" : whole_.engines[0]->Device();
     uploadedSigma_.reset();
   }
   const double sigma = std::max(settings.elevationSigma, -1.0);  // every negative number is the field's beam
@@ -113,69 +91,26 @@ void FieldRenderer::UploadHere(vtkPolyData* input, const ViewSettings& settings)
     {
       field_.beam = Beam{sigma};
     }
-    if (!parts_)
-    {
-      engines_[0]->SetField(field_);
-    }
-    std::size_t first = 0;
-    for (std::size_t k = 0; parts_ && k < engines; ++k)
-    {
-      engines_[k]->SetField(Slice(field_, first, chunks_.sizes[k]));
-      first += chunks_.sizes[k];
-    }
+    parts_->SetField(field_, whole_);
     field_.beam = own;
     uploadedSigma_ = sigma;
   }
-  for (const auto& engine : engines_)
+  for (const auto& engine : whole_.engines)
   {
-    engine->SetAccuracy({settings.tolerance / chunks_.total});  // what chunks leave out adds up
-  }
-}
-
-void FieldRenderer::RenderParts(const SlicePlane& plane, const Engine::Window& window, ViewOutput output, float* image,
-                                float* coverage)
-{
-  // Scattering and coverage are linear in the Gaussians, and intensity follows from the sum.
-  const std::size_t pixels = static_cast<std::size_t>(window.rows) * window.columns;
-  std::vector<float> sum((coverage ? 2 : 1) * pixels);
-  parts_->Sum(
-      chunks_, sum.size(),
-      [&](int k, float* picture)
-      { engines_[k]->Render(plane, window, ViewOutput::Scattering, picture, coverage ? picture + pixels : nullptr); },
-      sum.data());
-  for (std::size_t p = 0; p < pixels; ++p)
-  {
-    image[p] = output == ViewOutput::Intensity ? transfer_.Intensity(sum[p]) : sum[p];
-  }
-  if (coverage)
-  {
-    std::copy(sum.begin() + static_cast<std::ptrdiff_t>(pixels), sum.end(), coverage);
+    engine->SetAccuracy({settings.tolerance / whole_.chunks.total});  // what chunks leave out adds up
   }
 }
 
 bool FieldRenderer::Render(const GridPart& grid, ViewOutput output, bool coverage, const Slab& slab,
                            const std::function<bool(const PixelBand&)>& receive)
 {
-  if (!parts_)
-  {
-    return bands_.Run(grid, coverage, slab, PlanesOn(*engines_[0], output), receive);
-  }
-  const auto render =
-      [&](const std::vector<SlicePlane>& planes, const Engine::Window& window, float* image, float* covered)
-  {
-    const std::size_t size = static_cast<std::size_t>(window.rows) * window.columns;
-    for (std::size_t i = 0; i < planes.size(); ++i)
-    {
-      RenderParts(planes[i], window, output, image + i * size, covered ? covered + i * size : nullptr);
-    }
-  };
-  const auto receiveTogether = [&](const PixelBand& band)
-  {
-    bool goesOn = true;
-    parts_->Agree([&] { goesOn = receive(band); });
-    return parts_->All(goesOn);
-  };
-  return bands_.Run(grid, coverage, slab, render, receiveTogether);
+  return bands_.Run(grid, coverage, slab, parts_->PlanesOf(whole_, output),
+                    [&](const PixelBand& band)
+                    {
+                      bool goesOn = true;
+                      parts_->Agree([&] { goesOn = receive(band); });
+                      return parts_->All(goesOn);
+                    });
 }
 
 }  // namespace bigus

@@ -38,10 +38,10 @@ void StorePixels(const float* values, vtkIdType first, vtkIdType count, vtkImage
 class FieldRenderer
 {
 public:
-  /// The fields given are parts of one, which several processes render together; null: they are whole. Then every
-  /// process calls all other members in the same order, with the same settings and planes.
+  /// The fields given are whole, or parts of one, which several processes render together. Then every process calls all
+  /// other members in the same order, with the same settings and planes.
   void SetParts(std::unique_ptr<FieldParts> parts);
-  const FieldParts* Parts() const { return parts_.get(); }
+  const FieldParts& Parts() const { return *parts_; }
 
   /// The field of this input, read again only when it changed. Throws Error.
   const GaussianField& Load(vtkPolyData* input);
@@ -56,17 +56,13 @@ public:
   const std::string& Device() const { return device_; }
 
 private:
-  void UploadHere(vtkPolyData* input, const ViewSettings& settings);
-  void RenderParts(const SlicePlane& plane, const Engine::Window& window, ViewOutput output, float* image,
-                   float* coverage);
+  void UploadHere(const ViewSettings& settings);
 
-  std::unique_ptr<FieldParts> parts_;
-  FieldChunks chunks_;
-  TransferFunction transfer_;  // of the whole field, where there are parts
+  std::unique_ptr<FieldParts> parts_ = std::make_unique<FieldParts>();
+  PartEngines whole_;
   GaussianField field_;
   vtkPolyData* input_ = nullptr;  // compared, never followed
   vtkMTimeType inputTime_ = 0;
-  std::vector<std::unique_ptr<Engine>> engines_;  // one, or one for each chunk of this process
   std::string engineName_, device_;
   std::optional<double> uploadedSigma_;  // mm, of the field on the engine; none when it holds another
   Bands bands_;

@@ -98,41 +98,31 @@ void vtkBigusFieldToImage::SetController(vtkMultiProcessController* controller)
   if (controller != this->Controller)
   {
     vtkSetObjectBodyMacro(Controller, vtkMultiProcessController, controller);
-    this->Renderer->SetParts(controller ? std::make_unique<bigus::FieldParts>(controller) : nullptr);
+    this->Renderer->SetParts(controller ? std::make_unique<bigus::ProcessParts>(controller)
+                                        : std::make_unique<bigus::FieldParts>());
   }
-}
-
-const bigus::FieldParts* vtkBigusFieldToImage::Parts() const
-{
-  return this->Renderer->Parts();
 }
 
 void vtkBigusFieldToImage::Agree(const std::function<void()>& work)
 {
-  if (this->Parts())
-  {
-    this->Parts()->Agree(work);
-  }
-  else
-  {
-    work();
-  }
+  this->Renderer->Parts().Agree(work);
 }
 
 void vtkBigusFieldToImage::TellOfNoInput()
 {
-  if (this->WaitsForInput && this->Parts())
+  if (!this->WaitsForInput)
   {
-    this->WaitsForInput = false;
-    try
-    {
-      this->Parts()->Agree([] { throw bigus::Error("its part of the field could not be made"); });
-    }
-    catch (const bigus::Error& error)
-    {
-      vtkErrorMacro(<< error.what());
-      this->SetErrorCode(vtkErrorCode::UserError);
-    }
+    return;
+  }
+  this->WaitsForInput = false;
+  try
+  {
+    this->Renderer->Parts().TellOfNoPart();
+  }
+  catch (const bigus::Error& error)
+  {
+    vtkErrorMacro(<< error.what());
+    this->SetErrorCode(vtkErrorCode::UserError);
   }
 }
 
@@ -216,13 +206,10 @@ bigus::OutputGrid vtkBigusFieldToImage::GridOverInput(const double axes[9], int 
         const auto& field = this->Renderer->Load(vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0)));
         bounds = bigus::BoundsAlong(field, Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(axes));
       });
-  if (this->Parts())
-  {
-    Eigen::Matrix<double, 6, 1> values;
-    values << bounds.min(), -bounds.max();
-    this->Parts()->Least(values.data(), 6);
-    bounds = Eigen::AlignedBox3d(values.head<3>(), -values.tail<3>());
-  }
+  Eigen::Matrix<double, 6, 1> values;
+  values << bounds.min(), -bounds.max();
+  this->Renderer->Parts().Least(values.data(), 6);
+  bounds = Eigen::AlignedBox3d(values.head<3>(), -values.tail<3>());
   return bigus::GridOver(bounds, maximumDimension);
 }
 

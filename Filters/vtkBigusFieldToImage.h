@@ -25,7 +25,6 @@
 
 namespace bigus
 {
-class FieldParts;
 class FieldRenderer;
 struct GivenGrid;
 struct OutputGrid;
@@ -200,8 +199,6 @@ private:
 
   /// Does it, in agreement with all processes if there are several. Throws bigus::Error.
   void Agree(const std::function<void()>& work);
-  /// Who renders with this process; null: nobody.
-  const bigus::FieldParts* Parts() const;
   /// Tells other processes, which wait for this one, that it has no input.
   void TellOfNoInput();
 
