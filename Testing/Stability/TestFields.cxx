@@ -122,6 +122,34 @@ TEST_P(Fields, PlanesThatMissTheFieldAreBlack)
   EXPECT_EQ(lit, 0u);
 }
 
+// Two Gaussians as far on either side keep their block's middle at the plane, so no block is left out as a whole.
+TEST_P(Fields, PairsFarOnEitherSideOfThePlaneAreNotSeen)
+{
+  Random random(28);
+  std::size_t lit = 0, nonFinite = 0;
+  for (const double distance : {1e6, 1e8, 1e9, 1e10, 9e11})
+  {
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      GaussianField field = RandomField(random, 2, 1, 0.2, 2, 0.5);
+      field.means[0] = distance * Eigen::Vector3d::Unit(axis);
+      field.means[1] = -field.means[0];
+      engine_->SetField(field);
+      SlicePlane plane;
+      plane.width = 24;
+      plane.height = 20;
+      const RenderedPlane image = RenderWhole(*engine_, plane, ViewOutput::Intensity);
+      nonFinite += CountNonFinite(image.values) + CountNonFinite(image.coverage);
+      lit += std::count_if(image.values.begin(), image.values.end(), [](float v) { return v != 0; });
+      engine_->SetFrames(RandomSweep(random, {plane, plane}, 0.2, 0.8));
+      EXPECT_TRUE(std::isfinite(engine_->TrainStep({0, 1}, Loss(), {1, 1, 1, 1}, {})));
+    }
+  }
+  ConcludeFinite("coordinates", "pairs 1e6 to 9e11 mm away, pixels lit", GetParam(), static_cast<double>(lit),
+                 nonFinite);
+  EXPECT_EQ(lit, 0u);
+}
+
 TEST_P(Fields, APatientFarFromTheTrackersOriginLooksTheSame)
 {
   Random random(23);
