@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Speed against error: the table that `bigus-bench frontier --csv` writes, as one log-log plot and as Markdown.
+"""Speed against error: the table that `bigus-bench frontier --csv` writes, as one log-log plot.
 
     build/bin/bigus-bench frontier --csv frontier.csv
     Testing/Benchmarks/Speed/frontier.py frontier.csv [--output FOLDER]
 
-Writes frontier.png and frontier.md into FOLDER (default: beside the table) and prints the Markdown.
+Writes frontier.png into FOLDER (default: beside the table).
 """
 
 import argparse
@@ -86,29 +86,14 @@ def plot(rows, path):
     figure.savefig(path, dpi=150)
 
 
-def markdown(rows):
-    lines = ["| precision, evaluation | threads | tolerance | ms a slice (range) | max | RMS | 99.9 % |",
-             "|---|---|---|---|---|---|---|"]
-    for (precision, evaluation, threads), points in curves(rows).items():
-        for point in points:
-            lines.append(f"| {precision}, {evaluation} | {threads} | {point['tolerance']:.0e} | {point['ms']:.1f} "
-                         f"({point['min_ms']:.1f} to {point['max_ms']:.1f}) | {point['max']:.1e} | {point['rms']:.1e} "
-                         f"| {point['p999']:.1e} |")
-    return "\n".join(lines) + "\n"
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", type=Path, help="written by bigus-bench frontier --csv")
-    parser.add_argument("--output", type=Path, help="folder for the plot and the Markdown")
+    parser.add_argument("--output", type=Path, help="folder for the plot")
     options = parser.parse_args()
     folder = options.output or options.table.parent
     folder.mkdir(parents=True, exist_ok=True)
-    rows = read(options.table)
-    plot(rows, folder / "frontier.png")
-    text = markdown(rows)
-    (folder / "frontier.md").write_text(text)
-    print(text, end="")
+    plot(read(options.table), folder / "frontier.png")
 
 
 if __name__ == "__main__":
