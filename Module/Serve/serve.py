@@ -37,7 +37,7 @@ import numpy as np
 
 MOST_CLIENTS = 16
 MOST_MESSAGE_BYTES = 4096  # a request has about 400
-MESSAGES_PER_SECOND = 200.0  # a page sends one for every picture that it gets
+MESSAGES_PER_SECOND = 200.0  # beside those that were answered by a picture: a page sends the next one then
 MESSAGES_AT_ONCE = 400.0
 MOST_BAD_MESSAGES = 20  # then the connection is closed
 MOST_PIXELS = 2 * 1024 * 1024  # of a slice: a frame of 1920 x 1080 passes
@@ -483,6 +483,9 @@ class Client:
         self._last = now
         return self._allowance >= 0
 
+    def was_answered(self) -> None:
+        self._allowance += 1  # who waits for each picture is as fast as the pictures, and never too fast
+
 
 class Server:
     """Serves one scene. Slices are rendered one after the other, each with all threads, by turns of the clients."""
@@ -675,6 +678,7 @@ class Server:
                 text = json.dumps(head, allow_nan=False).encode()
                 text += b" " * (-len(text) % 4)
                 await self._send(socket, transport, b"".join([struct.pack("<I", len(text)), text, *parts]))
+                client.was_answered()
         except (ConnectionError, asyncio.TimeoutError, RuntimeError):
             pass  # it went away
 

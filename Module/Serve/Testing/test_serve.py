@@ -301,6 +301,15 @@ class Serving(unittest.IsolatedAsyncioTestCase):
         self.assertLess(time.monotonic() - begin, serve.SEND_SECONDS / 2)
         slow.close()
 
+    async def test_who_waits_for_each_picture_is_never_too_fast(self):
+        patient, hasty = serve.Client(), serve.Client()
+        for _ in range(3 * int(serve.MESSAGES_AT_ONCE)):
+            self.assertTrue(patient.may_send())
+            patient.was_answered()
+        answers = [hasty.may_send() for _ in range(3 * int(serve.MESSAGES_AT_ONCE))]
+        self.assertTrue(all(answers[: int(serve.MESSAGES_AT_ONCE)]))
+        self.assertFalse(answers[-1])
+
     async def test_clients_take_turns(self):
         answers = [0, 0]
 

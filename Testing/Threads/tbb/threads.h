@@ -9,9 +9,11 @@
 #include <atomic>
 #include <cstddef>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace tbb
@@ -138,12 +140,15 @@ template <class T>
 class enumerable_thread_specific
 {
 public:
+  enumerable_thread_specific() = default;
+  explicit enumerable_thread_specific(std::function<T()> make) : make_(std::move(make)) {}
+
   T& local()
   {
     const std::lock_guard<std::mutex> lock(lock_);
     while (values_.size() <= plain::Slot())
     {
-      values_.push_back(std::make_unique<T>());
+      values_.push_back(std::make_unique<T>(make_()));
     }
     return *values_[plain::Slot()];
   }
@@ -167,8 +172,25 @@ public:
   iterator end() const { return values_.data() + values_.size(); }
 
 private:
+  std::function<T()> make_ = [] { return T(); };
   std::mutex lock_;
   std::vector<std::unique_ptr<T>> values_;
+};
+
+template <class T>
+class combinable : public enumerable_thread_specific<T>
+{
+public:
+  using enumerable_thread_specific<T>::enumerable_thread_specific;
+
+  template <class Visit>
+  void combine_each(const Visit& visit) const
+  {
+    for (const T& value : *this)
+    {
+      visit(value);
+    }
+  }
 };
 
 class global_control
