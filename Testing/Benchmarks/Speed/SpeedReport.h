@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// How fast and how exact this build is on this machine, beside what one would use otherwise. README.md of the folder
-// above has the definitions.
+// How fast and how exact this build is on this machine, beside what one would use otherwise. Workloads.md has the
+// definitions.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
