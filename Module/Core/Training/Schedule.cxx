@@ -16,7 +16,7 @@ constexpr double kSettledPasses = 300;
 
 /// Steps after which the rates of the first stage are halved where frames are dense and no time limit tells its end,
 /// because the field is to be good whenever somebody stops. The second stage begins at full rates again, so this costs
-/// 0.04 dB of 43.1 (ShortTraining.md has what it gains). Sparse frames gain nothing by it: brain sweep -0.1 to -0.2 dB, spine 0.
+/// 0.04 dB of 43.1 (ShortTrainingMeasured.md has the gain). Sparse frames gain nothing by it: brain sweep -0.1 to -0.2 dB, spine 0.
 constexpr double kOpenEndedSteps = 64;
 
 /// The share of the first rates that a field to continue from begins with, for a training of one pass over frames and
@@ -34,7 +34,7 @@ constexpr double kStepsToMakeDensePlane = 2, kStepsToMakeSparsePlane = 6;
 constexpr double kQuarteredSteps = 500, kHalvedSteps = 2000;
 
 /// The end of training that the field is averaged over, and how many fields of it are. A step of Adam jitters by its
-/// rate, which the mean does not, so rates need not fall as far (README.md has what this gains).
+/// rate, which the mean does not, so rates need not fall as far (Measured.md has what this gains).
 constexpr double kAveragedFrom = 0.9;
 constexpr double kAveragedFields = 20;
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Made-up fields, planes and passes of known size, and what engines are measured against on them. Needs Core
-// alone: `bigus-bench` and the benchmarks of Testing share it. See Testing/Benchmarks/README.md.
+// alone: `bigus-bench` and the benchmarks of Testing share it. See Workloads.md.
 #pragma once
 
 #include <cstddef>
