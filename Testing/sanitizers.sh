@@ -7,8 +7,8 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 targets=()
-for label in unit:Core io:IO fuzz:Fuzz filters:Filters; do
-  [[ " $* " != *"${label%:*}"* ]] || targets+=("bigus${label#*:}Tests")
+for label in unit io fuzz filters; do
+  [[ " $* " != *"$label"* ]] || targets+=("tests-$label")
 done
 cmake --preset sanitizers
 cmake --build --preset sanitizers --parallel "$(nproc)" --target "${targets[@]}"

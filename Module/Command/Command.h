@@ -48,7 +48,6 @@ void AddInfo(Program& program);
 void AddPhantom(Program& program);
 void AddPoses(Program& program);
 void AddTrain(Program& program);
-void AddLive(Program& program);
 void AddSlice(Program& program);
 void AddVoxelize(Program& program);
 void AddMetrics(Program& program);

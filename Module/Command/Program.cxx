@@ -25,7 +25,6 @@ std::vector<Verb>& Verbs()
       {20, "bigus info sweep.igs.mha", "what is in it", AddInfo},
       {30, "bigus poses sweep.igs.mha -o corrected.igs.mha", "without the tracker's noise, no training", AddPoses},
       {40, "bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv", "frames to a Gaussian field", AddTrain},
-      {50, "bigus live sweep.igs.mha -o live.vtp", "the same while frames arrive", AddLive},
       {60, "bigus slice field.vtp --poses poses.csv -o again.igs.mha", "the field at the sweep's planes", AddSlice},
       {70, "bigus metrics again.igs.mha sweep.igs.mha", "how alike they are", AddMetrics},
       {100, "bigus voxelize field.vtp -o volume.mha --spacing 0.5", "a plain volume", AddVoxelize},

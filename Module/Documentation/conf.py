@@ -39,7 +39,7 @@ CONTENTS = {
     ],
     "Use": [
         "Module/Python/Sources", "Module/Documentation/Choosing", "Module/Documentation/Troubleshooting", "Examples/README",
-        "Module/Command/README", "Module/Viewer/README", "Module/Command/Live", "Module/Command/Slicer",
+        "Module/Command/README", "Module/Viewer/README", "Module/Live/README", "Module/Command/Slicer",
         "Module/Serve/README",
     ],
     "Look up": [

@@ -11,7 +11,6 @@ set(bigus_parsers
   Formats/Markups.cxx
   Formats/MetaImageHeader.cxx
   Formats/NrrdHeader.cxx
-  Formats/OpenIgtLink.cxx
   Formats/Ply.cxx
   Formats/PngFile.cxx
   Formats/PoseCsv.cxx

@@ -123,9 +123,13 @@ Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses);
 void BindSweep(nb::module_& m);
 void BindField(nb::module_& m);
 void BindFiles(nb::module_& m);
-void BindLive(nb::module_& m);
 void BindTraining(nb::module_& m);
 void BindSlices(nb::module_& m);
 void BindPhantom(nb::module_& m);
+
+/// What other wings link into the extension is bound when it is loaded. To be called before that, by what is initialized
+/// with the library; returns how many there are. Who brings a filter of VTK's pipelines puts it into the module's
+/// `added_filters`, by the name of the Python module that has it.
+std::size_t AddBinding(void (*bind)(nb::module_&));
 
 }  // namespace bigus

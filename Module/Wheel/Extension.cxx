@@ -1,10 +1,29 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus._core: Core for Python, without VTK.
+#include <vector>
+
 #include "Arrays.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Engine/InstructionSets.h"
 #include "Core/Model/Error.h"
+
+namespace
+{
+
+std::vector<void (*)(nb::module_&)>& Bindings()
+{
+  static std::vector<void (*)(nb::module_&)> bindings;
+  return bindings;
+}
+
+}  // namespace
+
+std::size_t bigus::AddBinding(void (*bind)(nb::module_&))
+{
+  Bindings().push_back(bind);
+  return Bindings().size();
+}
 
 NB_MODULE(_core, m)
 {
@@ -31,9 +50,13 @@ NB_MODULE(_core, m)
   bigus::BindField(m);
   bigus::BindFiles(m);
   bigus::BindTraining(m);
-  bigus::BindLive(m);
   bigus::BindSlices(m);
   bigus::BindPhantom(m);
+  m.attr("added_filters") = nb::dict();
+  for (const auto bind : Bindings())
+  {
+    bind(m);
+  }
   m.def("engines", &bigus::Engine::Names, "Names of what can compute here, the preferred first.");
   m.def("missing_engines", &bigus::Engine::Missing, "Pairs of an engine that cannot be used here, and why.");
   m.def("instruction_sets", &bigus::InstructionSets,

@@ -160,11 +160,6 @@ class Metadata(unittest.TestCase):
         self.assertEqual(names_in(json.dumps(answer).encode()), set())
         self.assertEqual(len(self.assertNoNames()), 13)
 
-    def test_a_field_that_followed_the_probe(self):
-        answer = self.do("live", self.mha, "-o", self.out / "live.vtp", "--rate", 100, "--finish", 0.5, "--json").stdout
-        self.assertEqual(names_in(answer.encode()), set())
-        self.assertNoNames()
-
     def test_a_checkpoint(self):
         field = self.out / "field.vtp"
         self.do("train", self.mha, "-o", field, *TINY[:-4], "--iterations", 100000, "--time-limit", 2, "--checkpoint-interval", 0.2)

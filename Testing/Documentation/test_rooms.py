@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the commands and the Python snippets of a room's page, in a folder that has a small sweep and its field.
 
-    test_rooms.py PAGE BUILD
+    test_rooms.py PAGE BUILD [GIVEN.py]
 
 Every line of a `bash` block is a command of its own. Calls of the program are run; where their sweep or server is none
 that a test has, the program must say so, which it does after it has understood the line. What else is not run is named,
 with the reason, and the project's files in it must exist. `python` blocks share an interpreter, which knows what the text
-around them tells (GIVEN). TestSnippets.cxx has the `cpp` blocks.
+around them tells (GIVEN, or the file). TestSnippets.cxx has the `cpp` blocks.
 """
 
 import os
@@ -53,19 +53,6 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 sweep, field, sphere = bigus.read("sweep.igs.mha"), bigus.read("field.vtp"), vtkSphereSource()
 patient_to_world = vtkTransform()
 patient_to_world.RotateX(30)
-""",
-    "Filters/Live.md": """
-reader = bigus.vtkBigusSequenceReader()
-reader.SetFileName("sweep.igs.mha")
-reader.Update()
-arriving, plane, slice = [], vtkMatrix4x4(), vtkImageData()
-for second in range(12):
-    frame, matrix = vtkImageData(), vtkMatrix4x4()
-    frame.SetDimensions(32, 24, 1)
-    frame.AllocateScalars(VTK_UNSIGNED_CHAR, 1)
-    frame.GetPointData().GetScalars().Fill(90)
-    matrix.SetElement(2, 3, second)
-    arriving.append((frame, matrix, second))
 """,
     "Rendering/README.md": """
 from vtkmodules.vtkRenderingCore import vtkRenderer
@@ -149,6 +136,7 @@ def prepare(folder, environment):
 def main():
     page, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
     name = str(page.relative_to(ROOT))
+    given = pathlib.Path(sys.argv[3]).read_text() if len(sys.argv) > 3 else GIVEN.get(name, "")
     blocks = blocks_of(page)
     problems = []
     with tempfile.TemporaryDirectory() as temporary:
@@ -170,7 +158,7 @@ def main():
         (folder / "field.vtp").write_bytes(fields)
         python = [f"print('line {block.line}', flush=True)\n{block.text}" for block in blocks if block.kind == "python"]
         if python and not re.search("ParaView|Slicer", name):  # their own Python runs these
-            script = IMPORTS + GIVEN.get(name, "") + "".join(python)
+            script = IMPORTS + given + "".join(python)
             result = subprocess.run([sys.executable, "-c", script], cwd=folder, env=environment, text=True,
                                     stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
             print(result.stdout)

@@ -2,21 +2,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // fuzz-seeds FOLDER: writes FOLDER/TARGET/NAME, small files from which fuzzing starts: sound ones of every kind, and
 // headers of the kinds that other readers of these formats are known to have crashed on.
+#include "Fuzz/Seeds.h"
+
 #include <filesystem>
 #include <iostream>
-#include <map>
 #include <string>
+#include <vector>
 
 #include "Data/FieldData.h"
 #include "Fuzz/Png.h"
-#include "IO/Formats/OpenIgtLink.h"
 #include "IO/SmallFiles.h"
 #include "Support/SourceFolder.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 
-namespace bigus
+namespace bigus::fuzz
 {
 namespace
 {
@@ -27,11 +28,28 @@ using test::SmallSequence;
 
 std::filesystem::path root;
 
+std::vector<void (*)()>& Writers()
+{
+  static std::vector<void (*)()> writers;
+  return writers;
+}
+
+}  // namespace
+
 void Seed(const std::string& target, const std::string& name, const std::string& bytes)
 {
   std::filesystem::create_directories(root / target);
   test::WriteBytes((root / target / name).string(), bytes);
 }
+
+std::size_t AddSeeds(void (*write)())
+{
+  Writers().push_back(write);
+  return Writers().size();
+}
+
+namespace
+{
 
 void MetaImages()
 {
@@ -189,44 +207,12 @@ void Fields()
 }
 
 }  // namespace
-void Messages()
-{
-  IgtImage image;
-  image.width = 4;
-  image.height = 3;
-  image.pixels.assign(12, 100);
-  const std::vector<std::uint8_t> picture = PackIgtImage("Image", 1.5, image);
-  const std::vector<std::uint8_t> pose = PackIgtTransform("ImageToReference", 1.5, Eigen::Matrix4d::Identity());
-  std::string both(pose.begin(), pose.end());
-  both.append(picture.begin(), picture.end());
-  // Without a checksum what is changed is still read.
-  constexpr std::size_t kChecksumAt = 50;
-  std::string unchecked(picture.begin(), picture.end());
-  std::fill_n(unchecked.begin() + kChecksumAt, 8, '\0');
-  std::string extended = unchecked;
-  extended[1] = 2;
-  Seed("OpenIgtLink", "both", both);
-  Seed("OpenIgtLink", "unchecked", unchecked + unchecked);
-  Seed("OpenIgtLink", "extended", extended);
-  const std::string identity = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1";
-  const std::map<std::string, std::string> fields = {
-      {"ImageToReferenceTransform", identity}, {"ImageToReferenceTransformStatus", "OK"}, {"Operator", "A &lt;B&gt;"}};
-  const std::string old = test::TrackedFrameMessage(fields, false), now = test::TrackedFrameMessage(fields, true);
-  Seed("OpenIgtLink", "tracked-old", old);
-  Seed("OpenIgtLink", "tracked", now + now + both);
-  Seed("OpenIgtLink", "tracked-chain",
-       test::TrackedFrameMessage({{"ImageToProbeTransform", identity},
-                                  {"ImageToProbeTransformStatus", "OK"},
-                                  {"ReferenceToProbeTransform", identity},
-                                  {"ReferenceToProbeTransformStatus", "INVALID"}},
-                                 true));
-}
-
-}  // namespace bigus
+}  // namespace bigus::fuzz
 
 int main(int count, char** arguments)
 {
   using namespace bigus;
+  using namespace bigus::fuzz;
   if (count != 2)
   {
     std::cerr << "fuzz-seeds FOLDER\n";
@@ -272,7 +258,6 @@ int main(int count, char** arguments)
     Seed("Loss", std::to_string(std::string(text).size()), text);
   }
   Seed("Transform", "hdf5", test::ReadBytes((test::SourceFolder() / "Testing/Data/transform.h5").string()));
-  Messages();
   const std::string magic = "#Insight Transform File V1.0\n#Transform 0\n";
   Seed("Transform", "affine",
        magic + "Transform: AffineTransform_double_3_3\nParameters: 1 0 0 0 1 0 0 0 1 5 6 7\nFixedParameters: 0 0 0\n");

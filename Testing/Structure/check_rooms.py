@@ -28,12 +28,15 @@ WINGS = {
     "Module/Serve": ["Module/Command", "Module/IO", "Module/Data", "Module/Core"],
     "Module/Viewer": ["Module/Command", *LAYERS["Module/Command"]],
     "Module/Wheel": ["Module/IO", "Module/Data", "Module/Core"],
+    "Module/Live": ["Module/Command", "Filters", "Module/IO", "Module/Data", "Module/Core", "Testing"],
 }
 # How an include begins that names a layer.
-PREFIXES = {"Core/": "Module/Core", "Data/": "Module/Data", "Cuda/": "Cuda", "Testing/": "Testing", "Support/": "Testing"}
+PREFIXES = {"Core/": "Module/Core", "Data/": "Module/Data", "Cuda/": "Cuda", "Testing/": "Testing", "Support/": "Testing",
+            "Live/": "Module/Live"}
 
-# The one line of each wing, and what measures wings.
-KNOW_WINGS = {"CMakeLists.txt", "Testing/Benchmarks/Speed/live_clients.py"}
+# The one line of each wing, and names by which the trunk finds what any wing may bring.
+KNOW_WINGS = {"CMakeLists.txt"}
+FOUND_BY_NAME = {"vtk.module", "Sources.cmake"}
 
 
 def includes_of(path):
@@ -95,7 +98,7 @@ def wings_named(root):
     """Lines of the trunk that name a wing's folder or one of its files."""
     shared = {path.name for path in trunk_files(root)}
     own = {path.name for wing in WINGS for path in (root / wing).rglob("*")
-           if path.is_file() and path.suffix not in {".md", ".png", ".pyc"}} - shared  # fmt: skip
+           if path.is_file() and path.suffix not in {".md", ".png", ".pyc"}} - shared - FOUND_BY_NAME  # fmt: skip
     modules = [re.escape(name[:-3]) for name in own if name.endswith(".py")]
     names = re.compile(r"(?<![\w.-])(?:[\w.-]+/)*(" + "|".join(map(re.escape, [*own, *WINGS])) + r")(?![\w-]|\.\w)"
                        + "".join(rf"|^ *import {m}\b|^ *from [.\w]* ?(?:import )?{m}\b" for m in modules))

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Puts ParaView's XML together when the project is built:
 //
-//     bigusMakePluginXml PLUGIN.xml PROXY.xml...
+//     bigusMakePluginXml PLUGIN.xml SHARED PROXY.xml...
 //
-// A line @Name@ of a proxy stands for the lines of Shared/Name.xml; @TrainerOptions@ stands for a property for each option
+// A line @Name@ of a proxy stands for the lines of SHARED/Name.xml; @TrainerOptions@ stands for a property for each option
 // of Core/Training/OptionList.h.
 #include <algorithm>
 #include <array>
@@ -179,7 +179,8 @@ std::string Filled(std::istream&& text, const std::string& indent, const std::fi
   return filled;
 }
 
-void MakePluginXml(const std::string& output, const std::vector<std::filesystem::path>& proxies)
+void MakePluginXml(const std::string& output, const std::filesystem::path& shared,
+                   const std::vector<std::filesystem::path>& proxies)
 {
   std::string text =
       "<!-- Made from the proxies and from Core/Training/OptionList.h: what is changed here is lost. -->\n"
@@ -191,7 +192,7 @@ void MakePluginXml(const std::string& output, const std::vector<std::filesystem:
     {
       throw bigus::Error("There is no file '" + path.string() + "'.");
     }
-    text += Filled(std::move(proxy), "    ", path.parent_path() / "Shared");
+    text += Filled(std::move(proxy), "    ", shared);
   }
   text += "  </ProxyGroup>\n</ServerManagerConfiguration>\n";
   std::ofstream file(output);
@@ -205,14 +206,14 @@ void MakePluginXml(const std::string& output, const std::vector<std::filesystem:
 
 int main(int count, char** arguments)
 {
-  if (count < 3)
+  if (count < 4)
   {
-    std::cerr << "usage: bigusMakePluginXml PLUGIN.xml PROXY.xml...\n";
+    std::cerr << "usage: bigusMakePluginXml PLUGIN.xml SHARED PROXY.xml...\n";
     return 1;
   }
   try
   {
-    MakePluginXml(arguments[1], {arguments + 2, arguments + count});
+    MakePluginXml(arguments[1], arguments[2], {arguments + 3, arguments + count});
     return 0;
   }
   catch (const std::exception& error)

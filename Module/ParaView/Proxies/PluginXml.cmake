@@ -3,22 +3,7 @@
 # ParaView's XML, made of one file a proxy: ${bigus_plugin_xml}, by the target bigusPluginXml. The plugin's project includes
 # this, and so does BIGUS, for the plugin in Python and for tests.
 set(bigus_plugin_xml "${CMAKE_BINARY_DIR}/paraview/bigus.xml")
-set(bigus_proxies
-  SweepReader
-  FieldReader
-  Phantom
-  Trainer
-  LiveTrainer
-  FieldSlice
-  Voxelizer
-  PoseCorrection
-  TransformField
-  PartitionField
-  ImageMetrics
-  FieldTensors
-  SweepOutline)
-list(TRANSFORM bigus_proxies PREPEND "${CMAKE_CURRENT_LIST_DIR}/")
-list(TRANSFORM bigus_proxies APPEND ".xml")
+file(GLOB bigus_proxies CONFIGURE_DEPENDS "${CMAKE_CURRENT_LIST_DIR}/../../*/Proxies/*.xml")  # also those of wings
 file(GLOB bigus_shared_xml CONFIGURE_DEPENDS "${CMAKE_CURRENT_LIST_DIR}/Shared/*.xml")
 
 add_executable(bigusMakePluginXml "${CMAKE_CURRENT_LIST_DIR}/MakePluginXml.cxx")
@@ -26,6 +11,6 @@ target_link_libraries(bigusMakePluginXml PRIVATE BIGUS::Core)
 target_compile_options(bigusMakePluginXml PRIVATE ${BIGUS_WARNINGS})
 file(MAKE_DIRECTORY "${CMAKE_BINARY_DIR}/paraview")
 add_custom_command(OUTPUT "${bigus_plugin_xml}"
-  COMMAND bigusMakePluginXml "${bigus_plugin_xml}" ${bigus_proxies}
+  COMMAND bigusMakePluginXml "${bigus_plugin_xml}" "${CMAKE_CURRENT_LIST_DIR}/Shared" ${bigus_proxies}
   DEPENDS bigusMakePluginXml ${bigus_proxies} ${bigus_shared_xml})
 add_custom_target(bigusPluginXml ALL DEPENDS "${bigus_plugin_xml}")

@@ -17,7 +17,8 @@ classes, so everything mixes with any VTK pipeline. Lengths are millimetres, int
 8-bit arrays), matrices are row-major as numpy has them.
 """
 
-import importlib.util
+import importlib
+import pkgutil
 
 from . import environment
 
@@ -29,14 +30,12 @@ import vtkmodules.vtkCommonDataModel  # noqa: F401
 import vtkmodules.vtkCommonExecutionModel  # noqa: F401
 import vtkmodules.vtkIOCore  # noqa: F401
 
-from .vtkBigusFilters import *  # noqa: F401,F403
-from .vtkBigusIO import *  # noqa: F401,F403
-
-if importlib.util.find_spec(__name__ + ".vtkBigusRendering"):  # not there when built without BIGUS_WITH_RENDERING
-    import vtkmodules.vtkInteractionWidgets  # noqa: F401
-    import vtkmodules.vtkRenderingCore  # noqa: F401
-
-    from .vtkBigusRendering import *  # noqa: F401,F403
+for _library in [found.name for found in pkgutil.iter_modules(__path__) if found.name.startswith("vtkBigus")]:
+    if _library == "vtkBigusRendering":  # not there when built without BIGUS_WITH_RENDERING
+        import vtkmodules.vtkInteractionWidgets  # noqa: F401
+        import vtkmodules.vtkRenderingCore  # noqa: F401
+    _classes = vars(importlib.import_module("." + _library, __name__))
+    globals().update({name: value for name, value in _classes.items() if name.startswith("vtkBigus")})
 
 from ._update import instruction_sets, use_instruction_set
 from .arrays import frames, image, poses, sweep

@@ -22,7 +22,7 @@ import importlib
 from typing import Any
 
 from ._core import Error, Field, Phantom, Sweep, __version__, engines, instruction_sets, missing_engines
-from ._core import use_instruction_set
+from ._core import added_filters as _added_filters, use_instruction_set
 from .arrays import field, frames, poses, sweep
 from .files import Planes, read, read_planes, read_stack, write
 from .sources import SourceError, from_files
@@ -40,11 +40,10 @@ _FILTERS = {  # by the module that they are in
     "filters": ["vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice",
                 "vtkBigusSequenceReader", "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer"],
     "field_filters": ["vtkBigusFieldTensors", "vtkBigusPartitionField", "vtkBigusTransformField"],
-    "live_filters": ["vtkBigusLiveTrainer"],
     "sweep_filters": ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"],
     "pipeline": ["update"],
 }
-_MODULES = {name: module for module, names in _FILTERS.items() for name in names}
+_MODULES = {**{name: module for module, names in _FILTERS.items() for name in names}, **_added_filters}
 
 
 def __getattr__(name: str) -> Any:

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "Console.h"
-#include "Core/Live/LiveSession.h"
 #include "Core/Model/SlicePlane.h"
 #include "Inputs.h"
-#include "SliceServer.h"
+#include "Live/LiveSession.h"
+#include "Live/SliceServer.h"
 
 namespace bigus::command
 {

@@ -23,7 +23,6 @@ import tempfile
 import threading
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "Command"))
 from test_live import checksum, matrix_bytes, message, read_sequence
 
 WIDTH, HEIGHT, FRAMES, RATE, REST = 320, 240, 140, 20, 20

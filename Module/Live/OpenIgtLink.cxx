@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "IO/Formats/OpenIgtLink.h"
+#include "Live/OpenIgtLink.h"
 
 #include <algorithm>
 #include <array>

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Messages of an OpenIGTLink server, one after another.
-#include "IO/Formats/OpenIgtLink.h"
+#include "Live/OpenIgtLink.h"
 
 #include <algorithm>
 
-#include "Core/Live/LiveTraining.h"
 #include "Fuzz/Harness.h"
 #include "IO/Poses.h"
+#include "Live/LiveTraining.h"
 
 namespace bigus::fuzz
 {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "IgtConnection.h"
+#include "Live/IgtConnection.h"
 
 namespace bigus::command
 {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "IgtConnection.h"
+#include "Live/IgtConnection.h"
 
 #include <netdb.h>
 #include <poll.h>

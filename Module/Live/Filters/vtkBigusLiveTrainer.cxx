@@ -10,13 +10,13 @@
 #include <future>
 #include <limits>
 
-#include "Core/Live/LiveSession.h"
 #include "Core/Model/Error.h"
 #include "Core/Trainer/Provenance.h"
 #include "Data/FieldData.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
+#include "Live/LiveSession.h"
 #include "PipelineSupport.h"
 #include "vtkErrorCode.h"
 #include "vtkImageData.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <thread>
 
-#include "Core/Live/LiveTraining.h"
+#include "Live/LiveTraining.h"
 
 namespace bigus
 {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Live/LiveTraining.h"
+#include "Live/LiveTraining.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "SliceServer.h"
+#include "Live/SliceServer.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -18,7 +18,7 @@
 
 #include "Core/Model/Error.h"
 #include "Exit.h"
-#include "LiveSources.h"
+#include "Live/LiveSources.h"
 
 namespace bigus::command
 {

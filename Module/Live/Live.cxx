@@ -15,7 +15,6 @@
 
 #include "Command.h"
 #include "Core/Evaluation/Evaluation.h"
-#include "Core/Live/LiveSession.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
@@ -23,9 +22,10 @@
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
 #include "Files.h"
-#include "IgtConnection.h"
 #include "Inputs.h"
-#include "LiveSources.h"
+#include "Live/IgtConnection.h"
+#include "Live/LiveSession.h"
+#include "Live/LiveSources.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 
@@ -268,8 +268,6 @@ ExitCode Live(Console& console, Options options)
   return IsInterrupted() ? InterruptedCode() : Success;
 }
 
-}  // namespace
-
 void AddLive(Program& program)
 {
   auto options = std::make_shared<Options>();
@@ -343,5 +341,10 @@ void AddLive(Program& program)
       ->capture_default_str();
   RunWhenChosen(app, program, [options](Console& console) { return Live(console, *options); });
 }
+
+[[maybe_unused]] const std::size_t row =
+    AddVerb({50, "bigus live sweep.igs.mha -o live.vtp", "the same while frames arrive", AddLive});
+
+}  // namespace
 
 }  // namespace bigus::command

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "LiveSources.h"
+#include "Live/LiveSources.h"
 
 #include <algorithm>
 #include <chrono>
@@ -20,7 +20,7 @@
 #include "IO/Formats/PoseCsv.h"
 #include "IO/Poses.h"
 #include "IO/Text.h"
-#include "IgtConnection.h"
+#include "Live/IgtConnection.h"
 
 namespace bigus::command
 {

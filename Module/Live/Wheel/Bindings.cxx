@@ -11,9 +11,9 @@
 
 #include "Arrays.h"
 #include "Core/Engine/Engine.h"
-#include "Core/Live/LiveSession.h"
 #include "Core/Model/Error.h"
 #include "Core/Trainer/Provenance.h"
+#include "Live/LiveSession.h"
 #include "Progress.h"
 
 namespace bigus
@@ -111,9 +111,7 @@ nb::dict StateOf(const LiveSession& session)
   return answer;
 }
 
-}  // namespace
-
-void BindLive(nb::module_& m)
+void Bind(nb::module_& m)
 {
   nb::class_<LiveSession>(m, "LiveSession", "Trains on frames, on a thread of its own, from when it is made.")
       .def(nb::new_(&Start), nb::arg("engine"), nb::arg("seed"), nb::arg("window"), nb::arg("maximum_frames"),
@@ -126,6 +124,10 @@ void BindLive(nb::module_& m)
           nb::call_guard<nb::gil_scoped_release>(), "The field as it is now.")
       .def("finish", &Finish, nb::arg("seconds"), nb::arg("progress") = nb::none())
       .def("state", &StateOf, "What became of the frames.");
+  m.attr("added_filters")["vtkBigusLiveTrainer"] = "live_filters";
 }
 
+[[maybe_unused]] const std::size_t row = AddBinding(Bind);
+
+}  // namespace
 }  // namespace bigus

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Messages of the OpenIGTLink protocol. Testing/Command/test_live.py compares with messages that are made there.
+// Messages of the OpenIGTLink protocol. test_live.py compares with messages that are made there.
 #include <gtest/gtest.h>
 
 #include <limits>
 
 #include "Core/Model/Error.h"
-#include "IO/Formats/OpenIgtLink.h"
-#include "IO/SmallFiles.h"
+#include "Live/OpenIgtLink.h"
+#include "Live/Testing/TrackedFrame.h"
 #include "Support/Random.h"
 
 namespace bigus::test

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Live/LiveSession.h"
+#include "Live/LiveSession.h"
 
 #include <chrono>
 #include <future>

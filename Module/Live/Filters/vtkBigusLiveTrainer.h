@@ -36,7 +36,7 @@
 #include <tuple>       // for options
 #include <vector>      // for times
 
-#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkBigusLiveModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
 
 namespace bigus
@@ -53,7 +53,7 @@ class vtkMatrix4x4;
 VTK_ABI_NAMESPACE_END
 #endif
 
-class VTKBIGUSFILTERS_EXPORT vtkBigusLiveTrainer : public vtkPolyDataAlgorithm
+class VTKBIGUSLIVE_EXPORT vtkBigusLiveTrainer : public vtkPolyDataAlgorithm
 {
 public:
   static vtkBigusLiveTrainer* New();

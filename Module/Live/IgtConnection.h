@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "IO/Formats/OpenIgtLink.h"
+#include "Live/OpenIgtLink.h"
 
 namespace bigus::command
 {

@@ -30,7 +30,7 @@ import time
 
 import numpy
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "Module" / "Serve" / "Testing"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "Serve" / "Testing"))
 
 SIZE = 512  # pixels of a side
 PERIOD = 0.1  # s between two questions of a client

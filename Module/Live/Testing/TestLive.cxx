@@ -9,10 +9,10 @@
 #include <thread>
 
 #include "Core/Evaluation/Evaluation.h"
-#include "Core/Live/LiveSession.h"
-#include "Core/Live/LiveTraining.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
+#include "Live/LiveSession.h"
+#include "Live/LiveTraining.h"
 #include "Support/Sweeps.h"
 
 namespace
