@@ -21,10 +21,13 @@ constexpr int kMargin = kSsimTaps - 1;  // so many fewer windows than pixels alo
 
 /// SSIM's kernel from its centre outwards.
 template <class Real>
-std::array<Real, kSsimRadius + 1> HalfKernel()
+using HalfKernel = std::array<Real, kSsimRadius + 1>;
+
+template <class Real>
+HalfKernel<Real> MakeHalfKernel()
 {
   const std::array<double, kSsimTaps> kernel = SsimKernel();
-  std::array<Real, kSsimRadius + 1> half;
+  HalfKernel<Real> half;
   for (int t = 0; t <= kSsimRadius; ++t)
   {
     half[t] = static_cast<Real>(kernel[kSsimRadius + t]);
@@ -35,8 +38,7 @@ std::array<Real, kSsimRadius + 1> HalfKernel()
 /// out[x] = sum_t kernel[t] in[x + t step] for x in [0, count): along a row with step 1, down the columns with the
 /// rows' distance.
 template <class Real>
-void Filter(const std::array<Real, kSsimRadius + 1>& k, const Real* in, std::size_t step, std::size_t count,
-            Real* __restrict out)
+void Filter(const HalfKernel<Real>& k, const Real* in, std::size_t step, std::size_t count, Real* __restrict out)
 {
   const Real* c = in + kSsimRadius * step;
   for (std::size_t x = 0; x < count; ++x)
@@ -45,6 +47,58 @@ void Filter(const std::array<Real, kSsimRadius + 1>& k, const Real* in, std::siz
              k[3] * (c[x - 3 * step] + c[x + 3 * step]) + k[4] * (c[x - 4 * step] + c[x + 4 * step]) +
              k[5] * (c[x - 5 * step] + c[x + 5 * step]);
   }
+}
+
+/// What is compared, [height][stride] each.
+template <class Real>
+struct Frames
+{
+  std::size_t width, height;
+  const Real *image, *truth;
+  std::size_t stride;
+};
+
+template <class Real>
+struct Planes
+{
+  std::size_t rows, columns;
+  std::unique_ptr<Real[]> values;  // [planes][rows][columns]
+
+  Real* Row(int k, std::size_t y) const { return values.get() + (k * rows + y) * columns; }
+};
+
+/// x, y, x^2, y^2 and xy, filtered along the rows.
+template <class Real>
+Planes<Real> FilterRows(const HalfKernel<Real>& kernel, const Frames<Real>& frames)
+{
+  const std::size_t width = frames.width, across = width - kMargin;
+  Planes<Real> means{frames.height, across, std::unique_ptr<Real[]>(new Real[5 * frames.height * across])};
+  ForRanges(static_cast<int>(frames.height),
+            [&](int begin, int end)
+            {
+              std::vector<Real> products[3];
+              for (std::vector<Real>& product : products)
+              {
+                product.resize(width);
+              }
+              for (int y = begin; y < end; ++y)
+              {
+                const Real *a = frames.image + y * frames.stride, *b = frames.truth + y * frames.stride;
+                for (std::size_t x = 0; x < width; ++x)
+                {
+                  products[0][x] = a[x] * a[x];
+                  products[1][x] = b[x] * b[x];
+                  products[2][x] = a[x] * b[x];
+                }
+                Filter(kernel, a, 1, across, means.Row(0, y));
+                Filter(kernel, b, 1, across, means.Row(1, y));
+                for (int k = 0; k < 3; ++k)
+                {
+                  Filter(kernel, products[k].data(), 1, across, means.Row(2 + k, y));
+                }
+              }
+            });
+  return means;
 }
 
 /// One row of windows: their weighted means of x, y, x^2, y^2 and xy, and room for what follows from them.
@@ -56,6 +110,22 @@ struct WindowRow
   std::vector<Real> value;     // share * loss
   std::vector<Real> slope[3];  // dL/d means[0], [2] and [4]
 };
+
+/// The windows whose first row is y, from what was filtered along the rows. Nothing follows from them yet.
+template <class Real>
+void FilterColumns(const HalfKernel<Real>& kernel, const Planes<Real>& means, std::size_t y, WindowRow<Real>& row)
+{
+  for (int k = 0; k < 5; ++k)
+  {
+    row.means[k].resize(means.columns);
+    Filter(kernel, means.Row(k, y), means.columns, means.columns, row.means[k].data());
+  }
+  row.value.assign(means.columns, Real(0));
+  for (std::vector<Real>& values : row.slope)
+  {
+    values.assign(means.columns, Real(0));
+  }
+}
 
 /// term(weight, x, y, xx, yy, xy, loss) of every window of a row.
 template <class Real, class Term>
@@ -76,6 +146,55 @@ void AddTerm(Real weight, int count, WindowRow<Real>& row, Term&& term)
     q[i] = loss.slopeXX;
     r[i] = loss.slopeXY;
   }
+}
+
+template <class Real>
+void AddTerms(const Loss& loss, WindowRow<Real>& row)
+{
+  const int count = static_cast<int>(row.value.size());
+  if (loss.dssim > 0)
+  {
+    AddTerm(static_cast<Real>(loss.dssim), count, row,
+            [](Real w, Real x, Real y, Real xx, Real yy, Real xy, WindowLoss<Real>& out)
+            { AddDssim(w, x, y, xx, yy, xy, out); });
+  }
+  if (loss.contrast > 0)
+  {
+    AddTerm(static_cast<Real>(loss.contrast), count, row,
+            [](Real w, Real x, Real y, Real xx, Real yy, Real, WindowLoss<Real>& out)
+            { AddContrast(w, x, y, xx, yy, out); });
+  }
+}
+
+/// Every pixel from the windows it lies in: dL/dx = sum_windows kernel (dL/dmx + 2 x dL/dmxx + y dL/dmxy).
+template <class Real>
+void AddDerivative(const HalfKernel<Real>& kernel, const Frames<Real>& frames, const Planes<Real>& slopes,
+                   Real* derivative)
+{
+  const std::size_t width = frames.width, wide = slopes.columns;
+  ForRanges(static_cast<int>(frames.height),
+            [&](int begin, int end)
+            {
+              std::vector<Real> column(wide), result[3];
+              for (std::vector<Real>& values : result)
+              {
+                values.resize(width);
+              }
+              for (int y = begin; y < end; ++y)
+              {
+                for (int k = 0; k < 3; ++k)
+                {
+                  Filter(kernel, slopes.Row(k, y), wide, wide, column.data());
+                  Filter(kernel, column.data(), 1, width, result[k].data());
+                }
+                const Real *a = frames.image + y * frames.stride, *b = frames.truth + y * frames.stride;
+                Real* out = derivative + y * frames.stride;
+                for (std::size_t x = 0; x < width; ++x)
+                {
+                  out[x] += result[0][x] + 2 * a[x] * result[1][x] + b[x] * result[2][x];
+                }
+              }
+            });
 }
 
 }  // namespace
@@ -131,113 +250,37 @@ template <class Real>
 double WindowLosses::Evaluate(const Loss& loss, double weight, const Real* image, const Real* truth, std::size_t stride,
                               Real* derivative) const
 {
-  const std::size_t width = width_, height = height_, across = width - kMargin, down = height - kMargin;
-  const auto kernel = HalfKernel<Real>();
+  const Frames<Real> frames{static_cast<std::size_t>(width_), static_cast<std::size_t>(height_), image, truth, stride};
+  const std::size_t across = frames.width - kMargin, down = frames.height - kMargin;
+  const Real share = static_cast<Real>(weight / static_cast<double>(countedWindows_));
+  const HalfKernel<Real> kernel = MakeHalfKernel<Real>();
+  const Planes<Real> means = FilterRows(kernel, frames);
 
-  // Along the rows ...
-  const std::unique_ptr<Real[]> filtered(new Real[5 * height * across]);
-  const auto means = [&](int k, std::size_t y) { return filtered.get() + (k * height + y) * across; };
-  ForRanges(height_,
-            [&](int begin, int end)
-            {
-              std::vector<Real> products[3];
-              for (std::vector<Real>& product : products)
-              {
-                product.resize(width);
-              }
-              for (int y = begin; y < end; ++y)
-              {
-                const Real *a = image + y * stride, *b = truth + y * stride;
-                for (std::size_t x = 0; x < width; ++x)
-                {
-                  products[0][x] = a[x] * a[x];
-                  products[1][x] = b[x] * b[x];
-                  products[2][x] = a[x] * b[x];
-                }
-                Filter(kernel, a, 1, across, means(0, y));
-                Filter(kernel, b, 1, across, means(1, y));
-                for (int k = 0; k < 3; ++k)
-                {
-                  Filter(kernel, products[k].data(), 1, across, means(2 + k, y));
-                }
-              }
-            });
-
-  // ... and down the columns: the windows, their loss and its slopes. These get a margin of zeros on all sides, for the
-  // way back.
+  // Slopes get a margin of zeros on all sides, for the way back.
   const std::size_t wide = across + 2 * kMargin, tall = down + 2 * kMargin;
-  const std::unique_ptr<Real[]> slopes(new Real[3 * tall * wide]());
-  const auto slope = [&](int k, std::size_t y) { return slopes.get() + (k * tall + y) * wide; };
+  const Planes<Real> slopes{tall, wide, std::unique_ptr<Real[]>(new Real[3 * tall * wide]())};
   std::vector<double> sums(down);
   ForRanges(static_cast<int>(down),
             [&](int begin, int end)
             {
               WindowRow<Real> row;
-              for (std::vector<Real>& mean : row.means)
-              {
-                mean.resize(across);
-              }
-              const Real share = static_cast<Real>(weight / static_cast<double>(countedWindows_));
-              row.share.assign(across, share);
               for (int y = begin; y < end; ++y)
               {
-                for (int k = 0; k < 5; ++k)
-                {
-                  Filter(kernel, means(k, y), across, across, row.means[k].data());
-                }
+                FilterColumns(kernel, means, y, row);
+                row.share.assign(across, share);
                 for (std::size_t x = 0; x < (windows_.empty() ? 0 : across); ++x)
                 {
                   row.share[x] = windows_[y * across + x] ? share : Real(0);
                 }
-                row.value.assign(across, Real(0));
-                for (std::vector<Real>& values : row.slope)
-                {
-                  values.assign(across, Real(0));
-                }
-                if (loss.dssim > 0)
-                {
-                  AddTerm(static_cast<Real>(loss.dssim), static_cast<int>(across), row,
-                          [](Real w, Real x, Real y, Real xx, Real yy, Real xy, WindowLoss<Real>& out)
-                          { AddDssim(w, x, y, xx, yy, xy, out); });
-                }
-                if (loss.contrast > 0)
-                {
-                  AddTerm(static_cast<Real>(loss.contrast), static_cast<int>(across), row,
-                          [](Real w, Real x, Real y, Real xx, Real yy, Real, WindowLoss<Real>& out)
-                          { AddContrast(w, x, y, xx, yy, out); });
-                }
+                AddTerms(loss, row);
                 sums[y] = SumInOrder(row.value);
                 for (int k = 0; k < 3; ++k)
                 {
-                  std::copy(row.slope[k].begin(), row.slope[k].end(), slope(k, y + kMargin) + kMargin);
+                  std::copy(row.slope[k].begin(), row.slope[k].end(), slopes.Row(k, y + kMargin) + kMargin);
                 }
               }
             });
-
-  // Every pixel from the windows it lies in: dL/dx = sum_windows kernel (dL/dmx + 2 x dL/dmxx + y dL/dmxy).
-  ForRanges(height_,
-            [&](int begin, int end)
-            {
-              std::vector<Real> column(wide), result[3];
-              for (std::vector<Real>& values : result)
-              {
-                values.resize(width);
-              }
-              for (int y = begin; y < end; ++y)
-              {
-                for (int k = 0; k < 3; ++k)
-                {
-                  Filter(kernel, slope(k, y), wide, wide, column.data());
-                  Filter(kernel, column.data(), 1, width, result[k].data());
-                }
-                const Real *a = image + y * stride, *b = truth + y * stride;
-                Real* out = derivative + y * stride;
-                for (std::size_t x = 0; x < width; ++x)
-                {
-                  out[x] += result[0][x] + 2 * a[x] * result[1][x] + b[x] * result[2][x];
-                }
-              }
-            });
+  AddDerivative(kernel, frames, slopes, derivative);
   return SumInOrder(sums);
 }
 

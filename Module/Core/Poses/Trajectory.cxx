@@ -14,6 +14,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/SmoothingSpline.h"
+#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {
@@ -72,16 +73,6 @@ struct Pose
   Eigen::Vector3d centre;
 };
 
-Pose PoseOf(const SlicePlane& plane)
-{
-  Pose pose;
-  pose.axes.col(0) = plane.columnStep.normalized();
-  pose.axes.col(2) = plane.Normal();
-  pose.axes.col(1) = pose.axes.col(2).cross(pose.axes.col(0));
-  pose.centre = plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
-  return pose;
-}
-
 double Median(std::vector<double> values)
 {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -96,6 +87,7 @@ struct Path
   std::vector<Pose> poses;
   std::vector<Points> points;                // corners at pixels (0, 0), (width - 1, 0) and (0, height - 1)
   std::vector<std::pair<int, int>> strokes;  // first frame and the one after the last
+  int usable = 0;                            // poses of all strokes that are smoothed
 
   int Size() const { return static_cast<int>(times.size()); }
 };
@@ -236,6 +228,23 @@ std::vector<std::pair<int, int>> StrokesOf(const Path& path)
     strokes.emplace_back(cuts[k], cuts[k + 1]);
   }
   return strokes;
+}
+
+Path PathOf(const Sweep& sweep, FrameClock clock)
+{
+  Path path;
+  path.times = TimesOf(sweep, clock);
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    const SlicePlane plane = sweep.Plane(k);
+    plane.Validate("frame " + std::to_string(k));
+    path.poses.push_back({AxesOf(plane), CentreOf(plane)});
+    Points points;
+    points << plane.Point(0, 0), plane.Point(sweep.width - 1, 0), plane.Point(0, sweep.height - 1);
+    path.points.push_back(points);
+  }
+  path.strokes = StrokesOf(path);
+  return path;
 }
 
 /// The body's point c for which c's recorded places are least noisy: noise of the orientation at the place that is
@@ -401,17 +410,111 @@ double PredictionError(const Path& path, const std::pair<int, int>& stroke, int 
   return std::max(least, 0.0);
 }
 
+/// Both motions, and what every pose counts in them.
+struct Motions
+{
+  Motion places, turns;
+  Weighted data;
+
+  void SmoothAll(double strength)
+  {
+    bigus::SmoothAll(places, data, strength);
+    bigus::SmoothAll(turns, data, strength);
+  }
+};
+
+/// Poses of all strokes. Those that their neighbours predict badly begin with little weight.
+Motions MotionsOf(const Path& path, const Eigen::Vector3d& pivot)
+{
+  Motions motions;
+  std::vector<double> errors;
+  for (const auto& [begin, end] : path.strokes)
+  {
+    Eigen::MatrixXd place(end - begin, 3), turn(end - begin, 4);
+    for (int k = begin; k < end; ++k)
+    {
+      place.row(k - begin) = (path.poses[k].centre + path.poses[k].axes * pivot).transpose();
+      Eigen::Vector4d quaternion = Eigen::Quaterniond(path.poses[k].axes).coeffs();
+      if (k > begin && quaternion.dot(turn.row(k - begin - 1)) < 0)
+      {
+        quaternion = -quaternion;
+      }
+      turn.row(k - begin) = quaternion.transpose();
+      errors.push_back(PredictionError(path, {begin, end}, k));
+    }
+    motions.places.values.push_back(std::move(place));
+    motions.turns.values.push_back(std::move(turn));
+    motions.data.times.emplace_back(path.times.begin() + begin, path.times.begin() + end);
+    motions.data.weights.emplace_back(end - begin, 1.0);
+  }
+  const double suspect = kSuspect * Median(errors);
+  auto error = errors.begin();
+  for (auto& weights : motions.data.weights)
+  {
+    for (double& weight : weights)
+    {
+      weight = suspect > 0 && *error > suspect ? kSuspectWeight : 1.0;
+      ++error;
+    }
+  }
+  return motions;
+}
+
+/// Noise and smoothness of both motions, with weights that follow from how far poses lie from the curves. Returns the
+/// squared deviation of every pose, in units of the noise.
+std::vector<double> EstimateRobustly(const Path& path, Motions& motions)
+{
+  std::vector<double> deviations(path.times.size(), 0.0);
+  for (int round = 0; round < kRobustRounds; ++round)
+  {
+    Estimate(motions.places, motions.data);
+    Estimate(motions.turns, motions.data);
+    motions.SmoothAll(1);
+    for (std::size_t s = 0; s < path.strokes.size(); ++s)
+    {
+      std::vector<double>& weights = motions.data.weights[s];
+      for (std::size_t row = 0; row < weights.size(); ++row)
+      {
+        const int r = static_cast<int>(row);
+        const double deviation = Deviation(motions.places, s, r) + Deviation(motions.turns, s, r);
+        const double ratio = deviation > kFullWeight ? kFullWeight / deviation : 1.0;
+        weights[row] = std::max(ratio * ratio, kLeastWeight);
+        deviations[path.strokes[s].first + r] = deviation;
+      }
+    }
+  }
+  return deviations;
+}
+
+/// sigma_corner^2 = 3 sigma_p^2 + 2 sigma_R^2 l^2, l^2 the mean square of the corners' distance from the pivot.
+void SetNoise(const Path& path, const Motions& motions, const Sweep& sweep, Trajectory& trajectory)
+{
+  double lever = 0;
+  const SlicePlane image = sweep.Plane(0);
+  for (int corner = 0; corner < 4; ++corner)
+  {
+    const Eigen::Vector3d point = image.Point((corner & 1) * (sweep.width - 1.0), (corner >> 1) * (sweep.height - 1.0));
+    const Eigen::Vector3d fromCentre = path.poses[0].axes.transpose() * (point - path.poses[0].centre);
+    lever += (fromCentre - trajectory.pivot).squaredNorm() / 4;
+  }
+  const double place = motions.places.noise;
+  const double turned = 2 * motions.turns.noise;  // a turn by an angle moves a quaternion by half of it
+  trajectory.translationNoise = place;
+  trajectory.rotationNoise = turned / kRadiansPerDegree;
+  trajectory.cornerNoise = std::sqrt(3 * place * place + 2 * turned * turned * lever);
+}
+
 /// Moves every pose to the smoothed one.
-void PutBack(const Path& path, const Motion& places, const Motion& turns, const Sweep& sweep, Trajectory& trajectory)
+void PutBack(const Path& path, const Motions& motions, const Sweep& sweep, Trajectory& trajectory)
 {
   for (std::size_t s = 0; s < path.strokes.size(); ++s)
   {
     for (int k = path.strokes[s].first; k < path.strokes[s].second; ++k)
     {
       const int row = k - path.strokes[s].first;
-      const Eigen::Vector4d quaternion = turns.curves[s].values.row(row).transpose().normalized();
+      const Eigen::Vector4d quaternion = motions.turns.curves[s].values.row(row).transpose().normalized();
       const Eigen::Matrix3d axes = Eigen::Quaterniond(quaternion).toRotationMatrix();
-      const Eigen::Vector3d centre = places.curves[s].values.row(row).transpose() - axes * trajectory.pivot;
+      const Eigen::Vector3d centre = motions.places.curves[s].values.row(row).transpose() - axes * trajectory.pivot;
       const Eigen::Matrix3d turn = axes * path.poses[k].axes.transpose();
       Eigen::Matrix4d& pose = trajectory.imageToReference[k];
       pose.topLeftCorner<3, 3>() = (turn * pose.topLeftCorner<3, 3>()).eval();
@@ -419,6 +522,58 @@ void PutBack(const Path& path, const Motion& places, const Motion& turns, const 
       trajectory.displacement[k] = CornerDistance(pose, sweep.imageToReference[k], sweep.width, sweep.height);
       trajectory.rotation[k] = std::abs(Eigen::AngleAxisd(turn).angle()) / kRadiansPerDegree;
     }
+  }
+}
+
+/// The trajectory at a strength above 0. `found` has its noise and outliers, and the recorded poses.
+Trajectory Smoothed(const Path& path, Motions& motions, const Sweep& sweep, const Trajectory& found, double strength)
+{
+  Trajectory smooth = found;
+  motions.SmoothAll(strength);
+  PutBack(path, motions, sweep, smooth);
+  smooth.lostLikelihood =
+      (LostLikelihood(motions.places, motions.data, strength) + LostLikelihood(motions.turns, motions.data, strength)) /
+      path.usable;
+  const bool isExact = found.cornerNoise < kLeastNoise * sweep.Plane(0).PixelSize();
+  for (std::size_t k = 0; isExact && k < found.isOutlier.size(); ++k)
+  {
+    if (!found.isOutlier[k])
+    {
+      smooth.imageToReference[k] = sweep.imageToReference[k];
+      smooth.displacement[k] = smooth.rotation[k] = 0;
+    }
+  }
+  return smooth;
+}
+
+/// Poses as recorded, before anything is known of them but their order and strokes.
+Trajectory RecordedTrajectory(const Sweep& sweep, FrameClock clock)
+{
+  const int n = sweep.NumberOfFrames();
+  Trajectory recorded;
+  recorded.imageToReference = sweep.imageToReference;
+  recorded.displacement.assign(n, 0.0);
+  recorded.rotation.assign(n, 0.0);
+  recorded.isOutlier.assign(n, 0);
+  recorded.stroke.assign(n, 0);
+  recorded.clock = clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
+  recorded.translationNoise = recorded.rotationNoise = recorded.cornerNoise = kUnknown;
+  return recorded;
+}
+
+/// Numbers the strokes of the path and leaves out those too short to be smoothed.
+void UseLongStrokes(Path& path, std::vector<int>& stroke)
+{
+  for (std::size_t s = 0; s < path.strokes.size(); ++s)
+  {
+    std::fill(stroke.begin() + path.strokes[s].first, stroke.begin() + path.strokes[s].second, static_cast<int>(s));
+  }
+  path.strokes.erase(std::remove_if(path.strokes.begin(), path.strokes.end(),
+                                    [](const auto& s) { return s.second - s.first < kFewestInStroke; }),
+                     path.strokes.end());
+  for (const auto& [begin, end] : path.strokes)
+  {
+    path.usable += end - begin;
   }
 }
 
@@ -483,145 +638,39 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
     TrajectoryOptions{strength, clock}.Validate();
   }
   const int n = sweep.NumberOfFrames();
-  Trajectory found;
-  found.imageToReference = sweep.imageToReference;
-  found.displacement.assign(n, 0.0);
-  found.rotation.assign(n, 0.0);
-  found.isOutlier.assign(n, 0);
-  found.stroke.assign(n, 0);
-  found.clock = clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
+  Trajectory found = RecordedTrajectory(sweep, clock);
   if (n < kFewestToEstimate)
   {
-    found.translationNoise = found.rotationNoise = found.cornerNoise = kUnknown;
     return std::vector<Trajectory>(strengths.size(), found);
   }
-
-  Path path;
-  path.times = TimesOf(sweep, found.clock);
-  for (int k = 0; k < n; ++k)
-  {
-    const SlicePlane plane = sweep.Plane(k);
-    plane.Validate("frame " + std::to_string(k));
-    path.poses.push_back(PoseOf(plane));
-    Points points;
-    points << plane.Point(0, 0), plane.Point(sweep.width - 1, 0), plane.Point(0, sweep.height - 1);
-    path.points.push_back(points);
-  }
-  path.strokes = StrokesOf(path);
-  for (std::size_t s = 0; s < path.strokes.size(); ++s)
-  {
-    std::fill(found.stroke.begin() + path.strokes[s].first, found.stroke.begin() + path.strokes[s].second,
-              static_cast<int>(s));
-  }
+  Path path = PathOf(sweep, found.clock);
+  UseLongStrokes(path, found.stroke);
   found.isStepped = IsStepped(path, sweep);
-  path.strokes.erase(std::remove_if(path.strokes.begin(), path.strokes.end(),
-                                    [](const auto& s) { return s.second - s.first < kFewestInStroke; }),
-                     path.strokes.end());
-  int usable = 0;
-  for (const auto& [begin, end] : path.strokes)
+  if (found.isStepped)
   {
-    usable += end - begin;
+    found.translationNoise = found.rotationNoise = found.cornerNoise = 0;
   }
-  if (found.isStepped || usable < kFewestToEstimate)
+  if (found.isStepped || path.usable < kFewestToEstimate)
   {
-    if (!found.isStepped)
-    {
-      found.translationNoise = found.rotationNoise = found.cornerNoise = kUnknown;
-    }
     return std::vector<Trajectory>(strengths.size(), found);
   }
   found.pivot = PivotOf(path);
+  Motions motions = MotionsOf(path, found.pivot);
+  const std::vector<double> deviations = EstimateRobustly(path, motions);
+  SetNoise(path, motions, sweep, found);
 
-  Motion places, turns;
-  Weighted data;
-  std::vector<double> errors;
-  for (const auto& [begin, end] : path.strokes)
-  {
-    Eigen::MatrixXd place(end - begin, 3), turn(end - begin, 4);
-    for (int k = begin; k < end; ++k)
-    {
-      place.row(k - begin) = (path.poses[k].centre + path.poses[k].axes * found.pivot).transpose();
-      Eigen::Vector4d quaternion = Eigen::Quaterniond(path.poses[k].axes).coeffs();
-      if (k > begin && quaternion.dot(turn.row(k - begin - 1)) < 0)
-      {
-        quaternion = -quaternion;
-      }
-      turn.row(k - begin) = quaternion.transpose();
-      errors.push_back(PredictionError(path, {begin, end}, k));
-    }
-    places.values.push_back(std::move(place));
-    turns.values.push_back(std::move(turn));
-    data.times.emplace_back(path.times.begin() + begin, path.times.begin() + end);
-    data.weights.emplace_back(end - begin, 1.0);
-  }
-  const double suspect = kSuspect * Median(errors);
-  std::size_t next = 0;
-  for (auto& weights : data.weights)
-  {
-    for (double& weight : weights)
-    {
-      weight = suspect > 0 && errors[next] > suspect ? kSuspectWeight : 1.0;
-      ++next;
-    }
-  }
-  std::vector<double> deviations(n, 0.0);
-  for (int round = 0; round < kRobustRounds; ++round)
-  {
-    Estimate(places, data);
-    Estimate(turns, data);
-    SmoothAll(places, data, 1);
-    SmoothAll(turns, data, 1);
-    for (std::size_t s = 0; s < path.strokes.size(); ++s)
-    {
-      for (std::size_t row = 0; row < data.weights[s].size(); ++row)
-      {
-        const int r = static_cast<int>(row);
-        const double deviation = Deviation(places, s, r) + Deviation(turns, s, r);
-        const double ratio = deviation > kFullWeight ? kFullWeight / deviation : 1.0;
-        data.weights[s][row] = std::max(ratio * ratio, kLeastWeight);
-        deviations[path.strokes[s].first + r] = deviation;
-      }
-    }
-  }
-  found.translationNoise = places.noise;
-  found.rotationNoise = 2 * turns.noise / kRadiansPerDegree;  // a turn by an angle moves a quaternion by half of it
-  double lever = 0;                                           // mean square of the corners' distance from the pivot
-  const SlicePlane image = sweep.Plane(0);
-  for (int corner = 0; corner < 4; ++corner)
-  {
-    const Eigen::Vector3d point = image.Point((corner & 1) * (sweep.width - 1.0), (corner >> 1) * (sweep.height - 1.0));
-    const Eigen::Vector3d fromCentre = path.poses[0].axes.transpose() * (point - path.poses[0].centre);
-    lever += (fromCentre - found.pivot).squaredNorm() / 4;
-  }
-  const double turned = 2 * turns.noise;
-  found.cornerNoise = std::sqrt(3 * places.noise * places.noise + 2 * turned * turned * lever);
   // What strength 1 changes tells outliers, and with exact poses they alone are moved.
-  const double pixel = image.PixelSize();
+  const double pixel = sweep.Plane(0).PixelSize();
   Trajectory one = found;
-  PutBack(path, places, turns, sweep, one);
+  PutBack(path, motions, sweep, one);
   for (int k = 0; k < n; ++k)
   {
     found.isOutlier[k] = deviations[k] > kOutlier && one.displacement[k] > kLeastOutlier * pixel;
   }
-  std::vector<Trajectory> all(strengths.size(), found);
-  for (std::size_t which = 0; which < strengths.size(); ++which)
+  std::vector<Trajectory> all;
+  for (const double strength : strengths)
   {
-    if (strengths[which] > 0)
-    {
-      SmoothAll(places, data, strengths[which]);
-      SmoothAll(turns, data, strengths[which]);
-      PutBack(path, places, turns, sweep, all[which]);
-      all[which].lostLikelihood =
-          (LostLikelihood(places, data, strengths[which]) + LostLikelihood(turns, data, strengths[which])) / usable;
-      for (int k = 0; k < n; ++k)
-      {
-        if (found.cornerNoise < kLeastNoise * pixel && !found.isOutlier[k])
-        {
-          all[which].imageToReference[k] = sweep.imageToReference[k];
-          all[which].displacement[k] = all[which].rotation[k] = 0;
-        }
-      }
-    }
+    all.push_back(strength > 0 ? Smoothed(path, motions, sweep, found, strength) : found);
   }
   return all;
 }

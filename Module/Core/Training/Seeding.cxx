@@ -9,11 +9,14 @@
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <random>
+#include <utility>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
 #include "Core/Numerics/Statistics.h"
+#include "Core/Poses/Alignment.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/SeedShapes.h"
 
@@ -60,12 +63,59 @@ double Uniform(std::mt19937_64& random)
   return static_cast<double>(random() >> 11) * 0x1p-53;
 }
 
+/// What all frames together show.
+struct Brightness
+{
+  std::vector<std::uint8_t> lit;  // [height][width]: whether the mask keeps the pixel and some frame lights it
+  double mean = 0;                // intensity
+};
+
+Brightness MeasureBrightness(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const std::size_t pixels = sweep.PixelsPerFrame();
+  std::vector<double> sums(frames.size(), 0.0);
+  tbb::combinable<std::vector<std::uint8_t>> litByThread([pixels] { return std::vector<std::uint8_t>(pixels, 0); });
+  tbb::parallel_for(std::size_t(0), frames.size(),
+                    [&](std::size_t f)
+                    {
+                      std::vector<float> frame(pixels);
+                      std::vector<std::uint8_t>& seen = litByThread.local();
+                      sweep.CopyFrame(frames[f], frame.data());
+                      for (std::size_t p = 0; p < pixels; ++p)
+                      {
+                        sums[f] += frame[p];
+                        seen[p] |= frame[p] > 0;
+                      }
+                    });
+  Brightness found{std::vector<std::uint8_t>(pixels, 0)};
+  litByThread.combine_each(
+      [&](const std::vector<std::uint8_t>& seen)
+      {
+        for (std::size_t p = 0; p < pixels; ++p)
+        {
+          found.lit[p] |= seen[p] && sweep.IsLit(p);
+        }
+      });
+  for (const double sum : sums)
+  {
+    found.mean += sum / static_cast<double>(pixels * frames.size());
+  }
+  if (std::count(found.lit.begin(), found.lit.end(), 1) == 0)
+  {
+    throw Error("Seeding: all " + std::to_string(frames.size()) +
+                " frames are black inside the mask, so there is nothing to learn. Check the clip region and the file.");
+  }
+  return found;
+}
+
 /// Blocks of pixels, frame by frame, with the seeding density summed over each.
 struct DensityGrid
 {
   int block, columns, rows;
   std::vector<float> mass;     // [frames][rows][columns]
   std::vector<int> litPixels;  // [rows][columns]
+
+  std::size_t Cells() const { return static_cast<std::size_t>(columns) * rows; }
 };
 
 /// Root of the Harris corner response det(M) - k tr(M)^2, negative values set to 0, divided by its mean over the frame,
@@ -105,7 +155,7 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   grid.block = std::clamp(static_cast<int>(std::lround(std::sqrt(pixelsPerSeed / kCellsPerSeed))), 1, kLargestBlock);
   grid.columns = (sweep.width + grid.block - 1) / grid.block;
   grid.rows = (sweep.height + grid.block - 1) / grid.block;
-  const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
+  const std::size_t cells = grid.Cells();
   grid.mass.assign(cells * frames.size(), 0.0f);
   grid.litPixels.assign(cells, 0);
   const auto cellOf = [&grid](int x, int y)
@@ -147,11 +197,26 @@ DensityGrid MakeDensity(const Sweep& sweep, const std::vector<int>& frames, cons
   return grid;
 }
 
+/// Seeds of every cell by independent draws: systematic positions over the cumulative mass would not be random.
+std::vector<int> Draw(const DensityGrid& grid, std::size_t count, std::mt19937_64& random)
+{
+  std::vector<int> counts(grid.mass.size(), 0);
+  std::vector<double> cumulative(grid.mass.size());
+  std::partial_sum(grid.mass.begin(), grid.mass.end(), cumulative.begin(), std::plus<double>());
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    const double at = Uniform(random) * cumulative.back();
+    ++counts[std::min<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
+                                   counts.size() - 1)];
+  }
+  return counts;
+}
+
 /// Turns expected numbers of seeds in a cell into counts whose local sums stay close to expectation, by error
 /// diffusion, in alternating direction along rows. This makes seeds evenly spread (blue noise).
 std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double seedsPerMass, std::mt19937_64& random)
 {
-  const std::size_t cells = static_cast<std::size_t>(grid.columns) * grid.rows;
+  const std::size_t cells = grid.Cells();
   std::vector<int> counts(cells * frames);
   std::vector<double> error(cells, 0.0), next(cells, 0.0);  // what this and the next frame still owe
   for (std::size_t f = 0; f < frames; ++f)
@@ -191,6 +256,116 @@ std::vector<int> Diffuse(const DensityGrid& grid, std::size_t frames, double see
   return counts;
 }
 
+/// Counts whose local sums stay close to expectation, and `count` in all.
+std::vector<int> DrawEvenly(const DensityGrid& grid, std::size_t frames, std::size_t count, double seedsPerMass,
+                            std::mt19937_64& random)
+{
+  std::vector<int> counts = Diffuse(grid, frames, seedsPerMass, random);
+  // Diffusion comes within a few seeds of the number asked for; the rest is added or taken at random cells.
+  std::size_t have = std::accumulate(counts.begin(), counts.end(), std::size_t(0));
+  while (have != count)
+  {
+    const std::size_t cell = static_cast<std::size_t>(Uniform(random) * static_cast<double>(counts.size()));
+    if (have < count && grid.mass[cell] > 0)
+    {
+      ++counts[cell];
+      ++have;
+    }
+    else if (have > count && counts[cell] > 0)
+    {
+      --counts[cell];
+      --have;
+    }
+  }
+  return counts;
+}
+
+/// Sows frame after frame: where seeds lie, how large they are, which way up and how bright.
+struct Seeder
+{
+  const Sweep& sweep;
+  const std::vector<int>& frames;
+  const SeedingOptions& options;
+  const std::vector<std::uint8_t>& lit;
+  const DensityGrid& grid;
+  const std::vector<int>& counts;  // of seeds, [frames][rows][columns]
+  double seedsPerMass;
+  double usualGap;  // mm between frames
+  std::mt19937_64& random;
+  GaussianField field = {};  // of the size asked for
+  SeedPlaces places = {};
+
+  /// A lit pixel of a cell that has seeds; it has one, since its mass is positive.
+  Eigen::Vector2i LitPixel(std::size_t cell)
+  {
+    int x, y;
+    do
+    {
+      x = static_cast<int>(cell % grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
+      y = static_cast<int>(cell / grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
+    } while (x >= sweep.width || y >= sweep.height || !lit[static_cast<std::size_t>(y) * sweep.width + x]);
+    return {x, y};
+  }
+
+  /// A place for pixel (i, j) of frames[f], half a gap to either side along the sweep, on the way to the neighbour's
+  /// pose; and the gap, mm.
+  std::pair<Eigen::Vector3d, double> PlaceAlong(std::size_t f, double i, double j)
+  {
+    const double along = Uniform(random) - 0.5;
+    const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
+    const std::optional<std::size_t> neighbour = along < 0 ? around.before : around.after;
+    const Eigen::Vector3d inPlane = sweep.Plane(frames[f]).Point(i, j);
+    const double distance = neighbour ? GapBetween(sweep, frames[f], frames[*neighbour], i, j) : 0.0;
+    if (!neighbour || !(distance <= kBreak * usualGap))
+    {
+      return {inPlane, usualGap};
+    }
+    return {inPlane + std::abs(along) * (sweep.Plane(frames[*neighbour]).Point(i, j) - inPlane),
+            std::max(distance, kLeastGap * usualGap)};
+  }
+
+  /// Sizes from the volume (mm^3) that is the seed's share; see README.md of this folder.
+  Eigen::Vector3d ScalesOf(double volume, double gap) const
+  {
+    if (options.placement == SeedPlacement::Random)
+    {
+      return Eigen::Vector3d::Constant(kIsotropicScale * std::cbrt(volume));
+    }
+    const double elevation = (options.sparse ? kSparseReach : kDenseReach) * gap;
+    const double inPlane =
+        (options.sparse ? kSparseInPlane : kDenseInPlane) * std::sqrt(kVolumeShare * volume / elevation);
+    return {inPlane, inPlane, elevation};
+  }
+
+  void SeedFrame(std::size_t f)
+  {
+    places.first.push_back(places.pixels.size());
+    const SlicePlane plane = sweep.Plane(frames[f]);
+    const double area = plane.columnStep.cross(plane.rowStep).norm();
+    const Eigen::Vector4d rotation = Quaternion(AxesOf(plane));
+    std::vector<float> image(sweep.PixelsPerFrame());
+    sweep.CopyFrame(frames[f], image.data());
+    for (std::size_t cell = 0; cell < grid.Cells(); ++cell)
+    {
+      const std::size_t index = f * grid.Cells() + cell;
+      for (int k = 0; k < counts[index]; ++k)
+      {
+        const std::size_t seed = places.pixels.size();
+        const Eigen::Vector2i pixel = LitPixel(cell);
+        const double i = pixel.x() + Uniform(random) - 0.5, j = pixel.y() + Uniform(random) - 0.5;
+        const auto [mean, gap] = PlaceAlong(f, i, j);
+        const double volume = area * gap * grid.litPixels[cell] / (grid.mass[index] * seedsPerMass);
+        field.means[seed] = mean;
+        field.scales[seed] = ScalesOf(volume, gap);
+        field.rotations[seed] = rotation;
+        field.reflectivities[seed] =
+            field.transfer.Scattering<double>(image[static_cast<std::size_t>(pixel.y()) * sweep.width + pixel.x()]);
+        places.pixels.push_back(pixel);
+      }
+    }
+  }
+};
+
 }  // namespace
 
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
@@ -203,163 +378,35 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   {
     throw Error("Seeding: there is no frame to seed from.");
   }
-
-  // Lit pixels: those the mask keeps and some frame lights. gamma comes from the same frames.
-  const std::size_t pixels = sweep.PixelsPerFrame();
-  std::vector<std::uint8_t> lit(pixels, 0);
-  std::vector<double> sums(frames.size(), 0.0);
-  tbb::combinable<std::vector<std::uint8_t>> litByThread([pixels] { return std::vector<std::uint8_t>(pixels, 0); });
-  tbb::parallel_for(std::size_t(0), frames.size(),
-                    [&](std::size_t f)
-                    {
-                      std::vector<float> frame(pixels);
-                      std::vector<std::uint8_t>& seen = litByThread.local();
-                      sweep.CopyFrame(frames[f], frame.data());
-                      for (std::size_t p = 0; p < pixels; ++p)
-                      {
-                        sums[f] += frame[p];
-                        seen[p] |= frame[p] > 0;
-                      }
-                    });
-  litByThread.combine_each(
-      [&](const std::vector<std::uint8_t>& seen)
-      {
-        for (std::size_t p = 0; p < pixels; ++p)
-        {
-          lit[p] |= seen[p] && sweep.IsLit(p);
-        }
-      });
-  double mean = 0;
-  for (const double sum : sums)
-  {
-    mean += sum / static_cast<double>(pixels * frames.size());
-  }
-  if (std::count(lit.begin(), lit.end(), 1) == 0)
-  {
-    throw Error("Seeding: all " + std::to_string(frames.size()) +
-                " frames are black inside the mask, so there is nothing to learn. Check the clip region and the file.");
-  }
-
+  const Brightness brightness = MeasureBrightness(sweep, frames);
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
   // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.
   const double usualGap =
       geometry.medianSpacing > 0 ? geometry.medianSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
 
   std::mt19937_64 random(options.seed);
-  const DensityGrid grid = MakeDensity(sweep, frames, options, lit);
+  const DensityGrid grid = MakeDensity(sweep, frames, options, brightness.lit);
   const double total = std::accumulate(grid.mass.begin(), grid.mass.end(), 0.0);
   const double seedsPerMass = static_cast<double>(options.count) / total;
-  std::vector<int> counts;
-  if (options.placement == SeedPlacement::Random)
-  {
-    // Independent draws: systematic positions over the cumulative mass would not be random.
-    counts.assign(grid.mass.size(), 0);
-    std::vector<double> cumulative(grid.mass.size());
-    std::partial_sum(grid.mass.begin(), grid.mass.end(), cumulative.begin(), std::plus<double>());
-    for (std::size_t k = 0; k < options.count; ++k)
-    {
-      const double at = Uniform(random) * cumulative.back();
-      ++counts[std::min<std::size_t>(std::upper_bound(cumulative.begin(), cumulative.end(), at) - cumulative.begin(),
-                                     counts.size() - 1)];
-    }
-  }
-  else
-  {
-    counts = Diffuse(grid, frames.size(), seedsPerMass, random);
-    // Diffusion comes within a few seeds of the number asked for; the rest is added or taken at random cells.
-    std::size_t have = std::accumulate(counts.begin(), counts.end(), std::size_t(0));
-    while (have != options.count)
-    {
-      const std::size_t cell = static_cast<std::size_t>(Uniform(random) * static_cast<double>(counts.size()));
-      if (have < options.count && grid.mass[cell] > 0)
-      {
-        ++counts[cell];
-        ++have;
-      }
-      else if (have > options.count && counts[cell] > 0)
-      {
-        --counts[cell];
-        --have;
-      }
-    }
-  }
+  const bool isRandom = options.placement == SeedPlacement::Random;
+  const std::vector<int> counts = isRandom ? Draw(grid, options.count, random)
+                                           : DrawEvenly(grid, frames.size(), options.count, seedsPerMass, random);
 
-  GaussianField field;
-  field.beam = beam;
-  field.transfer = TransferFunction::FromMeanIntensity(mean);
-  field.Resize(options.count);
-  std::vector<float> image(pixels);
-  SeedPlaces places;
-  places.pixels.resize(options.count);
-  std::size_t out = 0;
+  Seeder seeder{sweep, frames, options, brightness.lit, grid, counts, seedsPerMass, usualGap, random};
+  seeder.field.beam = beam;
+  seeder.field.transfer = TransferFunction::FromMeanIntensity(brightness.mean);
+  seeder.field.Resize(options.count);
+  seeder.places.pixels.reserve(options.count);
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
-    places.first.push_back(out);
-    const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
-    const SlicePlane plane = sweep.Plane(frames[f]);
-    const double area = plane.columnStep.cross(plane.rowStep).norm();
-    Eigen::Matrix3d axes;
-    axes.col(0) = plane.columnStep.normalized();
-    axes.col(2) = plane.Normal();
-    axes.col(1) = axes.col(2).cross(axes.col(0));
-    const Eigen::Vector4d rotation = Quaternion(axes);
-    sweep.CopyFrame(frames[f], image.data());
-    for (std::size_t cell = 0; cell < static_cast<std::size_t>(grid.columns) * grid.rows; ++cell)
-    {
-      const std::size_t index = f * static_cast<std::size_t>(grid.columns) * grid.rows + cell;
-      for (int k = 0; k < counts[index]; ++k, ++out)
-      {
-        // A lit pixel of the block; the block has one, since its mass is positive.
-        int x, y;
-        do
-        {
-          x = static_cast<int>(cell % grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
-          y = static_cast<int>(cell / grid.columns) * grid.block + static_cast<int>(Uniform(random) * grid.block);
-        } while (x >= sweep.width || y >= sweep.height || !lit[static_cast<std::size_t>(y) * sweep.width + x]);
-        const double i = x + Uniform(random) - 0.5, j = y + Uniform(random) - 0.5;
-
-        // Half a gap to either side along the sweep, on the way to the neighbour's pose.
-        const double along = Uniform(random) - 0.5;
-        const std::size_t neighbour = (along < 0 ? around.before : around.after).value_or(f);
-        double gap = usualGap;
-        Eigen::Vector3d mean3 = plane.Point(i, j);
-        if (neighbour != f)
-        {
-          const double distance = GapBetween(sweep, frames[f], frames[neighbour], i, j);
-          if (distance <= kBreak * usualGap)
-          {
-            gap = std::max(distance, kLeastGap * usualGap);
-            mean3 += std::abs(along) * (sweep.Plane(frames[neighbour]).Point(i, j) - mean3);
-          }
-        }
-
-        // Sizes from the volume that is this seed's share; see README.md of this folder.
-        const double volume = area * gap * grid.litPixels[cell] / (grid.mass[index] * seedsPerMass);
-        if (options.placement == SeedPlacement::Random)
-        {
-          field.scales[out].setConstant(kIsotropicScale * std::cbrt(volume));
-        }
-        else
-        {
-          const double elevation = (options.sparse ? kSparseReach : kDenseReach) * gap;
-          const double inPlane =
-              (options.sparse ? kSparseInPlane : kDenseInPlane) * std::sqrt(kVolumeShare * volume / elevation);
-          field.scales[out] = {inPlane, inPlane, elevation};
-        }
-        places.pixels[out] = {x, y};
-        field.means[out] = mean3;
-        field.rotations[out] = rotation;
-        field.reflectivities[out] =
-            field.transfer.Scattering<double>(image[static_cast<std::size_t>(y) * sweep.width + x]);
-      }
-    }
+    seeder.SeedFrame(f);
   }
-  places.first.push_back(out);
-  if (options.placement != SeedPlacement::Random)
+  seeder.places.first.push_back(seeder.places.pixels.size());
+  if (!isRandom)
   {
-    ShapeSeeds(sweep, frames, places, options.sparse ? kSparseReach : kDenseReach, field);
+    ShapeSeeds(sweep, frames, seeder.places, options.sparse ? kSparseReach : kDenseReach, seeder.field);
   }
-  return field;
+  return std::move(seeder.field);
 }
 
 void ScaleReflectivities(Engine& engine, const Sweep& sweep, const std::vector<int>& frames, GaussianField& field)
