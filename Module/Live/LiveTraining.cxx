@@ -12,6 +12,7 @@
 
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/FieldTransform.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/GeometryDefaults.h"
@@ -363,8 +364,7 @@ void LiveTraining::KeepWhatIsMissing(const Sweep& chunk, const std::vector<int>&
     planes.push_back(chunk.Plane(frame));
     toSlice.push_back(planes.back().WorldToSlice());
   }
-  std::size_t kept = 0;
-  for (std::size_t s = 0; s < seeds.Size(); ++s)
+  const auto isMissing = [&](std::size_t s)
   {
     std::size_t nearest = 0;
     Eigen::Vector3d at = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
@@ -380,16 +380,9 @@ void LiveTraining::KeepWhatIsMissing(const Sweep& chunk, const std::vector<int>&
     const int i = std::clamp(static_cast<int>(std::lround(at.x())), 0, chunk.width - 1);
     const int j = std::clamp(static_cast<int>(std::lround(at.y())), 0, chunk.height - 1);
     const double missing = shape_->coverage - covered[nearest][static_cast<std::size_t>(j) * chunk.width + i];
-    if (missing > kMissing * std::min(brought[nearest], shape_->coverage))
-    {
-      seeds.means[kept] = seeds.means[s];
-      seeds.scales[kept] = seeds.scales[s];
-      seeds.rotations[kept] = seeds.rotations[s];
-      seeds.reflectivities[kept] = seeds.reflectivities[s];
-      ++kept;
-    }
-  }
-  seeds.Resize(kept);
+    return missing > kMissing * std::min(brought[nearest], shape_->coverage);
+  };
+  Keep(seeds, isMissing);
 }
 
 /// Multiplies the seeds' reflectivities by the one factor f for which field + f seeds is nearest to the frames, by least

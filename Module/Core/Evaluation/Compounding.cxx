@@ -44,6 +44,77 @@ struct Box
   Eigen::Vector3d Voxels(double size) const { return ((highest - lowest) / size).array().floor() + 2; }
 };
 
+struct FrameInVoxels
+{
+  FrameInSpace pixels;
+  Eigen::Vector3d origin, columnStep, rowStep;  // in voxels
+};
+
+/// Layers [begin, end) of a grid, and what pixels added up to in its voxels.
+struct Slab
+{
+  struct Accumulator
+  {
+    double sum = 0, weight = 0;
+  };
+
+  Eigen::Vector3i size;  // of the grid
+  int begin, end;
+  std::vector<Accumulator> voxels;  // [end - begin][rows][columns]
+
+  /// Adds pixel (i, j), which lies at p (voxels), to the eight voxels around it, those of other slabs left out.
+  void Add(const Eigen::Vector3d& p, const FrameInSpace& pixels, int i, int j)
+  {
+    const int x = std::min(static_cast<int>(p[0]), size[0] - 2);
+    const int y = std::min(static_cast<int>(p[1]), size[1] - 2);
+    const int z = std::min(static_cast<int>(p[2]), size[2] - 2);
+    if (z + 1 < begin || z >= end)
+    {
+      return;
+    }
+    const double value = pixels.Pixel(i, j);
+    const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
+    for (int layer = std::max(z, begin); layer < std::min(z + 2, end); ++layer)
+    {
+      const double wz = layer > z ? fz : 1 - fz;
+      Accumulator* row = &voxels[(static_cast<std::size_t>(layer - begin) * size[1] + y) * size[0] + x];
+      const auto add = [value](Accumulator& to, double weight)
+      {
+        to.sum += weight * value;
+        to.weight += weight;
+      };
+      add(row[0], wz * (1 - fy) * (1 - fx));
+      add(row[1], wz * (1 - fy) * fx);
+      add(row[size[0]], wz * fy * (1 - fx));
+      add(row[size[0] + 1], wz * fy * fx);
+    }
+  }
+
+  /// Adds row j of a frame. Pixels that touch the slab are those with begin - 1 < z < end: an interval of the row, found
+  /// a pixel too wide on either side.
+  void AddRow(const FrameInVoxels& frame, int j, int width)
+  {
+    const Eigen::Vector3d start = frame.origin + j * frame.rowStep;
+    double first = 0, last = width - 1.0;
+    const double dz = frame.columnStep[2];
+    if (dz != 0)
+    {
+      const double low = (begin - 1 - start[2]) / dz, high = (end - start[2]) / dz;
+      first = std::max(first, std::floor(std::min(low, high)) - 1);
+      last = std::min(last, std::ceil(std::max(low, high)) + 1);
+    }
+    else if (start[2] <= begin - 1 || start[2] >= end)
+    {
+      return;
+    }
+    for (int i = static_cast<int>(std::min<double>(first, width)); i <= last; ++i)
+    {
+      // The frames' own bounds made the grid: rounding alone can leave it.
+      Add((start + i * frame.columnStep).cwiseMax(0.0), frame.pixels, i, j);
+    }
+  }
+};
+
 }  // namespace
 
 double Compounding::VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training, std::size_t bytes)
@@ -104,12 +175,7 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
 /// Which voxels got a value. Each thread owns a slab of layers, whose voxels add up pixels in order of frame and row.
 std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
 {
-  struct Frame
-  {
-    FrameInSpace pixels;
-    Eigen::Vector3d origin, columnStep, rowStep;  // in voxels
-  };
-  std::vector<Frame> frames;
+  std::vector<FrameInVoxels> frames;
   for (int frame : training)
   {
     const SlicePlane plane = sweep.Plane(frame);
@@ -119,81 +185,28 @@ std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vec
   std::vector<unsigned char> filled(voxels_.size(), 0);
   const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
   const int layers = static_cast<int>(std::clamp<std::size_t>((std::size_t(1) << 20) / layer, 1, size_[2]));
-  const int slabs = (size_[2] + layers - 1) / layers;
-  tbb::parallel_for(
-      0, slabs,
-      [&](int slab)
-      {
-        const int begin = slab * layers;
-        const int end = std::min(begin + layers, size_[2]);
-        struct Accumulator
-        {
-          double sum = 0, weight = 0;
-        };
-        std::vector<Accumulator> accumulators(layer * (end - begin));
-        for (const Frame& frame : frames)
-        {
-          for (int j = 0; j < sweep.height; ++j)
-          {
-            // Pixels that touch the slab are those with begin - 1 < z < end: an interval of the row, found a pixel too
-            // wide on either side.
-            const Eigen::Vector3d start = frame.origin + j * frame.rowStep;
-            double first = 0, last = sweep.width - 1.0;
-            const double dz = frame.columnStep[2];
-            if (dz != 0)
-            {
-              const double low = (begin - 1 - start[2]) / dz, high = (end - start[2]) / dz;
-              first = std::max(first, std::floor(std::min(low, high)) - 1);
-              last = std::min(last, std::ceil(std::max(low, high)) + 1);
-            }
-            else if (start[2] <= begin - 1 || start[2] >= end)
-            {
-              continue;
-            }
-            for (int i = static_cast<int>(std::min<double>(first, sweep.width)); i <= last; ++i)
-            {
-              // The frames' own bounds made the grid: rounding alone can leave it.
-              const Eigen::Vector3d p = (start + i * frame.columnStep).cwiseMax(0.0);
-              const int x = std::min(static_cast<int>(p[0]), size_[0] - 2);
-              const int y = std::min(static_cast<int>(p[1]), size_[1] - 2);
-              const int z = std::min(static_cast<int>(p[2]), size_[2] - 2);
-              if (z + 1 < begin || z >= end)
-              {
-                continue;
-              }
-              const double value = frame.pixels.Pixel(i, j);
-              const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
-              for (int dz01 = 0; dz01 < 2; ++dz01)
-              {
-                if (z + dz01 < begin || z + dz01 >= end)
-                {
-                  continue;
-                }
-                const double wz = dz01 ? fz : 1 - fz;
-                Accumulator* row =
-                    &accumulators[(static_cast<std::size_t>(z + dz01 - begin) * size_[1] + y) * size_[0] + x];
-                const auto add = [value](Accumulator& to, double weight)
-                {
-                  to.sum += weight * value;
-                  to.weight += weight;
-                };
-                add(row[0], wz * (1 - fy) * (1 - fx));
-                add(row[1], wz * (1 - fy) * fx);
-                add(row[size_[0]], wz * fy * (1 - fx));
-                add(row[size_[0] + 1], wz * fy * fx);
-              }
-            }
-          }
-        }
-        for (std::size_t k = 0; k < accumulators.size(); ++k)
-        {
-          if (accumulators[k].weight > 1e-6)
-          {
-            filled[layer * begin + k] = 1;
-            voxels_[layer * begin + k] = static_cast<float>(accumulators[k].sum / accumulators[k].weight);
-          }
-        }
-      });
+  tbb::parallel_for(0, (size_[2] + layers - 1) / layers,
+                    [&](int number)
+                    {
+                      const int begin = number * layers, end = std::min(begin + layers, size_[2]);
+                      Slab slab{size_, begin, end, std::vector<Slab::Accumulator>(layer * (end - begin))};
+                      for (const FrameInVoxels& frame : frames)
+                      {
+                        for (int j = 0; j < sweep.height; ++j)
+                        {
+                          slab.AddRow(frame, j, sweep.width);
+                        }
+                      }
+                      for (std::size_t k = 0; k < slab.voxels.size(); ++k)
+                      {
+                        const auto& [sum, weight] = slab.voxels[k];
+                        if (weight > 1e-6)
+                        {
+                          filled[layer * begin + k] = 1;
+                          voxels_[layer * begin + k] = static_cast<float>(sum / weight);
+                        }
+                      }
+                    });
   return filled;
 }
 

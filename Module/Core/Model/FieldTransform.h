@@ -1,9 +1,12 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// A field moved to other coordinates: all that has a place, a direction or a length follows.
+// A field moved to other coordinates, where all that has a place, a direction or a length follows; or without some of its
+// Gaussians.
 #pragma once
 
 #include <Eigen/Dense>
+#include <cstddef>
+#include <functional>
 #include <string>
 
 #include "Core/Model/GaussianField.h"
@@ -20,6 +23,9 @@ namespace bigus
 /// stretches space differently in different directions (by more than 1e-6 of k), because the beam's thickness would
 /// then depend on where a plane points.
 GaussianField Transformed(GaussianField field, const Eigen::Matrix4d& transform);
+
+/// Removes the Gaussians whose index `isKept`, asked in order, denies.
+void Keep(GaussianField& field, const std::function<bool(std::size_t)>& isKept);
 
 /// What provenance says of a transform that comes after those that `before` tells: its numbers row by row, exactly.
 std::string TransformText(const std::string& before, const Eigen::Matrix4d& transform);

@@ -164,6 +164,36 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const cv::Mat&
 
 }  // namespace
 
+/// Of all motions, sparse, block by block.
+class PoseRefinement::NormalEquations
+{
+public:
+  explicit NormalEquations(int frames) : right(Eigen::VectorXd::Zero(kNumbers * frames)) {}
+
+  void Add(int a, int b, const Information& block)
+  {
+    for (int i = 0; i < kNumbers; ++i)
+    {
+      for (int j = 0; j < kNumbers; ++j)
+      {
+        entries_.emplace_back(kNumbers * a + i, kNumbers * b + j, block(i, j));
+      }
+    }
+  }
+
+  Eigen::VectorXd Solve() const
+  {
+    Eigen::SparseMatrix<double> matrix(right.size(), right.size());
+    matrix.setFromTriplets(entries_.begin(), entries_.end());
+    return Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(right);
+  }
+
+  Eigen::VectorXd right;
+
+private:
+  std::vector<Eigen::Triplet<double>> entries_;
+};
+
 PoseRefinement::PoseRefinement(const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& stroke)
     : sweep_(sweep), frames_(frames), stroke_(stroke)
 {
@@ -340,106 +370,94 @@ Information PoseRefinement::Seen(int frame, int other) const
   return seen;
 }
 
-std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
-                                                   const std::vector<char>& isLeftOut) const
+void PoseRefinement::AddPrior(const RefinementPrior& prior, NormalEquations& equations) const
 {
-  const int n = static_cast<int>(frames_.size());
-  const auto isUsed = [&](int k) { return isLeftOut.empty() || !isLeftOut[k]; };
-  Eigen::VectorXd motions = Eigen::VectorXd::Zero(kNumbers * n);
-  std::vector<std::array<std::pair<int, Information>, 3>> rows(comparisons_.size());
-  std::vector<double> weights(comparisons_.size(), 1.0);
-  for (std::size_t t = 0; t < comparisons_.size(); ++t)
+  const Information one = Information::Identity();
+  for (int k = 0; k < static_cast<int>(frames_.size()); ++k)
   {
-    const Comparison& c = comparisons_[t];
-    const double share = alignments_[t].share;
-    rows[t] = {std::pair(c.frame, Information::Identity().eval()),
-               std::pair(c.before, (-(1 - share) * Seen(c.frame, c.before)).eval()),
-               std::pair(c.after, (-share * Seen(c.frame, c.after)).eval())};
-    weights[t] = isUsed(c.frame) && isUsed(c.before) && isUsed(c.after) ? 1.0 : 0.0;
+    equations.Add(k, k, one / (prior.drift * prior.drift));
+    if (k > 0 && stroke_[frames_[k]] == stroke_[frames_[k - 1]])
+    {
+      const double weight = 1 / (prior.step * prior.step * (frames_[k] - frames_[k - 1]));
+      equations.Add(k, k, weight * one);
+      equations.Add(k - 1, k - 1, weight * one);
+      equations.Add(k, k - 1, -weight * one);
+      equations.Add(k - 1, k, -weight * one);
+    }
   }
+}
+
+Eigen::VectorXd PoseRefinement::Reconcile(const RefinementPrior& prior, const std::vector<char>& isLeftOut) const
+{
+  const auto isUsed = [&](int k) { return isLeftOut.empty() || !isLeftOut[k]; };
+  const int n = static_cast<int>(frames_.size());
+  Eigen::VectorXd motions = Eigen::VectorXd::Zero(kNumbers * n);
   for (int round = 0; round < kRounds; ++round)
   {
-    std::vector<Eigen::Triplet<double>> entries;
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(kNumbers * n);
-    const auto add = [&](int a, int b, const Information& block)
-    {
-      for (int i = 0; i < kNumbers; ++i)
-      {
-        for (int j = 0; j < kNumbers; ++j)
-        {
-          entries.emplace_back(kNumbers * a + i, kNumbers * b + j, block(i, j));
-        }
-      }
-    };
-    const Information one = Information::Identity();
-    for (int k = 0; k < n; ++k)
-    {
-      add(k, k, one / (prior.drift * prior.drift));
-      if (k > 0 && stroke_[frames_[k]] == stroke_[frames_[k - 1]])
-      {
-        const double weight = 1 / (prior.step * prior.step * (frames_[k] - frames_[k - 1]));
-        add(k, k, weight * one);
-        add(k - 1, k - 1, weight * one);
-        add(k, k - 1, -weight * one);
-        add(k - 1, k, -weight * one);
-      }
-    }
+    NormalEquations equations(n);
+    AddPrior(prior, equations);
     for (std::size_t t = 0; t < comparisons_.size(); ++t)
     {
-      FrameMotion left = alignments_[t].motion;
-      for (const auto& [k, block] : rows[t])
+      const Comparison& c = comparisons_[t];
+      // An alignment says x_frame - (1 - share) S_before x_before - share S_after x_after.
+      const auto& [said, information, share] = alignments_[t];
+      const std::array<std::pair<int, Information>, 3> row = {
+          std::pair(c.frame, Information::Identity().eval()),
+          std::pair(c.before, (-(1 - share) * Seen(c.frame, c.before)).eval()),
+          std::pair(c.after, (-share * Seen(c.frame, c.after)).eval())};
+      FrameMotion left = said;
+      for (const auto& [k, block] : row)
       {
         left -= block * motions.segment<kNumbers>(kNumbers * k);
       }
-      const Information& information = alignments_[t].information;
       const double robust = 1 / (1 + left.dot(information * left) / (kSuspiciousAt * kSuspiciousAt));
-      const double weight = weights[t] * (round == 0 ? 1.0 : robust);
-      if (weight == 0)
+      const double weight = round == 0 ? 1.0 : robust;
+      if (weight == 0 || !isUsed(c.frame) || !isUsed(c.before) || !isUsed(c.after))
       {
         continue;
       }
-      for (const auto& [k, block] : rows[t])
+      for (const auto& [k, block] : row)
       {
-        right.segment<kNumbers>(kNumbers * k) += weight * block.transpose() * information * alignments_[t].motion;
-        for (const auto& [m, other] : rows[t])
+        equations.right.segment<kNumbers>(kNumbers * k) += weight * block.transpose() * information * said;
+        for (const auto& [m, other] : row)
         {
-          add(k, m, weight * block.transpose() * information * other);
+          equations.Add(k, m, weight * block.transpose() * information * other);
         }
       }
     }
-    Eigen::SparseMatrix<double> matrix(kNumbers * n, kNumbers * n);
-    matrix.setFromTriplets(entries.begin(), entries.end());
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(matrix);
-    motions = solver.solve(right);
+    motions = equations.Solve();
   }
+  return motions;
+}
 
-  // Frames between those that were aligned move as they do.
-  std::vector<Eigen::Matrix4d> poses = sweep_.imageToReference;
-  for (int frame = 0, next = 0; frame < sweep_.NumberOfFrames(); ++frame)
+FrameMotion PoseRefinement::MotionOf(int frame, const Eigen::VectorXd& motions) const
+{
+  const auto motion = [&](int k) { return motions.segment<kNumbers>(kNumbers * k); };
+  const int n = static_cast<int>(frames_.size());
+  const int next = static_cast<int>(std::lower_bound(frames_.begin(), frames_.end(), frame) - frames_.begin());
+  const bool hasAfter = next < n && stroke_[frames_[next]] == stroke_[frame];
+  const bool hasBefore = next > 0 && stroke_[frames_[next - 1]] == stroke_[frame];
+  if (hasAfter && hasBefore && frames_[next] != frame)
   {
-    while (next < n && frames_[next] < frame)
-    {
-      ++next;
-    }
-    const bool hasAfter = next < n && stroke_[frames_[next]] == stroke_[frame];
-    const bool hasBefore = next > 0 && stroke_[frames_[next - 1]] == stroke_[frame];
-    FrameMotion motion = FrameMotion::Zero();
-    if (hasAfter && frames_[next] == frame)
-    {
-      motion = motions.segment<kNumbers>(kNumbers * next);
-    }
-    else if (hasAfter && hasBefore)
-    {
-      const double share =
-          static_cast<double>(frame - frames_[next - 1]) / static_cast<double>(frames_[next] - frames_[next - 1]);
-      motion = (1 - share) * motions.segment<kNumbers>(kNumbers * (next - 1)) +
-               share * motions.segment<kNumbers>(kNumbers * next);
-    }
-    else if (hasAfter || hasBefore)
-    {
-      motion = motions.segment<kNumbers>(kNumbers * (hasAfter ? next : next - 1));
-    }
-    const SlicePlane from = sweep_.Plane(frame), to = MovedBy(from, motion, lever_);
+    const double share =
+        static_cast<double>(frame - frames_[next - 1]) / static_cast<double>(frames_[next] - frames_[next - 1]);
+    return (1 - share) * motion(next - 1) + share * motion(next);
+  }
+  if (hasAfter || hasBefore)
+  {
+    return motion(hasAfter ? next : next - 1);
+  }
+  return FrameMotion::Zero();
+}
+
+std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
+                                                   const std::vector<char>& isLeftOut) const
+{
+  const Eigen::VectorXd motions = Reconcile(prior, isLeftOut);
+  std::vector<Eigen::Matrix4d> poses = sweep_.imageToReference;
+  for (int frame = 0; frame < sweep_.NumberOfFrames(); ++frame)
+  {
+    const SlicePlane from = sweep_.Plane(frame), to = MovedBy(from, MotionOf(frame, motions), lever_);
     Eigen::Affine3d moved = Eigen::Affine3d::Identity();
     moved.linear() = AxesOf(to) * AxesOf(from).transpose();
     moved.translation() = to.origin - moved.linear() * from.origin;

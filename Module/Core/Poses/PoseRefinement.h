@@ -67,6 +67,12 @@ private:
                 Alignment& out) const;
   /// The motion of `other`, seen in the plane of `frame`, as a matrix on other's own motion.
   Matrix Seen(int frame, int other) const;
+  class NormalEquations;
+  void AddPrior(const RefinementPrior& prior, NormalEquations& equations) const;
+  /// Motions of `frames` on which all alignments and the prior agree best.
+  Eigen::VectorXd Reconcile(const RefinementPrior& prior, const std::vector<char>& isLeftOut) const;
+  /// Frames between those that were aligned move as they do.
+  Motion MotionOf(int frame, const Eigen::VectorXd& motions) const;
 
   const Sweep& sweep_;
   std::vector<int> frames_, stroke_;

@@ -11,6 +11,7 @@
 
 #include "Core/Model/PixelMemory.h"
 #include "Core/Model/Sequences.h"
+#include "Core/Poses/Alignment.h"
 #include "Core/Training/GeometryDefaults.h"
 
 namespace bigus
@@ -20,6 +21,99 @@ namespace
 
 /// Planes made between two questions whether to go on: less than a second of work for the largest frames.
 constexpr std::size_t kPlanesAtOnce = 16;
+
+/// Where planes are made: between places k and k + 1 of the frames.
+struct Gap
+{
+  std::size_t k;
+  FramesAround around;
+};
+
+/// Where the sweep breaks no plane is made, and what lies beyond a break says nothing.
+std::vector<Gap> GapsOf(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
+  const auto isBreak = [&](int before, int after)
+  {
+    const SlicePlane from = sweep.Plane(before);
+    return std::abs((CentreOf(sweep.Plane(after)) - CentreOf(from)).dot(from.Normal())) > widest;
+  };
+  std::vector<Gap> gaps;
+  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
+  {
+    if (!NeighbourhoodOf(sweep, frames, k).after || isBreak(frames[k], frames[k + 1]))
+    {
+      continue;
+    }
+    FramesAround around = FramesAround::Gap(sweep, frames, k);
+    if (around.before != FramesAround::kNone && isBreak(around.before, around.first))
+    {
+      around.before = FramesAround::kNone;
+    }
+    if (around.after != FramesAround::kNone && isBreak(around.second, around.after))
+    {
+      around.after = FramesAround::kNone;
+    }
+    gaps.push_back({k, around});
+  }
+  return gaps;
+}
+
+/// Makes the pixels of `out`: those of `frames`, then those of `perGap` planes in every gap.
+struct PlaneMaker
+{
+  const Sweep& sweep;
+  const std::vector<int>& frames;
+  const std::vector<Gap>& gaps;
+  int perGap;
+  const FrameInterpolation& interpolation;
+  Sweep& out;  // with all poses
+
+  template <class Pixel>
+  void FillGap(std::size_t gap, Pixel* values) const
+  {
+    const std::size_t pixels = sweep.PixelsPerFrame(), first = frames.size() + gap * perGap;
+    std::vector<std::vector<float>> images(perGap, std::vector<float>(pixels));
+    std::vector<float*> to;
+    std::vector<PlaneInGap> between;
+    for (int v = 0; v < perGap; ++v)
+    {
+      to.push_back(images[v].data());
+      between.push_back({out.Plane(static_cast<int>(first) + v), (v + 1) / (perGap + 1.0)});
+    }
+    InterpolateFrames(sweep, gaps[gap].around, between, interpolation, to);
+    for (int v = 0; v < perGap; ++v)
+    {
+      std::transform(images[v].begin(), images[v].end(), values + (first + v) * pixels,
+                     [](float value)
+                     { return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value); });
+    }
+  }
+
+  /// False where goOn said no.
+  template <class Pixel>
+  bool Fill(const std::function<bool(double)>& goOn)
+  {
+    const std::size_t pixels = sweep.PixelsPerFrame();
+    const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
+    const auto values = AllocatePixels<Pixel>(pixels * out.imageToReference.size());
+    tbb::parallel_for(std::size_t(0), frames.size(),
+                      [&](std::size_t k)
+                      { std::copy_n(recorded + frames[k] * pixels, pixels, values.get() + k * pixels); });
+    const std::size_t atOnce = std::max<std::size_t>(1, kPlanesAtOnce / std::max(perGap, 1));
+    for (std::size_t first = 0; first < gaps.size(); first += atOnce)
+    {
+      if (goOn && !goOn(static_cast<double>(first) / static_cast<double>(gaps.size())))
+      {
+        return false;
+      }
+      tbb::parallel_for(first, std::min(first + atOnce, gaps.size()),
+                        [&](std::size_t gap) { FillGap(gap, values.get()); });
+    }
+    out.pixels = values;
+    return true;
+  }
+};
 
 }  // namespace
 
@@ -37,32 +131,10 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
     out->imageToReference.push_back(sweep.imageToReference[frame]);
     out->timestamps.push_back(static_cast<double>(out->timestamps.size()));
   }
-  std::vector<FramesAround> gaps;
-  const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
-  const auto isBreak = [&](int before, int after)
+  const std::vector<Gap> gaps = GapsOf(sweep, frames);
+  for (const auto& [k, around] : gaps)
   {
-    const SlicePlane from = sweep.Plane(before), to = sweep.Plane(after);
-    const Eigen::Vector3d step = to.Point(0.5 * (to.width - 1), 0.5 * (to.height - 1)) -
-                                 from.Point(0.5 * (from.width - 1), 0.5 * (from.height - 1));
-    return std::abs(step.dot(from.Normal())) > widest;
-  };
-  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
-  {
-    const SlicePlane from = sweep.Plane(frames[k]), to = sweep.Plane(frames[k + 1]);
-    if (!NeighbourhoodOf(sweep, frames, k).after || isBreak(frames[k], frames[k + 1]))
-    {
-      continue;
-    }
-    FramesAround around = FramesAround::Gap(sweep, frames, k);
-    if (around.before != FramesAround::kNone && isBreak(around.before, around.first))
-    {
-      around.before = FramesAround::kNone;
-    }
-    if (around.after != FramesAround::kNone && isBreak(around.second, around.after))
-    {
-      around.after = FramesAround::kNone;
-    }
-    gaps.push_back(around);
+    const SlicePlane from = sweep.Plane(around.first), to = sweep.Plane(around.second);
     for (int v = 1; v <= perGap; ++v)
     {
       const double share = v / (perGap + 1.0);
@@ -70,47 +142,9 @@ std::shared_ptr<const Sweep> AddVirtualPlanes(const Sweep& sweep, const std::vec
       out->timestamps.push_back(static_cast<double>(k) + share);
     }
   }
-  const std::size_t pixels = sweep.PixelsPerFrame(), planes = out->imageToReference.size();
-  const auto fill = [&](auto zero)
-  {
-    using Pixel = decltype(zero);
-    const auto* recorded = static_cast<const Pixel*>(sweep.pixels.get());
-    const auto values = AllocatePixels<Pixel>(pixels * planes);
-    tbb::parallel_for(std::size_t(0), frames.size(),
-                      [&](std::size_t k)
-                      { std::copy_n(recorded + frames[k] * pixels, pixels, values.get() + k * pixels); });
-    const auto fillGap = [&](std::size_t gap)
-    {
-      std::vector<std::vector<float>> images(perGap, std::vector<float>(pixels));
-      std::vector<float*> to;
-      std::vector<PlaneInGap> between;
-      const std::size_t first = frames.size() + gap * perGap;
-      for (int v = 0; v < perGap; ++v)
-      {
-        to.push_back(images[v].data());
-        between.push_back({out->Plane(static_cast<int>(first) + v), (v + 1) / (perGap + 1.0)});
-      }
-      InterpolateFrames(sweep, gaps[gap], between, interpolation, to);
-      for (int v = 0; v < perGap; ++v)
-      {
-        std::transform(images[v].begin(), images[v].end(), values.get() + (first + v) * pixels,
-                       [](float value)
-                       { return static_cast<Pixel>(std::is_integral_v<Pixel> ? std::round(255.0f * value) : value); });
-      }
-    };
-    const std::size_t atOnce = std::max<std::size_t>(1, kPlanesAtOnce / std::max(perGap, 1));
-    for (std::size_t first = 0; first < gaps.size(); first += atOnce)
-    {
-      if (goOn && !goOn(static_cast<double>(first) / static_cast<double>(gaps.size())))
-      {
-        return false;
-      }
-      tbb::parallel_for(first, std::min(first + atOnce, gaps.size()), fillGap);
-    }
-    out->pixels = values;
-    return true;
-  };
-  const bool isDone = sweep.pixelType == Sweep::PixelType::UInt8 ? fill(std::uint8_t(0)) : fill(0.0f);
+  PlaneMaker maker{sweep, frames, gaps, perGap, interpolation, *out};
+  const bool isDone =
+      sweep.pixelType == Sweep::PixelType::UInt8 ? maker.Fill<std::uint8_t>(goOn) : maker.Fill<float>(goOn);
   return isDone ? out : nullptr;
 }
 
