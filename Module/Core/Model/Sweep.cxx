@@ -110,6 +110,51 @@ void CopyTimeAndSequence(const Sweep& from, int frame, Sweep& to)
   }
 }
 
+/// Pixels of all sequences, one after the other. What a sequence's own mask leaves out is black.
+template <class Pixel>
+std::shared_ptr<const void> JoinPixels(const std::vector<std::shared_ptr<const Sweep>>& sequences, std::size_t frames)
+{
+  const std::size_t size = sequences[0]->PixelsPerFrame();
+  const auto joined = AllocatePixels<Pixel>(size * frames);
+  Pixel* pixels = joined.get();
+  for (const auto& sequence : sequences)
+  {
+    for (int frame = 0; frame < sequence->NumberOfFrames(); ++frame, pixels += size)
+    {
+      if constexpr (std::is_same_v<Pixel, std::uint8_t>)
+      {
+        std::copy_n(static_cast<const std::uint8_t*>(sequence->pixels.get()) + frame * size, size, pixels);
+      }
+      else
+      {
+        sequence->CopyFrame(frame, pixels);
+      }
+      for (std::size_t pixel = 0; sequence->mask && pixel < size; ++pixel)
+      {
+        pixels[pixel] = sequence->IsLit(pixel) ? pixels[pixel] : Pixel(0);
+      }
+    }
+  }
+  return joined;
+}
+
+/// Lit where any of the masks is that take(k, mask) gives for k in [0, count).
+template <class Take>
+std::shared_ptr<const std::vector<std::uint8_t>> LitByAny(std::size_t pixels, int count, Take&& take)
+{
+  auto any = std::make_shared<std::vector<std::uint8_t>>(pixels, std::uint8_t(0));
+  std::vector<std::uint8_t> lit(pixels);
+  for (int k = 0; k < count; ++k)
+  {
+    take(k, lit.data());
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      (*any)[p] |= lit[p] != 0;
+    }
+  }
+  return any;
+}
+
 }  // namespace
 
 void Sweep::CopyFrame(int frame, float* image) const
@@ -192,18 +237,9 @@ Sweep Sweep::ReducedOf(const std::vector<int>& frames, int n) const
 
   if (mask)
   {
-    auto any = std::make_shared<std::vector<std::uint8_t>>(outPixels, std::uint8_t(0));
-    for (std::size_t y = 0; y < static_cast<std::size_t>(out.height) * n; ++y)
-    {
-      for (std::size_t x = 0; x < static_cast<std::size_t>(out.width) * n; ++x)
-      {
-        if ((*mask)[y * width + x] != 0)
-        {
-          (*any)[y / n * out.width + x / n] = 1;
-        }
-      }
-    }
-    out.mask = any;
+    out.mask = LitByAny(outPixels, n * n,
+                        [&](int k, std::uint8_t* lit)
+                        { TakeEvery(mask->data() + k / n * width + k % n, width, n, out.width, out.height, lit); });
   }
   return out;
 }
@@ -261,17 +297,10 @@ Sweep Sweep::Interleaved(const std::vector<int>& frames, int n) const
 
   if (mask)
   {
-    auto any = std::make_shared<std::vector<std::uint8_t>>(outPixels, std::uint8_t(0));
-    std::vector<std::uint8_t> lit(outPixels);
-    for (int k = 0; k < std::min(all, 2 * phases); ++k)  // of an even and an odd frame
-    {
-      TakeEvery(mask->data() + offset(k), width, n, out.width, out.height, lit.data());
-      for (std::size_t p = 0; p < outPixels; ++p)
-      {
-        (*any)[p] = (*any)[p] != 0 || lit[p] != 0;
-      }
-    }
-    out.mask = any;
+    const int evenAndOdd = std::min(all, 2 * phases);
+    out.mask = LitByAny(outPixels, evenAndOdd,
+                        [&](int k, std::uint8_t* lit)
+                        { TakeEvery(mask->data() + offset(k), width, n, out.width, out.height, lit); });
   }
   return out;
 }
@@ -544,83 +573,47 @@ std::shared_ptr<const Sweep> Join(const std::vector<std::shared_ptr<const Sweep>
   {
     throw Error("Sweep: there is no sequence to train on; give at least one.");
   }
-  const Sweep& first = *sequences[0];
   if (sequences.size() == 1)
   {
     return sequences[0];
   }
   Sweep out;
-  out.width = first.width;
-  out.height = first.height;
-  bool areTimed = true, areMasked = false;
-  std::size_t frames = 0;
+  out.width = sequences[0]->width;
+  out.height = sequences[0]->height;
+  bool areTimed = true;
   for (std::size_t k = 0; k < sequences.size(); ++k)
   {
     const Sweep& sequence = *sequences[k];
-    RequireOneSize(first.width, first.height, "sequence 1", sequence.width, sequence.height,
+    RequireOneSize(out.width, out.height, "sequence 1", sequence.width, sequence.height,
                    "sequence " + std::to_string(k + 1));
     if (sequence.pixelType != Sweep::PixelType::UInt8)
     {
       out.pixelType = Sweep::PixelType::Float32;
     }
     areTimed = areTimed && !sequence.timestamps.empty();
-    areMasked = areMasked || sequence.mask;
-    frames += sequence.imageToReference.size();
-  }
-  const std::size_t size = out.PixelsPerFrame();
-  const auto copyTo = [&](auto* pixels)
-  {
-    using Pixel = std::remove_pointer_t<decltype(pixels)>;
-    for (const auto& sequence : sequences)
-    {
-      for (int frame = 0; frame < sequence->NumberOfFrames(); ++frame, pixels += size)
-      {
-        if constexpr (std::is_same_v<Pixel, std::uint8_t>)
-        {
-          std::copy_n(static_cast<const std::uint8_t*>(sequence->pixels.get()) + frame * size, size, pixels);
-        }
-        else
-        {
-          sequence->CopyFrame(frame, pixels);
-        }
-        for (std::size_t pixel = 0; sequence->mask && pixel < size; ++pixel)
-        {
-          pixels[pixel] = sequence->IsLit(pixel) ? pixels[pixel] : Pixel(0);
-        }
-      }
-    }
-  };
-  if (out.pixelType == Sweep::PixelType::UInt8)
-  {
-    const auto pixels = AllocatePixels<std::uint8_t>(size * frames);
-    copyTo(pixels.get());
-    out.pixels = pixels;
-  }
-  else
-  {
-    const auto pixels = AllocatePixels<float>(size * frames);
-    copyTo(pixels.get());
-    out.pixels = pixels;
-  }
-  std::vector<std::uint8_t> lit(size, std::uint8_t(0));
-  for (std::size_t k = 0; k < sequences.size(); ++k)
-  {
-    const Sweep& sequence = *sequences[k];
     out.imageToReference.insert(out.imageToReference.end(), sequence.imageToReference.begin(),
                                 sequence.imageToReference.end());
+    out.timestamps.insert(out.timestamps.end(), sequence.timestamps.begin(), sequence.timestamps.end());
     out.sequences.insert(out.sequences.end(), sequence.imageToReference.size(), static_cast<int>(k));
-    if (areTimed)
-    {
-      out.timestamps.insert(out.timestamps.end(), sequence.timestamps.begin(), sequence.timestamps.end());
-    }
-    for (std::size_t pixel = 0; areMasked && pixel < size; ++pixel)
-    {
-      lit[pixel] |= sequence.IsLit(pixel);
-    }
   }
-  if (std::count(lit.begin(), lit.end(), 0) > 0 && areMasked)
+  if (!areTimed)
   {
-    out.mask = std::make_shared<const std::vector<std::uint8_t>>(std::move(lit));
+    out.timestamps.clear();
+  }
+  const std::size_t frames = out.imageToReference.size();
+  out.pixels = out.pixelType == Sweep::PixelType::UInt8 ? JoinPixels<std::uint8_t>(sequences, frames)
+                                                        : JoinPixels<float>(sequences, frames);
+  out.mask = LitByAny(out.PixelsPerFrame(), static_cast<int>(sequences.size()),
+                      [&](int k, std::uint8_t* lit)
+                      {
+                        for (std::size_t pixel = 0; pixel < out.PixelsPerFrame(); ++pixel)
+                        {
+                          lit[pixel] = sequences[k]->IsLit(pixel);
+                        }
+                      });
+  if (std::count(out.mask->begin(), out.mask->end(), 0) == 0)
+  {
+    out.mask = nullptr;
   }
   return std::make_shared<const Sweep>(std::move(out));
 }

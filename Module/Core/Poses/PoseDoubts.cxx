@@ -8,6 +8,7 @@
 
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {
@@ -49,36 +50,49 @@ double LargestHeight(const SlicePlane& plane, const SlicePlane& above)
   return height;
 }
 
+/// What all poses together say.
+struct Survey
+{
+  int sheared = 0, coplanar = 0;         // frames
+  double angle = 90;                     // degrees between rows and columns, the worst
+  double smallest = 1e300, largest = 0;  // pixel, mm
+  double path = 0;                       // of the image's centre, mm
+};
+
+Survey Look(const Sweep& sweep)
+{
+  Survey seen;
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    const SlicePlane plane = sweep.Plane(k);
+    const double between =
+        std::acos(std::clamp(plane.columnStep.normalized().dot(plane.rowStep.normalized()), -1.0, 1.0)) /
+        kRadiansPerDegree;
+    seen.sheared += std::abs(between - 90) > kSheared ? 1 : 0;
+    seen.angle = std::abs(between - 90) > std::abs(seen.angle - 90) ? between : seen.angle;
+    seen.smallest = std::min(seen.smallest, plane.PixelSize());
+    seen.largest = std::max(seen.largest, plane.PixelSize());
+    if (k > 0)
+    {
+      const SlicePlane before = sweep.Plane(k - 1);
+      seen.path += (CentreOf(plane) - CentreOf(before)).norm();
+      seen.coplanar += LargestHeight(plane, before) < kCoplanar * plane.PixelSize() ? 1 : 0;
+    }
+  }
+  return seen;
+}
+
 }  // namespace
 
 std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep)
 {
   std::vector<std::string> doubts;
   const int frames = sweep.NumberOfFrames();
-  int sheared = 0, coplanar = 0;
-  double angle = 90, smallest = 1e300, largest = 0, path = 0;
-  for (int k = 0; k < frames; ++k)
-  {
-    const SlicePlane plane = sweep.Plane(k);
-    const double between =
-        std::acos(std::clamp(plane.columnStep.normalized().dot(plane.rowStep.normalized()), -1.0, 1.0)) /
-        kRadiansPerDegree;
-    sheared += std::abs(between - 90) > kSheared ? 1 : 0;
-    angle = std::abs(between - 90) > std::abs(angle - 90) ? between : angle;
-    smallest = std::min(smallest, plane.PixelSize());
-    largest = std::max(largest, plane.PixelSize());
-    if (k > 0)
-    {
-      const SlicePlane before = sweep.Plane(k - 1);
-      const double i = 0.5 * (plane.width - 1), j = 0.5 * (plane.height - 1);
-      path += (plane.Point(i, j) - before.Point(i, j)).norm();
-      coplanar += LargestHeight(plane, before) < kCoplanar * plane.PixelSize() ? 1 : 0;
-    }
-  }
   if (frames == 0)
   {
     return doubts;
   }
+  const auto [sheared, coplanar, angle, smallest, largest, path] = Look(sweep);
   const SlicePlane first = sweep.Plane(0);
   const double diagonal = (sweep.width * first.columnStep + sweep.height * first.rowStep).norm();
   if (smallest < kSmallestPixel)

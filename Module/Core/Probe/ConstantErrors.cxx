@@ -1025,11 +1025,9 @@ std::vector<Eigen::Matrix4d> CorrectedPoses(const Sweep& sweep, const Vector& q)
   return poses;
 }
 
-}  // namespace
-
-ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>& frames)
+/// What is known before anything was compared.
+ConstantErrors Unknown()
 {
-  sweep.ValidateLayout();
   ConstantErrors out;
   out.delay.standardError = std::numeric_limits<double>::infinity();
   for (int axis = 0; axis < 3; ++axis)
@@ -1037,17 +1035,40 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     out.shift[axis].standardError = out.rotation[axis].standardError = std::numeric_limits<double>::infinity();
   }
   out.evidence = "no place is seen a second time, from another direction or after the probe had been away";
+  return out;
+}
+
+/// Numbers of the fit. Returns whether any differs from 0.
+bool SetNumbers(const Fit& fit, ConstantErrors& out)
+{
+  const std::array<ConstantError*, kParameters> numbers = {
+      &out.delay, &out.shift[0], &out.shift[1], &out.shift[2], &out.rotation[0], &out.rotation[1], &out.rotation[2]};
+  bool isFound = false;
+  for (int p = 0; p < kParameters; ++p)
+  {
+    numbers[p]->value = fit.value[p];
+    numbers[p]->standardError = fit.standardError[p];
+    numbers[p]->isObservable = fit.IsIdentified(p);
+    isFound = isFound || std::abs(fit.value[p]) > kIdentified * fit.standardError[p];
+  }
+  return isFound;
+}
+
+}  // namespace
+
+ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>& frames)
+{
+  sweep.ValidateLayout();
+  ConstantErrors out = Unknown();
   if (frames.empty())
   {
     return out;
   }
-  for (const int frame : frames)
+  const auto [least, most] = std::minmax_element(frames.begin(), frames.end());
+  if (*least < 0 || *most >= sweep.NumberOfFrames())
   {
-    if (frame < 0 || frame >= sweep.NumberOfFrames())
-    {
-      throw Error("ConstantErrors: there is no frame " + std::to_string(frame) + " among " +
-                  std::to_string(sweep.NumberOfFrames()) + ".");
-    }
+    throw Error("ConstantErrors: there is no frame " + std::to_string(*least < 0 ? *least : *most) + " among " +
+                std::to_string(sweep.NumberOfFrames()) + ".");
   }
   const SeenFrames seenFrames(sweep, frames);
   if (seenFrames.FindOverlaps(Vector::Zero()).size() < kFewestOverlaps)
@@ -1064,24 +1085,7 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     return out;
   }
 
-  const auto number = [&](int p)
-  {
-    ConstantError error;
-    error.value = fit.value[p];
-    error.standardError = fit.standardError[p];
-    error.isObservable = fit.IsIdentified(p);
-    return error;
-  };
-  out.delay = number(0);
-  bool isFound = std::abs(fit.value[0]) > kIdentified * fit.standardError[0];
-  for (int axis = 0; axis < 3; ++axis)
-  {
-    out.shift[axis] = number(1 + axis);
-    out.rotation[axis] = number(4 + axis);
-    isFound = isFound || std::abs(fit.value[1 + axis]) > kIdentified * fit.standardError[1 + axis] ||
-              std::abs(fit.value[4 + axis]) > kIdentified * fit.standardError[4 + axis];
-  }
-
+  const bool isFound = SetNumbers(fit, out);
   const Search::Judgement judgement = search.Judge(fit);
   out.differenceBefore = judgement.before;
   out.differenceAfter = judgement.after;

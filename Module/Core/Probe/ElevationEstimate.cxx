@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "Core/Model/Error.h"
@@ -590,12 +591,19 @@ struct Speckle
   std::string problem;
 };
 
-Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vector<int>& frames, int size)
+/// Compares patches with their surroundings, in some of the frames.
+struct PatchSamples
 {
-  const std::vector<Eigen::Vector2i> patches = PlacePatches(sweep, images, size);
-  const std::size_t step = (frames.size() + kFramesForSpeckle - 1) / kFramesForSpeckle;
-  const auto correlation = [&](const Eigen::Vector2i& lag, const SpeckleRange& range, std::vector<double>* variances)
+  const Images& images;
+  const std::vector<int>& frames;
+  const std::vector<Eigen::Vector2i> patches;
+  const int size;
+
+  /// What is left of the correlation at a lag (pixels). `variances` gets those of all patches, where it is given.
+  double Correlation(const Eigen::Vector2i& lag, const SpeckleRange& range,
+                     std::vector<double>* variances = nullptr) const
   {
+    const std::size_t step = (frames.size() + kFramesForSpeckle - 1) / kFramesForSpeckle;
     Products sum;
     for (std::size_t k = 0; k < frames.size(); k += step)
     {
@@ -615,18 +623,22 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
       }
     }
     return sum.Correlation();
-  };
+  }
+};
 
+/// The range of variances around the median of those that are not flat, or a problem.
+Speckle FindRange(const PatchSamples& samples, double greyLevel)
+{
   Speckle speckle;
   std::vector<double> variances;
-  correlation({0, 0}, {}, &variances);
+  samples.Correlation({0, 0}, {}, &variances);
   if (variances.size() < kFewestPatches)
   {
-    speckle.problem = "only " + std::to_string(variances.size()) + " patches of " + std::to_string(size) + " x " +
-                      std::to_string(size) + " pixels are lit and neither black nor white";
+    const std::string size = std::to_string(samples.size);
+    speckle.problem = "only " + std::to_string(variances.size()) + " patches of " + size + " x " + size +
+                      " pixels are lit and neither black nor white";
     return speckle;
   }
-  const double greyLevel = sweep.pixelType == Sweep::PixelType::UInt8 ? 1 : 1 / 255.0;
   const auto flat =
       std::partition(variances.begin(), variances.end(), [&](double v) { return v > greyLevel * greyLevel; });
   if (2 * (flat - variances.begin()) < variances.end() - variances.begin())
@@ -638,24 +650,27 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
   std::nth_element(variances.begin(), middle, flat);
   const double median = *middle;
   speckle.range = {median / kVarianceRatio, median * kVarianceRatio};
+  return speckle;
+}
 
-  // On each axis the first lag at which less than kHalfLeft is left, and the size that explains it.
+/// On each axis the size that explains what is left at the first lag at which that is less than kHalfLeft.
+Eigen::Vector2d SizeOfSpeckle(const PatchSamples& samples, const SpeckleRange& range, double largest)
+{
   std::array<Eigen::Vector2i, 2> lags;
   std::array<double, 2> left;
   for (int axis = 0; axis < 2; ++axis)
   {
-    for (int lag = 1; lag <= size / 2; ++lag)
+    for (int lag = 1; lag <= samples.size / 2; ++lag)
     {
       lags[axis] = lag * Eigen::Vector2i::Unit(axis);
-      left[axis] = correlation(lags[axis], speckle.range, nullptr);
+      left[axis] = samples.Correlation(lags[axis], range);
       if (left[axis] < kHalfLeft)
       {
         break;
       }
     }
   }
-  const double largest = kLargestShare * size;
-  speckle.size = {1, 1};
+  Eigen::Vector2d size(1, 1);
   for (int round = 0; round < kSizeRounds; ++round)
   {
     for (int axis = 0; axis < 2; ++axis)
@@ -663,11 +678,24 @@ Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vect
       double low = kSmallestSpeckle, high = largest;
       for (int halving = 0; halving < kHalvings; ++halving)
       {
-        speckle.size[axis] = 0.5 * (low + high);
-        (CorrelationWithin(size, speckle.size, lags[axis]) < left[axis] ? low : high) = speckle.size[axis];
+        size[axis] = 0.5 * (low + high);
+        (CorrelationWithin(samples.size, size, lags[axis]) < left[axis] ? low : high) = size[axis];
       }
     }
   }
+  return size;
+}
+
+Speckle MeasureSpeckle(const Sweep& sweep, const Images& images, const std::vector<int>& frames, int size)
+{
+  const PatchSamples samples{images, frames, PlacePatches(sweep, images, size), size};
+  Speckle speckle = FindRange(samples, sweep.pixelType == Sweep::PixelType::UInt8 ? 1 : 1 / 255.0);
+  if (!speckle.problem.empty())
+  {
+    return speckle;
+  }
+  const double largest = kLargestShare * size;
+  speckle.size = SizeOfSpeckle(samples, speckle.range, largest);
   const bool isTooFine = speckle.size.minCoeff() < kNearSmallest * kSmallestSpeckle;
   if (isTooFine || speckle.size.maxCoeff() > kNearLargest * largest)
   {
@@ -729,6 +757,104 @@ std::vector<Cell> ComparePair(const Sweep& sweep, const Images& images, int a, i
 
 // ---- misplaced frames ----
 
+/// Pixels that a frame lies beside its pose, from the frame that it is matched with; empty where speckle does not tell.
+using Step = std::optional<Eigen::Vector2d>;
+
+/// `correlation(x, y)` of two frames moved by whole pixels, climbed from (0, 0); then the vertex of parabolas through the
+/// highest and its neighbours.
+template <class Correlation>
+Step Climb(Correlation&& correlation)
+{
+  int x = 0, y = 0;
+  for (bool climbing = true; climbing;)
+  {
+    climbing = false;
+    for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}})
+    {
+      if (std::abs(x + dx) <= kReach && std::abs(y + dy) <= kReach && correlation(x + dx, y + dy) > correlation(x, y))
+      {
+        x += dx;
+        y += dy;
+        climbing = true;
+      }
+    }
+  }
+  if (correlation(x, y) < kLeastCorrelation || std::abs(x) == kReach || std::abs(y) == kReach)
+  {
+    return {};
+  }
+  const auto vertex = [&](double low, double middle, double high)
+  { return 0.5 * (low - high) / (low - 2 * middle + high); };
+  const Eigen::Vector2d sub(vertex(correlation(x - 1, y), correlation(x, y), correlation(x + 1, y)),
+                            vertex(correlation(x, y - 1), correlation(x, y), correlation(x, y + 1)));
+  if (!(sub.allFinite() && sub.cwiseAbs().maxCoeff() <= 0.5))
+  {
+    return {};
+  }
+  return Eigen::Vector2d(x, y) + sub;
+}
+
+/// How far frame b lies from where its pose says, seen from frame a.
+Step StepBetween(const Sweep& sweep, const Images& images, int a, int b, const std::vector<Eigen::Vector2i>& patches,
+                 int size, const Speckle& speckle)
+{
+  if (!Relation(sweep.Plane(a), sweep.Plane(b)).valid)
+  {
+    return {};
+  }
+  Eigen::Vector2d rounded = Eigen::Vector2d::Zero();  // what comparing whole pixels left out
+  std::array<double, (2 * kReach + 1) * (2 * kReach + 1)> known;
+  known.fill(2);
+  const Step step = Climb(
+      [&](int x, int y)
+      {
+        double& c = known[(y + kReach) * (2 * kReach + 1) + x + kReach];
+        if (c == 2)
+        {
+          Products sum;
+          for (const Cell& cell : ComparePair(sweep, images, a, b, {x, y}, patches, size, speckle.range))
+          {
+            sum.Add(cell.products);
+            rounded = cell.offset;
+          }
+          c = sum.Correlation();
+        }
+        return c;
+      });
+  return step ? Step(*step - rounded) : step;
+}
+
+/// Shifts on which the steps to the next frame and the one after ([2 frames], each weighs 1) and the poses (kPosePull, at 0)
+/// agree best: Gauss-Seidel.
+std::vector<Eigen::Vector2d> AddUp(const std::vector<Step>& steps)
+{
+  const std::size_t n = steps.size() / 2;
+  std::vector<Eigen::Vector2d> shifts(n, Eigen::Vector2d::Zero());
+  for (int round = 0; round < kShiftSweeps; ++round)
+  {
+    for (std::size_t k = 0; k < n; ++k)
+    {
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      double weight = kPosePull;
+      for (std::size_t lag = 1; lag <= 2; ++lag)
+      {
+        if (k + lag < n && steps[2 * k + lag - 1])
+        {
+          sum += shifts[k + lag] - *steps[2 * k + lag - 1];
+          weight += 1;
+        }
+        if (k >= lag && steps[2 * (k - lag) + lag - 1])
+        {
+          sum += shifts[k - lag] + *steps[2 * (k - lag) + lag - 1];
+          weight += 1;
+        }
+      }
+      shifts[k] = sum / weight;
+    }
+  }
+  return shifts;
+}
+
 /// Where speckle says frames lie in their planes, pixels beside their poses, one a frame: neighbours are
 /// matched, and the steps between them add up, pulled to the poses.
 std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& images, const std::vector<int>& frames,
@@ -740,92 +866,17 @@ std::vector<Eigen::Vector2d> MeasureShifts(const Sweep& sweep, const Images& ima
   {
     some.push_back(patches[p]);
   }
-  struct Step
-  {
-    bool found = false;
-    Eigen::Vector2d shift = Eigen::Vector2d::Zero();
-  };
-  const std::size_t n = frames.size();
-  std::vector<Step> steps(2 * n);  // to the next frame and the one after
-  tbb::parallel_for(
-      std::size_t(0), 2 * n,
-      [&](std::size_t k)
-      {
-        const std::size_t a = k / 2, b = a + 1 + k % 2;
-        if (b >= n || !Relation(sweep.Plane(frames[a]), sweep.Plane(frames[b])).valid)
-        {
-          return;
-        }
-        Eigen::Vector2d rounded = Eigen::Vector2d::Zero();  // what comparing whole pixels left out
-        std::array<double, (2 * kReach + 1) * (2 * kReach + 1)> known;
-        known.fill(2);
-        const auto at = [&](int x, int y)
-        {
-          double& c = known[(y + kReach) * (2 * kReach + 1) + x + kReach];
-          if (c == 2)
-          {
-            Products sum;
-            for (const Cell& cell : ComparePair(sweep, images, frames[a], frames[b], {x, y}, some, size, speckle.range))
-            {
-              sum.Add(cell.products);
-              rounded = cell.offset;
-            }
-            c = sum.Correlation();
-          }
-          return c;
-        };
-        int x = 0, y = 0;
-        for (bool climbing = true; climbing;)
-        {
-          climbing = false;
-          for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}})
-          {
-            if (std::abs(x + dx) <= kReach && std::abs(y + dy) <= kReach && at(x + dx, y + dy) > at(x, y))
-            {
-              x += dx;
-              y += dy;
-              climbing = true;
-            }
-          }
-        }
-        if (at(x, y) < kLeastCorrelation || std::abs(x) == kReach || std::abs(y) == kReach)
-        {
-          return;
-        }
-        const auto vertex = [&](double low, double middle, double high)
-        { return 0.5 * (low - high) / (low - 2 * middle + high); };
-        const Eigen::Vector2d sub(vertex(at(x - 1, y), at(x, y), at(x + 1, y)),
-                                  vertex(at(x, y - 1), at(x, y), at(x, y + 1)));
-        if (sub.allFinite() && sub.cwiseAbs().maxCoeff() <= 0.5)
-        {
-          steps[k] = {true, Eigen::Vector2d(x, y) + sub - rounded};
-        }
-      });
-  // Gauss-Seidel: steps weigh 1.
-  std::vector<Eigen::Vector2d> shifts(n, Eigen::Vector2d::Zero());
-  for (int round = 0; round < kShiftSweeps; ++round)
-  {
-    for (std::size_t k = 0; k < n; ++k)
-    {
-      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-      double weight = kPosePull;
-      for (std::size_t lag = 1; lag <= 2; ++lag)
-      {
-        if (k + lag < n && steps[2 * k + lag - 1].found)
-        {
-          sum += shifts[k + lag] - steps[2 * k + lag - 1].shift;
-          weight += 1;
-        }
-        if (k >= lag && steps[2 * (k - lag) + lag - 1].found)
-        {
-          sum += shifts[k - lag] + steps[2 * (k - lag) + lag - 1].shift;
-          weight += 1;
-        }
-      }
-      shifts[k] = sum / weight;
-    }
-  }
-  return shifts;
+  std::vector<Step> steps(2 * frames.size());
+  tbb::parallel_for(std::size_t(0), steps.size(),
+                    [&](std::size_t k)
+                    {
+                      const std::size_t a = k / 2, b = a + 1 + k % 2;
+                      if (b < frames.size())
+                      {
+                        steps[k] = StepBetween(sweep, images, frames[a], frames[b], some, size, speckle);
+                      }
+                    });
+  return AddUp(steps);
 }
 
 /// The cells as they are when frames lie `heights` mm before their poses.

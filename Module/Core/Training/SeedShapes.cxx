@@ -98,25 +98,16 @@ Eigen::Matrix3d Stretch(const Eigen::Matrix3d& tensor)
   return solver.eigenvectors() * variances.asDiagonal() * solver.eigenvectors().transpose();
 }
 
-}  // namespace
-
-void ShapeSeeds(const Sweep& sweep, const std::vector<int>& frames, const SeedPlaces& places, double reach,
-                GaussianField& field)
+struct Shaper
 {
-  double sum = 0;
-  for (std::size_t f = 0; f < frames.size(); ++f)
-  {
-    const double pixel = sweep.Plane(frames[f]).columnStep.norm();
-    for (std::size_t k = places.first[f]; k < places.first[f + 1]; ++k)
-    {
-      sum += field.scales[k][0] / pixel;
-    }
-  }
-  // At least what a derivative needs.
-  const double surroundings =
-      std::max(1.0, kSurroundings * sum / static_cast<double>(std::max<std::size_t>(1, field.Size())));
-  const Looking looking(surroundings);
-  const auto shapeSeedsOf = [&](std::size_t f, const StructureTensor& structure)
+  const Sweep& sweep;
+  const std::vector<int>& frames;
+  const SeedPlaces& places;
+  double reach;
+  Looking looking;
+  GaussianField& field;
+
+  void ShapeFrame(std::size_t f, const StructureTensor& structure)
   {
     const double pixel = sweep.Plane(frames[f]).columnStep.norm();
     for (std::size_t k = places.first[f]; k < places.first[f + 1]; ++k)
@@ -139,37 +130,60 @@ void ShapeSeeds(const Sweep& sweep, const std::vector<int>& frames, const SeedPl
       field.scales[k] = solver.eigenvalues().cwiseMax(0).cwiseSqrt().cwiseMax(GaussianField::kSmallestScale);
       field.rotations[k] = Quaternion(RotationMatrix(field.rotations[k]) * axes);
     }
-  };
+  }
+
+  /// Frames at places [begin, end), each smoothed once.
+  void ShapeFrames(std::size_t begin, std::size_t end)
+  {
+    cv::Mat before, here, after;  // empty: not smoothed
+    for (std::size_t f = begin; f < end; ++f)
+    {
+      const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
+      const bool hasBefore = around.before.has_value(), hasAfter = around.after.has_value();
+      if (here.empty())
+      {
+        here = looking.Smoothed(sweep, frames[f]);
+      }
+      if (hasBefore && before.empty())
+      {
+        before = looking.Smoothed(sweep, frames[f - 1]);
+      }
+      if (hasAfter)
+      {
+        after = looking.Smoothed(sweep, frames[f + 1]);
+      }
+      if (places.first[f] < places.first[f + 1])
+      {
+        ShapeFrame(f, StructureTensor(here, hasBefore ? before : here, hasAfter ? after : here,
+                                      std::size_t(hasBefore) + hasAfter, looking));
+      }
+      before = here;
+      here = hasAfter ? after : cv::Mat();
+    }
+  }
+};
+
+}  // namespace
+
+void ShapeSeeds(const Sweep& sweep, const std::vector<int>& frames, const SeedPlaces& places, double reach,
+                GaussianField& field)
+{
+  double sum = 0;
+  for (std::size_t f = 0; f < frames.size(); ++f)
+  {
+    const double pixel = sweep.Plane(frames[f]).columnStep.norm();
+    for (std::size_t k = places.first[f]; k < places.first[f + 1]; ++k)
+    {
+      sum += field.scales[k][0] / pixel;
+    }
+  }
+  // At least what a derivative needs.
+  const double surroundings =
+      std::max(1.0, kSurroundings * sum / static_cast<double>(std::max<std::size_t>(1, field.Size())));
+  Shaper shaper{sweep, frames, places, reach, Looking(surroundings), field};
   tbb::parallel_for(std::size_t(0), (frames.size() + kRow - 1) / kRow,
                     [&](std::size_t row)
-                    {
-                      const std::size_t begin = row * kRow, end = std::min(begin + kRow, frames.size());
-                      cv::Mat before, here, after;  // empty: not smoothed
-                      for (std::size_t f = begin; f < end; ++f)
-                      {
-                        const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
-                        const bool hasBefore = around.before.has_value(), hasAfter = around.after.has_value();
-                        if (here.empty())
-                        {
-                          here = looking.Smoothed(sweep, frames[f]);
-                        }
-                        if (hasBefore && before.empty())
-                        {
-                          before = looking.Smoothed(sweep, frames[f - 1]);
-                        }
-                        if (hasAfter)
-                        {
-                          after = looking.Smoothed(sweep, frames[f + 1]);
-                        }
-                        if (places.first[f] < places.first[f + 1])
-                        {
-                          shapeSeedsOf(f, StructureTensor(here, hasBefore ? before : here, hasAfter ? after : here,
-                                                          std::size_t(hasBefore) + hasAfter, looking));
-                        }
-                        before = here;
-                        here = hasAfter ? after : cv::Mat();
-                      }
-                    });
+                    { shaper.ShapeFrames(row * kRow, std::min((row + 1) * kRow, frames.size())); });
 }
 
 }  // namespace bigus
