@@ -124,12 +124,127 @@ ExitCode MakePhantom(Console& console, const Options& options)
   return Success;
 }
 
+using Source = vtkBigusPhantomSource;
+
+/// Adds options of one group, each for a property of the source.
+struct Group
+{
+  CLI::App* app;
+  Source* source;
+  const char* name;
+
+  /// Of the type of its default `value`.
+  template <class Set, class T>
+  void Number(const char* option, Set set, T value, const char* help, double low, double high, const char* unit) const
+  {
+    const auto apply = [source = source, set](const T& given) { std::invoke(set, source, given); };
+    app->add_option_function<T>(option, apply, help)
+        ->default_str(CLI::detail::to_string(value))
+        ->check(NumberIn(low, high))
+        ->type_name(unit)
+        ->group(name);
+  }
+
+  /// A property whose values are counted from 0 in the order of their names.
+  void Choice(const char* option, void (Source::*set)(int), const std::vector<std::string>& names, const char* help,
+              const char* type) const
+  {
+    const auto apply = [source = source, set, names](const std::string& given)
+    { (source->*set)(static_cast<int>(std::find(names.begin(), names.end(), given) - names.begin())); };
+    app->add_option_function<std::string>(option, apply, help)
+        ->transform(CLI::IsMember(names, CLI::ignore_case).description(""))
+        ->type_name(type)
+        ->group(name);
+  }
+
+  /// Three numbers.
+  void Vector(const char* option, void (Source::*set)(const double*), const char* help, double bound,
+              const char* unit) const
+  {
+    const auto apply = [source = source, set](const std::vector<double>& given) { (source->*set)(given.data()); };
+    app->add_option_function<std::vector<double>>(option, apply, help)
+        ->expected(3)
+        ->check(NumberIn(-bound, bound))
+        ->type_name(unit)
+        ->group(name);
+  }
+};
+
+// How a property of the source is set, and its default.
+#define PROPERTY(name) &Source::Set##name, add.source->Get##name()
+
+void AddWorld(const Group& add)
+{
+  add.Choice("--scene", &Source::SetScene, {"organ", "speckle", "points"},
+             "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE");
+  add.Number("--seed", PROPERTY(Seed), "Seed of scatterers, hand and tracker; the anatomy stays", 0, 9007199254740992.0,
+             "S");
+  add.Number("--scatterers", PROPERTY(ScattererDensity), "Scatterers per mm^3 of parenchyma", 1, 1000, "N");
+  add.Number("--attenuation", PROPERTY(Attenuation), "One way, in parenchyma, dB / (cm MHz)", 0, 3, "DB");
+}
+
+void AddProbe(const Group& add)
+{
+  add.Choice("--probe", &Source::SetProbe, {"linear", "convex", "sector"}, "linear (default), convex or sector",
+             "KIND");
+  const int* size = add.source->GetFrameSize();
+  add.Number(
+      "--width", [](Source* s, int width) { s->SetFrameSize(width, s->GetFrameSize()[1]); }, size[0],
+      "Pixels across; 0: 256 (linear) or 384", 0, 8192, "N");
+  add.Number(
+      "--height", [](Source* s, int height) { s->SetFrameSize(s->GetFrameSize()[0], height); }, size[1],
+      "Pixels in depth", 8, 8192, "N");
+  add.Number("--pixel-size", PROPERTY(PixelSize), "Side of a pixel", 0.01, 5, "MM");
+  add.Number("--probe-radius", PROPERTY(ProbeRadius), "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM");
+  add.Number("--half-angle", PROPERTY(HalfAngle), "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG");
+  add.Number("--frequency", PROPERTY(Frequency), "Of the axial carrier", 0.5, 50, "MHZ");
+  add.Number("--axial-sigma", PROPERTY(AxialSigma), "Resolution along the beam, standard deviation", 0.02, 5, "MM");
+  add.Number("--lateral-sigma", PROPERTY(LateralSigma), "Resolution across the beam", 0.02, 5, "MM");
+  add.Number("--elevation-sigma", PROPERTY(ElevationSigma), "Thickness of the beam out of plane", 0.05, 10, "MM");
+  add.Number("--dynamic-range", PROPERTY(DynamicRange), "Between black and white", 10, 120, "DB");
+  add.Number("--white-level", PROPERTY(WhiteLevel), "Above parenchyma, shown white", -40, 100, "DB");
+}
+
+void AddTrajectory(const Group& add)
+{
+  add.Number("--frames", PROPERTY(NumberOfFrames), "Frames of the sweep", 1, 100000, "N");
+  add.Number("--frame-spacing", PROPERTY(FrameSpacing), "Mean travel between frames", 0, 20, "MM");
+  add.Number("--speed-variation", PROPERTY(SpeedVariation), "Share by which the spacing varies", 0, 0.95, "SHARE");
+  add.Number("--tilt", PROPERTY(Tilt), "Bound of the probe's three angles", 0, 45, "DEG");
+  add.Number("--wander", PROPERTY(Wander), "Bound of motion sideways and in depth", 0, 20, "MM");
+  add.Number("--sweep-angle", PROPERTY(SweepAngle), "Turns the whole sweep about the depth axis", -360, 360, "DEG");
+  add.Number("--frame-rate", PROPERTY(FrameRate), "Frames a second", 0.1, 10000, "HZ");
+  add.Number("--passes", PROPERTY(Passes), "Goes over the path so often, there and back", 1, 100, "N");
+  add.Number("--dropped", PROPERTY(DroppedShare), "Share of the pictures taken that are lost", 0, 0.9, "SHARE");
+}
+
+void AddTracker(const Group& add)
+{
+  add.Number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM");
+  add.Number("--rotation-noise", PROPERTY(TrackingRotationNoise), "Standard deviation of recorded angles", 0, 20,
+             "DEG");
+  add.Number("--tracking-drift", PROPERTY(TrackingDrift), "Bound of a slow drift of positions", 0, 100, "MM");
+  add.Number("--rotation-drift", PROPERTY(TrackingRotationDrift), "Bound of a slow drift of angles", 0, 20, "DEG");
+  add.Number("--outliers", PROPERTY(OutlierShare), "Share of frames recorded far off", 0, 0.5, "SHARE");
+  add.Number("--outlier-size", PROPERTY(OutlierSize), "How far off they are", 0, 100, "MM");
+  add.Number("--tracking-delay", PROPERTY(TrackingDelay), "A frame has the pose of so long before it was taken", -1, 1,
+             "S");
+  add.Number("--tracking-quantum", PROPERTY(TrackingQuantum), "Positions are rounded to multiples; 0: not", 0, 10,
+             "MM");
+  add.Number("--rotation-quantum", PROPERTY(TrackingRotationQuantum), "So are angles; 0: not", 0, 20, "DEG");
+  add.Vector("--calibration-shift", &Source::SetCalibrationShift,
+             "Error of the image on the probe: along its rows, down, along its normal", 100, "MM");
+  add.Vector("--calibration-rotation", &Source::SetCalibrationRotation,
+             "The same about the image's centre, axis times angle in these axes", 45, "DEG");
+}
+
+#undef PROPERTY
+
 }  // namespace
 
 void AddPhantom(Program& program)
 {
   auto options = std::make_shared<Options>();
-  vtkBigusPhantomSource* source = options->source;
   CLI::App* app = program.app.add_subcommand(
       "phantom",
       "Make a synthetic tracked sweep with known truth\n"
@@ -141,104 +256,12 @@ void AddPhantom(Program& program)
       ->required()
       ->type_name("OUT");
 
-  using Source = vtkBigusPhantomSource;
-// How a property of the source is set, and its default.
-#define PROPERTY(name) &Source::Set##name, source->Get##name()
-
-  /// An option for a property of the source, of the type of its default `value`.
-  const auto number = [app, source](const char* name, auto set, auto value, const char* help, double low, double high,
-                                    const char* unit, const char* group)
-  {
-    using T = decltype(value);
-    app->add_option_function<T>(
-           name, [source, set](const T& given) { std::invoke(set, source, given); }, help)
-        ->default_str(CLI::detail::to_string(value))
-        ->check(NumberIn(low, high))
-        ->type_name(unit)
-        ->group(group);
-  };
-  /// An option for a property whose values are counted from 0 in the order of their names.
-  const auto choice = [app, source](const char* name, void (Source::*set)(int), const std::vector<std::string>& names,
-                                    const char* help, const char* type, const char* group)
-  {
-    const auto apply = [source, set, names](const std::string& given)
-    { (source->*set)(static_cast<int>(std::find(names.begin(), names.end(), given) - names.begin())); };
-    app->add_option_function<std::string>(name, apply, help)
-        ->transform(CLI::IsMember(names, CLI::ignore_case).description(""))
-        ->type_name(type)
-        ->group(group);
-  };
-  const char* world = "World";
-  choice("--scene", &Source::SetScene, {"organ", "speckle", "points"},
-         "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE", world);
-  number("--seed", PROPERTY(Seed), "Seed of scatterers, hand and tracker; the anatomy stays", 0, 9007199254740992.0,
-         "S", world);
-  number("--scatterers", PROPERTY(ScattererDensity), "Scatterers per mm^3 of parenchyma", 1, 1000, "N", world);
-  number("--attenuation", PROPERTY(Attenuation), "One way, in parenchyma, dB / (cm MHz)", 0, 3, "DB", world);
-
-  const char* probe = "Probe and image";
-  choice("--probe", &Source::SetProbe, {"linear", "convex", "sector"}, "linear (default), convex or sector", "KIND",
-         probe);
-  const int* size = source->GetFrameSize();
-  number(
-      "--width", [](Source* s, int width) { s->SetFrameSize(width, s->GetFrameSize()[1]); }, size[0],
-      "Pixels across; 0: 256 (linear) or 384", 0, 8192, "N", probe);
-  number(
-      "--height", [](Source* s, int height) { s->SetFrameSize(s->GetFrameSize()[0], height); }, size[1],
-      "Pixels in depth", 8, 8192, "N", probe);
-  number("--pixel-size", PROPERTY(PixelSize), "Side of a pixel", 0.01, 5, "MM", probe);
-  number("--probe-radius", PROPERTY(ProbeRadius), "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM",
-         probe);
-  number("--half-angle", PROPERTY(HalfAngle), "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG",
-         probe);
-  number("--frequency", PROPERTY(Frequency), "Of the axial carrier", 0.5, 50, "MHZ", probe);
-  number("--axial-sigma", PROPERTY(AxialSigma), "Resolution along the beam, standard deviation", 0.02, 5, "MM", probe);
-  number("--lateral-sigma", PROPERTY(LateralSigma), "Resolution across the beam", 0.02, 5, "MM", probe);
-  number("--elevation-sigma", PROPERTY(ElevationSigma), "Thickness of the beam out of plane", 0.05, 10, "MM", probe);
-  number("--dynamic-range", PROPERTY(DynamicRange), "Between black and white", 10, 120, "DB", probe);
-  number("--white-level", PROPERTY(WhiteLevel), "Above parenchyma, shown white", -40, 100, "DB", probe);
-
-  const char* hand = "Trajectory and tracking";
-  number("--frames", PROPERTY(NumberOfFrames), "Frames of the sweep", 1, 100000, "N", hand);
-  number("--frame-spacing", PROPERTY(FrameSpacing), "Mean travel between frames", 0, 20, "MM", hand);
-  number("--speed-variation", PROPERTY(SpeedVariation), "Share by which the spacing varies", 0, 0.95, "SHARE", hand);
-  number("--tilt", PROPERTY(Tilt), "Bound of the probe's three angles", 0, 45, "DEG", hand);
-  number("--wander", PROPERTY(Wander), "Bound of motion sideways and in depth", 0, 20, "MM", hand);
-  number("--sweep-angle", PROPERTY(SweepAngle), "Turns the whole sweep about the depth axis", -360, 360, "DEG", hand);
-  number("--frame-rate", PROPERTY(FrameRate), "Frames a second", 0.1, 10000, "HZ", hand);
-  number("--passes", PROPERTY(Passes), "Goes over the path so often, there and back", 1, 100, "N", hand);
-  number("--dropped", PROPERTY(DroppedShare), "Share of the pictures taken that are lost", 0, 0.9, "SHARE", hand);
-
+  vtkBigusPhantomSource* source = options->source;
   const char* tracker = "Errors of the tracker, which move recorded poses only";
-  number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM", tracker);
-  number("--rotation-noise", PROPERTY(TrackingRotationNoise), "Standard deviation of recorded angles", 0, 20, "DEG",
-         tracker);
-  number("--tracking-drift", PROPERTY(TrackingDrift), "Bound of a slow drift of positions", 0, 100, "MM", tracker);
-  number("--rotation-drift", PROPERTY(TrackingRotationDrift), "Bound of a slow drift of angles", 0, 20, "DEG", tracker);
-  number("--outliers", PROPERTY(OutlierShare), "Share of frames recorded far off", 0, 0.5, "SHARE", tracker);
-  number("--outlier-size", PROPERTY(OutlierSize), "How far off they are", 0, 100, "MM", tracker);
-  number("--tracking-delay", PROPERTY(TrackingDelay), "A frame has the pose of so long before it was taken", -1, 1, "S",
-         tracker);
-  number("--tracking-quantum", PROPERTY(TrackingQuantum), "Positions are rounded to multiples; 0: not", 0, 10, "MM",
-         tracker);
-  number("--rotation-quantum", PROPERTY(TrackingRotationQuantum), "So are angles; 0: not", 0, 20, "DEG", tracker);
-#undef PROPERTY
-
-  const auto vector = [app, source, tracker](const char* name, void (Source::*set)(const double*), const char* help,
-                                             double bound, const char* unit)
-  {
-    app->add_option_function<std::vector<double>>(
-           name, [source, set](const std::vector<double>& given) { (source->*set)(given.data()); }, help)
-        ->expected(3)
-        ->check(NumberIn(-bound, bound))
-        ->type_name(unit)
-        ->group(tracker);
-  };
-  vector("--calibration-shift", &Source::SetCalibrationShift,
-         "Error of the image on the probe: along its rows, down, along its normal", 100, "MM");
-  vector("--calibration-rotation", &Source::SetCalibrationRotation,
-         "The same about the image's centre, axis times angle in these axes", 45, "DEG");
-
+  AddWorld({app, source, "World"});
+  AddProbe({app, source, "Probe and image"});
+  AddTrajectory({app, source, "Trajectory and tracking"});
+  AddTracker({app, source, tracker});
   app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
       ->group(tracker);
   CLI::Option* truePosesFile =

@@ -8,6 +8,7 @@
 
 #include "Core/Evaluation/FrameInSpace.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/Sequences.h"
 
 namespace bigus
 {
@@ -44,12 +45,12 @@ void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const 
 void PredictNeighbourAverage(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
 {
   CheckTraining(sweep, training);
-  const auto [before, after] = Neighbours(sweep, training, frame);
-  sweep.CopyFrame(before == kNoFrame ? after : before, image);
-  if (before != kNoFrame && after != kNoFrame)
+  const auto [before, after] = NeighboursOf(sweep, training, frame);
+  sweep.CopyFrame(before ? *before : after.value_or(kNoFrame), image);
+  if (before && after)
   {
     std::vector<float> other(sweep.PixelsPerFrame());
-    sweep.CopyFrame(after, other.data());
+    sweep.CopyFrame(*after, other.data());
     std::transform(other.begin(), other.end(), image, image, [](float a, float b) { return 0.5f * (a + b); });
   }
 }

@@ -126,16 +126,6 @@ private:
   Eigen::Matrix3d toSlice_;
 };
 
-/// The training frames next to index `frame` in its sequence, kNoFrame where there is none.
-inline std::pair<int, int> Neighbours(const Sweep& sweep, const std::vector<int>& training, int frame)
-{
-  const auto ifSame = [&](int other) { return sweep.SequenceOf(other) == sweep.SequenceOf(frame) ? other : kNoFrame; };
-  const auto after = std::upper_bound(training.begin(), training.end(), frame);
-  const auto before = std::lower_bound(training.begin(), training.end(), frame);
-  return {before == training.begin() ? kNoFrame : ifSame(*(before - 1)),
-          after == training.end() ? kNoFrame : ifSame(*after)};
-}
-
 template <class Function>
 void ForEachPixel(const SlicePlane& plane, float* image, Function intensity)
 {

@@ -8,6 +8,7 @@
 
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/FrameInSpace.h"
+#include "Core/Model/Sequences.h"
 
 namespace bigus
 {
@@ -149,7 +150,7 @@ public:
     CheckTraining(sweep, training);
     for (int frame : training)
     {
-      sequences_.push_back(sweep.SequenceOf(frame));
+      around_.push_back(NeighboursOf(sweep, training, frame));
       frames_.emplace_back(sweep, frame, sampling);
       Eigen::Vector3d normal = frames_.back().Plane().Normal();
       if (!normals_.empty())
@@ -166,7 +167,7 @@ public:
   /// Frames k and k + 1 with those around them, of one sequence.
   CubicPair Cubic(std::size_t k) const
   {
-    return CubicPair(frames_, k, k > 0 && IsOneSequence(k - 1), k + 2 < frames_.size() && IsOneSequence(k + 1));
+    return CubicPair(frames_, k, around_[k].before.has_value(), around_[k + 1].after.has_value());
   }
 
   /// Of the pairs that have the point between them and for which `accept(feet)` holds, the one with the smallest sum of
@@ -181,7 +182,7 @@ public:
     {
       const double distance = normals_[k].dot(x - frames_[k].Plane().origin);
       const double gap = std::abs(before) + std::abs(distance);
-      if (k > 0 && IsOneSequence(k - 1) && before * distance <= 0 && gap < smallest && accept(pairs_[k - 1].Find(x)))
+      if (around_[k].before && before * distance <= 0 && gap < smallest && accept(pairs_[k - 1].Find(x)))
       {
         smallest = gap;
         found = static_cast<int>(k) - 1;
@@ -216,10 +217,8 @@ public:
   }
 
 private:
-  bool IsOneSequence(std::size_t k) const { return sequences_[k] == sequences_[k + 1]; }
-
   std::vector<FrameInSpace> frames_;
-  std::vector<int> sequences_;  // of the frames
+  std::vector<Neighbours> around_;  // of the frames
   std::vector<FramePair> pairs_;
   std::vector<Eigen::Vector3d> normals_;  // all to the same side
 };
@@ -230,9 +229,9 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
                               PixelInterpolation sampling)
 {
   CheckTraining(sweep, training);
-  const auto [before, after] = Neighbours(sweep, training, frame);
-  const FramePair pair(FrameInSpace(sweep, before == kNoFrame ? after : before, sampling),
-                       FrameInSpace(sweep, after == kNoFrame ? before : after, sampling));
+  const auto [before, after] = NeighboursOf(sweep, training, frame);
+  const FramePair pair(FrameInSpace(sweep, before ? *before : after.value_or(kNoFrame), sampling),
+                       FrameInSpace(sweep, after ? *after : before.value_or(kNoFrame), sampling));
   ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return pair.Mix(pair.Find(x)); });
 }
 
@@ -255,22 +254,22 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)
 {
   CheckTraining(sweep, training);
-  const auto [before, after] = Neighbours(sweep, training, frame);
-  if (before == kNoFrame || after == kNoFrame)
+  const auto [before, after] = NeighboursOf(sweep, training, frame);
+  if (!before || !after)
   {
     PredictPoseInterpolation(sweep, training, frame, image, PixelInterpolation::Cubic);
     return;
   }
   std::vector<FrameInSpace> frames;
-  const int first = Neighbours(sweep, training, before).first, last = Neighbours(sweep, training, after).second;
-  for (int near : {first, before, after, last})
+  const auto first = NeighboursOf(sweep, training, *before).before, last = NeighboursOf(sweep, training, *after).after;
+  for (const std::optional<int>& near : {first, before, after, last})
   {
-    if (near != kNoFrame)
+    if (near)
     {
-      frames.emplace_back(sweep, near, PixelInterpolation::Cubic);
+      frames.emplace_back(sweep, *near, PixelInterpolation::Cubic);
     }
   }
-  const CubicPair cubic(frames, first == kNoFrame ? 0 : 1, first != kNoFrame, last != kNoFrame);
+  const CubicPair cubic(frames, first ? 1 : 0, first.has_value(), last.has_value());
   ForEachPixel(sweep.Plane(frame), image, [&](const Eigen::Vector3d& x) { return cubic.At(x); });
 }
 

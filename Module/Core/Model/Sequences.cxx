@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Model/Sequences.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace bigus
@@ -25,18 +26,17 @@ std::vector<Sequence> SequencesOf(const Sweep& sweep, const std::vector<int>& na
   return sequences;
 }
 
-Neighbourhood NeighbourhoodOf(const Sweep& sweep, const std::vector<int>& frames, std::size_t k)
+Neighbours NeighboursOf(const Sweep& sweep, const std::vector<int>& frames, int frame)
 {
-  const auto isOfSame = [&](std::size_t other)
-  { return sweep.SequenceOf(frames[other]) == sweep.SequenceOf(frames[k]); };
-  Neighbourhood around;
-  if (k > 0 && isOfSame(k - 1))
+  const auto [at, next] = std::equal_range(frames.begin(), frames.end(), frame);
+  Neighbours around;
+  if (at != frames.begin() && sweep.SequenceOf(*(at - 1)) == sweep.SequenceOf(frame))
   {
-    around.before = k - 1;
+    around.before = *(at - 1);
   }
-  if (k + 1 < frames.size() && isOfSame(k + 1))
+  if (next != frames.end() && sweep.SequenceOf(*next) == sweep.SequenceOf(frame))
   {
-    around.after = k + 1;
+    around.after = *next;
   }
   return around;
 }

@@ -3,7 +3,6 @@
 // The sequences that a sweep was joined from, each as a sweep of its own, and which frames follow each other in one.
 #pragma once
 
-#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -23,13 +22,12 @@ struct Sequence
 /// All sequences of the sweep that have frames, in their order. `named` frames may be of any.
 std::vector<Sequence> SequencesOf(const Sweep& sweep, const std::vector<int>& named = {});
 
-/// Places in a list of frames.
-struct Neighbourhood
+struct Neighbours
 {
-  std::optional<std::size_t> before, after;  ///< empty where there is no frame of the same sequence
+  std::optional<int> before, after;  ///< empty where there is no frame of the same sequence
 };
 
-/// What comes before and after place k of `frames`, which are in the order of the sweep.
-Neighbourhood NeighbourhoodOf(const Sweep& sweep, const std::vector<int>& frames, std::size_t k);
+/// Those of `frames`, which are in the order of the sweep, next to a frame, which need not be one of them.
+Neighbours NeighboursOf(const Sweep& sweep, const std::vector<int>& frames, int frame);
 
 }  // namespace bigus

@@ -63,7 +63,7 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   std::vector<double> spacings;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    if (NeighbourhoodOf(sweep, frames, k).after)
+    if (NeighboursOf(sweep, frames, frames[k]).after)
     {
       spacings.push_back(
           GapBetween(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));

@@ -626,12 +626,11 @@ std::string FrameInterpolation::ToString() const
 
 FramesAround FramesAround::Gap(const Sweep& sweep, const std::vector<int>& frames, std::size_t gap)
 {
-  const auto before = NeighbourhoodOf(sweep, frames, gap).before, after = NeighbourhoodOf(sweep, frames, gap + 1).after;
   FramesAround around;
   around.first = frames[gap];
   around.second = frames[gap + 1];
-  around.before = before ? frames[*before] : kNone;
-  around.after = after ? frames[*after] : kNone;
+  around.before = NeighboursOf(sweep, frames, around.first).before.value_or(kNone);
+  around.after = NeighboursOf(sweep, frames, around.second).after.value_or(kNone);
   return around;
 }
 
@@ -700,7 +699,7 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
   std::vector<std::size_t> inner;  // places in `frames` that have a neighbour on either side
   for (std::size_t k = 1; k + 1 < frames.size(); ++k)
   {
-    const Neighbourhood around = NeighbourhoodOf(sweep, frames, k);
+    const Neighbours around = NeighboursOf(sweep, frames, frames[k]);
     if (around.before && around.after)
     {
       inner.push_back(k);

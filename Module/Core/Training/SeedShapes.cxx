@@ -138,7 +138,7 @@ struct Shaper
     cv::Mat before, here, after;  // empty: not smoothed
     for (std::size_t f = begin; f < end; ++f)
     {
-      const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
+      const Neighbours around = NeighboursOf(sweep, frames, frames[f]);
       const bool hasBefore = around.before.has_value(), hasAfter = around.after.has_value();
       if (here.empty())
       {
@@ -146,11 +146,11 @@ struct Shaper
       }
       if (hasBefore && before.empty())
       {
-        before = looking.Smoothed(sweep, frames[f - 1]);
+        before = looking.Smoothed(sweep, *around.before);
       }
       if (hasAfter)
       {
-        after = looking.Smoothed(sweep, frames[f + 1]);
+        after = looking.Smoothed(sweep, *around.after);
       }
       if (places.first[f] < places.first[f + 1])
       {

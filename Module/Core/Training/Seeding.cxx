@@ -307,20 +307,19 @@ struct Seeder
     return {x, y};
   }
 
-  /// A place for pixel (i, j) of frames[f], half a gap to either side along the sweep, on the way to the neighbour's
-  /// pose; and the gap, mm.
-  std::pair<Eigen::Vector3d, double> PlaceAlong(std::size_t f, double i, double j)
+  /// A place for pixel (i, j) of a frame, half a gap to either side along the sweep, on the way to the neighbour's pose;
+  /// and the gap, mm.
+  std::pair<Eigen::Vector3d, double> PlaceAlong(int frame, const Neighbours& around, double i, double j)
   {
     const double along = Uniform(random) - 0.5;
-    const Neighbourhood around = NeighbourhoodOf(sweep, frames, f);
-    const std::optional<std::size_t> neighbour = along < 0 ? around.before : around.after;
-    const Eigen::Vector3d inPlane = sweep.Plane(frames[f]).Point(i, j);
-    const double distance = neighbour ? GapBetween(sweep, frames[f], frames[*neighbour], i, j) : 0.0;
+    const std::optional<int> neighbour = along < 0 ? around.before : around.after;
+    const Eigen::Vector3d inPlane = sweep.Plane(frame).Point(i, j);
+    const double distance = neighbour ? GapBetween(sweep, frame, *neighbour, i, j) : 0.0;
     if (!neighbour || !(distance <= kBreak * usualGap))
     {
       return {inPlane, usualGap};
     }
-    return {inPlane + std::abs(along) * (sweep.Plane(frames[*neighbour]).Point(i, j) - inPlane),
+    return {inPlane + std::abs(along) * (sweep.Plane(*neighbour).Point(i, j) - inPlane),
             std::max(distance, kLeastGap * usualGap)};
   }
 
@@ -340,6 +339,7 @@ struct Seeder
   void SeedFrame(std::size_t f)
   {
     places.first.push_back(places.pixels.size());
+    const Neighbours around = NeighboursOf(sweep, frames, frames[f]);
     const SlicePlane plane = sweep.Plane(frames[f]);
     const double area = plane.columnStep.cross(plane.rowStep).norm();
     const Eigen::Vector4d rotation = Quaternion(AxesOf(plane));
@@ -353,7 +353,7 @@ struct Seeder
         const std::size_t seed = places.pixels.size();
         const Eigen::Vector2i pixel = LitPixel(cell);
         const double i = pixel.x() + Uniform(random) - 0.5, j = pixel.y() + Uniform(random) - 0.5;
-        const auto [mean, gap] = PlaceAlong(f, i, j);
+        const auto [mean, gap] = PlaceAlong(frames[f], around, i, j);
         const double volume = area * gap * grid.litPixels[cell] / (grid.mass[index] * seedsPerMass);
         field.means[seed] = mean;
         field.scales[seed] = ScalesOf(volume, gap);

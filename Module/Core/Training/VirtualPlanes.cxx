@@ -41,7 +41,7 @@ std::vector<Gap> GapsOf(const Sweep& sweep, const std::vector<int>& frames)
   std::vector<Gap> gaps;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    if (!NeighbourhoodOf(sweep, frames, k).after || isBreak(frames[k], frames[k + 1]))
+    if (!NeighboursOf(sweep, frames, frames[k]).after || isBreak(frames[k], frames[k + 1]))
     {
       continue;
     }

@@ -24,19 +24,8 @@ bool ParseBool(const SequenceFile& file, const std::string& name, const std::str
   Refuse(file, name + " = " + Quoted(text) + "; True or False is expected");
 }
 
-}  // namespace
-
-bool LooksLikeMetaImage(const std::string& beginning)
+void ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collected)
 {
-  const std::string key(Trimmed(std::string_view(beginning).substr(0, beginning.find('='))));
-  return beginning.find('=') != std::string::npos &&
-         (key == "ObjectType" || key == "NDims" || key == "Comment" || key == "ObjectSubType");
-}
-
-void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
-{
-  file.format = "MetaImage sequence";
-  FieldCollector collected;
   std::string line;
   bool complete = false;
   while (!complete && input.ReadLine(line))
@@ -63,11 +52,11 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
     throw TruncationError(file.fileName + ": the header ends before ElementDataFile; the file is truncated");
   }
   file.fields = std::move(collected.fields);
+}
 
-  if (const std::string* type = Find(file.fields, "ObjectType"); type && *type != "Image")
-  {
-    Refuse(file, "ObjectType = " + Quoted(*type) + "; only Image is read");
-  }
+/// Width, height and frames.
+void SetAxes(SequenceFile& file)
+{
   auto sizes = RequireSizes(file, "DimSize", Require(file, file.fields, "DimSize"));
   std::int64_t dimensions = 0;
   const std::string& nDims = Require(file, file.fields, "NDims");
@@ -89,7 +78,11 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
                      "; a sequence of single-slice frames (width height frames) is expected");
   }
   SetSizes(file, sizes[0], sizes[1], sizes[2]);
+}
 
+/// The type of an element and how many of them a pixel has.
+void SetType(SequenceFile& file)
+{
   const std::string& type = Require(file, file.fields, "ElementType");
   if (type == "MET_UCHAR")
   {
@@ -117,7 +110,10 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
     }
     SetChannels(file, channels);
   }
+}
 
+void SetCoding(SequenceFile& file)
+{
   if (const std::string* binary = Find(file.fields, "BinaryData"); binary && !ParseBool(file, "BinaryData", *binary))
   {
     Refuse(file, "BinaryData = False; pixels as text are not read");
@@ -134,12 +130,16 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   {
     file.encoding = Encoding::Zlib;
   }
+}
 
+/// Where the pixels lie. The header ends at byte `end` of its file.
+void SetData(SequenceFile& file, std::uint64_t end)
+{
   const std::string& dataFile = Require(file, file.fields, "ElementDataFile");
   if (dataFile == "LOCAL")
   {
     file.dataFile = file.fileName;
-    file.dataOffset = input.Position();
+    file.dataOffset = end;
   }
   else if (Lowercase(dataFile).rfind("list", 0) == 0 || dataFile.find('%') != std::string::npos)
   {
@@ -176,6 +176,30 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
       file.dataOffset = static_cast<std::uint64_t>(bytes);
     }
   }
+}
+
+}  // namespace
+
+bool LooksLikeMetaImage(const std::string& beginning)
+{
+  const std::string key(Trimmed(std::string_view(beginning).substr(0, beginning.find('='))));
+  return beginning.find('=') != std::string::npos &&
+         (key == "ObjectType" || key == "NDims" || key == "Comment" || key == "ObjectSubType");
+}
+
+void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
+{
+  file.format = "MetaImage sequence";
+  FieldCollector collected;
+  ReadFields(file, input, collected);
+  if (const std::string* type = Find(file.fields, "ObjectType"); type && *type != "Image")
+  {
+    Refuse(file, "ObjectType = " + Quoted(*type) + "; only Image is read");
+  }
+  SetAxes(file);
+  SetType(file);
+  SetCoding(file);
+  SetData(file, input.Position());
   FinishHeader(file, collected);
 }
 

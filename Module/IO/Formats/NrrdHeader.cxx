@@ -7,21 +7,17 @@
 
 namespace bigus
 {
-
-bool LooksLikeNrrd(const std::string& beginning)
+namespace
 {
-  return beginning.rfind("NRRD000", 0) == 0;
-}
 
-void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
+/// Reads lines up to a blank one and returns the format's own fields, by lowercase name. Without a blank line the header
+/// is not complete.
+Fields ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collected, bool& isComplete)
 {
-  file.format = "NRRD sequence";
-  FieldCollector collected;
-  Fields nrrd;  // the format's own fields, by lowercase name
+  Fields nrrd;
   std::string line;
-  bool blankLine = false;
   input.ReadLine(line);  // the magic
-  while (!blankLine && input.ReadLine(line))
+  while (!isComplete && input.ReadLine(line))
   {
     if (input.Position() > longestHeader)
     {
@@ -29,7 +25,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
     }
     if (line.empty())
     {
-      blankLine = true;
+      isComplete = true;
       continue;
     }
     if (line[0] == '#')
@@ -54,9 +50,12 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
       collected.Add(file, key, value);  // IGSIO writes its own file-wide fields in this form too
     }
   }
-  file.fields = std::move(collected.fields);
+  return nrrd;
+}
 
-  const auto sizes = RequireSizes(file, "sizes", Require(file, nrrd, "sizes"));
+std::vector<std::int64_t> SizesOf(const SequenceFile& file, const Fields& nrrd)
+{
+  auto sizes = RequireSizes(file, "sizes", Require(file, nrrd, "sizes"));
   if (const std::string* dimension = Find(nrrd, "dimension"))
   {
     std::int64_t count = 0;
@@ -65,6 +64,12 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
       Refuse(file, "dimension: " + Quoted(*dimension) + ", but sizes has " + std::to_string(sizes.size()) + " numbers");
     }
   }
+  return sizes;
+}
+
+/// What each of the axes is; where the header does not say, columns, rows and a list of frames.
+std::vector<std::string> KindsOf(const SequenceFile& file, const Fields& nrrd, std::size_t axes)
+{
   std::vector<std::string> kinds;
   if (const std::string* text = Find(nrrd, "kinds"))
   {
@@ -73,19 +78,26 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
       kinds.push_back(Lowercase(word));
     }
   }
-  else if (sizes.size() == 3)
+  else if (axes == 3)
   {
     kinds = {"domain", "domain", "list"};
   }
-  else if (sizes.size() == 2)
+  else if (axes == 2)
   {
     kinds = {"domain", "domain"};
   }
-  if (kinds.size() != sizes.size())
+  if (kinds.size() != axes)
   {
-    Refuse(file,
-           "kinds must name each of the " + std::to_string(sizes.size()) + " axes, such as \"domain domain list\"");
+    Refuse(file, "kinds must name each of the " + std::to_string(axes) + " axes, such as \"domain domain list\"");
   }
+  return kinds;
+}
+
+/// Sets width, height and frames, and returns how many channels a pixel has.
+std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
+{
+  const std::vector<std::int64_t> sizes = SizesOf(file, nrrd);
+  const std::vector<std::string> kinds = KindsOf(file, nrrd, sizes.size());
   const auto isColour = [](const std::string& kind)
   { return kind == "rgb-color" || kind == "rgba-color" || kind == "3-color" || kind == "vector"; };
   std::int64_t channels = 1;
@@ -134,7 +146,11 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
     Refuse(file, "kinds: " + Quoted(nrrd["kinds"]) + "; two domain axes (width and height) are needed");
   }
   SetSizes(file, plane[0], plane[1], frames);
+  return channels;
+}
 
+void SetType(SequenceFile& file, const Fields& nrrd)
+{
   const std::string type = Lowercase(Require(file, nrrd, "type"));
   if (type == "unsigned char" || type == "uchar" || type == "uint8" || type == "uint8_t")
   {
@@ -159,7 +175,10 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   {
     Refuse(file, "type: " + Quoted(type) + "; unsigned char, unsigned short, short and float are read");
   }
-  SetChannels(file, channels);
+}
+
+void SetEndian(SequenceFile& file, const Fields& nrrd)
+{
   if (const std::string* endian = Find(nrrd, "endian"))
   {
     if (Lowercase(*endian) != "little" && Lowercase(*endian) != "big")
@@ -172,7 +191,10 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   {
     Refuse(file, "the header has no field endian, which elements of more than one byte need");
   }
+}
 
+void SetData(SequenceFile& file, const Fields& nrrd, std::uint64_t end, bool isComplete)
+{
   const std::string encoding = Lowercase(Require(file, nrrd, "encoding"));
   if (encoding == "gzip" || encoding == "gz")
   {
@@ -193,10 +215,10 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
     }
     file.dataFile = CompanionFile(file.fileName, FolderOf(file.fileName), *dataFile);
   }
-  else if (blankLine)
+  else if (isComplete)
   {
     file.dataFile = file.fileName;
-    file.dataOffset = input.Position();
+    file.dataOffset = end;
   }
   else
   {
@@ -210,6 +232,27 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
       Refuse(file, std::string(name) + ": " + Quoted(*skip) + "; skipping is not supported");
     }
   }
+}
+
+}  // namespace
+
+bool LooksLikeNrrd(const std::string& beginning)
+{
+  return beginning.rfind("NRRD000", 0) == 0;
+}
+
+void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
+{
+  file.format = "NRRD sequence";
+  FieldCollector collected;
+  bool isComplete = false;
+  Fields nrrd = ReadFields(file, input, collected, isComplete);
+  file.fields = std::move(collected.fields);
+  const std::int64_t channels = SetAxes(file, nrrd, plain);
+  SetType(file, nrrd);
+  SetChannels(file, channels);
+  SetEndian(file, nrrd);
+  SetData(file, nrrd, input.Position(), isComplete);
   FinishHeader(file, collected);
 }
 

@@ -3,6 +3,7 @@
 #include "IO/Formats/Ply.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <map>
@@ -39,6 +40,7 @@ struct PlyHeader
 {
   Layout layout = Layout::Ascii;
   std::int64_t vertices = -1;
+  bool hasFormat = false;
   std::vector<Property> properties;  // of a vertex
   std::size_t stride = 0;            // bytes of a binary vertex
   std::vector<std::string> comments;
@@ -60,80 +62,86 @@ bool ParseType(const std::string& text, Property& property)
   return found != types.end();
 }
 
+/// Takes one line of a header. `inVertex`: it belongs to the element vertex.
+void TakeHeaderLine(const InputFile& input, const std::string& line, PlyHeader& header, bool& inVertex)
+{
+  const auto refuse = [&](const std::string& message) { return FormatError(input.Name() + ": " + message); };
+  const auto words = Words(line);
+  const std::string keyword = words.empty() ? "" : std::string(words[0]);
+  if (keyword == "comment" || keyword == "obj_info")
+  {
+    header.comments.emplace_back(Trimmed(std::string_view(line).substr(keyword.size())));
+  }
+  else if (keyword == "format" && words.size() == 3 && words[2] == "1.0" &&
+           (words[1] == "ascii" || words[1] == "binary_little_endian" || words[1] == "binary_big_endian"))
+  {
+    header.layout = words[1] == "ascii"                  ? Layout::Ascii
+                    : words[1] == "binary_little_endian" ? Layout::Little
+                                                         : Layout::Big;
+    header.hasFormat = true;
+  }
+  else if (keyword == "element" && words.size() == 3)
+  {
+    inVertex = words[1] == "vertex";
+    if (!inVertex && header.vertices < 0)
+    {
+      throw refuse("element " + Quoted(words[1]) + " comes before vertex; vertex must be the first element");
+    }
+    std::int64_t count = -1;
+    if (inVertex && (!ParseNumber(words[2], count) || count < 0 || count > mostVertices || header.vertices >= 0))
+    {
+      throw refuse("header line " + Quoted(line) + "; one vertex element with 0 to " + std::to_string(mostVertices) +
+                   " vertices is expected");
+    }
+    header.vertices = inVertex ? count : header.vertices;
+  }
+  else if (keyword == "property")
+  {
+    Property property;
+    if (inVertex && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
+                     header.properties.size() >= kMostProperties))
+    {
+      throw refuse("header line " + Quoted(line) + "; a vertex has up to " + std::to_string(kMostProperties) +
+                   " properties of a number type and no lists");
+    }
+    if (inVertex)
+    {
+      property.name = words[2];
+      header.stride += property.bytes;
+      header.properties.push_back(property);
+    }
+  }
+  else
+  {
+    throw refuse("header line " + Quoted(line) + " is not PLY 1.0");
+  }
+}
+
 PlyHeader ReadHeader(InputFile& input)
 {
-  const auto refuse = [&input](const std::string& message) { return FormatError(input.Name() + ": " + message); };
   PlyHeader header;
   std::string line;
   if (!input.ReadLine(line) || line != "ply")
   {
-    throw refuse("does not begin with the line \"ply\"");
+    throw FormatError(input.Name() + ": does not begin with the line \"ply\"");
   }
-  bool haveFormat = false;
   bool inVertex = false;
   while (input.ReadLine(line))
   {
     if (input.Position() > longestHeader)
     {
-      throw refuse("the header is longer than 1 MiB");
+      throw FormatError(input.Name() + ": the header is longer than 1 MiB");
     }
     const auto words = Words(line);
-    const std::string keyword = words.empty() ? "" : std::string(words[0]);
-    if (keyword == "end_header")
+    if (!words.empty() && words[0] == "end_header")
     {
-      if (!haveFormat || header.vertices < 0)
+      if (!header.hasFormat || header.vertices < 0)
       {
-        throw refuse("the header has no format or no vertex element");
+        throw FormatError(input.Name() + ": the header has no format or no vertex element");
       }
       return header;
     }
-    if (keyword == "comment" || keyword == "obj_info")
-    {
-      header.comments.emplace_back(Trimmed(std::string_view(line).substr(keyword.size())));
-    }
-    else if (keyword == "format" && words.size() == 3 && words[2] == "1.0" &&
-             (words[1] == "ascii" || words[1] == "binary_little_endian" || words[1] == "binary_big_endian"))
-    {
-      header.layout = words[1] == "ascii"                  ? Layout::Ascii
-                      : words[1] == "binary_little_endian" ? Layout::Little
-                                                           : Layout::Big;
-      haveFormat = true;
-    }
-    else if (keyword == "element" && words.size() == 3)
-    {
-      inVertex = words[1] == "vertex";
-      if (!inVertex && header.vertices < 0)
-      {
-        throw refuse("element " + Quoted(words[1]) + " comes before vertex; vertex must be the first element");
-      }
-      std::int64_t count = -1;
-      if (inVertex && (!ParseNumber(words[2], count) || count < 0 || count > mostVertices || header.vertices >= 0))
-      {
-        throw refuse("header line " + Quoted(line) + "; one vertex element with 0 to " + std::to_string(mostVertices) +
-                     " vertices is expected");
-      }
-      header.vertices = inVertex ? count : header.vertices;
-    }
-    else if (keyword == "property")
-    {
-      Property property;
-      if (inVertex && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
-                       header.properties.size() >= kMostProperties))
-      {
-        throw refuse("header line " + Quoted(line) + "; a vertex has up to " + std::to_string(kMostProperties) +
-                     " properties of a number type and no lists");
-      }
-      if (inVertex)
-      {
-        property.name = words[2];
-        header.stride += property.bytes;
-        header.properties.push_back(property);
-      }
-    }
-    else
-    {
-      throw refuse("header line " + Quoted(line) + " is not PLY 1.0");
-    }
+    TakeHeaderLine(input, line, header, inVertex);
   }
   throw TruncationError(input.Name() + ": the header ends before end_header; the file is truncated");
 }
@@ -288,78 +296,56 @@ void ReadComments(const std::string& fileName, const PlyHeader& header, StoredFi
   }
 }
 
-}  // namespace
-
-StoredField ReadPly(const std::string& fileName)
+/// Which properties of a vertex are read.
+struct Columns
 {
-  InputFile input(fileName);
-  const PlyHeader header = ReadHeader(input);
-  StoredField ply;
-  GaussianField& field = ply.field;
-  field.transfer.gamma = 1.0;
-  field.beam.elevationSigma = 0.0;
-  ReadComments(fileName, header, ply);
+  std::array<std::size_t, 3> mean, scale, colour = {0, 0, 0};
+  std::array<std::size_t, 4> rotation;
+  bool isOwn;  // has the reflectivity; else it follows from colour and opacity
+  std::size_t reflectivity;
 
-  std::map<std::string, std::size_t> columns;
-  for (std::size_t p = 0; p < header.properties.size(); ++p)
+  Columns(const std::string& fileName, const PlyHeader& header)
   {
-    columns.emplace(header.properties[p].name, p);
-  }
-  const auto column = [&](const char* name)
-  {
-    const auto found = columns.find(name);
-    if (found == columns.end())
+    std::map<std::string, std::size_t> columns;
+    for (std::size_t p = 0; p < header.properties.size(); ++p)
     {
-      throw FormatError(fileName + ": the vertex property " + name + " is missing; this is not a Gaussian field");
+      columns.emplace(header.properties[p].name, p);
     }
-    return found->second;
-  };
-  if (header.vertices > 0)
-  {
-    const std::size_t mean[3] = {column("x"), column("y"), column("z")};
-    const std::size_t scale[3] = {column("scale_0"), column("scale_1"), column("scale_2")};
-    const std::size_t rotation[4] = {column("rot_0"), column("rot_1"), column("rot_2"), column("rot_3")};
-    const bool own = columns.count("reflectivity") != 0;
-    const std::size_t reflectivity = own ? column("reflectivity") : column("opacity");
-    std::size_t colour[3] = {0, 0, 0};
-    for (int c = 0; !own && c < 3; ++c)
+    const auto column = [&](const char* name)
     {
-      colour[c] = column(("f_dc_" + std::to_string(c)).c_str());
-    }
-
-    VertexReader reader(input, header);
-    field.Resize(static_cast<std::size_t>(header.vertices));
-    std::vector<double> values;
-    for (std::size_t i = 0; i < field.Size(); ++i)
+      const auto found = columns.find(name);
+      if (found == columns.end())
+      {
+        throw FormatError(fileName + ": the vertex property " + name + " is missing; this is not a Gaussian field");
+      }
+      return found->second;
+    };
+    mean = {column("x"), column("y"), column("z")};
+    scale = {column("scale_0"), column("scale_1"), column("scale_2")};
+    rotation = {column("rot_0"), column("rot_1"), column("rot_2"), column("rot_3")};
+    isOwn = columns.count("reflectivity") != 0;
+    reflectivity = isOwn ? column("reflectivity") : column("opacity");
+    if (!isOwn)
     {
-      reader.Read(values);
-      for (int axis = 0; axis < 3; ++axis)
-      {
-        field.means[i][axis] = values[mean[axis]];
-        field.scales[i][axis] = std::exp(values[scale[axis]]);
-      }
-      for (int c = 0; c < 4; ++c)
-      {
-        field.rotations[i][c] = values[rotation[c]];
-      }
-      if (own)
-      {
-        field.reflectivities[i] = values[reflectivity];
-      }
-      else
-      {
-        const double luminance = 0.5 + sphericalHarmonic0 * (0.2126 * values[colour[0]] + 0.7152 * values[colour[1]] +
-                                                             0.0722 * values[colour[2]]);
-        const double alpha = 1.0 / (1.0 + std::exp(-values[reflectivity]));
-        // Written so that NaN stays NaN and is refused by Validate.
-        field.reflectivities[i] = alpha * (luminance < 0 ? 0 : luminance > 1 ? 1 : luminance);
-      }
+      colour = {column("f_dc_0"), column("f_dc_1"), column("f_dc_2")};
     }
   }
-  return ply;
-}
 
-void WritePly(const StoredField& ply, AtomicFile& file)
+  double Reflectivity(const std::vector<double>& values) const
+  {
+    if (isOwn)
+    {
+      return values[reflectivity];
+    }
+    const double luminance = 0.5 + sphericalHarmonic0 * (0.2126 * values[colour[0]] + 0.7152 * values[colour[1]] +
+                                                         0.0722 * values[colour[2]]);
+    const double alpha = 1.0 / (1.0 + std::exp(-values[reflectivity]));
+    // Written so that NaN stays NaN and is refused by Validate.
+    return alpha * (luminance < 0 ? 0 : luminance > 1 ? 1 : luminance);
+  }
+};
+
+std::string HeaderOf(const StoredField& ply)
 {
   const GaussianField& field = ply.field;
   std::string header = "ply\nformat binary_little_endian 1.0\n";
@@ -388,31 +374,19 @@ void WritePly(const StoredField& ply, AtomicFile& file)
   {
     header += std::string("property float ") + name + "\n";
   }
-  header += "property double reflectivity\nend_header\n";
-  file.Write(header);
+  return header + "property double reflectivity\nend_header\n";
+}
 
-  // What viewers show: grey and opacity grow with |r|, the strongest being white and nearly opaque.
-  double strongest = 0;
-  for (const double r : field.reflectivities)
-  {
-    strongest = std::max(strongest, std::abs(r));
-  }
-  const auto put = [](unsigned char*& at, auto number)
-  {
-    std::memcpy(at, &number, sizeof(number));
-    if (kThisMachineIsBigEndian)
-    {
-      SwapBytes(at, sizeof(number), sizeof(number));
-    }
-    at += sizeof(number);
-  };
-  unsigned char vertex[17 * sizeof(float) + sizeof(double)];
-  for (std::size_t i = 0; i < field.Size(); ++i)
+/// A vertex in the file's order of bytes. What viewers show grows with |r|: grey and opacity, the strongest being white
+/// and nearly opaque.
+class VertexBytes
+{
+public:
+  VertexBytes(const GaussianField& field, std::size_t i, double strongest)
   {
     const double grey = strongest > 0 ? std::abs(field.reflectivities[i]) / strongest : 0;
     const double alpha = std::min(std::max(grey, 0.01), 0.99);
     const Eigen::Vector4d rotation = field.rotations[i].stableNormalized();
-    unsigned char* at = vertex;
     for (int axis = 0; axis < 3; ++axis)
     {
       const auto position = static_cast<float>(field.means[i][axis]);
@@ -422,27 +396,94 @@ void WritePly(const StoredField& ply, AtomicFile& file)
                                              ExactNumber(field.means[i][axis]) +
                                              " mm, which is more than a PLY file for viewers can hold");
       }
-      put(at, position);
+      Put(position);
     }
     for (int axis = 0; axis < 3; ++axis)
     {
-      put(at, 0.0f);
+      Put(0.0f);  // the normal
     }
     for (int c = 0; c < 3; ++c)
     {
-      put(at, static_cast<float>((grey - 0.5) / sphericalHarmonic0));
+      Put(static_cast<float>((grey - 0.5) / sphericalHarmonic0));
     }
-    put(at, static_cast<float>(std::log(alpha / (1 - alpha))));
+    Put(static_cast<float>(std::log(alpha / (1 - alpha))));
     for (int axis = 0; axis < 3; ++axis)
     {
-      put(at, static_cast<float>(std::log(field.scales[i][axis])));
+      Put(static_cast<float>(std::log(field.scales[i][axis])));
     }
     for (int c = 0; c < 4; ++c)
     {
-      put(at, static_cast<float>(rotation[c]));
+      Put(static_cast<float>(rotation[c]));
     }
-    put(at, field.reflectivities[i]);
-    file.Write(vertex, sizeof(vertex));
+    Put(field.reflectivities[i]);
+  }
+
+  unsigned char bytes[17 * sizeof(float) + sizeof(double)];
+
+private:
+  template <class Number>
+  void Put(Number number)
+  {
+    std::memcpy(at_, &number, sizeof(number));
+    if (kThisMachineIsBigEndian)
+    {
+      SwapBytes(at_, sizeof(number), sizeof(number));
+    }
+    at_ += sizeof(number);
+  }
+
+  unsigned char* at_ = bytes;
+};
+
+}  // namespace
+
+StoredField ReadPly(const std::string& fileName)
+{
+  InputFile input(fileName);
+  const PlyHeader header = ReadHeader(input);
+  StoredField ply;
+  GaussianField& field = ply.field;
+  field.transfer.gamma = 1.0;
+  field.beam.elevationSigma = 0.0;
+  ReadComments(fileName, header, ply);
+  if (header.vertices == 0)
+  {
+    return ply;
+  }
+  const Columns columns(fileName, header);
+  VertexReader reader(input, header);
+  field.Resize(static_cast<std::size_t>(header.vertices));
+  std::vector<double> values;
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    reader.Read(values);
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      field.means[i][axis] = values[columns.mean[axis]];
+      field.scales[i][axis] = std::exp(values[columns.scale[axis]]);
+    }
+    for (int c = 0; c < 4; ++c)
+    {
+      field.rotations[i][c] = values[columns.rotation[c]];
+    }
+    field.reflectivities[i] = columns.Reflectivity(values);
+  }
+  return ply;
+}
+
+void WritePly(const StoredField& ply, AtomicFile& file)
+{
+  const GaussianField& field = ply.field;
+  file.Write(HeaderOf(ply));
+  double strongest = 0;
+  for (const double r : field.reflectivities)
+  {
+    strongest = std::max(strongest, std::abs(r));
+  }
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    const VertexBytes vertex(field, i, strongest);
+    file.Write(vertex.bytes, sizeof(vertex.bytes));
   }
 }
 

@@ -102,6 +102,58 @@ std::vector<std::string> PngFilesOf(const std::string& folder)
   return files;
 }
 
+/// Finds the pictures of all rows. `named` are those that the rows name.
+void SetImages(SequenceFile& file, const PoseCsv& table, const std::vector<std::string>& named,
+               const ImageOptions& options)
+{
+  const std::string folder = options.folder.empty() ? FolderOf(file.fileName) : options.folder;
+  if (!options.pattern.empty())
+  {
+    for (int frame = 0; frame < file.numberOfFrames; ++frame)
+    {
+      file.images.push_back((std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
+    }
+  }
+  else if (table.HasColumn("image"))
+  {
+    for (const std::string& name : named)
+    {
+      file.images.push_back(CompanionFile(file.fileName, folder, name));
+    }
+  }
+  else if (options.wanted && !options.folder.empty())
+  {
+    file.images = PngFilesOf(folder);
+    if (file.images.size() != file.frames.size())
+    {
+      Refuse(file, "has " + std::to_string(file.frames.size()) + " poses, but " + folder + " has " +
+                       std::to_string(file.images.size()) + " PNG files");
+    }
+  }
+  else if (options.wanted)
+  {
+    Refuse(file, "has no column image; add one, or give an image folder or pattern");
+  }
+}
+
+/// Takes size and type of the first picture and refuses others. Those of frames without a sound pose are not shown, and
+/// may be missing.
+void TakeSize(SequenceFile& file)
+{
+  const PngHeader first = ReadPngHeader(file.images[0]);
+  file.width = first.width;
+  file.height = first.height;
+  file.elementType = first.elementType;
+  file.channels = first.channels;
+  for (std::size_t row = 1; row < file.images.size(); ++row)
+  {
+    if (file.frames[row].at("ImageToReferenceTransformStatus") == "OK")
+    {
+      RequirePng(file.images[row], first);
+    }
+  }
+}
+
 }  // namespace
 
 bool LooksLikePoseCsv(const std::string& beginning)
@@ -243,48 +295,10 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
   }
   file.numberOfFrames = static_cast<int>(file.frames.size());
 
-  const std::string folder = options.folder.empty() ? FolderOf(file.fileName) : options.folder;
-  if (!options.pattern.empty())
-  {
-    for (int frame = 0; frame < file.numberOfFrames; ++frame)
-    {
-      file.images.push_back((std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
-    }
-  }
-  else if (table.HasColumn("image"))
-  {
-    for (const std::string& name : named)
-    {
-      file.images.push_back(CompanionFile(file.fileName, folder, name));
-    }
-  }
-  else if (options.wanted && !options.folder.empty())
-  {
-    file.images = PngFilesOf(folder);
-    if (file.images.size() != file.frames.size())
-    {
-      Refuse(file, "has " + std::to_string(file.frames.size()) + " poses, but " + folder + " has " +
-                       std::to_string(file.images.size()) + " PNG files");
-    }
-  }
-  else if (options.wanted)
-  {
-    Refuse(file, "has no column image; add one, or give an image folder or pattern");
-  }
+  SetImages(file, table, named, options);
   if (options.wanted)
   {
-    const PngHeader first = ReadPngHeader(file.images[0]);
-    file.width = first.width;
-    file.height = first.height;
-    file.elementType = first.elementType;
-    file.channels = first.channels;
-    for (std::size_t row = 1; row < file.images.size(); ++row)
-    {
-      if (file.frames[row].at("ImageToReferenceTransformStatus") == "OK")  // others are not shown, and may be missing
-      {
-        RequirePng(file.images[row], first);
-      }
-    }
+    TakeSize(file);
   }
   else if (!file.images.empty() && !table.HasColumn("width") && !table.HasColumn("height"))
   {
