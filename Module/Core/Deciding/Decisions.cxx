@@ -7,9 +7,9 @@
 #include <optional>
 
 #include "Core/Deciding/DecisionRules.h"
-#include "Core/Deciding/Format.h"
 #include "Core/Deciding/Trials.h"
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Probe/ElevationEstimate.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Stopwatch.h"

@@ -15,8 +15,8 @@
 #include <utility>
 
 #include "Core/Deciding/DecisionRules.h"
-#include "Core/Deciding/Format.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Numerics/OpenCv.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Poses/FramePrediction.h"
@@ -522,30 +522,11 @@ constexpr int kFolds = 4;
 /// their poses become worse: neighbours tell how three frames lie to each other, and small errors of that add up.
 constexpr double kLeastRefinementGain = 0.1;
 
-/// Aligns frames to what others predict of their places (Poses/PoseRefinement.h), where frames that take no part are
-/// then predicted better. What is said of it in words.
-std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorrection& correction)
+/// Of every frame the first comparison of each lag, revisits last.
+std::vector<std::array<Test, kLags>> TestsOf(const std::vector<PoseRefinement::Comparison>& comparisons,
+                                             std::size_t frames)
 {
-  Trajectory& trajectory = correction.trajectory;
-  const Sweep now = AtCorrectedPoses(sweep, correction);
-  const PoseRefinement refinement(now, frames, trajectory.stroke);
-  const auto& comparisons = refinement.Comparisons();
-  if (comparisons.empty())
-  {
-    return "";
-  }
-  const FramePictures pictures = PicturesOf(sweep, frames);
-  const auto planesAt = [&](const std::vector<Eigen::Matrix4d>& poses)
-  {
-    std::vector<SlicePlane> planes;
-    for (const int frame : frames)
-    {
-      planes.push_back(PicturePlane(sweep, poses[frame], pictures.reduction));
-    }
-    return planes;
-  };
-  const int n = static_cast<int>(frames.size());
-  std::vector<std::array<Test, kLags>> tests(n);
+  std::vector<std::array<Test, kLags>> tests(frames);
   for (auto& of : tests)
   {
     of.fill({-1, -1, -1});
@@ -558,7 +539,26 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
       tests[c.frame][lag] = {c.frame, c.before, c.after};
     }
   }
-  const std::vector<SlicePlane> before = planesAt(now.imageToReference);
+  return tests;
+}
+
+/// What each frame says of a refinement in which it took no part.
+std::vector<Findings> JudgeInFolds(const Sweep& sweep, const std::vector<int>& frames, const PoseRefinement& refinement,
+                                   const std::vector<Eigen::Matrix4d>& poses)
+{
+  const FramePictures pictures = PicturesOf(sweep, frames);
+  const auto planesAt = [&](const std::vector<Eigen::Matrix4d>& at)
+  {
+    std::vector<SlicePlane> planes;
+    for (const int frame : frames)
+    {
+      planes.push_back(PicturePlane(sweep, at[frame], pictures.reduction));
+    }
+    return planes;
+  };
+  const int n = static_cast<int>(frames.size());
+  const auto tests = TestsOf(refinement.Comparisons(), frames.size());
+  const std::vector<SlicePlane> before = planesAt(poses);
   std::vector<Findings> findings(n);
   for (int fold = 0; fold < kFolds; ++fold)
   {
@@ -578,6 +578,21 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
                         }
                       });
   }
+  return findings;
+}
+
+/// Aligns frames to what others predict of their places (Poses/PoseRefinement.h), where frames that take no part are
+/// then predicted better. What is said of it in words.
+std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorrection& correction)
+{
+  Trajectory& trajectory = correction.trajectory;
+  const Sweep now = AtCorrectedPoses(sweep, correction);
+  const PoseRefinement refinement(now, frames, trajectory.stroke);
+  if (refinement.Comparisons().empty())
+  {
+    return "";
+  }
+  const std::vector<Findings> findings = JudgeInFolds(sweep, frames, refinement, now.imageToReference);
   const Estimate gain = GainOf(findings, nullptr), share = ConfirmedShare(findings);
   correction.isRefined = share.mean - kLeastConfirmed > kLeastStandardErrors * share.error &&
                          gain.mean > std::max(kLeastRefinementGain, gain.error);

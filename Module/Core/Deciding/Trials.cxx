@@ -7,9 +7,9 @@
 #include <numeric>
 
 #include "Core/Deciding/DecisionRules.h"
-#include "Core/Deciding/Format.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Judging.h"

@@ -7,6 +7,10 @@
 
 namespace bigus
 {
+namespace
+{
+
+using States = Eigen::Matrix<double, 2, Eigen::Dynamic>;
 
 // The state x_k = (place, velocity) at time k follows x_(k+1) = F x_k + e, where F = (1 d; 0 1) and e has the covariance
 // drive Q, Q = (d^3/3 d^2/2; d^2/2 d). With H = (1 0) the smoothed states minimise
@@ -15,33 +19,49 @@ namespace bigus
 //
 // whose matrix is block tridiagonal. Elimination forward and substitution backward are the filter and the smoother of
 // Rauch, Tung and Striebel (1965), with nothing assumed about the first state.
-SmoothedCurve Smooth(const std::vector<double>& times, const Eigen::MatrixXd& values,
-                     const std::vector<double>& weights, double drive)
+struct Equations
 {
-  using States = Eigen::Matrix<double, 2, Eigen::Dynamic>;
+  std::vector<Eigen::Matrix2d> diagonal, below;  // the matrix
+  std::vector<States> right;
+  std::vector<Eigen::Matrix2d> transition, precision;  // F and (drive Q)^-1
+  double logDeterminant = 0;                           // of all covariances
+};
+
+Equations EquationsOf(const std::vector<double>& times, const Eigen::MatrixXd& values,
+                      const std::vector<double>& weights, double drive)
+{
   const std::size_t n = times.size();
-  const auto columns = values.cols();
-  std::vector<Eigen::Matrix2d> diagonal(n, Eigen::Matrix2d::Zero()), below(n, Eigen::Matrix2d::Zero());
-  std::vector<Eigen::Matrix2d> transition(n), precision(n);
-  std::vector<States> right(n, States::Zero(2, columns));
-  SmoothedCurve curve;
+  const std::vector<Eigen::Matrix2d> zeros(n, Eigen::Matrix2d::Zero());
+  Equations e{zeros, zeros, std::vector<States>(n, States::Zero(2, values.cols())), zeros, zeros};
   for (std::size_t k = 0; k < n; ++k)
   {
-    diagonal[k](0, 0) += weights[k];
-    right[k].row(0) = weights[k] * values.row(static_cast<Eigen::Index>(k));
-    curve.logDeterminant -= std::log(weights[k]);
+    e.diagonal[k](0, 0) += weights[k];
+    e.right[k].row(0) = weights[k] * values.row(static_cast<Eigen::Index>(k));
+    e.logDeterminant -= std::log(weights[k]);
     if (k + 1 < n)
     {
       const double d = times[k + 1] - times[k];
-      transition[k] << 1, d, 0, 1;
-      precision[k] << 12 / (d * d * d), -6 / (d * d), -6 / (d * d), 4 / d;
-      precision[k] /= drive;
-      curve.logDeterminant += std::log(drive * drive * d * d * d * d / 12);
-      diagonal[k] += transition[k].transpose() * precision[k] * transition[k];
-      diagonal[k + 1] = precision[k];
-      below[k] = -precision[k] * transition[k];
+      e.transition[k] << 1, d, 0, 1;
+      e.precision[k] << 12 / (d * d * d), -6 / (d * d), -6 / (d * d), 4 / d;
+      e.precision[k] /= drive;
+      e.logDeterminant += std::log(drive * drive * d * d * d * d / 12);
+      e.diagonal[k] += e.transition[k].transpose() * e.precision[k] * e.transition[k];
+      e.diagonal[k + 1] = e.precision[k];
+      e.below[k] = -e.precision[k] * e.transition[k];
     }
   }
+  return e;
+}
+
+}  // namespace
+
+SmoothedCurve Smooth(const std::vector<double>& times, const Eigen::MatrixXd& values,
+                     const std::vector<double>& weights, double drive)
+{
+  const std::size_t n = times.size();
+  auto [diagonal, below, right, transition, precision, logDeterminant] = EquationsOf(times, values, weights, drive);
+  SmoothedCurve curve;
+  curve.logDeterminant = logDeterminant;
   std::vector<Eigen::Matrix2d> inverse(n);
   for (std::size_t k = 0; k < n; ++k)
   {
@@ -54,7 +74,7 @@ SmoothedCurve Smooth(const std::vector<double>& times, const Eigen::MatrixXd& va
     curve.logDeterminant += std::log(diagonal[k].determinant());
     inverse[k] = diagonal[k].inverse();
   }
-  curve.values.resize(static_cast<Eigen::Index>(n), columns);
+  curve.values.resize(static_cast<Eigen::Index>(n), values.cols());
   curve.leverage.resize(static_cast<Eigen::Index>(n));
   States state, after;
   Eigen::Matrix2d covariance;

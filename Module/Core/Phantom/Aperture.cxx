@@ -12,16 +12,39 @@
 namespace bigus
 {
 
-Aperture::Aperture(const PhantomOptions& options, const SlicePlane& plane)
+namespace
+{
+
+void RequireRightAngles(const SlicePlane& plane)
 {
   plane.Validate("phantom plane");
-  const double a = plane.columnStep.norm(), b = plane.rowStep.norm();
-  if (std::abs(plane.columnStep.dot(plane.rowStep)) > 1e-4 * a * b)
+  if (std::abs(plane.columnStep.dot(plane.rowStep)) > 1e-4 * plane.columnStep.norm() * plane.rowStep.norm())
   {
     throw Error(
         "phantom plane: rows and columns are not orthogonal; beams run along the rows' step, so a sheared "
         "plane has no probe that could see it.");
   }
+}
+
+/// That the image can be simulated: echo samples and scatterers as they are expected, in double since they may be too many.
+void RequireSmall(const SlicePlane& plane, double samples, double scatterers)
+{
+  if (!(plane.NumberOfPixels() <= (std::size_t(1) << 28) && samples <= std::ldexp(1.0, 26) &&
+        scatterers <= std::ldexp(1.0, 30)))
+  {
+    throw Error("phantom plane: " + std::to_string(plane.width) + " x " + std::to_string(plane.height) + " pixels of " +
+                std::to_string(plane.columnStep.norm()) + " x " + std::to_string(plane.rowStep.norm()) +
+                " mm are too large an image to simulate (at most 2^28 pixels, 2^26 echo samples and 2^30 "
+                "scatterers); ask for a smaller plane.");
+  }
+}
+
+}  // namespace
+
+Aperture::Aperture(const PhantomOptions& options, const SlicePlane& plane)
+{
+  RequireRightAngles(plane);
+  const double a = plane.columnStep.norm(), b = plane.rowStep.norm();
   axial = plane.rowStep / b;
   elevation = plane.Normal();
   lateral = axial.cross(elevation);
@@ -62,14 +85,7 @@ Aperture::Aperture(const PhantomOptions& options, const SlicePlane& plane)
   const double area = (lastRange - firstRange + 2 * kReach * options.axialSigma) *
                       ((fan ? 2 * lastLine * lastRange : 2 * lastLine) + 2 * kReach * options.lateralSigma);
   const double scatterers = area * 2 * kReach * options.elevationSigma * options.scattererDensity;
-  if (!(plane.NumberOfPixels() <= (std::size_t(1) << 28) && samples <= std::ldexp(1.0, 26) &&
-        scatterers <= std::ldexp(1.0, 30)))
-  {
-    throw Error("phantom plane: " + std::to_string(width) + " x " + std::to_string(height) + " pixels of " +
-                std::to_string(a) + " x " + std::to_string(b) +
-                " mm are too large an image to simulate (at most 2^28 pixels, 2^26 echo samples and 2^30 "
-                "scatterers); ask for a smaller plane.");
-  }
+  RequireSmall(plane, samples, scatterers);
   if (!(face.cwiseAbs().maxCoeff() <= 1e6))
   {
     throw Error("phantom plane: it lies more than 1e6 mm from the phantom's origin; are the pose's units mm?");

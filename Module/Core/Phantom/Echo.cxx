@@ -92,14 +92,12 @@ void AddScaled(Complex* out, const Complex* in, float factor, int n)
   }
 }
 
-}  // namespace
-
-std::vector<Complex> SumEchoes(const PhantomOptions& options, const Aperture& aperture)
+/// Impulses, [ranges][lines]: exact elevation weight and carrier phase, bilinear place. The profile in range and line comes
+/// after.
+std::vector<Complex> Impulses(const PhantomOptions& options, const Aperture& aperture)
 {
   const int lines = aperture.lines;
   std::vector<Complex> grid(static_cast<std::size_t>(lines) * aperture.ranges);
-
-  // Impulses: exact elevation weight and carrier phase, bilinear place. The profile in range and line comes after.
   const double elevation = -0.5 / (options.elevationSigma * options.elevationSigma);
   const double twiceWavenumber = 4 * kPi * options.frequency / kSpeedOfSound;
   ForEachScatterer(options, aperture,
@@ -124,7 +122,15 @@ std::vector<Complex> SumEchoes(const PhantomOptions& options, const Aperture& ap
                      at[lines] += rf * (1 - lf) * echo;
                      at[lines + 1] += rf * lf * echo;
                    });
+  return grid;
+}
 
+}  // namespace
+
+std::vector<Complex> SumEchoes(const PhantomOptions& options, const Aperture& aperture)
+{
+  const int lines = aperture.lines;
+  std::vector<Complex> grid = Impulses(options, aperture);
   if (options.scene == PhantomScene::Organ)
   {
     Attenuate(options, aperture, grid);

@@ -121,21 +121,25 @@ double AmplitudeAt(const PhantomOptions& options, const Eigen::Vector3d& point, 
   return tissue.amplitude * (organ && kind == Tissue::Parenchyma ? ParenchymaTexture(point) : 1);
 }
 
-}  // namespace
-
-void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture,
-                      const std::function<void(const Scatterer&)>& visit)
+/// Visits what lies in the slab, with amplitude() where it does and is not 0.
+class Visitor
 {
-  const Slab slab(options, aperture);
-  const auto offer = [&](const Eigen::Vector3d& point, auto&& amplitude)
+public:
+  Visitor(const PhantomOptions& options, const Aperture& aperture, const std::function<void(const Scatterer&)>& visit)
+      : slab(options, aperture), aperture_(aperture), visit_(visit)
   {
-    const Eigen::Vector3d offset = point - aperture.face;
-    const double z = aperture.elevation.dot(offset);
+  }
+
+  template <class Amplitude>
+  void Offer(const Eigen::Vector3d& point, Amplitude&& amplitude) const
+  {
+    const Eigen::Vector3d offset = point - aperture_.face;
+    const double z = aperture_.elevation.dot(offset);
     if (std::abs(z) > slab.Thickness())
     {
       return;
     }
-    const BeamPoint place = aperture.ToBeam(aperture.lateral.dot(offset), aperture.axial.dot(offset));
+    const BeamPoint place = aperture_.ToBeam(aperture_.lateral.dot(offset), aperture_.axial.dot(offset));
     if (!slab.Reaches(place, 0))
     {
       return;
@@ -143,26 +147,43 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture,
     const double value = amplitude();
     if (value != 0)
     {
-      visit(Scatterer{place, z, value});
+      visit_(Scatterer{place, z, value});
     }
-  };
-
-  if (options.scene == PhantomScene::Points)
-  {
-    constexpr double kPitch = 10;           // mm
-    constexpr double kPointAmplitude = 10;  // +20 dB
-    ForEachCell(aperture, slab, kPitch / 2,
-                [&](const std::array<std::int64_t, 3>& c)
-                {
-                  // Cells of half the pitch: the point is the low corner of every cell with even, odd, even index.
-                  if (c[0] % 2 == 0 && c[1] % 2 != 0 && c[2] % 2 == 0)
-                  {
-                    offer(Eigen::Vector3d(c[0], c[1], c[2]) * (kPitch / 2), [] { return kPointAmplitude; });
-                  }
-                });
-    return;
   }
 
+  const Slab slab;
+
+private:
+  const Aperture& aperture_;
+  const std::function<void(const Scatterer&)>& visit_;
+};
+
+void ForEachPoint(const Aperture& aperture, const Visitor& visitor)
+{
+  constexpr double kPitch = 10;           // mm
+  constexpr double kPointAmplitude = 10;  // +20 dB
+  ForEachCell(aperture, visitor.slab, kPitch / 2,
+              [&](const std::array<std::int64_t, 3>& c)
+              {
+                // Cells of half the pitch: the point is the low corner of every cell with even, odd, even index.
+                if (c[0] % 2 == 0 && c[1] % 2 != 0 && c[2] % 2 == 0)
+                {
+                  visitor.Offer(Eigen::Vector3d(c[0], c[1], c[2]) * (kPitch / 2), [] { return kPointAmplitude; });
+                }
+              });
+}
+
+}  // namespace
+
+void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture,
+                      const std::function<void(const Scatterer&)>& visit)
+{
+  const Visitor visitor(options, aperture, visit);
+  if (options.scene == PhantomScene::Points)
+  {
+    ForEachPoint(aperture, visitor);
+    return;
+  }
   constexpr double kCell = 0.5;  // mm
   const double expected = options.scattererDensity * kCell * kCell * kCell;
   const int perCell = static_cast<int>(std::ceil(expected));
@@ -170,7 +191,7 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture,
   const double unit = 1 / std::sqrt(options.scattererDensity * std::pow(kPi, 1.5) * options.axialSigma *
                                     options.lateralSigma * options.elevationSigma);
   const std::uint64_t world = Mix(options.seed);
-  ForEachCell(aperture, slab, kCell,
+  ForEachCell(aperture, visitor.slab, kCell,
               [&](const std::array<std::int64_t, 3>& c)
               {
                 std::uint64_t hash = world;
@@ -185,7 +206,7 @@ void ForEachScatterer(const PhantomOptions& options, const Aperture& aperture,
                   const Eigen::Vector3d point =
                       Eigen::Vector3d(c[0] + inside(0), c[1] + inside(21), c[2] + inside(42)) * kCell;
                   const std::uint32_t chance = static_cast<std::uint32_t>(Mix(hash + 2 * k + 1));
-                  offer(point, [&] { return unit * AmplitudeAt(options, point, expected / perCell, chance); });
+                  visitor.Offer(point, [&] { return unit * AmplitudeAt(options, point, expected / perCell, chance); });
                 }
               });
 }

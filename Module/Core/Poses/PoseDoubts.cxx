@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Poses/Alignment.h"
 
 namespace bigus
@@ -23,13 +23,6 @@ constexpr double kShortestPath = 0.003, kLongestPath = 100;
 constexpr double kCoplanar = 0.005;  // pixels: as near do no two frames of a hand come
 constexpr double kSheared = 0.5;     // degrees that rows and columns may be off a right angle
 constexpr double kScaled = 0.01;     // share by which the sides of pixels may differ between frames
-
-std::string Text(const char* format, double value)
-{
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 std::string FramesOf(int some, int all)
 {
@@ -97,33 +90,33 @@ std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep)
   const double diagonal = (sweep.width * first.columnStep + sweep.height * first.rowStep).norm();
   if (smallest < kSmallestPixel)
   {
-    doubts.push_back("Pixels of " + Text("%.3g mm", smallest) +
+    doubts.push_back("Pixels of " + Format("%.3g mm", smallest) +
                      " are too small for ultrasound: matrices must be in millimetres, not in metres.");
   }
   else if (largest > kLargestPixel)
   {
-    doubts.push_back("Pixels of " + Text("%.3g mm", largest) +
+    doubts.push_back("Pixels of " + Format("%.3g mm", largest) +
                      " are too large for ultrasound: matrices must be in millimetres, and contain the image's scale.");
   }
   else if (frames > 1 && coplanar < frames - 1 && path < kShortestPath * diagonal)
   {
-    doubts.push_back("A path of " + Text("%.3g mm", path) + " is short beside an image of " +
-                     Text("%.3g mm", diagonal) + ": the probe hardly moved, or translations are in metres.");
+    doubts.push_back("A path of " + Format("%.3g mm", path) + " is short beside an image of " +
+                     Format("%.3g mm", diagonal) + ": the probe hardly moved, or translations are in metres.");
   }
   else if (frames > 1 && path > kLongestPath * diagonal)
   {
-    doubts.push_back("A path of " + Text("%.3g mm", path) + " is long beside an image of " + Text("%.3g mm", diagonal) +
-                     ": translations must be in millimetres.");
+    doubts.push_back("A path of " + Format("%.3g mm", path) + " is long beside an image of " +
+                     Format("%.3g mm", diagonal) + ": translations must be in millimetres.");
   }
   if (largest > (1 + kScaled) * smallest)
   {
-    doubts.push_back("Pixels measure from " + Text("%.4g", smallest) + Text(" to %.4g mm", largest) +
+    doubts.push_back("Pixels measure from " + Format("%.4g", smallest) + Format(" to %.4g mm", largest) +
                      ": the matrices of a sweep should have one scale.");
   }
   if (sheared > 0)
   {
     doubts.push_back("The matrices of " + FramesOf(sheared, frames) + " shear the image: rows and columns meet at" +
-                     Text(" %.1f degrees.", angle));
+                     Format(" %.1f degrees.", angle));
   }
   if (coplanar > 0)
   {

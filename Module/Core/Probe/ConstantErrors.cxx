@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <memory>
@@ -21,6 +20,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Numerics/LevenbergMarquardt.h"
 #include "Core/Numerics/Random.h"
 #include "Core/Poses/Alignment.h"
@@ -993,13 +993,6 @@ private:
   std::unique_ptr<Pictures> pictures_;
 };
 
-std::string Percent(double share)
-{
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f %%", 100 * share);
-  return text;
-}
-
 Vector ParametersOf(const ConstantErrors& errors)
 {
   Vector q;
@@ -1091,8 +1084,8 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
   out.differenceAfter = judgement.after;
   const double change = std::pow(judgement.after / std::max(judgement.before, 1e-9), 2) - 1;
   const std::string agreement = "the square of their difference " +
-                                std::string(change < 0 ? "falls by " : "grows by ") + Percent(std::abs(change)) +
-                                " where they did not tell the correction";
+                                std::string(change < 0 ? "falls by " : "grows by ") +
+                                Format("%.1f %%", 100 * std::abs(change)) + " where they did not tell the correction";
   const double bending =
       MeasurePoseError(CorrectedPoses(sweep, fit.value), sweep.imageToReference, sweep.width, sweep.height).bending;
   if (!isFound)
@@ -1118,17 +1111,12 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
 
 std::string Describe(const ConstantErrors& errors)
 {
-  const auto text = [](const char* format, double value)
-  {
-    char buffer[64];
-    std::snprintf(buffer, sizeof buffer, format, value);
-    return std::string(buffer);
+  const auto three = [&](const std::array<ConstantError, 3>& numbers) {
+    return Format("%.2f, ", numbers[0].value) + Format("%.2f, ", numbers[1].value) + Format("%.2f", numbers[2].value);
   };
-  const auto three = [&](const std::array<ConstantError, 3>& numbers)
-  { return text("%.2f, ", numbers[0].value) + text("%.2f, ", numbers[1].value) + text("%.2f", numbers[2].value); };
   const auto any = [](const std::array<ConstantError, 3>& numbers)
   { return std::any_of(numbers.begin(), numbers.end(), [](const ConstantError& n) { return n.value != 0; }); };
-  std::string out = errors.delay.value != 0 ? "poses taken" + text(" %.1f ms later", 1000 * errors.delay.value) : "";
+  std::string out = errors.delay.value != 0 ? "poses taken" + Format(" %.1f ms later", 1000 * errors.delay.value) : "";
   if (any(errors.shift) || any(errors.rotation))
   {
     out += std::string(out.empty() ? "" : ", ") + "image moved on the probe by (" + three(errors.shift) + ") mm and (" +

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Sweep.h"
+#include "KnownPlanes.h"
 #include "Scene.h"
 
 /// Whether a set of this name is one of those below; frames of the sweep have other names.

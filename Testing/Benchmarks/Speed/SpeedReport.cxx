@@ -17,6 +17,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Format.h"
 #include "MachinePeak.h"
 #include "Race.h"
 #include "SlabReslice.h"
@@ -31,25 +32,6 @@ namespace
 {
 
 using Json = nlohmann::ordered_json;
-
-/// Fixed number of decimals whatever the locale; "infinite" as such, "-" for what is no number.
-std::string FormatNumber(double value, int decimals)
-{
-  if (std::isnan(value))
-  {
-    return "-";
-  }
-  if (std::isinf(value))
-  {
-    return value > 0 ? "infinite" : "-infinite";
-  }
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  text.setf(std::ios::fixed);
-  text.precision(decimals);
-  text << value;
-  return text.str();
-}
 
 Json ToJson(const Contender& c)
 {

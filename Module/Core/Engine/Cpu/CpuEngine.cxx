@@ -321,7 +321,13 @@ private:
           frames, [&](const T* truth, T* weights, T* line) { return toDerivative(truth, weights, nullptr, line); });
     }
 
-    // Terms that look at whole images need all their rows: I of each frame, then dL/dI, then dL/dS.
+    return ForwardImages(frames, loss, toDerivative);
+  }
+
+  /// The same where terms look at whole images, which need all their rows: I of each frame, then dL/dI, then dL/dS.
+  template <class ToDerivative>
+  double ForwardImages(const std::vector<int>& frames, const Loss& loss, ToDerivative&& toDerivative)
+  {
     ForwardFrames(frames, [](const T*, T*, T*) { return 0.0; });
     const int width = sweep_->width, height = sweep_->height;
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;

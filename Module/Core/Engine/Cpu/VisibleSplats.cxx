@@ -53,7 +53,6 @@ template <class T>
 std::vector<TileCounts> VisibleSplats<T>::FindBlocks(CpuField<T>& field, const std::vector<Camera>& cameras, int width,
                                                      int height, const Truncation& truncation)
 {
-  const PixelBox whole{0, width, 0, height};
   std::vector<TileCounts> overlaps;
   for (std::size_t f = 0; f < (truncation.isShared ? cameras.size() : 0); ++f)
   {
@@ -68,7 +67,8 @@ std::vector<TileCounts> VisibleSplats<T>::FindBlocks(CpuField<T>& field, const s
     for (std::size_t f = 0; f < cameras.size() && (truncation.isShared || !reached[b]); ++f)
     {
       Reach reach;
-      if (!Reaches<T>(place, cameras[f], logMagnitude, truncation.logFloor, reach) || !Overlap(reach.box, whole))
+      if (!Reaches<T>(place, cameras[f], logMagnitude, truncation.logFloor, reach) ||
+          !Overlap(reach.box, PixelBox{0, width, 0, height}))
       {
         continue;
       }
@@ -176,18 +176,14 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
           const double logMagnitude = truncation.LogMagnitude(place);
           Reach reach;
           std::uint32_t most = 1;
-          if (truncation.isShared)
+          for (std::size_t f = 0; f < overlaps.size(); ++f)  // none where the tolerance is not shared
           {
-            for (std::size_t f = 0; f < cameras.size(); ++f)
+            if (Reaches<T>(place, cameras[f], logMagnitude, truncation.logFloor, reach))
             {
-              if (Reaches<T>(place, cameras[f], logMagnitude, truncation.logFloor, reach))
-              {
-                most = std::max(most, overlaps[f].Most(reach.box));
-              }
+              most = std::max(most, overlaps[f].Most(reach.box));
             }
           }
-          const double share = truncation.Share(most);
-          const double logShare = std::log(share);
+          const double share = truncation.Share(most), logShare = std::log(share);
           SplatBuffer<T> found;
           for (std::size_t f = 0; f < cameras.size(); ++f)
           {

@@ -7,9 +7,9 @@
 #include <limits>
 #include <vector>
 
-#include "Core/Evaluation/KnownPlanes.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Constants.h"
+#include "KnownPlanes.h"
 
 using bigus::KnownPlane;
 using bigus::PlaneScores;

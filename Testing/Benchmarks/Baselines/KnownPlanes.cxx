@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Evaluation/KnownPlanes.h"
+#include "KnownPlanes.h"
 
 #include <algorithm>
 #include <cmath>
