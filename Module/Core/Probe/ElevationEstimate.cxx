@@ -791,7 +791,7 @@ Step Climb(Correlation&& correlation)
   {
     return {};
   }
-  return Eigen::Vector2d(x, y) + sub;
+  return Step(Eigen::Vector2d(x, y) + sub);
 }
 
 /// How far frame b lies from where its pose says, seen from frame a.
