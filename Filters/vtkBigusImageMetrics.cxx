@@ -127,6 +127,19 @@ void AddTextureColumns(vtkTable* table, const std::vector<bigus::TextureComparis
   table->AddColumn(truthSpectrum);
 }
 
+void RequireOneSize(vtkImageData* image, vtkImageData* truth)
+{
+  int size[3], truthSize[3];
+  image->GetDimensions(size);
+  truth->GetDimensions(truthSize);
+  if (!std::equal(size, size + 3, truthSize))
+  {
+    throw bigus::Error("The image is " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
+                       std::to_string(size[2]) + " pixels, the truth " + std::to_string(truthSize[0]) + " x " +
+                       std::to_string(truthSize[1]) + " x " + std::to_string(truthSize[2]) + "; they must be equal.");
+  }
+}
+
 }  // namespace
 
 vtkBigusImageMetrics::vtkBigusImageMetrics()
@@ -180,16 +193,9 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     vtkImageData* truth = vtkImageData::GetData(inputs[1]);
     vtkDataArray* imageScalars = Pixels(image, "The image");
     vtkDataArray* truthScalars = Pixels(truth, "The truth");
-    int size[3], truthSize[3];
+    RequireOneSize(image, truth);
+    int size[3];
     image->GetDimensions(size);
-    truth->GetDimensions(truthSize);
-    if (!std::equal(size, size + 3, truthSize))
-    {
-      throw bigus::Error("The image is " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
-                         std::to_string(size[2]) + " pixels, the truth " + std::to_string(truthSize[0]) + " x " +
-                         std::to_string(truthSize[1]) + " x " + std::to_string(truthSize[2]) + "; they must be equal.");
-    }
-
     int extent[6];
     image->GetExtent(extent);
     const vtkIdType count = static_cast<vtkIdType>(size[0]) * size[1];

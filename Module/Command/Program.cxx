@@ -93,6 +93,24 @@ std::string NearestOption(const CLI::App& app, const std::string& given)
   return {};
 }
 
+/// The fault of a command line, and what may have been meant.
+std::string WhatIsWrong(const CLI::App& app, const CLI::ParseError& error)
+{
+  const std::vector<std::string> unknown = app.remaining(true);
+  std::string message = app.get_subcommands().empty() && !unknown.empty()
+                            ? "There is no command or option '" + unknown.front() + "'."
+                            : error.what();
+  for (const std::string& word : unknown)
+  {
+    for (const CLI::App* known : app.get_subcommands())
+    {
+      const std::string meant = word.compare(0, 2, "--") == 0 ? NearestOption(*known, word) : "";
+      message += meant.empty() ? "" : "\nDid you mean " + meant + " instead of " + word + "?";
+    }
+  }
+  return message;
+}
+
 }  // namespace
 
 std::size_t AddVerb(const Verb& verb)
@@ -157,19 +175,7 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const CLI::ParseError& error)
   {
-    const std::vector<std::string> unknown = app.remaining(true);
-    std::string message = app.get_subcommands().empty() && !unknown.empty()
-                              ? "There is no command or option '" + unknown.front() + "'."
-                              : error.what();
-    for (const std::string& word : unknown)
-    {
-      for (const CLI::App* known : app.get_subcommands())
-      {
-        const std::string meant = word.compare(0, 2, "--") == 0 ? NearestOption(*known, word) : "";
-        message += meant.empty() ? "" : "\nDid you mean " + meant + " instead of " + word + "?";
-      }
-    }
-    return Fail(console, UsageFault, message + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
+    return Fail(console, UsageFault, WhatIsWrong(app, error) + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
   }
   return RunChosenJob(program);
 }

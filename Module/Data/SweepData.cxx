@@ -54,11 +54,9 @@ std::shared_ptr<const std::vector<std::uint8_t>> MaskOf(vtkDataArray* array)
   return mask;
 }
 
-}  // namespace
-
-ImportedSweep SweepFromImage(vtkImageData* image)
+/// The image's grey values. Throws Error where it has none.
+vtkDataArray* PixelsOf(vtkImageData* image, const std::string& owner)
 {
-  const std::string owner = "Sweep";
   if (!image || image->GetNumberOfPoints() == 0)
   {
     throw Error(owner + ": the image has no pixels; connect a tracked sequence.");
@@ -78,7 +76,40 @@ ImportedSweep SweepFromImage(vtkImageData* image)
     throw Error(owner + ": the scalars have " + std::to_string(scalars->GetNumberOfTuples()) + " values for " +
                 std::to_string(image->GetNumberOfPoints()) + " pixels.");
   }
+  return scalars;
+}
 
+/// Shares the pixels with VTK, but for those of 16 bits.
+void SetPixels(vtkDataArray* scalars, const std::string& owner, Sweep& sweep)
+{
+  if (vtkUnsignedCharArray::SafeDownCast(scalars))
+  {
+    sweep.pixelType = Sweep::PixelType::UInt8;
+    sweep.pixels = Alias(scalars);
+  }
+  else if (vtkFloatArray::SafeDownCast(scalars))
+  {
+    sweep.pixelType = Sweep::PixelType::Float32;
+    sweep.pixels = Alias(scalars);
+  }
+  else if (auto* shorts = vtkUnsignedShortArray::SafeDownCast(scalars))
+  {
+    sweep.pixelType = Sweep::PixelType::Float32;
+    sweep.pixels = ShortsAsFloats(shorts);
+  }
+  else
+  {
+    throw Error(owner + ": pixels are of type " + scalars->GetDataTypeAsString() +
+                "; unsigned char, unsigned short, or float in [0, 1] are expected. Use vtkImageShiftScale first.");
+  }
+}
+
+}  // namespace
+
+ImportedSweep SweepFromImage(vtkImageData* image)
+{
+  const std::string owner = "Sweep";
+  vtkDataArray* scalars = PixelsOf(image, owner);
   int size[3];
   int extent[6];
   image->GetDimensions(size);
@@ -111,26 +142,7 @@ ImportedSweep SweepFromImage(vtkImageData* image)
     sweep.mask = MaskOf(mask);
   }
 
-  if (vtkUnsignedCharArray::SafeDownCast(scalars))
-  {
-    sweep.pixelType = Sweep::PixelType::UInt8;
-    sweep.pixels = Alias(scalars);
-  }
-  else if (vtkFloatArray::SafeDownCast(scalars))
-  {
-    sweep.pixelType = Sweep::PixelType::Float32;
-    sweep.pixels = Alias(scalars);
-  }
-  else if (auto* shorts = vtkUnsignedShortArray::SafeDownCast(scalars))
-  {
-    sweep.pixelType = Sweep::PixelType::Float32;
-    sweep.pixels = ShortsAsFloats(shorts);
-  }
-  else
-  {
-    throw Error(owner + ": pixels are of type " + scalars->GetDataTypeAsString() +
-                "; unsigned char, unsigned short, or float in [0, 1] are expected. Use vtkImageShiftScale first.");
-  }
+  SetPixels(scalars, owner, sweep);
 
   ImportedSweep imported;
   vtkDataArray* status = FindArray(data, owner, "Status", 1, size[2], false);

@@ -187,6 +187,33 @@ void Scale(const SequenceFile& file, unsigned char* pixels, std::size_t count, d
   }
 }
 
+/// Where a frame of the file goes in the output, or -1.
+std::vector<int> PlacesOf(const std::vector<int>& frames, std::size_t framesOfFile)
+{
+  std::vector<int> place(framesOfFile, -1);
+  for (std::size_t i = 0; i < frames.size(); ++i)
+  {
+    place[static_cast<std::size_t>(frames[i])] = static_cast<int>(i);
+  }
+  return place;
+}
+
+/// Scales `count` pixels to what is shown as white: `range`, or where that is not given, what the bits in use hold.
+void SetRange(const SequenceFile& file, double range, unsigned char* pixels, std::size_t count, ReadPixels& read)
+{
+  read.usedRange = range;
+  if (file.elementType == ElementType::UInt16 && !(range > 0))
+  {
+    const int bits = UnusedBits(reinterpret_cast<const std::uint16_t*>(pixels), count);
+    read.usedBits = bits > 0 ? 16 - bits : 0;
+    read.usedRange = bits > 0 ? (1 << read.usedBits) - 1 : range;
+  }
+  if (read.usedRange > 0)
+  {
+    Scale(file, pixels, count, read.usedRange);
+  }
+}
+
 }  // namespace
 
 std::vector<unsigned char> ClipMask(const SequenceFile& file, const Clip& clip)
@@ -230,13 +257,7 @@ bool ReadFrames(const SequenceFile& file, const PoseTable& poses, const std::vec
   read = ReadPixels();
   read.lit.assign(pixelsPerFrame, 0);
 
-  // Where a frame of the file goes in the output, or -1.
-  std::vector<int> place(poses.frames.size(), -1);
-  for (std::size_t i = 0; i < frames.size(); ++i)
-  {
-    place[static_cast<std::size_t>(frames[i])] = static_cast<int>(i);
-  }
-
+  const std::vector<int> place = PlacesOf(frames, poses.frames.size());
   if (file.framesFastest && !ReadInterleaved(file, place, goOn, pixels))
   {
     return false;
@@ -284,18 +305,7 @@ bool ReadFrames(const SequenceFile& file, const PoseTable& poses, const std::vec
   {
     stream->Finish();
   }
-  const std::size_t count = pixelsPerFrame * frames.size();
-  read.usedRange = range;
-  if (file.elementType == ElementType::UInt16 && !(range > 0))
-  {
-    const int bits = UnusedBits(reinterpret_cast<const std::uint16_t*>(pixels), count);
-    read.usedBits = bits > 0 ? 16 - bits : 0;
-    read.usedRange = bits > 0 ? (1 << read.usedBits) - 1 : range;
-  }
-  if (read.usedRange > 0)
-  {
-    Scale(file, pixels, count, read.usedRange);
-  }
+  SetRange(file, range, pixels, pixelsPerFrame * frames.size(), read);
   return true;
 }
 

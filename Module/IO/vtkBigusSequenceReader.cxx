@@ -100,6 +100,39 @@ FrameGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::
   return geometry;
 }
 
+// What is known of each of `frames`; times only where all have one.
+void AddFrameArrays(const bigus::PoseTable& poses, const std::vector<int>& frames, vtkFieldData* fields)
+{
+  const auto count = static_cast<vtkIdType>(frames.size());
+  const auto imageToReference = bigus::NewArray<vtkDoubleArray>("ImageToReference", 16, count);
+  const auto status = bigus::NewArray<vtkUnsignedCharArray>("Status", 1, count);
+  const auto sourceFrame = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
+  const auto timestamp = bigus::NewArray<vtkDoubleArray>("Timestamp", 1, count);
+  bool allTimed = true;
+  for (vtkIdType i = 0; i < count; ++i)
+  {
+    const auto source = static_cast<std::size_t>(frames[static_cast<std::size_t>(i)]);
+    for (int c = 0; c < 16; ++c)
+    {
+      imageToReference->SetComponent(i, c, poses.frames[source].imageToReference(c / 4, c % 4));
+    }
+    status->SetValue(i, poses.frames[source].accepted);
+    sourceFrame->SetValue(i, static_cast<int>(source));
+    timestamp->SetValue(i, poses.timestamps[source]);
+    allTimed = allTimed && std::isfinite(poses.timestamps[source]);
+  }
+  if (!poses.chain.empty())
+  {
+    fields->AddArray(imageToReference);
+  }
+  fields->AddArray(status);
+  fields->AddArray(sourceFrame);
+  if (allTimed)
+  {
+    fields->AddArray(timestamp);
+  }
+}
+
 }  // namespace
 
 class vtkBigusSequenceReader::vtkInternals
@@ -293,40 +326,13 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     }
     output->GetPointData()->SetScalars(scalars);
 
-    const auto imageToReference = bigus::NewArray<vtkDoubleArray>("ImageToReference", 16, count);
-    const auto status = bigus::NewArray<vtkUnsignedCharArray>("Status", 1, count);
-    const auto sourceFrame = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
-    const auto timestamp = bigus::NewArray<vtkDoubleArray>("Timestamp", 1, count);
-    bool allTimed = true;
-    for (vtkIdType i = 0; i < count; ++i)
-    {
-      const auto source = static_cast<std::size_t>(frames[static_cast<std::size_t>(i)]);
-      for (int c = 0; c < 16; ++c)
-      {
-        imageToReference->SetComponent(i, c, poses.frames[source].imageToReference(c / 4, c % 4));
-      }
-      status->SetValue(i, poses.frames[source].accepted);
-      sourceFrame->SetValue(i, static_cast<int>(source));
-      timestamp->SetValue(i, poses.timestamps[source]);
-      allTimed = allTimed && std::isfinite(poses.timestamps[source]);
-    }
-    vtkFieldData* const fields = output->GetFieldData();
-    if (!poses.chain.empty())
-    {
-      fields->AddArray(imageToReference);
-    }
-    fields->AddArray(status);
-    fields->AddArray(sourceFrame);
-    if (allTimed)
-    {
-      fields->AddArray(timestamp);
-    }
+    AddFrameArrays(poses, frames, output->GetFieldData());
     if (this->AutoMask || !clip.empty())
     {
       const auto mask = bigus::NewArray<vtkUnsignedCharArray>("Mask", 1, pixelsPerFrame);
       const std::vector<unsigned char>& values = this->AutoMask ? read.lit : clip;
       std::copy(values.begin(), values.end(), mask->GetPointer(0));
-      fields->AddArray(mask);
+      output->GetFieldData()->AddArray(mask);
     }
   }
   catch (const std::exception& error)
