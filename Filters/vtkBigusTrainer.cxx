@@ -368,15 +368,15 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     if (IsShared(this->Controller))
     {
       bigus::ProcessExchange exchange(this->Controller);
-      exchange.Together([&] { this->Train(inputs, outputs, &exchange); });
-      const bigus::PeerExchange::Traffic& sent = exchange.Sent();
+      exchange.Together([&] { this->Train(inputs, outputs, exchange); });
+      const bigus::Exchange::Traffic sent = exchange.Sent();
       this->SentBytes = static_cast<vtkTypeInt64>(sent.bytes);
       this->WaitingSeconds = sent.waiting;
       this->SendingSeconds = sent.sending;
     }
     else
     {
-      this->Train(inputs, outputs, nullptr);
+      this->Train(inputs, outputs, bigus::Exchange::Alone());
     }
     this->WasAsked = false;
     return 1;
@@ -391,7 +391,7 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   }
 }
 
-void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange* exchange)
+void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange& exchange)
 {
   vtkPolyData* output = vtkPolyData::GetData(outputs, 0);
   vtkTable* log = vtkTable::GetData(outputs, 1);

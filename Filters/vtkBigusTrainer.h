@@ -342,7 +342,7 @@ private:
   vtkBigusTrainer(const vtkBigusTrainer&) = delete;
   void operator=(const vtkBigusTrainer&) = delete;
 
-  void Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange* exchange);
+  void Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange& exchange);
   /// Tells other processes, which wait for this one, that it has no input.
   void TellOfNoInput();
 

@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "Core/Engine/Exchange.h"
 #include "Core/Engine/FieldState.h"
 #include "Core/Model/Error.h"
 #include "Core/Training/Course.h"
@@ -15,6 +16,7 @@ namespace
 
 using bigus::Course;
 using bigus::CourseBounds;
+using bigus::Exchange;
 using bigus::GaussianField;
 using bigus::StateReader;
 using bigus::StateWriter;
@@ -173,15 +175,15 @@ TEST(Course, NumbersOfAnotherPlanAreRefused)
 TEST(Course, OfSeveralProcessesEachGetsItsOwnPart)
 {
   StateWriter alone;
-  bigus::SaveParts("mine", nullptr, alone);
+  bigus::SaveParts("mine", Exchange::Alone(), alone);
   const std::string one = alone.Take();
-  EXPECT_EQ(bigus::LoadPart(one, nullptr), "mine");
+  EXPECT_EQ(bigus::LoadPart(one, Exchange::Alone()), "mine");
   StateWriter two;
   two.Number(std::uint64_t(2));
   two.Text("mine");
   two.Text("theirs");
   const std::string both = two.Take();
-  EXPECT_THROW(bigus::LoadPart(both, nullptr), bigus::Error);
+  EXPECT_THROW(bigus::LoadPart(both, Exchange::Alone()), bigus::Error);
 }
 
 }  // namespace

@@ -241,7 +241,7 @@ TrainingResult TrainTogether(int processes, const std::shared_ptr<const Sweep>& 
   std::vector<TrainingResult> results(static_cast<std::size_t>(processes));
   const auto errors = InThreads(
       processes, [&](Exchange& exchange)
-      { results[static_cast<std::size_t>(exchange.Rank())] = Train(sweep, options, nullptr, {}, {}, &exchange); });
+      { results[static_cast<std::size_t>(exchange.Rank())] = Train(sweep, options, nullptr, {}, {}, exchange); });
   EXPECT_EQ(errors, std::vector<std::string>(static_cast<std::size_t>(processes)));
   for (const TrainingResult& result : results)
   {
@@ -313,7 +313,7 @@ TEST(TrainingInParts, WhatStopsOneStopsAll)
         const int rank = exchange.Rank();
         results[static_cast<std::size_t>(rank)] = Train(
             sweep, QuickOptions(), nullptr,
-            [rank](const TrainingProgress& now) { return rank != 2 || now.record.iteration < 20; }, {}, &exchange);
+            [rank](const TrainingProgress& now) { return rank != 2 || now.record.iteration < 20; }, {}, exchange);
       });
   EXPECT_EQ(errors, std::vector<std::string>(3));
   for (const TrainingResult& result : results)
@@ -341,7 +341,7 @@ TEST(TrainingInParts, WhatFailsInOneFailsInAll)
                                         }
                                         return true;
                                       },
-                                      {}, &exchange);
+                                      {}, exchange);
                                 });
   EXPECT_EQ(errors[2], "the disk is full");
   EXPECT_EQ(errors[0], "Process 2 of 4: the disk is full");
@@ -357,7 +357,7 @@ TEST(TrainingInParts, RefusesWhatCannotWork)
                      {
                        TrainerOptions options = QuickOptions();
                        change(exchange.Rank(), options);
-                       Train(sweep, options, nullptr, {}, {}, &exchange);
+                       Train(sweep, options, nullptr, {}, {}, exchange);
                      });
   };
   const std::vector<std::pair<std::function<void(int, TrainerOptions&)>, std::string>> wrong = {

@@ -270,7 +270,7 @@ Decision DecideGaussians(State& state)
 
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
                              TrainingPlan& plan, const ProgressCallback& progress, TrialKeeper& keeper,
-                             Exchange* exchange)
+                             Exchange& exchange)
 {
   // Trials and speckle rest on the order of frames, so they look at one sequence.
   const std::vector<int> longest = LongestSequence(sweep, frames);

@@ -23,6 +23,6 @@ namespace bigus
 /// scores of trials that were made before. Of `exchange` see TrainingLoop.
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
                              TrainingPlan& plan, const ProgressCallback& progress, TrialKeeper& keeper,
-                             Exchange* exchange);
+                             Exchange& exchange);
 
 }  // namespace bigus

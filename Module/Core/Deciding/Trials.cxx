@@ -77,7 +77,7 @@ std::string Gain::ToString() const
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
-               const ProgressCallback& progress, TrialKeeper& keeper, Exchange* exchange)
+               const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange)
     : asked_(asked), progress_(progress), keeper_(keeper), exchange_(exchange)
 {
   const std::size_t tried = std::min(kTrialFrames, frames.size());

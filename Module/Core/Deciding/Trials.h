@@ -39,7 +39,7 @@ public:
   /// `asked` is what the caller set; it bounds what a trial may do. Finished trials and the one under way are kept by `keeper`. Of `exchange` see TrainingLoop. What is referred
   /// to must outlive this.
   Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
-         const ProgressCallback& progress, TrialKeeper& keeper, Exchange* exchange);
+         const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange);
 
   /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.
   std::optional<Gain> Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes);
@@ -70,7 +70,7 @@ private:
   const TrainerOptions& asked_;
   const ProgressCallback& progress_;
   TrialKeeper& keeper_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;
   std::vector<AcrossTruth> across_;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -37,13 +38,23 @@ public:
   virtual void Sum(double*, std::size_t) {}
 
   /// The bytes of every process, by rank; they may differ in length.
-  virtual std::vector<std::string> Gather(const std::string& mine) { return {mine}; }
+  virtual std::vector<std::string> Gather(std::string mine);
 
   /// Whether one of them says so.
   virtual bool Any(bool here) { return here; }
 
   /// The number that the first process has: of a clock, say.
   virtual double OfFirst(double here) { return here; }
+
+  /// What was exchanged so far.
+  struct Traffic
+  {
+    std::uint64_t calls = 0;
+    std::uint64_t bytes = 0;  ///< that this process sent
+    double waiting = 0;       ///< s, for the last process to make the call, and for the few bytes that tell of it
+    double sending = 0;       ///< s, for all other bytes
+  };
+  virtual Traffic Sent() const { return {}; }
 
   /// The engine `name` for this process's part of the field. The exchange must outlive it.
   virtual std::unique_ptr<Engine> CreateEngine(const std::string& name);

@@ -73,7 +73,7 @@ void PeerExchange::Together(const std::function<void()>& work)
   }
 }
 
-std::vector<std::string> PeerExchange::Gather(const std::string& mine)
+std::vector<std::string> PeerExchange::Gather(std::string mine)
 {
   const std::vector<Message> messages = Meet(Call::Gather, mine.size(), 0);
   std::uint64_t longest = 0;

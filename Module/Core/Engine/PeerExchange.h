@@ -27,20 +27,11 @@ public:
   void Together(const std::function<void()>& work) override;
   void Sum(float* values, std::size_t count) override { SumOf(values, count); }
   void Sum(double* values, std::size_t count) override { SumOf(values, count); }
-  std::vector<std::string> Gather(const std::string& mine) override;
+  std::vector<std::string> Gather(std::string mine) override;
   bool Any(bool here) override;
   double OfFirst(double here) override;
   std::unique_ptr<Engine> CreateEngine(const std::string& name) override;
-
-  /// What was exchanged so far.
-  struct Traffic
-  {
-    std::uint64_t calls = 0;
-    std::uint64_t bytes = 0;  ///< that this process sent
-    double waiting = 0;       ///< s, for the last process to make the call, and for the few bytes that tell of it
-    double sending = 0;       ///< s, for all other bytes
-  };
-  const Traffic& Sent() const { return sent_; }
+  Traffic Sent() const override { return sent_; }
 
 protected:
   /// `all` gets `bytes` from every process, by rank. Throws Error when it cannot.

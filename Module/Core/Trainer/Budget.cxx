@@ -24,7 +24,7 @@ constexpr double kLeastTime = 1e-9;
 
 }  // namespace
 
-Budget::Budget(double limit, double before, ProgressCallback progress, Exchange* exchange)
+Budget::Budget(double limit, double before, ProgressCallback progress, Exchange& exchange)
     : limit_(limit), progress_(std::move(progress)), exchange_(exchange), watch_(before)
 {
 }
@@ -44,7 +44,7 @@ bool Budget::Tell(TrainingProgress now)
   }
   now.fraction = fraction_;
   isAborted_ = isAborted_ || (progress_ && !progress_(now));
-  isAborted_ = exchange_ ? exchange_->Any(isAborted_) : isAborted_;
+  isAborted_ = exchange_.Any(isAborted_);
   return !isAborted_;
 }
 
@@ -90,7 +90,7 @@ ProgressCallback Budget::OfTrials()
 
 double Budget::Spent() const
 {
-  return exchange_ ? exchange_->OfFirst(Seconds()) : Seconds();
+  return exchange_.OfFirst(Seconds());
 }
 
 }  // namespace bigus

@@ -15,9 +15,9 @@ class Exchange;
 class Budget
 {
 public:
-  /// `limit` s, 0: none; `before` s of it are spent. `progress` may be empty. With an `exchange`, which must outlive this,
-  /// all processes make the same calls.
-  Budget(double limit, double before, ProgressCallback progress, Exchange* exchange);
+  /// `limit` s, 0: none; `before` s of it are spent. `progress` may be empty. The `exchange` must outlive this, and all its
+  /// processes make the same calls.
+  Budget(double limit, double before, ProgressCallback progress, Exchange& exchange);
 
   bool IsLimited() const { return limit_ > 0; }
   /// A limit that is so short that trials would end amid the first comparison.
@@ -47,7 +47,7 @@ private:
 
   double limit_;
   ProgressCallback progress_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   Stopwatch watch_;
   bool isAborted_ = false;
   double trialsShare_ = 0;

@@ -213,16 +213,14 @@ NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const G
   return identity;
 }
 
-Checkpointer::Checkpointer(const Checkpoints& checkpoints, NamedTexts identity, Exchange* exchange)
+Checkpointer::Checkpointer(const Checkpoints& checkpoints, NamedTexts identity, Exchange& exchange)
     : checkpoints_(checkpoints),
       exchange_(exchange),
-      isKept_(exchange ? exchange->OfFirst(checkpoints.save ? 1 : 0) > 0 : static_cast<bool>(checkpoints.save)),
+      isKept_(exchange.OfFirst(checkpoints.save ? 1 : 0) > 0),
       identity_(std::move(identity))
 {
-  identity_.emplace_back("processes", std::to_string(exchange ? exchange->Size() : 1));
-  const std::string ofFirst =
-      exchange ? exchange->Gather(exchange->Rank() == 0 ? checkpoints.resume : std::string())[0] : std::string();
-  const std::string& resume = exchange ? ofFirst : checkpoints.resume;
+  identity_.emplace_back("processes", std::to_string(exchange.Size()));
+  const std::string resume = exchange.Gather(exchange.Rank() == 0 ? checkpoints.resume : std::string())[0];
   if (!resume.empty())
   {
     Load(BodyOf(resume));
@@ -315,7 +313,7 @@ bool Checkpointer::IsDue()
     return false;
   }
   const bool isDue = watch_.Seconds() - saved_ >= checkpoints_.interval;
-  return exchange_ ? exchange_->OfFirst(isDue ? 1 : 0) > 0 : isDue;
+  return exchange_.OfFirst(isDue ? 1 : 0) > 0;
 }
 
 void Checkpointer::Save()
@@ -324,14 +322,11 @@ void Checkpointer::Save()
   {
     return;
   }
-  if (!exchange_ || exchange_->Rank() == 0)
+  if (exchange_.Rank() == 0)
   {
     Write();
   }
-  if (exchange_)
-  {
-    exchange_->Any(false);  // all hear of it when the first cannot write
-  }
+  exchange_.Any(false);  // all hear of it when the first cannot write
   saved_ = watch_.Seconds();
   isSaved_ = true;
   if (settled_)

@@ -46,9 +46,9 @@ class Checkpointer : public TrialKeeper
 {
 public:
   /// What is referred to must outlive this. Throws Error when there is a state to go on from and it is damaged or of a
-  /// training with another identity. With an `exchange` all processes have one and make the same calls; `checkpoints` of the
+  /// training with another identity. All processes of the `exchange` have one and make the same calls; `checkpoints` of the
   /// first count.
-  Checkpointer(const Checkpoints& checkpoints, NamedTexts identity, Exchange* exchange);
+  Checkpointer(const Checkpoints& checkpoints, NamedTexts identity, Exchange& exchange);
 
   /// Seconds that the training took before.
   double Seconds() const { return seconds_; }
@@ -78,7 +78,7 @@ private:
   void RequireSameTraining(const NamedTexts& then) const;
 
   const Checkpoints& checkpoints_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   bool isKept_;  // by the first process
   NamedTexts identity_;
   double seconds_ = 0;

@@ -184,17 +184,14 @@ void RequireSameTraining(Exchange& exchange, NamedTexts identity, double timeLim
 
 /// What says that a training is the same; empty where nobody asks. Throws Error in all processes unless they agree.
 NamedTexts AgreedIdentity(const Sweep& sweep, const TrainerOptions& options, const GaussianField* start,
-                          const Checkpoints& checkpoints, Exchange* exchange)
+                          const Checkpoints& checkpoints, Exchange& exchange)
 {
-  if (!exchange && !checkpoints.save && checkpoints.resume.empty())
+  if (exchange.IsAlone() && !checkpoints.save && checkpoints.resume.empty())
   {
     return {};
   }
   NamedTexts identity = IdentityOf(sweep, options, start);
-  if (exchange)
-  {
-    RequireSameTraining(*exchange, identity, options.timeLimit);
-  }
+  RequireSameTraining(exchange, identity, options.timeLimit);
   return identity;
 }
 
@@ -202,9 +199,9 @@ NamedTexts AgreedIdentity(const Sweep& sweep, const TrainerOptions& options, con
 class Training
 {
 public:
-  /// The options and the sweep are valid; the rest is as for Train, but for an `exchange` of one process, which is none.
+  /// The options and the sweep are valid; the rest is as for Train, but for an `exchange` of one process, which is Alone().
   Training(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
-           const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange* exchange,
+           const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange& exchange,
            const Stopwatch& sinceCall)
       : options_(options),
         start_(start),
@@ -234,7 +231,7 @@ private:
 
   const TrainerOptions& options_;
   const GaussianField* start_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   std::shared_ptr<const Sweep> sweep_;
   TrainerOptions asked_;  // the options, with what poses and the field to continue from settle
   Checkpointer keeper_;
@@ -452,7 +449,7 @@ TrainingResult Training::Finish()
   result_.log = std::move(fitted_.log);
   result_.iterations = fitted_.iterations;
   result_.device = loop_->engine().Device();
-  result_.processes = exchange_ ? exchange_->Size() : 1;
+  result_.processes = exchange_.Size();
   result_.aborted = budget_.IsAborted() && !fitted_.finished;  // a stop after the last step stopped nothing
   result_.finished = fitted_.finished;
   result_.seconds = budget_.Seconds();
@@ -462,13 +459,13 @@ TrainingResult Training::Finish()
 }  // namespace
 
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
-                     const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange* exchange)
+                     const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange& exchange)
 try
 {
   const Stopwatch sinceCall;
   options.Validate();
   sweep->Validate();
-  Exchange* others = exchange && exchange->Size() > 1 ? exchange : nullptr;
+  Exchange& others = exchange.IsAlone() ? Exchange::Alone() : exchange;
   Training training(std::move(sweep), options, start, progress, checkpoints, others, sinceCall);
   training.SetApart();
   training.CorrectPoses();

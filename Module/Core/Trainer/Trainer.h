@@ -10,6 +10,7 @@
 
 #include "Core/Deciding/Decision.h"
 #include "Core/Deciding/PoseCorrection.h"
+#include "Core/Engine/Exchange.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
@@ -17,8 +18,6 @@
 
 namespace bigus
 {
-
-class Exchange;
 
 struct TrainingResult
 {
@@ -59,12 +58,12 @@ struct Checkpoints
 /// `progress` (may be empty) is called at least every 100 ms or once an iteration; returning false stops training and
 /// keeps the best field so far. `start` (may be null) is a field to continue from instead of seeding; without one,
 /// fewer than two frames to train on or frames of equal pixels throughout are an Error.
-/// With an `exchange` of more than one process each of them trains a part of the field. All call this, with the same sweep,
+/// Each process of an `exchange` of several trains a part of the field. All call this, with the same sweep,
 /// options and start, and get the same field with the same bits; it differs by rounding from that of another number of
 /// processes. When `progress` of one says stop, all stop. The first one's `checkpoints` hold the state of all, and others' are
 /// not looked at; as many processes as then go on from it.
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
                      const GaussianField* start = nullptr, const ProgressCallback& progress = {},
-                     const Checkpoints& checkpoints = {}, Exchange* exchange = nullptr);
+                     const Checkpoints& checkpoints = {}, Exchange& exchange = Exchange::Alone());
 
 }  // namespace bigus

@@ -194,9 +194,9 @@ Course LoadCourse(const CourseBounds& bounds, StateReader& from)
   return course;
 }
 
-void SaveParts(std::string own, Exchange* exchange, StateWriter& to)
+void SaveParts(std::string own, Exchange& exchange, StateWriter& to)
 {
-  const std::vector<std::string> all = exchange ? exchange->Gather(own) : std::vector<std::string>{std::move(own)};
+  const std::vector<std::string> all = exchange.Gather(std::move(own));
   to.Number<std::uint64_t>(all.size());
   for (const std::string& part : all)
   {
@@ -204,11 +204,11 @@ void SaveParts(std::string own, Exchange* exchange, StateWriter& to)
   }
 }
 
-std::string_view LoadPart(std::string_view state, Exchange* exchange)
+std::string_view LoadPart(std::string_view state, Exchange& exchange)
 {
   StateReader all(state);
-  const auto processes = static_cast<std::uint64_t>(exchange ? exchange->Size() : 1);
-  const auto here = static_cast<std::uint64_t>(exchange ? exchange->Rank() : 0);
+  const auto processes = static_cast<std::uint64_t>(exchange.Size());
+  const auto here = static_cast<std::uint64_t>(exchange.Rank());
   StateReader::Require(all.Number<std::uint64_t>() == processes, "the parts of another number of processes");
   std::string_view own;
   for (std::uint64_t rank = 0; rank < processes; ++rank)

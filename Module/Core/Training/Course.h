@@ -64,8 +64,8 @@ void SaveCourse(const Course& course, const CourseBounds& bounds, StateWriter& t
 Course LoadCourse(const CourseBounds& bounds, StateReader& from);
 
 /// Of every process its part, in one state: the first keeps it for all.
-void SaveParts(std::string own, Exchange* exchange, StateWriter& to);
+void SaveParts(std::string own, Exchange& exchange, StateWriter& to);
 /// The part of this process.
-std::string_view LoadPart(std::string_view state, Exchange* exchange);
+std::string_view LoadPart(std::string_view state, Exchange& exchange);
 
 }  // namespace bigus

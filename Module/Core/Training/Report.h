@@ -17,7 +17,7 @@ class Report
 {
 public:
   /// `progress` may be empty. What is referred to must outlive this; the plan may change.
-  Report(const TrainingPlan& plan, ProgressCallback progress, Exchange* exchange)
+  Report(const TrainingPlan& plan, ProgressCallback progress, Exchange& exchange)
       : plan_(plan), progress_(std::move(progress)), exchange_(exchange)
   {
   }
@@ -26,7 +26,7 @@ public:
   double Seconds() const
   {
     const double seconds = watch_.Seconds();
-    return exchange_ && plan_.timeLimit > 0 ? exchange_->OfFirst(seconds) : seconds;
+    return plan_.timeLimit > 0 ? exchange_.OfFirst(seconds) : seconds;
   }
 
   /// The caller said stop.
@@ -50,7 +50,7 @@ public:
 private:
   const TrainingPlan& plan_;
   ProgressCallback progress_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   Stopwatch watch_;
   TrainingProgress now_;
   bool isAborted_ = false;

@@ -220,7 +220,7 @@ GaussianField TrainingLoop::Settle(const std::vector<int>& validationFrames)
   double done = 0;
   for (int k = 1; done < 1; ++k)
   {
-    done = SettlingDone(k, exchange_ ? exchange_->OfFirst(watch.Seconds()) : watch.Seconds());
+    done = SettlingDone(k, exchange_.OfFirst(watch.Seconds()));
     Step(batches.Next(), plan_.iterations, LossAt(plan_, now.fraction),
          Scaled(course_.rates, rate * SettlingRate(done)));
     if (IsSettled(done))

@@ -55,11 +55,11 @@ class TrainingLoop
 {
 public:
   /// Trains on `frames` of the sweep as `plan` says. `withVirtualPlanes` spares making virtual planes again: it is what
-  /// AddVirtualPlanes gives for the same frames and plan; null makes them. With an `exchange`, which must outlive the
-  /// loop, processes train one field together: all make the same calls, and `progress` answers the same in all.
+  /// AddVirtualPlanes gives for the same frames and plan; null makes them. The processes of an `exchange`, which must outlive
+  /// the loop, train one field together: all make the same calls, and `progress` answers the same in all.
   TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
                ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes = nullptr,
-               Exchange* exchange = nullptr);
+               Exchange& exchange = Exchange::Alone());
 
   /// Seeds over the volume of the frames, so bright that their renderings are near the frames.
   Start SeedStart();
@@ -113,7 +113,7 @@ private:
   void TakeAverage(const std::vector<int>& validationFrames);
   Fitted Result(bool isFinished) const;
 
-  Exchange* exchange_;
+  Exchange& exchange_;
   std::shared_ptr<const Sweep> sweep_;
   std::vector<int> frames_;
   TrainingPlan plan_;

@@ -14,13 +14,13 @@ namespace bigus
 
 TrainingLoop::TrainingLoop(std::shared_ptr<const Sweep> sweep, std::vector<int> frames, TrainingPlan plan,
                            ProgressCallback progress, std::shared_ptr<const Sweep> withVirtualPlanes,
-                           Exchange* exchange)
+                           Exchange& exchange)
     : exchange_(exchange),
       sweep_(std::move(sweep)),
       frames_(std::move(frames)),
       plan_(std::move(plan)),
       report_(plan_, std::move(progress), exchange),
-      engine_((exchange ? *exchange : Exchange::Alone()).CreateEngine(plan_.engine)),
+      engine_(exchange.CreateEngine(plan_.engine)),
       targets_(sweep_, frames_, plan_, *engine_, report_, std::move(withVirtualPlanes))
 {
   engine_->SetAccuracy({plan_.tolerance, true});
@@ -94,7 +94,7 @@ void TrainingLoop::Begin(Start start)
 
 CourseBounds TrainingLoop::Bounds() const
 {
-  return {plan_, std::min(sweep_->width, sweep_->height), frames_.size(), exchange_ != nullptr};
+  return {plan_, std::min(sweep_->width, sweep_->height), frames_.size(), !exchange_.IsAlone()};
 }
 
 void TrainingLoop::Resume(std::string_view state)

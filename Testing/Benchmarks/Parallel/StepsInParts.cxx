@@ -100,7 +100,7 @@ void Measure(std::size_t gaussians, int side, int frames, int batch, int steps, 
   limits.minimumScale = kPixel / 4;
   limits.maximumScale = 48 * kPixel;
   std::vector<double> whole, computing, waiting, sending;
-  const bigus::PeerExchange::Traffic none;
+  const bigus::Exchange::Traffic none;
   std::uint64_t bytes = 0;
   for (int step = 0; step < steps + 2; ++step)  // the first two find their memory
   {
@@ -109,13 +109,13 @@ void Measure(std::size_t gaussians, int side, int frames, int batch, int steps, 
     {
       batchFrames.push_back((37 * (step * batch + k)) % frames);
     }
-    const bigus::PeerExchange::Traffic before = exchange ? exchange->Sent() : none;
+    const bigus::Exchange::Traffic before = exchange ? exchange->Sent() : none;
     const auto computed = [&] { return ProcessorSeconds() - (exchange ? exchange->processorSeconds : 0); };
     const double computedBefore = computed();
     const auto begin = std::chrono::steady_clock::now();
     engine->TrainStep(batchFrames, bigus::Loss{}, {0.01, 0.01, 0.01, 0.01}, limits);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    const bigus::PeerExchange::Traffic& after = exchange ? exchange->Sent() : none;
+    const bigus::Exchange::Traffic after = exchange ? exchange->Sent() : none;
     if (step >= 2)
     {
       whole.push_back(seconds);
