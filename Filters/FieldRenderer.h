@@ -58,7 +58,7 @@ public:
 private:
   void UploadHere(const ViewSettings& settings);
 
-  std::unique_ptr<FieldParts> parts_ = std::make_unique<FieldParts>();
+  std::unique_ptr<FieldParts> parts_ = FieldParts::Of(nullptr);
   PartEngines whole_;
   GaussianField field_;
   vtkPolyData* input_ = nullptr;  // compared, never followed

@@ -98,8 +98,7 @@ void vtkBigusFieldToImage::SetController(vtkMultiProcessController* controller)
   if (controller != this->Controller)
   {
     vtkSetObjectBodyMacro(Controller, vtkMultiProcessController, controller);
-    this->Renderer->SetParts(controller ? std::make_unique<bigus::ProcessParts>(controller)
-                                        : std::make_unique<bigus::FieldParts>());
+    this->Renderer->SetParts(bigus::FieldParts::Of(controller));
   }
 }
 
@@ -110,14 +109,14 @@ void vtkBigusFieldToImage::Agree(const std::function<void()>& work)
 
 void vtkBigusFieldToImage::TellOfNoInput()
 {
-  if (!this->WaitsForInput)
+  if (!this->WaitsForInput || !this->Controller)
   {
     return;
   }
   this->WaitsForInput = false;
   try
   {
-    this->Renderer->Parts().TellOfNoPart();
+    this->Agree([] { throw bigus::Error("its part of the field could not be made"); });
   }
   catch (const bigus::Error& error)
   {

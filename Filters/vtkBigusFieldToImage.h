@@ -133,8 +133,8 @@ public:
 
   ///@{
   /**
-   * Processes that hold one field together, each as its input a part of it, as vtkBigusPartitionField makes them; null
-   * (default): the input is the whole field. The same filter with the same settings and the same requests runs in every
+   * Processes that hold one field together, each as its input a part of it; null (default): the input is the whole field.
+   * Several need the module FiltersParallel, whose vtkBigusPartitionField makes parts. The same filter with the same settings and the same requests runs in every
    * process, and each gets the whole answer. It has the same bits for any number of processes, as long as the field is
    * split into the same number of chunks. It differs from that of the whole field by rounding and by what Tolerance
    * allows. What fails in one process is an error in all, before anything is added up. Processes without a part give an

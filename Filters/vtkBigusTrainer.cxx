@@ -16,7 +16,7 @@
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
-#include "Data/ProcessExchange.h"
+#include "Data/Processes.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
@@ -57,11 +57,6 @@ void FillFrameList(vtkIntArray* list, const std::vector<int>& frames, const std:
   {
     list->SetValue(static_cast<vtkIdType>(i), imageIndices[frames[i]]);
   }
-}
-
-bool IsShared(vtkMultiProcessController* controller)
-{
-  return controller && controller->GetNumberOfProcesses() > 1;
 }
 
 std::string ProgressLine(const bigus::TrainingProgress& progress)
@@ -194,11 +189,12 @@ vtkExecutive* vtkBigusTrainer::CreateDefaultExecutive()
 
 void vtkBigusTrainer::TellOfNoInput()
 {
-  if (!this->WasAsked && IsShared(this->Controller))
+  const std::unique_ptr<bigus::Exchange> exchange = bigus::ExchangeOf(this->Controller);
+  if (!this->WasAsked && !exchange->IsAlone())
   {
     try
     {
-      bigus::ProcessExchange(this->Controller).Together([] { throw bigus::Error("its sequence could not be read"); });
+      exchange->Together([] { throw bigus::Error("its sequence could not be read"); });
     }
     catch (const bigus::Error& error)
     {
@@ -365,19 +361,12 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->WasAsked = true;
   try
   {
-    if (IsShared(this->Controller))
-    {
-      bigus::ProcessExchange exchange(this->Controller);
-      exchange.Together([&] { this->Train(inputs, outputs, exchange); });
-      const bigus::Exchange::Traffic sent = exchange.Sent();
-      this->SentBytes = static_cast<vtkTypeInt64>(sent.bytes);
-      this->WaitingSeconds = sent.waiting;
-      this->SendingSeconds = sent.sending;
-    }
-    else
-    {
-      this->Train(inputs, outputs, bigus::Exchange::Alone());
-    }
+    const std::unique_ptr<bigus::Exchange> exchange = bigus::ExchangeOf(this->Controller);
+    exchange->Together([&] { this->Train(inputs, outputs, *exchange); });
+    const bigus::Exchange::Traffic sent = exchange->Sent();
+    this->SentBytes = static_cast<vtkTypeInt64>(sent.bytes);
+    this->WaitingSeconds = sent.waiting;
+    this->SendingSeconds = sent.sending;
     this->WasAsked = false;
     return 1;
   }

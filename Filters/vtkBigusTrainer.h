@@ -242,7 +242,7 @@ public:
    * trains alone. The same filter with the same input and the same options runs in every process, and each gets the whole
    * field, with the same bits. They depend on the number of processes by rounding. What fails in one process is an error in
    * all, and what stops one stops all. The engine is "cpu" or "cpu-double". The checkpoints of the
-   * first process hold the state of all. See DistributedTraining.md.
+   * first process hold the state of all. Several processes need the module FiltersParallel.
    */
   virtual void SetController(vtkMultiProcessController*);
   vtkMultiProcessController* GetController() { return this->Controller; }

@@ -7,7 +7,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
 #include "Data/FieldData.h"
-#include "Data/ProcessExchange.h"
+#include "Data/Processes.h"
 #include "Data/Provenance.h"
 #include "IO/ErrorCode.h"
 #include "IO/FieldFile.h"
@@ -59,26 +59,19 @@ int vtkBigusFieldWriter::Write()
   // Where the input cannot be made there was nothing to write, and the others wait for this process.
   if (!this->HasTold && this->Controller && this->Controller->GetNumberOfProcesses() > 1)
   {
-    this->Together([](bigus::Exchange*) { throw bigus::Error("its part of the field could not be made"); });
+    this->Together([](bigus::Exchange&) { throw bigus::Error("its part of the field could not be made"); });
     return 0;
   }
   return done;
 }
 
-void vtkBigusFieldWriter::Together(const std::function<void(bigus::Exchange*)>& work)
+void vtkBigusFieldWriter::Together(const std::function<void(bigus::Exchange&)>& work)
 {
   this->HasTold = true;
   try
   {
-    if (this->Controller && this->Controller->GetNumberOfProcesses() > 1)
-    {
-      bigus::ProcessExchange processes(this->Controller);
-      processes.Together([&] { work(&processes); });
-    }
-    else
-    {
-      work(nullptr);
-    }
+    const std::unique_ptr<bigus::Exchange> processes = bigus::ExchangeOf(this->Controller);
+    processes->Together([&] { work(*processes); });
   }
   catch (const std::exception& error)
   {
@@ -90,7 +83,7 @@ void vtkBigusFieldWriter::Together(const std::function<void(bigus::Exchange*)>& 
 void vtkBigusFieldWriter::WriteFile()
 {
   this->Together(
-      [this](bigus::Exchange* processes)
+      [this](bigus::Exchange& processes)
       {
         if (!this->FileName || !*this->FileName)
         {
@@ -104,13 +97,13 @@ void vtkBigusFieldWriter::WriteFile()
         {
           bigus::RoundField(stored.field);
         }
-        if (processes)
+        if (processes.IsAlone())
         {
-          bigus::WriteFieldTogether(stored, fileName, *processes);
+          bigus::WriteField(stored, fileName, this->NumberOfPieces);
         }
         else
         {
-          bigus::WriteField(stored, fileName, this->NumberOfPieces);
+          bigus::WriteFieldTogether(stored, fileName, processes);
         }
       });
 }

@@ -113,7 +113,7 @@ private:
 
   void WriteFile();
   /// Does the work, with all processes if there are several. Sets the error code when it fails.
-  void Together(const std::function<void(bigus::Exchange*)>& work);
+  void Together(const std::function<void(bigus::Exchange&)>& work);
 
   bool HasTold = false;  // others of this write
 };

@@ -6,10 +6,7 @@
 
 #include "Rendering/RenderingTestSupport.h"
 #include "Support/TestSupport.h"
-#include "vtkBigusFieldReader.h"
-#include "vtkBigusFieldWriter.h"
 #include "vtkBigusImageMetrics.h"
-#include "vtkBigusPartitionField.h"
 #include "vtkBigusPhantomSource.h"
 #include "vtkBigusPoseCorrection.h"
 #include "vtkBigusReslice.h"
@@ -20,7 +17,6 @@
 #include "vtkBigusSliceRepresentation.h"
 #include "vtkBigusSliceWidget.h"
 #include "vtkBigusTrainer.h"
-#include "vtkDummyController.h"
 #include "vtkGenericRenderWindowInteractor.h"
 #include "vtkPolyData.h"
 #include "vtkResliceCursor.h"
@@ -82,22 +78,6 @@ TEST_F(Snippets, TrainResliceAndScore)
   truth->DeepCopy(image);
 #include "Filters/README-4.h"
   EXPECT_GT(metrics->GetPSNR(), 90);  // of an image and itself
-}
-
-TEST_F(Snippets, Parts)
-{
-  GoToSweep();
-  vtkNew<vtkTrivialProducer> reader;
-  reader->SetOutput(field);
-  vtkNew<vtkDummyController> controller;
-#include "Filters/Parts-1.h"
-  EXPECT_EQ(vtkPolyData::SafeDownCast(part->GetOutputDataObject(0))->GetNumberOfPoints(), 80);
-  EXPECT_GT(reslice->GetOutput()->GetNumberOfPoints(), 0);
-#include "Filters/Parts-2.h"
-  vtkNew<vtkBigusFieldReader> again;
-  again->SetFileName("field.pvtp");
-  again->Update();
-  EXPECT_EQ(again->GetOutput()->GetNumberOfPoints(), 80);
 }
 
 TEST_F(Snippets, SliceProp)

@@ -30,6 +30,7 @@ NOT_RUN = {  # what a command begins with, and who runs it
     r"Slicer |pvpython |paraview|\. ~/bigus-paraview|Module/ParaView/install\.sh": "it needs another program",
     r"PYTHONPATH=build/python /usr/bin/python3 (Testing|Examples)|/tmp/drawing/": "tests `examples` and `benchmarks` run it",
     r"PYTHONPATH=\S+ (/usr/bin/python3|\.\.\.)$": "it starts an interpreter, as tests `python` do",
+    r"mpirun ": "tests `examples` run it",
     r"echo .*bigusExperiment": "it takes minutes on a real sweep",
 }
 SERVERS = r"(build/bin/)?bigus (serve|view)(?!.*--screenshot|.*igtl:)|python3 -m bigus\.serve"  # run until they are stopped

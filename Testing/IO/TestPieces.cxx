@@ -19,7 +19,6 @@
 #include "Support/Fields.h"
 #include "Support/Random.h"
 #include "Support/TestSupport.h"
-#include "Support/ThreadExchange.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkDataArray.h"
@@ -227,27 +226,6 @@ TEST(Pieces, VtkReadsOursAndWeReadVtks)
   }
 }
 
-TEST(Pieces, ProcessesWriteTheirPartsTogether)
-{
-  TemporaryFolder folder;
-  const GaussianField field = Field(2000);
-  const std::string index = folder / "field.pvtp";
-  const auto write = [&](Exchange& processes) {
-    WriteFieldTogether({ChunkByHand(field, processes.Rank(), 4), {}, {}}, index, processes);
-  };
-  EXPECT_EQ(InThreads(4, write), std::vector<std::string>(4));
-  GaussianField truth = ChunkByHand(field, 0, 4);
-  for (int piece = 1; piece < 4; ++piece)
-  {
-    truth = Joined(truth, ChunkByHand(field, piece, 4));
-  }
-  EXPECT_TRUE(Same(ReadField(index)->field, truth));
-  vtkNew<vtkXMLPPolyDataReader> vtk;
-  vtk->SetFileName(index.c_str());
-  vtk->Update();
-  EXPECT_EQ(vtk->GetOutput()->GetNumberOfPoints(), 2000);
-}
-
 TEST(Pieces, WhatIsWrongIsOneErrorThatNamesIt)
 {
   TemporaryFolder folder;
@@ -319,13 +297,6 @@ TEST(Pieces, AFailedWriteLeavesWhatWas)
   EXPECT_THROW(WriteField(other, folder / "field.pvtp", 4), bigus::Error);
   EXPECT_THROW(WriteField(other, folder / "field.pvtp", 0), bigus::Error);
   EXPECT_THROW(WriteField(other, folder / "field.pvtp", 4097), bigus::Error);
-  for (const auto& [name, words] :
-       {std::pair("field.vtp", "name the file so"), std::pair("field.pvtp", "same Gaussians")})
-  {
-    const auto errors = InThreads(2, [&](Exchange& processes) { WriteFieldTogether(other, folder / name, processes); });
-    EXPECT_NE(errors[0].find(words), std::string::npos) << errors[0];
-    EXPECT_NE(errors[1].find(words), std::string::npos) << errors[1];
-  }
   EXPECT_TRUE(ReadBytes(folder / "field_0.vtp") == before);
   EXPECT_EQ(ReadField(folder / "field.pvtp")->field.Size(), 600u);
   for (const auto& entry :

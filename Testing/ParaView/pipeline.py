@@ -148,17 +148,6 @@ def main(plugin, folder, package=None):
         assert "filter=vtkBigusLiveTrainer" in provenance(live)
         Delete(live)
 
-    # The parts together are the field.
-    whole = servermanager.Fetch(trainer)
-    parts = []
-    for piece in range(3):
-        part = BIGUSPartitionField(Input=trainer, NumberOfChunks=4, NumberOfPieces=3, Piece=piece)
-        part.UpdatePipeline()
-        parts.append(vtk_to_numpy(servermanager.Fetch(part).GetPointData().GetArray("Reflectivity")))
-        Delete(part)
-    assert all(len(part) for part in parts)
-    assert np.array_equal(np.sort(np.concatenate(parts)), np.sort(vtk_to_numpy(whole.GetPointData().GetArray("Reflectivity"))))
-
     # A training tells its progress. One that is stopped gives the field so far.
     endless = BIGUSTrainer(Input=sweep, Automatic=0, Gaussians=1000, Iterations=10000000)
     told = []

@@ -52,12 +52,6 @@ def field(reflectivities=(1.5, 2.0), rotations=((1, 0, 0, 0), (1, 0, 0, 0)), cen
     return data
 
 
-def many(count):
-    """A field of `count` Gaussians in a row, whose reflectivities are their numbers."""
-    numbers = np.arange(count)
-    return field(numbers, np.tile([1, 0, 0, 0], (count, 1)), np.stack([numbers, 0 * numbers, 0 * numbers], 1), np.ones((count, 3)))
-
-
 def matrix(values):
     axes = vtkMatrix4x4()
     axes.DeepCopy(np.asarray(values, dtype=float).ravel())
@@ -620,36 +614,6 @@ class FieldTensors(unittest.TestCase):
         np.testing.assert_allclose(vtk_to_numpy(squared).reshape(-1, 3, 3)[0], np.diag([4.0, 1.0, 9.0]), atol=1e-12)
 
 
-class PartitionField(unittest.TestCase):
-    def parts(self, data, **settings):
-        for piece in range(settings["NumberOfPieces"]):
-            filter = bigus.vtkBigusPartitionField()
-            filter.SetInputDataObject(0, data)
-            for name, value in {**settings, "Piece": piece}.items():
-                getattr(filter, "Set" + name)(value)
-            yield bigus.update(filter).GetOutputDataObject(0)
-
-    def test_every_gaussian_is_in_one_part_and_blocks_are_dealt_in_turn(self):
-        parts = list(self.parts(many(1000), NumberOfChunks=4, NumberOfPieces=3))
-        numbered = [numbers(part.GetPointData(), "Reflectivity").astype(int) for part in parts]
-        # Blocks of 256: the chunks hold 0-255, 256-511, 512-767 and 768-999, of which the last piece has two.
-        for found, first, last in zip(numbered, (0, 256, 512), (256, 512, 1000)):
-            np.testing.assert_array_equal(found, np.arange(first, last))
-        self.assertEqual([numbers(part.GetFieldData(), "Chunks").tolist() for part in parts],
-                         [[4, 0, 256], [4, 1, 256], [4, 2, 256, 232]])
-        self.assertEqual(numbers(parts[0].GetFieldData(), "Gamma"), [GAMMA])
-
-    def test_mistakes_are_named(self):
-        for settings, named in (({"NumberOfChunks": 6}, "power of two"), ({"Piece": 1}, "Piece is 1"),
-                                ({"NumberOfPieces": 0}, "NumberOfPieces 0")):
-            filter = bigus.vtkBigusPartitionField()
-            filter.SetInputDataObject(0, field())
-            for name, value in settings.items():
-                getattr(filter, "Set" + name)(value)
-            with self.assertRaisesRegex(RuntimeError, named):
-                bigus.update(filter)
-
-
 def matrix_of(axes):
     return np.array([[axes.GetElement(i, j) for j in range(4)] for i in range(4)])
 
@@ -702,11 +666,6 @@ def scenes():
     data = corrected.GetFieldData()
     for name in ("ImageToReference", "PoseDisplacement", "PoseRotation", "PoseOutlier", "PoseStroke", "TrackerNoise"):
         found["same numbers: " + name] = numbers(data, name).astype(float)
-    part = bigus.vtkBigusPartitionField()
-    part.SetInputDataObject(0, many(3000))
-    part.SetNumberOfPieces(3)
-    part.SetPiece(1)
-    found["same numbers: part"] = numbers(bigus.update(part).GetOutputDataObject(0).GetPointData(), "Reflectivity")
     metrics = bigus.vtkBigusImageMetrics()
     metrics.SetInputDataObject(0, corrected)
     turned = vtkImageData()

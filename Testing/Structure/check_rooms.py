@@ -29,6 +29,7 @@ WINGS = {
     "Module/Viewer": ["Module/Command", *LAYERS["Module/Command"]],
     "Module/Wheel": ["Module/IO", "Module/Data", "Module/Core"],
     "Module/Live": ["Module/Command", "Filters", "Module/IO", "Module/Data", "Module/Core", "Testing"],
+    "Filters/Parallel": ["Filters", "Module/IO", "Module/Data", "Module/Core", "Testing"],
 }
 # How an include begins that names a layer.
 PREFIXES = {"Core/": "Module/Core", "Data/": "Module/Data", "Cuda/": "Cuda", "Testing/": "Testing", "Support/": "Testing",
@@ -36,7 +37,7 @@ PREFIXES = {"Core/": "Module/Core", "Data/": "Module/Data", "Cuda/": "Cuda", "Te
 
 # The one line of each wing, and names by which the trunk finds what any wing may bring.
 KNOW_WINGS = {"CMakeLists.txt"}
-FOUND_BY_NAME = {"vtk.module", "Sources.cmake"}
+FOUND_BY_NAME = {"vtk.module", "Sources.cmake", "ParaView.cmake"}
 
 
 def includes_of(path):
@@ -73,6 +74,8 @@ def wrong_between_rooms(root):
 def wrong_between_layers(root):
     for layer, allowed in {**LAYERS, **WINGS}.items():
         for path in sources_below(root / layer):
+            if any(path.is_relative_to(root / wing) for wing in WINGS if wing != layer):
+                continue
             for include in includes_of(path):
                 for prefix, target in PREFIXES.items():
                     if include.startswith(prefix) and target != layer and target not in allowed:

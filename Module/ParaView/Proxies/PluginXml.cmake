@@ -3,7 +3,7 @@
 # ParaView's XML, made of one file a proxy: ${bigus_plugin_xml}, by the target bigusPluginXml. The plugin's project includes
 # this, and so does BIGUS, for the plugin in Python and for tests.
 set(bigus_plugin_xml "${CMAKE_BINARY_DIR}/paraview/bigus.xml")
-file(GLOB bigus_proxies CONFIGURE_DEPENDS "${CMAKE_CURRENT_LIST_DIR}/../../*/Proxies/*.xml")  # also those of wings
+file(GLOB bigus_proxies CONFIGURE_DEPENDS "${CMAKE_CURRENT_LIST_DIR}/../../../*/*/Proxies/*.xml")  # also those of wings
 file(GLOB bigus_shared_xml CONFIGURE_DEPENDS "${CMAKE_CURRENT_LIST_DIR}/Shared/*.xml")
 
 add_executable(bigusMakePluginXml "${CMAKE_CURRENT_LIST_DIR}/MakePluginXml.cxx")

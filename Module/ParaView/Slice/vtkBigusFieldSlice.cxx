@@ -8,6 +8,7 @@
 #include <string>
 
 #include "Data/FieldData.h"
+#include "Data/Processes.h"
 #include "vtkBigusReslice.h"
 #include "vtkCallbackCommand.h"
 #include "vtkCommunicator.h"
@@ -197,7 +198,8 @@ int vtkBigusFieldSlice::RequestUpdateExtent(vtkInformation*, vtkInformationVecto
   }
   vtkInformation* in = inputs[0]->GetInformationObject(0);
   vtkMultiProcessController* server = vtkMultiProcessController::GetGlobalController();
-  this->IsInParts = server && server->GetNumberOfProcesses() > 1 && in->Get(bigus::ChunksOfPiecesKey()) > 0;
+  this->IsInParts =
+      server && server->GetNumberOfProcesses() > 1 && bigus::HasExchange() && in->Get(bigus::ChunksOfPiecesKey()) > 0;
   if (this->IsInParts)
   {
     in->Set(vtkStreamingDemandDrivenPipeline::UPDATE_PIECE_NUMBER(), server->GetLocalProcessId());

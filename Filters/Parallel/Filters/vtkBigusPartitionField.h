@@ -18,10 +18,10 @@
 #ifndef vtkBigusPartitionField_h
 #define vtkBigusPartitionField_h
 
-#include "vtkBigusFiltersModule.h"  // for the export macro
+#include "vtkBigusFiltersParallelModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
 
-class VTKBIGUSFILTERS_EXPORT vtkBigusPartitionField : public vtkPolyDataAlgorithm
+class VTKBIGUSFILTERSPARALLEL_EXPORT vtkBigusPartitionField : public vtkPolyDataAlgorithm
 {
 public:
   static vtkBigusPartitionField* New();

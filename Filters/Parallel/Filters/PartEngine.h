@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// An engine of several processes, each of which holds and trains a part of the field. Private to Core.
+// An engine of several processes, each of which holds and trains a part of the field.
 #pragma once
 
 #include <memory>

@@ -19,7 +19,7 @@
 #include <exception>
 #include <vector>
 
-#include "Data/ProcessExchange.h"
+#include "ProcessExchange.h"
 #include "Support/Random.h"
 #include "Support/Sweeps.h"
 #include "vtkMPIController.h"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Engine/PeerExchange.h"
+#include "PeerExchange.h"
 
 #include <algorithm>
 #include <chrono>
@@ -8,8 +8,8 @@
 #include <exception>
 #include <type_traits>
 
-#include "Core/Engine/PartEngine.h"
 #include "Core/Model/Error.h"
+#include "PartEngine.h"
 
 namespace bigus
 {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Engine/PartEngine.h"
+#include "PartEngine.h"
 
 #include <algorithm>
 #include <cstring>

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "Core/Engine/PeerExchange.h"
+#include "PeerExchange.h"
 
 namespace bigus::test
 {

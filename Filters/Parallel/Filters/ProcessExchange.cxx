@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Data/ProcessExchange.h"
+#include "ProcessExchange.h"
 
 #include "Core/Model/Error.h"
 #include "vtkMultiProcessController.h"
@@ -10,7 +10,7 @@ namespace bigus
 namespace
 {
 
-constexpr int kSwapTag = 7103;  // beside those of Filters/FieldParts.cxx
+constexpr int kSwapTag = 7103;  // beside those of ProcessParts.cxx
 
 void Require(int done)
 {

@@ -7,7 +7,7 @@
 
 #include "Core/Model/Error.h"
 #include "Support/Random.h"
-#include "Support/ThreadExchange.h"
+#include "ThreadExchange.h"
 
 namespace bigus::test
 {

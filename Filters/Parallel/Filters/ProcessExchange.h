@@ -3,8 +3,8 @@
 // What processes that have one field together tell each other, by a controller of VTK.
 #pragma once
 
-#include "Core/Engine/PeerExchange.h"
-#include "vtkBigusDataModule.h"
+#include "PeerExchange.h"
+#include "vtkBigusFiltersParallelModule.h"  // for the ABI namespace
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
 VTK_ABI_NAMESPACE_BEGIN
@@ -17,7 +17,7 @@ VTK_ABI_NAMESPACE_END
 namespace bigus
 {
 
-class VTKBIGUSDATA_EXPORT ProcessExchange : public PeerExchange
+class ProcessExchange : public PeerExchange
 {
 public:
   /// The controller must outlive this.

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A pvserver of two processes renders a field of which each has a part; a client sees the slice that one process renders.
 
-    server.py PVSERVER PVPYTHON MPIEXEC PLUGIN FOLDER      starts the server, and itself in pvpython as the client
+    paraview_server.py PVSERVER PVPYTHON MPIEXEC PLUGIN FOLDER      starts the server, and itself in pvpython as the client
 
 Prints a line that begins with "skipped:" where the server cannot be started.
 """
@@ -47,6 +47,15 @@ def client(port, plugin, folder):
     SaveData(folder + "/field.vtp", proxy=trainer)
     wanted, read = slice_of(folder + "/field.vtp")
     assert read == gaussians and wanted[3].std() > 0.01
+
+    # The parts together are the field.
+    parts = []
+    for piece in range(3):
+        part = BIGUSPartitionField(Input=trainer, NumberOfChunks=4, NumberOfPieces=3, Piece=piece)  # noqa: F821
+        part.UpdatePipeline()
+        parts.append(part.GetDataInformation().GetNumberOfPoints())
+        Delete(part)
+    assert min(parts) > 0 and sum(parts) == gaussians, parts
     # In the four pieces of a .pvtp.
     subprocess.run(["/usr/bin/python3", __file__, "split", folder], check=True)
     Delete(trainer)

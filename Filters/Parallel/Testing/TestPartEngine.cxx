@@ -11,7 +11,7 @@
 #include "Support/Fields.h"
 #include "Support/Psnr.h"
 #include "Support/Sweeps.h"
-#include "Support/ThreadExchange.h"
+#include "ThreadExchange.h"
 
 namespace bigus::test
 {

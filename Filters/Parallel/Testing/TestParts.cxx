@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "Data/FieldData.h"
-#include "Parallel/Groups.h"
+#include "Groups.h"
 #include "Support/BrokenRename.h"
 #include "Support/ErrorObserver.h"
 #include "Support/Fields.h"

@@ -13,7 +13,7 @@
 #include "Core/Trainer/Trainer.h"
 #include "Data/FieldData.h"
 #include "Data/SweepData.h"
-#include "Parallel/Groups.h"
+#include "Groups.h"
 #include "Support/ErrorObserver.h"
 #include "Support/Psnr.h"
 #include "Support/Sweeps.h"
