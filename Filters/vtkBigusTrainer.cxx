@@ -396,6 +396,11 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
     images.push_back(vtkImageData::GetData(inputs[0], k));
   }
   const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
+  bigus::InspectedSweep inspected = bigus::Inspect(imported.sweep, options.keep);
+  for (const bigus::Finding& finding : inspected.findings)
+  {
+    vtkWarningMacro(<< bigus::Describe(finding, imported.frames));
+  }
   std::optional<bigus::GaussianField> start;
   if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
   {
@@ -408,7 +413,7 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
     return bigus::ReportProgress(this, now.fraction);
   };
   const bigus::TrainingResult result =
-      bigus::Train(imported.sweep, options, start ? &*start : nullptr, progress, *this->Checkpoints, exchange);
+      bigus::Train(std::move(inspected), options, start ? &*start : nullptr, progress, *this->Checkpoints, exchange);
 
   for (const bigus::OptionText& option : bigus::ListOptions(result.settled))
   {

@@ -159,6 +159,11 @@ public:
    */
   vtkBigusTextOptionMacro(Interpolation);
   /**
+   * Findings of the inspection that nothing is done about: none, all, or some of order, contact, repeat, rest and
+   * overlay, joined by +. Values: none, all, KIND[+KIND...]. Default: none.
+   */
+  vtkBigusTextOptionMacro(Keep);
+  /**
    * Remove a gain and an offset from every training frame, for sweeps whose frames differ in brightness. Values: on,
    * off. Default: off.
    */

@@ -186,7 +186,7 @@ std::vector<int> SweepFrames(vtkIntArray* imageFrames, const std::vector<int>& u
   std::vector<int> frames;
   for (vtkIdType i = 0; i < imageFrames->GetNumberOfValues(); ++i)
   {
-    const auto found = std::lower_bound(usable.begin(), usable.end(), imageFrames->GetValue(i));
+    const auto found = std::find(usable.begin(), usable.end(), imageFrames->GetValue(i));
     frames.push_back(static_cast<int>(found - usable.begin()));
   }
   return frames;
@@ -278,15 +278,17 @@ void RequireOutputs(const Options& options, const std::vector<SequenceOptions>& 
   }
 }
 
-/// What is trained on: one image a sequence, all frames as one sweep, and which of them are held out.
+/// What is trained on: one image a sequence, what an inspection left of all frames as one sweep, and which of them are held
+/// out.
 struct Frames
 {
   std::vector<vtkSmartPointer<vtkImageData>> images;
   ImportedSweep imported;
+  Json findings = Json::array();
   std::vector<int> training, heldOut;
 };
 
-Frames ReadFrames(const std::vector<SequenceOptions>& sequences, int holdOut, Console& console)
+Frames ReadFrames(const std::vector<SequenceOptions>& sequences, int holdOut, const KeptKinds& keep, Console& console)
 {
   Frames frames;
   std::vector<vtkImageData*> images;
@@ -296,7 +298,21 @@ Frames ReadFrames(const std::vector<SequenceOptions>& sequences, int holdOut, Co
     images.push_back(frames.images.back());
   }
   RequireOneSizeOf(sequences, images);
-  frames.imported = SweepFromImages(images);
+  const ImportedSweep recorded = SweepFromImages(images);
+  const InspectedSweep inspected = Inspect(recorded.sweep, keep);
+  frames.imported.sweep = inspected.sweep;
+  for (const int frame : inspected.frames)
+  {
+    frames.imported.frames.push_back(recorded.frames[frame]);
+  }
+  for (const Finding& finding : inspected.findings)
+  {
+    frames.findings.push_back({{"kind", NameOf(finding.kind)},
+                               {"frames", finding.frames.size()},
+                               {"pixels", finding.pixels},
+                               {"applied", finding.isApplied},
+                               {"text", Describe(finding, recorded.frames)}});
+  }
   const Sweep& sweep = *frames.imported.sweep;
   std::tie(frames.training, frames.heldOut) = SplitHoldOut(sweep, AllFrames(sweep), holdOut);
   if (holdOut > 0 && frames.heldOut.empty())
@@ -371,8 +387,9 @@ void WriteTrainedPoses(vtkBigusTrainer* trainer, const std::vector<vtkSmartPoint
 }
 
 /// What is known before anything is scored. Scores are null; their names keep the place where they will stand.
-Json Summary(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Sweep& sweep)
+Json Summary(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Frames& frames)
 {
+  const Sweep& sweep = *frames.imported.sweep;
   Json sequences = Json::array();
   const std::vector<std::vector<int>> framesOf = BySequence(sweep, AllFrames(sweep));
   for (std::size_t k = 0; k < framesOf.size(); ++k)
@@ -397,6 +414,7 @@ Json Summary(vtkBigusTrainer* trainer, const Options& options, const GaussianFie
           {"baselines", nullptr},
           {"cross_planes", nullptr},
           {"sequences", sequences},
+          {"findings", frames.findings},
           {"interrupted", WasInterrupted(trainer)},
           {"finished", trainer->GetFinished()},
           {"decisions", ToJson(trainer->GetDecisions())},
@@ -455,7 +473,7 @@ ExitCode Train(Console& console, const Options& options)
   const std::vector<std::string> posesFiles = PosesFiles(options, sequences.size());
   RequireOutputs(options, sequences, posesFiles, checkpoint.Path());
   Engine::Create(options.trainer.engine);  // an unknown name is said before the sweep is read
-  const Frames frames = ReadFrames(sequences, options.trainer.holdOut, console);
+  const Frames frames = ReadFrames(sequences, options.trainer.holdOut, options.trainer.keep, console);
 
   vtkNew<vtkBigusTrainer> trainer;
   Prepare(trainer, options, frames, console);
@@ -484,7 +502,7 @@ ExitCode Train(Console& console, const Options& options)
   {
     RoundField(field);  // what is scored is what was written
   }
-  Json answer = Summary(trainer, options, field, *frames.imported.sweep);
+  Json answer = Summary(trainer, options, field, frames);
   PrintSummary(answer, options.output, console);
   const bool isInterrupted = answer["interrupted"];
   if (!isInterrupted)

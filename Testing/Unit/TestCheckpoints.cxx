@@ -386,7 +386,10 @@ TEST(Checkpoints, AnotherTrainingIsNamed)
   sweep->imageToReference[3](2, 3) += 1e-9;
   expectRefused(sweep, Small(), "checksum of the poses");
   sweep = bigus::test::BlackSweep(12, 48, 40, 0.4, 0.4);
-  bigus::test::Pixels(*sweep)[0] = 1;
+  for (int frame = 0; frame < 12; ++frame)  // none shows what another does
+  {
+    bigus::test::Pixels(*sweep)[frame * 48 * 40 + frame] = 1;
+  }
   expectRefused(sweep, Small(), "was 24 frames of 48 x 40 pixels and is 12 frames");
   options = Small();
   options.timeLimit = 1000;  // may be another

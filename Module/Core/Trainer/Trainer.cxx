@@ -456,27 +456,50 @@ TrainingResult Training::Finish()
   return std::move(result_);
 }
 
+/// The result of a training on what an inspection left, with frames numbered as in what was recorded.
+TrainingResult Renumbered(TrainingResult result, InspectedSweep inspected)
+{
+  for (std::vector<int>* list : {&result.trainingFrames, &result.validationFrames, &result.heldOutFrames})
+  {
+    std::transform(list->begin(), list->end(), list->begin(), [&](int frame) { return inspected.frames[frame]; });
+  }
+  std::vector<Eigen::Matrix4d> poses = inspected.recorded->imageToReference;
+  for (std::size_t k = 0; k < inspected.frames.size(); ++k)
+  {
+    poses[inspected.frames[k]] = result.imageToReference[k];
+  }
+  result.imageToReference = std::move(poses);
+  result.findings = std::move(inspected.findings);
+  return result;
+}
+
 }  // namespace
 
-TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
+TrainingResult Train(InspectedSweep inspected, const TrainerOptions& options, const GaussianField* start,
                      const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange& exchange)
 try
 {
   const Stopwatch sinceCall;
   options.Validate();
-  sweep->Validate();
   Exchange& others = exchange.IsAlone() ? Exchange::Alone() : exchange;
-  Training training(std::move(sweep), options, start, progress, checkpoints, others, sinceCall);
+  Training training(inspected.sweep, options, start, progress, checkpoints, others, sinceCall);
   training.SetApart();
   training.CorrectPoses();
   training.Plan();
   training.FirstStage();
   training.Decide();
-  return training.Finish();
+  return Renumbered(training.Finish(), std::move(inspected));
 }
 catch (const cv::Exception& exception)
 {
   ThrowAsCores(exception);
+}
+
+TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
+                     const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange& exchange)
+{
+  sweep->Validate();
+  return Train(Inspect(std::move(sweep), options.keep), options, start, progress, checkpoints, exchange);
 }
 
 }  // namespace bigus

@@ -11,6 +11,7 @@
 #include "Core/Deciding/Decision.h"
 #include "Core/Deciding/PoseCorrection.h"
 #include "Core/Engine/Exchange.h"
+#include "Core/Inspection/Inspection.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
@@ -24,7 +25,8 @@ struct TrainingResult
   GaussianField field;
   std::vector<TrainingRecord> log;
   std::vector<Decision> decisions;
-  /// The poses, of all frames of the sweep, that the field was trained at; as recorded where nothing was corrected.
+  /// The poses, of all frames of the sweep, that the field was trained at; as recorded where nothing was corrected, and for
+  /// frames that the inspection left out.
   /// Held-out frames belong at these, too: their own pixels had no part in them.
   std::vector<Eigen::Matrix4d> imageToReference;
   /// The options with every choice made, so that they repeat the training. Open is poseSmoothing alone, and only where
@@ -38,6 +40,7 @@ struct TrainingResult
   /// All steps were taken, or validation said stop. Else a training can go on from its last checkpoint.
   bool finished = false;
   std::vector<int> trainingFrames, validationFrames, heldOutFrames;
+  std::vector<Finding> findings;  ///< of the inspection; frames left out are in none of the lists above
 };
 
 /// What of a training must survive the end of its program.
@@ -54,6 +57,7 @@ struct Checkpoints
   std::string resume;
 };
 
+/// A field is trained on what an inspection left of a sweep. Frames are numbered, and poses given, as in what was recorded.
 /// A sweep of several sequences (Join) is held out from, and its poses are corrected, sequence by sequence.
 /// `progress` (may be empty) is called at least every 100 ms or once an iteration; returning false stops training and
 /// keeps the best field so far. `start` (may be null) is a field to continue from instead of seeding; without one,
@@ -62,6 +66,10 @@ struct Checkpoints
 /// options and start, and get the same field with the same bits; it differs by rounding from that of another number of
 /// processes. When `progress` of one says stop, all stop. The first one's `checkpoints` hold the state of all, and others' are
 /// not looked at; as many processes as then go on from it.
+TrainingResult Train(InspectedSweep inspected, const TrainerOptions& options, const GaussianField* start = nullptr,
+                     const ProgressCallback& progress = {}, const Checkpoints& checkpoints = {},
+                     Exchange& exchange = Exchange::Alone());
+/// The same of a sweep that is inspected now, with the option `keep`.
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options,
                      const GaussianField* start = nullptr, const ProgressCallback& progress = {},
                      const Checkpoints& checkpoints = {}, Exchange& exchange = Exchange::Alone());

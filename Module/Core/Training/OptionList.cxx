@@ -117,7 +117,9 @@ std::string ValuesOf(const OptionInfo& info)
   }
   else
   {
-    return std::is_same_v<T, FrameInterpolation> ? "normals|probe[+flow][+rough|+smooth]" : "";
+    return std::is_same_v<T, FrameInterpolation> ? "normals|probe[+flow][+rough|+smooth]"
+           : std::is_same_v<T, KeptKinds>        ? "none|all|KIND[+KIND...]"
+                                                 : "";
   }
 }
 

@@ -27,7 +27,7 @@ struct OptionInfo
 };
 
 /// Calls visit(info, member) for every option. `Options` is TrainerOptions, const or not. Members are bool, a number,
-/// std::string, SeedPlacement, Preset, Loss or FrameInterpolation, or a std::optional of these, which may stay open.
+/// std::string, SeedPlacement, Preset, KeptKinds, Loss or FrameInterpolation, or a std::optional of these, which may stay open.
 template <class Options, class Visit>
 void ForEachOption(Options& options, const Visit& visit)
 {
@@ -76,6 +76,11 @@ void ForEachOption(Options& options, const Visit& visit)
           "sweep, roughly, or in between",
           0, 0, "", "chosen by how well frames predict each other"},
       options.interpolation);
+  visit(
+      OptionInfo{"Keep", field,
+                 "Findings of the inspection that nothing is done about: none, all, or some of order, contact, repeat, "
+                 "rest and overlay, joined by +"},
+      options.keep);
   visit(
       OptionInfo{"FrameGains", field,
                  "Remove a gain and an offset from every training frame, for sweeps whose frames differ in brightness"},

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "Core/Engine/Loss.h"
+#include "Core/Inspection/Inspection.h"
 #include "Core/Training/Densification.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/Seeding.h"
@@ -54,6 +55,7 @@ struct TrainerOptions : TrainingSettings
   Preset preset = Preset::Fidelity;
   std::optional<Loss> loss;  ///< what is made small; the preset's
   bool automatic = true;     ///< decide by short trainings scored on validation frames
+  KeptKinds keep;            ///< findings of the inspection that nothing is done about
   int holdOut = 0;           ///< frames with index % K == K / 2 are kept for the final score; 0 or >= 2
   int validation = 0;        ///< of the remaining frames, the same rule with this K serves early stop; 0 or >= 2
 

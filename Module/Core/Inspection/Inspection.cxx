@@ -1,0 +1,241 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Inspection/Inspection.h"
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <sstream>
+#include <utility>
+
+#include "Core/Inspection/Pictures.h"
+#include "Core/Inspection/Rules.h"
+#include "Core/Model/Error.h"
+#include "Core/Model/Sequences.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::array<std::pair<const char*, FindingKind>, 5> kKinds{{{"order", FindingKind::Order},
+                                                                     {"contact", FindingKind::Contact},
+                                                                     {"repeat", FindingKind::Repeat},
+                                                                     {"rest", FindingKind::Rest},
+                                                                     {"overlay", FindingKind::Overlay}}};
+
+/// What is known of one sequence while its rules are asked, by its own numbers of frames.
+struct Inspected
+{
+  std::vector<Finding> findings;
+  std::vector<int> frames;            ///< that are left, in order
+  std::vector<std::uint8_t> covered;  ///< by an overlay; empty: there is none
+};
+
+std::vector<int> Without(const std::vector<int>& frames, const std::vector<int>& gone)
+{
+  std::vector<int> left;
+  std::copy_if(frames.begin(), frames.end(), std::back_inserter(left),
+               [&gone](int frame) { return std::find(gone.begin(), gone.end(), frame) == gone.end(); });
+  return left;
+}
+
+/// Adds a finding, and takes its frames out unless its kind is kept or too few would be left. True where it took some.
+bool Add(std::optional<Finding> found, const KeptKinds& kept, Inspected& inspected)
+{
+  if (!found)
+  {
+    return false;
+  }
+  const std::vector<int> left = Without(inspected.frames, found->frames);
+  found->isApplied = found->isApplied && !kept.Keeps(found->kind) && left.size() >= 2;
+  if (found->isApplied)
+  {
+    inspected.frames = left;
+  }
+  const bool isApplied = found->isApplied;
+  inspected.findings.push_back(*std::move(found));
+  return isApplied;
+}
+
+Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept)
+{
+  Inspected inspected;
+  inspected.frames = AllFrames(sweep);
+  std::vector<int> sorted;
+  if (std::optional<Finding> order = FindOrder(sweep, sorted))
+  {
+    order->isApplied = order->isApplied && !kept.Keeps(FindingKind::Order);
+    inspected.frames = order->isApplied ? sorted : inspected.frames;
+    inspected.findings.push_back(*std::move(order));
+  }
+  if (inspected.frames.size() < 2)
+  {
+    return inspected;
+  }
+  Pictures pictures = MakePictures(sweep, inspected.frames);
+  const auto add = [&](std::optional<Finding> found)
+  {
+    if (Add(std::move(found), kept, inspected))
+    {
+      pictures = MakePictures(sweep, inspected.frames);
+    }
+  };
+  add(FindLostContact(pictures, inspected.frames));
+  Still still = FindStill(sweep, pictures, inspected.frames);
+  add(std::move(still.rest));
+  add(std::move(still.repeat));
+  add(FindRepeats(sweep, pictures, inspected.frames));
+  if (std::optional<Finding> overlay = FindOverlay(sweep, inspected.frames, inspected.covered))
+  {
+    overlay->isApplied = !kept.Keeps(FindingKind::Overlay);
+    if (!overlay->isApplied)
+    {
+      inspected.covered.clear();
+    }
+    inspected.findings.push_back(*std::move(overlay));
+  }
+  return inspected;
+}
+
+/// "0-39, 41"
+std::string Ranges(const std::vector<int>& frames)
+{
+  std::ostringstream text;
+  constexpr std::size_t kMost = 12;  // ranges
+  std::size_t ranges = 0;
+  for (std::size_t k = 0; k < frames.size(); ++ranges)
+  {
+    std::size_t last = k;
+    while (last + 1 < frames.size() && frames[last + 1] == frames[last] + 1)
+    {
+      ++last;
+    }
+    if (ranges == kMost)
+    {
+      text << " ...";
+      break;
+    }
+    text << (k ? ", " : "") << frames[k];
+    if (last > k)
+    {
+      text << "-" << frames[last];
+    }
+    k = last + 1;
+  }
+  return text.str();
+}
+
+}  // namespace
+
+const char* NameOf(FindingKind kind)
+{
+  return kKinds[static_cast<int>(kind)].first;
+}
+
+KeptKinds KeptKinds::Parse(const std::string& text)
+{
+  KeptKinds kinds;
+  std::istringstream names(text.empty() ? " " : text);
+  for (std::string name; std::getline(names, name, '+');)
+  {
+    const auto known =
+        std::find_if(kKinds.begin(), kKinds.end(), [&name](const auto& one) { return name == one.first; });
+    if (known != kKinds.end())
+    {
+      kinds.kinds_ |= 1u << static_cast<int>(known->second);
+    }
+    else if (name == "all")
+    {
+      kinds.kinds_ = (1u << kKinds.size()) - 1;
+    }
+    else if (name != "none")
+    {
+      throw Error(
+          "'" + name.substr(0, 60) +
+          "' is no kind of finding; give none|all|KIND[+KIND...], where KIND is order, contact, repeat, rest or overlay.");
+    }
+  }
+  return kinds;
+}
+
+std::string KeptKinds::ToString() const
+{
+  std::string text;
+  for (const auto& [name, kind] : kKinds)
+  {
+    text += Keeps(kind) ? (text.empty() ? "" : "+") + std::string(name) : "";
+  }
+  return text.empty() ? "none" : kinds_ + 1 == 1u << kKinds.size() ? "all" : text;
+}
+
+std::string Describe(const Finding& finding, const std::vector<int>& numbers)
+{
+  std::vector<int> frames;
+  std::transform(finding.frames.begin(), finding.frames.end(), std::back_inserter(frames),
+                 [&numbers](int frame) { return numbers[frame]; });
+  const std::string count = std::to_string(frames.size()) + (frames.size() == 1 ? " frame" : " frames");
+  std::string text, done;
+  switch (finding.kind)
+  {
+    case FindingKind::Order:
+      text = count + " are not in the order of their times";
+      done = "They are taken in that order";
+      break;
+    case FindingKind::Contact:
+      text = count + " show no tissue, as if the probe was off the skin";
+      done = "They are left out";
+      break;
+    case FindingKind::Repeat:
+      text = count + " show the picture of the frame before them again";
+      done = "They are left out";
+      break;
+    case FindingKind::Rest:
+      text = count + " show nothing new, because the probe rests";
+      done = "They are left out; one frame of each rest stays";
+      break;
+    case FindingKind::Overlay:
+      text = std::to_string(finding.pixels) + " pixels belong to the scanner's screen (text, rulers, logos)";
+      done = "They are filled from what is around them";
+      break;
+  }
+  if (finding.kind != FindingKind::Overlay)
+  {
+    text += " (" + Ranges(frames) + ")";
+  }
+  text += ": " + finding.evidence + ". ";
+  return text + (finding.isApplied ? done + "; keep '" + NameOf(finding.kind) + "' to use them as they are."
+                                   : "Nothing was done about it.");
+}
+
+InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept)
+{
+  InspectedSweep result{sweep, sweep, {}, {}};
+  std::vector<std::shared_ptr<const std::vector<std::uint8_t>>> covered;  // [frames that are left]
+  for (const Sequence& sequence : SequencesOf(*sweep))
+  {
+    Inspected inspected = InspectSequence(sequence.sweep, kept);
+    const auto number = [&sequence](int& frame) { frame += sequence.first; };
+    std::for_each(inspected.frames.begin(), inspected.frames.end(), number);
+    result.frames.insert(result.frames.end(), inspected.frames.begin(), inspected.frames.end());
+    for (Finding& finding : inspected.findings)
+    {
+      std::for_each(finding.frames.begin(), finding.frames.end(), number);
+      result.findings.push_back(std::move(finding));
+    }
+    covered.resize(result.frames.size(), inspected.covered.empty()
+                                             ? nullptr
+                                             : std::make_shared<const std::vector<std::uint8_t>>(inspected.covered));
+  }
+  if (result.frames != AllFrames(*sweep))
+  {
+    result.sweep = std::make_shared<const Sweep>(sweep->Subset(result.frames));
+  }
+  if (std::any_of(covered.begin(), covered.end(), [](const auto& one) { return one != nullptr; }))
+  {
+    result.sweep = std::make_shared<const Sweep>(WithoutOverlay(*result.sweep, covered));
+  }
+  return result;
+}
+
+}  // namespace bigus

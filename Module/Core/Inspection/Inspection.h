@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What is wrong with recorded frames, looked for in pictures, poses and times together, and what is done about it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Core/Model/Sweep.h"
+
+namespace bigus
+{
+
+/// What may be found. README.md says how.
+enum class FindingKind
+{
+  Order,    ///< frames are listed in another order than that of their times
+  Contact,  ///< the probe was off the skin: frames are black, or noise without speckle
+  Repeat,   ///< the picture was frozen, or shown again, while the probe moved on
+  Rest,     ///< probe and picture stand still
+  Overlay   ///< pixels of the scanner's screen: text, rulers, logos
+};
+
+/// "order", "contact", "repeat", "rest", "overlay".
+const char* NameOf(FindingKind kind);
+
+/// Kinds of findings that nothing is done about.
+class KeptKinds
+{
+public:
+  bool Keeps(FindingKind kind) const { return kinds_ >> static_cast<int>(kind) & 1; }
+
+  /// Names joined by '+', "all", or "none". Throws Error for another name.
+  static KeptKinds Parse(const std::string& text);
+  /// The text that Parse reads back to the same.
+  std::string ToString() const;
+
+private:
+  std::uint32_t kinds_ = 0;  // bit k: FindingKind k
+};
+
+struct Finding
+{
+  FindingKind kind = FindingKind::Order;
+  std::vector<int> frames;  ///< of the sweep, in its order: those left out, or those that would be; all for an overlay
+  std::size_t pixels = 0;   ///< of every frame, that are filled; 0 for other kinds
+  bool isApplied = false;   ///< something was done: false where the kind is kept, and for what is only a doubt
+  std::string evidence;     ///< in numbers; a sentence without its full stop
+};
+
+/// What was found, the evidence, what was done and how to undo it. `numbers` says for every frame of the sweep how it is
+/// called, for instance by its place in a file.
+std::string Describe(const Finding& finding, const std::vector<int>& numbers);
+
+/// A sweep as it is trained on.
+struct InspectedSweep
+{
+  std::shared_ptr<const Sweep> recorded;  ///< the one that came
+  std::shared_ptr<const Sweep> sweep;     ///< what is left of it; the same where nothing was done
+  std::vector<int> frames;                ///< [frames of `sweep`] their numbers in `recorded`
+  std::vector<Finding> findings;
+};
+
+/// Looks at every sequence of the sweep by itself and leaves out, orders and fills what was found, but for kinds that are
+/// kept. Nothing is left out where fewer than two frames would be left. The sweep is valid. It takes some 2 ns for every
+/// pixel on one thread.
+InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept = {});
+
+}  // namespace bigus

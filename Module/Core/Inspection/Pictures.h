@@ -1,0 +1,36 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Frames made small, to be compared with each other.
+#pragma once
+
+#include <vector>
+
+#include "Core/Model/Sweep.h"
+
+namespace bigus
+{
+
+/// Grey levels of 255 throughout.
+struct Pictures
+{
+  int width = 0, height = 0;
+  std::vector<std::vector<float>> small;  ///< [frames][height * width], means of square blocks
+  std::vector<double> brightness;         ///< [frames] mean below the first quarter of the depth, where nothing rings
+  /// [frames] mean square difference of neighbouring columns over that of pixels and the mean of 9 x 9 around them: 2 for
+  /// white noise, 0.1 to 1 for speckle, and 0 for a black frame. Of the second quarter of the depth.
+  std::vector<double> roughness;
+  std::vector<double>
+      change;  ///< [frames] root mean square difference to the frame before, pixel by pixel; 0 of the first
+};
+
+/// `frames` in the order in which they are compared.
+Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames);
+
+/// Root mean square difference of two small pictures.
+double Difference(const Pictures& pictures, std::size_t a, std::size_t b);
+
+/// Root mean square difference that two pictures would have whose speckle has nothing in common, were both like this one:
+/// sqrt(2) times what is left without the mean of 5 x 5 around each pixel.
+double UnrelatedDifference(const Pictures& pictures, std::size_t k);
+
+}  // namespace bigus

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The rules of Inspect, one for each kind of finding. Frames are those of one sequence, by their numbers in its sweep.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "Core/Inspection/Inspection.h"
+#include "Core/Inspection/Pictures.h"
+
+namespace bigus
+{
+
+/// The longest way that a corner of the image goes from one frame to another, mm.
+double Moved(const Sweep& sweep, int from, int to);
+
+/// Frames that another order of times would move; `sorted` gets that order. Nothing where the order is that of times.
+std::optional<Finding> FindOrder(const Sweep& sweep, std::vector<int>& sorted);
+
+/// Frames that are dark, or noise, amid others that are not. `pictures` are of `frames`.
+std::optional<Finding> FindLostContact(const Pictures& pictures, const std::vector<int>& frames);
+
+/// Stretches in which pictures do not drift.
+struct Still
+{
+  std::optional<Finding> rest;    ///< poses do not drift either: all frames but one of each stretch
+  std::optional<Finding> repeat;  ///< poses go on, so that the picture is frozen: all but the first
+};
+Still FindStill(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+
+/// Frames that show what the one before showed, or nearly, though the probe moved as usual.
+std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+
+/// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets 1
+/// there and 0 elsewhere.
+std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& frames,
+                                   std::vector<std::uint8_t>& covered);
+
+/// The sweep with covered pixels of its frames replaced by a mean of what is around them, near pixels first. `covered` says
+/// which, [frames of the sweep]; null: none.
+Sweep WithoutOverlay(const Sweep& sweep, const std::vector<std::shared_ptr<const std::vector<std::uint8_t>>>& covered);
+
+}  // namespace bigus
