@@ -183,11 +183,15 @@ void RequireOneSizeOf(const std::vector<SequenceOptions>& sequences, const std::
 /// their number in the image, increasing.
 std::vector<int> SweepFrames(vtkIntArray* imageFrames, const std::vector<int>& usable)
 {
+  std::map<int, int> frameOf;
+  for (const int imageFrame : usable)
+  {
+    frameOf.emplace(imageFrame, static_cast<int>(frameOf.size()));
+  }
   std::vector<int> frames;
   for (vtkIdType i = 0; i < imageFrames->GetNumberOfValues(); ++i)
   {
-    const auto found = std::find(usable.begin(), usable.end(), imageFrames->GetValue(i));
-    frames.push_back(static_cast<int>(found - usable.begin()));
+    frames.push_back(frameOf.at(imageFrames->GetValue(i)));
   }
   return frames;
 }

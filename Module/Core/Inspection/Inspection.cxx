@@ -32,29 +32,31 @@ struct Inspected
   std::vector<std::uint8_t> covered;  ///< by an overlay; empty: there is none
 };
 
-std::vector<int> Without(const std::vector<int>& frames, const std::vector<int>& gone)
+std::vector<int> Without(const std::vector<int>& frames, std::vector<int> gone)
 {
+  std::sort(gone.begin(), gone.end());
   std::vector<int> left;
   std::copy_if(frames.begin(), frames.end(), std::back_inserter(left),
-               [&gone](int frame) { return std::find(gone.begin(), gone.end(), frame) == gone.end(); });
+               [&gone](int frame) { return !std::binary_search(gone.begin(), gone.end(), frame); });
   return left;
 }
 
-/// Adds a finding, and takes its frames out unless its kind is kept or too few would be left. True where it took some.
+/// Adds a finding, unless it would leave too few frames, and takes its frames out unless its kind is kept. True where it took
+/// some.
 bool Add(std::optional<Finding> found, const KeptKinds& kept, Inspected& inspected)
 {
-  if (!found)
+  std::vector<int> left = found ? Without(inspected.frames, found->frames) : std::vector<int>{};
+  if (left.size() < 2)
   {
     return false;
   }
-  const std::vector<int> left = Without(inspected.frames, found->frames);
-  found->isApplied = found->isApplied && !kept.Keeps(found->kind) && left.size() >= 2;
-  if (found->isApplied)
-  {
-    inspected.frames = left;
-  }
-  const bool isApplied = found->isApplied;
+  const bool isApplied = found->isApplied && !kept.Keeps(found->kind);
+  found->isApplied = isApplied;
   inspected.findings.push_back(*std::move(found));
+  if (isApplied)
+  {
+    inspected.frames = std::move(left);
+  }
   return isApplied;
 }
 

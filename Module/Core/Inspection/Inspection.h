@@ -64,8 +64,8 @@ struct InspectedSweep
 };
 
 /// Looks at every sequence of the sweep by itself and leaves out, orders and fills what was found, but for kinds that are
-/// kept. Nothing is left out where fewer than two frames would be left. The sweep is valid. It takes some 2 ns for every
-/// pixel on one thread.
+/// kept. What would leave fewer than two frames is no finding. The sweep is valid. It takes some 2 ns for every
+/// pixel.
 InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept = {});
 
 }  // namespace bigus
