@@ -396,7 +396,7 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
     images.push_back(vtkImageData::GetData(inputs[0], k));
   }
   const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
-  bigus::InspectedSweep inspected = bigus::Inspect(imported.sweep, options.keep);
+  bigus::InspectedSweep inspected = bigus::Inspect(imported.sweep, options.keep, options.holdOut);
   for (const bigus::Finding& finding : inspected.findings)
   {
     vtkWarningMacro(<< bigus::Describe(finding, imported.frames));

@@ -159,8 +159,8 @@ public:
    */
   vtkBigusTextOptionMacro(Interpolation);
   /**
-   * Findings of the inspection that nothing is done about: none, all, or some of order, contact, repeat, rest and
-   * overlay, joined by +. Values: none, all, KIND[+KIND...]. Default: none.
+   * Findings of the inspection that nothing is done about; several are joined by +. Values: none, all, order, contact,
+   * repeat, rest, overlay. Default: none.
    */
   vtkBigusTextOptionMacro(Keep);
   /**

@@ -180,7 +180,7 @@ void RequireOneSizeOf(const std::vector<SequenceOptions>& sequences, const std::
 }
 
 /// The trainer's frames by their number in the sweep, which leaves rejected ones out. `usable` are the sweep's frames by
-/// their number in the image, increasing.
+/// their number in the image.
 std::vector<int> SweepFrames(vtkIntArray* imageFrames, const std::vector<int>& usable)
 {
   std::map<int, int> frameOf;
@@ -292,22 +292,26 @@ struct Frames
   std::vector<int> training, heldOut;
 };
 
-Frames ReadFrames(const std::vector<SequenceOptions>& sequences, int holdOut, const KeptKinds& keep, Console& console)
+/// Fills what an inspection of recorded frames leaves to train on and to score. A held-out frame has no part in the former,
+/// and is not scored where it shows what is left out elsewhere.
+void Inspect(const ImportedSweep& recorded, const TrainerOptions& options, Frames& frames)
 {
-  Frames frames;
-  std::vector<vtkImageData*> images;
-  for (const SequenceOptions& one : sequences)
-  {
-    frames.images.push_back(ReadTrainingImage(one, console));
-    images.push_back(frames.images.back());
-  }
-  RequireOneSizeOf(sequences, images);
-  const ImportedSweep recorded = SweepFromImages(images);
-  const InspectedSweep inspected = Inspect(recorded.sweep, keep);
+  const InspectedSweep inspected = bigus::Inspect(recorded.sweep, options.keep, options.holdOut);
+  std::vector<int> shown = bigus::Inspect(recorded.sweep, options.keep).frames;
+  std::sort(shown.begin(), shown.end());
   frames.imported.sweep = inspected.sweep;
-  for (const int frame : inspected.frames)
+  for (int k = 0; k < inspected.sweep->NumberOfFrames(); ++k)
   {
+    const int frame = inspected.frames[k];
     frames.imported.frames.push_back(recorded.frames[frame]);
+    if (!std::binary_search(inspected.heldOut.begin(), inspected.heldOut.end(), k))
+    {
+      frames.training.push_back(k);
+    }
+    else if (std::binary_search(shown.begin(), shown.end(), frame))
+    {
+      frames.heldOut.push_back(k);
+    }
   }
   for (const Finding& finding : inspected.findings)
   {
@@ -317,8 +321,22 @@ Frames ReadFrames(const std::vector<SequenceOptions>& sequences, int holdOut, co
                                {"applied", finding.isApplied},
                                {"text", Describe(finding, recorded.frames)}});
   }
+}
+
+Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOptions& options, Console& console)
+{
+  const int holdOut = options.holdOut;
+  Frames frames;
+  std::vector<vtkImageData*> images;
+  for (const SequenceOptions& one : sequences)
+  {
+    frames.images.push_back(ReadTrainingImage(one, console));
+    images.push_back(frames.images.back());
+  }
+  RequireOneSizeOf(sequences, images);
+  const ImportedSweep recorded = SweepFromImages(images);
+  Inspect(recorded, options, frames);
   const Sweep& sweep = *frames.imported.sweep;
-  std::tie(frames.training, frames.heldOut) = SplitHoldOut(sweep, AllFrames(sweep), holdOut);
   if (holdOut > 0 && frames.heldOut.empty())
   {
     throw Error("--hold-out " + std::to_string(holdOut) + " keeps none of the " +
@@ -477,7 +495,7 @@ ExitCode Train(Console& console, const Options& options)
   const std::vector<std::string> posesFiles = PosesFiles(options, sequences.size());
   RequireOutputs(options, sequences, posesFiles, checkpoint.Path());
   Engine::Create(options.trainer.engine);  // an unknown name is said before the sweep is read
-  const Frames frames = ReadFrames(sequences, options.trainer.holdOut, options.trainer.keep, console);
+  const Frames frames = ReadFrames(sequences, options.trainer, console);
 
   vtkNew<vtkBigusTrainer> trainer;
   Prepare(trainer, options, frames, console);

@@ -146,6 +146,10 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
       }
     }
     result = Train(sweep, options, from ? &*from : nullptr, tell, checkpoints);
+    for (const Finding& finding : result.findings)
+    {
+      warnings.push_back(Describe(finding, AllFrames(*sweep)));
+    }
     if (result.finished && !checkpoint.empty())
     {
       file.Remove();

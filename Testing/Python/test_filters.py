@@ -390,6 +390,21 @@ class Trainer(unittest.TestCase):
         lines = trainer.GetOutputDataObject(0).GetFieldData().GetAbstractArray("Provenance")
         self.assertEqual(lines.GetValue(0), "filter=vtkBigusTrainer")
 
+    def test_frames_off_the_skin_are_left_out_and_said(self):
+        stack = sweep()
+        vtk_to_numpy(stack.GetPointData().GetScalars()).reshape(9, -1)[4] = 0
+        trainer = self.trainer()
+        trainer.SetInputDataObject(0, stack)
+        trainer.SetHoldOut(0)
+        with self.assertWarnsRegex(RuntimeWarning, r"1 frame shows? no tissue.*\(4\).*keep 'contact'"):
+            bigus.update(trainer)
+        frames = trainer.GetTrainingFrames()
+        self.assertEqual([frames.GetValue(k) for k in range(frames.GetNumberOfValues())], [0, 1, 2, 3, 5, 6, 7, 8])
+        trainer.SetKeep("contact")
+        with self.assertWarnsRegex(RuntimeWarning, "Nothing was done"):
+            bigus.update(trainer)
+        self.assertEqual(trainer.GetTrainingFrames().GetNumberOfValues(), 9)
+
     def test_properties(self):
         trainer = self.trainer()
         self.assertEqual((trainer.GetHoldOut(), trainer.GetAutomatic(), trainer.GetElevationSigma()), (4, 0, -1))

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <iterator>
 #include <sstream>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "Core/Inspection/Rules.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
+#include "Core/Numerics/OpenCv.h"
 
 namespace bigus
 {
@@ -60,19 +62,22 @@ bool Add(std::optional<Finding> found, const KeptKinds& kept, Inspected& inspect
   return isApplied;
 }
 
-Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept)
+/// `isHeld` says which frames are not looked at.
+Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, const std::function<bool(int)>& isHeld)
 {
   Inspected inspected;
-  inspected.frames = AllFrames(sweep);
-  std::vector<int> sorted;
-  if (std::optional<Finding> order = FindOrder(sweep, sorted))
+  std::vector<int> ordered;
+  if (std::optional<Finding> order = FindOrder(sweep, ordered))
   {
     order->isApplied = order->isApplied && !kept.Keeps(FindingKind::Order);
-    inspected.frames = order->isApplied ? sorted : inspected.frames;
+    ordered = order->isApplied ? ordered : AllFrames(sweep);
     inspected.findings.push_back(*std::move(order));
   }
-  if (inspected.frames.size() < 2)
+  std::copy_if(ordered.begin(), ordered.end(), std::back_inserter(inspected.frames), std::not_fn(isHeld));
+  const std::vector<int> looked = inspected.frames;
+  if (looked.size() < 2)
   {
+    inspected.frames = ordered;
     return inspected;
   }
   Pictures pictures = MakePictures(sweep, inspected.frames);
@@ -97,6 +102,7 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept)
     }
     inspected.findings.push_back(*std::move(overlay));
   }
+  inspected.frames = Without(ordered, Without(looked, inspected.frames));
   return inspected;
 }
 
@@ -155,7 +161,7 @@ KeptKinds KeptKinds::Parse(const std::string& text)
     {
       throw Error(
           "'" + name.substr(0, 60) +
-          "' is no kind of finding; give none|all|KIND[+KIND...], where KIND is order, contact, repeat, rest or overlay.");
+          "' is no kind of finding; give none|all|order|contact|repeat|rest|overlay, or some of these joined by +.");
     }
   }
   return kinds;
@@ -210,13 +216,17 @@ std::string Describe(const Finding& finding, const std::vector<int>& numbers)
                                    : "Nothing was done about it.");
 }
 
-InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept)
+InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept, int holdOut)
+try
 {
-  InspectedSweep result{sweep, sweep, {}, {}};
+  InspectedSweep result{sweep, sweep, {}, {}, {}};
+  const std::vector<int> held = SplitHoldOut(*sweep, AllFrames(*sweep), holdOut).second;
+  const auto isHeld = [&held](int frame) { return std::binary_search(held.begin(), held.end(), frame); };
   std::vector<std::shared_ptr<const std::vector<std::uint8_t>>> covered;  // [frames that are left]
   for (const Sequence& sequence : SequencesOf(*sweep))
   {
-    Inspected inspected = InspectSequence(sequence.sweep, kept);
+    Inspected inspected =
+        InspectSequence(sequence.sweep, kept, [&](int frame) { return isHeld(sequence.first + frame); });
     const auto number = [&sequence](int& frame) { frame += sequence.first; };
     std::for_each(inspected.frames.begin(), inspected.frames.end(), number);
     result.frames.insert(result.frames.end(), inspected.frames.begin(), inspected.frames.end());
@@ -237,7 +247,18 @@ InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept
   {
     result.sweep = std::make_shared<const Sweep>(WithoutOverlay(*result.sweep, covered));
   }
+  for (std::size_t k = 0; k < result.frames.size(); ++k)
+  {
+    if (isHeld(result.frames[k]))
+    {
+      result.heldOut.push_back(static_cast<int>(k));
+    }
+  }
   return result;
+}
+catch (const cv::Exception& exception)
+{
+  ThrowAsCores(exception);
 }
 
 }  // namespace bigus

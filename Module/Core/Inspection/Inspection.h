@@ -60,12 +60,13 @@ struct InspectedSweep
   std::shared_ptr<const Sweep> recorded;  ///< the one that came
   std::shared_ptr<const Sweep> sweep;     ///< what is left of it; the same where nothing was done
   std::vector<int> frames;                ///< [frames of `sweep`] their numbers in `recorded`
+  std::vector<int> heldOut;               ///< frames of `sweep` that were not looked at
   std::vector<Finding> findings;
 };
 
 /// Looks at every sequence of the sweep by itself and leaves out, orders and fills what was found, but for kinds that are
-/// kept. What would leave fewer than two frames is no finding. The sweep is valid. It takes some 2 ns for every
-/// pixel.
-InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept = {});
+/// kept. What would leave fewer than two frames is no finding. Frames that a hold-out keeps (SplitHoldOut, 0: none) all stay,
+/// and what they show has no part in what is found. The sweep is valid. It takes some 2 ns for every pixel.
+InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept = {}, int holdOut = 0);
 
 }  // namespace bigus

@@ -200,17 +200,18 @@ class Training
 {
 public:
   /// The options and the sweep are valid; the rest is as for Train, but for an `exchange` of one process, which is Alone().
-  Training(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
+  Training(const InspectedSweep& inspected, const TrainerOptions& options, const GaussianField* start,
            const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange& exchange,
            const Stopwatch& sinceCall)
       : options_(options),
         start_(start),
         exchange_(exchange),
-        sweep_(std::move(sweep)),
+        sweep_(inspected.sweep),
         asked_(options),
         keeper_(checkpoints, AgreedIdentity(*sweep_, options, start, checkpoints, exchange), exchange),
         budget_(options.timeLimit, sinceCall.Seconds() + keeper_.Seconds(), progress, exchange)
   {
+    result_.heldOutFrames = inspected.heldOut;
   }
 
   void SetApart();
@@ -242,11 +243,13 @@ private:
   TrainingResult result_;
 };
 
-/// Frames that validate, that are held out and that are trained on; what none of the last lights is seen by nobody.
+/// Frames that validate and that are trained on, among those that are not held out; what none of the last lights is seen by nobody.
 void Training::SetApart()
 {
   std::vector<int>&frames = result_.trainingFrames, &validation = result_.validationFrames;
-  std::tie(frames, result_.heldOutFrames) = SplitHoldOut(*sweep_, AllFrames(*sweep_), options_.holdOut);
+  const std::vector<int> all = AllFrames(*sweep_);
+  std::set_difference(all.begin(), all.end(), result_.heldOutFrames.begin(), result_.heldOutFrames.end(),
+                      std::back_inserter(frames));
   if (options_.validation > 0)
   {
     std::tie(frames, validation) = SplitHoldOut(*sweep_, frames, options_.validation);
@@ -482,7 +485,7 @@ try
   const Stopwatch sinceCall;
   options.Validate();
   Exchange& others = exchange.IsAlone() ? Exchange::Alone() : exchange;
-  Training training(inspected.sweep, options, start, progress, checkpoints, others, sinceCall);
+  Training training(inspected, options, start, progress, checkpoints, others, sinceCall);
   training.SetApart();
   training.CorrectPoses();
   training.Plan();
@@ -498,8 +501,10 @@ catch (const cv::Exception& exception)
 TrainingResult Train(std::shared_ptr<const Sweep> sweep, const TrainerOptions& options, const GaussianField* start,
                      const ProgressCallback& progress, const Checkpoints& checkpoints, Exchange& exchange)
 {
+  options.Validate();
   sweep->Validate();
-  return Train(Inspect(std::move(sweep), options.keep), options, start, progress, checkpoints, exchange);
+  return Train(Inspect(std::move(sweep), options.keep, options.holdOut), options, start, progress, checkpoints,
+               exchange);
 }
 
 }  // namespace bigus
