@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <functional>
 #include <iterator>
 #include <sstream>
 #include <utility>
@@ -30,6 +29,7 @@ constexpr std::array<std::pair<const char*, FindingKind>, 5> kKinds{{{"order", F
 struct Inspected
 {
   std::vector<Finding> findings;
+  std::vector<int> heldOut;
   std::vector<int> frames;            ///< that are left, in order
   std::vector<std::uint8_t> covered;  ///< by an overlay; empty: there is none
 };
@@ -62,8 +62,7 @@ bool Add(std::optional<Finding> found, const KeptKinds& kept, Inspected& inspect
   return isApplied;
 }
 
-/// `isHeld` says which frames are not looked at.
-Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, const std::function<bool(int)>& isHeld)
+Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut)
 {
   Inspected inspected;
   std::vector<int> ordered;
@@ -73,7 +72,11 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, const std::
     ordered = order->isApplied ? ordered : AllFrames(sweep);
     inspected.findings.push_back(*std::move(order));
   }
-  std::copy_if(ordered.begin(), ordered.end(), std::back_inserter(inspected.frames), std::not_fn(isHeld));
+  for (const int place : SplitHoldOut(static_cast<int>(ordered.size()), holdOut).second)
+  {
+    inspected.heldOut.push_back(ordered[place]);
+  }
+  inspected.frames = Without(ordered, inspected.heldOut);
   const std::vector<int> looked = inspected.frames;
   if (looked.size() < 2)
   {
@@ -220,14 +223,19 @@ InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept
 try
 {
   InspectedSweep result{sweep, sweep, {}, {}, {}};
-  const std::vector<int> held = SplitHoldOut(*sweep, AllFrames(*sweep), holdOut).second;
-  const auto isHeld = [&held](int frame) { return std::binary_search(held.begin(), held.end(), frame); };
   std::vector<std::shared_ptr<const std::vector<std::uint8_t>>> covered;  // [frames that are left]
   for (const Sequence& sequence : SequencesOf(*sweep))
   {
-    Inspected inspected =
-        InspectSequence(sequence.sweep, kept, [&](int frame) { return isHeld(sequence.first + frame); });
+    Inspected inspected = InspectSequence(sequence.sweep, kept, holdOut);
     const auto number = [&sequence](int& frame) { frame += sequence.first; };
+    std::sort(inspected.heldOut.begin(), inspected.heldOut.end());
+    for (std::size_t k = 0; k < inspected.frames.size(); ++k)
+    {
+      if (std::binary_search(inspected.heldOut.begin(), inspected.heldOut.end(), inspected.frames[k]))
+      {
+        result.heldOut.push_back(static_cast<int>(result.frames.size() + k));
+      }
+    }
     std::for_each(inspected.frames.begin(), inspected.frames.end(), number);
     result.frames.insert(result.frames.end(), inspected.frames.begin(), inspected.frames.end());
     for (Finding& finding : inspected.findings)
@@ -246,13 +254,6 @@ try
   if (std::any_of(covered.begin(), covered.end(), [](const auto& one) { return one != nullptr; }))
   {
     result.sweep = std::make_shared<const Sweep>(WithoutOverlay(*result.sweep, covered));
-  }
-  for (std::size_t k = 0; k < result.frames.size(); ++k)
-  {
-    if (isHeld(result.frames[k]))
-    {
-      result.heldOut.push_back(static_cast<int>(k));
-    }
   }
   return result;
 }

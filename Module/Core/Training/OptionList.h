@@ -76,11 +76,8 @@ void ForEachOption(Options& options, const Visit& visit)
           "sweep, roughly, or in between",
           0, 0, "", "chosen by how well frames predict each other"},
       options.interpolation);
-  visit(
-      OptionInfo{"Keep", field,
-                 "Findings of the inspection that nothing is done about: none, all, or some of order, contact, repeat, "
-                 "rest and overlay, joined by +"},
-      options.keep);
+  visit(OptionInfo{"Keep", field, "Findings of the inspection that nothing is done about; several are joined by +"},
+        options.keep);
   visit(
       OptionInfo{"FrameGains", field,
                  "Remove a gain and an offset from every training frame, for sweeps whose frames differ in brightness"},
