@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What the filters share of VTK's pipeline: requests, and properties that may be left to a default.
+// What the filters share of VTK's pipeline: requests, properties that may be left to a default, and tables.
 #ifndef BigusPipelineSupport_h
 #define BigusPipelineSupport_h
 
@@ -8,6 +8,8 @@
 #include <cstddef>
 
 #include "vtkBigusFiltersModule.h"  // for the ABI namespace
+#include "vtkNew.h"
+#include "vtkTable.h"
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
 VTK_ABI_NAMESPACE_BEGIN
@@ -50,6 +52,17 @@ bool TakeValuesBack(T value, T (&property)[N], bool& derived)
   std::fill_n(property, N, value);
   derived = true;
   return true;
+}
+
+/// A new column of a table, whose values are to be set.
+template <class Array>
+Array* AddColumn(vtkTable* table, const char* name, std::size_t rows)
+{
+  vtkNew<Array> column;
+  column->SetName(name);
+  column->SetNumberOfValues(static_cast<vtkIdType>(rows));
+  table->AddColumn(column);
+  return column;
 }
 
 }  // namespace bigus

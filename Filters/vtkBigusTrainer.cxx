@@ -87,25 +87,15 @@ std::string ProgressLine(const bigus::TrainingProgress& progress)
   return line.str();
 }
 
-template <class Array>
-Array* AddColumn(vtkTable* table, const char* name, std::size_t rows)
-{
-  vtkNew<Array> column;
-  column->SetName(name);
-  column->SetNumberOfValues(static_cast<vtkIdType>(rows));
-  table->AddColumn(column);
-  return column;
-}
-
 void FillLog(const std::vector<bigus::TrainingRecord>& log, vtkTable* table)
 {
   table->Initialize();
-  auto* iterations = AddColumn<vtkIntArray>(table, "Iteration", log.size());
-  auto* seconds = AddColumn<vtkDoubleArray>(table, "Seconds", log.size());
-  auto* losses = AddColumn<vtkDoubleArray>(table, "Loss", log.size());
-  auto* validations = AddColumn<vtkDoubleArray>(table, "ValidationPSNR", log.size());
-  auto* gaussians = AddColumn<vtkIdTypeArray>(table, "Gaussians", log.size());
-  auto* rates = AddColumn<vtkDoubleArray>(table, "Rate", log.size());
+  auto* iterations = bigus::AddColumn<vtkIntArray>(table, "Iteration", log.size());
+  auto* seconds = bigus::AddColumn<vtkDoubleArray>(table, "Seconds", log.size());
+  auto* losses = bigus::AddColumn<vtkDoubleArray>(table, "Loss", log.size());
+  auto* validations = bigus::AddColumn<vtkDoubleArray>(table, "ValidationPSNR", log.size());
+  auto* gaussians = bigus::AddColumn<vtkIdTypeArray>(table, "Gaussians", log.size());
+  auto* rates = bigus::AddColumn<vtkDoubleArray>(table, "Rate", log.size());
   for (std::size_t i = 0; i < log.size(); ++i)
   {
     const vtkIdType row = static_cast<vtkIdType>(i);
@@ -121,10 +111,10 @@ void FillLog(const std::vector<bigus::TrainingRecord>& log, vtkTable* table)
 void FillDecisions(const std::vector<bigus::Decision>& decisions, vtkTable* table)
 {
   table->Initialize();
-  auto* whats = AddColumn<vtkStringArray>(table, "Decision", decisions.size());
-  auto* choices = AddColumn<vtkStringArray>(table, "Choice", decisions.size());
-  auto* evidences = AddColumn<vtkStringArray>(table, "Evidence", decisions.size());
-  auto* seconds = AddColumn<vtkDoubleArray>(table, "Seconds", decisions.size());
+  auto* whats = bigus::AddColumn<vtkStringArray>(table, "Decision", decisions.size());
+  auto* choices = bigus::AddColumn<vtkStringArray>(table, "Choice", decisions.size());
+  auto* evidences = bigus::AddColumn<vtkStringArray>(table, "Evidence", decisions.size());
+  auto* seconds = bigus::AddColumn<vtkDoubleArray>(table, "Seconds", decisions.size());
   for (std::size_t i = 0; i < decisions.size(); ++i)
   {
     const vtkIdType row = static_cast<vtkIdType>(i);

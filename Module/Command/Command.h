@@ -46,6 +46,7 @@ std::size_t AddVerb(const Verb& verb);
 
 void AddInfo(Program& program);
 void AddPhantom(Program& program);
+void AddCheck(Program& program);
 void AddPoses(Program& program);
 void AddTrain(Program& program);
 void AddSlice(Program& program);

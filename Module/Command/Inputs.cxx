@@ -295,6 +295,20 @@ vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Conso
   return reader->GetOutput();
 }
 
+Json FindingsJson(const std::vector<Finding>& findings, const std::vector<int>& numbers)
+{
+  Json rows = Json::array();
+  for (const Finding& finding : findings)
+  {
+    rows.push_back({{"kind", NameOf(finding.kind)},
+                    {"frames", finding.frames.size()},
+                    {"pixels", finding.pixels},
+                    {"applied", finding.isApplied},
+                    {"text", Describe(finding, numbers)}});
+  }
+  return rows;
+}
+
 std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& console)
 {
   const vtkSmartPointer<vtkImageData> image = ReadSequence(options, console);

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "Console.h"
+#include "Core/Inspection/Inspection.h"
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
@@ -27,8 +29,6 @@ class Option;
 
 namespace bigus::command
 {
-
-class Console;
 
 /// "0,4,10-20" to indices below `count`, in the order given. Throws Error.
 std::vector<int> ParseFrames(const std::string& list, int count);
@@ -63,6 +63,9 @@ vtkSmartPointer<vtkBigusSequenceReader> NewSequenceReader(const SequenceOptions&
 
 /// Reads a sequence as the image stack all filters take; says on stderr which frames were rejected.
 vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Console& console);
+
+/// What an inspection found, a row a finding. `numbers` says how each frame of the sweep is called.
+Json FindingsJson(const std::vector<Finding>& findings, const std::vector<int>& numbers);
 /// The same as a sweep, reduced.
 std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& console);
 

@@ -172,16 +172,13 @@ void WriteMetaVolume(vtkImageData* volume, const std::string& path, WorldSystem 
                   });
 }
 
-void WritePng(vtkImageData* stack, int slice, std::ostream& file)
+/// Rows of pixels from the top down, `channels` bytes each.
+void WritePng(const unsigned char* pixels, int width, int height, int channels, std::ostream& file)
 {
-  int extent[6];
-  stack->GetExtent(extent);
   vtkNew<vtkImageData> image;
-  image->SetExtent(extent[0], extent[1], extent[2], extent[3], 0, 0);
-  image->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
-  const vtkIdType pixels = image->GetNumberOfPoints();
-  const auto* bytes = static_cast<const unsigned char*>(stack->GetScalarPointer());
-  std::copy_n(bytes + slice * pixels, pixels, static_cast<unsigned char*>(image->GetScalarPointer()));
+  image->SetExtent(0, width - 1, 0, height - 1, 0, 0);
+  image->AllocateScalars(VTK_UNSIGNED_CHAR, channels);
+  std::copy_n(pixels, image->GetNumberOfPoints() * channels, static_cast<unsigned char*>(image->GetScalarPointer()));
 
   vtkNew<vtkImageFlip> flip;  // VTK writes its last row first, and our first row belongs on top
   flip->SetInputData(image);
@@ -192,6 +189,14 @@ void WritePng(vtkImageData* stack, int slice, std::ostream& file)
   writer->Write();
   vtkUnsignedCharArray* png = writer->GetResult();
   file.write(reinterpret_cast<const char*>(png->GetPointer(0)), png->GetNumberOfValues());
+}
+
+void WritePng(vtkImageData* stack, int slice, std::ostream& file)
+{
+  int size[3];
+  stack->GetDimensions(size);
+  const auto* bytes = static_cast<const unsigned char*>(stack->GetScalarPointer());
+  WritePng(bytes + slice * static_cast<vtkIdType>(size[0]) * size[1], size[0], size[1], 1, file);
 }
 
 }  // namespace
@@ -352,6 +357,11 @@ void RequireVolumeName(const std::string& path)
   {
     throw OutputError("Cannot write '" + path + "': the name of a volume must end in .mha, .nrrd or .vti.");
   }
+}
+
+void WritePage(const Page& page, const std::string& path)
+{
+  WriteAtomically(path, [&page](std::ostream& file) { WritePng(page.rgb.data(), page.width, page.height, 3, file); });
 }
 
 void WriteVolume(vtkImageData* volume, const std::string& path, WorldSystem world, Console& console)

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "Core/Inspection/Page.h"
 #include "Core/Model/SlicePlane.h"
 #include "vtkSmartPointer.h"
 
@@ -47,6 +48,9 @@ void WritePosesCsv(vtkDataArray* poses, int width, int height, const std::string
 
 /// For messages: the file's name, or the first and last of many.
 std::string NameOf(const std::vector<std::string>& files);
+
+/// A page as PNG.
+void WritePage(const Page& page, const std::string& path);
 
 /// Throws OutputError unless the name ends in .mha, .nrrd or .vti.
 void RequireVolumeName(const std::string& path);

@@ -23,6 +23,7 @@ std::vector<Verb>& Verbs()
   static std::vector<Verb> verbs = {
       {10, "bigus phantom -o sweep.igs.mha", "a made-up sweep with known truth", AddPhantom},
       {20, "bigus info sweep.igs.mha", "what is in it", AddInfo},
+      {25, "bigus check sweep.igs.mha", "what is wrong with it", AddCheck},
       {30, "bigus poses sweep.igs.mha -o corrected.igs.mha", "without the tracker's noise, no training", AddPoses},
       {40, "bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv", "frames to a Gaussian field", AddTrain},
       {60, "bigus slice field.vtp --poses poses.csv -o again.igs.mha", "the field at the sweep's planes", AddSlice},

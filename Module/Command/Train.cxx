@@ -288,7 +288,7 @@ struct Frames
 {
   std::vector<vtkSmartPointer<vtkImageData>> images;
   ImportedSweep imported;
-  Json findings = Json::array();
+  Json findings;
   std::vector<int> training, heldOut;
 };
 
@@ -313,14 +313,7 @@ void Inspect(const ImportedSweep& recorded, const TrainerOptions& options, Frame
       frames.heldOut.push_back(k);
     }
   }
-  for (const Finding& finding : inspected.findings)
-  {
-    frames.findings.push_back({{"kind", NameOf(finding.kind)},
-                               {"frames", finding.frames.size()},
-                               {"pixels", finding.pixels},
-                               {"applied", finding.isApplied},
-                               {"text", Describe(finding, recorded.frames)}});
-  }
+  frames.findings = FindingsJson(inspected.findings, recorded.frames);
 }
 
 Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOptions& options, Console& console)

@@ -5,6 +5,7 @@
 
 #include "Arrays.h"
 #include "Core/Deciding/PoseCorrection.h"
+#include "Core/Inspection/Inspection.h"
 #include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Metrics/Texture.h"
@@ -223,6 +224,38 @@ Array Distances(const Sweep& sweep, const std::vector<int>& frames, const InputD
   return Owned(std::move(distances), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
 }
 
+/// A row a finding, and for every frame 1 + the kind for which it is left out, or 0. `numbers` says how frames are called.
+nb::tuple Inspected(const std::shared_ptr<Sweep>& sweep, const std::string& keep, const std::vector<int>& numbers)
+{
+  InspectedSweep found;
+  {
+    const nb::gil_scoped_release others;
+    if (numbers.size() != sweep->imageToReference.size())
+    {
+      throw Error("inspect: " + std::to_string(numbers.size()) + " numbers for " +
+                  std::to_string(sweep->NumberOfFrames()) + " frames; give one a frame.");
+    }
+    found = Inspect(sweep, KeptKinds::Parse(keep));
+  }
+  std::vector<int> reasons(numbers.size(), 0);
+  nb::list rows;
+  for (const Finding& finding : found.findings)
+  {
+    nb::dict row;
+    row["kind"] = NameOf(finding.kind);
+    row["frames"] = finding.frames.size();
+    row["pixels"] = finding.pixels;
+    row["applied"] = finding.isApplied;
+    row["text"] = Describe(finding, numbers);
+    rows.append(row);
+    for (const int frame : finding.LeftOut())
+    {
+      reasons[frame] = 1 + static_cast<int>(finding.kind);
+    }
+  }
+  return nb::make_tuple(rows, reasons);
+}
+
 }  // namespace
 
 Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses)
@@ -282,6 +315,7 @@ void BindSweep(nb::module_& m)
       nb::arg("sweeps"));
   m.def("correct_poses", &Correct, nb::arg("sweep"), nb::arg("strength").none(), nb::arg("hold_out"),
         nb::arg("progress") = nb::none());
+  m.def("inspect", &Inspected, nb::arg("sweep"), nb::arg("keep"), nb::arg("numbers"));
   m.def("compare", &Compare, nb::arg("image"), nb::arg("truth"));
   m.def("compare_textures", &CompareTextures, nb::arg("image"), nb::arg("truth"));
   m.def("distances", &Distances, nb::arg("sweep"), nb::arg("frames"), nb::arg("plane"), nb::arg("width"),

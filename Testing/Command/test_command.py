@@ -160,11 +160,40 @@ class CommandTest(unittest.TestCase):
         return path
 
 
+class Check(CommandTest):
+    def test_a_good_sweep_has_no_finding_and_a_page(self):
+        page = self.folder / "check.png"
+        answer = self.expect(SUCCESS, "check", self.sweep, "-o", page)
+        self.assertEqual((answer["findings"], answer["left_out"]), ([], []))
+        head = page.read_bytes()[:24]
+        self.assertEqual((head[:8], int.from_bytes(head[16:20], "big")), (b"\x89PNG\r\n\x1a\n", 1200))
+        self.assertIn("nothing is wrong", run("check", self.sweep).stdout)
+
+    def test_frames_without_tissue_are_named(self):
+        head, body = self.sweep.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
+        width, height, count = (int(n) for n in re.search(rb"DimSize = (\d+) (\d+) (\d+)", head).groups())
+        pixels = bytearray(zlib.decompress(body) if b"CompressedData = True" in head else body)
+        pixels[3 * width * height:5 * width * height] = bytes(2 * width * height)
+        damaged = self.folder / "damaged.igs.mha"
+        head = re.sub(rb"CompressedData(Size)? = .*\n", b"", head)
+        damaged.write_bytes(head + b"ElementDataFile = LOCAL\n" + bytes(pixels))
+        answer = self.expect(SUCCESS, "check", damaged, "-o", self.folder / "damaged.png")
+        self.assertEqual([(one["kind"], one["frames"], one["applied"]) for one in answer["findings"]], [("contact", 2, True)])
+        self.assertEqual(answer["left_out"], [3, 4])
+        self.assertIn("off the skin: 2 frames (3-4)", run("check", damaged).stdout)
+        self.assertEqual(self.expect(SUCCESS, "check", damaged, "--keep", "contact")["left_out"], [])
+        self.assertIn("'dust'", run("check", damaged, "--keep", "dust").stderr)
+        trained = self.expect(SUCCESS, "train", damaged, "-o", self.folder / "damaged.vtp", "--no-auto", "--gaussians", 50,
+                              "--iterations", 2)
+        self.assertEqual(trained["findings"], answer["findings"])
+        self.assertEqual(trained["training_frames"], count - 2)
+
+
 class Help(CommandTest):
     def test_every_subcommand_teaches(self):
         top = run("--help")
         self.assertEqual(top.returncode, SUCCESS)
-        for name in ("info", "phantom", "poses", "train", "slice", "voxelize", "metrics", "convert"):
+        for name in ("info", "check", "phantom", "poses", "train", "slice", "voxelize", "metrics", "convert"):
             with self.subTest(name):
                 self.assertIn(f"bigus {name} ", top.stdout)
                 own = run(name, "--help")

@@ -396,7 +396,7 @@ class Trainer(unittest.TestCase):
         trainer = self.trainer()
         trainer.SetInputDataObject(0, stack)
         trainer.SetHoldOut(0)
-        with self.assertWarnsRegex(RuntimeWarning, r"1 frame shows? no tissue.*\(4\).*keep 'contact'"):
+        with self.assertWarnsRegex(RuntimeWarning, r"off the skin: 1 frame \(4\).*keep 'contact'"):
             bigus.update(trainer)
         frames = trainer.GetTrainingFrames()
         self.assertEqual([frames.GetValue(k) for k in range(frames.GetNumberOfValues())], [0, 1, 2, 3, 5, 6, 7, 8])
@@ -509,6 +509,31 @@ class PoseCorrection(unittest.TestCase):
         trainer.SetIterations(1)
         lines = bigus.update(trainer).GetOutput().GetFieldData().GetAbstractArray("Provenance")
         self.assertIn("sweep.poses=", "\n".join(lines.GetValue(k) for k in range(lines.GetNumberOfValues())))
+
+
+class SweepInspection(unittest.TestCase):
+    def test_tells_what_training_leaves_out_by_the_images_numbers(self):
+        stack = sweep()
+        self.assertEqual(bigus.update(self.inspection(stack)).GetFindings().GetNumberOfRows(), 0)
+        vtk_to_numpy(stack.GetPointData().GetScalars()).reshape(9, -1)[4] = 0
+        add(stack.GetFieldData(), "Status", [1, 0, 1, 1, 1, 1, 1, 1, 1], np.uint8)
+        inspection = bigus.update(self.inspection(stack))
+        table = inspection.GetFindings()
+        self.assertEqual([table.GetColumnName(k) for k in range(5)], ["Kind", "Frames", "Pixels", "Applied", "Text"])
+        self.assertEqual([table.GetValueByName(0, name).ToString() for name in ("Kind", "Frames", "Pixels", "Applied")],
+                         ["contact", "1", "0", "1"])
+        self.assertIn("1 frame (4)", table.GetValueByName(0, "Text").ToString())
+        self.assertEqual(list(numbers(inspection.GetOutputDataObject(0).GetFieldData(), "Finding")), [0, 0, 0, 0, 2, 0, 0, 0, 0])
+        inspection.SetKeep("all")
+        self.assertEqual(bigus.update(inspection).GetFindings().GetValueByName(0, "Applied").ToInt(), 0)
+        inspection.SetKeep("dust")
+        with self.assertRaisesRegex(RuntimeError, "'dust'"):
+            bigus.update(inspection)
+
+    def inspection(self, stack):
+        inspection = bigus.vtkBigusSweepInspection()
+        inspection.SetInputDataObject(stack)
+        return inspection
 
 
 class SweepOutline(unittest.TestCase):

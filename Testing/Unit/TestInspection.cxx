@@ -450,7 +450,7 @@ TEST(Inspection, TrainingNumbersFramesAsRecorded)
   }
   EXPECT_EQ(used, expected);
   EXPECT_EQ(result.imageToReference, frames.poses);
-  bigus::SetOption(options, "Keep", "contact+repeat");
+  bigus::SetOption(options, "Keep", "contact");
   EXPECT_EQ(bigus::Train(sweep, options).trainingFrames.size(), 24u);
 }
 

@@ -43,23 +43,22 @@ std::vector<int> Without(const std::vector<int>& frames, std::vector<int> gone)
   return left;
 }
 
-/// Adds a finding, unless it would leave too few frames, and takes its frames out unless its kind is kept. True where it took
-/// some.
-bool Add(std::optional<Finding> found, const KeptKinds& kept, Inspected& inspected)
+/// Adds a finding, unless it would leave too few frames, and its frames to those that are gone, unless its kind is kept.
+/// Either way the rules that come after do not look at them. True where there is a finding.
+bool Add(std::optional<Finding> found, const KeptKinds& kept, std::vector<int>& looked, std::vector<int>& gone,
+         std::vector<Finding>& findings)
 {
-  std::vector<int> left = found ? Without(inspected.frames, found->frames) : std::vector<int>{};
-  if (left.size() < 2)
+  std::vector<int> left = found && found->isApplied ? Without(looked, found->frames) : looked;
+  if (!found || left.size() < 2)
   {
     return false;
   }
-  const bool isApplied = found->isApplied && !kept.Keeps(found->kind);
-  found->isApplied = isApplied;
-  inspected.findings.push_back(*std::move(found));
-  if (isApplied)
-  {
-    inspected.frames = std::move(left);
-  }
-  return isApplied;
+  looked = std::move(left);
+  found->isApplied = found->isApplied && !kept.Keeps(found->kind);
+  const std::vector<int> leftOut = found->LeftOut();
+  gone.insert(gone.end(), leftOut.begin(), leftOut.end());
+  findings.push_back(*std::move(found));
+  return true;
 }
 
 Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut)
@@ -76,27 +75,26 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
   {
     inspected.heldOut.push_back(ordered[place]);
   }
-  inspected.frames = Without(ordered, inspected.heldOut);
-  const std::vector<int> looked = inspected.frames;
+  std::vector<int> looked = Without(ordered, inspected.heldOut), gone;
+  inspected.frames = ordered;
   if (looked.size() < 2)
   {
-    inspected.frames = ordered;
     return inspected;
   }
-  Pictures pictures = MakePictures(sweep, inspected.frames);
+  Pictures pictures = MakePictures(sweep, looked);
   const auto add = [&](std::optional<Finding> found)
   {
-    if (Add(std::move(found), kept, inspected))
+    if (Add(std::move(found), kept, looked, gone, inspected.findings))
     {
-      pictures = MakePictures(sweep, inspected.frames);
+      pictures = MakePictures(sweep, looked);
     }
   };
-  add(FindLostContact(pictures, inspected.frames));
-  Still still = FindStill(sweep, pictures, inspected.frames);
+  add(FindLostContact(pictures, looked));
+  Still still = FindStill(sweep, pictures, looked);
   add(std::move(still.rest));
   add(std::move(still.repeat));
-  add(FindRepeats(sweep, pictures, inspected.frames));
-  if (std::optional<Finding> overlay = FindOverlay(sweep, inspected.frames, inspected.covered))
+  add(FindRepeats(sweep, pictures, looked));
+  if (std::optional<Finding> overlay = FindOverlay(sweep, looked, inspected.covered))
   {
     overlay->isApplied = !kept.Keeps(FindingKind::Overlay);
     if (!overlay->isApplied)
@@ -105,7 +103,7 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
     }
     inspected.findings.push_back(*std::move(overlay));
   }
-  inspected.frames = Without(ordered, Without(looked, inspected.frames));
+  inspected.frames = Without(ordered, gone);
   return inspected;
 }
 
@@ -137,11 +135,35 @@ std::string Ranges(const std::vector<int>& frames)
   return text.str();
 }
 
+/// What was found, and what is done about it.
+std::pair<const char*, const char*> WordsFor(FindingKind kind)
+{
+  switch (kind)
+  {
+    case FindingKind::Order:
+      return {"Frames are not in the order of their times", "They are taken by time"};
+    case FindingKind::Contact:
+      return {"The probe seems to be off the skin", "They are left out"};
+    case FindingKind::Repeat:
+      return {"A picture is shown again", "They are left out"};
+    case FindingKind::Rest:
+      return {"The probe rests", "They are left out, but for one of each rest"};
+    default:
+      return {"The scanner's screen shows (text, rulers, logos)", "They are filled from what is around them"};
+  }
+}
+
 }  // namespace
 
 const char* NameOf(FindingKind kind)
 {
   return kKinds[static_cast<int>(kind)].first;
+}
+
+std::vector<int> Finding::LeftOut() const
+{
+  const bool stay = kind == FindingKind::Order || kind == FindingKind::Overlay || !isApplied;
+  return stay ? std::vector<int>{} : frames;
 }
 
 KeptKinds KeptKinds::Parse(const std::string& text)
@@ -185,38 +207,14 @@ std::string Describe(const Finding& finding, const std::vector<int>& numbers)
   std::vector<int> frames;
   std::transform(finding.frames.begin(), finding.frames.end(), std::back_inserter(frames),
                  [&numbers](int frame) { return numbers[frame]; });
-  const std::string count = std::to_string(frames.size()) + (frames.size() == 1 ? " frame" : " frames");
-  std::string text, done;
-  switch (finding.kind)
-  {
-    case FindingKind::Order:
-      text = count + " are not in the order of their times";
-      done = "They are taken in that order";
-      break;
-    case FindingKind::Contact:
-      text = count + " show no tissue, as if the probe was off the skin";
-      done = "They are left out";
-      break;
-    case FindingKind::Repeat:
-      text = count + " show the picture of the frame before them again";
-      done = "They are left out";
-      break;
-    case FindingKind::Rest:
-      text = count + " show nothing new, because the probe rests";
-      done = "They are left out; one frame of each rest stays";
-      break;
-    case FindingKind::Overlay:
-      text = std::to_string(finding.pixels) + " pixels belong to the scanner's screen (text, rulers, logos)";
-      done = "They are filled from what is around them";
-      break;
-  }
-  if (finding.kind != FindingKind::Overlay)
-  {
-    text += " (" + Ranges(frames) + ")";
-  }
-  text += ": " + finding.evidence + ". ";
-  return text + (finding.isApplied ? done + "; keep '" + NameOf(finding.kind) + "' to use them as they are."
-                                   : "Nothing was done about it.");
+  const auto [what, done] = WordsFor(finding.kind);
+  const std::string where =
+      finding.kind == FindingKind::Overlay
+          ? std::to_string(finding.pixels) + " pixels of every frame"
+          : std::to_string(frames.size()) + (frames.size() == 1 ? " frame (" : " frames (") + Ranges(frames) + ")";
+  return std::string(what) + ": " + where + "; " + finding.evidence + ". " +
+         (finding.isApplied ? std::string(done) + "; keep '" + NameOf(finding.kind) + "' to use them as they are."
+                            : "Nothing was done about it.");
 }
 
 InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept, int holdOut)

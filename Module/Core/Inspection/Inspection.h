@@ -48,6 +48,9 @@ struct Finding
   std::size_t pixels = 0;   ///< of every frame, that are filled; 0 for other kinds
   bool isApplied = false;   ///< something was done: false where the kind is kept, and for what is only a doubt
   std::string evidence;     ///< in numbers; a sentence without its full stop
+
+  /// The frames that something is done about by leaving them out: none of an order or an overlay, or where nothing is done.
+  std::vector<int> LeftOut() const;
 };
 
 /// What was found, the evidence, what was done and how to undo it. `numbers` says for every frame of the sweep how it is

@@ -17,7 +17,8 @@ from . import _update, common
 from .arrays import _pixels, image
 from .common import FIELD_EXTENSIONS, Planes, PoseCorrection, TrainingInterrupted, require
 from .pipeline import set_properties, update, update_alone
-from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusTrainer
+from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusSweepInspection
+from .vtkBigusFilters import vtkBigusTrainer
 from .vtkBigusIO import (
     vtkBigusFieldReader,
     vtkBigusFieldWriter,
@@ -78,6 +79,23 @@ def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike],
     writer.SetInputDataObject(data)
     set_properties(writer, properties)
     update(writer)
+
+
+def check(sweep: vtkImageData, keep: str = "none") -> list[dict]:
+    """What is wrong with a sweep, a dictionary a finding: kind, frames (how many), pixels, applied, text.
+
+    keep: kinds that nothing is done about, as the property Keep of vtkBigusTrainer.
+    """
+    require(sweep, vtkImageData, "check", "sweep")
+    inspection = vtkBigusSweepInspection()
+    inspection.SetInputDataObject(sweep)
+    inspection.SetKeep(keep)
+    table = update(inspection).GetFindings()
+    rows = range(table.GetNumberOfRows())
+    numbers = [{name.lower(): table.GetValueByName(row, name).ToInt() for name in ("Frames", "Pixels")} for row in rows]
+    return [{"kind": table.GetValueByName(row, "Kind").ToString(), **numbers[row],
+             "applied": table.GetValueByName(row, "Applied").ToInt() != 0,
+             "text": table.GetValueByName(row, "Text").ToString()} for row in rows]  # fmt: skip
 
 
 def correct_poses(sweep: vtkImageData, **properties: Any) -> PoseCorrection:

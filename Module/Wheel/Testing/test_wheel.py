@@ -108,6 +108,19 @@ class Sweeps(unittest.TestCase):
         np.testing.assert_array_equal(again.poses, sweep.poses)
         np.testing.assert_array_equal(again.timestamps, sweep.timestamps)
 
+    def test_check_tells_what_is_wrong(self):
+        sweep = phantom_sweep()
+        self.assertEqual(bigus.check(sweep), [])
+        frames = np.array(sweep.frames)
+        frames[4] = 0
+        sweep = bigus.sweep(frames, sweep.poses)
+        (found,) = bigus.check(sweep)
+        self.assertEqual((found["kind"], found["frames"], found["applied"]), ("contact", 1, True))
+        self.assertIn("1 frame (4)", found["text"])
+        self.assertFalse(bigus.check(sweep, keep="contact")[0]["applied"])
+        with self.assertRaisesRegex(bigus.Error, "'dust'"):
+            bigus.check(sweep, keep="dust")
+
     def test_poses_without_noise(self):
         truth = bigus.Phantom(frames=24, width=64, height=64, pixel_size=0.4).true_poses
         sweep = phantom_sweep(tracking_noise=0.3, tracking_rotation_noise=0.3)

@@ -26,12 +26,12 @@ from ._core import added_filters as _added_filters, use_instruction_set
 from .arrays import field, frames, poses, sweep
 from .files import Planes, read, read_planes, read_stack, write
 from .sources import SourceError, from_files
-from .tasks import PoseCorrection, Slicer, Training, TrainingInterrupted, correct_poses, distance_to_frames, metrics
-from .tasks import options, plane, reslice, train
+from .tasks import PoseCorrection, Slicer, Training, TrainingInterrupted, check, correct_poses, distance_to_frames
+from .tasks import metrics, options, plane, reslice, train
 
 __all__ = [
     "Error", "Field", "Phantom", "Planes", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
-    "TrainingInterrupted", "__version__", "correct_poses", "distance_to_frames", "engines", "field", "frames", "from_files",
+    "TrainingInterrupted", "__version__", "check", "correct_poses", "distance_to_frames", "engines", "field", "frames", "from_files",
     "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_planes", "read_stack",
     "reslice", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
@@ -40,7 +40,8 @@ _FILTERS = {  # by the module that they are in
     "filters": ["vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice",
                 "vtkBigusSequenceReader", "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer"],
     "field_filters": ["vtkBigusFieldTensors", "vtkBigusPartitionField", "vtkBigusTransformField"],
-    "sweep_filters": ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"],
+    "sweep_filters": ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection",
+                      "vtkBigusSweepInspection", "vtkBigusSweepOutline"],
     "pipeline": ["update"],
 }
 _MODULES = {**{name: module for module, names in _FILTERS.items() for name in names}, **_added_filters}

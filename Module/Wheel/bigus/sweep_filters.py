@@ -17,7 +17,8 @@ from . import _core
 from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, getters, matrix_of, ports, properties, table_of, tell_image
 from .vtkdata import image_of_sweep, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
-__all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepOutline"]
+__all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepInspection",
+           "vtkBigusSweepOutline"]  # fmt: skip
 
 KEYWORDS = {"NumberOfFrames": "frames"}  # of Phantom; the others are the properties' names in small letters
 
@@ -138,6 +139,35 @@ class vtkBigusPoseCorrection(Algorithm):
         for k, component in enumerate(components):
             array.SetComponentName(k, component)
         data.AddArray(array)
+
+
+@properties(Keep="none")
+class vtkBigusSweepInspection(Algorithm):
+    """Says what is wrong with recorded frames: the sweep with an array Finding, and a table with a row a finding."""
+
+    def __init__(self) -> None:
+        super().__init__(("vtkImageData",), ("vtkImageData", "vtkTable"))
+
+    def GetFindings(self) -> Any:
+        return self.GetOutputDataObject(1)
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        outputs.GetInformationObject(0).CopyEntry(inputs[0].GetInformationObject(0),
+                                                  vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+        return 1
+
+    def _fill(self, inputs: list, outputs: list) -> None:
+        image = inputs[0][0]
+        sweep, frames = sweep_of_image(image)
+        rows, reasons = _core.inspect(sweep, self._values["Keep"], [int(frame) for frame in frames])
+        outputs[0].ShallowCopy(image)
+        every = np.zeros(image.GetDimensions()[2], dtype=np.int32)
+        every[frames] = reasons
+        outputs[0].GetFieldData().AddArray(to_vtk(every, "Finding"))
+        columns = {"Kind": [row["kind"] for row in rows]}
+        for name in ("Frames", "Pixels", "Applied"):
+            columns[name] = np.array([row[name.lower()] for row in rows], dtype=np.int32)
+        outputs[1].ShallowCopy(table_of({**columns, "Text": [row["text"] for row in rows]}))
 
 
 @properties(FrameStride=Clamped(1, 1, 2**31 - 1))

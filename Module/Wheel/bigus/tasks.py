@@ -151,6 +151,15 @@ def _list_of_options() -> str:
 train.__doc__ = (train.__doc__ or "").format(**vars(common)) + _list_of_options()
 
 
+def check(sweep: Sweep, keep: str = "none") -> list[dict]:
+    """What is wrong with a sweep, a dictionary a finding: kind, frames (how many), pixels, applied, text.
+
+    keep: kinds that nothing is done about, as the option Keep of train.
+    """
+    require(sweep, Sweep, "check", "sweep")
+    return _core.inspect(sweep, keep, list(range(len(sweep))))[0]
+
+
 def correct_poses(sweep: Sweep, Strength: Optional[float] = None, HoldOut: int = 0) -> PoseCorrection:
     """Takes the tracker's noise out of a sweep's poses, where its pictures confirm it; exact poses are kept.
 
