@@ -23,6 +23,7 @@ import tempfile
 from test_pages import ROOT, blocks_of
 
 NOT_RUN = {  # what a command begins with, and who runs it
+    "BIGUS_BUILD=build ": "it builds packages, and takes ten minutes for each Python",
     r"\./Examples/quickstart\.sh": "continuous integration runs it",
     r"\./Testing/run\.sh|cmake |ctest ": "tests of Module/Documentation and `install` build and install",
     r"python3 Testing/Structure/|Testing/check\.sh": "tests `structure` run it",
