@@ -297,7 +297,7 @@ struct Frames
 void Inspect(const ImportedSweep& recorded, const TrainerOptions& options, Frames& frames)
 {
   const InspectedSweep inspected = bigus::Inspect(recorded.sweep, options.keep, options.holdOut);
-  std::vector<int> shown = bigus::Inspect(recorded.sweep, options.keep).frames;
+  std::vector<int> shown = options.holdOut > 0 ? bigus::Inspect(recorded.sweep, options.keep).frames : inspected.frames;
   std::sort(shown.begin(), shown.end());
   frames.imported.sweep = inspected.sweep;
   for (int k = 0; k < inspected.sweep->NumberOfFrames(); ++k)

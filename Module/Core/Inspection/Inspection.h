@@ -69,7 +69,8 @@ struct InspectedSweep
 
 /// Looks at every sequence of the sweep by itself and leaves out, orders and fills what was found, but for kinds that are
 /// kept. What would leave fewer than two frames is no finding. Frames that a hold-out keeps (SplitHoldOut in the order of
-/// times, 0: none) all stay, and what they show has no part in what is found. The sweep is valid. It takes some 2 ns for every pixel.
+/// times, 0: none) all stay, and what they show has no part in what is found. The sweep is valid. It takes some 2 ns for
+/// every pixel.
 InspectedSweep Inspect(std::shared_ptr<const Sweep> sweep, const KeptKinds& kept = {}, int holdOut = 0);
 
 }  // namespace bigus

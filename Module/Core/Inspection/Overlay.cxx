@@ -21,7 +21,7 @@ constexpr float kSame = 2.5f;        // grey levels that compression and roundin
 constexpr double kSameShare = 0.95;  // of the frames
 constexpr float kDarkest = 12;       // grey levels: darker pixels that never change are the ground that text stands on
 constexpr int kSmallest = 4;         // pixels that touch each other
-constexpr int kRing = 2, kRim = 2;   // pixels: what a group is compared with, and what is masked around it
+constexpr int kRing = 2, kRim = 2;   // pixels: what a group is compared with, and what is filled around it
 /// Grey levels, and changes from frame to frame, by which a pixel of the ring differs from the group; and the share of the
 /// ring that does. Saturated tissue does not change either, but fades into what is around it.
 constexpr float kContrast = 12, kContrastChanges = 1.0f;
@@ -118,12 +118,12 @@ std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& f
   cv::Mat overlay = cv::Mat::zeros(still.size(), CV_8U);
   for (int label = 1; label < groups; ++label)
   {
-    const int* box = boxes.ptr<int>(label);
-    if (box[cv::CC_STAT_AREA] >= kSmallest &&
-        StandsOut(behaviour, labels, label,
-                  {box[cv::CC_STAT_LEFT], box[cv::CC_STAT_TOP], box[cv::CC_STAT_WIDTH], box[cv::CC_STAT_HEIGHT]}))
+    const int* stats = boxes.ptr<int>(label);
+    const cv::Rect box(stats[cv::CC_STAT_LEFT], stats[cv::CC_STAT_TOP], stats[cv::CC_STAT_WIDTH],
+                       stats[cv::CC_STAT_HEIGHT]);
+    if (stats[cv::CC_STAT_AREA] >= kSmallest && StandsOut(behaviour, labels, label, box))
     {
-      overlay.setTo(255, labels == label);
+      overlay(box).setTo(255, labels(box) == label);  // a hostile picture has very many groups
     }
   }
   const int pixels = cv::countNonZero(overlay);

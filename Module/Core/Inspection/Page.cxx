@@ -3,7 +3,6 @@
 #include "Core/Inspection/Page.h"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
