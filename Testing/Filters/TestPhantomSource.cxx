@@ -29,6 +29,7 @@ vtkSmartPointer<vtkBigusPhantomSource> SmallSource()
   source->SetNumberOfFrames(5);
   source->SetFrameSize(48, 40);
   source->SetPixelSize(0.8);
+  source->SetScattererDensity(8);
   return source;
 }
 
@@ -92,7 +93,7 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
     source->SetNumberOfFrames(3);
     source->SetFrameSize(30, 20);
     source->SetPixelSize(1.5);
-    source->SetScattererDensity(8);  // quick
+    source->SetScattererDensity(2);  // quick
     change(source.Get());
     source->Update();
     return source;

@@ -31,6 +31,7 @@ vtkSmartPointer<vtkImageData> PhantomSweep(double noise, double rotationNoise)
   source->SetNumberOfFrames(48);
   source->SetFrameSize(kSide, kSide);
   source->SetPixelSize(0.3);
+  source->SetScattererDensity(8);  // quick
   source->SetTrackingNoise(noise);
   source->SetTrackingRotationNoise(rotationNoise);
   source->Update();

@@ -28,6 +28,7 @@ vtkSmartPointer<vtkImageData> Damaged()
   phantom->SetNumberOfFrames(16);
   phantom->SetFrameSize(48, 40);
   phantom->SetPixelSize(0.6);
+  phantom->SetScattererDensity(8);  // quick
   phantom->Update();
   vtkSmartPointer<vtkImageData> sweep = phantom->GetOutput();
   auto* pixels = static_cast<unsigned char*>(sweep->GetScalarPointer());

@@ -31,6 +31,7 @@ vtkSmartPointer<vtkImageData> PhantomSweep(int frames = 24)
   source->SetNumberOfFrames(frames);
   source->SetFrameSize(96, 80);
   source->SetPixelSize(0.3);
+  source->SetScattererDensity(8);  // quick
   source->Update();
   return source->GetOutput();
 }
