@@ -13,14 +13,14 @@
  *
  * | array | tuples | meaning |
  * |---|---|---|
- * | `Finding` [1] | frames | 1 + the kind for which the frame is left out (order 1, contact 2, repeat 3, rest 4); 0: it stays |
+ * | `Finding` [1] | frames | why the frame is left out (contact 2, repeat 3, rest 4, tracking 6); 0: it stays |
  *
  * Output 1 is a vtkTable with a row a finding:
  *
  * | column | type | meaning |
  * |---|---|---|
- * | `Kind` | text | order, contact, repeat, rest or overlay |
- * | `Frames` | int | how many frames it is about |
+ * | `Kind` | text | order, contact, repeat, rest, overlay, tracking; or a doubt: gain, depth, levels, poses |
+ * | `Frames` | int | how many frames it is about; of a doubt, from how many on it holds, or 0: all |
  * | `Pixels` | int | how many pixels of each, of an overlay; else 0 |
  * | `Applied` | int | 1: training leaves them out, orders or fills them; 0: it is a doubt, or Keep names the kind |
  * | `Text` | text | what was found, the evidence, what is done, how to undo it |
@@ -53,7 +53,7 @@ public:
   ///@{
   /**
    * Kinds that nothing is done about, as vtkBigusTrainer has them: none (default), all, order, contact, repeat, rest,
-   * overlay, or some of these joined by +.
+   * overlay, tracking, or some of these joined by +.
    */
   vtkSetStdStringFromCharMacro(Keep);
   vtkGetCharFromStdStringMacro(Keep);

@@ -160,7 +160,7 @@ public:
   vtkBigusTextOptionMacro(Interpolation);
   /**
    * Findings of the inspection that nothing is done about; several are joined by +. Values: none, all, order, contact,
-   * repeat, rest, overlay. Default: none.
+   * repeat, rest, overlay, tracking. Default: none.
    */
   vtkBigusTextOptionMacro(Keep);
   /**

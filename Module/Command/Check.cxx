@@ -108,7 +108,7 @@ void AddCheck(Program& program)
       ->type_name("PNG");
   app->add_option("--keep", options->keep, "Kinds that nothing is done about; several are joined by +")
       ->check(WrongKinds)
-      ->type_name("none|all|order|contact|repeat|rest|overlay")
+      ->type_name(KeptKinds::kNames)
       ->capture_default_str();
   RunWhenChosen(app, program, [options](Console& console) { return Check(console, *options); });
 }

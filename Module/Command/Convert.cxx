@@ -116,6 +116,7 @@ ExitCode Convert(Console& console, const Options& options)
   }
   RequireStackName(output);
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
+  NoteDoubts(sequence, options.input.path, console);
   if (options.strip)
   {
     BeginTimesAtZero(sequence);

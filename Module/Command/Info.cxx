@@ -203,7 +203,7 @@ Json ShowTracker(Console& console, const Sweep& sweep)
 /// What is doubtful about poses, those that were rejected among them.
 Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* reader)
 {
-  std::vector<std::string> doubts = DoubtsAboutPoses(sweep);
+  std::vector<std::string> doubts = DoubtsAboutPoses(sweep, AllFrames(sweep));
   for (int i = 0; i < reader->GetNumberOfRejectionReasons(); ++i)
   {
     if (std::string(reader->GetRejectionReason(i)).find("reflected") != std::string::npos)

@@ -86,25 +86,6 @@ void NoteRejected(vtkBigusSequenceReader* reader, const std::string& path, Conso
   }
 }
 
-/// Says what `info` says of poses that are read but look wrong.
-void NoteDoubts(vtkImageData* sequence, const std::string& path, Console& console)
-{
-  Sweep poses;
-  poses.width = sequence->GetDimensions()[0];
-  poses.height = sequence->GetDimensions()[1];
-  vtkDataArray* matrices = sequence->GetFieldData()->GetArray("ImageToReference");
-  for (vtkIdType k = 0; k < matrices->GetNumberOfTuples(); ++k)
-  {
-    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
-    matrices->GetTuple(k, pose.data());
-    poses.imageToReference.push_back(pose);
-  }
-  for (const std::string& doubt : DoubtsAboutPoses(poses))
-  {
-    console.Note("bigus: warning: " + path + ": " + doubt);
-  }
-}
-
 /// Square pixels of another size on the same plane, its upper left corner kept.
 SlicePlane WithSteps(SlicePlane plane, const Eigen::Vector3d& columnStep, const Eigen::Vector3d& rowStep)
 {
@@ -291,8 +272,36 @@ vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Conso
   const auto reader = NewSequenceReader(options);
   Update(reader, console, "Reading");
   NoteRejected(reader, options.path, console);
-  NoteDoubts(reader->GetOutput(), options.path, console);
   return reader->GetOutput();
+}
+
+void NoteDoubts(vtkImageData* sequence, const std::string& path, Console& console)
+{
+  Sweep poses;
+  poses.width = sequence->GetDimensions()[0];
+  poses.height = sequence->GetDimensions()[1];
+  vtkDataArray* matrices = sequence->GetFieldData()->GetArray("ImageToReference");
+  for (vtkIdType k = 0; k < matrices->GetNumberOfTuples(); ++k)
+  {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+    matrices->GetTuple(k, pose.data());
+    poses.imageToReference.push_back(pose);
+  }
+  for (const std::string& doubt : DoubtsAboutPoses(poses, AllFrames(poses)))
+  {
+    console.Note("bigus: warning: " + path + ": " + doubt);
+  }
+}
+
+Json NoteFindings(vtkImageData* sequence, const std::string& path, Console& console)
+{
+  const ImportedSweep imported = SweepFromImage(sequence);
+  const InspectedSweep inspected = Inspect(imported.sweep, KeptKinds::Parse("all"));
+  for (const Finding& finding : inspected.findings)
+  {
+    console.Note("bigus: warning: " + path + ": " + Describe(finding, imported.frames));
+  }
+  return FindingsJson(inspected.findings, imported.frames);
 }
 
 Json FindingsJson(const std::vector<Finding>& findings, const std::vector<int>& numbers)
@@ -312,6 +321,7 @@ Json FindingsJson(const std::vector<Finding>& findings, const std::vector<int>& 
 std::shared_ptr<const Sweep> ReadSweep(const SequenceOptions& options, Console& console)
 {
   const vtkSmartPointer<vtkImageData> image = ReadSequence(options, console);
+  NoteDoubts(image, options.path, console);
   const std::shared_ptr<const Sweep> sweep = SweepFromImage(image).sweep;
   return options.reduce > 1 ? std::make_shared<const Sweep>(sweep->Reduced(options.reduce)) : sweep;
 }

@@ -238,13 +238,16 @@ ExitCode CorrectPoses(Console& console, const Options& options)
   RequireDistinct({options.sequence.path, options.sequence.chain.config}, {options.output});
   RequirePosesName(options.output);
   RequireWritable(options.output);
+  const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.sequence, console);
+  const Json findings = NoteFindings(sequence, options.sequence.path, console);
   vtkNew<vtkBigusPoseCorrection> correction;
-  correction->SetInputData(ReadSequence(options.sequence, console));
+  correction->SetInputData(sequence);
   correction->SetStrength(StrengthOf(options.strength));
   correction->SetHoldOut(options.holdOut);
   Update(correction, console, "Comparing");
   WriteCorrected(correction->GetOutput(), options.output, console);
-  const Json answer = CorrectionJson(correction, options.output);
+  Json answer = CorrectionJson(correction, options.output);
+  answer["findings"] = findings;
   PrintCorrection(answer, console);
   console.Report(answer);
   return Success;

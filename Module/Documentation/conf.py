@@ -38,7 +38,7 @@ CONTENTS = {
         "Module/Documentation/StartSlicer", "Module/Documentation/StartBrowser",
     ],
     "Use": [
-        "Module/Python/Sources", "Module/Documentation/Choosing", "Module/Documentation/Troubleshooting", "Examples/README",
+        "Module/Python/Sources", "Module/Documentation/BeforeTraining", "Module/Documentation/Choosing", "Module/Documentation/Troubleshooting", "Examples/README",
         "Module/Command/README", "Module/Viewer/README", "Module/Live/README", "Module/Command/Slicer",
         "Module/Serve/README",
     ],

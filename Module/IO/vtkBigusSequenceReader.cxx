@@ -477,7 +477,7 @@ void vtkBigusSequenceReader::GetPlaneSpacing(double spacing[3])
 {
   const bigus::SweepGeometry& planes = this->Internals->geometry.planes;
   spacing[0] = planes.smallestSpacing;
-  spacing[1] = planes.medianSpacing;
+  spacing[1] = planes.usualSpacing;
   spacing[2] = planes.largestSpacing;
 }
 

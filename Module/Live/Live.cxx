@@ -229,6 +229,11 @@ ExitCode Live(Console& console, Options options)
 
   const LiveResult result = Finish(options.finish, session, slices, status, events, console);
   console.EndProgress();
+  const std::vector<int> numbers = AllFrames(*result.sweep);
+  for (const Finding& finding : result.training.findings)
+  {
+    console.Note("bigus: warning: " + Describe(finding, numbers));
+  }
   vtkNew<vtkPolyData> output;
   const GaussianField& field = result.training.field;
   FieldToPolyData(field, output);
@@ -263,6 +268,7 @@ ExitCode Live(Console& console, Options options)
                   {"reconnects", events.reconnects},
                   {"steps", state.steps},
                   {"latency", looker.ToJson()},
+                  {"findings", FindingsJson(result.training.findings, numbers)},
                   {"held_out_at_lift", atLift},
                   {"held_out", finished}});
   return IsInterrupted() ? InterruptedCode() : Success;

@@ -430,7 +430,7 @@ void LiveTraining::UploadWindow(const Sweep& chunk)
     mask = both;
   }
   shape_->mask = HasField() && !shape_->mask ? nullptr : mask;  // null: all is lit
-  const double usualGap = MeasureGeometry(chunk, AllFrames(chunk)).medianSpacing;
+  const double usualGap = MeasureGeometry(chunk, AllFrames(chunk)).usualSpacing;
   for (int frame = 0; frame < chunk.NumberOfFrames(); ++frame)
   {
     if (frame > 0 && IsGapFilled(chunk, frame - 1, usualGap))

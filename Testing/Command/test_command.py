@@ -988,7 +988,7 @@ class Poses(CommandTest):
         self.assertEqual(re.findall("Timestamp = .*", read_sequence(out)[0]),
                          re.findall("Timestamp = .*", read_sequence(sweep)[0]))
         self.assertEqual(set(answer), {"output", "frames", "changed", "strength", "decision", "noise", "constant_errors",
-                                       "outliers", "strokes", "displacement", "rotation", "each_frame"})
+                                       "findings", "outliers", "strokes", "displacement", "rotation", "each_frame"})
         self.assertEqual((answer["output"], answer["frames"], answer["changed"]), (str(out), 24, True))
         self.assertGreater(answer["strength"], 0)
         self.assertIn("smoothed by", answer["decision"]["choice"])

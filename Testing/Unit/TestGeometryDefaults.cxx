@@ -22,7 +22,7 @@ TrainingPlan PlanFor(double spacing, double pixel, const TrainerOptions& options
 bool Sparse(double spacing, double pixel)
 {
   SweepGeometry geometry;
-  geometry.medianSpacing = spacing;
+  geometry.usualSpacing = spacing;
   geometry.pixelSize = pixel;
   return IsSparse(geometry);
 }
@@ -34,6 +34,36 @@ TEST(GeometryDefaults, SparseIsFartherThanABeamAndThanTwoPixels)
   EXPECT_FALSE(Sparse(1.999, 1.0));
   EXPECT_TRUE(Sparse(2.001, 1.0));
   EXPECT_FALSE(Sparse(0, 0.2));  // one frame
+}
+
+/// The usual spacing of frames whose gaps are given, mm.
+double UsualSpacing(const std::vector<double>& gaps)
+{
+  const auto sweep = test::BlackSweep(static_cast<int>(gaps.size()) + 1, 16, 16, 0.3, 0.5);
+  double z = 0;
+  for (std::size_t k = 0; k <= gaps.size(); ++k)
+  {
+    sweep->imageToReference[k](2, 3) = z;
+    z += k < gaps.size() ? gaps[k] : 0;
+  }
+  return MeasureGeometry(*sweep, AllFrames(*sweep)).usualSpacing;
+}
+
+TEST(GeometryDefaults, AProbeThatLingersDoesNotMakeASweepDense)
+{
+  std::vector<double> gaps(60, 0.02), fast(20, 0.5);
+  gaps.insert(gaps.end(), fast.begin(), fast.end());
+  EXPECT_NEAR(UsualSpacing(gaps), 0.5, 1e-9);
+  gaps.push_back(30);  // a break is no part of the path
+  gaps.insert(gaps.end(), fast.begin(), fast.end());
+  EXPECT_NEAR(UsualSpacing(gaps), 0.5, 1e-9);
+  // Where most of the path is slow, its few fast gaps tell nothing.
+  std::vector<double> slow(60, 0.2);
+  slow.insert(slow.end(), 5, 1.0);
+  EXPECT_NEAR(UsualSpacing(slow), 0.2, 1e-9);
+  // Nor do the uneven gaps of a hand: the median, as it is.
+  EXPECT_NEAR(UsualSpacing({0.1, 0.5, 0.3, 0.45, 0.05, 0.6, 0.35}), 0.35, 1e-9);
+  EXPECT_NEAR(UsualSpacing({0.5, 0.5, 40, 0.5}), 0.5, 1e-9);
 }
 
 // Median spacing and pixel size of the sweeps that the defaults were found on, mm, in full and at half resolution.

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iostream>
 #include <map>
 #include <numeric>
 #include <tuple>
 
 #include "Core/Inspection/Inspection.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
@@ -21,6 +23,7 @@ namespace
 {
 
 using bigus::FindingKind;
+using bigus::Format;
 using bigus::Inspect;
 using bigus::InspectedSweep;
 using bigus::KeptKinds;
@@ -114,6 +117,29 @@ std::vector<int> From(int first, int count)
   return list;
 }
 
+/// The image larger by a factor about the middle of its upper side, bilinear; black where there was nothing.
+std::vector<double> Scaled(const std::vector<double>& image, int width, int height, double factor)
+{
+  std::vector<double> scaled(image.size(), 0);
+  const double middle = 0.5 * (width - 1);
+  for (int y = 0; y < height; ++y)
+  {
+    for (int x = 0; x < width; ++x)
+    {
+      const double i = middle + (x - middle) / factor, j = y / factor;
+      if (i < 0 || j < 0 || i >= width - 1 || j >= height - 1)
+      {
+        continue;
+      }
+      const int i0 = static_cast<int>(i), j0 = static_cast<int>(j);
+      const double u = i - i0, v = j - j0, *pixel = &image[static_cast<std::size_t>(j0) * width + i0];
+      scaled[static_cast<std::size_t>(y) * width + x] =
+          (1 - v) * ((1 - u) * pixel[0] + u * pixel[1]) + v * ((1 - u) * pixel[width] + u * pixel[width + 1]);
+    }
+  }
+  return scaled;
+}
+
 std::vector<FindingKind> KindsOf(const InspectedSweep& inspected)
 {
   std::vector<FindingKind> kinds;
@@ -198,130 +224,219 @@ TEST(Inspection, FramesAreOrderedByTimeWhereThePathSaysSo)
   EXPECT_EQ(doubted.frames, From(0, 32));
 }
 
-/// What a damage should lead to: the kind, and the frames that are gone.
+/// What a damage should lead to: the kind, and the frames that are named.
 struct Damage
 {
-  std::string name;
   FindingKind kind;
-  std::function<std::vector<int>(Frames&, Random&)> make;
+  std::string strength;
+  std::function<std::vector<int>(Frames&, Random&, int at)> make;  ///< `at` is 0 to 31
+  bool isCertain = true;                                           ///< must be found; else it is only counted
 };
+
+/// Every grey level of the frames from `first` on and columns from `left` on, changed.
+void Change(Frames& frames, int first, int count, int left, int right, const std::function<double(double)>& to)
+{
+  for (int k = first; k < first + count; ++k)
+  {
+    for (std::size_t pixel = 0; pixel < frames.images[k].size(); ++pixel)
+    {
+      const int x = static_cast<int>(pixel) % frames.width;
+      double& level = frames.images[k][pixel];
+      level = x >= left && x < right ? to(level) : level;
+    }
+  }
+}
+
+Damage Rest(double jitter, double noise)
+{
+  return {FindingKind::Rest, "12 frames, poses jitter by " + Format("%g", jitter) + " mm",
+          [=](Frames& frames, Random& random, int at)
+          {
+            frames.Repeat(at, 12);
+            for (int k = at; k <= at + 12; ++k)
+            {
+              for (int axis = 0; axis < 3; ++axis)
+              {
+                frames.poses[k](axis, 3) += jitter * random.Normal();
+              }
+            }
+            frames.AddNoise(random, noise);
+            return From(at, 13);
+          }};
+}
+
+/// `share` of the width shows what is left of the levels.
+Damage Dark(double share, double left)
+{
+  return {FindingKind::Contact,
+          Format("%g", 100 * left) + " % of the light on " + Format("%g", 100 * share) + " % of the width",
+          [=](Frames& frames, Random& random, int at)
+          {
+            const int first = std::min(at, 27);
+            Change(frames, first, 5, 0, static_cast<int>(share * frames.width),
+                   [=](double level) { return left * level; });
+            frames.AddNoise(random, 0.5);
+            return From(first, 5);
+          },
+          left <= 0.05};
+}
+
+Damage Noise(double share, double levels)
+{
+  return {FindingKind::Contact,
+          "noise of " + Format("%g", levels) + " levels on " + Format("%g", 100 * share) + " % of the width",
+          [=](Frames& frames, Random& random, int at)
+          {
+            const int first = std::min(at, 27), left = static_cast<int>((1 - share) * frames.width);
+            Change(frames, first, 4, left, frames.width, [&](double) { return std::abs(levels * random.Normal()); });
+            return From(first, 4);
+          }};
+}
+
+Damage Repeated(int count, double compression)
+{
+  return {FindingKind::Repeat,
+          std::to_string(count) + " times, compressed anew by " + Format("%g", compression) + " levels",
+          [=](Frames& frames, Random& random, int at)
+          {
+            const int first = std::min(at, 31 - count);
+            const std::vector<double> frozen = frames.images[first];
+            frames.AddNoise(random, 1);
+            for (int k = first; k <= first + count; ++k)
+            {
+              frames.images[k] = frozen;
+              for (double& level : frames.images[k])
+              {
+                level += compression * random.Normal();
+              }
+            }
+            return From(first + 1, count);
+          },
+          compression < 2};
+}
+
+Damage Jump(int count, double way)
+{
+  return {FindingKind::Tracking, std::to_string(count) + " frames, " + Format("%g", way) + " mm away",
+          [=](Frames& frames, Random& random, int at)
+          {
+            const int first = std::min(at, 32 - count);
+            const double angle = 6.28 * random.Uniform(0, 1);
+            for (int k = first; k < first + count; ++k)
+            {
+              frames.poses[k](0, 3) += way * std::cos(angle);
+              frames.poses[k](2, 3) += way * std::sin(angle);
+            }
+            return From(first, count);
+          },
+          way >= 10};
+}
+
+Damage Stale(int count)
+{
+  return {FindingKind::Tracking, "the same pose " + std::to_string(count) + " times more",
+          [=](Frames& frames, Random&, int at)
+          {
+            const int first = std::min(at, 31 - count);
+            for (int k = first + 1; k <= first + count; ++k)
+            {
+              frames.poses[k] = frames.poses[first];
+            }
+            return From(first + 1, count);
+          }};
+}
+
+Damage Gain(double levels)
+{
+  return {FindingKind::Gain, Format("%+g", levels) + " levels",
+          [=](Frames& frames, Random&, int at)
+          {
+            const int first = std::clamp(at, 8, 24);
+            Change(frames, first, 32 - first, 0, frames.width,
+                   [=](double level) { return level > 4 ? level + levels : level; });
+            return From(first, 1);
+          },
+          std::abs(levels) >= 15};
+}
+
+Damage Depth(double factor)
+{
+  return {FindingKind::Depth, "larger by " + Format("%g", factor),
+          [=](Frames& frames, Random&, int at)
+          {
+            const int first = std::clamp(at, 4, 28);
+            for (int k = first; k < 32; ++k)
+            {
+              frames.images[k] = Scaled(frames.images[k], frames.width, frames.height, factor);
+            }
+            return From(first, 1);
+          },
+          factor < 0.8 || factor > 1.25};
+}
 
 std::vector<Damage> Damages()
 {
-  std::vector<Damage> all;
-  for (const int at : {0, 15, 31})
+  std::vector<Damage> all = {Rest(0, 1), Rest(0, 4), Rest(0.02, 1), Rest(0.02, 4), Rest(0.2, 1), Rest(0.2, 4)};
+  for (const double share : {1.0, 0.5, 0.25})
   {
-    for (const double jitter : {0.0, 0.02, 0.2})
-    {
-      for (const double noise : {1.0, 4.0})
-      {
-        const int count = 12;
-        all.push_back({"rest at " + std::to_string(at) + ", jitter " + std::to_string(jitter), FindingKind::Rest,
-                       [=](Frames& frames, Random& random)
-                       {
-                         frames.Repeat(at, count);
-                         for (int k = at; k <= at + count; ++k)
-                         {
-                           for (int axis = 0; axis < 3; ++axis)
-                           {
-                             frames.poses[k](axis, 3) += jitter * random.Normal();
-                           }
-                         }
-                         frames.AddNoise(random, noise);
-                         return From(at, count + 1);
-                       }});
-      }
-    }
-    for (const double left : {0.0, 0.05})
-    {
-      const int first = std::min(at, 27);
-      all.push_back({"lost contact at " + std::to_string(first), FindingKind::Contact,
-                     [=](Frames& frames, Random& random)
-                     {
-                       for (int k = first; k < first + 5; ++k)
-                       {
-                         std::transform(frames.images[k].begin(), frames.images[k].end(), frames.images[k].begin(),
-                                        [&](double level) { return left * level; });
-                       }
-                       frames.AddNoise(random, 0.5);
-                       return From(first, 5);
-                     }});
-    }
-    for (const double noise : {10.0, 30.0})
-    {
-      const int first = std::min(at, 27);
-      all.push_back({"noise of the receiver at " + std::to_string(first), FindingKind::Contact,
-                     [=](Frames& frames, Random& random)
-                     {
-                       for (int k = first; k < first + 4; ++k)
-                       {
-                         for (double& level : frames.images[k])
-                         {
-                           level = std::abs(noise * random.Normal());
-                         }
-                       }
-                       return From(first, 4);
-                     }});
-    }
-    for (const double compression : {0.0, 0.6})
-    {
-      for (const int count : {1, 3, 9})
-      {
-        const int first = std::min(at, 31 - count);
-        all.push_back({"picture of " + std::to_string(first) + " again " + std::to_string(count) + " times",
-                       FindingKind::Repeat,
-                       [=](Frames& frames, Random& random)
-                       {
-                         const std::vector<double> frozen = frames.images[first];
-                         frames.AddNoise(random, 1);
-                         for (int k = first; k <= first + count; ++k)
-                         {
-                           frames.images[k] = frozen;
-                           for (double& level : frames.images[k])
-                           {
-                             level += compression * random.Normal();
-                           }
-                         }
-                         return From(first + 1, count);
-                       }});
-      }
-    }
+    all.insert(all.end(), {Dark(share, 0), Dark(share, 0.05), Dark(share, 0.2), Noise(share, 10), Noise(share, 30)});
   }
+  for (const int count : {1, 3, 9})
+  {
+    all.insert(all.end(), {Repeated(count, 0), Repeated(count, 0.6), Repeated(count, 3)});
+  }
+  all.insert(all.end(), {Jump(1, 3), Jump(1, 30), Jump(3, 10), Jump(3, 300), Stale(2), Stale(5)});
+  all.insert(all.end(), {Gain(6), Gain(15), Gain(-20), Depth(0.7), Depth(0.9), Depth(1.1), Depth(1.4)});
   return all;
 }
 
+/// Frames of one row of the table.
+struct Count
+{
+  int copies = 0, damaged = 0, found = 0, wrong = 0;
+};
+
 TEST(Inspection, DamagedCopiesAreFoundFrameByFrame)
 {
-  int cases = 0, wrong = 0;
+  std::map<std::string, Count> table;
   for (const Damage& damage : Damages())
   {
-    for (const unsigned seed : {1, 2, 3})
+    Count& row = table[bigus::NameOf(damage.kind) + (" | " + damage.strength)];
+    for (const int at : {0, 15, 31})
     {
-      Frames frames = PhantomFrames(seed);
-      Random random(100 * seed + 7);
-      std::vector<int> expected = damage.make(frames, random);
-      const InspectedSweep inspected = Inspect(frames.AsSweep());
-      std::vector<int> gone;
-      for (const bigus::Finding& finding : inspected.findings)
+      for (const unsigned seed : {1, 2})
       {
-        EXPECT_EQ(finding.kind, damage.kind) << damage.name << ", seed " << seed;
-        EXPECT_TRUE(finding.isApplied);
-        gone.insert(gone.end(), finding.frames.begin(), finding.frames.end());
+        Frames frames = PhantomFrames(seed);
+        Random random(100 * seed + 7);
+        const std::vector<int> expected = damage.make(frames, random, at);
+        const InspectedSweep inspected = Inspect(frames.AsSweep());
+        std::vector<int> named, hits;
+        for (const bigus::Finding& finding : inspected.findings)
+        {
+          EXPECT_TRUE(finding.kind == damage.kind || !damage.isCertain) << bigus::Describe(finding, From(0, 50));
+          EXPECT_EQ(finding.isApplied, finding.kind < FindingKind::Gain);
+          named.insert(named.end(), finding.frames.begin(), finding.frames.end());
+        }
+        std::set_intersection(expected.begin(), expected.end(), named.begin(), named.end(), std::back_inserter(hits));
+        const int one = damage.kind == FindingKind::Rest;  // of those that rest stays, whichever
+        ++row.copies;
+        row.damaged += static_cast<int>(expected.size()) - one;
+        row.found += static_cast<int>(hits.size());
+        row.wrong += static_cast<int>(named.size() - hits.size());
+        EXPECT_TRUE(!damage.isCertain || (hits.size() + one == expected.size() && named.size() == hits.size()))
+            << bigus::NameOf(damage.kind) << ", " << damage.strength << ", at " << at << ", seed " << seed << ": "
+            << testing::PrintToString(named) << " for " << testing::PrintToString(expected);
       }
-      if (damage.kind == FindingKind::Rest && gone.size() + 1 == expected.size())  // one of them stays, whichever
-      {
-        std::vector<int> stays;
-        std::set_difference(expected.begin(), expected.end(), gone.begin(), gone.end(), std::back_inserter(stays));
-        EXPECT_EQ(stays.size(), 1u);
-        gone = expected;
-      }
-      ++cases;
-      wrong += gone != expected;
-      EXPECT_EQ(gone, expected) << damage.name << ", seed " << seed;
     }
   }
-  RecordProperty("cases", cases);
-  RecordProperty("wrong", wrong);
+  int copies = 0;
+  for (const auto& [name, row] : table)  // the table of README.md
+  {
+    std::cout << "| " << name << " | " << row.copies << " | " << row.found << " of " << row.damaged << " | "
+              << row.wrong << " |\n";
+    copies += row.copies;
+  }
+  EXPECT_GE(copies, 200);
 }
 
 TEST(Inspection, TextOfTheScreenIsFilled)
@@ -389,7 +504,7 @@ TEST(Inspection, KeptKindsAreFoundAndLeft)
   EXPECT_EQ(kept.findings[0].frames, From(10, 1));
   EXPECT_EQ(Inspect(sweep).frames.size(), 31u);
   EXPECT_EQ(KeptKinds::Parse("contact+overlay").ToString(), "contact+overlay");
-  EXPECT_EQ(KeptKinds::Parse("overlay+contact+rest+order+repeat").ToString(), "all");
+  EXPECT_EQ(KeptKinds::Parse("overlay+contact+rest+tracking+order+repeat").ToString(), "all");
   EXPECT_EQ(KeptKinds::Parse("none").ToString(), "none");
   const std::string message = bigus::test::Message([] { KeptKinds::Parse("contact+dust"); });
   EXPECT_NE(message.find("'dust'"), std::string::npos) << message;

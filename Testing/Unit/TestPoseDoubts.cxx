@@ -38,7 +38,7 @@ std::vector<std::string> Doubts(Change change)
   {
     change(k, sweep.imageToReference[k]);
   }
-  return DoubtsAboutPoses(sweep);
+  return DoubtsAboutPoses(sweep, bigus::AllFrames(sweep));
 }
 
 void ExpectOne(const std::vector<std::string>& doubts, const std::string& words)
@@ -49,8 +49,8 @@ void ExpectOne(const std::vector<std::string>& doubts, const std::string& words)
 
 TEST(PoseDoubts, AUsualSweepRaisesNone)
 {
-  EXPECT_TRUE(DoubtsAboutPoses(Poses()).empty());
-  EXPECT_TRUE(DoubtsAboutPoses(Sweep()).empty());
+  EXPECT_TRUE(Doubts([](int, Eigen::Matrix4d&) {}).empty());
+  EXPECT_TRUE(DoubtsAboutPoses(Sweep(), {}).empty());
 }
 
 TEST(PoseDoubts, WrongUnitsAreNamed)

@@ -150,7 +150,7 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   const SweepGeometry geometry = MeasureGeometry(sweep, training);
   if (voxelSize == 0)
   {
-    voxelSize_ = std::max(geometry.pixelSize, std::sqrt(geometry.pixelSize * geometry.medianSpacing));
+    voxelSize_ = std::max(geometry.pixelSize, std::sqrt(geometry.pixelSize * geometry.usualSpacing));
     while (box.Voxels(voxelSize_).prod() > limit && box.Voxels(voxelSize_).maxCoeff() > 2)
     {
       voxelSize_ *= 1.25;
@@ -167,7 +167,7 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   size_ = size.cast<int>();
   voxels_.assign(static_cast<std::size_t>(size.prod()), 0.0f);
   // As far as half the widest gap between neighbouring planes (a break in the sweep is no gap), at least three voxels.
-  const double gap = std::min(geometry.largestSpacing, 4 * geometry.medianSpacing);
+  const double gap = std::min(geometry.largestSpacing, 4 * geometry.usualSpacing);
   constexpr double kMostPasses = 64;
   FillHoles(Paste(sweep, training), static_cast<int>(std::clamp(std::ceil(0.5 * gap / voxelSize_), 3.0, kMostPasses)));
 }

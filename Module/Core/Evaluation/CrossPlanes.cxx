@@ -168,7 +168,7 @@ CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& t
   const std::vector<int> given = LongestSequence(sweep, training);
   const auto spare = static_cast<std::ptrdiff_t>(given.size() - std::min(given.size(), kMostFrames)) / 2;
   const std::vector<int> frames(given.begin() + spare, given.end() - spare);
-  const double gap = frames.size() < 2 ? 0 : MeasureGeometry(sweep, frames).medianSpacing;
+  const double gap = frames.size() < 2 ? 0 : MeasureGeometry(sweep, frames).usualSpacing;
   if (gap > 0)
   {
     const int stride = (std::max(sweep.width, sweep.height) - 1) / kMostColumns + 1;

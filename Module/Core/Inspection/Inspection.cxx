@@ -19,11 +19,31 @@ namespace bigus
 namespace
 {
 
-constexpr std::array<std::pair<const char*, FindingKind>, 5> kKinds{{{"order", FindingKind::Order},
-                                                                     {"contact", FindingKind::Contact},
-                                                                     {"repeat", FindingKind::Repeat},
-                                                                     {"rest", FindingKind::Rest},
-                                                                     {"overlay", FindingKind::Overlay}}};
+/// How a kind is called, what was found, and what is done about it; null: it is only doubted.
+struct KindOfFinding
+{
+  const char *name, *what, *done;
+};
+
+/// In the order of FindingKind, so that those that something is done about are the first.
+constexpr std::array<KindOfFinding, 10> kKinds{{
+    {"order", "Frames are not in the order of their times", "They are taken by time"},
+    {"contact", "The probe seems to be off the skin", "They are left out"},
+    {"repeat", "A picture is shown again", "They are left out"},
+    {"rest", "The probe rests", "They are left out, but for one of each rest"},
+    {"overlay", "The scanner's screen shows (text, rulers, logos)", "They are filled from what is around them"},
+    {"tracking", "The tracker seems to have lost the probe", "They are left out"},
+    {"gain", "The gain seems to change", nullptr},
+    {"depth", "Depth or zoom seem to change", nullptr},
+    {"levels", "Grey levels are doubtful", nullptr},
+    {"poses", "Poses are doubtful", nullptr},
+}};
+constexpr std::size_t kActing = static_cast<std::size_t>(FindingKind::Gain);
+
+const KindOfFinding& Of(FindingKind kind)
+{
+  return kKinds[static_cast<std::size_t>(kind)];
+}
 
 /// What is known of one sequence while its rules are asked, by its own numbers of frames.
 struct Inspected
@@ -90,6 +110,7 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
     }
   };
   add(FindLostContact(pictures, looked));
+  add(FindLostTracking(sweep, pictures, looked));
   Still still = FindStill(sweep, pictures, looked);
   add(std::move(still.rest));
   add(std::move(still.repeat));
@@ -102,6 +123,10 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
       inspected.covered.clear();
     }
     inspected.findings.push_back(*std::move(overlay));
+  }
+  for (Finding& doubt : DoubtsAbout(sweep, pictures, looked))
+  {
+    inspected.findings.push_back(std::move(doubt));
   }
   inspected.frames = Without(ordered, gone);
   return inspected;
@@ -135,29 +160,11 @@ std::string Ranges(const std::vector<int>& frames)
   return text.str();
 }
 
-/// What was found, and what is done about it.
-std::pair<const char*, const char*> WordsFor(FindingKind kind)
-{
-  switch (kind)
-  {
-    case FindingKind::Order:
-      return {"Frames are not in the order of their times", "They are taken by time"};
-    case FindingKind::Contact:
-      return {"The probe seems to be off the skin", "They are left out"};
-    case FindingKind::Repeat:
-      return {"A picture is shown again", "They are left out"};
-    case FindingKind::Rest:
-      return {"The probe rests", "They are left out, but for one of each rest"};
-    default:
-      return {"The scanner's screen shows (text, rulers, logos)", "They are filled from what is around them"};
-  }
-}
-
 }  // namespace
 
 const char* NameOf(FindingKind kind)
 {
-  return kKinds[static_cast<int>(kind)].first;
+  return Of(kind).name;
 }
 
 std::vector<int> Finding::LeftOut() const
@@ -172,21 +179,21 @@ KeptKinds KeptKinds::Parse(const std::string& text)
   std::istringstream names(text.empty() ? " " : text);
   for (std::string name; std::getline(names, name, '+');)
   {
+    const auto end = kKinds.begin() + kActing;
     const auto known =
-        std::find_if(kKinds.begin(), kKinds.end(), [&name](const auto& one) { return name == one.first; });
-    if (known != kKinds.end())
+        std::find_if(kKinds.begin(), end, [&name](const KindOfFinding& one) { return name == one.name; });
+    if (known != end)
     {
-      kinds.kinds_ |= 1u << static_cast<int>(known->second);
+      kinds.kinds_ |= 1u << (known - kKinds.begin());
     }
     else if (name == "all")
     {
-      kinds.kinds_ = (1u << kKinds.size()) - 1;
+      kinds.kinds_ = (1u << kActing) - 1;
     }
     else if (name != "none")
     {
-      throw Error(
-          "'" + name.substr(0, 60) +
-          "' is no kind of finding; give none|all|order|contact|repeat|rest|overlay, or some of these joined by +.");
+      throw Error("'" + name.substr(0, 60) + "' is no kind of finding that can be kept; give " + kNames +
+                  ", or some of these joined by +.");
     }
   }
   return kinds;
@@ -195,11 +202,11 @@ KeptKinds KeptKinds::Parse(const std::string& text)
 std::string KeptKinds::ToString() const
 {
   std::string text;
-  for (const auto& [name, kind] : kKinds)
+  for (std::size_t kind = 0; kind < kActing; ++kind)
   {
-    text += Keeps(kind) ? (text.empty() ? "" : "+") + std::string(name) : "";
+    text += kinds_ >> kind & 1 ? (text.empty() ? "" : "+") + std::string(kKinds[kind].name) : "";
   }
-  return text.empty() ? "none" : kinds_ + 1 == 1u << kKinds.size() ? "all" : text;
+  return text.empty() ? "none" : kinds_ + 1 == 1u << kActing ? "all" : text;
 }
 
 std::string Describe(const Finding& finding, const std::vector<int>& numbers)
@@ -207,13 +214,14 @@ std::string Describe(const Finding& finding, const std::vector<int>& numbers)
   std::vector<int> frames;
   std::transform(finding.frames.begin(), finding.frames.end(), std::back_inserter(frames),
                  [&numbers](int frame) { return numbers[frame]; });
-  const auto [what, done] = WordsFor(finding.kind);
-  const std::string where =
-      finding.kind == FindingKind::Overlay
-          ? std::to_string(finding.pixels) + " pixels of every frame"
-          : std::to_string(frames.size()) + (frames.size() == 1 ? " frame (" : " frames (") + Ranges(frames) + ")";
-  return std::string(what) + ": " + where + "; " + finding.evidence + ". " +
-         (finding.isApplied ? std::string(done) + "; keep '" + NameOf(finding.kind) + "' to use them as they are."
+  const std::string count = std::to_string(frames.size()) + (frames.size() == 1 ? " frame (" : " frames (");
+  const std::string where = finding.kind == FindingKind::Overlay
+                                ? std::to_string(finding.pixels) + " pixels of every frame; "
+                            : frames.empty() ? ""
+                                             : count + Ranges(frames) + "); ";
+  const KindOfFinding& words = Of(finding.kind);
+  return std::string(words.what) + ": " + where + finding.evidence + ". " +
+         (finding.isApplied ? std::string(words.done) + "; keep '" + words.name + "' to use them as they are."
                             : "Nothing was done about it.");
 }
 

@@ -16,20 +16,29 @@ namespace bigus
 /// What may be found. README.md says how.
 enum class FindingKind
 {
-  Order,    ///< frames are listed in another order than that of their times
-  Contact,  ///< the probe was off the skin: frames are black, or noise without speckle
-  Repeat,   ///< the picture was frozen, or shown again, while the probe moved on
-  Rest,     ///< probe and picture stand still
-  Overlay   ///< pixels of the scanner's screen: text, rulers, logos
+  Order,     ///< frames are listed in another order than that of their times
+  Contact,   ///< the probe was off the skin: frames are black, or noise without speckle
+  Repeat,    ///< the picture was frozen, or shown again, while the probe moved on
+  Rest,      ///< probe and picture stand still
+  Overlay,   ///< pixels of the scanner's screen: text, rulers, logos
+  Tracking,  ///< the tracker lost the probe: poses jump away and come back, or stay while pictures go on
+  // What follows is only doubted: nothing is ever done about it.
+  Gain,    ///< pictures get brighter or darker at once
+  Depth,   ///< pictures get larger or smaller at once: another depth or zoom
+  Levels,  ///< white pixels hide what is there, or no pixel is bright
+  Poses    ///< sound as numbers, but hardly those of a probe (PoseDoubts.h)
 };
 
-/// "order", "contact", "repeat", "rest", "overlay".
+/// "order", "contact", "repeat", "rest", "overlay", "tracking", "gain", "depth", "levels", "poses".
 const char* NameOf(FindingKind kind);
 
-/// Kinds of findings that nothing is done about.
+/// Kinds of findings that something is done about unless they are kept.
 class KeptKinds
 {
 public:
+  /// What Parse takes: "none|all|order|contact|...".
+  static constexpr const char* kNames = "none|all|order|contact|repeat|rest|overlay|tracking";
+
   bool Keeps(FindingKind kind) const { return kinds_ >> static_cast<int>(kind) & 1; }
 
   /// Names joined by '+', "all", or "none". Throws Error for another name.
@@ -44,10 +53,12 @@ private:
 struct Finding
 {
   FindingKind kind = FindingKind::Order;
-  std::vector<int> frames;  ///< of the sweep, in its order: those left out, or those that would be; all for an overlay
-  std::size_t pixels = 0;   ///< of every frame, that are filled; 0 for other kinds
-  bool isApplied = false;   ///< something was done: false where the kind is kept, and for what is only a doubt
-  std::string evidence;     ///< in numbers; a sentence without its full stop
+  /// Of the sweep, in its order: those left out, or those that would be. Of a doubt those from which on it holds; none
+  /// where it is about the whole sweep. All for an overlay.
+  std::vector<int> frames;
+  std::size_t pixels = 0;  ///< of every frame, that are filled; 0 for other kinds
+  bool isApplied = false;  ///< something was done: false where the kind is kept, and for what is only a doubt
+  std::string evidence;    ///< in numbers; a sentence without its full stop
 
   /// The frames that something is done about by leaving them out: none of an order or an overlay, or where nothing is done.
   std::vector<int> LeftOut() const;

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <opencv2/imgproc.hpp>
-#include <sstream>
 
 #include "Core/Inspection/Rules.h"
+#include "Core/Numerics/Drawing.h"
 #include "Core/Numerics/OpenCv.h"
 #include "Core/Numerics/Statistics.h"
 
@@ -16,9 +16,11 @@ namespace bigus
 namespace
 {
 
-constexpr int kWidth = 1200, kMargin = 24, kLine = 22, kStripHeight = 120, kPlotHeight = 120, kPictureSide = 420;
-constexpr std::size_t kThumbnails = 12, kLetters = 132;  // of a line over the whole width
-const cv::Scalar kPaper(255, 255, 255), kInk(40, 40, 40), kKept(70, 130, 90);
+using namespace drawing;
+
+constexpr int kStripHeight = 120, kPlotHeight = 120, kPictureSide = 420;
+constexpr std::size_t kThumbnails = 12;
+const cv::Scalar kKept(70, 130, 90);
 
 cv::Scalar ColourOf(FindingKind kind)
 {
@@ -32,14 +34,13 @@ cv::Scalar ColourOf(FindingKind kind)
       return {60, 110, 210};
     case FindingKind::Rest:
       return {225, 145, 30};
-    default:
+    case FindingKind::Overlay:
       return {200, 30, 130};
+    case FindingKind::Tracking:
+      return {20, 150, 160};
+    default:
+      return {110, 110, 110};
   }
-}
-
-void Write(cv::Mat& page, const std::string& text, int x, int y, double size = 0.45, const cv::Scalar& colour = kInk)
-{
-  cv::putText(page, text, {x, y}, cv::FONT_HERSHEY_SIMPLEX, size, colour, 1, cv::LINE_AA);
 }
 
 /// A frame of the sweep, grey, in colours' form.
@@ -126,22 +127,6 @@ cv::Mat FilledFrame(const InspectedSweep& inspected)
   return image;
 }
 
-/// Words in lines of at most `letters`.
-std::vector<std::string> Lines(const std::string& text, std::size_t letters)
-{
-  std::vector<std::string> lines(1);
-  std::istringstream words(text);
-  for (std::string word; words >> word;)
-  {
-    if (!lines.back().empty() && lines.back().size() + 1 + word.size() > letters)
-    {
-      lines.emplace_back();
-    }
-    lines.back() += (lines.back().empty() ? "" : " ") + word;
-  }
-  return lines;
-}
-
 }  // namespace
 
 Page DrawPage(const InspectedSweep& inspected, const std::vector<int>& numbers, const std::string& title)
@@ -174,7 +159,7 @@ try
   {
     picture.copyTo(page(cv::Rect(kMargin, below, picture.cols, picture.rows)));
   }
-  return {page.cols, page.rows, std::vector<std::uint8_t>(page.datastart, page.dataend)};
+  return PageOf(page);
 }
 catch (const cv::Exception& exception)
 {

@@ -3,20 +3,14 @@
 // What an inspection found, on one page to look at.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "Core/Inspection/Inspection.h"
+#include "Core/Numerics/Page.h"
 
 namespace bigus
 {
-
-struct Page
-{
-  int width = 0, height = 0;
-  std::vector<std::uint8_t> rgb;  ///< [height][width][3], the first row is the top one
-};
 
 /// Draws frames along time, the way from frame to frame, pixels that were filled, and every finding in words, each kind in
 /// its colour. `numbers` says how frames are called.

@@ -22,7 +22,8 @@ constexpr float kLevels = 255;
 cv::Mat WithoutMean(const cv::Mat& image, int window)
 {
   cv::Mat mean;
-  cv::blur(image, mean, {window, window}, {-1, -1}, cv::BORDER_REFLECT_101);
+  // Isolated: of a part of a picture, what is beside it has no part in the mean.
+  cv::blur(image, mean, {window, window}, {-1, -1}, cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
   return image - mean;
 }
 
@@ -70,6 +71,27 @@ double Roughness(const cv::Mat& image)
              : 0;
 }
 
+/// The columns of a band, and rows from `first` to `last`, of an image with one column a band or more.
+cv::Mat PartOf(const cv::Mat& image, std::size_t band, int first, int last)
+{
+  const int from = static_cast<int>(band) * image.cols / static_cast<int>(kBands);
+  const int to = static_cast<int>(band + 1) * image.cols / static_cast<int>(kBands);
+  return image(cv::Range(first, std::max(last, first + 1)), cv::Range(from, to));
+}
+
+/// `image` in full size, `small` as it is compared.
+std::array<Band, kBands> BandsOf(const cv::Mat& image, const cv::Mat& small)
+{
+  std::array<Band, kBands> bands;
+  for (std::size_t b = 0; b < kBands && small.cols >= static_cast<int>(kBands); ++b)
+  {
+    bands[b].near = cv::mean(PartOf(small, b, small.rows / 8, small.rows / 4))[0];
+    bands[b].deep = cv::mean(PartOf(small, b, small.rows / 4, small.rows))[0];
+    bands[b].roughness = Roughness(PartOf(image, b, image.rows / 4, image.rows / 2));
+  }
+  return bands;
+}
+
 }  // namespace
 
 Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames)
@@ -83,6 +105,7 @@ Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames)
   pictures.small.resize(frames.size());
   pictures.brightness.resize(frames.size());
   pictures.roughness.resize(frames.size());
+  pictures.bands.resize(frames.size());
   pictures.change.resize(frames.size());
   tbb::parallel_for(std::size_t(0), frames.size(),
                     [&](std::size_t k)
@@ -96,12 +119,30 @@ Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames)
                       pictures.brightness[k] = cv::mean(small.rowRange(pictures.height / 4, pictures.height))[0];
                       pictures.roughness[k] =
                           Roughness(image.rowRange(sweep.height / 4, std::max(sweep.height / 2, 1)));
+                      pictures.bands[k] = BandsOf(image, small);
                       if (k > 0)
                       {
                         pictures.change[k] = ChangeBetween(sweep, frames[k - 1], frames[k]);
                       }
                     });
   return pictures;
+}
+
+double AlikeIn(std::size_t band, const Pictures& pictures, std::size_t a, std::size_t b)
+{
+  const auto detail = [&](std::size_t k)
+  {
+    const cv::Mat part = PartOf(ImageOf(pictures, k), band, pictures.height / 8, pictures.height);
+    return cv::Mat(part - cv::mean(part));
+  };
+  const cv::Mat one = detail(a), other = detail(b);
+  const double sizes = std::sqrt(one.dot(one) * other.dot(other));
+  return sizes > 0 ? one.dot(other) / sizes : 0;
+}
+
+cv::Mat ImageOf(const Pictures& pictures, std::size_t k)
+{
+  return {pictures.height, pictures.width, CV_32F, const_cast<float*>(pictures.small[k].data())};
 }
 
 double Difference(const Pictures& pictures, std::size_t a, std::size_t b)
@@ -118,8 +159,7 @@ double Difference(const Pictures& pictures, std::size_t a, std::size_t b)
 
 double UnrelatedDifference(const Pictures& pictures, std::size_t k)
 {
-  const cv::Mat image(pictures.height, pictures.width, CV_32F, const_cast<float*>(pictures.small[k].data()));
-  return std::sqrt(2 * MeanSquareOf(WithoutMean(image, 5)));
+  return std::sqrt(2 * MeanSquareOf(WithoutMean(ImageOf(pictures, k), 5)));
 }
 
 }  // namespace bigus

@@ -3,12 +3,23 @@
 // Frames made small, to be compared with each other.
 #pragma once
 
+#include <array>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "Core/Model/Sweep.h"
 
 namespace bigus
 {
+
+/// A quarter of a picture's width, in which a probe may have lost the skin alone.
+struct Band
+{
+  double near = 0;  ///< mean grey level from an eighth of the depth to a fourth: a shadow begins below what throws it
+  double deep = 0;  ///< and from there on
+  double roughness = 0;
+};
+constexpr std::size_t kBands = 4;
 
 /// Grey levels of 255 throughout.
 struct Pictures
@@ -19,12 +30,19 @@ struct Pictures
   /// [frames] mean square difference of neighbouring columns over that of pixels and the mean of 9 x 9 around them: 2 for
   /// white noise, 0.1 to 1 for speckle, and 0 for a black frame. Of the second quarter of the depth.
   std::vector<double> roughness;
+  std::vector<std::array<Band, kBands>> bands;  ///< [frames]
   std::vector<double>
       change;  ///< [frames] root mean square difference to the frame before, pixel by pixel; 0 of the first
 };
 
 /// `frames` in the order in which they are compared.
 Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames);
+
+/// A small picture, its pixels shared; CV_32F.
+cv::Mat ImageOf(const Pictures& pictures, std::size_t k);
+
+/// Correlation of what a band of two pictures shows below the first eighth of the depth; 0 where one is flat.
+double AlikeIn(std::size_t band, const Pictures& pictures, std::size_t a, std::size_t b);
 
 /// Root mean square difference of two small pictures.
 double Difference(const Pictures& pictures, std::size_t a, std::size_t b);

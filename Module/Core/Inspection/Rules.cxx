@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 
+#include "Core/Numerics/Format.h"
 #include "Core/Numerics/Statistics.h"
 
 namespace bigus
@@ -19,7 +19,10 @@ namespace
 constexpr double kDark = 0.15, kLit = 0.5;  // of the median brightness
 constexpr double kNoise = 1.5;              // roughness; white noise has 2, frames of the sweeps named 0.1 to 0.6
 constexpr double kRougher = 1.6;            // times the median roughness
-constexpr double kDarkestSweep = 2;         // grey levels: below that nothing is told from nothing
+// A band has few pixels, so its roughness wavers; but noise is unlike what was there before and after, too.
+constexpr double kRougherBand = 1.15, kUnlikeBand = 0.5;
+constexpr double kDarkestSweep = 2;  // grey levels: below that nothing is told from nothing
+constexpr double kDarkestBand = 8;   // grey levels: corners of a fan, and shadows, tell nothing
 
 // Repeated pictures.
 constexpr double kNoNews = 0.3;         // grey levels: what rounding to 8 bits alone makes
@@ -36,39 +39,6 @@ constexpr double kAlike = 0.35;       // of the difference of unrelated pictures
 constexpr double kDrift = 2;          // spreads of the poses within a half by which the halves of a stretch lie apart
 constexpr double kLeastDrift = 0.3;   // mm
 constexpr double kLittleNoise = 0.5;  // of the usual change, in a frozen picture
-
-std::string Number(double value, const char* format = "%.2f")
-{
-  char text[32];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-
-/// The value below which `share` of all lie.
-double ShareBelow(std::vector<double> values, double share)
-{
-  std::sort(values.begin(), values.end());
-  return values.empty() ? 0 : Quantile(values, share);
-}
-
-std::vector<double> StepsOf(const Sweep& sweep, const std::vector<int>& frames)
-{
-  std::vector<double> steps;
-  for (std::size_t k = 1; k < frames.size(); ++k)
-  {
-    steps.push_back(Moved(sweep, frames[k - 1], frames[k]));
-  }
-  return steps;
-}
-
-std::optional<Finding> Found(FindingKind kind, std::vector<int> frames, std::string evidence)
-{
-  if (frames.empty())
-  {
-    return std::nullopt;
-  }
-  return Finding{kind, std::move(frames), 0, true, std::move(evidence)};
-}
 
 Eigen::Vector3d CentreOf(const Sweep& sweep, int frame)
 {
@@ -137,7 +107,121 @@ std::vector<std::pair<std::size_t, std::size_t>> StillStretches(const Pictures& 
   return stretches;
 }
 
+/// Frames, by their places, that show nothing, over the whole width or a part.
+struct Lost
+{
+  std::vector<bool> isDark, isNoise;
+
+  explicit Lost(std::size_t frames) : isDark(frames), isNoise(frames) {}
+
+  std::size_t Count() const
+  {
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < isDark.size(); ++k)
+    {
+      count += isDark[k] || isNoise[k];
+    }
+    return count;
+  }
+
+  /// What each may ask is the place of a frame.
+  template <class Dark, class Lit, class Noise>
+  void Add(const Dark& dark, const Lit& lit, const Noise& noise)
+  {
+    const std::size_t frames = isDark.size();
+    const auto isBlank = [&](std::size_t k) { return dark(k) || noise(k); };
+    for (std::size_t k = 0, end = 0; k < frames; k = std::max(k + 1, end))
+    {
+      for (end = k; end < frames && isBlank(end); ++end)
+      {
+      }
+      // A sweep that leaves what it shows gets dark little by little; a probe that leaves the skin at once.
+      const bool atOnce = (k > 0 && lit(k - 1)) || (end < frames && lit(end));
+      for (std::size_t j = k; j < end && (atOnce || !dark(k)); ++j)
+      {
+        isDark[j] = isDark[j] || dark(j);
+        isNoise[j] = isNoise[j] || !dark(j);
+      }
+    }
+  }
+};
+
+/// Of each number the median.
+Band UsualBand(const Pictures& pictures, std::size_t band)
+{
+  std::vector<double> near, deep, roughness;
+  for (const std::array<Band, kBands>& bands : pictures.bands)
+  {
+    near.push_back(bands[band].near);
+    deep.push_back(bands[band].deep);
+    roughness.push_back(bands[band].roughness);
+  }
+  return {ShareBelow(near, 0.5), ShareBelow(deep, 0.5), ShareBelow(roughness, 0.5)};
+}
+
+/// Marks frames that show nothing in a quarter of their width. `lost` has those that show nothing at all.
+void AddBands(const Pictures& pictures, Lost& lost)
+{
+  std::vector<std::size_t> sound;  // places
+  for (std::size_t k = 0; k < pictures.small.size(); ++k)
+  {
+    if (!lost.isDark[k] && !lost.isNoise[k])
+    {
+      sound.push_back(k);
+    }
+  }
+  for (std::size_t b = 0; b < kBands; ++b)
+  {
+    const Band typical = UsualBand(pictures, b);
+    if (typical.near < kDarkestBand || typical.deep < kDarkestBand || sound.size() < 2)
+    {
+      continue;
+    }
+    std::vector<double> alike(pictures.small.size(), 0.0), before;  // the frame before or after it, whichever is more
+    for (std::size_t k = 1; k < sound.size(); ++k)
+    {
+      before.push_back(AlikeIn(b, pictures, sound[k - 1], sound[k]));
+      alike[sound[k - 1]] = std::max(alike[sound[k - 1]], before.back());
+      alike[sound[k]] = before.back();
+    }
+    const double usual = ShareBelow(before, 0.5);
+    const auto band = [&](std::size_t k) { return pictures.bands[k][b]; };
+    lost.Add([&](std::size_t k) { return band(k).near < kDark * typical.near && band(k).deep < kDark * typical.deep; },
+             [&](std::size_t k) { return band(k).near >= kLit * typical.near && band(k).deep >= kLit * typical.deep; },
+             [&](std::size_t k)
+             {
+               return std::binary_search(sound.begin(), sound.end(), k) && alike[k] < kUnlikeBand * usual &&
+                      band(k).roughness > std::max(kNoise, kRougherBand * typical.roughness);
+             });
+  }
+}
+
 }  // namespace
+
+double ShareBelow(std::vector<double> values, double share)
+{
+  std::sort(values.begin(), values.end());
+  return values.empty() ? 0 : Quantile(values, share);
+}
+
+std::vector<double> StepsOf(const Sweep& sweep, const std::vector<int>& frames)
+{
+  std::vector<double> steps;
+  for (std::size_t k = 1; k < frames.size(); ++k)
+  {
+    steps.push_back(Moved(sweep, frames[k - 1], frames[k]));
+  }
+  return steps;
+}
+
+std::optional<Finding> Found(FindingKind kind, std::vector<int> frames, std::string evidence)
+{
+  if (frames.empty())
+  {
+    return std::nullopt;
+  }
+  return Finding{kind, std::move(frames), 0, true, std::move(evidence)};
+}
 
 double Moved(const Sweep& sweep, int from, int to)
 {
@@ -178,8 +262,8 @@ std::optional<Finding> FindOrder(const Sweep& sweep, std::vector<int>& sorted)
   }
   const double asListed = length(listed), byTime = length(sorted);
   std::optional<Finding> found = Found(FindingKind::Order, moved,
-                                       "the probe's path is " + Number(byTime, "%.0f") + " mm long by time and " +
-                                           Number(asListed, "%.0f") + " mm as listed");
+                                       "the probe's path is " + Format("%.0f", byTime) + " mm long by time and " +
+                                           Format("%.0f", asListed) + " mm as listed");
   found->isApplied = byTime < asListed;  // else times are the worse witness
   return found;
 }
@@ -191,34 +275,29 @@ std::optional<Finding> FindLostContact(const Pictures& pictures, const std::vect
   {
     return std::nullopt;
   }
-  const auto isDark = [&](std::size_t k) { return pictures.brightness[k] < kDark * usual; };
-  const auto isBlank = [&](std::size_t k)
-  { return isDark(k) || (pictures.roughness[k] > kNoise && pictures.roughness[k] > kRougher * rough); };
-  const auto isLit = [&](std::size_t k) { return k < frames.size() && pictures.brightness[k] >= kLit * usual; };
-  std::vector<int> lost;
-  std::size_t dark = 0;
-  for (std::size_t k = 0, end = 0; k < frames.size(); k = std::max(k + 1, end))
+  Lost lost(frames.size());
+  lost.Add([&](std::size_t k) { return pictures.brightness[k] < kDark * usual; },
+           [&](std::size_t k) { return pictures.brightness[k] >= kLit * usual; },
+           [&](std::size_t k) { return pictures.roughness[k] > std::max(kNoise, kRougher * rough); });
+  const std::size_t whole = lost.Count();
+  AddBands(pictures, lost);
+  std::vector<int> gone;
+  for (std::size_t k = 0; k < frames.size(); ++k)
   {
-    for (end = k; end < frames.size() && isBlank(end); ++end)
+    if (lost.isDark[k] || lost.isNoise[k])
     {
-    }
-    // A sweep that leaves what it shows gets dark little by little; a probe that leaves the skin at once.
-    if (end > k && (!isDark(k) || isLit(k - 1) || isLit(end)))
-    {
-      lost.insert(lost.end(), frames.begin() + k, frames.begin() + end);
-      for (std::size_t j = k; j < end; ++j)
-      {
-        dark += isDark(j);
-      }
+      gone.push_back(frames[k]);
     }
   }
-  const std::string evidence = std::to_string(dark) + " darker than " + Number(100 * kDark, "%.0f") +
-                               " % of the usual brightness, " + std::to_string(lost.size() - dark) +
-                               " with noise without speckle";
-  std::optional<Finding> found = Found(FindingKind::Contact, lost, evidence);
+  const auto dark = std::count(lost.isDark.begin(), lost.isDark.end(), true);
+  const std::string evidence = std::to_string(dark) + " darker than " + Format("%.0f", 100 * kDark) +
+                               " % of the usual brightness, " + std::to_string(lost.Count() - dark) +
+                               " with noise without speckle, " + std::to_string(lost.Count() - whole) +
+                               " of them in a part of the width";
+  std::optional<Finding> found = Found(FindingKind::Contact, gone, evidence);
   if (found)
   {
-    found->isApplied = 2 * lost.size() < frames.size();
+    found->isApplied = 2 * gone.size() < frames.size();
   }
   return found;
 }
@@ -247,8 +326,8 @@ std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures,
     }
   }
   return Found(FindingKind::Repeat, repeated,
-               "pictures changed by " + Number(largest) + " grey levels at the most, and by " + Number(usual) +
-                   " from frame to frame elsewhere");
+               "pictures changed by " + Format("%.2f", largest) + " grey levels at the most, and by " +
+                   Format("%.2f", usual) + " from frame to frame elsewhere");
 }
 
 Still FindStill(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames)
@@ -288,7 +367,7 @@ Still FindStill(const Sweep& sweep, const Pictures& pictures, const std::vector<
   Still still;
   still.rest = Found(FindingKind::Rest, resting,
                      "pictures change no more over " + std::to_string(kWindow) +
-                         " frames than from one to the next, and poses stay within " + Number(spread) + " mm");
+                         " frames than from one to the next, and poses stay within " + Format("%.2f", spread) + " mm");
   still.repeat = Found(FindingKind::Repeat, frozen, "only noise changes while the poses go on");
   return still;
 }

@@ -15,10 +15,20 @@ namespace bigus
 /// The longest way that a corner of the image goes from one frame to another, mm.
 double Moved(const Sweep& sweep, int from, int to);
 
+/// The same from each frame to the next.
+std::vector<double> StepsOf(const Sweep& sweep, const std::vector<int>& frames);
+
+/// The value below which `share` of all lie; 0 of none.
+double ShareBelow(std::vector<double> values, double share);
+
+/// A finding that something is done about; nothing where there are no frames.
+std::optional<Finding> Found(FindingKind kind, std::vector<int> frames, std::string evidence);
+
 /// Frames that another order of times would move; `sorted` gets that order. Nothing where the order is that of times.
 std::optional<Finding> FindOrder(const Sweep& sweep, std::vector<int>& sorted);
 
-/// Frames that are dark, or noise, amid others that are not. `pictures` are of `frames`.
+/// Frames that are dark, or noise, all over or in a quarter of their width, amid others that are not. `pictures` are of
+/// `frames`.
 std::optional<Finding> FindLostContact(const Pictures& pictures, const std::vector<int>& frames);
 
 /// Stretches in which pictures do not drift.
@@ -31,6 +41,13 @@ Still FindStill(const Sweep& sweep, const Pictures& pictures, const std::vector<
 
 /// Frames that show what the one before showed, or nearly, though the probe moved as usual.
 std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+
+/// Frames whose poses leave the path at once and come back as quickly, or are those of the frame before though pictures
+/// go on.
+std::optional<Finding> FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+
+/// What nothing is done about: gain, depth, grey levels, poses.
+std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
 /// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets 1
 /// there and 0 elsewhere.

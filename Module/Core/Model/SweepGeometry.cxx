@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "Core/Model/Sequences.h"
 
@@ -22,6 +23,44 @@ constexpr double kSameDirection = 0.99619470, kCrossing = 0.86602540;
 constexpr double kExact = 1e-4;
 
 constexpr std::size_t kLookedAt = 24;  // frames: 276 pairs
+
+/// Times the median gap, from which the median along the path is usual. Noise of the tracker alone makes 1.5 to 2.
+constexpr double kTwoSpeeds = 3;
+constexpr double kLocalBreak = 4;  // usual gaps around it: longer ones are not part of the path
+constexpr std::ptrdiff_t kAround = 5;
+
+double Median(std::vector<double> values)
+{
+  std::sort(values.begin(), values.end());
+  return values.empty() ? 0 : values[values.size() / 2];
+}
+
+/// The gap below which half of the path lies, without gaps that are breaks.
+double MedianAlongPath(const std::vector<double>& gaps)
+{
+  std::vector<double> along;
+  for (auto gap = gaps.begin(); gap != gaps.end(); ++gap)
+  {
+    const double before = Median({gap - std::min(kAround, gap - gaps.begin()), gap});
+    const double after = Median({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
+    if (*gap <= kLocalBreak * std::max(before, after))
+    {
+      along.push_back(*gap);
+    }
+  }
+  std::sort(along.begin(), along.end());
+  const double half = 0.5 * std::accumulate(along.begin(), along.end(), 0.0);
+  double sum = 0;
+  for (const double gap : along)
+  {
+    sum += gap;
+    if (sum >= half)
+    {
+      return gap;
+    }
+  }
+  return 0;
+}
 
 /// Whether the line in which two planes meet runs through both images, seen at the middle of what lies in the second.
 bool Meet(const SlicePlane& a, const SlicePlane& b)
@@ -76,10 +115,11 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   }
   if (!spacings.empty())
   {
-    std::sort(spacings.begin(), spacings.end());
-    geometry.medianSpacing = spacings[spacings.size() / 2];
-    geometry.smallestSpacing = spacings.front();
-    geometry.largestSpacing = spacings.back();
+    const double median = Median(spacings), along = MedianAlongPath(spacings);
+    geometry.usualSpacing = along > kTwoSpeeds * median ? along : median;
+    const auto [smallest, largest] = std::minmax_element(spacings.begin(), spacings.end());
+    geometry.smallestSpacing = *smallest;
+    geometry.largestSpacing = *largest;
   }
   return geometry;
 }
@@ -107,7 +147,7 @@ bool IsVolume(const Sweep& sweep, const std::vector<int>& frames)
   }
   const Eigen::Matrix4d& first = sweep.imageToReference[frames[0]];
   const Eigen::Vector3d normal = sweep.Plane(frames[0]).Normal();
-  const double spacing = MeasureGeometry(sweep, frames).medianSpacing;
+  const double spacing = MeasureGeometry(sweep, frames).usualSpacing;
   return spacing > 0 &&
          std::all_of(frames.begin(), frames.end(),
                      [&](int frame)

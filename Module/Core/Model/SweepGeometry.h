@@ -13,8 +13,11 @@ namespace bigus
 /// What the seeder and the trainer's defaults derive from a sweep's geometry, all mm.
 struct SweepGeometry
 {
-  double pixelSize = 0;      ///< geometric mean of the pixel sides; of several sequences the smallest
-  double medianSpacing = 0;  ///< between neighbouring planes of a sequence, at the image centre, along the normal
+  double pixelSize = 0;  ///< geometric mean of the pixel sides; of several sequences the smallest
+  /// Between neighbouring planes of a sequence, at the image centre, along the normal: the median of the gaps. Where the
+  /// probe lingered, most gaps are short and tell little of the sweep, so that it is the median along the path (half of
+  /// the path, breaks left out, lies in shorter gaps) if that is more than three times as long.
+  double usualSpacing = 0;
   double smallestSpacing = 0;
   double largestSpacing = 0;
 };

@@ -52,12 +52,12 @@ struct Survey
   double path = 0;                       // of the image's centre, mm
 };
 
-Survey Look(const Sweep& sweep)
+Survey Look(const Sweep& sweep, const std::vector<int>& frames)
 {
   Survey seen;
-  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  for (std::size_t k = 0; k < frames.size(); ++k)
   {
-    const SlicePlane plane = sweep.Plane(k);
+    const SlicePlane plane = sweep.Plane(frames[k]);
     const double between =
         std::acos(std::clamp(plane.columnStep.normalized().dot(plane.rowStep.normalized()), -1.0, 1.0)) /
         kRadiansPerDegree;
@@ -67,7 +67,7 @@ Survey Look(const Sweep& sweep)
     seen.largest = std::max(seen.largest, plane.PixelSize());
     if (k > 0)
     {
-      const SlicePlane before = sweep.Plane(k - 1);
+      const SlicePlane before = sweep.Plane(frames[k - 1]);
       seen.path += (CentreOf(plane) - CentreOf(before)).norm();
       seen.coplanar += LargestHeight(plane, before) < kCoplanar * plane.PixelSize() ? 1 : 0;
     }
@@ -77,16 +77,16 @@ Survey Look(const Sweep& sweep)
 
 }  // namespace
 
-std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep)
+std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<int>& looked)
 {
   std::vector<std::string> doubts;
-  const int frames = sweep.NumberOfFrames();
+  const int frames = static_cast<int>(looked.size());
   if (frames == 0)
   {
     return doubts;
   }
-  const auto [sheared, coplanar, angle, smallest, largest, path] = Look(sweep);
-  const SlicePlane first = sweep.Plane(0);
+  const auto [sheared, coplanar, angle, smallest, largest, path] = Look(sweep, looked);
+  const SlicePlane first = sweep.Plane(looked[0]);
   const double diagonal = (sweep.width * first.columnStep + sweep.height * first.rowStep).norm();
   if (smallest < kSmallestPixel)
   {

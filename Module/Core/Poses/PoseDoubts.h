@@ -11,7 +11,7 @@
 namespace bigus
 {
 
-/// One plain sentence for each doubt, none for a usual sweep. Looks at size and poses, at no pixel.
-std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep);
+/// One plain sentence for each doubt about `frames`, none for a usual sweep. Looks at size and poses, at no pixel.
+std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<int>& frames);
 
 }  // namespace bigus

@@ -80,13 +80,13 @@ std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames, b
 
 int PlanesPerGap(const SweepGeometry& geometry)
 {
-  const double pixels = std::ceil(geometry.medianSpacing / geometry.pixelSize - kSamePixel);
+  const double pixels = std::ceil(geometry.usualSpacing / geometry.pixelSize - kSamePixel);
   return static_cast<int>(std::clamp(pixels - 1, double(kFewestPlanes), double(kMostPlanes)));
 }
 
 bool IsSparse(const SweepGeometry& geometry)
 {
-  return geometry.medianSpacing > std::max(kUsualBeam, kNearPixels * geometry.pixelSize);
+  return geometry.usualSpacing > std::max(kUsualBeam, kNearPixels * geometry.pixelSize);
 }
 
 TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, const std::vector<int>& frames)

@@ -118,7 +118,7 @@ std::string ValuesOf(const OptionInfo& info)
   else
   {
     return std::is_same_v<T, FrameInterpolation> ? "normals|probe[+flow][+rough|+smooth]"
-           : std::is_same_v<T, KeptKinds>        ? "none|all|order|contact|repeat|rest|overlay"
+           : std::is_same_v<T, KeptKinds>        ? KeptKinds::kNames
                                                  : "";
   }
 }

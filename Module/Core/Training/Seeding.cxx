@@ -382,7 +382,7 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
   // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.
   const double usualGap =
-      geometry.medianSpacing > 0 ? geometry.medianSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
+      geometry.usualSpacing > 0 ? geometry.usualSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
 
   std::mt19937_64 random(options.seed);
   const DensityGrid grid = MakeDensity(sweep, frames, options, brightness.lit);

@@ -32,7 +32,7 @@ struct Gap
 /// Where the sweep breaks no plane is made, and what lies beyond a break says nothing.
 std::vector<Gap> GapsOf(const Sweep& sweep, const std::vector<int>& frames)
 {
-  const double widest = kBreak * MeasureGeometry(sweep, frames).medianSpacing;
+  const double widest = kBreak * MeasureGeometry(sweep, frames).usualSpacing;
   const auto isBreak = [&](int before, int after)
   {
     const SlicePlane from = sweep.Plane(before);

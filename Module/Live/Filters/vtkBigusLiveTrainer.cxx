@@ -342,6 +342,10 @@ int vtkBigusLiveTrainer::RequestData(vtkInformation*, vtkInformationVector** inp
       stop = !bigus::ReportProgress(this, fraction) || stop;
     }
     const bigus::LiveResult result = finished.get();
+    for (const bigus::Finding& finding : result.training.findings)
+    {
+      vtkWarningMacro(<< bigus::Describe(finding, bigus::AllFrames(*result.sweep)));
+    }
     bigus::FieldToPolyData(result.training.field, output);
     std::vector<std::string> provenance;
     bigus::SetProvenanceLine(provenance, "filter", "vtkBigusLiveTrainer");
