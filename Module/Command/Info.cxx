@@ -200,18 +200,14 @@ Json ShowTracker(Console& console, const Sweep& sweep)
           {"stepped", path.isStepped}};
 }
 
-/// What is doubtful about poses, those that were rejected among them.
+/// What is doubtful about poses.
 Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* reader)
 {
   std::vector<std::string> doubts = DoubtsAboutPoses(sweep, AllFrames(sweep));
-  for (int i = 0; i < reader->GetNumberOfRejectionReasons(); ++i)
+  if (const int made = reader->GetNumberOfMadeAxes(); made > 0)
   {
-    if (std::string(reader->GetRejectionReason(i)).find("reflected") != std::string::npos)
-    {
-      const int count = reader->GetRejectionCount(i);
-      doubts.push_back("The matrices of " + std::to_string(count) + (count == 1 ? " frame" : " frames") +
-                       " mirror the image: an axis is reversed, and the frames are not used.");
-    }
+    doubts.push_back("The matrices of " + std::to_string(made) + (made == 1 ? " frame" : " frames") +
+                     " have a third column that is zero, or mirror: the third was made from the first two.");
   }
   if (const std::string cropped = reader->GetCroppedFrame(); !cropped.empty())
   {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Poses.h"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <limits>
@@ -9,7 +10,10 @@
 #include <set>
 #include <utility>
 
+#include "Core/Model/Error.h"
+#include "Core/Model/PoseAxes.h"
 #include "Core/Model/SlicePlane.h"
+#include "Core/Numerics/Constants.h"
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/Xml.h"
@@ -22,8 +26,8 @@ namespace
 
 constexpr std::uint64_t largestConfig = 16u << 20;
 
-// Sine of the angle below which three axes count as lying in a plane.
-constexpr double kFlattest = 1e-9;
+// Degrees that rows and columns may be off a right angle where no third axis confirms them.
+constexpr double kMostSheared = 10;
 
 struct Link
 {
@@ -69,7 +73,7 @@ bool EndsWith(const std::string& text, const std::string& end)
   return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-// Reads an affine, invertible matrix; else says what is wrong with it.
+// Reads an affine matrix; else says what is wrong with it.
 std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
 {
   double numbers[16];
@@ -86,13 +90,14 @@ std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
   {
     return "is not affine (its last row is not 0 0 0 1)";
   }
-  const Eigen::Matrix3d axes = matrix.topLeftCorner<3, 3>();
-  const double volume = axes.col(0).norm() * axes.col(1).norm() * axes.col(2).norm();
-  if (!(std::abs(axes.determinant()) > kFlattest * volume))
-  {
-    return "is singular";
-  }
   return {};
+}
+
+// Whether the first two axes span a plane, which is all that pixels need.
+bool SpansPlane(const Eigen::Matrix4d& matrix)
+{
+  const Eigen::Vector3d columns = matrix.block<3, 1>(0, 0), rows = matrix.block<3, 1>(0, 1);
+  return columns.cross(rows).norm() > kFlattestAxes * columns.norm() * rows.norm();
 }
 
 std::vector<Link> ReadConfig(const std::string& fileName)
@@ -227,10 +232,38 @@ std::string Listed(const std::vector<std::string>& names)
                                 : text;
 }
 
+// Why a pose places no picture, or nothing. Makes its third axis where that is none.
+std::string CheckPose(const PoseOptions& options, const SequenceFile& file, FramePose& frame)
+{
+  Eigen::Matrix4d& pose = frame.imageToReference;
+  if (!pose.allFinite())
+  {
+    return "a pose that is not finite";
+  }
+  const SlicePlane plane = SlicePlane::FromImageToReference(pose, std::max(file.width, 1), std::max(file.height, 1));
+  try
+  {
+    plane.Validate("");
+  }
+  catch (const Error&)
+  {
+    return "a pose whose pixel steps span no plane or are not between 1e-6 and 1e6 mm";
+  }
+  frame.hasMadeAxis = MakeThirdAxis(pose, options.allowReflectedPoses);
+  const double shear = std::abs(plane.columnStep.normalized().dot(plane.rowStep.normalized()));
+  if (frame.hasMadeAxis && shear > std::sin(kMostSheared * kRadiansPerDegree))
+  {
+    return "a pose whose rows and columns are more than " + ExactNumber(kMostSheared) +
+           " degrees off a right angle, and whose third column is none";
+  }
+  return {};
+}
+
 // The frame's pose, or why it has none.
 std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, const PoseOptions& options,
-                        const SequenceFile& file, Eigen::Matrix4d& pose)
+                        const SequenceFile& file, FramePose& frame)
 {
+  Eigen::Matrix4d& pose = frame.imageToReference;
   for (const char* name : {"ImageStatus", "Status"})  // the second is IGSIO's name in NRRD
   {
     if (const std::string* status = Find(fields, name); status && *status != "OK")
@@ -264,6 +297,11 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
       }
       problem = ParseMatrix(*text, matrix);
     }
+    if (problem.empty() &&
+        !(first && !step.inverse ? SpansPlane(matrix) : std::abs(Handedness(matrix)) > kFlattestAxes))
+    {
+      problem = "is singular";
+    }
     if (!problem.empty())
     {
       return name + " that " + problem;
@@ -275,23 +313,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
     pose = first ? matrix : Eigen::Matrix4d(matrix * pose);  // a single forward link stays as it is, to the last bit
     first = false;
   }
-  if (!pose.allFinite())
-  {
-    return "a pose that is not finite";
-  }
-  if (!options.allowReflectedPoses && pose.topLeftCorner<3, 3>().determinant() < 0)
-  {
-    return "a reflected pose (negative determinant)";
-  }
-  try
-  {
-    SlicePlane::FromImageToReference(pose, std::max(file.width, 1), std::max(file.height, 1)).Validate("");
-  }
-  catch (const Error&)
-  {
-    return "a pose whose pixel steps span no plane or are not between 1e-6 and 1e6 mm";
-  }
-  return {};
+  return CheckPose(options, file, frame);
 }
 
 }  // namespace
@@ -360,6 +382,20 @@ std::string CroppedFrameWarning(const std::string& fileName, const std::string& 
          ", too. Where the images are the cropped ones, name that coordinate frame instead";
 }
 
+int PoseTable::NumberOfMadeAxes() const
+{
+  return static_cast<int>(std::count_if(frames.begin(), frames.end(),
+                                        [](const FramePose& frame) { return frame.accepted && frame.hasMadeAxis; }));
+}
+
+std::string MadeAxesWarning(const std::string& fileName, const PoseTable& table)
+{
+  return fileName + ": the third column of " + std::to_string(table.NumberOfMadeAxes()) + " of " +
+         std::to_string(table.frames.size()) +
+         " poses is zero or points the other way. A picture has two axes, so the first two were read and the third was "
+         "made";
+}
+
 void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTable& table)
 {
   table = PoseTable();
@@ -399,7 +435,7 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
   {
     const Fields& fields = file.frames[i];
     FramePose& frame = table.frames[i];
-    const std::string reason = ComputePose(fields, chain, options, file, frame.imageToReference);
+    const std::string reason = ComputePose(fields, chain, options, file, frame);
     frame.accepted = reason.empty();
     if (!frame.accepted)
     {

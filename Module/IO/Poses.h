@@ -18,14 +18,15 @@ struct PoseOptions
   std::string toFrame = "Reference";
   std::string configFileName;  ///< Plus XML with further transforms; empty: none
   bool assumeMissingStatusOK = false;
-  bool allowReflectedPoses = false;
-  bool required = true;  ///< false: where there is no transform at all, frames are accepted without a pose
+  bool allowReflectedPoses = false;  ///< a left-handed pose keeps its third column
+  bool required = true;              ///< false: where there is no transform at all, frames are accepted without a pose
 };
 
 struct FramePose
 {
   Eigen::Matrix4d imageToReference;  ///< NaN for a rejected frame; means nothing without a chain
   bool accepted = false;
+  bool hasMadeAxis = false;  ///< the file's third column is zero or points the other way; the first two are the file's
 };
 
 struct TransformName
@@ -53,6 +54,9 @@ struct PoseTable
 
   int NumberOfAcceptedFrames() const;
 
+  /// Of the accepted frames those whose third column was made.
+  int NumberOfMadeAxes() const;
+
   /// Such as "3 of 21 frames rejected: 2 for ProbeToTracker status INVALID (frames 4, 5), 1 for ..."; empty
   /// for none.
   std::string RejectionSummary() const;
@@ -67,6 +71,9 @@ struct PoseTable
 /// The sentence that tells of a cropped frame.
 std::string CroppedFrameWarning(const std::string& fileName, const std::string& fromFrame,
                                 const std::string& croppedFrame);
+
+/// The sentence that tells of third columns that were made.
+std::string MadeAxesWarning(const std::string& fileName, const PoseTable& table);
 
 /// Fills `table` as far as it gets. Throws FileError when there is no way from one frame to the other, naming
 /// the transforms there are and the coordinate frames that can be reached, and when the configuration cannot

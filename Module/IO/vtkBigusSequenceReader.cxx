@@ -268,6 +268,10 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
   {
     vtkWarningMacro(<< bigus::CroppedFrameWarning(this->FileName, options.fromFrame, this->Internals->croppedFrame));
   }
+  if (this->GetNumberOfMadeAxes() > 0)
+  {
+    vtkWarningMacro(<< bigus::MadeAxesWarning(this->FileName, this->Internals->poses));
+  }
   const bigus::SequenceFile& file = this->Internals->file;
   const auto frames = static_cast<int>(this->Internals->OutputFrames(this->KeepRejectedFrames != 0).size());
   const int extent[6] = {0, file.width - 1, 0, file.height - 1, 0, frames - 1};
@@ -430,6 +434,11 @@ int vtkBigusSequenceReader::GetUnusedFieldCount(int index)
 const char* vtkBigusSequenceReader::GetCroppedFrame()
 {
   return this->Internals->croppedFrame.c_str();
+}
+
+int vtkBigusSequenceReader::GetNumberOfMadeAxes()
+{
+  return this->Internals->poses.NumberOfMadeAxes();
 }
 
 double vtkBigusSequenceReader::GetUsedPixelRange()

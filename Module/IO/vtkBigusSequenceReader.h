@@ -21,8 +21,9 @@
  * sequence refer to that order. See README.md beside this file for the details and for what is not supported.
  *
  * A frame is rejected, not repaired, when a transform it needs is absent, has a status other than OK, or
- * gives a pose that is not finite, singular, not affine or reflected. The report says how many and why. When
- * no frame is left the reader fails.
+ * gives a pose that is not finite, not affine or spans no plane. The report says how many and why. When
+ * no frame is left the reader fails. A picture has two axes: where the third column of a pose is zero or points the other
+ * way, it is made from the first two, with a warning.
  *
  * The whole sweep is always produced, whatever extent is asked for. What the report below returns is valid
  * after UpdateInformation(), also when that failed because all frames were rejected.
@@ -198,6 +199,12 @@ public:
    * larger ones, so that poses should lead from there (FromFrame). Empty when there is none or poses lead from it.
    */
   const char* GetCroppedFrame();
+
+  /**
+   * How many accepted frames have a third column of their pose that was made, because in the file it is zero or points the
+   * other way.
+   */
+  int GetNumberOfMadeAxes();
 
   /**
    * The chain used, such as "Image -> Probe -> Tracker -> Reference"; empty when there is none.

@@ -67,8 +67,8 @@ public:
 
   ///@{
   /**
-   * Accept poses with a negative determinant. In a sweep of equal frames a reflection is nearly always a
-   * calibration or orientation mistake. Default: off.
+   * Keep the third column of a pose with a negative determinant as it is in the file. Else it is made, right-handed, from
+   * the first two, which alone say where pixels lie. Default: off.
    */
   vtkSetMacro(AllowReflectedPoses, vtkTypeBool);
   vtkGetMacro(AllowReflectedPoses, vtkTypeBool);

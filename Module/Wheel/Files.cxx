@@ -126,6 +126,10 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   {
     warnings.push_back(CroppedFrameWarning(path, from, cropped));
   }
+  if (poses.NumberOfMadeAxes() > 0)
+  {
+    warnings.push_back(MadeAxesWarning(path, poses));
+  }
   if (read.usedBits > 0)
   {
     warnings.push_back(UsedBitsWarning(file, read));

@@ -451,7 +451,12 @@ class Info(CommandTest):
         flat = changed("flat.mha", lambda m: [0.6, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
         self.assertIn("one plane", self.expect(SUCCESS, "info", flat)["doubts"][0])
         mirrored = changed("mirrored.mha", lambda m: [-x if k % 4 == 0 else x for k, x in enumerate(m)])
-        self.assertIn("mirror", self.expect(BAD_INPUT, "info", mirrored)["doubts"][0])
+        self.assertIn("9 frames have a third column that is zero, or mirror",
+                      self.expect(SUCCESS, "info", mirrored)["doubts"][0])
+        third = changed("third.mha", lambda m: [0 if k % 4 == 2 and k < 12 else x for k, x in enumerate(m)])
+        trained = run("train", third, "-o", self.folder / "third.vtp", *TINY)
+        self.assertEqual(trained.returncode, SUCCESS, trained.stderr)
+        self.assertEqual(trained.stderr.count("third column of 9 of 9 poses"), 1, trained.stderr)
 
     def test_without_a_chain_frames_are_not_called_bad(self):
         self.expect(BAD_INPUT, "info", self.sweep, "--image-to", "Moon", says="Moon")

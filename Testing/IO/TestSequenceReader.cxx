@@ -640,7 +640,10 @@ TEST(SequenceReader, RejectsFramesOneByOneAndSaysWhy)
       {"1 0 0 inf 0 1 0 0 0 0 1 0 0 0 0 1", "not finite"},
       {"1 0 0 0 2 0 0 0 0 0 1 0 0 0 0 1", "singular"},
       {"0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1", "singular"},
-      {"1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1", "reflected"},
+      {"1 2 0 0 0 0 0 0 0 0 1 0 0 0 0 1", "singular"},
+      {"1 0.9 0 0 0 0.1 0 0 0 0 0 0 0 0 0 1", "off a right angle"},
+      {"1 0.9 0 0 0 0.1 0 0 0 0 -1 0 0 0 0 1", "off a right angle"},
+      {"1 1 0 0 0 1e-4 0 0 0 0 0 0 0 0 0 1", "span no plane"},
       {"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 2", "not affine"},
       {"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0", "not 16 numbers"},
       {"1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1,5", "not 16 numbers"},
@@ -715,7 +718,56 @@ TEST(SequenceReader, KeepsRejectedFramesWhenAsked)
   EXPECT_EQ(image->GetScalarComponentAsDouble(2, 1, 1, 0), SmallPixel(2, 1, 1));
 }
 
-TEST(SequenceReader, AcceptsReflectedPosesWhenAsked)
+// Pixels lie where the first two columns say, whatever the third is, also after a calibration without one.
+TEST(SequenceReader, MakesAThirdColumnThatIsNone)
+{
+  TemporaryFolder folder;
+  Sequence sequence = SmallSequence(), chain = SmallSequence();
+  const auto pose = [](int frame, double third)
+  {
+    std::string text;
+    for (int k = 0; k < 16; ++k)
+    {
+      text += (k ? " " : "") + std::to_string((k % 4 == 2 ? third : 1) * SmallPose(k / 4, k % 4, frame));
+    }
+    return text;
+  };
+  sequence.Set(SmallField(0, "ImageToReferenceTransform"), pose(0, 0));
+  sequence.Set(SmallField(2, "ImageToReferenceTransform"), pose(2, -3));
+  for (int frame = 0; frame < smallFrames; ++frame)
+  {
+    chain.Set(SmallField(frame, "ReferenceToRoomTransform"), "1 0 0 0 0 1 0 0 0 0 1 7 0 0 0 1");
+    chain.Set(SmallField(frame, "ReferenceToRoomTransformStatus"), "OK");
+    chain.Set(SmallField(frame, "ImageToReferenceTransform"), pose(frame, 0));
+  }
+  WriteBytes(folder / "some.mha", sequence.Bytes());
+  WriteBytes(folder / "chain.mha", chain.Bytes());
+  for (const bool isChain : {false, true})
+  {
+    SCOPED_TRACE(isChain);
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->SetToFrame(isChain ? "Room" : "Reference");
+    reader->SetFileName((folder / (isChain ? "chain.mha" : "some.mha")).c_str());
+    ErrorObserver warnings(reader);
+    reader->Update();
+    vtkImageData* const image = reader->GetOutput();
+    ASSERT_EQ(image->GetDimensions()[2], 3);
+    EXPECT_EQ(reader->GetNumberOfMadeAxes(), isChain ? 3 : 2);
+    EXPECT_NE(warnings.Text().find((isChain ? "third column of 3" : "third column of 2") + std::string(" of 3 poses")),
+              std::string::npos)
+        << warnings.Text();
+    for (int frame = 0; frame < 3; ++frame)
+    {
+      const double* read = image->GetFieldData()->GetArray("ImageToReference")->GetTuple(frame);
+      for (int k = 0; k < 16; ++k)  // the third column that it was, which is that of SmallPose
+      {
+        EXPECT_NEAR(read[k], SmallPose(k / 4, k % 4, frame) + (isChain && k == 11 ? 7 : 0), 1e-12) << k;
+      }
+    }
+  }
+}
+
+TEST(SequenceReader, KeepsTheThirdColumnOfReflectedPosesWhenAsked)
 {
   TemporaryFolder folder;
   Sequence sequence = SmallSequence();
@@ -723,7 +775,9 @@ TEST(SequenceReader, AcceptsReflectedPosesWhenAsked)
   WriteBytes(folder / "reflected.mha", sequence.Bytes());
   vtkNew<vtkBigusSequenceReader> reader;
   reader->AllowReflectedPosesOn();
-  EXPECT_EQ(Read(reader, folder / "reflected.mha")->GetDimensions()[2], 3);
+  vtkImageData* const image = Read(reader, folder / "reflected.mha");
+  EXPECT_EQ(image->GetFieldData()->GetArray("ImageToReference")->GetComponent(1, 10), 0.2);
+  EXPECT_EQ(reader->GetNumberOfMadeAxes(), 0);
 }
 
 TEST(SequenceReader, ClipsToARectangle)

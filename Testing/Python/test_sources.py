@@ -230,6 +230,17 @@ class ImagesOfEveryKind(InFolder):
         np.save(self.folder / "colour.npy", colour)
         np.testing.assert_array_equal(self.load(self.folder / "colour.npy").pixels, round(0.299 * 200 + 0.587 * 100 + 0.114 * 50))
 
+    def test_a_third_column_that_is_none(self):
+        for matrices, third, spacing in ((POSES, 0 * POSES[..., 2], SPACING), (POSES, POSES[..., 0], SPACING),
+                                         (TRUTH, 0 * TRUTH[..., 2], None), (TRUTH, -TRUTH[..., 2], None)):
+            poses = matrices.copy()
+            poses[:, :3, 2] = third[:, :3]
+            np.save(self.folder / "poses.npy", poses)
+            sweep = sources.load(self.folder / "images.npy", self.folder / "poses.npy", pixel_spacing=spacing)
+            np.testing.assert_allclose(sweep.poses[..., [0, 1, 3]], TRUTH[..., [0, 1, 3]], atol=1e-12)
+            self.assertTrue((np.linalg.det(sweep.poses[:, :3, :3]) > 0).all())
+            self.assertTrue(any(f"third column of {FRAMES} of {FRAMES}" in note for note in sweep.notes), sweep.notes)
+
     def test_tus_rec(self):
         """Against the formula of the challenge: a pixel counted from 1, scaled to mm, to the tool, to the tracker."""
         h5py = package("h5py")

@@ -7,11 +7,13 @@
 #include <limits>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/PoseAxes.h"
 #include "Core/Model/SlicePlane.h"
 #include "Support/Errors.h"
 #include "Support/Random.h"
 
 using bigus::Error;
+using bigus::MakeThirdAxis;
 using bigus::SlicePlane;
 using bigus::test::Message;
 using bigus::test::Random;
@@ -48,6 +50,30 @@ TEST(SlicePlane, ReadsATrackedSequencesMatrix)
   EXPECT_LT((plane.Point(2, 3) - Eigen::Vector3d(10.6, 20.6, 30)).norm(), 1e-12);
   EXPECT_LT((plane.Normal() - Eigen::Vector3d::UnitZ()).norm(), 1e-15);
   EXPECT_NEAR(plane.PixelSize(), std::sqrt(0.06), 1e-15);
+}
+
+TEST(SlicePlane, AThirdAxisIsMadeWhereThereIsNone)
+{
+  Random random(4);
+  for (int k = 0; k < 50; ++k)
+  {
+    const Eigen::Matrix4d good = RandomPlane(random).ImageToReference();
+    Eigen::Matrix4d kept = good, zero = good, flat = good, turned = good, left = good;
+    kept.col(2) *= 3;
+    zero.col(2).setZero();
+    flat.col(2) = good.col(0);
+    turned.col(2) *= -3;
+    left.col(2) *= -1;
+    const Eigen::Matrix4d given = kept;
+    EXPECT_FALSE(MakeThirdAxis(kept, false));
+    EXPECT_EQ(kept, given);
+    EXPECT_FALSE(MakeThirdAxis(left, true));
+    for (Eigen::Matrix4d* pose : {&zero, &flat, &turned})
+    {
+      EXPECT_TRUE(MakeThirdAxis(*pose, false));
+      EXPECT_LT((*pose - good).norm(), 1e-12);
+    }
+  }
 }
 
 TEST(SlicePlane, PointsAgreeWithTheMatrix)

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "Core/Deciding/DecisionRules.h"
+#include "Core/Model/PoseAxes.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/OpenCv.h"
@@ -483,8 +484,10 @@ Candidate Choose(const Sweep& sweep, const Evidence& evidence)
   return best;
 }
 
-double DegreesBetween(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b)
+double DegreesBetween(Eigen::Matrix4d a, Eigen::Matrix4d b)
 {
+  MakeThirdAxis(a, true);
+  MakeThirdAxis(b, true);
   const Eigen::Matrix3d turn = a.topLeftCorner<3, 3>() * b.topLeftCorner<3, 3>().inverse();
   return Eigen::AngleAxisd(turn).angle() / kRadiansPerDegree;
 }

@@ -24,6 +24,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 RIGID = 0.01  # how far R^T R of a tracker's pose may be off 1; single precision and printed digits stay below 1e-3
+MOST_SHEARED = 10  # degrees that rows and columns may be off a right angle where no third column confirms them
 SMALLEST_PIXEL, LARGEST_PIXEL = 1e-3, 10.0  # mm
 
 
@@ -508,6 +509,27 @@ def _require_rigid(poses: Poses, name: Path) -> None:
                               "those of the probe. Leave these out where poses lead from pixels")
 
 
+def _with_third_columns(matrices: np.ndarray, left_handed: bool, name: Path) -> tuple:
+    """(matrices, how many were mended): a picture has two axes, so a third column that is zero or lies in their plane or,
+    where left_handed says so, points the other way is made from them, right-handed and of length 1."""
+    matrices, made = matrices.copy(), 0
+    for row, matrix in enumerate(matrices):
+        sides = np.linalg.norm(matrix[:3, :3], axis=0)
+        if not np.isfinite(sides).all() or not min(sides[:2]) > 0:
+            continue
+        volume = np.linalg.det(matrix[:3, :3]) / (sides.prod() or 1)
+        if volume > 1e-9 or (not left_handed and volume < -1e-9):
+            continue
+        columns, rows = (matrix[:3, axis] / sides[axis] for axis in (0, 1))
+        if abs(columns @ rows) > np.sin(np.radians(MOST_SHEARED)):
+            raise SourceError(f"{name}: row {row}: the first two columns of the matrix meet at "
+                              f"{np.degrees(np.arccos(np.clip(columns @ rows, -1, 1))):.3g} degrees, and its third is none; "
+                              "rows and columns of a picture are at right angles")
+        normal = np.cross(columns, rows)
+        matrix[:3, 2], made = normal / np.linalg.norm(normal), made + 1
+    return matrices, made
+
+
 def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path) -> np.ndarray:
     """Poses between those recorded: positions linear, rotations along the shortest arc; NaN where none is near in time."""
     rows = np.flatnonzero(np.isfinite(poses.matrices[:, 0, 0]) & np.isfinite(poses.times))
@@ -596,6 +618,15 @@ def load(
         raise SourceError(f"{images}: holds images only; give a file of poses, too")
     tracked = read_poses(source, quaternion)
     tracked.matrices[:, :3, 3] *= MILLIMETRES[units]
+    if not inverse:  # of a probe all three axes count, so one that is turned round is an error
+        mended, made = _with_third_columns(tracked.matrices, calibration is None and pixel_spacing is None, source)
+        tracked = tracked._replace(matrices=mended)
+        if made:
+            notes.append(f"The third column of {made} of {len(mended)} poses is zero or points the other way. A picture has "
+                         "two axes, so the first two were read and the third was made.")
+    elif np.any(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12):
+        row = int(np.argmax(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12))
+        raise SourceError(f"{source}: row {row}: the matrix is singular, so it cannot be inverted")
     matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source)
     if matrices is not tracked.matrices and tracked.frames is None:
         notes.append("Poses were interpolated at the times of the frames.")

@@ -70,7 +70,7 @@ def read(path: Union[str, os.PathLike], **properties: Any) -> Union[Sweep, Field
     FromFrame="Image", ToFrame="Reference": coordinate frames that the poses lead from and to, by their names in the file.
     ConfigFileName: a Plus configuration (XML) with transforms that the file lacks.
     AssumeMissingStatusOK=False: accept transforms that have no status.
-    AllowReflectedPoses=False: accept poses with a negative determinant.
+    AllowReflectedPoses=False: a third column that points the other way is made from the first two; True keeps it.
     ImageFolder, ImagePattern: of a CSV, where its PNGs are; the pattern has one %d.
     PixelRange=0: the stored pixel that becomes white; 0: what the type says, or fewer of 16 bits where no pixel has more.
     AutoMask=True: mark pixels that are 0 in every frame.
