@@ -58,9 +58,10 @@ def transforms():
     affine.SetTranslation((9, 8, 7))
     mirror = sitk.AffineTransform(3)
     mirror.SetMatrix((-1, 0, 0, 0, 1, 0, 0, 0, 1))
-    both = sitk.CompositeTransform([versor, similarity])
+    both = sitk.CompositeTransform([versor, similarity, sitk.Transform(3, sitk.sitkIdentity)])
     return {"versor": versor, "similarity": similarity, "euler": euler, "other-order": other_order, "affine": affine,
-            "mirror": mirror, "translation": sitk.TranslationTransform(3, (1, 2, -3)), "composite": both}
+            "mirror": mirror, "identity": sitk.Transform(3, sitk.sitkIdentity),
+            "scale": sitk.ScaleTransform(3, (1.2, 1.2, 1.2)), "translation": sitk.TranslationTransform(3, (1, 2, -3)), "composite": both}
 
 
 def check_transforms(program, field, folder):

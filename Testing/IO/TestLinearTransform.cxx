@@ -39,7 +39,13 @@ TEST(LinearTransform, EveryTypeByHand)
   ExpectAt(Itk("AffineTransform", "0 -1 0 1 0 0 0 0 1 10 20 30"), {1, 2, 3}, {8, 21, 33});
   ExpectAt(Itk("MatrixOffsetTransformBase", "0 -1 0 1 0 0 0 0 1 10 20 30", "1 2 3"), {1, 2, 3}, {11, 22, 33});
   ExpectAt(Itk("Rigid3DTransform", "0 -1 0 1 0 0 0 0 1 0 0 0", "1 0 0"), {2, 0, 0}, {1, 1, 0});
+  ExpectAt(Itk("IdentityTransform", "", ""), {1, 2, 3}, {1, 2, 3});
   ExpectAt(Itk("TranslationTransform", "1 2 3", ""), {1, 1, 1}, {2, 3, 4});
+  ExpectAt(Itk("ScaleTransform", "2 3 4", "1 1 1"), {2, 2, 2}, {3, 4, 5});
+  ExpectAt(Itk("VersorTransform", "0 0 0.70710678118654752", "1 0 0"), {2, 0, 0}, {1, 1, 0});
+  ExpectAt(Itk("ScaleVersor3DTransform", "0 0 0 5 6 7 2 3 4"), {1, 1, 1}, {7, 9, 11});
+  ExpectAt(Itk("ComposeScaleSkewVersor3DTransform", "0 0 0 1 0 0 2 3 4 5 6 7"), {1, 10, 100}, {1303, 2130, 400});
+  ExpectAt(Itk("ScaleSkewVersor3DTransform", "0 0 0 0 0 0 1 1 1 2 3 4 5 6 7"), {1, 10, 100}, {321, 514, 176});
   ExpectAt(Itk("VersorRigid3DTransform", "0 0 0.70710678118654752 5 0 0"), {1, 0, 0}, {5, 1, 0});
   ExpectAt(Itk("Similarity3DTransform", "0 0 0 0 0 0 2", "1 1 1"), {2, 1, 1}, {3, 1, 1});
   // x and y turned by a quarter: Rz Rx Ry takes (1, 0, 0) to (0, 0, -1) and on to (0, 1, 0); Rz Ry Rx leaves it at z.
@@ -56,6 +62,7 @@ TEST(LinearTransform, TheLastOfACompositeComesFirst)
       "Transform: TranslationTransform_double_3_3\nParameters: 1 0 0\nFixedParameters:\n"
       "Transform: AffineTransform_float_3_3\r\nParameters: 2 0 0 0 2 0 0 0 2 0 0 0\nFixedParameters: 0 0 0\n";
   ExpectAt(parts, {1, 1, 1}, {3, 2, 2});
+  ExpectAt(parts + "Transform: IdentityTransform_double_3_3\nParameters: \nFixedParameters: \n", {1, 1, 1}, {3, 2, 2});
 }
 
 TEST(LinearTransform, SixteenNumbers)
@@ -165,6 +172,8 @@ TEST(LinearTransform, BadFiles)
   refused(Itk("AffineTransform", "1 0 0 0 1 0 0 0 1 0 0 x"), "\"x\" is not a number");
   refused(Itk("AffineTransform", "1 0 0 0 1 0 0 0 1 0 0 inf"), "\"inf\" is not a number");
   refused(Itk("VersorRigid3DTransform", "1 1 0 0 0 0"), "longer than 1");
+  refused(Itk("IdentityTransform", "1", ""), "has 1 Parameters");
+  refused(Itk("ScaleTransform", "2 2", "0 0 0"), "has 2 Parameters");
   refused(Itk("BSplineTransform", "1 1 0 0 0 0"), "BSplineTransform");
   refused(Itk("AffineTransform", "1") + "Transform: AffineTransform_double_2_2\n", "3-D points");
   refused(Itk("TranslationTransform", "1 2 3", "") + Itk("TranslationTransform", "1 2 3", ""), "has 2 transforms");

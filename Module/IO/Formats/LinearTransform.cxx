@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Formats/LinearTransform.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <sstream>
 #include <vector>
 
@@ -77,69 +79,137 @@ std::vector<TransformEntry> TextEntries(const std::string& fileName, const std::
   return entries;
 }
 
-/// x -> M (x - c) + c + t, with M and t as the type has them and the centre c.
-Eigen::Matrix4d MatrixOf(const std::string& fileName, const TransformEntry& entry)
+/// x -> L (x - c) + c + t, where c is the centre that the fixed parameters begin with.
+struct Affine
 {
-  const std::vector<double>& p = entry.parameters;
-  const auto require = [&](std::size_t parameters, std::size_t fewestFixed, std::size_t mostFixed)
-  {
-    const std::size_t fixed = entry.fixedParameters.size();
-    if (p.size() != parameters || fixed < fewestFixed || fixed > mostFixed)
-    {
-      throw FormatError(fileName + ": " + entry.type + " has " + std::to_string(p.size()) + " Parameters and " +
-                        std::to_string(fixed) + " FixedParameters; " + std::to_string(parameters) + " and " +
-                        std::to_string(fewestFixed) + " are expected");
-    }
-  };
-  // The rotation of a versor, whose fourth component is not in the file.
-  const auto versor = [&]
-  {
-    const double rest = 1 - p[0] * p[0] - p[1] * p[1] - p[2] * p[2];
-    if (rest < -1e-6)
-    {
-      throw FormatError(fileName + ": the versor of " + entry.type + " is longer than 1");
-    }
-    return Eigen::Quaterniond(std::sqrt(std::max(rest, 0.0)), p[0], p[1], p[2]).normalized().toRotationMatrix();
-  };
   Eigen::Matrix3d linear = Eigen::Matrix3d::Identity();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-  if (entry.type == "AffineTransform" || entry.type == "MatrixOffsetTransformBase" || entry.type == "Rigid3DTransform")
+};
+
+using Vector = Eigen::Map<const Eigen::Vector3d>;
+
+/// The rotation of a versor, whose fourth component is not in the file.
+Eigen::Matrix3d Versor(const std::string& where, const double* p)
+{
+  const double rest = 1 - p[0] * p[0] - p[1] * p[1] - p[2] * p[2];
+  if (rest < -1e-6)
   {
-    require(12, 3, 3);
-    linear = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(p.data());
-    translation = Eigen::Map<const Eigen::Vector3d>(p.data() + 9);
+    throw FormatError(where + ": the versor is longer than 1");
   }
-  else if (entry.type == "Euler3DTransform")
+  return Eigen::Quaterniond(std::sqrt(std::max(rest, 0.0)), p[0], p[1], p[2]).normalized().toRotationMatrix();
+}
+
+Eigen::Matrix3d Euler(const double* p, const std::vector<double>& fixed)
+{
+  using Eigen::AngleAxisd;
+  using Eigen::Vector3d;
+  const AngleAxisd x(p[0], Vector3d::UnitX()), y(p[1], Vector3d::UnitY()), z(p[2], Vector3d::UnitZ());
+  const bool zyx = fixed.size() == 4 && fixed[3] != 0;
+  return zyx ? (z * y * x).toRotationMatrix() : (z * x * y).toRotationMatrix();
+}
+
+/// ITK adds scales and skews to a versor's rotation, and does not multiply.
+Eigen::Matrix3d WithScales(Eigen::Matrix3d linear, const double* scales)
+{
+  linear.diagonal() += Vector(scales) - Eigen::Vector3d::Ones();
+  return linear;
+}
+
+Eigen::Matrix3d WithSkews(Eigen::Matrix3d linear, const double* k)
+{
+  Eigen::Matrix3d skews;
+  skews << 0, k[0], k[1], k[2], 0, k[3], k[4], k[5], 0;
+  return linear + skews;
+}
+
+/// The one type that multiplies: three scales after three skews.
+Eigen::Matrix3d Composed(const double* k)
+{
+  Eigen::Matrix3d skews;
+  skews << 1, k[3], k[4], 0, 1, k[5], 0, 0, 1;
+  return Vector(k).asDiagonal() * skews;
+}
+
+/// A type of ITK's: how many parameters and fixed parameters it has, and what they mean.
+struct Kind
+{
+  const char* type;
+  std::size_t parameters, fewestFixed, mostFixed;
+  Affine (*read)(const std::string& where, const double* p, const std::vector<double>& fixed);
+};
+
+Affine ReadMatrix(const std::string&, const double* p, const std::vector<double>&)
+{
+  return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(p), Vector(p + 9)};
+}
+
+const Kind kKinds[] = {
+    {"AffineTransform", 12, 3, 3, ReadMatrix},
+    {"MatrixOffsetTransformBase", 12, 3, 3, ReadMatrix},
+    {"Rigid3DTransform", 12, 3, 3, ReadMatrix},
+    {"Euler3DTransform", 6, 3, 4,
+     [](const std::string&, const double* p, const std::vector<double>& fixed) {
+       return Affine{Euler(p, fixed), Vector(p + 3)};
+     }},
+    {"VersorTransform", 3, 3, 3,
+     [](const std::string& where, const double* p, const std::vector<double>&) {
+       return Affine{Versor(where, p), Eigen::Vector3d::Zero()};
+     }},
+    {"VersorRigid3DTransform", 6, 3, 3,
+     [](const std::string& where, const double* p, const std::vector<double>&) {
+       return Affine{Versor(where, p), Vector(p + 3)};
+     }},
+    {"Similarity3DTransform", 7, 3, 3,
+     [](const std::string& where, const double* p, const std::vector<double>&) {
+       return Affine{p[6] * Versor(where, p), Vector(p + 3)};
+     }},
+    {"ScaleVersor3DTransform", 9, 3, 3,
+     [](const std::string& where, const double* p, const std::vector<double>&) {
+       return Affine{WithScales(Versor(where, p), p + 6), Vector(p + 3)};
+     }},
+    {"ScaleSkewVersor3DTransform", 15, 3, 3,
+     [](const std::string& where, const double* p, const std::vector<double>&) {
+       return Affine{WithSkews(WithScales(Versor(where, p), p + 6), p + 9), Vector(p + 3)};
+     }},
+    {"ComposeScaleSkewVersor3DTransform", 12, 3, 3,
+     [](const std::string& where, const double* p, const std::vector<double>&) {
+       return Affine{Versor(where, p) * Composed(p + 6), Vector(p + 3)};
+     }},
+    {"ScaleTransform", 3, 3, 3,
+     [](const std::string&, const double* p, const std::vector<double>&) {
+       return Affine{Vector(p).asDiagonal(), Eigen::Vector3d::Zero()};
+     }},
+    {"TranslationTransform", 3, 0, 0,
+     [](const std::string&, const double* p, const std::vector<double>&) {
+       return Affine{Eigen::Matrix3d::Identity(), Vector(p)};
+     }},
+    {"IdentityTransform", 0, 0, 0,
+     [](const std::string&, const double*, const std::vector<double>&) { return Affine(); }},
+};
+
+Eigen::Matrix4d MatrixOf(const std::string& fileName, const TransformEntry& entry)
+{
+  const auto kind =
+      std::find_if(std::begin(kKinds), std::end(kKinds), [&entry](const Kind& one) { return entry.type == one.type; });
+  if (kind == std::end(kKinds))
   {
-    require(6, 3, 4);
-    using Eigen::AngleAxisd;
-    using Eigen::Vector3d;
-    const AngleAxisd x(p[0], Vector3d::UnitX()), y(p[1], Vector3d::UnitY()), z(p[2], Vector3d::UnitZ());
-    const bool zyx = entry.fixedParameters.size() == 4 && entry.fixedParameters[3] != 0;
-    linear = zyx ? (z * y * x).toRotationMatrix() : (z * x * y).toRotationMatrix();
-    translation = Eigen::Map<const Eigen::Vector3d>(p.data() + 3);
+    throw FormatError(
+        fileName + ": " + Quoted(entry.type) +
+        " is not read; Identity, Translation, Scale, Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D, "
+        "Versor, VersorRigid3D, Similarity3D, ScaleVersor3D, ScaleSkewVersor3D, ComposeScaleSkewVersor3D and a "
+        "Composite of them are");
   }
-  else if (entry.type == "VersorRigid3DTransform" || entry.type == "Similarity3DTransform")
+  const std::size_t fixed = entry.fixedParameters.size();
+  if (entry.parameters.size() != kind->parameters || fixed < kind->fewestFixed || fixed > kind->mostFixed)
   {
-    const bool similar = entry.type == "Similarity3DTransform";
-    require(similar ? 7 : 6, 3, 3);
-    linear = (similar ? p[6] : 1.0) * versor();
-    translation = Eigen::Map<const Eigen::Vector3d>(p.data() + 3);
+    throw FormatError(fileName + ": " + entry.type + " has " + std::to_string(entry.parameters.size()) +
+                      " Parameters and " + std::to_string(fixed) + " FixedParameters; " +
+                      std::to_string(kind->parameters) + " and " + std::to_string(kind->fewestFixed) + " are expected");
   }
-  else if (entry.type == "TranslationTransform")
-  {
-    require(3, 0, 0);
-    translation = Eigen::Map<const Eigen::Vector3d>(p.data());
-  }
-  else
-  {
-    throw FormatError(fileName + ": " + Quoted(entry.type) +
-                      " is not read; Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D, VersorRigid3D, Similarity3D, "
-                      "Translation and a Composite of them are");
-  }
+  auto [linear, translation] = kind->read(fileName + ": " + entry.type, entry.parameters.data(), entry.fixedParameters);
   if (!entry.fixedParameters.empty())
   {
-    const Eigen::Vector3d centre = Eigen::Map<const Eigen::Vector3d>(entry.fixedParameters.data());
+    const Eigen::Vector3d centre = Vector(entry.fixedParameters.data());
     translation += centre - linear * centre;
   }
   Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();

@@ -17,9 +17,9 @@ struct LinearTransform
   bool isItk;
 };
 
-/// Reads the text form and the HDF5 form of ITK's linear transforms between 3-D points (Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D,
-/// VersorRigid3D, Similarity3D, Translation, and a Composite of them), or 16 numbers row by row. Throws FileError naming
-/// what the file has instead.
+/// Reads the text form and the HDF5 form of ITK's linear transforms between 3-D points (Identity, Translation, Scale, Affine,
+/// MatrixOffsetTransformBase, Rigid3D, Euler3D, Versor, VersorRigid3D, Similarity3D, ScaleVersor3D, ScaleSkewVersor3D,
+/// ComposeScaleSkewVersor3D, and a Composite of them), or 16 numbers row by row. Throws FileError naming what the file has instead.
 LinearTransform ReadLinearTransform(const std::string& fileName);
 
 /// How the file moves what is under it, in the patient system `worldIsLps` names (LPS, else RAS): an ITK transform as 3D
