@@ -266,6 +266,54 @@ class ImagesOfEveryKind(InFolder):
         older = self.write("older.csv", table((), SCALE) + table((), to_tool))
         np.testing.assert_array_equal(sources.load(self.folder / "scan.h5", calibration=older).poses, sweep.poses)
 
+    def test_hdf5_of_dualtrack(self):
+        """Poses are those of the image's middle, and pixel_to_image leads there."""
+        h5py = package("h5py")
+        middle = np.eye(4)
+        middle[:2, 3] = -(WIDTH - 1) / 2, -(HEIGHT - 1) / 2
+        to_image = SCALE @ middle
+        with h5py.File(self.folder / "sweep.h5", "w") as file:
+            file["images"], file["images_small"], file["tracking"] = IMAGES, IMAGES[:, ::2, ::2], TRUTH @ np.linalg.inv(to_image)
+            file["dimensions"], file["spacing"], file["pixel_to_image"] = [WIDTH, HEIGHT, 1], [*SPACING, 1], to_image
+        sweep = sources.load(self.folder / "sweep.h5")
+        self.check(sweep)
+        self.assertTrue(any("pixel_to_image" in note for note in sweep.notes), sweep.notes)
+        given = {"pixel_spacing": SPACING, "origin_pixel": ((WIDTH - 1) / 2, (HEIGHT - 1) / 2)}
+        self.check(sources.load(self.folder / "sweep.h5", **given))
+
+    def test_hdf5_with_many_scans(self):
+        h5py = package("h5py")
+        names = {"flat.h5": ("sub{:03d}_frames00", "sub{:03d}_tforms00"), "groups.h5": ("scan{}/us", "scan{}/probe"),
+                 "deep.h5": ("data/{}/images", "data/{}/transforms")}
+        for name, (images, poses) in names.items():
+            with h5py.File(self.folder / name, "w") as file:
+                for scan in range(2):
+                    file[images.format(scan)], file[poses.format(scan)] = np.roll(IMAGES, scan, 0), np.roll(POSES, scan, 0)
+                    file[poses.format(scan).replace("tforms", "tforms_inv") + "_inv" * ("tforms" not in poses)] = POSES
+                file["num_frames"], file["sub_folders"] = np.full((12, 7), 5), [b"a", b"b"]
+        for name, scan in (("flat.h5", "sub001_00"), ("flat.h5", "sub001"), ("deep.h5", "data/1"), ("groups.h5", "scan1")):
+            if name != "groups.h5":
+                self.check(sources.load(self.folder / name, pixel_spacing=SPACING, scan=scan), np.roll(TRUTH, 1, 0),
+                           np.roll(IMAGES, 1, 0))
+            named = [part.format(1) for part in names[name]]
+            for dataset in (named, named[::-1]):
+                self.check(sources.load(self.folder / name, pixel_spacing=SPACING, dataset=dataset), np.roll(TRUTH, 1, 0),
+                           np.roll(IMAGES, 1, 0))
+
+    def test_arrays_of_other_names(self):
+        h5py = package("h5py")
+        with h5py.File(self.folder / "own.h5", "w") as file:
+            file["us"], file["probe"], file["position"] = IMAGES, POSES, POSES[:, :3, 3]
+        self.check(sources.load(self.folder / "own.h5", pixel_spacing=SPACING))  # no other array has their shapes
+        np.savez(self.folder / "own.npz", us=IMAGES, probe=POSES)
+        for dataset in (("us", "probe"), ("/probe", "/us")):
+            self.check(sources.load(self.folder / "own.npz", pixel_spacing=SPACING, dataset=dataset))
+        rows = np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1)
+        with h5py.File(self.folder / "rows.h5", "w") as file:
+            file["us"], file["camera"], file["table"] = IMAGES, IMAGES[::-1], rows
+        self.check(sources.load(self.folder / "rows.h5", pixel_spacing=SPACING, dataset=("table", "us")))
+        self.check(sources.load(self.folder / "rows.h5", self.folder / "poses.npy", pixel_spacing=SPACING, dataset="us"))
+
     def test_pictures(self):
         cv2 = package("cv2")
         names = [f"frame_{k}.png" for k in range(8, 8 + FRAMES)]  # frame_10 comes after frame_9
@@ -385,7 +433,7 @@ class Page(InFolder):
         """Every line of Sources.md, on files of these names; those whose package is missing here are left out."""
         lines = re.findall(r"`python3 -m bigus\.convert (.*?)`", (ROOT / "Module" / "Python" / "Sources.md").read_text())
         lines = [line for line in lines if not line.startswith("IMAGES")]
-        self.assertEqual(len(lines), 9)
+        self.assertEqual(len(lines), 12)
         specification = importlib.util.spec_from_file_location("convert", FOLDER / "convert.py")
         convert = importlib.util.module_from_spec(specification)
         specification.loader.exec_module(convert)
@@ -402,8 +450,15 @@ class Page(InFolder):
             for name in ("scan.h5", "frames.h5", "transfs.h5"):
                 with h5py.File(self.folder / name, "w") as file:
                     file["frames"], file["tforms"] = IMAGES, POSES
+            with h5py.File(self.folder / "scans.h5", "w") as file:
+                for scan in range(2):
+                    file[f"sub{scan:03d}_frames00"], file[f"sub{scan:03d}_tforms00"] = IMAGES, POSES
+            with h5py.File(self.folder / "dualtrack.h5", "w") as file:
+                file["images"], file["tracking"], file["pixel_to_image"] = IMAGES, POSES, SCALE
+            with h5py.File(self.folder / "own.h5", "w") as file:
+                file["us"], file["camera"], file["probe"] = IMAGES, IMAGES, POSES
         except unittest.SkipTest:
-            skipped += ["scan.h5", "frames.h5"]
+            skipped += ["scan.h5", "frames.h5", "scans.h5", "dualtrack.h5", "own.h5"]
         try:
             cv2 = package("cv2")
             (self.folder / "frames").mkdir()
@@ -497,6 +552,18 @@ class BadFiles(InFolder):
         with h5py.File(self.folder / "images.h5", "w") as file:
             file["frames"] = IMAGES
         self.refused("poses are expected under the name poses or tforms", "images.h5", None)
+        with h5py.File(self.folder / "scans.h5", "w") as file:
+            for scan in range(12):
+                file[f"scan_{scan:02d}/frames"], file[f"scan_{scan:02d}/tforms"] = IMAGES, POSES
+        self.refused("holds 12 scans: scan_00, scan_01", "scans.h5", None)
+        self.refused("has no scan scan_99; there are scan_00, scan_01", "scans.h5", None, scan="scan_99")
+        self.refused("'scan_0' is part of the names of 10 scans: scan_00", "scans.h5", None, scan="scan_0")
+        self.refused("has no array us; there are scan_00, scan_00/frames", "scans.h5", None, dataset=["us"])
+        self.refused("only HDF5", kind=ValueError, scan="scan_00")
+        with h5py.File(self.folder / "several.h5", "w") as file:
+            file["left"], file["right"], file["probe"] = IMAGES, IMAGES, POSES
+        self.refused("there are left (7, 12, 16), right (7, 12, 16); name one by dataset", "several.h5", None)
+        self.refused("there are left (7, 12, 16), right", "several.h5", None, dataset=["left", "right"])
         whole = (self.folder / "images.h5").read_bytes()
         (self.folder / "cut.h5").write_bytes(whole[:len(whole) // 2])
         self.refused("cut off", "cut.h5")

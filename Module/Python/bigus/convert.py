@@ -4,6 +4,8 @@
 
     python3 -m bigus.convert images.npy poses.npy --pixel-spacing 0.2 0.2 -o sweep.igs.mha
     python3 -m bigus.convert scan.h5 --calibration calib_matrix.csv -o sweep.igs.mha
+    python3 -m bigus.convert scans.h5 --scan sub000_00 --calibration calib_matrix.csv -o sweep.igs.mha
+    python3 -m bigus.convert own.h5 --dataset us probe --pixel-spacing 0.2 0.2 -o sweep.igs.mha
     python3 -m bigus.convert video.mp4 tracker.csv --calibration probe.txt --time-offset 12.4 -o sweep.igs.mha
 """
 
@@ -26,6 +28,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--pixel-spacing", nargs=2, type=float, metavar=("SX", "SY"), help="mm along columns i and rows j")
     parser.add_argument("--origin-pixel", nargs=2, type=float, default=(0, 0), metavar=("I", "J"),
                         help="the pixel that the pose or the calibration calls its origin (default: 0 0)")
+    parser.add_argument("--dataset", nargs="+", action="extend", default=[], metavar="NAME",
+                        help="arrays of an HDF5 or .npz file that are the images and the poses, where it has several")
+    parser.add_argument("--scan", metavar="NAME", help="which scan of an HDF5 file that holds several")
     parser.add_argument("--first-pixel", type=int, choices=(0, 1),
                         help="what the calibration counts the first pixel as (default: 0, and 1 for TUS-REC)")
     parser.add_argument("--reference", metavar="POSES", help="poses of a second tool, in which the sweep shall lie")

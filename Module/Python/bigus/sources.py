@@ -20,6 +20,7 @@ Path = Union[str, os.PathLike]
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".mpg", ".mpeg", ".m4v", ".webm", ".wmv")
 SEQUENCES = (".mha", ".mhd", ".nrrd", ".nhdr")
+HDF5 = (".h5", ".hdf5")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -30,6 +31,10 @@ SMALLEST_PIXEL, LARGEST_PIXEL = 1e-3, 10.0  # mm
 
 class SourceError(ValueError):
     """A file that cannot be used. The message names the file, the field, what was found, and what to do."""
+
+
+# Names of arrays in files that hold several.
+IMAGES, POSES = ("frames", "images"), ("poses", "tforms", "transforms", "tracking")
 
 
 class Images(NamedTuple):
@@ -43,6 +48,20 @@ class Poses(NamedTuple):
     matrices: np.ndarray  # [rows, 4, 4]; NaN where the tracker saw nothing
     times: Optional[np.ndarray] = None  # s, [rows]
     frames: Optional[np.ndarray] = None  # index of the frame of each row, counted from 0
+    image: Optional[np.ndarray] = None  # [4, 4] from a pixel to what the poses lead from, where the file says
+
+
+class Stored(NamedTuple):
+    """An array of a file that may be images or poses."""
+
+    name: str
+    shape: tuple
+    role: str  # images or poses
+    is_told: bool  # by its name
+    scan: str  # what its name is without the word that tells its role: equal where arrays belong together
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.shape}"
 
 
 def _need(package: str, what: Path, remedy: str = "") -> Any:
@@ -97,7 +116,53 @@ def as_pixels(array: np.ndarray, name: Path) -> np.ndarray:
                       "to 1 is expected")
 
 
-def _numpy(path: Path, names: Sequence[str], what: str) -> np.ndarray:
+def _stored(name: str, shape: tuple, dataset: Sequence[str]) -> Optional[Stored]:
+    """What an array may be by its shape, and by its name unless that is in dataset; None where it is neither."""
+    group, slash, leaf = name.rpartition("/")
+    is_pose = len(shape) > 1 and shape[1:] in ((4, 4), (3, 4), (16,), (12,), (7,))
+    is_image = len(shape) == 3 or (len(shape) == 4 and shape[3] in (1, 3, 4))
+    role = "poses" if is_pose else "images" if is_image else None
+    word = re.search(rf"(?<![a-z])({'|'.join(IMAGES + POSES)})(?![a-z])", leaf, re.IGNORECASE)
+    told = None if word is None else "images" if word[1].lower() in IMAGES else "poses"
+    if role is None or (name not in dataset and role != ((told or role) if len(shape) > 2 else told)):
+        return None
+    scan = group if word is None else group + slash + leaf[:word.start()] + leaf[word.end():]
+    return Stored(name, shape, role, told == role, re.sub("__+", "_", scan.strip("/_-. ")))
+
+
+def _listed(found: Iterable) -> str:
+    found = list(map(str, found))
+    return (", ".join(found[:10]) or "nothing") + (f" and {len(found) - 10} more" if len(found) > 10 else "")
+
+
+def _chosen(path: Path, role: str, found: Sequence[Stored], top: Sequence[str], dataset: Sequence[str],
+            scan: Optional[str]) -> Stored:
+    """The array of this role that is named or the only one; of several scans that of the one named."""
+    mine = [one for one in found if one.role == role and one.name in dataset]
+    if not mine:
+        mine = [one for one in found if one.role == role]
+        mine = [one for one in mine if one.is_told] or mine
+        others = {one.scan for one in found if one.role != role}
+        mine = [one for one in mine if one.scan in others] or mine
+        if scan is not None and (len(mine) > 1 or (mine and mine[0].scan)):
+            named = [one for one in mine if one.scan == scan] or [one for one in mine if scan in one.name]
+            if not named:
+                raise SourceError(f"{path}: has no scan {scan}; there are {_listed(one.scan for one in mine)}")
+            mine = named
+    if len(mine) == 1:
+        return mine[0]
+    expected = f"{role} are expected under the name {' or '.join(IMAGES if role == 'images' else POSES)}"
+    if not mine:
+        raise SourceError(f"{path}: holds {_listed(top)}; {expected}, or name the array by dataset (--dataset)")
+    if all(one.is_told for one in mine) and len({one.scan for one in mine}) == len(mine):
+        what = "holds" if scan is None else f"'{scan}' is part of the names of"
+        raise SourceError(f"{path}: {what} {len(mine)} scans: {_listed(one.scan or one.name for one in mine)}; name one by scan "
+                          "(--scan)")
+    raise SourceError(f"{path}: holds {_listed(top)}; {expected}, but there are {_listed(mine)}; name one by dataset "
+                      "(--dataset)")
+
+
+def _numpy(path: Path, names: Sequence[str], what: str, dataset: Sequence[str] = ()) -> np.ndarray:
     try:
         loaded = np.load(path, allow_pickle=False)
     except Exception as error:
@@ -105,24 +170,54 @@ def _numpy(path: Path, names: Sequence[str], what: str) -> np.ndarray:
     if isinstance(loaded, np.ndarray):
         return loaded
     with loaded:
-        for name in names:
+        arrays = {name: _stored(name, loaded[name].shape, dataset) for name in dataset if name in loaded.files}
+        for name in (*(name for name, one in arrays.items() if one is not None and one.role == what), *names):
             if name in loaded.files:
                 return loaded[name]
         raise SourceError(f"{path}: holds {', '.join(loaded.files) or 'nothing'}; {what} are expected under the name "
                           f"{' or '.join(names)}")
 
 
-def _hdf5(path: Path, names: Sequence[str], what: str) -> np.ndarray:
+def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str] = None) -> tuple:
+    """(the images or the poses of a file, pixel_to_image and spacing where they lie beside them)."""
     h5py = _need("h5py", path)
+    found = []
+
+    def look(name: str, entry: Any) -> None:
+        if isinstance(entry, h5py.Dataset) and entry.dtype.kind in "biuf":
+            found.append(_stored(name, entry.shape, dataset))
+
     try:
         with h5py.File(path, "r") as file:
-            for name in names:
-                if isinstance(file.get(name), h5py.Dataset):
-                    return file[name][()]
-            found = ", ".join(sorted(file)[:10]) or "nothing"
-    except OSError as error:
+            file.visititems(look)
+            one = _chosen(path, role, [array for array in found if array is not None], sorted(file), dataset, scan)
+            group = file[one.name].parent
+            beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
+                      if isinstance(group.get(name), h5py.Dataset) and group[name].size <= 16}
+            return file[one.name][()], beside
+    except SourceError:
+        raise
+    except Exception as error:
         raise SourceError(f"{path}: not an HDF5 file that can be read ({error}); it may be cut off: fetch it again") from None
-    raise SourceError(f"{path}: holds {found}; {what} are expected under the name {' or '.join(names)}")
+
+
+def _require_arrays(paths: Sequence[Path], dataset: Sequence[str]) -> None:
+    """A name that no file has would be passed over."""
+    names: list = []
+    for path in paths:
+        _require_file(path)
+        try:
+            if _suffix(path) == ".npz":
+                with np.load(path, allow_pickle=False) as loaded:
+                    names += loaded.files
+            elif _suffix(path) in HDF5:
+                with _need("h5py", path).File(path, "r") as file:
+                    file.visit(names.append)
+        except OSError as error:
+            raise SourceError(f"{path}: cannot be read ({error}); it may be cut off: fetch it again") from None
+    for name in dataset:
+        if name not in names:
+            raise SourceError(f"{_listed(paths)}: has no array {name}; there are {_listed(names)}")
 
 
 def _video(path: Path) -> Images:
@@ -275,16 +370,18 @@ def _sequence(path: Path) -> Images:
     return Images(as_pixels(pixels, path), times)
 
 
-def read_images(path: Path) -> Images:
-    """The frames of a file, a folder of pictures, or a text file that lists them."""
+def read_images(path: Path, dataset: Sequence[str] = (), scan: Optional[str] = None) -> Images:
+    """The frames of a file, a folder of pictures, or a text file that lists them. dataset, scan: as in from_files."""
     _require_file(path)
     path, suffix = pathlib.Path(path), _suffix(path)
     if path.is_dir():
         return Images(_folder(path))
     if suffix in (".npy", ".npz"):
-        return Images(as_pixels(_numpy(path, ("images", "frames"), "images"), path))
-    if suffix in (".h5", ".hdf5"):
-        return Images(as_pixels(_hdf5(path, ("frames", "images"), "images"), path))
+        return Images(as_pixels(_numpy(path, ("images", "frames"), "images", dataset), path))
+    if suffix in HDF5:
+        pixels, beside = _hdf5(path, "images", dataset, scan)
+        spacing = beside.get("spacing", np.zeros(0)).ravel()
+        return Images(as_pixels(pixels, path), None, tuple(spacing[:2]) if spacing.size in (2, 3) else None)
     if suffix in VIDEOS:
         return _video(path)
     if suffix in SEQUENCES:
@@ -446,17 +543,22 @@ def _sequence_poses(path: Path) -> Poses:
     return Poses(_matrices_of(table, path, "xyzw"), None if np.isnan(times).any() else times)
 
 
-def read_poses(path: Path, order: str = "xyzw") -> Poses:
-    """The poses of a file. order: of a quaternion that has no names, xyzw or wxyz."""
+def read_poses(path: Path, order: str = "xyzw", dataset: Sequence[str] = (), scan: Optional[str] = None) -> Poses:
+    """The poses of a file. order: of a quaternion that has no names, xyzw or wxyz. dataset, scan: as in from_files."""
     _require_file(path)
     suffix = _suffix(path)
-    if suffix in (".npy", ".npz", ".h5", ".hdf5"):
-        load = _numpy if suffix in (".npy", ".npz") else _hdf5
-        array = np.asarray(load(path, ("poses", "tforms", "transforms"), "poses"))
+    if suffix in (".npy", ".npz", *HDF5):
+        beside: dict = {}
+        if suffix in (".npy", ".npz"):
+            array = _numpy(path, ("poses", "tforms", "transforms"), "poses", dataset)
+        else:
+            array, beside = _hdf5(path, "poses", dataset, scan)
         if array.dtype.kind not in "fiu" or array.shape[1:] not in ((4, 4), (3, 4), (16,), (12,), (7,)) or not len(array):
             raise SourceError(f"{path}: poses of shape {array.shape} and type {array.dtype}; numbers of shape (frames, 4, 4), "
                               "(frames, 3, 4) or (frames, 7) are expected")
-        return Poses(_matrices_of(array.astype(float).reshape(len(array), -1), path, order))
+        image = beside.get("pixel_to_image", np.zeros(0))
+        image = _matrices_of(image.reshape(1, 16), f"{path}: pixel_to_image", order)[0] if image.size == 16 else None
+        return Poses(_matrices_of(array.astype(float).reshape(len(array), -1), path, order), image=image)
     if suffix == ".mha":
         return _sequence_poses(path)
     return _text_poses(path, order)
@@ -603,6 +705,8 @@ def load(
     by_time: bool = False,
     time_offset: float = 0.0,
     longest_gap: float = 0.2,
+    dataset: Union[str, Sequence[str]] = (),
+    scan: Optional[str] = None,
 ) -> Sweep:
     """See from_files."""
     if units not in MILLIMETRES:
@@ -612,11 +716,17 @@ def load(
     if first_pixel not in (None, 0, 1):
         raise ValueError(f"first_pixel is {first_pixel!r}; 0 or 1 is expected")
     notes = []
-    frames = read_images(images)
+    dataset = [name.strip("/") for name in ([dataset] if isinstance(dataset, str) else dataset or ())]
+    paths = [path for path in (images, poses) if path is not None]
+    if dataset:
+        _require_arrays(paths, dataset)
+    if scan is not None and not any(_suffix(path) in HDF5 for path in paths):
+        raise ValueError(f"scan is {scan!r}; only HDF5 files hold several")
+    frames = read_images(images, dataset, scan)
     source = images if poses is None else poses
-    if poses is None and _suffix(images) not in (".npz", ".h5", ".hdf5"):
+    if poses is None and _suffix(images) not in (".npz", *HDF5):
         raise SourceError(f"{images}: holds images only; give a file of poses, too")
-    tracked = read_poses(source, quaternion)
+    tracked = read_poses(source, quaternion, dataset, scan)
     tracked.matrices[:, :3, 3] *= MILLIMETRES[units]
     if not inverse:  # of a probe all three axes count, so one that is turned round is an error
         mended, made = _with_third_columns(tracked.matrices, calibration is None and pixel_spacing is None, source)
@@ -636,7 +746,12 @@ def load(
     # From a pixel to the probe.
     image = np.eye(4)
     spacing = pixel_spacing
-    if spacing is None and calibration is None and frames.spacing is not None and _is_rigid(matrices):
+    is_placed = spacing is None and calibration is None and tracked.image is not None
+    if is_placed:
+        image = tracked.image
+        _require_rigid(tracked, source)
+        notes.append("pixel_to_image of the file says where pixels lie in the probe's image.")
+    if not is_placed and spacing is None and calibration is None and frames.spacing is not None and _is_rigid(matrices):
         spacing = frames.spacing
         notes.append(f"Pixels are {spacing[0]:.4g} x {spacing[1]:.4g} mm, by the file of the images.")
     if spacing is not None:
@@ -683,7 +798,7 @@ def load(
         notes.append(f"{len(lost)} of {len(usable)} frames have no pose and are left out: "
                      f"{', '.join(map(str, lost[:8]))}{', ...' if len(lost) > 8 else ''}.")
     sides = np.linalg.norm(matrices[usable][:, :3, :2], axis=1)
-    if calibration is None and spacing is None and np.abs(sides - 1).max() < RIGID:
+    if calibration is None and spacing is None and not is_placed and np.abs(sides - 1).max() < RIGID:
         raise SourceError(f"{source}: poses say nothing of a pixel's size; give a calibration or the pixel spacing (1 1 where "
                           "pixels are 1 mm)")
     if sides.min() < SMALLEST_PIXEL or sides.max() > LARGEST_PIXEL:
@@ -717,6 +832,8 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
     crop: column, row, columns, rows of every frame that are the image, as in a screen capture.
     by_time: takes poses at the frames' times even where there are as many poses as frames. time_offset: s, added to the
         frames' times to give the poses'. longest_gap: s, between poses that are interpolated.
+    dataset: names of arrays in an HDF5 or .npz file, of images, of poses or of both, where they have other names than usual.
+    scan: which one of an HDF5 file that holds several; of its name as much as no other has.
 
     Raises SourceError, a ValueError, that names file, field, what was found and what to do.
     """
