@@ -9,6 +9,7 @@
 
 #include "Core/Model/Error.h"
 #include "IO/Formats/Xml.h"
+#include "IO/SequenceFile.h"
 
 namespace bigus
 {
@@ -32,8 +33,8 @@ constexpr std::size_t kShortFrameHeader = 20, kFrameHeader = 86;
 /// Bytes of a TRACKEDFRAME's text. Plus writes some 200 for each transform.
 constexpr std::size_t kLargestText = std::size_t(1) << 20;
 
-/// Kinds of pictures of a TRACKEDFRAME: not said, and B-mode.
-constexpr int kUnknownKind = 0, kBrightness = 1;
+/// Kinds of pictures of a TRACKEDFRAME: not said, B-mode, and colours.
+constexpr int kUnknownKind = 0, kBrightness = 1, kColours = 5;
 
 /// Sides of a picture or an array.
 constexpr int kLargestSide = 65535;
@@ -293,6 +294,28 @@ IgtHeader ParseIgtHeader(const std::uint8_t* bytes)
 namespace
 {
 
+/// Whether a pixel has so many components: grey, red green blue, or these and how opaque it is.
+bool AreComponents(int components)
+{
+  return components == 1 || components == 3 || components == 4;
+}
+
+/// Pixels as they come, colours as the grey that files of colours become.
+std::vector<std::uint8_t> GreyPixels(const std::uint8_t* bytes, std::size_t pixels, int components)
+{
+  if (components == 1)
+  {
+    return {bytes, bytes + pixels};
+  }
+  std::vector<std::uint8_t> greys(pixels);
+  for (std::uint8_t& grey : greys)
+  {
+    grey = Grey(bytes[0], bytes[1], bytes[2]);
+    bytes += components;
+  }
+  return greys;
+}
+
 /// How a TRACKEDFRAME's rows and columns get into marked-far order, by the number of its order in Plus.
 struct Turn
 {
@@ -395,10 +418,11 @@ IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>&
   {
     side = content.Next<std::uint16_t>();
   }
-  if (components != 1 || type != kUnsigned8)
+  if (!AreComponents(components) || type != kUnsigned8)
   {
     throw Error(NameOf(header) + ": it has " + std::to_string(components) + " components of type " +
-                std::to_string(type) + "; one of unsigned 8 bits (3) is followed. Set the sender to grey pictures.");
+                std::to_string(type) +
+                "; grey (1) and colours (3, 4) of unsigned 8 bits (3) are followed. Set the sender to grey pictures.");
   }
   if (size[2] != 1 || size[0] < 1 || size[1] < 1)
   {
@@ -418,12 +442,13 @@ IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>&
   image.width = size[0];
   image.height = size[1];
   const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
-  if (content.Left() != pixels)
+  if (content.Left() != pixels * components)
   {
     throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes of pixels for " +
-                std::to_string(image.width) + " x " + std::to_string(image.height) + ".");
+                std::to_string(image.width) + " x " + std::to_string(image.height) + " of " +
+                std::to_string(components) + ".");
   }
-  image.pixels.assign(content.at(), content.at() + pixels);
+  image.pixels = GreyPixels(content.at(), pixels, components);
   image.imageToWorld = matrix;
   image.imageToWorld.col(3) -= ToMiddle(matrix, image.width, image.height);
   if (coordinates == kLps)
@@ -471,18 +496,20 @@ IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<
     side = content.Next<std::uint16_t>();
   }
   const std::size_t imageBytes = content.Next<std::uint32_t>(), textBytes = content.Next<std::uint32_t>();
-  if (components != 1 || type != kUnsigned8 || (kind != kUnknownKind && kind != kBrightness))
+  const bool isKind = kind == kUnknownKind || kind == (components == 1 ? kBrightness : kColours);
+  if (!AreComponents(components) || type != kUnsigned8 || !isKind)
   {
     throw Error(name + ": it has " + std::to_string(components) + " components of type " + std::to_string(type) +
                 " and kind " + std::to_string(kind) +
-                "; one of unsigned 8 bits (3) of B-mode (1) is followed. Set the sender to grey pictures.");
+                "; one of B-mode (1), or 3 or 4 of colours (5), of unsigned 8 bits (3) are followed. Set the sender to "
+                "grey pictures.");
   }
-  if (sides[2] != 1 || sides[0] < 1 || sides[1] < 1 ||
-      imageBytes != static_cast<std::size_t>(sides[0]) * static_cast<std::size_t>(sides[1]))
+  const std::size_t pixels = static_cast<std::size_t>(sides[0]) * static_cast<std::size_t>(sides[1]);
+  if (sides[2] != 1 || sides[0] < 1 || sides[1] < 1 || imageBytes != pixels * components)
   {
     throw Error(name + ": it has " + std::to_string(sides[0]) + " x " + std::to_string(sides[1]) + " x " +
                 std::to_string(sides[2]) + " pixels in " + std::to_string(imageBytes) +
-                " bytes; a frame has one slice, and a byte a pixel.");
+                " bytes; a frame has one slice, and a byte a pixel and component.");
   }
   if (textBytes > kLargestText)
   {
@@ -519,7 +546,7 @@ IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<
   frame.fields = FieldsOf({text, textBytes}, name);
   frame.image.width = sides[0];
   frame.image.height = sides[1];
-  frame.image.pixels.assign(content.at(), content.at() + imageBytes);
+  frame.image.pixels = GreyPixels(content.at(), pixels, components);
   if (turn.flipsColumns)
   {
     ReverseColumns(frame.image);

@@ -27,7 +27,7 @@ struct IgtHeader
   std::uint64_t checksum = 0;  ///< of the body
 };
 
-/// A picture of one slice of unsigned 8-bit pixels.
+/// A picture of one slice of unsigned 8-bit pixels. Colours are read as grey, as in files.
 struct IgtImage
 {
   int width = 0, height = 0;

@@ -47,6 +47,41 @@ TEST(OpenIgtLink, WhatIsPackedReadsBack)
   EXPECT_EQ(ParseIgtTransform(ParseIgtHeader(pose.data()), BodyOf(pose)), Picture().imageToWorld);
 }
 
+/// A whole message with another body.
+IgtHeader HeaderOf(const std::vector<std::uint8_t>& message, const std::vector<std::uint8_t>& body)
+{
+  IgtHeader header = ParseIgtHeader(message.data());
+  header.bodyBytes = body.size();
+  header.checksum = 0;
+  return header;
+}
+
+TEST(OpenIgtLink, ColoursBecomeTheGreyOfFiles)
+{
+  const std::vector<std::uint8_t> message = PackIgtImage("Image", 1, Picture());
+  const std::vector<std::uint8_t> colours = {200, 100, 50, 255, 0, 0, 0, 255, 0, 0, 0, 255};
+  for (const int components : {3, 4})
+  {
+    std::vector<std::uint8_t> body = BodyOf(message);
+    body[2] = static_cast<std::uint8_t>(components);
+    body.resize(body.size() - 12);
+    for (std::size_t k = 0; k < 12; ++k)
+    {
+      const auto colour = colours.begin() + 3 * (k % 4);
+      body.insert(body.end(), colour, colour + 3);
+      body.insert(body.end(), static_cast<std::size_t>(components - 3), 9);
+    }
+    const std::vector<std::uint8_t> greys = ParseIgtImage(HeaderOf(message, body), body).pixels;
+    ASSERT_EQ(greys.size(), 12u);
+    // 0.299, 0.587 and 0.114, rounded.
+    EXPECT_EQ((std::vector<std::uint8_t>{greys.begin(), greys.begin() + 4}),
+              (std::vector<std::uint8_t>{124, 76, 150, 29}));
+    EXPECT_EQ(greys[11], 29);
+    body.pop_back();
+    EXPECT_THROW(ParseIgtImage(HeaderOf(message, body), body), Error);
+  }
+}
+
 /// CRC-64 of ECMA-182, bit by bit.
 std::uint64_t PlainChecksum(const std::vector<std::uint8_t>& bytes)
 {
@@ -140,6 +175,26 @@ TEST(OpenIgtLink, TrackedFramesOfAllVersionsOfPlus)
   EXPECT_EQ(late.fields, fields);
   EXPECT_TRUE(late.hasPose);
   EXPECT_EQ(late.image.imageToWorld, Eigen::Matrix4d(Eigen::Vector4d(2, 2, 2, 1).asDiagonal()));
+}
+
+TEST(OpenIgtLink, TrackedFramesOfColours)
+{
+  Message message(TrackedFrameMessage({}, false));
+  std::vector<std::uint8_t>& body = message.body;
+  body[3] = 3;    // components
+  body[5] = 5;    // colours, in Plus
+  body[15] = 36;  // bytes
+  const std::vector<std::uint8_t> pixels(body.end() - 12, body.end());
+  body.resize(body.size() - 12);
+  for (const std::uint8_t pixel : pixels)
+  {
+    body.insert(body.end(), 3, pixel);
+  }
+  message.header.bodyBytes = body.size();
+  EXPECT_EQ(ParseIgtTrackedFrame(message.header, body).image.pixels,
+            (std::vector<std::uint8_t>{10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21}));
+  body[5] = 1;
+  EXPECT_THROW(ParseIgtTrackedFrame(message.header, body), Error);
 }
 
 TEST(OpenIgtLink, EveryCutOfATrackedFrameIsFound)
