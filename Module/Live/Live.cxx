@@ -309,6 +309,11 @@ void AddLive(Program& program)
   const char* server = "Of a server";
   app->add_flag("--follow", options->follow,
                 "The CSV of poses is being written: take each row, and its PNG, as it comes");
+  app->add_option("--device", source.device,
+                  "IMAGE or TRACKEDFRAME whose pictures are followed; needed where several send pictures, and "
+                  "--transform does not tell")
+      ->type_name("DEVICE")
+      ->group(server);
   app->add_option("--transform", source.transform,
                   "TRANSFORM that takes pixels to mm; without one an IMAGE says itself where it lies")
       ->type_name("DEVICE")

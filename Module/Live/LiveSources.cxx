@@ -36,6 +36,14 @@ constexpr std::size_t kMostLooks = 100000;
 /// Seconds between picture and TRANSFORM that belong together.
 constexpr double kTogether = 0.05;
 
+/// What is heard of a server before one of its devices is followed: others that send as often are heard by then. A session
+/// takes as many frames at once.
+constexpr std::size_t kHeldPictures = 16;
+constexpr double kListening = 1;  // s
+
+/// Devices of pictures that are told apart.
+constexpr std::size_t kMostDevices = 16;
+
 /// Seconds between two attempts to reach a server that went away.
 constexpr double kBetweenAttempts = 0.5;
 
@@ -190,11 +198,23 @@ public:
       BeginSilence();
       console_.Note("Connected to " + source_.sequence.path + " again. Following goes on.");
     }
+    if (!device_ && !heard_.empty())
+    {
+      throw Error(source_.sequence.path + ": no picture came of the device '" + source_.device +
+                  "' (--device), but of " + HeardDevices() + ". Name one of these.");
+    }
   }
 
 private:
   /// Until the probe is lifted or the program interrupted; true when the connection was lost before.
   bool FollowConnection(IgtConnection& connection)
+  {
+    const bool isLost = FollowMessages(connection);
+    ChooseDevice(true);
+    return isLost;
+  }
+
+  bool FollowMessages(IgtConnection& connection)
   {
     IgtConnection::Message message;
     while (!IsInterrupted() && !IsSilentFor(source_.pause))
@@ -220,6 +240,7 @@ private:
       {
         Take(connection, message);
       }
+      ChooseDevice(held_.size() >= kHeldPictures || (!held_.empty() && SecondsSince(listensSince_) > kListening));
     }
     return false;
   }
@@ -259,9 +280,14 @@ private:
   void Take(IgtConnection& connection, const IgtConnection::Message& message)
   {
     const IgtHeader& header = message.header;
+    const bool isPicture = header.type == "IMAGE" || header.type == "TRACKEDFRAME";
     try
     {
-      if (header.type == "IMAGE")
+      if (isPicture && !source_.device.empty() && header.device != source_.device)
+      {
+        PassOver(header.device);
+      }
+      else if (header.type == "IMAGE")
       {
         TakeFrame(ParseIgtImage(header, message.body), header);
       }
@@ -306,8 +332,60 @@ private:
     TakeFrame(std::move(frame.image), header);
   }
 
+  /// Says once of each device that its pictures are not followed.
+  void PassOver(const std::string& device)
+  {
+    if (std::find(heard_.begin(), heard_.end(), device) == heard_.end() && heard_.size() < kMostDevices)
+    {
+      heard_.push_back(device);
+      console_.Note("bigus: pictures of '" + device + "' are not followed. --device names what is.");
+    }
+  }
+
+  /// Whether pictures of a device are those that the transform is about: in Plus, Image_Reference goes with ImageToReference.
+  bool IsOfTransform(const std::string& device) const
+  {
+    const std::string from = source_.transform.substr(0, source_.transform.find("To", 1));
+    return !source_.transform.empty() && (device == from || device.rfind(from + "_", 0) == 0);
+  }
+
+  std::string HeardDevices() const
+  {
+    std::string names;
+    for (const std::string& device : heard_)
+    {
+      names += (names.empty() ? "'" : ", '") + device + "'";
+    }
+    return names;
+  }
+
+  /// Hands over what was held, where it is known whose pictures are followed. `isDue`: nobody else is waited for. Throws
+  /// Error where several devices send pictures and nothing says which one counts.
+  void ChooseDevice(bool isDue)
+  {
+    if (!isDue || held_.empty() || device_)
+    {
+      return;
+    }
+    if (heard_.size() > 1)
+    {
+      throw Error(source_.sequence.path + ": " + std::to_string(heard_.size()) + " devices send pictures, " +
+                  HeardDevices() + ". Name the one to follow, such as --device " + heard_.front() + ".");
+    }
+    device_ = heard_.front();
+    for (Held& held : std::exchange(held_, {}))
+    {
+      Deliver(std::move(held.image), held.header, held.arrival);
+    }
+  }
+
   void TakeFrame(IgtImage image, const IgtHeader& header)
   {
+    if (device_ && header.device != *device_)
+    {
+      PassOver(header.device);
+      return;
+    }
     if (!source_.transform.empty())
     {
       if (!pose_ || std::abs(poseTime_ - header.timestamp) > kTogether)
@@ -317,6 +395,27 @@ private:
       image.imageToWorld = *pose_;
     }
     const double now = SecondsSince(begin_);
+    if (!device_ && (!source_.device.empty() || IsOfTransform(header.device)))
+    {
+      device_ = header.device;
+      held_.clear();
+    }
+    if (device_)
+    {
+      Deliver(std::move(image), header, now);
+      return;
+    }
+    listensSince_ = held_.empty() ? Clock::now() : listensSince_;
+    held_.push_back({std::move(image), header, now});
+    if (std::find(heard_.begin(), heard_.end(), header.device) == heard_.end() && heard_.size() < kMostDevices)
+    {
+      heard_.push_back(header.device);
+    }
+  }
+
+  /// `now`: s since the beginning, when it came.
+  void Deliver(IgtImage image, const IgtHeader& header, double now)
+  {
     LiveFrame frame;
     frame.width = image.width;
     frame.height = image.height;
@@ -336,6 +435,18 @@ private:
     HandOver(std::move(frame));
   }
 
+  /// A picture, and when it came.
+  struct Held
+  {
+    IgtImage image;
+    IgtHeader header;
+    double arrival;
+  };
+
+  std::optional<std::string> device_;  // whose pictures are followed
+  std::vector<Held> held_;             // until that is known
+  std::vector<std::string> heard_;     // devices of pictures, but for one that is followed from its first
+  Clock::time_point listensSince_;
   std::optional<Eigen::Matrix4d> pose_;  // what TRANSFORM said last
   double poseTime_ = 0;
   std::optional<double> lastTime_;  // s, of the latest frame

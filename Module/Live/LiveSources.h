@@ -22,7 +22,7 @@ namespace bigus::command
 struct LiveSource
 {
   SequenceOptions sequence;
-  std::string transform, plane;          ///< devices of an OpenIGTLink server
+  std::string device, transform, plane;  ///< devices of an OpenIGTLink server: of pictures, of poses, of slices
   std::vector<int> sliceSize{256, 256};  ///< pixels of the slice that is sent back
   int listen = 0;                        ///< port at which clients ask for slices; 0: none
   double pause = 3;                      ///< s without a frame after which the probe counts as lifted
@@ -99,7 +99,8 @@ private:
 };
 
 /// Hands over what a server sends. Returns when no frame came for as long as a pause, when the server went away for longer
-/// than it is waited for, or when the program is interrupted. Throws Error when nobody listens there at first.
+/// than it is waited for, or when the program is interrupted. Throws Error when nobody listens there at first, and when
+/// several devices send pictures and it is not said whose are followed.
 LiveEvents FollowServer(const LiveSource& source, LiveSession& session, Looker& looker, SliceServer& slices,
                         LiveStatus& status, Console& console);
 

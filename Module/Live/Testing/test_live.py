@@ -206,6 +206,42 @@ class Messages(InFolder):
         self.assertEqual((answer["frames"], answer["refused"]), (FRAMES, 0))
         self.assertGreater(self.psnr(), SOUND)
 
+    def test_one_of_two_devices_is_followed(self):
+        def send(connection):
+            for k in range(FRAMES):
+                seconds = 100 + k / RATE
+                connection.sendall(message("TRANSFORM", "ImageToReference", seconds, matrix_bytes(self.poses[k])))
+                connection.sendall(message("IMAGE", "Webcam", seconds, image_body(b"\x99" * WIDTH * HEIGHT, self.poses[0])))
+                connection.sendall(message("IMAGE", "Image_Reference", seconds + 0.001,
+                                           image_body(self.pixels[k], self.poses[k])))
+                time.sleep(1 / RATE)
+
+        for options in (["--device", "Image_Reference"], ["--transform", "ImageToReference"]):
+            with self.subTest(options):
+                result, answer = self.follow(send, *options, finish=LONG)
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertEqual((answer["frames"], answer["refused"], answer["passed_over"]), (FRAMES, 0, 0), result.stderr)
+                self.assertGreater(self.psnr(), SOUND)
+        (self.folder / "field.vtp").unlink()
+        for options, says in (([], "2 devices send pictures, 'Webcam', 'Image_Reference'. Name the one to follow"),
+                              (["--transform", "ProbeToTracker"], "without a TRANSFORM of 'ProbeToTracker'"),
+                              (["--device", "Image"], "no picture came of the device 'Image'")):
+            with self.subTest(options):
+                result, answer = self.follow(send, *options)
+                self.assertEqual(result.returncode, 2, result.stderr)
+                self.assertIn(says, answer["error"] + result.stderr)
+                self.assertFalse((self.folder / "field.vtp").exists())
+
+    def test_a_device_that_comes_late_is_left_out(self):
+        def send(connection):
+            self.send_frames(connection)
+            for k in range(FRAMES):
+                connection.sendall(message("IMAGE", "Webcam", 200 + k, image_body(bytes(WIDTH * HEIGHT), self.poses[k])))
+
+        result, answer = self.follow(send)
+        self.assertEqual((result.returncode, answer["frames"], answer["passed_over"]), (0, FRAMES, 0), result.stderr)
+        self.assertEqual(result.stderr.count("pictures of 'Webcam' are not followed"), 1)
+
     def test_a_slice_is_sent_back_for_every_plane(self):
         slices = []
 
