@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "Core/Model/Error.h"
@@ -100,19 +101,47 @@ bool SpansPlane(const Eigen::Matrix4d& matrix)
   return columns.cross(rows).norm() > kFlattestAxes * columns.norm() * rows.norm();
 }
 
+// The transforms of every CoordinateDefinitions, however deep in other elements.
+struct DefinedTransforms : pugi::xml_tree_walker
+{
+  bool areThere = false;
+  std::vector<pugi::xml_node> transforms;
+
+  bool for_each(pugi::xml_node& node) override
+  {
+    const std::string_view name = node.name();
+    inside_ = depth() > inside_ ? inside_ : kNowhere;
+    if (name == "CoordinateDefinitions" && inside_ == kNowhere)
+    {
+      areThere = true;
+      inside_ = depth();
+    }
+    else if (name == "Transform" && inside_ != kNowhere)
+    {
+      transforms.push_back(node);
+    }
+    return true;
+  }
+
+private:
+  static constexpr int kNowhere = std::numeric_limits<int>::max();
+  int inside_ = kNowhere;  // depth of the definitions that the walk is in
+};
+
 std::vector<Link> ReadConfig(const std::string& fileName)
 {
   const std::string text = ReadTextFile(fileName, largestConfig);
-  const pugi::xml_document document = ParseXml(text, fileName + ": not a Plus configuration");
-  const pugi::xml_node definitions = document.document_element().child("CoordinateDefinitions");
-  if (!definitions)
+  pugi::xml_document document = ParseXml(text, fileName + ": not a Plus configuration");
+  DefinedTransforms definitions;
+  document.traverse(definitions);
+  if (!definitions.areThere)
   {
     throw FormatError(fileName +
                       ": has no element CoordinateDefinitions; a Plus configuration with its transforms is "
                       "expected");
   }
   std::vector<Link> links;
-  for (const pugi::xml_node& element : definitions.children("Transform"))
+  for (const pugi::xml_node& element : definitions.transforms)
   {
     Link link;
     link.name.from = element.attribute("From").value();

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <array>
 #include <cmath>
 
 #include "SmallFiles.h"
@@ -121,6 +122,38 @@ TEST(Poses, OfAMarkupPlaneInEitherCoordinateSystem)
   EXPECT_NEAR(Column(reader, "ImageToReference")->GetComponent(0, 0), 0.25, 1e-15);
 }
 
+// As Slicer saves a plane one edge of which was dragged: its centre is where it was placed. In metres nothing moves.
+TEST(Poses, OfAMarkupPlaneWhoseEdgesWereDragged)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusPoseReader> reader;
+  reader->SetPixelSpacing(0.5);
+  reader->SetWorldCoordinateSystemToLPS();
+  const std::vector<std::array<std::string, 4>> cases = {
+      {"\"mm\"", "[1.0, 2.0, 3.0]", "[8.0, 4.0, 0.0]", "[-2, 6, -3, 1]"},
+      {"[\"mm\", \"UCUM\", \"millimeter\"]", "[1.0, 2.0, 3.0]", "[7, 7, 0]", "[-2, 6, -3, 1]"},
+      {"[\"m\", \"UCUM\", \"meter\"]", "[0.001, 0.002, 0.003]", "[0.008, 0.004, 0]", "[-0.002, 0.006, -0.003, 0.001]"},
+      {"\"um\"", "[3000, 2000, 2000]", "[8000, 4000, 0]", "[0, 0, 0, 0]"}};
+  for (const auto& [units, centre, size, bounds] : cases)
+  {
+    SCOPED_TRACE(units);
+    WriteBytes(folder / "plane.mrk.json", R"({"markups": [{"type": "Plane", "coordinateUnits": )" + units +
+                                              R"(, "center": )" + centre +
+                                              R"(, "orientation": [1, 0, 0, 0, 0, -1, 0, 1, 0], "size": )" + size +
+                                              R"(, "planeBounds": )" + bounds + "}]}");
+    Read(reader, folder / "plane.mrk.json");
+    ASSERT_EQ(reader->GetOutput()->GetNumberOfRows(), 1);
+    EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 0), 16);
+    EXPECT_EQ(Column(reader, "Size")->GetComponent(0, 1), 8);
+    const double* m = Column(reader, "ImageToReference")->GetTuple(0);
+    const double middle[3] = {3, 2, 2};  // columns along x, rows along z
+    for (int r = 0; r < 3; ++r)
+    {
+      EXPECT_NEAR(m[4 * r] * 7.5 + m[4 * r + 1] * 3.5 + m[4 * r + 3], middle[r], 1e-12);
+    }
+  }
+}
+
 void ExpectRefused(vtkBigusPoseReader* reader, const std::string& fileName, const std::string& part)
 {
   ErrorObserver errors(reader);
@@ -218,6 +251,9 @@ TEST(Poses, RefusesBadMarkups)
       {"\"Plane\"", "\"Line\"", "two controlPoints"},
       {"LPS", "XYZ", "XYZ"},
       {"\"mm\"", "\"inch\"", "inch"},
+      {"\"mm\"", "[\"[in_i]\", \"UCUM\", \"inch\"]", "in_i"},
+      {"\"mm\"", "7", "7"},
+      {"\"size\"", "\"planeBounds\": [1, 2, 3], \"size\"", "planeBounds"},
       {"\"center\"", "\"centre\"", "center"},
       {"[1.0, 2.0, 3.0]", "[1.0, 2.0]", "center"},
       {"[1.0, 2.0, 3.0]", "[1.0, \"2\", 3.0]", "not a number"},

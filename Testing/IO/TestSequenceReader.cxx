@@ -618,6 +618,29 @@ TEST(SequenceReader, ChainsTransformsByName)
   EXPECT_STREQ(reader->GetTransformChain(), "Reference -> Tracker");
 }
 
+// As where a scene or a project holds the configuration, and as some editors save text.
+TEST(SequenceReader, FindsDefinitionsWhereverTheyLie)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "small.mha", SmallSequence().Bytes());
+  const std::string nested = "<Scene><Transform/><Data>" + SmallConfig() + "</Data><Transform/></Scene>";
+  std::string wide = "\xFF\xFE";
+  for (const char c : nested)
+  {
+    wide += {c, '\0'};
+  }
+  for (const std::string& config : {nested, wide})
+  {
+    WriteBytes(folder / "plus.xml", config);
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->SetConfigFileName((folder / "plus.xml").c_str());
+    reader->SetToFrame("Probe");
+    Read(reader, folder / "small.mha");
+    EXPECT_STREQ(reader->GetTransformChain(), "Image -> Probe");
+    EXPECT_EQ(reader->GetNumberOfTransforms(), 3);
+  }
+}
+
 TEST(SequenceReader, FilesOwnTransformGoesBeforeTheConfiguration)
 {
   TemporaryFolder folder;

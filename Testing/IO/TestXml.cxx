@@ -29,6 +29,29 @@ TEST(Xml, ElementsAttributesAndEntities)
   EXPECT_STREQ(root.child("b").next_sibling("b").attribute("k").value(), "3");
 }
 
+std::string Utf16(const std::string& text, bool isBigEndian, bool isMarked)
+{
+  std::string wide = !isMarked ? "" : isBigEndian ? "\xFE\xFF" : "\xFF\xFE";
+  for (const char c : text)
+  {
+    wide += isBigEndian ? std::string{'\0', c} : std::string{c, '\0'};
+  }
+  return wide;
+}
+
+TEST(Xml, InUtf16)
+{
+  for (const bool isBigEndian : {false, true})
+  {
+    for (const bool isMarked : {false, true})
+    {
+      const std::string text = Utf16("<?xml version='1.0' encoding='UTF-16'?><a b='c'/>", isBigEndian, isMarked);
+      EXPECT_STREQ(ParseXml(text, "file").document_element().attribute("b").value(), "c");
+      EXPECT_THROW(ParseXml(text.substr(0, text.size() - 3), "file"), FileError);
+    }
+  }
+}
+
 // With entities a small file may ask for much memory: here none makes a text longer than it stands.
 TEST(Xml, ExpandsNoEntities)
 {

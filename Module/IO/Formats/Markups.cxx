@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "Core/Model/SlicePlane.h"
 #include "IO/FileError.h"
@@ -48,6 +49,27 @@ std::string TextMember(const Json& object, const char* name, const std::string& 
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
 }
 
+// mm of a unit of length, by its code of UCUM. A unit is a word, or [code, scheme, meaning].
+double UnitOf(const std::string& what, const Json& markup)
+{
+  const auto found = markup.find("coordinateUnits");
+  if (found == markup.end() || found->is_null())
+  {
+    return 1;
+  }
+  const Json& code = found->is_array() && !found->empty() ? found->front() : *found;
+  const std::string name = code.is_string() ? code.get<std::string>() : code.dump(-1, ' ', true);
+  constexpr std::pair<const char*, double> kUnits[] = {{"mm", 1}, {"um", 1e-3}, {"cm", 10}, {"m", 1000}};
+  for (const auto& [unit, length] : kUnits)
+  {
+    if (name == unit)
+    {
+      return length;
+    }
+  }
+  throw FormatError(what + ": coordinateUnits " + Quoted(name) + "; mm, um, cm and m are read");
+}
+
 // What all markups say: a position or a direction of them as the file has it, in the patient system asked for.
 class Placement
 {
@@ -59,17 +81,20 @@ public:
     {
       throw FormatError(what + ": coordinateSystem " + Quoted(system) + "; LPS and RAS are read");
     }
-    if (const std::string units = TextMember(markup, "coordinateUnits", "mm"); units != "mm")
-    {
-      throw FormatError(what + ": coordinateUnits " + Quoted(units) + "; only mm is read");
-    }
+    unit_ = UnitOf(what, markup);
     sign_ = (system == "LPS") != worldIsLps ? -1 : 1;
   }
 
-  Eigen::Vector3d InWorld(double x, double y, double z) const { return {sign_ * x, sign_ * y, z}; }
+  Eigen::Vector3d InWorld(double x, double y, double z) const
+  {
+    return unit_ * Eigen::Vector3d(sign_ * x, sign_ * y, z);
+  }
+
+  /// mm of the file's unit.
+  double Unit() const { return unit_; }
 
 private:
-  double sign_;
+  double sign_, unit_;
 };
 
 MarkupPlane Grid(const std::string& what, const Eigen::Vector3d& centre, const Eigen::Vector3d& x,
@@ -104,9 +129,23 @@ MarkupPlane ReadPlane(const std::string& what, const Json& markup, double spacin
   const Placement place(what, markup, worldIsLps);
   const Eigen::VectorXd centre = Numbers(what, markup, "center", 3);
   const Eigen::VectorXd axes = Numbers(what, markup, "orientation", 9);  // row-major, axes in columns
-  const Eigen::VectorXd size = Numbers(what, markup, "size", 2);
-  return Grid(what, place.InWorld(centre[0], centre[1], centre[2]), place.InWorld(axes[0], axes[3], axes[6]),
-              place.InWorld(axes[1], axes[4], axes[7]), size[0], size[1], spacing);
+  const Eigen::Vector3d x = place.InWorld(axes[0], axes[3], axes[6]), y = place.InWorld(axes[1], axes[4], axes[7]);
+  Eigen::Vector4d bounds = Eigen::Vector4d::Zero();  // along x and y, from the centre
+  if (const auto found = markup.find("planeBounds"); found != markup.end() && !found->is_null())
+  {
+    bounds = Numbers(what, markup, "planeBounds", 4);
+  }
+  if (!(bounds[1] > bounds[0] && bounds[3] > bounds[2]))  // of versions that did not say, and where nothing was placed
+  {
+    const Eigen::VectorXd size = Numbers(what, markup, "size", 2);
+    bounds << -0.5 * size[0], 0.5 * size[0], -0.5 * size[1], 0.5 * size[1];
+  }
+  bounds *= place.Unit();
+  // Where an edge was dragged, the centre is not in the middle.
+  const Eigen::Vector3d middle = place.InWorld(centre[0], centre[1], centre[2]) +
+                                 0.5 * (bounds[0] + bounds[1]) * x.normalized() +
+                                 0.5 * (bounds[2] + bounds[3]) * y.normalized();
+  return Grid(what, middle, x, y, bounds[1] - bounds[0], bounds[3] - bounds[2], spacing);
 }
 
 // Columns along the line, from its first point to its second. Rows go down as far as a right angle lets them: to the feet,
@@ -191,7 +230,7 @@ MarkupBox ReadMarkupBox(const std::string& fileName, bool worldIsLps)
     const Placement place(what, markup, worldIsLps);
     const Eigen::VectorXd centre = Numbers(what, markup, "center", 3);
     const Eigen::VectorXd axes = Numbers(what, markup, "orientation", 9);
-    const Eigen::VectorXd size = Numbers(what, markup, "size", 3);
+    const Eigen::VectorXd size = place.Unit() * Numbers(what, markup, "size", 3);
     MarkupBox box{place.InWorld(centre[0], centre[1], centre[2]), Eigen::Matrix3d(), size};
     for (int k = 0; k < 3; ++k)
     {

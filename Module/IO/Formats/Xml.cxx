@@ -41,7 +41,7 @@ pugi::xml_document ParseXml(std::string_view text, const std::string& complaint)
   }
   pugi::xml_document document;
   const pugi::xml_parse_result result = document.load_buffer(
-      text.data(), text.size(), pugi::parse_escapes | pugi::parse_wconv_attribute, pugi::encoding_utf8);
+      text.data(), text.size(), pugi::parse_escapes | pugi::parse_wconv_attribute, pugi::encoding_auto);
   if (result.status == pugi::status_out_of_memory)
   {
     throw std::bad_alloc();
