@@ -168,6 +168,7 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   found["element_type"] = file.PixelType();
   found["orientation"] = ToText(file.orientation);
   found["used_pixel_range"] = read.usedRange;
+  found["made_axes"] = poses.NumberOfMadeAxes();
   return found;
 }
 

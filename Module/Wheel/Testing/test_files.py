@@ -170,6 +170,14 @@ class Sequences(InAFolder):
         with self.assertRaisesRegex(bigus.Error, "no way from Image to Reference.*ProbeToReference"):
             bigus.read(path)
 
+    def test_a_third_column_that_is_none(self):
+        def flat(k):
+            return pose(k) @ np.diag([1, 1, 0, 1])
+
+        fields = {f"Seq_Frame{k:04d}_ImageToReferenceTransform": words(flat(k)) for k in range(FRAMES)}
+        with self.assertWarnsRegex(RuntimeWarning, f"third column of {FRAMES} of {FRAMES} poses"):
+            self.check(bigus.read(self.put("s.mha", mha(**fields))))
+
     def test_clips(self):
         path = self.put("s.mha", mha())
         sweep = bigus.read(path, ClipMode=1, ClipRectangle=(1, 1, 2, 2))
