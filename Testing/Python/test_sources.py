@@ -313,6 +313,11 @@ class ImagesOfEveryKind(InFolder):
             file["us"], file["camera"], file["table"] = IMAGES, IMAGES[::-1], rows
         self.check(sources.load(self.folder / "rows.h5", pixel_spacing=SPACING, dataset=("table", "us")))
         self.check(sources.load(self.folder / "rows.h5", self.folder / "poses.npy", pixel_spacing=SPACING, dataset="us"))
+        with h5py.File(self.folder / "links.h5", "w") as file:
+            file["raw/a"], file["raw/b"], file["poses"] = IMAGES, IMAGES[::-1], POSES
+            file["frames"] = h5py.SoftLink("/raw/a")
+            file["images"] = h5py.SoftLink("/nowhere")
+        self.check(sources.load(self.folder / "links.h5", pixel_spacing=SPACING))
 
     def test_pictures(self):
         cv2 = package("cv2")

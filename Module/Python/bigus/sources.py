@@ -190,6 +190,9 @@ def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str
     try:
         with h5py.File(path, "r") as file:
             file.visititems(look)
+            for name in (*IMAGES, *POSES):  # links to data elsewhere, which are not visited
+                if not isinstance(file.get(name, getlink=True), (h5py.HardLink, type(None))):
+                    look(name, file.get(name))
             one = _chosen(path, role, [array for array in found if array is not None], sorted(file), dataset, scan)
             group = file[one.name].parent
             beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
