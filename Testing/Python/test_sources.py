@@ -68,6 +68,10 @@ def package(name):
         raise unittest.SkipTest(str(error))
 
 
+PLUS = ('<?xml version="1.0"?><Scene><PlusConfiguration><CoordinateDefinitions><Transform From="Image" To="Probe" Matrix="{}"/>'
+        '</CoordinateDefinitions></PlusConfiguration></Scene>')
+
+
 class InFolder(unittest.TestCase):
     def setUp(self):
         temporary = tempfile.TemporaryDirectory()
@@ -240,6 +244,16 @@ class ImagesOfEveryKind(InFolder):
             np.testing.assert_allclose(sweep.poses[..., [0, 1, 3]], TRUTH[..., [0, 1, 3]], atol=1e-12)
             self.assertTrue((np.linalg.det(sweep.poses[:, :3, :3]) > 0).all())
             self.assertTrue(any(f"third column of {FRAMES} of {FRAMES}" in note for note in sweep.notes), sweep.notes)
+
+    def test_calibration_of_plus(self):
+        flat = SCALE.copy()
+        flat[:3, 2] = 0  # the third axis of a picture
+        for matrix in (SCALE, flat):
+            text = PLUS.format(table((), matrix, " "))
+            for encoding in ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"):
+                (self.folder / "plus.xml").write_bytes(text.encode(encoding))
+                sweep = self.load(self.folder / "images.npy", pixel_spacing=None, calibration=self.folder / "plus.xml")
+                np.testing.assert_allclose(sweep.poses[..., [0, 1, 3]], TRUTH[..., [0, 1, 3]], atol=1e-9)
 
     def test_tus_rec(self):
         """Against the formula of the challenge: a pixel counted from 1, scaled to mm, to the tool, to the tracker."""
@@ -643,7 +657,10 @@ class BadFiles(InFolder):
 
     def test_calibration(self):
         for part, text in (("15 numbers", table((), [np.eye(4).ravel()[:15]])), ("'x' is not a number", "x"[:0] + "1 2 3 4\n1 x 3 4\n"),
-                           ("singular", table((), np.diag([1, 1, 0, 1]))), ("0 numbers", "nothing\n"),
+                           ("singular", table((), np.diag([1, 0, 1, 1]))), ("0 numbers", "nothing\n"),
+                           ("StylusToProbe; ImageToProbe is expected", PLUS.replace("Image", "Stylus")),
+                           ("not a Plus configuration", "<a>"), ("it defines entities", "<!DOCTYPE a [<!ENTITY b 'c'>]><a/>"),
+                           ("15 numbers", PLUS.format(" ".join(["1"] * 15))), ("'x' is not a number", PLUS.format("x")),
                            ("the matrix ends with", table((), np.ones((4, 4))))):
             with self.subTest(part):
                 self.refused(part, calibration=self.write("bad.txt", text))

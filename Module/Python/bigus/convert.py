@@ -24,7 +24,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("poses", nargs="?", help=".csv, .txt, .npy, .h5 or .seq.mha; not given where IMAGES has them, too")
     parser.add_argument("-o", "--output", required=True, help="sequence to write: .igs.mha")
     parser.add_argument("--calibration", metavar="FILE",
-                        help="from a pixel to the probe (from mm with --pixel-spacing): 16 numbers, or TUS-REC's CSV")
+                        help="from a pixel to the probe (from mm with --pixel-spacing): 16 numbers, a Plus configuration, or "
+                             "TUS-REC's CSV")
     parser.add_argument("--pixel-spacing", nargs=2, type=float, metavar=("SX", "SY"), help="mm along columns i and rows j")
     parser.add_argument("--origin-pixel", nargs=2, type=float, default=(0, 0), metavar=("I", "J"),
                         help="the pixel that the pose or the calibration calls its origin (default: 0 0)")

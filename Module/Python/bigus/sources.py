@@ -13,6 +13,7 @@ import os
 import pathlib
 import re
 from typing import Any, Iterable, NamedTuple, Optional, Sequence, Union
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -567,26 +568,51 @@ def read_poses(path: Path, order: str = "xyzw", dataset: Sequence[str] = (), sca
     return _text_poses(path, order)
 
 
+def _decoded(path: Path) -> str:
+    """Text in UTF-8, or in UTF-16, which begins with its mark or has every second byte of a tag 0."""
+    data = pathlib.Path(path).read_bytes()
+    little, big = data[:2] == b"<\0", data[:2] == b"\0<"
+    is_marked = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+    return data.decode("utf-16-le" if little else "utf-16-be" if big else "utf-16" if is_marked else "utf-8-sig")
+
+
+def _plus_calibration(path: Path, text: str) -> np.ndarray:
+    """The 16 numbers of ImageToProbe in a Plus configuration, wherever its CoordinateDefinitions lie."""
+    try:
+        if "<!ENTITY" in text:
+            raise ElementTree.ParseError("it defines entities")
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise SourceError(f"{path}: not a Plus configuration that can be read ({error})") from None
+    found = {f"{transform.get('From')}To{transform.get('To')}": transform.get("Matrix", "")
+             for definitions in root.iter("CoordinateDefinitions") for transform in definitions.iter("Transform")}
+    if "ImageToProbe" not in found:
+        raise SourceError(f"{path}: has the transforms {_listed(found)}; ImageToProbe is expected")
+    return np.array([_number(cell, path, 1, "Matrix of ImageToProbe") for cell in found["ImageToProbe"].split()])
+
+
 def read_calibration(path: Path) -> tuple:
-    """(matrix [4, 4] from a pixel to the probe, whether it counts pixels from 1), of 16 numbers in a text or .npy file, or
-    of the two matrices of TUS-REC: pixels to mm, and mm to the tool."""
+    """(matrix [4, 4] from a pixel to the probe, whether it counts pixels from 1), of 16 numbers in a text or .npy file, of
+    ImageToProbe in a Plus configuration, or of the two matrices of TUS-REC: pixels to mm, and mm to the tool."""
     _require_file(path)
     if _suffix(path) == ".npy":
         array = _numpy(path, (), "a matrix")
         numbers = array.astype(float).ravel() if array.dtype.kind in "fiu" else np.zeros(0)
     else:
         try:
-            text = pathlib.Path(path).read_text(encoding="utf-8-sig")
+            text = _decoded(path)
         except UnicodeDecodeError:
             raise SourceError(f"{path}: not text; a calibration has 16 numbers, row by row") from None
         lines = [(k, [cell for cell in re.split(r"[,;\s]+", line) if cell]) for k, line in enumerate(text.splitlines(), 1)
                  if line.strip() and not re.match(r'\s*[#"A-Za-z]', line)]
-        numbers = np.array([_number(cell, path, k, str(c)) for k, cells in lines for c, cell in enumerate(cells, 1)])
+        numbers = (_plus_calibration(path, text) if text.lstrip().startswith("<") else
+                   np.array([_number(cell, path, k, str(c)) for k, cells in lines for c, cell in enumerate(cells, 1)]))
     if numbers.size not in (16, 32) or not np.isfinite(numbers).all():
         raise SourceError(f"{path}: {np.isfinite(numbers).sum()} numbers; 16 are expected, a 4 x 4 matrix row by row, or the 32 "
                           "of TUS-REC's calib_matrix.csv")
     parts = _matrices_of(numbers.reshape(-1, 16), path, "xyzw")
     matrix = parts[0] if len(parts) == 1 else parts[1] @ parts[0]
+    matrix = _with_third_columns(matrix[np.newaxis], False, path)[0][0]
     if not abs(np.linalg.det(matrix[:3, :3])) > 0:
         raise SourceError(f"{path}: the matrix is singular")
     return matrix, len(parts) == 2
@@ -825,8 +851,8 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
         lists them.
     poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; None where
         images has them, too. Rows with empty cells, NaN or a status other than OK are frames without a pose.
-    calibration: from a pixel to the probe, or from mm in the image where pixel_spacing is given: 16 numbers in a file, or
-        calib_matrix.csv of TUS-REC, which counts pixels from 1.
+    calibration: from a pixel to the probe, or from mm in the image where pixel_spacing is given: 16 numbers in a file,
+        a Plus configuration with ImageToProbe, or calib_matrix.csv of TUS-REC, which counts pixels from 1.
     pixel_spacing: mm along i and j. Without it and without a calibration poses lead from pixels.
     origin_pixel: the pixel (i, j) that the calibration, or the pose, calls its origin.
     first_pixel: what the calibration counts the first pixel as, 0 or 1; None: 0, and 1 for TUS-REC.
