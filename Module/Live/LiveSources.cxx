@@ -370,7 +370,7 @@ private:
     if (heard_.size() > 1)
     {
       throw Error(source_.sequence.path + ": " + std::to_string(heard_.size()) + " devices send pictures, " +
-                  HeardDevices() + ". Name the one to follow, such as --device " + heard_.front() + ".");
+                  HeardDevices() + ". Name the one to follow (--device).");
     }
     device_ = heard_.front();
     for (Held& held : std::exchange(held_, {}))
