@@ -314,6 +314,20 @@ class ImagesOfEveryKind(InFolder):
                 self.check(sources.load(self.folder / name, pixel_spacing=SPACING, dataset=dataset), np.roll(TRUTH, 1, 0),
                            np.roll(IMAGES, 1, 0))
 
+    def test_hdf5_with_an_array_a_frame(self):
+        h5py = package("h5py")
+        with h5py.File(self.folder / "frames.h5", "w") as file:
+            for scan in range(2):
+                for k, shift in enumerate(np.roll(np.arange(FRAMES), scan)):
+                    name = f"sub000_scan{scan:02d}_{{}}{k:d}"  # 10 after 9
+                    file[name.format("frame")], file[name.format("tform")] = IMAGES[shift], POSES[shift]
+                    file[name.format("tform_inv")] = np.linalg.inv(POSES[shift])
+            file["frame_size"], file["num_frames"] = [HEIGHT, WIDTH], [[FRAMES, FRAMES]]
+        self.check(sources.load(self.folder / "frames.h5", pixel_spacing=SPACING, scan="scan01"), np.roll(TRUTH, 1, 0),
+                   np.roll(IMAGES, 1, 0))
+        with self.assertRaisesRegex(sources.SourceError, "holds 2 scans: sub000_scan00, sub000_scan01"):
+            sources.load(self.folder / "frames.h5", pixel_spacing=SPACING)
+
     def test_arrays_of_other_names(self):
         h5py = package("h5py")
         with h5py.File(self.folder / "own.h5", "w") as file:

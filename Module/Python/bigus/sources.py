@@ -36,6 +36,7 @@ class SourceError(ValueError):
 
 # Names of arrays in files that hold several.
 IMAGES, POSES = ("frames", "images"), ("poses", "tforms", "transforms", "tracking")
+SINGLE = re.compile(r"(.*(?:frame|image|pose|tform|transform))_?(\d+)")  # one frame of several, by its number
 
 
 class Images(NamedTuple):
@@ -182,11 +183,16 @@ def _numpy(path: Path, names: Sequence[str], what: str, dataset: Sequence[str] =
 def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str] = None) -> tuple:
     """(the images or the poses of a file, pixel_to_image and spacing where they lie beside them)."""
     h5py = _need("h5py", path)
-    found = []
+    found, singles, parts = [], {}, {}
 
     def look(name: str, entry: Any) -> None:
-        if isinstance(entry, h5py.Dataset) and entry.dtype.kind in "biuf":
+        if not isinstance(entry, h5py.Dataset) or entry.dtype.kind not in "biuf":
+            return
+        single = SINGLE.fullmatch(name) if len(entry.shape) == 2 else None
+        if single is None:
             found.append(_stored(name, entry.shape, dataset))
+        else:
+            singles.setdefault((single[1] + "s", entry.shape), []).append((int(single[2]), name))
 
     try:
         with h5py.File(path, "r") as file:
@@ -194,11 +200,15 @@ def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str
             for name in (*IMAGES, *POSES):  # links to data elsewhere, which are not visited
                 if not isinstance(file.get(name, getlink=True), (h5py.HardLink, type(None))):
                     look(name, file.get(name))
+            for (name, shape), numbered in singles.items():
+                parts[name] = [part for _, part in sorted(numbered)]
+                found.append(_stored(name, (len(numbered), *shape), dataset))
             one = _chosen(path, role, [array for array in found if array is not None], sorted(file), dataset, scan)
-            group = file[one.name].parent
+            names = parts.get(one.name, [one.name])
+            group = file[names[0]].parent
             beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
                       if isinstance(group.get(name), h5py.Dataset) and group[name].size <= 16}
-            return file[one.name][()], beside
+            return np.stack([file[name][()] for name in names]) if one.name in parts else file[one.name][()], beside
     except SourceError:
         raise
     except Exception as error:
