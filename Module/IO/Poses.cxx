@@ -74,9 +74,27 @@ bool EndsWith(const std::string& text, const std::string& end)
   return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
+// Where a tracker saw nothing, programs write zeros or a word in the place of a matrix: what it holds, or nothing where
+// it may be one. Its last row tells nothing.
+std::string NoPoseIn(const std::string& text)
+{
+  const std::vector<std::string_view> words = Words(text);
+  const auto end = words.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(words.size(), 12));
+  const auto isNumber = [](std::string_view word) { return word.find_first_of("123456789") != std::string_view::npos; };
+  if (words.empty() || std::any_of(words.begin(), end, isNumber))
+  {
+    return {};
+  }
+  return words[0].find('0') == std::string_view::npos ? Quoted(words[0]) : "zeros";
+}
+
 // Reads an affine matrix; else says what is wrong with it.
 std::string ParseMatrix(const std::string& text, Eigen::Matrix4d& matrix)
 {
+  if (const std::string found = NoPoseIn(text); !found.empty())
+  {
+    return "holds no pose but " + found;
+  }
   double numbers[16];
   if (!ParseNumbers(text, 16, numbers))
   {

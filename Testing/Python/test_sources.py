@@ -151,6 +151,38 @@ class PosesOfEveryKind(InFolder):
         sweep = self.load(self.write("lost.csv", table(("status", *MATRIX_NAMES), rows)))
         self.check(sweep, TRUTH[kept], IMAGES[kept])
         self.assertIn("3 of 7 frames have no pose and are left out: 2, 4, 5.", sweep.notes)
+        rows[2][1:] = ["garbage"] + [9.0] * 15  # whatever stands in a row whose status is not OK
+        self.check(self.load(self.write("lost.csv", table(("status", *MATRIX_NAMES), rows))), TRUTH[kept], IMAGES[kept])
+
+    def test_lost_tracking_as_programs_write_it(self):
+        """Zeros, words and what Windows prints for NaN stand for a pose that there is not, in every kind of table."""
+        position_and_turn = np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1)
+        kept = [0, 1, 4, 5, 6]
+        for names, rows in ((("x", "y", "z", "qx", "qy", "qz", "qw"), position_and_turn), (MATRIX_NAMES, POSES.reshape(-1, 16)),
+                            (MATRIX_NAMES[:12], POSES.reshape(-1, 16)[:, :12]), ((), position_and_turn)):
+            width = rows.shape[1]
+            for lost in ([0.0] * width, ["0"] * width, ["MISSING"] * width, ["not_seen_by_camera"] * width, ["None"] * width,
+                         ["1.#QNAN"] * width, ["-3.697314e+28"] * width, ["lost"] + [""] * (width - 1), ["Out of Volume"],
+                         [*rows[2][:-1], "<missing>"], [*rows[2][:3], *[0.0] * (width - 3)] if width == 7 else [0.0] * width):
+                with self.subTest(names=names[:3], lost=lost[:4]):
+                    written = [lost if k in (2, 3) else list(row) for k, row in enumerate(rows)]
+                    sweep = self.load(self.write("lost.csv", table(names, written)))
+                    self.check(sweep, TRUTH[kept], IMAGES[kept])
+                    self.assertEqual(sweep.notes, ["2 of 7 frames have no pose and are left out: 2, 3."])
+        # Also where the first row is lost, and where there is no rotation but a last row.
+        self.check(self.load(self.write("first.csv", table((), [["MISSING"] * 7, *position_and_turn[1:]]))), TRUTH[1:], IMAGES[1:])
+        zeros = POSES.copy()
+        zeros[2], zeros[3] = 0, np.diag([0, 0, 0, 1])
+        np.save(self.folder / "zeros.npy", zeros)
+        self.check(self.load(self.folder / "zeros.npy"), TRUTH[kept], IMAGES[kept])
+        header = "ObjectType = Image\nNDims = 3\nDimSize = 0 0 7\n"
+        for k in range(FRAMES):
+            numbers = {2: "MISSING", 3: "0 " * 16}.get(k, " ".join(repr(float(x)) for x in POSES[k].ravel()))
+            header += f"Seq_Frame{k:04d}_ProbeTransform = {numbers}\nSeq_Frame{k:04d}_ProbeTransformStatus = OK\n"
+        self.check(self.load(self.write("probe.seq.mha", header + "ElementDataFile = LOCAL\n")), TRUTH[kept], IMAGES[kept])
+        np.save(self.folder / "none.npy", np.zeros((FRAMES, 4, 4)))
+        with self.assertRaisesRegex(sources.SourceError, "no frame has a pose"):
+            self.load(self.folder / "none.npy")
 
     def test_rows_name_their_frames(self):
         rows = [[k, *POSES[k].ravel()] for k in (5, 0, 3)]
@@ -212,6 +244,11 @@ class PosesOfEveryKind(InFolder):
             kept = [1, 5, 6]
             self.check(self.load(path, time_offset=100.0, longest_gap=0.1), TRUTH[kept], IMAGES[kept], TIMES[kept])
             self.check(self.load(path, time_offset=100.0, longest_gap=0.5), TRUTH[1:], IMAGES[1:], TIMES[1:])
+            seen_nothing = np.where((np.arange(len(rows)) % 5 == 3)[:, None] & (np.arange(8) > 0), 0.0, rows)
+            path = self.write("lost.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), seen_nothing))
+            sweep = self.load(path, time_offset=100.0)
+            self.check(sweep, TRUTH[1:], IMAGES[1:], TIMES[1:])
+            self.assertIn(f"6 of 30 rows of {path} hold no pose and are passed over.", sweep.notes)
             # As many poses as frames, but not at their times.
             path = self.write("seven.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), rows[:FRAMES]))
             self.assertEqual(len(self.load(path, time_offset=100.0).pixels), FRAMES)

@@ -25,6 +25,10 @@ HDF5 = (".h5", ".hdf5")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
+NO_POSITION = 1e20  # mm; NDI writes -3.7e28 where it sees no marker
+# What programs write for a number that there is not.
+NOTHING = {"", "-", "--", "?", "na", "n/a", "none", "null", "nil", "missing", "lost", "invalid", "undefined", "untracked",
+           "not tracked", "no data", "nodata", "bad", "error", "false", "occluded", "hidden", "out of view", "out of volume"}
 RIGID = 0.01  # how far R^T R of a tracker's pose may be off 1; single precision and printed digits stay below 1e-3
 MOST_SHEARED = 10  # degrees that rows and columns may be off a right angle where no third column confirms them
 SMALLEST_PIXEL, LARGEST_PIXEL = 1e-3, 10.0  # mm
@@ -423,8 +427,11 @@ def rotation_of(quaternion: np.ndarray) -> np.ndarray:
 
 
 def _matrices_of(rows: np.ndarray, name: Path, order: str) -> np.ndarray:
-    """[rows, 16 or 12 or 7] to [rows, 4, 4]; seven are x y z and a quaternion."""
+    """[rows, 16 or 12 or 7] to [rows, 4, 4], NaN where there is no rotation; seven are x y z and a quaternion."""
     count = rows.shape[1]
+    turn = rows[:, 3:] if count == 7 else rows[:, [0, 1, 2, 4, 5, 6, 8, 9, 10]]
+    is_lost = ~np.isfinite(rows).all(axis=1) | (turn == 0).all(axis=1) | (np.abs(rows) > NO_POSITION).any(axis=1)
+    rows = np.where(is_lost[:, None], np.nan, rows)
     matrices = np.tile(np.eye(4), (len(rows), 1, 1))
     if count == 16:
         matrices = rows.reshape(-1, 4, 4).copy()
@@ -438,7 +445,6 @@ def _matrices_of(rows: np.ndarray, name: Path, order: str) -> np.ndarray:
                                   "hold something else?")
         matrices[:, :3, :3] = rotation_of(quaternion)
         matrices[:, :3, 3] = rows[:, :3]
-    matrices[~np.isfinite(matrices).all(axis=(1, 2))] = np.nan
     last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1)
     if np.any(last > 1e-6):
         row = int(np.argmax(last > 1e-6))
@@ -460,77 +466,98 @@ def _cells(line: str) -> list:
     return [cell.strip().strip('"').strip() for cell in line.split(separator)]
 
 
+def _is_nothing(cell: str) -> bool:
+    # "#" as in #N/A, and in 1.#QNAN and -1.#IND, which programs for Windows print.
+    return "#" in cell or re.sub(r"[\s_]+", " ", cell).strip(" .<>()[]").lower() in NOTHING
+
+
 def _number(cell: str, name: Path, line: int, column: str) -> float:
-    if cell == "":
-        return np.nan  # the tracker saw nothing
+    if _is_nothing(cell):
+        return np.nan
     try:
         return float(cell)
     except ValueError:
         raise SourceError(f"{name}: line {line}, column {column}: '{cell[:40]}' is not a number") from None
 
 
-def _text_poses(path: Path, order: str) -> Poses:
-    try:
-        text = pathlib.Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise SourceError(f"{path}: not text; a table of poses is expected") from None
-    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise SourceError(f"{path}: is empty; a table of poses is expected")
-    header = [re.sub(r"[^a-z0-9]", "", cell.lower()) for cell in _cells(lines[0][1])]
-    has_header = any(re.match(r"[a-z]", cell) and cell not in ("nan", "inf") for cell in header)
-    rows = [(k, _cells(line)) for k, line in lines[1 if has_header else 0:]]
-    if not rows:
-        raise SourceError(f"{path}: has a header and no row")
-    width = len(header) if has_header else len(rows[0][1])
-    for k, cells in rows:
-        if len(cells) != width:
-            raise SourceError(f"{path}: line {k} has {len(cells)} cells, line {lines[0][0]} has {width}; is it cut off?")
+class _Table:
+    """Cells of a text, and the names of its columns where it has any."""
 
-    def column_of(names: set) -> Optional[int]:
-        return next((c for c, name in enumerate(header) if name in names), None)
+    def __init__(self, path: Path) -> None:
+        try:
+            text = pathlib.Path(path).read_text(encoding="utf-8-sig")
+        except UnicodeDecodeError:
+            raise SourceError(f"{path}: not text; a table of poses is expected") from None
+        self.path = path
+        self.rows = [(k, _cells(line)) for k, line in enumerate(text.splitlines(), 1)
+                     if line.strip() and not line.lstrip().startswith("#")]
+        if not self.rows:
+            raise SourceError(f"{path}: is empty; a table of poses is expected")
+        first, self.titles = self.rows[0]
+        self.names = [re.sub(r"[^a-z0-9]", "", cell.lower()) for cell in self.titles]
+        words = {name for name in self.names if re.match(r"[a-z]", name) and name not in ("nan", "inf") and not _is_nothing(name)}
+        self.has_names = len(words) > 1  # one word, again and again, is a first row in which the tracker saw nothing
+        if self.has_names:
+            del self.rows[0]
+        if not self.rows:
+            raise SourceError(f"{path}: has a header and no row")
+        self.width = len(self.names) if self.has_names else max(len(cells) for _, cells in self.rows)
+        for k, cells in self.rows:
+            if len(cells) < self.width and re.fullmatch(r"\D+", cells[-1]):  # one word in the place of a pose
+                cells += [""] * (self.width - len(cells))
+            if len(cells) != self.width:
+                raise SourceError(f"{path}: line {k} has {len(cells)} cells, line {first} has {self.width}; is it cut off?")
 
-    def numbers(column: int) -> np.ndarray:
-        return np.array([_number(cells[column], path, k, header[column] if has_header else str(column + 1))
-                         for k, cells in rows])
+    def column_of(self, names: Iterable[str]) -> Optional[int]:
+        return next((c for c, name in enumerate(self.names) if name in names), None) if self.has_names else None
 
-    if not has_header:
-        if width not in HEADERLESS:
-            raise SourceError(f"{path}: {width} numbers a row and no header; 16 or 12 of a matrix, row by row, or 7 of a "
-                              "position and a quaternion are expected, or one more with a time in seconds first")
-        table = np.stack([numbers(column) for column in range(width)], axis=1)
-        times = table[:, 0] if HEADERLESS[width] else None
-        return Poses(_matrices_of(table[:, HEADERLESS[width]:], path, order), times)
+    def numbers(self, column: int) -> np.ndarray:
+        name = self.names[column] if self.has_names else str(column + 1)
+        return np.array([_number(cells[column], self.path, k, name) for k, cells in self.rows])
 
-    matrix = [column_of(names) for names in MATRIX]
-    pose = [column_of(names) for names in TRANSLATION + QUATERNION]
-    if all(column is not None for column in matrix):
-        table = np.stack([numbers(column) for column in matrix], axis=1)
-    elif all(column is not None for column in matrix[:12]):
-        table = np.stack([numbers(column) for column in matrix[:12]], axis=1)
-    elif all(column is not None for column in pose):
-        table = np.stack([numbers(column) for column in pose], axis=1)
-        order = "xyzw"  # by name
-    else:
-        raise SourceError(f"{path}: has the columns {', '.join(_cells(lines[0][1]))[:200]}; m00 to m33, or x, y, z, qx, qy, "
-                          "qz, qw are expected")
-    matrices = _matrices_of(table, path, order)
-    status = column_of({"status"})
-    if status is not None:
-        matrices[[cells[status].upper() != "OK" for _, cells in rows]] = np.nan
-    time = column_of(set(TIME))
-    times = numbers(time) * TIME[header[time]] if time is not None else None
-    frame = column_of(FRAME)
-    frames = None
-    if frame is not None:
-        frames = numbers(frame)
+    def poses(self, columns: Sequence[int]) -> np.ndarray:
+        """[rows, columns]; NaN where the status is not OK, and where no cell has a digit but 0, whatever word there is."""
+        status = self.column_of({"status"})
+        for _, cells in self.rows:
+            if (status is not None and cells[status].upper() != "OK") or not any(re.search("[1-9]", cells[c]) for c in columns):
+                for column in columns:
+                    cells[column] = ""
+        return np.stack([self.numbers(column) for column in columns], axis=1)
+
+    def frames(self) -> Optional[np.ndarray]:
+        """The index of each row's frame, where a column has it."""
+        column = self.column_of(FRAME)
+        if column is None:
+            return None
+        frames = self.numbers(column)
         wrong = ~(frames >= 0) | (frames != np.floor(frames))
         if wrong.any():
-            k, cells = rows[int(np.argmax(wrong))]
-            raise SourceError(f"{path}: line {k}, column {header[frame]}: '{cells[frame]}'; a frame's index, counted from 0, is "
-                              "expected")
-        frames = frames.astype(int)
-    return Poses(matrices, times, frames)
+            k, cells = self.rows[int(np.argmax(wrong))]
+            raise SourceError(f"{self.path}: line {k}, column {self.names[column]}: '{cells[column]}'; a frame's index, counted "
+                              "from 0, is expected")
+        return frames.astype(int)
+
+
+def _text_poses(path: Path, order: str) -> Poses:
+    table = _Table(path)
+    if not table.has_names:
+        if table.width not in HEADERLESS:
+            raise SourceError(f"{path}: {table.width} numbers a row and no header; 16 or 12 of a matrix, row by row, or 7 of a "
+                              "position and a quaternion are expected, or one more with a time in seconds first")
+        first = HEADERLESS[table.width]
+        rows = table.poses(range(first, table.width))
+        return Poses(_matrices_of(rows, path, order), table.numbers(0) if first else None)
+
+    matrix = [table.column_of(names) for names in MATRIX]
+    pose = [table.column_of(names) for names in TRANSLATION + QUATERNION]
+    columns = next((found for found in (matrix, matrix[:12], pose) if None not in found), None)
+    if columns is None:
+        raise SourceError(f"{path}: has the columns {', '.join(table.titles)[:200]}; m00 to m33, or x, y, z, qx, qy, qz, qw are "
+                          "expected")
+    matrices = _matrices_of(table.poses(columns), path, "xyzw")  # the order that names give a quaternion
+    time = table.column_of(TIME)
+    times = table.numbers(time) * TIME[table.names[time]] if time is not None else None
+    return Poses(matrices, times, table.frames())
 
 
 def _sequence_poses(path: Path) -> Poses:
@@ -549,7 +576,7 @@ def _sequence_poses(path: Path) -> Poses:
     table = np.full((count, 16), np.nan)
     for index, value in rows.items():
         if found.get(transforms[0] + "Status", {}).get(index, "OK") == "OK":
-            words = value.split()
+            words = value.split() if re.search("[1-9]", value) else [""] * 16  # a word, or zeros
             if len(words) != 16:
                 raise SourceError(f"{path}: frame {index}, {transforms[0]}: {len(words)} numbers; 16 are expected")
             table[index] = [_number(word, path, index, transforms[0]) for word in words]
@@ -671,9 +698,11 @@ def _with_third_columns(matrices: np.ndarray, left_handed: bool, name: Path) -> 
     return matrices, made
 
 
-def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path) -> np.ndarray:
+def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path, notes: list) -> np.ndarray:
     """Poses between those recorded: positions linear, rotations along the shortest arc; NaN where none is near in time."""
     rows = np.flatnonzero(np.isfinite(poses.matrices[:, 0, 0]) & np.isfinite(poses.times))
+    if len(rows) < len(poses.times):
+        notes.append(f"{len(poses.times) - len(rows)} of {len(poses.times)} rows of {name} hold no pose and are passed over.")
     stamps = poses.times[rows]
     if len(rows) < 2:
         raise SourceError(f"{name}: has {len(rows)} usable poses with a time; two are needed to find poses between them")
@@ -699,7 +728,8 @@ def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path) -
     return between
 
 
-def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: float, by_time: bool, name: Path) -> np.ndarray:
+def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: float, by_time: bool, name: Path,
+                   notes: list) -> np.ndarray:
     """[frames, 4, 4]; NaN for frames without a pose."""
     frames = len(images.pixels)
     if poses.frames is not None and not by_time:
@@ -717,7 +747,7 @@ def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: flo
         raise SourceError(f"{name}: {len(poses.matrices)} poses for {frames} frames, and {lacks}; give one pose a frame, a "
                           "column frame, or times on both sides")
     _require_rigid(poses, name)
-    return _at_times(poses, images.times + offset, longest_gap, name)
+    return _at_times(poses, images.times + offset, longest_gap, name, notes)
 
 
 class Sweep(NamedTuple):
@@ -776,7 +806,7 @@ def load(
     elif np.any(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12):
         row = int(np.argmax(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12))
         raise SourceError(f"{source}: row {row}: the matrix is singular, so it cannot be inverted")
-    matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source)
+    matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source, notes)
     if matrices is not tracked.matrices and tracked.frames is None:
         notes.append("Poses were interpolated at the times of the frames.")
     if inverse:
@@ -826,7 +856,7 @@ def load(
         fixed = read_poses(reference, quaternion)
         fixed.matrices[:, :3, 3] *= MILLIMETRES[units]
         _require_rigid(fixed, reference)
-        fixed = _of_each_frame(fixed, frames, time_offset, longest_gap, by_time, reference)
+        fixed = _of_each_frame(fixed, frames, time_offset, longest_gap, by_time, reference, notes)
         matrices = np.stack([np.linalg.inv(a) @ b if np.isfinite(a).all() else a for a, b in zip(fixed, matrices)])
 
     usable = np.isfinite(matrices).all(axis=(1, 2))
@@ -860,7 +890,7 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
     images: .npy, .npz, .h5 (frames), a video, DICOM of many frames, .mha or .nrrd, a folder of pictures, or a .txt that
         lists them.
     poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; None where
-        images has them, too. Rows with empty cells, NaN or a status other than OK are frames without a pose.
+        images has them, too. Rows of zeros, empty cells, NaN, words or a status other than OK are frames without a pose.
     calibration: from a pixel to the probe, or from mm in the image where pixel_spacing is given: 16 numbers in a file,
         a Plus configuration with ImageToProbe, or calib_matrix.csv of TUS-REC, which counts pixels from 1.
     pixel_spacing: mm along i and j. Without it and without a calibration poses lead from pixels.
