@@ -248,11 +248,68 @@ class PosesOfEveryKind(InFolder):
             path = self.write("lost.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), seen_nothing))
             sweep = self.load(path, time_offset=100.0)
             self.check(sweep, TRUTH[1:], IMAGES[1:], TIMES[1:])
-            self.assertIn(f"6 of 30 rows of {path} hold no pose and are passed over.", sweep.notes)
+            self.assertIn(f"6 of 30 rows of {path} had no pose and were passed over.", sweep.notes)
             # As many poses as frames, but not at their times.
             path = self.write("seven.csv", table(("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw"), rows[:FRAMES]))
             self.assertEqual(len(self.load(path, time_offset=100.0).pixels), FRAMES)
             self.check(self.load(path, time_offset=100.0, by_time=True), TRUTH[1:3], IMAGES[1:3], TIMES[1:3])
+
+
+class TimesOfEveryKind(InFolder):
+    """A tracker's table beside pictures that have times."""
+
+    NAMES = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+    STAMPS = np.arange(0, 0.4, 1 / 60)
+    ROWS = np.concatenate([STAMPS[:, None], path_of_probe(STAMPS)[0][:, :3, 3], path_of_probe(STAMPS)[1]], axis=1)
+
+    def load(self, rows, names=NAMES, times=TIMES, **options):
+        """The sweep, whose poses must be the true ones, and its notes."""
+        path = self.write("tracker.csv", table(names, rows))
+        with mock.patch.object(sources, "read_images", return_value=sources.Images(IMAGES, times)):
+            sweep = sources.load(self.folder / "images.npy", path, pixel_spacing=SPACING, **options)
+        self.check(sweep, TRUTH, IMAGES, times)
+        return [note.replace(str(path), "tracker.csv") for note in sweep.notes if note != sources.INTERPOLATED]
+
+    def test_repeated_times(self):
+        self.assertEqual(self.load(self.ROWS), [])
+        self.assertEqual(self.load(np.repeat(self.ROWS, 2, axis=0)),
+                         ["24 of 48 rows of tracker.csv had the time of an earlier one and were left out."])
+        # One that is written again much later comes after later ones, too.
+        self.assertEqual(self.load(np.concatenate([self.ROWS, self.ROWS[5:6]])),
+                         ["1 of 25 rows of tracker.csv stood after later ones; all were sorted by time.",
+                          "1 of 25 rows of tracker.csv had the time of an earlier one and were left out."])
+
+    def test_rows_in_another_order(self):
+        swapped = self.ROWS[[1, 0, *range(2, 24)]]
+        said = "{} of 24 rows of tracker.csv stood after later ones; all were sorted by time."
+        self.assertEqual(self.load(swapped), [said.format(1)])
+        self.assertEqual(self.load(self.ROWS[::-1]), [said.format(23)])
+        shuffled = self.ROWS[np.random.default_rng(1).permutation(24)]
+        self.assertEqual(len(self.load(shuffled)), 1)
+        # As many rows as frames: frames of a video follow each other in time, and so must poses.
+        seven = np.concatenate([TIMES[:, None], POSES[:, :3, 3], QUATERNIONS], axis=1)
+        self.assertEqual(self.load(seven[[0, 2, 1, 3, 4, 5, 6]]), [said.format(1).replace("24", "7")])
+
+    def test_units(self):
+        as_text = [[f"{time:.0f}" for time in 1e9 * self.STAMPS], *self.ROWS[:, 1:].T]
+        nanoseconds = [list(row) for row in zip(*as_text)]
+        said = "The times of tracker.csv are taken for nanoseconds, "
+        for name in ("timestamp_ns", "Time (ns)", "time[nsec]", "t_nanoseconds"):
+            self.assertEqual(self.load(nanoseconds, (name, *self.NAMES[1:])), [said + "by the name of their column."])
+        for names in (self.NAMES, ("times", *self.NAMES[1:]), ()):
+            self.assertEqual(self.load(nanoseconds, names), [said + "because they are 1.667e+07 apart."])
+        for factor, unit in ((1e6, "microseconds"), (1e3, "milliseconds")):
+            rows = self.ROWS * [factor, *[1] * 7]
+            self.assertIn(f"taken for {unit}, because", self.load(rows)[0])
+            self.assertIn(f"taken for {unit}, by", self.load(rows, (f"time_{unit}", *self.NAMES[1:]))[0])
+        # Since 1970, and a tracker of 240 Hz, whose milliseconds might be the seconds of a slow one.
+        rows = self.ROWS * [1e9, *[1] * 7] + [1.7e18, *[0] * 7]
+        poses = sources._in_seconds(sources.Poses(POSES, rows[:, 0], unit=None), None, "x", [])
+        np.testing.assert_allclose(poses.times - 1.7e9, self.STAMPS, atol=1e-6)
+        stamps = np.arange(0, 0.4, 1 / 240)
+        poses, quaternions = path_of_probe(stamps)
+        rows = np.concatenate([1000 * stamps[:, None], poses[:, :3, 3], quaternions], axis=1)
+        self.assertEqual(self.load(rows), ["The times of tracker.csv are taken for milliseconds, because they are 4.167 apart."])
 
 
 class ImagesOfEveryKind(InFolder):
@@ -724,8 +781,10 @@ class BadFiles(InFolder):
         with mock.patch.object(sources, "read_images", return_value=sources.Images(IMAGES, TIMES)):
             np.save(self.folder / "three.npy", POSES[:3])
             self.refused("the poses have no times", poses="three.npy")
-            self.write("three.csv", table(("timestamp", *MATRIX_NAMES), rows[::-1]))
-            self.refused("times must increase", poses="three.csv")
+            again = POSES[:3] + np.pad([[50.0]], ((0, 3), (3, 0)))  # elsewhere, and the clock begins anew
+            twice = np.concatenate([rows, np.concatenate([TIMES[:3, None] + 0.02, again.reshape(-1, 16)], axis=1)])
+            self.write("twice.csv", table(("timestamp", *MATRIX_NAMES), twice))
+            self.refused("times must increase. Are these two recordings?", poses="twice.csv")
             self.write("three.csv", table(("timestamp", *MATRIX_NAMES), rows[:1]))
             self.refused("two are needed", poses="three.csv")
 

@@ -31,6 +31,7 @@ NOTHING = {"", "-", "--", "?", "na", "n/a", "none", "null", "nil", "missing", "l
            "not tracked", "no data", "nodata", "bad", "error", "false", "occluded", "hidden", "out of view", "out of volume"}
 RIGID = 0.01  # how far R^T R of a tracker's pose may be off 1; single precision and printed digits stay below 1e-3
 MOST_SHEARED = 10  # degrees that rows and columns may be off a right angle where no third column confirms them
+INTERPOLATED = "Poses were interpolated at the times of the frames."
 SMALLEST_PIXEL, LARGEST_PIXEL = 1e-3, 10.0  # mm
 
 
@@ -52,9 +53,10 @@ class Images(NamedTuple):
 
 class Poses(NamedTuple):
     matrices: np.ndarray  # [rows, 4, 4]; NaN where the tracker saw nothing
-    times: Optional[np.ndarray] = None  # s, [rows]
+    times: Optional[np.ndarray] = None  # [rows]
     frames: Optional[np.ndarray] = None  # index of the frame of each row, counted from 0
     image: Optional[np.ndarray] = None  # [4, 4] from a pixel to what the poses lead from, where the file says
+    unit: Optional[float] = 1.0  # s, of times; None where the file does not say
 
 
 class Stored(NamedTuple):
@@ -456,7 +458,11 @@ def _matrices_of(rows: np.ndarray, name: Path, order: str) -> np.ndarray:
 TRANSLATION = [{f"{prefix}{axis}" for prefix in ("", "t", "p", "pos", "position", "translation")} for axis in "xyz"]
 QUATERNION = [{f"{prefix}{axis}" for prefix in ("q", "quat", "quaternion", "orientation")} for axis in "xyzw"]
 MATRIX = [{f"m{row}{column}"} for row in range(4) for column in range(4)]
-TIME = {"timestamp": 1.0, "time": 1.0, "t": 1.0, "timestamps": 1.0, "timems": 1e-3, "timestampms": 1e-3}
+UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
+# The name of a column of times, and of its unit; an "s" alone may make the plural of it.
+TIME = re.compile(r"(?:timestamp|time|t|stamp)s?(?:(?P<s>sec|secs|seconds)|(?P<ms>ms|msecs?|millis|milliseconds)|"
+                  r"(?P<us>us|usecs?|micros|microseconds)|(?P<ns>ns|nsecs?|nanos|nanoseconds))?")
+SHORTEST_STEP, LONGEST_STEP = 2e-4, 10.0  # s between the poses of a tracker, on the median
 FRAME = {"frame", "frameindex", "imageindex", "index"}
 HEADERLESS = {16: 0, 12: 0, 7: 0, 17: 1, 13: 1, 8: 1}  # numbers in a row, and how many of them are a time, first
 
@@ -546,7 +552,7 @@ def _text_poses(path: Path, order: str) -> Poses:
                               "position and a quaternion are expected, or one more with a time in seconds first")
         first = HEADERLESS[table.width]
         rows = table.poses(range(first, table.width))
-        return Poses(_matrices_of(rows, path, order), table.numbers(0) if first else None)
+        return Poses(_matrices_of(rows, path, order), table.numbers(0) if first else None, unit=None)
 
     matrix = [table.column_of(names) for names in MATRIX]
     pose = [table.column_of(names) for names in TRANSLATION + QUATERNION]
@@ -555,9 +561,9 @@ def _text_poses(path: Path, order: str) -> Poses:
         raise SourceError(f"{path}: has the columns {', '.join(table.titles)[:200]}; m00 to m33, or x, y, z, qx, qy, qz, qw are "
                           "expected")
     matrices = _matrices_of(table.poses(columns), path, "xyzw")  # the order that names give a quaternion
-    time = table.column_of(TIME)
-    times = table.numbers(time) * TIME[table.names[time]] if time is not None else None
-    return Poses(matrices, times, table.frames())
+    time, unit = next(((c, match.lastgroup) for c, match in enumerate(map(TIME.fullmatch, table.names)) if match), (None, None))
+    times = None if time is None else table.numbers(time)
+    return Poses(matrices, times, table.frames(), unit=unit and dict(zip(("s", "ms", "us", "ns"), UNITS))[unit])
 
 
 def _sequence_poses(path: Path) -> Poses:
@@ -698,17 +704,61 @@ def _with_third_columns(matrices: np.ndarray, left_handed: bool, name: Path) -> 
     return matrices, made
 
 
+def _in_seconds(poses: Poses, frames: Optional[np.ndarray], name: Path, notes: list) -> Poses:
+    """Without a unit in the file, that in which a tracker may have such a rate; of several, the one in which most poses and
+    frames, whose times are given, come together."""
+    times = np.unique(poses.times[np.isfinite(poses.times)]) if poses.times is not None else np.zeros(0)
+    if not times.size:
+        return poses
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
+
+    def in_common(unit: float) -> int:
+        if frames is None:
+            return 0
+        stamps = unit * times
+        return min(np.count_nonzero((frames >= stamps[0]) & (frames <= stamps[-1])),
+                   np.count_nonzero((stamps >= frames.min()) & (stamps <= frames.max())))
+
+    possible = [unit for unit in UNITS if SHORTEST_STEP <= unit * step <= LONGEST_STEP] or [1.0]
+    unit = poses.unit or max(possible, key=in_common)
+    if unit != 1:
+        reason = "by the name of their column" if poses.unit else f"because they are {step:.4g} apart"
+        notes.append(f"The times of {name} are taken for {UNITS[unit]}, {reason}.")
+    return poses._replace(times=unit * poses.times, unit=1.0)
+
+
+def _in_order(poses: Poses, rows: np.ndarray, name: Path, notes: list) -> np.ndarray:
+    """The rows in the order of their times."""
+    stamps = poses.times[rows]
+    early = np.count_nonzero(stamps < np.maximum.accumulate(stamps))
+    if not early:
+        return rows
+    ordered = rows[np.argsort(stamps, kind="stable")]
+    way, ordered_way = (np.nansum(np.linalg.norm(np.diff(poses.matrices[some, :3, 3], axis=0), axis=1))
+                        for some in (rows, ordered))
+    if ordered_way > 2 * way:  # the tool would jump to and fro
+        row = int(np.argmax(np.diff(stamps) < 0)) + 1
+        raise SourceError(f"{name}: the time {stamps[row]:.6f} s comes after {stamps[row - 1]:.6f} s, and in the order of the "
+                          "times the poses jump; times must increase. Are these two recordings? Then give one")
+    notes.append(f"{early} of {len(rows)} rows of {name} stood after later ones; all were sorted by time.")
+    return ordered
+
+
 def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path, notes: list) -> np.ndarray:
     """Poses between those recorded: positions linear, rotations along the shortest arc; NaN where none is near in time."""
+    if INTERPOLATED not in notes:
+        notes.append(INTERPOLATED)
     rows = np.flatnonzero(np.isfinite(poses.matrices[:, 0, 0]) & np.isfinite(poses.times))
     if len(rows) < len(poses.times):
-        notes.append(f"{len(poses.times) - len(rows)} of {len(poses.times)} rows of {name} hold no pose and are passed over.")
+        notes.append(f"{len(poses.times) - len(rows)} of {len(poses.times)} rows of {name} had no pose and were passed over.")
+    rows = _in_order(poses, rows, name, notes)
+    repeats = np.diff(poses.times[rows], prepend=-np.inf) == 0
+    if repeats.any():
+        notes.append(f"{np.count_nonzero(repeats)} of {len(rows)} rows of {name} had the time of an earlier one and were left out.")
+    rows = rows[~repeats]
     stamps = poses.times[rows]
     if len(rows) < 2:
         raise SourceError(f"{name}: has {len(rows)} usable poses with a time; two are needed to find poses between them")
-    if np.any(np.diff(stamps) <= 0):
-        row = int(np.argmax(np.diff(stamps) <= 0)) + 1
-        raise SourceError(f"{name}: the time {stamps[row]:.6f} s comes after {stamps[row - 1]:.6f} s; times must increase")
     after = np.clip(np.searchsorted(stamps, times), 1, len(rows) - 1)
     first, second = poses.matrices[rows[after - 1]], poses.matrices[rows[after]]
     gap = stamps[after] - stamps[after - 1]
@@ -741,7 +791,8 @@ def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: flo
         matrices[poses.frames] = poses.matrices
         return matrices
     if len(poses.matrices) == frames and not by_time:
-        return poses.matrices
+        timed = poses.times is not None and images.times is not None and np.isfinite(poses.times).all()
+        return poses.matrices[_in_order(poses, np.arange(frames), name, notes)] if timed else poses.matrices
     if poses.times is None or images.times is None:
         lacks = "the poses have no times" if poses.times is None else "the images have no times"
         raise SourceError(f"{name}: {len(poses.matrices)} poses for {frames} frames, and {lacks}; give one pose a frame, a "
@@ -806,9 +857,9 @@ def load(
     elif np.any(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12):
         row = int(np.argmax(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12))
         raise SourceError(f"{source}: row {row}: the matrix is singular, so it cannot be inverted")
+    stamps = None if frames.times is None else frames.times + time_offset
+    tracked = _in_seconds(tracked, stamps, source, notes)
     matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source, notes)
-    if matrices is not tracked.matrices and tracked.frames is None:
-        notes.append("Poses were interpolated at the times of the frames.")
     if inverse:
         matrices = np.stack([np.linalg.inv(matrix) if np.isfinite(matrix).all() else matrix for matrix in matrices])
 
@@ -853,7 +904,7 @@ def load(
 
     matrices = matrices @ image
     if reference is not None:
-        fixed = read_poses(reference, quaternion)
+        fixed = _in_seconds(read_poses(reference, quaternion), stamps, reference, notes)
         fixed.matrices[:, :3, 3] *= MILLIMETRES[units]
         _require_rigid(fixed, reference)
         fixed = _of_each_frame(fixed, frames, time_offset, longest_gap, by_time, reference, notes)
