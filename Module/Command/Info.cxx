@@ -386,7 +386,7 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   Json answer = HeaderJson(reader);
   PrintHeader(answer, options, reader, console);
   answer["not_taken_along"] = ShowUnusedFields(console, reader);
-  const Sweep poses = answer["frames"] > 0 ? ReadPosesOnly(options, console) : Sweep();
+  const Sweep poses = answer["frames"] > 0 ? ReadPosesOnly(options) : Sweep();
   answer["tracker"] = ShowTracker(console, poses);
   answer["doubts"] = ShowDoubts(console, poses, reader);
   if (!fault.empty())

@@ -369,26 +369,31 @@ void AddPlaneOptions(CLI::App& app, PlaneOptions& options, const std::string& na
   AddChainOptions(app, options.chain, planeGroup);
 }
 
-Sweep ReadPosesOnly(const SequenceOptions& options, Console& console)
+Sweep ReadPosesOnly(const SequenceOptions& options)
 {
-  vtkNew<vtkBigusPoseReader> reader;
-  SetFileAndChain(reader.Get(), options.path, options.chain);
-  Update(reader, console, "Reading");
-  vtkTable* table = reader->GetOutput();
-  const auto column = [table](const char* name) { return vtkDataArray::SafeDownCast(table->GetColumnByName(name)); };
+  RequireFile(options.path);
+  ImageOptions images;
+  images.folder = options.imageFolder;
+  images.pattern = options.imagePattern;
+  images.wanted = !images.folder.empty() || !images.pattern.empty();  // else a CSV says itself how large frames are
+  const SequenceFile file = ReadSequenceFile(options.path, images);
+  PoseTable table;
+  ResolvePoses(file, PoseOptionsOf(options.chain), table);
+  table.RequireFrames(options.path);
   Sweep sweep;
-  for (vtkIdType k = 0; k < table->GetNumberOfRows(); ++k)
+  bool allTimed = true;
+  for (std::size_t k = 0; k < table.frames.size(); ++k)
   {
-    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
-    column("ImageToReference")->GetTuple(k, pose.data());
-    sweep.imageToReference.push_back(pose);
-    sweep.width = static_cast<int>(column("Size")->GetComponent(k, 0));
-    sweep.height = static_cast<int>(column("Size")->GetComponent(k, 1));
-    if (column("Timestamp"))
+    if (table.frames[k].accepted)
     {
-      sweep.timestamps.push_back(column("Timestamp")->GetComponent(k, 0));
+      sweep.imageToReference.push_back(table.frames[k].imageToReference);
+      sweep.timestamps.push_back(table.timestamps[k]);
+      allTimed = allTimed && std::isfinite(table.timestamps[k]);
+      sweep.width = file.width > 0 ? file.width : file.sizes[k][0];
+      sweep.height = file.height > 0 ? file.height : file.sizes[k][1];
     }
   }
+  sweep.timestamps.resize(allTimed ? sweep.timestamps.size() : 0);
   return sweep;
 }
 

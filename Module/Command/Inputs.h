@@ -110,7 +110,7 @@ struct Planes
   int rejected = 0;                ///< frames of the file that have no usable pose
 };
 /// Size, poses and times of a sequence's usable frames; no pixel is read.
-Sweep ReadPosesOnly(const SequenceOptions& options, Console& console);
+Sweep ReadPosesOnly(const SequenceOptions& options);
 
 /// Says on stderr which frames were rejected.
 Planes ReadPlanes(const PlaneOptions& options, Console& console);

@@ -80,7 +80,7 @@ vtkSmartPointer<vtkImageData> Distances(const Options& options, const Planes& pl
   SequenceOptions sequence;
   sequence.path = options.recorded;
   sequence.chain = options.planes.chain;
-  const Sweep sweep = ReadPosesOnly(sequence, console);
+  const Sweep sweep = ReadPosesOnly(sequence);
   const std::vector<int> frames = AllFrames(sweep);
   for (const int frame : frames)
   {

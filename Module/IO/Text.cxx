@@ -7,6 +7,7 @@
 #include <charconv>
 #include <filesystem>
 #include <system_error>
+#include <tuple>
 
 #include "IO/FileError.h"
 
@@ -170,6 +171,33 @@ bool ParseNumbers(std::string_view text, std::size_t count, double* values)
     }
   }
   return true;
+}
+
+bool InNaturalOrder(const std::string& a, const std::string& b)
+{
+  // The text up to the next digits, then their number as how many digits it has and which.
+  const auto take = [](std::string_view& rest)
+  {
+    constexpr std::string_view digits = "0123456789";
+    const std::string_view text = rest.substr(0, rest.find_first_of(digits));
+    rest.remove_prefix(text.size());
+    std::string_view number = rest.substr(0, rest.find_first_not_of(digits));
+    rest.remove_prefix(number.size());
+    number.remove_prefix(std::min(number.find_first_not_of('0'), number.size()));
+    return std::make_tuple(text, number.size(), number);
+  };
+  std::string_view restA = a;
+  std::string_view restB = b;
+  while (!restA.empty() && !restB.empty())
+  {
+    const auto partA = take(restA);
+    const auto partB = take(restB);
+    if (partA != partB)
+    {
+      return partA < partB;
+    }
+  }
+  return restA.empty() != restB.empty() ? restA.empty() : a < b;  // 01 before 1, so that every two names have an order
 }
 
 std::string ExactNumber(double value)

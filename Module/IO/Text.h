@@ -31,6 +31,9 @@ bool ParseNumber(std::string_view text, std::int64_t& value);
 /// Exactly `count` numbers between blanks.
 bool ParseNumbers(std::string_view text, std::size_t count, double* values);
 
+/// Whether `a` comes before `b` in natural order, in which runs of digits count as numbers: frame_2 before frame_10.
+bool InNaturalOrder(const std::string& a, const std::string& b);
+
 /// The shortest text that reads back as the same bits.
 std::string ExactNumber(double value);
 

@@ -140,8 +140,8 @@ public:
   /**
    * For a CSV of poses: the folder with the PNG images. Default: the CSV's own folder. Names in the `image`
    * column are relative to it and must not leave it. Without that column and without ImagePattern the
-   * folder's PNG files are taken in the order of their names, and must be as many as the rows; then the
-   * folder has to be given.
+   * folder's PNG files are taken in the order of their names, frame_2 before frame_10, and must be as many as the rows;
+   * then the folder has to be given.
    */
   vtkSetFilePathMacro(ImageFolder);
   vtkGetFilePathMacro(ImageFolder);

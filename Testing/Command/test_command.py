@@ -392,6 +392,29 @@ class Info(CommandTest):
         for word in ("Frames", "Transforms", "Chain used", "Pixel", "Plane spacing", "Extent", "Orientation"):
             self.assertIn(word, text)
 
+    def test_pictures_of_a_table_of_poses(self):
+        """Numbered without leading zeros, in a folder of their own, named or not: 'info' and 'convert' take the same."""
+        header, pixels, _ = read_sequence(self.sweep)
+        (self.folder / "frames").mkdir()
+        poses = re.findall(r"Frame\d+_ImageToReferenceTransform = (.*)", header) * 2
+        lines = ["image," + ",".join(f"m{i}{j}" for i in range(4) for j in range(4))]
+        for k, pose in enumerate(poses):
+            image = pixels[(k % 9) * 48 * 40:][:48 * 40]
+            rows = b"".join(b"\0" + image[48 * y:48 * y + 48] for y in range(40))
+            chunks = ((b"IHDR", struct.pack(">IIBBBBB", 48, 40, 8, 0, 0, 0, 0)), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))
+            (self.folder / "frames" / f"frame_{k}.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+                struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks))
+            lines.append(",".join([f"frame_{k}.png", *pose.split()]))
+        named, bare, out = (self.folder / name for name in ("named.csv", "bare.csv", "out.igs.mha"))
+        named.write_text("\n".join(lines))
+        bare.write_text("\n".join(line.split(",", 1)[1] for line in lines))
+        for arguments in ((named, "--image-folder", self.folder / "frames"), (bare, "--image-folder", self.folder / "frames"),
+                          (bare, "--image-folder", self.folder / "frames", "--image-pattern", "frame_%d.png")):
+            answer = self.expect(SUCCESS, "info", *arguments)
+            self.assertEqual((answer["frames"], answer["width"], answer["height"]), (18, 48, 40))
+            self.expect(SUCCESS, "convert", arguments[0], out, *arguments[1:])
+            self.assertEqual(read_sequence(out)[1], pixels * 2)
+
     def test_rejected_frames_are_named(self):
         header, pixels, _ = read_sequence(self.sweep)
         some = self.folder / "some.mha"

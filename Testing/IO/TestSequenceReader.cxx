@@ -549,6 +549,25 @@ TEST(SequenceReader, ReadsCsvWithPngs)
   reader->SetImageFolder(folder.Path().c_str());
   ExpectSmall(Read(reader, folder / "bare.csv"));
 
+  // Numbers count as numbers, whichever way they are written, also after other numbers.
+  for (const auto& names : std::vector<std::vector<std::string>>{
+           {"f2.png", "f10.png", "f100.png"},
+           {"s1_f9.png", "s01_f10.png", "s2_f1.png"},
+           {"f09.PNG", "f10.png", "g1.png"},
+           {"f18446744073709551615.png", "f18446744073709551616.png", "f018446744073709551617.png"}})
+  {
+    const std::string images = folder / names[0].substr(0, 2);
+    std::filesystem::create_directory(images);
+    for (int frame = 0; frame < smallFrames; ++frame)
+    {
+      std::filesystem::copy_file(folder / ("frame_" + std::to_string(frame) + ".png"),
+                                 images + "/" + names[static_cast<std::size_t>(frame)]);
+    }
+    reader->SetImageFolder(images.c_str());
+    ExpectSmall(Read(reader, folder / "bare.csv"));
+  }
+  reader->SetImageFolder(folder.Path().c_str());
+
   WritePngs(folder, "padded_00");
   reader->SetImagePattern("padded_%03d.png");
   ExpectSmall(Read(reader, folder / "bare.csv"));

@@ -10,10 +10,12 @@ With the package on PYTHONPATH `python3 -m bigus.convert` is run, too.
 import importlib.util
 import pathlib
 import re
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
+import zlib
 from unittest import mock
 
 import numpy as np
@@ -825,6 +827,19 @@ class Program(InFolder):
         self.assertEqual(result.returncode, 0, result.stderr)
         np.testing.assert_array_equal(bigus.frames(bigus.read(self.folder / "slicer.igs.mha")), IMAGES)
         np.testing.assert_allclose(bigus.poses(bigus.read(self.folder / "slicer.igs.mha")), TRUTH, atol=1e-12)
+        # Pictures in a folder: the same order as where the sequence reader takes them.
+        (self.folder / "frames").mkdir()
+        names = ("a1b2.png", "a1b10.png", "a01b10.png", "a2.png", "a10.png", "a10-.png", "b.png")
+        raw = [zlib.compress(b"".join(b"\0" + row.tobytes() for row in image)) for image in IMAGES]
+        for name, data in zip(names, raw):
+            chunks = ((b"IHDR", struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 0, 0, 0, 0)), (b"IDAT", data), (b"IEND", b""))
+            (self.folder / "frames" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+                struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks))
+        self.write("pixels.csv", table(MATRIX_NAMES, TRUTH.reshape(-1, 16)))
+        read = bigus.frames(bigus.read(self.folder / "pixels.csv", ImageFolder=str(self.folder / "frames")))
+        order = [path.name for path in sources._in_natural_order((self.folder / "frames").iterdir())]
+        np.testing.assert_array_equal(read, IMAGES[[names.index(name) for name in order]])
+        self.assertEqual(order[:2] + order[3:5], ["a1b2.png", "a01b10.png", "a2.png", "a10-.png"])
         for arguments, part in ((("images.npy", "poses.npy", "-o", "x.mha"), "pixel's size"),
                                 (("probe.seq.mha", "poses.npy", "--pixel-spacing", 1, 1, "-o", "x.mha"), "probe.seq.mha: neither"),
                                 (("images.npy", "poses.npy", "--pixel-spacing", 1, 1, "-o", "x.png"), "must end in"),

@@ -98,7 +98,7 @@ std::vector<std::string> PngFilesOf(const std::string& folder)
   {
     throw FileError(FileFault::CannotOpen, folder + ": the folder cannot be read: " + error.message());
   }
-  std::sort(files.begin(), files.end());
+  std::sort(files.begin(), files.end(), InNaturalOrder);
   return files;
 }
 

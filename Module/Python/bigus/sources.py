@@ -312,8 +312,13 @@ def _pictures(paths: Sequence[Path]) -> np.ndarray:
 
 
 def _in_natural_order(paths: Iterable[pathlib.Path]) -> list:
-    """frame_2 before frame_10."""
-    return sorted(paths, key=lambda path: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)])
+    """frame_2 before frame_10, as InNaturalOrder of Module/IO has it."""
+
+    def key(path: pathlib.Path) -> tuple:
+        parts = re.split("([0-9]+)", path.name)
+        return [int(part) if k % 2 else part for k, part in enumerate(parts)], path.name
+
+    return sorted(paths, key=key)
 
 
 def _folder(path: pathlib.Path) -> np.ndarray:
