@@ -42,6 +42,7 @@ std::string WithRemedy(const std::string& message)
   const std::pair<const char*, const char*> remedies[] = {
       {"no way from", " (--image-from, --image-to and --config)"},
       {"name that coordinate frame", " (--image-from)"},
+      {"set the image spacing", " (--pixel-spacing)"},
       {"set the pixel range", " (--pixel-range)"},
       {"float pixels must lie in", " (--pixel-range does so)"},
       {"without a status", " (--assume-status accepts transforms without a status)"}};

@@ -214,6 +214,10 @@ Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* re
     doubts.push_back("The transforms name " + cropped + ": where the images are the cropped ones, give --image-from " +
                      cropped + ".");
   }
+  if (const std::string spacing = reader->GetSpacingDoubt(); !spacing.empty())
+  {
+    doubts.push_back(WithRemedy(spacing) + ".");
+  }
   for (const std::string& doubt : doubts)
   {
     console.Print(Line("Doubtful", doubt));

@@ -59,6 +59,13 @@ void AddChainOptions(CLI::App& app, PoseChain& chain, const char* group)
       ->type_name("NAME")
       ->capture_default_str()
       ->group(group);
+  app.add_option("--pixel-spacing", chain.pixelSpacing,
+                 "The size of a pixel along columns and rows, where the transforms do not say it; pixel (0, 0) stays")
+      ->expected(2)
+      ->delimiter(',')
+      ->check(PositiveNumber())
+      ->type_name("MM MM")
+      ->group(group);
   app.add_flag("--assume-status", chain.assumeStatus, "Accept transforms that carry no status")->group(group);
 }
 
@@ -70,6 +77,10 @@ void SetFileAndChain(Reader* reader, const std::string& path, const PoseChain& c
   reader->SetFileName(path.c_str());
   reader->SetFromFrame(chain.from.c_str());
   reader->SetToFrame(chain.to.c_str());
+  if (!chain.pixelSpacing.empty())
+  {
+    reader->SetImageSpacing(chain.pixelSpacing[0], chain.pixelSpacing[1]);
+  }
   reader->SetAssumeMissingStatusOK(chain.assumeStatus);
   if (!chain.config.empty())
   {
@@ -497,6 +508,10 @@ PoseOptions PoseOptionsOf(const PoseChain& chain)
   options.fromFrame = chain.from;
   options.toFrame = chain.to;
   options.configFileName = chain.config;
+  if (!chain.pixelSpacing.empty())
+  {
+    options.imageSpacing = {chain.pixelSpacing[0], chain.pixelSpacing[1]};
+  }
   options.assumeMissingStatusOK = chain.assumeStatus;
   return options;
 }

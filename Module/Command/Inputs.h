@@ -41,7 +41,8 @@ struct PoseChain
 {
   std::string config;  ///< Plus XML with transforms the sequence lacks
   std::string from = "Image", to = "Reference";
-  bool assumeStatus = false;  ///< accept transforms without a status field
+  std::vector<double> pixelSpacing;  ///< mm along columns and rows, instead of the transforms'; empty: theirs
+  bool assumeStatus = false;         ///< accept transforms without a status field
 };
 
 struct SequenceOptions

@@ -15,6 +15,7 @@
 #include "Core/Model/PoseAxes.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Numerics/Format.h"
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/Xml.h"
@@ -306,6 +307,29 @@ std::string CheckPose(const PoseOptions& options, const SequenceFile& file, Fram
   return {};
 }
 
+void RequireSpacing(const SequenceFile& file, const PoseOptions& options)
+{
+  const auto [i, j] = options.imageSpacing;
+  if (!std::isfinite(i) || !std::isfinite(j) || std::min(i, j) < 0 || (i > 0) != (j > 0))
+  {
+    throw FileError(FileFault::User,
+                    file.fileName + ": the image spacing is " + ExactNumber(i) + " x " + ExactNumber(j) +
+                        " mm; two lengths above 0 are expected, or 0 and 0 for those of the transforms");
+  }
+}
+
+// Gives pixels the size that the caller wants. Pixel (0, 0) stays where it is.
+void SetSpacing(const PoseOptions& options, Eigen::Matrix4d& pose)
+{
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    if (const double side = options.imageSpacing[static_cast<std::size_t>(axis)]; side > 0)
+    {
+      pose.block<3, 1>(0, axis) = side * pose.block<3, 1>(0, axis).normalized();
+    }
+  }
+}
+
 // The frame's pose, or why it has none.
 std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, const PoseOptions& options,
                         const SequenceFile& file, FramePose& frame)
@@ -360,6 +384,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
     pose = first ? matrix : Eigen::Matrix4d(matrix * pose);  // a single forward link stays as it is, to the last bit
     first = false;
   }
+  SetSpacing(options, pose);
   return CheckPose(options, file, frame);
 }
 
@@ -443,6 +468,31 @@ std::string MadeAxesWarning(const std::string& fileName, const PoseTable& table)
          "made";
 }
 
+std::string SpacingDoubt(const SequenceFile& file, const PoseTable& table)
+{
+  constexpr double kSame = 0.02;  // share; headers are rounded
+  const auto frame =
+      std::find_if(table.frames.begin(), table.frames.end(), [](const FramePose& f) { return f.accepted; });
+  // Programs write 1 where they know nothing.
+  if (table.chain.empty() || frame == table.frames.end() || file.spacingField.empty() ||
+      (file.spacing[0] == 1 && file.spacing[1] == 1))
+  {
+    return {};
+  }
+  const double sides[2] = {frame->imageToReference.block<3, 1>(0, 0).norm(),
+                           frame->imageToReference.block<3, 1>(0, 1).norm()};
+  if (std::abs(file.spacing[0] / sides[0] - 1) < kSame && std::abs(file.spacing[1] / sides[1] - 1) < kSame)
+  {
+    return {};
+  }
+  const auto text = [](double i, double j, const char* between)
+  { return Format("%.4g", i) + between + Format("%.4g", j); };
+  return file.fileName + ": a pixel measures " + text(sides[0], sides[1], " x ") + " mm by the transforms, but " +
+         text(file.spacing[0], file.spacing[1], " x ") + " mm by the header (" + file.spacingField +
+         "). The transforms' is used; to take the header's, set the image spacing to " +
+         text(file.spacing[0], file.spacing[1], " ");
+}
+
 void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTable& table)
 {
   table = PoseTable();
@@ -460,6 +510,7 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
     throw FileError(FileFault::User, file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
                                          Quoted(options.toFrame) + "; name two different coordinate frames");
   }
+  RequireSpacing(file, options);
   std::vector<std::string> reached;
   const std::vector<Step> chain = FindChain(links, options.fromFrame, options.toFrame, reached);
   if (chain.empty() && (options.required || !links.empty()))

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,8 @@ struct PoseOptions
 {
   std::string fromFrame = "Image";
   std::string toFrame = "Reference";
-  std::string configFileName;  ///< Plus XML with further transforms; empty: none
+  std::string configFileName;                   ///< Plus XML with further transforms; empty: none
+  std::array<double, 2> imageSpacing = {0, 0};  ///< mm of a pixel along i and j, instead of the matrices'; 0: theirs
   bool assumeMissingStatusOK = false;
   bool allowReflectedPoses = false;  ///< a left-handed pose keeps its third column
   bool required = true;              ///< false: where there is no transform at all, frames are accepted without a pose
@@ -74,6 +76,9 @@ std::string CroppedFrameWarning(const std::string& fileName, const std::string& 
 
 /// The sentence that tells of third columns that were made.
 std::string MadeAxesWarning(const std::string& fileName, const PoseTable& table);
+
+/// The sentence that tells that the header states another size of a pixel than the poses; empty where it does not.
+std::string SpacingDoubt(const SequenceFile& file, const PoseTable& table);
 
 /// Fills `table` as far as it gets. Throws FileError when there is no way from one frame to the other, naming
 /// the transforms there are and the coordinate frames that can be reached, and when the configuration cannot

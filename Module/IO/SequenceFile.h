@@ -57,6 +57,8 @@ struct SequenceFile
   std::string orientation;   ///< the flag as in the file
   bool flipColumns = false;  ///< to reach marked-far order
   bool flipRows = false;
+  std::array<double, 2> spacing = {0, 0};  ///< mm of a pixel along i and j as the header states it; 0: it does not
+  std::string spacingField;                ///< which states it
 
   Encoding encoding = Encoding::Raw;
   std::string dataFile;                   ///< raw, zlib, gzip

@@ -145,6 +145,7 @@ public:
   std::vector<std::string> transformNames;
   std::vector<bigus::UnusedField> unusedFields;
   std::string croppedFrame;
+  std::string spacingDoubt;
   std::string pixelType;
   double usedRange = 0;
   bool hasTimestamps = false;
@@ -192,6 +193,7 @@ private:
     }
     this->unusedFields = bigus::UnusedFieldsOf(this->file, this->poses.transforms);
     this->croppedFrame = this->poses.CroppedFrame(fromFrame);
+    this->spacingDoubt = bigus::SpacingDoubt(this->file, this->poses);
     if (!this->poses.chain.empty())
     {
       this->geometry = Measure(this->file, this->poses.frames);
@@ -271,6 +273,10 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
   if (this->GetNumberOfMadeAxes() > 0)
   {
     vtkWarningMacro(<< bigus::MadeAxesWarning(this->FileName, this->Internals->poses));
+  }
+  if (!this->Internals->spacingDoubt.empty())
+  {
+    vtkWarningMacro(<< this->Internals->spacingDoubt);
   }
   const bigus::SequenceFile& file = this->Internals->file;
   const auto frames = static_cast<int>(this->Internals->OutputFrames(this->KeepRejectedFrames != 0).size());
@@ -439,6 +445,11 @@ const char* vtkBigusSequenceReader::GetCroppedFrame()
 int vtkBigusSequenceReader::GetNumberOfMadeAxes()
 {
   return this->Internals->poses.NumberOfMadeAxes();
+}
+
+const char* vtkBigusSequenceReader::GetSpacingDoubt()
+{
+  return this->Internals->spacingDoubt.c_str();
 }
 
 double vtkBigusSequenceReader::GetUsedPixelRange()

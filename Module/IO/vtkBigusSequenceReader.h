@@ -207,6 +207,12 @@ public:
   int GetNumberOfMadeAxes();
 
   /**
+   * A sentence that names both sizes of a pixel where the header states another than the transforms, which is used (see
+   * ImageSpacing); else empty.
+   */
+  const char* GetSpacingDoubt();
+
+  /**
    * The chain used, such as "Image -> Probe -> Tracker -> Reference"; empty when there is none.
    */
   const char* GetTransformChain();

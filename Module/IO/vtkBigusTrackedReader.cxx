@@ -52,6 +52,7 @@ bigus::PoseOptions vtkBigusTrackedReader::GetPoseOptions() const
   options.fromFrame = this->FromFrame ? this->FromFrame : "";
   options.toFrame = this->ToFrame ? this->ToFrame : "";
   options.configFileName = this->ConfigFileName ? this->ConfigFileName : "";
+  options.imageSpacing = {this->ImageSpacing[0], this->ImageSpacing[1]};
   options.assumeMissingStatusOK = this->AssumeMissingStatusOK != 0;
   options.allowReflectedPoses = this->AllowReflectedPoses != 0;
   return options;
@@ -72,6 +73,7 @@ void vtkBigusTrackedReader::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "ConfigFileName: " << name(this->ConfigFileName) << "\n";
   os << indent << "FromFrame: " << name(this->FromFrame) << "\n";
   os << indent << "ToFrame: " << name(this->ToFrame) << "\n";
+  os << indent << "ImageSpacing: " << this->ImageSpacing[0] << " " << this->ImageSpacing[1] << "\n";
   os << indent << "AssumeMissingStatusOK: " << this->AssumeMissingStatusOK << "\n";
   os << indent << "AllowReflectedPoses: " << this->AllowReflectedPoses << "\n";
 }

@@ -57,6 +57,15 @@ public:
 
   ///@{
   /**
+   * The size of a pixel along i and j, mm, in the place of that in the transforms; where pixel (0, 0) lies stays. For files
+   * whose header alone states it (ElementSpacing). 0, 0: as the transforms say. Default: 0, 0.
+   */
+  vtkSetVector2Macro(ImageSpacing, double);
+  vtkGetVector2Macro(ImageSpacing, double);
+  ///@}
+
+  ///@{
+  /**
    * Accept a transform that has no status field. Plus writes one with every transform and refuses those
    * without; other programs may not write any. Default: off.
    */
@@ -98,6 +107,7 @@ protected:
   char* ConfigFileName = nullptr;
   char* FromFrame = nullptr;
   char* ToFrame = nullptr;
+  double ImageSpacing[2] = {0, 0};
   vtkTypeBool AssumeMissingStatusOK = 0;
   vtkTypeBool AllowReflectedPoses = 0;
 

@@ -43,10 +43,11 @@ void WorkAlone(const Work& work)
   }
 }
 
-PoseOptions PoseOptionsOf(const std::string& config, const std::string& from, const std::string& to, bool assumeOk,
-                          bool allowReflected)
+PoseOptions PoseOptionsOf(const std::string& config, const std::string& from, const std::string& to,
+                          const std::array<double, 2>& spacing, bool assumeOk, bool allowReflected)
 {
   PoseOptions options;
+  options.imageSpacing = spacing;
   options.configFileName = config;
   options.fromFrame = from;
   options.toFrame = to;
@@ -66,9 +67,9 @@ Array PixelsOf(const std::shared_ptr<unsigned char>& bytes, const SequenceFile& 
 
 /// A sequence as it is in the file, with what is known of it: see files.py.
 nb::dict ReadSequence(const std::string& path, const std::string& config, const std::string& from,
-                      const std::string& to, bool assumeOk, bool allowReflected, const std::string& imageFolder,
-                      const std::string& imagePattern, double pixelRange, bool autoMask, int clipMode,
-                      const std::array<int, 4>& rectangle, const std::array<double, 2>& apex,
+                      const std::string& to, const std::array<double, 2>& spacing, bool assumeOk, bool allowReflected,
+                      const std::string& imageFolder, const std::string& imagePattern, double pixelRange, bool autoMask,
+                      int clipMode, const std::array<int, 4>& rectangle, const std::array<double, 2>& apex,
                       const std::array<double, 2>& radii, const std::array<double, 2>& angles, bool keepRejected,
                       bool requirePoses)
 {
@@ -86,7 +87,7 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
         images.pattern = imagePattern;
         images.plain = !requirePoses;
         file = ReadSequenceFile(path, images);
-        PoseOptions options = PoseOptionsOf(config, from, to, assumeOk, allowReflected);
+        PoseOptions options = PoseOptionsOf(config, from, to, spacing, assumeOk, allowReflected);
         options.required = requirePoses;
         ResolvePoses(file, options, poses);
         poses.RequireFrames(path);
@@ -129,6 +130,10 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   if (poses.NumberOfMadeAxes() > 0)
   {
     warnings.push_back(MadeAxesWarning(path, poses));
+  }
+  if (const std::string doubt = SpacingDoubt(file, poses); !doubt.empty())
+  {
+    warnings.push_back(doubt);
   }
   if (read.usedBits > 0)
   {
@@ -215,12 +220,14 @@ void WriteStoredField(Field field, const std::string& path, bool isRounded)
 }
 
 nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const std::string& config,
-                         const std::string& from, const std::string& to, bool assumeOk, bool allowReflected)
+                         const std::string& from, const std::string& to, const std::array<double, 2>& imageSpacing,
+                         bool assumeOk, bool allowReflected)
 {
   PlaneFile file;
   {
     const nb::gil_scoped_release others;
-    ReadPlanes(path, PoseOptionsOf(config, from, to, assumeOk, allowReflected), spacing, worldIsLps, file);
+    ReadPlanes(path, PoseOptionsOf(config, from, to, imageSpacing, assumeOk, allowReflected), spacing, worldIsLps,
+               file);
   }
   const std::size_t n = file.planes.size();
   std::vector<Eigen::Matrix4d> poses;
@@ -249,9 +256,9 @@ nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLp
 void BindFiles(nb::module_& m)
 {
   m.def("read_sequence", &ReadSequence, nb::arg("path"), nb::arg("ConfigFileName"), nb::arg("FromFrame"),
-        nb::arg("ToFrame"), nb::arg("AssumeMissingStatusOK"), nb::arg("AllowReflectedPoses"), nb::arg("ImageFolder"),
-        nb::arg("ImagePattern"), nb::arg("PixelRange"), nb::arg("AutoMask"), nb::arg("ClipMode"),
-        nb::arg("ClipRectangle"), nb::arg("FanApex"), nb::arg("FanRadii"), nb::arg("FanAngles"),
+        nb::arg("ToFrame"), nb::arg("ImageSpacing"), nb::arg("AssumeMissingStatusOK"), nb::arg("AllowReflectedPoses"),
+        nb::arg("ImageFolder"), nb::arg("ImagePattern"), nb::arg("PixelRange"), nb::arg("AutoMask"),
+        nb::arg("ClipMode"), nb::arg("ClipRectangle"), nb::arg("FanApex"), nb::arg("FanRadii"), nb::arg("FanAngles"),
         nb::arg("KeepRejectedFrames"), nb::arg("RequirePoses"));
   m.def(
       "looks_like_sequence",
@@ -262,8 +269,8 @@ void BindFiles(nb::module_& m)
   m.def("read_field", &ReadStoredField, nb::arg("path"));
   m.def("write_field", &WriteStoredField, nb::arg("field"), nb::arg("path"), nb::arg("Rounding"));
   m.def("read_planes", &ReadSlicePlanes, nb::arg("path"), nb::arg("spacing"), nb::arg("world_is_lps"),
-        nb::arg("ConfigFileName"), nb::arg("FromFrame"), nb::arg("ToFrame"), nb::arg("AssumeMissingStatusOK"),
-        nb::arg("AllowReflectedPoses"));
+        nb::arg("ConfigFileName"), nb::arg("FromFrame"), nb::arg("ToFrame"), nb::arg("ImageSpacing"),
+        nb::arg("AssumeMissingStatusOK"), nb::arg("AllowReflectedPoses"));
 }
 
 }  // namespace bigus

@@ -1738,6 +1738,15 @@ class Convert(CommandTest):
         sweep.write_text(re.sub(r"1 0 0 0 0 1 0 0 0 0 1 \d 0 0 0 1", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", text),
                          errors="surrogateescape")
         self.expect(SUCCESS, "convert", sweep, out, notes="lie in one plane")
+        header, pixels, _ = read_sequence(self.sweep)
+        spacing = self.folder / "spacing.mha"
+        write_sequence(spacing, header.replace("ElementSpacing = 1 1 1", "ElementSpacing = 0.25 0.5 1"), pixels)
+        self.assertRegex(self.expect(SUCCESS, "info", spacing)["doubts"][0],
+                         r"0\.6 x 0\.6 mm by the transforms, but 0\.25 x 0\.5 mm .*to 0\.25 0\.5 \(--pixel-spacing\)")
+        answer = self.expect(SUCCESS, "info", spacing, "--pixel-spacing", 0.25, 0.5)
+        self.assertEqual(answer["doubts"], [])
+        self.assertAlmostEqual(answer["pixel_size"][1], 0.5, places=9)
+        self.expect(USAGE, "info", spacing, "--pixel-spacing", 0.25, 0)
 
     def test_field_to_ply_and_back(self):
         ply, vtp = self.folder / "f.ply", self.folder / "f.vtp"

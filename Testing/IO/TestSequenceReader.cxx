@@ -392,6 +392,69 @@ TEST(SequenceReader, SaysThatImagesMayBeCropped)
 }
 
 // Plus reorders pixels to marked-far and leaves transforms as they are.
+// 0.2 x 0.3 mm by the transforms. Whatever a header says is a doubt; the size that is given is taken.
+TEST(SequenceReader, SaysThatAHeaderStatesAnotherSizeOfAPixel)
+{
+  TemporaryFolder folder;
+  const auto doubt = [&](const std::string& bytes)
+  {
+    WriteBytes(folder / "file", bytes);
+    vtkNew<vtkBigusSequenceReader> reader;
+    ErrorObserver warnings(reader);
+    reader->SetFileName((folder / "file").c_str());
+    reader->UpdateInformation();
+    const std::string text = reader->GetSpacingDoubt();
+    EXPECT_EQ(warnings.Text().find(text.empty() ? "by the header" : text) != std::string::npos, !text.empty());
+    return text;
+  };
+  Sequence sequence = SmallSequence();
+  const std::string said = "0.2 x 0.3 mm by the transforms, but 0.35 x 0.4 mm by the header (";
+  const std::string nrrdPixels = "4 3 3\nspace dimension: 3";
+  for (const char* good : {"1 1 1", "0.2 0.3 1", "0.2004 0.2996 4", "0 0 0", "nan 1 1", "much", ""})
+  {
+    SCOPED_TRACE(good);
+    sequence.Set("ElementSpacing", good);
+    EXPECT_EQ(doubt(sequence.Bytes()), "");
+  }
+  sequence.Set("ElementSpacing", "0.35 0.4 1");
+  const std::string text = doubt(sequence.Bytes());
+  EXPECT_NE(text.find(said + "ElementSpacing)"), std::string::npos) << text;
+  EXPECT_NE(text.find("set the image spacing to 0.35 0.4"), std::string::npos) << text;
+  sequence.Set("ElementSpacing", "1 1 1");
+  sequence.Set(SmallField(0, "ElementSpacing"), "0.35 0.4 1");
+  EXPECT_NE(doubt(sequence.Bytes()).find(said + "ElementSpacing)"), std::string::npos);
+  sequence.Remove(SmallField(0, "ElementSpacing"));
+  EXPECT_NE(doubt(sequence.NrrdBytes(nrrdPixels + "\nspace directions: (0.35,0,0) (0, -0.4, 0) none",
+                                     "domain domain list", "raw", sequence.pixels))
+                .find(said + "space directions)"),
+            std::string::npos);
+  EXPECT_NE(doubt(sequence.NrrdBytes("3 4 3\nspacings: 1 0.35 0.4", "list domain domain", "raw", sequence.pixels))
+                .find(said + "spacings)"),
+            std::string::npos);
+  EXPECT_EQ(doubt(sequence.NrrdBytes(nrrdPixels + "\nspace directions: (0.35,0 (0,0.4,0)", "domain domain list", "raw",
+                                     sequence.pixels)),
+            "");
+
+  vtkNew<vtkBigusSequenceReader> reader;
+  sequence.Set("ElementSpacing", "0.35 0.4 1");
+  WriteBytes(folder / "file", sequence.Bytes());
+  reader->SetImageSpacing(0.35, 0.4);
+  vtkImageData* const image = Read(reader, folder / "file");
+  EXPECT_STREQ(reader->GetSpacingDoubt(), "");
+  for (int c = 0; c < 16; ++c)
+  {
+    const double expected = c == 0 ? 0.35 : c == 5 ? 0.4 : SmallPose(c / 4, c % 4, 2);
+    EXPECT_NEAR(image->GetFieldData()->GetArray("ImageToReference")->GetComponent(2, c), expected, 1e-15);
+  }
+  for (const double bad : {0.0, -0.4, std::nan("")})
+  {
+    reader->SetImageSpacing(0.35, bad);
+    ErrorObserver errors(reader);
+    reader->UpdateInformation();
+    EXPECT_NE(errors.Text().find("the image spacing is 0.35 x"), std::string::npos) << errors.Text();
+  }
+}
+
 TEST(SequenceReader, BringsEveryOrientationToMarkedFar)
 {
   TemporaryFolder folder;

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Formats/HeaderFields.h"
 
+#include <cmath>
+
 #include "IO/FileError.h"
 #include "IO/Text.h"
 
@@ -147,6 +149,15 @@ void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::
   file.width = static_cast<int>(width);
   file.height = static_cast<int>(height);
   file.numberOfFrames = static_cast<int>(frames);
+}
+
+void SetSpacing(SequenceFile& file, const std::string& field, double i, double j)
+{
+  if (i > 0 && j > 0 && std::isfinite(i) && std::isfinite(j))
+  {
+    file.spacing = {i, j};
+    file.spacingField = field;
+  }
 }
 
 void FieldCollector::Add(const SequenceFile& file, std::string_view key, std::string_view value)

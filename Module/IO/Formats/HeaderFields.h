@@ -36,6 +36,9 @@ void SetChannels(SequenceFile& file, std::int64_t channels);
 /// Sets width, height and frames. Throws FileError when there are too many.
 void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::int64_t frames);
 
+/// Takes the size of a pixel that a field states, unless it is none.
+void SetSpacing(SequenceFile& file, const std::string& field, double i, double j);
+
 /// Fields as they come: one of a frame (Seq_Frame0012_Name) goes to that frame, any other to the file.
 class FieldCollector
 {

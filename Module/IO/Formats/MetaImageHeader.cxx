@@ -1,5 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
+#include <string_view>
+
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/SequenceHeaders.h"
@@ -178,6 +180,27 @@ void SetData(SequenceFile& file, std::uint64_t end)
   }
 }
 
+/// Of the file, or of the first frame that has a size of its own where the file has none but 1.
+void TakeSpacing(SequenceFile& file)
+{
+  const auto take = [&file](const Fields& fields, const std::string& name)
+  {
+    const std::string* text = Find(fields, name);
+    const std::vector<std::string_view> words = text ? Words(*text) : std::vector<std::string_view>();
+    double sides[2] = {0, 0};
+    if (words.size() >= 2 && ParseNumber(words[0], sides[0]) && ParseNumber(words[1], sides[1]))
+    {
+      SetSpacing(file, name, sides[0], sides[1]);
+    }
+  };
+  take(file.fields, "ElementSize");
+  take(file.fields, "ElementSpacing");
+  for (std::size_t frame = 0; frame < file.frames.size() && (file.spacing[0] == 0 || file.spacing[0] == 1); ++frame)
+  {
+    take(file.frames[frame], "ElementSpacing");
+  }
+}
+
 }  // namespace
 
 bool LooksLikeMetaImage(const std::string& beginning)
@@ -201,6 +224,7 @@ void ReadMetaImageHeader(SequenceFile& file, InputFile& input)
   SetCoding(file);
   SetData(file, input.Position());
   FinishHeader(file, collected);
+  TakeSpacing(file);
 }
 
 }  // namespace bigus

@@ -1,5 +1,9 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/SequenceHeaders.h"
@@ -93,6 +97,35 @@ std::vector<std::string> KindsOf(const SequenceFile& file, const Fields& nrrd, s
   return kinds;
 }
 
+/// Per axis how far its samples lie apart, by "spacings" or by the lengths of "space directions"; NaN where it has none.
+std::vector<double> SpacingsOf(const Fields& nrrd, std::string& field)
+{
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> spacings;
+  field = "spacings";
+  if (const std::string* text = Find(nrrd, field))
+  {
+    for (const auto word : Words(*text))
+    {
+      spacings.push_back(nan);
+      ParseNumber(word, spacings.back());
+    }
+    return spacings;
+  }
+  field = "space directions";
+  const std::string* text = Find(nrrd, field);
+  for (std::size_t at = 0; text && (at = text->find_first_of("n(", at)) != std::string::npos;)
+  {
+    const std::size_t end = std::min(text->find((*text)[at] == '(' ? ')' : ' ', at), text->size());
+    std::string vector = text->substr(at + 1, end - at - 1);
+    std::replace(vector.begin(), vector.end(), ',', ' ');
+    double v[3];
+    spacings.push_back(ParseNumbers(vector, 3, v) ? std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) : nan);
+    at = end;
+  }
+  return spacings;
+}
+
 /// Sets width, height and frames, and returns how many channels a pixel has.
 std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
 {
@@ -147,6 +180,26 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
   }
   SetSizes(file, plane[0], plane[1], frames);
   return channels;
+}
+
+void TakeSpacing(SequenceFile& file, const Fields& nrrd)
+{
+  std::string field;
+  const std::vector<double> spacings = SpacingsOf(nrrd, field);
+  if (spacings.size() != SizesOf(file, nrrd).size())
+  {
+    return;
+  }
+  const std::vector<std::string> kinds = KindsOf(file, nrrd, spacings.size());
+  std::vector<double> plane;
+  for (std::size_t axis = 0; axis < spacings.size(); ++axis)
+  {
+    if (kinds[axis] == "domain" || kinds[axis] == "space")
+    {
+      plane.push_back(spacings[axis]);
+    }
+  }
+  SetSpacing(file, field, plane[0], plane[1]);
 }
 
 void SetType(SequenceFile& file, const Fields& nrrd)
@@ -249,6 +302,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   Fields nrrd = ReadFields(file, input, collected, isComplete);
   file.fields = std::move(collected.fields);
   const std::int64_t channels = SetAxes(file, nrrd, plain);
+  TakeSpacing(file, nrrd);
   SetType(file, nrrd);
   SetChannels(file, channels);
   SetEndian(file, nrrd);

@@ -19,6 +19,7 @@ POSES = {
     "ConfigFileName": "",
     "FromFrame": "Image",
     "ToFrame": "Reference",
+    "ImageSpacing": (0.0, 0.0),
     "AssumeMissingStatusOK": False,
     "AllowReflectedPoses": False,
 }
@@ -69,6 +70,7 @@ def read(path: Union[str, os.PathLike], **properties: Any) -> Union[Sweep, Field
 
     FromFrame="Image", ToFrame="Reference": coordinate frames that the poses lead from and to, by their names in the file.
     ConfigFileName: a Plus configuration (XML) with transforms that the file lacks.
+    ImageSpacing=(0, 0): mm of a pixel along i and j, in the place of what the transforms say; 0: what they say.
     AssumeMissingStatusOK=False: accept transforms that have no status.
     AllowReflectedPoses=False: a third column that points the other way is made from the first two; True keeps it.
     ImageFolder, ImagePattern: of a CSV, where its PNGs are; the pattern has one %d.
@@ -143,7 +145,7 @@ def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str 
 
     spacing: mm a pixel, for 3D Slicer's planes and lines. world: the patient system that the field's world stands for,
     "RAS" as 3D Slicer shows tracked sequences, or "LPS"; only 3D Slicer's files look at it.
-    properties: ConfigFileName, FromFrame, ToFrame, AssumeMissingStatusOK and AllowReflectedPoses, as for read.
+    properties: ConfigFileName, FromFrame, ToFrame, ImageSpacing, AssumeMissingStatusOK and AllowReflectedPoses, as for read.
     """
     settings = settings_of(POSES, properties, "read_planes")
     return Planes(**_core.read_planes(os.fspath(path), float(spacing), is_lps(world), **settings))
