@@ -74,6 +74,33 @@ PLUS = ('<?xml version="1.0"?><Scene><PlusConfiguration><CoordinateDefinitions><
         '</CoordinateDefinitions></PlusConfiguration></Scene>')
 
 
+def with_steps(movie, steps):
+    """The bytes of an .mp4 of even rate, its boxes at the end, with other steps between its frames (in units of one)."""
+
+    def changed(data):
+        boxes, at = b"", 0
+        while at < len(data):
+            size, kind = struct.unpack(">I4s", data[at:at + 8])
+            size = size or len(data) - at
+            body = data[at + 8:at + size]
+            at += size
+            if kind == b"mdat":
+                boxes += data[at - size:at]
+                continue
+            if kind in (b"moov", b"trak", b"mdia", b"minf", b"stbl"):
+                body = changed(body)
+            elif kind == b"stts":  # of each frame how long it is shown
+                step = struct.unpack(">I", body[12:16])[0]
+                body = struct.pack(">II", 0, len(steps)) + b"".join(struct.pack(">II", 1, step * count) for count in steps)
+            elif kind == b"edts":  # which would end the film where it ended
+                kind = b"free"
+            boxes += struct.pack(">I4s", 8 + len(body), kind) + body
+        return boxes
+
+    assert movie.index(b"moov") > movie.index(b"mdat")
+    return changed(movie)
+
+
 class InFolder(unittest.TestCase):
     def setUp(self):
         temporary = tempfile.TemporaryDirectory()
@@ -480,6 +507,27 @@ class ImagesOfEveryKind(InFolder):
             again = self.load(self.folder / "scan.avi", "poses.csv")
         self.assertLess(np.abs(again.pixels.astype(int) - large).max(), 3)
         np.testing.assert_allclose(again.times, TIMES, atol=1e-3)
+
+    def test_video_of_variable_rate(self):
+        """A recorder that skips: the times of the frames are those in the file, not those that a rate would give."""
+        cv2 = package("cv2")
+        large = np.kron(IMAGES, np.ones((1, 8, 8), np.uint8))
+        writer = cv2.VideoWriter(str(self.folder / "even.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 20, large.shape[:0:-1])
+        if not writer.isOpened():
+            self.skipTest("OpenCV has no coder for .mp4 here")
+        for image in large:
+            writer.write(np.repeat(image[..., np.newaxis], 3, axis=2))
+        writer.release()
+        steps = [1, 1, 9, 1, 3, 1, 1]
+        times = np.cumsum([0, *steps[:-1]]) / 20
+        (self.folder / "uneven.mp4").write_bytes(with_steps((self.folder / "even.mp4").read_bytes(), steps))
+        stamps = np.arange(0, times[-1] + 0.02, 0.01)
+        self.write("tracker.csv", table(("timestamp", *MATRIX_NAMES),
+                                        np.concatenate([stamps[:, None], path_of_probe(stamps)[0].reshape(-1, 16)], axis=1)))
+        for name, expected in (("even.mp4", TIMES), ("uneven.mp4", times)):
+            sweep = self.load(self.folder / name, "tracker.csv")
+            np.testing.assert_allclose(sweep.times, expected, atol=1e-3)
+            np.testing.assert_allclose(sweep.poses, path_of_probe(expected)[0] @ SCALE, atol=0.06)  # mm in 1 ms
 
     def dicom(self, name="scan.dcm", **elements):
         pydicom = package("pydicom")

@@ -249,25 +249,26 @@ def _video(path: Path) -> Images:
     rate = capture.get(cv2.CAP_PROP_FPS)
     frames, times = [], []
     while capture.isOpened():
-        time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
         good, frame = capture.read()
         if not good:
             break
         frames.append(as_pixels(frame[np.newaxis, ..., ::-1], path)[0])  # OpenCV gives blue first
-        times.append(time)
+        times.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)  # of the frame that was read; before, of the one before it
     capture.release()
     if not frames:
         raise SourceError(f"{path}: no frame can be read; convert the video, for example with ffmpeg to .mp4 (H.264)")
+    times = np.array(times) - times[0]  # older versions count from the end of the first
     if not np.all(np.diff(times) > 0):  # not every container has times
         times = np.arange(len(frames)) / rate if rate > 0 else None
-    return Images(np.stack(frames), None if times is None else np.array(times))
+    return Images(np.stack(frames), times)
 
 
 def _video_by_imageio(path: Path) -> Images:
     imageio = _need("imageio", path, ", with imageio-ffmpeg, or install opencv-python-headless")
     try:
         with imageio.get_reader(os.fspath(path)) as reader:
-            rate = reader.get_meta_data().get("fps")
+            facts = reader.get_meta_data()
+            rate, duration = facts.get("fps"), facts.get("duration")
             frames = [as_pixels(np.asarray(frame)[np.newaxis], path)[0] for frame in reader]
     except SourceError:
         raise
@@ -276,6 +277,10 @@ def _video_by_imageio(path: Path) -> Images:
                           "(H.264)") from None
     if not frames:
         raise SourceError(f"{path}: has no frame")
+    # imageio fills gaps with repeated frames and does not tell times.
+    if rate and duration and abs(len(frames) / rate - duration) > max(3 / rate, 0.02 * duration):
+        raise SourceError(f"{path}: has frames of a variable rate ({len(frames)} in {duration:.4g} s, at {rate:.4g} a second), "
+                          "whose times OpenCV tells: pip install opencv-python-headless")
     return Images(np.stack(frames), np.arange(len(frames)) / rate if rate else None)
 
 
