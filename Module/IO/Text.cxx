@@ -16,8 +16,6 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t kLongestLine = 64 * 1024;
-
 bool IsBlank(char c)
 {
   return c == ' ' || c == '\t' || c == '\r' || c == '\n';
@@ -242,7 +240,7 @@ std::size_t InputFile::Read(void* bytes, std::size_t count)
   return got;
 }
 
-bool InputFile::ReadLine(std::string& line)
+bool InputFile::ReadLine(std::string& line, std::size_t longest)
 {
   line.clear();
   std::streambuf* buffer = stream_.rdbuf();
@@ -260,9 +258,10 @@ bool InputFile::ReadLine(std::string& line)
     {
       break;
     }
-    if (line.size() >= kLongestLine)
+    if (line.size() >= longest)
     {
-      throw FormatError(name_ + ": the header has a line longer than 64 KiB; this is not a text header");
+      throw FormatError(name_ + ": the header has a line longer than " + std::to_string(longest / 1024) +
+                        " KiB; this is not a text header");
     }
     line += static_cast<char>(c);
   }

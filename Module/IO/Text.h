@@ -58,8 +58,8 @@ public:
   std::size_t Read(void* bytes, std::size_t count);
 
   /// The next line without its end (LF or CR LF); false at the end of the file. Throws FileError when the
-  /// line is longer than 64 KiB, which no text header's is.
-  bool ReadLine(std::string& line);
+  /// line is longer than so many bytes.
+  bool ReadLine(std::string& line, std::size_t longest = 64 * 1024);
 
 private:
   std::string name_;

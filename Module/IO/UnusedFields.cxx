@@ -27,7 +27,8 @@ const std::set<std::string_view>& FieldsOfFormats()
       "type", "dimension", "sizes", "kinds", "encoding", "endian", "data file", "datafile", "line skip", "lineskip",
       "byte skip", "byteskip", "space", "space dimension", "space directions", "space origin", "space units",
       "spacings", "thicknesses", "centers", "centerings", "axis mins", "axismins", "axis maxs", "axismaxs",
-      "measurement frame", "ultrasound image orientation", "ultrasound image type",
+      "measurement frame", "ultrasound image orientation", "ultrasound image type", "axis 0 index type",
+      "axis 0 index values", "axis 3 index type", "axis 3 index values",
       // of a frame
       "Timestamp", "ImageStatus", "Status"};
   return names;

@@ -4,6 +4,7 @@
 // file.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -612,6 +613,16 @@ TEST(SequenceReader, ReadsCsvWithPngs)
   reader->SetImageFolder(folder.Path().c_str());
   ExpectSmall(Read(reader, folder / "bare.csv"));
 
+  // Spreadsheets write semicolons or tabs where a comma is the sign of decimals.
+  for (const char separator : {';', '\t'})
+  {
+    std::string csv = SmallCsv(false);
+    std::replace(csv.begin(), csv.end(), ',', separator);
+    std::replace(csv.begin(), csv.end(), '.', ',');
+    WriteBytes(folder / "commas.csv", csv);
+    ExpectSmall(Read(reader, folder / "commas.csv"));
+  }
+
   // Numbers count as numbers, whichever way they are written, also after other numbers.
   for (const auto& names : std::vector<std::vector<std::string>>{
            {"f2.png", "f10.png", "f100.png"},
@@ -1039,6 +1050,51 @@ TEST(SequenceReader, ReadsPlainImagesWhenPosesAreNotRequired)
     reader->Update();
     EXPECT_EQ(errors.Errors().size(), 1u) << errors.Text();
     EXPECT_EQ(reader->GetOutput()->GetNumberOfPoints(), 0);
+  }
+}
+
+// A volume sequence of one slice a frame as 3D Slicer writes it, the list axis last, or first as it did before.
+TEST(SequenceReader, ReadsSlicersVolumeSequences)
+{
+  TemporaryFolder folder;
+  const Sequence volume = SmallVolume();
+  std::string interleaved;
+  for (std::size_t pixel = 0; pixel < 12; ++pixel)
+  {
+    for (std::size_t frame = 0; frame < smallFrames; ++frame)
+    {
+      interleaved += volume.pixels[12 * frame + pixel];
+    }
+  }
+  const std::string directions = "(1,0,0) (0,1,0) (0,0,1)";
+  for (const bool isLast : {true, false})
+  {
+    SCOPED_TRACE(isLast);
+    std::string bytes =
+        volume.NrrdBytes(isLast ? "4 3 1 3" : "3 4 3 1",
+                         (isLast ? "domain domain domain list" : "list domain domain domain") +
+                             std::string("\nspace: left-posterior-superior\nspace directions: ") +
+                             (isLast ? directions + " none" : "none " + directions) +
+                             "\nlabels: " + (isLast ? R"("" "" "" "time")" : R"("time" "" "" "")") +
+                             "\nunits: " + (isLast ? R"("" "" "" "s")" : R"("s" "" "" "")") +
+                             "\nspace origin: (0,0,0)\nmeasurement frame: (1,0,0) (0,1,0) (0,0,1)\nDataNodeClassName:="
+                             "vtkMRMLScalarVolumeNode\naxis " +
+                             (isLast ? "3" : "0") + " index type:=numeric\naxis " + (isLast ? "3" : "0") +
+                             " index values:=0.25 1.25 2.25",
+                         "raw", isLast ? volume.pixels : interleaved);
+    bytes.replace(bytes.find("dimension: 3"), 12, "dimension: 4");
+    WriteBytes(folder / "images.seq.nrrd", bytes);
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->RequirePosesOff();
+    vtkImageData* const image = Read(reader, folder / "images.seq.nrrd");
+    ASSERT_EQ(image->GetDimensions()[2], smallFrames);
+    vtkDataArray* const times = image->GetFieldData()->GetArray("Timestamp");
+    ASSERT_NE(times, nullptr);
+    for (int frame = 0; frame < smallFrames; ++frame)
+    {
+      EXPECT_EQ(times->GetComponent(frame, 0), frame + 0.25);
+      EXPECT_EQ(image->GetScalarComponentAsDouble(3, 1, frame, 0), SmallPixel(3, 1, frame));
+    }
   }
 }
 

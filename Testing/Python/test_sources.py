@@ -153,6 +153,31 @@ class PosesOfEveryKind(InFolder):
         rows = np.concatenate([1000 * TIMES[:, None], flat], axis=1)
         self.check(self.load(self.write("ms.csv", "\ufeff" + table(("time_ms", *MATRIX_NAMES), rows))), times=TIMES)
 
+    def test_decimal_commas(self):
+        """As spreadsheets write them where a comma is the sign of decimals."""
+        rows = np.concatenate([TIMES[:, None], POSES[:, :3, 3], QUATERNIONS], axis=1)
+        names = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+        for separator in (";", "\t", " ", "; "):
+            text = table(names, rows, separator)
+            self.check(self.load(self.write("point.csv", text)), times=TIMES)
+            comma = re.sub(r"(\d)\.(\d)", r"\1,\2", text)
+            for before in ("", "sep=;\n", "# recorded, by hand\n"):
+                self.check(self.load(self.write("comma.csv", before + comma)), times=TIMES)
+            self.check(self.load(self.write("comma.csv", comma.split("\n", 1)[1])), times=TIMES)  # no names
+            if separator != " ":
+                lost = re.sub(r"\n0,1[^\d].*", "\n0,1" + 7 * separator, comma)
+                self.assertEqual(len(self.load(self.write("lost.csv", lost)).pixels), FRAMES - 1)
+        quoted = table(names, [[f'"{cell!r}"'.replace(".", ",") for cell in map(float, row)] for row in rows])
+        self.check(self.load(self.write("quoted.csv", quoted)), times=TIMES)
+        probe = np.array([[0.25, 0.5, 0, -1.5], [0.5, -0.25, 0, 2], [0, 0, 0.125, 3], [0, 0, 0, 1]])
+        for text in (table((), probe, " "), table((), probe, ";"), table((), [probe.ravel()], "\t")):
+            calibration = self.write("calibration.txt", text.replace(".", ","))
+            self.check(self.load(self.folder / "poses.npy", calibration=calibration, pixel_spacing=None), POSES @ probe)
+        self.check(self.load(self.folder / "poses.npy", calibration=self.write("c.txt", table((), probe)), pixel_spacing=None),
+                   POSES @ probe)
+        with self.assertRaisesRegex(sources.SourceError, "'1.234,5' is not a number"):
+            self.load(self.write("thousands.csv", table(names, [[0.0, "1.234,5", *row[2:]] for row in rows], ";")))
+
     def test_tables_without_names(self):
         positions, times = POSES[:, :3, 3], TIMES[:, None]
         for rows in (POSES.reshape(-1, 16), POSES.reshape(-1, 16)[:, :12], np.concatenate([positions, QUATERNIONS], axis=1)):

@@ -14,6 +14,9 @@ namespace bigus
 namespace
 {
 
+/// 3D Slicer writes a number a frame into one line.
+constexpr std::size_t kLongestLine = 32u << 20;
+
 /// Reads lines up to a blank one and returns the format's own fields, by lowercase name. Without a blank line the header
 /// is not complete.
 Fields ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collected, bool& isComplete)
@@ -21,7 +24,7 @@ Fields ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collecte
   Fields nrrd;
   std::string line;
   input.ReadLine(line);  // the magic
-  while (!isComplete && input.ReadLine(line))
+  while (!isComplete && input.ReadLine(line, kLongestLine))
   {
     if (input.Position() > longestHeader)
     {
@@ -154,7 +157,7 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
       {
         plane.push_back(sizes[axis]);
       }
-      else if (plain && lists == 0)
+      else if (plain && lists == 0 && sizes[axis] != 1)
       {
         frames = sizes[axis];
         ++lists;
@@ -180,6 +183,26 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
   }
   SetSizes(file, plane[0], plane[1], frames);
   return channels;
+}
+
+/// Times of frames that have none, by what 3D Slicer writes of the list axis.
+void TakeTimes(SequenceFile& file, const Fields& nrrd)
+{
+  const std::vector<std::string> kinds = KindsOf(file, nrrd, SizesOf(file, nrrd).size());
+  const auto list =
+      std::find_if(kinds.begin(), kinds.end(), [](const std::string& k) { return k == "list" || k == "time"; });
+  const std::string axis = "axis " + std::to_string(list - kinds.begin());
+  const std::string* unit = Find(nrrd, "units");
+  const std::string* values = Find(file.fields, axis + " index values");
+  const std::vector<std::string_view> words = values ? Words(*values) : std::vector<std::string_view>();
+  if (!unit || unit->find("\"s\"") == std::string::npos || words.size() != file.frames.size())
+  {
+    return;
+  }
+  for (std::size_t frame = 0; frame < words.size(); ++frame)
+  {
+    file.frames[frame].emplace("Timestamp", words[frame]);
+  }
 }
 
 void TakeSpacing(SequenceFile& file, const Fields& nrrd)
@@ -308,6 +331,7 @@ void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
   SetEndian(file, nrrd);
   SetData(file, nrrd, input.Position(), isComplete);
   FinishHeader(file, collected);
+  TakeTimes(file, nrrd);
 }
 
 }  // namespace bigus

@@ -21,7 +21,7 @@ namespace
 constexpr std::size_t kMostCsvColumns = 1000;
 
 // One line's cells. Cells may be quoted with ", "" inside standing for one; they cannot contain line ends.
-std::vector<std::string> CsvCells(const std::string& fileName, const std::string& line)
+std::vector<std::string> CsvCells(const std::string& fileName, const std::string& line, char separator)
 {
   std::vector<std::string> cells(1);
   bool quoted = false;
@@ -37,7 +37,7 @@ std::vector<std::string> CsvCells(const std::string& fileName, const std::string
     {
       quoted = !quoted;
     }
-    else if (c == ',' && !quoted)
+    else if (c == separator && !quoted)
     {
       if (cells.size() >= kMostCsvColumns)
       {
@@ -59,6 +59,12 @@ std::vector<std::string> CsvCells(const std::string& fileName, const std::string
     cell = std::string(Trimmed(cell));
   }
   return cells;
+}
+
+std::string WithPoint(std::string number)
+{
+  std::replace(number.begin(), number.end(), ',', '.');
+  return number;
 }
 
 // The pattern with its one %d or %0Nd replaced.
@@ -159,7 +165,7 @@ void TakeSize(SequenceFile& file)
 bool LooksLikePoseCsv(const std::string& beginning)
 {
   const std::string line = Lowercase(std::string_view(beginning).substr(0, beginning.find_first_of("\r\n")));
-  return line.find("m00") != std::string::npos && line.find(',') != std::string::npos;
+  return line.find("m00") != std::string::npos && line.find_first_of(",;\t") != std::string::npos;
 }
 
 PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fileName)
@@ -168,7 +174,11 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
   {
     header.erase(0, 3);  // a byte order mark
   }
-  names_ = CsvCells(fileName_, header);
+  for (const char mark : {';', '\t'})
+  {
+    separator_ = header.find(mark) == std::string::npos ? separator_ : mark;
+  }
+  names_ = CsvCells(fileName_, header, separator_);
   for (std::size_t i = 0; i < names_.size(); ++i)
   {
     columns_.emplace(Lowercase(names_[i]), i);
@@ -195,7 +205,7 @@ bool PoseCsv::IsBlank(const std::string& line)
 PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
 {
   Row row;
-  row.cells = CsvCells(fileName_, line);
+  row.cells = CsvCells(fileName_, line, separator_);
   if (row.cells.size() != names_.size())
   {
     throw FormatError(fileName_ + ": row " + std::to_string(number) + " has " + std::to_string(row.cells.size()) +
@@ -209,7 +219,7 @@ PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
   std::string& pose = row.fields["ImageToReferenceTransform"];
   for (const std::size_t column : matrix_)
   {
-    pose += row.cells[column] + " ";
+    pose += WithPoint(row.cells[column]) + " ";
   }
   if (matrix_.size() == 12)
   {
@@ -219,7 +229,7 @@ PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
   row.fields["ImageToReferenceTransformStatus"] = status ? *status : "OK";
   if (const std::string* timestamp = cell("timestamp"))
   {
-    row.fields["Timestamp"] = *timestamp;
+    row.fields["Timestamp"] = WithPoint(*timestamp);
   }
   for (int side = 0; side < 2; ++side)
   {

@@ -42,6 +42,7 @@ public:
 
 private:
   std::string fileName_;
+  char separator_ = ',';  // or ; or a tab, beside which a comma is one of decimals
   std::vector<std::string> names_;
   std::map<std::string, std::size_t> columns_;  // by lower-case name; of two of one name the first
   std::vector<std::size_t> matrix_;             // columns of the pose, 12 or 16

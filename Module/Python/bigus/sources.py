@@ -8,6 +8,7 @@ The page Sources.md says which frames of coordinates are meant, with a picture.
 
 from __future__ import annotations
 
+import csv
 import importlib
 import os
 import pathlib
@@ -477,9 +478,30 @@ FRAME = {"frame", "frameindex", "imageindex", "index"}
 HEADERLESS = {16: 0, 12: 0, 7: 0, 17: 1, 13: 1, 8: 1}  # numbers in a row, and how many of them are a time, first
 
 
-def _cells(line: str) -> list:
-    separator = "," if "," in line else ";" if ";" in line else None
-    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+
+
+def _separator(lines: Sequence[str]) -> Optional[str]:
+    """What stands between the cells of most lines; None for blanks. Beside another separator a comma is one of decimals."""
+    last = lines[-1]
+    for mark in (";", "\t", ","):
+        if 2 * sum(mark in line for line in lines) > len(lines):
+            if mark == "\t" and any(len(cell.split()) > 1 for cell in last.split(mark)):
+                continue  # blanks of either kind
+            if mark == "," and len(last.split()) > 1 and all(re.fullmatch(r"[-+\d.eE]+", word) or DECIMAL_COMMA.fullmatch(word)
+                                                             for word in last.split()):
+                continue  # numbers with decimal commas, between blanks
+            return mark
+    return None
+
+
+def _cells(line: str, separator: Optional[str], name: Path, number: int) -> list:
+    if separator is None:
+        return [cell.strip('"') for cell in line.split()]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line.strip(" ")], delimiter=separator, skipinitialspace=True))]
+    except csv.Error as error:
+        raise SourceError(f"{name}: line {number}: {error}; a table of poses is expected") from None
 
 
 def _is_nothing(cell: str) -> bool:
@@ -491,7 +513,7 @@ def _number(cell: str, name: Path, line: int, column: str) -> float:
     if _is_nothing(cell):
         return np.nan
     try:
-        return float(cell)
+        return float(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell)
     except ValueError:
         raise SourceError(f"{name}: line {line}, column {column}: '{cell[:40]}' is not a number") from None
 
@@ -505,10 +527,12 @@ class _Table:
         except UnicodeDecodeError:
             raise SourceError(f"{path}: not text; a table of poses is expected") from None
         self.path = path
-        self.rows = [(k, _cells(line)) for k, line in enumerate(text.splitlines(), 1)
-                     if line.strip() and not line.lstrip().startswith("#")]
-        if not self.rows:
+        lines = [(k, line) for k, line in enumerate(text.splitlines(), 1)
+                 if line.strip() and not re.match(r"\s*(#|sep=.$)", line)]  # spreadsheets name their separator so
+        if not lines:
             raise SourceError(f"{path}: is empty; a table of poses is expected")
+        separator = _separator([line for _, line in lines])
+        self.rows = [(k, _cells(line, separator, path, k)) for k, line in lines]
         first, self.titles = self.rows[0]
         self.names = [re.sub(r"[^a-z0-9]", "", cell.lower()) for cell in self.titles]
         words = {name for name in self.names if re.match(r"[a-z]", name) and name not in ("nan", "inf") and not _is_nothing(name)}
@@ -577,11 +601,11 @@ def _text_poses(path: Path, order: str) -> Poses:
 
 
 def _sequence_poses(path: Path) -> Poses:
-    """Transforms that 3D Slicer saves beside the images of a tracked sequence (.seq.mha)."""
+    """Transforms that 3D Slicer saves beside the images of a tracked sequence (.seq.mha, .seq.mhd)."""
     with open(path, "rb") as file:
         header = file.read().split(b"ElementDataFile", 1)[0].decode("utf-8", "replace")
     found: dict = {}
-    for name, value in re.findall(r"^Seq_Frame(\d+_[^\s=]*) *= *(.*?)\s*$", header, re.MULTILINE):
+    for name, value in re.findall(r"^Seq_Frame(\d+_[^\s:=]*) *:?= *(.*?)\s*$", header, re.MULTILINE):
         index, field = name.split("_", 1)
         found.setdefault(field, {})[int(index)] = value
     transforms = [field for field in found if field.endswith("Transform")]
@@ -616,7 +640,7 @@ def read_poses(path: Path, order: str = "xyzw", dataset: Sequence[str] = (), sca
         image = beside.get("pixel_to_image", np.zeros(0))
         image = _matrices_of(image.reshape(1, 16), f"{path}: pixel_to_image", order)[0] if image.size == 16 else None
         return Poses(_matrices_of(array.astype(float).reshape(len(array), -1), path, order), image=image)
-    if suffix == ".mha":
+    if suffix in SEQUENCES:
         return _sequence_poses(path)
     return _text_poses(path, order)
 
@@ -656,8 +680,11 @@ def read_calibration(path: Path) -> tuple:
             text = _decoded(path)
         except UnicodeDecodeError:
             raise SourceError(f"{path}: not text; a calibration has 16 numbers, row by row") from None
-        lines = [(k, [cell for cell in re.split(r"[,;\s]+", line) if cell]) for k, line in enumerate(text.splitlines(), 1)
+        lines = [(k, line) for k, line in enumerate(text.splitlines(), 1)
                  if line.strip() and not re.match(r'\s*[#"A-Za-z]', line)]
+        words = [word for _, line in lines for word in re.split(r"[;\s]+", line.strip())]
+        has_points = not all(DECIMAL_COMMA.fullmatch(word) for word in words if "," in word)
+        lines = [(k, [cell for cell in re.split(r"[,;\s]+" if has_points else r"[;\s]+", line) if cell]) for k, line in lines]
         numbers = (_plus_calibration(path, text) if text.lstrip().startswith("<") else
                    np.array([_number(cell, path, k, str(c)) for k, cells in lines for c, cell in enumerate(cells, 1)]))
     if numbers.size not in (16, 32) or not np.isfinite(numbers).all():
