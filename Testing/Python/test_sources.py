@@ -333,6 +333,20 @@ class TimesOfEveryKind(InFolder):
                          ["1 of 25 rows of tracker.csv stood after later ones; all were sorted by time.",
                           "1 of 25 rows of tracker.csv had the time of an earlier one and were left out."])
 
+        # Pictures that have no times follow each other as the rows do.
+        seven = np.concatenate([TIMES[:, None], POSES[:, :3, 3], QUATERNIONS], axis=1)
+        twice = np.repeat(seven, 2, axis=0)
+        path = self.write("twice.csv", table(self.NAMES, twice))
+        sweep = sources.load(self.folder / "images.npy", path, pixel_spacing=SPACING)
+        self.check(sweep, times=TIMES)
+        self.assertIn(f"7 of 14 rows of {path} had the time of an earlier one and were left out.", sweep.notes)
+
+    def test_a_row_a_frame_at_other_times_is_said(self):
+        times = TIMES * [1, 1, 1, 1, 2, 2, 2]  # a video that skips, and as many poses as it has frames
+        seven = np.concatenate([TIMES[:, None], POSES[:, :3, 3], QUATERNIONS], axis=1)
+        self.assertRegex(self.load(seven, times=times)[0], "drift apart by 0.3 s; --by-time")
+        self.assertEqual(self.load(seven, times=TIMES + 7), [])
+
     def test_rows_in_another_order(self):
         swapped = self.ROWS[[1, 0, *range(2, 24)]]
         said = "{} of 24 rows of tracker.csv stood after later ones; all were sorted by time."

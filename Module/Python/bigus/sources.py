@@ -473,6 +473,7 @@ UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nano
 # The name of a column of times, and of its unit; an "s" alone may make the plural of it.
 TIME = re.compile(r"(?:timestamp|time|t|stamp)s?(?:(?P<s>sec|secs|seconds)|(?P<ms>ms|msecs?|millis|milliseconds)|"
                   r"(?P<us>us|usecs?|micros|microseconds)|(?P<ns>ns|nsecs?|nanos|nanoseconds))?")
+LARGEST_DRIFT = 0.1  # s between the times of frames and those of their poses
 SHORTEST_STEP, LONGEST_STEP = 2e-4, 10.0  # s between the poses of a tracker, on the median
 FRAME = {"frame", "frameindex", "imageindex", "index"}
 HEADERLESS = {16: 0, 12: 0, 7: 0, 17: 1, 13: 1, 8: 1}  # numbers in a row, and how many of them are a time, first
@@ -781,6 +782,15 @@ def _in_order(poses: Poses, rows: np.ndarray, name: Path, notes: list) -> np.nda
     return ordered
 
 
+def _once_a_time(poses: Poses, rows: np.ndarray, name: Path, notes: list) -> np.ndarray:
+    """The rows in the order of their times, the first of each."""
+    rows = _in_order(poses, rows, name, notes)
+    repeats = np.diff(poses.times[rows], prepend=-np.inf) == 0
+    if repeats.any():
+        notes.append(f"{np.count_nonzero(repeats)} of {len(rows)} rows of {name} had the time of an earlier one and were left out.")
+    return rows[~repeats]
+
+
 def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path, notes: list) -> np.ndarray:
     """Poses between those recorded: positions linear, rotations along the shortest arc; NaN where none is near in time."""
     if INTERPOLATED not in notes:
@@ -788,11 +798,7 @@ def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path, n
     rows = np.flatnonzero(np.isfinite(poses.matrices[:, 0, 0]) & np.isfinite(poses.times))
     if len(rows) < len(poses.times):
         notes.append(f"{len(poses.times) - len(rows)} of {len(poses.times)} rows of {name} had no pose and were passed over.")
-    rows = _in_order(poses, rows, name, notes)
-    repeats = np.diff(poses.times[rows], prepend=-np.inf) == 0
-    if repeats.any():
-        notes.append(f"{np.count_nonzero(repeats)} of {len(rows)} rows of {name} had the time of an earlier one and were left out.")
-    rows = rows[~repeats]
+    rows = _once_a_time(poses, rows, name, notes)
     stamps = poses.times[rows]
     if len(rows) < 2:
         raise SourceError(f"{name}: has {len(rows)} usable poses with a time; two are needed to find poses between them")
@@ -828,8 +834,14 @@ def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: flo
         matrices[poses.frames] = poses.matrices
         return matrices
     if len(poses.matrices) == frames and not by_time:
-        timed = poses.times is not None and images.times is not None and np.isfinite(poses.times).all()
-        return poses.matrices[_in_order(poses, np.arange(frames), name, notes)] if timed else poses.matrices
+        if poses.times is None or images.times is None or not np.isfinite(poses.times).all():
+            return poses.matrices
+        rows = _in_order(poses, np.arange(frames), name, notes)
+        drift = np.ptp(poses.times[rows] - images.times)
+        if drift > LARGEST_DRIFT:
+            notes.append(f"Rows of {name} were taken for the frames in their order, but by their times the two drift apart by "
+                         f"{drift:.2g} s; --by-time takes poses at the times of the frames.")
+        return poses.matrices[rows]
     if poses.times is None or images.times is None:
         lacks = "the poses have no times" if poses.times is None else "the images have no times"
         raise SourceError(f"{name}: {len(poses.matrices)} poses for {frames} frames, and {lacks}; give one pose a frame, a "
@@ -896,6 +908,12 @@ def load(
         raise SourceError(f"{source}: row {row}: the matrix is singular, so it cannot be inverted")
     stamps = None if frames.times is None else frames.times + time_offset
     tracked = _in_seconds(tracked, stamps, source, notes)
+    if stamps is None and tracked.frames is None and tracked.times is not None and len(tracked.times) > len(frames.pixels):
+        said: list = []
+        rows = _once_a_time(tracked, np.flatnonzero(np.isfinite(tracked.times)), source, said)
+        if len(rows) == len(frames.pixels):  # pictures without times, and a tracker that logs some readings twice
+            tracked = tracked._replace(matrices=tracked.matrices[rows], times=tracked.times[rows])
+            notes += said
     matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source, notes)
     if inverse:
         matrices = np.stack([np.linalg.inv(matrix) if np.isfinite(matrix).all() else matrix for matrix in matrices])
