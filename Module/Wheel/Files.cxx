@@ -131,9 +131,10 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   {
     warnings.push_back(MadeAxesWarning(path, poses));
   }
-  if (const std::string doubt = SpacingDoubt(file, poses); !doubt.empty())
+  const std::string spacingDoubt = SpacingDoubt(file, poses);
+  if (!spacingDoubt.empty())
   {
-    warnings.push_back(doubt);
+    warnings.push_back(spacingDoubt);
   }
   if (read.usedBits > 0)
   {
@@ -172,6 +173,7 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   found["encoding"] = NameOf(file.encoding);
   found["element_type"] = file.PixelType();
   found["orientation"] = ToText(file.orientation);
+  found["spacing_doubt"] = ToText(spacingDoubt);
   found["used_pixel_range"] = read.usedRange;
   found["made_axes"] = poses.NumberOfMadeAxes();
   return found;

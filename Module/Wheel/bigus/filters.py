@@ -82,7 +82,8 @@ class vtkBigusFieldReader(_Source):
 @getters("_found", NumberOfFramesInFile=("frames_in_file", 0), NumberOfAcceptedFrames=("accepted_frames", 0),
          RejectionSummary=("rejection_summary", ""), TransformChain=("transform_chain", ""), Format=("format", ""),
          Encoding=("encoding", "raw"), ElementType=("element_type", ""), Orientation=("orientation", ""),
-         UsedPixelRange=("used_pixel_range", 0.0), NumberOfMadeAxes=("made_axes", 0))
+         UsedPixelRange=("used_pixel_range", 0.0), NumberOfMadeAxes=("made_axes", 0),
+         SpacingDoubt=("spacing_doubt", ""))
 class vtkBigusSequenceReader(_Source):
     """Reads a tracked sweep as an image stack (x, y, frame); field data say where its frames lie.
 
