@@ -619,8 +619,11 @@ TEST(SequenceReader, ReadsCsvWithPngs)
     std::string csv = SmallCsv(false);
     std::replace(csv.begin(), csv.end(), ',', separator);
     std::replace(csv.begin(), csv.end(), '.', ',');
-    WriteBytes(folder / "commas.csv", csv);
-    ExpectSmall(Read(reader, folder / "commas.csv"));
+    for (const char* before : {"", "sep=;\r\n", "\xef\xbb\xbf# by hand\n\n# twice\n", "# "})
+    {
+      WriteBytes(folder / "commas.csv", before + csv);
+      ExpectSmall(Read(reader, folder / "commas.csv"));
+    }
   }
 
   // Numbers count as numbers, whichever way they are written, also after other numbers.

@@ -164,7 +164,12 @@ void TakeSize(SequenceFile& file)
 
 bool LooksLikePoseCsv(const std::string& beginning)
 {
-  const std::string line = Lowercase(std::string_view(beginning).substr(0, beginning.find_first_of("\r\n")));
+  std::string_view rest = beginning;
+  while (!rest.empty() && PoseCsv::IsBeforeHeader(rest.substr(0, rest.find('\n'))))
+  {
+    rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1);
+  }
+  const std::string line = Lowercase(rest.substr(0, rest.find_first_of("\r\n")));
   return line.find("m00") != std::string::npos && line.find_first_of(",;\t") != std::string::npos;
 }
 
@@ -174,6 +179,7 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
   {
     header.erase(0, 3);  // a byte order mark
   }
+  header.erase(0, IsComment(header) ? 1 : 0);
   for (const char mark : {';', '\t'})
   {
     separator_ = header.find(mark) == std::string::npos ? separator_ : mark;
@@ -195,6 +201,15 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
     }
     matrix_.push_back(found->second);
   }
+}
+
+bool PoseCsv::IsBeforeHeader(std::string_view line)
+{
+  line = line.substr(line.substr(0, 3) == "\xef\xbb\xbf" ? 3 : 0);  // a byte order mark
+  const std::string text = Lowercase(Trimmed(line));
+  const bool isHeader =
+      text.find("m00") != std::string::npos && text.find("m23") != std::string::npos;  // numpy's has a #
+  return text.empty() || (text[0] == '#' && !isHeader) || text.rfind("sep=", 0) == 0;
 }
 
 bool PoseCsv::IsBlank(const std::string& line)
@@ -271,7 +286,13 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
   file.encoding = Encoding::Png;
 
   std::string line;
-  input.ReadLine(line);
+  while (input.ReadLine(line) && PoseCsv::IsBeforeHeader(line))
+  {
+    if (const auto comment = line.find('#'); comment != std::string::npos)
+    {
+      file.comments.emplace_back(Trimmed(std::string_view(line).substr(comment + 1)));
+    }
+  }
   const PoseCsv table(file.fileName, line);
   std::vector<std::string> named;
   while (input.ReadLine(line))

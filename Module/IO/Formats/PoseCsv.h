@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "IO/SequenceFile.h"
@@ -27,6 +28,9 @@ public:
 
   /// From the first line. Throws FileError, which names the file, when a column of the pose is missing.
   PoseCsv(const std::string& fileName, std::string header);
+
+  /// Whether a line may come before the header: blank, a comment, or a spreadsheet's note of its separator.
+  static bool IsBeforeHeader(std::string_view line);
 
   /// Whether a line holds no row.
   static bool IsBlank(const std::string& line);
