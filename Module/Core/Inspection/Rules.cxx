@@ -28,6 +28,7 @@ constexpr double kDarkestBand = 8;   // grey levels: corners of a fan, and shado
 constexpr double kNoNews = 0.3;         // grey levels: what rounding to 8 bits alone makes
 constexpr double kNearly = 1.5;         // grey levels that another compression of the same picture changes
 constexpr double kLittleChange = 0.2;   // of what changes usually, for such a picture
+constexpr double kInFull = 0.5;         // of what changes usually, before or after
 constexpr double kUnlikeMotion = 0.25;  // times less change for the same motion than usually
 
 // Rest. From frame to frame pictures of a moving probe change by c d for a small way d, so that over five frames they
@@ -309,21 +310,31 @@ std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures,
   const double usual = ShareBelow(changes, 0.75), usualStep = ShareBelow(steps, 0.75);
   std::vector<int> repeated;
   double largest = 0;
-  std::size_t shown = 0;  // the last frame with a picture of its own
-  for (std::size_t k = 1; k < frames.size(); ++k)
+  for (std::size_t k = 1, shown = 0; k < frames.size(); ++k)
   {
-    const double change = std::max(changes[k - 1], Difference(pictures, shown, k));
-    const bool isLittle =
-        change < std::min(kLittleChange * usual, kNearly) && change * usualStep < kUnlikeMotion * usual * steps[k - 1];
-    if (change < kNoNews || isLittle)
+    // `shown` is the last frame with a picture of its own; `end` comes after those that repeat it.
+    std::size_t end = k;
+    double most = 0;
+    for (; end < frames.size(); ++end)
     {
-      repeated.push_back(frames[k]);
-      largest = std::max(largest, change);
+      const double change = std::max(changes[end - 1], Difference(pictures, shown, end));
+      const bool isLittle = change < std::min(kLittleChange * usual, kNearly) &&
+                            change * usualStep < kUnlikeMotion * usual * steps[end - 1];
+      if (change >= kNoNews && !isLittle)
+      {
+        break;
+      }
+      most = std::max(most, change);
     }
-    else
+    // A probe that sets out slowly changes its picture little, then a little more; after a repeat it changes in full.
+    const double before = shown > 0 ? changes[shown - 1] : 0, after = end < frames.size() ? changes[end - 1] : 0;
+    if (most < kNoNews || std::max(before, after) >= kInFull * usual)
     {
-      shown = k;
+      repeated.insert(repeated.end(), frames.begin() + k, frames.begin() + end);
+      largest = std::max(largest, most);
     }
+    k = end;
+    shown = end;
   }
   return Found(FindingKind::Repeat, repeated,
                "pictures changed by " + Format("%.2f", largest) + " grey levels at the most, and by " +
