@@ -52,6 +52,7 @@ vtkBigusPhantomSource::vtkBigusPhantomSource()
   this->TrackingRotationNoise = defaults.trackingRotationNoise;
   this->Passes = defaults.passes;
   this->DroppedShare = defaults.droppedShare;
+  this->NoiseCorrelation = defaults.noiseCorrelation;
   this->TrackingDrift = defaults.trackingDrift;
   this->TrackingRotationDrift = defaults.trackingRotationDrift;
   this->OutlierShare = defaults.outlierShare;
@@ -107,6 +108,7 @@ void vtkBigusPhantomSource::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "TrackingRotationNoise: " << this->TrackingRotationNoise << "\n";
   os << indent << "Passes: " << this->Passes << "\n";
   os << indent << "DroppedShare: " << this->DroppedShare << "\n";
+  os << indent << "NoiseCorrelation: " << this->NoiseCorrelation << "\n";
   os << indent << "TrackingDrift: " << this->TrackingDrift << "\n";
   os << indent << "TrackingRotationDrift: " << this->TrackingRotationDrift << "\n";
   os << indent << "OutlierShare: " << this->OutlierShare << "\n";
@@ -150,6 +152,7 @@ bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
   options.trackingRotationNoise = this->TrackingRotationNoise;
   options.passes = this->Passes;
   options.droppedShare = this->DroppedShare;
+  options.noiseCorrelation = this->NoiseCorrelation;
   options.trackingDrift = this->TrackingDrift;
   options.trackingRotationDrift = this->TrackingRotationDrift;
   options.outlierShare = this->OutlierShare;

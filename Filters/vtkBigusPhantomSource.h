@@ -275,6 +275,9 @@ public:
   vtkGetMacro(TrackingNoise, double);
   vtkSetMacro(TrackingRotationNoise, double);
   vtkGetMacro(TrackingRotationNoise, double);
+  /** In frames (0 to 1000): noise of frames so far apart is correlated by 1/e; 0 (default): each frame errs by itself. */
+  vtkSetMacro(NoiseCorrelation, double);
+  vtkGetMacro(NoiseCorrelation, double);
   ///@}
 
   ///@{
@@ -381,6 +384,7 @@ protected:
   double TrackingRotationNoise;
   int Passes;
   double DroppedShare;
+  double NoiseCorrelation;
   double TrackingDrift;
   double TrackingRotationDrift;
   double OutlierShare;

@@ -24,6 +24,7 @@
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkStringArray.h"
+#include "vtkTable.h"
 #include "vtkUnsignedCharArray.h"
 
 vtkStandardNewMacro(vtkBigusPoseCorrection);
@@ -75,6 +76,30 @@ void AddConstantErrors(vtkImageData* image, const bigus::ConstantErrors& errors)
   image->GetFieldData()->AddArray(applied);
 }
 
+void FillSteps(const std::vector<bigus::PoseStep>& steps, vtkTable* table)
+{
+  const std::array<std::pair<const char*, double bigus::PoseStep::*>, 6> columns = {
+      {{"From", &bigus::PoseStep::from},
+       {"To", &bigus::PoseStep::to},
+       {"Share", &bigus::PoseStep::share},
+       {"ShareError", &bigus::PoseStep::shareError},
+       {"Gain", &bigus::PoseStep::gain},
+       {"GainError", &bigus::PoseStep::gainError}}};
+  for (const auto& [name, member] : columns)
+  {
+    auto* column = bigus::AddColumn<vtkDoubleArray>(table, name, steps.size());
+    for (std::size_t k = 0; k < steps.size(); ++k)
+    {
+      column->SetValue(static_cast<vtkIdType>(k), steps[k].*member);
+    }
+  }
+  auto* taken = bigus::AddColumn<vtkIntArray>(table, "Taken", steps.size());
+  for (std::size_t k = 0; k < steps.size(); ++k)
+  {
+    taken->SetValue(static_cast<vtkIdType>(k), steps[k].isTaken ? 1 : 0);
+  }
+}
+
 void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const std::vector<int>& frames)
 {
   const bigus::Trajectory& path = found.trajectory;
@@ -109,12 +134,28 @@ void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const 
 
 }  // namespace
 
+vtkBigusPoseCorrection::vtkBigusPoseCorrection()
+{
+  this->SetNumberOfOutputPorts(2);
+}
+
 void vtkBigusPoseCorrection::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "Strength: " << this->Strength << "\n";
   os << indent << "HoldOut: " << this->HoldOut << "\n";
   os << indent << "ChosenStrength: " << this->ChosenStrength << "\n";
+}
+
+vtkTable* vtkBigusPoseCorrection::GetSteps()
+{
+  return vtkTable::SafeDownCast(this->GetOutputDataObject(1));
+}
+
+int vtkBigusPoseCorrection::FillOutputPortInformation(int port, vtkInformation* info)
+{
+  info->Set(vtkDataObject::DATA_TYPE_NAME(), port == 0 ? "vtkImageData" : "vtkTable");
+  return 1;
 }
 
 int vtkBigusPoseCorrection::RequestUpdateExtent(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector*)
@@ -126,7 +167,9 @@ int vtkBigusPoseCorrection::RequestUpdateExtent(vtkInformation*, vtkInformationV
 int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkImageData* output = vtkImageData::GetData(outputs);
+  vtkTable* steps = vtkTable::GetData(outputs, 1);
   output->Initialize();
+  steps->Initialize();
   this->ChosenStrength = 0;
   this->SetErrorCode(vtkErrorCode::NoError);
   try
@@ -150,6 +193,7 @@ int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** 
     output->GetFieldData()->AddArray(poses);
     output->GetFieldData()->AddArray(recorded);
     AddFindings(output, found, imported.frames);
+    FillSteps(found.steps, steps);
     this->ChosenStrength = found.strength;
     return 1;
   }

@@ -36,12 +36,30 @@
  * own axes (along its rows, down, along its normal) and about its centre. They are known only where the sweep sees
  * places twice. The first tuple holds estimates, the second their standard errors (infinite: unknown), the third 1 where
  * pictures tell the number apart from the other six. Results are the same for every number of threads.
+ *
+ * Output 1 is a vtkTable with a row for every step from one strength to another that was judged, in this order; it has none
+ * where Strength is given:
+ *
+ * | column | type | meaning |
+ * |---|---|---|
+ * | `From`, `To` | double | strengths; 0: as recorded |
+ * | `Share`, `ShareError` | double | of what the step changes in poses, that pictures confirm, and its standard error |
+ * | `Gain`, `GainError` | double | dB by which frames predict their neighbours better |
+ * | `Taken` | int | 1: it was taken |
  */
 #ifndef vtkBigusPoseCorrection_h
 #define vtkBigusPoseCorrection_h
 
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkImageAlgorithm.h"
+
+#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
+VTK_ABI_NAMESPACE_BEGIN
+#endif
+class vtkTable;
+#ifdef VTK_ABI_NAMESPACE_END
+VTK_ABI_NAMESPACE_END
+#endif
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusPoseCorrection : public vtkImageAlgorithm
 {
@@ -69,13 +87,17 @@ public:
   vtkGetMacro(HoldOut, int);
   ///@}
 
+  /** Output 1: a row a step. */
+  vtkTable* GetSteps();
+
   /** Strength as the last update chose it; 0: no noise is taken out. */
   vtkGetMacro(ChosenStrength, double);
 
 protected:
-  vtkBigusPoseCorrection() = default;
+  vtkBigusPoseCorrection();
   ~vtkBigusPoseCorrection() override = default;
 
+  int FillOutputPortInformation(int port, vtkInformation* info) override;
   int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 

@@ -223,6 +223,9 @@ void AddTracker(const Group& add)
   add.Number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM");
   add.Number("--rotation-noise", PROPERTY(TrackingRotationNoise), "Standard deviation of recorded angles", 0, 20,
              "DEG");
+  add.Number("--noise-correlation", PROPERTY(NoiseCorrelation),
+             "Frames over which the tracker's noise is correlated by 1/e; 0: each frame errs by itself", 0, 1000,
+             "FRAMES");
   add.Number("--tracking-drift", PROPERTY(TrackingDrift), "Bound of a slow drift of positions", 0, 100, "MM");
   add.Number("--rotation-drift", PROPERTY(TrackingRotationDrift), "Bound of a slow drift of angles", 0, 20, "DEG");
   add.Number("--outliers", PROPERTY(OutlierShare), "Share of frames recorded far off", 0, 0.5, "SHARE");

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "Command.h"
+#include "Core/Deciding/PosePage.h"
 #include "Core/Numerics/Statistics.h"
+#include "Data/SweepData.h"
 #include "Files.h"
 #include "IO/Text.h"
 #include "Inputs.h"
@@ -19,6 +21,7 @@
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkStringArray.h"
+#include "vtkTable.h"
 
 namespace bigus::command
 {
@@ -148,9 +151,34 @@ std::string OutlierText(const std::vector<int>& outliers)
   return text + (outliers.size() > kMostListed ? ", ..." : "");
 }
 
-/// Writes the sequence, or its poses with what was done to each.
-void WriteCorrected(vtkImageData* sweep, const std::string& path, Console& console)
+std::vector<PoseStep> StepsOf(vtkTable* table)
 {
+  std::vector<PoseStep> steps;
+  for (vtkIdType row = 0; row < table->GetNumberOfRows(); ++row)
+  {
+    const auto value = [&](const char* name) { return table->GetValueByName(row, name).ToDouble(); };
+    steps.push_back({value("From"), value("To"), value("Share"), value("ShareError"), value("Gain"), value("GainError"),
+                     value("Taken") != 0});
+  }
+  return steps;
+}
+
+/// Writes the sequence, its poses with what was done to each, or a page to look at.
+void WriteCorrected(vtkBigusPoseCorrection* correction, const Options& options, Console& console)
+{
+  vtkImageData* sweep = correction->GetOutput();
+  const std::string& path = options.output;
+  if (HasSuffix(path, ".png"))
+  {
+    const ImportedSweep recorded = SweepFromImage(vtkImageData::SafeDownCast(correction->GetInput()));
+    const ImportedSweep corrected = SweepFromImage(sweep);
+    auto* decision = vtkStringArray::SafeDownCast(sweep->GetFieldData()->GetAbstractArray("PoseDecision"));
+    WritePage(DrawPoses(*recorded.sweep, corrected.sweep->imageToReference, StepsOf(correction->GetSteps()),
+                        FileName(options.sequence.path) + ": poses " + decision->GetValue(0) + ". " +
+                            decision->GetValue(1) + "."),
+              path);
+    return;
+  }
   const auto recorded = Centres(sweep, "RecordedImageToReference");
   WritePoses(sweep, path,
              {{"displacement", Values(sweep, "PoseDisplacement")},
@@ -177,6 +205,22 @@ std::vector<int> Outliers(vtkImageData* sweep)
   return outliers;
 }
 
+Json StepsJson(const std::vector<PoseStep>& steps)
+{
+  Json rows = Json::array();
+  for (const PoseStep& step : steps)
+  {
+    rows.push_back({{"from", step.from},
+                    {"to", step.to},
+                    {"share", step.share},
+                    {"share_error", step.shareError},
+                    {"gain", step.gain},
+                    {"gain_error", step.gainError},
+                    {"taken", step.isTaken}});
+  }
+  return rows;
+}
+
 Json EachFrame(vtkImageData* sweep)
 {
   const std::vector<double> times = Values(sweep, "Timestamp");
@@ -201,6 +245,7 @@ Json CorrectionJson(vtkBigusPoseCorrection* correction, const std::string& outpu
           {"changed", std::any_of(displacement.begin(), displacement.end(), [](double mm) { return mm > 0; })},
           {"strength", correction->GetChosenStrength()},
           {"decision", {{"choice", decision->GetValue(0)}, {"evidence", decision->GetValue(1)}}},
+          {"steps", StepsJson(StepsOf(correction->GetSteps()))},
           {"noise", {{"translation", noise[0]}, {"rotation", noise[1]}, {"corner", noise[2]}}},
           {"constant_errors",
            {{"applied", Values(sweep, "ConstantErrorsApplied")[0] != 0},
@@ -236,7 +281,10 @@ void PrintCorrection(const Json& answer, Console& console)
 ExitCode CorrectPoses(Console& console, const Options& options)
 {
   RequireDistinct({options.sequence.path, options.sequence.chain.config}, {options.output});
-  RequirePosesName(options.output);
+  if (!HasSuffix(options.output, ".png"))
+  {
+    RequirePosesName(options.output);
+  }
   RequireWritable(options.output);
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.sequence, console);
   const Json findings = NoteFindings(sequence, options.sequence.path, console);
@@ -245,7 +293,7 @@ ExitCode CorrectPoses(Console& console, const Options& options)
   correction->SetStrength(StrengthOf(options.strength));
   correction->SetHoldOut(options.holdOut);
   Update(correction, console, "Comparing");
-  WriteCorrected(correction->GetOutput(), options.output, console);
+  WriteCorrected(correction, options, console);
   Json answer = CorrectionJson(correction, options.output);
   answer["findings"] = findings;
   PrintCorrection(answer, console);
@@ -263,12 +311,15 @@ void AddPoses(Program& program)
       "Take the tracker's noise out of a sequence's poses\n"
       "  bigus poses sweep.igs.mha -o corrected.igs.mha\n"
       "  bigus poses plus.mha --config Plus.xml -o poses.csv --json\n"
+      "  bigus poses sweep.igs.mha -o poses.png\n"
       "The noise is estimated from the poses. It is taken out where frames then predict their neighbours better; exact "
       "poses are kept.");
   AddSequenceOptions(*app, options->sequence, "SEQUENCE", "Tracked frames: .igs.mha .mha .mhd .nrrd .seq.nrrd .csv");
-  app->add_option("-o,--output", options->output,
-                  "What to write: the sequence at corrected poses (.igs.mha, .mha, .nrrd), or the poses (.csv)")
-      ->check(FileToWrite(".mha,.nrrd,.csv"))
+  app->add_option(
+         "-o,--output", options->output,
+         "What to write: the sequence at corrected poses (.igs.mha, .mha, .nrrd), the poses (.csv), or a page to "
+         "look at (.png): the path, what was moved, what pictures say of every step")
+      ->check(FileToWrite(".mha,.nrrd,.csv,.png"))
       ->required()
       ->type_name("OUT");
   app->add_option("--strength", options->strength,

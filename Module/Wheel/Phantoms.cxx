@@ -39,6 +39,7 @@ constexpr Number kNumbers[] = {
     {"dropped_share", &PhantomOptions::droppedShare},
     {"tracking_noise", &PhantomOptions::trackingNoise},
     {"tracking_rotation_noise", &PhantomOptions::trackingRotationNoise},
+    {"noise_correlation", &PhantomOptions::noiseCorrelation},
     {"tracking_drift", &PhantomOptions::trackingDrift},
     {"tracking_rotation_drift", &PhantomOptions::trackingRotationDrift},
     {"outlier_share", &PhantomOptions::outlierShare},

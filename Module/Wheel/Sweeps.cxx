@@ -154,6 +154,20 @@ nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> st
   result["constant_errors"] = ConstantErrorsToArray(found.constant);
   result["constant_errors_applied"] = found.constant.isSignificant;
   result["strength"] = found.strength;
+  nb::list steps;
+  for (const PoseStep& step : found.steps)
+  {
+    nb::dict row;
+    row["from"] = step.from;
+    row["to"] = step.to;
+    row["share"] = step.share;
+    row["share_error"] = step.shareError;
+    row["gain"] = step.gain;
+    row["gain_error"] = step.gainError;
+    row["taken"] = step.isTaken;
+    steps.append(row);
+  }
+  result["steps"] = steps;
   result["decision"] = decision;
   return result;
 }

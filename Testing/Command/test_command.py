@@ -1016,7 +1016,7 @@ class Poses(CommandTest):
         self.assertEqual(re.findall("Timestamp = .*", read_sequence(out)[0]),
                          re.findall("Timestamp = .*", read_sequence(sweep)[0]))
         self.assertEqual(set(answer), {"output", "frames", "changed", "strength", "decision", "noise", "constant_errors",
-                                       "findings", "outliers", "strokes", "displacement", "rotation", "each_frame"})
+                                       "findings", "steps", "outliers", "strokes", "displacement", "rotation", "each_frame"})
         self.assertEqual((answer["output"], answer["frames"], answer["changed"]), (str(out), 24, True))
         self.assertGreater(answer["strength"], 0)
         self.assertIn("smoothed by", answer["decision"]["choice"])
@@ -1025,6 +1025,16 @@ class Poses(CommandTest):
         constant = answer["constant_errors"]  # one sweep there and not back tells none
         self.assertEqual((constant["applied"], constant["delay"]), (False, {"value": [0], "standard_error": [None],
                                                                             "observable": [False]}))
+        page = self.folder / "poses.png"
+        self.expect(SUCCESS, "poses", sweep, "-o", page)
+        width, height = struct.unpack(">II", page.read_bytes()[16:24])
+        self.assertEqual(width, 1200)
+        self.assertGreater(height, 700)
+        now = 0.0
+        for step in answer["steps"]:
+            self.assertEqual(step["from"], now)
+            now = step["to"] if step["taken"] else now
+        self.assertEqual(now, answer["strength"])
         self.assertEqual((len(constant["shift"]["value"]), len(constant["rotation"]["standard_error"])), (3, 3))
         each = answer["each_frame"]
         self.assertEqual({len(values) for values in each.values()}, {24})
@@ -1168,7 +1178,7 @@ class Poses(CommandTest):
         self.assertEqual(run("slice", field, "--poses", self.sweep, "-o", self.folder / "s.mha").stderr, "")
 
     def test_errors(self):
-        self.expect(CANNOT_WRITE, "poses", self.sweep, "-o", self.folder / "x.png", says=".csv")
+        self.expect(CANNOT_WRITE, "poses", self.sweep, "-o", self.folder / "x.jpg", says=".csv")
         self.expect(CANNOT_WRITE, "poses", self.sweep, "-o", self.folder / "no" / "x.mha")
         self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "f.vtp", "--write-poses", "x.txt", says=".csv")
         self.expect(BAD_INPUT, "poses", self.folder / "none.mha", "-o", self.folder / "x.mha", says="none.mha")

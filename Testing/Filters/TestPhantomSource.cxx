@@ -70,6 +70,7 @@ TEST(PhantomSource, DefaultsAreCores)
                            "TrackingRotationNoise",
                            "Passes",
                            "DroppedShare",
+                           "NoiseCorrelation",
                            "TrackingDrift",
                            "TrackingRotationDrift",
                            "OutlierShare",
@@ -147,6 +148,17 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingRotationNoise(1); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetPasses(2); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetDroppedShare(0.5); }));
+  EXPECT_FALSE(differs([](Source* s) { s->SetNoiseCorrelation(5); })) << "there is no noise";
+  const auto noisy = make([](Source* s) { s->SetTrackingNoise(1); });
+  const auto slow = make(
+      [](Source* s)
+      {
+        s->SetTrackingNoise(1);
+        s->SetNoiseCorrelation(5);
+      });
+  const auto place = [](Source* s)
+  { return s->GetOutput()->GetFieldData()->GetArray("ImageToReference")->GetComponent(1, 3); };
+  EXPECT_NE(place(noisy), place(slow));
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingDrift(1); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingRotationDrift(1); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetOutlierShare(0.4); }));

@@ -649,6 +649,45 @@ TEST(Phantom, PosesWithoutFurtherErrorsAreAsTheyWere)
   EXPECT_LT((Phantom(options).RecordedPlane(7).ImageToReference() - recorded).cwiseAbs().maxCoeff(), 1e-13);
 }
 
+TEST(Phantom, NoiseIsCorrelatedOverAsManyFramesAsAskedFor)
+{
+  PhantomOptions options = Tracked(4000);
+  options.trackingNoise = 0.3;
+  options.noiseCorrelation = 5;
+  const Phantom phantom(options);
+  std::vector<double> shift;
+  for (int k = 0; k < options.frames; ++k)
+  {
+    shift.push_back(DisplacementOf(phantom, k).shift[1]);
+  }
+  const auto product = [&shift](int apart)
+  {
+    double sum = 0;
+    for (std::size_t k = apart; k < shift.size(); ++k)
+    {
+      sum += shift[k] * shift[k - apart];
+    }
+    return sum / static_cast<double>(shift.size() - apart);
+  };
+  // 4000 frames count as 4000 (1 - r) / (1 + r) = 400 independent ones: three errors of a variance of 0.09 and of a
+  // correlation are 0.02 and 0.15.
+  EXPECT_NEAR(product(0), 0.09, 0.02);
+  EXPECT_NEAR(product(1) / product(0), std::exp(-0.2), 0.03);
+  EXPECT_NEAR(product(5) / product(0), std::exp(-1.0), 0.15);
+  // As strong from the first frame on.
+  Moments first;
+  options.frames = 1;
+  for (options.seed = 1; options.seed <= 400; ++options.seed)
+  {
+    const Phantom one(options);
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      first.Add(DisplacementOf(one, 0).shift[axis]);
+    }
+  }
+  EXPECT_NEAR(first.Std(), 0.3, 0.02);
+}
+
 TEST(Phantom, DriftIsSlowAndKeepsItsBounds)
 {
   PhantomOptions options = Tracked(400);
@@ -883,6 +922,7 @@ TEST(Phantom, OptionsOutOfRangeAreNamed)
   BIGUS_EXPECT_NAMED(trackingRotationNoise, 21);
   BIGUS_EXPECT_NAMED(passes, 0);
   BIGUS_EXPECT_NAMED(droppedShare, 1);
+  BIGUS_EXPECT_NAMED(noiseCorrelation, -1);
   BIGUS_EXPECT_NAMED(trackingDrift, -1);
   BIGUS_EXPECT_NAMED(trackingRotationDrift, nan);
   BIGUS_EXPECT_NAMED(outlierShare, 0.6);

@@ -201,34 +201,6 @@ TEST(Trajectory, StrongerSmoothingMovesFurther)
   EXPECT_EQ(alone.imageToReference, paths[3].imageToReference);
 }
 
-// A straight path is as likely however strongly it is smoothed. One that turns is not.
-TEST(Trajectory, StrongerSmoothingIsLessLikelyWhereThePathTurns)
-{
-  const auto lost = [](const std::function<Eigen::Matrix4d(double)>& at)
-  {
-    std::vector<double> found;
-    const Sweep sweep = PosesOnly(Tracked(Motion(80, at), 0.2, 0.3, 3));
-    for (const Trajectory& path : bigus::SmoothTrajectories(sweep, FrameClock::Times, {0.5, 1, 2, 4}))
-    {
-      found.push_back(path.lostLikelihood);
-    }
-    return found;
-  };
-  const auto straight = lost([](double frame) { return PoseAt({0.1 * frame, 0, 0.5 * frame}, {0, 0.2 * frame, 0}); });
-  const auto turning = lost(
-      [](double frame) {
-        return PoseAt({0, 0, 5 * std::sin(0.3 * frame)}, {3 * std::sin(0.4 * frame), 0, 0});
-      });
-  for (const auto& of : {straight, turning})
-  {
-    EXPECT_NEAR(of[1], 0, 1e-12);
-  }
-  EXPECT_LT(straight[3], 0.1);
-  EXPECT_GT(turning[0], 0);
-  EXPECT_GT(turning[2], 0.2);
-  EXPECT_GT(turning[3], 2 * turning[2]);
-}
-
 TEST(Trajectory, DoesNotDependOnTheWorldNorOnItsUnitOfTime)
 {
   const auto recorded = Tracked(Motion(50, HandAt), 0.2, 0.3, 4);

@@ -43,18 +43,17 @@ constexpr int kFirstBand = 1;
 constexpr double kLeastCover = 0.25;  // of the lit pixels, that both neighbours must show
 constexpr double kGreyLevel = 1.0 / 255;
 
-constexpr std::array<double, 5> kStrengths{0.5, 1, 2, 4, 8};
+/// Strengths that are tried, each with the steps from it to the next.
+constexpr std::array<double, 9> kLadder{0.5, 1, 2, 4, 8, 16, 32, 64, 128};
 
-/// dB that twice the strength must predict frames better. Smoothing also takes from the true path, slowly, which
-/// neighbours hardly see: the phantom with noise of 0.2 mm and 0.3 degrees gains 0.03 dB by strength 2, where its error
-/// at the corners grows from 0.33 to 0.35 of the recorded one. The liver sweep gains 0.11, 0.07 and 0.03 dB.
-constexpr double kStrongerGain = 0.05;
-
-/// The likelihood that twice the strength may take from the poses (Trajectory.h). Neighbours see little of what smoothing
-/// takes from slow turns, and along the beam, where pictures are finest, it may help while it harms all else: made-up
-/// sweeps there and back lose 1.6 to 1.9 by strength 4, which their pictures confirm, and are 0.09 mm worse at the
-/// corners; by strength 2 they lose 0.4 and are as good as by 1. The liver sweep loses 0.14 and 0.45.
-constexpr double kMostLostLikelihood = 0.75;
+// Up to strength 1 poses themselves ask for smoothing, so that pictures need only not object: they must confirm more than
+// kLeastConfirmed, and one standard error. Beyond, poses object, because a tracker's noise is not white, and pictures must
+// ask for most of the step: where they confirm 0.9 to 1.2 of it the truth confirms a half, since they see little of its slow
+// part.
+constexpr double kMostOfAStep = 0.75;
+constexpr double kSureOfAStep = 1.5;     // standard errors above kLeastConfirmed
+constexpr double kLeastStepGain = 0.02;  // dB; below, nothing is at stake
+constexpr std::size_t kRungsAhead = 3;   // a weak rung may lie between strong ones
 
 /// One frame predicted from one before and one after it, by their places among the pictures.
 struct Test
@@ -103,26 +102,21 @@ Bands BandsOf(cv::Mat picture)
   return bands;
 }
 
-/// What a test says of new poses against the recorded ones, in a band. With r and r' the residuals at recorded and at new
-/// poses (PoseCorrection.md), d = r - r' is what the new poses change. Squares are in units of the band's level, the mean of |r|^2 and
-/// |r'|^2.
-struct Finding
+/// What a test says of new poses against others. With r and r' the residuals at the others and at the new ones
+/// (PoseCorrection.md), d = r - r' is what the new poses change. Squares are in units of a band's level, the mean of |r|^2 and
+/// |r'|^2. Means over bands and lags.
+struct Comparison
 {
   double gained = 0;    // |r|^2 - |r'|^2
   double changed = 0;   // |d|^2
   double decibels = 0;  // 10 log10(|r|^2 / |r'|^2)
-};
-constexpr int kFindings = kLags * (kBands - kFirstBand);
-struct Findings
-{
-  std::array<Finding, kFindings> of;
-  std::array<bool, kLags> isSound{};
+  int count = 0;        // of bands and lags that say something
 };
 
-/// From residuals at recorded and at corrected poses, of pictures with so many lit pixels.
-Findings Find(const Residuals& recorded, const Residuals& corrected, double pixels)
+/// From residuals at both, of pictures with so many lit pixels.
+Comparison Compare(const Residuals& recorded, const Residuals& corrected, double pixels)
 {
-  Findings findings;
+  Comparison sum;
   for (int lag = 0; lag < kLags; ++lag)
   {
     if (recorded[lag].empty())
@@ -143,7 +137,6 @@ Findings Find(const Residuals& recorded, const Residuals& corrected, double pixe
     {
       continue;
     }
-    findings.isSound[lag] = true;
     const Bands r = BandsOf(before), s = BandsOf(after);
     for (int band = kFirstBand; band < kBands; ++band)
     {
@@ -153,11 +146,14 @@ Findings Find(const Residuals& recorded, const Residuals& corrected, double pixe
       const double squares = r[band].dot(r[band]) + rounding, left = s[band].dot(s[band]) + rounding;
       const cv::Mat d = r[band] - s[band];
       const double level = 0.5 * (squares + left);
-      Finding& finding = findings.of[lag * (kBands - kFirstBand) + band - kFirstBand];
-      finding = {(squares - left) / level, d.dot(d) / level, 10 * std::log10(squares / left)};
+      sum.gained += (squares - left) / level;
+      sum.changed += d.dot(d) / level;
+      sum.decibels += 10 * std::log10(squares / left);
+      ++sum.count;
     }
   }
-  return findings;
+  const int count = std::max(sum.count, 1);
+  return {sum.gained / count, sum.changed / count, sum.decibels / count, sum.count};
 }
 
 /// A mean and its standard error.
@@ -184,94 +180,58 @@ double ErrorOfSum(const std::vector<double>& errors)
   return std::sqrt(std::max(sum, 0.0));
 }
 
-/// The share a of the change of poses that pictures confirm: 1 if the new poses are the true ones, 0 if the recorded ones
-/// are. r' + (1 - a) d is the residual at poses that are changed by the share a, and its square is least for
+/// The share a of the change of poses that pictures confirm: 1 if the new poses are the true ones, 0 if the others are.
+/// r' + (1 - a) d is the residual at poses that are changed by the share a, and its square is least for
 ///   a = 1/2 + (|r|^2 - |r'|^2) / (2 |d|^2).
-/// Every band of every lag tells one. They are combined by the inverse squares of their standard errors, to which what
-/// bands differ by beyond chance is added: with few frames a standard error may be small by luck.
-Estimate ConfirmedShare(const std::vector<Findings>& tests)
+Estimate ConfirmedShare(const std::vector<Comparison>& tests)
 {
-  constexpr double kBandsDiffer = 0.15;
-  std::vector<double> errors(tests.size(), 0.0);
-  double sum = 0, weights = 0;
-  for (int k = 0; k < kFindings; ++k)
+  double gained = 0, changed = 0;
+  for (const Comparison& test : tests)
   {
-    double gained = 0, changed = 0;
-    for (const Findings& test : tests)
-    {
-      gained += test.of[k].gained;
-      changed += test.of[k].changed;
-    }
-    if (!(changed > 0))
-    {
-      continue;
-    }
-    std::vector<double> own(tests.size());
-    for (std::size_t t = 0; t < tests.size(); ++t)
-    {
-      own[t] = 0.5 * (tests[t].of[k].gained - gained / changed * tests[t].of[k].changed) / changed;
-    }
-    const double error = ErrorOfSum(own), weight = 1 / (error * error + kBandsDiffer * kBandsDiffer);
-    sum += weight * (0.5 + 0.5 * gained / changed);
-    weights += weight;
-    for (std::size_t t = 0; t < tests.size(); ++t)
-    {
-      errors[t] += weight * own[t];
-    }
+    gained += test.gained;
+    changed += test.changed;
   }
-  return weights > 0 ? Estimate{sum / weights, ErrorOfSum(errors) / weights} : Estimate{};
+  if (!(changed > 0))
+  {
+    return {};
+  }
+  std::vector<double> errors;
+  for (const Comparison& test : tests)
+  {
+    errors.push_back(0.5 * (test.gained - gained / changed * test.changed) / changed);
+  }
+  return {0.5 + 0.5 * gained / changed, ErrorOfSum(errors)};
 }
 
-/// dB by which frames are predicted better at new poses than at those of `over` (null: the recorded ones), mean over
-/// tests, lags and bands.
-Estimate GainOf(const std::vector<Findings>& tests, const std::vector<Findings>* over)
+/// dB by which frames are predicted better, mean over tests that say something.
+Estimate GainOf(const std::vector<Comparison>& tests)
 {
   std::vector<double> gains;
-  for (std::size_t t = 0; t < tests.size(); ++t)
+  for (const Comparison& test : tests)
   {
-    double sum = 0;
-    int count = 0;
-    for (int k = 0; k < kFindings; ++k)
+    if (test.count > 0)
     {
-      const int lag = k / (kBands - kFirstBand);
-      if (tests[t].isSound[lag] && (!over || (*over)[t].isSound[lag]))
-      {
-        sum += tests[t].of[k].decibels - (over ? (*over)[t].of[k].decibels : 0.0);
-        ++count;
-      }
-    }
-    if (count > 0)
-    {
-      gains.push_back(sum / count);
+      gains.push_back(test.decibels);
     }
   }
-  Estimate gain;
-  for (double value : gains)
+  if (gains.empty())
   {
-    gain.mean += value / static_cast<double>(gains.size());
+    return {};
   }
+  const double mean = Mean(gains);
   for (double& value : gains)
   {
-    value = (value - gain.mean) / static_cast<double>(gains.size());
+    value = (value - mean) / static_cast<double>(gains.size());
   }
-  gain.error = ErrorOfSum(gains);
-  return gain;
+  return {mean, ErrorOfSum(gains)};
 }
 
-/// New poses, and what pictures say of them.
+/// Poses, and the residual of every test at them.
 struct Candidate
 {
   Trajectory trajectory;
   double strength = 0;
-  std::vector<Findings> findings;
-  Estimate share, gain;
-
-  bool IsConfirmed() const { return share.mean - kLeastConfirmed > kLeastStandardErrors * share.error; }
-  bool IsBetterThan(const Candidate& other, double decibels) const
-  {
-    const Estimate difference = GainOf(findings, &other.findings);
-    return difference.mean > std::max(decibels, difference.error);
-  }
+  std::vector<Residuals> residuals;
 };
 
 /// Which frames are predicted from which, by their places in `frames`: those of one stroke only.
@@ -351,53 +311,47 @@ public:
     if (!frames_.empty())
     {
       pictures_ = PicturesOf(sweep, frames_);
-      recorded_.resize(tests_.size());
-      ForResidualsAt(sweep.imageToReference,
-                     [&](std::size_t t, Residuals residuals) { recorded_[t] = std::move(residuals); });
     }
   }
 
   std::size_t NumberOfTests() const { return tests_.size(); }
 
-  Candidate Judge(Trajectory trajectory, double strength) const
+  /// Looks at pictures once.
+  Candidate At(Trajectory trajectory, double strength) const
   {
-    constexpr double kMostCandidates = 2 + kStrengths.size();  // two clocks, and every strength
-    if (progress_ && !progress_(std::min(judged_++ / kMostCandidates, 1.0)))
+    constexpr double kUsualLooks = 8;  // the recorded poses, two clocks, and as many strengths as white noise asks for
+    if (progress_ && !progress_(std::min(looks_++ / kUsualLooks, 1.0)))
     {
       throw Stopped();
     }
-    Candidate candidate;
-    candidate.strength = strength;
-    candidate.findings.resize(tests_.size());
-    ForResidualsAt(trajectory.imageToReference, [&](std::size_t t, const Residuals& residuals)
-                   { candidate.findings[t] = Find(recorded_[t], residuals, pictures_.pixels); });
-    candidate.share = ConfirmedShare(candidate.findings);
-    candidate.gain = GainOf(candidate.findings, nullptr);
-    candidate.trajectory = std::move(trajectory);
-    return candidate;
-  }
-
-private:
-  /// Calls use(test, its residuals at these poses) for every test, on all threads.
-  template <class Use>
-  void ForResidualsAt(const std::vector<Eigen::Matrix4d>& poses, Use use) const
-  {
+    Candidate candidate{std::move(trajectory), strength, std::vector<Residuals>(tests_.size())};
     std::vector<SlicePlane> planes;
     for (const int frame : frames_)
     {
-      planes.push_back(PicturePlane(sweep_, poses[frame], pictures_.reduction));
+      planes.push_back(PicturePlane(sweep_, candidate.trajectory.imageToReference[frame], pictures_.reduction));
     }
     tbb::parallel_for(std::size_t(0), tests_.size(),
-                      [&](std::size_t t) { use(t, ResidualsOf(pictures_, tests_[t], planes)); });
+                      [&](std::size_t t) { candidate.residuals[t] = ResidualsOf(pictures_, tests_[t], planes); });
+    return candidate;
   }
 
+  /// What pictures say of the step from one candidate to another.
+  PoseStep Judge(const Candidate& from, const Candidate& to) const
+  {
+    std::vector<Comparison> tests(tests_.size());
+    tbb::parallel_for(std::size_t(0), tests_.size(),
+                      [&](std::size_t t) { tests[t] = Compare(from.residuals[t], to.residuals[t], pictures_.pixels); });
+    const Estimate share = ConfirmedShare(tests), gain = GainOf(tests);
+    return {from.strength, to.strength, share.mean, share.error, gain.mean, gain.error, false};
+  }
+
+private:
   const Sweep& sweep_;
   std::vector<std::array<Test, kLags>> tests_;
   std::vector<int> frames_;
   FramePictures pictures_;
-  std::vector<Residuals> recorded_;
   const std::function<bool(double)>& progress_;
-  mutable int judged_ = 0;
+  mutable int looks_ = 0;
 };
 
 std::string NoiseText(const Trajectory& trajectory)
@@ -412,13 +366,20 @@ std::string NoiseText(const Trajectory& trajectory)
          (outliers > 0 ? ", " + std::to_string(outliers) + (outliers == 1 ? " outlier" : " outliers") : "");
 }
 
-std::string EvidenceText(const Candidate& candidate)
+std::string StepText(const PoseStep& step)
 {
-  return Format("strength %g", candidate.strength) +
-         (candidate.trajectory.clock == FrameClock::Times ? " by recorded times" : " by frames' numbers") +
-         ": pictures confirm" + Format(" %.2f", candidate.share.mean) +
-         Format(" +- %.2f of it", candidate.share.error) + " and predict neighbours" +
-         Format(" %+.2f", candidate.gain.mean) + Format(" +- %.2f dB", candidate.gain.error);
+  return Format("pictures confirm %.2f", step.share) + Format(" +- %.2f of the step", step.shareError) +
+         Format(" from strength %g", step.from) + Format(" to %g", step.to) + Format(" (%+.2f dB)", step.gain);
+}
+
+/// The last step that was taken and the first that was not.
+std::string EvidenceText(const std::vector<PoseStep>& steps, FrameClock clock)
+{
+  std::string text = clock == FrameClock::Times ? "by recorded times" : "by frames' numbers";
+  const auto taken = std::find_if(steps.rbegin(), steps.rend(), [](const PoseStep& step) { return step.isTaken; });
+  text += taken != steps.rend() ? ", " + StepText(*taken) : "";
+  const auto refused = std::find_if(taken.base(), steps.end(), [](const PoseStep& step) { return !step.isTaken; });
+  return text + (refused != steps.end() ? ", " + StepText(*refused) + ", which is not taken" : "");
 }
 
 std::string ChoiceText(const Trajectory& trajectory, double strength)
@@ -430,58 +391,64 @@ std::string ChoiceText(const Trajectory& trajectory, double strength)
   return Format("smoothed by %.3g", strength) + Format(" (%.2f mm)", Mean(trajectory.displacement));
 }
 
-/// Paths of every strength, and what pictures say of one of them.
+/// Paths of every strength, one of them looked at.
 struct Paths
 {
   std::vector<Trajectory> ofStrength;
-  Candidate judged;
+  Candidate candidate;
 };
 
 /// By recorded times, where there are any, unless frames' numbers predict frames better.
 Paths ChooseClock(const Sweep& sweep, const Evidence& evidence, const std::vector<double>& strengths, std::size_t which)
 {
-  const auto judged = [&](std::vector<Trajectory> paths)
+  const auto at = [&](std::vector<Trajectory> paths)
   {
-    Candidate candidate = evidence.Judge(paths[which], strengths[which]);
+    Candidate candidate = evidence.At(paths[which], strengths[which]);
     return Paths{std::move(paths), std::move(candidate)};
   };
-  Paths byTimes = judged(SmoothTrajectories(sweep, FrameClock::Times, strengths));
+  Paths byTimes = at(SmoothTrajectories(sweep, FrameClock::Times, strengths));
   if (byTimes.ofStrength[which].clock == FrameClock::Numbers)
   {
     return byTimes;
   }
-  Paths byNumbers = judged(SmoothTrajectories(sweep, FrameClock::Numbers, strengths));
-  return byNumbers.judged.IsBetterThan(byTimes.judged, kLeastGain) ? byNumbers : byTimes;
+  Paths byNumbers = at(SmoothTrajectories(sweep, FrameClock::Numbers, strengths));
+  const PoseStep step = evidence.Judge(byTimes.candidate, byNumbers.candidate);
+  return step.gain > std::max(kLeastGain, step.gainError) ? byNumbers : byTimes;
 }
 
-/// From strength 1 up while that predicts frames clearly better and poses allow it, or down while what there is does not
-/// convince.
-Candidate Choose(const Sweep& sweep, const Evidence& evidence)
+/// Steps up the ladder while pictures confirm them, from strength 1, or 1/2 where that is not confirmed. `steps` gets all that
+/// were asked for. Strength 0 where none is taken.
+Candidate Choose(const Sweep& sweep, const Evidence& evidence, std::vector<PoseStep>& steps)
 {
-  const std::vector<double> strengths(kStrengths.begin(), kStrengths.end());
-  const auto first = std::find(strengths.begin(), strengths.end(), 1.0);
-  std::size_t which = static_cast<std::size_t>(first - strengths.begin());
-  auto [paths, best] = ChooseClock(sweep, evidence, strengths, which);
-  while (!best.IsConfirmed() && which > 0)
+  const std::vector<double> strengths(kLadder.begin(), kLadder.end());
+  std::size_t rung = 1;
+  auto [paths, one] = ChooseClock(sweep, evidence, strengths, rung);
+  Candidate now = evidence.At(SmoothTrajectories(sweep, one.trajectory.clock, {0})[0], 0);
+  const auto take = [&](Candidate next, double least, double errors, double gain)
   {
-    --which;
-    best = evidence.Judge(paths[which], strengths[which]);
-  }
-  while (best.strength >= 1 && which + 1 < strengths.size())
+    PoseStep step = evidence.Judge(now, next);
+    step.isTaken = step.share > least && step.share - kLeastConfirmed > errors * step.shareError && step.gain > gain;
+    steps.push_back(step);
+    if (step.isTaken)
+    {
+      now = std::move(next);
+    }
+    return step.isTaken;
+  };
+  const double anyGain = -std::numeric_limits<double>::infinity();
+  if (!take(std::move(one), kLeastConfirmed, 1, anyGain))
   {
-    ++which;
-    if (paths[which].lostLikelihood > kMostLostLikelihood)
-    {
-      break;
-    }
-    Candidate stronger = evidence.Judge(paths[which], strengths[which]);
-    if (!stronger.IsBetterThan(best, kStrongerGain) || !stronger.IsConfirmed())
-    {
-      break;
-    }
-    best = std::move(stronger);
+    take(evidence.At(paths[0], strengths[0]), kLeastConfirmed, 1, anyGain);
+    return now;
   }
-  return best;
+  for (std::size_t next = rung + 1; next < std::min(strengths.size(), rung + 1 + kRungsAhead); ++next)
+  {
+    if (take(evidence.At(paths[next], strengths[next]), kMostOfAStep, kSureOfAStep, kLeastStepGain))
+    {
+      rung = next;
+    }
+  }
+  return now;
 }
 
 double DegreesBetween(Eigen::Matrix4d a, Eigen::Matrix4d b)
@@ -546,8 +513,8 @@ std::vector<std::array<Test, kLags>> TestsOf(const std::vector<PoseRefinement::C
 }
 
 /// What each frame says of a refinement in which it took no part.
-std::vector<Findings> JudgeInFolds(const Sweep& sweep, const std::vector<int>& frames, const PoseRefinement& refinement,
-                                   const std::vector<Eigen::Matrix4d>& poses)
+std::vector<Comparison> JudgeInFolds(const Sweep& sweep, const std::vector<int>& frames,
+                                     const PoseRefinement& refinement, const std::vector<Eigen::Matrix4d>& poses)
 {
   const FramePictures pictures = PicturesOf(sweep, frames);
   const auto planesAt = [&](const std::vector<Eigen::Matrix4d>& at)
@@ -562,7 +529,7 @@ std::vector<Findings> JudgeInFolds(const Sweep& sweep, const std::vector<int>& f
   const int n = static_cast<int>(frames.size());
   const auto tests = TestsOf(refinement.Comparisons(), frames.size());
   const std::vector<SlicePlane> before = planesAt(poses);
-  std::vector<Findings> findings(n);
+  std::vector<Comparison> findings(n);
   for (int fold = 0; fold < kFolds; ++fold)
   {
     std::vector<char> isLeftOut(n);
@@ -576,8 +543,8 @@ std::vector<Findings> JudgeInFolds(const Sweep& sweep, const std::vector<int>& f
                       {
                         if (isLeftOut[k])
                         {
-                          findings[k] = Find(ResidualsOf(pictures, tests[k], before),
-                                             ResidualsOf(pictures, tests[k], after), pictures.pixels);
+                          findings[k] = Compare(ResidualsOf(pictures, tests[k], before),
+                                                ResidualsOf(pictures, tests[k], after), pictures.pixels);
                         }
                       });
   }
@@ -595,8 +562,8 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
   {
     return "";
   }
-  const std::vector<Findings> findings = JudgeInFolds(sweep, frames, refinement, now.imageToReference);
-  const Estimate gain = GainOf(findings, nullptr), share = ConfirmedShare(findings);
+  const std::vector<Comparison> tests = JudgeInFolds(sweep, frames, refinement, now.imageToReference);
+  const Estimate gain = GainOf(tests), share = ConfirmedShare(tests);
   correction.isRefined = share.mean - kLeastConfirmed > kLeastStandardErrors * share.error &&
                          gain.mean > std::max(kLeastRefinementGain, gain.error);
   if (correction.isRefined)
@@ -635,17 +602,13 @@ try
     const Evidence pictures(sweep, frames, correction.trajectory.stroke, progress);
     if (options.strength)
     {
-      correction.trajectory = ChooseClock(sweep, pictures, {correction.strength}, 0).judged.trajectory;
+      correction.trajectory = ChooseClock(sweep, pictures, {correction.strength}, 0).candidate.trajectory;
     }
     else if (pictures.NumberOfTests() > 0)
     {
-      Candidate best = Choose(sweep, pictures);
-      evidence = NoiseText(best.trajectory);
-      if (best.trajectory.IsChanged())
-      {
-        evidence += "; " + EvidenceText(best);
-      }
-      correction.strength = best.IsConfirmed() ? best.strength : 0;
+      Candidate best = Choose(sweep, pictures, correction.steps);
+      evidence = NoiseText(best.trajectory) + "; " + EvidenceText(correction.steps, best.trajectory.clock);
+      correction.strength = best.strength;
       correction.trajectory = std::move(best.trajectory);
     }
   }

@@ -25,10 +25,21 @@ struct PoseCorrectionOptions
   bool isRefined = true;
 };
 
+/// From one strength to another, and what pictures say of it (PoseCorrection.md).
+struct PoseStep
+{
+  double from = 0, to = 0;  ///< strengths; 0: as recorded
+  double share = 0,
+         shareError = 0;           ///< of what the step changes in poses, that pictures confirm, and its standard error
+  double gain = 0, gainError = 0;  ///< dB by which neighbours are predicted better
+  bool isTaken = false;
+};
+
 struct PoseCorrection
 {
-  Trajectory trajectory;    ///< corrected poses of all frames, and what is known of the tracker
-  double strength = 0;      ///< that was chosen; 0: no noise is taken out
+  Trajectory trajectory;        ///< corrected poses of all frames, and what is known of the tracker
+  double strength = 0;          ///< that was chosen; 0: no noise is taken out
+  std::vector<PoseStep> steps;  ///< that were asked for, in this order; none where a strength is given
   ConstantErrors constant;  ///< delay and calibration error, found at poses without noise; taken out where significant
   bool isRefined = false;   ///< whether frames are aligned to each other
   Decision decision;        ///< the choice, what it rests on, and seconds

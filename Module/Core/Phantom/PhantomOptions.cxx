@@ -68,6 +68,7 @@ void PhantomOptions::Validate() const
   Check("droppedShare", droppedShare, 0, 0.9, "");
   Check("trackingNoise", trackingNoise, 0, 10, " mm");
   Check("trackingRotationNoise", trackingRotationNoise, 0, 20, " degrees");
+  Check("noiseCorrelation", noiseCorrelation, 0, 1000, " frames");
   Check("trackingDrift", trackingDrift, 0, 100, " mm");
   Check("trackingRotationDrift", trackingRotationDrift, 0, 20, " degrees");
   Check("outlierShare", outlierShare, 0, 0.5, "");

@@ -61,6 +61,9 @@ struct PhantomOptions
   // Errors of the tracker. They move the recorded poses and nothing else.
   double trackingNoise = 0;          ///< mm, 0 to 10; standard deviation of the recorded position, each axis
   double trackingRotationNoise = 0;  ///< degrees, 0 to 20; standard deviation of the recorded rotation, each axis
+  /// frames, 0 to 1000: the noise of frames so far apart is correlated by 1/e, as an autoregressive process of first order
+  /// has it, and as strong in every frame; 0: each frame errs by itself. Outliers stay what they are.
+  double noiseCorrelation = 0;
   double trackingDrift = 0;  ///< mm, 0 to 100; the position wanders within this bound on each axis, slower than a sweep
   double trackingRotationDrift = 0;    ///< degrees, 0 to 20; the same of the rotation
   double outlierShare = 0;             ///< 0 to 0.5 of the frames are recorded outlierSize away, in any direction

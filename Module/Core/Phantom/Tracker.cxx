@@ -48,6 +48,19 @@ Eigen::Vector3d NormalVector(std::uint64_t seed, std::uint64_t stream, int frame
   return vector;
 }
 
+/// [frames] e_k = r e_(k-1) + sqrt(1 - r^2) w_k with e_0 = w_0 and w white, of standard deviation 1 on each axis.
+std::vector<Eigen::Vector3d> TrackerNoise(const PhantomOptions& o, std::uint64_t stream)
+{
+  const double r = o.noiseCorrelation > 0 ? std::exp(-1 / o.noiseCorrelation) : 0;
+  std::vector<Eigen::Vector3d> noise;
+  for (int k = 0; k < o.frames; ++k)
+  {
+    const Eigen::Vector3d white = NormalVector(o.seed, stream, k);
+    noise.push_back(k == 0 ? white : Eigen::Vector3d(r * noise.back() + std::sqrt(1 - r * r) * white));
+  }
+  return noise;
+}
+
 /// Which picture each frame is: k itself when none is dropped.
 std::vector<int> KeptPictures(const PhantomOptions& o)
 {
@@ -122,14 +135,17 @@ TrackedPoses TrackHand(const PhantomOptions& o)
   const Eigen::Vector3d calibrationShift(o.calibrationShift.data()), calibrationTurn(o.calibrationRotation.data());
   const bool isCalibrated = calibrationShift.isZero(0) && calibrationTurn.isZero(0);
 
+  const std::vector<Eigen::Vector3d> shifts = TrackerNoise(o, kPositionNoiseStream);
+  const std::vector<Eigen::Vector3d> turns = TrackerNoise(o, kRotationNoiseStream);
+
   TrackedPoses poses;
   for (int k = 0; k < o.frames; ++k)
   {
     poses.timestamps.push_back(pictures[k] / o.frameRate);
     poses.truth.push_back(PlaneOf(hand.At(pictures[k]), o).ImageToReference());
 
-    Eigen::Vector3d shift = o.trackingNoise * NormalVector(o.seed, kPositionNoiseStream, k);
-    Eigen::Vector3d twist = o.trackingRotationNoise * kRadiansPerDegree * NormalVector(o.seed, kRotationNoiseStream, k);
+    Eigen::Vector3d shift = o.trackingNoise * shifts[k];
+    Eigen::Vector3d twist = o.trackingRotationNoise * kRadiansPerDegree * turns[k];
     const double time = kDriftTimePerSweep * pictures[k] / std::max(1, pictures.back());
     for (int axis = 0; axis < 3; ++axis)
     {

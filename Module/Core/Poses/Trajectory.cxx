@@ -365,13 +365,6 @@ double DriveAt(const Motion& motion, double strength)
   return std::max(motion.drive / (strength * strength), kLeastDrive);
 }
 
-/// ln L of the estimated drive less that at a strength.
-double LostLikelihood(const Motion& motion, const Weighted& data, double strength)
-{
-  Motion best = motion, other = motion;
-  return 0.5 * (Cost(other, data, DriveAt(motion, strength)) - Cost(best, data, motion.drive));
-}
-
 void SmoothAll(Motion& motion, const Weighted& data, double strength)
 {
   motion.curves.clear();
@@ -531,9 +524,6 @@ Trajectory Smoothed(const Path& path, Motions& motions, const Sweep& sweep, cons
   Trajectory smooth = found;
   motions.SmoothAll(strength);
   PutBack(path, motions, sweep, smooth);
-  smooth.lostLikelihood =
-      (LostLikelihood(motions.places, motions.data, strength) + LostLikelihood(motions.turns, motions.data, strength)) /
-      path.usable;
   const bool isExact = found.cornerNoise < kLeastNoise * sweep.Plane(0).PixelSize();
   for (std::size_t k = 0; isExact && k < found.isOutlier.size(); ++k)
   {

@@ -50,11 +50,8 @@ struct Trajectory
                                                     ///< plane, along its normal) from its centre: where noise of place
                                                     ///< and of orientation do not depend on each other; near what is
                                                     ///< tracked
-  /// How much less likely the recorded poses are at this strength than at strength 1: the difference of the restricted
-  /// likelihoods' natural logarithms, for each pose. From a few tenths on the path is smoother than poses show it.
-  double lostLikelihood = 0;
-  FrameClock clock = FrameClock::Numbers;  ///< what was used
-  bool isStepped = false;                  ///< motion in equal steps, as of a motor: every pose is kept
+  FrameClock clock = FrameClock::Numbers;           ///< what was used
+  bool isStepped = false;                           ///< motion in equal steps, as of a motor: every pose is kept
 
   bool IsNoiseKnown() const { return translationNoise == translationNoise; }
   bool IsChanged() const;  ///< whether any pose is not the recorded one

@@ -118,7 +118,14 @@ def correct_poses(sweep: vtkImageData, **properties: Any) -> PoseCorrection:
         dict(zip(("translation", "rotation", "corner"), data.GetArray("TrackerNoise").GetTuple3(0))),
         correction.GetChosenStrength(),
         {"choice": decision.GetValue(0), "evidence": decision.GetValue(1)},
+        _steps(correction.GetSteps()),
     )
+
+
+def _steps(table: vtkTable) -> list[dict[str, Any]]:
+    columns = {key: vtk_to_numpy(table.GetColumnByName(name)) for key, name in common.STEP_COLUMNS.items()}
+    columns["taken"] = columns["taken"] != 0
+    return [{key: values[row].item() for key, values in columns.items()} for row in range(table.GetNumberOfRows())]
 
 
 class _FieldAndLog(NamedTuple):

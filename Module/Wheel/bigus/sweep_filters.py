@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkImageD
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
-from . import _core
+from . import _core, common
 from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, getters, matrix_of, ports, properties, table_of, tell_image
 from .vtkdata import image_of_sweep, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
@@ -32,8 +32,8 @@ def _keyword(name: str) -> str:
     NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2, ProbeRadius=0.0, HalfAngle=0.0,
     Frequency=5.0, AxialSigma=0.2, LateralSigma=0.4, ElevationSigma=0.8, ScattererDensity=40.0, Attenuation=0.5,
     DynamicRange=50.0, WhiteLevel=24.0, FrameSpacing=0.5, SpeedVariation=0.4, Tilt=3.0, Wander=0.5, SweepAngle=0.0,
-    FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0, TrackingDrift=0.0,
-    TrackingRotationDrift=0.0, OutlierShare=0.0, OutlierSize=2.0, TrackingDelay=0.0, TrackingQuantum=0.0,
+    FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0, NoiseCorrelation=0.0,
+    TrackingDrift=0.0, TrackingRotationDrift=0.0, OutlierShare=0.0, OutlierSize=2.0, TrackingDelay=0.0, TrackingQuantum=0.0,
     TrackingRotationQuantum=0.0, CalibrationShift=(0.0, 0.0, 0.0), CalibrationRotation=(0.0, 0.0, 0.0),
 )  # fmt: skip
 class vtkBigusPhantomSource(Algorithm):
@@ -94,7 +94,7 @@ class vtkBigusPoseCorrection(Algorithm):
     CONSTANT_ERRORS = ("Delay", "ShiftX", "ShiftY", "ShiftZ", "RotationX", "RotationY", "RotationZ")
 
     def __init__(self) -> None:
-        super().__init__(("vtkImageData",), ("vtkImageData",))
+        super().__init__(("vtkImageData",), ("vtkImageData", "vtkTable"))
         self._chosen = 0.0
 
     def GetChosenStrength(self) -> float:
@@ -132,6 +132,13 @@ class vtkBigusPoseCorrection(Algorithm):
         data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))
         set_provenance(data, "sweep.poses", f"{decision['choice']} ({decision['evidence']})")
         self._chosen = found["strength"]
+        rows = found["steps"]
+        columns = {name: np.array([row[key] for row in rows], dtype=np.int32 if key == "taken" else np.float64)
+                   for key, name in common.STEP_COLUMNS.items()}  # fmt: skip
+        outputs[1].ShallowCopy(table_of(columns))
+
+    def GetSteps(self) -> Any:
+        return self.GetOutputDataObject(1)
 
     @staticmethod
     def _add_numbers(data: Any, name: str, values: np.ndarray, components: Any) -> None:

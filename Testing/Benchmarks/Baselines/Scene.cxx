@@ -126,6 +126,7 @@ PhantomOptions ReadPhantomOptions(const Json& object)
   fields.Read("tracking_rotation_noise", options.trackingRotationNoise);
   fields.Read("passes", options.passes);
   fields.Read("dropped_share", options.droppedShare);
+  fields.Read("noise_correlation", options.noiseCorrelation);
   fields.Read("tracking_drift", options.trackingDrift);
   fields.Read("tracking_rotation_drift", options.trackingRotationDrift);
   fields.Read("outlier_share", options.outlierShare);
