@@ -447,6 +447,11 @@ int vtkBigusSequenceReader::GetNumberOfMadeAxes()
   return this->Internals->poses.NumberOfMadeAxes();
 }
 
+void vtkBigusSequenceReader::GetHeaderSpacing(double spacing[2])
+{
+  std::copy_n(this->Internals->file.spacing.begin(), 2, spacing);
+}
+
 const char* vtkBigusSequenceReader::GetSpacingDoubt()
 {
   return this->Internals->spacingDoubt.c_str();

@@ -207,6 +207,12 @@ public:
   int GetNumberOfMadeAxes();
 
   /**
+   * The size of a pixel along i and j, mm, as the header states it (ElementSpacing, spacings, space directions); 0 where it
+   * does not. Nothing is made of it: see GetSpacingDoubt and ImageSpacing.
+   */
+  void GetHeaderSpacing(double spacing[2]);
+
+  /**
    * A sentence that names both sizes of a pixel where the header states another than the transforms, which is used (see
    * ImageSpacing); else empty.
    */

@@ -263,6 +263,16 @@ void BindFiles(nb::module_& m)
         nb::arg("ClipMode"), nb::arg("ClipRectangle"), nb::arg("FanApex"), nb::arg("FanRadii"), nb::arg("FanAngles"),
         nb::arg("KeepRejectedFrames"), nb::arg("RequirePoses"));
   m.def(
+      "header_spacing",
+      [](const std::string& path)
+      {
+        ImageOptions images;
+        images.plain = true;
+        const SequenceFile file = ReadSequenceFile(path, images);
+        return std::make_pair(file.spacing[0], file.spacing[1]);
+      },
+      nb::arg("path"));
+  m.def(
       "looks_like_sequence",
       [](const std::string& path, bool plain) { return LooksLikeSequence(FileBeginning(path, 4096), plain); },
       nb::arg("path"), nb::arg("plain"));

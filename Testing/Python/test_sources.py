@@ -914,6 +914,14 @@ class Program(InFolder):
         self.assertEqual(result.returncode, 0, result.stderr)
         np.testing.assert_array_equal(bigus.frames(bigus.read(self.folder / "slicer.igs.mha")), IMAGES)
         np.testing.assert_allclose(bigus.poses(bigus.read(self.folder / "slicer.igs.mha")), TRUTH, atol=1e-12)
+        # Where poses are rigid, and nothing else says how large a pixel is, the header of the images does.
+        header = (self.folder / "images.seq.nrrd").read_bytes()
+        for spacing, ending in (("(0.3,0,0) (0,0.4,0)", 0), ("(1,0,0) (0,1,0)", 2)):
+            (self.folder / "spaced.seq.nrrd").write_bytes(header.replace(b"(1,0,0) (0,1,0)", spacing.encode()))
+            result = self.run_convert("spaced.seq.nrrd", "probe.seq.mha", "-o", "spaced.igs.mha")
+            self.assertEqual(result.returncode, ending, result.stderr)
+            self.assertIn("pixel's size" if ending else "Pixels are 0.3 x 0.4 mm, by the file of the images.", result.stderr)
+        np.testing.assert_allclose(bigus.poses(bigus.read(self.folder / "spaced.igs.mha")), TRUTH, atol=1e-12)
         # Pictures in a folder: the same order as where the sequence reader takes them.
         (self.folder / "frames").mkdir()
         names = ("a1b2.png", "a1b10.png", "a01b10.png", "a2.png", "a10.png", "a10-.png", "b.png")

@@ -392,13 +392,14 @@ def _dicom(path: Path) -> Images:
 
 def _sequence(path: Path) -> Images:
     """The images of a sequence whose poses lie elsewhere, as 3D Slicer saves them."""
-    from . import read_stack  # here, because only this format needs the rest of the package
+    from . import read_spacing, read_stack  # here, because only this format needs the rest of the package
 
     try:
-        pixels, times = read_stack(path)
+        (pixels, times), spacing = read_stack(path), read_spacing(path)
     except RuntimeError as error:
         raise SourceError(str(error)) from None
-    return Images(as_pixels(pixels, path), times)
+    known = min(spacing) > 0 and spacing != (1, 1)  # programs write 1 where they know nothing
+    return Images(as_pixels(pixels, path), times, spacing if known else None)
 
 
 def read_images(path: Path, dataset: Sequence[str] = (), scan: Optional[str] = None) -> Images:

@@ -49,6 +49,17 @@ def read_stack(path: Union[str, os.PathLike]) -> tuple[np.ndarray, Optional[np.n
     return _pixels(sequence), None if times is None else vtk_to_numpy(times).copy()
 
 
+def read_spacing(path: Union[str, os.PathLike]) -> tuple[float, float]:
+    """The size of a pixel along i and j, mm, that the header of a sequence or an image states; 0 where it states none."""
+    reader = vtkBigusSequenceReader()
+    reader.SetFileName(os.fspath(path))
+    reader.RequirePosesOff()
+    reader.UpdateInformation()
+    spacing = [0.0, 0.0]
+    reader.GetHeaderSpacing(spacing)
+    return spacing[0], spacing[1]
+
+
 def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str = "RAS", **properties: Any) -> Planes:
     """Slice planes: poses of a sequence or a CSV, 3D Slicer's planes and lines (.mrk.json) and transforms (.tfm, .h5).
 

@@ -24,7 +24,7 @@ from typing import Any
 from ._core import Error, Field, Phantom, Sweep, __version__, engines, instruction_sets, missing_engines
 from ._core import added_filters as _added_filters, use_instruction_set
 from .arrays import field, frames, poses, sweep
-from .files import Planes, read, read_planes, read_stack, write
+from .files import Planes, read, read_planes, read_spacing, read_stack, write
 from .sources import SourceError, from_files
 from .tasks import PoseCorrection, Slicer, Training, TrainingInterrupted, check, correct_poses, distance_to_frames
 from .tasks import metrics, options, plane, reslice, train
@@ -32,7 +32,8 @@ from .tasks import metrics, options, plane, reslice, train
 __all__ = [
     "Error", "Field", "Phantom", "Planes", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
     "TrainingInterrupted", "__version__", "check", "correct_poses", "distance_to_frames", "engines", "field", "frames", "from_files",
-    "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_planes", "read_stack",
+    "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_planes", "read_spacing",
+    "read_stack",
     "reslice", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
 

@@ -125,6 +125,11 @@ def read_stack(path: Union[str, os.PathLike]) -> tuple[np.ndarray, Optional[np.n
     return found["pixels"], found["timestamps"]
 
 
+def read_spacing(path: Union[str, os.PathLike]) -> tuple[float, float]:
+    """The size of a pixel along i and j, mm, that the header of a sequence or an image states; 0 where it states none."""
+    return _core.header_spacing(os.fspath(path))
+
+
 def write(data: Union[Sweep, Field], path: Union[str, os.PathLike], **properties: Any) -> None:
     """Writes a field (to .vtp, exact, or .ply, for viewers of splats) or a tracked sweep (to .igs.mha).
 
