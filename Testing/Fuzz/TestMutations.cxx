@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <functional>
 #include <random>
 
@@ -130,9 +131,11 @@ void Torture(const TemporaryFolder& folder, vtkAlgorithm* reader, const std::str
     setFileName(folder / name);
     reader->Modified();
     reader->Update();
-    ASSERT_LE(errors.Errors().size(), 1u) << errors.Text();
-    refused += errors.Errors().empty() ? 0 : 1;
-    if (errors.Errors().empty())
+    const auto isError = [](const std::string& text) { return text.rfind("ERROR", 0) == 0; };  // else a warning
+    const auto found = std::count_if(errors.Errors().begin(), errors.Errors().end(), isError);
+    ASSERT_LE(found, 1) << errors.Text();
+    refused += static_cast<int>(found);
+    if (found == 0)
     {
       sound();
     }
