@@ -72,11 +72,11 @@ std::optional<Finding> DoubtGain(const Pictures& pictures, const std::vector<int
     if (lasting / steps[k] >= kLasting)
     {
       from.push_back(frames[k + 1]);
-      evidence += (evidence.empty() ? "pictures are from one frame to the next by " : ", ") + Format("%+.0f", steps[k]);
+      evidence +=
+          (evidence.empty() ? "from one frame to the next pictures change by " : ", ") + Format("%+.0f", steps[k]);
     }
   }
-  std::optional<Finding> found =
-      Found(FindingKind::Gain, from, evidence + " grey levels brighter from there on, and stay so");
+  std::optional<Finding> found = Found(FindingKind::Gain, from, evidence + " grey levels, and stay so");
   return found;
 }
 
