@@ -528,6 +528,28 @@ TEST(Inspection, KeptKindsAreFoundAndLeft)
   EXPECT_NE(message.find("overlay"), std::string::npos) << message;
 }
 
+// Two scenes, one after the other, so that neighbours are alike but for once, on frames of any size.
+TEST(Inspection, FramesMayBeSmall)
+{
+  for (const auto& [width, height] : {std::pair(1, 1), {2, 9}, {4, 4}, {5, 4}, {4, 40}, {40, 5}, {30, 31}, {33, 20}})
+  {
+    Random random(3);
+    Frames frames{width, height, {}, {}, {}};
+    std::vector<double> scene(static_cast<std::size_t>(width) * height);
+    for (int k = 0; k < 24; ++k)
+    {
+      for (double& level : scene)
+      {
+        level = k % 12 ? level + random.Uniform(-4, 4) : random.Uniform(40, 200);
+      }
+      frames.images.push_back(scene);
+      frames.poses.push_back(Eigen::Matrix4d::Identity());
+      frames.poses.back()(2, 3) = 0.5 * k;
+    }
+    EXPECT_NO_THROW(Inspect(frames.AsSweep())) << width << " x " << height;
+  }
+}
+
 TEST(Inspection, ASceneThatNeverChangesIsLeftAlone)
 {
   Frames frames = PhantomFrames(1);

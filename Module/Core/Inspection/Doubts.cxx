@@ -76,8 +76,7 @@ std::optional<Finding> DoubtGain(const Pictures& pictures, const std::vector<int
           (evidence.empty() ? "from one frame to the next pictures change by " : ", ") + Format("%+.0f", steps[k]);
     }
   }
-  std::optional<Finding> found = Found(FindingKind::Gain, from, evidence + " grey levels, and stay so");
-  return found;
+  return Found(FindingKind::Gain, from, evidence + " grey levels, and stay so");
 }
 
 /// Small pictures without their broad brightness.
@@ -131,6 +130,10 @@ double LargerBy(const cv::Mat& from, const cv::Mat& to, double enough)
 
 std::optional<Finding> DoubtDepth(const Pictures& pictures, const std::vector<int>& frames)
 {
+  if (std::min(pictures.width, pictures.height) < kBroad)  // there is no detail to compare
+  {
+    return std::nullopt;
+  }
   std::vector<cv::Mat> details;
   std::vector<double> alike;
   for (std::size_t k = 0; k < frames.size(); ++k)
