@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From what images want back to Gaussians: gathered, not scattered. Private to Cuda.
 //
-// A thread block takes one block of Gaussians and, plane after plane, what the plane sees of it: eight lanes walk a
-// footprint (a whole warp a large one), read one number a pixel and keep the sums in registers. Then each Gaussian's
-// own thread applies the chain rule and adds up its gradient in the order of the planes, and at the end takes Adam's
-// step. No atomics, no gradient in memory, the same bits in every run.
+// First every splat gathers, wherever its Gaussian is: eight lanes walk a footprint (a whole warp a large one), read one
+// number a pixel, keep the sums in registers and write them beside the splat. Then each Gaussian's own thread applies
+// the chain rule to its splats, adds up its gradient in the order of the planes, and at the end takes Adam's step. No
+// atomics on numbers, the same bits in every run.
 #pragma once
 
 #include "Forward.h"
@@ -15,12 +15,19 @@ namespace bigus
 namespace cuda
 {
 
-constexpr int kBackwardThreads = 256;
+constexpr int kGatherThreads = 128;
 constexpr int kGatherLanes = 8;
 constexpr int kLargeFootprint = 4096;  // pixels of its box
+constexpr int kChunk = 32;             // planes whose lists a thread block loads together
 
 /// Sums over pixels of derivative * w * powers of eta: see Moments.
 constexpr int kMoments = kMomentRows;
+
+/// The same of one splat, in memory. Two loads of 16 bytes.
+struct alignas(16) SplatMoments
+{
+  float sums[kMoments + 1];
+};
 
 /// Sums over a footprint's pixels by `Lanes` neighbouring lanes, in all of them: of the first `Count` moments. All
 /// lanes of a warp must call it; those with nothing to do give an invalid splat.
@@ -147,56 +154,51 @@ __device__ void GatherSplat(const DeviceSplat& s, bool valid, const float* image
   }
 }
 
-/// Of all splats that a plane sees of a block, by the whole thread block: moments[m][k] of splat k.
-template <int Count>
-__device__ void GatherAll(const DeviceSplat* splats, int count, const float* image, int width, int height,
-                          float (*moments)[kBlock])
+struct GatherTask
 {
-  const auto isLarge = [](const DeviceSplat& s)
+  Lists lists;
+  const float* images;  // [views][height][width] dL/dS
+  int width, height;
+  SplatMoments* moments;  // [capacity]
+};
+
+/// Launched as (any number, 1) of kGatherThreads: a team of lanes takes one splat after another.
+template <int Count>
+__global__ void __launch_bounds__(kGatherThreads, 8) GatherMoments(GatherTask task)
+{
+  constexpr std::size_t kTeams = kGatherThreads / kGatherLanes;
+  const std::size_t used = *task.lists.used, all = used <= task.lists.capacity ? used : 0;
+  const int lane = threadIdx.x % kWarp;
+  const auto gather = [&](auto lanes, std::size_t at, bool valid)
   {
-    return static_cast<std::int64_t>(s.box.columnEnd - s.box.columnBegin) * (s.box.rowEnd - s.box.rowBegin) >
-           kLargeFootprint;
+    constexpr int kLanes = decltype(lanes)::value;
+    const DeviceSplat& s = task.lists.splats[at];
+    const float* image = task.images + static_cast<std::size_t>(valid ? s.view : 0) * task.width * task.height;
+    float sums[kMoments] = {};
+    GatherSplat<kLanes, Count>(s, valid, image, task.width, task.height, sums);
+    if (valid && lane % kLanes == 0)
+    {
+      SplatMoments out{};
+#pragma unroll
+      for (int m = 0; m < Count; ++m)
+      {
+        out.sums[m] = sums[m];
+      }
+      task.moments[at] = out;
+    }
   };
-  constexpr int kTeams = kBackwardThreads / kGatherLanes, kWarps = kBackwardThreads / kWarp;
-  float sums[kMoments];
-  const int team = threadIdx.x / kGatherLanes;
-  bool large = false;
-  for (int first = 0; first < count; first += kTeams)
+  for (std::size_t first = blockIdx.x * kTeams; first < all; first += gridDim.x * kTeams)
   {
-    const int k = first + team;
-    const DeviceSplat& s = splats[min(k, count - 1)];
-    const bool isMine = k < count && !isLarge(s);
-    large = large || (k < count && !isMine);
-    GatherSplat<kGatherLanes, Count>(s, isMine, image, width, height, sums);
-    if (isMine && threadIdx.x % kGatherLanes == 0)
-    {
-      for (int m = 0; m < Count; ++m)
-      {
-        moments[m][k] = sums[m];
-      }
-    }
+    const std::size_t k = first + threadIdx.x / kGatherLanes;
+    const Box box = task.lists.splats[min(k, all - 1)].box;
+    const bool valid = k < all && box.columnEnd > box.columnBegin;  // else room that was not needed
+    const bool large =
+        valid &&
+        static_cast<std::int64_t>(box.columnEnd - box.columnBegin) * (box.rowEnd - box.rowBegin) > kLargeFootprint;
+    gather(std::integral_constant<int, kGatherLanes>(), min(k, all - 1), valid && !large);
+    ForLanes(large && lane % kGatherLanes == 0, [&](int from)
+             { gather(std::integral_constant<int, kWarp>(), k - lane / kGatherLanes + from / kGatherLanes, true); });
   }
-  if (!__syncthreads_or(large))
-  {
-    return;
-  }
-  for (int k = threadIdx.x / kWarp; k < count; k += kWarps)
-  {
-    const DeviceSplat& s = splats[k];
-    if (!isLarge(s))
-    {
-      continue;  // the whole warp alike
-    }
-    GatherSplat<kWarp, Count>(s, true, image, width, height, sums);
-    if (threadIdx.x % kWarp == 0)
-    {
-      for (int m = 0; m < Count; ++m)
-      {
-        moments[m][k] = sums[m];
-      }
-    }
-  }
-  __syncthreads();
 }
 
 /// Where Gaussian i is in a list, or -1.
@@ -217,11 +219,10 @@ __device__ inline int RankIn(const Seen& seen, int i)
 struct BackwardTask
 {
   Lists lists;
+  const SplatMoments* moments;  // [capacity] what GatherMoments left
   Field field;
   const Camera* cameras;
-  const int* frames;    // [views]
-  const float* images;  // [views][height][width] dL/dS
-  int width, height;
+  const int* frames;  // [views]
   const StepParameters* parameters;
   AdamBlock<float>* adam;          // [blocks] a step is taken; or null
   GradientBlock<float>* gradient;  // [blocks] the gradient is stored; or null
@@ -231,8 +232,7 @@ struct BackwardTask
 
 /// The smallest and the largest over a block's Gaussians of `value`, of which the calling thread has one: in every
 /// thread of the thread block. `room` is shared.
-__device__ inline void Extremes(float value, bool present, float (&room)[2][kBackwardThreads / kWarp], float& low,
-                                float& high)
+__device__ inline void Extremes(float value, bool present, float (&room)[2][kBlock / kWarp], float& low, float& high)
 {
   float least = present ? value : HUGE_VALF, most = present ? value : -HUGE_VALF;
   for (int step = kWarp / 2; step > 0; step /= 2)
@@ -249,18 +249,17 @@ __device__ inline void Extremes(float value, bool present, float (&room)[2][kBac
   __syncthreads();
   low = room[0][0];
   high = room[1][0];
-  for (int k = 1; k < kBackwardThreads / kWarp; ++k)
+  for (int k = 1; k < kBlock / kWarp; ++k)
   {
     low = min(low, room[0][k]);
     high = max(high, room[1][k]);
   }
 }
 
-/// Brings a block's place up to date with its Gaussians, by a thread block of kBackwardThreads of which the first
-/// kBlock have them.
+/// Brings a block's place up to date with its Gaussians, by a thread block of kBlock.
 __device__ inline void Measure(const Gaussian<float>& g, BlockPlace& place)
 {
-  __shared__ float room[2][kBackwardThreads / kWarp];
+  __shared__ float room[2][kBlock / kWarp];
   const bool present = static_cast<int>(threadIdx.x) < place.count;
   BlockPlace changed = place;
   const auto range = [&](float value, double centre, double& middle, double& half)
@@ -284,11 +283,10 @@ __device__ inline void Measure(const Gaussian<float>& g, BlockPlace& place)
   }
 }
 
-/// Launched as (blocks, 1) of kBackwardThreads.
-__global__ void __launch_bounds__(kBackwardThreads) MeasureBlocks(Field field)
+/// Launched as (blocks, 1) of kBlock threads.
+__global__ void __launch_bounds__(kBlock) MeasureBlocks(Field field)
 {
-  const int i = min(static_cast<int>(threadIdx.x), kBlock - 1);
-  Measure(LoadGaussian(field.gaussians[blockIdx.x], i), field.places[blockIdx.x]);
+  Measure(LoadGaussian(field.gaussians[blockIdx.x], threadIdx.x), field.places[blockIdx.x]);
 }
 
 __device__ inline void StoreGaussian(const Gaussian<float>& g, GaussianBlock<float>& block, int i)
@@ -354,11 +352,9 @@ __device__ inline void Spend(Gaussian<float>& gaussian, const GaussianGradient<f
   }
 }
 
-/// Launched as (blocks, 1) of kBackwardThreads. Three thread blocks a multiprocessor: 80 registers hold all that
-/// walks footprints; the chain rule, once a plane, keeps some of its numbers in memory.
-__global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask task)
+/// Launched as (blocks, 1) of kBlock threads.
+__global__ void __launch_bounds__(kBlock) Backward(BackwardTask task)
 {
-  __shared__ float moments[kMoments][kBlock];
   __shared__ View<float> views[kChunk];
   __shared__ Seen seen[kChunk];
   if (*task.lists.used > task.lists.capacity)
@@ -367,63 +363,51 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
   }
   const int b = blockIdx.x, i = threadIdx.x;
   const bool present = i < task.field.places[b].count;
-  Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], min(i, kBlock - 1));
+  Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
   GaussianGradient<float> gradient{};
   float error = 0, visits = 0;
   for (int first = 0; first < task.lists.views; first += kChunk)
   {
+    const int count = min(kChunk, task.lists.views - first);
     __syncthreads();
-    if (i < kChunk)
+    if (i < count)
     {
+      const Seen& list = task.lists.seen[static_cast<std::size_t>(b) * task.lists.views + first + i];
       seen[i].count = 0;
-      const Seen* const all = task.lists.seen + static_cast<std::size_t>(b) * task.lists.views;
-      if (first + i < task.lists.views && all[first + i].count > 0)
+      if (list.count > 0)
       {
-        seen[i] = all[first + i];  // of a plane that sees nothing, only the count was written
+        seen[i] = list;  // of a plane that sees nothing, only the count was written
         std::int32_t column, row;
         views[i] = LocalView<float>(task.cameras[task.frames[first + i]], task.field.places[b], column, row);
       }
     }
     __syncthreads();
-    for (int j = 0; j < kChunk; ++j)
+    for (int j = 0; j < count; ++j)
     {
-      if (seen[j].count == 0)
+      const int k = present && seen[j].count > 0 ? RankIn(seen[j], i) : -1;
+      if (k < 0)
       {
         continue;
       }
-      const DeviceSplat* splats = task.lists.splats + seen[j].offset;
-      const std::size_t at = static_cast<std::size_t>(first + j) * task.width * task.height;
-      if (task.scores)
-      {
-        GatherAll<kMoments>(splats, seen[j].count, task.images + at, task.width, task.height, moments);
-      }
-      else
-      {
-        GatherAll<kMoments - 1>(splats, seen[j].count, task.images + at, task.width, task.height, moments);
-      }
-      const int k = present ? RankIn(seen[j], i) : -1;
-      if (k >= 0)
-      {
-        const Moments<float> m{moments[kMoment0][k],
-                               moments[kMoment1][k],
-                               moments[kMoment2][k],
-                               moments[kMoment11][k],
-                               moments[kMoment12][k],
-                               moments[kMoment22][k],
-                               0.0f};
-        const GaussianGradient<float> g = ProjectAdjoint(gaussian, Project(gaussian, views[j]), m);
-        gradient.mean = MultiplyAdd(1.0f, g.mean, gradient.mean);
-        gradient.logScale = MultiplyAdd(1.0f, g.logScale, gradient.logScale);
-        gradient.rotation = MultiplyAdd(1.0f, g.rotation, gradient.rotation);
-        gradient.reflectivity += g.reflectivity;
-        visits += 1;
-        error += task.scores ? moments[kMomentError][k] : 0.0f;
-      }
-      __syncthreads();
+      const SplatMoments m = task.moments[seen[j].offset + k];
+      const Moments<float> moments{m.sums[kMoment0],
+                                   m.sums[kMoment1],
+                                   m.sums[kMoment2],
+                                   m.sums[kMoment11],
+                                   m.sums[kMoment12],
+                                   m.sums[kMoment22],
+                                   0.0f};
+      const GaussianGradient<float> g = ProjectAdjoint(gaussian, Project(gaussian, views[j]), moments);
+      gradient.mean = MultiplyAdd(1.0f, g.mean, gradient.mean);
+      gradient.logScale = MultiplyAdd(1.0f, g.logScale, gradient.logScale);
+      gradient.rotation = MultiplyAdd(1.0f, g.rotation, gradient.rotation);
+      gradient.reflectivity += g.reflectivity;
+      visits += 1;
+      error += task.scores ? m.sums[kMomentError] : 0.0f;
     }
   }
   const bool visited = visits > 0;
-  if (task.gradient && i < kBlock)
+  if (task.gradient)
   {
     GradientBlock<float>& out = task.gradient[b];
     float values[kParametersPerGaussian];
@@ -451,9 +435,9 @@ __global__ void __launch_bounds__(kBackwardThreads, 3) Backward(BackwardTask tas
 }
 
 /// A step along a stored gradient. Launched as Backward.
-__global__ void __launch_bounds__(kBackwardThreads) TakeStep(BackwardTask task)
+__global__ void __launch_bounds__(kBlock) TakeStep(BackwardTask task)
 {
-  const int b = blockIdx.x, i = min(static_cast<int>(threadIdx.x), kBlock - 1);
+  const int b = blockIdx.x, i = threadIdx.x;
   const GradientBlock<float>& in = task.gradient[b];
   Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
   float values[kParametersPerGaussian];
@@ -463,7 +447,7 @@ __global__ void __launch_bounds__(kBackwardThreads) TakeStep(BackwardTask task)
     values[k] = in.values[k][i];
   }
   const GaussianGradient<float> gradient = FromArray(values);
-  const bool visited = static_cast<int>(threadIdx.x) < task.field.places[b].count && in.visits[i] > 0;
+  const bool visited = i < task.field.places[b].count && in.visits[i] > 0;
   Spend(gaussian, gradient, visited, task.field, task.adam, task.parameters->adam, task.guarded);
 }
 

@@ -101,7 +101,7 @@ public:
     task.adam = field_.Adam();
     task.parameters = parameters_.data();
     task.guarded = &work_.Reported()->guarded;
-    Launch("a step", TakeStep, field_.Blocks(), 1, kBackwardThreads, work_.stream, task);
+    Launch("a step", TakeStep, field_.Blocks(), 1, kBlock, work_.stream, task);
   }
 
   double TrainStep(const std::vector<int>& frames, const Loss& loss, const LearningRates& rates,
@@ -120,7 +120,8 @@ public:
   {
     return work_.Bytes() + field_.Bytes() + frames_.Bytes() + imageLosses_.Bytes() + gradient_.Bytes() +
            scores_.Bytes() + planes_.Bytes() + batch_.Bytes() + seen_.Bytes() + boxes_.Bytes() + groupBoxes_.Bytes() +
-           splats_.Bytes() + overlaps_.Bytes() + images_.Bytes() + rendered_.Bytes() + parameters_.Bytes();
+           splats_.Bytes() + moments_.Bytes() + overlaps_.Bytes() + images_.Bytes() + rendered_.Bytes() +
+           parameters_.Bytes();
   }
 
   void SaveState(StateWriter& to) const override
@@ -171,6 +172,7 @@ public:
 private:
   static constexpr std::size_t kStackPixels = std::size_t(1) << 25;  // of a stack, rendered at once
   static constexpr std::size_t kStackPlanes = 64;                    // the same; their lists are held too
+  static constexpr std::size_t kWarpsOfDevice = 6000;                // that a large one runs at once, about
 
   /// One window of several planes of one size.
   void RenderPlanes(const SlicePlane* planes, int views, const Window& window, ViewOutput output, float* images,
@@ -213,7 +215,7 @@ private:
         [&]
         {
           task.lists = FindVisible(planes_.data(), views, width, height, task.tiles, FootprintsFor::Rendering);
-          Launch("rendering", RenderTiles, Warps(task.tiles), views, kForwardWarps * kWarp, work_.stream, task);
+          Launch("rendering", RenderTiles, task.tiles.Count(), views, kForwardWarps * kWarp, work_.stream, task);
         });
     rendered_.Download(images, 0, pixels, work_.stream);
     if (coverage)
@@ -234,9 +236,6 @@ private:
     const int column = window.columnBegin / kTileSide, row = window.rowBegin / kTileSide;
     return {column, row, up(window.columnEnd) - column, up(window.rowEnd) - row};
   }
-
-  /// Thread blocks that render tiles.
-  static std::size_t Warps(const Tiles& tiles) { return (tiles.Count() + kForwardWarps - 1) / kForwardWarps; }
 
   /// Queues work that begins with FindVisible, as often as it takes until there is room for all splats: kernels do
   /// nothing when there is not. Returns what they report.
@@ -290,7 +289,7 @@ private:
     if (task.truncation.isShared)
     {
       overlaps_.Clear(work_.stream);
-      Launch("counting footprints", CountOverlaps, blocks, views, kBlock, work_.stream, task);
+      Launch("counting footprints", CountOverlaps, (blocks + kBlock - 1) / kBlock, views, kBlock, work_.stream, task);
     }
     task.seen = seen_.data();
     task.boxes = boxes_.data();
@@ -300,7 +299,12 @@ private:
     task.capacity = splats_.size();
     task.used = &work_.Reported()->used;
     Check(cudaMemsetAsync(task.used, 0, sizeof(*task.used), work_.stream), "clearing");
-    Launch("finding footprints", FindSplats, blocks, 1, kBlock, work_.stream, task);
+    // As few pairs a warp as still give each some, so that what is seen is spread over the device.
+    const std::size_t all = blocks * views;
+    task.pairs = static_cast<int>(std::clamp<std::size_t>(all / kWarpsOfDevice, 1, 8));
+    const std::size_t ofThreadBlock = static_cast<std::size_t>(task.pairs) * kFindWarps;
+    Launch("finding footprints", FindSplats, (all + ofThreadBlock - 1) / ofThreadBlock, 1, kFindWarps * kWarp,
+           work_.stream, task);
     Launch("finding footprints", FindGroups, groups, views, kGroup, work_.stream, task);
     return {views,          task.groups, seen_.data(),  boxes_.data(), groupBoxes_.data(),
             splats_.data(), task.used,   splats_.size()};
@@ -338,24 +342,28 @@ private:
     {
       forward.lists = FindVisible(cameras, views, sweep.width, sweep.height, tiles, FootprintsFor::Training);
       forward.losses = work_.losses.data();
-      Launch("rendering", TrainTiles, Warps(tiles), views, kForwardWarps * kWarp, work_.stream, forward);
+      Launch("rendering", TrainTiles, tiles.Count(), views, kForwardWarps * kWarp, work_.stream, forward);
     };
     BackwardTask backward{};
     backward.field = field_.View();
     backward.cameras = cameras;
     backward.frames = batch_.data();
-    backward.images = images_.data();
-    backward.width = sweep.width;
-    backward.height = sweep.height;
     backward.parameters = parameters_.data();
     backward.adam = step ? field_.Adam() : nullptr;
     backward.gradient = step ? nullptr : gradient_.data();
     backward.scores = keepScores_ ? scores_.data() : nullptr;
     backward.guarded = &work_.Reported()->guarded;
+    const auto makeRoom = [&] { work_.Grow(moments_, splats_.size(), "footprints", kSmallerBatch); };
     const auto gather = [&](std::size_t losses)
     {
       backward.lists = forward.lists;
-      Launch("propagating back", Backward, field_.Blocks(), 1, kBackwardThreads, work_.stream, backward);
+      backward.moments = moments_.data();
+      const GatherTask gathering{forward.lists, images_.data(), sweep.width, sweep.height, moments_.data()};
+      constexpr std::size_t kTeams = kGatherThreads / kGatherLanes, kMostGathering = kWarpsOfDevice;
+      Launch("propagating back", keepScores_ ? GatherMoments<kMoments> : GatherMoments<kMoments - 1>,
+             std::min((splats_.size() + kTeams - 1) / kTeams, kMostGathering), 1, kGatherThreads, work_.stream,
+             gathering);
+      Launch("propagating back", Backward, field_.Blocks(), 1, kBlock, work_.stream, backward);
       Launch("adding up the loss", SumInOrder, 1, 1, kSumThreads, work_.stream, work_.losses.data(), losses,
              &work_.Reported()->loss);
     };
@@ -366,8 +374,14 @@ private:
         render();
         gather(tiles.Count() * views);
       };
+      const auto once = [&]
+      {
+        makeRoom();
+        all();
+      };
       const auto again = [&]
       {
+        makeRoom();
         if (work_.step.Empty() || recordedViews_ != views)
         {
           MakeRoom(views, OverlapGrid::For(sweep.width, sweep.height), tiles);
@@ -376,10 +390,11 @@ private:
         }
         work_.step.Launch(work_.stream);
       };
-      return (step ? Repeat(again) : Repeat(all)).loss;
+      return (step ? Repeat(again) : Repeat(once)).loss;
     }
 
     Repeat(render);
+    makeRoom();
     const std::size_t pixelBlocks = (pixels + kPixelThreads - 1) / kPixelThreads;
     imageLosses_.MakeRoom(all);
     PixelTask task{batch_.data(),         forward.sweep, parameters_.data(), images_.data(), imageLosses_.Intensities(),
@@ -409,6 +424,7 @@ private:
   DeviceArray<Seen> seen_;
   DeviceArray<Box> boxes_, groupBoxes_;
   DeviceArray<DeviceSplat> splats_;
+  DeviceArray<SplatMoments> moments_;
   DeviceArray<unsigned int> overlaps_;
   DeviceArray<float> images_, rendered_;
   DeviceArray<StepParameters> parameters_;

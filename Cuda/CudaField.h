@@ -70,7 +70,7 @@ public:
       throw;
     }
     order_ = std::move(order);
-    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBackwardThreads, work_.stream, View());
+    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBlock, work_.stream, View());
   }
 
   GaussianField Get() const
@@ -141,7 +141,7 @@ public:
     order_ = state.order;
     work_.step.Forget();
     UploadBlocks(state.gaussians, places, slots, sharp);
-    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBackwardThreads, work_.stream, View());
+    Launch("measuring blocks", MeasureBlocks, blocks, 1, kBlock, work_.stream, View());
     hasAdam_ = !state.adam.empty();
     if (hasAdam_)
     {

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From Gaussians to the footprints that the planes of a batch see. Private to Cuda.
 //
-// A thread block takes one block of Gaussians and all planes: whole blocks are tested first, and what a plane
-// sees of a block is written as one list in the Gaussians' order. Tiles of images then look for their splats by
-// testing boxes, of groups of blocks, blocks and splats (Forward.h): nothing is sorted, and where a list lies in
-// memory changes no result.
+// A warp takes a few pairs of a block of Gaussians and a plane, without barriers: whole blocks are tested first, a lane
+// each, and what a plane sees of a block is written as one list in the Gaussians' order. Tiles of images then look for
+// their splats by testing boxes, of groups of blocks, blocks and splats (Forward.h): nothing is sorted, and where a list
+// lies in memory changes no result.
 #pragma once
 
 #include "Core/Formula/BlockReach.h"
@@ -24,10 +24,10 @@ namespace cuda
 
 constexpr unsigned int kAllLanes = 0xffffffffu;
 constexpr int kWarp = 32;
-constexpr int kTileSide = 16;  // pixels; a warp renders one tile
+constexpr int kTileSide = 16;  // pixels; a thread block renders one tile
 constexpr int kRun = 8;        // rows that a recurrence walks, from their middle both ways
 constexpr int kGroup = 32;     // blocks whose boxes are tested together
-constexpr int kChunk = 32;     // planes that a thread block looks at together
+constexpr int kFindWarps = 4;  // of a thread block that finds splats
 
 /// Half-open ranges of pixels of a plane. One load.
 struct alignas(16) Box
@@ -50,8 +50,8 @@ struct alignas(16) DeviceSplat
   float mu, mv, cut;
   float rowFactor;  // exp(-(u12^2 + u22^2)), or 0: by an exponential a pixel
   int column, row;
-  int gaussian;        // index in its block
-  float reflectivity;  // its own
+  int view;            // whose image it is in
+  float reflectivity;  // its Gaussian's
   Box box;             // pixels that matter, of those to be computed
 };
 
@@ -97,9 +97,10 @@ struct FindTask
   Box* boxes;       // [views][blocks rounded up to whole groups]
   Box* groupBoxes;  // [views][groups]
   int groups;
+  int pairs;            // of a block and a plane, that a warp looks at: at most kWarp
   DeviceSplat* splats;  // [capacity]
   unsigned long long capacity;
-  unsigned long long* used;  // splats found, whether or not there was room for them
+  unsigned long long* used;  // room for splats that was asked for, whether or not there was as much
 };
 
 /// e^x for x >= kLowestExponent; anything from 0 to that below. Denormal numbers, which the fast instruction would need
@@ -208,19 +209,29 @@ __device__ inline bool IsSharp(const Gaussian<float>& g)
 /// The smallest and the largest of a warp's values, in every lane.
 __device__ inline int WarpMin(int value)
 {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+  return __reduce_min_sync(kAllLanes, value);
+#else
   for (int step = kWarp / 2; step > 0; step /= 2)
   {
     value = min(value, __shfl_xor_sync(kAllLanes, value, step));
   }
   return value;
+#endif
 }
 __device__ inline int WarpMax(int value)
 {
-  for (int step = kWarp / 2; step > 0; step /= 2)
+  return -WarpMin(-value);
+}
+
+/// visit(bit) for every lane whose condition holds, in order, by the whole warp.
+template <class Visit>
+__device__ void ForLanes(bool condition, Visit&& visit)
+{
+  for (unsigned int left = __ballot_sync(kAllLanes, condition); left != 0; left &= left - 1)
   {
-    value = max(value, __shfl_xor_sync(kAllLanes, value, step));
+    visit(__ffs(static_cast<int>(left)) - 1);
   }
-  return value;
 }
 
 /// The tiles of OverlapCounts that a box of pixels touches.
@@ -232,198 +243,226 @@ __device__ inline Box TilesOf(const OverlapCounts& overlaps, const PixelBox& box
 }
 
 /// Where the tolerance is shared: counts by tiles the Gaussians that can contribute more than the floor; see
-/// Truncation. Launched as (blocks, views) of kBlock threads.
+/// Truncation. Launched as (blocks / kBlock, views) of kBlock threads: each tests one block, its warp looks into those
+/// that are reached.
 __global__ void __launch_bounds__(kBlock) CountOverlaps(FindTask task)
 {
-  const int b = blockIdx.x, f = blockIdx.y, i = threadIdx.x;
-  const BlockPlace& place = task.field.places[b];
+  const int b = blockIdx.x * kBlock + threadIdx.x, f = blockIdx.y, lane = threadIdx.x % kWarp;
   const Camera& camera = task.cameras[task.frames[f]];
   const PixelBox plane{task.plane.columnBegin, task.plane.columnEnd, task.plane.rowBegin, task.plane.rowEnd};
   Reach reach;
-  if (!Reaches<float>(place, camera, task.truncation.LogMagnitude(place), task.truncation.logFloor, reach) ||
-      !Overlap(reach.box, plane))
+  Box tiles{0, 0, 0, 0};
+  float slab = 0;
+  const bool reached = b < task.field.blocks &&
+                       Reaches<float>(task.field.places[b], camera, task.truncation.LogMagnitude(task.field.places[b]),
+                                      task.truncation.logFloor, reach) &&
+                       Overlap(reach.box, plane);
+  if (reached)
   {
-    return;  // all threads alike
+    tiles = TilesOf(task.overlaps, reach.box);
+    slab = static_cast<float>(min(reach.slab, 1e30));
   }
-  std::int32_t column, row;
-  const View<float> view = LocalView<float>(camera, place, column, row);
-  const float slab = static_cast<float>(min(reach.slab, 1e30));
-  const bool inside = i < place.count && SquaredDistance(LoadGaussian(task.field.gaussians[b], i), view) <= slab;
-  __shared__ int counts[kBlock / kWarp];
-  const unsigned int ballot = __ballot_sync(kAllLanes, inside);
-  if (i % kWarp == 0)
-  {
-    counts[i / kWarp] = __popc(ballot);
-  }
-  __syncthreads();
-  int count = 0;
-  for (int k = 0; k < kBlock / kWarp; ++k)
-  {
-    count += counts[k];
-  }
-  const Box tiles = TilesOf(task.overlaps, reach.box);
-  const int across = tiles.columnEnd - tiles.columnBegin, all = across * (tiles.rowEnd - tiles.rowBegin);
-  for (int t = i; t < all && count > 0; t += kBlock)
-  {
-    const std::size_t tile = (static_cast<std::size_t>(f) * task.overlaps.grid.rows + tiles.rowBegin + t / across) *
-                                 task.overlaps.grid.columns +
-                             tiles.columnBegin + t % across;
-    atomicAdd(task.overlaps.counts + tile, static_cast<unsigned int>(count));
-  }
+  ForLanes(reached,
+           [&](int from)
+           {
+             const int block = b - lane + from;
+             const BlockPlace& place = task.field.places[block];
+             std::int32_t column, row;
+             const View<float> view = LocalView<float>(camera, place, column, row);
+             const float farthest = __shfl_sync(kAllLanes, slab, from);
+             int count = 0;
+             for (int i = lane; i < kBlock; i += kWarp)
+             {
+               const bool inside =
+                   i < place.count && SquaredDistance(LoadGaussian(task.field.gaussians[block], i), view) <= farthest;
+               count += __popc(__ballot_sync(kAllLanes, inside));
+             }
+             const int left = __shfl_sync(kAllLanes, tiles.columnBegin, from);
+             const int top = __shfl_sync(kAllLanes, tiles.rowBegin, from);
+             const int across = __shfl_sync(kAllLanes, tiles.columnEnd, from) - left;
+             const int all = across * (__shfl_sync(kAllLanes, tiles.rowEnd, from) - top);
+             for (int t = lane; t < all && count > 0; t += kWarp)
+             {
+               const std::size_t line = static_cast<std::size_t>(f) * task.overlaps.grid.rows + top + t / across;
+               atomicAdd(task.overlaps.counts + line * task.overlaps.grid.columns + left + t % across,
+                         static_cast<unsigned int>(count));
+             }
+           });
 }
 
-/// The most Gaussians that overlap on any tile within this thread block's reach, for kChunk planes from `first` on.
-/// By the whole thread block; the results are good after the next barrier.
-__device__ inline void FindMost(const FindTask& task, const BlockPlace& place, int first, Box (&tiles)[kChunk],
-                                unsigned int (&most)[kChunk])
+/// The most Gaussians that overlap on any of some tiles of a plane, and at least 1: by a warp, in every lane.
+__device__ inline int FindMost(const FindTask& task, int f, const Box& tiles)
 {
-  const int i = threadIdx.x;
-  if (i < kChunk)
+  const int across = tiles.columnEnd - tiles.columnBegin, down = tiles.rowEnd - tiles.rowBegin;
+  int most = 1;
+  for (int t = threadIdx.x % kWarp; t < (across > 0 && down > 0 ? across * down : 0); t += kWarp)
   {
-    Reach reach;
-    const bool reached =
-        first + i < task.views && Reaches<float>(place, task.cameras[task.frames[first + i]],
-                                                 task.truncation.LogMagnitude(place), task.truncation.logFloor, reach);
-    tiles[i] = reached ? TilesOf(task.overlaps, reach.box) : Box{0, 0, 0, 0};
-    most[i] = 1;
+    const std::size_t row = static_cast<std::size_t>(f) * task.overlaps.grid.rows + tiles.rowBegin + t / across;
+    const std::size_t at = row * task.overlaps.grid.columns + tiles.columnBegin + t % across;
+    most = max(most, static_cast<int>(min(task.overlaps.counts[at], 0x7fffffffu)));
   }
-  __syncthreads();
-  for (int j = 0; j < kChunk; ++j)
-  {
-    const int across = tiles[j].columnEnd - tiles[j].columnBegin, down = tiles[j].rowEnd - tiles[j].rowBegin;
-    unsigned int mine = 0;
-    for (int t = i; t < (across > 0 && down > 0 ? across * down : 0); t += kBlock)
-    {
-      const std::size_t row =
-          static_cast<std::size_t>(first + j) * task.overlaps.grid.rows + tiles[j].rowBegin + t / across;
-      mine = max(mine, task.overlaps.counts[row * task.overlaps.grid.columns + tiles[j].columnBegin + t % across]);
-    }
-    if (mine > 1)
-    {
-      atomicMax(&most[j], mine);
-    }
-  }
+  return WarpMax(most);
 }
 
-/// Fills seen, boxes and splats. Launched as (blocks, 1) of kBlock threads, of which each has its Gaussian.
-__global__ void __launch_bounds__(kBlock) FindSplats(FindTask task)
+/// How a plane sees a block of Gaussians.
+struct PlaneOfBlock
 {
-  constexpr int kWarps = kBlock / kWarp;
-  __shared__ View<float> views[kChunk];
-  __shared__ int columns[kChunk], rows[kChunk];
-  __shared__ float slabs[kChunk];  // negative: not reached
-  __shared__ double tolerances[kChunk];
-  __shared__ Box tiles[kChunk];
-  __shared__ unsigned int most[kChunk];
-  // Twice, for one plane and the next: so that no thread overwrites what another still reads.
-  __shared__ unsigned int masks[2][kWarps];
-  __shared__ Box warpBoxes[2][kWarps];
-  __shared__ unsigned long long offsets[2];
+  View<float> view;
+  std::int32_t column, row;  // of the view's origin
+  float slab;                // mm^2, see Reach
+  double tolerance;          // what each Gaussian may drop
+};
 
-  const int b = blockIdx.x, i = threadIdx.x, lane = i % kWarp, warp = i / kWarp;
-  const BlockPlace& place = task.field.places[b];
-  const bool present = i < place.count;
-  const Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
-  const bool sharp = present && IsSharp(gaussian);
-  const double logMagnitude = task.truncation.LogMagnitude(place);
-  const float scale = std::exp(max(max(gaussian.logScale.x, gaussian.logScale.y), gaussian.logScale.z));
-  const PixelBox window{task.window.columnBegin, task.window.columnEnd, task.window.rowBegin, task.window.rowEnd};
-
-  int turn = 0;
-  for (int first = 0; first < task.views; first += kChunk)
+/// Whether a Gaussian can matter on a plane: only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2. A thousandth more
+/// than the bound, so that its own rounding drops nothing.
+__device__ inline bool MayMatter(const FindTask& task, const Gaussian<float>& g, const PlaneOfBlock& plane)
+{
+  const float squared = SquaredDistance(g, plane.view);
+  if (!(squared <= plane.slab))
   {
-    __syncthreads();
-    if (task.truncation.isShared)
+    return false;
+  }
+  const float farthest = 1.001f * CutFor(MagnitudeOf(task.truncation, g), static_cast<float>(plane.tolerance));
+  const float scale = std::exp(max(max(g.logScale.x, g.logScale.y), g.logScale.z));
+  return squared <= farthest * (scale * scale + plane.view.elevationVariance) && farthest > 0;
+}
+
+/// The Gaussians of a block that may matter on a plane, in their order, into `list`: by a warp. Returns how many.
+__device__ inline int FindCandidates(const FindTask& task, int b, const PlaneOfBlock& plane, unsigned char* list)
+{
+  const int lane = threadIdx.x % kWarp, present = task.field.places[b].count;
+  int found = 0;
+#pragma unroll
+  for (int i = lane; i < kBlock; i += kWarp)
+  {
+    const bool may = i < present && MayMatter(task, LoadGaussian(task.field.gaussians[b], i), plane);
+    const unsigned int ballot = __ballot_sync(kAllLanes, may);
+    if (may)
     {
-      FindMost(task, place, first, tiles, most);
-      __syncthreads();
+      list[found + __popc(ballot & ((1u << lane) - 1))] = static_cast<unsigned char>(i);
     }
-    const int f = first + i;
-    if (i < kChunk && f < task.views)
+    found += __popc(ballot);
+  }
+  __syncwarp();
+  return found;
+}
+
+/// Writes what view f sees of block b, by a warp. Room is taken for all candidates at once; what is left of it stands
+/// for nothing. `list` and `masks` are the warp's own.
+__device__ inline void SeeBlock(const FindTask& task, int b, int f, const PlaneOfBlock& plane, unsigned char* list,
+                                unsigned int (&masks)[kBlock / kWarp])
+{
+  constexpr int kNone = 0x7fffffff;
+  const int lane = threadIdx.x % kWarp;
+  if (lane < kBlock / kWarp)
+  {
+    masks[lane] = 0;
+  }
+  const int room = FindCandidates(task, b, plane, list);
+  Seen seen{};
+  if (room > 0 && lane == 0)
+  {
+    seen.offset = atomicAdd(task.used, static_cast<unsigned long long>(room));
+  }
+  seen.offset = __shfl_sync(kAllLanes, seen.offset, 0);
+  const bool fits = seen.offset + room <= task.capacity;
+  Box box{kNone, -kNone, kNone, -kNone};
+  for (int first = 0; first < room; first += kWarp)
+  {
+    DeviceSplat splat;
+    bool visible = false;
+    if (first + lane < room)
     {
-      const Camera& camera = task.cameras[task.frames[f]];
-      tolerances[i] = task.truncation.Share(most[i]);
-      Reach reach;
-      const bool reached =
-          Reaches<float>(place, camera, logMagnitude, log(tolerances[i]), reach) && Overlap(reach.box, window);
-      slabs[i] = reached ? static_cast<float>(min(reach.slab, 1e30)) : -1.0f;
-      if (reached)
-      {
-        views[i] = LocalView<float>(camera, place, columns[i], rows[i]);
-      }
-      else
-      {
-        task.seen[static_cast<std::size_t>(b) * task.views + f].count = 0;
-        task.boxes[static_cast<std::size_t>(f) * task.groups * kGroup + b] = {0, 0, 0, 0};
-      }
-    }
-    __syncthreads();
-    for (int j = 0; j < min(kChunk, task.views - first); ++j)
-    {
-      if (slabs[j] < 0)
-      {
-        continue;
-      }
-      DeviceSplat splat;
-      bool visible = false;
-      // A Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2. A thousandth more
-      // than the bound, so that its own rounding drops nothing.
-      const float squared = SquaredDistance(gaussian, views[j]);
-      const float farthest = 1.001f * CutFor(MagnitudeOf(task.truncation, gaussian), static_cast<float>(tolerances[j]));
-      if (present && squared <= slabs[j] && squared <= farthest * (scale * scale + views[j].elevationVariance) &&
-          farthest > 0)
-      {
-        visible = sharp ? FindSharpSplat(task, task.cameras[task.frames[first + j]], b, i, tolerances[j], splat)
-                        : FindSplat(task, gaussian, views[j], columns[j], rows[j], tolerances[j], splat);
-      }
-      const unsigned int mask = __ballot_sync(kAllLanes, visible);
-      const int none = 0x7fffffff;
-      const Box box{WarpMin(visible ? splat.box.columnBegin : none), WarpMax(visible ? splat.box.columnEnd : -none),
-                    WarpMin(visible ? splat.box.rowBegin : none), WarpMax(visible ? splat.box.rowEnd : -none)};
-      turn ^= 1;
-      if (lane == 0)
-      {
-        masks[turn][warp] = mask;
-        warpBoxes[turn][warp] = box;
-      }
-      __syncthreads();
-      if (i == 0)
-      {
-        Seen seen;
-        Box all{none, -none, none, -none};
-        seen.count = 0;
-        seen.padding = 0;
-        for (int k = 0; k < kWarps; ++k)
-        {
-          seen.mask[k] = masks[turn][k];
-          seen.count += __popc(masks[turn][k]);
-          const Box& part = warpBoxes[turn][k];
-          all = {min(all.columnBegin, part.columnBegin), max(all.columnEnd, part.columnEnd),
-                 min(all.rowBegin, part.rowBegin), max(all.rowEnd, part.rowEnd)};
-        }
-        seen.offset = seen.count > 0 ? atomicAdd(task.used, static_cast<unsigned long long>(seen.count)) : 0;
-        offsets[turn] = seen.offset;
-        task.seen[static_cast<std::size_t>(b) * task.views + first + j] = seen;
-        task.boxes[static_cast<std::size_t>(first + j) * task.groups * kGroup + b] =
-            seen.count > 0 ? all : Box{0, 0, 0, 0};
-      }
-      __syncthreads();
+      const int i = list[first + lane];
+      const Gaussian<float> gaussian = LoadGaussian(task.field.gaussians[b], i);
+      visible = IsSharp(gaussian)
+                    ? FindSharpSplat(task, task.cameras[task.frames[f]], b, i, plane.tolerance, splat)
+                    : FindSplat(task, gaussian, plane.view, plane.column, plane.row, plane.tolerance, splat);
+      splat.view = f;
+      splat.reflectivity = gaussian.reflectivity;
       if (visible)
       {
-        unsigned long long at = offsets[turn] + __popc(mask & ((1u << lane) - 1));
-        for (int k = 0; k < warp; ++k)
-        {
-          at += __popc(masks[turn][k]);
-        }
-        if (at < task.capacity)
-        {
-          splat.gaussian = i;
-          splat.reflectivity = gaussian.reflectivity;
-          task.splats[at] = splat;
-        }
+        atomicOr(&masks[i / kWarp], 1u << (i % kWarp));
+        box = {min(box.columnBegin, splat.box.columnBegin), max(box.columnEnd, splat.box.columnEnd),
+               min(box.rowBegin, splat.box.rowBegin), max(box.rowEnd, splat.box.rowEnd)};
       }
     }
+    const unsigned int ballot = __ballot_sync(kAllLanes, visible);
+    if (visible && fits)
+    {
+      task.splats[seen.offset + seen.count + __popc(ballot & ((1u << lane) - 1))] = splat;
+    }
+    seen.count += __popc(ballot);
   }
+  for (int k = seen.count + lane; k < room && fits; k += kWarp)
+  {
+    task.splats[seen.offset + k] = {};
+  }
+  const Box all{WarpMin(box.columnBegin), WarpMax(box.columnEnd), WarpMin(box.rowBegin), WarpMax(box.rowEnd)};
+  __syncwarp();
+  if (lane == 0)
+  {
+    for (int k = 0; k < kBlock / kWarp; ++k)
+    {
+      seen.mask[k] = masks[k];
+    }
+    task.seen[static_cast<std::size_t>(b) * task.views + f] = seen;
+    task.boxes[static_cast<std::size_t>(f) * task.groups * kGroup + b] = seen.count > 0 ? all : Box{0, 0, 0, 0};
+  }
+  __syncwarp();
+}
+
+/// Fills seen, boxes and splats. Launched as (pairs of a block and a view / (task.pairs kFindWarps), 1) of kFindWarps
+/// warps.
+__global__ void __launch_bounds__(kFindWarps* kWarp, 6) FindSplats(FindTask task)
+{
+  __shared__ unsigned char lists[kFindWarps][kBlock];
+  __shared__ unsigned int masks[kFindWarps][kBlock / kWarp];
+  const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
+  const std::size_t pairs = static_cast<std::size_t>(task.field.blocks) * task.views;
+  const std::size_t first = (static_cast<std::size_t>(blockIdx.x) * kFindWarps + warp) * task.pairs;
+  const PixelBox window{task.window.columnBegin, task.window.columnEnd, task.window.rowBegin, task.window.rowEnd};
+  const std::size_t pair = first + lane;
+  const bool isMine = lane < task.pairs && pair < pairs;
+  const int b = static_cast<int>(isMine ? pair / task.views : 0), f = static_cast<int>(isMine ? pair % task.views : 0);
+  const BlockPlace& place = task.field.places[b];
+  const Camera& camera = task.cameras[task.frames[f]];
+  const double logMagnitude = task.truncation.LogMagnitude(place);
+  Reach reach;
+  bool reached = isMine && Reaches<float>(place, camera, logMagnitude, task.truncation.logFloor, reach);
+  double tolerance = task.truncation.Share(1);
+  if (task.truncation.isShared)
+  {
+    const Box tiles = reached ? TilesOf(task.overlaps, reach.box) : Box{0, 0, 0, 0};
+    ForLanes(reached,
+             [&](int from)
+             {
+               const Box of{__shfl_sync(kAllLanes, tiles.columnBegin, from),
+                            __shfl_sync(kAllLanes, tiles.columnEnd, from), __shfl_sync(kAllLanes, tiles.rowBegin, from),
+                            __shfl_sync(kAllLanes, tiles.rowEnd, from)};
+               const int most = FindMost(task, __shfl_sync(kAllLanes, f, from), of);
+               tolerance = lane == from ? task.truncation.Share(most) : tolerance;
+             });
+    reached = reached && Reaches<float>(place, camera, logMagnitude, log(tolerance), reach);
+  }
+  reached = reached && Overlap(reach.box, window);
+  const float slab = reached ? static_cast<float>(min(reach.slab, 1e30)) : 0.0f;
+  if (isMine && !reached)
+  {
+    task.seen[pair].count = 0;
+    task.boxes[static_cast<std::size_t>(f) * task.groups * kGroup + b] = {0, 0, 0, 0};
+  }
+  ForLanes(reached,
+           [&](int from)
+           {
+             const int block = __shfl_sync(kAllLanes, b, from), view = __shfl_sync(kAllLanes, f, from);
+             PlaneOfBlock plane;
+             plane.view =
+                 LocalView<float>(task.cameras[task.frames[view]], task.field.places[block], plane.column, plane.row);
+             plane.slab = __shfl_sync(kAllLanes, slab, from);
+             plane.tolerance = __shfl_sync(kAllLanes, tolerance, from);
+             SeeBlock(task, block, view, plane, lists[warp], masks[warp]);
+           });
 }
 
 /// Boxes of groups of blocks. Launched as (groups, views) of kGroup threads.

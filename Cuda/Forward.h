@@ -2,9 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From footprints to images, and what training makes of them. Private to Cuda.
 //
-// A warp renders a tile of 16 x 16 pixels, alone: no barriers. A lane has a column of 8 rows, so that a recurrence
-// replaces seven of eight exponentials. Splats come in the order of their blocks, so sums are the same bits in
-// every run; each pixel is written once.
+// The warps of a thread block render a tile of 16 x 16 pixels together: each adds every fourth block of Gaussians to
+// sums of its own, which are added up at the end. A lane has a column of 8 rows, so that a recurrence replaces seven of
+// eight exponentials. Splats come in the order of their blocks, so sums are the same bits in every run; each pixel is
+// written once.
 #pragma once
 
 #include "Core/Formula/Adam.h"
@@ -141,6 +142,9 @@ struct ColumnWalk
   }
 };
 
+constexpr int kForwardWarps = 4;
+constexpr int kRowsOfWarp = kRun / kForwardWarps;
+
 /// A lane's pixels: rows [row, row + kRun) of a column.
 struct Strip
 {
@@ -151,6 +155,8 @@ struct Strip
         row(tile.rowBegin + static_cast<int>(threadIdx.x) % kWarp / kTileSide * kRun)
   {
   }
+  /// The first of the rows that the calling lane has at the end, see AddUp.
+  __device__ int OwnRow() const { return row + static_cast<int>(threadIdx.x) / kWarp * kRowsOfWarp; }
 };
 
 __device__ inline void AddSplat(const DeviceSplat& s, float value, const Strip& strip, float (&sums)[kRun])
@@ -178,48 +184,48 @@ __device__ inline void AddSplat(const DeviceSplat& s, float value, const Strip& 
   }
 }
 
-/// visit(bit) for every lane whose condition holds, in order, by the whole warp.
-template <class Visit>
-__device__ void ForLanes(bool condition, Visit&& visit)
-{
-  for (unsigned int left = __ballot_sync(kAllLanes, condition); left != 0; left &= left - 1)
-  {
-    visit(__ffs(static_cast<int>(left)) - 1);
-  }
-}
-
-/// Adds all that a view sees to a warp's tile.
+/// Adds what a view sees of the calling warp's share of the blocks to its sums of a tile. Of each group that meets the
+/// tile a warp has every kForwardWarps'th block, so it tests those of several groups together.
 template <class Values>
 __device__ void AddTile(const Lists& lists, const Values& values, int view, const Box& tile, const Strip& strip,
                         float (&sums)[kRun])
 {
-  const int lane = threadIdx.x % kWarp;
+  constexpr int kShare = kGroup / kForwardWarps;
+  const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
   const Box* groupBoxes = lists.groupBoxes + static_cast<std::size_t>(view) * lists.groups;
+  const Box* boxes = lists.boxes + static_cast<std::size_t>(view) * lists.groups * kGroup;
   for (int firstGroup = 0; firstGroup < lists.groups; firstGroup += kWarp)
   {
-    const int group = firstGroup + lane;
-    ForLanes(group < lists.groups && Meet(groupBoxes[group], tile),
-             [&](int g)
-             {
-               const int firstBlock = (firstGroup + g) * kGroup;
-               const Box* boxes = lists.boxes + static_cast<std::size_t>(view) * lists.groups * kGroup + firstBlock;
-               ForLanes(Meet(boxes[lane], tile),
-                        [&](int b)
-                        {
-                          const int block = firstBlock + b;
-                          const Seen& seen = lists.seen[static_cast<std::size_t>(block) * lists.views + view];
-                          const DeviceSplat* splats = lists.splats + seen.offset;
-                          for (int first = 0; first < seen.count; first += kWarp)
-                          {
-                            ForLanes(first + lane < seen.count && Touches(splats[first + lane], tile),
-                                     [&](int k)
-                                     {
-                                       const DeviceSplat& s = splats[first + k];
-                                       AddSplat(s, values(s), strip, sums);
-                                     });
-                          }
-                        });
-             });
+    const int ownGroup = firstGroup + lane;
+    unsigned int met =
+        __ballot_sync(kAllLanes, ownGroup < lists.groups && Meet(groupBoxes[min(ownGroup, lists.groups - 1)], tile));
+    while (met != 0)
+    {
+      int block = -1;
+      for (int k = 0; k < kWarp / kShare && met != 0; ++k, met &= met - 1)
+      {
+        if (lane / kShare == k)
+        {
+          block = (firstGroup + __ffs(static_cast<int>(met)) - 1) * kGroup + lane % kShare * kForwardWarps + warp;
+        }
+      }
+      ForLanes(block >= 0 && Meet(boxes[max(block, 0)], tile),
+               [&](int from)
+               {
+                 const std::size_t of = __shfl_sync(kAllLanes, block, from);
+                 const Seen& seen = lists.seen[of * lists.views + view];
+                 const DeviceSplat* splats = lists.splats + seen.offset;
+                 for (int first = 0; first < seen.count; first += kWarp)
+                 {
+                   ForLanes(first + lane < seen.count && Touches(splats[first + lane], tile),
+                            [&](int k)
+                            {
+                              const DeviceSplat& s = splats[first + k];
+                              AddSplat(s, values(s), strip, sums);
+                            });
+                 }
+               });
+    }
   }
 }
 
@@ -237,13 +243,28 @@ struct Tiles
   std::size_t Count() const { return static_cast<std::size_t>(columns) * rows; }
 };
 
-constexpr int kForwardWarps = 4;
-
-/// The calling warp's tile; false beyond the last, and when there was no room for the splats.
-__device__ inline bool FindTile(const Lists& lists, const Tiles& tiles, int& tile)
+/// The sums of a tile's warps, in their order: of rows [kRowsOfWarp w, kRowsOfWarp (w + 1)) of its strip for a lane of
+/// warp w. By the whole thread block.
+__device__ inline void AddUp(const float (&sums)[kRun], float (&totals)[kRowsOfWarp])
 {
-  tile = static_cast<int>(blockIdx.x) * kForwardWarps + static_cast<int>(threadIdx.x) / kWarp;
-  return tile < tiles.columns * tiles.rows && *lists.used <= lists.capacity;
+  __shared__ float parts[kForwardWarps][kRun][kWarp];
+  const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
+  __syncthreads();  // an earlier call's have been read
+#pragma unroll
+  for (int n = 0; n < kRun; ++n)
+  {
+    parts[warp][n][lane] = sums[n];
+  }
+  __syncthreads();
+#pragma unroll
+  for (int n = 0; n < kRowsOfWarp; ++n)
+  {
+    totals[n] = 0;
+    for (int k = 0; k < kForwardWarps; ++k)
+    {
+      totals[n] += parts[k][kRowsOfWarp * warp + n][lane];
+    }
+  }
 }
 
 /// I of a pixel that scatters s.
@@ -263,35 +284,40 @@ struct RenderTask
   float* coverage;  // the same, or null
 };
 
-/// Launched as (tiles / kForwardWarps, views).
+/// Launched as (tiles, views) of kForwardWarps warps.
 __global__ void __launch_bounds__(kForwardWarps* kWarp) RenderTiles(RenderTask task)
 {
-  int tile;
-  if (!FindTile(task.lists, task.tiles, tile))
+  if (*task.lists.used > task.lists.capacity)
   {
-    return;
+    return;  // there was no room for the splats
   }
   const int view = blockIdx.y;
-  const Box box = task.tiles.At(tile);
+  const Box box = task.tiles.At(blockIdx.x);
   const Strip strip(box);
-  float sums[kRun] = {}, weights[kRun] = {};
-  AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
+  float sums[kRun] = {}, totals[kRowsOfWarp], weights[kRowsOfWarp] = {};
   if (task.coverage)
   {
-    AddTile(task.lists, One(), view, box, strip, weights);
+    AddTile(task.lists, One(), view, box, strip, sums);
+    AddUp(sums, weights);
+    for (float& sum : sums)
+    {
+      sum = 0;
+    }
   }
+  AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
+  AddUp(sums, totals);
   const Box& window = task.window;
   const std::size_t columns = window.columnEnd - window.columnBegin, rows = window.rowEnd - window.rowBegin;
 #pragma unroll
-  for (int n = 0; n < kRun; ++n)
+  for (int n = 0; n < kRowsOfWarp; ++n)
   {
-    const int column = strip.column - window.columnBegin, row = strip.row + n - window.rowBegin;
+    const int column = strip.column - window.columnBegin, row = strip.OwnRow() + n - window.rowBegin;
     if (column < 0 || row < 0 || column >= static_cast<int>(columns) || row >= static_cast<int>(rows))
     {
       continue;
     }
     const std::size_t pixel = (view * rows + row) * columns + column;
-    task.image[pixel] = task.intensity ? ToIntensity(task.gamma, sums[n]) : sums[n];
+    task.image[pixel] = task.intensity ? ToIntensity(task.gamma, totals[n]) : totals[n];
     if (task.coverage)
     {
       task.coverage[pixel] = weights[n];
@@ -369,29 +395,30 @@ struct TrainTask
 /// Renders frames, and with a loss of single pixels what is to be propagated back. Launched as RenderTiles.
 __global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask task)
 {
-  int tile;
-  if (!FindTile(task.lists, task.tiles, tile))
+  if (*task.lists.used > task.lists.capacity)
   {
-    return;
+    return;  // there was no room for the splats
   }
   const int view = blockIdx.y, frame = task.frames[view];
-  const Box box = task.tiles.At(tile);
+  const Box box = task.tiles.At(blockIdx.x);
   const Strip strip(box);
-  float sums[kRun] = {};
+  float sums[kRun] = {}, totals[kRowsOfWarp];
   AddTile(task.lists, OwnReflectivity(), view, box, strip, sums);
+  AddUp(sums, totals);
   const StepParameters& p = *task.parameters;
   const int width = task.sweep.width, height = task.sweep.height;
   double loss = 0;
 #pragma unroll
-  for (int n = 0; n < kRun; ++n)
+  for (int n = 0; n < kRowsOfWarp; ++n)
   {
-    if (strip.column >= width || strip.row + n >= height)
+    const int row = strip.OwnRow() + n;
+    if (strip.column >= width || row >= height)
     {
       continue;
     }
-    const std::size_t pixel = static_cast<std::size_t>(strip.row + n) * width + strip.column;
+    const std::size_t pixel = static_cast<std::size_t>(row) * width + strip.column;
     const std::size_t at = static_cast<std::size_t>(view) * width * height + pixel;
-    float value = sums[n];
+    float value = totals[n];
     if (task.derivative)
     {
       const PixelLoss<float> result = EvaluateLoss(p.l1, p.l2, p.gamma, value, task.sweep.Truth(frame, pixel),
@@ -403,10 +430,10 @@ __global__ void __launch_bounds__(kForwardWarps* kWarp) TrainTiles(TrainTask tas
   }
   if (task.derivative)
   {
-    loss = WarpSum(loss);
-    if (threadIdx.x % kWarp == 0)
+    loss = BlockSum<kForwardWarps * kWarp>(loss);
+    if (threadIdx.x == 0)
     {
-      task.losses[static_cast<std::size_t>(view) * task.tiles.columns * task.tiles.rows + tile] = loss;
+      task.losses[static_cast<std::size_t>(view) * task.tiles.columns * task.tiles.rows + blockIdx.x] = loss;
     }
   }
 }

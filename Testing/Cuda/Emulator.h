@@ -119,6 +119,11 @@ inline int __syncthreads_or(int condition)
   return bigus::emulator::Barrier(condition != 0);
 }
 
+inline void __syncwarp()
+{
+  bigus::emulator::Exchange(0);
+}
+
 inline unsigned int __ballot_sync(unsigned int, bool condition)
 {
   const std::uint64_t* all = bigus::emulator::Exchange(condition);
@@ -154,14 +159,9 @@ T atomicAdd(T* at, T value)
 {
   return __atomic_fetch_add(at, value, __ATOMIC_RELAXED);
 }
-template <class T>
-T atomicMax(T* at, T value)
+inline unsigned int atomicOr(unsigned int* at, unsigned int bits)
 {
-  T now = __atomic_load_n(at, __ATOMIC_RELAXED);
-  while (now < value && !__atomic_compare_exchange_n(at, &now, value, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED))
-  {
-  }
-  return now;
+  return __atomic_fetch_or(at, bits, __ATOMIC_RELAXED);
 }
 
 cudaError_t cudaMalloc(void** memory, std::size_t bytes);
