@@ -476,6 +476,29 @@ class ImagesOfEveryKind(InFolder):
                 self.check(sources.load(self.folder / name, pixel_spacing=SPACING, dataset=dataset), np.roll(TRUTH, 1, 0),
                            np.roll(IMAGES, 1, 0))
 
+    def test_hdf5_with_scans_in_one_array(self):
+        h5py = package("h5py")
+        stacked = [np.stack([np.roll(array, scan, 0) for scan in range(3)]) for array in (IMAGES, POSES)]
+        with h5py.File(self.folder / "stack.h5", "w") as file:
+            file["frames"], file["tforms"] = stacked
+            file["features"] = np.zeros((3, FRAMES, HEIGHT, WIDTH))  # of other shape and name
+        with h5py.File(self.folder / "named.h5", "w") as file:
+            file["us"], file["probe"] = stacked[0], stacked[1][:, :, :3]
+            file["others"] = stacked[0]
+        with h5py.File(self.folder / "one.h5", "w") as file:
+            file["frames"], file["tforms"] = (array[:1] for array in stacked)
+        with h5py.File(self.folder / "colours.h5", "w") as file:
+            file["frames"], file["poses"] = np.repeat(stacked[0][..., None], 3, -1), stacked[1].reshape(3, FRAMES, 16)
+        for name, options in (("stack.h5", {}), ("named.h5", {"dataset": ["us", "probe"]}), ("colours.h5", {})):
+            for scan in (0, "2"):
+                with self.subTest(name, scan=scan):
+                    self.check(sources.load(self.folder / name, pixel_spacing=SPACING, scan=scan, **options),
+                               np.roll(TRUTH, int(scan), 0), np.roll(IMAGES, int(scan), 0))
+        self.check(sources.load(self.folder / "one.h5", pixel_spacing=SPACING))
+        for scan in (None, "3", "-1", "second"):
+            with self.subTest(scan=scan), self.assertRaisesRegex(sources.SourceError, "holds 3 scans.*--scan.*0 to 2"):
+                sources.load(self.folder / "stack.h5", pixel_spacing=SPACING, scan=scan)
+
     def test_hdf5_with_an_array_a_frame(self):
         h5py = package("h5py")
         with h5py.File(self.folder / "frames.h5", "w") as file:

@@ -31,7 +31,9 @@ def parser() -> argparse.ArgumentParser:
                         help="the pixel that the pose or the calibration calls its origin (default: 0 0)")
     parser.add_argument("--dataset", nargs="+", action="extend", default=[], metavar="NAME",
                         help="arrays of an HDF5 or .npz file that are the images and the poses, where it has several")
-    parser.add_argument("--scan", metavar="NAME", help="which scan of an HDF5 file that holds several")
+    parser.add_argument("--scan", metavar="NAME",
+                        help="which scan of an HDF5 file that holds several: part of its name, or its number, from 0, in one "
+                             "array")
     parser.add_argument("--first-pixel", type=int, choices=(0, 1),
                         help="what the calibration counts the first pixel as (default: 0, and 1 for TUS-REC)")
     parser.add_argument("--reference", metavar="POSES", help="poses of a second tool, in which the sweep shall lie")

@@ -68,6 +68,7 @@ class Stored(NamedTuple):
     role: str  # images or poses
     is_told: bool  # by its name
     scan: str  # what its name is without the word that tells its role: equal where arrays belong together
+    is_stack: bool = False  # of scans, the first axis
 
     def __str__(self) -> str:
         return f"{self.name} {self.shape}"
@@ -130,9 +131,14 @@ def _stored(name: str, shape: tuple, dataset: Sequence[str]) -> Optional[Stored]
     group, slash, leaf = name.rpartition("/")
     is_pose = len(shape) > 1 and shape[1:] in ((4, 4), (3, 4), (16,), (12,), (7,))
     is_image = len(shape) == 3 or (len(shape) == 4 and shape[3] in (1, 3, 4))
-    role = "poses" if is_pose else "images" if is_image else None
     word = re.search(rf"(?<![a-z])({'|'.join(IMAGES + POSES)})(?![a-z])", leaf, re.IGNORECASE)
     told = None if word is None else "images" if word[1].lower() in IMAGES else "poses"
+    may_be_stack = told == "poses" or shape[2:] in ((4, 4), (3, 4)) or not is_image
+    if (told or name in dataset) and may_be_stack and not is_pose:  # scans, one upon the other
+        one = _stored(name, shape[1:], dataset) if len(shape) > 2 else None
+        if one:
+            return one._replace(shape=shape, is_stack=True)
+    role = "poses" if is_pose else "images" if is_image else None
     if role is None or (name not in dataset and role != ((told or role) if len(shape) > 2 else told)):
         return None
     scan = group if word is None else group + slash + leaf[:word.start()] + leaf[word.end():]
@@ -153,7 +159,7 @@ def _chosen(path: Path, role: str, found: Sequence[Stored], top: Sequence[str], 
         mine = [one for one in mine if one.is_told] or mine
         others = {one.scan for one in found if one.role != role}
         mine = [one for one in mine if one.scan in others] or mine
-        if scan is not None and (len(mine) > 1 or (mine and mine[0].scan)):
+        if scan is not None and not any(one.is_stack for one in mine) and (len(mine) > 1 or (mine and mine[0].scan)):
             named = [one for one in mine if one.scan == scan] or [one for one in mine if scan in one.name]
             if not named:
                 raise SourceError(f"{path}: has no scan {scan}; there are {_listed(one.scan for one in mine)}")
@@ -187,6 +193,17 @@ def _numpy(path: Path, names: Sequence[str], what: str, dataset: Sequence[str] =
                           f"{' or '.join(names)}")
 
 
+def _of_stack(path: Path, one: Stored, scan: Optional[str]) -> int:
+    """Which of the scans that lie in one array is wanted."""
+    count = one.shape[0]
+    if count == 1 and scan is None:
+        return 0
+    if scan is None or not scan.isdecimal() or int(scan) >= count:
+        found = f"{path}: {one} holds {count} scans" + ("" if scan is None else f", but no scan {scan}")
+        raise SourceError(f"{found}; name one by scan (--scan), a number from 0 to {count - 1}")
+    return int(scan)
+
+
 def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str] = None) -> tuple:
     """(the images or the poses of a file, pixel_to_image and spacing where they lie beside them)."""
     h5py = _need("h5py", path)
@@ -215,6 +232,8 @@ def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str
             group = file[names[0]].parent
             beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
                       if isinstance(group.get(name), h5py.Dataset) and group[name].size <= 16}
+            if one.is_stack:
+                return file[one.name][_of_stack(path, one, scan)], beside
             return np.stack([file[name][()] for name in names]) if one.name in parts else file[one.name][()], beside
     except SourceError:
         raise
@@ -886,6 +905,7 @@ def load(
     if first_pixel not in (None, 0, 1):
         raise ValueError(f"first_pixel is {first_pixel!r}; 0 or 1 is expected")
     notes = []
+    scan = None if scan is None else str(scan)
     dataset = [name.strip("/") for name in ([dataset] if isinstance(dataset, str) else dataset or ())]
     paths = [path for path in (images, poses) if path is not None]
     if dataset:
@@ -1009,7 +1029,8 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
     by_time: takes poses at the frames' times even where there are as many poses as frames. time_offset: s, added to the
         frames' times to give the poses'. longest_gap: s, between poses that are interpolated.
     dataset: names of arrays in an HDF5 or .npz file, of images, of poses or of both, where they have other names than usual.
-    scan: which one of an HDF5 file that holds several; of its name as much as no other has.
+    scan: which one of an HDF5 file that holds several; of its name as much as no other has, or its number, from 0, where they
+        lie in one array (scans, frames, height, width).
 
     Raises SourceError, a ValueError, that names file, field, what was found and what to do.
     """
