@@ -127,11 +127,14 @@ public:
    */
   vtkBigusNumberOptionMacro(Gaussians, vtkIdType);
   /**
-   * The most Gaussians that are chosen while Gaussians is auto. Values: 1 to 67108864. Default: auto, as many as fill
-   * the memory of the sweep's lit pixels, at 44 bytes each.
+   * The most Gaussians that are chosen while Gaussians is auto. Values: 1 to 67108864. Default: auto, one for
+   * every 4 lit pixels to train on.
    */
   vtkBigusNumberOptionMacro(MaximumGaussians, vtkIdType);
-  /** What twice the Gaussians must gain on validation frames to be chosen, PSNR. Values: 0 to 100 dB. Default: 0.1. */
+  /**
+   * What twice the Gaussians must gain at a plane at random to be chosen, PSNR; less: more Gaussians, time and bytes.
+   * Values: 0 to 100 dB. Default: 0.3.
+   */
   vtkBigusNumberOptionMacro(Price, double);
   /**
    * Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane. Values: 0 to 1000 mm.

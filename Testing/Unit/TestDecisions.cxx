@@ -217,6 +217,69 @@ TEST(Decisions, ThePriceAndTheMaximumBoundTheGaussians)
   EXPECT_LE(*dear.settled.gaussians, *Train(PhantomSweep(), options).settled.gaussians);
 }
 
+/// Waves of 5 to 11 pixels in twelve directions: a volume whose brightness is known at every place (mm; a pixel is 1 mm).
+double Waves(const Eigen::Vector3d& place)
+{
+  double sum = 0;
+  for (int k = 0; k < 12; ++k)
+  {
+    const double z = (k + 0.5) / 12, around = 2.399963 * k, ring = std::sqrt(1 - z * z);
+    const Eigen::Vector3d direction(ring * std::cos(around), ring * std::sin(around), z);
+    sum += std::sin(2 * EIGEN_PI / (5 + k % 4 * 2) * direction.dot(place) + k);
+  }
+  return std::clamp(0.5 + 0.1 * sum, 0.0, 1.0);
+}
+
+/// Planes of that volume.
+std::shared_ptr<const Sweep> WavesAt(const std::vector<Eigen::Matrix4d>& poses, int width, int height)
+{
+  auto sweep = std::make_shared<Sweep>();
+  sweep->width = width;
+  sweep->height = height;
+  sweep->pixelType = Sweep::PixelType::Float32;
+  sweep->imageToReference = poses;
+  auto pixels = std::make_shared<std::vector<float>>();
+  for (const Eigen::Matrix4d& pose : poses)
+  {
+    for (int p = 0; p < width * height; ++p)
+    {
+      const Eigen::Vector4d place = pose * Eigen::Vector4d(p % width, p / width, 0, 1);
+      pixels->push_back(static_cast<float>(Waves(place.head<3>())));
+    }
+  }
+  sweep->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return sweep;
+}
+
+/// Frames two pixels apart tell less and less of planes between them, and planes at right angles ask for more. A quarter
+/// of the Gaussians chosen loses more there than the price of the doublings that led to them.
+TEST(Decisions, AVolumeGetsTheGaussiansThatPlanesAcrossItNeed)
+{
+  constexpr int kSide = 40, kFrames = 20;
+  std::vector<Eigen::Matrix4d> along(kFrames, Eigen::Matrix4d::Identity()), across;
+  for (int frame = 0; frame < kFrames; ++frame)
+  {
+    along[frame](2, 3) = 2 * frame;
+  }
+  for (int i = 4; i < kSide; i += 8)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();  // columns along y, rows along z
+    pose.col(0) << 0, 1, 0, 0;
+    pose.col(1) << 0, 0, 1, 0;
+    pose.col(2) << 1, 0, 0, 0;
+    pose(0, 3) = i;
+    across.push_back(pose);
+  }
+  const auto sweep = WavesAt(along, kSide, kSide), truth = WavesAt(across, kSide, 2 * kFrames - 1);
+  const std::vector<int> planes = {0, 1, 2, 3, 4};
+  TrainerOptions options;
+  const TrainingResult chosen = Train(sweep, options);
+  TrainerOptions fewer = chosen.settled;
+  fewer.gaussians = *chosen.settled.gaussians / 4;
+  const double best = PsnrOn(chosen.field, *truth, planes), less = PsnrOn(Train(sweep, fewer).field, *truth, planes);
+  EXPECT_GT(best, less + 2 * options.price) << Account(chosen.decisions);
+}
+
 TEST(Decisions, AreTheSameForAnyThreadsAndWhateverHeldOutFramesShow)
 {
   const auto sweep = MakePhantom(13, 64);

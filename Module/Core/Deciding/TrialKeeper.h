@@ -11,10 +11,10 @@
 namespace bigus
 {
 
-/// PSNRs of a trial, dB: of validation frames, and of planes across the frames.
+/// PSNRs of a trial, dB: of validation frames, of planes across the frames, and of the frames trained on.
 struct TrialScores
 {
-  std::vector<double> frames, across;
+  std::vector<double> frames, across, seen;
 };
 
 /// Remembers finished trials and the one that is under way, each by a name that says all that trials differ in.

@@ -73,7 +73,8 @@ int Reduction(const Sweep& sweep)
 
 std::string Gain::ToString() const
 {
-  return Format("%+.2f", mean) + Format(" +- %.2f dB", error) + Format(" and across %+.2f dB", across);
+  return Format("%+.2f", mean) + Format(" +- %.2f dB", error) + Format(", across %+.2f dB", across) +
+         Format(", anywhere %+.2f dB", anywhere);
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
@@ -88,6 +89,45 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t t
   std::tie(training_, validation_) = SplitHoldOut(static_cast<int>(tried), kValidationEvery);
   pixelSize_ = MeasureGeometry(*sweep_, training_).pixelSize;
   MakeAcross();
+  MeasureShares();
+}
+
+void Trials::MeasureShares()
+{
+  const double i = 0.5 * (sweep_->width - 1), j = 0.5 * (sweep_->height - 1);
+  const auto gap = [&](int from, int to) { return GapBetween(*sweep_, from, to, i, j); };
+  double sum = 0, squares = 0;
+  for (int frame = 1; frame < sweep_->NumberOfFrames(); ++frame)
+  {
+    const double g = gap(frame - 1, frame);
+    sum += g;
+    squares += g * g;
+  }
+  const double expected = sum > 0 ? squares / (6 * sum) : 0;
+  for (const int frame : validation_)
+  {
+    const bool isInside = frame > 0 && frame + 1 < sweep_->NumberOfFrames();
+    const double before = isInside ? gap(frame - 1, frame) : 0, after = isInside ? gap(frame, frame + 1) : 0;
+    const double here = before + after > 0 ? before * after / (before + after) : 0;
+    shares_.push_back(here > 0 ? std::min(1.0, expected / here) : 1.0);
+  }
+}
+
+/// PSNR of the expected squared error at a plane at random, dB: the mean over the validation frames and what surrounds
+/// them.
+double Trials::Anywhere(const TrialScores& scores) const
+{
+  const auto squared = [](double psnr) { return std::pow(10.0, -0.1 * psnr); };
+  double seen = 0, sum = 0;
+  for (const double psnr : scores.seen)
+  {
+    seen += squared(psnr) / static_cast<double>(scores.seen.size());
+  }
+  for (std::size_t k = 0; k < scores.frames.size(); ++k)
+  {
+    sum += seen + shares_[k] * (squared(scores.frames[k]) - seen);
+  }
+  return -10 * std::log10(sum / static_cast<double>(scores.frames.size()));
 }
 
 /// Interpolation between all frames has gaps half as wide as those between the frames trained on, and no beam.
@@ -120,6 +160,7 @@ std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const Trainin
     return std::nullopt;
   }
   Gain gain = GainOf(psnr.frames, over.frames);
+  gain.anywhere = Anywhere(psnr) - Anywhere(over);
   gain.across = across_.empty() ? 0.0 : Mean(psnr.across) - Mean(over.across);
   return gain;
 }
@@ -135,7 +176,7 @@ std::optional<double> Trials::Predict(const FrameInterpolation& interpolation)
       ScoreInterpolation(*sweep_, training_, interpolation, [this] { return Proceed(); });
   if (psnr)
   {
-    keeper_.NoteTrial(name, {{*psnr}, {}});
+    keeper_.NoteTrial(name, {{*psnr}, {}, {}});
   }
   return psnr;
 }
@@ -201,6 +242,10 @@ TrialScores Trials::Train(TrainingPlan plan, double passes, const std::string& n
   for (const double psnr : FramePsnrs(engine, *sweep_, validation_))
   {
     psnrs.frames.push_back(std::min(kMostPsnr, psnr));
+  }
+  for (const double psnr : FramePsnrs(engine, *sweep_, training_))
+  {
+    psnrs.seen.push_back(std::min(kMostPsnr, psnr));
   }
   for (const auto& [cross, seen] : across_)
   {

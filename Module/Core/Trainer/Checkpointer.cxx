@@ -23,7 +23,7 @@ namespace
 constexpr char kMagic[8] = {'B', 'I', 'G', 'U', 'S', 'C', 'K', 'P'};
 
 /// Another number for every change of what follows the header.
-constexpr std::uint32_t kFormat = 6;
+constexpr std::uint32_t kFormat = 7;
 
 /// Tells machines with another order of bytes.
 constexpr std::uint32_t kByteOrder = 0x01020304;
@@ -348,6 +348,7 @@ void Checkpointer::Write()
     to.Text(name);
     to.Array(scores.frames);
     to.Array(scores.across);
+    to.Array(scores.seen);
   }
   to.Flag(settled_.has_value());
   if (settled_)
@@ -367,12 +368,13 @@ void Checkpointer::Load(std::string_view bytes)
   StateReader from(bytes);
   seconds_ = from.NumberIn(0.0, kLongest);
   RequireSameTraining(LoadTexts(from));
-  for (std::size_t left = from.Count(3 * sizeof(std::uint64_t)); left > 0; --left)
+  for (std::size_t left = from.Count(4 * sizeof(std::uint64_t)); left > 0; --left)
   {
     const std::string name = LoadText(from);
     TrialScores& scores = trials_[name];
     scores.frames = from.Array<double>();
     scores.across = from.Array<double>();
+    scores.seen = from.Array<double>();
   }
   if (from.Flag())
   {

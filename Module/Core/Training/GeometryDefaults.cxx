@@ -23,6 +23,9 @@ constexpr double kNearPixels = 2.0;
 
 /// Lit pixels recorded for one Gaussian: with a byte each, the field is as large as the sweep that it explains.
 constexpr std::size_t kPixelsPerGaussian = GaussianField::kBytesOfGaussian;
+/// The fewest that are chosen for one: pixels are samples, and footprints finer than a few of them tell nothing of what lies
+/// between.
+constexpr std::size_t kPixelsOfFinest = 4;
 /// The same where the frames' speckle is to be kept: a grain of it covers about as many pixels.
 constexpr std::size_t kPixelsPerGrain = 8;
 /// Fewer take no time; more are for deciding to choose.
@@ -76,6 +79,12 @@ std::size_t UsualGaussians(const Sweep& sweep, const std::vector<int>& frames, b
   return std::clamp(lit / (keepContrast ? kPixelsPerGrain : kPixelsPerGaussian), kFewestGaussians, kMostGaussians);
 }
 
+/// The most that are chosen where no one said how many.
+std::size_t MostGaussians(const Sweep& sweep, std::size_t frames)
+{
+  return std::max(kFewestGaussians, LitPixels(sweep) * frames / kPixelsOfFinest);
+}
+
 }  // namespace
 
 int PlanesPerGap(const SweepGeometry& geometry)
@@ -100,8 +109,7 @@ TrainingPlan PlanByGeometry(const TrainerOptions& options, const Sweep& sweep, c
   const bool isUsed = !options.gaussians || (contrast && !options.maximumGaussians);
   const std::size_t usual = isUsed ? UsualGaussians(sweep, frames, contrast) : 0;
   // The texture preset asks for a Gaussian a grain, which is more than the sweep's size.
-  plan.maximumGaussians =
-      options.maximumGaussians.value_or(contrast ? usual : GaussiansOfSweepsSize(sweep, frames.size()));
+  plan.maximumGaussians = options.maximumGaussians.value_or(contrast ? usual : MostGaussians(sweep, frames.size()));
   plan.gaussians = options.gaussians.value_or(std::min(usual, plan.maximumGaussians));
   plan.elevationSigma = options.elevationSigma.value_or(kThinBeam);
   plan.probeElevationSigma = options.probeElevationSigma.value_or(0);

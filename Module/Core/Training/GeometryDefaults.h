@@ -36,8 +36,7 @@ bool CanReduce(const Sweep& sweep);
 /// By how much the sides of frames are divided while a training of so many Gaussians begins: 1 or kReduction.
 int FirstCoarseness(const Sweep& sweep, std::size_t frames, std::size_t gaussians);
 
-/// As many Gaussians as fill the memory of the lit pixels of so many frames, at least 1000: a field need not be larger
-/// than the sweep that it explains.
+/// As many Gaussians as fill the memory of the lit pixels of so many frames, at least 1000.
 std::size_t GaussiansOfSweepsSize(const Sweep& sweep, std::size_t frames);
 
 /// The optimizer steps that `options` ask for; else those for the plan's virtual planes.

@@ -46,11 +46,14 @@ void ForEachOption(Options& options, const Visit& visit)
                    "begins at one for every 44 lit pixels to train on (preset texture: 8), 1000 to 300000"},
         options.gaussians);
   visit(OptionInfo{"MaximumGaussians", field, "The most Gaussians that are chosen while Gaussians is auto", 1,
-                   kMostGaussians, "", "as many as fill the memory of the sweep's lit pixels, at 44 bytes each"},
+                   kMostGaussians, "", "one for every 4 lit pixels to train on"},
         options.maximumGaussians);
-  visit(OptionInfo{"Price", field, "What twice the Gaussians must gain on validation frames to be chosen, PSNR", 0, 100,
-                   "dB"},
-        options.price);
+  visit(
+      OptionInfo{
+          "Price", field,
+          "What twice the Gaussians must gain at a plane at random to be chosen, PSNR; less: more Gaussians, time and bytes",
+          0, 100, "dB"},
+      options.price);
   visit(OptionInfo{"ElevationSigma", field,
                    "Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane", 0, 1000,
                    "mm", "0, or the probe's where sweeps cross; the field's own when continuing"},
