@@ -47,6 +47,9 @@ vtkBigusPhantomSource::vtkBigusPhantomSource()
   this->Tilt = defaults.tilt;
   this->Wander = defaults.wander;
   this->SweepAngle = defaults.sweepAngle;
+  this->Shake = defaults.shake;
+  this->ShakeRotation = defaults.shakeRotation;
+  this->ShakeCorrelation = defaults.shakeCorrelation;
   this->FrameRate = defaults.frameRate;
   this->TrackingNoise = defaults.trackingNoise;
   this->TrackingRotationNoise = defaults.trackingRotationNoise;
@@ -103,6 +106,9 @@ void vtkBigusPhantomSource::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "Tilt: " << this->Tilt << "\n";
   os << indent << "Wander: " << this->Wander << "\n";
   os << indent << "SweepAngle: " << this->SweepAngle << "\n";
+  os << indent << "Shake: " << this->Shake << "\n";
+  os << indent << "ShakeRotation: " << this->ShakeRotation << "\n";
+  os << indent << "ShakeCorrelation: " << this->ShakeCorrelation << "\n";
   os << indent << "FrameRate: " << this->FrameRate << "\n";
   os << indent << "TrackingNoise: " << this->TrackingNoise << "\n";
   os << indent << "TrackingRotationNoise: " << this->TrackingRotationNoise << "\n";
@@ -147,6 +153,9 @@ bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
   options.tilt = this->Tilt;
   options.wander = this->Wander;
   options.sweepAngle = this->SweepAngle;
+  options.shake = this->Shake;
+  options.shakeRotation = this->ShakeRotation;
+  options.shakeCorrelation = this->ShakeCorrelation;
   options.frameRate = this->FrameRate;
   options.trackingNoise = this->TrackingNoise;
   options.trackingRotationNoise = this->TrackingRotationNoise;

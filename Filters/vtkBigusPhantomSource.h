@@ -241,6 +241,20 @@ public:
 
   ///@{
   /**
+   * The probe itself shakes about its path: standard deviations of its position in mm (0 to 10) and of its angles in
+   * degrees (0 to 20), for each axis, about the middle of the image's first row; frames show it. ShakeCorrelation, in
+   * pictures (0 to 1000), is as NoiseCorrelation. Default: 0, 0 and 0.
+   */
+  vtkSetMacro(Shake, double);
+  vtkGetMacro(Shake, double);
+  vtkSetMacro(ShakeRotation, double);
+  vtkGetMacro(ShakeRotation, double);
+  vtkSetMacro(ShakeCorrelation, double);
+  vtkGetMacro(ShakeCorrelation, double);
+  ///@}
+
+  ///@{
+  /**
    * Frames a second, 0.1 to 10000; sets the timestamps. Default: 20.
    */
   vtkSetMacro(FrameRate, double);
@@ -379,6 +393,9 @@ protected:
   double Tilt;
   double Wander;
   double SweepAngle;
+  double Shake;
+  double ShakeRotation;
+  double ShakeCorrelation;
   double FrameRate;
   double TrackingNoise;
   double TrackingRotationNoise;

@@ -213,6 +213,11 @@ void AddTrajectory(const Group& add)
   add.Number("--tilt", PROPERTY(Tilt), "Bound of the probe's three angles", 0, 45, "DEG");
   add.Number("--wander", PROPERTY(Wander), "Bound of motion sideways and in depth", 0, 20, "MM");
   add.Number("--sweep-angle", PROPERTY(SweepAngle), "Turns the whole sweep about the depth axis", -360, 360, "DEG");
+  add.Number("--shake", PROPERTY(Shake), "Standard deviation by which the probe itself shakes, which frames show", 0,
+             10, "MM");
+  add.Number("--shake-rotation", PROPERTY(ShakeRotation), "The same of its angles", 0, 20, "DEG");
+  add.Number("--shake-correlation", PROPERTY(ShakeCorrelation),
+             "Pictures over which it is correlated by 1/e; 0: each by itself", 0, 1000, "N");
   add.Number("--frame-rate", PROPERTY(FrameRate), "Frames a second", 0.1, 10000, "HZ");
   add.Number("--passes", PROPERTY(Passes), "Goes over the path so often, there and back", 1, 100, "N");
   add.Number("--dropped", PROPERTY(DroppedShare), "Share of the pictures taken that are lost", 0, 0.9, "SHARE");

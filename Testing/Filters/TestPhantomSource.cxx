@@ -65,6 +65,9 @@ TEST(PhantomSource, DefaultsAreCores)
                            "Tilt",
                            "Wander",
                            "SweepAngle",
+                           "Shake",
+                           "ShakeRotation",
+                           "ShakeCorrelation",
                            "FrameRate",
                            "TrackingNoise",
                            "TrackingRotationNoise",
@@ -143,6 +146,9 @@ TEST(PhantomSource, EveryOptionReachesTheImages)
   EXPECT_TRUE(differs([](Source* s) { s->SetTilt(1); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetWander(2); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetSweepAngle(90); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetShake(1); }));
+  EXPECT_TRUE(differs([](Source* s) { s->SetShakeRotation(1); }));
+  EXPECT_FALSE(differs([](Source* s) { s->SetShakeCorrelation(5); })) << "it does not shake";
   EXPECT_TRUE(differs([](Source* s) { s->SetFrameRate(10); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingNoise(1); }));
   EXPECT_TRUE(differs([](Source* s) { s->SetTrackingRotationNoise(1); }));

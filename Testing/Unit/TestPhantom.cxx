@@ -617,20 +617,25 @@ PhantomOptions Tracked(int frames)
   return options;
 }
 
-/// Of the recorded pose from the true one: where the middle of the image's first row is shown, and how it is turned.
+/// Of one pose from another: where the middle of the image's first row is shown, and how it is turned.
 struct Displacement
 {
   Eigen::Vector3d shift;     // mm
   Eigen::Vector3d rotation;  // degrees
 };
-Displacement DisplacementOf(const Phantom& phantom, int k)
+Displacement Between(const SlicePlane& actual, const SlicePlane& recorded)
 {
-  const SlicePlane actual = phantom.TruePlane(k), recorded = phantom.RecordedPlane(k);
   Eigen::Matrix3d a, r;
   a << actual.columnStep.normalized(), actual.rowStep.normalized(), actual.Normal();
   r << recorded.columnStep.normalized(), recorded.rowStep.normalized(), recorded.Normal();
   const Eigen::AngleAxisd turn(r * a.transpose());
   return {recorded.Point(127.5, 0) - actual.Point(127.5, 0), turn.angle() / kRadiansPerDegree * turn.axis()};
+}
+
+/// Of the recorded pose from the true one.
+Displacement DisplacementOf(const Phantom& phantom, int k)
+{
+  return Between(phantom.TruePlane(k), phantom.RecordedPlane(k));
 }
 
 // Written down when the tracker had no error but noise: what was added since changes nothing until it is asked for.
@@ -686,6 +691,40 @@ TEST(Phantom, NoiseIsCorrelatedOverAsManyFramesAsAskedFor)
     }
   }
   EXPECT_NEAR(first.Std(), 0.3, 0.02);
+}
+
+// A probe that shakes is where its pictures are taken, and the tracker says so.
+TEST(Phantom, AShakingProbeIsSeenAndTracked)
+{
+  PhantomOptions still = Tracked(2000), shaking = still;
+  shaking.shake = 0.3;
+  shaking.shakeRotation = 0.5;
+  shaking.shakeCorrelation = 5;
+  const Phantom a(still), b(shaking);
+  std::vector<double> shifts;
+  Moments turns;
+  for (int k = 0; k < still.frames; ++k)
+  {
+    EXPECT_EQ(b.TruePlane(k).ImageToReference(), b.RecordedPlane(k).ImageToReference());
+    const Displacement shake = Between(a.TruePlane(k), b.TruePlane(k));
+    shifts.push_back(shake.shift[1]);
+    turns.Add(shake.rotation[0]);
+  }
+  double square = 0, next = 0;
+  for (int k = 1; k < still.frames; ++k)
+  {
+    square += shifts[k] * shifts[k];
+    next += shifts[k] * shifts[k - 1];
+  }
+  // 2000 pictures count as 200 independent ones: three errors of a standard deviation are 15 %.
+  EXPECT_NEAR(std::sqrt(square / still.frames), 0.3, 0.045);
+  EXPECT_NEAR(turns.Std(), 0.5, 0.075);
+  EXPECT_NEAR(next / square, std::exp(-0.2), 0.05);
+  // Poses that lag behind are those of another time of the same shaking.
+  shaking.trackingDelay = 2 / shaking.frameRate;
+  const Phantom late(shaking);
+  EXPECT_LT((late.RecordedPlane(9).ImageToReference() - b.TruePlane(7).ImageToReference()).cwiseAbs().maxCoeff(),
+            1e-12);
 }
 
 TEST(Phantom, DriftIsSlowAndKeepsItsBounds)
@@ -917,6 +956,9 @@ TEST(Phantom, OptionsOutOfRangeAreNamed)
   BIGUS_EXPECT_NAMED(tilt, 90);
   BIGUS_EXPECT_NAMED(wander, -0.1);
   BIGUS_EXPECT_NAMED(sweepAngle, nan);
+  BIGUS_EXPECT_NAMED(shake, 11);
+  BIGUS_EXPECT_NAMED(shakeRotation, -1);
+  BIGUS_EXPECT_NAMED(shakeCorrelation, nan);
   BIGUS_EXPECT_NAMED(frameRate, 0);
   BIGUS_EXPECT_NAMED(trackingNoise, -1);
   BIGUS_EXPECT_NAMED(trackingRotationNoise, 21);

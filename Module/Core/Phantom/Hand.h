@@ -22,6 +22,17 @@ struct ProbePose
 /// The rotation by |vector| radians about `vector`.
 Eigen::Matrix3d RotationBy(const Eigen::Vector3d& vector);
 
+/// What follows from a seed, a stream and a whole number.
+std::uint64_t RandomBits(std::uint64_t seed, std::uint64_t stream, std::uint64_t index);
+
+/// Normal with standard deviation 1 on each axis; of three streams, from `stream` on.
+Eigen::Vector3d NormalVector(std::uint64_t seed, std::uint64_t stream, int index);
+
+/// [last + 1 - first], first <= 0 <= last: e_0 = w_0 and, away from 0 to both sides, e_k = r e_(k-+1) + sqrt(1 - r^2) w_k
+/// with w a NormalVector and r = exp(-1 / correlation), or 0 where that is 0. So it is as strong everywhere, and what lies
+/// between does not depend on first and last.
+std::vector<Eigen::Vector3d> NoiseOf(std::uint64_t seed, std::uint64_t stream, int first, int last, double correlation);
+
 /// A smooth random motion in [-1, 1] that follows from seed and stream: three slow sines of random phase, of 0.21, 0.53
 /// and 0.92 periods in a unit of time.
 double Sway(std::uint64_t seed, std::uint64_t stream, double time);
@@ -34,7 +45,7 @@ public:
   /// last can be asked for, too.
   Hand(const PhantomOptions& options, int lastPicture, int margin);
 
-  /// Between two pictures the hand travels at constant speed.
+  /// Between two pictures the hand travels, and shakes, at constant speed.
   ProbePose At(double picture) const;
 
 private:
@@ -42,6 +53,8 @@ private:
   int margin_;
   double length_;               // of the path, mm
   std::vector<double> travel_;  // [margin + pictures + margin] along the path, in steps of average length
+  std::vector<Eigen::Vector3d> shakes_,
+      turns_;  // the same: mm and radians about the path; empty where it does not shake
 };
 
 }  // namespace bigus

@@ -64,6 +64,9 @@ void PhantomOptions::Validate() const
   Check("wander", wander, 0, 20, " mm");
   Check("sweepAngle", sweepAngle, -360, 360, " degrees");
   Check("passes", passes, 1, 100, "");
+  Check("shake", shake, 0, 10, " mm");
+  Check("shakeRotation", shakeRotation, 0, 20, " degrees");
+  Check("shakeCorrelation", shakeCorrelation, 0, 1000, " pictures");
   Check("frameRate", frameRate, 0.1, 10000, " frames a second");
   Check("droppedShare", droppedShare, 0, 0.9, "");
   Check("trackingNoise", trackingNoise, 0, 10, " mm");

@@ -53,8 +53,11 @@ struct PhantomOptions
   double tilt = 3;              ///< degrees, 0 to 45; each of the probe's three angles wanders within this bound
   double wander = 0.5;          ///< mm, 0 to 20; sideways and in depth the hand wanders within this bound
   double sweepAngle = 0;        ///< degrees, -360 to 360; turns probe and travel about the depth axis
-  int passes = 1;         ///< 1 to 100; the hand goes there and back so often, and slows down where it turns round
-  double frameRate = 20;  ///< frames a second, 0.1 to 10000
+  int passes = 1;    ///< 1 to 100; the hand goes there and back so often, and slows down where it turns round
+  double shake = 0;  ///< mm, 0 to 10; standard deviation on each axis by which the probe itself shakes about its path
+  double shakeRotation = 0;     ///< degrees, 0 to 20; the same of its angles, about the middle of the first row
+  double shakeCorrelation = 0;  ///< pictures, 0 to 1000; as noiseCorrelation
+  double frameRate = 20;        ///< frames a second, 0.1 to 10000
   double droppedShare =
       0;  ///< 0 to 0.9 of the pictures taken are lost; `frames` are kept, and timestamps show the gaps
 

@@ -33,34 +33,6 @@ enum Stream : std::uint64_t
   kDropStream = 181
 };
 
-std::uint64_t RandomBits(std::uint64_t seed, std::uint64_t stream, std::uint64_t index)
-{
-  return Mix(Mix(Mix(seed) + stream) + index);
-}
-
-Eigen::Vector3d NormalVector(std::uint64_t seed, std::uint64_t stream, int frame)
-{
-  Eigen::Vector3d vector;
-  for (int axis = 0; axis < 3; ++axis)
-  {
-    vector[axis] = Normal(RandomBits(seed, stream + axis, frame));
-  }
-  return vector;
-}
-
-/// [frames] e_k = r e_(k-1) + sqrt(1 - r^2) w_k with e_0 = w_0 and w white, of standard deviation 1 on each axis.
-std::vector<Eigen::Vector3d> TrackerNoise(const PhantomOptions& o, std::uint64_t stream)
-{
-  const double r = o.noiseCorrelation > 0 ? std::exp(-1 / o.noiseCorrelation) : 0;
-  std::vector<Eigen::Vector3d> noise;
-  for (int k = 0; k < o.frames; ++k)
-  {
-    const Eigen::Vector3d white = NormalVector(o.seed, stream, k);
-    noise.push_back(k == 0 ? white : Eigen::Vector3d(r * noise.back() + std::sqrt(1 - r * r) * white));
-  }
-  return noise;
-}
-
 /// Which picture each frame is: k itself when none is dropped.
 std::vector<int> KeptPictures(const PhantomOptions& o)
 {
@@ -135,8 +107,9 @@ TrackedPoses TrackHand(const PhantomOptions& o)
   const Eigen::Vector3d calibrationShift(o.calibrationShift.data()), calibrationTurn(o.calibrationRotation.data());
   const bool isCalibrated = calibrationShift.isZero(0) && calibrationTurn.isZero(0);
 
-  const std::vector<Eigen::Vector3d> shifts = TrackerNoise(o, kPositionNoiseStream);
-  const std::vector<Eigen::Vector3d> turns = TrackerNoise(o, kRotationNoiseStream);
+  const std::vector<Eigen::Vector3d> shifts =
+      NoiseOf(o.seed, kPositionNoiseStream, 0, o.frames - 1, o.noiseCorrelation);
+  const std::vector<Eigen::Vector3d> turns = NoiseOf(o.seed, kRotationNoiseStream, 0, o.frames - 1, o.noiseCorrelation);
 
   TrackedPoses poses;
   for (int k = 0; k < o.frames; ++k)

@@ -32,8 +32,8 @@ def _keyword(name: str) -> str:
     NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2, ProbeRadius=0.0, HalfAngle=0.0,
     Frequency=5.0, AxialSigma=0.2, LateralSigma=0.4, ElevationSigma=0.8, ScattererDensity=40.0, Attenuation=0.5,
     DynamicRange=50.0, WhiteLevel=24.0, FrameSpacing=0.5, SpeedVariation=0.4, Tilt=3.0, Wander=0.5, SweepAngle=0.0,
-    FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0, NoiseCorrelation=0.0,
-    TrackingDrift=0.0, TrackingRotationDrift=0.0, OutlierShare=0.0, OutlierSize=2.0, TrackingDelay=0.0, TrackingQuantum=0.0,
+    Shake=0.0, ShakeRotation=0.0, ShakeCorrelation=0.0, FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0,
+    NoiseCorrelation=0.0, TrackingDrift=0.0, TrackingRotationDrift=0.0, OutlierShare=0.0, OutlierSize=2.0, TrackingDelay=0.0, TrackingQuantum=0.0,
     TrackingRotationQuantum=0.0, CalibrationShift=(0.0, 0.0, 0.0), CalibrationRotation=(0.0, 0.0, 0.0),
 )  # fmt: skip
 class vtkBigusPhantomSource(Algorithm):

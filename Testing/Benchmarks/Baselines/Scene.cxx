@@ -121,6 +121,9 @@ PhantomOptions ReadPhantomOptions(const Json& object)
   fields.Read("tilt", options.tilt);
   fields.Read("wander", options.wander);
   fields.Read("sweep_angle", options.sweepAngle);
+  fields.Read("shake", options.shake);
+  fields.Read("shake_rotation", options.shakeRotation);
+  fields.Read("shake_correlation", options.shakeCorrelation);
   fields.Read("frame_rate", options.frameRate);
   fields.Read("tracking_noise", options.trackingNoise);
   fields.Read("tracking_rotation_noise", options.trackingRotationNoise);
