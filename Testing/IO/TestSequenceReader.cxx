@@ -572,6 +572,38 @@ TEST(SequenceReader, ReadsNrrd)
   ExpectSmall(Read(reader, folder / "four.nrrd"));
 }
 
+// What axes are that nothing names follows where one of them has a single sample, or as many as colours.
+TEST(SequenceReader, ReadsNrrdOfFourAxesWithoutKinds)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  const Sequence sequence = SmallSequence();
+  std::string colours;
+  for (const char grey : sequence.pixels)
+  {
+    colours += std::string(3, grey);
+  }
+  const auto write = [&](const std::string& sizes, const std::string& pixels)
+  {
+    std::string bytes = sequence.NrrdBytes(sizes, "domain domain list", "raw", pixels);
+    bytes.replace(bytes.find("dimension: 3"), 12, "dimension: 4");
+    bytes.erase(bytes.find("kinds:"), bytes.find('\n', bytes.find("kinds:")) + 1 - bytes.find("kinds:"));
+    WriteBytes(folder / "four.nrrd", bytes);
+    reader->Modified();
+  };
+  for (const char* sizes : {"4 3 1 3", "4 3 3 1", "1 4 3 3", "3 4 3 3"})
+  {
+    SCOPED_TRACE(sizes);
+    write(sizes, sizes[0] == '3' ? colours : sequence.pixels);
+    ExpectSmall(Read(reader, folder / "four.nrrd"));
+  }
+  write("2 4 3 3", sequence.pixels + sequence.pixels);
+  ErrorObserver errors(reader);
+  reader->SetFileName((folder / "four.nrrd").c_str());
+  reader->Update();
+  EXPECT_NE(errors.Text().find("kinds must name each of the 4 axes"), std::string::npos) << errors.Text();
+}
+
 // SmallSequence's frames as PNG files, the top row first as in any picture.
 void WritePngs(const TemporaryFolder& folder, const std::string& prefix)
 {

@@ -74,9 +74,11 @@ std::vector<std::int64_t> SizesOf(const SequenceFile& file, const Fields& nrrd)
   return sizes;
 }
 
-/// What each of the axes is; where the header does not say, columns, rows and a list of frames.
-std::vector<std::string> KindsOf(const SequenceFile& file, const Fields& nrrd, std::size_t axes)
+/// What each of the axes is. Where the header does not say, they are columns, rows and a list of frames. Of four the third or
+/// the fourth has one sample, or the first holds colours.
+std::vector<std::string> KindsOf(const SequenceFile& file, const Fields& nrrd, const std::vector<std::int64_t>& sizes)
 {
+  const std::size_t axes = sizes.size();
   std::vector<std::string> kinds;
   if (const std::string* text = Find(nrrd, "kinds"))
   {
@@ -88,6 +90,18 @@ std::vector<std::string> KindsOf(const SequenceFile& file, const Fields& nrrd, s
   else if (axes == 3)
   {
     kinds = {"domain", "domain", "list"};
+  }
+  else if (axes == 4 && sizes[2] == 1)
+  {
+    kinds = {"domain", "domain", "domain", "list"};
+  }
+  else if (axes == 4 && sizes[3] == 1)
+  {
+    kinds = {"domain", "domain", "list", "none"};
+  }
+  else if (axes == 4 && (sizes[0] == 1 || sizes[0] == 3 || sizes[0] == 4))
+  {
+    kinds = {"vector", "domain", "domain", "list"};
   }
   else if (axes == 2)
   {
@@ -133,7 +147,7 @@ std::vector<double> SpacingsOf(const Fields& nrrd, std::string& field)
 std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
 {
   const std::vector<std::int64_t> sizes = SizesOf(file, nrrd);
-  const std::vector<std::string> kinds = KindsOf(file, nrrd, sizes.size());
+  const std::vector<std::string> kinds = KindsOf(file, nrrd, sizes);
   const auto isColour = [](const std::string& kind)
   { return kind == "rgb-color" || kind == "rgba-color" || kind == "3-color" || kind == "vector"; };
   std::int64_t channels = 1;
@@ -188,7 +202,7 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
 /// Times of frames that have none, by what 3D Slicer writes of the list axis.
 void TakeTimes(SequenceFile& file, const Fields& nrrd)
 {
-  const std::vector<std::string> kinds = KindsOf(file, nrrd, SizesOf(file, nrrd).size());
+  const std::vector<std::string> kinds = KindsOf(file, nrrd, SizesOf(file, nrrd));
   const auto list =
       std::find_if(kinds.begin(), kinds.end(), [](const std::string& k) { return k == "list" || k == "time"; });
   const std::string axis = "axis " + std::to_string(list - kinds.begin());
@@ -213,7 +227,7 @@ void TakeSpacing(SequenceFile& file, const Fields& nrrd)
   {
     return;
   }
-  const std::vector<std::string> kinds = KindsOf(file, nrrd, spacings.size());
+  const std::vector<std::string> kinds = KindsOf(file, nrrd, SizesOf(file, nrrd));
   std::vector<double> plane;
   for (std::size_t axis = 0; axis < spacings.size(); ++axis)
   {
