@@ -59,6 +59,7 @@ struct SequenceFile
   bool flipRows = false;
   std::array<double, 2> spacing = {0, 0};  ///< mm of a pixel along i and j as the header states it; 0: it does not
   std::string spacingField;                ///< which states it
+  std::string timesNote;                   ///< how times were read whose unit the file does not say; empty: as seconds
 
   Encoding encoding = Encoding::Raw;
   std::string dataFile;                   ///< raw, zlib, gzip

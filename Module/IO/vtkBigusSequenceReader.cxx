@@ -274,6 +274,10 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
   {
     vtkWarningMacro(<< bigus::MadeAxesWarning(this->FileName, this->Internals->poses));
   }
+  if (!this->Internals->file.timesNote.empty())
+  {
+    vtkWarningMacro(<< this->Internals->file.timesNote);
+  }
   if (!this->Internals->spacingDoubt.empty())
   {
     vtkWarningMacro(<< this->Internals->spacingDoubt);

@@ -702,6 +702,95 @@ TEST(SequenceReader, CsvTakesTwelveColumnsQuotesStatusAndWindowsLineEnds)
   EXPECT_EQ(reader->GetNumberOfRejectedFrames(), 1);
 }
 
+// As the table of a tracker is read by Python's sources.py.
+TEST(SequenceReader, CsvSaysByColumnsWhichPosesThereAre)
+{
+  TemporaryFolder folder;
+  WritePngs(folder, "frame_");
+  const auto write = [&](const std::string& name, const std::vector<std::string>& cells)
+  {
+    std::string csv = SmallCsv(true);
+    csv.insert(0, name + ",");
+    std::size_t at = 0;
+    for (const std::string& cell : cells)
+    {
+      at = csv.find('\n', at) + 1;
+      csv.insert(at, cell + ",");
+    }
+    WriteBytes(folder / "poses.csv", csv);
+  };
+  using Case = std::array<std::string, 3>;  // name, sound, lost
+  for (const auto& [name, sound, lost] : {Case{"status", "ok", "MISSING"},
+                                          {"Status", "Tracked", "INVALID"},
+                                          {"valid", "1", "0"},
+                                          {"is_valid", "True", "False"},
+                                          {"Tracked", "yes", "no"},
+                                          {"visible", "1", ""}})
+  {
+    SCOPED_TRACE(name + " " + lost);
+    write(name, {sound, lost, sound});
+    vtkNew<vtkBigusSequenceReader> reader;
+    ExpectSmall(Read(reader, folder / "poses.csv"), {0, 2});
+    EXPECT_EQ(reader->GetNumberOfRejectedFrames(), 1);
+  }
+  for (const auto& [name, cell, part] : {Case{"status", "0", "OK where there is a pose"},
+                                         {"status", "1", "valid where 1 means so"},
+                                         {"tracked", "0.7", "0 or 1 is expected"}})
+  {
+    SCOPED_TRACE(name + " " + cell);
+    write(name, {cell, cell, cell});
+    vtkNew<vtkBigusSequenceReader> reader;
+    ErrorObserver errors(reader);
+    reader->SetFileName((folder / "poses.csv").c_str());
+    reader->Update();
+    EXPECT_NE(errors.Text().find("row 0, column " + name + ": \"" + cell + "\""), std::string::npos) << errors.Text();
+    EXPECT_NE(errors.Text().find(part), std::string::npos) << errors.Text();
+  }
+}
+
+TEST(SequenceReader, CsvHasTimesOfOtherUnits)
+{
+  TemporaryFolder folder;
+  WritePngs(folder, "frame_");
+  using Case = std::tuple<std::string, std::vector<std::string>, double, std::string>;  // name, times, s between, said
+  const std::vector<Case> cases = {
+      {"timestamp", {"1700000000000000000", "1700000000050000000", "1700000000100000000"}, 0.05, "nanoseconds"},
+      {"timestamp", {"1700000000000000", "1700000000050000", "1700000000100000"}, 0.05, "microseconds"},
+      {"Time", {"100", "150", "200"}, 0.05, "milliseconds"},
+      {"timestamp", {"100", "100.05", "100.1"}, 0.05, ""},
+      {"timestamp", {"100", "100", "100"}, 0, ""},
+      {"time_ms", {"1", "2", "3"}, 0.001, ""},
+      {"t (us)", {"1000", "51000", "101000"}, 0.05, ""},
+      {"timestamp_ns", {"7", "100000007", "200000007"}, 0.1, ""},
+      {"timestamps_sec", {"1", "2", "3"}, 1, ""}};
+  for (const auto& [name, times, step, said] : cases)
+  {
+    SCOPED_TRACE(name + " " + times[1]);
+    std::string csv = SmallCsv(true);
+    csv.replace(csv.find("timestamp"), 9, name);
+    std::size_t at = 0;
+    for (const std::string& time : times)
+    {
+      at = csv.find(".png,", at) + 5;
+      csv.replace(at, csv.find(',', at) - at, time);
+    }
+    WriteBytes(folder / "poses.csv", csv);
+    vtkNew<vtkBigusSequenceReader> reader;
+    ErrorObserver warnings(reader);
+    reader->SetFileName((folder / "poses.csv").c_str());
+    reader->Update();
+    vtkDataArray* const read = reader->GetOutput()->GetFieldData()->GetArray("Timestamp");
+    ASSERT_NE(read, nullptr);
+    for (int k = 1; k < smallFrames; ++k)
+    {
+      // A double has 2.4e-7 s at the time of day in seconds since 1970.
+      EXPECT_NEAR(read->GetComponent(k, 0) - read->GetComponent(k - 1, 0), step, 1e-6);
+    }
+    EXPECT_EQ(warnings.Text().find("the times are taken for " + said) != std::string::npos, !said.empty())
+        << warnings.Text();
+  }
+}
+
 // Image -> Probe from the configuration, ProbeToTracker forward, ReferenceToTracker backward.
 TEST(SequenceReader, ChainsTransformsByName)
 {

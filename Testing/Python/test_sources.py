@@ -208,6 +208,22 @@ class PosesOfEveryKind(InFolder):
         rows[2][1:] = ["garbage"] + [9.0] * 15  # whatever stands in a row whose status is not OK
         self.check(self.load(self.write("lost.csv", table(("status", *MATRIX_NAMES), rows))), TRUTH[kept], IMAGES[kept])
 
+    def test_what_columns_say_of_a_pose(self):
+        kept = [0, 1, 3, 4, 6]
+        for name, good, lost in (("status", "ok", "INVALID"), ("Status", "Tracked", "LOST"), ("status", "VALID", "0 markers"),
+                                 ("valid", "1", "0"), ("is_valid", "True", "False"), ("tracked", "yes", "no"), ("visible", "1", "")):
+            with self.subTest(name=name, lost=lost):
+                rows = [[lost if k in (2, 5) else good, *row] for k, row in enumerate(POSES.reshape(-1, 16))]
+                sweep = self.load(self.write("lost.csv", table((name, *MATRIX_NAMES), rows)))
+                self.check(sweep, TRUTH[kept], IMAGES[kept])
+                self.assertEqual(sweep.notes, ["2 of 7 frames have no pose and are left out: 2, 5."])
+        for name, cell, expected in (("status", "0", "OK where there is a pose"), ("status", "1", "valid where 1 means so"),
+                                     ("tracked", "0.7", "0 or 1 is expected")):
+            with self.subTest(name=name, cell=cell):
+                rows = [[cell, *row] for row in POSES.reshape(-1, 16)]
+                with self.assertRaisesRegex(sources.SourceError, f"line 2, column {name}: '{cell}'; .*{expected}"):
+                    self.load(self.write("numbers.csv", table((name, *MATRIX_NAMES), rows)))
+
     def test_lost_tracking_as_programs_write_it(self):
         """Zeros, words and what Windows prints for NaN stand for a pose that there is not, in every kind of table."""
         position_and_turn = np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1)

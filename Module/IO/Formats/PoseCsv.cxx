@@ -3,10 +3,16 @@
 #include "IO/Formats/PoseCsv.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <map>
+#include <numeric>
+#include <set>
 #include <system_error>
 #include <utility>
 
+#include "Core/Numerics/Format.h"
+#include "Core/Numerics/Statistics.h"
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/PngFile.h"
@@ -59,6 +65,106 @@ std::vector<std::string> CsvCells(const std::string& fileName, const std::string
     cell = std::string(Trimmed(cell));
   }
   return cells;
+}
+
+/// A column's name as it is compared: letters and digits, in lower case.
+std::string Plain(const std::string& name)
+{
+  std::string plain = Lowercase(name);
+  plain.erase(std::remove_if(plain.begin(), plain.end(),
+                             [](char c) { return !((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9')); }),
+              plain.end());
+  return plain;
+}
+
+// The same words as in Python's sources.py.
+bool IsSound(const std::string& cell)
+{
+  static const std::set<std::string> words = {"ok", "valid", "good", "tracked", "visible", "true", "yes", "1"};
+  return words.count(Lowercase(cell)) > 0;
+}
+
+/// Whether a column says by 1 or 0 if there is a pose.
+bool IsFlag(const std::string& plainName)
+{
+  const std::string name = plainName.substr(plainName.rfind("is", 0) == 0 ? 2 : 0);
+  return name == "valid" || name == "tracked" || name == "visible" || name == "ok";
+}
+
+/// Seconds of a unit that follows the name of a column of times; 0 where nothing follows, nothing for another name.
+std::optional<double> TimeUnitOf(const std::string& plainName)
+{
+  static const std::map<std::string, double> units = {
+      {"", 0},      {"s", 1},       {"sec", 1},      {"secs", 1},      {"seconds", 1},
+      {"ms", 1e-3}, {"msec", 1e-3}, {"msecs", 1e-3}, {"millis", 1e-3}, {"milliseconds", 1e-3},
+      {"us", 1e-6}, {"usec", 1e-6}, {"usecs", 1e-6}, {"micros", 1e-6}, {"microseconds", 1e-6},
+      {"ns", 1e-9}, {"nsec", 1e-9}, {"nsecs", 1e-9}, {"nanos", 1e-9},  {"nanoseconds", 1e-9}};
+  for (const std::string name : {"timestamps", "timestamp", "times", "time", "ts", "t", "stamps", "stamp"})
+  {
+    const auto unit = plainName.rfind(name, 0) == 0 ? units.find(plainName.substr(name.size())) : units.end();
+    if (unit != units.end())
+    {
+      return unit->second;
+    }
+  }
+  return std::nullopt;
+}
+
+constexpr double kShortestStep = 2e-4, kLongestStep = 10;  // s between the poses of a tracker, on the median
+
+/// Seconds of the unit in which a tracker may have such a rate; 1 where there is none, or nothing to tell it by.
+double UnitByRate(std::vector<double> times, double& step)
+{
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  std::adjacent_difference(times.begin(), times.end(), times.begin());
+  if (times.size() < 2)
+  {
+    return 1;
+  }
+  std::sort(times.begin() + 1, times.end());
+  step = Quantile({times.begin() + 1, times.end()}, 0.5);
+  for (const double unit : {1.0, 1e-3, 1e-6, 1e-9})
+  {
+    if (kShortestStep <= unit * step && unit * step <= kLongestStep)
+    {
+      return unit;
+    }
+  }
+  return 1;
+}
+
+std::string NameOfUnit(double unit)
+{
+  return unit == 1e-3 ? "milliseconds" : unit == 1e-6 ? "microseconds" : "nanoseconds";
+}
+
+/// Times of a column that does not say its unit become seconds.
+void TakeTimesByRate(SequenceFile& file)
+{
+  std::vector<double> times;
+  double time = 0, step = 0;
+  for (const Fields& fields : file.frames)
+  {
+    if (const std::string* text = Find(fields, "Timestamp"); text && ParseNumber(*text, time) && std::isfinite(time))
+    {
+      times.push_back(time);
+    }
+  }
+  const double unit = UnitByRate(times, step);
+  for (Fields& fields : file.frames)
+  {
+    if (const auto text = fields.find("Timestamp");
+        unit != 1 && text != fields.end() && ParseNumber(text->second, time))
+    {
+      text->second = ExactNumber(unit * time);
+    }
+  }
+  if (unit != 1)
+  {
+    file.timesNote = file.fileName + ": the times are taken for " + NameOfUnit(unit) + ", because they are " +
+                     Format("%.4g", step) + " apart";
+  }
 }
 
 std::string WithPoint(std::string number)
@@ -188,6 +294,12 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
   for (std::size_t i = 0; i < names_.size(); ++i)
   {
     columns_.emplace(Lowercase(names_[i]), i);
+    const std::optional<double> unit = TimeUnitOf(Plain(names_[i]));
+    if (unit && (time_ == kNone || Lowercase(names_[i]) == "timestamp"))
+    {
+      time_ = i;
+      timeUnit_ = *unit;
+    }
   }
   const bool lastRow = HasColumn("m30") || HasColumn("m31") || HasColumn("m32") || HasColumn("m33");
   for (int i = 0; i < (lastRow ? 16 : 12); ++i)
@@ -240,11 +352,14 @@ PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
   {
     pose += "0 0 0 1";
   }
-  const std::string* status = cell("status");
-  row.fields["ImageToReferenceTransformStatus"] = status ? *status : "OK";
-  if (const std::string* timestamp = cell("timestamp"))
+  row.fields["ImageToReferenceTransformStatus"] = StatusOf(row.cells, number);
+  if (time_ != kNone)
   {
-    row.fields["Timestamp"] = WithPoint(*timestamp);
+    std::string& text = row.fields["Timestamp"] = WithPoint(row.cells[time_]);
+    if (double time = 0; timeUnit_ != 0 && timeUnit_ != 1 && ParseNumber(text, time))
+    {
+      text = ExactNumber(timeUnit_ * time);
+    }
   }
   for (int side = 0; side < 2; ++side)
   {
@@ -263,15 +378,43 @@ PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
   return row;
 }
 
+std::string PoseCsv::StatusOf(const std::vector<std::string>& cells, std::size_t number) const
+{
+  for (std::size_t column = 0; column < names_.size(); ++column)
+  {
+    const std::string name = Plain(names_[column]), &cell = cells[column];
+    const bool isStatus = name == "status";
+    if (!isStatus && !IsFlag(name))
+    {
+      continue;
+    }
+    const bool isNumber = !cell.empty() && cell.find_first_not_of("+-.0123456789") == std::string::npos;
+    if (isNumber && (isStatus || (cell != "0" && cell != "1")))
+    {
+      throw FormatError(
+          fileName_ + ": row " + std::to_string(number) + ", column " + names_[column] + ": " + Quoted(cell) +
+          (isStatus ? "; a word is expected, OK where there is a pose: numbers mean one thing or the other. "
+                      "Call the column valid where 1 means so"
+                    : "; 0 or 1 is expected"));
+    }
+    if (!IsSound(cell))
+    {
+      return isStatus ? cell : name + " " + cell;
+    }
+  }
+  return "OK";
+}
+
 std::vector<std::pair<std::string, std::string>> PoseCsv::OtherColumns(const Row& row) const
 {
   std::vector<std::pair<std::string, std::string>> others;
   for (std::size_t column = 0; column < names_.size(); ++column)
   {
     const std::string name = Lowercase(names_[column]);
-    const bool isRead = std::count(matrix_.begin(), matrix_.end(), column) > 0 || name == "image" ||
-                        name == "timestamp" || name == "status" || name == "width" || name == "height";
-    if (!isRead || columns_.at(name) != column)
+    const bool isRead = std::count(matrix_.begin(), matrix_.end(), column) > 0 || name == "image" || name == "width" ||
+                        name == "height";
+    const bool isSaid = column == time_ || Plain(name) == "status" || IsFlag(Plain(name));
+    if (!isSaid && (!isRead || columns_.at(name) != column))
     {
       others.emplace_back(names_[column], row.cells[column]);
     }
@@ -325,6 +468,10 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
     throw TruncationError(file.fileName + ": has a header line but no poses");
   }
   file.numberOfFrames = static_cast<int>(file.frames.size());
+  if (table.TimeUnit() == 0)
+  {
+    TakeTimesByRate(file);
+  }
 
   SetImages(file, table, named, options);
   if (options.wanted)

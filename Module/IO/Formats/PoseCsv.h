@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,15 +42,25 @@ public:
 
   bool HasColumn(const std::string& name) const { return columns_.count(name) != 0; }
 
+  /// Seconds of the unit that the column of times names, in which rows have them; 0 where it names none.
+  double TimeUnit() const { return timeUnit_; }
+
   /// Names and cells of the columns that nothing is read from.
   std::vector<std::pair<std::string, std::string>> OtherColumns(const Row& row) const;
 
 private:
+  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+
+  /// "OK", or what the row says of its pose.
+  std::string StatusOf(const std::vector<std::string>& cells, std::size_t number) const;
+
   std::string fileName_;
   char separator_ = ',';  // or ; or a tab, beside which a comma is one of decimals
   std::vector<std::string> names_;
   std::map<std::string, std::size_t> columns_;  // by lower-case name; of two of one name the first
   std::vector<std::size_t> matrix_;             // columns of the pose, 12 or 16
+  std::size_t time_ = kNone;                    // column of times
+  double timeUnit_ = 1;
 };
 
 }  // namespace bigus

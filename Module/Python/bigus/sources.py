@@ -26,6 +26,9 @@ HDF5 = (".h5", ".hdf5")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
+# What a column says of a pose that there is; anything else is none. Numbers only where the column's name says what 1 is.
+SOUND = {"ok", "valid", "good", "tracked", "visible", "true", "yes"}
+FLAGS = {f"{prefix}{name}" for prefix in ("", "is") for name in ("valid", "tracked", "visible", "ok")}
 NO_POSITION = 1e20  # mm; NDI writes -3.7e28 where it sees no marker
 # What programs write for a number that there is not.
 NOTHING = {"", "-", "--", "?", "na", "n/a", "none", "null", "nil", "missing", "lost", "invalid", "undefined", "untracked",
@@ -578,12 +581,21 @@ class _Table:
 
     def poses(self, columns: Sequence[int]) -> np.ndarray:
         """[rows, columns]; NaN where the status is not OK, and where no cell has a digit but 0, whatever word there is."""
-        status = self.column_of({"status"})
-        for _, cells in self.rows:
-            if (status is not None and cells[status].upper() != "OK") or not any(re.search("[1-9]", cells[c]) for c in columns):
+        for k, cells in self.rows:
+            if not self.is_sound(k, cells) or not any(re.search("[1-9]", cells[c]) for c in columns):
                 for column in columns:
                     cells[column] = ""
         return np.stack([self.numbers(column) for column in columns], axis=1)
+
+    def is_sound(self, k: int, cells: Sequence[str]) -> bool:
+        """Whether what columns say of the row's pose, if anything, is that there is one."""
+        said = [(name, cells[c]) for c, name in enumerate(self.names) if self.has_names and name in FLAGS | {"status"}]
+        for name, cell in said:
+            if re.fullmatch(r"[-+.\d]+", cell) and (name == "status" or cell not in ("0", "1")):
+                expected = ("a word is expected, OK where there is a pose: numbers mean one thing or the other. Call the column "
+                            "valid where 1 means so" if name == "status" else "0 or 1 is expected")
+                raise SourceError(f"{self.path}: line {k}, column {name}: '{cell[:40]}'; {expected}")
+        return all(cell == "1" or cell.lower() in SOUND for _, cell in said)
 
     def frames(self) -> Optional[np.ndarray]:
         """The index of each row's frame, where a column has it."""
