@@ -405,6 +405,32 @@ class Trainer(unittest.TestCase):
             bigus.update(trainer)
         self.assertEqual(trainer.GetTrainingFrames().GetNumberOfValues(), 9)
 
+    def test_doubts_about_poses_are_said(self):
+        for said in ("metres", "one plane"):
+            stack = sweep()
+            poses = vtk_to_numpy(stack.GetFieldData().GetArray("ImageToReference")).reshape(-1, 4, 4)
+            if said == "metres":
+                poses[:, :3] /= 1000
+            else:  # the probe is pushed along its rows
+                poses[:, 0, 3], poses[:, 2, 3] = poses[:, 2, 3], 0
+            trainer = self.trainer()
+            trainer.SetInputDataObject(0, stack)
+            with self.subTest(said):
+                self.assertIn(said, " ".join(finding["text"] for finding in bigus.check(stack)))
+                with self.assertWarnsRegex(RuntimeWarning, f"Poses are doubtful: .*{said}.*Nothing was done"):
+                    bigus.update(trainer)
+
+    def test_twelve_bits_are_said(self):
+        lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "DimSize = 4 3 2", "ElementType = MET_USHORT",
+                 *(f"Seq_Frame{k:04d}_ImageToReferenceTransform = 0.3 0 0 0 0 0.3 0 0 0 0 1 {k} 0 0 0 1" for k in range(2)),
+                 *(f"Seq_Frame{k:04d}_ImageToReferenceTransformStatus = OK" for k in range(2)), "ElementDataFile = LOCAL\n"]
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "twelve.mha")
+            with open(path, "wb") as file:
+                file.write("\n".join(lines).encode() + np.linspace(1, 4095, 24).astype("<u2").tobytes())
+            with self.assertWarnsRegex(RuntimeWarning, "12 of 16 bits"):
+                bigus.read(path)
+
     def test_properties(self):
         trainer = self.trainer()
         self.assertEqual((trainer.GetHoldOut(), trainer.GetAutomatic(), trainer.GetElevationSigma()), (4, 0, -1))
