@@ -13,6 +13,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "IO/Text.h"
+
 namespace bigus::command
 {
 
@@ -107,7 +109,7 @@ void Console::Print(const std::string& line)
   EndProgress();
   if (!json)
   {
-    std::cout << line << '\n' << std::flush;
+    std::cout << Printable(line) << '\n' << std::flush;
   }
 }
 
@@ -119,7 +121,7 @@ void Console::Print(const std::string& pattern, const Json& values)
 void Console::Note(const std::string& line)
 {
   EndProgress();
-  std::cerr << line << '\n' << std::flush;
+  std::cerr << Printable(line) << '\n' << std::flush;
 }
 
 void Console::Report(const Json& object)

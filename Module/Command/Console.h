@@ -27,7 +27,8 @@ public:
   bool json = false;            ///< --json: stdout carries one JSON object, the answer, and nothing else
   Bar bar = Bar::WhenTerminal;  ///< --progress, --no-progress
 
-  /// A line of the answer for people, on stdout; nothing with --json.
+  /// A line of the answer for people, on stdout; nothing with --json. What a terminal would obey is not shown, here and in
+  /// Note: names and provenance come from files.
   void Print(const std::string& line);
   /// The same of values of the answer, by Words.
   void Print(const std::string& pattern, const Json& values);

@@ -476,10 +476,12 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
 
 void RequireFieldName(const std::string& path, bool mayBePieces)
 {
-  if (!HasSuffix(path, ".vtp") && !HasSuffix(path, ".ply") && !(mayBePieces && HasSuffix(path, ".pvtp")))
+  const bool isEnding = std::filesystem::path(path).filename().string().rfind('.', 0) == 0 &&
+                        !std::filesystem::path(path).has_extension();
+  if (isEnding || (!HasSuffix(path, ".vtp") && !HasSuffix(path, ".ply") && !(mayBePieces && HasSuffix(path, ".pvtp"))))
   {
     throw OutputError("Cannot write '" + path + "': the name of a field must end in .vtp" +
-                      (mayBePieces ? ", .pvtp" : "") + " or .ply.");
+                      (mayBePieces ? ", .pvtp" : "") + " or .ply, and have something before that, such as field.vtp.");
   }
 }
 

@@ -20,6 +20,7 @@
 #include "Data/SweepData.h"
 #include "Files.h"
 #include "IO/CheckpointFile.h"
+#include "IO/FileError.h"
 #include "IO/Text.h"
 #include "Inputs.h"
 #include "Outputs.h"
@@ -455,6 +456,20 @@ void PrintSummary(const Json& answer, const std::string& output, Console& consol
   }
 }
 
+/// A score that cannot be had stays null, with a line that says why: the field is written by now, and stands.
+template <class Function>
+void ScoreIfPossible(const std::string& what, Console& console, const Function& score)
+{
+  try
+  {
+    score();
+  }
+  catch (const std::exception& error)
+  {
+    console.Note("bigus: warning: the field was written, but " + what + " could not be scored: " + MessageOf(error));
+  }
+}
+
 /// Scores what was trained, unless it was interrupted: then nobody waits for scores.
 void Score(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Frames& frames,
            Json& answer, Console& console)
@@ -475,9 +490,9 @@ void Score(vtkBigusTrainer* trainer, const Options& options, const GaussianField
                             options.align};
   if (!frames.heldOut.empty())
   {
-    ScoreHeldOut(scored, answer, console);
+    ScoreIfPossible("held-out frames", console, [&] { ScoreHeldOut(scored, answer, console); });
   }
-  ScoreCrossPlanes(scored, answer, console);
+  ScoreIfPossible("planes along the sweep", console, [&] { ScoreCrossPlanes(scored, answer, console); });
 }
 
 ExitCode Train(Console& console, const Options& options)

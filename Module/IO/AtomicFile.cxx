@@ -63,9 +63,10 @@ std::string FollowLinks(const std::string& name)
     return name;
   }
   const std::filesystem::path target = std::filesystem::weakly_canonical(name, fault);
-  if (fault)
+  if (fault)  // such as a link to itself, which must not be replaced by what is written
   {
-    return name;
+    throw FileError(FileFault::CannotOpen,
+                    name + ": cannot be written: it is a symbolic link that leads nowhere (" + fault.message() + ")");
   }
   // A link to a file that is not there stays unresolved.
   const std::filesystem::path next = std::filesystem::read_symlink(target, fault);

@@ -68,6 +68,24 @@ std::size_t Utf8Bytes(std::string_view text)
   return isWrong ? 0 : bytes;
 }
 
+/// Whether a terminal obeys a character of UTF-8 instead of showing it.
+bool IsControl(std::string_view character)
+{
+  const auto byte = [character](std::size_t k) { return static_cast<unsigned char>(character[k]); };
+  switch (character.size())
+  {
+    case 1:
+      return (byte(0) < 32 && byte(0) != '\t' && byte(0) != '\n') || byte(0) == 127;
+    case 2:
+      return byte(0) == 0xC2 && byte(1) < 0xA0;
+    case 3:
+      return byte(0) == 0xE2 && ((byte(1) == 0x80 && byte(2) >= 0xAA && byte(2) <= 0xAE) ||
+                                 (byte(1) == 0x81 && byte(2) >= 0xA6 && byte(2) <= 0xA9));
+    default:
+      return false;
+  }
+}
+
 }  // namespace
 
 std::string_view Trimmed(std::string_view text)
@@ -119,24 +137,35 @@ std::vector<std::string_view> Words(std::string_view text)
   return words;
 }
 
+std::string Printable(std::string_view text)
+{
+  std::string printable;
+  std::size_t bytes = 0;
+  for (std::size_t at = 0; at < text.size(); at += std::max<std::size_t>(bytes, 1))
+  {
+    bytes = Utf8Bytes(text.substr(at));
+    printable += bytes > 0 && !IsControl(text.substr(at, bytes)) ? std::string(text.substr(at, bytes)) : "?";
+  }
+  return printable;
+}
+
 std::string Shortened(std::string_view text)
 {
   constexpr std::size_t kLongest = 60;
-  std::string printable;
+  std::string line = Printable(text.substr(0, 4 * kLongest));
+  std::replace_if(
+      line.begin(), line.end(), [](char c) { return c == '\t' || c == '\n'; }, '?');
   std::size_t at = 0;
-  while (at < text.size())
+  while (at < line.size())
   {
-    const std::size_t bytes = std::max<std::size_t>(Utf8Bytes(text.substr(at)), 1);
-    if (printable.size() + bytes > kLongest)
+    const std::size_t bytes = Utf8Bytes(std::string_view(line).substr(at));
+    if (at + bytes > kLongest)
     {
-      return printable + "...";
+      return line.substr(0, at) + "...";
     }
-    const auto c = static_cast<unsigned char>(text[at]);
-    const bool isPrintable = bytes > 1 || (c >= 32 && c < 127);
-    printable += isPrintable ? std::string(text.substr(at, bytes)) : "?";
     at += bytes;
   }
-  return printable;
+  return line;
 }
 
 std::string Quoted(std::string_view text)

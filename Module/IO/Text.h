@@ -19,7 +19,12 @@ std::string Lowercase(std::string_view text);
 /// The words between blanks.
 std::vector<std::string_view> Words(std::string_view text);
 
-/// Text from a file made fit for a message: at most 60 bytes, none of them unprintable, in UTF-8; Quoted adds quotation marks.
+/// Text with "?" in place of what a terminal would obey or cannot show: control characters but tabs and ends of lines, those
+/// of Latin-1 (U+0080 to U+009F) and those that turn the direction of writing (U+202A to 202E, 2066 to 2069) included, and
+/// bytes that are no UTF-8.
+std::string Printable(std::string_view text);
+
+/// Text from a file made fit for a message: printable, and at most 60 bytes in one line; Quoted adds quotation marks.
 std::string Shortened(std::string_view text);
 std::string Quoted(std::string_view text);
 

@@ -798,7 +798,21 @@ class Train(CommandTest):
         self.assertLess(time.monotonic() - start, 30)
         self.assertLess(answer["iterations"], 10000000)
 
+    def test_a_field_without_a_score_stands(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        poses = (" ".join(map(str, [.4, 0, 0, 0, 0, .4, 0, 0, 0, 0, 1, 3e-6 * k, 0, 0, 0, 1])) for k in range(1000))
+        header = re.sub(r"(ImageToReferenceTransform = ).*", lambda found: found.group(1) + next(poses), header)
+        path, field = self.folder / "near.mha", self.folder / "near.vtp"
+        write_sequence(path, header, pixels)
+        answer = self.expect(SUCCESS, "train", path, "-o", field, *TINY, "--keep", "all", "--hold-out", "4",
+                             notes="the field was written, but planes along the sweep could not be scored")
+        self.assertIsNone(answer["cross_planes"])
+        self.assertTrue(field.exists())
+
     def test_unwritable_output_is_found_before_training(self):
+        for name in (".vtp", ".ply"):
+            self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / name, *TINY, says="something before that")
+            self.assertNothingIn(self.folder)
         start = time.monotonic()
         long = ["--iterations", "10000000"]
         self.expect(CANNOT_WRITE, "train", self.sweep, "-o", self.folder / "no" / "f.vtp", *long, says="f.vtp")
@@ -1248,6 +1262,43 @@ class Hostile(CommandTest):
             path = self.folder / "bomb.vtp"
             path.write_bytes(text[:array.start()] + tag + text[array.end():raw] + appended + block + b"\n  " + text[tail:])
             self.expect(BAD_INPUT, "info", path, says="Provenance")
+
+    def test_what_a_terminal_obeys_is_not_shown(self):
+        header, pixels, _ = read_sequence(self.sweep)
+        matrix, path = " ".join(map(str, IDENTITY)), self.folder / "escape.mha"
+        for evil in ("\x1b]0;title\x07", "\x9b31m", "\u202e", "\u2066", "\x7f"):  # title, colour, right to left, delete
+            lines = f"X{evil}ToReferenceTransform = {matrix}\n"
+            path.write_bytes(header.replace("ElementDataFile", lines + "ElementDataFile").encode() + pixels)
+            with self.subTest(evil):
+                said = run("info", path)
+                self.assertEqual(said.returncode, SUCCESS, said.stderr)
+                self.assertIn("X?", said.stdout)
+                self.assertNotRegex(said.stdout + said.stderr, r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+    def test_a_few_bytes_hold_no_million_frames(self):
+        pixels = zlib.compress(bytes(10**6), 9)
+        path = self.folder / "many.mha"
+        path.write_bytes(b"ObjectType = Image\nNDims = 3\nDimSize = 1 1 1000000\nElementType = MET_UCHAR\n"
+                         b"CompressedData = True\nElementDataFile = LOCAL\n" + pixels)
+        self.expect(BAD_INPUT, "info", path, says=f"1000000 frames in {len(pixels)} bytes")
+
+    def test_numbers_that_vtk_sizes_arrays_by_are_checked_first(self):
+        path = self.folder / "ascii.vtp"
+        for attribute in ('NumberOfComponents="18446744073709551615"', 'NumberOfComponents="200000000"',
+                          'NumberOfComponents="-1"', 'NumberOfTuples="1e9"', 'offset="1,5"'):
+            path.write_text(
+                '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian"><PolyData><FieldData>'
+                f'<Array type="String" Name="Own" {attribute} format="ascii">0</Array></FieldData>'
+                '<Piece NumberOfPoints="1"><PointData/><Points><DataArray type="Float64" Name="Points" '
+                'NumberOfComponents="3" format="ascii">0 0 0</DataArray></Points></Piece></PolyData></VTKFile>')
+            with self.subTest(attribute):
+                self.expect(BAD_INPUT, "info", path, says=attribute.split("=")[0] + " is ")
+
+    def test_a_link_to_itself_is_not_replaced(self):
+        loop = self.folder / "loop.vtp"
+        loop.symlink_to("loop.vtp")
+        self.expect(CANNOT_WRITE, "convert", self.field, loop, says="leads nowhere")
+        self.assertTrue(loop.is_symlink())
 
     def library_to_preload(self, name):
         library = self.folder.parent / f"{name}-{os.getpid()}.so"

@@ -548,6 +548,23 @@ class ImagesOfEveryKind(InFolder):
             file["images"] = h5py.SoftLink("/nowhere")
         self.check(sources.load(self.folder / "links.h5", pixel_spacing=SPACING))
 
+    def test_damaged_files_say_so_in_one_line(self):
+        """Whatever a package raises while it reads, such as zipfile.BadZipFile or TypeError."""
+        whole = self.folder / "whole.npz"
+        np.savez_compressed(whole, images=IMAGES)
+        data = bytearray(whole.read_bytes())
+        for at in range(40, len(data) - 10, max(1, len(data) // 25)):
+            changed = bytes(data[:at]) + bytes([data[at] ^ 0x55]) + bytes(data[at + 1 :])
+            (self.folder / "damaged.npz").write_bytes(changed)
+            try:
+                self.load(self.folder / "damaged.npz")
+            except ValueError as error:
+                self.assertIn("damaged.npz", str(error))
+        header = "Seq_Frame9999999_XToYTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\nElementDataFile = LOCAL\n"
+        (self.folder / "far.seq.mha").write_text(header)
+        with self.assertRaisesRegex(ValueError, "names frame 9999999"):
+            self.load(self.folder / "whole.npz", "far.seq.mha")
+
     def test_pictures(self):
         cv2 = package("cv2")
         names = [f"frame_{k}.png" for k in range(8, 8 + FRAMES)]  # frame_10 comes after frame_9

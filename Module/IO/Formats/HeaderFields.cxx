@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/Formats/HeaderFields.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "IO/FileError.h"
@@ -11,6 +12,9 @@ namespace bigus
 {
 namespace
 {
+
+/// Frames that a file of any size may hold.
+constexpr std::uint64_t kFramesOfAnyFile = 10000;
 
 // A field of the whole file by its name in MetaImage sequences, or else by the one that IGSIO gives it in NRRD.
 const std::string* FindEither(const SequenceFile& file, const char* name, const char* nrrdName)
@@ -69,6 +73,14 @@ void CheckDataSize(SequenceFile& file)
 
   const std::uint64_t needed = file.PixelBytesInFile();
   const bool compressed = file.encoding != Encoding::Raw;
+  // What is kept of a frame takes some hundred bytes, so a few bytes must not stand for a million frames of a pixel.
+  const auto frames = static_cast<std::uint64_t>(file.numberOfFrames);
+  if (frames > std::max<std::uint64_t>(kFramesOfAnyFile, file.dataBytes))
+  {
+    Refuse(file, "claims " + std::to_string(frames) + " frames in " + std::to_string(file.dataBytes) +
+                     " bytes of pixels; where there are more than " + std::to_string(kFramesOfAnyFile) +
+                     " frames, each takes a byte at least");
+  }
   if (compressed ? needed / deflateLimit > file.dataBytes : needed > file.dataBytes)
   {
     throw TruncationError(file.fileName + ": claims " + std::to_string(file.numberOfFrames) + " frames of " +

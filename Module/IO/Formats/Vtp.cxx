@@ -132,6 +132,10 @@ public:
                         " are read, and no more than the file can hold");
     }
     FindEncoding(raw);
+    if (!ours_)
+    {
+      RequireSizes(root_);
+    }
   }
 
   /// Whether the file is encoded as we write it, so that Field can read it.
@@ -336,6 +340,36 @@ private:
       {
         look(node, wanted.name, wanted.ownType);
       }
+    }
+  }
+
+  // What VTK's reader sizes its arrays by, in all elements, before it sees the file: whole numbers, and no more than the
+  // file can hold. An array of no components stands for one.
+  void RequireSizes(const pugi::xml_node& node) const
+  {
+    const auto most = static_cast<std::int64_t>(
+        std::min<std::uint64_t>(file_.Size() * deflateLimit, static_cast<std::uint64_t>(mostPoints)));
+    const auto require = [&](const char* attribute, std::int64_t least, std::int64_t largest)
+    {
+      const std::string text = node.attribute(attribute).value();
+      std::int64_t number = 0;
+      if (!text.empty() && (!ParseNumber(text, number) || number < least || number > largest))
+      {
+        throw FormatError(name_ + ": " + node.name() + " " + Quoted(node.attribute("Name").value()) + ": " + attribute +
+                          " is " + Quoted(text) + "; " + std::to_string(least) + " to " + std::to_string(largest) +
+                          " are read");
+      }
+    };
+    for (const char* count :
+         {"NumberOfPoints", "NumberOfVerts", "NumberOfLines", "NumberOfStrips", "NumberOfPolys", "NumberOfTuples"})
+    {
+      require(count, 0, most);
+    }
+    require("NumberOfComponents", 1, mostComponents);
+    require("offset", 0, static_cast<std::int64_t>(file_.Size()));
+    for (const pugi::xml_node& child : node.children())
+    {
+      RequireSizes(child);
     }
   }
 

@@ -9,11 +9,12 @@ The page Sources.md says which frames of coordinates are meant, with a picture.
 from __future__ import annotations
 
 import csv
+import functools
 import importlib
 import os
 import pathlib
 import re
-from typing import Any, Iterable, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Iterable, NamedTuple, Optional, Sequence, Union
 from xml.etree import ElementTree
 
 import numpy as np
@@ -85,6 +86,22 @@ def _need(package: str, what: Path, remedy: str = "") -> Any:
         return importlib.import_module("imageio.v2") if hasattr(module, "v3") else module
     except ImportError as error:
         raise SourceError(f"{what}: needs the package {package} ({error}); install it with pip{remedy}") from None
+
+
+def _says_what_is_wrong(read: Callable) -> Callable:
+    """What packages that read a damaged file raise, of whatever type, becomes one line that names the file."""
+
+    @functools.wraps(read)
+    def reader(path: Path, *arguments: Any, **named: Any) -> Any:
+        try:
+            return read(path, *arguments, **named)
+        except (SourceError, OSError, ImportError):
+            raise
+        except Exception as error:
+            raise SourceError(f"{path}: cannot be read ({type(error).__name__}: {str(error)[:120]}); it may be damaged: fetch it "
+                              "again") from error
+
+    return reader
 
 
 def _suffix(path: Path) -> str:
@@ -424,6 +441,7 @@ def _sequence(path: Path) -> Images:
     return Images(as_pixels(pixels, path), times, spacing if known else None)
 
 
+@_says_what_is_wrong
 def read_images(path: Path, dataset: Sequence[str] = (), scan: Optional[str] = None) -> Images:
     """The frames of a file, a folder of pictures, or a text file that lists them. dataset, scan: as in from_files."""
     _require_file(path)
@@ -638,9 +656,13 @@ def _sequence_poses(path: Path) -> Poses:
     with open(path, "rb") as file:
         header = file.read().split(b"ElementDataFile", 1)[0].decode("utf-8", "replace")
     found: dict = {}
-    for name, value in re.findall(r"^Seq_Frame(\d+_[^\s:=]*) *:?= *(.*?)\s*$", header, re.MULTILINE):
-        index, field = name.split("_", 1)
-        found.setdefault(field, {})[int(index)] = value
+    for line in header.splitlines():
+        match = re.match(r"Seq_Frame(\d+)_([^\s:=]*) *:?=", line)
+        if match:
+            index, field = match.groups()
+            if int(index[:9]) > len(header) or len(index) > 9:
+                raise SourceError(f"{path}: names frame {index[:20]} in a header of {len(header)} bytes, which has no room for as many")
+            found.setdefault(field, {})[int(index)] = line[match.end():].strip()
     transforms = [field for field in found if field.endswith("Transform")]
     if len(transforms) != 1:
         raise SourceError(f"{path}: has {len(transforms)} transforms a frame ({', '.join(transforms)[:120]}); one is expected. "
@@ -657,6 +679,7 @@ def _sequence_poses(path: Path) -> Poses:
     return Poses(_matrices_of(table, path, "xyzw"), None if np.isnan(times).any() else times)
 
 
+@_says_what_is_wrong
 def read_poses(path: Path, order: str = "xyzw", dataset: Sequence[str] = (), scan: Optional[str] = None) -> Poses:
     """The poses of a file. order: of a quaternion that has no names, xyzw or wxyz. dataset, scan: as in from_files."""
     _require_file(path)
@@ -701,6 +724,7 @@ def _plus_calibration(path: Path, text: str) -> np.ndarray:
     return np.array([_number(cell, path, 1, "Matrix of ImageToProbe") for cell in found["ImageToProbe"].split()])
 
 
+@_says_what_is_wrong
 def read_calibration(path: Path) -> tuple:
     """(matrix [4, 4] from a pixel to the probe, whether it counts pixels from 1), of 16 numbers in a text or .npy file, of
     ImageToProbe in a Plus configuration, or of the two matrices of TUS-REC: pixels to mm, and mm to the tool."""
