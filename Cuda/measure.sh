@@ -9,7 +9,8 @@
 #   Cuda/measure.sh --built [BUILD_FOLDER]   measures what such a machine has built
 #
 # Sweeps written by export_sweep.py are trained on when given in BIGUS_CUDA_SWEEPS (files, separated by blanks), for
-# BIGUS_CUDA_SECONDS each (default: 5 60). ARCHITECTURES (default: native) and CMAKE_PREFIX_PATH are passed on to CMake.
+# BIGUS_CUDA_SECONDS each (default: 5 60). A check is stopped after `limit` seconds (default: 300). ARCHITECTURES
+# (default: native) and CMAKE_PREFIX_PATH are passed on to CMake.
 set -uo pipefail
 source=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 mode=all

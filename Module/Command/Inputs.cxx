@@ -476,8 +476,7 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
 
 void RequireFieldName(const std::string& path, bool mayBePieces)
 {
-  const bool isEnding = std::filesystem::path(path).filename().string().rfind('.', 0) == 0 &&
-                        !std::filesystem::path(path).has_extension();
+  const bool isEnding = !std::filesystem::path(path).has_extension();  // ".vtp" is a name and no extension
   if (isEnding || (!HasSuffix(path, ".vtp") && !HasSuffix(path, ".ply") && !(mayBePieces && HasSuffix(path, ".pvtp"))))
   {
     throw OutputError("Cannot write '" + path + "': the name of a field must end in .vtp" +

@@ -51,18 +51,11 @@ Decision Given(const char* what, const std::string& choice)
   return {what, choice, "given", 0};
 }
 
-/// What must be true of a gain for the candidate to be taken.
-struct Rule
+/// Whether something costly or unusual is taken: a gain beyond chance, on most frames, and nothing lost across them.
+bool Passes(const Gain& gain)
 {
-  double least = kLeastGain;  // dB
-  bool clear = true;          // beyond chance, and on most frames; false where either choice will do
-  bool across = true;         // nothing lost across the frames either
-};
-
-bool Passes(const Gain& gain, const Rule& rule)
-{
-  return gain.mean > rule.least && (!rule.across || gain.across > -kAcrossMayLose) &&
-         (!rule.clear || (gain.mean > kLeastStandardErrors * gain.error && gain.mostGain));
+  return gain.mean > kLeastGain && gain.across > -kAcrossMayLose && gain.mean > kLeastStandardErrors * gain.error &&
+         gain.mostGain;
 }
 
 /// Tries a candidate against the plan, which becomes it when the gain passes. Adds what was found to `evidence`.
@@ -155,7 +148,7 @@ Decision DecidePath(State& state)
     candidate.interpolation = state.prediction.alongProbe;
     Try(state, candidate, "along the probe's path in a trial", evidence,
         [](const Gain& gain)
-        { return Passes(gain, {}) || (gain.mean - gain.error > -kPathMayLose && gain.across > -kAcrossMayLose); });
+        { return Passes(gain) || (gain.mean - gain.error > -kPathMayLose && gain.across > -kAcrossMayLose); });
   }
   return Made(state, "interpolation", state.plan.interpolation.ToString(), evidence,
               state.prediction.seconds + watch.Seconds());
@@ -222,7 +215,7 @@ Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& fr
     TrainingPlan candidate = state.plan;
     candidate.elevationSigma = sigma;
     const std::string label = Format("%.2f mm", sigma) + Format(" instead of %.2f", state.plan.elevationSigma);
-    if (!Try(state, candidate, label, evidence, [](const Gain& gain) { return Passes(gain, {}); }))
+    if (!Try(state, candidate, label, evidence, [](const Gain& gain) { return Passes(gain); }))
     {
       break;
     }

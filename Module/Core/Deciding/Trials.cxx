@@ -73,8 +73,8 @@ int Reduction(const Sweep& sweep)
 
 std::string Gain::ToString() const
 {
-  return Format("%+.2f", mean) + Format(" +- %.2f dB", error) + Format(", across %+.2f dB", across) +
-         Format(", anywhere %+.2f dB", anywhere);
+  return Format("%+.2f", mean) + Format(" +- %.2f dB", error) + ", across" + Format(" %+.2f dB", across) +
+         ", anywhere" + Format(" %+.2f dB", anywhere);
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,

@@ -28,7 +28,7 @@ struct Gain
   double across = 0;           ///< dB, mean gain on planes across the frames
   double anywhere = 0;         ///< dB, gain at a plane at random, see Trials
 
-  /// "+0.12 +- 0.03 dB and across +0.05 dB".
+  /// "+0.12 +- 0.03 dB, across +0.05 dB, anywhere +0.20 dB".
   std::string ToString() const;
 };
 
