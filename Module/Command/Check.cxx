@@ -21,7 +21,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct CheckOptions
 {
   SequenceOptions sequence;
   std::string output;
@@ -44,7 +44,7 @@ Json LeftOut(const InspectedSweep& inspected, const std::vector<int>& numbers)
   return gone;
 }
 
-ExitCode Check(Console& console, const Options& options)
+ExitCode Check(Console& console, const CheckOptions& options)
 {
   if (!options.output.empty())
   {
@@ -93,7 +93,7 @@ std::string WrongKinds(const std::string& text)
 
 void AddCheck(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CheckOptions>();
   CLI::App* app = program.app.add_subcommand(
       "check",
       "Say what is wrong with a sequence before it is trained on\n"

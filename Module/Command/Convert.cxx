@@ -28,7 +28,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct ConvertOptions
 {
   SequenceOptions input;
   std::string output;
@@ -41,7 +41,7 @@ struct Options
 };
 
 /// The way of a field's points, in the coordinates of its world.
-vtkSmartPointer<vtkTransform> FieldTransform(const Options& options)
+vtkSmartPointer<vtkTransform> FieldTransform(const ConvertOptions& options)
 {
   RequireFile(options.transform);
   const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix =
@@ -74,7 +74,7 @@ void BeginTimesAtZero(vtkImageData* sequence)
   }
 }
 
-ExitCode Convert(Console& console, const Options& options)
+ExitCode Convert(Console& console, const ConvertOptions& options)
 {
   const std::string& input = options.input.path;
   const std::string& output = options.output;
@@ -138,7 +138,7 @@ ExitCode Convert(Console& console, const Options& options)
 
 void AddConvert(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ConvertOptions>();
   CLI::App* app = program.app.add_subcommand(
       "convert",
       "Rewrite a field or a sequence in another format\n"

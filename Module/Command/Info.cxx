@@ -27,7 +27,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct InfoOptions
 {
   SequenceOptions sequence;
   bool devices = false;
@@ -403,7 +403,7 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   return fault.empty() ? Success : InputFault;
 }
 
-ExitCode Show(Console& console, const Options& options)
+ExitCode Show(Console& console, const InfoOptions& options)
 {
   const std::string& path = options.sequence.path;
   if (options.devices)
@@ -419,7 +419,7 @@ ExitCode Show(Console& console, const Options& options)
 
 void AddInfo(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<InfoOptions>();
   CLI::App* app = program.app.add_subcommand("info",
                                              "Say what is in a sequence or a field\n"
                                              "  bigus info sweep.igs.mha\n"

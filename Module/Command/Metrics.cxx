@@ -23,7 +23,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct MetricsOptions
 {
   std::string image, truth, frames;
   int reduce = 1;
@@ -146,7 +146,7 @@ TextureComparison ReadTexture(vtkTable* table)
   return texture;
 }
 
-void RequireEqualSizes(vtkImageData* image, vtkImageData* truth, const Options& options)
+void RequireEqualSizes(vtkImageData* image, vtkImageData* truth, const MetricsOptions& options)
 {
   int size[3], truthSize[3];
   image->GetDimensions(size);
@@ -161,7 +161,7 @@ void RequireEqualSizes(vtkImageData* image, vtkImageData* truth, const Options& 
   }
 }
 
-ExitCode Measure(Console& console, const Options& options)
+ExitCode Measure(Console& console, const MetricsOptions& options)
 {
   double imageRange = 0, truthRange = 0;
   vtkSmartPointer<vtkImageData> image = ReadImage(options.image, imageRange, console);
@@ -223,7 +223,7 @@ ExitCode Measure(Console& console, const Options& options)
 
 void AddMetrics(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<MetricsOptions>();
   CLI::App* app = program.app.add_subcommand(
       "metrics",
       "Compare images, sequences or volumes, frame by frame\n"

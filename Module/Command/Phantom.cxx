@@ -26,7 +26,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct PhantomArguments
 {
   vtkNew<vtkBigusPhantomSource> source;
   std::string output;
@@ -79,7 +79,7 @@ vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool true
   return sweep;
 }
 
-ExitCode MakePhantom(Console& console, const Options& options)
+ExitCode MakePhantom(Console& console, const PhantomArguments& options)
 {
   RequireDistinct({options.truth.poses, options.truth.chain.config}, {options.output, options.truePosesFile});
   RequireWritable(options.output);
@@ -252,7 +252,7 @@ void AddTracker(const Group& add)
 
 void AddPhantom(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PhantomArguments>();
   CLI::App* app = program.app.add_subcommand(
       "phantom",
       "Make a synthetic tracked sweep with known truth\n"

@@ -32,7 +32,7 @@ namespace
 constexpr double kMostStrength = 1000;   // as TrajectoryOptions::strength
 constexpr std::size_t kMostListed = 12;  // outliers named to people; --json has all
 
-struct Options
+struct PosesOptions
 {
   SequenceOptions sequence;
   std::string output;
@@ -164,7 +164,7 @@ std::vector<PoseStep> StepsOf(vtkTable* table)
 }
 
 /// Writes the sequence, its poses with what was done to each, or a page to look at.
-void WriteCorrected(vtkBigusPoseCorrection* correction, const Options& options, Console& console)
+void WriteCorrected(vtkBigusPoseCorrection* correction, const PosesOptions& options, Console& console)
 {
   vtkImageData* sweep = correction->GetOutput();
   const std::string& path = options.output;
@@ -278,7 +278,7 @@ void PrintCorrection(const Json& answer, Console& console)
   }
 }
 
-ExitCode CorrectPoses(Console& console, const Options& options)
+ExitCode CorrectPoses(Console& console, const PosesOptions& options)
 {
   RequireDistinct({options.sequence.path, options.sequence.chain.config}, {options.output});
   if (!HasSuffix(options.output, ".png"))
@@ -305,7 +305,7 @@ ExitCode CorrectPoses(Console& console, const Options& options)
 
 void AddPoses(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PosesOptions>();
   CLI::App* app = program.app.add_subcommand(
       "poses",
       "Take the tracker's noise out of a sequence's poses\n"

@@ -38,7 +38,7 @@ Json ToJson(const FrameScores& scores)
 }
 
 /// Only what is named.
-Json Part(const Json& scores, std::initializer_list<const char*> names)
+Json Pick(const Json& scores, std::initializer_list<const char*> names)
 {
   Json part;
   for (const char* name : names)
@@ -122,7 +122,7 @@ void ScoreBaselines(const TrainedField& trained, Json& answer, Console& console)
                                            Method("compounding", "voxel compounding", scores.compounding)})
     {
       const Json all = ToJson(one);
-      answer["baselines"][name] = Part(all, {"psnr", "ssim"});
+      answer["baselines"][name] = Pick(all, {"psnr", "ssim"});
       console.Print(Row(words, all));
     }
     answer["baselines"]["compounding"]["voxel_size"] = scores.compoundingVoxelSize;
@@ -212,7 +212,7 @@ void ScoreHeldOut(const TrainedField& trained, Json& answer, Console& console)
   const Json seen = ScoreAt(trained, trained.corrected, Spread(trained.trained, heldOut.size()));
   answer["held_out"] = scores;
   answer["held_out_tracked"] = atTracked;
-  answer["trained"] = Part(seen, {"frames", "psnr", "ssim", "bfs", "texture"});
+  answer["trained"] = Pick(seen, {"frames", "psnr", "ssim", "bfs", "texture"});
 
   console.Print("Frames it was trained on ({frames} of them)", seen);
   PrintField(seen, console);

@@ -28,7 +28,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct SliceOptions
 {
   RenderOptions render;
   std::string output, volume, coverage, distance;
@@ -75,7 +75,7 @@ void Blacken(vtkImageData* image, const Sweep& sweep)
 }
 
 /// How far every pixel of the planes lies from the nearest frame that was recorded, mm.
-vtkSmartPointer<vtkImageData> Distances(const Options& options, const Planes& planes, Console& console)
+vtkSmartPointer<vtkImageData> Distances(const SliceOptions& options, const Planes& planes, Console& console)
 {
   SequenceOptions sequence;
   sequence.path = options.recorded;
@@ -117,7 +117,7 @@ vtkSmartPointer<vtkImageData> Placed(vtkImageData* stack, const SlicePlane& plan
 }
 
 /// Throws OutputError, before anything is rendered, where something could not be written.
-void RequireOutputs(const Options& options)
+void RequireOutputs(const SliceOptions& options)
 {
   RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
                   {options.output, options.volume, options.coverage, options.distance});
@@ -175,7 +175,7 @@ double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe
 }
 
 /// Returns the names of the files that hold slices.
-std::vector<std::string> WriteImages(const Images& images, const Planes& planes, const Options& options,
+std::vector<std::string> WriteImages(const Images& images, const Planes& planes, const SliceOptions& options,
                                      Console& console)
 {
   std::vector<std::string> files;
@@ -199,7 +199,7 @@ std::vector<std::string> WriteImages(const Images& images, const Planes& planes,
   return files;
 }
 
-ExitCode Slice(Console& console, Options& options)
+ExitCode Slice(Console& console, SliceOptions& options)
 {
   RequireOutputs(options);
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
@@ -245,7 +245,7 @@ ExitCode Slice(Console& console, Options& options)
 
 void AddSlice(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<SliceOptions>();
   CLI::App* app =
       program.app.add_subcommand("slice",
                                  "See a field at any planes\n"

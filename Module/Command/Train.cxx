@@ -43,7 +43,7 @@ namespace bigus::command
 namespace
 {
 
-struct Options
+struct TrainOptions
 {
   SequenceOptions sequence;       ///< the first, and how all are read
   std::vector<std::string> more;  ///< further sequences
@@ -129,7 +129,7 @@ Json SettledJson(vtkBigusTrainer* trainer)
 }
 
 /// What to read, one for each sequence.
-std::vector<SequenceOptions> Sequences(const Options& options)
+std::vector<SequenceOptions> Sequences(const TrainOptions& options)
 {
   std::vector<SequenceOptions> all = {options.sequence};
   for (const std::string& path : options.more)
@@ -212,7 +212,7 @@ std::vector<Eigen::Matrix4d> CorrectedPoses(vtkBigusTrainer* trainer, const std:
 
 /// How a training keeps its state in `file`. After an interruption the state waits in `waiting`, because the field is
 /// written first.
-Checkpoints KeepIn(CheckpointFile& file, std::string& waiting, const Options& options, Console& console)
+Checkpoints KeepIn(CheckpointFile& file, std::string& waiting, const TrainOptions& options, Console& console)
 {
   Checkpoints checkpoints;
   checkpoints.interval = options.checkpointInterval;
@@ -248,7 +248,7 @@ Checkpoints KeepIn(CheckpointFile& file, std::string& waiting, const Options& op
 }
 
 /// The files that poses are written to, one for each sequence; none where they are not asked for.
-std::vector<std::string> PosesFiles(const Options& options, std::size_t count)
+std::vector<std::string> PosesFiles(const TrainOptions& options, std::size_t count)
 {
   std::vector<std::string> files;
   for (std::size_t k = 0; k < count && !options.poses.empty(); ++k)
@@ -259,7 +259,7 @@ std::vector<std::string> PosesFiles(const Options& options, std::size_t count)
 }
 
 /// Throws OutputError, before hours of work, where something could not be written at their end.
-void RequireOutputs(const Options& options, const std::vector<SequenceOptions>& sequences,
+void RequireOutputs(const TrainOptions& options, const std::vector<SequenceOptions>& sequences,
                     const std::vector<std::string>& posesFiles, const std::string& checkpoint)
 {
   std::vector<std::string> inputs = {options.sequence.chain.config, options.continueFrom};
@@ -344,7 +344,7 @@ Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOp
   return frames;
 }
 
-void Prepare(vtkBigusTrainer* trainer, const Options& options, const Frames& frames, Console& console)
+void Prepare(vtkBigusTrainer* trainer, const TrainOptions& options, const Frames& frames, Console& console)
 {
   for (const OptionText& option : ListOptions(options.trainer))
   {
@@ -367,7 +367,7 @@ void Prepare(vtkBigusTrainer* trainer, const Options& options, const Frames& fra
 }
 
 /// Writes the field, with what the command knows of its making.
-void WriteField(vtkPolyData* field, const Options& options, const std::vector<SequenceOptions>& sequences,
+void WriteField(vtkPolyData* field, const TrainOptions& options, const std::vector<SequenceOptions>& sequences,
                 Console& console)
 {
   std::string recorded;
@@ -403,7 +403,7 @@ void WriteTrainedPoses(vtkBigusTrainer* trainer, const std::vector<vtkSmartPoint
 }
 
 /// What is known before anything is scored. Scores are null; their names keep the place where they will stand.
-Json Summary(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Frames& frames)
+Json Summary(vtkBigusTrainer* trainer, const TrainOptions& options, const GaussianField& field, const Frames& frames)
 {
   const Sweep& sweep = *frames.imported.sweep;
   Json sequences = Json::array();
@@ -471,7 +471,7 @@ void ScoreIfPossible(const std::string& what, Console& console, const Function& 
 }
 
 /// Scores what was trained, unless it was interrupted: then nobody waits for scores.
-void Score(vtkBigusTrainer* trainer, const Options& options, const GaussianField& field, const Frames& frames,
+void Score(vtkBigusTrainer* trainer, const TrainOptions& options, const GaussianField& field, const Frames& frames,
            Json& answer, Console& console)
 {
   // Held-out frames have no say in what the probe lights, either.
@@ -495,7 +495,7 @@ void Score(vtkBigusTrainer* trainer, const Options& options, const GaussianField
   ScoreIfPossible("planes along the sweep", console, [&] { ScoreCrossPlanes(scored, answer, console); });
 }
 
-ExitCode Train(Console& console, const Options& options)
+ExitCode Train(Console& console, const TrainOptions& options)
 {
   CheckpointFile checkpoint(options.output + ".checkpoint",
                             [&console](const std::string& what) { console.Note("bigus: warning: " + what); });
@@ -616,7 +616,7 @@ void AddTrainerOptions(CLI::App& app, TrainerOptions& options)
 
 void AddTrain(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TrainOptions>();
   CLI::App* app =
       program.app.add_subcommand("train",
                                  "Turn a tracked sequence into a Gaussian field\n"

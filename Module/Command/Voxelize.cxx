@@ -26,7 +26,7 @@ namespace
 
 constexpr int kMostVoxels = 65536;  // along an axis
 
-struct Options
+struct VoxelizeOptions
 {
   RenderOptions render;
   std::string output;
@@ -67,7 +67,7 @@ VolumeGrid GridOf(const MarkupBox& box, double spacing, int most)
   return grid;
 }
 
-ExitCode Voxelize(Console& console, const Options& options)
+ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
 {
   RequireVolumeName(options.output);
   RequireDistinct({options.render.field, options.like, options.region}, {options.output});
@@ -126,7 +126,7 @@ ExitCode Voxelize(Console& console, const Options& options)
 
 void AddVoxelize(Program& program)
 {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<VoxelizeOptions>();
   CLI::App* app = program.app.add_subcommand("voxelize",
                                              "Turn a field into a plain volume\n"
                                              "  bigus voxelize field.vtp -o volume.mha --spacing 0.5\n"

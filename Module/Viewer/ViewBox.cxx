@@ -13,8 +13,8 @@ namespace bigus::command
 namespace
 {
 
-constexpr double kStrays = 0.005;  // of the centres, at each end of an axis: a few would make the tissue small
-constexpr double kMargin = 1.06;   // of the size: Gaussians reach beyond their centres
+constexpr double kStrays = 0.005;    // of the centres, at each end of an axis: a few would make the tissue small
+constexpr double kBoxMargin = 1.06;  // of the size: Gaussians reach beyond their centres
 constexpr int kSampledFrames = 20, kSampledPlaces = 16;  // along each side of a frame
 
 }  // namespace
@@ -50,7 +50,7 @@ ViewBox BoxOfField(vtkPolyData* field, const Sweep* sweep)
     };
     const double low = quantile(kStrays), high = quantile(1 - kStrays);
     middle[axis] = 0.5 * (low + high);
-    box.size[axis] = std::max(1.0, kMargin * (high - low));
+    box.size[axis] = std::max(1.0, kBoxMargin * (high - low));
   }
   box.centre = box.axes * middle;
   return box;

@@ -15,7 +15,7 @@ namespace
 {
 
 constexpr double kGap = 0.0015;         // of the window, around each cell
-constexpr double kMargin = 1.14;        // of what a flat view shows
+constexpr double kViewMargin = 1.14;    // of what a flat view shows
 constexpr double kCameraAway = 1000.0;  // mm; without perspective it only has to be outside
 
 }  // namespace
@@ -53,7 +53,7 @@ void ViewCell::LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& norm
   camera->SetFocalPoint(centre.data());
   camera->SetPosition(position.data());
   camera->SetViewUp(up.data());
-  camera->SetParallelScale(0.5 * kMargin * std::max(height, width / std::max(aspect, 1e-3)));
+  camera->SetParallelScale(0.5 * kViewMargin * std::max(height, width / std::max(aspect, 1e-3)));
   this->renderer->ResetCameraClippingRange();
 }
 

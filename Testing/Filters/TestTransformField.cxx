@@ -32,7 +32,7 @@ vtkSmartPointer<vtkBigusReslice> Slice(vtkPolyData* field, vtkTransform* transfo
   return reslice;
 }
 
-double LargestDifference(vtkImageData* a, vtkImageData* b)
+double LargestChange(vtkImageData* a, vtkImageData* b)
 {
   double worst = 0;
   for (vtkIdType pixel = 0; pixel < a->GetNumberOfPoints(); ++pixel)
@@ -71,8 +71,8 @@ TEST(TransformField, ASliceThatMovesAlongShowsTheSame)
     filter->Update();
     const auto before = Slice(input, nullptr, -1), after = Slice(filter->GetOutput(), transform, -1);
     EXPECT_GT(LargestValue(before->GetOutput()), 0.2);
-    EXPECT_LT(LargestDifference(before->GetOutput(), after->GetOutput()), 1e-6) << "trial " << trial;
-    EXPECT_LT(LargestDifference(before->GetCoverageOutput(), after->GetCoverageOutput()), 1e-5) << "trial " << trial;
+    EXPECT_LT(LargestChange(before->GetOutput(), after->GetOutput()), 1e-6) << "trial " << trial;
+    EXPECT_LT(LargestChange(before->GetCoverageOutput(), after->GetCoverageOutput()), 1e-5) << "trial " << trial;
     EXPECT_EQ(GetProvenance(filter->GetOutput(), "seed"), "7");
     EXPECT_FALSE(GetProvenance(filter->GetOutput(), "transform").empty());
   }
@@ -89,7 +89,7 @@ TEST(TransformField, MovingPointsAloneDoesNot)
   vtkNew<vtkPoints> points;
   transform->TransformPoints(input->GetPoints(), points);
   moved->SetPoints(points);
-  EXPECT_GT(LargestDifference(Slice(input, nullptr, 0)->GetOutput(), Slice(moved, transform, 0)->GetOutput()), 0.1);
+  EXPECT_GT(LargestChange(Slice(input, nullptr, 0)->GetOutput(), Slice(moved, transform, 0)->GetOutput()), 0.1);
 }
 
 TEST(TransformField, ThereAndBackIsWhereItWas)

@@ -24,8 +24,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int kSide = 64;  // pixels of the square slice, 0.25 mm apart, about the plane's origin
-constexpr double kStep = 0.25;
-constexpr double kHalf = 0.5 * kSide * kStep;  // mm
+constexpr double kWidgetStep = 0.25;
+constexpr double kHalf = 0.5 * kSide * kWidgetStep;  // mm
 
 using State = vtkBigusSliceRepresentation;
 
@@ -38,8 +38,8 @@ struct WidgetScene : Scene
     this->prop->SetInputData(this->field);
     this->prop->SetPlane(this->plane);
     this->prop->SetSliceSize(kSide, kSide);
-    this->prop->SetSliceSpacing(kStep, kStep);
-    this->prop->SetSliceOrigin(-0.5 * (kSide - 1) * kStep, -0.5 * (kSide - 1) * kStep);
+    this->prop->SetSliceSpacing(kWidgetStep, kWidgetStep);
+    this->prop->SetSliceOrigin(-0.5 * (kSide - 1) * kWidgetStep, -0.5 * (kSide - 1) * kWidgetStep);
     vtkCamera* camera = this->renderer->GetActiveCamera();
     camera->ParallelProjectionOn();
     camera->SetParallelScale(16);
@@ -115,8 +115,8 @@ struct WidgetScene : Scene
     axes->DeepCopy(this->plane);
     reslice->SetResliceAxes(axes);
     reslice->SetOutputDimensionality(2);
-    reslice->SetOutputSpacing(kStep, kStep, 1);
-    reslice->SetOutputOrigin(-0.5 * (kSide - 1) * kStep, -0.5 * (kSide - 1) * kStep, 0);
+    reslice->SetOutputSpacing(kWidgetStep, kWidgetStep, 1);
+    reslice->SetOutputOrigin(-0.5 * (kSide - 1) * kWidgetStep, -0.5 * (kSide - 1) * kWidgetStep, 0);
     reslice->SetOutputExtent(0, kSide - 1, 0, kSide - 1, 0, 0);
     reslice->Update();
     return SameBits(this->prop->GetReslice()->GetOutput(), reslice->GetOutput());

@@ -20,7 +20,7 @@ namespace bigus
 namespace
 {
 
-Eigen::Vector3d Turned(double degrees)
+Eigen::Vector3d TurnedNormal(double degrees)
 {
   return Eigen::AngleAxisd(degrees * EIGEN_PI / 180, Eigen::Vector3d::UnitY()) * Eigen::Vector3d::UnitZ();
 }
@@ -30,12 +30,12 @@ TEST(Beam, WithoutAProbeEveryPlaneIsAsThickAsThoseTrainedOn)
   Beam beam;
   beam.elevationSigma = 0.3;
   beam.trainedNormals = {Eigen::Vector3d::UnitZ()};
-  EXPECT_DOUBLE_EQ(beam.Variance(Turned(90)), 0.09);
+  EXPECT_DOUBLE_EQ(beam.Variance(TurnedNormal(90)), 0.09);
   beam.probeElevationSigma = 0.2;  // thinner than the planes trained on
-  EXPECT_DOUBLE_EQ(beam.Variance(Turned(90)), 0.09);
+  EXPECT_DOUBLE_EQ(beam.Variance(TurnedNormal(90)), 0.09);
   beam.probeElevationSigma = 0.8;
   beam.trainedNormals.clear();
-  EXPECT_DOUBLE_EQ(beam.Variance(Turned(90)), 0.09);
+  EXPECT_DOUBLE_EQ(beam.Variance(TurnedNormal(90)), 0.09);
 }
 
 // The field of a point holds a Gaussian of variance sigma_p^2 - sigma_t^2 along the trained normal e. What a plane with
@@ -45,16 +45,16 @@ TEST(Beam, APlaneGetsWhatTheFieldLacksOfTheProbesThickness)
   Beam beam;
   beam.elevationSigma = 0.3;
   beam.probeElevationSigma = 0.8;
-  beam.trainedNormals = {Turned(0)};
-  const Eigen::Matrix3d held = (0.64 - 0.09) * Turned(0) * Turned(0).transpose();
+  beam.trainedNormals = {TurnedNormal(0)};
+  const Eigen::Matrix3d held = (0.64 - 0.09) * TurnedNormal(0) * TurnedNormal(0).transpose();
   for (const double degrees : {0.0, 20.0, 45.0, 90.0, 135.0, 180.0})
   {
-    const Eigen::Vector3d n = Turned(degrees);
+    const Eigen::Vector3d n = TurnedNormal(degrees);
     EXPECT_NEAR(beam.Variance(n), 0.64 - n.dot(held * n), 1e-12) << degrees;
   }
-  beam.trainedNormals.push_back(Turned(90));
-  EXPECT_NEAR(beam.Variance(Turned(90)), 0.09, 1e-12);
-  EXPECT_NEAR(beam.Variance(Turned(45)), 0.09 + 0.55 / 2, 1e-12);
+  beam.trainedNormals.push_back(TurnedNormal(90));
+  EXPECT_NEAR(beam.Variance(TurnedNormal(90)), 0.09, 1e-12);
+  EXPECT_NEAR(beam.Variance(TurnedNormal(45)), 0.09 + 0.55 / 2, 1e-12);
 }
 
 TEST(Beam, EnginesRenderEveryPlaneAtItsThickness)
@@ -62,7 +62,7 @@ TEST(Beam, EnginesRenderEveryPlaneAtItsThickness)
   test::Random random(11);
   GaussianField field = test::RandomField(random, 200, 6, 0.3, 1.5, 0.2);
   field.beam.probeElevationSigma = 1.1;
-  field.beam.trainedNormals = {Eigen::Vector3d::UnitZ(), Turned(60)};
+  field.beam.trainedNormals = {Eigen::Vector3d::UnitZ(), TurnedNormal(60)};
   for (const char* name : {"reference", "cpu", "cpu-double"})
   {
     const auto engine = Engine::Create(name), plain = Engine::Create("reference");

@@ -14,7 +14,7 @@ namespace
 {
 
 /// Poses without pictures.
-Sweep Poses()
+Sweep StraightPoses()
 {
   PhantomOptions options;
   options.frames = 20;
@@ -33,7 +33,7 @@ Sweep Poses()
 template <class Change>
 std::vector<std::string> Doubts(Change change)
 {
-  Sweep sweep = Poses();
+  Sweep sweep = StraightPoses();
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
     change(k, sweep.imageToReference[k]);
@@ -70,7 +70,7 @@ TEST(PoseDoubts, ShearAndScaleAreNamed)
 
 TEST(PoseDoubts, CoplanarFramesAreNamed)
 {
-  const Eigen::Matrix4d first = Poses().imageToReference[0];
+  const Eigen::Matrix4d first = StraightPoses().imageToReference[0];
   ExpectOne(Doubts([&](int, Eigen::Matrix4d& pose) { pose = first; }), "no volume");
   // In the plane, but elsewhere in it.
   ExpectOne(Doubts(
@@ -80,7 +80,7 @@ TEST(PoseDoubts, CoplanarFramesAreNamed)
                   pose.col(3) += k * first.col(0);
                 }),
             "no volume");
-  const std::vector<Eigen::Matrix4d> poses = Poses().imageToReference;
+  const std::vector<Eigen::Matrix4d> poses = StraightPoses().imageToReference;
   ExpectOne(Doubts([&](int k, Eigen::Matrix4d& pose) { pose = poses[k - k % 2]; }), "10 of 20 frames lie in the plane");
 }
 

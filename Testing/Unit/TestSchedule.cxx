@@ -17,7 +17,7 @@ using bigus::Batches;
 using bigus::Moment;
 using bigus::TrainingPlan;
 
-TrainingPlan Plan()
+TrainingPlan PlanOfStages()
 {
   TrainingPlan plan;
   plan.iterations = 1000;
@@ -30,7 +30,7 @@ TrainingPlan Plan()
 
 TEST(Schedule, GoesByStepsOrByTheClockWhicheverIsAhead)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   EXPECT_DOUBLE_EQ(FractionDone(plan, 1, 77, 0), 0);
   EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 77, 0), 0.25);
   plan.timeLimit = 20;
@@ -41,7 +41,7 @@ TEST(Schedule, GoesByStepsOrByTheClockWhicheverIsAhead)
 
 TEST(Schedule, StepsInAllFollowFromThoseSoFarUnderATimeLimit)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   EXPECT_DOUBLE_EQ(StepsInAll(plan, {50, 0.25}), 1000);
   plan.timeLimit = 20;
   EXPECT_DOUBLE_EQ(StepsInAll(plan, {50, 0.25}), 200);
@@ -51,7 +51,7 @@ TEST(Schedule, StepsInAllFollowFromThoseSoFarUnderATimeLimit)
 
 TEST(Schedule, RatesFallWithProgressAndPasses)
 {
-  const TrainingPlan plan = Plan();
+  const TrainingPlan plan = PlanOfStages();
   EXPECT_DOUBLE_EQ(RateLeft(plan, 40, {0, 0, 0}), 1);
   EXPECT_NEAR(RateLeft(plan, 40, {500, 0.5, 0}), std::sqrt(0.1), 1e-12);
   EXPECT_NEAR(RateLeft(plan, 40, {1000, 1, 0}), 0.1, 1e-12);
@@ -60,7 +60,7 @@ TEST(Schedule, RatesFallWithProgressAndPasses)
 
 TEST(Schedule, AFirstStageOfDenseFramesWithoutALimitMayEndAtAnyTime)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   EXPECT_DOUBLE_EQ(RateLeft(plan, 40, {64, 0, 0, true}), 0.5);
   EXPECT_DOUBLE_EQ(RateLeft(plan, 40, {64, 0, 0, false}), 1);
   plan.sparse = true;
@@ -72,7 +72,7 @@ TEST(Schedule, AFirstStageOfDenseFramesWithoutALimitMayEndAtAnyTime)
 
 TEST(Schedule, AFieldToContinueFromGetsSmallerSteps)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   plan.continued = true;
   plan.iterations = 40;  // one pass of 4 over 40 frames and 120 virtual planes
   EXPECT_NEAR(RateLeft(plan, 40, {}), 0.2, 1e-12);
@@ -86,7 +86,7 @@ TEST(Schedule, AFieldToContinueFromGetsSmallerSteps)
 
 TEST(Schedule, TheLossMovesToTheFinalOne)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   plan.loss.l1 = 1;
   plan.loss.dssim = 0;
   EXPECT_EQ(LossAt(plan, 0.5).l1, 1);
@@ -108,7 +108,7 @@ TEST(Schedule, FewStepsAreTakenSmall)
 
 TEST(Schedule, DensifiesInTheMiddleAtItsInterval)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   EXPECT_FALSE(IsDensified(plan, 300, 0.3)) << "no interval is set";
   plan.densification.interval = 100;
   EXPECT_TRUE(IsDensified(plan, 300, 0.3));
@@ -133,14 +133,14 @@ TEST(Schedule, TwentyFieldsOfTheLastTenthAreAveraged)
 
 TEST(Schedule, WhatValidationEndsStillGetsItsLastTenth)
 {
-  const TrainingPlan plan = Plan();
+  const TrainingPlan plan = PlanOfStages();
   EXPECT_EQ(EndAfter(plan, 400, 1000), 500);
   EXPECT_EQ(EndAfter(plan, 950, 1000), 1000);
 }
 
 TEST(Schedule, TheTimeLeftCountsPlanesThatAreStillToBeMade)
 {
-  TrainingPlan plan = Plan();
+  TrainingPlan plan = PlanOfStages();
   EXPECT_DOUBLE_EQ(SecondsLeft(plan, 40, 1, {1000, 1, 0, false}, 0.5), 0);
   EXPECT_DOUBLE_EQ(SecondsLeft(plan, 40, 1, {600, 0.6, 0, false}, 0.5), 200);
   // 150 steps of the first stage, 750 of the second, and 120 planes, of which each takes as long as two frames of a step of

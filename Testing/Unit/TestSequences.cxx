@@ -138,7 +138,7 @@ TEST(Sequences, NothingIsMadeOrPredictedBetweenTwo)
   EXPECT_EQ(std::count(enclosed.begin(), enclosed.end(), 1), 0);
 }
 
-PhantomOptions SmallWorld(int frames)
+PhantomOptions SmallSequences(int frames)
 {
   PhantomOptions world;
   world.frames = frames;
@@ -149,7 +149,7 @@ PhantomOptions SmallWorld(int frames)
 
 TEST(Sequences, PosesAreCorrectedInEachAloneAndNotSmearedOverAnOffset)
 {
-  PhantomOptions world = SmallWorld(64);
+  PhantomOptions world = SmallSequences(64);
   world.trackingNoise = 0.2;
   world.trackingRotationNoise = 0.3;
   const Phantom phantom(world);
@@ -226,7 +226,7 @@ TEST(Sequences, PosesAreCorrectedInEachAloneAndNotSmearedOverAnOffset)
 TEST(Sequences, TwoHalvesGiveAFieldAsGoodAsTheWhole)
 {
   const int frames = 40, half = 20;
-  const Phantom phantom(SmallWorld(frames));
+  const Phantom phantom(SmallSequences(frames));
   const Sweep whole = phantom.MakeSweep();
   // The phantom's own pictures half way between frames, where no field was trained, but for the gap between the halves.
   auto truth = std::make_shared<Sweep>();

@@ -49,7 +49,7 @@ Eigen::Vector3d CentreOf(const OutputGrid& grid)
   return centre;
 }
 
-Eigen::Matrix4d Turned(double degrees)
+Eigen::Matrix4d TurnedAxes(double degrees)
 {
   const double angle = degrees * std::acos(-1.0) / 180;
   Eigen::Matrix4d axes = Eigen::Matrix4d::Identity();
@@ -111,7 +111,7 @@ Rendered Render(const Extent& whole, const Extent& extent, const Slab& slab = {}
 TEST(OutputGrid, WhatIsGivenStays)
 {
   const GivenGrid given{Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(4, 5, 6), Extent{0, 7, 1, 8, 2, 9}};
-  const OutputGrid grid = bigus::ResliceGrid(given, {Turned(30)}, Unasked);
+  const OutputGrid grid = bigus::ResliceGrid(given, {TurnedAxes(30)}, Unasked);
   EXPECT_EQ(grid.spacing, *given.spacing);
   EXPECT_EQ(grid.origin, *given.origin);
   EXPECT_EQ(grid.extent, *given.extent);
@@ -132,7 +132,7 @@ TEST(OutputGrid, WithoutAxesItIsTheInputs)
 
 TEST(OutputGrid, AQuarterTurnSwapsAxes)
 {
-  const Eigen::Matrix4d axes = Turned(90);
+  const Eigen::Matrix4d axes = TurnedAxes(90);
   const OutputGrid in = Box(), grid = bigus::ResliceGrid({}, {axes}, Box);
   EXPECT_LT((grid.spacing - Eigen::Vector3d(2, 0.5, 3)).norm(), 1e-12);
   EXPECT_EQ(grid.extent, (Extent{0, 5, 1, 4, -2, 8}));
@@ -157,7 +157,7 @@ TEST(OutputGrid, HalvesOfAnIndexAreRoundedAwayFromZero)
 TEST(OutputGrid, ACropHoldsTheInputsCorners)
 {
   const auto square = [] { return OutputGrid{{1, 1, 1}, {0, 0, 0}, {0, 10, 0, 10, 0, 0}}; };
-  ResliceSettings settings{Turned(45)};
+  ResliceSettings settings{TurnedAxes(45)};
   settings.crops = true;
   const OutputGrid grid = bigus::ResliceGrid({}, settings, square);
   EXPECT_EQ(grid.extent, (Extent{0, 14, 0, 14, 0, 0}));  // the diagonal is 14.14 mm
@@ -188,7 +188,7 @@ TEST(OutputGrid, OverOneGaussianReachesThreeStandardDeviations)
 TEST(OutputGrid, VoxelsThatAreGivenKeepToTheFieldsBounds)
 {
   const auto over = [] { return OutputGrid{{1, 1, 1}, {-2, -4, -9}, {0, 6, 0, 12, 0, 24}}; };
-  const Eigen::Matrix3d direction = Turned(90).topLeftCorner<3, 3>();
+  const Eigen::Matrix3d direction = TurnedAxes(90).topLeftCorner<3, 3>();
   const OutputGrid usual = bigus::VoxelGrid({}, direction, over);
   EXPECT_EQ(usual.extent, over().extent);
   EXPECT_LT((direction.inverse() * usual.origin - over().origin).norm(), 1e-12);
@@ -243,7 +243,7 @@ TEST(OutputGrid, IndicesAreTakenToTheWorldByTheChain)
 {
   Eigen::Matrix4d move = Eigen::Matrix4d::Identity();
   move(0, 3) = 100;
-  const Eigen::Matrix4d axes = Turned(90);
+  const Eigen::Matrix4d axes = TurnedAxes(90);
   const Eigen::Matrix4d matrix =
       bigus::IndexToWorld(bigus::OutputToWorld(2 * axes, move), Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(10, 20, 30));
   // Index (1, 1, 1) lies at (11, 22, 33) along the axes; x goes to y and y to -x, and the factor 2 is homogeneous.

@@ -14,7 +14,7 @@ namespace bigus
 namespace
 {
 
-enum Stream : std::uint64_t
+enum HandStream : std::uint64_t
 {
   kSpeedStream = 101,
   kSwayStream = 111,       // and the four after it

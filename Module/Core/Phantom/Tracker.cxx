@@ -22,7 +22,7 @@ namespace
 // Of Sway's fastest sine a sweep sees 1.5 periods then, of its slowest a third.
 constexpr double kDriftTimePerSweep = 1.6;
 
-enum Stream : std::uint64_t
+enum TrackerStream : std::uint64_t
 {
   kPositionNoiseStream = 121,  // and the two after it
   kRotationNoiseStream = 131,  // and the two after it

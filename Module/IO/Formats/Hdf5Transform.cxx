@@ -16,7 +16,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::uint64_t largestFile = 1u << 20;
+constexpr std::uint64_t largestHdf5Transform = 1u << 20;
 constexpr std::size_t mostBlocks = 64;      // continuations of one object's header
 constexpr std::size_t mostTransforms = 16;  // of a composite
 constexpr std::size_t mostNumbers = 64;     // of one transform; an affine one has 12
@@ -44,7 +44,7 @@ enum MessageType
 class File
 {
 public:
-  explicit File(const std::string& fileName) : name_(fileName), bytes_(ReadTextFile(fileName, largestFile))
+  explicit File(const std::string& fileName) : name_(fileName), bytes_(ReadTextFile(fileName, largestHdf5Transform))
   {
     const std::uint64_t version = Number(8, 1);  // II.B
     if (version != 2 && version != 3)
@@ -212,7 +212,8 @@ public:
         Refuse("its arrays are compressed");
       }
     }
-    if (data.count > mostNumbers || data.elementSize > largestFile || data.size < data.count * data.elementSize)
+    if (data.count > mostNumbers || data.elementSize > largestHdf5Transform ||
+        data.size < data.count * data.elementSize)
     {
       Refuse("an array has a size that is none");
     }

@@ -17,7 +17,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::uint64_t largestFile = 1u << 20;
+constexpr std::uint64_t largestTransform = 1u << 20;
 constexpr const char* itkMagic = "#Insight Transform File";
 
 std::vector<double> Numbers(const std::string& where, std::string_view text)
@@ -222,7 +222,7 @@ Eigen::Matrix4d MatrixOf(const std::string& fileName, const TransformEntry& entr
 
 LinearTransform ReadLinearTransform(const std::string& fileName)
 {
-  const std::string text = ReadTextFile(fileName, largestFile);
+  const std::string text = ReadTextFile(fileName, largestTransform);
   const bool isHdf5 = LooksLikeHdf5(text);
   if (!isHdf5 && text.rfind(itkMagic, 0) != 0)
   {

@@ -17,7 +17,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::uint64_t largestFile = 16u << 20;
+constexpr std::uint64_t largestMarkups = 16u << 20;
 
 using Json = nlohmann::json;
 
@@ -177,7 +177,7 @@ MarkupPlane ReadLine(const std::string& what, const Json& markup, double spacing
 // The markups of a file, each with the words that name it.
 std::vector<std::pair<std::string, Json>> ReadMarkups(const std::string& fileName)
 {
-  const Json document = Json::parse(ReadTextFile(fileName, largestFile), nullptr, false);
+  const Json document = Json::parse(ReadTextFile(fileName, largestMarkups), nullptr, false);
   if (document.is_discarded())
   {
     throw FormatError(fileName + ": not valid JSON; it is damaged or truncated");

@@ -18,7 +18,7 @@ namespace
 {
 
 constexpr double sphericalHarmonic0 = 0.28209479177387814;  // 1 / (2 sqrt(pi)): colour = 0.5 + this * f_dc
-constexpr std::uint64_t longestHeader = 1u << 20;
+constexpr std::uint64_t longestPlyHeader = 1u << 20;
 constexpr std::size_t kMostProperties = 1000;
 constexpr std::int64_t mostVertices = 1000000000;
 
@@ -128,7 +128,7 @@ PlyHeader ReadHeader(InputFile& input)
   bool inVertex = false;
   while (input.ReadLine(line))
   {
-    if (input.Position() > longestHeader)
+    if (input.Position() > longestPlyHeader)
     {
       throw FormatError(input.Name() + ": the header is longer than 1 MiB");
     }

@@ -25,7 +25,7 @@ namespace
 {
 
 // Of a file that is read by pieces, never as a whole; and of its XML, or the whole of a file in another encoding than ours.
-constexpr std::uint64_t largestFile = std::uint64_t(256) << 30;
+constexpr std::uint64_t largestVtp = std::uint64_t(256) << 30;
 constexpr std::uint64_t largestText = std::uint64_t(4) << 30;
 constexpr std::int64_t mostPoints = 1000000000;
 constexpr std::int64_t mostComponents = 16;
@@ -64,9 +64,9 @@ class VtpFile
 public:
   explicit VtpFile(const std::string& fileName) : name_(fileName), file_(fileName)
   {
-    if (file_.Size() > largestFile)
+    if (file_.Size() > largestVtp)
     {
-      throw FormatError(name_ + ": has " + std::to_string(file_.Size()) + " bytes; " + std::to_string(largestFile) +
+      throw FormatError(name_ + ": has " + std::to_string(file_.Size()) + " bytes; " + std::to_string(largestVtp) +
                         " are read. Split it into the pieces of a .pvtp");
     }
     const std::uint64_t tailBegin = file_.Size() - std::min<std::uint64_t>(file_.Size(), kTail);
@@ -500,7 +500,7 @@ private:
     take(stated, 2);
     blocks.blockSize = stated[0];
     const std::uint64_t lastSize = stated[1];
-    if (count > (end - at) / number || blocks.blockSize > largestFile || lastSize > blocks.blockSize ||
+    if (count > (end - at) / number || blocks.blockSize > largestVtp || lastSize > blocks.blockSize ||
         (blocks.blockSize > 0 && count > std::numeric_limits<std::uint64_t>::max() / blocks.blockSize))
     {
       throw Damaged(what);
