@@ -24,7 +24,7 @@ ExitCode RunJob(Console& console, const std::function<ExitCode()>& job)
   try
   {
     const ExitCode code = job();
-    if (!std::cout.flush())
+    if (!std::cout.flush() && !IsInterrupted())
     {
       throw OutputError("Cannot write to stdout: the disk is full or the reader is gone.");
     }

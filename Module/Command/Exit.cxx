@@ -16,14 +16,17 @@ volatile std::sig_atomic_t interrupted = 0;
 extern "C" void OnSignal(int number)
 {
   interrupted = number;
-  std::signal(number, SIG_DFL);
+  if (number != SIGPIPE)  // which comes with every further line, also while a field is saved
+  {
+    std::signal(number, SIG_DFL);
+  }
 }
 
 }  // namespace
 
 void ListenToSignals()
 {
-  for (const int number : {SIGINT, SIGTERM, SIGHUP})
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGALRM, SIGUSR1, SIGUSR2, SIGXCPU})
   {
     if (std::signal(number, OnSignal) == SIG_IGN)  // nohup, or a shell's background job
     {

@@ -37,9 +37,10 @@ class Interrupted : public std::exception
 {
 };
 
-/// From here on SIGINT, SIGTERM and SIGHUP are noted, but for those that the process was started to ignore.
+/// From here on the signals are noted by which people, terminals, pipes and batch systems end programs: SIGINT, SIGTERM,
+/// SIGHUP, SIGPIPE, SIGALRM, SIGUSR1, SIGUSR2 and SIGXCPU, but for those that the process was started to ignore.
 void ListenToSignals();
-/// True once the process got SIGINT, SIGTERM or SIGHUP. A second signal ends it at once.
+/// True once the process got one of them. A second one ends it at once, but for SIGPIPE.
 bool IsInterrupted();
 /// What a process returns that was interrupted.
 ExitCode InterruptedCode();

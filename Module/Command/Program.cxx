@@ -53,7 +53,7 @@ std::string Description(const std::vector<Verb>& verbs)
 
 const char* const footer =
     "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted\n"
-    "(129 by SIGHUP, 143 by SIGTERM).\n"
+    "(129 by SIGHUP, 143 by SIGTERM; 128 plus its number by any other signal).\n"
     "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
 
 /// CLI11's help, but the list of subcommands holds only the first line of each.

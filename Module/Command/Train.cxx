@@ -4,7 +4,11 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cstdlib>
 #include <filesystem>
+#include <functional>
+#include <future>
 #include <map>
 #include <memory>
 #include <tuple>
@@ -283,6 +287,19 @@ void RequireOutputs(const TrainOptions& options, const std::vector<SequenceOptio
   }
 }
 
+/// Throws OutputError where another program trains the same output.
+void Lock(CheckpointFile& checkpoint)
+{
+  try
+  {
+    checkpoint.Lock();
+  }
+  catch (const FileError& error)
+  {
+    throw OutputError(error.what());
+  }
+}
+
 /// What is trained on: one image a sequence, what an inspection left of all frames as one sweep, and which of them are held
 /// out.
 struct Frames
@@ -380,6 +397,35 @@ void WriteField(vtkPolyData* field, const TrainOptions& options, const std::vect
   SetProvenance(field, "world", options.sequence.chain.to);
   SetProvenance(field, "reduce", std::to_string(options.sequence.reduce));
   WriteFieldData(field, options.output, !options.exact, console);
+}
+
+/// Writes the field; where that fails, at least the state of a training that was interrupted.
+void Save(vtkPolyData* field, const TrainOptions& options, const std::vector<SequenceOptions>& sequences,
+          CheckpointFile& checkpoint, const std::string& waiting, Console& console)
+{
+  const std::filesystem::path folder = std::filesystem::path(options.output).parent_path();
+  std::error_code fault;
+  if (!folder.empty() && std::filesystem::create_directories(folder, fault))
+  {
+    console.Note("bigus: warning: the folder " + folder.string() + " was taken away meanwhile, and is made anew.");
+  }
+  const auto keep = [&]
+  {
+    if (!waiting.empty())
+    {
+      checkpoint.Write(waiting);
+    }
+  };
+  try
+  {
+    WriteField(field, options, sequences, console);
+  }
+  catch (...)
+  {
+    keep();
+    throw;
+  }
+  keep();
 }
 
 /// Writes each sequence at the poses that were trained at.
@@ -495,6 +541,25 @@ void Score(vtkBigusTrainer* trainer, const TrainOptions& options, const Gaussian
   ScoreIfPossible("planes along the sweep", console, [&] { ScoreCrossPlanes(scored, answer, console); });
 }
 
+/// Scores apart from what hears signals. Interrupted, it ends the process, because the field is written and scores cannot
+/// be stopped.
+void ScoreUntilInterrupted(const std::function<void(Json&)>& score, Json& answer, Console& console)
+{
+  Json scored = answer;
+  std::future<void> scores = std::async(std::launch::async, [&] { score(scored); });
+  while (scores.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready)
+  {
+    if (IsInterrupted())
+    {
+      console.Note("Interrupted: the field was written, but not scored.");
+      console.Report(answer);
+      std::_Exit(InterruptedCode());
+    }
+  }
+  scores.get();
+  answer = std::move(scored);
+}
+
 ExitCode Train(Console& console, const TrainOptions& options)
 {
   CheckpointFile checkpoint(options.output + ".checkpoint",
@@ -502,6 +567,7 @@ ExitCode Train(Console& console, const TrainOptions& options)
   const std::vector<SequenceOptions> sequences = Sequences(options);
   const std::vector<std::string> posesFiles = PosesFiles(options, sequences.size());
   RequireOutputs(options, sequences, posesFiles, checkpoint.Path());
+  Lock(checkpoint);
   Engine::Create(options.trainer.engine);  // an unknown name is said before the sweep is read
   const Frames frames = ReadFrames(sequences, options.trainer, console);
 
@@ -512,15 +578,12 @@ ExitCode Train(Console& console, const TrainOptions& options)
   UpdateUntilInterrupted(trainer, console, "Training");
 
   vtkPolyData* output = trainer->GetOutput();
-  WriteField(output, options, sequences, console);
-  if (!waiting.empty())
-  {
-    checkpoint.Write(waiting);
-  }
+  Save(output, options, sequences, checkpoint, waiting, console);
   if (trainer->GetFinished())
   {
     checkpoint.Remove();
   }
+  checkpoint.Unlock();
   if (!options.log.empty())
   {
     WriteLog(options.log, trainer->GetLog());
@@ -537,7 +600,8 @@ ExitCode Train(Console& console, const TrainOptions& options)
   const bool isInterrupted = answer["interrupted"];
   if (!isInterrupted)
   {
-    Score(trainer, options, field, frames, answer, console);
+    ScoreUntilInterrupted([&](Json& scored) { Score(trainer, options, field, frames, scored, console); }, answer,
+                          console);
   }
   else
   {

@@ -20,6 +20,9 @@ namespace bigus
 namespace
 {
 
+/// Of the file that is a lock.
+constexpr const char* kLock = ".bigus-lock";
+
 /// Of temporary names. No other program's, because a leftover is removed.
 constexpr const char* kSuffix = ".bigus-part";
 
@@ -74,6 +77,56 @@ std::string FollowLinks(const std::string& name)
 }
 
 }  // namespace
+
+FileLock::FileLock(const std::string& fileName, Mode mode) : name_(fileName + kLock)
+{
+  for (;;)
+  {
+    file_ = open(name_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0666);
+    if (file_ < 0)
+    {
+      return;
+    }
+    isHeld_ =
+        flock(file_, LOCK_EX | (mode == Mode::Try ? LOCK_NB : 0)) == 0 || (errno != EWOULDBLOCK && errno != EINTR);
+    if (isHeld_ && HasName(file_, name_))
+    {
+      return;
+    }
+    close(file_);  // the one who had it has taken the file away
+    file_ = -1;
+    if (!isHeld_ && mode == Mode::Try)
+    {
+      return;
+    }
+  }
+}
+
+FileLock::~FileLock()
+{
+  if (file_ >= 0)
+  {
+    unlink(name_.c_str());
+    close(file_);
+  }
+}
+
+bool AtomicFile::IsAside(const std::string& fileName)
+{
+  struct stat status;
+  return lstat(fileName.c_str(), &status) != 0 && lstat((fileName + kSuffix + kEarlier).c_str(), &status) == 0;
+}
+
+void AtomicFile::PutEarlierBack(const std::vector<std::string>& fileNames)
+{
+  if (IsAside(fileNames.front()))
+  {
+    for (auto name = fileNames.rbegin(); name != fileNames.rend(); ++name)
+    {
+      rename((*name + kSuffix + kEarlier).c_str(), name->c_str());  // what was not set aside yet is as it was
+    }
+  }
+}
 
 AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName), finalName_(FollowLinks(fileName))
 {

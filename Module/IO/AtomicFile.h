@@ -8,9 +8,36 @@
 #include <cstdio>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace bigus
 {
+
+/// Says to other programs, and to other threads of this one, that a name is being written. The lock is a file beside it,
+/// which goes away with this object; one that a killed program left is no lock. Where none can be made (a folder that may not
+/// be written to, a file system without locks) every lock is had.
+class FileLock
+{
+public:
+  enum class Mode
+  {
+    Try,
+    Wait
+  };
+  FileLock(const std::string& fileName, Mode mode);
+  ~FileLock();
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+  /// False where another has it, which Mode::Wait never sees.
+  bool IsHeld() const { return isHeld_; }
+  const std::string& Name() const { return name_; }
+
+private:
+  std::string name_;
+  int file_ = -1;
+  bool isHeld_ = true;
+};
 
 /// Writes to a temporary file in the same folder, which Commit() renames. Destroyed without a commit, it removes the
 /// temporary file and leaves an earlier file of the final name as it was. Every failure throws FileError.
@@ -38,12 +65,18 @@ public:
   void Finish();
   /// For files that are replaced together: sets an earlier file of the final name aside. From now on until Keep() the
   /// destructor undoes a commit, too, so all files are again as they were. Where that fails, or the program is killed in
-  /// between, the earlier file is TemporaryName() + "-earlier".
+  /// between, the earlier file is TemporaryName() + "-earlier"; see PutEarlierBack().
   void SetEarlierAside();
   /// Finishes, then gives the file its name, which survives a power cut, too.
   void Commit();
   /// The last of the files that are replaced together has its name.
   void Keep() noexcept;
+
+  /// For files that are replaced together: where a program was killed amid their commits, gives those that it had set
+  /// aside their names back. `fileNames` begins with the one that was set aside first and committed last.
+  static void PutEarlierBack(const std::vector<std::string>& fileNames);
+  /// Whether a file has no other name than the one under which it was set aside.
+  static bool IsAside(const std::string& fileName);
 
 private:
   bool Open(const std::string& temporaryName);

@@ -17,6 +17,23 @@ CheckpointFile::CheckpointFile(std::string path, std::function<void(const std::s
 {
 }
 
+CheckpointFile::~CheckpointFile() = default;
+
+void CheckpointFile::Lock()
+{
+  lock_ = std::make_unique<FileLock>(path_, FileLock::Mode::Try);
+  if (!lock_->IsHeld())
+  {
+    throw FileError(FileFault::CannotOpen, path_ + ": another training keeps its state there (its lock is " +
+                                               lock_->Name() + "). Wait for it, or write to another name");
+  }
+}
+
+void CheckpointFile::Unlock()
+{
+  lock_.reset();
+}
+
 bool CheckpointFile::Exists() const
 {
   std::error_code ignored;

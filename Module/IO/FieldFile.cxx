@@ -43,6 +43,7 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
                                      const std::function<StoredField(const std::string&)>& foreign)
 {
   RequireChunks(piece.chunks, piece.piece, piece.pieces);
+  PutEarlierPvtpBack(fileName);
   if (InputFile(fileName).Size() == 0)
   {
     throw TruncationError(fileName + ": the file is empty");

@@ -138,6 +138,7 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
     Checkpoints checkpoints;
     if (!checkpoint.empty())
     {
+      file.Lock();
       checkpoints.interval = interval;
       checkpoints.save = [&file](const std::string& state) { file.Write(state); };
       if (resume && file.Exists())

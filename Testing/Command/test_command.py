@@ -875,7 +875,8 @@ class Train(CommandTest):
             self.assertEqual(b, a if 10 <= i < 30 and 5 <= j < 35 else 0)
 
     def test_interrupt_saves_the_best_so_far(self):
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM, signal.SIGUSR1, signal.SIGUSR2,
+                       signal.SIGXCPU):
             with self.subTest(number):
                 path = self.folder / "f.vtp"
                 process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--no-auto",
@@ -897,6 +898,60 @@ class Train(CommandTest):
                 self.assertIs(answer["finished"], False)
                 path.unlink()
                 (self.folder / "f.vtp.checkpoint").unlink()
+
+    ENDLESS = ("--no-auto", "--gaussians", "2000", "--iterations", "10000000")
+
+    def endless_training(self, path, *options):
+        process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), *self.ENDLESS, "--progress", *options],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.await_bar(process, b"Training [")
+        return process
+
+    def test_a_reader_that_goes_away_costs_no_field(self):
+        path = self.folder / "f.vtp"
+        process = self.endless_training(path)
+        process.stderr.close()
+        process.stdout.close()
+        self.assertEqual(process.wait(timeout=60), 128 + signal.SIGPIPE)
+        self.expect(SUCCESS, "info", path)
+        self.assertTrue((self.folder / "f.vtp.checkpoint").exists())
+
+    def test_a_folder_that_goes_away_costs_no_field(self):
+        folder = self.folder / "a" / "b"
+        folder.mkdir(parents=True)
+        process = self.endless_training(folder / "f.vtp")
+        shutil.rmtree(self.folder / "a")
+        process.send_signal(signal.SIGTERM)
+        _, stderr = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 128 + signal.SIGTERM)
+        self.assertIn(b"made anew", stderr)
+        self.assertEqual(sorted(os.listdir(folder)), ["f.vtp", "f.vtp.checkpoint"])
+
+    def test_one_output_is_trained_once_at_a_time(self):
+        path = self.folder / "f.vtp"
+        process = self.endless_training(path, "--checkpoint-interval", "0.01")
+        self.expect(CANNOT_WRITE, "train", self.sweep, "-o", path, *TINY, says="another training")
+        self.assertTrue((self.folder / "f.vtp.checkpoint").exists(), "it is the other training's")
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=60)
+        self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY)
+        self.assertEqual(os.listdir(self.folder), ["f.vtp"])
+
+    def test_interrupt_ends_scoring(self):
+        sweep, path = self.folder / "long.igs.mha", self.folder / "f.vtp"
+        self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", 80, "--width", 160, "--height", 160)
+        process = subprocess.Popen([BIGUS, "train", str(sweep), "-o", str(path), "--no-auto", "--gaussians", "2000",
+                                    "--iterations", "2", "--hold-out", "2", "--align", "--json"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.await_bar(process, b"Aligning")
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=5)
+        self.assertEqual(process.returncode, INTERRUPTED)
+        self.assertIn(b"not scored", stderr)
+        answer = json.loads(stdout)
+        self.assertNotIn("held_out_aligned", answer)
+        self.assertEqual(self.expect(SUCCESS, "info", path)["gaussians"], answer["gaussians"])
+        self.assertEqual(sorted(os.listdir(self.folder)), ["f.vtp", "long.igs.mha"])
 
     RESUMABLE = ("--no-auto", "--gaussians", "400", "--iterations", "3000")
 

@@ -6,7 +6,10 @@
 
 #include <filesystem>
 #include <fstream>
+#include <future>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldChunks.h"
@@ -304,6 +307,57 @@ TEST(Pieces, AFailedWriteLeavesWhatWas)
   {
     EXPECT_EQ(entry.path().string().find("bigus-part"), std::string::npos) << entry.path();
   }
+}
+
+/// The states that a program leaves that is killed between two renames of a write.
+TEST(Pieces, AKilledWriteLeavesWhatWas)
+{
+  const std::string aside = ".bigus-part-earlier";
+  for (int replaced = 0; replaced <= 3; ++replaced)
+  {
+    TemporaryFolder folder;
+    WriteField({Field(700), {}, {}}, folder / "other.pvtp", 3);
+    WriteField({Field(600), {}, {}}, folder / "field.pvtp", 3);
+    std::filesystem::rename(folder / "field.pvtp", folder / "field.pvtp" + aside);
+    for (int piece = 0; piece < replaced; ++piece)
+    {
+      const std::string name = "_" + std::to_string(piece) + ".vtp";
+      std::filesystem::rename(folder / ("field" + name), folder / ("field" + name + aside));
+      std::filesystem::rename(folder / ("other" + name), folder / ("field" + name));
+    }
+    EXPECT_TRUE(Same(
+        ReadField(folder / "field.pvtp")->field,
+        Joined(Joined(ChunkByHand(Field(600), 0, 3), ChunkByHand(Field(600), 1, 3)), ChunkByHand(Field(600), 2, 3))))
+        << replaced;
+    for (const auto& entry :
+         std::filesystem::directory_iterator(std::filesystem::path(folder / "field.pvtp").parent_path()))
+    {
+      EXPECT_EQ(entry.path().string().find("bigus"), std::string::npos) << entry.path();
+    }
+  }
+}
+
+TEST(Pieces, OfManyWritersOfOneNameAllSucceed)
+{
+  TemporaryFolder folder;
+  std::vector<std::future<void>> writers;
+  for (int count = 600; count < 606; ++count)
+  {
+    writers.push_back(std::async(std::launch::async,
+                                 [&folder, count]
+                                 {
+                                   for (int time = 0; time < 10; ++time)
+                                   {
+                                     WriteField({Field(count), {}, {}}, folder / "field.pvtp", 3);
+                                   }
+                                 }));
+  }
+  for (std::future<void>& writer : writers)
+  {
+    EXPECT_NO_THROW(writer.get());
+  }
+  const std::size_t size = ReadField(folder / "field.pvtp")->field.Size();
+  EXPECT_TRUE(size >= 600 && size < 606) << size;
 }
 
 }  // namespace

@@ -269,9 +269,20 @@ std::string PieceFileOf(const std::string& fileName, int piece)
   return fileName.substr(0, fileName.size() - 5) + "_" + std::to_string(piece) + ".vtp";
 }
 
+void PutEarlierPvtpBack(const std::string& fileName)
+{
+  if (AtomicFile::IsAside(fileName))
+  {
+    const FileLock lock(fileName, FileLock::Mode::Wait);  // a writer may be about to put the index there
+    AtomicFile::PutEarlierBack(FilesOfField(fileName, FieldChunks::kMost));
+  }
+}
+
 void WritePvtp(const StoredField& stored, const std::string& fileName, int pieces)
 {
   RequireNoFolders(FilesOfField(fileName, pieces));
+  const FileLock lock(fileName, FileLock::Mode::Wait);
+  AtomicFile::PutEarlierBack(FilesOfField(fileName, FieldChunks::kMost));
   const VtpSingles singles = SinglesOf(stored.field);  // VTK wants them alike in all pieces
   AtomicFile index(fileName);  // before the pieces, so that where one fails it is the last that comes back
   std::vector<std::unique_ptr<AtomicFile>> files;
@@ -306,9 +317,12 @@ void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exc
   const bool isFirst = processes.Rank() == 0;
   const std::string pieceName = PieceFileOf(fileName, processes.Rank());
   RequireNoFolders(isFirst ? std::vector<std::string>{pieceName, fileName} : std::vector<std::string>{pieceName});
+  std::optional<FileLock> lock;
   std::optional<AtomicFile> index;
   if (isFirst)
   {
+    lock.emplace(fileName, FileLock::Mode::Wait);
+    AtomicFile::PutEarlierBack(FilesOfField(fileName, FieldChunks::kMost));
     index.emplace(fileName);
     index->Write(IndexText(fileName, processes.Size(), singles));
     index->Finish();

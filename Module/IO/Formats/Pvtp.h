@@ -30,8 +30,13 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
 /// The name of a piece's file: that of the index with "_3" in place of its ending and then ".vtp".
 std::string PieceFileOf(const std::string& fileName, int piece);
 
+/// Where a program was killed while it put the files of a field in their places, gives the earlier ones their names back.
+/// Without effect where there is an index.
+void PutEarlierPvtpBack(const std::string& fileName);
+
 /// Writes a valid field as `pieces` files, each a chunk, and their index; what was under these names stays until all are
-/// complete. While they are put there, there is no index, so none ever names pieces of two fields. Throws FileError.
+/// complete. While they are put there, there is no index, so none ever names pieces of two fields. Of several
+/// writers each waits for the one before. Throws FileError.
 void WritePvtp(const StoredField& stored, const std::string& fileName, int pieces);
 
 /// The same for a field of which every process has a part, which becomes a piece. All call it, inside Together. Throws
