@@ -24,7 +24,7 @@ namespace bigus::command
 namespace
 {
 
-constexpr int kMostVoxels = 65536;  // along an axis
+constexpr int kMostVoxels = 32768;  // along an axis: as many as are read
 
 struct VoxelizeOptions
 {

@@ -269,6 +269,7 @@ class Usage(CommandTest):
                           ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--elevation-sigma=-1"],
                           ["slice", self.field, "--poses", self.sweep, "-o", "x.mha", "--mode=colour"],
                           ["voxelize", self.field, "-o", "x.mha", "--spacing=nan"],
+                          ["voxelize", self.field, "-o", "x.mha", "--size", "32769", "1", "1"],
                           ["poses", self.sweep, "-o", "x.mha", "--strength=-1"],
                           ["poses", self.sweep, "-o", "x.mha", "--strength=1001"],
                           ["poses", self.sweep, "-o", "x.mha", "--strength=nan"],
