@@ -188,6 +188,8 @@ private:
 // ---- Overlaps: places that are seen twice ----
 
 constexpr int kTries = 40000;  // places looked at for a second view
+// At most, each at one place from one frame: above 2000 frames fewer places are looked at.
+constexpr double kLooks = 8e7;
 constexpr std::size_t kMostOverlaps = 12000;
 constexpr double kCrossing = 10;    // degrees between two planes from which on they cross
 constexpr double kAway = 4;         // mm: a place that the probe left so far and came back to is seen anew
@@ -252,8 +254,11 @@ public:
   std::vector<Overlap> FindOverlaps(const Vector& q) const
   {
     const std::vector<FramePose> poses = Poses(q);
-    std::vector<std::vector<Overlap>> found(Count());
-    tbb::parallel_for(0, Count(), [&](int a) { found[a] = OverlapsOf(a, poses); });
+    const int tries = static_cast<int>(std::min<double>(kTries, kLooks / Count()));
+    const int step = (Count() + tries - 1) / tries;
+    std::vector<std::vector<Overlap>> found((Count() + step - 1) / step);
+    tbb::parallel_for(0, static_cast<int>(found.size()),
+                      [&](int k) { found[k] = OverlapsOf(k * step, poses, std::max(1, tries / Count())); });
     std::vector<Overlap> all;
     for (const std::vector<Overlap>& overlaps : found)
     {
@@ -269,13 +274,13 @@ public:
   }
 
 private:
-  std::vector<Overlap> OverlapsOf(int a, const std::vector<FramePose>& poses) const
+  std::vector<Overlap> OverlapsOf(int a, const std::vector<FramePose>& poses, int tries) const
   {
     std::vector<Overlap> overlaps;
     RandomNumbers random(static_cast<std::uint64_t>(a));
     const SlicePlane& plane = poses[a].plane;
     std::vector<double> height(poses.size());
-    for (int n = 0; n < std::max(1, kTries / Count()); ++n)
+    for (int n = 0; n < tries; ++n)
     {
       Overlap overlap{a, random.Uniform(0, plane.width - 1), random.Uniform(0, plane.height - 1), 0};
       const std::uint64_t choice = random.Bits();
