@@ -332,7 +332,7 @@ TEST(Pieces, AKilledWriteLeavesWhatWas)
     for (const auto& entry :
          std::filesystem::directory_iterator(std::filesystem::path(folder / "field.pvtp").parent_path()))
     {
-      EXPECT_EQ(entry.path().string().find("bigus"), std::string::npos) << entry.path();
+      EXPECT_EQ(entry.path().string().find(".bigus"), std::string::npos) << entry.path();
     }
   }
 }
