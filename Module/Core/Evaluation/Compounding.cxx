@@ -5,6 +5,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -90,9 +91,9 @@ struct Slab
     }
   }
 
-  /// Adds row j of a frame. Pixels that touch the slab are those with begin - 1 < z < end: an interval of the row, found
+  /// Adds what is lit (null: all) of row j of a frame. Pixels that touch the slab are those with begin - 1 < z < end: an interval of the row, found
   /// a pixel too wide on either side.
-  void AddRow(const FrameInVoxels& frame, int j, int width)
+  void AddRow(const FrameInVoxels& frame, int j, int width, const std::uint8_t* lit)
   {
     const Eigen::Vector3d start = frame.origin + j * frame.rowStep;
     double first = 0, last = width - 1.0;
@@ -109,10 +110,166 @@ struct Slab
     }
     for (int i = static_cast<int>(std::min<double>(first, width)); i <= last; ++i)
     {
+      if (lit && !lit[i])
+      {
+        continue;
+      }
       // The frames' own bounds made the grid: rounding alone can leave it.
       Add((start + i * frame.columnStep).cwiseMax(0.0), frame.pixels, i, j);
     }
   }
+};
+
+constexpr double kLevels = 65534;  // of intensity in a voxel
+
+/// A part of a grid of voxels, 0 where empty, around all pasted ones of some layers; sticks through it.
+class Sticks
+{
+public:
+  Sticks(const std::uint16_t* voxels, const Eigen::Vector3i& size, int firstLayer, int endLayer, int longest)
+      : voxels_(voxels), size_(size), longest_(longest)
+  {
+    FindBounds(firstLayer, endLayer);
+    ahead_.resize(static_cast<std::size_t>(count_[0]) * count_[1] * count_[2]);
+    behind_.resize(ahead_.size());
+  }
+
+  /// Fills holes of layers [begin, end), which lie in this part, in `filled`, a copy of them.
+  void Fill(int begin, int end, std::vector<std::uint16_t>& filled)
+  {
+    const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
+    std::vector<std::uint16_t> shortest(filled.size(), std::numeric_limits<std::uint16_t>::max());  // squared, voxels
+    for (int d = 14; d < 27; ++d)  // half of the 26 neighbours: a stick has two ends
+    {
+      const Eigen::Vector3i step(d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1);
+      Measure(step, ahead_);
+      Measure(-step, behind_);
+      const std::ptrdiff_t offset = (static_cast<std::ptrdiff_t>(step[2]) * size_[1] + step[1]) * size_[0] + step[0];
+      ForRows(std::max(begin, first_[2]), std::min(end, first_[2] + count_[2]),
+              [&](int y, int z)
+              {
+                const std::size_t row = Row(y, z), own = Grid(first_[0], y, z);
+                for (int x = 0; x < count_[0]; ++x)
+                {
+                  const int a = ahead_[row + x], b = behind_[row + x], squared = (a + b) * (a + b) * step.squaredNorm();
+                  const std::size_t here = own + x - layer * begin;
+                  if (a > 0 && b > 0 && a + b <= longest_ && voxels_[own + x] == 0 && squared < shortest[here])
+                  {
+                    const std::uint16_t* hole = voxels_ + own + x;
+                    shortest[here] = static_cast<std::uint16_t>(squared);
+                    filled[here] = static_cast<std::uint16_t>(
+                        (b * hole[a * offset] + a * hole[-b * offset] + (a + b) / 2) / (a + b));
+                  }
+                }
+              });
+    }
+  }
+
+private:
+  std::size_t Grid(int x, int y, int z) const { return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x; }
+  std::size_t Row(int y, int z) const
+  {
+    return (static_cast<std::size_t>(z - first_[2]) * count_[1] + (y - first_[1])) * count_[0];
+  }
+
+  template <class Function>
+  void ForRows(int begin, int end, Function function) const
+  {
+    tbb::parallel_for(0, std::max(0, end - begin) * count_[1],
+                      [&](int k) { function(first_[1] + k % count_[1], begin + k / count_[1]); });
+  }
+
+  void FindBounds(int firstLayer, int endLayer)
+  {
+    std::vector<std::array<int, 4>> ofLayer(endLayer - firstLayer);  // first and last x and y
+    tbb::parallel_for(firstLayer, endLayer,
+                      [&](int z)
+                      {
+                        std::array<int, 4> bounds{size_[0], -1, size_[1], -1};
+                        for (int y = 0; y < size_[1]; ++y)
+                        {
+                          const std::uint16_t* row = voxels_ + Grid(0, y, z);
+                          const auto isPasted = [](std::uint16_t voxel) { return voxel != 0; };
+                          const int first = static_cast<int>(std::find_if(row, row + size_[0], isPasted) - row);
+                          if (first < size_[0])
+                          {
+                            int last = size_[0] - 1;
+                            while (row[last] == 0)
+                            {
+                              --last;
+                            }
+                            bounds = {std::min(bounds[0], first), std::max(bounds[1], last), std::min(bounds[2], y), y};
+                          }
+                        }
+                        ofLayer[z - firstLayer] = bounds;
+                      });
+    std::array<int, 4> all{size_[0], -1, size_[1], -1};
+    for (const std::array<int, 4>& one : ofLayer)
+    {
+      all = {std::min(all[0], one[0]), std::max(all[1], one[1]), std::min(all[2], one[2]), std::max(all[3], one[3])};
+    }
+    first_ = {all[0], all[2], firstLayer};
+    count_ = {std::max(0, all[1] - all[0] + 1), std::max(0, all[3] - all[2] + 1), endLayer - firstLayer};
+  }
+
+  /// For every voxel the number of steps to the next pasted one, below longest_; 0: there is none. One step further than
+  /// from the voxel a step on.
+  void Measure(const Eigen::Vector3i& step, std::vector<std::uint8_t>& steps) const
+  {
+    const auto inOrder = [](int first, int count, int direction, auto visit)
+    {
+      for (int k = 0; k < count; ++k)
+      {
+        visit(direction > 0 ? first + count - 1 - k : first + k);
+      }
+    };
+    const auto row = [&](int y, int z)
+    {
+      std::uint8_t* out = &steps[Row(y, z)];
+      const int v = y + step[1], w = z + step[2];
+      if (v < first_[1] || v >= first_[1] + count_[1] || w < first_[2] || w >= first_[2] + count_[2])
+      {
+        std::fill_n(out, count_[0], std::uint8_t(0));
+        return;
+      }
+      const std::uint8_t* next = &steps[Row(v, w)] + step[0];
+      const std::uint16_t* pasted = voxels_ + Grid(first_[0], v, w) + step[0];
+      const auto most = static_cast<std::uint8_t>(longest_ - 1);
+      const auto one = [&](int x)
+      {
+        const std::uint8_t further = next[x] > 0 && next[x] < most ? next[x] + 1 : 0;
+        out[x] = pasted[x] != 0 ? 1 : further;
+      };
+      const int begin = step[0] < 0 ? 1 : 0, end = count_[0] - (step[0] > 0 ? 1 : 0);
+      if (step[1] == 0 && step[2] == 0)
+      {
+        inOrder(begin, end - begin, step[0], one);
+      }
+      else
+      {
+        for (int x = begin; x < end; ++x)
+        {
+          one(x);
+        }
+      }
+      out[step[0] < 0 ? 0 : count_[0] - 1] *= step[0] == 0 ? 1 : 0;
+    };
+    if (step[2] != 0)
+    {
+      inOrder(first_[2], count_[2], step[2], [&](int z) { ForRows(z, z + 1, [&](int y, int) { row(y, z); }); });
+    }
+    else
+    {
+      tbb::parallel_for(first_[2], first_[2] + count_[2],
+                        [&](int z) { inOrder(first_[1], count_[1], step[1], [&](int y) { row(y, z); }); });
+    }
+  }
+
+  const std::uint16_t* voxels_;
+  Eigen::Vector3i size_;
+  int longest_;
+  Eigen::Vector3i first_, count_;
+  std::vector<std::uint8_t> ahead_, behind_;
 };
 
 }  // namespace
@@ -121,10 +278,10 @@ double Compounding::VoxelSizeForMemory(const Sweep& sweep, const std::vector<int
 {
   CheckTraining(sweep, training);
   const Box box(sweep, training);
-  const double limit = static_cast<double>(bytes / sizeof(float));
+  const double limit = static_cast<double>(bytes / sizeof(Voxel));
   if (limit < 8)
   {
-    throw Error("Compounding: " + std::to_string(bytes) + " bytes hold no grid; the coarsest takes 32 (8 voxels).");
+    throw Error("Compounding: " + std::to_string(bytes) + " bytes hold no grid; the coarsest takes 16 (8 voxels).");
   }
   double low = 0, high = 1.01 * (box.highest - box.lowest).maxCoeff() + 1e-6;  // 8 voxels
   while (high - low > 1e-3 * high)
@@ -146,16 +303,7 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   }
   const Box box(sweep, training);
   const double limit = static_cast<double>(maximumVoxels);
-  voxelSize_ = voxelSize;
-  const SweepGeometry geometry = MeasureGeometry(sweep, training);
-  if (voxelSize == 0)
-  {
-    voxelSize_ = std::max(geometry.pixelSize, std::sqrt(geometry.pixelSize * geometry.usualSpacing));
-    while (box.Voxels(voxelSize_).prod() > limit && box.Voxels(voxelSize_).maxCoeff() > 2)
-    {
-      voxelSize_ *= 1.25;
-    }
-  }
+  voxelSize_ = voxelSize > 0 ? voxelSize : ChooseVoxelSize(sweep, training, maximumVoxels);
   const Eigen::Vector3d size = box.Voxels(voxelSize_);
   if (!(size.prod() <= limit) || size.maxCoeff() > std::numeric_limits<int>::max())
   {
@@ -165,15 +313,16 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   }
   origin_ = box.lowest;
   size_ = size.cast<int>();
-  voxels_.assign(static_cast<std::size_t>(size.prod()), 0.0f);
-  // As far as half the widest gap between neighbouring planes (a break in the sweep is no gap), at least three voxels.
+  voxels_.assign(static_cast<std::size_t>(size.prod()), 0);
+  Paste(sweep, training);
+  // A break in the sweep is no gap. The nearest of 13 directions is at most 27.2 degrees from a gap's own: 1 / cos = 1.13.
+  const SweepGeometry geometry = MeasureGeometry(sweep, training);
   const double gap = std::min(geometry.largestSpacing, 4 * geometry.usualSpacing);
-  constexpr double kMostPasses = 64;
-  FillHoles(Paste(sweep, training), static_cast<int>(std::clamp(std::ceil(0.5 * gap / voxelSize_), 3.0, kMostPasses)));
+  FillHoles(static_cast<int>(std::clamp(std::ceil(1.13 * gap / voxelSize_), 9.0, 64.0)));
 }
 
-/// Which voxels got a value. Each thread owns a slab of layers, whose voxels add up pixels in order of frame and row.
-std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
+/// Each thread owns a slab of layers, whose voxels add up pixels in order of frame and row.
+void Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
 {
   std::vector<FrameInVoxels> frames;
   for (int frame : training)
@@ -182,7 +331,6 @@ std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vec
     frames.push_back({FrameInSpace(sweep, frame), (plane.origin - origin_) / voxelSize_, plane.columnStep / voxelSize_,
                       plane.rowStep / voxelSize_});
   }
-  std::vector<unsigned char> filled(voxels_.size(), 0);
   const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
   const int layers = static_cast<int>(std::clamp<std::size_t>((std::size_t(1) << 20) / layer, 1, size_[2]));
   tbb::parallel_for(0, (size_[2] + layers - 1) / layers,
@@ -194,7 +342,9 @@ std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vec
                       {
                         for (int j = 0; j < sweep.height; ++j)
                         {
-                          slab.AddRow(frame, j, sweep.width);
+                          slab.AddRow(
+                              frame, j, sweep.width,
+                              sweep.mask ? sweep.mask->data() + static_cast<std::size_t>(j) * sweep.width : nullptr);
                         }
                       }
                       for (std::size_t k = 0; k < slab.voxels.size(); ++k)
@@ -202,124 +352,101 @@ std::vector<unsigned char> Compounding::Paste(const Sweep& sweep, const std::vec
                         const auto& [sum, weight] = slab.voxels[k];
                         if (weight > 1e-6)
                         {
-                          filled[layer * begin + k] = 1;
-                          voxels_[layer * begin + k] = static_cast<float>(sum / weight);
+                          voxels_[layer * begin + k] = static_cast<Voxel>(1 + std::lround(kLevels * sum / weight));
                         }
                       }
                     });
-  return filled;
 }
 
-void Compounding::FillHoles(std::vector<unsigned char> filled, int passes)
+/// A stick has pasted voxels at its ends, never filled ones: a slab of layers is filled into a copy, which takes its place
+/// when the next one, as thick as a stick is long, is filled too.
+void Compounding::FillHoles(int longest)
 {
-  const int nx = size_[0], ny = size_[1], nz = size_[2];
-  struct Interval
+  const int thickness = std::max(longest, 32);
+  const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
+  std::vector<Voxel> before;
+  for (int first = 0; first < size_[2]; first += thickness)
   {
-    int first = std::numeric_limits<int>::max(), last = -1;
-  };
-  std::vector<Interval> rows(static_cast<std::size_t>(ny) * nz);
-  for (int pass = 0; pass < passes; ++pass)
-  {
-    // Most of the box lies outside the sweep: look only near each row's filled voxels.
-    tbb::parallel_for(0, nz,
-                      [&](int z)
-                      {
-                        for (int y = 0; y < ny; ++y)
-                        {
-                          const unsigned char* row = &filled[Index(0, y, z)];
-                          const unsigned char* first = std::find(row, row + nx, 1);
-                          if (first != row + nx)
-                          {
-                            int last = nx - 1;
-                            while (!row[last])
-                            {
-                              --last;
-                            }
-                            rows[static_cast<std::size_t>(z) * ny + y] = {static_cast<int>(first - row), last};
-                          }
-                        }
-                      });
-    // Reads only voxels filled before this pass and writes only the others, so the order does not matter.
-    std::vector<unsigned char> next = filled;
-    tbb::parallel_for(0, nz,
-                      [&](int z)
-                      {
-                        for (int y = 0; y < ny; ++y)
-                        {
-                          Interval near;
-                          for (int v = std::max(0, z - 1); v <= std::min(nz - 1, z + 1); ++v)
-                          {
-                            for (int u = std::max(0, y - 1); u <= std::min(ny - 1, y + 1); ++u)
-                            {
-                              const Interval& row = rows[static_cast<std::size_t>(v) * ny + u];
-                              near.first = std::min(near.first, row.first);
-                              near.last = std::max(near.last, row.last);
-                            }
-                          }
-                          for (int x = std::max(0, near.first - 1);
-                               near.last >= 0 && x <= std::min(nx - 1, near.last + 1); ++x)
-                          {
-                            if (!filled[Index(x, y, z)])
-                            {
-                              next[Index(x, y, z)] = FillVoxel(filled, x, y, z);
-                            }
-                          }
-                        }
-                      });
-    filled.swap(next);
+    const int end = std::min(size_[2], first + thickness);
+    std::vector<Voxel> slab(voxels_.begin() + layer * first, voxels_.begin() + layer * end);
+    Sticks(voxels_.data(), size_, std::max(0, first - longest), std::min(size_[2], end + longest), longest)
+        .Fill(first, end, slab);
+    std::copy(before.begin(), before.end(), voxels_.begin() + layer * std::max(0, first - thickness));
+    before.swap(slab);
   }
+  std::copy(before.begin(), before.end(), voxels_.end() - before.size());
 }
 
-/// Gives a voxel the mean of its filled neighbours (of 26); false when it has none.
-bool Compounding::FillVoxel(const std::vector<unsigned char>& filled, int x, int y, int z)
+double Compounding::Value(const Eigen::Vector3d& point) const
 {
-  double sum = 0;
-  int count = 0;
-  for (int v = std::max(0, z - 1); v <= std::min(size_[2] - 1, z + 1); ++v)
+  const Eigen::Vector3d last = (size_.array() - 1).cast<double>();
+  Eigen::Vector3d p = (point - origin_) / voxelSize_;
+  if (!((p.array() >= -kRounding).all() && (p.array() <= last.array() + kRounding).all()))
   {
-    for (int u = std::max(0, y - 1); u <= std::min(size_[1] - 1, y + 1); ++u)
+    return 0;
+  }
+  p = p.cwiseMax(0.0);
+  const int x = std::min(static_cast<int>(p[0]), size_[0] - 2);
+  const int y = std::min(static_cast<int>(p[1]), size_[1] - 2);
+  const int z = std::min(static_cast<int>(p[2]), size_[2] - 2);
+  const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
+  double sum = 0, weights = 0;
+  for (int corner = 0; corner < 8; ++corner)
+  {
+    const int dx = corner % 2, dy = corner / 2 % 2, dz = corner / 4;
+    if (const Voxel voxel = voxels_[Index(x + dx, y + dy, z + dz)])
     {
-      for (int t = std::max(0, x - 1); t <= std::min(size_[0] - 1, x + 1); ++t)
-      {
-        if (filled[Index(t, u, v)])
-        {
-          sum += voxels_[Index(t, u, v)];
-          ++count;
-        }
-      }
+      const double weight = (dx ? fx : 1 - fx) * (dy ? fy : 1 - fy) * (dz ? fz : 1 - fz);
+      sum += weight * (voxel - 1);
+      weights += weight;
     }
   }
-  if (count > 0)
-  {
-    voxels_[Index(x, y, z)] = static_cast<float>(sum / count);
-  }
-  return count > 0;
+  return weights > kRounding ? sum / (weights * kLevels) : 0;
 }
 
 void Compounding::Predict(const SlicePlane& plane, float* image) const
 {
-  const Eigen::Vector3d last = (size_.array() - 1).cast<double>();
-  ForEachPixel(plane, image,
-               [&](const Eigen::Vector3d& point)
-               {
-                 Eigen::Vector3d p = (point - origin_) / voxelSize_;
-                 if (!((p.array() >= -kRounding).all() && (p.array() <= last.array() + kRounding).all()))
-                 {
-                   return 0.0;
-                 }
-                 p = p.cwiseMax(0.0);
-                 const int x = std::min(static_cast<int>(p[0]), size_[0] - 2);
-                 const int y = std::min(static_cast<int>(p[1]), size_[1] - 2);
-                 const int z = std::min(static_cast<int>(p[2]), size_[2] - 2);
-                 const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
-                 const auto along = [&](int dy, int dz)
-                 {
-                   const float* v = &voxels_[Index(x, y + dy, z + dz)];
-                   return (1 - fx) * v[0] + fx * v[1];
-                 };
-                 return (1 - fz) * ((1 - fy) * along(0, 0) + fy * along(1, 0)) +
-                        fz * ((1 - fy) * along(0, 1) + fy * along(1, 1));
-               });
+  ForEachPixel(plane, image, [&](const Eigen::Vector3d& point) { return Value(point); });
+}
+
+double Compounding::ChooseVoxelSize(const Sweep& sweep, const std::vector<int>& training, std::size_t maximumVoxels)
+{
+  const double pixel = MeasureGeometry(sweep, training).pixelSize;
+  const double fits = VoxelSizeForMemory(sweep, training, maximumVoxels * sizeof(Voxel));
+  const int count = static_cast<int>(training.size());
+  const auto error = [&](double size)
+  {
+    double squares = 0;
+    for (int k = 0; k < 5; ++k)
+    {
+      const int judged = 1 + static_cast<int>(static_cast<std::int64_t>(count - 3) * k / 4);
+      std::vector<int> around(training.begin() + std::max(0, judged - 4),
+                              training.begin() + std::min(count, judged + 5));
+      around.erase(std::find(around.begin(), around.end(), training[judged]));
+      const Compounding volume(sweep, around, size, maximumVoxels);
+      std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
+      volume.Predict(sweep.Plane(training[judged]), image.data());
+      sweep.CopyFrame(training[judged], truth.data());
+      for (std::size_t p = 0; p < image.size(); ++p)
+      {
+        squares += sweep.IsLit(p) ? (image[p] - truth[p]) * (image[p] - truth[p]) : 0;
+      }
+    }
+    return squares;
+  };
+  double best = std::max(pixel, fits), least = std::numeric_limits<double>::infinity();
+  for (int coarser = 4; count >= 3 && coarser >= 0; --coarser)
+  {
+    const double size = std::max(pixel * std::pow(2.0, 0.5 * coarser), fits);
+    const double squares = error(size);
+    if (squares >= least)
+    {
+      break;
+    }
+    least = squares;
+    best = size;
+  }
+  return best;
 }
 
 }  // namespace bigus
