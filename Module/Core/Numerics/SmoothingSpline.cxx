@@ -10,7 +10,9 @@ namespace bigus
 namespace
 {
 
-using States = Eigen::Matrix<double, 2, Eigen::Dynamic>;
+constexpr int kMostColumns = 4;  // of what is smoothed together; they need no memory of their own
+
+using States = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::ColMajor, 2, kMostColumns>;
 
 // The state x_k = (place, velocity) at time k follows x_(k+1) = F x_k + e, where F = (1 d; 0 1) and e has the covariance
 // drive Q, Q = (d^3/3 d^2/2; d^2/2 d). With H = (1 0) the smoothed states minimise

@@ -18,9 +18,9 @@ struct SmoothedCurve
   double logDeterminant = 0;  ///< of the covariance of one column in units of the noise's variance
 };
 
-/// The cubic smoothing spline through `values` [n][columns] at increasing `times` [n]: the mean of a path whose velocity
-/// is a Wiener process, given values with independent noise. `weights` [n] are positive; noise of value k has the
-/// variance sigma^2 / weights[k]. `drive` is q / sigma^2, q being the variance that velocity gains in a unit of time:
+/// The cubic smoothing spline through `values` [n][columns], at most 4, at increasing `times` [n]: the mean of a path whose
+/// velocity is a Wiener process, given values with independent noise. `weights` [n] are positive; noise of value k has
+/// the variance sigma^2 / weights[k]. `drive` is q / sigma^2, q being the variance that velocity gains in a unit of time:
 /// the weights of a value's neighbours fall off over drive^(-1/4) units of time. Needs n >= 2. O(n columns).
 ///
 /// The restricted likelihood, in which the first place and velocity have no say, is

@@ -32,6 +32,8 @@ constexpr std::array<int, 2> kLags{1, 2};  // frames on each side on the path th
 constexpr double kAway = 3;                // mm: a place that the probe left so far and came back to is seen anew
 constexpr double kWidestGap = 2;           // mm between the two frames that a third is predicted from
 constexpr std::size_t kMostRevisits = 2;   // of a frame: the nearest in the plane
+constexpr double kMostLooks =
+    1e8;  // frames times those among which each looks for its place: of 10,000 frames all, of more some
 
 /// Degrees that frames of a revisit may be turned against each other in their plane. Speckle and shadows turn with the
 /// beam, so pictures that are turned by 4 degrees seem to fit best where they are turned by 1: at exact poses of a
@@ -250,17 +252,23 @@ void PoseRefinement::FindRevisits()
     const Eigen::Vector3d seen = (along - along.dot(normal) * normal).normalized();
     return normal.dot(planes_[b].Normal()) >= parallel && planes_[a].columnStep.normalized().dot(seen) >= straight;
   };
-  for (int a = 0; a < n; ++a)
+  std::vector<Eigen::Vector3d> centres;
+  for (const SlicePlane& plane : planes_)
+  {
+    centres.push_back(CentreOf(plane));
+  }
+  const int step = 1 + static_cast<int>(static_cast<double>(n) * n / kMostLooks);
+  for (int a = 0; a < n; a += step)
   {
     std::vector<std::pair<double, int>> found;  // distance of the centre, frame before
-    const Eigen::Vector3d centre = CentreOf(planes_[a]), normal = planes_[a].Normal();
+    const Eigen::Vector3d centre = centres[a], normal = planes_[a].Normal();
     for (const int side : {-1, 1})
     {
       double away = 0;
       bool follows = true;
       for (int b = a + side, c = b + side; b >= 0 && c >= 0 && b < n && c < n; b = c, c += side)
       {
-        const Eigen::Vector3d toB = CentreOf(planes_[b]) - centre, toC = CentreOf(planes_[c]) - centre;
+        const Eigen::Vector3d toB = centres[b] - centre, toC = centres[c] - centre;
         const double heightB = normal.dot(toB), heightC = normal.dot(toC);
         away = std::max(away, std::abs(heightB));
         follows = follows && stroke_[frames_[b]] == stroke_[frames_[a]];

@@ -52,6 +52,7 @@ constexpr double kLeastDrive = 1e-8, kMostDrive = 1e4;
 constexpr double kDriveStep = 0.5;  // of log10(drive), between the values tried first
 constexpr int kDriveRefinements = 5;
 constexpr int kRobustRounds = 6;
+constexpr double kMostEstimated = 4000;  // poses that smoothness is estimated from: more say little more
 
 /// Squared deviation of a pose in units of the noise, six numbers each of variance 1, up to which it counts in full:
 /// 1.4 % of sound poses lie above. Beyond, its weight falls with the square.
@@ -330,8 +331,27 @@ double Cost(Motion& motion, const Weighted& data, double drive)
   return count * std::log(variance) + logDeterminant;
 }
 
-/// Noise and smoothness of most likelihood.
-void Estimate(Motion& motion, const Weighted& data)
+/// The middle of every stroke, as long as the same share of it: kMostEstimated poses of the whole path.
+std::pair<Motion, Weighted> MiddlesOf(const Motion& motion, const Weighted& data, double poses)
+{
+  Motion middles;
+  middles.freedoms = motion.freedoms;
+  Weighted weighted;
+  for (std::size_t s = 0; s < motion.values.size(); ++s)
+  {
+    const auto rows = motion.values[s].rows();
+    const auto kept =
+        std::min(rows, static_cast<Eigen::Index>(std::ceil(kMostEstimated / poses * static_cast<double>(rows))) + 2);
+    const Eigen::Index begin = (rows - kept) / 2;
+    middles.values.push_back(motion.values[s].middleRows(begin, kept));
+    weighted.times.emplace_back(data.times[s].begin() + begin, data.times[s].begin() + begin + kept);
+    weighted.weights.emplace_back(data.weights[s].begin() + begin, data.weights[s].begin() + begin + kept);
+  }
+  return {std::move(middles), std::move(weighted)};
+}
+
+/// The exponent of the drive of most likelihood, in powers of ten.
+double LikeliestDrive(Motion& motion, const Weighted& data)
 {
   double best = 0, lowest = 0, step = kDriveStep;
   bool first = true;
@@ -357,7 +377,27 @@ void Estimate(Motion& motion, const Weighted& data)
     consider(std::max(middle - step, low));
     consider(std::min(middle + step, high));
   }
-  Cost(motion, data, std::pow(10.0, best));
+  return best;
+}
+
+/// Noise and smoothness of most likelihood. Of a long path the smoothness is that of a part.
+void Estimate(Motion& motion, const Weighted& data)
+{
+  double poses = 0, exponent = 0;
+  for (const std::vector<double>& times : data.times)
+  {
+    poses += static_cast<double>(times.size());
+  }
+  if (poses > kMostEstimated)
+  {
+    auto [middles, weighted] = MiddlesOf(motion, data, poses);
+    exponent = LikeliestDrive(middles, weighted);
+  }
+  else
+  {
+    exponent = LikeliestDrive(motion, data);
+  }
+  Cost(motion, data, std::pow(10.0, exponent));
 }
 
 double DriveAt(const Motion& motion, double strength)
