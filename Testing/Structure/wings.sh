@@ -2,7 +2,8 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
 # Whether the trunk stands without its wings: deletes one after the other, its folder and its line of CMake, in a copy of what
-# git has, builds what is left and runs its quick tests. Then all at once.
+# git has, builds what is left and runs its quick tests of structure, readers, filters and rendering. Then all at once, with
+# all quick tests: what the trunk does without any wing it does without one, but for what wings do to each other.
 #   Testing/Structure/wings.sh [FOLDER] [WING...]     FOLDER: of the copy and its build, else a new one that goes away;
 #                                                     WING: such as Module/Serve, else each of them and all together
 # Links of pages are not looked at, because pages name wings for readers.
@@ -24,17 +25,19 @@ fi
 for gone in "${wings[@]}"; do
   start=$SECONDS
   echo "=== without $gone"
-  rm -rf "$folder/source" "$folder/build"  # files of a wing that an earlier build left would hide that the trunk needs them
+  rm -rf "$folder/source"  # files of a wing that an earlier build left would hide that the trunk needs them
   git clone --quiet --shared "$root" "$folder/source"
   cd "$folder/source"
   for wing in $gone; do
     rm -r "$wing"
     sed -i "\|^add_subdirectory($wing)\$|d" CMakeLists.txt
   done
-  cmake -S . -B "$folder/build" -G Ninja -DCMAKE_BUILD_TYPE=Release >"$folder/log" || { cat "$folder/log"; exit 1; }
-  cmake --build "$folder/build" --parallel "$(nproc)" >"$folder/log" || { tail -50 "$folder/log"; exit 1; }
+  cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release >"$folder/log" || { cat "$folder/log"; exit 1; }
+  cmake --build build --parallel "$(nproc)" >"$folder/log" || { tail -50 "$folder/log"; exit 1; }
   python3 Testing/Structure/check_rooms.py .
-  ctest --test-dir "$folder/build" --output-on-failure --parallel "$(nproc)" -LE '^(slow|nightly|site|install)$' \
+  labels=(-L '^(structure|io|filters|rendering)$')
+  [[ $gone != *' '* ]] || labels=()
+  ctest --test-dir build --output-on-failure --parallel "$(nproc)" "${labels[@]}" -LE '^(slow|nightly|site|install)$' \
     -E '^structure[.]links$' >"$folder/log" || { tail -50 "$folder/log"; exit 1; }
   tail -3 "$folder/log" | head -1
   echo "=== without $gone: $((SECONDS - start)) s"
