@@ -25,6 +25,7 @@ fi
 for gone in "${wings[@]}"; do
   start=$SECONDS
   echo "=== without $gone"
+  cd "$folder"
   rm -rf "$folder/source"  # files of a wing that an earlier build left would hide that the trunk needs them
   git clone --quiet --shared "$root" "$folder/source"
   cd "$folder/source"
