@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What the baselines share: a frame as a function in space, and pixels one after another. Private to this room.
+// What the baselines share: a frame as a function in space, and pixels one after another. Private to Core.
 #pragma once
 
 #include <tbb/parallel_for.h>

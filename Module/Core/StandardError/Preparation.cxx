@@ -1,0 +1,227 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// What a training leaves behind for its field's standard error.
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iterator>
+#include <limits>
+#include <memory>
+#include <string>
+
+#include "Core/Evaluation/FrameInSpace.h"
+#include "Core/Poses/Trajectory.h"
+#include "Core/StandardError/Inside.h"
+#include "Core/StandardError/StandardError.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::size_t kMostBytes = std::size_t(4) << 20;
+constexpr int kNeighbours = 6;       // on either side, from which a frame is predicted
+constexpr std::size_t kAtOnce = 16;  // frames in memory
+
+}  // namespace
+
+/// Measures one training frame after another.
+class StandardError::Preparation
+{
+public:
+  Preparation(StandardError& kept, const Sweep& sweep, const std::vector<int>& training) : kept_(kept)
+  {
+    for (const int frame : training)
+    {
+      frames_.emplace_back(sweep, frame);
+    }
+    const std::size_t cells = kept.Cells() * training.size();
+    for (std::vector<std::uint8_t>* part : {&kept.residual_, &kept.rate_, &kept.texture_})
+    {
+      part->assign(cells, 0);
+    }
+    between_.assign(cells, 0);
+    apart_.assign(cells, -1);
+    turnSums_.assign(training.size(), 0);
+    turnCounts_.assign(training.size(), 0);
+  }
+
+  /// T and V of training frame k, of which the field shows `image`, and how well its neighbours predict it.
+  void Measure(std::size_t k, const float* image)
+  {
+    const int width = kept_.width_;
+    std::vector<double> lit(kept_.lit_.begin(), kept_.lit_.end()), frame(lit.size()), squares(lit.size());
+    for (std::size_t p = 0; p < lit.size(); ++p)
+    {
+      frame[p] = Pixel(k, p);
+      squares[p] = (frame[p] - image[p]) * (frame[p] - image[p]);
+    }
+    const std::vector<double> texture = WindowVariances(frame, lit, width, kept_.height_, kHalfWindow);
+    ForCells(k, WindowMeans(squares, lit), lit,
+             [this](std::size_t cell, double mean) { kept_.residual_[cell] = CodeOfVariance(mean); });
+    ForCells(k, texture, lit, [this](std::size_t cell, double mean) { kept_.texture_[cell] = CodeOfVariance(mean); });
+    Predict(k, frame, squares);
+  }
+
+  /// R, when all frames are measured: errors of interpolation by what m is there, but not less than half the usual m, since
+  /// frames that nearly coincide tell of no rate.
+  void Finish()
+  {
+    std::vector<double> usual;
+    std::copy_if(apart_.begin(), apart_.end(), std::back_inserter(usual), [](double m) { return m >= 0; });
+    if (usual.empty())
+    {
+      return;
+    }
+    const auto middle = usual.begin() + static_cast<std::ptrdiff_t>(usual.size() / 2);
+    std::nth_element(usual.begin(), middle, usual.end());
+    const double least = std::max(0.5 * *middle, 1e-9);
+    for (std::size_t cell = 0; cell < apart_.size(); ++cell)
+    {
+      kept_.rate_[cell] = apart_[cell] >= 0 ? CodeOfVariance(between_[cell] / std::max(apart_[cell], least)) : 0;
+    }
+    double sum = 0, count = 0;
+    for (std::size_t k = 0; k < turnSums_.size(); ++k)
+    {
+      sum += turnSums_[k];
+      count += turnCounts_[k];
+    }
+    kept_.usualTurn_ = std::min(sum / count, 1 - 1e-6);
+  }
+
+private:
+  double Pixel(std::size_t k, std::size_t p) const
+  {
+    return frames_[k].Pixel(static_cast<int>(p % kept_.width_), static_cast<int>(p / kept_.width_));
+  }
+
+  /// Means over windows of what counts (1, else 0).
+  std::vector<double> WindowMeans(std::vector<double> values, const std::vector<double>& counted) const
+  {
+    for (std::size_t p = 0; p < values.size(); ++p)
+    {
+      values[p] *= counted[p];
+    }
+    values = BoxSums(values, kept_.width_, kept_.height_, kHalfWindow);
+    const std::vector<double> counts = BoxSums(counted, kept_.width_, kept_.height_, kHalfWindow);
+    for (std::size_t p = 0; p < values.size(); ++p)
+    {
+      values[p] /= std::max(counts[p], 1.0);
+    }
+    return values;
+  }
+
+  /// The mean over every cell of frame k that has something that counts.
+  template <class Store>
+  void ForCells(std::size_t k, const std::vector<double>& values, const std::vector<double>& counted, Store store) const
+  {
+    std::vector<double> sums(kept_.Cells(), 0), counts(kept_.Cells(), 0);
+    for (std::size_t p = 0; p < values.size(); ++p)
+    {
+      const std::size_t i = p % kept_.width_ / kept_.cell_, j = p / kept_.width_ / kept_.cell_;
+      sums[j * kept_.CellColumns() + i] += counted[p] * values[p];
+      counts[j * kept_.CellColumns() + i] += counted[p];
+    }
+    for (std::size_t cell = 0; cell < sums.size(); ++cell)
+    {
+      if (counts[cell] > 0)
+      {
+        store(k * kept_.Cells() + cell, sums[cell] / counts[cell]);
+      }
+    }
+  }
+
+  /// The frame is left out: linear interpolation between its neighbours, where it lies between two.
+  void Predict(std::size_t k, const std::vector<double>& frame, std::vector<double>& squares)
+  {
+    std::vector<int> among;
+    const auto& sequence = *std::find_if(kept_.bySequence_.begin(), kept_.bySequence_.end(),
+                                         [k](const std::vector<int>& s) { return s.back() >= static_cast<int>(k); });
+    for (const int other : sequence)
+    {
+      if (other != static_cast<int>(k) && std::abs(other - static_cast<int>(k)) <= kNeighbours)
+      {
+        among.push_back(other);
+      }
+    }
+    const SlicePlane& plane = kept_.frames_[k].plane;
+    std::vector<Beside> beside(frame.size());
+    kept_.Find(plane, {0, 0, plane.width, plane.height}, among, beside);
+    const std::vector<double> turned = kept_.Turned(plane);
+    std::vector<double> known(frame.size(), 0), apart(frame.size(), 0);
+    for (std::size_t p = 0; p < frame.size(); ++p)
+    {
+      const Beside& at = beside[p];
+      if (kept_.lit_[p] && at.frame[0] >= 0 && at.frame[1] >= 0)
+      {
+        const double t = at.Nearness();
+        const auto sample = [&](int side)
+        { return frames_[at.frame[side]].Sample(Eigen::Vector3d(at.column[side], at.row[side], 0)); };
+        const double error = frame[p] - t * sample(0) - (1 - t) * sample(1);
+        squares[p] = error * error;
+        apart[p] = at.Apart();
+        known[p] = 1;
+        turnSums_[k] += turned[at.frame[t >= 0.5 ? 0 : 1]];
+        turnCounts_[k] += 1;
+      }
+    }
+    ForCells(k, WindowMeans(squares, known), known, [this](std::size_t cell, double mean) { between_[cell] = mean; });
+    ForCells(k, WindowMeans(apart, known), known, [this](std::size_t cell, double mean) { apart_[cell] = mean; });
+  }
+
+  StandardError& kept_;
+  std::vector<FrameInSpace> frames_;
+  std::vector<double> between_, apart_;  // [frames][cells], apart -1: not known
+  std::vector<double> turnSums_, turnCounts_;
+};
+
+StandardError::StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
+                             double trackerNoise, const std::string& engineName)
+    : width_(sweep.width), height_(sweep.height), trackerNoise_(trackerNoise)
+{
+  CheckTraining(sweep, training);
+  for (const int frame : training)
+  {
+    poses_.push_back(sweep.imageToReference[frame]);
+    sequences_.push_back(sweep.SequenceOf(frame));
+  }
+  lit_.resize(sweep.PixelsPerFrame());
+  for (std::size_t p = 0; p < lit_.size(); ++p)
+  {
+    lit_[p] = sweep.IsLit(p) ? 1 : 0;
+  }
+  while (3 * Cells() * training.size() > kMostBytes && cell_ < std::max(width_, height_))
+  {
+    cell_ *= 2;
+  }
+  Derive();
+  Preparation preparation(*this, sweep, training);
+  const std::unique_ptr<Engine> engine = Engine::Create(engineName);
+  engine->SetField(field);
+  for (std::size_t first = 0; first < training.size(); first += kAtOnce)
+  {
+    const std::size_t count = std::min(kAtOnce, training.size() - first);
+    std::vector<std::vector<float>> images(count, std::vector<float>(sweep.PixelsPerFrame()));
+    for (std::size_t k = 0; k < count; ++k)
+    {
+      engine->Render(frames_[first + k].plane, ViewOutput::Intensity, images[k].data());
+    }
+    tbb::parallel_for(std::size_t(0), count, [&](std::size_t k) { preparation.Measure(first + k, images[k].data()); });
+  }
+  preparation.Finish();
+}
+
+double TrackerNoise(const Sweep& tracked)
+{
+  double least = std::numeric_limits<double>::infinity();
+  for (const FrameClock clock : {FrameClock::Times, FrameClock::Numbers})
+  {
+    const Trajectory trajectory = SmoothTrajectory(tracked, {1, clock});
+    least = std::min(least, trajectory.IsNoiseKnown() ? trajectory.translationNoise : 0);
+  }
+  return least;
+}
+
+}  // namespace bigus

@@ -1,0 +1,106 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// How far a slice of a field may be from what a probe would show there. README.md has the model.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "Core/Engine/Engine.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/SlicePlane.h"
+#include "Core/Model/Sweep.h"
+
+namespace bigus
+{
+
+/// What a training knows of its field's errors, and what follows for any plane: for each pixel the standard deviation of
+/// a recorded frame there about the slice, in units of intensity (1 is white). Thin wires in water, planes rolled in
+/// themselves by more than 4 degrees, and a probe of another frequency than 5 MHz are not covered.
+class StandardError
+{
+public:
+  /// Looks at the field's residuals on the training frames, and at how well these predict each other. `sweep`: at the poses
+  /// that the field was trained at, with the mask of what a probe lights (Sweep::LitBy); `training`: in ascending order;
+  /// `trackerNoise`: mm, at least 0 (TrackerNoise). Takes about as long as rendering every training frame five times. Throws
+  /// Error for frames that are not there.
+  StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training, double trackerNoise,
+                const std::string& engine = "auto");
+
+  /// What ToBytes gave. Withstands any damage: throws Error.
+  explicit StandardError(std::string_view bytes);
+
+  /// Three bytes for every cell of 4 x 4 pixels of each training frame, or of 8 x 8, 16 x 16 and so on where that takes more
+  /// than 4 MiB, and poses and lit area. Numbers have this machine's order of bytes.
+  std::string ToBytes() const;
+
+  /// Pixels around one that its standard error depends on.
+  int Margin(const SlicePlane& plane) const;
+
+  /// `image`: intensities of the slice in that window of `plane`, row by row. `sigma` gets as many floats; NaN where the
+  /// frames do not tell: outside the lit area, before the first frame and behind the last. What lies outside the window is
+  /// not looked at, so that parts of a plane agree bit for bit with the whole where windows are wider by Margin, but not than
+  /// the plane. The same for every number of threads.
+  void Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image, float* sigma) const;
+  void Evaluate(const SlicePlane& plane, const float* image, float* sigma) const
+  {
+    Evaluate(plane, {0, 0, plane.width, plane.height}, image, sigma);
+  }
+
+private:
+  /// A frame's plane; its coordinates (column, row, mm along the normal) are toFrame (x - origin). Normals of one sequence
+  /// point one way along it.
+  struct Frame
+  {
+    SlicePlane plane;
+    Eigen::Vector3d normal;
+    Eigen::Matrix3d toFrame;
+  };
+  struct Beside;
+  struct Terms;
+  class Preparation;
+
+  void Derive();
+  std::size_t Cells() const;
+  int CellColumns() const { return (width_ + cell_ - 1) / cell_; }
+  bool IsLit(double column, double row) const;
+  std::vector<double> Turned(const SlicePlane& plane) const;
+  void Find(const SlicePlane& plane, const Engine::Window& window, const std::vector<int>& among,
+            std::vector<Beside>& found) const;
+  Terms Read(const Beside& beside) const;
+
+  int width_ = 0, height_ = 0, cell_ = 4;
+  double trackerNoise_ = 0;  // mm
+  double usualTurn_ = 0;     // how much speckle is another between the sweep's own frames
+  std::vector<Eigen::Matrix4d> poses_;
+  std::vector<int> sequences_;
+  std::vector<std::uint8_t> lit_;                        // [height][width]
+  std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
+  std::vector<Frame> frames_;                            // what Derive makes of the above
+  std::vector<std::vector<int>> bySequence_;
+};
+
+/// mm, standard deviation of the tracker's noise in a recorded place, of frames ordered by times or by numbers, whichever
+/// finds less; 0 where it is not known.
+double TrackerNoise(const Sweep& tracked);
+
+/// What a standard error says beside the errors that there are.
+struct StandardErrorScores
+{
+  double varianceRatio = 0;  ///< mean predicted variance over mean squared error; 1 is right
+  double within1 = 0;        ///< share of pixels whose error is at most sigma
+  double within2 = 0;        ///< at most 2 sigma: 0.95 where errors are normal
+  double sparsification =
+      0;  ///< area under the curve of the error left when pixels go by sigma: 0 as if by the error, 1 by chance
+  double rmse = 0;   ///< of intensity
+  double known = 0;  ///< share of the lit pixels of which sigma is known, and which count
+};
+
+/// Of the field's slices at these frames of `sweep`, which had no part in it. Throws Error when nothing is known there.
+StandardErrorScores ScoreStandardError(const StandardError& error, const GaussianField& field, const Sweep& sweep,
+                                       const std::vector<int>& frames, const std::string& engine = "auto");
+
+}  // namespace bigus

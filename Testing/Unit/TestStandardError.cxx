@@ -1,0 +1,360 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// The standard error of a slice: its formula against a slow one, and what it says against errors that are known.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
+#include "Core/StandardError/StandardError.h"
+#include "Core/Trainer/Trainer.h"
+
+namespace bigus::standard_error_test
+{
+namespace
+{
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+const std::vector<double> kPlaces = {0.0, 0.6, 1.0, 1.9, 2.3, 3.3, 3.5};   // mm
+const std::vector<double> kGreys = {0.2, 0.5, 0.3, 0.7, 0.45, 0.6, 0.25};  // of the whole frame
+constexpr int kWidth = 41, kHeight = 33;
+
+/// Parallel frames, each of one grey.
+Sweep GreySweep()
+{
+  Sweep sweep;
+  sweep.width = kWidth;
+  sweep.height = kHeight;
+  sweep.pixelType = Sweep::PixelType::Float32;
+  auto pixels = std::make_shared<std::vector<float>>();
+  for (std::size_t k = 0; k < kPlaces.size(); ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose(0, 0) = pose(1, 1) = 0.5;
+    pose(2, 3) = kPlaces[k];
+    sweep.imageToReference.push_back(pose);
+    pixels->insert(pixels->end(), kWidth * kHeight, static_cast<float>(kGreys[k]));
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return sweep;
+}
+
+/// A field that shows black everywhere, so that residuals are the frames themselves.
+StandardError OfBlack(double tracker)
+{
+  const Sweep sweep = GreySweep();
+  return StandardError(GaussianField(), sweep, AllFrames(sweep), tracker);
+}
+
+/// A plane amid the frames, turned by so many degrees about x, y and z.
+SlicePlane Plane(double x, double y, double z, double pixel = 0.5)
+{
+  const Eigen::Matrix3d turn = (Eigen::AngleAxisd(x * kDegree, Eigen::Vector3d::UnitX()) *
+                                Eigen::AngleAxisd(y * kDegree, Eigen::Vector3d::UnitY()) *
+                                Eigen::AngleAxisd(z * kDegree, Eigen::Vector3d::UnitZ()))
+                                   .toRotationMatrix();
+  SlicePlane plane;
+  plane.width = 27;
+  plane.height = 23;
+  plane.columnStep = pixel * turn.col(0);
+  plane.rowStep = pixel * turn.col(1);
+  plane.origin = Eigen::Vector3d(10, 8, 1.6) - 13 * plane.columnStep - 11 * plane.rowStep;
+  return plane;
+}
+
+double Ramp(int i, int j)
+{
+  return 0.3 + 0.01 * i - 0.004 * j;
+}
+
+std::vector<float> Ramps(const SlicePlane& plane)
+{
+  std::vector<float> image;
+  for (int p = 0; p < plane.width * plane.height; ++p)
+  {
+    image.push_back(static_cast<float>(Ramp(p % plane.width, p / plane.width)));
+  }
+  return image;
+}
+
+std::vector<float> Sigma(const StandardError& error, const SlicePlane& plane)
+{
+  const std::vector<float> image = Ramps(plane);
+  std::vector<float> sigma(image.size());
+  error.Evaluate(plane, image.data(), sigma.data());
+  return sigma;
+}
+
+double Between(std::size_t before, double at, std::size_t behind, const std::vector<double>& values)
+{
+  const double t = (kPlaces[behind] - at) / (kPlaces[behind] - kPlaces[before]);
+  return t * values[before] + (1 - t) * values[behind];
+}
+
+double Apart(double before, double at, double behind)
+{
+  return (at - before) * (behind - at) / (behind - before);
+}
+
+/// R of the frames 1 to 5: each left out, and interpolated between its neighbours.
+std::vector<double> Rates()
+{
+  std::vector<double> apart, rates(kPlaces.size(), 0);
+  for (std::size_t k = 1; k + 1 < kPlaces.size(); ++k)
+  {
+    apart.push_back(Apart(kPlaces[k - 1], kPlaces[k], kPlaces[k + 1]));
+  }
+  std::vector<double> sorted = apart;
+  std::sort(sorted.begin(), sorted.end());
+  for (std::size_t k = 1; k + 1 < kPlaces.size(); ++k)
+  {
+    const double error = kGreys[k] - Between(k - 1, kPlaces[k], k + 1, kGreys);
+    rates[k] = error * error / std::max(apart[k - 1], 0.5 * sorted[2]);
+  }
+  return rates;
+}
+
+/// The model of Core/StandardError/README.md, pixel by pixel, for these frames; -1: not known.
+double Expected(const SlicePlane& plane, int i, int j, double tracker, bool isLit)
+{
+  const Eigen::Vector3d x = plane.Point(i, j);
+  std::size_t behind = 1;
+  while (behind < kPlaces.size() && kPlaces[behind] < x[2])
+  {
+    ++behind;
+  }
+  if (!isLit || x[2] < 0 || behind == kPlaces.size())
+  {
+    return -1;
+  }
+  const std::size_t before = behind - 1;
+  const double d1 = x[2] - kPlaces[before], d2 = kPlaces[behind] - x[2], t = d2 / (d1 + d2);
+  const double q = d1 * d2 / (d1 + d2) / (d1 + d2);
+  const double residual = t * kGreys[before] * kGreys[before] + (1 - t) * kGreys[behind] * kGreys[behind];
+  const std::vector<double> rates = Rates();
+  const double w1 = before == 0 ? 0 : t, w2 = behind == 6 ? 0 : 1 - t;
+  const double rate = (w1 * rates[before] + w2 * rates[behind]) / (w1 + w2);
+  const double direction = std::acos(plane.rowStep.normalized()[1]) / (2.5 * kDegree);
+  const Eigen::Vector3d normal = plane.Normal();
+  const double sine = std::sqrt(
+      std::max(0.0, 1 - normal[2] * normal[2] - plane.rowStep.normalized()[2] * plane.rowStep.normalized()[2]));
+  const double w = 1 - (1 - sine) * std::exp(-direction * direction);
+  double sum = 0, squares = 0, count = 0;
+  const int half = static_cast<int>(std::lround(3 * 0.5 / plane.columnStep.norm()));
+  for (int v = std::max(0, j - half); v <= std::min(plane.height - 1, j + half); ++v)
+  {
+    for (int u = std::max(0, i - half); u <= std::min(plane.width - 1, i + half); ++u)
+    {
+      const double z = plane.Point(u, v)[2];
+      const bool counts = z > 0 && z <= kPlaces.back();
+      sum += counts ? Ramp(u, v) : 0;
+      squares += counts ? Ramp(u, v) * Ramp(u, v) : 0;
+      count += counts ? 1 : 0;
+    }
+  }
+  const double own = squares / count - sum / count * (sum / count);
+  const double slope = (0.01 * 0.01 + 0.004 * 0.004) / plane.columnStep.squaredNorm();
+  const double variance =
+      (1 - w) * ((1 - 2 * q) * residual + 0.7 * rate * d1 * d2 / (d1 + d2)) + 0.8 * w * own + tracker * tracker * slope;
+  return std::sqrt(std::max(variance, 0.25 / 255 / 255));
+}
+
+TEST(StandardError, IsItsFormula)
+{
+  // A byte tells a variance to half a tenth of a factor of 2; a texture of none is kept as 1e-6 of variance, below the floor.
+  const double rounding = std::exp2(0.5 * 0.05) - 1 + 1e-3;
+  for (const double tracker : {0.0, 0.2})
+  {
+    const StandardError error = OfBlack(tracker);
+    for (const SlicePlane& plane :
+         {Plane(0, 0, 0), Plane(0, 12, 0), Plane(0, 90, 0), Plane(2, 0, 0), Plane(-3, 5, 4, 0.3), Plane(0, 30, 0, 1)})
+    {
+      const std::vector<float> sigma = Sigma(error, plane);
+      int known = 0;
+      for (int p = 0; p < plane.width * plane.height; ++p)
+      {
+        const int i = p % plane.width, j = p / plane.width;
+        const Eigen::Vector3d x = plane.Point(i, j);
+        const bool isLit = x[0] >= 0 && x[1] >= 0 && x[0] <= 20 && x[1] <= 16;
+        const double expected = Expected(plane, i, j, tracker, isLit);
+        ASSERT_EQ(std::isnan(sigma[p]), expected < 0) << i << ' ' << j << " z " << x[2];
+        if (expected >= 0)
+        {
+          ++known;
+          ASSERT_NEAR(sigma[p], expected, rounding * expected) << i << ' ' << j << " z " << x[2];
+        }
+      }
+      EXPECT_GT(known, 50);
+    }
+  }
+}
+
+TEST(StandardError, OnAFrameIsItsResidual)
+{
+  const Sweep sweep = GreySweep();
+  const StandardError error = OfBlack(0);
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    const std::vector<float> sigma = Sigma(error, sweep.Plane(k));
+    EXPECT_NEAR(sigma[kWidth * 16 + 20], kGreys[k], 0.02 * kGreys[k]) << k;  // the first and the last, too
+  }
+}
+
+TEST(StandardError, SaysNothingWhereNothingIsLit)
+{
+  Sweep sweep = GreySweep();
+  auto mask = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame(), 1);
+  for (std::size_t p = 0; p < mask->size(); ++p)
+  {
+    (*mask)[p] = p % kWidth < 30 ? 1 : 0;
+  }
+  sweep.mask = mask;
+  const StandardError error(GaussianField(), sweep, AllFrames(sweep), 0);
+  const std::vector<float> sigma = Sigma(error, sweep.Plane(3));
+  for (std::size_t p = 0; p < sigma.size(); ++p)
+  {
+    EXPECT_EQ(std::isnan(sigma[p]), (*mask)[p] == 0) << p;
+  }
+}
+
+TEST(StandardError, OfAPartIsThatOfTheWhole)
+{
+  const StandardError error = OfBlack(0.1);
+  const SlicePlane plane = Plane(-3, 5, 4, 0.3);
+  const std::vector<float> image = Ramps(plane), whole = Sigma(error, plane);
+  const int margin = error.Margin(plane);
+  const Engine::Window window{4, 3, 20, 18};
+  std::vector<float> part, sigma(window.columns * window.rows);
+  for (int p = 0; p < window.columns * window.rows; ++p)
+  {
+    part.push_back(
+        image[(window.firstRow + p / window.columns) * plane.width + window.firstColumn + p % window.columns]);
+  }
+  error.Evaluate(plane, window, part.data(), sigma.data());
+  for (int j = margin; j < window.rows - margin; ++j)
+  {
+    for (int i = margin; i < window.columns - margin; ++i)
+    {
+      const float a = sigma[j * window.columns + i],
+                  b = whole[(window.firstRow + j) * plane.width + window.firstColumn + i];
+      EXPECT_TRUE(a == b || (std::isnan(a) && std::isnan(b))) << i << ' ' << j;
+    }
+  }
+}
+
+TEST(StandardError, ComesBackFromItsBytesAndNoOthers)
+{
+  const StandardError error = OfBlack(0.1);
+  const std::string bytes = error.ToBytes();
+  EXPECT_EQ(StandardError(bytes).ToBytes(), bytes);
+  const SlicePlane plane = Plane(0, 12, 0);
+  const std::vector<float> a = Sigma(error, plane), b = Sigma(StandardError(bytes), plane);
+  for (std::size_t p = 0; p < a.size(); ++p)
+  {
+    EXPECT_TRUE(a[p] == b[p] || (std::isnan(a[p]) && std::isnan(b[p])));
+  }
+  for (std::size_t size = 0; size < bytes.size(); size += 1 + size / 16)
+  {
+    EXPECT_THROW(StandardError(bytes.substr(0, size)), Error) << size;
+  }
+  EXPECT_THROW(StandardError(bytes + "x"), Error);
+  for (std::size_t at = 0; at < 100; ++at)  // of the header: another number is refused, or a standard error of its own
+  {
+    for (const char value : {'\0', '\xff', '\x7f'})
+    {
+      std::string damaged = bytes;
+      damaged[at] = value;
+      try
+      {
+        Sigma(StandardError(damaged), plane);
+      }
+      catch (const Error& refused)
+      {
+        EXPECT_NE(std::string(refused.what()).find("StandardError"), std::string::npos);
+      }
+    }
+  }
+}
+
+TEST(StandardError, DoesNotDependOnTheNumberOfThreads)
+{
+  std::string one;
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    one = OfBlack(0.1).ToBytes();
+  }
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 5);
+  EXPECT_EQ(OfBlack(0.1).ToBytes(), one);
+}
+
+/// Frames of the phantom at these planes.
+Sweep Truth(const Phantom& phantom, const std::vector<SlicePlane>& planes)
+{
+  Sweep sweep;
+  sweep.width = planes.front().width;
+  sweep.height = planes.front().height;
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame() * planes.size());
+  for (std::size_t k = 0; k < planes.size(); ++k)
+  {
+    phantom.Frame(planes[k], pixels->data() + k * sweep.PixelsPerFrame());
+    sweep.imageToReference.push_back(planes[k].ImageToReference());
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return sweep;
+}
+
+/// 0.8 to 1.25, and 92 to 98 % within two: what the model promises of tissue.
+void ExpectRight(const StandardErrorScores& scores, const std::string& where)
+{
+  EXPECT_GT(scores.varianceRatio, 0.8) << where;
+  EXPECT_LT(scores.varianceRatio, 1.25) << where;
+  EXPECT_GT(scores.within2, 0.92) << where;
+  EXPECT_LT(scores.within2, 0.98) << where;
+}
+
+TEST(StandardError, IsThatOfAMadeUpSweep)
+{
+  PhantomOptions world;
+  world.frames = 48;
+  world.width = world.height = 128;
+  world.pixelSize = 0.3;
+  const Phantom phantom(world);
+  const auto sweep = std::make_shared<const Sweep>(phantom.MakeSweep());
+  TrainerOptions options;
+  options.holdOut = 4;
+  options.gaussians = 12000;
+  options.iterations = 300;
+  options.elevationSigma = 0;
+  options.poseSmoothing = 0;
+  const TrainingResult trained = Train(sweep, options);
+  std::vector<int> training = trained.trainingFrames;
+  training.insert(training.end(), trained.validationFrames.begin(), trained.validationFrames.end());
+  std::sort(training.begin(), training.end());
+  const StandardError error(trained.field, *sweep, training, 0);
+  const auto inGaps = ScoreStandardError(error, trained.field, *sweep, trained.heldOutFrames);
+  ExpectRight(inGaps, "in gaps");
+  EXPECT_GT(inGaps.known, 0.9);
+  EXPECT_LT(inGaps.sparsification, 0.9);  // 1 is chance
+
+  std::vector<SlicePlane> across;
+  const SlicePlane middle = sweep->Plane(sweep->NumberOfFrames() / 2);
+  for (const double x : {-8.0, -4.0, 0.0, 4.0, 8.0})
+  {
+    SlicePlane plane = middle;
+    plane.columnStep = middle.columnStep.norm() * middle.Normal();
+    plane.origin = middle.Point(64, 0) + x * middle.columnStep.normalized() - 64 * plane.columnStep;
+    across.push_back(plane);
+  }
+  const Sweep turned = Truth(phantom, across);
+  ExpectRight(ScoreStandardError(error, trained.field, turned, AllFrames(turned)), "at 90 degrees");
+}
+
+}  // namespace
+}  // namespace bigus::standard_error_test
