@@ -14,6 +14,7 @@
 #include "Core/Engine/FieldState.h"
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Engine/Packing.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/PixelLoss.h"
 
@@ -22,7 +23,7 @@ namespace bigus
 namespace
 {
 
-class ReferenceEngine final : public Engine
+class ReferenceEngine final : public Engine, public ViewEngine
 {
 public:
   std::string Device() const override { return "CPU (reference, double)"; }
@@ -84,6 +85,66 @@ public:
 
   double Backpropagate(const std::vector<int>& frames, const Loss& loss) override
   {
+    return Backpropagate(frames, loss, nullptr, nullptr);
+  }
+
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss, const std::vector<float>& reflectivities,
+                       std::vector<float>& derivatives) override
+  {
+    derivatives.assign(reflectivities.size(), 0.0f);
+    return Backpropagate(frames, loss, reflectivities.data(), derivatives.data());
+  }
+
+  std::vector<double> Reflectivities() const override
+  {
+    std::vector<double> r;
+    for (const Gaussian<double>& gaussian : gaussians_)
+    {
+      r.push_back(gaussian.reflectivity);
+    }
+    return r;
+  }
+
+  void SetReflectivities(const std::vector<double>& reflectivities) override
+  {
+    for (std::size_t i = 0; i < gaussians_.size(); ++i)
+    {
+      gaussians_[i].reflectivity = reflectivities[i];
+    }
+  }
+
+  void Walk(const std::vector<int>& frames, const std::vector<float>& reflectivities, const ChangeRow& change,
+            std::vector<float>* sums) override
+  {
+    CheckFrames(sweep_, frames);
+    const std::size_t n = gaussians_.size();
+    if (sums)
+    {
+      sums->assign(reflectivities.size(), 0.0f);
+    }
+    for (std::size_t f = 0; f < frames.size(); ++f)
+    {
+      const std::vector<Projection<double>> projections = ProjectAll(sweep_->Plane(frames[f]));
+      const auto first = reflectivities.begin() + static_cast<std::ptrdiff_t>(f * n);
+      std::vector<double> image = Scattering(projections, {first, first + static_cast<std::ptrdiff_t>(n)});
+      for (int row = 0; row < sweep_->height; ++row)
+      {
+        const auto from = image.begin() + static_cast<std::ptrdiff_t>(row) * sweep_->width;
+        std::vector<float> line(from, from + sweep_->width);
+        change(f, row, line.data());
+        std::copy(line.begin(), line.end(), from);
+      }
+      tbb::parallel_for(std::size_t(0), sums ? n : 0,
+                        [&](std::size_t i)
+                        { (*sums)[f * n + i] = static_cast<float>(GatherMoments(projections[i].splat, image).m0); });
+    }
+  }
+
+private:
+  /// With `reflectivities`, [frames][gaussians], frames have their own, and `derivatives` get the loss's by them.
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss, const float* reflectivities,
+                       float* derivatives)
+  {
     CheckFrames(sweep_, frames);
     loss.Validate();
     imageLoss_->Check(loss);
@@ -97,12 +158,14 @@ public:
     const double share = 1.0 / (static_cast<double>(counted) * frames.size());
     double sum = 0;
     std::vector<double> derivative(pixels), image(pixels);
-    for (int frame : frames)
+    for (std::size_t f = 0; f < frames.size(); ++f)
     {
-      const SlicePlane plane = sweep_->Plane(frame);
+      const SlicePlane plane = sweep_->Plane(frames[f]);
       const std::vector<Projection<double>> projections = ProjectAll(plane);
-      const std::vector<double> scattering = Scattering(projections, Reflectivities());
-      const std::vector<float> frameTruth = Frame(frame);
+      const float* viewed = reflectivities ? reflectivities + f * gaussians_.size() : nullptr;
+      const std::vector<double> scattering =
+          Scattering(projections, viewed ? std::vector<double>(viewed, viewed + gaussians_.size()) : Reflectivities());
+      const std::vector<float> frameTruth = Frame(frames[f]);
       const std::vector<double> truth(frameTruth.begin(), frameTruth.end());
       std::vector<double> others(pixels, 0.0);
       for (std::size_t pixel = 0; pixel < pixels; ++pixel)
@@ -123,7 +186,13 @@ public:
                         [&](std::size_t i)
                         {
                           const Moments<double> moments = GatherMoments(projections[i].splat, derivative);
-                          AddTo(gradient_[i], ProjectAdjoint(gaussians_[i], projections[i], moments));
+                          Gaussian<double> gaussian = gaussians_[i];
+                          if (viewed)
+                          {
+                            gaussian.reflectivity = viewed[i];
+                            derivatives[f * gaussians_.size() + i] = static_cast<float>(moments.m0);
+                          }
+                          AddTo(gradient_[i], ProjectAdjoint(gaussian, projections[i], moments));
                           scores_[i].error += moments.error;
                           scores_[i].visits += 1;
                         });
@@ -135,6 +204,7 @@ public:
     return sum;
   }
 
+public:
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
   {
     const AdamStep step(rates, limits);
@@ -264,16 +334,6 @@ private:
       projections[i] = Project(gaussians_[i], view);
     }
     return projections;
-  }
-
-  std::vector<double> Reflectivities() const
-  {
-    std::vector<double> r;
-    for (const Gaussian<double>& gaussian : gaussians_)
-    {
-      r.push_back(gaussian.reflectivity);
-    }
-    return r;
   }
 
   std::vector<float> Frame(int frame) const

@@ -18,6 +18,7 @@ constexpr double kRotationStep = 1.0 / 4096;
 constexpr double kUnitSquare =
     2 * kRotationStep;                 // by so much rounding changes the square of a unit quaternion at most
 constexpr int kReflectivityBits = 12;  // off by 1/8192 of itself at most
+constexpr int kTermBits = 8;           // off by 1/512 of itself at most
 
 double RoundToMultiple(double value, double step)
 {
@@ -60,6 +61,18 @@ void RoundField(GaussianField& field)
     double& r = field.reflectivities[i];
     r = std::clamp(RoundToBits(r, kReflectivityBits), -GaussianField::kLargestReflectivity,
                    GaussianField::kLargestReflectivity);
+  }
+}
+
+void RoundView(ViewDependence& view)
+{
+  for (Eigen::Vector3d& term : view.terms)
+  {
+    for (double& q : term)
+    {
+      q = std::clamp(RoundToBits(q, kTermBits), -GaussianField::kLargestReflectivity,
+                     GaussianField::kLargestReflectivity);
+    }
   }
 }
 

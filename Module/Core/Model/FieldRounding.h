@@ -4,6 +4,7 @@
 #pragma once
 
 #include "Core/Model/GaussianField.h"
+#include "Core/Model/ViewDependence.h"
 
 namespace bigus
 {
@@ -14,5 +15,7 @@ namespace bigus
 /// significant bits. Pictures of a trained field change by some 88 dB (PSNR); a field of 60 dB loses 0.007 dB by that.
 /// A rounded field does not change when it is rounded again.
 void RoundField(GaussianField& field);
+/// The same of q, of which 8 significant bits are kept: what r(P) is off by is at most 1/512 of what q adds to r.
+void RoundView(ViewDependence& view);
 
 }  // namespace bigus

@@ -28,6 +28,7 @@
 #include "Core/Engine/Exchange.h"
 #include "Core/Engine/ImageLoss.h"
 #include "Core/Engine/InstructionSets.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/Truncation.h"
 
@@ -40,7 +41,7 @@ constexpr int kSmallestBand = 32,
               kLargestBand = 128;  // rows rendered together: few footprints should lie in two bands
 
 template <class T>
-class CpuEngine final : public Engine
+class CpuEngine final : public Engine, public ViewEngine
 {
 public:
   std::string Device() const override
@@ -124,6 +125,57 @@ public:
     gradient_.assign(field_.NumberOfBlocks(), {});
     Backward([&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; });
     return value;
+  }
+
+  std::vector<double> Reflectivities() const override
+  {
+    std::vector<double> reflectivities(field_.Size());
+    for (std::size_t slot = 0; slot < field_.Size(); ++slot)
+    {
+      reflectivities[field_.Order()[slot]] = field_.Block(slot / kBlock).reflectivity[slot % kBlock];
+    }
+    return reflectivities;
+  }
+
+  void SetReflectivities(const std::vector<double>& reflectivities) override
+  {
+    std::vector<T> bySlot(field_.NumberOfBlocks() * kBlock);
+    for (std::size_t slot = 0; slot < field_.Size(); ++slot)
+    {
+      bySlot[slot] = static_cast<T>(reflectivities[field_.Order()[slot]]);
+    }
+    field_.SetReflectivities(bySlot);
+  }
+
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss, const std::vector<float>& reflectivities,
+                       std::vector<float>& derivatives) override
+  {
+    const Views views(*this, reflectivities);
+    const double value = Forward(frames, loss);
+    views.Restore();
+    gradient_.assign(field_.NumberOfBlocks(), {});
+    derivatives.assign(reflectivities.size(), 0.0f);
+    BackwardViews(derivatives, [&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; });
+    return value;
+  }
+
+  void Walk(const std::vector<int>& frames, const std::vector<float>& reflectivities, const ChangeRow& change,
+            std::vector<float>* sums) override
+  {
+    const Views views(*this, reflectivities);
+    ForwardFrames(frames,
+                  [&](std::size_t f, int row, const T*, T*, T* line)
+                  {
+                    std::vector<float> values(line, line + sweep_->width);
+                    change(f, row, values.data());
+                    std::copy(values.begin(), values.end(), line);
+                    return 0.0;
+                  });
+    if (sums)
+    {
+      sums->assign(reflectivities.size(), 0.0f);
+      BackwardViews(*sums, [](std::size_t, const GradientBlock<T>&) {});
+    }
   }
 
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
@@ -223,7 +275,55 @@ private:
     return {images_.data() + f * stride * sweep_->height, 0, 0, stride};
   }
 
-  /// Renders the frames into images_ and calls line(truth, counts, S) for every row, which replaces S by what is to be
+  /// Each frame's own reflectivities while this lives. Footprints then end where the largest of them allow.
+  class Views
+  {
+  public:
+    Views(CpuEngine& engine, const std::vector<float>& reflectivities)
+        : engine_(engine), own_(engine.field_.Reflectivities())
+    {
+      const std::vector<std::uint32_t>& order = engine.field_.Order();
+      const std::size_t n = order.size(), frames = n > 0 ? reflectivities.size() / n : 0;
+      engine.viewed_.assign(frames * own_.size(), T(0));
+      std::vector<T> largest = own_;
+      tbb::parallel_for(std::size_t(0), engine.field_.NumberOfBlocks(),
+                        [&](std::size_t b)
+                        {
+                          for (std::size_t slot = b * kBlock; slot < std::min((b + 1) * kBlock, n); ++slot)
+                          {
+                            for (std::size_t f = 0; f < frames; ++f)
+                            {
+                              const T value = static_cast<T>(reflectivities[f * n + order[slot]]);
+                              engine.viewed_[f * own_.size() + slot] = value;
+                              largest[slot] = std::max(std::abs(largest[slot]), std::abs(value));
+                            }
+                          }
+                        });
+      engine.field_.SetReflectivities(largest);
+    }
+    ~Views()
+    {
+      Restore();
+      engine_.viewed_.clear();
+    }
+    Views(const Views&) = delete;
+    Views& operator=(const Views&) = delete;
+
+    /// Footprints are found: the field is as it was.
+    void Restore() const { engine_.field_.SetReflectivities(own_); }
+
+  private:
+    CpuEngine& engine_;
+    const std::vector<T> own_;
+  };
+
+  /// What Gaussians of a block reflect in frame f of those that are rendered.
+  const T* ReflectivitiesOf(std::size_t b, std::size_t f) const
+  {
+    return viewed_.empty() ? field_.Block(b).reflectivity : viewed_.data() + (f * field_.NumberOfBlocks() + b) * kBlock;
+  }
+
+  /// Renders the frames into images_ and calls line(f, row, truth, counts, S) for every row, which replaces S by what is to be
   /// propagated back. counts is 1 where a pixel counts and 0 elsewhere. Returns
   /// the sum of the results.
   template <class Line>
@@ -248,7 +348,8 @@ private:
         const std::size_t pixel = static_cast<std::size_t>(row) * width;
         ReadTruth(frames[f] * sweep_->PixelsPerFrame() + pixel, truth.data());
         ReadCounts(row, counts.data());
-        sums[static_cast<std::size_t>(f) * height + row] = line(truth.data(), counts.data(), rows.Row(row));
+        sums[static_cast<std::size_t>(f) * height + row] =
+            line(static_cast<std::size_t>(f), row, truth.data(), counts.data(), rows.Row(row));
       }
     };
     ForBands(static_cast<int>(frames.size()), height,
@@ -256,7 +357,7 @@ private:
              {
                const PixelRows<T> rows = FrameRows(f);
                std::fill(rows.Row(begin), rows.Row(end), T(0));
-               visible_.AddTo(f, begin, end, rows, [this](std::size_t b) { return field_.Block(b).reflectivity; });
+               visible_.AddTo(f, begin, end, rows, [this, f](std::size_t b) { return ReflectivitiesOf(b, f); });
                if (exchange_->IsAlone())
                {
                  finish(f, begin, end);  // while they are in the cache
@@ -317,8 +418,8 @@ private:
     };
     if (loss.IsPixelwise())
     {
-      return ForwardFrames(
-          frames, [&](const T* truth, T* weights, T* line) { return toDerivative(truth, weights, nullptr, line); });
+      return ForwardFrames(frames, [&](std::size_t, int, const T* truth, T* weights, T* line)
+                           { return toDerivative(truth, weights, nullptr, line); });
     }
 
     return ForwardImages(frames, loss, toDerivative);
@@ -328,7 +429,7 @@ private:
   template <class ToDerivative>
   double ForwardImages(const std::vector<int>& frames, const Loss& loss, ToDerivative&& toDerivative)
   {
-    ForwardFrames(frames, [](const T*, T*, T*) { return 0.0; });
+    ForwardFrames(frames, [](std::size_t, int, const T*, T*, T*) { return 0.0; });
     const int width = sweep_->width, height = sweep_->height;
     const std::size_t stride = static_cast<std::size_t>(width) + kRowPadding;
     std::vector<T> image(stride * height), truth(stride * height), others(stride * height);
@@ -402,6 +503,41 @@ private:
         });
   }
 
+  /// Backward where each frame has its own reflectivities; what the loss changes by these goes to `derivatives`.
+  template <class Spend>
+  void BackwardViews(std::vector<float>& derivatives, Spend&& spend)
+  {
+    const std::vector<std::uint32_t>& order = field_.Order();
+    visible_.ForBlocks(
+        [&](std::size_t slot)
+        {
+          const std::size_t b = visible_.Block(slot);
+          GradientBlock<T> gradient{};
+          MomentBlock<T> moments;
+          GaussianBlock<T> block = field_.Block(b);
+          for (std::size_t f = 0; f < visible_.Views(); ++f)
+          {
+            const auto& list = visible_.ListOf(slot, f);
+            if (list.count == 0)
+            {
+              continue;
+            }
+            const VisibleSplat<T>* splats = visible_.Splats(list);
+            kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
+            std::copy_n(ReflectivitiesOf(b, f), kBlock, block.reflectivity);
+            std::int32_t column, row;
+            const View<T> view = LocalView<T>(cameras_[f], field_.Place(b), column, row);
+            kernels_.addAdjoints(block, view, splats, list.count, moments, gradient, nullptr);
+            for (int i = 0; i < list.count; ++i)
+            {
+              const std::size_t gaussian = order[b * kBlock + static_cast<std::size_t>(splats[i].gaussian)];
+              derivatives[f * order.size() + gaussian] = static_cast<float>(moments.values[kMoment0][i]);
+            }
+          }
+          spend(b, gradient);
+        });
+  }
+
   /// 1 where a pixel of that row counts and 0 elsewhere.
   void ReadCounts(int row, T* counts) const
   {
@@ -441,6 +577,7 @@ private:
 
   // The last ForwardFrames.
   std::vector<Camera> cameras_;
+  std::vector<T> viewed_;  // [frames][blocks][kBlock] of Views; empty without
   std::vector<T> images_;
   std::vector<T> sum_;  // of the images of all processes, packed
   tbb::enumerable_thread_specific<std::vector<T>> bandBuffers_;

@@ -159,6 +159,39 @@ void CpuField<T>::Measure(std::size_t b)
 }
 
 template <class T>
+std::vector<T> CpuField<T>::Reflectivities() const
+{
+  std::vector<T> bySlot(blocks_.size() * kBlock);
+  for (std::size_t b = 0; b < blocks_.size(); ++b)
+  {
+    std::copy_n(blocks_[b].reflectivity, kBlock, bySlot.data() + b * kBlock);
+  }
+  return bySlot;
+}
+
+template <class T>
+void CpuField<T>::SetReflectivities(const std::vector<T>& bySlot)
+{
+  tbb::parallel_for(std::size_t(0), blocks_.size(),
+                    [&](std::size_t b)
+                    {
+                      const T* values = bySlot.data() + b * kBlock;
+                      std::copy_n(values, kBlock, blocks_[b].reflectivity);
+                      if (sharp_[b])
+                      {
+                        std::copy_n(values, kBlock, sharp_[b]->reflectivity);
+                      }
+                      double largest = 0;
+                      for (int k = 0; k < places_[b].count; ++k)
+                      {
+                        largest = std::max(largest, std::abs(static_cast<double>(values[k])));
+                      }
+                      places_[b].logMagnitude = std::log(largest);
+                    });
+  groupsAreStale_ = true;
+}
+
+template <class T>
 const std::vector<BlockPlace>& CpuField<T>::Groups()
 {
   if (!std::exchange(groupsAreStale_, false))

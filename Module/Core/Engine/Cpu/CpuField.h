@@ -46,6 +46,10 @@ public:
   /// Places of kGroup blocks each, brought up to date with those of their blocks.
   const std::vector<BlockPlace>& Groups();
 
+  /// By slot, [NumberOfBlocks()][kBlock], 0 where no Gaussian is.
+  std::vector<T> Reflectivities() const;
+  void SetReflectivities(const std::vector<T>& bySlot);
+
   /// Before Update is called for any block.
   void PrepareStep();
   /// One step of the Gaussians of a block that its gradient says were seen. Blocks may be updated at the same time.

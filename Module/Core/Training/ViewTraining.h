@@ -1,0 +1,59 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Whether a sweep's echoes depend on the direction they are seen from, and how. After the ordinary training. Private to
+// Core.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "Core/Engine/Engine.h"
+#include "Core/Formula/LearningRates.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/Sweep.h"
+#include "Core/Model/ViewDependence.h"
+#include "Core/Training/TrainingPlan.h"
+
+namespace bigus
+{
+
+/// What frames that a refit has not seen say of view dependence.
+struct ViewEvidence
+{
+  double gain = 0;   ///< dB, mean over those frames of a refit with q over one without
+  double error = 0;  ///< dB, standard error of the mean
+
+  bool IsWorth() const { return gain > 0.02 && gain > 2 * error; }
+};
+
+/// Refits r, and r with q, to two thirds of the recorded frames (four fifths of 60 or more), the Gaussians' shapes as they
+/// are, and judges the others. Null where there are too few frames or one orientation, or `goOn` says stop. The engine has
+/// other frames and another field then. `engine` must be a ViewEngine.
+std::optional<ViewEvidence> AskForViews(Engine& engine, const std::shared_ptr<const Sweep>& sweep,
+                                        const std::vector<int>& frames, const GaussianField& field,
+                                        const RecordedViews& views, const TrainingPlan& plan,
+                                        const std::function<bool()>& goOn);
+
+/// What a training with view dependence trains on: recorded frames and virtual planes.
+struct ViewTargets
+{
+  std::shared_ptr<const Sweep> images;  ///< with the mask of pixels that count
+  std::vector<int> frames;              ///< of them, in their order along the sweep
+  ParameterLimits limits;
+};
+
+struct ViewedField
+{
+  GaussianField field;
+  ViewDependence view;
+};
+
+/// Trains a finished field on, with q, which begins at 0 and is off on three planes of ten, so that what is shown without
+/// it stays as good. Null when `goOn`, asked at every step, says stop. `engine` must be a ViewEngine.
+std::optional<ViewedField> TrainViews(Engine& engine, const ViewTargets& targets, const TrainingPlan& plan,
+                                      const GaussianField& field, const RecordedViews& views,
+                                      const std::function<bool()>& goOn);
+
+}  // namespace bigus
