@@ -36,6 +36,8 @@ from urllib.parse import urlsplit
 import numpy as np
 
 MOST_CLIENTS = 16
+IDLE_SECONDS = 60.0  # who asked nothing for so long gives its place to the next when all are taken
+ENDING_SECONDS = 2.0  # to say goodbye to clients, and as long again for requests that are under way
 MOST_MESSAGE_BYTES = 4096  # a request has about 400
 MESSAGES_PER_SECOND = 200.0  # beside those that were answered by a picture: a page sends the next one then
 MESSAGES_AT_ONCE = 400.0
@@ -471,7 +473,8 @@ def token_is_sound(given: str, token: str) -> bool:
 class Client:
     """A connection. Only its newest request waits, and one of its requests is worked on at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, transport: Any = None) -> None:
+        self.transport = transport
         self.newest: Optional[Request] = None
         self.arrived = asyncio.Event()
         self.shown: Optional[int] = None  # the recorded frame that it has
@@ -482,6 +485,15 @@ class Client:
         self._allowance = min(MESSAGES_AT_ONCE, self._allowance + (now - self._last) * MESSAGES_PER_SECOND) - 1
         self._last = now
         return self._allowance >= 0
+
+    def idle_seconds(self) -> float:
+        """Since the last whole message, or since it came: a part of a message is none."""
+        return time.monotonic() - self._last
+
+    def leave(self) -> None:
+        """Without waiting for anything that it has not sent or read."""
+        if self.transport is not None:
+            self.transport.abort()
 
     def was_answered(self) -> None:
         self._allowance += 1  # who waits for each picture is as fast as the pictures, and never too fast
@@ -540,7 +552,10 @@ class Server:
 
         self._goodbye = {"code": WSCloseCode.GOING_AWAY, "message": b"the server ends"}
         goodbyes = [socket.close(**self._goodbye) for socket in self.clients]
-        await asyncio.wait([asyncio.ensure_future(one) for one in goodbyes], timeout=2) if goodbyes else None
+        if goodbyes:
+            await asyncio.wait([asyncio.ensure_future(one) for one in goodbyes], timeout=ENDING_SECONDS)
+        for client in list(self.clients.values()):
+            client.leave()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     async def _send_page(self, request: Any) -> Any:
@@ -597,9 +612,12 @@ class Server:
         from aiohttp import WSCloseCode, WSMsgType, web
 
         if len(self.clients) >= MOST_CLIENTS:
-            raise web.HTTPServiceUnavailable(text=f"{MOST_CLIENTS} clients are served already.\n")
+            idle = max(self.clients, key=lambda one: self.clients[one].idle_seconds())
+            if self.clients[idle].idle_seconds() < IDLE_SECONDS:
+                raise web.HTTPServiceUnavailable(text=f"{MOST_CLIENTS} clients are served already.\n")
+            self.clients.pop(idle).leave()
         socket = web.WebSocketResponse(max_msg_size=MOST_MESSAGE_BYTES, heartbeat=20, compress=self.compress)
-        client = self.clients[socket] = Client()
+        client = self.clients[socket] = Client(request.transport)
         worker = None
         bad = 0
         try:
@@ -739,7 +757,10 @@ async def _run(server: Server, host: str, port: int, tell: Any) -> None:
         await end.wait()
         tell("ending")
     finally:
-        await runner.cleanup()
+        try:
+            await asyncio.wait_for(runner.cleanup(), 2 * ENDING_SECONDS)
+        except asyncio.TimeoutError:
+            pass  # somebody sends half a request
 
 
 def _old_aiohttp() -> bool:

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 import unittest
+import unittest.mock
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ from bigus import serve
 
 try:
     import aiohttp
+    import aiohttp.test_utils
 except ImportError:
     aiohttp = None
 
@@ -283,17 +285,32 @@ class Serving(unittest.IsolatedAsyncioTestCase):
         self.assertGreater(superseded, 0)
         self.assertEqual(rendered + superseded, 60)
 
-    async def test_a_client_that_reads_nothing_keeps_nobody_waiting(self):
-        port = int(self.server.url.split(":")[2].strip("/"))
-        slow = socket.create_connection(("127.0.0.1", port))
-        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        slow.sendall(f"GET /slices HTTP/1.1\r\nHost: localhost:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-                     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode())  # fmt: skip
+    def upgraded(self, port):
+        """A connection to /slices that no library keeps in order."""
+        client = socket.create_connection(("127.0.0.1", port))
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.sendall(f"GET /slices HTTP/1.1\r\nHost: localhost:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                       "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode())  # fmt: skip
+        return client
+
+    def half_message(self, port):
+        client = self.upgraded(port)
+        client.sendall(b"\x81\xfe" + struct.pack(">H", 4000) + b"\0\0\0\0{")
+        return client
+
+    def deaf(self, port):
+        """Asks for twenty large pictures and reads none."""
+        client = self.upgraded(port)
         plane = (poses()[0] @ np.diag([0.03, 0.03, 1, 1])).ravel().tolist()
         for k in range(20):
             text = json.dumps({"id": k, "plane": plane, "width": 1024, "height": 1024}).encode()
-            slow.sendall(b"\x81\xfe" + struct.pack(">H", len(text)) + b"\0\0\0\0" + text)
-            await asyncio.sleep(0.05)
+            client.sendall(b"\x81\xfe" + struct.pack(">H", len(text)) + b"\0\0\0\0" + text)
+        return client
+
+    async def test_a_client_that_reads_nothing_keeps_nobody_waiting(self):
+        port = int(self.server.url.split(":")[2].strip("/"))
+        slow = self.deaf(port)
+        await asyncio.sleep(1)
         begin = time.monotonic()
         async with self.connect() as client:
             for k in range(20):
@@ -330,6 +347,39 @@ class Serving(unittest.IsolatedAsyncioTestCase):
         self.assertEqual(refusal.exception.status, 503)
         for client in clients:
             await client.close()
+
+    async def test_the_idle_give_their_places(self):
+        with unittest.mock.patch.object(serve, "IDLE_SECONDS", 0.5):
+            scene = serve.read_scene(FIELD, None, lambda *_, **__: None)
+            async with aiohttp.test_utils.TestServer(serve.Server(scene).application()) as server:
+                address = f"http://127.0.0.1:{server.port}/slices"
+                held = [self.half_message(server.port) for _ in range(serve.MOST_CLIENTS - 1)]
+                plane = np.diag([0.4, 0.4, 1, 1]).ravel().tolist()
+                async with self.session.ws_connect(address, max_msg_size=0) as busy:
+                    until = time.monotonic() + 1
+                    while time.monotonic() < until:
+                        await self.ask(busy, plane=plane, width=8, height=8)
+                        for one in held:
+                            one.sendall(b" ")  # of a message that never ends
+                    async with self.session.ws_connect(address, max_msg_size=0) as client:
+                        for one in (client, busy):
+                            self.assertEqual((await self.ask(one, plane=plane, width=8, height=8))[0]["id"], 1)
+                for one in held:
+                    one.close()
+
+    async def test_it_ends_though_clients_neither_read_nor_finish(self):
+        server = await asyncio.to_thread(Running, FIELD)
+        port = int(server.url.split(":")[2].strip("/"))
+        half = socket.create_connection(("127.0.0.1", port))
+        half.sendall(f"POST /scene HTTP/1.1\r\nHost: localhost:{port}\r\nContent-Length: 100\r\n\r\nhalf".encode())
+        held = [self.half_message(port), self.deaf(port), half]
+        await asyncio.sleep(0.5)
+        begin = time.monotonic()
+        code, _, complaints = await asyncio.to_thread(server.end)
+        self.assertEqual((code, complaints), (0, ""))
+        self.assertLess(time.monotonic() - begin, 3 * serve.ENDING_SECONDS)
+        for one in held:
+            one.close()
 
     async def test_a_token_is_asked_for_elsewhere(self):
         server = await asyncio.to_thread(Running, FIELD, "--host", "0.0.0.0")
