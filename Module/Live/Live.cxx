@@ -226,6 +226,10 @@ ExitCode Live(Console& console, Options options)
   const double followed = SecondsSince(start);
   const GaussianField liveField = session.Field();
   const LiveSession::State state = session.GetState();
+  if (IsInterrupted() && state.frames == 0)
+  {
+    throw Interrupted();
+  }
 
   const LiveResult result = Finish(options.finish, session, slices, status, events, console);
   console.EndProgress();

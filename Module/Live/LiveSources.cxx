@@ -183,7 +183,7 @@ public:
   {
     const IgtAddress address = IgtAddress::Parse(source_.sequence.path);
     auto connection = std::make_unique<IgtConnection>(address, kAttempt);
-    console_.Note("Connected to " + source_.sequence.path + ". Following until no frame comes for " +
+    console_.Note("Connected to " + source_.sequence.path + ". Following until frames came and none comes for " +
                   FormatNumber(source_.pause, 1) + " s, or Ctrl-C.");
     while (FollowConnection(*connection))
     {
@@ -533,8 +533,14 @@ public:
   void Follow()
   {
     const std::string& path = source_.sequence.path;
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(path, ignored))  // a pipe would be waited for, a device read without end
+    {
+      throw Error(path + ": is not a file. --follow takes a CSV of poses while it is written.");
+    }
     GrowingFile file(path);
-    console_.Note("Following " + path + " until no row comes for " + FormatNumber(source_.pause, 1) + " s, or Ctrl-C.");
+    console_.Note("Following " + path + " until rows came and none comes for " + FormatNumber(source_.pause, 1) +
+                  " s, or Ctrl-C.");
     std::optional<PoseCsv> table;
     std::string line;
     while (!IsInterrupted() && !IsSilentFor(source_.pause))

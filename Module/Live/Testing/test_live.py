@@ -7,6 +7,7 @@ of poses that grows.
     test_live.py PATH_TO_BIGUS [unittest arguments]
 """
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -314,6 +315,19 @@ class Messages(InFolder):
         done.set()
         self.assertEqual((result.returncode, answer["frames"]), (0, FRAMES))
         self.assertLess(time.monotonic() - start, 20)
+
+    def test_ctrl_c_ends_what_no_frame_came_of(self):
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            process = subprocess.Popen([BIGUS, "live", f"igtl://127.0.0.1:{server.getsockname()[1]}", "-o",
+                                        str(self.folder / "field.vtp"), "--json"],
+                                       stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            connection, _ = server.accept()
+            process.stderr.readline()  # it is connected
+            process.send_signal(signal.SIGINT)
+            stdout, _ = process.communicate(timeout=30)
+            connection.close()
+        self.assertEqual((process.returncode, json.loads(stdout)["exit_code"]), (130, 130))
+        self.assertFalse((self.folder / "field.vtp").exists())
 
     def test_no_server_and_no_address(self):
         with socket.create_server(("127.0.0.1", 0)) as free:
@@ -666,6 +680,14 @@ class Tables(InFolder):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual((answer["frames"], answer["passed_over"], answer["refused"]), (FRAMES, 1, 4), result.stderr)
         self.assertGreater(self.psnr(), SOUND)
+
+    def test_pipes_and_devices_are_not_followed(self):
+        pipe = self.folder / "pipe.csv"
+        os.mkfifo(pipe)
+        for path in (pipe, "/dev/zero", self.folder):
+            result = run("live", path, "--follow", "-o", self.folder / "field.vtp")
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertIn("not a file", result.stderr)
 
     def test_a_table_that_is_none_or_ends_early(self):
         def other(folder, stream):
