@@ -9,9 +9,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
-#include <locale>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "IO/Text.h"
 
@@ -46,24 +44,6 @@ std::string FormatDuration(double seconds)
     std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
   }
   return text;
-}
-
-std::string FormatNumber(double value, int decimals)
-{
-  if (std::isnan(value))
-  {
-    return "-";
-  }
-  if (std::isinf(value))
-  {
-    return value > 0 ? "infinite" : "-infinite";
-  }
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  text.setf(std::ios::fixed);
-  text.precision(decimals);
-  text << value;
-  return text.str();
 }
 
 std::string Words(const std::string& pattern, const Json& values)

@@ -8,6 +8,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "Core/Numerics/Format.h"
+
 namespace bigus::command
 {
 
@@ -63,9 +65,6 @@ std::string XmlEscaped(const std::string& text);
 
 /// "0:07", "12:34", "1:02:03".
 std::string FormatDuration(double seconds);
-
-/// Fixed number of decimals whatever the locale; "infinite" as such, "-" for what is no number.
-std::string FormatNumber(double value, int decimals);
 
 /// A line for people with what `values` holds in it, so that a number is written down once for people and machines: "{psnr:2}
 /// dB" is the value at "psnr" with two decimals, "{bytes:1M}" that at "bytes" in millions, "{device}" what needs no decimals;
