@@ -19,7 +19,7 @@
  *
  * | column | type | meaning |
  * |---|---|---|
- * | `Kind` | text | order, contact, repeat, rest, overlay, tracking; or a doubt: gain, depth, levels, poses |
+ * | `Kind` | text | order, contact, repeat, rest, overlay, tracking; or a doubt: gain, depth, levels, ground, poses |
  * | `Frames` | int | how many frames it is about; of a doubt, from how many on it holds, or 0: all |
  * | `Pixels` | int | how many pixels of each, of an overlay; else 0 |
  * | `Applied` | int | 1: training leaves them out, orders or fills them; 0: it is a doubt, or Keep names the kind |

@@ -560,6 +560,48 @@ TEST(Inspection, ASceneThatNeverChangesIsLeftAlone)
   EXPECT_EQ(Inspect(frames.AsSweep()).frames, From(0, 32));  // one picture alone would be left
 }
 
+TEST(Inspection, AGroundThatIsNotBlackIsSaid)
+{
+  const Frames plain = PhantomFrames(1);
+  const auto isGround = [](const bigus::Finding& finding) { return finding.kind == FindingKind::Ground; };
+  for (const double level : {0.0, 28.0})
+  {
+    Random random(3);
+    Frames frames = plain;
+    frames.width = 140;
+    frames.height = 110;
+    for (std::vector<double>& image : frames.images)
+    {
+      std::vector<double> screen(140 * 110, level);
+      for (double& pixel : screen)
+      {
+        pixel += level > 0 ? 0.5 * random.Normal() : 0;
+      }
+      for (int y = 0; y < 80; ++y)
+      {
+        std::copy_n(image.begin() + 96 * y, 96, screen.begin() + 140 * (y + 20) + 30);
+      }
+      image = screen;
+    }
+    const InspectedSweep inspected = Inspect(frames.AsSweep());
+    const auto found = std::find_if(inspected.findings.begin(), inspected.findings.end(), isGround);
+    ASSERT_EQ(found != inspected.findings.end(), level > 0);
+    if (level > 0)
+    {
+      EXPECT_FALSE(found->isApplied);
+      EXPECT_NE(found->evidence.find("grey level 28"), std::string::npos) << found->evidence;
+      int x = 0, y = 0, width = 0, height = 0;
+      const std::size_t at = found->evidence.find("--clip-rectangle ");
+      ASSERT_EQ(std::sscanf(found->evidence.c_str() + at, "--clip-rectangle %d %d %d %d", &x, &y, &width, &height), 4);
+      EXPECT_NEAR(x, 30, 3);  // edges of the phantom's picture are dim
+      EXPECT_NEAR(y, 20, 3);
+      EXPECT_NEAR(x + width, 126, 3);
+      EXPECT_NEAR(y + height, 100, 3);
+      EXPECT_EQ(inspected.sweep->pixels, inspected.recorded->pixels) << "it is only said";
+    }
+  }
+}
+
 TEST(Inspection, WhatHeldOutFramesShowHasNoPart)
 {
   Frames frames = PhantomFrames(1);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What cannot be mended by leaving frames out, or is not sure enough: it is only said.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -16,6 +17,7 @@ namespace
 {
 
 // Gain.
+constexpr double kLevels = 255;
 constexpr float kLit = 8;               // grey levels, of blocks that are compared
 constexpr double kStep = 6;             // grey levels, and ...
 constexpr double kOverUsual = 5;        // ... so many times what nine steps of ten have
@@ -35,6 +37,17 @@ constexpr double kLeastScale = 1.06, kMostScale = 2, kScaleStep = 1.03;
 constexpr std::size_t kLookedAt = 24;  // frames
 constexpr double kMostWhite = 0.1;     // of the pixels that are not black
 constexpr double kDimmest = 0.15;      // of white, that the brightest pixel of a hundred thousand reaches
+
+// The ground that a picture lies on: a screen's grey.
+constexpr int kCorners = 16;         // the upper corners are such a part of the width and of the height
+constexpr double kLeastGround = 4;   // grey levels: less is black that was compressed
+constexpr double kMostGround = 64;   // and more is tissue
+constexpr double kEven = 5;          // grey levels about a corner's median, in ...
+constexpr double kEvenShare = 0.75;  // ... so many of its pixels: there may be text
+constexpr double kAlike = 3;         // grey levels between the corners
+constexpr double kSteady =
+    2;  // grey levels by which a corner's pixels differ from the first frame's: water's differ more
+constexpr double kOtherThanGround = 6;  // grey levels by which rows and columns of the picture differ in the mean
 
 /// Median difference of what both frames show, grey levels; 0 where that is too little.
 double Brighter(const Pictures& pictures, std::size_t from, std::size_t to)
@@ -207,6 +220,80 @@ std::optional<Finding> DoubtLevels(const Sweep& sweep, const std::vector<int>& f
   return Finding{FindingKind::Levels, {}, 0, false, evidence};
 }
 
+/// Grey level of a corner that is even and neither black nor tissue; nothing of another one.
+std::optional<double> GroundOf(const cv::Mat& corner)
+{
+  std::vector<double> levels;
+  for (int y = 0; y < corner.rows; ++y)
+  {
+    levels.insert(levels.end(), corner.ptr<float>(y), corner.ptr<float>(y) + corner.cols);
+  }
+  const double level = ShareBelow(levels, 0.5);
+  const auto even = static_cast<double>(
+      std::count_if(levels.begin(), levels.end(), [level](double value) { return std::abs(value - level) <= kEven; }));
+  return level < kLeastGround || level > kMostGround || even < kEvenShare * static_cast<double>(levels.size())
+             ? std::nullopt
+             : std::optional(level);
+}
+
+/// The first and one past the last place where a row or column of means differs from the ground; equal where none does.
+std::pair<int, int> PartBeside(const cv::Mat& means, double ground)
+{
+  int begin = 0, end = 0;
+  for (int k = 0; k < static_cast<int>(means.total()); ++k)
+  {
+    if (std::abs(means.ptr<float>()[k] - ground) > kOtherThanGround)
+    {
+      begin = end == 0 ? k : begin;
+      end = k + 1;
+    }
+  }
+  return {begin, end};
+}
+
+std::optional<Finding> DoubtGround(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const int width = std::max(1, sweep.width / kCorners), height = std::max(1, sweep.height / kCorners);
+  const std::array<cv::Rect, 2> corners{cv::Rect(0, 0, width, height), cv::Rect(sweep.width - width, 0, width, height)};
+  cv::Mat mean = cv::Mat::zeros(sweep.height, sweep.width, CV_32F), first;
+  double ground = 0;
+  const std::vector<int> some = EvenlySpread(frames, kLookedAt);
+  for (const int frame : some)
+  {
+    cv::Mat image(sweep.height, sweep.width, CV_32F);
+    sweep.CopyFrame(frame, image.ptr<float>());
+    image *= kLevels;
+    first = first.empty() ? image : first;
+    const std::optional<double> left = GroundOf(image(corners[0])), right = GroundOf(image(corners[1]));
+    if (!left || !right || std::abs(*left - *right) > kAlike ||
+        cv::norm(image(corners[0]), first(corners[0]), cv::NORM_L1) > kSteady * width * height ||
+        cv::norm(image(corners[1]), first(corners[1]), cv::NORM_L1) > kSteady * width * height)
+    {
+      return std::nullopt;
+    }
+    ground += 0.5 * (*left + *right) / static_cast<double>(some.size());
+    mean += image / static_cast<double>(some.size());
+  }
+  cv::Mat columns, rows;
+  cv::reduce(mean, columns, 0, cv::REDUCE_AVG);
+  cv::reduce(mean, rows, 1, cv::REDUCE_AVG);
+  const auto [x, right] = PartBeside(columns, ground);
+  const auto [y, bottom] = PartBeside(rows, ground);
+  if (x == right || y == bottom)
+  {
+    return std::nullopt;
+  }
+  return Finding{FindingKind::Ground,
+                 {},
+                 0,
+                 false,
+                 "both upper corners have grey level " + Format("%.0f", ground) +
+                     " in all frames, which counts as lit; a clip makes it black: a fan (--clip-fan), or the "
+                     "rectangle that the picture fills (--clip-rectangle " +
+                     std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(right - x) + " " +
+                     std::to_string(bottom - y) + ")"};
+}
+
 }  // namespace
 
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames)
@@ -226,6 +313,7 @@ std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, c
     add(DoubtDepth(pictures, frames));
   }
   add(DoubtLevels(sweep, frames));
+  add(DoubtGround(sweep, frames));
   for (std::string& doubt : DoubtsAboutPoses(sweep, frames))
   {
     doubt.pop_back();  // its full stop

@@ -26,7 +26,7 @@ struct KindOfFinding
 };
 
 /// In the order of FindingKind, so that those that something is done about are the first.
-constexpr std::array<KindOfFinding, 10> kKinds{{
+constexpr std::array<KindOfFinding, 11> kKinds{{
     {"order", "Frames are not in the order of their times", "They are taken by time"},
     {"contact", "The probe seems to be off the skin", "They are left out"},
     {"repeat", "A picture is shown again", "They are left out"},
@@ -36,6 +36,7 @@ constexpr std::array<KindOfFinding, 10> kKinds{{
     {"gain", "The gain seems to change", nullptr},
     {"depth", "Depth or zoom seem to change", nullptr},
     {"levels", "Grey levels are doubtful", nullptr},
+    {"ground", "Beside the picture the frames are not black", nullptr},
     {"poses", "Poses are doubtful", nullptr},
 }};
 constexpr std::size_t kActing = static_cast<std::size_t>(FindingKind::Gain);

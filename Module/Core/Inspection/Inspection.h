@@ -26,10 +26,11 @@ enum class FindingKind
   Gain,    ///< pictures get brighter or darker at once
   Depth,   ///< pictures get larger or smaller at once: another depth or zoom
   Levels,  ///< white pixels hide what is there, or no pixel is bright
+  Ground,  ///< what lies beside the picture is not black, so that it counts as lit
   Poses    ///< sound as numbers, but hardly those of a probe (PoseDoubts.h)
 };
 
-/// "order", "contact", "repeat", "rest", "overlay", "tracking", "gain", "depth", "levels", "poses".
+/// "order", "contact", "repeat", "rest", "overlay", "tracking", "gain", "depth", "levels", "ground", "poses".
 const char* NameOf(FindingKind kind);
 
 /// Kinds of findings that something is done about unless they are kept.

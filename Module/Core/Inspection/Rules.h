@@ -46,7 +46,7 @@ std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures,
 /// go on.
 std::optional<Finding> FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
-/// What nothing is done about: gain, depth, grey levels, poses.
+/// What nothing is done about: gain, depth, grey levels, the ground, poses.
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
 /// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets 1

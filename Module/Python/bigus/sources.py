@@ -95,9 +95,11 @@ def _says_what_is_wrong(read: Callable) -> Callable:
     def reader(path: Path, *arguments: Any, **named: Any) -> Any:
         try:
             return read(path, *arguments, **named)
-        except (SourceError, OSError, ImportError):
+        except (SourceError, ImportError):
             raise
         except Exception as error:
+            if isinstance(error, OSError) and error.filename is not None:
+                raise  # it names the file
             raise SourceError(f"{path}: cannot be read ({type(error).__name__}: {str(error)[:120]}); it may be damaged: fetch it "
                               "again") from error
 

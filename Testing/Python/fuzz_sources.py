@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: BIGUS authors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Damages images and poses of every kind that bigus.convert reads, at random, and reads them again.
+
+    fuzz_sources.py [--executions 1500] [--seed 1]
+
+Each damaged file must be read, or refused by SourceError in one line that names it, within 10 s of the processor and 1 GB
+more memory than the program has at the start. What is damaged is bytes (changed, cut out, doubled, cut off) and numbers
+(replaced by such as 1e308, -1 and 2^63). A file that is answered otherwise is written to the working directory. Kinds
+whose package is not there are left out, and named. Sequences (.mha, .nrrd) have fuzz targets of their own.
+"""
+import argparse
+import io
+import itertools
+import pathlib
+import random
+import re
+import resource
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "Module" / "Python" / "bigus"))
+import sources  # noqa: E402
+
+FRAMES, HEIGHT, WIDTH = 5, 6, 8
+NUMBERS = [b"1e308", b"-1", b"nan", b"inf", b"9223372036854775808", b"-9223372036854775809", b"0", b"1e19", b"99999999", b""]
+SECONDS, BYTES = 10, 1 << 30
+
+
+def poses():
+    all_poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    all_poses[:, 2, 3] = 0.5 * np.arange(FRAMES)
+    return all_poses
+
+
+def arrays(save):
+    stream = io.BytesIO()
+    save(stream)
+    return stream.getvalue()
+
+
+def images_of_every_kind(folder):
+    """Names and bytes of files of images, and of those that need a package the kinds that were left out."""
+    pixels = np.random.default_rng(1).integers(0, 256, (FRAMES, HEIGHT, WIDTH)).astype(np.uint8)
+    files = {"images.npy": arrays(lambda stream: np.save(stream, pixels)),
+             "images.npz": arrays(lambda stream: np.savez_compressed(stream, images=pixels))}
+    missing = []
+    try:
+        import h5py
+
+        with h5py.File(folder / "whole.h5", "w") as file:
+            file["frames"] = pixels
+        files["images.h5"] = (folder / "whole.h5").read_bytes()
+    except ImportError:
+        missing.append("HDF5")
+    return files, missing
+
+
+def poses_of_every_kind():
+    names = ",".join(f"m{row}{column}" for row in range(4) for column in range(4))
+    rows = [",".join(map(repr, pose.ravel())) for pose in poses()]
+    sequence = "".join(f"Seq_Frame{k:04}_ProbeToTrackerTransform = {' '.join(map(str, pose.ravel()))}\n"
+                       f"Seq_Frame{k:04}_Timestamp = {0.1 * k}\n" for k, pose in enumerate(poses()))
+    quaternions = "".join(f"{0.1 * k};{0};{0};{0.5 * k};0;0;0;1\n" for k in range(FRAMES))
+    return {"poses.csv": f"frame,time,{names}\n".encode() + "".join(
+                f"{k},{0.1 * k},{row}\n" for k, row in enumerate(rows)).encode(),
+            "plain.txt": ("\n".join(row.replace(",", " ") for row in rows) + "\n").encode(),
+            "quaternions.csv": b"time;x;y;z;qx;qy;qz;qw\n" + quaternions.encode(),
+            "poses.npy": arrays(lambda stream: np.save(stream, poses())),
+            "poses.seq.mha": ("NDims = 3\n" + sequence + "ElementDataFile = LOCAL\n").encode()}
+
+
+def damaged(data, chance):
+    """Changed once to three times."""
+    for _ in range(chance.randint(1, 3)):
+        at = chance.randrange(len(data) + 1)
+        length = chance.randint(1, 16)
+        number = [*re.finditer(rb"[-+.\deE]*\d[-+.\deE]*", data[:20000])]
+        kind = chance.randrange(5)
+        if kind == 0 and number:
+            one = chance.choice(number)
+            data = data[:one.start()] + chance.choice(NUMBERS) + data[one.end():]
+        elif kind == 1:
+            data = data[:at] + chance.randbytes(length) + data[at + length:]
+        elif kind == 2:
+            data = data[:at] + data[at + length:]
+        elif kind == 3:
+            data = data[:at] + data[at:at + length] * chance.randint(2, 9) + data[at + length:]
+        else:
+            data = data[:at]
+    return data
+
+
+def answer(images, trajectory, name):
+    """What is wrong with the answer; nothing where it is as promised."""
+    start = time.process_time()
+    try:
+        sources.load(images, trajectory, pixel_spacing=(0.2, 0.2))
+    except sources.SourceError as error:
+        if name not in str(error):
+            return f"does not name the file: {error}"
+    except Exception:
+        return traceback.format_exc()
+    seconds = time.process_time() - start
+    return f"took {seconds:.1f} s" if seconds > SECONDS else ""
+
+
+def main():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--executions", type=int, default=1500)
+    options.add_argument("--seed", type=int, default=1)
+    options = options.parse_args()
+    warnings.simplefilter("ignore")
+    chance, faults = random.Random(options.seed), 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        images, missing = images_of_every_kind(folder)
+        trajectories = poses_of_every_kind()
+        for file, data in {**images, **trajectories}.items():
+            (folder / file).write_bytes(data)
+        for file in (*images, *trajectories):
+            sound = answer(folder / file, folder / "poses.csv", file) if file in images else answer(
+                folder / "images.npy", folder / file, file)
+            if sound:
+                sys.exit(f"{file} is not read though it is sound: {sound}")
+        limit = sources_memory() + BYTES
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        kinds = itertools.cycle([*images, *trajectories])
+        for _ in range(options.executions):
+            file = next(kinds)
+            bad = folder / ("bad-" + file)
+            data = damaged(images[file] if file in images else trajectories[file], chance)
+            bad.write_bytes(data)
+            wrong = answer(bad, folder / "poses.csv", bad.name) if file in images else answer(
+                folder / "images.npy", bad, bad.name)
+            if wrong:
+                faults += 1
+                pathlib.Path(f"fault-{faults}-{file}").write_bytes(data)
+                print(f"fault-{faults}-{file}: {wrong}")
+    left_out = f"; left out: {', '.join(missing)}" if missing else ""
+    print(f"{options.executions} damaged files of {len(images) + len(trajectories)} kinds, {faults} faults{left_out}")
+    return 1 if faults else 0
+
+
+def sources_memory():
+    """Bytes of addresses that the program has by now."""
+    return int(pathlib.Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
