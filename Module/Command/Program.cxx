@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <iomanip>
+#include <iostream>
 #include <memory>
 #include <sstream>
 #include <utility>
@@ -69,8 +70,32 @@ public:
   }
 };
 
-/// "--hold-out" for "--holdout": an option of `app` that differs in hyphens and case only; else nothing.
-std::string NearestOption(const CLI::App& app, const std::string& given)
+/// How many letters are to be changed, left out, put in or swapped with the next to make one word the other.
+std::size_t Typos(const std::string& one, const std::string& other)
+{
+  std::vector<std::vector<std::size_t>> typos(one.size() + 1, std::vector<std::size_t>(other.size() + 1));
+  for (std::size_t i = 0; i <= one.size(); ++i)
+  {
+    for (std::size_t j = 0; j <= other.size(); ++j)
+    {
+      if (i == 0 || j == 0)
+      {
+        typos[i][j] = i + j;
+        continue;
+      }
+      const bool isSame = one[i - 1] == other[j - 1];
+      typos[i][j] = std::min({typos[i - 1][j] + 1, typos[i][j - 1] + 1, typos[i - 1][j - 1] + (isSame ? 0 : 1)});
+      if (i > 1 && j > 1 && one[i - 1] == other[j - 2] && one[i - 2] == other[j - 1])
+      {
+        typos[i][j] = std::min(typos[i][j], typos[i - 2][j - 2] + 1);
+      }
+    }
+  }
+  return typos.back().back();
+}
+
+/// The word that was meant by one with at most a typo for three letters; hyphens and case do not count. Else nothing.
+std::string Meant(const std::string& given, const std::vector<std::string>& words)
 {
   const auto letters = [](const std::string& text)
   {
@@ -81,35 +106,69 @@ std::string NearestOption(const CLI::App& app, const std::string& given)
     }
     return plain;
   };
-  for (const CLI::Option* option : app.get_options())
+  std::string meant;
+  std::size_t least = letters(given).size() / 3 + 1;
+  for (const std::string& word : words)
   {
-    for (const std::string& name : option->get_lnames())
+    const std::size_t typos = Typos(letters(given), letters(word));
+    if (typos < least)
     {
-      if (letters(name) == letters(given))
-      {
-        return "--" + name;
-      }
+      least = typos;
+      meant = word;
     }
   }
-  return {};
+  return meant;
+}
+
+std::string DidYouMean(const std::string& meant, const std::string& word)
+{
+  return meant.empty() ? "" : "\nDid you mean " + meant + " instead of " + word + "?";
 }
 
 /// The fault of a command line, and what may have been meant.
 std::string WhatIsWrong(const CLI::App& app, const CLI::ParseError& error)
 {
   const std::vector<std::string> unknown = app.remaining(true);
-  std::string message = app.get_subcommands().empty() && !unknown.empty()
-                            ? "There is no command or option '" + unknown.front() + "'."
-                            : error.what();
-  for (const std::string& word : unknown)
+  if (app.get_subcommands().empty() && !unknown.empty())
   {
-    for (const CLI::App* known : app.get_subcommands())
+    std::vector<std::string> commands;
+    for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
     {
-      const std::string meant = word.compare(0, 2, "--") == 0 ? NearestOption(*known, word) : "";
-      message += meant.empty() ? "" : "\nDid you mean " + meant + " instead of " + word + "?";
+      commands.push_back(command->get_name());
+    }
+    return "There is no command or option '" + unknown.front() + "'." +
+           DidYouMean(Meant(unknown.front(), commands), unknown.front());
+  }
+  std::string message = error.what();
+  for (const CLI::App* command : app.get_subcommands())
+  {
+    std::vector<std::string> options;
+    for (const CLI::Option* option : command->get_options())
+    {
+      for (const std::string& name : option->get_lnames())
+      {
+        options.push_back("--" + name);
+      }
+    }
+    for (const std::string& word : unknown)
+    {
+      message += word.compare(0, 2, "--") == 0 ? DidYouMean(Meant(word, options), word) : "";
     }
   }
   return message;
+}
+
+/// The words of the command line in reverse, as CLI11 takes them: "help train" is "train --help".
+std::vector<std::string> WordsOf(int argumentCount, char** arguments)
+{
+  std::vector<std::string> words(arguments + 1, arguments + argumentCount);
+  if (!words.empty() && words.front() == "help")
+  {
+    words.erase(words.begin());
+    words.push_back("--help");
+  }
+  std::reverse(words.begin(), words.end());
+  return words;
 }
 
 }  // namespace
@@ -149,11 +208,16 @@ ExitCode Run(int argumentCount, char** arguments)
   }
 
   const std::string module = ModuleCommand(arguments[0]);
+  if (module.empty() && argumentCount == 1)
+  {
+    std::cerr << app.help();
+    return UsageFault;
+  }
   try
   {
     if (module.empty())
     {
-      app.parse(argumentCount, arguments);
+      app.parse(WordsOf(argumentCount, arguments));
     }
     else
     {

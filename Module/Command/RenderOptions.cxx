@@ -3,13 +3,39 @@
 #include "RenderOptions.h"
 
 #include <CLI/CLI.hpp>
+#include <Eigen/LU>
+#include <algorithm>
 
-#include "Command.h"
+#include "Data/FieldData.h"
 #include "vtkBigusFieldToImage.h"
 #include "vtkPolyData.h"
 
 namespace bigus::command
 {
+
+namespace
+{
+
+constexpr double kReach = 3;  // standard deviations
+
+bool Meets(const GaussianField& field, const PointGrid& grid)
+{
+  const Eigen::Matrix3d toGrid = grid.steps.inverse();
+  const Eigen::Array3d last = Eigen::Array3i(grid.size[0] - 1, grid.size[1] - 1, grid.size[2] - 1).cast<double>();
+  const Eigen::Array3d step = grid.steps.colwise().norm().transpose().array();
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    const Eigen::Array3d at = toGrid * (field.means[i] - grid.origin);
+    const Eigen::Array3d reach = kReach * field.scales[i].maxCoeff() / step;
+    if ((at >= -reach).all() && (at <= last + reach).all())
+    {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
 
 void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& elements)
 {
@@ -40,6 +66,28 @@ void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOpt
   filter->SetOutputMode(options.IsScattering() ? vtkBigusFieldToImage::ScatteringField
                                                : vtkBigusFieldToImage::Intensity);
   filter->SetOutputScalarType(options.IsBytes() ? VTK_UNSIGNED_CHAR : VTK_FLOAT);
+}
+
+bool NoteMisses(vtkPolyData* field, const std::vector<PointGrid>& grids, WorldSystem world, Console& console)
+{
+  const GaussianField gaussians = FieldFromPolyData(field);
+  const auto meetsAny = [&gaussians](const std::vector<PointGrid>& all)
+  { return std::any_of(all.begin(), all.end(), [&](const PointGrid& grid) { return Meets(gaussians, grid); }); };
+  if (meetsAny(grids))
+  {
+    return true;
+  }
+  std::vector<PointGrid> turned = grids;
+  for (PointGrid& grid : turned)  // RAS and LPS differ by half a turn about the third axis
+  {
+    grid.origin.head<2>() *= -1;
+    grid.steps.topRows<2>() *= -1;
+  }
+  console.Note(std::string("bigus: warning: what was asked for does not meet the field, so it is black.") +
+               (meetsAny(turned) ? std::string(" It would meet it in the other patient system: --world-system ") +
+                                       (world == WorldSystem::Ras ? "lps" : "ras") + "."
+                                 : ""));
+  return false;
 }
 
 }  // namespace bigus::command

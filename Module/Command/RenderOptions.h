@@ -3,7 +3,13 @@
 // What `slice` and `voxelize` have in common: which field, what a pixel of it shows, and what computes.
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <string>
+#include <vector>
+
+#include "Command.h"
+#include "Inputs.h"
 
 class vtkBigusFieldToImage;
 class vtkPolyData;
@@ -31,5 +37,17 @@ void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& 
 
 /// Sets input, mode, type and engine of a filter.
 void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOptions& options);
+
+/// Points that are rendered: the first, the steps along each axis as columns, mm, and how many. A plane is one point deep.
+struct PointGrid
+{
+  Eigen::Vector3d origin;
+  Eigen::Matrix3d steps;
+  std::array<int, 3> size;
+};
+
+/// Whether any of the grids comes within three standard deviations of a Gaussian. Where none does, says that all is black,
+/// and whether it would not be in the other patient system.
+bool NoteMisses(vtkPolyData* field, const std::vector<PointGrid>& grids, WorldSystem world, Console& console);
 
 }  // namespace bigus::command

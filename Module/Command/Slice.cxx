@@ -149,6 +149,21 @@ struct Images
   vtkSmartPointer<vtkImageData> slices, coverage, distance;
 };
 
+/// At most so many of the planes, evenly chosen, as grids.
+std::vector<PointGrid> GridsOf(const std::vector<SlicePlane>& planes)
+{
+  constexpr std::size_t kMost = 64;
+  std::vector<PointGrid> grids;
+  for (std::size_t k = 0; k < std::min(planes.size(), kMost); ++k)
+  {
+    const SlicePlane& plane = planes[k * planes.size() / std::min(planes.size(), kMost)];
+    Eigen::Matrix3d steps;
+    steps << plane.columnStep, plane.rowStep, plane.Normal();
+    grids.push_back({plane.origin, steps, {plane.width, plane.height, 1}});
+  }
+  return grids;
+}
+
 /// Renders the planes, black where `probe` is a sweep that lights nothing. Returns seconds.
 double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe, const Images& images,
               Console& console)
@@ -224,11 +239,13 @@ ExitCode Slice(Console& console, SliceOptions& options)
   const double seconds = Render(reslice, planes, probe, images, console);
   const std::vector<std::string> files = WriteImages(images, planes, options, console);
   const std::string trainedPoses = TrainedPoses(field);
+  const bool meets = NoteMisses(field, GridsOf(planes.planes), options.planes.world, console);
   const Json answer = {{"output", files},
                        {"slices", count},
                        {"rejected", planes.rejected},
                        {"width", first.width},
                        {"height", first.height},
+                       {"meets_field", meets},
                        {"elevation_sigma", options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field)},
                        {"trained_poses", trainedPoses.empty() ? Json() : Json(trainedPoses)},
                        {"seconds", seconds},
@@ -251,7 +268,7 @@ void AddSlice(Program& program)
                                  "See a field at any planes\n"
                                  "  bigus slice field.vtp --poses sweep.igs.mha -o again.igs.mha\n"
                                  "  bigus slice field.vtp --poses plane.mrk.json --spacing 0.2 -o slice.png\n"
-                                 "A plane that misses the field gives a black image.");
+                                 "A plane that misses the field gives a black image and a warning.");
   app->add_option("-o,--output", options->output,
                   "Images to write: .mha or .nrrd (with poses), .png (numbered if many)")
       ->check(FileToWrite(".mha,.nrrd,.png"))

@@ -15,6 +15,7 @@
 #include "RenderOptions.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkImageData.h"
+#include "vtkMatrix3x3.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 
@@ -109,11 +110,17 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
   const int* size = volume->GetDimensions();
   const double* spacing = volume->GetSpacing();
   const double* origin = volume->GetOrigin();
+  const Eigen::Matrix3d steps =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(volume->GetDirectionMatrix()->GetData()) *
+      Eigen::Map<const Eigen::Vector3d>(spacing).asDiagonal();
+  const bool meets = NoteMisses(
+      field, {{Eigen::Map<const Eigen::Vector3d>(origin), steps, {size[0], size[1], size[2]}}}, options.world, console);
   const Json answer = {{"output", options.output},
                        {"size", {size[0], size[1], size[2]}},
                        {"spacing", {spacing[0], spacing[1], spacing[2]}},
                        {"world_system", options.world == WorldSystem::Ras ? "ras" : "lps"},
                        {"origin", {origin[0], origin[1], origin[2]}},
+                       {"meets_field", meets},
                        {"seconds", seconds},
                        {"device", voxelizer->GetDevice()}};
   console.Print("{output}: {size/0} x {size/1} x {size/2} voxels of {spacing/0:3} mm, {seconds:1} s on {device}",

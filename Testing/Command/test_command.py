@@ -226,6 +226,22 @@ class Usage(CommandTest):
         self.assertEqual(result.returncode, USAGE)
         self.assertIn("Did you mean --hold-out instead of --holdout?", result.stderr)
 
+    def test_typos_are_recognised(self):
+        for words, meant in ((["trian", self.sweep], "train instead of trian"),
+                             (["train", self.sweep, "-o", "f.vtp", "--gausians", "4"], "--gaussians instead of --gausians"),
+                             (["slice", self.field, "-o", "s.png", "--posse", self.sweep], "--poses instead of --posse")):
+            result = run(*words)
+            self.assertEqual(result.returncode, USAGE)
+            self.assertIn(f"Did you mean {meant}?", result.stderr)
+        for words in (["fly"], ["train", self.sweep, "-o", "f.vtp", "--no-such-option"]):
+            self.assertNotIn("Did you mean", run(*words).stderr)
+
+    def test_help_of_a_command_and_of_nothing(self):
+        self.assertEqual(run("help", "train").stdout, run("train", "--help").stdout)
+        self.assertEqual(run("help").stdout, run("--help").stdout)
+        alone = subprocess.run([BIGUS], capture_output=True, text=True, timeout=60)
+        self.assertEqual((alone.returncode, alone.stderr), (USAGE, run("--help").stdout))
+
     def test_global_options_are_in_every_help(self):
         for command in ("info", "train", "slice"):
             self.assertIn("--threads", run(command, "--help").stdout)
@@ -1708,6 +1724,22 @@ class Voxelize(CommandTest):
         self.expect(CANNOT_WRITE, "voxelize", self.field, "-o", self.folder / "no" / "v.mha", says="v.mha")
         self.expect(CANNOT_WRITE, "voxelize", self.field, "-o", self.folder / "v.stl", says=".vti")
         self.assertNothingIn(self.folder)
+
+
+    def test_a_grid_that_misses_the_field_is_said(self):
+        volume = self.folder / "v.nrrd"
+        far = self.expect(SUCCESS, "voxelize", self.field, "-o", volume, "--origin", 1000, 0, 0, "--size", 9, 9, 9)
+        self.assertIs(far["meets_field"], False)
+        self.assertIs(self.expect(SUCCESS, "voxelize", self.field, "-o", volume, "--spacing", 2)["meets_field"], True)
+        other = run("voxelize", self.field, "-o", self.folder / "o.nrrd", "--like", volume, "--world-system", "lps")
+        said = "" if "does not meet" not in other.stderr else other.stderr  # the phantom lies about the origin
+        if said:
+            self.assertIn("--world-system ras", said)
+        shifted = self.folder / "shifted.csv"
+        self.poses_csv([0.6, 0, 0, 500, 0, 0.6, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1]).rename(shifted)
+        result = run("slice", self.field, "--poses", shifted, "--size", 8, 8, "-o", self.folder / "s.png")
+        self.assertEqual(result.returncode, SUCCESS)
+        self.assertIn("does not meet the field", result.stderr)
 
 
 class Metrics(CommandTest):
