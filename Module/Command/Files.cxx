@@ -29,8 +29,10 @@ bool AreSame(const std::string& a, const std::string& b)
   }
   const auto whole = [](const std::string& path)
   {
-    std::error_code ignored;
-    return std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored), ignored);
+    std::error_code ignored, closed;
+    const std::filesystem::path absolute = std::filesystem::absolute(path, ignored);
+    const std::filesystem::path canonical = std::filesystem::weakly_canonical(absolute, closed);
+    return closed ? absolute.lexically_normal() : canonical;  // a folder may not be entered
   };
   return whole(a) == whole(b);
 }

@@ -333,6 +333,20 @@ class Outputs(CommandTest):
         volume.unlink()
         self.assertEqual((sweep.read_bytes(), field.read_bytes(), sorted(os.listdir(self.folder))), before)
 
+    def test_a_folder_that_may_not_be_entered_is_said(self):
+        closed = self.folder / "closed"
+        closed.mkdir(mode=0)
+        nobody = {"user": 65534} if os.getuid() == 0 else {}
+        sweep = pathlib.Path(tempfile.mkdtemp()) / "sweep.igs.mha"
+        self.addCleanup(shutil.rmtree, sweep.parent)
+        sweep.parent.chmod(0o755)
+        shutil.copy(self.sweep, sweep)
+        self.folder.chmod(0o755)
+        result = subprocess.run([BIGUS, "train", sweep, "-o", closed / "f.vtp", *TINY], capture_output=True, text=True,
+                                timeout=60, **nobody)
+        self.assertEqual(result.returncode, CANNOT_WRITE, result.stderr)
+        self.assertIn("Permission denied", result.stderr)
+
     def test_messages_name_the_files_there_are(self):
         png = self.folder / "s.png"
         for arguments in (["convert", self.sweep, png], ["slice", self.field, "--poses", self.sweep, "-o", png],
