@@ -564,6 +564,10 @@ class ImagesOfEveryKind(InFolder):
         (self.folder / "far.seq.mha").write_text(header)
         with self.assertRaisesRegex(ValueError, "names frame 9999999"):
             self.load(self.folder / "whole.npz", "far.seq.mha")
+        rows = [[2.0**63, *POSES[0].ravel()]] + [[float(k), *POSES[k].ravel()] for k in range(1, FRAMES)]
+        self.write("far.csv", table(["frame", *MATRIX_NAMES], rows))
+        with self.assertRaisesRegex(ValueError, "far.csv: line 2, column frame"):
+            self.load(self.folder / "whole.npz", "far.csv")
 
     def test_pictures(self):
         cv2 = package("cv2")

@@ -623,7 +623,7 @@ class _Table:
         if column is None:
             return None
         frames = self.numbers(column)
-        wrong = ~(frames >= 0) | (frames != np.floor(frames))
+        wrong = ~((frames >= 0) & (frames < 2**31)) | (frames != np.floor(frames))
         if wrong.any():
             k, cells = self.rows[int(np.argmax(wrong))]
             raise SourceError(f"{self.path}: line {k}, column {self.names[column]}: '{cells[column]}'; a frame's index, counted "
