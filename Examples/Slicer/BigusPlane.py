@@ -95,8 +95,8 @@ class BigusPlaneWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         form = qt.QFormLayout()
         self.layout.addLayout(form)
 
-        self.install = qt.QPushButton("Install bigus")
-        self.install.toolTip = "Installs the package bigus into Slicer's Python"
+        self.install = qt.QPushButton("Install bigus from a file ...")
+        self.install.toolTip = "Installs a wheel (bigus-*.whl, made by 'pip wheel .' in the project) into Slicer's Python"
         form.addRow(self.install)
         self.path = ctk.ctkPathLineEdit()
         self.path.nameFilters = ["Fields (*.vtp *.ply)"]
@@ -134,12 +134,15 @@ class BigusPlaneWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         try:
             self.message.text = work() or ""
         except ImportError as error:
-            self.message.text = f"{error}. Press Install bigus."
+            self.message.text = f"{error}. Install bigus from the wheel that 'pip wheel .' makes in the project."
         except Exception as error:
             self.message.text = str(error)
 
     def on_install(self):
-        self.attempt(lambda: slicer.util.pip_install("bigus"))
+        # Never by name: the package is in no index, where anybody could take the name.
+        wheel = qt.QFileDialog.getOpenFileName(None, "The wheel of bigus", "", "Wheels (*.whl)")
+        if wheel:
+            self.attempt(lambda: slicer.util.pip_install([str(wheel)]))
 
     def on_path(self, path):
         self.attempt(lambda: self.logic.load(path))

@@ -789,7 +789,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     try:
         import aiohttp  # noqa: F401
     except ImportError as error:
-        return fail(2, f'{error}; it serves the page: pip install aiohttp, or pip install "bigus[web]"')
+        return fail(2, f'{error}; it serves the page: pip install aiohttp, or apt install python3-aiohttp')
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

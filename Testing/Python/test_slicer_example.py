@@ -111,7 +111,12 @@ class Panel(unittest.TestCase):
             panel.draw()
             panel.logic.show.assert_called_once_with(panel.plane, panel.volume, panel.spacing.value)
             self.assertEqual(panel.message.text, "too large")
+            stand_ins["qt"].QFileDialog.getOpenFileName.return_value = ""
             panel.on_install()
+            stand_ins["slicer"].util.pip_install.assert_not_called()
+            stand_ins["qt"].QFileDialog.getOpenFileName.return_value = "/wheels/bigus-0.1.0.whl"
+            panel.on_install()
+            stand_ins["slicer"].util.pip_install.assert_called_once_with(["/wheels/bigus-0.1.0.whl"])
             panel.cleanup()
 
 

@@ -54,7 +54,7 @@ def __getattr__(name: str) -> Any:
         try:
             module = importlib.import_module("." + _MODULES[name], __name__)
         except ImportError as error:
-            raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install \"bigus[vtk]\"") from None
+            raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install vtk") from None
         return getattr(module, name)
     raise AttributeError(f"module 'bigus' has no attribute {name!r}")
 
