@@ -90,6 +90,18 @@ void BeginNrrd(std::ostream& file, vtkImageData* image, bool oneSliceEach = fals
        << ' ' << size[1] << (oneSliceEach ? " 1 " : " ") << size[2] << "\nencoding: raw\nendian: little\n";
 }
 
+/// What 3D Slicer browses two sequences by together: the list axis is time in s, with the decimals that it writes itself.
+std::string SlicersTimes(vtkDataArray* times)
+{
+  std::string text =
+      "labels: \"\" \"\" \"\" \"time\"\nunits: \"\" \"\" \"\" \"s\"\naxis 3 index type:=numeric\naxis 3 index values:=";
+  for (vtkIdType k = 0; k < times->GetNumberOfTuples(); ++k)
+  {
+    text += (k ? " " : "") + FormatNumber(times->GetTuple1(k), 3);
+  }
+  return text + "\n";
+}
+
 void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
 {
   // 3D Slicer takes what ends so for a sequence of volumes of one slice. Its pixels lie at (i, j, 0) in RAS, so that the
@@ -103,11 +115,12 @@ void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
                   [stack, forSlicer, axes](std::ostream& file)
                   {
                     BeginNrrd(file, stack, forSlicer);
-                    file << axes << "ultrasound image orientation:=MF\n"  // IGSIO's names
-                         << "ultrasound image type:=BRIGHTNESS\n";
                     vtkFieldData* data = stack->GetFieldData();
                     vtkDataArray* poses = data->GetArray("ImageToReference");
                     vtkDataArray* times = data->GetArray("Timestamp");
+                    file << axes << (forSlicer && times ? SlicersTimes(times) : "")
+                         << "ultrasound image orientation:=MF\n"  // IGSIO's names
+                         << "ultrasound image type:=BRIGHTNESS\n";
                     for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
                     {
                       char frame[32];

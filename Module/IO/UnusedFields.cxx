@@ -25,13 +25,19 @@ const std::set<std::string_view>& FieldsOfFormats()
       "CenterOfRotation", "AnatomicalOrientation", "Kinds", "UltrasoundImageOrientation", "UltrasoundImageType",
       // NRRD
       "type", "dimension", "sizes", "kinds", "encoding", "endian", "data file", "datafile", "line skip", "lineskip",
-      "byte skip", "byteskip", "space", "space dimension", "space directions", "space origin", "space units",
+      "byte skip", "byteskip", "space", "space dimension", "space directions", "space origin", "space units", "units",
       "spacings", "thicknesses", "centers", "centerings", "axis mins", "axismins", "axis maxs", "axismaxs",
       "measurement frame", "ultrasound image orientation", "ultrasound image type", "axis 0 index type",
       "axis 0 index values", "axis 3 index type", "axis 3 index values",
       // of a frame
       "Timestamp", "ImageStatus", "Status"};
   return names;
+}
+
+/// Labels are free text, but for those of the axes of a sequence of 3D Slicer.
+bool IsSlicersLabels(std::string_view name, std::string_view value)
+{
+  return name == "labels" && (value == "\"\" \"\" \"\" \"time\"" || value == "\"time\" \"\" \"\" \"\"");
 }
 
 }  // namespace
@@ -58,7 +64,7 @@ std::vector<UnusedField> UnusedFieldsOf(const SequenceFile& file, const std::vec
   {
     for (const auto& [name, value] : fields)
     {
-      if (FieldsOfFormats().count(name) != 0 || ofTransforms.count(name) != 0)
+      if (FieldsOfFormats().count(name) != 0 || ofTransforms.count(name) != 0 || IsSlicersLabels(name, value))
       {
         continue;
       }

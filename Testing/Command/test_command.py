@@ -1859,6 +1859,21 @@ class Metrics(CommandTest):
 
 
 class Convert(CommandTest):
+    def test_images_of_a_sequence_are_browsed_by_time_in_slicer(self):
+        images, again = self.folder / "images.seq.nrrd", self.folder / "again.igs.mha"
+        self.expect(SUCCESS, "convert", self.sweep, images)
+        header = images.read_bytes().split(b"\n\n")[0].decode().split("\n")
+        self.assertIn('labels: "" "" "" "time"', header)
+        self.assertIn('units: "" "" "" "s"', header)
+        self.assertIn("axis 3 index type:=numeric", header)
+        times = [float(line.split(":=")[1]) for line in header if "_Timestamp" in line]
+        self.assertIn("axis 3 index values:=" + " ".join(f"{time:.3f}" for time in times), header)
+        self.assertEqual(len(times), 9)
+        self.expect(SUCCESS, "convert", images, again)
+        stamps = [re.findall(r"_Timestamp = (.*)", read_sequence(path)[0]) for path in (self.sweep, again)]
+        self.assertEqual([list(map(float, all_stamps)) for all_stamps in stamps], [times, times])
+        self.assertNotIn("labels", run("info", images).stdout)
+
     def sequence(self, name, pixels, pixel_type="MET_USHORT", cropped=False):
         """Eight frames of 12 x 12 pixels, 1 mm apart; the 32 pixels again and again."""
         header = "ObjectType = Image\nNDims = 3\nDimSize = 12 12 8\n"
