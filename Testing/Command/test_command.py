@@ -1745,10 +1745,6 @@ class Voxelize(CommandTest):
         far = self.expect(SUCCESS, "voxelize", self.field, "-o", volume, "--origin", 1000, 0, 0, "--size", 9, 9, 9)
         self.assertIs(far["meets_field"], False)
         self.assertIs(self.expect(SUCCESS, "voxelize", self.field, "-o", volume, "--spacing", 2)["meets_field"], True)
-        other = run("voxelize", self.field, "-o", self.folder / "o.nrrd", "--like", volume, "--world-system", "lps")
-        said = "" if "does not meet" not in other.stderr else other.stderr  # the phantom lies about the origin
-        if said:
-            self.assertIn("--world-system ras", said)
         shifted = self.folder / "shifted.csv"
         self.poses_csv([0.6, 0, 0, 500, 0, 0.6, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1]).rename(shifted)
         result = run("slice", self.field, "--poses", shifted, "--size", 8, 8, "-o", self.folder / "s.png")
