@@ -46,6 +46,10 @@ MOST_PIXELS = 2 * 1024 * 1024  # of a slice: a frame of 1920 x 1080 passes
 MOST_SIDE = 4096  # pixels
 FARTHEST = 1e5  # mm: origins beyond are refused
 FINEST, COARSEST = 1e-4, 1e2  # mm a pixel
+THICKEST = 10.0  # mm, one standard deviation of a slice's thickness
+SEEN_ABOVE = 0.1  # of the field's mean coverage
+SEEN_SIDE = 64  # points of the grid on which a sweep is asked what it saw
+SEEN_FRAMES = 150  # that are asked at most
 MOST_POINTS = 30000  # of the overview; more are not told apart in a picture of 500 x 500
 SEND_SECONDS = 20.0  # a client that takes no bytes for so long is dropped
 SAME_POSE = 1e-6  # mm at the image's corners: the plane is the frame's own
@@ -77,10 +81,12 @@ class FieldOfVtk:
             self.scales = vtk_to_numpy(data.GetArray("Scale"))
             self.reflectivities = vtk_to_numpy(data.GetArray("Reflectivity")).ravel()
         self.gaussians, self.weight = len(self.centers), 1.0
+        sigma = field.GetFieldData().GetArray("ElevationSigma")
+        self.elevation_sigma: Optional[float] = sigma.GetTuple1(0) if sigma else 0.0
         self._filter = bigus.vtkBigusReslice()
         self._filter.SetInputData(field)
 
-    def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0) -> Rendered:
         from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
         from .arrays import _pixels
@@ -88,6 +94,7 @@ class FieldOfVtk:
 
         axes = vtkMatrix4x4()
         axes.DeepCopy(plane.ravel())
+        self._filter.SetElevationSigma(sigma)
         self._filter.SetOutputToFrame(axes, width, height)
         update_alone(self._filter)
         return Rendered(_pixels(self._filter.GetOutput())[0], _pixels(self._filter.GetCoverageOutput())[0])
@@ -100,9 +107,13 @@ class FieldOfWheel:
         self.centers = np.asarray(field.centers)
         self.scales, self.reflectivities = np.asarray(field.scales), np.asarray(field.reflectivities).ravel()
         self.gaussians, self.weight = len(self.centers), 1.0
-        self._slicer = bigus.Slicer(field)
+        self.elevation_sigma: Optional[float] = field.elevation_sigma
+        self._make, self._sigma = (lambda sigma: bigus.Slicer(field, ElevationSigma=sigma)), -1.0
+        self._slicer = self._make(self._sigma)
 
-    def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0) -> Rendered:
+        if sigma != self._sigma:
+            self._slicer, self._sigma = self._make(sigma), sigma
         return Rendered(*self._slicer.slice_and_coverage(plane, (width, height)))
 
 
@@ -123,6 +134,7 @@ class FieldOfLive:
         except ValueError as error:
             raise ValueError(f"{address} is no address igtl://HOST:PORT ({error})") from None
         self.address, self._tell = address, tell
+        self.elevation_sigma: Optional[float] = None  # it takes no thickness
         self.centers, self.scales, self.reflectivities = np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
         self.gaussians, self.weight = 0, 1.0  # of which each in `centers` stands for so many
         self.state: dict[str, Any] = {}
@@ -132,7 +144,7 @@ class FieldOfLive:
         except Away as error:
             raise ValueError(f"{error}. Start bigus live with --listen {self._place[1]} first.") from None
 
-    def render(self, plane: np.ndarray, width: int, height: int) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, _: float = -1.0) -> Rendered:
         pixels = self._ask({"plane": plane.ravel().tolist(), "width": width, "height": height}, 3)
         if pixels.shape != (2, height, width):
             self._leave(f"{self.address} gave a slice of another size")
@@ -219,6 +231,20 @@ def _bytes(pixels: np.ndarray) -> np.ndarray:
     return (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
+def _stretched(values: np.ndarray, size: int) -> np.ndarray:
+    """The rows of an array, interpolated to so many."""
+    at = np.linspace(0, len(values) - 1, size)
+    before = at.astype(int)
+    weights = (at - before).astype(np.float32)[:, None]
+    return values[before] * (1 - weights) + values[np.minimum(before + 1, len(values) - 1)] * weights
+
+
+def _points(plane: np.ndarray, width: int, height: int, columns: int, rows: int) -> np.ndarray:
+    """Of so many points, evenly over an image: x, y and z in mm and 1, [4, rows * columns]."""
+    i, j = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
+    return plane @ np.stack([i.ravel(), j.ravel(), np.zeros(i.size), np.ones(i.size)])
+
+
 class Sweep:
     """Usable frames and poses. Frames of more than MOST_PIXELS are shown at every second, third, ... pixel."""
 
@@ -242,6 +268,14 @@ class Sweep:
         x, y = self.width - 1, self.height - 1
         self._corners = np.array([[0, 0, 0, 1], [x, 0, 0, 1], [0, y, 0, 1], [x, y, 0, 1]], dtype=np.float64).T
         self._placed = self.poses[:, :3] @ self._corners
+        self._pixel_sizes = np.linalg.norm(self.poses[:, :3, :2], axis=1)[:, :, None]  # mm
+        normals = np.cross(self.poses[:, :3, 0], self.poses[:, :3, 1])
+        to_mm = self.poses.copy()
+        to_mm[:, :3, 2] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        self._from_mm = np.linalg.inv(to_mm)[:, :3]  # to column, row and mm from the frame
+        self._every = max(1, math.ceil(len(self.poses) / SEEN_FRAMES))
+        steps = np.linalg.norm(np.diff(self._placed[:: self._every], axis=0), axis=1).mean(axis=1)
+        self._reach = max(self._pixel_sizes.max(initial=0), float(np.quantile(steps, 0.9)) if len(steps) else 0.0)
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -249,11 +283,41 @@ class Sweep:
     def pixels(self, frame: int) -> np.ndarray:
         return _bytes(self._pixels[self.numbers[frame]])
 
-    def nearest(self, plane: np.ndarray) -> tuple[int, float]:
-        """The frame whose corners lie nearest to those of an image of the same size at the plane; mean of four, mm."""
-        distances = np.linalg.norm(self._placed - plane[:3] @ self._corners, axis=1).mean(axis=1)
-        frame = int(np.argmin(distances))
+    def nearest(self, plane: np.ndarray, width: int, height: int) -> tuple[int, float]:
+        """The frame to which an image is nearest, and the mean distance of the image's points to it, mm.
+
+        Of frames that are as near, such as those in one plane, it is the one whose corners are nearest.
+        """
+        x, y, away = np.moveaxis(self._from_mm @ _points(plane, width, height, 5, 5), 1, 0)
+        beside = [np.maximum(np.maximum(-at, at - last), 0) for at, last in ((x, self.width - 1), (y, self.height - 1))]
+        beside = [pixels * self._pixel_sizes[:, k] for k, pixels in enumerate(beside)]
+        distances = np.sqrt(away**2 + beside[0] ** 2 + beside[1] ** 2).mean(axis=1)
+        frame = int(np.argmin(distances + 1e-6 * self._of_corners(plane)))
         return frame, float(distances[frame])
+
+    def is_at(self, plane: np.ndarray, frame: int) -> bool:
+        return bool(self._of_corners(plane)[frame] <= SAME_POSE)
+
+    def _of_corners(self, plane: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(self._placed - plane[:3] @ self._corners, axis=1).mean(axis=1)
+
+    def seen(self, plane: np.ndarray, width: int, height: int) -> np.ndarray:
+        """Where the sweep looked, [height, width], 1: yes, 0: no; on a coarse grid, interpolated.
+
+        A point counts where it lies over a lit pixel of a frame, and no farther from it than nine in ten steps between frames
+        are long (the mean way of the corners). So what casts a shadow hides nothing.
+        """
+        columns, rows = (max(2, round(side * SEEN_SIDE / max(width, height))) for side in (width, height))
+        points, frames = _points(plane, width, height, columns, rows), self._from_mm[:: self._every]
+        frame, point = np.nonzero(np.abs(frames[:, 2] @ points) <= self._reach)
+        x, y = np.rint(np.einsum("kij,jk->ik", frames[frame, :2], points[:, point])).astype(int)
+        looked = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
+        if self.mask is not None:
+            looked[looked] = self.mask[y[looked], x[looked]]
+        grid = np.zeros(rows * columns, np.float32)
+        grid[point[looked]] = 1
+        grid = grid.reshape(rows, columns)
+        return _stretched(_stretched(grid, height).T, width).T
 
 
 class Request(NamedTuple):
@@ -262,6 +326,7 @@ class Request(NamedTuple):
     plane: Optional[np.ndarray]  # else this is it
     width: int
     height: int
+    sigma: float  # mm, the slice's thickness; negative: the field's own
 
 
 class Scene:
@@ -338,6 +403,7 @@ class Scene:
             "frames": [] if sweep is None else [pose.ravel().tolist() for pose in sweep.poses],
             "numbers": [] if sweep is None else sweep.numbers.tolist(),
             "firstFrame": None if sweep is None else len(sweep) // 2,
+            "elevationSigma": self.field.elevation_sigma, "thickest": THICKEST,
             "live": self.field.state if self.live else None,
         }  # fmt: skip
 
@@ -356,11 +422,14 @@ class Scene:
                 raise ValueError(f"{name} is a whole number from {low} to {high}")
             return value
 
-        id = whole("id", 0, 2**53)
+        id, sigma = whole("id", 0, 2**53), message.get("elevationSigma", -1)
+        if "elevationSigma" in message and not (type(sigma) in (int, float) and 0 <= sigma <= THICKEST and not self.live):
+            raise ValueError(f"elevationSigma is from 0 to {THICKEST:g} mm; a field that grows takes none")
         if message.get("frame") is not None:
             if not self.sweep:
                 raise ValueError("there are no frames")
-            return Request(id, whole("frame", 0, len(self.sweep) - 1), None, self.sweep.width, self.sweep.height)
+            return Request(id, whole("frame", 0, len(self.sweep) - 1), None, self.sweep.width, self.sweep.height,
+                           sigma)  # fmt: skip
         width, height = whole("width", 1, MOST_SIDE), whole("height", 1, MOST_SIDE)
         if width * height > MOST_PIXELS:
             raise ValueError(f"a slice has at most {MOST_PIXELS} pixels")
@@ -378,21 +447,23 @@ class Scene:
         if length < 1e-3:
             raise ValueError("the plane's first two columns must span a plane")
         plane[:3, 2], plane[3] = normal / length, (0, 0, 0, 1)
-        return Request(id, None, plane, width, height)
+        return Request(id, None, plane, width, height, sigma)
 
     def render(self, request: Request) -> tuple[dict[str, Any], list[bytes]]:
-        """What is told of the slice, and its pixels and coverage as bytes."""
+        """What is told of the slice, and its pixels, its coverage and whether the sweep saw them, as bytes."""
         self.refresh()
         begin = time.perf_counter()
         plane = self.sweep.poses[request.frame] if request.frame is not None else request.plane
-        image, coverage = self.field.render(plane, request.width, request.height)
-        grey = _bytes(image)
-        seen = (np.minimum(coverage / self.mean_coverage, 1) * 255 + 0.5).astype(np.uint8)
+        image, coverage = self.field.render(plane, request.width, request.height, request.sigma)
+        coverage = coverage / self.mean_coverage
+        seen = coverage / SEEN_ABOVE
+        if self.sweep:
+            seen = np.maximum(seen, self.sweep.seen(plane, request.width, request.height))
         head: dict[str, Any] = {"id": request.id, "width": request.width, "height": request.height, "frame": None}
         if self.sweep:
-            frame, distance = (request.frame, 0.0) if request.frame is not None else self.sweep.nearest(plane)
             size = (request.width, request.height)
-            same = distance <= SAME_POSE and size == (self.sweep.width, self.sweep.height)
+            frame, distance = (request.frame, 0.0) if request.frame is not None else self.sweep.nearest(plane, *size)
+            same = size == (self.sweep.width, self.sweep.height) and self.sweep.is_at(plane, frame)
             head.update(frame=frame, distance=distance, same=same, psnr=None)
             if same:
                 difference = (image - self.sweep.pixels(frame) / np.float32(255))
@@ -404,7 +475,7 @@ class Scene:
             if probe := self.probe():
                 head["live"]["probe"] = probe[0].ravel().tolist()
         head["seconds"] = time.perf_counter() - begin
-        return head, [grey.tobytes(), seen.tobytes()]
+        return head, [_bytes(pixels).tobytes() for pixels in (image, coverage, seen)]
 
 
 def read_scene(field: str, sweep: Optional[str], tell: Any) -> Scene:
@@ -464,6 +535,17 @@ def origin_is_sound(origin: Optional[str], host: str) -> bool:
 
 def token_is_sound(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
+
+
+def address_for_others(address: str) -> str:
+    """Where a server at the address "any" is reached from other machines; other addresses as they are."""
+    if not ipaddress.ip_address(address).is_unspecified:
+        return address
+    family, far, here = (socket.AF_INET6, "2001:db8::1", "::1") if ":" in address else (socket.AF_INET, "192.0.2.1", "127.0.0.1")
+    with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as way:
+        way.connect((far, 9))  # sends nothing: the address of the way out is chosen
+        return str(way.getsockname()[0])
+    return here
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -692,7 +774,7 @@ class Server:
                     client.shown = head["frame"]
                     head["recorded"] = [sweep.width, sweep.height]
                     parts.append(sweep.pixels(client.shown).tobytes())
-                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, recorded frame.
+                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, seen, recorded frame.
                 text = json.dumps(head, allow_nan=False).encode()
                 text += b" " * (-len(text) % 4)
                 await self._send(socket, transport, b"".join([struct.pack("<I", len(text)), text, *parts]))
@@ -751,6 +833,7 @@ async def _run(server: Server, host: str, port: int, tell: Any) -> None:
         site = web.TCPSite(runner, host, port, shutdown_timeout=2) if _old_aiohttp() else web.TCPSite(runner, host, port)
         await site.start()
         address, found = runner.addresses[0][:2]
+        address = address_for_others(address)
         name = f"[{address}]" if ":" in address else address
         url = f"http://{name}:{found}/" + (f"?token={server.token}" if server.token else "")
         tell("ready", url=url)

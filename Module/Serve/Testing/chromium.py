@@ -104,9 +104,24 @@ class Browser:
         raise AssertionError(f"after {seconds} s still not: {script}")
 
     async def mouse(self, kind: str, x: float, y: float, pressed: bool = False, **more: Any) -> None:
-        button = "left" if pressed else "none"
+        button = "left" if pressed or kind == "mouseReleased" else "none"
         await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, buttons=int(pressed),
                         clickCount=1 if kind != "mouseMoved" else 0, **more)  # fmt: skip
+
+    async def screen(self, width: int, height: int, phone: bool = False) -> None:
+        await self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=phone)
+        await self.call("Emulation.setTouchEmulationEnabled", enabled=phone, maxTouchPoints=5)
+
+    async def fingers(self, *ways: list[tuple[float, float]]) -> None:
+        """Each finger goes down at the first place of its way, along it, and up at its end; all have as many places."""
+        for k, places in enumerate(zip(*ways)):
+            points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in enumerate(places)]
+            await self.call("Input.dispatchTouchEvent", type="touchMove" if k else "touchStart", touchPoints=points)
+        await self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    async def key(self, key: str, modifiers: int = 0) -> None:
+        for kind in ("keyDown", "keyUp"):
+            await self.call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers)
 
     async def picture(self, path: str) -> None:
         told = await self.call("Page.captureScreenshot", format="png")

@@ -149,7 +149,7 @@ class Questions(WithLive):
         self.send(live, range(FRAMES))
         scores = []
         for _ in range(2):
-            head, (image, _) = scene.render(scene.parse('{"id": 1, "frame": 20}'))
+            head, (image, *_) = scene.render(scene.parse('{"id": 1, "frame": 20}'))
             self.assertEqual((head["frame"], head["same"], len(image)), (20, True, WIDTH * HEIGHT))
             scores.append(head["psnr"])
             time.sleep(2)
