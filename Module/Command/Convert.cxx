@@ -13,7 +13,6 @@
 #include "Inputs.h"
 #include "Outputs.h"
 #include "Pipeline.h"
-#include "vtkBigusFieldReader.h"
 #include "vtkBigusTransformField.h"
 #include "vtkDataArray.h"
 #include "vtkFieldData.h"
@@ -86,8 +85,7 @@ ExitCode Convert(Console& console, const ConvertOptions& options)
     RequireWritable(file);
   }
 
-  vtkNew<vtkBigusFieldReader> fieldReader;
-  if (fieldReader->CanReadFile(input.c_str()))
+  if (IsPolyData(input))
   {
     RequireFieldName(output, true);
     vtkSmartPointer<vtkPolyData> field = ReadFieldData(input, console);

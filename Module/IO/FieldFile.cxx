@@ -34,9 +34,17 @@ bool EndsIn(const std::string& fileName, const std::string& ending)
 
 }  // namespace
 
-bool LooksLikeField(const std::string& beginning)
+bool IsPolyData(const std::string& fileName)
 {
+  const std::string beginning = FileBeginning(fileName, 4096);
   return LooksLikePly(beginning) || LooksLikeVtp(beginning);
+}
+
+bool IsField(const std::string& fileName)
+{
+  const std::string beginning = FileBeginning(fileName, 4096);
+  return LooksLikePly(beginning) ? HasBefore(fileName, " rot_0", "end_header")
+                                 : LooksLikeVtp(beginning) && HasBefore(fileName, "\"Reflectivity\"", "<AppendedData");
 }
 
 std::optional<StoredField> ReadField(const std::string& fileName, const FieldPiece& piece,
@@ -49,7 +57,7 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
     throw TruncationError(fileName + ": the file is empty");
   }
   const std::string beginning = FileBeginning(fileName, 4096);
-  if (!LooksLikeField(beginning))
+  if (!LooksLikePly(beginning) && !LooksLikeVtp(beginning))
   {
     throw FileError(FileFault::Unrecognized,
                     fileName + ": neither a VTK XML PolyData file (.vtp, .pvtp) nor a PLY file (.ply)");

@@ -31,8 +31,12 @@ struct FieldPiece
   int chunks = FieldChunks::kUsual;
 };
 
-/// Whether a file that begins with these bytes is worth handing to ReadField.
-bool LooksLikeField(const std::string& beginning);
+/// Whether a file begins as those that ReadField reads: VTK XML PolyData or PLY, be it a field or not.
+bool IsPolyData(const std::string& fileName);
+
+/// Whether a file says that it holds a field: a .vtp or .pvtp with an array Reflectivity, or a .ply with rotations. Other
+/// files of points are left to other readers.
+bool IsField(const std::string& fileName);
 
 /// A valid field of a .vtp, .pvtp or .ply file, or a part of it. Nothing where a .vtp has another encoding than the one
 /// that we write; of the pieces of a .pvtp `foreign` reads such ones. Throws FileError.

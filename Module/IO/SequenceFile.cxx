@@ -109,10 +109,24 @@ const char* NameOf(Encoding encoding)
   }
 }
 
-bool LooksLikeSequence(const std::string& beginning, bool plain)
+bool IsSequence(const std::string& fileName, bool plain)
 {
-  return LooksLikeMetaImage(beginning) || LooksLikeNrrd(beginning) || LooksLikePoseCsv(beginning) ||
-         (plain && LooksLikePng(beginning));
+  const std::string beginning = FileBeginning(fileName, 4096);
+  if (LooksLikePoseCsv(beginning) || (plain && LooksLikePng(beginning)))
+  {
+    return true;
+  }
+  if (plain)
+  {
+    return LooksLikeMetaImage(beginning) || LooksLikeNrrd(beginning);
+  }
+  // "Seq_Frame0000_ProbeToTrackerTransform = ..." and not "TransformMatrix = ..."; fields of NRRD have ":=".
+  if (LooksLikeNrrd(beginning))
+  {
+    return HasBefore(fileName, "Transform:=", "\n\n") || HasBefore(fileName, "Transform :=", "\n\n");
+  }
+  return LooksLikeMetaImage(beginning) && (HasBefore(fileName, "Transform =", "ElementDataFile") ||
+                                           HasBefore(fileName, "Transform=", "ElementDataFile"));
 }
 
 SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& images)

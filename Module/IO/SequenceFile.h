@@ -96,8 +96,9 @@ struct ImageOptions
   std::string pattern;  ///< with one %d; empty: the `image` column, or all PNG files of `folder`
 };
 
-/// Whether a file that begins with these bytes is worth handing to ReadSequenceFile.
-bool LooksLikeSequence(const std::string& beginning, bool plain);
+/// Whether a file says that it is a sequence: it looks like one and, unless it may be plain, its header has a transform of a
+/// frame. Volumes and pictures without poses are left to other readers.
+bool IsSequence(const std::string& fileName, bool plain);
 
 /// Throws FileError naming the file, the field, what was found and what to do. Checks that the file can hold
 /// the pixels that its header claims before anything of that size is allocated.

@@ -315,6 +315,33 @@ std::string FileBeginning(const std::string& fileName, std::size_t count)
   return beginning;
 }
 
+bool HasBefore(const std::string& fileName, std::string_view text, std::string_view end)
+{
+  constexpr std::size_t kBlock = 1 << 16;
+  std::error_code error;
+  std::ifstream stream;
+  if (std::filesystem::is_regular_file(fileName, error))
+  {
+    stream.open(fileName, std::ios::binary);
+  }
+  const std::size_t overlap = std::max(text.size(), end.size()) - 1;  // what two blocks may share
+  std::string block;
+  while (stream)
+  {
+    const std::size_t kept = std::min(overlap, block.size());
+    block.erase(0, block.size() - kept);
+    block.resize(kept + kBlock);
+    stream.read(block.data() + kept, kBlock);
+    block.resize(kept + static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
+    const std::size_t found = block.find(text), last = block.find(end);
+    if (found != std::string::npos || last != std::string::npos)
+    {
+      return found < last;
+    }
+  }
+  return false;
+}
+
 std::string ReadTextFile(const std::string& fileName, std::uint64_t limit)
 {
   InputFile file(fileName);

@@ -76,6 +76,9 @@ private:
 /// The first bytes of a file, at most `count`; empty when it cannot be read.
 std::string FileBeginning(const std::string& fileName, std::size_t count);
 
+/// Whether `text` stands in a file before `end`, or before its own end where that never comes; false when it cannot be read.
+bool HasBefore(const std::string& fileName, std::string_view text, std::string_view end);
+
 /// The whole of a small text file. Throws FileError when it is larger than `limit` bytes.
 std::string ReadTextFile(const std::string& fileName, std::uint64_t limit);
 

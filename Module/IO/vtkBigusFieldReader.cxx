@@ -75,8 +75,7 @@ vtkBigusFieldReader::~vtkBigusFieldReader()
 
 int vtkBigusFieldReader::CanReadFile(const char* fileName)
 {
-  const std::string beginning = fileName ? bigus::FileBeginning(fileName, 4096) : "";
-  return bigus::LooksLikeField(beginning) ? 1 : 0;
+  return fileName && bigus::IsField(fileName) ? 1 : 0;
 }
 
 int vtkBigusFieldReader::RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector* outputVector)

@@ -40,7 +40,8 @@ public:
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   /**
-   * 1 when the file opens and begins like a PLY or VTK XML PolyData file; looks at its first 4 KiB only.
+   * 1 when the file says that it holds a field: VTK XML PolyData with an array Reflectivity, or PLY with rotations (rot_0).
+   * It is read as far as its appended data or the end of its header. Other files are left to VTK's readers.
    */
   virtual int CanReadFile(VTK_FILEPATH const char* fileName);
 

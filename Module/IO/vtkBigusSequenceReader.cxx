@@ -148,6 +148,7 @@ public:
   std::string spacingDoubt;
   std::string pixelType;
   double usedRange = 0;
+  bool isLoaded = false;  // all of the above, without an error
   bool hasTimestamps = false;
   double duration = 0;
 
@@ -180,6 +181,7 @@ public:
     }
     this->Summarize(options.fromFrame);
     this->poses.RequireFrames(fileName);
+    this->isLoaded = true;
   }
 
 private:
@@ -239,8 +241,7 @@ int vtkBigusSequenceReader::FillOutputPortInformation(int, vtkInformation* info)
 
 int vtkBigusSequenceReader::CanReadFile(const char* fileName)
 {
-  const bool plain = !this->RequirePoses;
-  return fileName && bigus::LooksLikeSequence(bigus::FileBeginning(fileName, 4096), plain) ? 1 : 0;
+  return fileName && bigus::IsSequence(fileName, !this->RequirePoses) ? 1 : 0;
 }
 
 int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVector**,
@@ -301,6 +302,10 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
   const bigus::SequenceFile& file = this->Internals->file;
   const bigus::PoseTable& poses = this->Internals->poses;
   output->Initialize();
+  if (!this->Internals->isLoaded)
+  {
+    return 0;  // why was said when the file was opened; ParaView asks for data all the same
+  }
   try
   {
     bigus::Clip shape;

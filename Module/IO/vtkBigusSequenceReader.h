@@ -50,7 +50,8 @@ public:
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   /**
-   * 1 when the file opens and begins like a format this class reads; looks at its first 4 KiB only.
+   * 1 when the file says that it is a sequence: MetaImage or NRRD with a transform of a frame in the header, or a table of
+   * poses. Volumes are left to VTK's readers. With RequirePosesOff 1 for every MetaImage, NRRD and PNG.
    */
   virtual int CanReadFile(VTK_FILEPATH const char* fileName);
 

@@ -272,10 +272,7 @@ void BindFiles(nb::module_& m)
         return std::make_pair(file.spacing[0], file.spacing[1]);
       },
       nb::arg("path"));
-  m.def(
-      "looks_like_sequence",
-      [](const std::string& path, bool plain) { return LooksLikeSequence(FileBeginning(path, 4096), plain); },
-      nb::arg("path"), nb::arg("plain"));
+  m.def("is_sequence", &IsSequence, nb::arg("path"), nb::arg("plain"));
   m.def("write_sweep", &WriteSweep, nb::arg("sweep"), nb::arg("path"), nb::arg("FromFrame"), nb::arg("ToFrame"),
         nb::arg("Compression"));
   m.def("read_field", &ReadStoredField, nb::arg("path"));

@@ -11,8 +11,11 @@
 #include "Support/TestSupport.h"
 #include "vtkBigusPoseReader.h"
 #include "vtkBigusSequenceReader.h"
+#include "vtkDemandDrivenPipeline.h"
 #include "vtkErrorCode.h"
+#include "vtkExecutive.h"
 #include "vtkImageData.h"
+#include "vtkInformation.h"
 #include "vtkPNGWriter.h"
 #include "vtkTable.h"
 
@@ -153,9 +156,38 @@ TEST(BadSequence, EmptyMissingAndForeignFiles)
   EXPECT_EQ(reader->CanReadFile((folder / "text.mha").c_str()), 0);
   EXPECT_EQ(reader->CanReadFile((folder / "missing.mha").c_str()), 0);
   EXPECT_EQ(reader->CanReadFile(nullptr), 0);
+  WriteBytes(folder / "volume.mha",
+             "ObjectType = Image\nNDims = 3\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nDimSize = 1 1 1\n"
+             "ElementType = MET_UCHAR\nElementDataFile = LOCAL\nTransform = no header");
+  WriteBytes(folder / "volume.nrrd", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\nTransform:=");
+  for (const char* const volume : {"volume.mha", "volume.nrrd"})
+  {
+    EXPECT_EQ(reader->CanReadFile((folder / volume).c_str()), 0) << volume;
+    reader->RequirePosesOff();
+    EXPECT_EQ(reader->CanReadFile((folder / volume).c_str()), 1) << volume;
+    reader->RequirePosesOn();
+  }
   ErrorObserver errors(reader);
   reader->Update();
   EXPECT_NE(errors.Text().find("FileName"), std::string::npos);
+}
+
+// ParaView asks for data of a file that did not open. What is wrong with it is said once.
+TEST(BadSequence, AFileThatDidNotOpenIsToldOnce)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkBigusSequenceReader> reader;
+  WriteBytes(folder / "small.mha", SmallSequence().Bytes());
+  reader->SetFileName((folder / "small.mha").c_str());
+  reader->SetFromFrame("Stylus");
+  ErrorObserver errors(reader);
+  reader->UpdateInformation();
+  vtkNew<vtkInformation> request;
+  request->Set(vtkDemandDrivenPipeline::REQUEST_DATA());
+  EXPECT_EQ(reader->ProcessRequest(request, reader->GetExecutive()->GetInputInformation(),
+                                   reader->GetExecutive()->GetOutputInformation()),
+            0);
+  EXPECT_EQ(errors.Errors().size(), 1) << errors.Text();
 }
 
 // A header of 100 bytes must not make us allocate 17 GB.

@@ -107,6 +107,34 @@ vtkPolyData* Read(vtkBigusFieldReader* reader, const std::string& fileName)
   return reader->GetOutput();
 }
 
+// Pipelines that open whatever comes, as ParaView, ask each reader for files that are its own.
+TEST(Field, OtherFilesOfPointsAreLeftToTheirReaders)
+{
+  TemporaryFolder folder;
+  vtkNew<vtkPoints> points;
+  points->InsertNextPoint(1, 2, 3);
+  vtkNew<vtkPolyData> data;
+  data->SetPoints(points);
+  vtkNew<vtkXMLPolyDataWriter> vtp;
+  vtp->SetInputData(data);
+  vtp->SetFileName((folder / "points.vtp").c_str());
+  vtp->Write();
+  WriteBytes(folder / "points.ply",
+             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+             "property float z\nend_header\n1 2 3\n rot_0");
+
+  vtkNew<vtkBigusFieldReader> reader;
+  EXPECT_EQ(reader->CanReadFile((folder / "points.vtp").c_str()), 0);
+  EXPECT_EQ(reader->CanReadFile((folder / "points.ply").c_str()), 0);
+
+  // A field that VTK's own writer wrote as text is one all the same.
+  vtp->SetInputData(RandomField(3));
+  vtp->SetDataModeToAscii();
+  vtp->SetFileName((folder / "field.vtp").c_str());
+  vtp->Write();
+  EXPECT_EQ(reader->CanReadFile((folder / "field.vtp").c_str()), 1);
+}
+
 TEST(Field, TheProbesBeamIsKeptExactlyByEveryFormat)
 {
   TemporaryFolder folder;

@@ -124,7 +124,7 @@ class vtkBigusSequenceReader(_Source):
         return 1
 
     def CanReadFile(self, name: str) -> int:
-        return int(_core.looks_like_sequence(os.fspath(name), not self._values["RequirePoses"]))
+        return int(_core.is_sequence(os.fspath(name), not self._values["RequirePoses"]))
 
     def GetNumberOfRejectedFrames(self) -> int:
         return self.GetNumberOfFramesInFile() - self.GetNumberOfAcceptedFrames()
