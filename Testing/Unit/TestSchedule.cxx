@@ -35,8 +35,15 @@ TEST(Schedule, GoesByStepsOrByTheClockWhicheverIsAhead)
   EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 77, 0), 0.25);
   plan.timeLimit = 20;
   EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 2, 0), 0.25);
-  EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 10, 0), 0.5);
-  EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 15, 10), 0.5) << "10 s went before the first step";
+  EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 10, 0), 0.49)
+      << "half of the time, of which it must be ahead by 0.02 at first";
+  EXPECT_DOUBLE_EQ(FractionDone(plan, 251, 15, 10), 0.49) << "10 s went before the first step";
+  EXPECT_EQ(FractionDone(plan, 251, 20, 0), 1) << "the clock ends it to the second";
+  // 1000 steps in half of the time, of which the first takes 2 % of it: the clock never counts.
+  for (const int step : {1, 2, 3, 10, 500, 1000})
+  {
+    EXPECT_EQ(FractionDone(plan, step, step == 1 ? 0.0 : 0.4 + 0.0096 * (step - 1), 0), (step - 1) / 1000.0) << step;
+  }
 }
 
 TEST(Schedule, StepsInAllFollowFromThoseSoFarUnderATimeLimit)

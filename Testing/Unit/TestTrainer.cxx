@@ -70,6 +70,29 @@ TEST(Trainer, LearnsFramesItHasNotSeen)
   EXPECT_EQ(trained.log.back().iteration, 300);
 }
 
+TEST(Trainer, NoTimeIsLeftAtTheEndAndALimitOutOfReachChangesNothing)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  const bigus::TrainingResult unlimited = bigus::Train(sweep, Small());
+  std::vector<bigus::GaussianField> fields;
+  for (const double limit : {1000.0, 3000.0})
+  {
+    TrainerOptions options = Small();
+    options.timeLimit = limit;
+    double left = -1;
+    const bigus::TrainingResult result = bigus::Train(sweep, options, nullptr,
+                                                      [&](const bigus::TrainingProgress& now)
+                                                      {
+                                                        left = now.secondsLeft;
+                                                        return true;
+                                                      });
+    EXPECT_EQ(result.iterations, unlimited.iterations);
+    EXPECT_LT(left, 0.1);
+    fields.push_back(result.field);
+  }
+  EXPECT_TRUE(Same(fields[0], fields[1]));
+}
+
 /// RenderedSweep's frames, moved sideways by turns and seen through a round window with `corners` around it.
 std::shared_ptr<bigus::Sweep> ThroughAWindow(float corners)
 {

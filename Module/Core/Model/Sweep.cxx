@@ -490,7 +490,9 @@ void Sweep::Validate() const
     const std::size_t inFrame = firstBad % PixelsPerFrame();
     throw Error("frame " + std::to_string(firstBad / PixelsPerFrame()) + ": pixel (" + std::to_string(inFrame % width) +
                 ", " + std::to_string(inFrame / width) + ") is " + std::to_string(values[firstBad]) +
-                "; float pixels must lie in [0, 1]. Divide by the largest value of the original type.");
+                "; float pixels must lie in [0, 1]. " +
+                (std::isfinite(values[firstBad]) ? "Divide by the largest value of the original type."
+                                                 : "Give pixels without a value the value 0."));
   }
 }
 

@@ -54,6 +54,10 @@ constexpr int kLogLines = 100;
 /// Seconds that a time limit leaves to training at the least, so that nothing is divided by 0.
 constexpr double kLeastTime = 1e-3;
 
+/// By what share of a time limit the clock must be ahead of the steps at first to count, falling to 0 at its end. So the
+/// first steps, which are slow, and a busy moment change nothing where the limit is never reached.
+constexpr double kClockLead = 0.02;
+
 double MeanMagnitude(const std::vector<double>& values)
 {
   double sum = 0;
@@ -89,7 +93,8 @@ double FractionDone(const TrainingPlan& plan, int iteration, double seconds, dou
   const double fraction = static_cast<double>(iteration - 1) / plan.iterations;
   if (plan.timeLimit > 0)
   {
-    return std::max(fraction, (seconds - begun) / std::max(plan.timeLimit - begun, kLeastTime));
+    const double clock = (seconds - begun) / std::max(plan.timeLimit - begun, kLeastTime);
+    return std::max(fraction, clock - kClockLead * (1 - clock));
   }
   return fraction;
 }

@@ -33,8 +33,9 @@ struct Moment
 /// False where what training sees changes on the way, by gains of frames found in it: then there is one stage.
 bool HasFirstStage(const TrainingPlan& plan);
 
-/// How far training is before step `iteration`, from 1, by steps or by the clock, whichever is ahead, so that the rates
-/// are spent when it ends. `seconds` of the plan's time limit have passed, `begun` of them before the first step.
+/// How far training is before step `iteration`, from 1: by steps, and by the clock where that is ahead, so that the rates
+/// are spent when it ends. A limit that steps do not reach changes nothing. `seconds` of the plan's time limit have passed,
+/// `begun` of them before the first step.
 double FractionDone(const TrainingPlan& plan, int iteration, double seconds, double begun);
 
 /// Steps in all. With a time limit they follow from those so far, of which there may be none.

@@ -18,6 +18,9 @@ namespace
 /// Share of the progress bar that seeding takes.
 constexpr double kSeedingShare = 0.1;
 
+/// Seconds told as left at the end, because 0 says that it is not known.
+constexpr double kNoTime = 1e-3;
+
 }  // namespace
 
 /// A run's batches, and since when it is timed.
@@ -175,7 +178,8 @@ void TrainingLoop::Tell(const Lap& lap, double fraction)
 {
   const double pace = (report_.Seconds() - lap.stageBegun) / (course_.iteration - lap.stageFirst);
   const int coarseness = targets_.Coarseness();
-  report_.Now().secondsLeft = SecondsLeft(plan_, frames_.size(), coarseness, Now(fraction), pace);
+  const double left = SecondsLeft(plan_, frames_.size(), coarseness, Now(fraction), pace);
+  report_.Now().secondsLeft = std::max(left, kNoTime);
   secondsOfSecondStage_ = SecondsOfSecondStage(plan_, coarseness, pace);
   report_.Proceed(TrainingProgress::Phase::Training, kSeedingShare + (1 - kSeedingShare) * fraction);
   course_.trainingTime = report_.Seconds() - lap.begun;
