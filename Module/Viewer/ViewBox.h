@@ -18,6 +18,8 @@ struct ViewBox
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mm
   Eigen::Vector3d size = Eigen::Vector3d::Ones();    ///< along these axes, mm, at least 1
+  /// From where places are told: the middle of the middle frame's first row, at the probe; without a sweep the world's origin.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
 
   bool Holds(const Eigen::Vector3d& point) const
   {

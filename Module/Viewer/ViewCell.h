@@ -7,6 +7,8 @@
 #include <array>
 #include <string>
 
+#include "vtkActor2D.h"
+#include "vtkLineSource.h"
 #include "vtkNew.h"
 #include "vtkRenderer.h"
 #include "vtkTextActor.h"
@@ -31,14 +33,20 @@ struct ViewCell
 {
   vtkNew<vtkRenderer> renderer;
   vtkNew<vtkTextActor> caption;
+  vtkNew<vtkLineSource> ruler;  ///< of a flat view, in its lower left corner: a round length
+  vtkNew<vtkActor2D> rulerLine;
+  vtkNew<vtkTextActor> rulerLength;
 
   void Place(vtkRenderWindow* window, const Viewport& viewport, int fontSize);
   void SetCaption(const std::string& text) { this->caption->SetInput(text.c_str()); }
 
   /// Looks along `normal`, without perspective and with `down` downwards, so that a rectangle of width x height mm about
-  /// `centre` fills the cell.
+  /// `centre` fills the cell, with a ruler.
   void LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& normal, const Eigen::Vector3d& down, double width,
               double height);
+
+private:
+  void Rule();
 };
 
 /// Light on dark, plain.

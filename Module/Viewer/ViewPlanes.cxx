@@ -34,7 +34,7 @@ void PlaneView::Fit()
     this->plane->SetElement(row, 2, this->normal[row]);
     this->plane->SetElement(row, 3, at[row]);
   }
-  this->SetCaption(this->name + "   " + this->axis + " " + FormatNumber(this->offset, 1) + " mm");
+  this->SetCaption(this->name + "   " + this->axis + " " + FormatNumber(this->along.dot(at - this->origin), 1) + " mm");
   this->LookAt(at, this->normal, this->down, this->width, this->height);
 }
 
@@ -54,6 +54,8 @@ ViewPlanes::ViewPlanes(vtkPolyData* field, const ViewBox& box, bool isSweep)
     view.across = box.axes.col(across[k]);
     view.down = box.axes.col(down[k]);
     view.normal = view.across.cross(view.down);
+    view.along = box.axes.col(through);
+    view.origin = box.origin;
     view.centre = box.centre;
     view.width = box.size[across[k]];
     view.height = box.size[down[k]];
@@ -72,7 +74,8 @@ ViewPlanes::ViewPlanes(vtkPolyData* field, const ViewBox& box, bool isSweep)
     view.slice->OutlineVisibilityOff();
     view.inScene->CoverageVisibilityOff();
     view.renderer->AddViewProp(view.slice);
-    view.Fit();
+    // The first plane begins as the middle frame itself.
+    view.Move(isSweep && k == 0 ? view.normal.dot(box.origin - box.centre) : 0.0);
   }
 }
 

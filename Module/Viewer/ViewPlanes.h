@@ -19,6 +19,7 @@ struct PlaneView : ViewCell
 {
   std::string name, axis;                   ///< for the caption: what is seen, and along what it moves
   Eigen::Vector3d across, down, normal;     ///< unit vectors
+  Eigen::Vector3d origin, along;            ///< the caption tells how far from the origin, mm, along this unit vector
   Eigen::Vector3d centre;                   ///< of the box, mm
   double width = 0, height = 0, depth = 0;  ///< of the box, along the vectors above, mm
   double offset = 0;                        ///< along the normal from the centre, mm
