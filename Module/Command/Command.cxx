@@ -64,17 +64,17 @@ namespace
 
 CLI::Validator Number(double low, double high, bool whole)
 {
-  const auto check = [low, high, whole](const std::string& text) -> std::string
+  const auto plain = [](double bound) { return FormatNumber(bound, bound == std::floor(bound) ? 0 : 2); };
+  const auto check = [low, high, whole, plain](const std::string& text) -> std::string
   {
     double value = 0;
     if (ParseNumber(text, value) && value >= low && value <= high && (!whole || value == std::floor(value)))
     {
       return {};
     }
-    const auto plain = [](double bound) { return FormatNumber(bound, bound == std::floor(bound) ? 0 : 2); };
     return "'" + text + "' is not a " + (whole ? "whole " : "") + "number from " + plain(low) + " to " + plain(high);
   };
-  return CLI::Validator(check, "", whole ? kWhole : kReal);
+  return CLI::Validator(check, "", std::string(whole ? kWhole : kReal) + " " + plain(low) + " " + plain(high));
 }
 
 }  // namespace

@@ -80,8 +80,8 @@ CLI::Validator WholeNumberIn(double low, double high);
 /// The same for a value above zero, up to 1e6.
 CLI::Validator PositiveNumber();
 
-// Checks carry a name that says what the value is, for 3D Slicer to show (ModuleDescription): "double" or "integer" those
-// of numbers, "file" or "image" with channel and endings those below, which let every text pass.
+// Checks carry a name that says what the value is, for 3D Slicer to show (ModuleDescription): "double" or "integer" and the
+// range, where there is one, those of numbers, "file" or "image" with channel and endings those below, which let every text pass.
 constexpr const char* kWhole = "integer";
 constexpr const char* kReal = "double";
 

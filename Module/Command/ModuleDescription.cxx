@@ -24,6 +24,10 @@ constexpr std::array<std::pair<const char*, const char*>, 4> kModules{
 
 constexpr const char* kMainGroup = "Options";    // CLI11's name for options without a group
 constexpr const char* kShorthand = "Short for";  // begins the help of flags that repeat another option
+constexpr const char* kMachineGroup = "Computing";
+constexpr const char* kOfScene =
+    "_transform";                        // ends the name of an option's second form, whose file Slicer writes itself
+constexpr double kLongestSlider = 1000;  // the largest number that Slicer shows as a slider, by giving its range
 // Options of the program that a module has, too; the others say how messages look.
 constexpr std::array<const char*, 3> kProgramOptions{"threads", "simd", "memory"};
 
@@ -46,6 +50,15 @@ std::string Label(std::string name)
   std::replace(name.begin(), name.end(), '-', ' ');
   name[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(name[0])));
   return name;
+}
+
+/// The unit that the name of a value is, " (mm)"; nothing where it is none.
+std::string UnitOf(const std::string& type)
+{
+  constexpr std::array<std::pair<const char*, const char*>, 4> kUnits{
+      {{"MM", " (mm)"}, {"MM MM", " (mm)"}, {"S", " (s)"}, {"GB", " (GB)"}}};
+  const auto found = std::find_if(kUnits.begin(), kUnits.end(), [&](const auto& unit) { return type == unit.first; });
+  return found == kUnits.end() ? "" : found->second;
 }
 
 /// "on|off" to on and off; empty for anything but names with bars between.
@@ -120,8 +133,8 @@ std::string Describe(const CLI::Option& option, int& positionals)
   const bool isList = IsList(option);
   const std::vector<std::string> kind = KindOf(option);
   const std::vector<std::string> names = Names(option.get_type_name());
-  const bool isNumber = kind.size() == 1;
-  const bool isFile = kind.size() == 3;
+  const bool isNumber = !kind.empty() && (kind[0] == kWhole || kind[0] == kReal);
+  const bool isFile = kind.size() == 3 && !isNumber;
   // A number that may be left out is text, because Slicer gives no number that is none.
   const std::string value = option.get_default_str();
   double number = 0;
@@ -154,7 +167,7 @@ std::string Describe(const CLI::Option& option, int& positionals)
   std::string text = "<" + tag + attributes + ">\n" + Element("name", Identifier(name));
   text += isPositional && !isList ? Element("index", std::to_string(positionals++))
                                   : Element("longflag", "--" + Identifier(name));
-  text += Element("description", help) + Element("label", Label(name));
+  text += Element("description", help) + Element("label", Label(name) + UnitOf(option.get_type_name()));
   if (tag == "boolean")
   {
     text += Element("default", "false");
@@ -171,7 +184,20 @@ std::string Describe(const CLI::Option& option, int& positionals)
   {
     text += Element("element", element);
   }
-  return text + "</" + tag + ">\n";
+  if ((tag == kWhole || tag == kReal) && kind.size() == 3 && std::stod(kind[2]) <= kLongestSlider)
+  {
+    text += "<constraints>\n" + Element("minimum", kind[1]) + Element("maximum", kind[2]) + "</constraints>\n";
+  }
+  text += "</" + tag + ">\n";
+  // What a file of a linear transform says, a transform of the scene says, too.
+  if (isFile && kind[2].find(".tfm") != std::string::npos)
+  {
+    text += "<transform fileExtensions=\".tfm,.h5\">\n" + Element("name", Identifier(name) + kOfScene) +
+            Element("longflag", "--" + Identifier(name) + kOfScene) + Element("description", help) +
+            Element("label", Label(name) + ", a transform of the scene") + Element("channel", kind[1]) +
+            "</transform>\n";
+  }
+  return text;
 }
 
 }  // namespace
@@ -194,33 +220,32 @@ std::string DescribeModule(const CLI::App& program, const CLI::App& command)
   struct Group
   {
     std::string name, options;
-    bool isNeeded;  ///< holds an option that must be given: 3D Slicer shows it unfolded
   };
-  std::vector<Group> groups = {{kMainGroup, "", true}};  // in the order of the help
+  std::vector<Group> groups = {{kMainGroup, ""}};  // in the order of the help; what must be given is in the first
   int positionals = 0;
-  const auto add = [&](const CLI::Option& option)
+  const auto add = [&](const CLI::Option& option, const std::string& usual)
   {
-    const std::string name = option.get_positional() ? kMainGroup : option.get_group();
+    const std::string name = option.get_positional() || option.get_required() ? kMainGroup : usual;
     auto found = std::find_if(groups.begin(), groups.end(), [&](const Group& group) { return group.name == name; });
     if (found == groups.end())
     {
-      found = groups.insert(groups.end(), {name, "", false});
+      found = groups.insert(groups.end(), {name, ""});
     }
     found->options += Describe(option, positionals);
-    found->isNeeded |= option.get_required();
   };
   std::vector<const CLI::Option*> options = command.get_options();
+  std::stable_partition(options.begin(), options.end(), [](const CLI::Option* one) { return one->get_required(); });
   std::stable_partition(options.begin(), options.end(), [](const CLI::Option* one) { return one->get_positional(); });
   for (const CLI::Option* option : options)
   {
     if (option != command.get_help_ptr())
     {
-      add(*option);
+      add(*option, option->get_lnames() == std::vector<std::string>{"engine"} ? kMachineGroup : option->get_group());
     }
   }
   for (const char* name : kProgramOptions)
   {
-    add(*program.get_option(std::string("--") + name));
+    add(*program.get_option(std::string("--") + name), kMachineGroup);
   }
 
   std::string description;
@@ -238,7 +263,7 @@ std::string DescribeModule(const CLI::App& program, const CLI::App& command)
     const std::string label = group.name == kMainGroup ? "What is done" : group.name;
     xml += group.options.empty()
                ? ""
-               : "<parameters" + std::string(group.isNeeded ? "" : " advanced=\"true\"") + ">\n" +
+               : "<parameters" + std::string(group.name == kMainGroup ? "" : " advanced=\"true\"") + ">\n" +
                      Element("label", label) + Element("description", label) + group.options + "</parameters>\n";
   }
   return xml + "</executable>\n";
@@ -263,6 +288,12 @@ std::vector<std::string> ModuleArguments(const CLI::App& command, int argumentCo
     }
     if (argument.rfind("--", 0) == 0)
     {
+      const std::string ending = kOfScene;
+      if (argument.size() > ending.size() &&
+          argument.compare(argument.size() - ending.size(), ending.size(), ending) == 0)
+      {
+        argument.erase(argument.size() - ending.size());
+      }
       std::replace(argument.begin(), argument.begin() + std::min(argument.find('='), argument.size()), '_', '-');
     }
     rewritten.push_back(argument);

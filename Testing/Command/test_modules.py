@@ -76,21 +76,24 @@ class Descriptions(unittest.TestCase):
                 names.append(element.findtext("name"))
                 self.assertRegex(names[-1], r"^[_a-zA-Z][_a-zA-Z0-9]*$")
                 order = [child.tag for child in element if child.tag != "element"]
-                allowed = ["name", "longflag", "index", "description", "label", "default", "channel"]
+                allowed = ["name", "longflag", "index", "description", "label", "default", "channel", "constraints"]
                 self.assertEqual(order, [tag for tag in allowed if tag in order], names[-1])
                 self.assertTrue(("longflag" in order) != ("index" in order))
                 if "longflag" in order:
                     self.assertRegex(element.findtext("longflag"), r"^--[_a-zA-Z][_a-zA-Z0-9]*$")
                 self.assertIn(element.tag, {"boolean", "integer", "double", "string", "integer-vector", "double-vector",
-                                            "string-enumeration", "file", "image"})
+                                            "string-enumeration", "file", "image", "transform"})
                 self.assertTrue("longflag" in order or element.get("multiple") is None)
-                if element.tag in ("file", "image"):
+                if element.tag in ("file", "image", "transform"):
                     self.assertIn(element.findtext("channel"), ("input", "output"))
                     self.assertRegex(element.get("fileExtensions"), r"^\.[^,]+(,\.[^,]+)*$")
                 if element.tag == "string-enumeration":
                     self.assertIn(element.findtext("default"), [e.text for e in element.iter("element")], names[-1])
                 if element.tag in ("integer", "double"):
-                    float(element.findtext("default"))
+                    value = float(element.findtext("default"))
+                    if "constraints" in order:
+                        self.assertTrue(float(element.findtext("constraints/minimum")) <= value <=
+                                        float(element.findtext("constraints/maximum")))
             self.assertEqual(len(names), len(set(names)))
 
     def test_no_option_is_missing(self):
@@ -105,9 +108,22 @@ class Descriptions(unittest.TestCase):
             shorthand = {"auto", "preview", "signed", "positive"} if command == "train" else set()
             positional = {name.lower() for name in re.findall(r"\n  ([A-Z]+) ", text.split("\nOptions:")[0])}
             self.assertEqual(len(positional), 2 if command == "train" else 1)
-            described = {element.findtext("name") for element in parameters(describe(module))}
+            described = {element.findtext("name") for element in parameters(describe(module)) if element.tag != "transform"}
             self.assertEqual(described - PROGRAM_OPTIONS - positional,
                              {name.replace("-", "_") for name in listed - shorthand}, module)
+
+    def test_what_must_be_given_comes_first_and_units_are_told(self):
+        for module in COMMANDS:
+            first, *others = describe(module).iter("parameters")
+            self.assertIsNone(first.get("advanced"))
+            self.assertTrue(all(group.get("advanced") == "true" for group in others))
+            computing = next(group for group in others if group.findtext("label") == "Computing")
+            self.assertEqual({name.text for name in computing.iter("name")} - {"engine"}, PROGRAM_OPTIONS)
+        first = describe("BigusSlice").find("parameters")
+        self.assertLessEqual({"field", "poses", "output"}, {name.text for name in first.iter("name")})
+        described = {element.findtext("name"): element for element in parameters(describe("BigusSlice"))}
+        self.assertEqual(described["elevation_sigma"].findtext("label"), "Elevation sigma (mm)")
+        self.assertEqual(described["memory"].findtext("label"), "Memory (GB)")
 
     def test_defaults_are_those_of_the_trainer(self):
         """Options.md holds the table that Core writes of its list."""
@@ -204,6 +220,15 @@ class Runs(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(output.read_bytes(), plain.read_bytes())
         self.check_progress(text, {"Reading", "Slicing"})
+
+    def test_a_transform_of_the_scene_is_a_plane(self):
+        place, output, plain = (self.folder / name for name in ("place.tfm", "module.png", "command.png"))
+        place.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n"
+                         "Parameters: 1 0 0 0 1 0 0 0 1 -10 0 0\nFixedParameters: 0 0 0\n")
+        self.module("BigusSlice", field=self.field, poses_transform=place, output=output, size="40,30")
+        result = run(BIGUS, "slice", self.field, "--poses", place, "-o", plain, "--size", 40, 30)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(output.read_bytes(), plain.read_bytes())
 
     def test_voxelize_and_poses(self):
         volume, poses = self.folder / "volume.nrrd", self.folder / "poses.csv"
