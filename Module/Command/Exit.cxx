@@ -47,6 +47,7 @@ std::string WithRemedy(const std::string& message)
       {"name that coordinate frame", " (--image-from)"},
       {"set the image spacing", " (--pixel-spacing)"},
       {"set the pixel range", " (--pixel-range)"},
+      {"MaximumOutputPixels", " (--spacing, --size or --region)"},
       {"float pixels must lie in", " (--pixel-range does so)"},
       {"without a status", " (--assume-status accepts transforms without a status)"}};
   for (const auto& [phrase, remedy] : remedies)

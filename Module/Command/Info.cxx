@@ -12,9 +12,10 @@
 #include "Core/Poses/PoseDoubts.h"
 #include "Core/Poses/Trajectory.h"
 #include "Data/FieldData.h"
+#include "IO/FieldFile.h"
+#include "IO/Formats/VolumeGrid.h"
 #include "Inputs.h"
 #include "Pipeline.h"
-#include "vtkBigusFieldReader.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkFieldData.h"
 #include "vtkNew.h"
@@ -186,9 +187,10 @@ Json ShowTracker(Console& console, const Sweep& sweep)
       outliers.push_back(k);
     }
   }
-  console.Print(Line("Tracker's noise", path.isStepped
-                                            ? "none: motion in equal steps"
-                                            : NoiseText(path.translationNoise, path.rotationNoise, path.cornerNoise)));
+  console.Print(Line("Noise by the path", path.isStepped
+                                              ? "none: motion in equal steps"
+                                              : NoiseText(path.translationNoise, path.rotationNoise, path.cornerNoise) +
+                                                    "; 'bigus poses' asks the pictures, too"));
   if (!outliers.empty())
   {
     console.Print(Line("Outliers", std::to_string(outliers.size()) + ": " + listed));
@@ -254,6 +256,33 @@ void PrintFormat(vtkBigusSequenceReader* reader, Console& console)
       "Format", std::string(reader->GetFormat()) + ", " + reader->GetEncoding() + ", " + reader->GetElementType()));
 }
 
+/// Where a volume lies by its header, null where that does not say so: a picture, for one.
+Json ShowPlace(Console& console, const std::string& path)
+{
+  try
+  {
+    const VolumeGrid grid = ReadVolumeGrid(path, true);
+    Eigen::AlignedBox3d box;
+    for (int corner = 0; corner < 8; ++corner)
+    {
+      const Eigen::Vector3d index(corner & 1 ? grid.size[0] - 1 : 0, corner & 2 ? grid.size[1] - 1 : 0,
+                                  corner & 4 ? grid.size[2] - 1 : 0);
+      box.extend(grid.origin + grid.steps * index);
+    }
+    const Json place = {
+        {"world", "lps"},
+        {"spacing", {grid.steps.col(0).norm(), grid.steps.col(1).norm(), grid.steps.col(2).norm()}},
+        {"bounds", {box.min()[0], box.max()[0], box.min()[1], box.max()[1], box.min()[2], box.max()[2]}}};
+    console.Print(Line("As a volume", "voxels of {spacing/0:3} x {spacing/1:3} x {spacing/2:3} mm"), place);
+    console.Print(Line("Extent", Box(place["bounds"]) + ", patient system LPS"));
+    return place;
+  }
+  catch (const Error&)
+  {
+    return nullptr;
+  }
+}
+
 /// A volume, or pictures without any transform.
 ExitCode ShowImages(Console& console, const std::string& path, vtkBigusSequenceReader* reader)
 {
@@ -266,6 +295,7 @@ ExitCode ShowImages(Console& console, const std::string& path, vtkBigusSequenceR
   console.Print(
       Line("Size", std::string("{images}") + (count == 1 ? " image" : " images") + " of {width} x {height} pixels"),
       answer);
+  answer["place"] = ShowPlace(console, path);
   console.Print(Line("Poses",
                      "none: a volume, or a sequence without transforms. 'bigus metrics' compares it; to train on "
                      "it give a Plus configuration or poses in a CSV"));
@@ -411,8 +441,7 @@ ExitCode Show(Console& console, const InfoOptions& options)
     return ShowDevices(console);
   }
   RequireFile(path);
-  vtkNew<vtkBigusFieldReader> fieldReader;
-  return fieldReader->CanReadFile(path.c_str()) ? ShowField(console, path) : ShowSequence(console, options.sequence);
+  return IsPolyData(path) ? ShowField(console, path) : ShowSequence(console, options.sequence);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "Command.h"
+#include "Help.h"
 #include "ModuleDescription.h"
 
 namespace bigus::command
@@ -56,19 +57,6 @@ const char* const footer =
     "Exit codes: 0 done, 1 wrong usage, 2 bad input, 3 output cannot be written, 130 interrupted\n"
     "(129 by SIGHUP, 143 by SIGTERM; 128 plus its number by any other signal).\n"
     "With --json, stdout holds one JSON object (with an \"error\" when it failed); messages go to stderr.";
-
-/// CLI11's help, but the list of subcommands holds only the first line of each.
-class HelpFormatter : public CLI::Formatter
-{
-public:
-  std::string make_subcommand(const CLI::App* app) const override
-  {
-    const std::string whole = app->get_description();
-    std::ostringstream line;
-    CLI::detail::format_help(line, app->get_name(), whole.substr(0, whole.find('\n')), get_column_width());
-    return line.str();
-  }
-};
 
 /// How many letters are to be changed, left out, put in or swapped with the next to make one word the other.
 std::size_t Typos(const std::string& one, const std::string& other)
@@ -192,9 +180,7 @@ ExitCode Run(int argumentCount, char** arguments)
   app.set_version_flag("--version", std::string("bigus ") + BIGUS_VERSION);
   app.require_subcommand(1);
   app.fallthrough();  // --json and the like are understood after the subcommand, too
-  const auto formatter = std::make_shared<HelpFormatter>();
-  formatter->column_width(34);
-  app.formatter(formatter);
+  app.formatter(std::make_shared<HelpFormatter>());
   AddCommonOptions(program, argumentCount, arguments);
 
   for (const Verb& verb : verbs)
@@ -206,6 +192,8 @@ ExitCode Run(int argumentCount, char** arguments)
     command->footer(
         "Also: --json, --progress, --no-progress, --threads N, --simd NAME, --memory GB; 'bigus --help' explains them.");
   }
+
+  AddCompletion(app);
 
   const std::string module = ModuleCommand(arguments[0]);
   if (module.empty() && argumentCount == 1)
@@ -240,7 +228,9 @@ ExitCode Run(int argumentCount, char** arguments)
   }
   catch (const CLI::ParseError& error)
   {
-    return Fail(console, UsageFault, WhatIsWrong(app, error) + "\nRun 'bigus --help' or 'bigus COMMAND --help'.");
+    const std::vector<CLI::App*> chosen = app.get_subcommands();
+    const std::string help = chosen.empty() ? "bigus" : "bigus " + chosen.front()->get_name();
+    return Fail(console, UsageFault, WhatIsWrong(app, error) + "\nRun '" + help + " --help'.");
   }
   return RunChosenJob(program);
 }

@@ -12,6 +12,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 folder=$(mkdir -p "${1:-$HOME/bigus-paraview}" && cd "${1:-$HOME/bigus-paraview}" && pwd)
 paraview=$folder/paraview/usr
 build_packages=(
+  libqt5svg5  # ParaView's icons
   g++ cmake ninja-build
   libeigen3-dev libtbb-dev libhwy-dev libopencv-dev libspng-dev libpugixml-dev nlohmann-json3-dev  # what the plugin is built on
   mpi-default-dev libutfcpp-dev liblz4-dev liblzma-dev libdouble-conversion-dev libexpat1-dev zlib1g-dev  # ParaView's headers
@@ -73,4 +74,4 @@ END
 (cd "$folder" && . ./environment && pvpython "$root/Module/ParaView/slice.py" slice.vti)
 done_with "The first slice, $folder/slice.vti, was made"
 echo "Start ParaView with the plugin:
-  . $folder/environment && paraview"
+  . $(printf %q "$folder/environment") && paraview"

@@ -242,6 +242,47 @@ class Usage(CommandTest):
         alone = subprocess.run([BIGUS], capture_output=True, text=True, timeout=60)
         self.assertEqual((alone.returncode, alone.stderr), (USAGE, run("--help").stdout))
 
+    def test_help_is_as_wide_as_the_terminal(self):
+        for columns in (60, 100):
+            for command in ("train", "slice", "phantom"):
+                text = subprocess.run([BIGUS, command, "--help"], capture_output=True, text=True, timeout=60,
+                                      env={**os.environ, "COLUMNS": str(columns)}).stdout
+                before, options = text.split("Usage:")
+                for line in options.splitlines():
+                    words = line[30:].split()  # a word longer than its column stands alone
+                    self.assertTrue(len(line) <= columns or len(words) == 1 or line.startswith("  -"), line)
+                self.assertNotRegex(text, "Excludes|Needs|\\{false\\}")
+                self.assertIn("\n  bigus " + command, before)
+
+    def test_a_wrong_command_line_names_the_help_at_hand(self):
+        self.assertTrue(run("slice", self.field).stderr.endswith("Run 'bigus slice --help'.\n"))
+
+    def test_shells_complete_commands_options_and_choices(self):
+        def completed(*words):
+            script = ('source <("$0" completion bash); COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _bigus; '
+                      'printf "%s\\n" "${COMPREPLY[@]}"')
+            result = subprocess.run(["bash", "-c", script, BIGUS, "bigus", *words], capture_output=True, text=True, timeout=60)
+            self.assertEqual((result.returncode, result.stderr), (0, ""))
+            return result.stdout.split()
+
+        self.assertEqual(completed("tr"), ["train"])
+        self.assertEqual(completed("help", "vox"), ["voxelize"])
+        self.assertEqual(completed("slice", self.field, "--elev"), ["--elevation-sigma"])
+        self.assertEqual(completed("slice", self.field, "--thr"), ["--threads"])
+        self.assertEqual(completed("slice", "--mode", "sc"), ["scattering"])
+        self.assertEqual(completed("slice", "fie"), [])  # bash completes the file's name
+
+    def test_the_man_page_has_every_option(self):
+        page = run("completion", "man").stdout.replace("\\-", "-")
+        for command in ("train", "slice"):
+            for option in re.findall(r"^  (?:-\w,)?(--[a-z-]+)", run(command, "--help").stdout, re.M):
+                self.assertIn(option, page)
+        self.assertIn(".SH bigus train", page)
+        if shutil.which("groff"):
+            drawn = subprocess.run(["groff", "-man", "-Tutf8", "-ww"], input=run("completion", "man").stdout,
+                                   capture_output=True, text=True, timeout=60)
+            self.assertEqual(drawn.stderr, "")
+
     def test_global_options_are_in_every_help(self):
         for command in ("info", "train", "slice"):
             self.assertIn("--threads", run(command, "--help").stdout)
@@ -475,13 +516,13 @@ class Info(CommandTest):
         tracker = self.expect(SUCCESS, "info", noisy)["tracker"]
         self.assertAlmostEqual(tracker["translation_noise"], 0.3, delta=0.1)
         self.assertAlmostEqual(tracker["rotation_noise"], 0.4, delta=0.12)
-        self.assertRegex(run("info", noisy).stdout, r"Tracker's noise +0\.\d+ mm and 0\.\d+ degrees")
+        self.assertRegex(run("info", noisy).stdout, r"Noise by the path +0\.\d+ mm and 0\.\d+ degrees")
 
         few = self.folder / "few.mha"
         self.expect(SUCCESS, "phantom", "-o", few, "--frames=5", "--width=48", "--height=40", "--pixel-size=0.6",
                     "--scatterers=1", "--tracking-noise=0.3")
         self.assertIsNone(self.expect(SUCCESS, "info", few)["tracker"]["translation_noise"])
-        self.assertRegex(run("info", few).stdout, "Tracker's noise +unknown")
+        self.assertRegex(run("info", few).stdout, "Noise by the path +unknown")
         self.assertIsNone(self.expect(SUCCESS, "poses", few, "-o", self.folder / "same.mha")["noise"]["corner"])
         self.assertRegex(run("poses", few, "-o", self.folder / "same.mha").stdout, "tracker's noise +unknown")
 
@@ -555,10 +596,14 @@ class Info(CommandTest):
             answer = self.expect(SUCCESS, "info", path)
             self.assertEqual(answer["kind"], "images")
             self.assertGreater(answer["images"] * answer["width"] * answer["height"], 1)
+            self.assertEqual(answer["place"]["spacing"], [1, 1, 1])
+            low, high = answer["place"]["bounds"][:2]
+            self.assertAlmostEqual(high - low, answer["width"] - 1)
         picture = self.folder / "s.png"
         self.expect(SUCCESS, "slice", self.field, "--poses", self.sweep, "--frames", "0", "-o", picture)
         self.assertEqual(self.expect(SUCCESS, "info", picture),
-                         {"kind": "images", "images": 1, "width": 48, "height": 40, "not_taken_along": []})
+                         {"kind": "images", "images": 1, "width": 48, "height": 40, "place": None,
+                          "not_taken_along": []})
 
     def test_other_kinds_of_files_are_told_how_to_come_in(self):
         for name, says in (("a.mp4", "bigus.convert"), ("a.DCM", "bigus.convert"), ("a.h5", "bigus.convert"), ("a.nii.gz", "nibabel"),
@@ -1739,6 +1784,19 @@ class Voxelize(CommandTest):
         self.expect(CANNOT_WRITE, "voxelize", self.field, "-o", self.folder / "v.stl", says=".vti")
         self.assertNothingIn(self.folder)
 
+    def test_a_grid_of_the_other_patient_system_is_told_how_to_be_met(self):
+        # As Plus writes volumes: in the sweep's own coordinates, in a format that ITK and we take for LPS.
+        shift, moved = self.folder / "shift.tfm", self.folder / "moved.vtp"
+        shift.write_text("#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n"
+                         "Parameters: 1 0 0 0 1 0 0 0 1 300 0 0\nFixedParameters: 0 0 0\n")
+        self.expect(SUCCESS, "convert", self.field, moved, "--transform", shift, "--world-system", "lps")
+        plus, seen = self.folder / "plus.mha", self.folder / "seen.mha"
+        self.expect(SUCCESS, "voxelize", moved, "-o", plus, "--spacing", 2, "--world-system", "lps")
+        missed = run("voxelize", moved, "-o", seen, "--like", plus)
+        self.assertEqual(missed.returncode, SUCCESS)
+        self.assertIn("does not meet the field, so it is black. It would meet it in the other patient system: --world-system lps", missed.stderr)
+        self.assertIs(self.expect(SUCCESS, "voxelize", moved, "-o", seen, "--like", plus, "--world-system", "lps")["meets_field"], True)
+        self.assertEqual(seen.read_bytes(), plus.read_bytes())
 
     def test_a_grid_that_misses_the_field_is_said(self):
         volume = self.folder / "v.nrrd"
