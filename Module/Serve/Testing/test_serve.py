@@ -53,6 +53,10 @@ def write_sweep(path: str) -> np.ndarray:
     return pixels
 
 
+def line(x: float, y: float, dx: float, dy: float, places: int = 9) -> list:
+    return [(x + dx * k / (places - 1), y + dy * k / (places - 1)) for k in range(places)]
+
+
 def unpack(data: bytes) -> tuple:
     """Head, slice, coverage and the recorded frame or None of an answer. What was seen is left out."""
     (length,) = struct.unpack("<I", data[:4])
@@ -174,8 +178,8 @@ class Rules(unittest.TestCase):
             return np.frombuffer(seen, np.uint8).reshape(48, 64)
 
         for picture in (seen(3), seen(0, -0.9), seen(2, 0.5)):  # frames are 1 mm apart
-            self.assertTrue((picture[:, WIDTH // 2 + 1 :] == 255).all())
-            self.assertFalse(picture[:, : WIDTH // 2 - 1].any())
+            self.assertTrue((picture[:, WIDTH // 2 + 2 :] == 255).all())
+            self.assertFalse(picture[:, : WIDTH // 2 - 2].any())
         self.assertFalse(seen(0, -1.1).any())
 
     def test_a_slice_may_be_thick(self):
@@ -559,9 +563,14 @@ class Page(unittest.IsolatedAsyncioTestCase):
                 self.assertGreater(width, 150, name)
                 self.assertGreaterEqual(height, 24, name)  # a finger's
             self.assertIn("two, both up or down", await browser.evaluate("document.body.innerText"))
-            await self.touch(browser)
+            await self.fingers_on_slice(browser)
+            await self.fingers_on_overview(browser)
+            await browser.screen(844, 390, True)
+            self.assertLessEqual(await browser.evaluate("document.documentElement.scrollWidth"), 844)
+            self.assertGreater((await self.box(browser, "slice"))[3], 300)
+            self.assertGreater((await self.box(browser, "frame"))[2], 100)
 
-    async def touch(self, browser):
+    async def fingers_on_slice(self, browser):
         x, y, width, height = await self.box(browser, "slice")
         x, y = x + width / 2, y + height / 2
 
@@ -570,9 +579,6 @@ class Page(unittest.IsolatedAsyncioTestCase):
             await browser.fingers(*ways)
             after = await self.moved(browser)
             return {name: after[name] - before[name] for name in after if abs(after[name] - before[name]) > 1e-9}
-
-        def line(x, y, dx, dy, n=9):
-            return [(x + dx * k / (n - 1), y + dy * k / (n - 1)) for k in range(n)]
 
         perMm = await browser.evaluate("placeOnScreen().scale / pixelSize(plane())[0]")
         by = await moved_by(line(x, y, 40, 20))
@@ -593,6 +599,12 @@ class Page(unittest.IsolatedAsyncioTestCase):
         self.assertEqual(set(by), {"turn", "tilt"})
         self.assertGreater(min(by.values()), 0)
 
+        await browser.evaluate("document.getElementById('tool').value = 'length'")
+        perMm = await browser.evaluate("placeOnScreen().scale / pixelSize(plane())[0]")  # that of a zoomed plane
+        self.assertEqual(await moved_by(line(x - 40, y, 80, 0)), {})
+        self.assertAlmostEqual(float((await browser.evaluate("sizeOf(measures[0])")).split()[0]), 80 / perMm, delta=0.06)
+
+    async def fingers_on_overview(self, browser):
         await browser.evaluate("document.getElementById('overview').scrollIntoView()")
         x, y, width, height = await self.box(browser, "overview")
         x, y = x + width / 2, y + height / 2
@@ -654,6 +666,9 @@ class Page(unittest.IsolatedAsyncioTestCase):
         self.assertAlmostEqual(await browser.evaluate("depthAtTop(plane())"), 3 + HEIGHT * 0.4 / 4)
         await browser.evaluate("(() => { moved.spin = 10; changed(); })()")
         self.assertFalse(await browser.evaluate("hasDepth()"))
+        await browser.evaluate("(() => { moved.z = 900; changed(); })()")
+        await self.moved(browser)
+        self.assertEqual(await self.text(browser, "sliceText"), "misses the field")
 
     async def files(self, browser):
         for button, name in (("savePose", "bigus-plane.csv"), ("savePicture", "bigus-slice.png")):
