@@ -129,10 +129,11 @@ void Replay(const Sweep& sweep, const std::vector<int>& frames, const Options& o
     {
       break;
     }
+    looker.MoveProbe(live.imageToReference, live.width, live.height);
     session.Add(live);
     if (SecondsSince(start) >= nextLook)
     {
-      looker.LookAtProbe(live.imageToReference, live.width, live.height);
+      looker.LookAtProbe();
       nextLook = SecondsSince(start) + kLook;
       console.Progress("Following", share, std::to_string(session.GetState().gaussians) + " Gaussians");
     }

@@ -125,14 +125,13 @@ public:
 protected:
   void HandOver(LiveFrame frame)
   {
-    const Eigen::Matrix4d pose = frame.imageToReference;
-    const int width = frame.width, height = frame.height;
+    looker_.MoveProbe(frame.imageToReference, frame.width, frame.height);
     session_.Add(std::move(frame));
     ++frames_;
     lastFrame_ = Clock::now();
     if (lastFrame_ >= nextLook_)
     {
-      looker_.LookAtProbe(pose, width, height);
+      looker_.LookAtProbe();
       nextLook_ = Clock::now() + std::chrono::milliseconds(static_cast<int>(1000 * kLook));
     }
     ShowProgress();
@@ -648,9 +647,13 @@ const std::vector<float>& Looker::LookWithCoverage(const Eigen::Matrix4d& imageT
   return Render(SlicePlane::FromImageToReference(imageToReference, width, height), true);
 }
 
-void Looker::LookAtProbe(const Eigen::Matrix4d& imageToReference, int width, int height)
+void Looker::MoveProbe(const Eigen::Matrix4d& imageToReference, int width, int height)
 {
   probe_ = SlicePlane::FromImageToReference(imageToReference, width, height);
+}
+
+void Looker::LookAtProbe()
+{
   Render(*probe_, false);
 }
 

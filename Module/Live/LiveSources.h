@@ -44,14 +44,16 @@ public:
   const std::vector<float>& Look(const Eigen::Matrix4d& imageToReference, int width, int height);
   /// The picture, and after it the coverage of each of its pixels.
   const std::vector<float>& LookWithCoverage(const Eigen::Matrix4d& imageToReference, int width, int height);
-  /// The picture at the pose of a frame that arrived, which is where the probe is.
-  void LookAtProbe(const Eigen::Matrix4d& imageToReference, int width, int height);
+  /// The probe is where the newest frame is.
+  void MoveProbe(const Eigen::Matrix4d& imageToReference, int width, int height);
+  /// The picture where the probe is, after a MoveProbe.
+  void LookAtProbe();
 
   /// At most so many Gaussians, evenly taken: kNumbersOfGaussian numbers for each, the place (mm), the reflectivity and the
   /// scales (mm).
   std::vector<float> Gaussians(std::size_t most) const;
 
-  /// The pose of the last LookAtProbe and the size of its frame; null before.
+  /// The pose and size of the newest frame; null before there was one.
   Json ProbeJson() const;
 
   Json ToJson() const;
