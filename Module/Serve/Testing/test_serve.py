@@ -697,7 +697,7 @@ class Page(unittest.IsolatedAsyncioTestCase):
         self.assertEqual(await browser.evaluate("plane()"), plane)
         await browser.evaluate("planes.querySelectorAll('button')[1].click()")
         self.assertEqual(await self.text(browser, "planes"), "")
-        await browser.evaluate("localStorage.setItem(place(), JSON.stringify([null, { name: 'x', base: [1], frame: 0 }]))")
+        await browser.evaluate("localStorage.setItem(shelf(), JSON.stringify([null, { name: 'x', base: [1], frame: 0 }]))")
         await self.load(browser)
         self.assertEqual(await self.text(browser, "planes"), "")
 
