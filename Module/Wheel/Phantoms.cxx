@@ -62,6 +62,30 @@ constexpr Count kCounts[] = {{"frames", &PhantomOptions::frames},
                              {"height", &PhantomOptions::height},
                              {"passes", &PhantomOptions::passes}};
 
+const std::vector<std::string> kScenes = {"organ", "speckle", "points"};
+const std::vector<std::string> kProbes = {"linear", "convex", "sector"};
+
+/// Every option and its default.
+nb::dict Defaults()
+{
+  const PhantomOptions options;
+  nb::dict defaults;
+  defaults["probe"] = kProbes[static_cast<std::size_t>(options.probe)];
+  defaults["scene"] = kScenes[static_cast<std::size_t>(options.scene)];
+  defaults["seed"] = options.seed;
+  for (const Count& count : kCounts)
+  {
+    defaults[count.name] = options.*count.member;
+  }
+  for (const Number& number : kNumbers)
+  {
+    defaults[number.name] = options.*number.member;
+  }
+  defaults["calibration_shift"] = nb::tuple(nb::cast(options.calibrationShift));
+  defaults["calibration_rotation"] = nb::tuple(nb::cast(options.calibrationRotation));
+  return defaults;
+}
+
 template <class Choice>
 Choice Chosen(const std::string& name, nb::handle value, const std::vector<std::string>& names)
 {
@@ -102,11 +126,11 @@ void Set(PhantomOptions& options, const std::string& name, nb::handle value)
   }
   else if (name == "scene")
   {
-    options.scene = Chosen<PhantomScene>(name, value, {"organ", "speckle", "points"});
+    options.scene = Chosen<PhantomScene>(name, value, kScenes);
   }
   else if (name == "probe")
   {
-    options.probe = Chosen<ProbeKind>(name, value, {"linear", "convex", "sector"});
+    options.probe = Chosen<ProbeKind>(name, value, kProbes);
   }
   else if (name == "calibration_shift" || name == "calibration_rotation")
   {
@@ -162,12 +186,8 @@ Array FrameOf(const Phantom& phantom, const InputDoubles& pose, int width, int h
 
 void BindPhantom(nb::module_& m)
 {
-  nb::class_<Phantom>(
-      m, "Phantom",
-      "A made-up organ that a made-up probe sees: its image is known at every plane. Options are "
-      "keywords, such as frames=64, height=256, pixel_size=0.2 (mm), probe=\"convex\", tracking_noise=0.2 "
-      "(mm), seed=1; Core/Phantom/PhantomOptions.h lists them with unit, range and default. Raises Error "
-      "for a value out of range.")
+  m.def("phantom_options", &Defaults, "Every option of a phantom, and its default.");
+  nb::class_<Phantom>(m, "Phantom", "What bigus.Phantom is made of; its options are keywords of phantom_options().")
       .def("__init__",
            [](Phantom* self, nb::kwargs kwargs)
            {

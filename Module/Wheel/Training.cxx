@@ -175,6 +175,10 @@ nb::list Options()
     row["help"] = option.info.help;
     row["unit"] = option.info.unit;
     row["values"] = option.values;
+    row["type"] = option.kind == OptionText::Kind::Switch   ? "bool"
+                  : option.kind != OptionText::Kind::Number ? "str"
+                  : option.isWhole                          ? "int"
+                                                            : "float";
     row["default"] = option.value;
     row["open"] = option.info.open;
     rows.append(row);
@@ -188,7 +192,16 @@ void BindTraining(nb::module_& m)
 {
   m.def("train", &TrainOn, nb::arg("sweep"), nb::arg("options"), nb::arg("start").none(), nb::arg("progress").none(),
         nb::arg("checkpoint"), nb::arg("interval"), nb::arg("resume"));
-  m.def("options", &Options, "Every option of training: name, keyword, group, help, unit, values, default, open.");
+  m.def("options", &Options,
+        "Every option of training: name, keyword, group, help, unit, values, type, default, open.");
+  m.def(
+      "check_option",
+      [](const std::string& name, const std::string& value)
+      {
+        TrainerOptions options;
+        SetOption(options, name, value);
+      },
+      nb::arg("name"), nb::arg("value"), "Raises Error for a value that the option cannot have.");
   m.def("number_text", &NumberText, nb::arg("value"));
 }
 

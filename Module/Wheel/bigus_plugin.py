@@ -16,7 +16,9 @@ from typing import Any, Optional
 import bigus
 import numpy as np
 from bigus.algorithm import NO_ERROR, Algorithm, properties
-from bigus.vtkdata import field_of_polydata, place_image, shifted_to_first_pixel, sweep_of_image, to_vtk
+from bigus.settings import SLICER
+from bigus.vtkdata import axes_across, field_of_polydata, place_image, plane_on, shadow, shifted_to_first_pixel
+from bigus.vtkdata import sweep_of_image, to_vtk
 from paraview.util.vtkAlgorithm import smproperty, smproxy
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSetAttributes
@@ -26,30 +28,16 @@ paraview_plugin_name = "BIGUS"
 paraview_plugin_version = bigus.__version__
 
 LARGEST_SIDE = 16384  # pixels, as in the C++ class
-SMALLEST_SINE = 1e-5  # nearer to the normal, rounding errors would turn the picture
-
-
-def axes_of(normal: Any, down: Any) -> Optional[np.ndarray]:
-    """Right-handed unit axes as columns: the third along the normal, the second along `down` brought into the plane."""
-    length = np.linalg.norm(normal)
-    if not (length > 0 and np.isfinite(length)):
-        return None
-    z = np.array(normal) / length
-    for direction in (np.array(down), np.array([0.0, 0, 1]), np.array([1.0, 0, 0])):
-        x = np.cross(direction, z)
-        if np.linalg.norm(x) > SMALLEST_SINE * np.linalg.norm(direction):
-            x /= np.linalg.norm(x)
-            return np.stack([x, np.cross(z, x), z], axis=1)
-    return None
 
 
 @properties(Origin=(0.0, 0.0, 0.0), Normal=(0.0, 0.0, 1.0), Down=(0.0, 1.0, 0.0), Frame=-1, Size=(512, 512), PixelSize=0.0,
-            OutputMode=0, ElevationSigma=-1.0, HideUnseen=True, CoverageThreshold=0.0, Tolerance=1e-4, Engine="auto")
+            OutputMode=0, HideUnseen=True, CoverageThreshold=0.0, **SLICER)
 class vtkBigusFieldSlice(Algorithm):
     """A slice of a field as one image at its place; the C++ class of this name tells what each property means."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkPolyData", "vtkImageData"), ("vtkImageData",))
+    _inputs, _outputs = ("vtkPolyData", "vtkImageData"), ("vtkImageData",)
+
+    def _begin(self) -> None:
         self._slicer, self._slicer_key = None, None
         self._sweep, self._sweep_time = None, 0
 
@@ -81,26 +69,17 @@ class vtkBigusFieldSlice(Algorithm):
     def _at_plane(self, polydata: Any) -> np.ndarray:
         """From pixel (i, j, 0, 1) to mm."""
         pixel, size, origin = self._values["PixelSize"], np.array(self._values["Size"]), np.array(self._values["Origin"])
-        axes = axes_of(self._values["Normal"], self._values["Down"])
+        axes = axes_across(self._values["Normal"], self._values["Down"])
         if axes is None:
             raise bigus.Error(f"Normal is {self._values['Normal']}; give a vector that is finite and not 0.")
         if not 0 <= pixel < np.inf:
             raise bigus.Error(f"PixelSize is {pixel} mm; give 0 (automatic) or more.")
-        centre = np.zeros(2)  # of the picture, mm from Origin along the axes
+        centre = np.zeros(2)
         if pixel == 0:
-            if polydata.GetNumberOfPoints():
-                bounds = np.array(polydata.GetBounds()).reshape(3, 2)
-                corners = np.array(np.meshgrid(*bounds)).reshape(3, -1)
-                places = axes[:, :2].T @ (corners - origin[:, None])
-                low, high = places.min(axis=1), places.max(axis=1)
-                centre = 0.5 * (low + high)
-                pixel = ((high - low) / np.maximum(1, size - 1)).max()
-            pixel = pixel if pixel > 0 else 1.0  # a field of one point, or none
-        matrix = np.eye(4)
-        matrix[:3, :2] = axes[:, :2] * pixel
-        matrix[:3, 2] = axes[:, 2]
-        matrix[:3, 3] = origin + axes[:, :2] @ (centre - 0.5 * (size - 1) * pixel)
-        return matrix
+            low, high = shadow(polydata.GetBounds(), axes, origin) if polydata.GetNumberOfPoints() else (centre, centre)
+            centre = 0.5 * (low + high)
+            pixel = ((high - low) / np.maximum(1, size - 1)).max()
+        return plane_on(axes, origin, centre, size, pixel if pixel > 0 else 1.0)  # 1: of a field of one point, or none
 
     def _at_frame(self, image: Any) -> np.ndarray:
         """From pixel (i, j, 0, 1) to mm."""
@@ -116,10 +95,11 @@ class vtkBigusFieldSlice(Algorithm):
         frame, scattering = self._values["Frame"], self._values["OutputMode"] == 1
         matrix = self._at_frame(recorded) if frame >= 0 else self._at_plane(polydata)
         width, height = recorded.GetDimensions()[:2] if frame >= 0 else self._values["Size"]
-        settings = (self._values["Engine"] or "auto", self._values["ElevationSigma"], self._values["Tolerance"])
-        key = (polydata.GetMTime(), *settings)
+        settings = {name: self._values[name] for name in SLICER}
+        settings["Engine"] = settings["Engine"] or "auto"
+        key = (polydata.GetMTime(), *settings.values())
         if self._slicer is None or self._slicer_key != key:  # kept while the plane moves
-            self._slicer, self._slicer_key = bigus.Slicer(field_of_polydata(polydata), *settings), key
+            self._slicer, self._slicer_key = bigus.Slicer(field_of_polydata(polydata), **settings), key
         image, coverage = self._slicer.slice_and_coverage(matrix, (width, height), scattering=scattering)
 
         output.SetExtent(0, width - 1, 0, height - 1, 0, 0)

@@ -156,9 +156,17 @@ class Files(unittest.TestCase):
         self.assertEqual(run.stdout.count("/no/such/sweep.mha"), 1, run.stdout)
         self.assertNotIn("0x", run.stdout)
 
-    def test_properties_are_those_of_the_class(self):
-        with self.assertRaisesRegex(TypeError, "no property auto_mask; did you mean AutoMask"):
-            bigus.read("sweep.mha", auto_mask=False)
+    def test_properties_are_those_of_the_class_in_either_spelling(self):
+        path = os.path.join(self.folder, "sweep.igs.mha")
+        bigus.write(small_sweep(), path, to_frame="Tracker")
+        for spelt in ({"ToFrame": "Tracker", "AutoMask": False}, {"to_frame": "Tracker", "auto_mask": False}):
+            self.assertIsNone(bigus.read_sweep(path, **spelt).GetFieldData().GetArray("Mask"))
+        with self.assertRaisesRegex(TypeError, "AutoMask and auto_mask are the same property of vtkBigusSequenceReader"):
+            bigus.read(path, AutoMask=False, auto_mask=True)
+        with self.assertRaisesRegex(TypeError, "no property auto_maks; did you mean auto_mask"):
+            bigus.read("sweep.mha", auto_maks=False)
+        with self.assertRaisesRegex(TypeError, "a path is text or a pathlib.Path, not bytes"):
+            bigus.read(b"sweep.mha")
         with self.assertRaisesRegex(TypeError, "AutoMask = 'yes'"):
             bigus.read("sweep.mha", AutoMask="yes")
 
@@ -200,6 +208,7 @@ class Reslice(unittest.TestCase):
     def test_properties_reach_the_filter(self):
         field = two_blobs()
         thick = bigus.reslice(field, pose(), (36, 28), ElevationSigma=2.0)
+        np.testing.assert_array_equal(thick, bigus.reslice(field, pose(), (36, 28), elevation_sigma=2.0))
         self.assertLess(thick.max(), bigus.reslice(field, pose(), (36, 28)).max())
         bytes_ = bigus.reslice(field, pose(), (36, 28), OutputScalarType=VTK_UNSIGNED_CHAR)
         self.assertEqual(bytes_.dtype, np.uint8)
@@ -213,8 +222,9 @@ class Reslice(unittest.TestCase):
             bigus.reslice(two_blobs(), np.zeros((4, 4)), (4, 4))
         with self.assertRaisesRegex(ValueError, "span a plane"):
             bigus.reslice(two_blobs(), pose() * np.nan, (4, 4))
-        with self.assertRaisesRegex(ValueError, "size"):
-            bigus.reslice(two_blobs(), pose(), (0, 4))
+        for size in ((0, 4), (24, 64, 80), (80.5, 64), 7):
+            with self.assertRaisesRegex(ValueError, "size"):
+                bigus.reslice(two_blobs(), pose(), size)
         with self.assertRaisesRegex(ValueError, r"size=\(width, height\)"):
             bigus.reslice(make_field(np.empty((0, 3)), np.empty((0, 3)), np.empty(0)), pose())
 

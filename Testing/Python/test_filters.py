@@ -76,6 +76,12 @@ def grid(image):
     return np.concatenate([place, np.ones(place.shape[:3] + (1,))], -1)
 
 
+def matrix_of_shift(z):
+    shifted = np.eye(4)
+    shifted[2, 3] = z
+    return shifted
+
+
 def tilted():
     c, s = np.cos(0.4), np.sin(0.4)
     return np.array([[c, 0, s, 1.0], [0, 1, 0, 0.5], [-s, 0, c, 2.0], [0, 0, 0, 1]])
@@ -218,6 +224,11 @@ class Reslice(unittest.TestCase):
         inside = np.array([[[stencil.IsInside(x, y, 0) for x in range(36)] for y in range(28)]]) != 0
         np.testing.assert_array_equal(inside, seen)
 
+    def test_beside_everything_is_nothing(self):
+        filter = slicer(matrix_of_shift(1000))
+        image = pixels(bigus.update(filter).GetOutputDataObject(0))
+        self.assertEqual((np.abs(image).max(), np.signbit(image).sum()), (0, 0))
+
     def test_signed_scattering_and_bytes(self):
         filter = slicer()
         filter.SetInputDataObject(field((1.5, -2.0)))
@@ -283,6 +294,56 @@ class Reslice(unittest.TestCase):
         broken.GetPointData().RemoveArray("Scale")
         with self.assertRaisesRegex(RuntimeError, "the array Scale is missing; it needs 2 tuples of 3"):
             bigus.update(filter)
+
+
+@unittest.skipUnless(hasattr(bigus, "Slicer"), "VTK's own wrapping gives its classes what it gives")
+class PropertiesOfTheWheel(unittest.TestCase):
+    FILTERS = [name for name in dir(bigus) if name.startswith("vtkBigus")]
+
+    def test_properties_do_what_they_say(self):
+        filter = slicer()
+        before = filter.GetMTime()
+        filter.elevation_sigma = 1.0
+        self.assertEqual((filter.GetElevationSigma(), filter.elevation_sigma), (1.0, 1.0))
+        self.assertGreater(filter.GetMTime(), before)
+        filter.output_spacing = (0.3, 0.2, 1)
+        self.assertEqual(filter.GetOutputSpacing(), (0.3, 0.2, 1.0))
+        filter.reslice_axes_origin = (1, 2, 3)
+        self.assertEqual(filter.reslice_axes_origin, (1, 2, 3))
+        trainer = bigus.vtkBigusTrainer()
+        trainer.hold_out, trainer.automatic = 4, False
+        self.assertEqual((trainer.GetHoldOut(), trainer.GetAutomatic()), (4, 0))
+
+    def test_every_setter_has_its_property_and_says_what_it_is_for(self):
+        for name in self.FILTERS:
+            kind = getattr(bigus, name)
+            for setter in [one for one in vars(kind) if one.startswith("Set") and hasattr(kind, "Get" + one[3:]) and one != "SetOption"]:
+                with self.subTest(filter=name, setter=setter):
+                    own = bigus.names.snake_case(setter[3:])
+                    self.assertIsInstance(getattr(kind, own), property)
+                    self.assertGreater(len(getattr(kind, setter).__doc__ or ""), 10)
+                    self.assertEqual(getattr(kind, own).__doc__, getattr(kind, setter).__doc__)
+
+    def test_constructors_take_properties(self):
+        for spelt in ({"elevation_sigma": 0.5, "output_mode": 1}, {"ElevationSigma": 0.5, "OutputMode": 1}):
+            filter = bigus.vtkBigusReslice(**spelt)
+            self.assertEqual((filter.GetElevationSigma(), filter.GetOutputMode()), (0.5, 1))
+        with self.assertRaisesRegex(TypeError, "no property elevation_sgma; did you mean elevation_sigma"):
+            bigus.vtkBigusReslice(elevation_sgma=3)
+        with self.assertRaisesRegex(TypeError, "ElevationSigma and elevation_sigma are the same"):
+            bigus.vtkBigusReslice(ElevationSigma=1, elevation_sigma=1)
+        self.assertEqual(bigus.vtkBigusTrainer(hold_out=4).GetHoldOut(), 4)
+
+    def test_what_is_no_property_is_refused(self):
+        filter = bigus.vtkBigusReslice()
+        with self.assertRaisesRegex(AttributeError, "no property elevation_sgma; did you mean elevation_sigma"):
+            filter.elevation_sgma = 3
+        with self.assertRaisesRegex(AttributeError, "no property ElevationSigma; did you mean"):
+            filter.ElevationSigma = 3
+        for name in self.FILTERS:
+            if name != "vtkBigusFieldToImage":
+                with self.subTest(filter=name), self.assertRaises(AttributeError):
+                    getattr(bigus, name)().nothing = 1
 
 
 class Voxels(unittest.TestCase):
@@ -415,8 +476,12 @@ class Trainer(unittest.TestCase):
                 poses[:, 0, 3], poses[:, 2, 3] = poses[:, 2, 3], 0
             trainer = self.trainer()
             trainer.SetInputDataObject(0, stack)
+            inspection = bigus.vtkBigusSweepInspection()
+            inspection.SetInputDataObject(stack)
             with self.subTest(said):
-                self.assertIn(said, " ".join(finding["text"] for finding in bigus.check(stack)))
+                found = bigus.update(inspection).GetFindings()
+                texts = [found.GetValueByName(row, "Text").ToString() for row in range(found.GetNumberOfRows())]
+                self.assertIn(said, " ".join(texts))
                 with self.assertWarnsRegex(RuntimeWarning, f"Poses are doubtful: .*{said}.*Nothing was done"):
                     bigus.update(trainer)
 

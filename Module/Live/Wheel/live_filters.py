@@ -37,13 +37,14 @@ def _times(sweep: Any, last: float) -> np.ndarray:
 class vtkBigusLiveTrainer(Algorithm):
     """A field that grows while frames come, by AddFrame and AddSweep, or from a sweep that is played as input."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData",), ("vtkPolyData",))
-        self._session: Optional[Any] = None
+    _inputs, _outputs = ("vtkImageData",), ("vtkPolyData",)
+
+    def _begin(self) -> None:
         self._end_session()
 
     def _end_session(self) -> None:
-        self._session, self._last, self._handed, self._used = None, 0.0, 0, None
+        self._session: Optional[Any] = None
+        self._last, self._handed, self._used = 0.0, 0, None
 
     def _live(self) -> Any:
         if self._session is None:

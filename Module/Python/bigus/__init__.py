@@ -6,7 +6,7 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
 
     import bigus
 
-    sweep = bigus.read("sweep.igs.mha")
+    sweep = bigus.read_sweep("sweep.igs.mha")
     training = bigus.train(sweep, Gaussians=50000, HoldOut=8)
     frames = bigus.frames(sweep)
     image = bigus.reslice(training.field, training.poses[4], size=frames.shape[:0:-1])
@@ -41,11 +41,15 @@ from ._update import instruction_sets, use_instruction_set
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
 from .sources import SourceError, from_files
-from .tasks import Planes, TrainingInterrupted, check, correct_poses, metrics, read, read_planes, read_spacing, read_stack
-from .tasks import reslice, texture, train, write
+from .tasks import Planes, TrainingInterrupted, check, correct_poses, metrics, read, read_field, read_planes, read_spacing
+from .tasks import read_stack, read_sweep, reslice, texture, train, write
 
 from . import pickling  # noqa: F401,E402
 
 __all__ = ["Planes", "SourceError", "TrainingInterrupted", "check", "correct_poses", "frames", "from_files", "image", "metrics", "poses", "sweep", "texture", "train"]
-__all__ += ["instruction_sets", "read", "read_planes", "read_spacing", "read_stack", "reslice", "update", "use_instruction_set", "write"]
+__all__ += ["instruction_sets", "read", "read_field", "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "update", "use_instruction_set", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]
+
+
+def __dir__() -> list:
+    return sorted({*__all__, "__version__", "convert", "serve"})

@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import sys
-from typing import Any, NamedTuple, Optional, Union
+from typing import Any, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
@@ -19,6 +20,13 @@ def require(data: Any, kind: type, task: str, noun: str) -> None:
         package = "bigus." if kind.__module__.startswith("bigus.") else ""
         found = data.GetClassName() if hasattr(data, "GetClassName") else type(data).__name__
         raise TypeError(f"{task} takes a {noun} ({package}{kind.__name__}), not {found}")
+
+
+def path_text(path: Union[str, os.PathLike]) -> str:
+    name = os.fspath(path) if isinstance(path, os.PathLike) else path
+    if not isinstance(name, str):
+        raise TypeError(f"a path is text or a pathlib.Path, not {type(name).__name__}")
+    return name
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -41,17 +49,20 @@ def is_lps(world: str) -> bool:
     return world == "LPS"
 
 
-def pixel_matrix(matrix: np.ndarray, spacing: Union[None, float, tuple[float, float]] = None) -> np.ndarray:
+def pixel_matrix(matrix: np.ndarray, spacing: Union[None, float, Sequence[float]] = None) -> np.ndarray:
     """A plane's matrix with columns of this spacing and its third column along the normal, of length 1."""
-    matrix = np.array(matrix, dtype=np.float64)
+    try:
+        matrix = np.array(matrix, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"a plane is a 4 x 4 matrix of numbers, not {type(matrix).__name__}") from None
     if matrix.shape != (4, 4):
         raise ValueError(f"a plane is a 4 x 4 matrix, not of shape {matrix.shape}")
     normal = np.cross(matrix[:3, 0], matrix[:3, 1])
     if not np.isfinite(matrix).all() or np.linalg.norm(normal) == 0:
         raise ValueError("the first two columns of the plane's matrix must be finite and span a plane")
     if spacing is not None:
-        if not all(0 < side < np.inf for side in np.ravel(spacing)):
-            raise ValueError(f"the spacing must be positive, not {spacing}")
+        if np.size(spacing) not in (1, 2) or not all(0 < side < np.inf for side in np.ravel(spacing)):
+            raise ValueError(f"the spacing must be positive, one number or two, not {spacing}")
         matrix[:3, :2] *= np.broadcast_to(spacing, 2) / np.linalg.norm(matrix[:3, :2], axis=0)
     matrix[:3, 2] = normal / np.linalg.norm(normal)
     matrix[3] = (0, 0, 0, 1)
@@ -70,8 +81,16 @@ def size_of_view(centers: np.ndarray, matrix: np.ndarray) -> tuple[int, int]:
     return width, height
 
 
-def checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    width, height = (int(n) for n in size)
+def whole(number: Any) -> int:
+    """A whole number, which may be a float; TypeError for any other value."""
+    return int(number) if isinstance(number, (float, np.floating)) and number.is_integer() else operator.index(number)
+
+
+def checked_size(size: Sequence[int]) -> tuple[int, int]:
+    try:
+        width, height = (whole(n) for n in size)
+    except (TypeError, ValueError):
+        raise ValueError(f"size is (width, height), two whole numbers of pixels, not {size!r}") from None
     if width < 1 or height < 1:
         raise ValueError(f"the size must be positive, not {width} x {height}")
     return width, height
@@ -152,7 +171,7 @@ def checkpoint_path(checkpoint: Union[None, str, os.PathLike], resume: bool, int
         raise ValueError("resume goes on from a checkpoint; say from which file: checkpoint=...")
     if not 0 <= interval < float("inf"):
         raise ValueError(f"checkpoint_interval is a number of seconds, 0 or more, not {interval}")
-    return "" if checkpoint is None else os.fspath(checkpoint)
+    return "" if checkpoint is None else path_text(checkpoint)
 
 
 class Bar:

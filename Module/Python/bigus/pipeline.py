@@ -12,21 +12,18 @@ from typing import Any, Callable
 from vtkmodules.vtkCommonCore import VTK_STRING
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
+from .names import by_name
+
 # What VTK puts before a message: "ERROR: In file.cxx, line 12\nvtkClass (0x55d0): "
 _PREFIX = re.compile(r"^(?:ERROR|Warning): In [^\n]*, line \d+\n(?:\w+ \([^)]*\): )?")
 
 
 def set_properties(algorithm: vtkAlgorithm, properties: dict[str, Any]) -> None:
     """Calls Set<Name>(value) for each property."""
-    for name, value in properties.items():
-        setter = getattr(algorithm, "Set" + name, None)
-        if setter is None:
-            known = sorted(method[3:] for method in dir(algorithm) if method.startswith("Set"))
-            close = [k for k in known if k.lower() == name.replace("_", "").lower()]
-            hint = f"; did you mean {close[0]}?" if close else ""
-            raise TypeError(f"{algorithm.GetClassName()} has no property {name}{hint}")
+    known = (method[3:] for method in dir(algorithm) if method.startswith("Set"))
+    for name, value in by_name(properties, known, algorithm.GetClassName()).items():
         try:
-            setter(value)
+            getattr(algorithm, "Set" + name)(value)
         except TypeError as error:
             raise TypeError(f"{algorithm.GetClassName()}.{name} = {value!r}: {error}") from None
 

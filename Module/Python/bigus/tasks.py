@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import os
-import re
 from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
@@ -15,7 +14,8 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _update, common
 from .arrays import _pixels, image
-from .common import FIELD_EXTENSIONS, Planes, PoseCorrection, TrainingInterrupted, require
+from .common import FIELD_EXTENSIONS, Planes, PoseCorrection, TrainingInterrupted, path_text, require
+from .names import snake_case
 from .pipeline import set_properties, update, update_alone
 from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusSweepInspection
 from .vtkBigusFilters import vtkBigusTrainer
@@ -29,15 +29,27 @@ from .vtkBigusIO import (
 
 
 def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData, vtkPolyData]:
-    """Reads a field (.vtp, .ply: vtkPolyData) or else a tracked sweep (vtkImageData).
+    """Reads a field (.vtp, .ply: vtkPolyData) or else a tracked sweep (vtkImageData), by the name of the file.
 
-    properties are those of vtkBigusFieldReader or vtkBigusSequenceReader, by their VTK names:
-    ``read("sweep.igs.mha", ToFrame="Tracker")``. Raises RuntimeError when the file cannot be read.
+    properties are those of vtkBigusFieldReader or vtkBigusSequenceReader: ``read("sweep.igs.mha", to_frame="Tracker")``, or
+    ToFrame. Raises RuntimeError when the file cannot be read.
     """
-    name = os.fspath(path)
-    is_field = name.lower().endswith(FIELD_EXTENSIONS)
-    reader = vtkBigusFieldReader() if is_field else vtkBigusSequenceReader()
-    reader.SetFileName(name)
+    is_field = path_text(path).lower().endswith(FIELD_EXTENSIONS)
+    return (read_field if is_field else read_sweep)(path, **properties)
+
+
+def read_sweep(path: Union[str, os.PathLike], **properties: Any) -> vtkImageData:
+    """Reads a tracked sweep, with the properties of vtkBigusSequenceReader."""
+    return _read(vtkBigusSequenceReader(), path, properties)
+
+
+def read_field(path: Union[str, os.PathLike], **properties: Any) -> vtkPolyData:
+    """Reads a field (.vtp, .ply), with the properties of vtkBigusFieldReader."""
+    return _read(vtkBigusFieldReader(), path, properties)
+
+
+def _read(reader: Any, path: Union[str, os.PathLike], properties: dict[str, Any]) -> Any:
+    reader.SetFileName(path_text(path))
     set_properties(reader, properties)
     return update_alone(reader).GetOutput()
 
@@ -52,7 +64,7 @@ def read_stack(path: Union[str, os.PathLike]) -> tuple[np.ndarray, Optional[np.n
 def read_spacing(path: Union[str, os.PathLike]) -> tuple[float, float]:
     """The size of a pixel along i and j, mm, that the header of a sequence or an image states; 0 where it states none."""
     reader = vtkBigusSequenceReader()
-    reader.SetFileName(os.fspath(path))
+    reader.SetFileName(path_text(path))
     reader.RequirePosesOff()
     reader.UpdateInformation()
     spacing = [0.0, 0.0]
@@ -68,7 +80,7 @@ def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str 
     properties: those of vtkBigusPoseReader, such as ToFrame. Raises RuntimeError when the file cannot be read.
     """
     reader = vtkBigusPoseReader()
-    reader.SetFileName(os.fspath(path))
+    reader.SetFileName(path_text(path))
     reader.SetPixelSpacing(spacing)
     reader.SetWorldCoordinateSystem(reader.LPS if common.is_lps(world) else reader.RAS)
     set_properties(reader, properties)
@@ -86,7 +98,7 @@ def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike],
     leaves no file behind.
     """
     writer = vtkBigusFieldWriter() if isinstance(data, vtkPolyData) else vtkBigusSequenceWriter()
-    writer.SetFileName(os.fspath(path))
+    writer.SetFileName(path_text(path))
     writer.SetInputDataObject(data)
     set_properties(writer, properties)
     update(writer)
@@ -157,6 +169,9 @@ class Training(_FieldAndLog):
     decisions: list[dict[str, Any]]
     poses: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"<bigus.Training of {self.field.GetNumberOfPoints()} Gaussians>"
+
 
 def train(
     sweep: Union[vtkImageData, Sequence[vtkImageData]],
@@ -177,7 +192,7 @@ def train(
     Preset="texture" asks for speckle as strong as in the frames, at a price in error.
 
     {PROGRESS}
-    properties are those of vtkBigusTrainer by their VTK names.
+    properties are those of vtkBigusTrainer: HoldOut or hold_out.
 
     {CHECKPOINTS}
     """
@@ -246,8 +261,8 @@ def _result(trainer: vtkBigusTrainer) -> Training:
 def reslice(
     field: vtkPolyData,
     plane: Union[np.ndarray, vtkMatrix4x4],
-    size: Optional[tuple[int, int]] = None,
-    spacing: Union[None, float, tuple[float, float]] = None,
+    size: Optional[Sequence[int]] = None,
+    spacing: Union[None, float, Sequence[float]] = None,
     **properties: Any,
 ) -> np.ndarray:
     """The image that the field predicts at a plane: float32 [height, width] in [0, 1).
@@ -255,7 +270,7 @@ def reslice(
     plane: 4 x 4 ImageToReference: pixel (i, j, 0, 1) to mm, as in ``poses(sweep)``.
     size: (width, height) in pixels; by default the image starts at pixel (0, 0) and reaches to the field's far end.
     spacing: pixel size, mm, one number or (along i, along j); by default the length of the matrix's columns.
-    properties: those of vtkBigusReslice by their VTK names, such as ``ElevationSigma=0``,
+    properties: those of vtkBigusReslice, such as ``elevation_sigma=0`` or ``ElevationSigma=0``,
     ``OutputMode=vtkBigusReslice.ScatteringField`` (then signed values) or ``OutputScalarType=VTK_UNSIGNED_CHAR``.
 
     For many planes of one field, and for the coverage, use a vtkBigusReslice: it uploads the field only once.
@@ -314,7 +329,7 @@ def texture(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageDat
     names = [table.GetColumnName(column) for column in range(table.GetNumberOfColumns())]
     names = names[names.index("Rayleigh") + 1:]
     means = {
-        re.sub("(?<!^)(?=[A-Z])", "_", name).lower(): vtk_to_numpy(table.GetColumnByName(name)).mean(axis=0)
+        snake_case(name): vtk_to_numpy(table.GetColumnByName(name)).mean(axis=0)
         for name in names
     }
     numbers = {name: mean if mean.ndim else float(mean) for name, mean in means.items()}

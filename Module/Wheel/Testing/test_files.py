@@ -202,7 +202,7 @@ class Sequences(InAFolder):
         path = self.put("s.mha", mha())
         for action, error, text in (
             (lambda: bigus.read(self.folder / "no.mha"), bigus.Error, "no.mha: there is no such file"),
-            (lambda: bigus.read(path, Toframe="A"), TypeError, "did you mean ToFrame"),
+            (lambda: bigus.read(path, ToFrme="A"), TypeError, "no property ToFrme; did you mean ToFrame"),
             (lambda: bigus.read(path, ClipRectangle=(1, 2)), TypeError, "4 numbers"),
             (lambda: bigus.read(path, ToFrame="Moon"), bigus.Error, "no way from Image to Moon"),
             (lambda: bigus.write(3, path), TypeError, "not int"),

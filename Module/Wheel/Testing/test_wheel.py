@@ -7,6 +7,7 @@ BIGUS_PROGRAM names the command `bigus` and BIGUS_VTK_PYTHON a Python with VTK: 
 
 import copy
 import gc
+import inspect
 import os
 import pickle
 import re
@@ -224,6 +225,44 @@ class Slices(unittest.TestCase):
         with self.assertRaisesRegex(bigus.Error, "cpu"):
             bigus.Slicer(two_blobs(), Engine="abacus")
 
+    def test_mistakes_in_arguments_are_named(self):
+        field, sweep = two_blobs(), phantom_sweep(3, 16)
+        for action, error, text in (
+            (lambda: bigus.reslice(field, pose(), size=(24, 64, 80)), ValueError, r"size is \(width, height\).*not \(24, 64, 80\)"),
+            (lambda: bigus.reslice(field, pose(), size=(80.5, 64)), ValueError, r"two whole numbers.*80.5"),
+            (lambda: bigus.distance_to_frames(sweep, pose(), (8, 8.5)), ValueError, "two whole numbers"),
+            (lambda: bigus.reslice(field, "z", (4, 4)), ValueError, "4 x 4 matrix of numbers, not str"),
+            (lambda: bigus.reslice(field, pose(), (4, 4), spacing=(1, 1, 1)), ValueError, "one number or two"),
+            (lambda: bigus.plane((0, 0), [(1, 0, 0), (0, 1, 0)]), ValueError, r"origin is three numbers, mm, not \(0, 0\)"),
+            (lambda: bigus.reslice(field, pose(), (4, 4), engin="cpu"), TypeError, "no property engin; did you mean engine"),
+            (lambda: bigus.reslice(field, pose(), (4, 4), Engine="cpu", engine="cpu"), TypeError, "the same property of slicing"),
+            (lambda: bigus.reslice(field, pose(), (4, 4), tolerance="little"), TypeError, "Tolerance = 'little'"),
+            (lambda: bigus.read(b"sweep.mha"), TypeError, "text or a pathlib.Path, not bytes"),
+            (lambda: bigus.read_sweep("s.mha", auto_mask="yes"), TypeError, "AutoMask = 'yes': True or False"),
+            (lambda: bigus.correct_poses(sweep, HoldOut=4, hold_out=8), TypeError, "HoldOut and hold_out are the same"),
+            (lambda: bigus.train(sweep, hold_out=4, HoldOut=8), TypeError, "hold_out and HoldOut are the same option of training"),
+            (lambda: bigus.Phantom(frames=3, NumberOfFrames=4), TypeError, "frames and NumberOfFrames are the same"),
+            (lambda: bigus.Phantom(frames="many"), TypeError, "frames = 'many'"),
+        ):
+            with self.subTest(text), self.assertRaisesRegex(error, text):
+                action()
+
+    def test_either_spelling_is_the_same(self):
+        field = two_blobs()
+        thick = bigus.reslice(field, pose(), (36, 28), elevation_sigma=2.0, engine="cpu")
+        np.testing.assert_array_equal(thick, bigus.reslice(field, pose(), (36.0, 28), ElevationSigma=2.0))
+        self.assertGreater(np.abs(thick - bigus.reslice(field, pose(), (36, 28))).max(), 0.01)
+        made = [bigus.Phantom(**spelt).sweep() for spelt in (
+            {"frames": 3, "width": 32, "height": 24, "tracking_noise": 1},
+            {"NumberOfFrames": 3, "FrameSize": (32, 24), "TrackingNoise": 1})]
+        np.testing.assert_array_equal(made[0].frames, made[1].frames)
+        np.testing.assert_array_equal(made[0].poses, made[1].poses)
+
+    def test_beside_everything_is_nothing(self):
+        for engine in ("cpu", "cpu-double", "reference"):
+            image = bigus.reslice(two_blobs(), pose(z=1000), (9, 9), engine=engine)
+            self.assertEqual((np.abs(image).max(), np.signbit(image).sum()), (0, 0), engine)
+
     def test_distance_to_frames(self):
         sweep = bigus.sweep(np.zeros((2, 8, 8), np.uint8), np.array([pose(1.0, 0), pose(1.0, 3.0)]))
         np.testing.assert_allclose(bigus.distance_to_frames(sweep, pose(1.0, 1.0), (8, 8)), 1, atol=1e-6)
@@ -270,6 +309,10 @@ class Training(unittest.TestCase):
         self.assertEqual(again.field.centers.tobytes(), self.training.field.centers.tobytes())
         other = bigus.train(self.sweep, progress=False, seed=2, **QUICK)
         self.assertNotEqual(other.field.centers.tobytes(), self.training.field.centers.tobytes())
+
+    def test_is_shown_in_a_line(self):
+        self.assertRegex(repr(self.training), r"^<bigus.Training of \d+ Gaussians, finished after 40 iterations, 6 frames held out>$")
+        self.assertRegex(repr(bigus.Slicer(self.training.field)), r"^<bigus.Slicer of \d+ Gaussians, CPU \(.*\)>$")
 
     def test_takes_every_option(self):
         defaults = {option["keyword"]: option["default"] for option in bigus.options()}
@@ -428,8 +471,8 @@ class Phantoms(unittest.TestCase):
         self.assertEqual(sweep.mask.shape, (40, 48))
 
     def test_mistakes_are_named(self):
-        with self.assertRaisesRegex(TypeError, "no option frame_count"):
-            bigus.Phantom(frame_count=3)
+        with self.assertRaisesRegex(TypeError, "no option framse; did you mean frames"):
+            bigus.Phantom(framse=3)
         with self.assertRaisesRegex(ValueError, "organ, speckle, points"):
             bigus.Phantom(scene="liver")
         with self.assertRaises(bigus.Error):
@@ -437,6 +480,24 @@ class Phantoms(unittest.TestCase):
 
 
 class Package(unittest.TestCase):
+    def test_shows_what_a_user_needs_and_nothing_else(self):
+        shown = set(dir(bigus))
+        self.assertLess({"train", "read_sweep", "pyvista", "serve", "convert", "vtkBigusReslice", "update"}, shown)
+        self.assertEqual([name for name in shown if name[0] == "_" and name != "__version__"], [])
+        self.assertEqual(shown & {"Any", "importlib", "arrays", "files", "sources", "tasks", "TYPE_CHECKING"}, set())
+        with self.assertRaisesRegex(AttributeError, "did you mean train"):
+            bigus.trian
+
+    def test_signatures_tell_the_options(self):
+        found = inspect.signature(bigus.train).parameters
+        for option in bigus.options():
+            self.assertIn(option["keyword"], found)
+        self.assertEqual((found["hold_out"].default, found["gaussians"].default, found["automatic"].default), (0, None, True))
+        self.assertEqual(inspect.signature(bigus.Phantom).parameters["pixel_size"].default, 0.2)
+        self.assertEqual(inspect.signature(bigus.Slicer).parameters["tolerance"].default, 1e-4)
+        for name in inspect.signature(bigus.Phantom).parameters:
+            self.assertIn(f" {name}: ", bigus.Phantom.__doc__.replace("frame_size: ", "width: height: ").replace("number_of_", ""))
+
     def test_needs_no_vtk(self):
         script = "import sys, bigus; sys.exit(any(name.startswith('vtk') for name in sys.modules))"
         self.assertEqual(subprocess.run([sys.executable, "-c", script]).returncode, 0)

@@ -108,7 +108,8 @@ assert bigus.reslice(field, sweep.poses[4], (64, 64)).std() > 0.02"
     'BEGIN { printf "%.1f s, first slice %.1f s later", b - a, c - b }')
   table+=("$name: pip install $seconds ($(basename "$wheel"))")
   try "$name, $(version "$environment" numpy), no compiler" "$environment/bin/python" \
-    Module/Wheel/Testing/test_wheel.py Module/Wheel/Testing/test_files.py Module/Wheel/Testing/test_engines.py
+    Module/Wheel/Testing/test_wheel.py Module/Wheel/Testing/test_files.py Module/Wheel/Testing/test_engines.py \
+    Module/Wheel/Testing/test_command.py
 
   for numbers in "9.2.6 9.3.1 9.4.0 9.6.0" 9.5.2; do
     "$python" -m venv "$environment-old"

@@ -6,7 +6,7 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
 
     import bigus
 
-    sweep = bigus.read("sweep.igs.mha")         # or bigus.sweep(frames, poses) of numpy arrays
+    sweep = bigus.read_sweep("sweep.igs.mha")   # or bigus.sweep(frames, poses) of numpy arrays
     training = bigus.train(sweep, Gaussians=50000, HoldOut=8)
     frames = bigus.frames(sweep)
     image = bigus.reslice(training.field, training.poses[4], size=frames.shape[:0:-1])
@@ -19,22 +19,30 @@ properties of the C++ classes, and bigus.update runs them; import bigus.pyvista 
 """
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ._core import Error, Field, Phantom, Sweep, __version__, engines, instruction_sets, missing_engines
-from ._core import added_filters as _added_filters, use_instruction_set
+from ._core import Error, Field, Sweep, __version__, engines, instruction_sets, missing_engines
+from ._core import added_filters as _added_filters
+from ._core import use_instruction_set
 from .arrays import field, frames, poses, sweep
-from .files import Planes, read, read_planes, read_spacing, read_stack, write
+from .common import Planes, PoseCorrection, TrainingInterrupted
+from .files import read, read_field, read_planes, read_spacing, read_stack, read_sweep, write
+from .names import no_such
 from .sources import SourceError, from_files
-from .tasks import PoseCorrection, Slicer, Training, TrainingInterrupted, check, correct_poses, distance_to_frames
-from .tasks import metrics, options, plane, reslice, train
+from .tasks import Phantom, Slicer, Training, check, correct_poses, distance_to_frames, metrics, options, plane, reslice
+from .tasks import train
+
+if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
+    from .field_filters import *
+    from .filters import *
+    from .pipeline import update
+    from .sweep_filters import *
 
 __all__ = [
     "Error", "Field", "Phantom", "Planes", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
-    "TrainingInterrupted", "__version__", "check", "correct_poses", "distance_to_frames", "engines", "field", "frames", "from_files",
-    "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_planes", "read_spacing",
-    "read_stack",
-    "reslice", "sweep", "train", "use_instruction_set", "write",
+    "TrainingInterrupted", "__version__", "check", "correct_poses", "distance_to_frames", "engines", "field", "frames",
+    "from_files", "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_field",
+    "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
 
 _FILTERS = {  # by the module that they are in
@@ -45,19 +53,22 @@ _FILTERS = {  # by the module that they are in
                       "vtkBigusSweepInspection", "vtkBigusSweepOutline"],
     "pipeline": ["update"],
 }
-_MODULES = {**{name: module for module, names in _FILTERS.items() for name in names}, **_added_filters}
+_FROM = {**{name: module for module, names in _FILTERS.items() for name in names}, **_added_filters}
+_MODULES = ("convert", "pyvista", "serve")  # to be imported where they are used
 
+if not TYPE_CHECKING:
 
-def __getattr__(name: str) -> Any:
-    """The filters of VTK's pipelines, which are loaded, with VTK, when they are asked for."""
-    if name in _MODULES:
-        try:
-            module = importlib.import_module("." + _MODULES[name], __name__)
-        except ImportError as error:
-            raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install vtk") from None
-        return getattr(module, name)
-    raise AttributeError(f"module 'bigus' has no attribute {name!r}")
+    def __getattr__(name: str) -> Any:
+        if name in _MODULES:
+            return importlib.import_module("." + name, __name__)
+        if name in _FROM:
+            try:
+                module = importlib.import_module("." + _FROM[name], __name__)
+            except ImportError as error:
+                raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install vtk") from None
+            return getattr(module, name)
+        raise AttributeError(no_such("module 'bigus'", "attribute", name, __dir__()))
 
 
 def __dir__() -> list:
-    return sorted([*globals(), *_MODULES])
+    return sorted([*__all__, *_FROM, *_MODULES])

@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import weakref
-from typing import Any, Callable, NamedTuple, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Sequence
 
 import numpy as np
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
@@ -16,6 +17,9 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandD
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core
+from .documentation import CLASSES
+from .names import no_such, snake_case
+from .pipeline import set_properties
 from .vtkdata import texts_to_vtk, to_vtk
 
 NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
@@ -95,7 +99,7 @@ def properties(**defaults: Any) -> Callable[[type], type]:
                  for name, default in defaults.items()}
         cls.defaults = {**getattr(cls, "defaults", {}), **plain}
         for name, default in defaults.items():
-            _add(cls, _methods(name, default))
+            add_methods(cls, _methods(name, default))
         return cls
 
     return decorate
@@ -106,7 +110,7 @@ def parts(*names: str) -> Callable[[type], type]:
 
     def decorate(cls: type) -> type:
         for name in names:
-            _add(cls, {"Set" + name: lambda self, part, name=name: self._set_part(name, part),
+            add_methods(cls, {"Set" + name: lambda self, part, name=name: self._set_part(name, part),
                        "Get" + name: lambda self, name=name: self._parts.get(name)})
         return cls
 
@@ -118,7 +122,7 @@ def ports(**names: int) -> Callable[[type], type]:
 
     def decorate(cls: type) -> type:
         for name, number in names.items():
-            _add(cls, {"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
+            add_methods(cls, {"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
                        f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)})
         return cls
 
@@ -130,33 +134,105 @@ def getters(source: str, **names: tuple[str, Any]) -> Callable[[type], type]:
 
     def decorate(cls: type) -> type:
         for name, (key, default) in names.items():
-            _add(cls, {"Get" + name: lambda self, key=key, default=default: getattr(self, source).get(key, default)})
+            add_methods(cls, {"Get" + name: lambda self, key=key, default=default: getattr(self, source).get(key, default)})
         return cls
 
     return decorate
 
 
-def _add(cls: type, methods: dict[str, Callable]) -> None:
+def add_methods(cls: type, methods: dict[str, Callable]) -> None:
     for name, function in methods.items():
         if name not in cls.__dict__:
+            function.__name__, function.__qualname__ = name, f"{cls.__name__}.{name}"
             setattr(cls, name, function)
+    _offer(cls, methods)
+
+
+def _said(cls: type, name: str) -> Optional[str]:
+    """What the C++ class says of a property or method, by its name without Set or Get."""
+    return next((CLASSES[base.__name__][name] for base in cls.__mro__ if name in CLASSES.get(base.__name__, ())), None)
+
+
+def _takes(method: Any, *arguments: Any) -> bool:
+    try:
+        inspect.signature(method).bind(*arguments)
+    except (TypeError, ValueError):  # too few or too many, or a method of VTK's without a signature
+        return False
+    return True
+
+
+def _offer(cls: type, methods: Any) -> None:
+    """Says what methods are for, and adds properties in snake_case, as VTK's own classes have them from 9.4 on."""
+    for method in list(methods):
+        name = method[3:] if method[:3] in ("Set", "Get") else method
+        function = cls.__dict__[method]
+        if not function.__doc__:
+            ending = next((e for e in ("On", "Off", "ToDefault", "AsString") if name.endswith(e)), "")
+            function.__doc__ = _said(cls, name) or _said(cls, name[: len(name) - len(ending)])
+        getter, setter = (getattr(cls, kind + name, None) for kind in ("Get", "Set"))
+        reads, writes = _takes(getter, None), _takes(setter, None, None)
+        if name != method and (reads or writes):
+            get = (lambda self, name=name: getattr(self, "Get" + name)()) if reads else None
+            put = (lambda self, value, name=name: getattr(self, "Set" + name)(value)) if writes else None
+            setattr(cls, snake_case(name), property(get, put, None, _said(cls, name)))
+
+
+def fills(method: Callable) -> Callable:
+    """A getter of several numbers: it gives them, or fills a list with them, as VTK's do."""
+
+    def get(self: Any, numbers: Optional[list] = None) -> Optional[tuple]:
+        found = tuple(method(self))
+        if numbers is None:
+            return found
+        numbers[:] = found
+        return None
+
+    get.__doc__ = method.__doc__
+    return get
 
 
 class Algorithm(VTKPythonAlgorithmBase):
     """Values of properties, and errors as VTK's own algorithms report them.
 
-    A class of its own says in `_fill(data, outputs)` what comes out. `data` has a list of objects for each input port.
+    A class of its own says what its ports take and give, in `_begin()` what it begins with, and in `_fill(data, outputs)`
+    what comes out. `data` has a list of objects for each input port.
     """
 
     defaults: dict[str, Any] = {}
+    _inputs: Sequence[str] = ()
+    _outputs: Sequence[str] = ()
+    InputType = OutputType = ""  # of VTK's class, which sets them
 
-    def __init__(self, inputs: Sequence[str], outputs: Sequence[str]):
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        _offer(cls, [name for name, value in vars(cls).items() if inspect.isfunction(value) and name[0].isupper()])
+
+    def __new__(cls, **properties: Any) -> Any:
+        return super().__new__(cls)
+
+    def __init__(self, **properties: Any):
+        """Properties are spelt elevation_sigma or ElevationSigma."""
         self._values = dict(self.defaults)
-        self._inputs, self._outputs = inputs, outputs
         self._error_code = NO_ERROR
         self._parts: dict[str, Any] = {}  # objects that the algorithm follows
         self._tags: dict[str, int] = {}
-        VTKPythonAlgorithmBase.__init__(self, nInputPorts=len(inputs), nOutputPorts=len(outputs))
+        VTKPythonAlgorithmBase.__init__(self, nInputPorts=len(self._inputs), nOutputPorts=len(self._outputs))
+        self._begin()
+        set_properties(self, properties)
+
+    def _begin(self) -> None:
+        pass
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        kind = type(self)
+        if not name.startswith("_") and not hasattr(kind, name):
+            known = [one for one in dir(kind) if isinstance(inspect.getattr_static(kind, one), property)]
+            raise AttributeError(no_such(kind.__name__, "property", name, known))
+        super().__setattr__(name, value)
+
+    if TYPE_CHECKING:  # the methods that decorators add
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def GetClassName(self) -> str:
         return type(self).__name__

@@ -5,12 +5,15 @@
 from __future__ import annotations
 
 import copyreg
-from typing import Optional
+from typing import TYPE_CHECKING, Optional, Sequence
 
 import numpy as np
 
 from ._core import Field, Sweep, sweep_of_bytes, sweep_of_floats
 from .common import check_sweep
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 def _doubles(values: object, name: str) -> np.ndarray:
@@ -21,11 +24,11 @@ def _doubles(values: object, name: str) -> np.ndarray:
 
 
 def sweep(
-    frames: np.ndarray,
-    poses: np.ndarray,
-    timestamps: Optional[np.ndarray] = None,
-    mask: Optional[np.ndarray] = None,
-    spacing: Optional[tuple[float, float]] = None,
+    frames: ArrayLike,
+    poses: ArrayLike,
+    timestamps: Optional[ArrayLike] = None,
+    mask: Optional[ArrayLike] = None,
+    spacing: Optional[Sequence[float]] = None,
 ) -> Sweep:
     """A tracked sweep of arrays.
 
@@ -74,14 +77,14 @@ def poses(sweep: Sweep) -> np.ndarray:
 
 
 def field(
-    centers: np.ndarray,
-    scales: np.ndarray,
-    reflectivities: np.ndarray,
-    rotations: Optional[np.ndarray] = None,
+    centers: ArrayLike,
+    scales: ArrayLike,
+    reflectivities: ArrayLike,
+    rotations: Optional[ArrayLike] = None,
     gamma: float = 1.0,
     elevation_sigma: float = 0.0,
     probe_elevation_sigma: float = 0.0,
-    trained_normals: Optional[np.ndarray] = None,
+    trained_normals: Optional[ArrayLike] = None,
 ) -> Field:
     """A field of arrays, which are copied.
 

@@ -32,8 +32,7 @@ class vtkBigusTransformField(Algorithm):
     Transform is linear and stretches alike in all directions; None changes nothing. Changes to it are followed.
     """
 
-    def __init__(self) -> None:
-        super().__init__(("vtkPolyData",), ("vtkPolyData",))
+    _inputs = _outputs = ("vtkPolyData",)
 
     def _fill(self, data: list, outputs: list) -> None:
         field = field_of_polydata(data[0][0])
@@ -52,8 +51,7 @@ class vtkBigusFieldTensors(Algorithm):
 
     StandardDeviation, Covariance = range(2)
 
-    def __init__(self) -> None:
-        super().__init__(("vtkPolyData",), ("vtkPolyData",))
+    _inputs = _outputs = ("vtkPolyData",)
 
     def _fill(self, data: list, outputs: list) -> None:
         field = field_of_polydata(data[0][0])
@@ -67,8 +65,7 @@ class vtkBigusFieldTensors(Algorithm):
 class vtkBigusPartitionField(Algorithm):
     """One process's part of a field, as the C++ class makes it."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkPolyData",), ("vtkPolyData",))
+    _inputs = _outputs = ("vtkPolyData",)
 
     def _fill(self, data: list, outputs: list) -> None:
         total, piece, pieces = (self._values[name] for name in ("NumberOfChunks", "Piece", "NumberOfPieces"))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any, Optional, Sequence
+from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
 from vtkmodules.util.vtkConstants import vtkImageScalarTypeNameMacro
@@ -21,9 +21,10 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkImagingCore import vtkImageStencilData
 
 from . import _core
-from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, Open, extent_of, getters, infos_of, matrix_of, parts, ports
-from .algorithm import properties, table_of, tell_image, transform_matrix
-from .files import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, read_field, write
+from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, Open, add_methods, extent_of, fills, getters, infos_of, matrix_of
+from .algorithm import parts, ports, properties, table_of, tell_image, transform_matrix
+from .files import read_field, write
+from .settings import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, SLICER
 from .tasks import TrainingInterrupted, train
 from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, sweep_of_image, to_vtk
 
@@ -40,9 +41,9 @@ __all__ = [
 class _Source(Algorithm):
     """A reader: the file is read once, when information is asked for."""
 
-    def __init__(self, output: str):
-        super().__init__((), (output,))
+    def _begin(self) -> None:
         self._time, self._data = 0, None
+        self._found: dict[str, Any] = {}
 
     def _load(self) -> int:
         if self._data is not None and self._time == self.GetMTime():
@@ -70,8 +71,7 @@ class _Source(Algorithm):
 class vtkBigusFieldReader(_Source):
     """Reads a Gaussian field (.vtp, .ply) as vtkPolyData."""
 
-    def __init__(self) -> None:
-        super().__init__("vtkPolyData")
+    _outputs = ("vtkPolyData",)
 
     def _read(self, name: str) -> vtkPolyData:
         return polydata_of_field(read_field(name))
@@ -93,9 +93,7 @@ class vtkBigusSequenceReader(_Source):
 
     CLIP_NONE, CLIP_RECTANGLE, CLIP_FAN = range(3)
 
-    def __init__(self) -> None:
-        super().__init__("vtkImageData")
-        self._found: dict[str, Any] = {}
+    _outputs = ("vtkImageData",)
 
     def _read(self, name: str) -> vtkImageData:
         self._found = {}
@@ -147,9 +145,9 @@ class vtkBigusSequenceReader(_Source):
     def GetTransformSource(self, index: int) -> str:
         return self._found["transforms"][index][1]
 
-    def GetFrameSize(self, size: list) -> None:
-        """Fills (width, height), pixels."""
-        size[:] = self._found["pixels"].shape[:0:-1] if self._found else (0, 0)
+    @fills
+    def GetFrameSize(self) -> Any:
+        return self._found["pixels"].shape[:0:-1] if self._found else (0, 0)
 
     def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
         """The poses of accepted frames, and their corners and centre [frames, 5, 3], mm."""
@@ -160,20 +158,20 @@ class vtkBigusSequenceReader(_Source):
         places = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1), ((width - 1) / 2, (height - 1) / 2)]
         return poses, (poses @ np.array([(i, j, 0, 1) for i, j in places], dtype=float).T).transpose(0, 2, 1)[..., :3]
 
-    def GetPixelSize(self, size: list) -> None:
-        """Fills the mean lengths of a pixel's steps along i and j, mm."""
+    @fills
+    def GetPixelSize(self) -> Any:
         poses, _ = self._accepted()
-        size[:] = np.linalg.norm(poses[:, :3, :2], axis=1).mean(axis=0).tolist() if len(poses) else (0.0, 0.0)
+        return np.linalg.norm(poses[:, :3, :2], axis=1).mean(axis=0).tolist() if len(poses) else (0.0, 0.0)
 
     def GetPathLength(self) -> float:
         _, places = self._accepted()
         return float(np.linalg.norm(np.diff(places[:, 4], axis=0), axis=1).sum())
 
-    def GetBounds(self, bounds: list) -> None:
-        """Fills the box around all frames' corners: x, x, y, y, z, z, mm."""
+    @fills
+    def GetBounds(self) -> Any:
         _, places = self._accepted()
         corners = places[:, :4].reshape(-1, 3)
-        bounds[:] = np.stack([corners.min(axis=0), corners.max(axis=0)], -1).ravel().tolist() if len(corners) else (0.0,) * 6
+        return np.stack([corners.min(axis=0), corners.max(axis=0)], -1).ravel().tolist() if len(corners) else (0.0,) * 6
 
     def _times(self) -> Optional[np.ndarray]:
         times = self._found.get("timestamps")
@@ -188,9 +186,6 @@ class vtkBigusSequenceReader(_Source):
 
 
 class _Writer(Algorithm):
-    def __init__(self, kind: str):
-        super().__init__((kind,), ())
-
     def Write(self) -> int:
         """1 when the file has been written; else 0, with an error, and no file is left behind."""
         self._error_code = NO_ERROR
@@ -208,8 +203,7 @@ class _Writer(Algorithm):
 class vtkBigusFieldWriter(_Writer):
     """Writes a field to .vtp (exact) or .ply (for viewers of splats)."""
 
-    def __init__(self) -> None:
-        super().__init__("vtkPolyData")
+    _inputs = ("vtkPolyData",)
 
     def _write(self, data: Any, name: str, settings: dict[str, Any]) -> None:
         write(field_of_polydata(data), name, **settings)
@@ -219,8 +213,7 @@ class vtkBigusFieldWriter(_Writer):
 class vtkBigusSequenceWriter(_Writer):
     """Writes a sweep to .igs.mha; rejected frames (Status 0) are left out."""
 
-    def __init__(self) -> None:
-        super().__init__("vtkImageData")
+    _inputs = ("vtkImageData",)
 
     def _write(self, data: Any, name: str, settings: dict[str, Any]) -> None:
         write(sweep_of_image(data)[0], name, **settings)
@@ -231,14 +224,15 @@ class vtkBigusSequenceWriter(_Writer):
 
 
 @properties(OutputSpacing=Open((1.0,) * 3), OutputOrigin=Open((0.0,) * 3), OutputMode=Choice(0, ("Intensity", "ScatteringField")),
-            OutputScalarType=VTK_FLOAT, ElevationSigma=-1.0, Tolerance=1e-4, MaximumOutputPixels=1 << 29, Engine="auto")
+            OutputScalarType=VTK_FLOAT, MaximumOutputPixels=1 << 29, **SLICER)
 class vtkBigusFieldToImage(Algorithm):
     """What filters share that render a field: OutputSpacing, OutputOrigin, OutputMode, Engine and more."""
 
     Intensity, ScatteringField = 0, 1
 
-    def __init__(self, outputs: Sequence[str]):
-        super().__init__(("vtkPolyData",), outputs)
+    _inputs: Sequence[str] = ("vtkPolyData",)
+
+    def _begin(self) -> None:
         self._field, self._field_time = None, 0
         self._slicer, self._slicer_key = None, None
 
@@ -297,7 +291,7 @@ class vtkBigusFieldToImage(Algorithm):
             return
         _core.check_output_size(self._extent, self._values["MaximumOutputPixels"])
         self._load_field(data[0][0])
-        key = tuple(self._values[name] for name in ("Engine", "ElevationSigma", "Tolerance"))
+        key = tuple(self._values[name] for name in SLICER)
         if self._slicer is None or self._slicer_key != key:
             self._slicer, self._slicer_key = _core.Renderer(self._field, *key), key
         self._draw(outputs)
@@ -326,8 +320,7 @@ class vtkBigusFieldToImage(Algorithm):
 class vtkBigusVoxelizer(vtkBigusFieldToImage):
     """A volume of a field: voxels along OutputDirection, by default over the whole field, thin (ElevationSigma 0)."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData",))
+    _outputs = ("vtkImageData",)
 
     def _grid(self, spacing: Any, origin: Any) -> tuple:
         return _core.voxel_grid(spacing, origin, *(self._values[name] for name in (
@@ -361,8 +354,10 @@ class vtkBigusReslice(vtkBigusFieldToImage):
     GenerateStencilOutput is on), 3 the distance to the nearest of RecordedFrames (where they are set), mm.
     """
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData"))
+    _outputs = ("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData")
+
+    def _begin(self) -> None:
+        super()._begin()
         self.GetExecutive().SetOutputData(2, vtkImageStencilData())  # VTK's executive cannot make stencils by name
         self._recorded, self._recorded_time = None, 0
 
@@ -372,16 +367,15 @@ class vtkBigusReslice(vtkBigusFieldToImage):
         return self.GetResliceAxes()
 
     def SetResliceAxesDirectionCosines(self, *cosines: Any) -> None:
-        """Nine numbers, or three vectors, or a sequence of nine: the x, y and z axes of the output."""
         axes = self._own_axes()
         for column, cosine in enumerate(np.array(cosines, dtype=float).reshape(3, 3)):
             for row in range(3):
                 axes.SetElement(row, column, cosine[row])
             axes.SetElement(3, column, 0)
 
-    def GetResliceAxesDirectionCosines(self, cosines: list) -> None:
-        """Fills the nine numbers of a list."""
-        cosines[:] = matrix_of(self.GetResliceAxes())[:3, :3].T.ravel().tolist()
+    @fills
+    def GetResliceAxesDirectionCosines(self) -> Any:
+        return matrix_of(self.GetResliceAxes())[:3, :3].T.ravel().tolist()
 
     def SetResliceAxesOrigin(self, *origin: Any) -> None:
         axes = self._own_axes()
@@ -389,12 +383,11 @@ class vtkBigusReslice(vtkBigusFieldToImage):
             axes.SetElement(row, 3, value)
         axes.SetElement(3, 3, 1)
 
-    def GetResliceAxesOrigin(self, origin: list) -> None:
-        """Fills the three numbers of a list."""
-        origin[:] = matrix_of(self.GetResliceAxes())[:3, 3].tolist()
+    @fills
+    def GetResliceAxesOrigin(self) -> Any:
+        return matrix_of(self.GetResliceAxes())[:3, 3].tolist()
 
     def SetOutputToFrame(self, axes: vtkMatrix4x4, width: int, height: int) -> None:
-        """Makes the output the image of a tracked frame: pixel (i, j) lies at axes (i, j, 0, 1), mm."""
         self.SetResliceAxes(axes)
         self.SetOutputSpacing(1, 1, 1)
         self.SetOutputOrigin(0, 0, 0)
@@ -445,6 +438,24 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 # Training
 
 
+def option_properties(options: list) -> Callable[[type], type]:
+    """Adds Set<Name> and Get<Name> for every option of training, <Name>On and <Name>Off for switches."""
+
+    def decorate(cls: type) -> type:
+        for option in options:
+            name = option["name"]
+            methods = {"Set" + name: lambda self, value, name=name: self._set(name, value),
+                       "Get" + name: lambda self, name=name: self._get(name)}
+            if option["type"] == "bool":
+                methods[name + "On"] = lambda self, name=name: self.SetOption(name, "on")
+                methods[name + "Off"] = lambda self, name=name: self.SetOption(name, "off")
+            add_methods(cls, methods)
+        return cls
+
+    return decorate
+
+
+@option_properties(_core.options())
 class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
@@ -453,9 +464,10 @@ class vtkBigusTrainer(Algorithm):
     from one to the next. Input 1 may be a field to continue from.
     """
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData", "vtkPolyData"), ("vtkPolyData", "vtkTable"))
-        self._known = {option["name"]: option for option in _core.options()}
+    _inputs, _outputs = ("vtkImageData", "vtkPolyData"), ("vtkPolyData", "vtkTable")
+    _known = {option["name"]: option for option in _core.options()}
+
+    def _begin(self) -> None:
         self._options = {name: option["default"] for name, option in self._known.items()}
         self._forget()
 
@@ -468,33 +480,23 @@ class vtkBigusTrainer(Algorithm):
         self._decisions = table_of({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
         self._poses = vtkDoubleArray()
 
-    def __getattr__(self, name: str) -> Any:
-        known = self.__dict__.get("_known", {})
-        if name[:3] in ("Set", "Get") and name[3:] in known:
-            option = name[3:]
-            return (lambda value: self._set(option, value)) if name[0] == "S" else (lambda: self._get(option))
-        for ending, text in (("On", "on"), ("Off", "off")):
-            if name.endswith(ending) and known.get(name[: -len(ending)], {}).get("values") == "on|off":
-                return lambda: self.SetOption(name[: -len(ending)], text)
-        raise AttributeError(f"vtkBigusTrainer has no {name}")
-
     def _set(self, name: str, value: Any) -> None:
         option = self._known[name]
         if isinstance(value, str) or value is None:
             text = value or ""
         elif option["open"] and value < 0:
             text = "auto"
-        elif option["values"] == "on|off" and value in (0, 1):
+        elif option["type"] == "bool" and value in (0, 1):
             text = "on" if value else "off"
         else:
             text = _core.number_text(float(value))
         self.SetOption(name, text)
 
     def _get(self, name: str) -> Any:
-        text, values = self._options[name], self._known[name]["values"]
-        if values == "on|off":
+        text, kind = self._options[name], self._known[name]["type"]
+        if kind == "bool":
             return int(text == "on")
-        if not values[:1].isdigit():
+        if kind == "str":
             return text
         number = -1.0 if text == "auto" else float(text)
         return int(number) if number.is_integer() else number

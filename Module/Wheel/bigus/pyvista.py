@@ -5,26 +5,37 @@
     import bigus.pyvista
     import pyvista
 
-    field = bigus.pyvista.mesh(bigus.read("field.vtp"))        # pyvista.PolyData; so is pyvista.wrap of a filter's output
-    field.bigus.slice(plane, size=(640, 480)).plot()
-    field.bigus.plot_slice(plane, size=(640, 480))             # the slice where it lies, with the field's centers
+    field = bigus.pyvista.mesh(bigus.read_field("field.vtp"))  # pyvista.PolyData; so is pyvista.wrap of a filter's output
+    image = field.bigus.slice(normal="z")                      # pyvista.ImageData where it lies
+    field.bigus.plot_slice(normal="z").show()                  # seen face on, with a scale in mm
+    plotter = pyvista.Plotter()
+    field.bigus.add_slice_widget(plotter)                      # a plane to be moved by the mouse
+    plotter.show()
 """
 
 from __future__ import annotations
 
-from typing import Any, Optional, Union
+from typing import TYPE_CHECKING, Any, Optional, Sequence, Union
 
 import numpy as np
 import pyvista
 
 from ._core import Field, Sweep
+from .common import checked_size, pixel_matrix, size_of_view
 from .filters import vtkBigusVoxelizer
 from .pipeline import update
-from .common import pixel_matrix, size_of_view
 from .tasks import Slicer, train
-from .vtkdata import field_of_polydata, image_of_sweep, polydata_of_field, sweep_of_image
+from .vtkdata import axes_across, field_of_polydata, image_of, image_of_sweep, place_image, plane_on, polydata_of_field
+from .vtkdata import shadow, sweep_of_image
 
-Spacing = Union[None, float, tuple]
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from typing_extensions import Unpack
+
+    from ._options import SlicerOptions, TrainOptions
+
+    Plane = Union[str, ArrayLike]
+    Spacing = Union[None, float, Sequence[float]]
 
 
 def mesh(data: Union[Field, Sweep]) -> Any:
@@ -38,19 +49,18 @@ def mesh(data: Union[Field, Sweep]) -> Any:
 
 def image_at(plane: np.ndarray, pixels: np.ndarray, name: str = "Intensity") -> Any:
     """pixels [height, width] as pyvista.ImageData where they lie: (i, j) at plane @ (i, j, 0, 1), mm."""
-    matrix = pixel_matrix(plane, None)
-    sides = np.append(np.linalg.norm(matrix[:3, :2], axis=0), 1.0)
-    image = pyvista.ImageData()
-    image.dimensions = (pixels.shape[1], pixels.shape[0], 1)
-    image.spacing = tuple(sides)
-    image.origin = tuple(matrix[:3, 3])
-    image.SetDirectionMatrix((matrix[:3, :3] / sides).ravel())
-    image.point_data[name] = np.asarray(pixels).ravel()
-    return image
+    image = image_of(np.asarray(pixels)[None], name)
+    place_image(image, pixel_matrix(plane, None))
+    return pyvista.wrap(image)
 
 
 class FieldAccessor:
-    """Slices of a field."""
+    """Slices of a field. A plane is given by a normal ("x", "-y", "z" or a vector) and an origin, or by a 4 x 4 matrix.
+
+    With a normal the slice goes through origin, mm (the middle of the field), and holds the whole field. Its rows go along
+    y, or along z where y is the normal. spacing, mm a pixel, and size, (width, height), follow from each other; by default
+    the longer side has 512 pixels. With a matrix, from pixel (i, j, 0, 1) to mm, both are as for bigus.reslice.
+    """
 
     def __init__(self, mesh: Any):
         self._mesh = mesh
@@ -60,15 +70,32 @@ class FieldAccessor:
         """The field, a copy. Raises bigus.Error where the mesh is no field."""
         return field_of_polydata(self._mesh)
 
-    def slice(self, plane: np.ndarray, size: Optional[tuple] = None, spacing: Spacing = None, **properties: Any) -> Any:
+    def _plane(self, normal: Plane, origin: Optional[Sequence[float]], size: Optional[Sequence[int]],
+               spacing: Spacing) -> tuple[np.ndarray, Sequence[int]]:
+        if np.ndim(normal) == 2:
+            if origin is not None:
+                raise ValueError("a matrix has an origin of its own; give origin with a normal")
+            matrix = pixel_matrix(normal, spacing)
+            return matrix, size if size is not None else size_of_view(np.asarray(self._mesh.points), matrix)
+        axes = axes_across(NORMALS[normal] if isinstance(normal, str) and normal in NORMALS else _numbers(normal, "normal"))
+        if axes is None:
+            raise ValueError(f"normal is x, y, z, -x, -y, -z or a vector that is finite and not 0, not {normal!r}")
+        place = np.array(self._mesh.center) if origin is None else _numbers(origin, "origin")
+        low, high = shadow(self._mesh.bounds, axes, place)
+        pixel = spacing if spacing is not None else float(((high - low) / (np.subtract(size, 1) if size else 511)).max()) or 1.0
+        if np.ndim(pixel):
+            raise ValueError("with a normal, spacing is one number")
+        across = checked_size(size if size is not None else np.ceil((high - low) / pixel) + 1)
+        return plane_on(axes, place, 0.5 * (low + high), np.array(across), pixel), across
+
+    def slice(self, normal: Plane = "z", size: Optional[Sequence[int]] = None, spacing: Spacing = None,
+              origin: Optional[Sequence[float]] = None, **properties: Unpack[SlicerOptions]) -> Any:
         """The image at a plane, as pyvista.ImageData with Intensity and Coverage, placed where it lies.
 
-        plane, size, spacing and properties are those of bigus.reslice.
+        properties are those of bigus.reslice.
         """
-        field = self.field
-        matrix = pixel_matrix(plane, spacing)
-        size = size if size is not None else size_of_view(field.centers, matrix)
-        pixels, coverage = Slicer(field, **properties).slice_and_coverage(matrix, size)
+        matrix, size = self._plane(normal, origin, size, spacing)
+        pixels, coverage = Slicer(self.field, **properties).slice_and_coverage(matrix, size)
         image = image_at(matrix, pixels)
         image.point_data["Coverage"] = coverage.ravel()
         image.set_active_scalars("Intensity")
@@ -76,31 +103,62 @@ class FieldAccessor:
 
     def voxelize(self, spacing: Spacing = None, dimension: int = 256) -> Any:
         """A volume over the whole field: voxels of spacing (mm), or `dimension` of them along the longest side."""
-        filter = vtkBigusVoxelizer()
+        filter = vtkBigusVoxelizer(maximum_dimension=dimension)
         filter.SetInputDataObject(self._mesh)
-        filter.SetMaximumDimension(dimension)
         if spacing is not None:
-            filter.SetOutputSpacing(*np.broadcast_to(spacing, 3).tolist())
+            filter.output_spacing = np.broadcast_to(spacing, 3).tolist()
         return pyvista.wrap(update(filter).GetOutput())
 
-    def plot_slice(self, plane: np.ndarray, size: Optional[tuple] = None, spacing: Spacing = None, centers: bool = True,
-                   plotter: Any = None, **properties: Any) -> Any:
-        """Draws the slice where it lies, with the field's centers around it; returns the plotter.
+    def plot_slice(self, normal: Plane = "z", size: Optional[Sequence[int]] = None, spacing: Spacing = None,
+                   origin: Optional[Sequence[float]] = None, plotter: Any = None,
+                   **properties: Unpack[SlicerOptions]) -> Any:
+        """Draws the slice where it lies, seen face on, with a scale in mm; returns the plotter.
 
         Without `plotter` a new one is made; call show() or screenshot() on what comes back.
         """
-        image = self.slice(plane, size, spacing, **properties)
-        width, height, _ = image.dimensions
-        j, i = np.mgrid[:height, :width]
-        index = np.stack([i, j, np.zeros_like(i), np.ones_like(i)], -1)
-        points = (index @ pixel_matrix(plane, spacing).T)[..., :3]
-        surface = pyvista.StructuredGrid(*(points[:, :, None, axis] for axis in range(3)))
-        surface.point_data["Intensity"] = np.asarray(image.point_data["Intensity"]).reshape(height, width).ravel(order="F")
+        matrix, size = self._plane(normal, origin, size, spacing)
         plotter = plotter if plotter is not None else pyvista.Plotter()
-        plotter.add_mesh(surface, scalars="Intensity", cmap="gray", clim=(0, 1), lighting=False, show_scalar_bar=False)
-        if centers:
-            plotter.add_mesh(pyvista.PolyData(np.array(self.field.centers)), color="tan", point_size=2, opacity=0.3)
+        middle = (matrix @ (*(0.5 * np.subtract(size, 1)), 0, 1))[:3]
+        _add(plotter, matrix, Slicer(self.field, **properties).slice(matrix, size))
+        # Columns to the right and rows down: the camera looks along the normal, and up is against the rows.
+        plotter.camera.focal_point = middle
+        plotter.camera.position = middle - matrix[:3, 2] * max(self._mesh.length, 1e-3)
+        plotter.camera.up = -matrix[:3, 1]
+        plotter.enable_parallel_projection()
+        sides = np.linalg.norm(matrix[:3, :2], axis=0) * size
+        aspect = plotter.window_size[0] / plotter.window_size[1]
+        plotter.camera.parallel_scale = 0.6 * max(sides[1], sides[0] / aspect)
+        plotter.reset_camera_clipping_range()
+        plotter.add_axes()
+        plotter.add_ruler(*((matrix @ (*corner, 0, 1))[:3] for corner in ((0, size[1] - 1), (size[0] - 1, size[1] - 1))), title="mm")
         return plotter
+
+    def add_slice_widget(self, plotter: Any, normal: Plane = "z", **properties: Unpack[SlicerOptions]) -> Any:
+        """Adds a plane that the mouse moves and turns, and the slice on it, to a plotter; returns the widget."""
+        slicer = Slicer(self.field, **properties)
+
+        def move(direction: Any, place: Any) -> None:
+            matrix, size = self._plane(direction, place, None, None)
+            _add(plotter, matrix, slicer.slice(matrix, size), name="bigus slice", reset_camera=False)
+
+        matrix, _ = self._plane(normal, None, None, None)
+        return plotter.add_plane_widget(move, normal=matrix[:3, 2], origin=self._mesh.center, bounds=self._mesh.bounds)
+
+
+NORMALS = {sign + axis: (-1.0 if sign else 1.0) * np.eye(3)[k] for sign in ("", "-") for k, axis in enumerate("xyz")}
+
+
+def _numbers(vector: Any, name: str) -> np.ndarray:
+    try:
+        return np.asarray(vector, dtype=np.float64).reshape(3)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is three numbers{' or x, y, z, -x, -y, -z' * (name == 'normal')}, not {vector!r}") from None
+
+
+def _add(plotter: Any, matrix: np.ndarray, pixels: np.ndarray, **options: Any) -> None:
+    """Draws pixels where they lie, as grey as they are."""
+    surface = image_at(matrix, pixels).cast_to_structured_grid()
+    plotter.add_mesh(surface, scalars="Intensity", cmap="gray", clim=(0, 1), lighting=False, show_scalar_bar=False, **options)
 
 
 class SweepAccessor:
@@ -119,7 +177,7 @@ class SweepAccessor:
         sweep = self.sweep
         return image_at(sweep.poses[number], sweep.frames[number])
 
-    def train(self, **options: Any) -> Any:
+    def train(self, **options: Unpack[TrainOptions]) -> Any:
         """The field that bigus.train makes of the sweep, as pyvista.PolyData."""
         return mesh(train(self.sweep, **options).field)
 

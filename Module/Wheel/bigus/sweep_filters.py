@@ -13,28 +13,21 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkImageD
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
-from . import _core, common
+from . import _core, common, settings
 from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, getters, matrix_of, ports, properties, table_of, tell_image
+from .names import vtk_case
 from .vtkdata import image_of_sweep, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
 __all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepInspection",
            "vtkBigusSweepOutline"]  # fmt: skip
 
-KEYWORDS = {"NumberOfFrames": "frames"}  # of Phantom; the others are the properties' names in small letters
-
-
-def _keyword(name: str) -> str:
-    return KEYWORDS.get(name) or "".join("_" * (k > 0 and c.isupper()) + c.lower() for k, c in enumerate(name))
+_OPTIONS = _core.phantom_options()
+_NAMES = {vtk_case(name): name for name in _OPTIONS if name not in ("frames", "width", "height", "probe", "scene")}
 
 
 @properties(
-    Probe=Choice(0, ("Linear", "Convex", "Sector")), Scene=Choice(0, ("Organ", "Speckle", "Points")), Seed=1,
-    NumberOfFrames=64, FrameSize=(0, 256), PixelSize=0.2, ProbeRadius=0.0, HalfAngle=0.0,
-    Frequency=5.0, AxialSigma=0.2, LateralSigma=0.4, ElevationSigma=0.8, ScattererDensity=40.0, Attenuation=0.5,
-    DynamicRange=50.0, WhiteLevel=24.0, FrameSpacing=0.5, SpeedVariation=0.4, Tilt=3.0, Wander=0.5, SweepAngle=0.0,
-    Shake=0.0, ShakeRotation=0.0, ShakeCorrelation=0.0, FrameRate=20.0, Passes=1, DroppedShare=0.0, TrackingNoise=0.0, TrackingRotationNoise=0.0,
-    NoiseCorrelation=0.0, TrackingDrift=0.0, TrackingRotationDrift=0.0, OutlierShare=0.0, OutlierSize=2.0, TrackingDelay=0.0, TrackingQuantum=0.0,
-    TrackingRotationQuantum=0.0, CalibrationShift=(0.0, 0.0, 0.0), CalibrationRotation=(0.0, 0.0, 0.0),
+    Probe=Choice(0, ("Linear", "Convex", "Sector")), Scene=Choice(0, ("Organ", "Speckle", "Points")),
+    **settings.PHANTOM, **{name: _OPTIONS[own] for name, own in _NAMES.items()},
 )  # fmt: skip
 class vtkBigusPhantomSource(Algorithm):
     """A made-up tracked sweep, with the exact image of any other plane."""
@@ -42,12 +35,11 @@ class vtkBigusPhantomSource(Algorithm):
     LINEAR, CONVEX, SECTOR = range(3)
     ORGAN, SPECKLE, POINTS = range(3)
 
-    def __init__(self) -> None:
-        super().__init__((), ("vtkImageData",))
+    _outputs = ("vtkImageData",)
 
     def _phantom(self) -> Any:
-        options = {_keyword(name): value for name, value in self._values.items() if name != "FrameSize"}
-        options["width"], options["height"] = self._values["FrameSize"]
+        options = {own: self._values[name] for name, own in _NAMES.items()}
+        options["frames"], (options["width"], options["height"]) = (self._values[name] for name in settings.PHANTOM)
         options["probe"], options["scene"] = self.GetProbeAsString().lower(), self.GetSceneAsString().lower()
         return _core.Phantom(**options)
 
@@ -87,15 +79,14 @@ class vtkBigusPhantomSource(Algorithm):
             outputs[0].GetFieldData().AddArray(to_vtk(phantom.true_poses.reshape(-1, 16), "TrueImageToReference"))
 
 
-@properties(Strength=-1.0, HoldOut=0)
+@properties(**settings.CORRECTION)
 class vtkBigusPoseCorrection(Algorithm):
     """Takes the tracker's noise out of a sweep's poses; the C++ class lists the arrays that tell what was done."""
 
     CONSTANT_ERRORS = ("Delay", "ShiftX", "ShiftY", "ShiftZ", "RotationX", "RotationY", "RotationZ")
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData",), ("vtkImageData", "vtkTable"))
-        self._chosen = 0.0
+    _inputs, _outputs = ("vtkImageData",), ("vtkImageData", "vtkTable")
+    _chosen = 0.0
 
     def GetChosenStrength(self) -> float:
         return self._chosen
@@ -152,8 +143,7 @@ class vtkBigusPoseCorrection(Algorithm):
 class vtkBigusSweepInspection(Algorithm):
     """Says what is wrong with recorded frames: the sweep with an array Finding, and a table with a row a finding."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData",), ("vtkImageData", "vtkTable"))
+    _inputs, _outputs = ("vtkImageData",), ("vtkImageData", "vtkTable")
 
     def GetFindings(self) -> Any:
         return self.GetOutputDataObject(1)
@@ -182,8 +172,7 @@ class vtkBigusSweepInspection(Algorithm):
 class vtkBigusSweepOutline(Algorithm):
     """The outlines of a sweep's frames (output 0) and the probe's path (output 1), as lines."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData",), ("vtkPolyData", "vtkPolyData"))
+    _inputs, _outputs = ("vtkImageData",), ("vtkPolyData", "vtkPolyData")
 
     def _fill(self, data: list, outputs: list) -> None:
         outlines, path = outputs
@@ -226,8 +215,9 @@ SPREADS = ("PSNR", "SSIM")
 class vtkBigusImageMetrics(Algorithm):
     """How close an image (input 0) is to the truth (input 1): a table with a row for each z slice."""
 
-    def __init__(self) -> None:
-        super().__init__(("vtkImageData", "vtkImageData"), ("vtkTable",))
+    _inputs, _outputs = ("vtkImageData", "vtkImageData"), ("vtkTable",)
+
+    def _begin(self) -> None:
         self._means: dict[str, float] = {}
 
     def SetTruthConnection(self, port: Any) -> None:

@@ -6,13 +6,21 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
-from . import _core, common
+from . import _core, common, documentation, settings
 from ._core import Field, Sweep
 from .common import PoseCorrection, TrainingInterrupted, pixel_matrix, require
+from .files import settings_of
+from .names import by_name, snake_case, spell_out
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from typing_extensions import Unpack
+
+    from ._options import CorrectionOptions, PhantomOptions, SlicerOptions, TrainOptions
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -48,37 +56,27 @@ class Training(_FieldAndLog):
     held_out_frames: list[int]
 
 
-def _plain(name: str) -> str:
-    return name.replace("_", "").replace("-", "").lower()
+    def __repr__(self) -> str:
+        how = "finished" if self.finished else "stopped"
+        held_out = f", {len(self.held_out_frames)} frames held out" if self.held_out_frames else ""
+        return f"<bigus.Training of {len(self.field)} Gaussians, {how} after {self.iterations} iterations{held_out}>"
 
 
-def _texts(properties: dict[str, Any]) -> dict[str, str]:
-    """Options as Core reads them, by the names that it has."""
-    known = {_plain(option["name"]): option["name"] for option in _core.options()}
-    texts = {}
-    for name, value in properties.items():
-        if _plain(name) not in known:
-            import difflib
-
-            close = difflib.get_close_matches(_plain(name), known, 1)
-            hint = f"; did you mean {known[close[0]]}?" if close else ""
-            raise TypeError(f"training has no option {name}{hint}")
-        if value is None:
-            text = "auto"
-        elif isinstance(value, (bool, np.bool_)):
-            text = "on" if value else "off"
-        elif isinstance(value, (int, float, np.integer, np.floating)):
-            text = _core.number_text(float(value))
-        elif isinstance(value, str):
-            text = value
-        else:
-            raise TypeError(f"{name} is a number, a text, True, False or None, not {type(value).__name__}")
-        texts[known[_plain(name)]] = text
-    return texts
+def _text(name: str, value: Any) -> str:
+    """An option's value as Core reads it."""
+    if value is None:
+        return "auto"
+    if isinstance(value, (bool, np.bool_)):
+        return "on" if value else "off"
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        return _core.number_text(float(value))
+    if isinstance(value, str):
+        return value
+    raise TypeError(f"{name} is a number, a text, True, False or None, not {type(value).__name__}")
 
 
 def options() -> list[dict[str, str]]:
-    """Every option of train: name, keyword, group, help, unit, values, default, and what holds where it is open."""
+    """Every option of train: name, keyword, group, help, unit, values, type, default, and what holds where it is open."""
     return _core.options()
 
 
@@ -89,7 +87,7 @@ def train(
     checkpoint: Union[None, str, os.PathLike] = None,
     resume: bool = False,
     checkpoint_interval: float = 60,
-    **properties: Any,
+    **properties: Unpack[TrainOptions],
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
 
@@ -106,7 +104,8 @@ def train(
     nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
     """
     sweeps = common.training_inputs(sweep, start, Sweep, Field)
-    texts = _texts(properties)
+    given = by_name(dict(properties), [option["name"] for option in _core.options()], "training", "option")
+    texts = {name: _text(name, value) for name, value in given.items()}
     path = common.checkpoint_path(checkpoint, resume, checkpoint_interval)
     bar = common.bar_for(progress)
     if progress is None or progress is True:
@@ -138,17 +137,21 @@ def train(
     return training
 
 
-def _list_of_options() -> str:
-    lines = []
-    for option in _core.options():
-        unit = f" ({option['unit']})" if option["unit"] else ""
-        values = option["values"] or "text"
-        open_ = f": {option['open']}" if option["open"] else ""
-        lines.append(f"    {option['name']}: {option['help']}{unit}. {values}; {option['default']}{open_}.")
-    return "\n" + "\n".join(lines) + "\n    "
+def option_text(option: dict[str, str]) -> str:
+    """What there is to say of an option, in a line."""
+    unit = f" ({option['unit']})" if option["unit"] else ""
+    open_ = f": {option['open']}" if option["open"] else ""
+    return f"{option['help']}{unit}. {option['values'] or 'text'}; {option['default']}{open_}."
 
 
-train.__doc__ = (train.__doc__ or "").format(**vars(common)) + _list_of_options()
+def _default(option: dict[str, str]) -> Any:
+    kinds = {"bool": lambda text: text == "on", "int": int, "float": float, "str": str}
+    return None if option["default"] == "auto" and option["open"] else kinds[option["type"]](option["default"])
+
+
+_lines = [f"    {option['name']}: {option_text(option)}" for option in _core.options()]
+train.__doc__ = "\n".join([(train.__doc__ or "").format(**vars(common)), *_lines, "    "])
+spell_out(train, {option["name"]: _default(option) for option in _core.options()})
 
 
 def check(sweep: Sweep, keep: str = "none") -> list[dict]:
@@ -160,59 +163,93 @@ def check(sweep: Sweep, keep: str = "none") -> list[dict]:
     return _core.inspect(sweep, keep, list(range(len(sweep))))[0]
 
 
-def correct_poses(sweep: Sweep, Strength: Optional[float] = None, HoldOut: int = 0) -> PoseCorrection:
+def correct_poses(sweep: Sweep, **properties: Unpack[CorrectionOptions]) -> PoseCorrection:
     """Takes the tracker's noise out of a sweep's poses, where its pictures confirm it; exact poses are kept.
 
-    Strength: 0 to 1000, in units of the noise found; None or a negative number: chosen by evidence.
-    HoldOut: the pixels of frames with index % HoldOut == HoldOut // 2 are not looked at; 0: all are.
+    Strength=-1: 0 to 1000, in units of the noise found; None or a negative number: chosen by evidence.
+    HoldOut=0: the pixels of frames with index % HoldOut == HoldOut // 2 are not looked at; 0: all are.
     """
     require(sweep, Sweep, "correct_poses", "sweep")
-    strength = None if Strength is None or Strength < 0 else float(Strength)
-    found = _core.correct_poses(sweep, strength, int(HoldOut))
+    chosen = settings_of(settings.CORRECTION, dict(properties), "correct_poses")
+    strength = None if chosen["Strength"] < 0 else chosen["Strength"]
+    found = _core.correct_poses(sweep, strength, chosen["HoldOut"])
     found["outlier"] = found["outlier"] != 0
     return PoseCorrection(**{name: found[name] for name in PoseCorrection._fields})
+
+
+spell_out(correct_poses, settings.CORRECTION)
+
+
+class Phantom(_core.Phantom):
+    """A made-up organ that a made-up probe sees: its image is known at every plane.
+
+    For example ``Phantom(frames=24, width=80, height=64, pixel_size=0.5, probe="convex").sweep()``; true_poses is where its
+    frames were taken, frame(plane, width, height) the truth at any plane. The world's x points to the right, y into the
+    body from the skin at 0, z along the sweep. Raises Error for a value out of its range.
+    Options, each also in VTK's spelling, and what vtkBigusPhantomSource says of them:
+    """
+
+    def __init__(self, **options: Unpack[PhantomOptions]):
+        defaults = _core.phantom_options()
+        given = settings_of({**defaults, **settings.PHANTOM}, dict(options), "a phantom", "option", complete=False)
+        for name, owns in (("NumberOfFrames", ("frames",)), ("FrameSize", ("width", "height"))):  # VTK's for the same
+            for own, value in zip(owns, np.ravel(given.pop(name, ()))):
+                if own in given:
+                    raise TypeError(f"{own} and {name} are the same option of a phantom; give one of them")
+                given[own] = int(value)
+        super().__init__(**given)
+
+
+spell_out(Phantom.__init__, _core.phantom_options())
+_lines = [f"    {snake_case(name)}: {text}" for name, text in documentation.CLASSES["vtkBigusPhantomSource"].items()
+          if snake_case(name) in _core.phantom_options() or name in settings.PHANTOM]  # fmt: skip
+Phantom.__doc__ = "\n".join([(Phantom.__doc__ or "").rstrip(), *_lines, "    "])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Slices
 
 
-def plane(
-    origin: Sequence[float], axes: np.ndarray, spacing: Union[float, tuple[float, float]] = 1.0
-) -> np.ndarray:
+def plane(origin: ArrayLike, axes: ArrayLike, spacing: Union[float, Sequence[float]] = 1.0) -> np.ndarray:
     """The 4 x 4 matrix of a plane, from pixel (i, j, 0, 1) to mm.
 
     origin: centre of pixel (0, 0), mm. axes: [2, 3] or [3, 3], directions of i and j (they are normalised); a third is
     not looked at. spacing: mm a pixel, one number or (along i, along j). Raises ValueError unless they span a plane.
     """
-    directions = np.asarray(axes, dtype=np.float64)
+    directions, place = np.asarray(axes, dtype=np.float64), np.asarray(origin, dtype=np.float64)
     if directions.shape not in ((2, 3), (3, 3)):
         raise ValueError(f"axes are the directions of i and j, of shape (2, 3), not {directions.shape}")
+    if place.shape != (3,):
+        raise ValueError(f"origin is three numbers, mm, not {origin!r}")
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1] = directions[:2]
-    matrix[:3, 3] = np.asarray(origin, dtype=np.float64).reshape(3)
+    matrix[:3, 3] = place
     return pixel_matrix(matrix, spacing)
 
 
 class Slicer:
     """A field ready for many slices; it holds the field as it was when the slicer was made.
 
-    Engine: "auto" or a name of engines(). ElevationSigma: thickness of every slice, mm; negative: the field's own beam.
-    Tolerance: how much may be left out of a pixel's intensity, 0 to 1. Several threads may use one slicer.
+    Engine="auto", or a name of engines(). ElevationSigma=-1: thickness of every slice, mm; negative: the field's own beam.
+    Tolerance=1e-4: how much may be left out of a pixel's intensity, 0 to 1. Several threads may use one slicer.
     Raises Error for a field or an option that is not sound.
     """
 
-    def __init__(self, field: Field, Engine: str = "auto", ElevationSigma: float = -1.0, Tolerance: float = 1e-4):
+    def __init__(self, field: Field, **properties: Unpack[SlicerOptions]):
         require(field, Field, "Slicer", "field")
-        self._field = field
-        self._renderer = _core.Renderer(field, Engine, float(ElevationSigma), float(Tolerance))
+        chosen = settings_of(settings.SLICER, dict(properties), "slicing")
+        self._gaussians = len(field)
+        self._renderer = _core.Renderer(field, *chosen.values())
+
+    def __repr__(self) -> str:
+        return f"<bigus.Slicer of {self._gaussians} Gaussians, {self.device}>"
 
     @property
     def device(self) -> str:
         """What computes, such as "CPU (AVX2, 2 threads)"."""
         return self._renderer.device
 
-    def _render(self, planes: np.ndarray, size: tuple[int, int], spacing: Any, scattering: bool, coverage: bool) -> Any:
+    def _render(self, planes: ArrayLike, size: Sequence[int], spacing: Any, scattering: bool, coverage: bool) -> Any:
         matrices = np.asarray(planes, dtype=np.float64)
         is_one = matrices.ndim == 2
         stack = matrices[None] if is_one else matrices
@@ -225,9 +262,9 @@ class Slicer:
 
     def slice(
         self,
-        planes: np.ndarray,
-        size: tuple[int, int],
-        spacing: Union[None, float, tuple[float, float]] = None,
+        planes: ArrayLike,
+        size: Sequence[int],
+        spacing: Union[None, float, Sequence[float]] = None,
         scattering: bool = False,
     ) -> np.ndarray:
         """The image at a plane [4, 4] (or images at planes [n, 4, 4]): float32 [height, width] or [n, height, width].
@@ -238,9 +275,9 @@ class Slicer:
 
     def slice_and_coverage(
         self,
-        planes: np.ndarray,
-        size: tuple[int, int],
-        spacing: Union[None, float, tuple[float, float]] = None,
+        planes: ArrayLike,
+        size: Sequence[int],
+        spacing: Union[None, float, Sequence[float]] = None,
         scattering: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """The same with the coverage: the sum of all Gaussians' weights, near 0 where the sweep saw nothing."""
@@ -249,10 +286,10 @@ class Slicer:
 
 def reslice(
     field: Field,
-    plane: np.ndarray,
-    size: Optional[tuple[int, int]] = None,
-    spacing: Union[None, float, tuple[float, float]] = None,
-    **properties: Any,
+    plane: ArrayLike,
+    size: Optional[Sequence[int]] = None,
+    spacing: Union[None, float, Sequence[float]] = None,
+    **properties: Unpack[SlicerOptions],
 ) -> np.ndarray:
     """The image that the field predicts at a plane: float32 [height, width] in [0, 1).
 
@@ -269,19 +306,23 @@ def reslice(
     return slicer.slice(matrix, size if size is not None else common.size_of_view(field.centers, matrix))
 
 
+spell_out(Slicer.__init__, settings.SLICER)
+spell_out(reslice, settings.SLICER)
+
+
 def distance_to_frames(
-    sweep: Sweep, plane: np.ndarray, size: tuple[int, int], frames: Optional[Sequence[int]] = None
+    sweep: Sweep, plane: ArrayLike, size: Sequence[int], frames: Optional[Sequence[int]] = None
 ) -> np.ndarray:
     """From every pixel of a plane to the nearest of the sweep's frames, mm: float32 [height, width].
 
     frames: the numbers of those that count; by default all.
     """
     require(sweep, Sweep, "distance_to_frames", "sweep")
-    numbers = range(len(sweep)) if frames is None else frames
-    return _core.distances(sweep, [int(n) for n in numbers], pixel_matrix(plane, None), int(size[0]), int(size[1]))
+    numbers = [common.whole(n) for n in (range(len(sweep)) if frames is None else frames)]
+    return _core.distances(sweep, numbers, pixel_matrix(plane, None), *common.checked_size(size))
 
 
-def _intensities(image: np.ndarray) -> np.ndarray:
+def _intensities(image: ArrayLike) -> np.ndarray:
     pixels = np.asarray(image)
     if pixels.dtype == np.uint8:
         pixels = pixels.astype(np.float32) / np.float32(255)
@@ -295,7 +336,7 @@ def _intensities(image: np.ndarray) -> np.ndarray:
     return pixels if pixels.ndim == 3 else pixels[None]
 
 
-def metrics(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
+def metrics(a: ArrayLike, b: ArrayLike) -> dict[str, float]:
     """How close image a is to the truth b: both [height, width] or [frames, height, width].
 
     uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three

@@ -105,6 +105,39 @@ def place_image(image: vtkImageData, pose: np.ndarray) -> None:
     image.SetDirectionMatrix(direction.ravel().tolist())
 
 
+SMALLEST_SINE = 1e-5  # nearer to the normal, rounding errors would turn the picture
+
+
+def axes_across(normal: Any, down: Any = (0.0, 1.0, 0.0)) -> Optional[np.ndarray]:
+    """Right-handed unit axes as columns: the third along the normal, the second along `down` brought into the plane."""
+    length = np.linalg.norm(normal)
+    if not (length > 0 and np.isfinite(length)):
+        return None
+    z = np.array(normal) / length
+    for direction in (np.array(down), np.array([0.0, 0, 1]), np.array([1.0, 0, 0])):
+        x = np.cross(direction, z)
+        if np.linalg.norm(x) > SMALLEST_SINE * np.linalg.norm(direction):
+            x /= np.linalg.norm(x)
+            return np.stack([x, np.cross(z, x), z], axis=1)
+    return None
+
+
+def shadow(bounds: Sequence[float], axes: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From where to where a box reaches along the first two axes, mm from the origin."""
+    corners = np.array(np.meshgrid(*np.array(bounds).reshape(3, 2))).reshape(3, -1)
+    places = axes[:, :2].T @ (corners - origin[:, None])
+    return places.min(axis=1), places.max(axis=1)
+
+
+def plane_on(axes: np.ndarray, origin: np.ndarray, centre: np.ndarray, size: np.ndarray, pixel: float) -> np.ndarray:
+    """From pixel (i, j, 0, 1) to mm of a picture of `size` pixels about `centre`, mm from the origin along the axes."""
+    matrix = np.eye(4)
+    matrix[:3, :2] = axes[:, :2] * pixel
+    matrix[:3, 2] = axes[:, 2]
+    matrix[:3, 3] = origin + axes[:, :2] @ (centre - 0.5 * (size - 1) * pixel)
+    return matrix
+
+
 def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
     """The sweep of an image stack, and the index of its frames in the stack: those with Status 0 are left out.
 

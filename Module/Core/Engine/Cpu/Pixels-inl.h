@@ -27,7 +27,7 @@ static void ToIntensity(const T* scattering, std::size_t count, T gamma, T* out)
   {
     const auto s = hn::Max(hn::LoadU(d, scattering + i), hn::Zero(d));
     const auto exponent = hn::Max(hn::Mul(hn::Set(d, -gamma), s), hn::Set(d, kLowestExponent<T>));
-    hn::StoreU(hn::Neg(BoundedExpm1(d, exponent)), d, out + i);
+    hn::StoreU(hn::Sub(hn::Zero(d), BoundedExpm1(d, exponent)), d, out + i);  // 0 - 0 is 0, where -0 would show
   }
 }
 
