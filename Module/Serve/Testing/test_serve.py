@@ -654,6 +654,7 @@ class Page(unittest.IsolatedAsyncioTestCase):
             await browser.mouse("mouseReleased", *at[-1])
             return float((await browser.evaluate("sizeOf(measures[measures.length - 1])")).split()[0])
 
+        await self.moved(browser)
         plane = await browser.evaluate("plane()")
         self.assertAlmostEqual(await draw("length", (10, 10), (20, 15), (40, 30)), np.hypot(30, 20) * 0.4, delta=0.11)
         self.assertAlmostEqual(await draw("area", (10, 10), (40, 10), (40, 30), (10, 30)), 30 * 20 * 0.16, delta=1)
@@ -661,11 +662,11 @@ class Page(unittest.IsolatedAsyncioTestCase):
         await browser.evaluate("document.getElementById('tool').value = 'move'")
         self.assertEqual(await browser.evaluate("shares([3, 4, 0], [1, 0, 0], [1, 1, 0])"), [-1, 4])  # a sheared image
         # Depth counts from the upper edge of the frame, of whose rows 0.4 mm each the plane shows others.
-        self.assertAlmostEqual(await browser.evaluate("depthAtTop(plane())"), 0)
+        self.assertAlmostEqual(await browser.evaluate("view().top"), 0)
         await browser.evaluate("(() => { moved.y = 3; moved.zoom = 1; changed(); })()")
-        self.assertAlmostEqual(await browser.evaluate("depthAtTop(plane())"), 3 + HEIGHT * 0.4 / 4)
+        self.assertAlmostEqual(await browser.evaluate("view().top"), 3 + HEIGHT * 0.4 / 4)
         await browser.evaluate("(() => { moved.spin = 10; changed(); })()")
-        self.assertFalse(await browser.evaluate("hasDepth()"))
+        self.assertIsNone(await browser.evaluate("view().top"))
         await browser.evaluate("(() => { moved.z = 900; changed(); })()")
         await self.moved(browser)
         self.assertEqual(await self.text(browser, "sliceText"), "misses the field")
