@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/Course.h"
+#include "Core/Training/QuasiNewton.h"
 #include "Core/Training/Report.h"
 #include "Core/Training/Schedule.h"
 #include "Core/Training/Targets.h"
@@ -106,6 +108,9 @@ private:
   bool EnterSecondStage(Lap& lap);
   void CorrectFrames(double fraction);
   Moment TakeStep(Lap& lap, double fraction);
+  bool IsCurved() const;
+  void StartCurved();
+  Moment TakeCurvedStep(double fraction);
   double Step(const std::vector<int>& batch, double stepsInAll, const Loss& loss, const LearningRates& rates);
   void AddLogLine(const std::vector<int>& validationFrames, const Moment& now);
   void Tell(const Lap& lap, double fraction);
@@ -122,7 +127,8 @@ private:
   std::unique_ptr<Engine> engine_;
   Targets targets_;
   Course course_;
-  double secondsOfSecondStage_ = 0;  // at the first stage's pace
+  std::optional<QuasiNewton> curved_;  // since Adam handed over
+  double secondsOfSecondStage_ = 0;    // at the first stage's pace
 };
 
 }  // namespace bigus

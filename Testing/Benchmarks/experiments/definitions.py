@@ -165,6 +165,10 @@ def e1_jobs(scale):
             liver = name == "liver volume"
             # All slices seen: nothing lies between them, and they have no thickness. Else the trainer decides.
             ours = {"automatic": False, "elevation_sigma": 0} if slices == 160 else {}
+            if slices == 160:
+                for limit in (60, 300):
+                    add("BIGUS 140k, second order",
+                        auto(140000, time_limit=limit, second_order=True, **ours, **fit, **rates), limit + 8, 2)
             if liver and slices == 160:
                 add("BIGUS 140k", auto(140000, time_limit=40, **ours, **fit, **rates), 48)
             for limit, priority in ((60, 1), (300, 1 if liver else 3), (3600, 3)):
