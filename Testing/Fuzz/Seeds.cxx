@@ -257,6 +257,10 @@ int main(int count, char** arguments)
   {
     Seed("Loss", std::to_string(std::string(text).size()), text);
   }
+  for (const char* target : {"Sweep", "Field"})
+  {
+    Seed(target, "usual", std::string(3000, '\x60'));  // as usual as numbers get, see Structured.h
+  }
   Seed("Transform", "hdf5", test::ReadBytes((test::SourceFolder() / "Testing/Data/transform.h5").string()));
   const std::string magic = "#Insight Transform File V1.0\n#Transform 0\n";
   Seed("Transform", "affine",

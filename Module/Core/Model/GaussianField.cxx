@@ -43,15 +43,15 @@ void GaussianField::Validate() const
   {
     throw Error("Gaussian field: gamma is " + std::to_string(transfer.gamma) + "; it must be positive and finite.");
   }
-  if (!(std::isfinite(beam.elevationSigma) && beam.elevationSigma >= 0))
+  if (!(beam.elevationSigma >= 0 && beam.elevationSigma <= kLargestScale))
   {
     throw Error("Gaussian field: the elevation sigma is " + std::to_string(beam.elevationSigma) +
-                " mm; it must be zero or positive, and finite.");
+                " mm; it must lie between 0 and 1e12.");
   }
-  if (!(std::isfinite(beam.probeElevationSigma) && beam.probeElevationSigma >= 0))
+  if (!(beam.probeElevationSigma >= 0 && beam.probeElevationSigma <= kLargestScale))
   {
     throw Error("Gaussian field: the probe's elevation sigma is " + std::to_string(beam.probeElevationSigma) +
-                " mm; it must be zero or positive, and finite.");
+                " mm; it must lie between 0 and 1e12.");
   }
   for (const Eigen::Vector3d& normal : beam.trainedNormals)
   {

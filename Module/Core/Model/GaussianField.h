@@ -42,7 +42,7 @@ struct GaussianField
 
   /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite,
   /// quaternions are not zero, scales, reflectivities and coordinates lie within the limits above, gamma > 0 and
-  /// both thicknesses of the beam >= 0, its normals of length 1. An empty field is valid.
+  /// both thicknesses of the beam from 0 to kLargestScale, its normals of length 1. An empty field is valid.
   void Validate() const;
 };
 

@@ -49,10 +49,10 @@ void ViewSettings::Validate() const
   {
     throw Error("The tolerance is " + std::to_string(tolerance) + "; it must lie between 0 and 1.");
   }
-  if (!std::isfinite(elevationSigma))
+  if (!(elevationSigma <= GaussianField::kLargestScale && std::isfinite(elevationSigma)))
   {
-    throw Error(
-        "The elevation sigma is not finite; give mm, 0 for a thin plane, or a negative number for the field's.");
+    throw Error("The elevation sigma is " + std::to_string(elevationSigma) +
+                "; give mm up to 1e12, 0 for a thin plane, or a negative number for the field's.");
   }
 }
 
