@@ -5,6 +5,7 @@ set(bigus_parsers
   AtomicFile.cxx
   CheckpointFile.cxx
   FieldFile.cxx
+  FrameGeometry.cxx
   Formats/Hdf5Transform.cxx
   Formats/HeaderFields.cxx
   Formats/LinearTransform.cxx

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "Core/Model/PixelMemory.h"
-#include "Core/Model/SweepGeometry.h"
 #include "Data/Arrays.h"
 #include "Data/Progress.h"
 #include "IO/ErrorCode.h"
+#include "IO/FrameGeometry.h"
 #include "IO/Poses.h"
 #include "IO/SequenceFile.h"
 #include "IO/SequenceFrames.h"
@@ -46,58 +46,6 @@ int VtkType(bigus::ElementType type)
   return type == bigus::ElementType::UInt8    ? VTK_UNSIGNED_CHAR
          : type == bigus::ElementType::UInt16 ? VTK_UNSIGNED_SHORT
                                               : VTK_FLOAT;
-}
-
-// Where the accepted frames lie, mm.
-struct FrameGeometry
-{
-  double pixelSize[2] = {0, 0};  // mean over frames
-  bigus::SweepGeometry planes;   // as the trainer measures it
-  double pathLength = 0;         // of the frames' centres
-  double bounds[6] = {0, 0, 0, 0, 0, 0};
-};
-
-FrameGeometry Measure(const bigus::SequenceFile& file, const std::vector<bigus::FramePose>& frames)
-{
-  FrameGeometry geometry;
-  bigus::Sweep sweep;  // without pixels
-  sweep.width = file.width;
-  sweep.height = file.height;
-  for (const bigus::FramePose& frame : frames)
-  {
-    if (frame.accepted)
-    {
-      sweep.imageToReference.push_back(frame.imageToReference);
-    }
-  }
-  const int accepted = sweep.NumberOfFrames();
-  if (accepted == 0)
-  {
-    return geometry;
-  }
-  const double i = file.width - 1;
-  const double j = file.height - 1;
-  Eigen::AlignedBox3d box;
-  for (int k = 0; k < accepted; ++k)
-  {
-    const bigus::SlicePlane plane = sweep.Plane(k);
-    geometry.pixelSize[0] += plane.columnStep.norm() / accepted;
-    geometry.pixelSize[1] += plane.rowStep.norm() / accepted;
-    box.extend(plane.Point(0, 0)).extend(plane.Point(i, 0)).extend(plane.Point(0, j)).extend(plane.Point(i, j));
-    if (k > 0)
-    {
-      geometry.pathLength += (plane.Point(0.5 * i, 0.5 * j) - sweep.Plane(k - 1).Point(0.5 * i, 0.5 * j)).norm();
-    }
-  }
-  for (int axis = 0; axis < 3; ++axis)
-  {
-    geometry.bounds[2 * axis] = box.min()[axis];
-    geometry.bounds[2 * axis + 1] = box.max()[axis];
-  }
-  std::vector<int> all(static_cast<std::size_t>(accepted));
-  std::iota(all.begin(), all.end(), 0);
-  geometry.planes = bigus::MeasureGeometry(sweep, all);
-  return geometry;
 }
 
 // What is known of each of `frames`; times only where all have one.
@@ -140,7 +88,7 @@ class vtkBigusSequenceReader::vtkInternals
 public:
   bigus::SequenceFile file;
   bigus::PoseTable poses;
-  FrameGeometry geometry;
+  bigus::FrameGeometry geometry;
   std::string summary;
   std::vector<std::string> transformNames;
   std::vector<bigus::UnusedField> unusedFields;
@@ -198,7 +146,7 @@ private:
     this->spacingDoubt = bigus::SpacingDoubt(this->file, this->poses);
     if (!this->poses.chain.empty())
     {
-      this->geometry = Measure(this->file, this->poses.frames);
+      this->geometry = bigus::MeasureFrames(this->file, this->poses.frames);
     }
 
     double first = 0;

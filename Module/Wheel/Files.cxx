@@ -12,6 +12,7 @@
 #include "Core/Model/PixelMemory.h"
 #include "Core/Model/Sweep.h"
 #include "IO/FieldFile.h"
+#include "IO/FrameGeometry.h"
 #include "IO/PlaneFile.h"
 #include "IO/SequenceFrames.h"
 #include "IO/SequenceOutput.h"
@@ -176,6 +177,15 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   found["spacing_doubt"] = ToText(spacingDoubt);
   found["used_pixel_range"] = read.usedRange;
   found["made_axes"] = poses.NumberOfMadeAxes();
+  const FrameGeometry geometry = poses.chain.empty() ? FrameGeometry() : MeasureFrames(file, poses.frames);
+  const auto& [i, j] = geometry.pixelSize;
+  const SweepGeometry& planes = geometry.planes;
+  found["frame_size"] = nb::make_tuple(w, h);
+  found["pixel_size"] = nb::make_tuple(i, j);
+  found["plane_spacing"] = nb::make_tuple(planes.smallestSpacing, planes.usualSpacing, planes.largestSpacing);
+  found["path_length"] = geometry.pathLength;
+  const auto& b = geometry.bounds;
+  found["bounds"] = nb::make_tuple(b[0], b[1], b[2], b[3], b[4], b[5]);
   return found;
 }
 

@@ -399,7 +399,9 @@ class Files(unittest.TestCase):
                 self.assertEqual(sorted(names), ["ImageToReference", "Mask", "SourceFrame", "Status", "Timestamp"])
                 self.assertEqual(reader.GetNumberOfAcceptedFrames(), 9)
                 self.assertEqual(reader.GetTransformChain(), "Image -> Reference")
-                size, bounds = [0.0] * 2, [0.0] * 6
+                size, bounds, spacing = [0.0] * 2, [0.0] * 6, [0.0] * 3
+                reader.GetPlaneSpacing(spacing)
+                np.testing.assert_allclose(spacing, 0.3)
                 reader.GetPixelSize(size)
                 reader.GetBounds(bounds)
                 np.testing.assert_allclose(size, (0.4, 0.4))

@@ -111,6 +111,12 @@ class Command(unittest.TestCase):
         self.assertEqual(json.loads(run.stdout)["exit_code"], 2)
         self.assertEqual(self.run_words().returncode, 0)
 
+    def test_the_script_of_the_wheel_is_the_module(self):
+        script = pathlib.Path(sys.executable).with_name("bigus")
+        if not script.exists():
+            self.skipTest("the wheel is not installed beside this Python")
+        self.assertEqual(self.run_words("--version", program=[str(script)]).stdout, self.run_words("--version").stdout)
+
     def test_help_tells_units_and_ranges(self):
         text = " ".join(self.run_words("train", "--help").stdout.split())
         for option in bigus.options():

@@ -140,9 +140,10 @@ class Sequences(InAFolder):
         wide = bigus.read(self.put("u.mha", mha(shorts)), PixelRange=65535)
         self.check(wide, shorts.astype(np.float32) / np.float32(65535))
         self.assertEqual(shorts.max(), 53100)
-        with self.assertWarnsRegex(RuntimeWarning, "12 of 16 bits"):
+        with self.assertWarnsRegex(RuntimeWarning, "12 of 16 bits") as caught:
             narrow = bigus.read(self.put("n.mha", mha((shorts // 16).astype(np.uint16))))
         np.testing.assert_allclose(narrow.frames, shorts // 16 / 4095, atol=1e-5)
+        self.assertEqual(pathlib.Path(caught.filename).name, "test_files.py")  # the line that called it, not one of bigus
 
     def test_csv_with_pictures(self):
         for k in range(FRAMES):

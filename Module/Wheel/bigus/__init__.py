@@ -7,7 +7,7 @@ A sweep of tracked frames trains a field of Gaussians; the field predicts the im
     import bigus
 
     sweep = bigus.read_sweep("sweep.igs.mha")   # or bigus.sweep(frames, poses) of numpy arrays
-    training = bigus.train(sweep, Gaussians=50000, HoldOut=8)
+    training = bigus.train(sweep, gaussians=50000, hold_out=8)
     frames = bigus.frames(sweep)
     image = bigus.reslice(training.field, training.poses[4], size=frames.shape[:0:-1])
     print(bigus.metrics(image, frames[4]))

@@ -111,7 +111,7 @@ def parts(*names: str) -> Callable[[type], type]:
     def decorate(cls: type) -> type:
         for name in names:
             add_methods(cls, {"Set" + name: lambda self, part, name=name: self._set_part(name, part),
-                       "Get" + name: lambda self, name=name: self._parts.get(name)})
+                              "Get" + name: lambda self, name=name: self._parts.get(name)})
         return cls
 
     return decorate
@@ -123,7 +123,7 @@ def ports(**names: int) -> Callable[[type], type]:
     def decorate(cls: type) -> type:
         for name, number in names.items():
             add_methods(cls, {"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
-                       f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)})
+                              f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)})
         return cls
 
     return decorate
@@ -134,7 +134,10 @@ def getters(source: str, **names: tuple[str, Any]) -> Callable[[type], type]:
 
     def decorate(cls: type) -> type:
         for name, (key, default) in names.items():
-            add_methods(cls, {"Get" + name: lambda self, key=key, default=default: getattr(self, source).get(key, default)})
+            def get(self: Any, key: str = key, default: Any = default) -> Any:
+                return getattr(self, source).get(key, default)
+
+            add_methods(cls, {"Get" + name: fills(get) if isinstance(default, tuple) else get})
         return cls
 
     return decorate

@@ -52,7 +52,7 @@ def read(path: Union[str, os.PathLike], **properties: Unpack[SequenceOptions]) -
     """Reads a field (.vtp, .ply: Field) or else a tracked sweep: read_field or read_sweep, by the name of the file."""
     name = path_text(path)
     if not name.lower().endswith(FIELD_EXTENSIONS):
-        return read_sweep(name, **properties)
+        return _read_sweep(name, dict(properties))
     by_name(dict(properties), (), "a field")
     return read_field(name)
 
@@ -73,10 +73,14 @@ def read_sweep(path: Union[str, os.PathLike], **properties: Unpack[SequenceOptio
 
     Raises Error, a RuntimeError, when the file cannot be read: what, where, what was found and what to do.
     """
-    chosen = settings_of(settings.SEQUENCE, dict(properties), "a sequence")
-    found = _core.read_sequence(path_text(path), KeepRejectedFrames=False, RequirePoses=True, **chosen)
+    return _read_sweep(path_text(path), dict(properties))
+
+
+def _read_sweep(name: str, properties: dict[str, Any]) -> Sweep:
+    chosen = settings_of(settings.SEQUENCE, properties, "a sequence")
+    found = _core.read_sequence(name, KeepRejectedFrames=False, RequirePoses=True, **chosen)
     for caution in found["warnings"]:
-        warnings.warn(caution, RuntimeWarning, stacklevel=2)
+        warnings.warn(caution, RuntimeWarning, stacklevel=3)
     return sweep_of_arrays(found["pixels"], found["poses"], found["timestamps"], found["mask"])
 
 

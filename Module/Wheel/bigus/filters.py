@@ -83,7 +83,8 @@ class vtkBigusFieldReader(_Source):
          RejectionSummary=("rejection_summary", ""), TransformChain=("transform_chain", ""), Format=("format", ""),
          Encoding=("encoding", "raw"), ElementType=("element_type", ""), Orientation=("orientation", ""),
          UsedPixelRange=("used_pixel_range", 0.0), NumberOfMadeAxes=("made_axes", 0),
-         SpacingDoubt=("spacing_doubt", ""))
+         SpacingDoubt=("spacing_doubt", ""), FrameSize=("frame_size", (0, 0)), PixelSize=("pixel_size", (0.0,) * 2),
+         PlaneSpacing=("plane_spacing", (0.0,) * 3), PathLength=("path_length", 0.0), Bounds=("bounds", (0.0,) * 6))
 class vtkBigusSequenceReader(_Source):
     """Reads a tracked sweep as an image stack (x, y, frame); field data say where its frames lie.
 
@@ -144,34 +145,6 @@ class vtkBigusSequenceReader(_Source):
 
     def GetTransformSource(self, index: int) -> str:
         return self._found["transforms"][index][1]
-
-    @fills
-    def GetFrameSize(self) -> Any:
-        return self._found["pixels"].shape[:0:-1] if self._found else (0, 0)
-
-    def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
-        """The poses of accepted frames, and their corners and centre [frames, 5, 3], mm."""
-        if not self._found or self._found["poses"] is None:
-            return np.empty((0, 4, 4)), np.empty((0, 5, 3))
-        poses = self._found["poses"][self._found["status"] != 0]
-        height, width = self._found["pixels"].shape[1:]
-        places = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1), ((width - 1) / 2, (height - 1) / 2)]
-        return poses, (poses @ np.array([(i, j, 0, 1) for i, j in places], dtype=float).T).transpose(0, 2, 1)[..., :3]
-
-    @fills
-    def GetPixelSize(self) -> Any:
-        poses, _ = self._accepted()
-        return np.linalg.norm(poses[:, :3, :2], axis=1).mean(axis=0).tolist() if len(poses) else (0.0, 0.0)
-
-    def GetPathLength(self) -> float:
-        _, places = self._accepted()
-        return float(np.linalg.norm(np.diff(places[:, 4], axis=0), axis=1).sum())
-
-    @fills
-    def GetBounds(self) -> Any:
-        _, places = self._accepted()
-        corners = places[:, :4].reshape(-1, 3)
-        return np.stack([corners.min(axis=0), corners.max(axis=0)], -1).ravel().tolist() if len(corners) else (0.0,) * 6
 
     def _times(self) -> Optional[np.ndarray]:
         times = self._found.get("timestamps")
@@ -438,24 +411,6 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 # Training
 
 
-def option_properties(options: list) -> Callable[[type], type]:
-    """Adds Set<Name> and Get<Name> for every option of training, <Name>On and <Name>Off for switches."""
-
-    def decorate(cls: type) -> type:
-        for option in options:
-            name = option["name"]
-            methods = {"Set" + name: lambda self, value, name=name: self._set(name, value),
-                       "Get" + name: lambda self, name=name: self._get(name)}
-            if option["type"] == "bool":
-                methods[name + "On"] = lambda self, name=name: self.SetOption(name, "on")
-                methods[name + "Off"] = lambda self, name=name: self.SetOption(name, "off")
-            add_methods(cls, methods)
-        return cls
-
-    return decorate
-
-
-@option_properties(_core.options())
 class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
@@ -610,3 +565,15 @@ class vtkBigusTrainer(Algorithm):
         poses = [poses_of_image(image, own, result.poses[begin : begin + len(own)])
                  for image, own, begin in zip(images, frames, used)]
         self._poses = to_vtk(np.concatenate(poses).reshape(-1, 16), "ImageToReference")
+
+
+def _add_option(name: str, is_switch: bool) -> None:
+    methods: dict[str, Callable] = {"Set" + name: lambda self, value: self._set(name, value),
+                                    "Get" + name: lambda self: self._get(name)}
+    if is_switch:
+        methods.update({name + "On": lambda self: self._set(name, True), name + "Off": lambda self: self._set(name, False)})
+    add_methods(vtkBigusTrainer, methods)
+
+
+for _option in _core.options():
+    _add_option(_option["name"], _option["type"] == "bool")
