@@ -7,13 +7,14 @@ from __future__ import annotations
 import re
 import threading
 import warnings
-from typing import Any, Callable
+from typing import Any, Callable, TypeVar
 
 from vtkmodules.vtkCommonCore import VTK_STRING
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
 from .names import by_name
 
+_Algorithm = TypeVar("_Algorithm", bound=vtkAlgorithm)
 # What VTK puts before a message: "ERROR: In file.cxx, line 12\nvtkClass (0x55d0): "
 _PREFIX = re.compile(r"^(?:ERROR|Warning): In [^\n]*, line \d+\n(?:\w+ \([^)]*\): )?")
 
@@ -61,13 +62,13 @@ def _run(algorithm: vtkAlgorithm, action: Callable[[], Any]) -> None:
         raise RuntimeError(f"{algorithm.GetClassName()} failed with VTK error code {algorithm.GetErrorCode()}")
 
 
-def update(algorithm: vtkAlgorithm) -> vtkAlgorithm:
+def update(algorithm: _Algorithm) -> _Algorithm:
     """Updates an algorithm (a writer writes); its VTK errors become RuntimeError, its warnings RuntimeWarning."""
     _run(algorithm, algorithm.Write if hasattr(algorithm, "Write") else algorithm.Update)
     return algorithm
 
 
-def update_alone(algorithm: vtkAlgorithm) -> vtkAlgorithm:
+def update_alone(algorithm: _Algorithm) -> _Algorithm:
     """The same for one of our own algorithms whose inputs are data, while other Python threads run.
 
     Ctrl-C aborts the algorithm; KeyboardInterrupt is raised when it has ended, a fraction of a second later. A second

@@ -24,6 +24,11 @@ image = bigus.Slicer(field, engine="cpu").slice(np.eye(4), size=sweep.frames.sha
 phantom = bigus.Phantom(frames=3, PixelSize=0.2, probe="convex", calibration_shift=(0, 0, 1))
 reslice = bigus.vtkBigusReslice(elevation_sigma=0.5)
 reslice.SetElevationSigma(1.0)
+reslice.elevation_sigma = 1.0
+try:
+    image = bigus.update(reslice).GetOutput()
+except bigus.Error as error:
+    print(error.args, bigus.TrainingInterrupted)
 """
 WRONG = """
 import bigus
@@ -35,6 +40,7 @@ bigus.reslice(sweep, field)
 bigus.Slicer(field, engin="cpu")
 bigus.Phantom(frame=3)
 bigus.tarin(sweep)
+bigus.Error("wrong").text
 """
 CHECKERS = {"mypy": ["-m", "mypy", "--no-error-summary", "--no-incremental", "--check-untyped-defs"],
             "pyright": ["-m", "pyright"]}  # fmt: skip
