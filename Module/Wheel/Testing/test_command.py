@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The command of the package without VTK. BIGUS_PROGRAM names that of the C++ build: then both give the same."""
 
+import importlib.util
 import json
 import os
 import pathlib
@@ -102,6 +103,8 @@ class Command(unittest.TestCase):
         self.fails(1, "did you mean --gaussians", "train", "s.igs.mha", "-o", "g.vtp", "--gausians", "3")
         self.fails(1, "COMMAND", "tarin")
         self.fails(1, "--output", "convert", "images.npy")
+        if importlib.util.find_spec("bigus.serve"):
+            self.fails(1, "required", "serve")
         self.fails(2, "there is no such file", "info", "no.mha")
         self.fails(1, "gaussians is -3; it must be 1 to 67108864", "train", "s.igs.mha", "-o", "g.vtp", "--gaussians", "-3")
         self.fails(3, ".vtp, .ply", "train", "s.igs.mha", "-o", "g.obj")

@@ -503,9 +503,10 @@ class Package(unittest.TestCase):
         self.assertEqual(subprocess.run([sys.executable, "-c", script]).returncode, 0)
 
     def test_filters_say_what_to_install(self):
-        script = "import sys; sys.modules['vtkmodules'] = None; import bigus; bigus.vtkBigusReslice"
-        result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-        self.assertIn("pip install vtk", result.stderr.splitlines()[-1])
+        for missing, name, package in (("vtkmodules", "vtkBigusReslice", "vtk"), ("pyvista", "pyvista", "pyvista")):
+            script = f"import sys; sys.modules['{missing}'] = None; import bigus; bigus.{name}"
+            result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+            self.assertRegex(result.stderr.splitlines()[-1], f"AttributeError: .*pip install {package}")
         self.assertIn("vtkBigusReslice", dir(bigus))
         self.assertFalse(hasattr(bigus, "vtkNothing"))
 

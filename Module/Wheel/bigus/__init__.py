@@ -59,14 +59,13 @@ _MODULES = ("convert", "pyvista", "serve")  # to be imported where they are used
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        if name in _MODULES:
-            return importlib.import_module("." + name, __name__)
-        if name in _FROM:
+        if name in _FROM or name in _MODULES:
             try:
-                module = importlib.import_module("." + _FROM[name], __name__)
+                module = importlib.import_module("." + _FROM.get(name, name), __name__)
             except ImportError as error:
-                raise AttributeError(f"bigus.{name} needs VTK ({error}): pip install vtk") from None
-            return getattr(module, name)
+                package = "pyvista" if name == "pyvista" else "vtk"
+                raise AttributeError(f"bigus.{name} needs {package} ({error}): pip install {package}") from None
+            return module if name in _MODULES else getattr(module, name)
         raise AttributeError(no_such("module 'bigus'", "attribute", name, __dir__()))
 
 

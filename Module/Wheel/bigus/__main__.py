@@ -237,7 +237,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         return 1 if code == 2 else int(code or 0)  # 2 is wrong usage to the parsers of convert and serve
     except Failure as failure:
         code, text = failure.args
-    except (OSError, RuntimeError, TypeError, ValueError) as error:
+    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         code, text = 2, str(error)
     if "--json" in words:
         print(json.dumps({"error": text, "exit_code": code}))
