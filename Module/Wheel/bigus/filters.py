@@ -24,6 +24,7 @@ from . import _core
 from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, Open, add_methods, extent_of, fills, getters, infos_of, matrix_of
 from .algorithm import parts, ports, properties, table_of, tell_image, transform_matrix
 from .files import read_field, write
+from .names import snake_case
 from .settings import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, SLICER
 from .tasks import TrainingInterrupted, train
 from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, sweep_of_image, to_vtk
@@ -411,6 +412,11 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 # Training
 
 
+_FRAMES = ("TrainingFrames", "ValidationFrames", "HeldOutFrames")
+
+
+@getters("_about", IterationsDone=("iterations", 0), Seconds=("seconds", 0.0), Device=("device", ""), Aborted=("aborted", False),
+         Finished=("finished", False), **{name: (name, None) for name in (*_FRAMES, "CorrectedPoses", "Decisions")})
 class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
@@ -427,13 +433,11 @@ class vtkBigusTrainer(Algorithm):
         self._forget()
 
     def _forget(self) -> None:
-        self._result: Any = None
-        self._frames: dict[str, vtkIntArray] = {}
-        for name in ("TrainingFrames", "ValidationFrames", "HeldOutFrames"):
-            self._frames[name] = vtkIntArray()
-            self._frames[name].SetName(name)
-        self._decisions = table_of({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
-        self._poses = vtkDoubleArray()
+        nothing = table_of({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
+        self._about: dict[str, Any] = {"CorrectedPoses": vtkDoubleArray(), "Decisions": nothing}
+        for name in _FRAMES:
+            self._about[name] = vtkIntArray()
+            self._about[name].SetName(name)
 
     def _set(self, name: str, value: Any) -> None:
         option = self._known[name]
@@ -476,7 +480,7 @@ class vtkBigusTrainer(Algorithm):
         return names[index] if 0 <= index < len(names) else None
 
     def GetSettledOption(self, name: str) -> str:
-        return self._result.options.get(name, "") if self._result else ""
+        return self._about.get("options", {}).get(name, "")
 
     def SetInitialFieldConnection(self, port: Any) -> None:
         self.SetInputConnection(1, port)
@@ -484,35 +488,8 @@ class vtkBigusTrainer(Algorithm):
     def SetInitialFieldData(self, field: Any) -> None:
         self.SetInputDataObject(1, field)
 
-    def GetIterationsDone(self) -> int:
-        return self._result.iterations if self._result else 0
-
-    def GetSeconds(self) -> float:
-        return self._result.seconds if self._result else 0.0
-
-    def GetDevice(self) -> str:
-        return self._result.device if self._result else ""
-
-    def GetAborted(self) -> bool:
-        return bool(self._result and self._result.aborted)
-
-    def GetTrainingFrames(self) -> vtkIntArray:
-        return self._frames["TrainingFrames"]
-
-    def GetValidationFrames(self) -> vtkIntArray:
-        return self._frames["ValidationFrames"]
-
-    def GetHeldOutFrames(self) -> vtkIntArray:
-        return self._frames["HeldOutFrames"]
-
-    def GetCorrectedPoses(self) -> vtkDoubleArray:
-        return self._poses
-
     def GetLog(self) -> vtkTable:
         return self.GetOutputDataObject(1)
-
-    def GetDecisions(self) -> vtkTable:
-        return self._decisions
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
         info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL() if port == 1 else vtkAlgorithm.INPUT_IS_REPEATABLE(), 1)
@@ -534,14 +511,14 @@ class vtkBigusTrainer(Algorithm):
             result = train(sweeps, self._go_on, field_of_polydata(data[1][0]) if data[1] else None, **self._options)
         except TrainingInterrupted as interrupt:
             result = interrupt.training
-        self._result = result
+        self._about.update(vars(result))
         self._keep(result, images, frames)
         # Where the sweep came from, the filter, and how it was trained; each key once.
         lines = [line for image in images for line in provenance_of(image.GetFieldData())]
         lines = [*lines, "filter=vtkBigusTrainer", *result.field.provenance]
         provenance = {line.split("=", 1)[0]: line for line in lines}
-        for name, array in self._frames.items():
-            key = name[0].lower() + name[1:]
+        for name in _FRAMES:
+            key, array = name[0].lower() + name[1:], self._about[name]
             provenance[key] = key + "=" + " ".join(str(array.GetValue(k)) for k in range(array.GetNumberOfValues()))
         result.field.provenance = list(provenance.values())
         outputs[0].ShallowCopy(polydata_of_field(result.field))
@@ -552,19 +529,18 @@ class vtkBigusTrainer(Algorithm):
     def _keep(self, result: Any, images: list[vtkImageData], frames: list[np.ndarray]) -> None:
         first = np.cumsum([0, *(image.GetDimensions()[2] for image in images)])
         numbers_of = np.concatenate([own + offset for own, offset in zip(frames, first)])
-        for name, numbers in (("TrainingFrames", result.training_frames), ("ValidationFrames", result.validation_frames),
-                              ("HeldOutFrames", result.held_out_frames)):
-            for number in numbers:  # the caller knows frames by index in the image
-                self._frames[name].InsertNextValue(int(numbers_of[number]))
+        for name in _FRAMES:
+            for number in self._about[snake_case(name)]:  # the caller knows frames by index in the image
+                self._about[name].InsertNextValue(int(numbers_of[number]))
         rows = result.decisions
-        self._decisions = table_of({
+        self._about["Decisions"] = table_of({
             **{name: [row[name.lower()] for row in rows] for name in ("Decision", "Choice", "Evidence")},
             "Seconds": np.array([row["seconds"] for row in rows]),
         })
         used = np.cumsum([0, *map(len, frames)])
         poses = [poses_of_image(image, own, result.poses[begin : begin + len(own)])
                  for image, own, begin in zip(images, frames, used)]
-        self._poses = to_vtk(np.concatenate(poses).reshape(-1, 16), "ImageToReference")
+        self._about["CorrectedPoses"] = to_vtk(np.concatenate(poses).reshape(-1, 16), "ImageToReference")
 
 
 def _add_option(name: str, is_switch: bool) -> None:
