@@ -295,8 +295,8 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
           slab = this->ComputeSlab();
           this->AllocateOutputs(outputs, extent);
         });
-    const bool finished = this->Renderer->Render({indexToWorld, ToExtent(whole), ToExtent(extent)},
-                                                 ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
+    const bigus::GridPart grid{indexToWorld, ToExtent(whole), ToExtent(extent)};
+    const bool finished = this->Renderer->Render(grid, ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
                                                  [&](const bigus::PixelBand& band)
                                                  {
                                                    this->StoreBand(band, outputs);
@@ -305,7 +305,18 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
     if (!finished)
     {
       Clear(outputs);
+      return 1;
     }
+    const auto render = [&](const int* part, float* image)
+    {
+      this->Renderer->Render({indexToWorld, grid.whole, ToExtent(part)}, bigus::ViewOutput::Intensity, false, {},
+                             [image](const bigus::PixelBand& band)
+                             {
+                               std::copy_n(band.image, band.count, image + band.first);
+                               return true;
+                             });
+    };
+    this->CompleteOutputs(grid, render, outputs);
     return 1;
   }
   catch (const std::exception& error)
@@ -316,6 +327,11 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
     this->SetErrorCode(vtkErrorCode::UserError);
     return 0;
   }
+}
+
+void vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart&, const std::function<void(const int*, float*)>&,
+                                           vtkInformationVector*)
+{
 }
 
 bigus::Slab vtkBigusFieldToImage::ComputeSlab()

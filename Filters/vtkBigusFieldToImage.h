@@ -27,6 +27,7 @@ namespace bigus
 {
 class FieldRenderer;
 struct GivenGrid;
+struct GridPart;
 struct OutputGrid;
 struct PixelBand;
 struct Slab;
@@ -181,6 +182,11 @@ protected:
 
   /// Writes what was rendered into the outputs. Bands come in order and cover the extent asked for.
   virtual void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs);
+
+  /// Fills outputs that need the whole rendered extent. `render` gives the intensities of single planes in another part of
+  /// the same grid, [depth][height][width], by its extent. Throws bigus::Error.
+  virtual void CompleteOutputs(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
+                               vtkInformationVector* outputs);
 
   double OutputSpacing[3] = {1, 1, 1};
   double OutputOrigin[3] = {0, 0, 0};

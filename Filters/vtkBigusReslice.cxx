@@ -4,9 +4,13 @@
 
 #include <algorithm>
 #include <optional>
+#include <vector>
 
+#include "Core/Model/Error.h"
 #include "Core/Model/FieldTransform.h"
 #include "Core/Slicing/Pixels.h"
+#include "Core/StandardError/StandardError.h"
+#include "Data/StandardErrorData.h"
 #include "Data/SweepData.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
@@ -17,8 +21,10 @@
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkMatrix4x4.h"
+#include "vtkMultiProcessController.h"
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
+#include "vtkPolyData.h"
 #include "vtkSmartPointer.h"
 
 vtkStandardNewMacro(vtkBigusReslice);
@@ -31,6 +37,13 @@ struct vtkBigusReslice::Recorded
 {
   std::shared_ptr<const bigus::Sweep> sweep;
   vtkImageData* image = nullptr;  // what it was read from, and when
+  vtkMTimeType time = 0;
+};
+
+struct vtkBigusReslice::Errors
+{
+  std::unique_ptr<const bigus::StandardError> standardError;
+  vtkPolyData* field = nullptr;  // what it was read from, and when
   vtkMTimeType time = 0;
 };
 
@@ -76,9 +89,9 @@ vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
 
 }  // namespace
 
-vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>())
+vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>()), Kept(std::make_unique<Errors>())
 {
-  this->SetNumberOfOutputPorts(4);
+  this->SetNumberOfOutputPorts(5);
   // VTK's executive cannot make stencils by name.
   this->GetExecutive()->SetOutputData(2, vtkSmartPointer<vtkImageStencilData>::New());
 }
@@ -119,6 +132,7 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "BackgroundLevel: " << this->BackgroundLevel << "\n";
   os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
   os << indent << "GenerateStencilOutput: " << (this->GenerateStencilOutput ? "On\n" : "Off\n");
+  os << indent << "GenerateStandardErrorOutput: " << (this->GenerateStandardErrorOutput ? "On\n" : "Off\n");
   os << indent << "InterpolationMode: " << this->GetInterpolationModeAsString() << "\n";
   os << indent << "Border: " << (this->Border ? "On\n" : "Off\n");
   os << indent << "BorderThickness: " << this->BorderThickness << "\n";
@@ -336,6 +350,11 @@ vtkImageData* vtkBigusReslice::GetDistanceOutput()
   return vtkImageData::SafeDownCast(this->GetOutputDataObject(3));
 }
 
+vtkImageData* vtkBigusReslice::GetStandardErrorOutput()
+{
+  return vtkImageData::SafeDownCast(this->GetOutputDataObject(4));
+}
+
 vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
 {
   return vtkImageStencilData::SafeDownCast(this->GetOutputDataObject(2));
@@ -363,7 +382,7 @@ int vtkBigusReslice::FillOutputPortInformation(int port, vtkInformation* info)
 int vtkBigusReslice::RequestInformation(vtkInformation* request, vtkInformationVector** inputs,
                                         vtkInformationVector* outputs)
 {
-  for (const int port : {1, 3})
+  for (const int port : {1, 3, 4})
   {
     vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(port), VTK_FLOAT, 1);
   }
@@ -423,6 +442,69 @@ void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int e
   if (this->RecordedFrames)
   {
     this->FillDistance(outputs, extent);
+  }
+  if (this->GenerateStandardErrorOutput)
+  {
+    this->LoadStandardError();
+    vtkImageData* sigma = vtkImageData::GetData(outputs, 4);
+    sigma->SetOrigin(image->GetOrigin());
+    sigma->SetSpacing(image->GetSpacing());
+    bigus::AllocatePixels(sigma, extent, VTK_FLOAT, "StandardError");
+  }
+}
+
+void vtkBigusReslice::LoadStandardError()
+{
+  auto* const field = vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
+  if (this->GetController() && this->GetController()->GetNumberOfProcesses() > 1)
+  {
+    throw bigus::Error("GenerateStandardErrorOutput: it is of whole fields, and several processes have parts of one.");
+  }
+  if (this->Kept->field == field && this->Kept->time == field->GetMTime())
+  {
+    return;
+  }
+  *this->Kept = {};
+  const std::string bytes = bigus::StandardErrorOf(field);
+  if (bytes.empty())
+  {
+    throw bigus::Error(
+        "GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.");
+  }
+  *this->Kept = {std::make_unique<bigus::StandardError>(bytes), field, field->GetMTime()};
+}
+
+/// Pixels around the extent have a say in it, as far as the whole output goes: then parts are as the whole.
+void vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
+                                      const std::function<void(const int*, float*)>& render,
+                                      vtkInformationVector* outputs)
+{
+  if (!this->GenerateStandardErrorOutput || bigus::ExtentSize(grid.extent) == 0)
+  {
+    return;
+  }
+  const bigus::StandardError& standardError = *this->Kept->standardError;
+  auto* out = static_cast<float*>(vtkImageData::GetData(outputs, 4)->GetScalarPointer());
+  for (int k = grid.extent[4]; k <= grid.extent[5]; ++k)
+  {
+    const bigus::SlicePlane plane = grid.PlaneAt(k);
+    const int margin = standardError.Margin(plane);
+    int part[6] = {0, 0, 0, 0, k, k};
+    for (int axis = 0; axis < 2; ++axis)
+    {
+      part[2 * axis] = std::max(grid.whole[2 * axis], grid.extent[2 * axis] - margin);
+      part[2 * axis + 1] = std::min(grid.whole[2 * axis + 1], grid.extent[2 * axis + 1] + margin);
+    }
+    const bigus::Engine::Window window{part[0] - grid.whole[0], part[2] - grid.whole[2], part[1] - part[0] + 1,
+                                       part[3] - part[2] + 1};
+    std::vector<float> image(static_cast<std::size_t>(window.columns) * window.rows), sigma(image.size());
+    render(part, image.data());
+    standardError.Evaluate(plane, window, image.data(), sigma.data());
+    for (int j = grid.extent[2]; j <= grid.extent[3]; ++j)
+    {
+      const float* row = &sigma[static_cast<std::size_t>(j - part[2]) * window.columns + grid.extent[0] - part[0]];
+      out = std::copy_n(row, grid.extent[1] - grid.extent[0] + 1, out);
+    }
   }
 }
 

@@ -20,6 +20,7 @@
  * that out. It does not tell gaps between frames, because the trainer fills them. Output 2, filled when
  * GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds CoverageThreshold.
  * Output 3, filled when RecordedFrames is set, tells gaps: it holds how far every pixel lies from the nearest frame.
+ * Output 4, filled when GenerateStandardErrorOutput is on, tells how far a recorded frame there may be from the image.
  *
  * Any part of the output may be asked for, whole or streamed: each pixel comes out with the same bits.
  * A plane that misses the field, and a field without Gaussians, give a background image. The uploaded field
@@ -243,6 +244,18 @@ public:
 
   ///@{
   /**
+   * Whether output 4 is filled: a float for every pixel, the standard deviation of what a probe would show there about
+   * the intensity, in units of it (1 is white, whatever OutputScalarType and OutputMode are), and not a number where
+   * the training frames do not tell (Core/StandardError). Of a slab it is that of its middle plane. The field must have been
+   * trained with it, and must be whole. It takes about as long as the image. Default off.
+   */
+  vtkSetMacro(GenerateStandardErrorOutput, vtkTypeBool);
+  vtkGetMacro(GenerateStandardErrorOutput, vtkTypeBool);
+  vtkBooleanMacro(GenerateStandardErrorOutput, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
    * The coverage, float.
    */
   vtkAlgorithmOutput* GetCoverageOutputPort() { return this->GetOutputPort(1); }
@@ -265,6 +278,14 @@ public:
    */
   vtkAlgorithmOutput* GetDistanceOutputPort() { return this->GetOutputPort(3); }
   vtkImageData* GetDistanceOutput();
+  ///@}
+
+  ///@{
+  /**
+   * The standard error, float, in units of intensity.
+   */
+  vtkAlgorithmOutput* GetStandardErrorOutputPort() { return this->GetOutputPort(4); }
+  vtkImageData* GetStandardErrorOutput();
   ///@}
 
   ///@{
@@ -334,6 +355,8 @@ protected:
   bigus::Slab ComputeSlab() override;
   bool NeedsCoverage() override;
   void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs) override;
+  void CompleteOutputs(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
+                       vtkInformationVector* outputs) override;
 
   vtkMatrix4x4* ResliceAxes = nullptr;
   vtkAbstractTransform* ResliceTransform = nullptr;
@@ -356,6 +379,7 @@ protected:
   double BackgroundLevel = 0;
   vtkTypeBool GenerateCoverageOutput = 1;
   vtkTypeBool GenerateStencilOutput = 0;
+  vtkTypeBool GenerateStandardErrorOutput = 0;
 
 private:
   vtkBigusReslice(const vtkBigusReslice&) = delete;
@@ -367,6 +391,9 @@ private:
 
   struct Recorded;
   std::unique_ptr<Recorded> Sweep;  // RecordedFrames as read last
+  void LoadStandardError();
+  struct Errors;
+  std::unique_ptr<Errors> Kept;  // the input's standard error as read last
 };
 
 #endif

@@ -7,6 +7,7 @@
 
 #include "Command.h"
 #include "Data/Provenance.h"
+#include "Data/StandardErrorData.h"
 #include "Files.h"
 #include "IO/FieldFile.h"
 #include "IO/Formats/LinearTransform.h"
@@ -100,6 +101,7 @@ ExitCode Convert(Console& console, const ConvertOptions& options)
     if (options.strip)
     {
       ReplaceProvenance(field, {});
+      ReplaceStandardError(field, {});  // it has the poses
     }
     WriteFieldData(field, output, options.round, console, options.pieces);
     console.Print(output + ": " + std::to_string(field->GetNumberOfPoints()) + " Gaussians");
@@ -157,9 +159,10 @@ void AddConvert(Program& program)
       ->capture_default_str();
   app->add_flag("--round", options->round,
                 "Of a field: drop the digits that no picture shows (by less than 0.01 dB), as 'train' does");
-  app->add_flag("--strip", options->strip,
-                "Of a field: without its provenance. Of a sequence: times begin at 0. Nothing else of a header is ever "
-                "taken along");
+  app->add_flag(
+      "--strip", options->strip,
+      "Of a field: without its provenance and standard error. Of a sequence: times begin at 0. Nothing else of a header is ever "
+      "taken along");
   const char* const group = "Moving a field";
   CLI::Option* transform =
       app->add_option(

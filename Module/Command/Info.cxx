@@ -12,6 +12,7 @@
 #include "Core/Poses/PoseDoubts.h"
 #include "Core/Poses/Trajectory.h"
 #include "Data/FieldData.h"
+#include "Data/StandardErrorData.h"
 #include "IO/FieldFile.h"
 #include "IO/Formats/VolumeGrid.h"
 #include "Inputs.h"
@@ -148,6 +149,7 @@ ExitCode ShowField(Console& console, const std::string& path)
                        {"reflectivity", ReflectivityJson(field)},
                        {"gamma", field.transfer.gamma},
                        {"elevation_sigma", field.beam.elevationSigma},
+                       {"standard_error_bytes", StandardErrorOf(data).size()},
                        {"provenance", ProvenanceJson(data)}};
 
   console.Print(Line("Field", path));
@@ -160,6 +162,7 @@ ExitCode ShowField(Console& console, const std::string& path)
                                          " % negative"));
   console.Print(Line("Gamma", "{gamma:4}"), answer);
   console.Print(Line("Beam thickness", "{elevation_sigma:3} mm (standard deviation)"), answer);
+  console.Print(Line("Standard error", StandardErrorOf(data).empty() ? "not kept" : "kept"));
   std::string name = "Made by";
   for (const auto& [key, value] : answer["provenance"].items())
   {

@@ -241,6 +241,47 @@ void ScoreHeldOut(const TrainedField& trained, Json& answer, Console& console)
   }
 }
 
+namespace
+{
+
+Json ToJson(const StandardErrorScores& scores)
+{
+  return {{"variance_ratio", scores.varianceRatio},
+          {"within_1", scores.within1},
+          {"within_2", scores.within2},
+          {"correlation", scores.correlation},
+          {"sparsification", scores.sparsification}};
+}
+
+}  // namespace
+
+void ScoreStandardError(const StandardError& standardError, const TrainedField& trained, Json& answer, Console& console)
+{
+  const StandardErrorReport report =
+      bigus::ScoreStandardError(standardError, trained.field, trained.corrected, trained.heldOut, trained.engine);
+  Json& json = answer["standard_error"];
+  json.update(ToJson(report.model));
+  json["rmse"] = report.rmse;
+  json["known"] = report.known;
+  json["peers"] = {{"constant", ToJson(report.constant)},
+                   {"distance", ToJson(report.distance)},
+                   {"local_variance", ToJson(report.texture)}};
+  console.Print("Standard error on held-out frames, known at {known:3} of the lit pixels; error {rmse:4}", json);
+  console.Print("                      variance ratio  within 1, 2   correlation  sparsification (0 best, 1 chance)");
+  const auto print = [&console](const std::string& name, const Json& scores)
+  {
+    console.Print(
+        "  " + name + std::string(24 - name.size(), ' ') +
+            "{variance_ratio:2}          {within_1:3}, {within_2:3}  {correlation:2}         {sparsification:2}",
+        scores);
+  };
+  print("this", json);
+  print("a constant*", json["peers"]["constant"]);
+  print("distance alone*", json["peers"]["distance"]);
+  print("local variance alone*", json["peers"]["local_variance"]);
+  console.Print("  * scaled to these very frames");
+}
+
 void ScoreCrossPlanes(const TrainedField& trained, Json& answer, Console& console)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(trained.engine);

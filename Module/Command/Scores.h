@@ -10,6 +10,7 @@
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
+#include "Core/StandardError/StandardError.h"
 
 namespace bigus::command
 {
@@ -37,6 +38,10 @@ struct TrainedField
 /// Scores on held-out frames (some are needed): into `answer` "held_out", "held_out_tracked", "trained", "baselines",
 /// "held_out_aligned" and the same of each of its "sequences"; and onto the console.
 void ScoreHeldOut(const TrainedField& trained, Json& answer, Console& console);
+
+/// What the standard error says of held-out frames beside their errors: into `answer` "standard_error", and onto the console.
+void ScoreStandardError(const StandardError& standardError, const TrainedField& trained, Json& answer,
+                        Console& console);
 
 /// What the field shows along the sweep, where there is no truth: beside linear interpolation between the frames. Into
 /// `answer` "cross_planes", and onto the console.

@@ -6,7 +6,9 @@
 
 #include "Command.h"
 #include "Core/Model/FrameDistance.h"
+#include "Core/StandardError/StandardError.h"
 #include "Data/Provenance.h"
+#include "Data/StandardErrorData.h"
 #include "Exit.h"
 #include "Files.h"
 #include "Inputs.h"
@@ -31,7 +33,7 @@ namespace
 struct SliceOptions
 {
   RenderOptions render;
-  std::string output, volume, coverage, distance;
+  std::string output, volume, coverage, distance, standardError;
   std::string recorded;  ///< sequence or CSV: the frames that `distance` is measured to
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
@@ -120,13 +122,13 @@ vtkSmartPointer<vtkImageData> Placed(vtkImageData* stack, const SlicePlane& plan
 void RequireOutputs(const SliceOptions& options)
 {
   RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
-                  {options.output, options.volume, options.coverage, options.distance});
+                  {options.output, options.volume, options.coverage, options.distance, options.standardError});
   if (!options.volume.empty())
   {
     RequireVolumeName(options.volume);
     RequireWritable(options.volume);
   }
-  for (const std::string& path : {options.output, options.coverage, options.distance})
+  for (const std::string& path : {options.output, options.coverage, options.distance, options.standardError})
   {
     if (!path.empty())
     {
@@ -134,7 +136,7 @@ void RequireOutputs(const SliceOptions& options)
       RequireWritable(path);
     }
   }
-  for (const std::string& path : {options.output, options.coverage, options.distance})
+  for (const std::string& path : {options.output, options.coverage, options.distance, options.standardError})
   {
     if (HasSuffix(path, ".png") && (!options.render.IsBytes() || path != options.output))
     {
@@ -146,7 +148,7 @@ void RequireOutputs(const SliceOptions& options)
 /// Stacks of images, one a plane; null where they were not asked for.
 struct Images
 {
-  vtkSmartPointer<vtkImageData> slices, coverage, distance;
+  vtkSmartPointer<vtkImageData> slices, coverage, distance, standardError;
 };
 
 /// At most so many of the planes, evenly chosen, as grids.
@@ -164,9 +166,22 @@ std::vector<PointGrid> GridsOf(const std::vector<SlicePlane>& planes)
   return grids;
 }
 
-/// Renders the planes, black where `probe` is a sweep that lights nothing. Returns seconds.
+std::vector<float> Intensities(vtkImageData* slice)
+{
+  vtkDataArray* pixels = slice->GetPointData()->GetScalars();
+  const double white = pixels->GetDataType() == VTK_UNSIGNED_CHAR ? 255 : 1;
+  std::vector<float> intensities(pixels->GetNumberOfTuples());
+  for (std::size_t p = 0; p < intensities.size(); ++p)
+  {
+    intensities[p] = static_cast<float>(pixels->GetTuple1(static_cast<vtkIdType>(p)) / white);
+  }
+  return intensities;
+}
+
+/// Renders the planes, black where `probe` is a sweep that lights nothing. `guessed` gets the numbers of those that are
+/// mostly guessed, where `kept` tells. Returns seconds.
 double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe, const Images& images,
-              Console& console)
+              const StandardError* kept, Json& guessed, Console& console)
 {
   const int count = static_cast<int>(planes.planes.size());
   vtkNew<vtkMatrix4x4> axes;
@@ -179,6 +194,14 @@ double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe
     const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = planes.planes[k].ImageToReference();
     axes->DeepCopy(pose.data());
     Update(reslice, console, "Slicing", {k, count});
+    if (kept && kept->IsMostlyGuessed(planes.planes[k], Intensities(reslice->GetOutput()).data()))
+    {
+      guessed.push_back(planes.numbers[k]);
+    }
+    if (images.standardError)
+    {
+      SetImage(images.standardError, k, reslice->GetStandardErrorOutput());
+    }
     Blacken(reslice->GetOutput(), probe);
     SetImage(images.slices, k, reslice->GetOutput());
     if (images.coverage)
@@ -211,7 +234,25 @@ std::vector<std::string> WriteImages(const Images& images, const Planes& planes,
   {
     WriteStack(images.distance, options.distance, planes.numbers, console);
   }
+  if (images.standardError)
+  {
+    WriteStack(images.standardError, options.standardError, planes.numbers, console);
+  }
   return files;
+}
+
+/// Which slices are mostly guessed, in words.
+std::string Guessed(const Json& numbers, std::size_t count)
+{
+  constexpr std::size_t kMost = 10;
+  std::string list;
+  for (std::size_t k = 0; k < std::min(numbers.size(), kMost); ++k)
+  {
+    list += (k > 0 ? ", " : "") + std::to_string(numbers[k].get<int>());
+  }
+  return "  mostly guessed: " +
+         (count == 1 ? "this slice" : "planes " + list + (numbers.size() > kMost ? ", ..." : "")) +
+         "; the frames trained on tell less of it than it shows";
 }
 
 ExitCode Slice(Console& console, SliceOptions& options)
@@ -236,7 +277,17 @@ ExitCode Slice(Console& console, SliceOptions& options)
   vtkNew<vtkBigusReslice> reslice;
   Configure(reslice, field, options.render);
   reslice->SetElevationSigma(options.elevationSigma);
-  const double seconds = Render(reslice, planes, probe, images, console);
+  const std::string bytes = StandardErrorOf(field);
+  if (!options.standardError.empty() && bytes.empty())
+  {
+    throw Error("--standard-error: " + options.render.field +
+                " does not hold what it rests on; train it again, into a .vtp and without --no-standard-error.");
+  }
+  images.standardError = options.standardError.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
+  reslice->SetGenerateStandardErrorOutput(images.standardError != nullptr);
+  const auto kept = bytes.empty() || options.render.IsScattering() ? nullptr : std::make_unique<StandardError>(bytes);
+  Json guessed = Json::array();
+  const double seconds = Render(reslice, planes, probe, images, kept.get(), guessed, console);
   const std::vector<std::string> files = WriteImages(images, planes, options, console);
   const std::string trainedPoses = TrainedPoses(field);
   const bool meets = NoteMisses(field, GridsOf(planes.planes), options.planes.world, console);
@@ -248,12 +299,17 @@ ExitCode Slice(Console& console, SliceOptions& options)
                        {"meets_field", meets},
                        {"elevation_sigma", options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field)},
                        {"trained_poses", trainedPoses.empty() ? Json() : Json(trainedPoses)},
+                       {"mostly_guessed", kept ? guessed : Json()},
                        {"seconds", seconds},
                        {"device", reslice->GetDevice()}};
   console.Print(
       NameOf(files) + ": " +
       Words(std::string("{slices}") + (count == 1 ? " slice" : " slices") + " of {width} x {height} pixels, ", answer) +
       FormatNumber(1000 * seconds / static_cast<double>(count), 1) + " ms each on " + reslice->GetDevice());
+  if (!guessed.empty())
+  {
+    console.Print(Guessed(guessed, count));
+  }
   console.Report(answer);
   return Success;
 }
@@ -311,6 +367,13 @@ void AddSlice(Program& program)
                               ->check(FileToRead(kSequenceEndings))
                               ->type_name("SEQUENCE|CSV");
   distance->needs(recorded);
+  app->add_option(
+         "--standard-error", options->standardError,
+         "Also write how far what a probe would show may be from every pixel, a standard deviation in units of "
+         "intensity (1 is white), NaN where the training frames do not tell: .mha, .nrrd. The field must keep it, as 'train' "
+         "lets it")
+      ->check(FileToWrite(".mha,.nrrd"))
+      ->type_name("OUT");
   AddRenderOptions(*app, options->render, "Pixels");
   RunWhenChosen(app, program, [options](Console& console) { return Slice(console, *options); });
 }

@@ -22,6 +22,8 @@ struct StoredField
   GaussianField field;
   std::vector<std::string> provenance;  ///< key=value
   std::optional<FieldChunks> chunks;    ///< that it has, where it is a part of a field
+  /// What its standard error rests on (Core/StandardError), as bytes; only .vtp files have it.
+  std::string standardError = {};
 };
 
 /// One of several parts of a field. A .pvtp is dealt file by file, each a chunk; other files are split into `chunks`.

@@ -9,6 +9,7 @@
 
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
+#include "Data/StandardErrorData.h"
 #include "IO/ErrorCode.h"
 #include "IO/FieldFile.h"
 #include "IO/Text.h"
@@ -125,6 +126,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     {
       bigus::FieldToPolyData(stored->field, output);
       bigus::ReplaceProvenance(output, stored->provenance);
+      bigus::ReplaceStandardError(output, stored->standardError);
       if (stored->chunks)
       {
         bigus::WriteChunks(*stored->chunks, output);
@@ -134,6 +136,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     ReadWithVtk(fileName, output);
     try
     {
+      const std::string standardError = bigus::StandardErrorOf(output);
       bigus::ShareField(output, output);
       if (piece.pieces > 1)
       {
@@ -143,6 +146,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
         bigus::ReplaceProvenance(output, provenance);
         bigus::WriteChunks(chunks, output);
       }
+      bigus::ReplaceStandardError(output, standardError);
     }
     catch (const bigus::Error& error)  // what is wrong with the field
     {

@@ -9,6 +9,7 @@
 #include "Data/FieldData.h"
 #include "Data/Processes.h"
 #include "Data/Provenance.h"
+#include "Data/StandardErrorData.h"
 #include "IO/ErrorCode.h"
 #include "IO/FieldFile.h"
 #include "vtkInformation.h"
@@ -92,7 +93,8 @@ void vtkBigusFieldWriter::WriteFile()
         const std::string fileName = this->FileName;
         bigus::RequireFieldName(fileName);
         vtkPolyData* const input = this->GetInput();
-        bigus::StoredField stored = {bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}};
+        bigus::StoredField stored = {
+            bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}, bigus::StandardErrorOf(input)};
         if (this->Rounding)
         {
           bigus::RoundField(stored.field);

@@ -117,10 +117,15 @@ ExitCode View(Console& console, const Options& options)
   console.Print(
       options.screenshot + ": " + std::to_string(settings.width) + " x " + std::to_string(settings.height) + " pixels" +
       (sweep ? ", frame " + std::to_string(frame) + " at " + FormatNumber(window.FramePsnr(), 2) + " dB" : ""));
+  for (const std::string& name : window.Guessed())
+  {
+    console.Print("  mostly guessed: " + name);
+  }
   console.Report({{"screenshot", options.screenshot},
                   {"size", options.size},
                   {"frame", sweep ? Json(frame) : Json()},
-                  {"psnr", window.FramePsnr()}});
+                  {"psnr", window.FramePsnr()},
+                  {"mostly_guessed", window.Guessed()}});
   return Success;
 }
 

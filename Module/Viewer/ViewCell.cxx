@@ -60,6 +60,17 @@ void ViewCell::Place(vtkRenderWindow* window, const Viewport& viewport, int font
   window->AddRenderer(this->renderer);
 }
 
+void ViewCell::SetCaption(const std::string& words)
+{
+  this->text = words;
+  this->SetDoubt("");
+}
+
+void ViewCell::SetDoubt(const std::string& words)
+{
+  this->caption->SetInput((this->text + (words.empty() ? "" : "   " + words)).c_str());
+}
+
 void ViewCell::LookAt(const Eigen::Vector3d& centre, const Eigen::Vector3d& normal, const Eigen::Vector3d& down,
                       double width, double height)
 {

@@ -36,9 +36,12 @@ struct ViewCell
   vtkNew<vtkLineSource> ruler;  ///< of a flat view, in its lower left corner: a round length
   vtkNew<vtkActor2D> rulerLine;
   vtkNew<vtkTextActor> rulerLength;
+  std::string text;  ///< of the caption, without a doubt
 
   void Place(vtkRenderWindow* window, const Viewport& viewport, int fontSize);
-  void SetCaption(const std::string& text) { this->caption->SetInput(text.c_str()); }
+  void SetCaption(const std::string& text);
+  /// Adds what is doubtful about the picture, until there is another caption; nothing takes it away.
+  void SetDoubt(const std::string& words);
 
   /// Looks along `normal`, without perspective and with `down` downwards, so that a rectangle of width x height mm about
   /// `centre` fills the cell, with a ruler.

@@ -85,7 +85,8 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
       sweep_(std::move(sweep)),
       fontSize_(std::max(kSmallestFont, settings.height / kRowsOfText)),
       scene_(field, sweep_.get(), BoxOfField(field, sweep_.get()), fontSize_),
-      planes_(field, BoxOfField(field, sweep_.get()), sweep_ != nullptr)
+      planes_(field, BoxOfField(field, sweep_.get()), sweep_ != nullptr),
+      doubts_(field)
 {
   interactor_->SetRenderWindow(window_);
   vtkNew<vtkInteractorStyleTrackballCamera> style;
@@ -251,7 +252,33 @@ void ViewWindow::Render(bool isMoving)
   isCoarse_ = isMoving;
   coarseSince_ = std::chrono::steady_clock::now();
   window_->SetDesiredUpdateRate(isMoving ? kMovingRate : kStillRate);
+  if (!isMoving)
+  {
+    Judge();
+  }
   window_->Render();
+}
+
+void ViewWindow::Judge()
+{
+  guessed_.clear();
+  const auto judge = [this](ViewCell& cell, vtkBigusSliceProp* slice, const std::string& name)
+  {
+    const std::string doubt = doubts_.About(slice);
+    cell.SetDoubt(doubt);
+    if (!doubt.empty())
+    {
+      guessed_.push_back(name);
+    }
+  };
+  for (PlaneView& view : planes_.views)
+  {
+    judge(view, view.slice, view.name);
+  }
+  if (frames_)
+  {
+    judge(frames_->rendered, scene_.Slice(), "slice");
+  }
 }
 
 void ViewWindow::Run()
@@ -398,14 +425,7 @@ void ViewWindow::WriteSlice(const std::string& path)
   PlaneView* const view = planes_.In(UnderMouse());
   vtkBigusSliceProp* const slice = view ? view->slice.Get() : scene_.Slice();
   slice->UpdateSlice();
-  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
-  std::copy_n(slice->GetPlane()->GetData(), 16, pose.data());
-  const double* const origin = slice->GetSliceOrigin();
-  pose.col(3) += origin[0] * pose.col(0) + origin[1] * pose.col(1);
-  pose.col(0) *= slice->GetSliceSpacing()[0];
-  pose.col(1) *= slice->GetSliceSpacing()[1];
-  const int* const pixels = slice->GetSliceSize();
-  const auto stack = NewStack({SlicePlane::FromImageToReference(pose, pixels[0], pixels[1])}, {}, false);
+  const auto stack = NewStack({PlaneOf(slice)}, {}, false);
   SetImage(stack, 0, slice->GetReslice()->GetOutput());
   WriteStack(stack, path, {0}, console_);
 }

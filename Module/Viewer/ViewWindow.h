@@ -6,8 +6,10 @@
 #include <chrono>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "Core/Model/Sweep.h"
+#include "ViewDoubts.h"
 #include "ViewFrames.h"
 #include "ViewPlanes.h"
 #include "ViewScene.h"
@@ -42,6 +44,8 @@ public:
 
   /// Of the frame shown: PSNR of the rendered image against the recorded one, over lit pixels, dB. NaN without one.
   double FramePsnr() const;
+  /// Names of the views at rest whose pictures are mostly guessed.
+  std::vector<std::string> Guessed() const { return guessed_; }
   /// Writes what the window shows: .png.
   void WriteScreenshot(const std::string& path);
   /// Serves mouse and keys until the window is closed or the process is told to end.
@@ -53,6 +57,7 @@ private:
   void AddSlider();
   void Fit();
   void Render(bool isMoving);
+  void Judge();
   bool OnKey(vtkObject*, unsigned long, void*);
   bool OnWheel(vtkObject*, unsigned long event, void*);
   bool OnButton(vtkObject*, unsigned long, void*);
@@ -74,6 +79,8 @@ private:
   vtkNew<vtkRenderer> backdrop_;  // shows between the cells
   ViewScene scene_;
   ViewPlanes planes_;
+  ViewDoubts doubts_;
+  std::vector<std::string> guessed_;
   std::unique_ptr<ViewFrames> frames_;
   vtkNew<vtkTextActor> help_;
   vtkNew<vtkSliderWidget> slider_;

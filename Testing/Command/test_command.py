@@ -673,6 +673,60 @@ class Train(CommandTest):
             self.assertGreater(cross["detail"], 0)
             self.assertGreater(cross["scratches"], 0)
 
+    def test_a_standard_error_is_kept_unless_left_out_and_nothing_else_changes(self):
+        plain, sure = self.folder / "plain.vtp", self.folder / "sure.vtp"
+        left_out = self.expect(SUCCESS, "train", self.sweep, "-o", plain, *TINY, "--hold-out", 4, "--no-standard-error")
+        scores = self.expect(SUCCESS, "train", self.sweep, "-o", sure, *TINY, "--hold-out", 4)["standard_error"]
+        self.assertEqual(set(left_out["standard_error"]), set(scores))
+        self.assertTrue(all(value is None for value in left_out["standard_error"].values()))
+        ranked = ("variance_ratio", "within_1", "within_2", "correlation", "sparsification")
+        for key in ("seconds", "rmse", "known", *ranked):
+            self.assertTrue(math.isfinite(scores[key]), key)
+        self.assertTrue(0 < scores["within_1"] <= scores["within_2"] <= 1)
+        self.assertEqual(set(scores["peers"]), {"constant", "distance", "local_variance"})
+        for peer in scores["peers"].values():
+            self.assertEqual(set(peer), set(ranked))
+            self.assertAlmostEqual(peer["variance_ratio"], 1, places=4)
+        self.assertNotIn(b"StandardError", plain.read_bytes())
+        self.assertIn(b"StandardError", sure.read_bytes())
+        images = [self.folder / "a.mha", self.folder / "b.mha"]
+        for field, image in zip((plain, sure), images):
+            self.expect(SUCCESS, "slice", field, "--poses", self.sweep, "-o", image)
+        self.assertEqual(read_sequence(images[0])[1], read_sequence(images[1])[1])
+        stripped = self.folder / "stripped.vtp"
+        self.expect(SUCCESS, "convert", sure, stripped, "--strip")
+        self.assertNotIn(b"StandardError", stripped.read_bytes())
+        kept = self.folder / "kept.vtp"
+        self.expect(SUCCESS, "convert", sure, kept)
+        self.assertIn(b"StandardError", kept.read_bytes())
+        self.expect(BAD_INPUT, "slice", plain, "--poses", self.sweep, "-o", images[0], "--standard-error",
+                    self.folder / "sigma.mha", says="--no-standard-error")
+
+    def test_a_standard_error_that_cannot_be_had_is_null_and_says_why(self):
+        sweep = self.folder / "three.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", 3, *PHANTOM[2:])
+        answer = self.expect(SUCCESS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 2,
+                             notes="the standard error could not be scored: The standard error is known at no pixel")
+        self.assertIsNone(answer["standard_error"]["variance_ratio"])
+        self.assertTrue(math.isfinite(answer["held_out"]["psnr"]))
+
+    def test_slices_say_how_far_they_may_be_wrong(self):
+        sure, sigma = self.folder / "sure.vtp", self.folder / "sigma.mha"
+        self.expect(SUCCESS, "train", self.sweep, "-o", sure, *TINY)
+        header, pixels, _ = read_sequence(self.sweep)
+        poses = [list(map(float, found.split())) for found in re.findall(r"ImageToReferenceTransform = (.*)", header)]
+        far = list(poses[0])
+        far[11] -= 3  # mm before the first frame
+        answer = self.expect(SUCCESS, "slice", sure, "--poses", self.poses_csv(poses[4], far), "--size", 48, 40,
+                             "-o", self.folder / "s.mha", "--standard-error", sigma)
+        values = struct.unpack("<3840f", read_sequence(sigma)[1])
+        self.assertTrue(all(0 < value < 1 for value in values[:1920] if not math.isnan(value)))
+        self.assertGreater(sum(not math.isnan(value) for value in values[:1920]), 1000)
+        self.assertTrue(all(math.isnan(value) for value in values[1920:]))
+        self.assertEqual(answer["mostly_guessed"], [1])
+        said = run("slice", sure, "--poses", self.poses_csv(far), "--size", 48, 40, "-o", self.folder / "s.mha")
+        self.assertIn("mostly guessed: this slice", said.stdout)
+
     def test_without_hold_out_there_is_no_score(self):
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", self.folder / "f.ply", *TINY)
         self.assertIsNone(answer["held_out"])

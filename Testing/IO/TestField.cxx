@@ -15,6 +15,7 @@
 
 #include "Core/Model/FieldRounding.h"
 #include "Data/FieldData.h"
+#include "Data/StandardErrorData.h"
 #include "IO/Formats/Vtp.h"
 #include "SmallFiles.h"
 #include "Support/ErrorObserver.h"
@@ -188,6 +189,46 @@ TEST(Field, VtpRoundTripIsExact)
   ASSERT_TRUE(provenance);
   EXPECT_EQ(provenance->GetValue(0), "sweep=brain.igs.mha");
   EXPECT_EQ(provenance->GetValue(1), "seed=7");
+}
+
+TEST(Field, WhatItsStandardErrorRestsOnIsKeptByVtpAlone)
+{
+  TemporaryFolder folder;
+  const auto field = RandomField(3);
+  std::string bytes;
+  for (int k = 0; k < 100000; ++k)  // more than one compressed block
+  {
+    bytes.push_back(static_cast<char>(k * k / 7));
+  }
+  ReplaceStandardError(field, bytes);
+  Write(field, folder / "field.vtp");
+  Write(field, folder / "field.ply");
+  vtkNew<vtkXMLPolyDataWriter> writer;  // which our reader reads by VTK's
+  writer->SetFileName((folder / "other.vtp").c_str());
+  writer->SetDataModeToAscii();
+  writer->SetInputData(field);
+  ASSERT_EQ(writer->Write(), 1);
+  for (const auto& [name, expected] :
+       {std::pair<const char*, std::string>("field.vtp", bytes), {"field.ply", ""}, {"other.vtp", bytes}})
+  {
+    vtkNew<vtkBigusFieldReader> reader;
+    vtkPolyData* const back = Read(reader, folder / name);
+    EXPECT_EQ(back->GetNumberOfPoints(), 3) << name;
+    EXPECT_TRUE(StandardErrorOf(back) == expected) << name;
+  }
+  vtkNew<vtkXMLPolyDataReader> older;  // one that does not know it passes over it
+  older->SetFileName((folder / "field.vtp").c_str());
+  older->Update();
+  EXPECT_EQ(older->GetOutput()->GetNumberOfPoints(), 3);
+
+  field->GetFieldData()->RemoveArray("StandardError");
+  AddDoubles(field->GetFieldData(), "StandardError", 1, {1, 2});
+  vtkNew<vtkBigusFieldWriter> refusing;
+  ErrorObserver errors(refusing);
+  refusing->SetFileName((folder / "bad.vtp").c_str());
+  refusing->SetInputData(field);
+  EXPECT_EQ(refusing->Write(), 0);
+  EXPECT_NE(errors.Text().find("StandardError"), std::string::npos) << errors.Text();
 }
 
 TEST(Field, PlyRoundTripHasThePrecisionPromised)

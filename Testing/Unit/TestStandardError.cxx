@@ -207,6 +207,68 @@ TEST(StandardError, OnAFrameIsItsResidual)
   }
 }
 
+/// Parallel frames 0 to 4, then frames that rock by a degree to one side and the other. 1 mm apart at their middle.
+Eigen::Matrix4d RockingPose(double z, double degrees)
+{
+  const Eigen::AngleAxisd turn(degrees * kDegree, Eigen::Vector3d::UnitX());
+  Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+  pose.col(0).head<3>() = 0.5 * Eigen::Vector3d::UnitX();
+  pose.col(1).head<3>() = 0.5 * (turn * Eigen::Vector3d::UnitY());
+  pose.col(2).head<3>() = turn * Eigen::Vector3d::UnitZ();
+  pose.col(3).head<3>() = Eigen::Vector3d(0, 0, z) - pose.col(0).head<3>() * 20 - pose.col(1).head<3>() * 16;
+  return pose;
+}
+
+TEST(StandardError, DoesNotCountTwiceHowTheProbeRocked)
+{
+  Sweep sweep = GreySweep();
+  auto pixels = std::make_shared<std::vector<float>>();
+  sweep.imageToReference.clear();
+  for (int k = 0; k < 11; ++k)
+  {
+    sweep.imageToReference.push_back(RockingPose(k, k < 5 ? 0 : k % 2 ? 1 : -1));
+    pixels->insert(pixels->end(), kWidth * kHeight, k % 3 ? 0.4f : 0.5f);
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const StandardError error(GaussianField(), sweep, AllFrames(sweep), 0);
+  const auto atMiddle = [&](double z, double degrees)
+  {
+    const SlicePlane plane = SlicePlane::FromImageToReference(RockingPose(z, degrees), kWidth, kHeight);
+    std::vector<float> chequered(plane.NumberOfPixels()), sigma(chequered.size());
+    for (std::size_t p = 0; p < chequered.size(); ++p)
+    {
+      chequered[p] = p % 2 ? 0.0f : 1.0f;
+    }
+    error.Evaluate(plane, chequered.data(), sigma.data());
+    return sigma[16 * kWidth + 20];
+  };
+  EXPECT_GT(atMiddle(2.4, 2), 1.01 * atMiddle(2.4, 0));  // steady frames tell nothing of what is turned by 2 degrees
+  // Frame 8 was predicted from frames turned by just as much.
+  EXPECT_NEAR(atMiddle(8.4, 1), atMiddle(8.4, -1), 1e-4);
+  EXPECT_GT(atMiddle(8.4, 4), 1.01 * atMiddle(8.4, -1));
+}
+
+TEST(StandardError, TellsWhatIsMostlyGuessed)
+{
+  const StandardError error = OfBlack(0);
+  SlicePlane among = Plane(0, 0, 0);
+  among.origin[2] = 0;  // on the first frame, of grey 0.2: so large is the error of black
+  const SlicePlane beyond = Plane(0, 90, 0);
+  std::vector<float> contrast(among.NumberOfPixels());
+  for (std::size_t p = 0; p < contrast.size(); ++p)
+  {
+    contrast[p] = p % 2 ? 0.0f : 1.0f;
+  }
+  EXPECT_FALSE(error.IsMostlyGuessed(among, contrast.data()));  // varies by 0.5
+  EXPECT_TRUE(error.IsMostlyGuessed(among, std::vector<float>(contrast.size(), 0.5f).data()));
+  EXPECT_TRUE(
+      error.IsMostlyGuessed(beyond, contrast.data()));  // most of it lies before the first frame or behind the last
+  const std::vector<float> black(contrast.size(), 0.0f);
+  SlicePlane away = among;
+  away.origin[2] += 100;
+  EXPECT_FALSE(error.IsMostlyGuessed(away, black.data()));  // nothing is shown there
+}
+
 TEST(StandardError, SaysNothingWhereNothingIsLit)
 {
   Sweep sweep = GreySweep();
@@ -339,9 +401,16 @@ TEST(StandardError, IsThatOfAMadeUpSweep)
   std::sort(training.begin(), training.end());
   const StandardError error(trained.field, *sweep, training, 0);
   const auto inGaps = ScoreStandardError(error, trained.field, *sweep, trained.heldOutFrames);
-  ExpectRight(inGaps, "in gaps");
+  ExpectRight(inGaps.model, "in gaps");
   EXPECT_GT(inGaps.known, 0.9);
-  EXPECT_LT(inGaps.sparsification, 0.9);  // 1 is chance
+  EXPECT_LT(inGaps.model.sparsification, 0.9);  // 1 is chance
+  EXPECT_GT(inGaps.model.correlation, 0.1);
+  EXPECT_EQ(inGaps.constant.sparsification, 1);
+  for (const StandardErrorScores& peer : {inGaps.constant, inGaps.distance, inGaps.texture})
+  {
+    EXPECT_NEAR(peer.varianceRatio, 1, 1e-5);  // its scale is that of these frames
+    EXPECT_GT(peer.sparsification, inGaps.model.sparsification);
+  }
 
   std::vector<SlicePlane> across;
   const SlicePlane middle = sweep->Plane(sweep->NumberOfFrames() / 2);
@@ -353,7 +422,7 @@ TEST(StandardError, IsThatOfAMadeUpSweep)
     across.push_back(plane);
   }
   const Sweep turned = Truth(phantom, across);
-  ExpectRight(ScoreStandardError(error, trained.field, turned, AllFrames(turned)), "at 90 degrees");
+  ExpectRight(ScoreStandardError(error, trained.field, turned, AllFrames(turned)).model, "at 90 degrees");
 }
 
 }  // namespace

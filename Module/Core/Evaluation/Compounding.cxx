@@ -8,7 +8,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "Core/Evaluation/FrameInSpace.h"
 #include "Core/Model/Error.h"
@@ -409,36 +411,154 @@ void Compounding::Predict(const SlicePlane& plane, float* image) const
   ForEachPixel(plane, image, [&](const Eigen::Vector3d& point) { return Value(point); });
 }
 
+namespace
+{
+
+constexpr int kLeastJudged = 64;  // pixels, of a side
+
+/// A rectangle of a frame's pixels.
+struct Part
+{
+  int column, row, width, height;
+
+  /// The same, wider by so many pixels on all sides, as far as the frame goes.
+  Part Wider(int pixels, const Sweep& sweep) const
+  {
+    const int left = std::max(0, column - pixels), top = std::max(0, row - pixels);
+    return {left, top, std::min(sweep.width, column + width + pixels) - left,
+            std::min(sweep.height, row + height + pixels) - top};
+  }
+};
+
+/// Speckle grows with depth, so that the parts to judge lie one below another: number 0 at the top of what is lit, 4 at its
+/// bottom, each a quarter of it high, and in its middle a quarter as wide; at least kLeastJudged pixels.
+Part PartToJudge(const Sweep& sweep, int number)
+{
+  const auto isLit = [&](int i, int j) { return sweep.IsLit(static_cast<std::size_t>(j) * sweep.width + i); };
+  /// First and count of those among `all` that hold.
+  const auto range = [](int all, auto holds)
+  {
+    int first = 0, last = all - 1;
+    while (first < last && !holds(first))
+    {
+      ++first;
+    }
+    while (last > first && !holds(last))
+    {
+      --last;
+    }
+    return std::pair(first, last - first + 1);
+  };
+  const auto side = [](int all) { return std::min(all, std::max(kLeastJudged, all / 4)); };
+  const auto [top, rows] = range(sweep.height,
+                                 [&](int j)
+                                 {
+                                   int i = 0;
+                                   while (i < sweep.width && !isLit(i, j))
+                                   {
+                                     ++i;
+                                   }
+                                   return i < sweep.width;
+                                 });
+  Part part{0, 0, 0, side(rows)};
+  part.row = top + (rows - part.height) * number / 4;
+  const int middle = part.row + part.height / 2;
+  const auto [left, columns] = range(sweep.width, [&](int i) { return isLit(i, middle); });
+  part.width = side(columns);
+  part.column = left + (columns - part.width) / 2;
+  return part;
+}
+
+/// These frames, and of each what lies in a part.
+Sweep Cut(const Sweep& sweep, const std::vector<int>& frames, const Part& part)
+{
+  Sweep cut;
+  cut.width = part.width;
+  cut.height = part.height;
+  cut.pixelType = Sweep::PixelType::Float32;
+  auto pixels = std::make_shared<std::vector<float>>();
+  auto mask = std::make_shared<std::vector<std::uint8_t>>();
+  std::vector<float> whole(sweep.PixelsPerFrame());
+  for (const int frame : frames)
+  {
+    sweep.CopyFrame(frame, whole.data());
+    cut.imageToReference.push_back(sweep.imageToReference[frame]);
+    cut.imageToReference.back().col(3) = sweep.imageToReference[frame] * Eigen::Vector4d(part.column, part.row, 0, 1);
+    cut.sequences.push_back(sweep.SequenceOf(frame));
+    for (int j = 0; j < part.height; ++j)
+    {
+      const auto row = whole.begin() + static_cast<std::ptrdiff_t>(part.row + j) * sweep.width + part.column;
+      pixels->insert(pixels->end(), row, row + part.width);
+    }
+  }
+  for (int p = 0; p < part.width * part.height; ++p)
+  {
+    const std::size_t at =
+        static_cast<std::size_t>(part.row + p / part.width) * sweep.width + part.column + p % part.width;
+    mask->push_back(sweep.IsLit(at) ? 1 : 0);
+  }
+  cut.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  cut.mask = mask;
+  return cut;
+}
+
+/// A part of a training frame, to be predicted from the frames beside it, of which a little more is used because they
+/// need not lie straight above one another.
+struct Judged
+{
+  Sweep frame, beside;
+
+  Judged(const Sweep& sweep, const std::vector<int>& training, int number)
+  {
+    constexpr int kFrames = 4;  // on either side
+    const int count = static_cast<int>(training.size());
+    const int own = 1 + static_cast<int>(static_cast<std::int64_t>(count - 3) * number / 4);
+    std::vector<int> around(training.begin() + std::max(0, own - kFrames),
+                            training.begin() + std::min(count, own + kFrames + 1));
+    around.erase(std::find(around.begin(), around.end(), training[own]));
+    const Part part = PartToJudge(sweep, number);
+    frame = Cut(sweep, {training[own]}, part);
+    beside = Cut(sweep, around, part.Wider(std::max(part.width, part.height) / 4, sweep));
+  }
+
+  double SquaredError(double voxelSize, std::size_t maximumVoxels) const
+  {
+    std::vector<float> image(frame.PixelsPerFrame()), truth(image.size());
+    Compounding(beside, AllFrames(beside), voxelSize, maximumVoxels).Predict(frame.Plane(0), image.data());
+    frame.CopyFrame(0, truth.data());
+    double squares = 0;
+    for (std::size_t p = 0; p < image.size(); ++p)
+    {
+      squares += frame.IsLit(p) ? (image[p] - truth[p]) * (image[p] - truth[p]) : 0;
+    }
+    return squares;
+  }
+};
+
+}  // namespace
+
 double Compounding::ChooseVoxelSize(const Sweep& sweep, const std::vector<int>& training, std::size_t maximumVoxels)
 {
   const double pixel = MeasureGeometry(sweep, training).pixelSize;
   const double fits = VoxelSizeForMemory(sweep, training, maximumVoxels * sizeof(Voxel));
-  const int count = static_cast<int>(training.size());
-  const auto error = [&](double size)
+  if (training.size() < 3)
   {
-    double squares = 0;
-    for (int k = 0; k < 5; ++k)
-    {
-      const int judged = 1 + static_cast<int>(static_cast<std::int64_t>(count - 3) * k / 4);
-      std::vector<int> around(training.begin() + std::max(0, judged - 4),
-                              training.begin() + std::min(count, judged + 5));
-      around.erase(std::find(around.begin(), around.end(), training[judged]));
-      const Compounding volume(sweep, around, size, maximumVoxels);
-      std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
-      volume.Predict(sweep.Plane(training[judged]), image.data());
-      sweep.CopyFrame(training[judged], truth.data());
-      for (std::size_t p = 0; p < image.size(); ++p)
-      {
-        squares += sweep.IsLit(p) ? (image[p] - truth[p]) * (image[p] - truth[p]) : 0;
-      }
-    }
-    return squares;
-  };
+    return std::max(pixel, fits);
+  }
+  std::vector<Judged> judged;
+  for (int number = 0; number < 5; ++number)
+  {
+    judged.emplace_back(sweep, training, number);
+  }
   double best = std::max(pixel, fits), least = std::numeric_limits<double>::infinity();
-  for (int coarser = 4; count >= 3 && coarser >= 0; --coarser)
+  for (int coarser = 4; coarser >= 0; --coarser)
   {
     const double size = std::max(pixel * std::pow(2.0, 0.5 * coarser), fits);
-    const double squares = error(size);
+    double squares = 0;
+    for (const Judged& one : judged)
+    {
+      squares += one.SquaredError(size, maximumVoxels);
+    }
     if (squares >= least)
     {
       break;

@@ -38,7 +38,7 @@ public:
   static double VoxelSizeForMemory(const Sweep& sweep, const std::vector<int>& training, std::size_t bytes);
 
   /// 4, 2 sqrt 2, 2, sqrt 2 or once the pixel size, mm, in this order as long as the next predicts training frames better:
-  /// five of them, evenly spread, each from the four before and after it. At least so large that the grid of all frames has
+  /// a sixteenth of five of them, evenly spread, each from the four before and after it. At least so large that the grid of all frames has
   /// at most maximumVoxels. With fewer than three frames the smallest.
   static double ChooseVoxelSize(const Sweep& sweep, const std::vector<int>& training, std::size_t maximumVoxels);
 

@@ -532,9 +532,21 @@ void SetNoise(const Path& path, const Motions& motions, const Sweep& sweep, Traj
   }
   const double place = motions.places.noise;
   const double turned = 2 * motions.turns.noise;  // a turn by an angle moves a quaternion by half of it
-  trajectory.translationNoise = place;
+  trajectory.translationNoise = trajectory.translationLeft = place;
   trajectory.rotationNoise = turned / kRadiansPerDegree;
   trajectory.cornerNoise = std::sqrt(3 * place * place + 2 * turned * turned * lever);
+}
+
+/// Of the noise that a strength assumes, what is left in smoothed places: the share of its own that a place keeps.
+double TranslationLeft(const Motion& places, double strength)
+{
+  double leverage = 0, count = 0;
+  for (const SmoothedCurve& curve : places.curves)
+  {
+    leverage += curve.leverage.sum();
+    count += static_cast<double>(curve.leverage.size());
+  }
+  return strength * places.noise * std::sqrt(leverage / count);
 }
 
 /// Moves every pose to the smoothed one.
@@ -565,6 +577,7 @@ Trajectory Smoothed(const Path& path, Motions& motions, const Sweep& sweep, cons
   motions.SmoothAll(strength);
   PutBack(path, motions, sweep, smooth);
   const bool isExact = found.cornerNoise < kLeastNoise * sweep.Plane(0).PixelSize();
+  smooth.translationLeft = isExact ? found.translationNoise : TranslationLeft(motions.places, strength);
   for (std::size_t k = 0; isExact && k < found.isOutlier.size(); ++k)
   {
     if (!found.isOutlier[k])
@@ -587,7 +600,7 @@ Trajectory RecordedTrajectory(const Sweep& sweep, FrameClock clock)
   recorded.isOutlier.assign(n, 0);
   recorded.stroke.assign(n, 0);
   recorded.clock = clock == FrameClock::Times && HasUsableTimes(sweep) ? FrameClock::Times : FrameClock::Numbers;
-  recorded.translationNoise = recorded.rotationNoise = recorded.cornerNoise = kUnknown;
+  recorded.translationNoise = recorded.translationLeft = recorded.rotationNoise = recorded.cornerNoise = kUnknown;
   return recorded;
 }
 
@@ -678,7 +691,7 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
   found.isStepped = IsStepped(path, sweep);
   if (found.isStepped)
   {
-    found.translationNoise = found.rotationNoise = found.cornerNoise = 0;
+    found.translationNoise = found.translationLeft = found.rotationNoise = found.cornerNoise = 0;
   }
   if (found.isStepped || path.usable < kFewestToEstimate)
   {

@@ -14,7 +14,8 @@
 namespace bigus
 {
 
-constexpr int kHalfWindow = 3;  // pixels of a frame: texture and errors are averaged over 7 x 7
+constexpr double kMostTurn = 1 - 1e-6;  // of which something is left to be turned further
+constexpr int kHalfWindow = 3;          // pixels of a frame: texture and errors are averaged over 7 x 7
 
 /// Tenths of a factor of 2 above 2^-20, 1 to 255.
 std::uint8_t CodeOfVariance(double variance);

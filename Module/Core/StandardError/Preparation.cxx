@@ -22,6 +22,8 @@ namespace
 {
 
 constexpr std::size_t kMostBytes = std::size_t(4) << 20;
+/// Of the local variance that is speckle, which is another from another direction; the rest is structure.
+constexpr double kSpeckle = 0.8;
 constexpr int kNeighbours = 6;       // on either side, from which a frame is predicted
 constexpr std::size_t kAtOnce = 16;  // frames in memory
 
@@ -44,8 +46,9 @@ public:
     }
     between_.assign(cells, 0);
     apart_.assign(cells, -1);
-    turnSums_.assign(training.size(), 0);
-    turnCounts_.assign(training.size(), 0);
+    kept.usualTurn_.assign(training.size(), 0);
+    kept.speckle_.assign(training.size(), static_cast<float>(kSpeckle));
+    beside_.resize(training.size());
   }
 
   /// T and V of training frame k, of which the field shows `image`, and how well its neighbours predict it.
@@ -62,7 +65,7 @@ public:
     ForCells(k, WindowMeans(squares, lit), lit,
              [this](std::size_t cell, double mean) { kept_.residual_[cell] = CodeOfVariance(mean); });
     ForCells(k, texture, lit, [this](std::size_t cell, double mean) { kept_.texture_[cell] = CodeOfVariance(mean); });
-    Predict(k, frame, squares);
+    Predict(k, frame, texture);
   }
 
   /// R, when all frames are measured: errors of interpolation by what m is there, but not less than half the usual m, since
@@ -82,16 +85,31 @@ public:
     {
       kept_.rate_[cell] = apart_[cell] >= 0 ? CodeOfVariance(between_[cell] / std::max(apart_[cell], least)) : 0;
     }
-    double sum = 0, count = 0;
-    for (std::size_t k = 0; k < turnSums_.size(); ++k)
-    {
-      sum += turnSums_[k];
-      count += turnCounts_[k];
-    }
-    kept_.usualTurn_ = std::min(sum / count, 1 - 1e-6);
+    KeepTurns();
   }
 
 private:
+  /// How much speckle was another where R was measured, and how much speckle there can be at all: frames that are turned by
+  /// w differ by 2 w of it.
+  void KeepTurns()
+  {
+    FromBeside all;
+    for (const FromBeside& one : beside_)
+    {
+      all.turned += one.turned;
+      all.squares += one.squares;
+      all.texture += one.texture;
+      all.count += one.count;
+    }
+    for (std::size_t k = 0; k < beside_.size(); ++k)
+    {
+      const FromBeside& one = beside_[k].count > 0 ? beside_[k] : all;  // the first and the last lie between no others
+      kept_.usualTurn_[k] = static_cast<float>(std::min(one.turned / one.count, kMostTurn));
+      const double most = 2 * one.turned / one.count * one.texture;
+      kept_.speckle_[k] = static_cast<float>(one.squares < kSpeckle * most ? one.squares / most : kSpeckle);
+    }
+  }
+
   double Pixel(std::size_t k, std::size_t p) const
   {
     return frames_[k].Pixel(static_cast<int>(p % kept_.width_), static_cast<int>(p / kept_.width_));
@@ -134,7 +152,7 @@ private:
   }
 
   /// The frame is left out: linear interpolation between its neighbours, where it lies between two.
-  void Predict(std::size_t k, const std::vector<double>& frame, std::vector<double>& squares)
+  void Predict(std::size_t k, const std::vector<double>& frame, const std::vector<double>& texture)
   {
     std::vector<int> among;
     const auto& sequence = *std::find_if(kept_.bySequence_.begin(), kept_.bySequence_.end(),
@@ -150,7 +168,8 @@ private:
     std::vector<Beside> beside(frame.size());
     kept_.Find(plane, {0, 0, plane.width, plane.height}, among, beside);
     const std::vector<double> turned = kept_.Turned(plane);
-    std::vector<double> known(frame.size(), 0), apart(frame.size(), 0);
+    std::vector<double> known(frame.size(), 0), apart(frame.size(), 0), squares(frame.size(), 0);
+    FromBeside& sums = beside_[k];
     for (std::size_t p = 0; p < frame.size(); ++p)
     {
       const Beside& at = beside[p];
@@ -163,8 +182,10 @@ private:
         squares[p] = error * error;
         apart[p] = at.Apart();
         known[p] = 1;
-        turnSums_[k] += turned[at.frame[t >= 0.5 ? 0 : 1]];
-        turnCounts_[k] += 1;
+        sums.turned += turned[at.frame[t >= 0.5 ? 0 : 1]];
+        sums.squares += squares[p];
+        sums.texture += texture[p];
+        sums.count += 1;
       }
     }
     ForCells(k, WindowMeans(squares, known), known, [this](std::size_t cell, double mean) { between_[cell] = mean; });
@@ -174,7 +195,12 @@ private:
   StandardError& kept_;
   std::vector<FrameInSpace> frames_;
   std::vector<double> between_, apart_;  // [frames][cells], apart -1: not known
-  std::vector<double> turnSums_, turnCounts_;
+  /// What frames beside a frame tell of it: sums over pixels that lie between two.
+  struct FromBeside
+  {
+    double turned = 0, squares = 0, texture = 0, count = 0;
+  };
+  std::vector<FromBeside> beside_;  // [frames]
 };
 
 StandardError::StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
@@ -213,13 +239,13 @@ StandardError::StandardError(const GaussianField& field, const Sweep& sweep, con
   preparation.Finish();
 }
 
-double TrackerNoise(const Sweep& tracked)
+double TrackerNoise(const Sweep& tracked, double strength)
 {
   double least = std::numeric_limits<double>::infinity();
   for (const FrameClock clock : {FrameClock::Times, FrameClock::Numbers})
   {
-    const Trajectory trajectory = SmoothTrajectory(tracked, {1, clock});
-    least = std::min(least, trajectory.IsNoiseKnown() ? trajectory.translationNoise : 0);
+    const Trajectory trajectory = SmoothTrajectory(tracked, {strength, clock});
+    least = std::min(least, trajectory.IsNoiseKnown() ? trajectory.translationLeft : 0);
   }
   return least;
 }

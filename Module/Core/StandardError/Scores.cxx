@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "Core/Model/Error.h"
+#include "Core/StandardError/Inside.h"
 #include "Core/StandardError/StandardError.h"
 
 namespace bigus
@@ -13,7 +14,7 @@ namespace bigus
 namespace
 {
 
-constexpr std::size_t kMostPixels = 1000000;  // of all frames, evenly chosen; sorting more tells little more
+constexpr std::size_t kMostPixels = 300000;  // of all frames, evenly chosen; sorting more tells little more
 
 /// The mean, over fractions of 2 to 100 % of the pixels, of the root mean square error of those with the smallest keys.
 double ErrorLeft(const std::vector<float>& key, const std::vector<float>& error)
@@ -36,55 +37,125 @@ double ErrorLeft(const std::vector<float>& key, const std::vector<float>& error)
   return sum;
 }
 
-}  // namespace
+/// What is scored, a number for each pixel that counts.
+struct Samples
+{
+  std::vector<float> errors, model, distance, texture;
+  std::size_t lit = 0;
+};
 
-StandardErrorScores ScoreStandardError(const StandardError& standardError, const GaussianField& field,
-                                       const Sweep& sweep, const std::vector<int>& frames,
-                                       const std::string& engineName)
+double MeanSquare(const std::vector<float>& values)
+{
+  double sum = 0;
+  for (const float value : values)
+  {
+    sum += static_cast<double>(value) * value;
+  }
+  return sum / static_cast<double>(values.size());
+}
+
+double Correlation(const std::vector<float>& a, const std::vector<float>& b)
+{
+  const auto count = static_cast<double>(a.size());
+  const double meanA = std::accumulate(a.begin(), a.end(), 0.0) / count;
+  const double meanB = std::accumulate(b.begin(), b.end(), 0.0) / count;
+  double both = 0, squaresA = 0, squaresB = 0;
+  for (std::size_t k = 0; k < a.size(); ++k)
+  {
+    both += (a[k] - meanA) * (b[k] - meanB);
+    squaresA += (a[k] - meanA) * (a[k] - meanA);
+    squaresB += (b[k] - meanB) * (b[k] - meanB);
+  }
+  return both / std::sqrt(squaresA * squaresB);
+}
+
+StandardErrorScores Compare(const std::vector<float>& sigmas, const std::vector<float>& errors)
+{
+  StandardErrorScores scores;
+  const auto count = static_cast<double>(errors.size());
+  for (std::size_t k = 0; k < errors.size(); ++k)
+  {
+    scores.within1 += (errors[k] <= sigmas[k] ? 1 : 0) / count;
+    scores.within2 += (errors[k] <= 2 * sigmas[k] ? 1 : 0) / count;
+  }
+  const double squares = MeanSquare(errors), rmse = std::sqrt(squares), oracle = ErrorLeft(errors, errors);
+  scores.varianceRatio = MeanSquare(sigmas) / squares;
+  const auto [least, most] = std::minmax_element(sigmas.begin(), sigmas.end());
+  const bool ranks = *least < *most && rmse > oracle;
+  scores.correlation = ranks ? Correlation(sigmas, errors) : 0;
+  scores.sparsification = ranks ? (ErrorLeft(sigmas, errors) - oracle) / (rmse - oracle) : 1;
+  return scores;
+}
+
+/// The same for a plain model that knows its variances but for one factor.
+StandardErrorScores CompareScaled(std::vector<float> sigmas, const std::vector<float>& errors)
+{
+  const double square = MeanSquare(sigmas);
+  const double factor = square > 0 ? std::sqrt(MeanSquare(errors) / square) : 0;
+  for (float& sigma : sigmas)
+  {
+    sigma = static_cast<float>(factor * sigma);
+  }
+  return Compare(sigmas, errors);
+}
+
+Samples SampleFrames(const StandardError& standardError, const GaussianField& field, const Sweep& sweep,
+                     const std::vector<int>& frames, const std::string& engineName)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
   engine->SetField(field);
-  const std::size_t pixels = sweep.PixelsPerFrame();
-  const std::size_t stride = 1 + pixels * frames.size() / kMostPixels;
-  std::vector<float> truth(pixels), image(pixels), sigma(pixels), errors, sigmas;
-  std::size_t lit = 0, next = 0;
+  const std::size_t pixels = sweep.PixelsPerFrame(), stride = 1 + pixels * frames.size() / kMostPixels;
+  std::vector<float> truth(pixels), image(pixels), sigma(pixels);
+  Samples samples;
+  std::size_t next = 0;
   for (const int frame : frames)
   {
     const SlicePlane plane = sweep.Plane(frame);
     sweep.CopyFrame(frame, truth.data());
     engine->Render(plane, ViewOutput::Intensity, image.data());
     standardError.Evaluate(plane, image.data(), sigma.data());
+    const std::vector<float> apart = standardError.Apart(plane);
+    std::vector<double> known(pixels);
+    std::transform(sigma.begin(), sigma.end(), known.begin(), [](float value) { return std::isnan(value) ? 0 : 1; });
+    const std::vector<double> texture =
+        WindowVariances({image.begin(), image.end()}, known, plane.width, plane.height, kHalfWindow);
     for (; next < pixels; next += stride)
     {
-      lit += sweep.IsLit(next) ? 1 : 0;
-      if (sweep.IsLit(next) && !std::isnan(sigma[next]))
+      samples.lit += sweep.IsLit(next) ? 1 : 0;
+      if (sweep.IsLit(next) && known[next] > 0)
       {
-        errors.push_back(std::abs(truth[next] - image[next]));
-        sigmas.push_back(sigma[next]);
+        samples.errors.push_back(std::abs(truth[next] - image[next]));
+        samples.model.push_back(sigma[next]);
+        samples.distance.push_back(std::sqrt(apart[next]));
+        samples.texture.push_back(static_cast<float>(std::sqrt(texture[next])));
       }
     }
     next -= pixels;
   }
-  if (errors.empty())
+  return samples;
+}
+
+}  // namespace
+
+StandardErrorReport ScoreStandardError(const StandardError& standardError, const GaussianField& field,
+                                       const Sweep& sweep, const std::vector<int>& frames, const std::string& engine)
+{
+  const Samples samples = SampleFrames(standardError, field, sweep, frames, engine);
+  const double square = samples.errors.empty() ? 0 : MeanSquare(samples.errors);
+  if (!(square > 0))
   {
-    throw Error("The standard error is known at no pixel of the frames to score: none lies between training frames.");
+    throw Error(samples.errors.empty() ? "The standard error is known at no pixel of the frames to score: none lies "
+                                         "between training frames."
+                                       : "The frames to score are as the field shows them: there is no error to tell.");
   }
-  StandardErrorScores scores;
-  const auto count = static_cast<double>(errors.size());
-  double predicted = 0, squares = 0;
-  for (std::size_t k = 0; k < errors.size(); ++k)
-  {
-    predicted += static_cast<double>(sigmas[k]) * sigmas[k] / count;
-    squares += static_cast<double>(errors[k]) * errors[k] / count;
-    scores.within1 += (errors[k] <= sigmas[k] ? 1 : 0) / count;
-    scores.within2 += (errors[k] <= 2 * sigmas[k] ? 1 : 0) / count;
-  }
-  scores.rmse = std::sqrt(squares);
-  scores.varianceRatio = squares > 0 ? predicted / squares : 0;
-  scores.known = count / static_cast<double>(lit);
-  const double oracle = ErrorLeft(errors, errors);
-  scores.sparsification = scores.rmse > oracle ? (ErrorLeft(sigmas, errors) - oracle) / (scores.rmse - oracle) : 0;
-  return scores;
+  StandardErrorReport report;
+  report.model = Compare(samples.model, samples.errors);
+  report.constant = CompareScaled(std::vector<float>(samples.errors.size(), 1), samples.errors);
+  report.distance = CompareScaled(samples.distance, samples.errors);
+  report.texture = CompareScaled(samples.texture, samples.errors);
+  report.rmse = std::sqrt(square);
+  report.known = static_cast<double>(samples.errors.size()) / static_cast<double>(samples.lit);
+  return report;
 }
 
 }  // namespace bigus

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -23,9 +24,8 @@ constexpr int kVersion = 1;
 
 /// What the field leaves of the error of linear interpolation: 0.49 to 0.79 in folds of seven sweeps (README.md).
 constexpr double kLeft = 0.7;
-/// Of the local variance that is speckle, which is another from another direction; the rest is structure.
-constexpr double kSpeckle = 0.8;
 constexpr double kFloor = 0.5 / 255 * 0.5 / 255;  // half a grey level
+constexpr double kAligned = 0.05;                 // of speckle is another, where a frame looks as the slice does
 constexpr double kTile = 32;                      // pixels that share a search
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -214,6 +214,33 @@ void StandardError::Find(const SlicePlane& plane, const Engine::Window& window, 
   tbb::parallel_for(0, across * down, search);
 }
 
+/// Of several sequences the one whose frames lie nearest around the point.
+std::vector<StandardError::Beside> StandardError::Nearest(const SlicePlane& plane, const Engine::Window& window) const
+{
+  std::vector<Beside> nearest(static_cast<std::size_t>(window.columns) * window.rows);
+  for (const std::vector<int>& frames : bySequence_)
+  {
+    std::vector<Beside> found(nearest.size());
+    Find(plane, window, frames, found);
+    for (std::size_t p = 0; p < nearest.size(); ++p)
+    {
+      const bool isBetter = found[p].IsKnown() && (!nearest[p].IsKnown() || found[p].Apart() < nearest[p].Apart());
+      nearest[p] = isBetter ? found[p] : nearest[p];
+    }
+  }
+  return nearest;
+}
+
+std::vector<float> StandardError::Apart(const SlicePlane& plane) const
+{
+  std::vector<float> apart;
+  for (const Beside& beside : Nearest(plane, {0, 0, plane.width, plane.height}))
+  {
+    apart.push_back(beside.IsKnown() ? static_cast<float>(beside.Apart()) : std::numeric_limits<float>::quiet_NaN());
+  }
+  return apart;
+}
+
 //------------------------------------------------------------------------------
 // Any plane
 
@@ -230,6 +257,17 @@ std::vector<double> StandardError::Turned(const SlicePlane& plane) const
     const double cosine = normal.dot(frame.normal), along = beam.dot(frame.normal);
     const double sine = std::sqrt(std::clamp(1 - cosine * cosine - along * along, 0.0, 1.0));
     turned.push_back(1 - (1 - sine) * std::exp(-direction * direction));
+  }
+  return turned;
+}
+
+/// The same beyond what R has: how much was another where it was measured, at that frame.
+std::vector<double> StandardError::TurnedFurther(const SlicePlane& plane) const
+{
+  std::vector<double> turned = Turned(plane);
+  for (std::size_t k = 0; k < turned.size(); ++k)
+  {
+    turned[k] = std::clamp((turned[k] - usualTurn_[k]) / (1 - usualTurn_[k]), 0.0, 1.0);
   }
   return turned;
 }
@@ -297,61 +335,127 @@ int StandardError::Margin(const SlicePlane& plane) const
   return HalfWindow(frames_.front().plane.PixelSize(), plane.PixelSize());
 }
 
+/// A slice to be judged.
+struct StandardError::Shown
+{
+  const SlicePlane& plane;
+  const Engine::Window& window;
+  const float* image;
+  std::vector<double> own;     // local variance of the image
+  std::vector<double> turned;  // beyond each frame
+};
+
+/// sigma^2 by the frames beside pixel (i, j) of the window; NaN where they do not tell.
+double StandardError::Variance(const Shown& shown, const Beside& at, int i, int j) const
+{
+  if (!at.IsKnown())
+  {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  const Terms terms = Read(at);
+  const double t = at.Nearness();
+  const int nearest = at.frame[t >= 0.5 ? 0 : 1];
+  const double w = shown.turned[nearest];
+  const double between = at.distance[0] == 0 ? 0 : kLeft * terms.rate * at.Apart();
+  const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
+  const double own = shown.own[static_cast<std::size_t>(j) * shown.window.columns + i];
+  const double across = w > 0 ? speckle_[nearest] * (own + terms.texture) : 0;
+  const double moved = trackerNoise_ == 0
+                           ? 0
+                           : trackerNoise_ * trackerNoise_ *
+                                 SquaredGradient(shown.image, shown.window, i, j, shown.plane.columnStep.norm(),
+                                                 shown.plane.rowStep.norm());
+  const double variance = (1 - w) * along + w * across + moved;
+  return variance < kFloor ? kFloor : variance;
+}
+
 void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image,
                              float* sigma) const
 {
   const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
-  std::vector<Beside> beside(count);
+  std::vector<std::vector<Beside>> ofSequences;
+  std::vector<double> known(count, 0);
   for (const std::vector<int>& frames : bySequence_)
   {
-    std::vector<Beside> found(count);
-    Find(plane, window, frames, found);
+    std::vector<Beside> beside(count);
+    Find(plane, window, frames, beside);
     for (std::size_t p = 0; p < count; ++p)
     {
-      const bool isBetter = found[p].IsKnown() && (!beside[p].IsKnown() || found[p].Apart() < beside[p].Apart());
-      beside[p] = isBetter ? found[p] : beside[p];
+      known[p] = beside[p].IsKnown() ? 1 : known[p];
     }
+    ofSequences.push_back(std::move(beside));
   }
-  std::vector<double> turned = Turned(plane);
-  for (double& w : turned)
+  Shown shown{plane, window, image, std::vector<double>(count, 0), TurnedFurther(plane)};
+  if (std::any_of(shown.turned.begin(), shown.turned.end(), [](double w) { return w > 0; }))
   {
-    w = std::clamp((w - usualTurn_) / (1 - usualTurn_), 0.0, 1.0);
+    shown.own = WindowVariances({image, image + count}, known, window.columns, window.rows, Margin(plane));
   }
-  std::vector<double> own(count, 0);
-  if (std::any_of(turned.begin(), turned.end(), [](double w) { return w > 0; }))
+  std::fill(sigma, sigma + count, std::numeric_limits<float>::quiet_NaN());
+  const auto take = [&](const std::vector<Beside>& beside)
   {
-    std::vector<double> known(count), values(count);
-    for (std::size_t p = 0; p < count; ++p)
-    {
-      known[p] = beside[p].IsKnown() ? 1 : 0;
-      values[p] = image[p];
-    }
-    own = WindowVariances(values, known, window.columns, window.rows, Margin(plane));
-  }
-  const double column = plane.columnStep.norm(), row = plane.rowStep.norm();
-  tbb::parallel_for(0, window.rows,
-                    [&](int j)
-                    {
-                      for (int i = 0; i < window.columns; ++i)
+    tbb::parallel_for(0, window.rows,
+                      [&](int j)
                       {
-                        const std::size_t p = static_cast<std::size_t>(j) * window.columns + i;
-                        const Beside& at = beside[p];
-                        if (!at.IsKnown())
+                        for (int i = 0; i < window.columns; ++i)
                         {
-                          sigma[p] = std::numeric_limits<float>::quiet_NaN();
-                          continue;
+                          const std::size_t p = static_cast<std::size_t>(j) * window.columns + i;
+                          const auto found = static_cast<float>(std::sqrt(Variance(shown, beside[p], i, j)));
+                          sigma[p] = std::fmin(sigma[p], found);  // of a number and NaN the number
                         }
-                        const Terms terms = Read(at);
-                        const double t = at.Nearness(), w = turned[at.frame[t >= 0.5 ? 0 : 1]];
-                        const double between = at.distance[0] == 0 ? 0 : kLeft * terms.rate * at.Apart();
-                        const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
-                        const double across = w > 0 ? kSpeckle * (own[p] + terms.texture) : 0;
-                        const double moved =
-                            trackerNoise_ * trackerNoise_ * SquaredGradient(image, window, i, j, column, row);
-                        const double variance = (1 - w) * along + w * across + moved;
-                        sigma[p] = static_cast<float>(std::sqrt(variance < kFloor ? kFloor : variance));
-                      }
-                    });
+                      });
+  };
+  for (const std::vector<Beside>& beside : ofSequences)
+  {
+    take(beside);
+  }
+  for (const std::vector<int>& frames : bySequence_)
+  {
+    std::vector<int> aligned;
+    std::copy_if(frames.begin(), frames.end(), std::back_inserter(aligned),
+                 [&shown](int k) { return shown.turned[k] < kAligned; });
+    if (!aligned.empty() && aligned.size() < frames.size())
+    {
+      std::vector<Beside> beside(count);
+      Find(plane, window, aligned, beside);
+      take(beside);
+    }
+  }
+}
+
+bool StandardError::IsMostlyGuessed(const SlicePlane& plane, const float* image) const
+{
+  constexpr double kJudged = 100;                          // pixels along a side
+  constexpr double kBlack = 0.5 / 255, kSeen = 2 / 255.0;  // no picture shows less; no eye sees less
+  const int step = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(plane.width) * plane.height) / kJudged));
+  SlicePlane coarse = plane;
+  coarse.width = (plane.width + step - 1) / step;
+  coarse.height = (plane.height + step - 1) / step;
+  coarse.columnStep *= step;
+  coarse.rowStep *= step;
+  std::vector<float> thin;
+  for (int j = 0; j < plane.height; j += step)
+  {
+    for (int i = 0; i < plane.width; i += step)
+    {
+      thin.push_back(image[static_cast<std::size_t>(j) * plane.width + i]);
+    }
+  }
+  std::vector<float> sigma(thin.size());
+  Evaluate(coarse, thin.data(), sigma.data());
+  double shown = 0, known = 0, variance = 0, sum = 0, squares = 0;
+  for (std::size_t p = 0; p < thin.size(); ++p)
+  {
+    const double value = thin[p];
+    shown += value > kBlack || !std::isnan(sigma[p]) ? 1 : 0;
+    if (!std::isnan(sigma[p]))
+    {
+      known += 1;
+      variance += static_cast<double>(sigma[p]) * sigma[p];
+      sum += value;
+      squares += value * value;
+    }
+  }
+  return 2 * known < shown || (known > 0 && variance > std::max(squares - sum * sum / known, known * kSeen * kSeen));
 }
 
 std::vector<double> WindowVariances(const std::vector<double>& values, const std::vector<double>& known, int width,
@@ -385,8 +489,9 @@ std::string StandardError::ToBytes() const
   out.Number<std::uint32_t>(height_);
   out.Number<std::uint32_t>(cell_);
   out.Number(trackerNoise_);
-  out.Number(usualTurn_);
   out.Array(sequences_);
+  out.Array(speckle_);
+  out.Array(usualTurn_);
   for (const Eigen::Matrix4d& pose : poses_)
   {
     out.Numbers(pose.data(), 16);
@@ -412,9 +517,17 @@ try
   height_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
   cell_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
   trackerNoise_ = in.NumberIn<double>(0, 1e6);
-  usualTurn_ = in.NumberIn<double>(0, 1 - 1e-6);
   sequences_ = in.Array<int>();
   StateReader::Require(!sequences_.empty() && std::is_sorted(sequences_.begin(), sequences_.end()), "no frame");
+  speckle_ = in.Array<float>();
+  StateReader::Require(speckle_.size() == sequences_.size() &&
+                           std::all_of(speckle_.begin(), speckle_.end(), [](float s) { return s >= 0 && s <= 1; }),
+                       "shares of another number");
+  usualTurn_ = in.Array<float>();
+  StateReader::Require(usualTurn_.size() == sequences_.size() &&
+                           std::all_of(usualTurn_.begin(), usualTurn_.end(),
+                                       [](float w) { return w >= 0 && w <= static_cast<float>(kMostTurn); }),
+                       "turns of another number");
   for (std::size_t k = 0; k < sequences_.size(); ++k)
   {
     Eigen::Matrix4d pose;

@@ -18,8 +18,8 @@ namespace bigus
 {
 
 /// What a training knows of its field's errors, and what follows for any plane: for each pixel the standard deviation of
-/// a recorded frame there about the slice, in units of intensity (1 is white). Thin wires in water, planes rolled in
-/// themselves by more than 4 degrees, and a probe of another frequency than 5 MHz are not covered.
+/// a recorded frame there about the slice, in units of intensity (1 is white). Planes rolled in themselves by
+/// more than 4 degrees, and a probe of another frequency than 5 MHz, are not covered.
 class StandardError
 {
 public:
@@ -50,6 +50,13 @@ public:
     Evaluate(plane, {0, 0, plane.width, plane.height}, image, sigma);
   }
 
+  /// Whether the slice `image` tells little of what a probe would show: its standard error is larger than it varies itself
+  /// (and than two grey levels), or most of what it shows lies where the frames do not tell. Judged at some 10,000 pixels.
+  bool IsMostlyGuessed(const SlicePlane& plane, const float* image) const;
+
+  /// For every pixel how far the frames before and behind it let a slice wander, mm: README.md's m. NaN where not known.
+  std::vector<float> Apart(const SlicePlane& plane) const;
+
 private:
   /// A frame's plane; its coordinates (column, row, mm along the normal) are toFrame (x - origin). Normals of one sequence
   /// point one way along it.
@@ -61,6 +68,7 @@ private:
   };
   struct Beside;
   struct Terms;
+  struct Shown;
   class Preparation;
 
   void Derive();
@@ -68,24 +76,29 @@ private:
   int CellColumns() const { return (width_ + cell_ - 1) / cell_; }
   bool IsLit(double column, double row) const;
   std::vector<double> Turned(const SlicePlane& plane) const;
+  std::vector<double> TurnedFurther(const SlicePlane& plane) const;
   void Find(const SlicePlane& plane, const Engine::Window& window, const std::vector<int>& among,
             std::vector<Beside>& found) const;
+  std::vector<Beside> Nearest(const SlicePlane& plane, const Engine::Window& window) const;
   Terms Read(const Beside& beside) const;
+  double Variance(const Shown& shown, const Beside& at, int i, int j) const;
 
   int width_ = 0, height_ = 0, cell_ = 4;
   double trackerNoise_ = 0;  // mm
-  double usualTurn_ = 0;     // how much speckle is another between the sweep's own frames
   std::vector<Eigen::Matrix4d> poses_;
   std::vector<int> sequences_;
+  std::vector<float> speckle_;                           // [frames] share of local variance that is another when turned
+  std::vector<float> usualTurn_;                         // [frames] how much speckle is another where R was measured
   std::vector<std::uint8_t> lit_;                        // [height][width]
   std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
   std::vector<Frame> frames_;                            // what Derive makes of the above
   std::vector<std::vector<int>> bySequence_;
 };
 
-/// mm, standard deviation of the tracker's noise in a recorded place, of frames ordered by times or by numbers, whichever
-/// finds less; 0 where it is not known.
-double TrackerNoise(const Sweep& tracked);
+/// mm, standard deviation of the tracker's noise that is left in a place, when poses were smoothed by `strength`
+/// (TrajectoryOptions; 0: they are as recorded): of frames ordered by times or by numbers, whichever finds less; 0 where it is
+/// not known.
+double TrackerNoise(const Sweep& tracked, double strength);
 
 /// What a standard error says beside the errors that there are.
 struct StandardErrorScores
@@ -93,14 +106,24 @@ struct StandardErrorScores
   double varianceRatio = 0;  ///< mean predicted variance over mean squared error; 1 is right
   double within1 = 0;        ///< share of pixels whose error is at most sigma
   double within2 = 0;        ///< at most 2 sigma: 0.95 where errors are normal
+  double correlation = 0;    ///< Pearson's, of sigma and error
   double sparsification =
       0;  ///< area under the curve of the error left when pixels go by sigma: 0 as if by the error, 1 by chance
-  double rmse = 0;   ///< of intensity
-  double known = 0;  ///< share of the lit pixels of which sigma is known, and which count
+};
+
+/// The model beside plain ones, which get the scale that suits the scored frames best: their variance ratio is 1.
+struct StandardErrorReport
+{
+  StandardErrorScores model;
+  StandardErrorScores constant;
+  StandardErrorScores distance;  ///< a random walk between the frames, of one rate everywhere
+  StandardErrorScores texture;   ///< the slice's own 7 x 7 variance
+  double rmse = 0;               ///< of intensity
+  double known = 0;              ///< share of the lit pixels of which sigma is known, and which count
 };
 
 /// Of the field's slices at these frames of `sweep`, which had no part in it. Throws Error when nothing is known there.
-StandardErrorScores ScoreStandardError(const StandardError& error, const GaussianField& field, const Sweep& sweep,
+StandardErrorReport ScoreStandardError(const StandardError& error, const GaussianField& field, const Sweep& sweep,
                                        const std::vector<int>& frames, const std::string& engine = "auto");
 
 }  // namespace bigus

@@ -32,6 +32,7 @@ constexpr std::int64_t mostComponents = 16;
 // Of the provenance. Every string costs 32 bytes in memory, however short it is, so their number needs a bound of its own.
 constexpr std::uint64_t mostTextBytes = 1u << 20;
 constexpr std::int64_t mostStrings = 10000;
+constexpr std::uint64_t mostStandardError = std::uint64_t(256) << 20;  // bytes; a training writes some 10 MB at most
 
 // How errors about arrays begin.
 constexpr const char* kOwner = "Gaussian field";
@@ -52,7 +53,8 @@ constexpr ArrayName kArrays[] = {{"PointData", "Scale", "Float64"},
                                  {"FieldData", "FormatVersion", "Int32"},
                                  {"FieldData", "ProbeElevationSigma", "Float64"},
                                  {"FieldData", "TrainedNormals", "Float64"},
-                                 {"FieldData", "Provenance", "String"}};
+                                 {"FieldData", "Provenance", "String"},
+                                 {"FieldData", "StandardError", "UInt8"}};
 
 bool IsOneOf(const std::string& text, std::initializer_list<const char*> known)
 {
@@ -183,6 +185,17 @@ public:
     if (const pugi::xml_node node = Node("Provenance"))
     {
       ReadStrings(node, "Provenance", stored.provenance);
+    }
+    if (const pugi::xml_node node = Node("StandardError"))
+    {
+      const FoundArray found = {"StandardError", 0, 1, false, FindBlocks(node, "StandardError")};
+      if (found.blocks.total > mostStandardError)
+      {
+        throw FormatError(name_ + ": StandardError has " + std::to_string(found.blocks.total) + " bytes; " +
+                          std::to_string(mostStandardError) + " are read");
+      }
+      stored.standardError.resize(static_cast<std::size_t>(found.blocks.total));
+      Inflate(found, Whole(static_cast<std::int64_t>(found.blocks.total)), 1, stored.standardError.data());
     }
     return stored;
   }
@@ -739,6 +752,11 @@ void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& sin
   if (!stored.provenance.empty())
   {
     text.AddStrings("Provenance", stored.provenance);
+  }
+  if (!stored.standardError.empty())
+  {
+    text.AddArray("UInt8", "StandardError", 1, stored.standardError.data(), stored.standardError.size(),
+                  static_cast<std::int64_t>(stored.standardError.size()));
   }
   text.Line("</FieldData>");
   text.Line("<Piece NumberOfPoints=\"" + points + "\" NumberOfVerts=\"" + points +

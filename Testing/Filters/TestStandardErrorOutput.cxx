@@ -1,0 +1,164 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// vtkBigusReslice's standard error: Core's at the same plane, whole or in parts, and an error where a field has none.
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "Core/Engine/Engine.h"
+#include "Core/StandardError/StandardError.h"
+#include "Data/StandardErrorData.h"
+#include "Filters/FilterTestSupport.h"
+#include "vtkBigusReslice.h"
+#include "vtkUnsignedCharArray.h"
+
+namespace bigus::test
+{
+namespace
+{
+
+/// Frames of noise, 1 mm apart, across the box of RandomField.
+Sweep FramesOfNoise()
+{
+  Random random(3);
+  Sweep sweep;
+  sweep.width = sweep.height = 50;
+  sweep.pixelType = Sweep::PixelType::Float32;
+  auto pixels = std::make_shared<std::vector<float>>();
+  for (int k = -2; k <= 2; ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose(0, 0) = pose(1, 1) = 0.5;
+    pose.col(3) = Eigen::Vector4d(-12, -12, k, 1);
+    sweep.imageToReference.push_back(pose);
+    for (int p = 0; p < 50 * 50; ++p)
+    {
+      pixels->push_back(static_cast<float>(random.Uniform(0, 1)));
+    }
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return sweep;
+}
+
+const StandardError& StandardErrorOfNoise()
+{
+  static const Sweep sweep = FramesOfNoise();
+  static const StandardError kept(RandomField(200, 5), sweep, AllFrames(sweep), 0.1);
+  return kept;
+}
+
+/// Two oblique slices of 40 x 30 pixels that leave the frames.
+vtkSmartPointer<vtkBigusReslice> SlicesThatLeaveTheFrames()
+{
+  const auto field = ToPolyData(RandomField(200, 5));
+  ReplaceStandardError(field, StandardErrorOfNoise().ToBytes());
+  const auto reslice = vtkSmartPointer<vtkBigusReslice>::New();
+  reslice->SetInputDataObject(0, field);
+  Random random(8);
+  reslice->SetResliceAxes(ToVtk(RigidMatrix(RandomRotation(random), {1, -2, 0.5})));
+  reslice->SetOutputSpacing(0.4, 0.4, 1.5);
+  reslice->SetOutputOrigin(-8, -7, -1);
+  reslice->SetOutputExtent(0, 39, 0, 29, 0, 1);
+  reslice->SetOutputScalarTypeToUnsignedChar();  // the standard error is of the intensity before rounding
+  reslice->GenerateStandardErrorOutputOn();
+  return reslice;
+}
+
+bool IsSameSigma(float a, float b)
+{
+  return a == b || (std::isnan(a) && std::isnan(b));
+}
+
+TEST(StandardErrorOutput, IsThatOfCore)
+{
+  const auto reslice = SlicesThatLeaveTheFrames();
+  reslice->Update();
+  vtkImageData* sigma = reslice->GetStandardErrorOutput();
+  ASSERT_EQ(sigma->GetNumberOfPoints(), 40 * 30 * 2);
+  const std::unique_ptr<Engine> engine = Engine::Create("auto");
+  engine->SetField(RandomField(200, 5));
+  int known = 0, unknown = 0;
+  for (int k = 0; k < 2; ++k)
+  {
+    SlicePlane plane;
+    plane.width = 40;
+    plane.height = 30;
+    const auto at = [&](double i, double j)
+    {
+      const double place[4] = {-8 + 0.4 * i, -7 + 0.4 * j, -1 + 1.5 * k, 1};
+      double world[4];
+      reslice->GetResliceAxes()->MultiplyPoint(place, world);
+      return Eigen::Vector3d(world[0], world[1], world[2]);
+    };
+    plane.origin = at(0, 0);
+    plane.columnStep = at(1, 0) - plane.origin;
+    plane.rowStep = at(0, 1) - plane.origin;
+    std::vector<float> image(40 * 30), expected(40 * 30);
+    engine->Render(plane, ViewOutput::Intensity, image.data());
+    StandardErrorOfNoise().Evaluate(plane, image.data(), expected.data());
+    for (int p = 0; p < 40 * 30; ++p)
+    {
+      const float found = static_cast<float*>(sigma->GetScalarPointer(p % 40, p / 40, k))[0];
+      ASSERT_EQ(std::isnan(found), std::isnan(expected[p]));
+      (std::isnan(found) ? unknown : known) += 1;
+      // The image is right to the filter's tolerance, 1e-4, and its slopes to twice of it a pixel of 0.4 mm.
+      ASSERT_TRUE(std::isnan(found) || std::abs(found - expected[p]) < 1e-3) << p;
+    }
+  }
+  EXPECT_GT(known, 100);
+  EXPECT_GT(unknown, 100);
+}
+
+TEST(StandardErrorOutput, InPartsIsThatOfTheWhole)
+{
+  const auto whole = SlicesThatLeaveTheFrames();
+  whole->Update();
+  const int parts[][6] = {{0, 13, 0, 29, 0, 0}, {14, 39, 7, 9, 0, 1}, {5, 5, 5, 5, 1, 1}};
+  for (const auto& part : parts)
+  {
+    const auto reslice = SlicesThatLeaveTheFrames();
+    reslice->UpdateExtent(part);
+    for (int k = part[4]; k <= part[5]; ++k)
+    {
+      for (int j = part[2]; j <= part[3]; ++j)
+      {
+        for (int i = part[0]; i <= part[1]; ++i)
+        {
+          const auto* a = static_cast<float*>(whole->GetStandardErrorOutput()->GetScalarPointer(i, j, k));
+          const auto* b = static_cast<float*>(reslice->GetStandardErrorOutput()->GetScalarPointer(i, j, k));
+          ASSERT_TRUE(IsSameSigma(*a, *b)) << i << ' ' << j << ' ' << k;
+        }
+      }
+    }
+  }
+}
+
+TEST(StandardErrorOutput, IsEmptyUnlessAskedForAndAnErrorWhereThereIsNone)
+{
+  const auto reslice = SlicesThatLeaveTheFrames();
+  reslice->GenerateStandardErrorOutputOff();
+  reslice->Update();
+  EXPECT_EQ(reslice->GetStandardErrorOutput()->GetNumberOfPoints(), 0);
+
+  vtkNew<vtkUnsignedCharArray> damaged;
+  damaged->SetName("StandardError");
+  damaged->InsertNextValue(7);
+  for (vtkDataArray* array : {static_cast<vtkDataArray*>(nullptr), static_cast<vtkDataArray*>(damaged)})
+  {
+    const auto field = ToPolyData(RandomField(20, 5));
+    if (array)
+    {
+      field->GetFieldData()->AddArray(array);
+    }
+    const auto wrong = SlicesThatLeaveTheFrames();
+    wrong->SetInputDataObject(0, field);
+    ErrorObserver errors(wrong);
+    wrong->Update();
+    ASSERT_FALSE(errors.Errors().empty());
+    EXPECT_NE(errors.Errors().front().find("StandardError"), std::string::npos) << errors.Errors().front();
+    EXPECT_EQ(wrong->GetOutput()->GetNumberOfPoints(), 0);
+  }
+}
+
+}  // namespace
+}  // namespace bigus::test
