@@ -182,6 +182,17 @@ class Reslice(unittest.TestCase):
             self.assertEqual((image.shape, image.dtype), ((28, 36), np.float32))
             np.testing.assert_allclose(image, expected_image(matrix, 36, 28), atol=2e-5)
 
+    def test_a_trained_field_tells_how_far_it_may_be_wrong(self):
+        few = dict(Automatic=False, Gaussians=300, Iterations=20, Batch=4)
+        field = bigus.train(small_sweep(), **few).field
+        sigma = bigus.standard_error(field, pose(1.1), (36, 28))
+        self.assertEqual((sigma.shape, sigma.dtype), ((28, 36), np.float32))
+        self.assertGreater(np.isfinite(sigma).mean(), 0.5)
+        self.assertTrue((sigma[np.isfinite(sigma)] > 0).all())
+        self.assertTrue(np.isnan(bigus.standard_error(field, pose(4), (36, 28))).all(), "behind the last frame")
+        with self.assertRaisesRegex(RuntimeError, "no array StandardError"):
+            bigus.standard_error(two_blobs(), pose(), (36, 28))
+
     def test_takes_vtk_matrices(self):
         matrix = vtkMatrix4x4()
         matrix.DeepCopy(pose().ravel())

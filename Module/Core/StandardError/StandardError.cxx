@@ -116,7 +116,7 @@ std::size_t StandardError::Cells() const
 bool StandardError::IsLit(double column, double row) const
 {
   return column >= 0 && row >= 0 && column <= width_ - 1 && row <= height_ - 1 &&
-         lit_[static_cast<std::size_t>(std::lround(row)) * width_ + std::lround(column)] != 0;
+         lit_[static_cast<std::size_t>(row + 0.5) * width_ + static_cast<std::size_t>(column + 0.5)] != 0;
 }
 
 //------------------------------------------------------------------------------

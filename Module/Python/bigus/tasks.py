@@ -258,6 +258,25 @@ def _result(trainer: vtkBigusTrainer) -> Training:
     return training
 
 
+def _reslice(field: vtkPolyData, plane: Any, size: Any, spacing: Any, caller: str) -> vtkBigusReslice:
+    """A filter for one image, without coverage."""
+    require(field, vtkPolyData, caller, "field")
+    if isinstance(plane, vtkMatrix4x4):
+        plane = [[plane.GetElement(row, column) for column in range(4)] for row in range(4)]
+    matrix = common.pixel_matrix(plane, spacing)
+    if size is None:
+        points = field.GetPoints()
+        size = common.size_of_view(vtk_to_numpy(points.GetData()) if points else (), matrix)
+    width, height = common.checked_size(size)
+    axes = vtkMatrix4x4()
+    axes.DeepCopy(matrix.ravel())
+    filter = vtkBigusReslice()
+    filter.SetInputDataObject(field)
+    filter.SetOutputToFrame(axes, width, height)
+    filter.GenerateCoverageOutputOff()
+    return filter
+
+
 def reslice(
     field: vtkPolyData,
     plane: Union[np.ndarray, vtkMatrix4x4],
@@ -275,23 +294,25 @@ def reslice(
 
     For many planes of one field, and for the coverage, use a vtkBigusReslice: it uploads the field only once.
     """
-    require(field, vtkPolyData, "reslice", "field")
-    if isinstance(plane, vtkMatrix4x4):
-        plane = [[plane.GetElement(row, column) for column in range(4)] for row in range(4)]
-    matrix = common.pixel_matrix(plane, spacing)
-    if size is None:
-        points = field.GetPoints()
-        size = common.size_of_view(vtk_to_numpy(points.GetData()) if points else (), matrix)
-    width, height = common.checked_size(size)
-    axes = vtkMatrix4x4()
-    axes.DeepCopy(matrix.ravel())
-
-    filter = vtkBigusReslice()
-    filter.SetInputDataObject(field)
-    filter.SetOutputToFrame(axes, width, height)
-    filter.GenerateCoverageOutputOff()
+    filter = _reslice(field, plane, size, spacing, "reslice")
     set_properties(filter, properties)
     return _pixels(update_alone(filter).GetOutput())[0]
+
+
+def standard_error(
+    field: vtkPolyData,
+    plane: Union[np.ndarray, vtkMatrix4x4],
+    size: Optional[Sequence[int]] = None,
+    spacing: Union[None, float, Sequence[float]] = None,
+) -> np.ndarray:
+    """How far what a probe would show may be from ``reslice`` at the same plane: a standard deviation for every pixel.
+
+    float32 [height, width] in units of intensity (1 is white), NaN where the training frames do not tell. The field must
+    keep what it rests on, as ``train`` lets it; else a RuntimeError says so.
+    """
+    filter = _reslice(field, plane, size, spacing, "standard_error")
+    filter.GenerateStandardErrorOutputOn()
+    return _pixels(update_alone(filter).GetStandardErrorOutput())[0]
 
 
 def _compare(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> vtkBigusImageMetrics:
