@@ -676,7 +676,7 @@ class Documentation(unittest.TestCase):
         self.assertEqual(len(blocks), 1)
         indented = re.search(r"::\n\n((?:(?:    .*)?\n)+)", bigus.__doc__).group(1)
         for block in (blocks[0], textwrap.dedent(indented)):
-            bounded, replaced = re.subn(r"Gaussians=\d+", "Gaussians=300", block)
+            bounded, replaced = re.subn(r"gaussians=\d+", "gaussians=300", block)
             self.assertEqual(replaced, 1)
             with self.subTest(block), tempfile.TemporaryDirectory() as folder:
                 bigus.write(small_sweep(), os.path.join(folder, "sweep.igs.mha"))
