@@ -41,6 +41,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
   {
     input_ = nullptr;  // should the next line throw, nothing valid is held
     field_ = FieldFromPolyData(input);
+    view_ = ViewFromPolyData(input);
     uploadedSigma_.reset();
     bands_ = Bands(parts_->FollowsClock());
     input_ = input;
@@ -52,6 +53,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
 void FieldRenderer::SetParts(std::unique_ptr<FieldParts> parts)
 {
   parts_ = std::move(parts);
+  seen_.reset();
   whole_ = {};
   uploadedSigma_.reset();
   bands_ = Bands(parts_->FollowsClock());
@@ -74,6 +76,7 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
   const std::size_t engines = whole_.chunks.sizes.size();
   if (whole_.engines.size() != engines || engineName_ != settings.engine)
   {
+    seen_.reset();
     whole_.engines.clear();
     for (std::size_t k = 0; k < engines; ++k)
     {
@@ -91,7 +94,15 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
     {
       field_.beam = Beam{sigma};
     }
-    parts_->SetField(field_, whole_);
+    seen_.reset();
+    if (view_ && seesDirections_ && parts_->FollowsClock() && whole_.chunks.total == 1)
+    {
+      seen_.emplace(*whole_.engines[0], field_, &*view_);
+    }
+    else
+    {
+      parts_->SetField(field_, whole_);
+    }
     field_.beam = own;
     uploadedSigma_ = sigma;
   }
@@ -101,10 +112,30 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
   }
 }
 
+/// The same, plane by plane where directions are seen.
+RenderPlanes FieldRenderer::Seen(const RenderPlanes& render)
+{
+  if (!seen_)
+  {
+    return render;
+  }
+  return
+      [this, render](const std::vector<SlicePlane>& planes, const Engine::Window& window, float* image, float* coverage)
+  {
+    const std::size_t pixels = static_cast<std::size_t>(window.columns) * window.rows;
+    for (std::size_t k = 0; k < planes.size(); ++k)
+    {
+      nearness_ = std::max(nearness_, seen_->LookFrom(planes[k]));
+      render({planes[k]}, window, image + k * pixels, coverage ? coverage + k * pixels : nullptr);
+    }
+  };
+}
+
 bool FieldRenderer::Render(const GridPart& grid, ViewOutput output, bool coverage, const Slab& slab,
                            const std::function<bool(const PixelBand&)>& receive)
 {
-  return bands_.Run(grid, coverage, slab, parts_->PlanesOf(whole_, output),
+  nearness_ = seen_ ? 0 : -1;
+  return bands_.Run(grid, coverage, slab, Seen(parts_->PlanesOf(whole_, output)),
                     [&](const PixelBand& band)
                     {
                       bool goesOn = true;

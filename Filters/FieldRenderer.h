@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Slicing/Bands.h"
 #include "FieldParts.h"
 #include "vtkBigusFiltersModule.h"  // for the ABI namespace
@@ -49,6 +50,13 @@ public:
   /// Makes the engine hold the field of this input. Uploads only what changed since the last call. Throws Error.
   void Upload(vtkPolyData* input, const ViewSettings& settings);
 
+  /// Whether planes see the reflectivities of their directions; else each Gaussian is as it usually looks at its place. Off
+  /// at first, and always where processes have parts.
+  void SetSeesDirections(bool isOn) { seesDirections_ = isOn; }
+  /// The most that a plane of the last Render saw of what the field knows of directions, 0 to 1; negative where it knows
+  /// nothing, or is not asked.
+  double ViewNearness() const { return nearness_; }
+
   /// Renders a part of a grid, as Bands::Run does.
   bool Render(const GridPart& grid, ViewOutput output, bool coverage, const Slab& slab,
               const std::function<bool(const PixelBand&)>& receive);
@@ -57,10 +65,15 @@ public:
 
 private:
   void UploadHere(const ViewSettings& settings);
+  RenderPlanes Seen(const RenderPlanes& render);
 
   std::unique_ptr<FieldParts> parts_ = FieldParts::Of(nullptr);
   PartEngines whole_;
   GaussianField field_;
+  std::optional<ViewDependence> view_;
+  std::optional<SeenField> seen_;  // where directions are seen
+  bool seesDirections_ = false;
+  double nearness_ = -1;
   vtkPolyData* input_ = nullptr;  // compared, never followed
   vtkMTimeType inputTime_ = 0;
   std::string engineName_, device_;

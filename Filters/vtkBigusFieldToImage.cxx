@@ -283,6 +283,7 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
             throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
           }
         });
+    this->Renderer->SetSeesDirections(this->SeesDirections());
     this->Renderer->Upload(vtkPolyData::GetData(inputs[0]), {this->Engine, this->ElevationSigma, this->Tolerance});
 
     Eigen::Matrix<double, 4, 4, Eigen::RowMajor> indexToWorld;
@@ -332,6 +333,11 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
 void vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart&, const std::function<void(const int*, float*)>&,
                                            vtkInformationVector*)
 {
+}
+
+double vtkBigusFieldToImage::NearnessOfView() const
+{
+  return this->Renderer->ViewNearness();
 }
 
 bigus::Slab vtkBigusFieldToImage::ComputeSlab()

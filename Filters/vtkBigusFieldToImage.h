@@ -177,6 +177,11 @@ protected:
   /// Gives the outputs their geometry and memory for their pixels. `extent` is what was asked for.
   virtual void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]);
 
+  /// Whether planes see what the field knows of directions. A volume has none.
+  virtual bool SeesDirections() { return false; }
+  /// See vtkBigusReslice::GetViewNearness.
+  double NearnessOfView() const;
+
   /// Whether bands must come with coverage.
   virtual bool NeedsCoverage() { return false; }
 

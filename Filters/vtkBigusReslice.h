@@ -340,6 +340,13 @@ public:
   vtkImageStencilData* GetStencil() { return nullptr; }
   ///@}
 
+  /**
+   * How much of what the field knows of directions the last update's slice saw: 1 near a recorded frame, falling to 0 from
+   * two to four steps between frames away, in angle or along the normal; the most of several slices. Negative where the
+   * field knows nothing of directions.
+   */
+  double GetViewNearness() const { return this->NearnessOfView(); }
+
   /** Follows ResliceAxes, ResliceTransform, InformationInput and RecordedFrames. */
   vtkMTimeType GetMTime() override;
 
@@ -354,6 +361,7 @@ protected:
   void AllocateOutputs(vtkInformationVector* outputs, const int extent[6]) override;
   bigus::Slab ComputeSlab() override;
   bool NeedsCoverage() override;
+  bool SeesDirections() override { return true; }
   void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs) override;
   void CompleteOutputs(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
                        vtkInformationVector* outputs) override;

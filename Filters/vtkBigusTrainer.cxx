@@ -409,6 +409,10 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
   if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
   {
     start = bigus::FieldFromPolyData(initial);
+    if (bigus::ViewFromPolyData(initial))
+    {
+      vtkWarningMacro(<< "What the field to continue from knows of directions is left out.");
+    }
   }
 
   const auto progress = [this](const bigus::TrainingProgress& now)
@@ -438,6 +442,10 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
   // Nothing that differs between two equal runs, such as the time, goes in here: equal runs write equal
   // files.
   bigus::FieldToPolyData(result.field, output);
+  if (result.view)
+  {
+    bigus::ViewToPolyData(*result.view, output);
+  }
   std::vector<std::string> provenance = {"filter=vtkBigusTrainer"};
   // Other lines of the sweep stay behind, because nobody knows what they tell of a patient.
   for (std::size_t k = 0; k < images.size(); ++k)

@@ -152,6 +152,12 @@ public:
   /** Allow negative reflectivity, which darkens. Values: on, off. Default: on. */
   vtkBigusSwitchOptionMacro(SignedReflectivity);
   /**
+   * Let reflectivities change with the direction they are seen from, near recorded frames. Values: on, off. Default: auto,
+   * where recorded frames that a refit has not seen gain by it; off without Automatic, with a time limit, or when
+   * continuing.
+   */
+  vtkBigusSwitchOptionMacro(ViewDependence);
+  /**
    * Interpolated planes added in every gap between neighbouring training frames. Values: 0 to 8. Default: auto, so many
    * that planes lie about a pixel apart, 2 to 7.
    */

@@ -70,6 +70,10 @@ int vtkBigusTransformField::RequestData(vtkInformation*, vtkInformationVector** 
     const double* elements = homogeneous->GetMatrix()->GetData();
     const Eigen::Matrix4d matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(elements);
     bigus::FieldToPolyData(bigus::Transformed(bigus::FieldFromPolyData(input), matrix), output);
+    if (const auto view = bigus::ViewFromPolyData(input))
+    {
+      bigus::ViewToPolyData(bigus::Transformed(*view, matrix), output);
+    }
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
     bigus::SetProvenance(output, "transform", bigus::TransformText(bigus::GetProvenance(input, "transform"), matrix));
     return 1;

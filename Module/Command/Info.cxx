@@ -136,6 +136,7 @@ ExitCode ShowField(Console& console, const std::string& path)
 {
   const vtkSmartPointer<vtkPolyData> data = ReadFieldData(path, console);
   const GaussianField field = FieldFromPolyData(data);
+  const std::optional<ViewDependence> view = ViewFromPolyData(data);
   const std::size_t n = field.Size();
   std::array<double, 6> bounds = {};
   if (n > 0)
@@ -150,6 +151,7 @@ ExitCode ShowField(Console& console, const std::string& path)
                        {"gamma", field.transfer.gamma},
                        {"elevation_sigma", field.beam.elevationSigma},
                        {"standard_error_bytes", StandardErrorOf(data).size()},
+                       {"view_poses", view ? Json(view->views.poses.size()) : Json()},
                        {"provenance", ProvenanceJson(data)}};
 
   console.Print(Line("Field", path));
@@ -163,6 +165,10 @@ ExitCode ShowField(Console& console, const std::string& path)
   console.Print(Line("Gamma", "{gamma:4}"), answer);
   console.Print(Line("Beam thickness", "{elevation_sigma:3} mm (standard deviation)"), answer);
   console.Print(Line("Standard error", StandardErrorOf(data).empty() ? "not kept" : "kept"));
+  if (view)
+  {
+    console.Print(Line("Directions", "echoes depend on the direction, near {view_poses} recorded frames"), answer);
+  }
   std::string name = "Made by";
   for (const auto& [key, value] : answer["provenance"].items())
   {

@@ -90,7 +90,7 @@ bool IsCorrected(const TrainedField& trained, const std::vector<int>& frames)
 
 Json ScoreAt(const TrainedField& trained, const Sweep& poses, const std::vector<int>& frames)
 {
-  return ToJson(ScoreField(trained.field, poses, frames, trained.engine));
+  return ToJson(ScoreField(trained.field, poses, frames, trained.engine, trained.view));
 }
 
 /// The score of each of several sequences, at the poses that were trained at and as tracked.
@@ -139,7 +139,8 @@ void ScoreAligned(const TrainedField& trained, Json& answer, Console& console)
 {
   const std::string count = std::to_string(trained.heldOut.size());
   console.Note("Aligning " + count + " held-out frames.");
-  const AlignedScores aligned = ScoreFieldAligned(trained.field, trained.corrected, trained.heldOut, trained.engine);
+  const AlignedScores aligned =
+      ScoreFieldAligned(trained.field, trained.corrected, trained.heldOut, trained.engine, trained.view);
   Json scores = ToJson(aligned.scores);
   scores.update({{"mean_translation", aligned.meanTranslation},
                  {"largest_translation", aligned.largestTranslation},

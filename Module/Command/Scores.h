@@ -11,6 +11,7 @@
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/StandardError/StandardError.h"
+#include "Core/Model/ViewDependence.h"
 
 namespace bigus::command
 {
@@ -26,8 +27,9 @@ void PrintTexture(const Json& texture, Console& console);
 struct TrainedField
 {
   const GaussianField& field;
-  const Sweep& tracked;    ///< at the poses that were read
-  const Sweep& corrected;  ///< at those that the field was trained at
+  const ViewDependence* view;  ///< null: the field has none
+  const Sweep& tracked;        ///< at the poses that were read
+  const Sweep& corrected;      ///< at those that the field was trained at
   const std::vector<int>& training;
   const std::vector<int>& trained;  ///< training without the frames that decided when to stop
   const std::vector<int>& heldOut;

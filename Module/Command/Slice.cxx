@@ -181,7 +181,7 @@ std::vector<float> Intensities(vtkImageData* slice)
 /// Renders the planes, black where `probe` is a sweep that lights nothing. `guessed` gets the numbers of those that are
 /// mostly guessed, where `kept` tells. Returns seconds.
 double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe, const Images& images,
-              const StandardError* kept, Json& guessed, Console& console)
+              const StandardError* kept, Json& guessed, Json& nearness, Console& console)
 {
   const int count = static_cast<int>(planes.planes.size());
   vtkNew<vtkMatrix4x4> axes;
@@ -194,6 +194,10 @@ double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe
     const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = planes.planes[k].ImageToReference();
     axes->DeepCopy(pose.data());
     Update(reslice, console, "Slicing", {k, count});
+    if (reslice->GetViewNearness() >= 0)
+    {
+      nearness.push_back(reslice->GetViewNearness());
+    }
     if (kept && kept->IsMostlyGuessed(planes.planes[k], Intensities(reslice->GetOutput()).data()))
     {
       guessed.push_back(planes.numbers[k]);
@@ -286,8 +290,8 @@ ExitCode Slice(Console& console, SliceOptions& options)
   images.standardError = options.standardError.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
   reslice->SetGenerateStandardErrorOutput(images.standardError != nullptr);
   const auto kept = bytes.empty() || options.render.IsScattering() ? nullptr : std::make_unique<StandardError>(bytes);
-  Json guessed = Json::array();
-  const double seconds = Render(reslice, planes, probe, images, kept.get(), guessed, console);
+  Json guessed = Json::array(), nearness = Json::array();
+  const double seconds = Render(reslice, planes, probe, images, kept.get(), guessed, nearness, console);
   const std::vector<std::string> files = WriteImages(images, planes, options, console);
   const std::string trainedPoses = TrainedPoses(field);
   const bool meets = NoteMisses(field, GridsOf(planes.planes), options.planes.world, console);
@@ -300,6 +304,7 @@ ExitCode Slice(Console& console, SliceOptions& options)
                        {"elevation_sigma", options.elevationSigma >= 0 ? options.elevationSigma : TrainedSigma(field)},
                        {"trained_poses", trainedPoses.empty() ? Json() : Json(trainedPoses)},
                        {"mostly_guessed", kept ? guessed : Json()},
+                       {"view_nearness", nearness.empty() ? Json() : nearness},
                        {"seconds", seconds},
                        {"device", reslice->GetDevice()}};
   console.Print(
@@ -309,6 +314,12 @@ ExitCode Slice(Console& console, SliceOptions& options)
   if (!guessed.empty())
   {
     console.Print(Guessed(guessed, count));
+  }
+  if (!nearness.empty())
+  {
+    const auto seen = std::count_if(nearness.begin(), nearness.end(), [](double value) { return value > 0; });
+    console.Print("  " + std::to_string(seen) + " of " + std::to_string(count) +
+                  " near recorded directions: there echoes depend on the direction; elsewhere each is as usual");
   }
   console.Report(answer);
   return Success;

@@ -11,6 +11,7 @@
 #include <future>
 #include <map>
 #include <memory>
+#include <optional>
 #include <tuple>
 
 #include "Command.h"
@@ -26,6 +27,7 @@
 #include "Data/SweepData.h"
 #include "Files.h"
 #include "IO/CheckpointFile.h"
+#include "IO/FieldFile.h"
 #include "IO/FileError.h"
 #include "IO/Text.h"
 #include "Inputs.h"
@@ -533,22 +535,17 @@ void ScoreIfPossible(const std::string& what, Console& console, const Function& 
 }
 
 /// Scores what was trained, unless it was interrupted: then nobody waits for scores.
-void Score(vtkBigusTrainer* trainer, const TrainOptions& options, const GaussianField& field, const Frames& frames,
-           Json& answer, Console& console)
+void Score(vtkBigusTrainer* trainer, const TrainOptions& options, const GaussianField& field,
+           const std::optional<ViewDependence>& view, const Frames& frames, Json& answer, Console& console)
 {
   // Held-out frames have no say in what the probe lights, either.
   const Sweep tracked = frames.imported.sweep->LitBy(frames.training);
   Sweep corrected = tracked;
   corrected.imageToReference = CorrectedPoses(trainer, frames.imported.frames);
   const std::vector<int> trained = SweepFrames(trainer->GetTrainingFrames(), frames.imported.frames);
-  const TrainedField scored{field,
-                            tracked,
-                            corrected,
-                            frames.training,
-                            trained,
-                            frames.heldOut,
-                            options.trainer.engine,
-                            !options.withoutBaselines,
+  const TrainedField scored{field,          view ? &*view : nullptr, tracked,
+                            corrected,      frames.training,         trained,
+                            frames.heldOut, options.trainer.engine,  !options.withoutBaselines,
                             options.align};
   if (!frames.heldOut.empty())
   {
@@ -617,16 +614,21 @@ ExitCode Train(Console& console, const TrainOptions& options)
   WriteTrainedPoses(trainer, frames.images, posesFiles, console);
 
   GaussianField field = FieldFromPolyData(output);
-  if (!options.exact)
+  std::optional<ViewDependence> view = KeepsViews(options.output) ? ViewFromPolyData(output) : std::nullopt;
+  if (!options.exact)  // what is scored is what was written
   {
-    RoundField(field);  // what is scored is what was written
+    RoundField(field);
+    if (view)
+    {
+      RoundView(*view);
+    }
   }
   Json answer = Summary(trainer, options, field, frames);
   PrintSummary(answer, options.output, console);
   const bool isInterrupted = answer["interrupted"];
   if (!isInterrupted)
   {
-    ScoreUntilInterrupted([&](Json& scored) { Score(trainer, options, field, frames, scored, console); }, answer,
+    ScoreUntilInterrupted([&](Json& scored) { Score(trainer, options, field, view, frames, scored, console); }, answer,
                           console);
   }
   else

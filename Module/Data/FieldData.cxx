@@ -170,6 +170,74 @@ GaussianField FieldFromPolyData(vtkPolyData* polyData)
   return field;
 }
 
+std::optional<ViewDependence> ViewFromPolyData(vtkPolyData* polyData)
+{
+  const std::string owner = "Gaussian field";
+  if (!polyData || !polyData->GetPointData()->GetArray("ViewTerm"))
+  {
+    return std::nullopt;
+  }
+  const vtkIdType n = polyData->GetNumberOfPoints();
+  vtkFieldData* const data = polyData->GetFieldData();
+  RequireViewVersion(owner, FindArray(data, owner, "ViewVersion", 1, 1, true)->GetTuple1(0));
+  vtkDataArray* const terms = FindArray(polyData->GetPointData(), owner, "ViewTerm", 3, n, true);
+  const vtkIdType count = data->GetArray("ViewPoses") ? data->GetArray("ViewPoses")->GetNumberOfTuples() : 1;
+  vtkDataArray* const poses = FindArray(data, owner, "ViewPoses", 16, count, true);
+  using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  using Pose = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+  ViewDependence view;
+  Rotation mean;
+  FindArray(data, owner, "ViewMean", 9, 1, true)->GetTuple(0, mean.data());
+  view.views.mean = mean;
+  double steps[3];
+  FindArray(data, owner, "ViewSteps", 3, 1, true)->GetTuple(0, steps);
+  view.views.unit = steps[0];
+  view.views.angleStep = steps[1];
+  view.views.elevationStep = steps[2];
+  for (vtkIdType k = 0; k < count; ++k)
+  {
+    Pose pose;
+    poses->GetTuple(k, pose.data());
+    view.views.poses.emplace_back(pose);
+  }
+  view.terms.resize(static_cast<std::size_t>(n));
+  for (vtkIdType i = 0; i < n; ++i)
+  {
+    terms->GetTuple(i, view.terms[i].data());
+  }
+  view.Validate(view.terms.size());
+  return view;
+}
+
+void ViewToPolyData(const ViewDependence& view, vtkPolyData* polyData)
+{
+  const RecordedViews& views = view.views;
+  const auto terms = NewArray<vtkDoubleArray>("ViewTerm", 3, static_cast<vtkIdType>(view.terms.size()));
+  for (std::size_t i = 0; i < view.terms.size(); ++i)
+  {
+    terms->SetTypedTuple(static_cast<vtkIdType>(i), view.terms[i].data());
+  }
+  polyData->GetPointData()->AddArray(terms);
+  const auto version = NewArray<vtkIntArray>("ViewVersion", 1, 1);
+  version->SetValue(0, kViewVersion);
+  const auto mean = NewArray<vtkDoubleArray>("ViewMean", 9, 1);
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = views.mean;
+  mean->SetTypedTuple(0, rows.data());
+  const auto steps = NewArray<vtkDoubleArray>("ViewSteps", 3, 1);
+  const double values[3] = {views.unit, views.angleStep, views.elevationStep};
+  steps->SetTypedTuple(0, values);
+  const auto poses = NewArray<vtkDoubleArray>("ViewPoses", 16, static_cast<vtkIdType>(views.poses.size()));
+  for (std::size_t k = 0; k < views.poses.size(); ++k)
+  {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose = views.poses[k];
+    poses->SetTypedTuple(static_cast<vtkIdType>(k), pose.data());
+  }
+  polyData->GetFieldData()->AddArray(version);
+  polyData->GetFieldData()->AddArray(mean);
+  polyData->GetFieldData()->AddArray(steps);
+  polyData->GetFieldData()->AddArray(poses);
+}
+
 void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData)
 {
   const vtkIdType n = static_cast<vtkIdType>(field.Size());
@@ -201,6 +269,7 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
     ValidateGaussian(static_cast<std::size_t>(i), mean, scale, rotation, arrays.reflectivities->GetTuple1(i));
   }
   const std::vector<std::string> provenance = ProvenanceOf(from);
+  const std::optional<ViewDependence> view = ViewFromPolyData(from);
   if (arrays.size == 0)
   {
     FieldToPolyData(arrays.none, to);
@@ -212,6 +281,10 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
     const auto rotations = AsDoubles(arrays.rotations, "Rotation");
     const auto reflectivities = AsDoubles(arrays.reflectivities, "Reflectivity");
     Assemble(to, points, scales, rotations, reflectivities, arrays.none.beam, arrays.none.transfer);
+  }
+  if (view)
+  {
+    ViewToPolyData(*view, to);
   }
   ReplaceProvenance(to, provenance);
 }

@@ -3,12 +3,16 @@
 // Gaussian fields between VTK and Core: the one place that knows which arrays a field is made of. They are points in mm
 // with point data `Scale` [3] mm, `Rotation` [4] w, x, y, z, `Reflectivity` [1] and field data `Gamma` [1],
 // `ElevationSigma` [1] mm. There may be `ProbeElevationSigma` [1] mm and `TrainedNormals` [3] unit vectors (Beam.h),
-// `FormatVersion` [1], which must be 1, and `Provenance` (Provenance.h).
+// `FormatVersion` [1], which must be 1, and `Provenance` (Provenance.h). A field whose echoes depend on the direction has
+// the arrays of ViewFromPolyData besides.
 // On input any numeric type will do, cells are not looked at, and without points all arrays are optional.
 #pragma once
 
+#include <optional>
+
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
+#include "Core/Model/ViewDependence.h"
 #include "vtkBigusDataModule.h"
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
@@ -31,8 +35,16 @@ VTKBIGUSDATA_EXPORT GaussianField FieldFromPolyData(vtkPolyData* polyData);
 /// scalars. Replaces everything in `polyData`.
 VTKBIGUSDATA_EXPORT void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData);
 
+/// What the field knows of directions: point data `ViewTerm` [3], and field data `ViewVersion` [1], which must be 1,
+/// `ViewMean` [9] (a rotation, row by row), `ViewSteps` [3] (radian, degrees, mm) and `ViewPoses` [16] (row by row): see
+/// ViewDependence.h. Null where there is no `ViewTerm`. Throws Error as FieldFromPolyData does.
+VTKBIGUSDATA_EXPORT std::optional<ViewDependence> ViewFromPolyData(vtkPolyData* polyData);
+
+/// Adds that to a field of FieldToPolyData.
+VTKBIGUSDATA_EXPORT void ViewToPolyData(const ViewDependence& view, vtkPolyData* polyData);
+
 /// Checks the field in `from` as FieldFromPolyData does and makes `to` that field as FieldToPolyData does, with its
-/// provenance and without other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
+/// provenance, what it knows of directions and no other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
 VTKBIGUSDATA_EXPORT void ShareField(vtkPolyData* from, vtkPolyData* to);
 
 /// The field data array of a part of a field that says which chunks it has: total, first, sizes.

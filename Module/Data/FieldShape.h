@@ -15,6 +15,9 @@ namespace bigus
 /// The one version of the format of fields that there is.
 inline constexpr int kFieldFormatVersion = 1;
 
+/// The one version of what fields know of directions.
+inline constexpr int kViewVersion = 1;
+
 /// Directions in which space can be seen, five degrees apart, are some thousand; more would only take time.
 inline constexpr std::int64_t kMostTrainedNormals = 10000;
 
@@ -46,6 +49,18 @@ inline void RequireFieldFormatVersion(const std::string& owner, double version)
     number << version;
     throw Error(owner + ": FormatVersion is " + number.str() + ", a version that this program cannot read (it reads " +
                 std::to_string(kFieldFormatVersion) + "); a newer BIGUS is needed.");
+  }
+}
+
+/// Throws Error unless this program reads what a field of that version knows of directions.
+inline void RequireViewVersion(const std::string& owner, double version)
+{
+  if (version != kViewVersion)
+  {
+    std::ostringstream number;
+    number << version;
+    throw Error(owner + ": ViewVersion is " + number.str() + ", a version that this program cannot read (it reads " +
+                std::to_string(kViewVersion) + "); a newer BIGUS is needed, or a field without the array ViewTerm.");
   }
 }
 

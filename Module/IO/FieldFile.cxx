@@ -75,6 +75,10 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
     if (stored)
     {
       stored->field.Validate();
+      if (stored->view)
+      {
+        stored->view->Validate(stored->field.Size());
+      }
       if (isPly && wanted)
       {
         stored->field = PartOf(stored->field, chunks);
@@ -138,6 +142,11 @@ void WriteFieldTogether(const StoredField& part, const std::string& fileName, Ex
   }
   RequireChunks(processes.Size(), processes.Rank(), processes.Size());
   WritePvtpTogether(part, fileName, processes);
+}
+
+bool KeepsViews(const std::string& fileName)
+{
+  return EndsIn(fileName, ".vtp");
 }
 
 std::vector<std::string> FilesOfField(const std::string& fileName, int pieces)

@@ -10,6 +10,7 @@
 
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
+#include "Core/Model/ViewDependence.h"
 
 namespace bigus
 {
@@ -24,6 +25,8 @@ struct StoredField
   std::optional<FieldChunks> chunks;    ///< that it has, where it is a part of a field
   /// What its standard error rests on (Core/StandardError), as bytes; only .vtp files have it.
   std::string standardError = {};
+  /// What it knows of directions; of a whole .vtp alone. Other files, and parts, have none.
+  std::optional<ViewDependence> view = std::nullopt;
 };
 
 /// One of several parts of a field. A .pvtp is dealt file by file, each a chunk; other files are split into `chunks`.
@@ -59,6 +62,9 @@ void WriteField(const StoredField& stored, const std::string& fileName, int piec
 /// inside Exchange::Together, so what fails in one fails in all; then files of before are as they were. Throws FileError,
 /// and Error for parts that are not of one field.
 void WriteFieldTogether(const StoredField& part, const std::string& fileName, Exchange& processes);
+
+/// Whether a file of this name keeps what a field knows of directions.
+bool KeepsViews(const std::string& fileName);
 
 /// All files that WriteField writes under this name.
 std::vector<std::string> FilesOfField(const std::string& fileName, int pieces);

@@ -125,6 +125,10 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     if (const auto stored = bigus::ReadField(fileName, piece, foreign))
     {
       bigus::FieldToPolyData(stored->field, output);
+      if (stored->view)
+      {
+        bigus::ViewToPolyData(*stored->view, output);
+      }
       bigus::ReplaceProvenance(output, stored->provenance);
       bigus::ReplaceStandardError(output, stored->standardError);
       if (stored->chunks)

@@ -15,6 +15,7 @@
 #include "vtkInformation.h"
 #include "vtkMultiProcessController.h"
 #include "vtkObjectFactory.h"
+#include "vtkPointData.h"
 #include "vtkPolyData.h"
 
 vtkStandardNewMacro(vtkBigusFieldWriter);
@@ -95,9 +96,21 @@ void vtkBigusFieldWriter::WriteFile()
         vtkPolyData* const input = this->GetInput();
         bigus::StoredField stored = {
             bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}, bigus::StandardErrorOf(input)};
+        if (processes.IsAlone() && bigus::KeepsViews(fileName))
+        {
+          stored.view = bigus::ViewFromPolyData(input);
+        }
+        else if (input->GetPointData()->GetArray("ViewTerm"))
+        {
+          vtkWarningMacro(<< fileName << ": what the field knows of directions is left out; .vtp keeps it.");
+        }
         if (this->Rounding)
         {
           bigus::RoundField(stored.field);
+          if (stored.view)
+          {
+            bigus::RoundView(*stored.view);
+          }
         }
         if (processes.IsAlone())
         {

@@ -1323,6 +1323,31 @@ class Poses(CommandTest):
         self.assertIn("--write-poses", notes[sweep])
         self.assertEqual(notes[table] + notes[sequence], "")
 
+    def test_fields_know_of_directions_near_recorded_frames(self):
+        sweep, field, plain = (self.folder / name for name in ("s.igs.mha", "f.vtp", "plain.vtp"))
+        self.expect(SUCCESS, "phantom", "-o", sweep, *PHANTOM, "--frames", 18, "--tilt", 8, "--passes", 2)
+        training = ["train", sweep, *TINY, "--no-baselines", "-o"]
+        answer = self.expect(SUCCESS, *training, field, "--view-dependence", "on")
+        self.assertEqual(answer["decisions"][-1]["decision"], "view dependence")
+        self.assertEqual((answer["decisions"][-1]["choice"], answer["settled"]["view_dependence"]), ("on", True))
+        self.assertEqual(self.expect(SUCCESS, *training, plain)["settled"]["view_dependence"], False)
+        self.assertEqual(self.expect(SUCCESS, "info", field)["view_poses"], 18)
+        self.assertIsNone(self.expect(SUCCESS, "info", plain)["view_poses"])
+        out, again = self.folder / "o.mha", self.folder / "again.mha"
+        at_frames = ["--poses", sweep, "-o"]
+        self.assertEqual(self.expect(SUCCESS, "slice", field, *at_frames, out)["view_nearness"], [1] * 18)
+        self.assertIsNone(self.expect(SUCCESS, "slice", plain, *at_frames, out)["view_nearness"])
+        across = ["--poses", self.poses_csv([0, 0, 0.6, 0, 0, 0.6, 0, 0, 0.6, 0, 0, 0, 0, 0, 0, 1]), "--size", 30, 30, "-o"]
+        self.assertEqual(self.expect(SUCCESS, "slice", field, *across, out)["view_nearness"], [0])
+        # Copied, it is the same; in a format that cannot keep it, planes across are the same.
+        copy, ply = self.folder / "copy.vtp", self.folder / "f.ply"
+        self.expect(SUCCESS, "convert", field, "-o", copy)
+        self.expect(SUCCESS, "convert", field, "-o", ply, notes="directions is left out")
+        self.expect(SUCCESS, "slice", field, *at_frames, out)
+        self.expect(SUCCESS, "slice", copy, *at_frames, again)
+        self.assertEqual(read_sequence(out)[1], read_sequence(again)[1])
+        self.assertIsNone(self.expect(SUCCESS, "slice", ply, *across, again)["view_nearness"])
+
     def test_several_sequences_train_one_field(self):
         first, second = self.noisy(), self.folder / "patient-doe.igs.mha"
         self.expect(SUCCESS, "phantom", "-o", second, *self.WORLD, *self.NOISE, "--sweep-angle", 90)

@@ -78,6 +78,43 @@ TEST(TransformField, ASliceThatMovesAlongShowsTheSame)
   }
 }
 
+TEST(TransformField, DirectionsTurnWithTheField)
+{
+  const auto input = FieldWithBeam();
+  Random random(4);
+  Eigen::Matrix4d plane = RigidMatrix(RandomRotation(random), {1, -2, 0.5});  // Slice's
+  ViewDependence view;
+  view.views.unit = 0.2;
+  view.views.angleStep = 1;
+  view.views.elevationStep = 2;
+  view.views.mean = plane.topLeftCorner<3, 3>() * RotationMatrix({1, 0.1, -0.05, 0.02});
+  view.views.poses = {plane, plane};
+  view.views.poses[1].topLeftCorner<3, 3>() = view.views.mean;
+  for (vtkIdType i = 0; i < input->GetNumberOfPoints(); ++i)
+  {
+    view.terms.push_back(random.Vector(-0.3, 0.3));
+  }
+  const auto plain = vtkSmartPointer<vtkPolyData>::New();
+  plain->DeepCopy(input);
+  ViewToPolyData(view, input);
+  for (const double mirror : {1.0, -1.0})
+  {
+    vtkNew<vtkTransform> transform;
+    transform->Translate(3, -20, 7);
+    transform->RotateWXYZ(70, 1, -2, 0.4);
+    transform->Scale(2 * mirror, 2, 2);
+    vtkNew<vtkBigusTransformField> filter;
+    filter->SetInputData(input);
+    filter->SetTransform(transform);
+    filter->Update();
+    const auto before = Slice(input, nullptr, -1), after = Slice(filter->GetOutput(), transform, -1);
+    EXPECT_EQ(before->GetViewNearness(), 1);
+    EXPECT_LT(LargestDifference(before->GetOutput(), after->GetOutput()), 1e-6);
+    EXPECT_GT(LargestDifference(before->GetOutput(), Slice(plain, nullptr, -1)->GetOutput()), 0.02);
+    EXPECT_LT(Slice(plain, nullptr, -1)->GetViewNearness(), 0);
+  }
+}
+
 TEST(TransformField, MovingPointsAloneDoesNot)
 {
   const auto input = FieldWithBeam();

@@ -155,6 +155,112 @@ TEST(Field, TheProbesBeamIsKeptExactlyByEveryFormat)
   }
 }
 
+/// A field that knows of directions, by three recorded frames.
+vtkSmartPointer<vtkPolyData> DirectedField(int count)
+{
+  auto field = vtkSmartPointer<vtkPolyData>::New();
+  ShareField(RandomField(count), field);
+  ViewDependence view;
+  view.views.unit = 1.0 / 7;
+  view.views.angleStep = 0.3;
+  view.views.elevationStep = 1.0 / 3;
+  for (int k = 0; k < 3; ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose.topLeftCorner<3, 3>() = RotationMatrix({1, 0.1 * k, -0.3, 0.2});
+    pose.topRightCorner<3, 1>() << 0.1 * k, 1.0 / 3, -k;
+    view.views.poses.push_back(pose);
+  }
+  view.views.mean = view.views.poses[1].topLeftCorner<3, 3>();
+  for (int i = 0; i < count; ++i)
+  {
+    view.terms.emplace_back(0.1 * i, -1.0 / (i + 3), 0);
+  }
+  ViewToPolyData(view, field);
+  return field;
+}
+
+void ExpectSameViews(vtkPolyData* a, vtkPolyData* b)
+{
+  const auto first = ViewFromPolyData(a), second = ViewFromPolyData(b);
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(first->terms, second->terms);
+  EXPECT_EQ(first->views.mean, second->views.mean);
+  EXPECT_EQ(first->views.unit, second->views.unit);
+  EXPECT_EQ(first->views.angleStep, second->views.angleStep);
+  EXPECT_EQ(first->views.elevationStep, second->views.elevationStep);
+  EXPECT_EQ(first->views.poses, second->views.poses);
+}
+
+TEST(Field, WhatIsKnownOfDirectionsIsKeptByVtpExactlyAndSaidToBeLeftOutElsewhere)
+{
+  TemporaryFolder folder;
+  const auto field = DirectedField(50);
+  Write(field, folder / "field.vtp");
+  vtkNew<vtkXMLPolyDataWriter> foreign;
+  foreign->SetInputData(field);
+  foreign->SetFileName((folder / "foreign.vtp").c_str());
+  foreign->SetDataModeToAscii();
+  foreign->Write();
+  for (const char* name : {"field.vtp", "foreign.vtp"})
+  {
+    vtkNew<vtkBigusFieldReader> reader;
+    ExpectSameViews(field, Read(reader, folder / name));
+  }
+  for (const char* name : {"field.ply", "field.pvtp"})
+  {
+    vtkNew<vtkBigusFieldWriter> writer;
+    ErrorObserver said(writer);
+    writer->SetFileName((folder / name).c_str());
+    writer->SetInputData(field);
+    EXPECT_EQ(writer->Write(), 1);
+    EXPECT_NE(said.Text().find("directions is left out"), std::string::npos) << said.Text();
+    vtkNew<vtkBigusFieldReader> reader;
+    EXPECT_FALSE(ViewFromPolyData(Read(reader, folder / name))) << name;
+  }
+}
+
+TEST(Field, RefusesUnsoundDirections)
+{
+  TemporaryFolder folder;
+  const std::string path = folder / "field.vtp";
+  using Spoil = std::function<void(vtkPolyData*)>;
+  const std::vector<std::pair<Spoil, std::string>> cases = {
+      {[](vtkPolyData* f) { f->GetFieldData()->RemoveArray("ViewPoses"); }, "ViewPoses"},
+      {[](vtkPolyData* f) { f->GetFieldData()->RemoveArray("ViewVersion"); }, "ViewVersion"},
+      {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewVersion")->SetComponent(0, 0, 2); }, "newer BIGUS"},
+      {[](vtkPolyData* f) {
+         AddDoubles(f->GetFieldData(), "ViewMean", 3, {1, 0, 0, 0, 1, 0, 0, 0, 1});
+       },
+       "ViewMean"},
+      {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewMean")->SetComponent(0, 4, 3); }, "mean orientation"},
+      {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewSteps")->SetComponent(0, 0, 0); }, "unit"},
+      {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewPoses")->SetComponent(2, 15, 2); }, "recorded pose 2"},
+      {[](vtkPolyData* f) { f->GetPointData()->GetArray("ViewTerm")->SetComponent(7, 1, HUGE_VAL); }, "Gaussian 7"},
+  };
+  for (const auto& [spoil, word] : cases)
+  {
+    const auto field = DirectedField(20);
+    spoil(field);
+    vtkNew<vtkXMLPolyDataWriter> writer;
+    writer->SetInputData(field);
+    writer->SetFileName(path.c_str());
+    writer->SetHeaderTypeToUInt64();
+    writer->SetEncodeAppendedData(0);
+    for (const bool isOurs : {true, false})
+    {
+      isOurs ? writer->SetDataModeToAppended() : writer->SetDataModeToAscii();
+      writer->Write();
+      vtkNew<vtkBigusFieldReader> reader;
+      ErrorObserver errors(reader);
+      reader->SetFileName(path.c_str());
+      reader->Update();
+      EXPECT_NE(errors.Text().find(word), std::string::npos) << word << ": " << errors.Text();
+      EXPECT_EQ(reader->GetOutput()->GetNumberOfPoints(), 0);
+    }
+  }
+}
+
 TEST(Field, VtpRoundTripIsExact)
 {
   TemporaryFolder folder;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
 #include "Core/Evaluation/Deviation.h"
@@ -50,24 +51,28 @@ FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
 }
 
 FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
-                       const std::string& engineName)
+                       const std::string& engineName, const ViewDependence* view)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
-  engine->SetField(field);
+  SeenField seen(*engine, field, view);
   return ScoreFrames(sweep, frames,
                      [&](int frame, float* image)
-                     { engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image); });
+                     {
+                       seen.LookFrom(sweep.Plane(frame));
+                       engine->Render(sweep.Plane(frame), ViewOutput::Intensity, image);
+                     });
 }
 
 AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
-                                const std::string& engineName)
+                                const std::string& engineName, const ViewDependence* view)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
-  engine->SetField(field);
+  SeenField seen(*engine, field, view);
   AlignedScores out;
   out.scores = ScoreFrames(sweep, frames,
                            [&](int frame, float* image)
                            {
+                             seen.LookFrom(sweep.Plane(frame));
                              const RigidAlignment found = AlignFrame(*engine, sweep, frame);
                              const double share = 1 / static_cast<double>(frames.size());
                              out.meanTranslation += share * found.translation;

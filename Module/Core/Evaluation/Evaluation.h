@@ -11,6 +11,7 @@
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Model/ViewDependence.h"
 #include "Core/Poses/Alignment.h"
 
 namespace bigus
@@ -33,9 +34,9 @@ struct FrameScores
 FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
                         const std::function<void(int, float*)>& predict);
 
-/// Scores the field rendered at the frames' tracked poses.
+/// Scores the field rendered at the frames' poses in the sweep, with its view dependence unless that is null.
 FrameScores ScoreField(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
-                       const std::string& engine = "auto");
+                       const std::string& engine = "auto", const ViewDependence* view = nullptr);
 
 /// A diagnostic, not a prediction: the frame itself chose the pose it is scored at. What it gains over ScoreField is
 /// the share of the error that tracking (or tissue that moved as a whole) explains; what remains is the model's.
@@ -46,9 +47,10 @@ struct AlignedScores
   double meanRotation = 0, largestRotation = 0;        ///< degrees
 };
 
-/// Scores the field at poses rigidly aligned to it, frame by frame (see Alignment.h).
+/// Scores the field at poses rigidly aligned to it, frame by frame (see Alignment.h), each with the reflectivities of the
+/// frame's own pose.
 AlignedScores ScoreFieldAligned(const GaussianField& field, const Sweep& sweep, const std::vector<int>& frames,
-                                const std::string& engine = "auto");
+                                const std::string& engine = "auto", const ViewDependence* view = nullptr);
 
 /// What the predictors of Baselines.h reach on the same frames. Nearest and compounding are given the held-out pose;
 /// neighbour average and pose interpolation the held-out frame's place in the sequence.

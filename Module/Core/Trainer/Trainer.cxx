@@ -10,9 +10,11 @@
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Deciding/Decisions.h"
 #include "Core/Engine/Exchange.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Numerics/OpenCv.h"
 #include "Core/Trainer/Budget.h"
 #include "Core/Trainer/Checkpointer.h"
@@ -20,6 +22,7 @@
 #include "Core/Training/Judging.h"
 #include "Core/Training/OptionList.h"
 #include "Core/Training/TrainingLoop.h"
+#include "Core/Training/ViewTraining.h"
 
 namespace bigus
 {
@@ -228,6 +231,7 @@ private:
   void Try();
   void Settle();
   void TrainToTheEnd();
+  void LearnDirections();
   void SetBeam(GaussianField& field) const;
 
   const TrainerOptions& options_;
@@ -444,9 +448,63 @@ void Training::SetBeam(GaussianField& field) const
   }
 }
 
+/// Where recorded frames say that echoes depend on the direction, or the caller does, the field is trained on with that. A
+/// resumed training does all of it again.
+void Training::LearnDirections()
+{
+  const bool isAsked = asked_.viewDependence ? *asked_.viewDependence : asked_.automatic && !start_;
+  result_.settled.viewDependence = false;
+  if (!isAsked || budget_.IsAborted() || fitted_.iterations == 0)
+  {
+    return;
+  }
+  if (budget_.IsLimited() || !exchange_.IsAlone())
+  {
+    if (asked_.viewDependence)
+    {
+      result_.decisions.push_back({"view dependence", "off", "not with a time limit, nor in several processes", 0});
+    }
+    return;
+  }
+  const double begun = budget_.Seconds();
+  const auto goOn = [this] { return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}}); };
+  const RecordedViews views = RecordedViews::Of(*sweep_, result_.trainingFrames);
+  const bool isThere = ViewEngine::Of(loop_->engine()) != nullptr;
+  const std::unique_ptr<Engine> other = isThere ? nullptr : Engine::Create("cpu");
+  Engine& engine = isThere ? loop_->engine() : *other;
+  std::string evidence = "given";
+  bool isWorth = asked_.viewDependence.has_value() && views.unit > 0;
+  if (!asked_.viewDependence)
+  {
+    const std::optional<ViewEvidence> found =
+        AskForViews(engine, sweep_, result_.trainingFrames, fitted_.field, views, plan_, goOn);
+    if (!found)
+    {
+      return;
+    }
+    isWorth = found->IsWorth();
+    evidence = "a refit with it gains " + FormatNumber(found->gain, 2) + " (" + FormatNumber(found->error, 2) +
+               ") on frames that it has not seen";
+  }
+  if (isWorth)
+  {
+    const Targets& targets = loop_->targets();
+    const ViewTargets of = {WithCountedPixels(targets.Images(), plan_.ignoreMasked), targets.Frames(),
+                            targets.Limits()};
+    if (std::optional<ViewedField> viewed = TrainViews(engine, of, plan_, fitted_.field, views, goOn))
+    {
+      fitted_.field = std::move(viewed->field);
+      result_.view = std::move(viewed->view);
+    }
+  }
+  result_.settled.viewDependence = result_.view.has_value();
+  result_.decisions.push_back({"view dependence", result_.view ? "on" : "off", evidence, budget_.Seconds() - begun});
+}
+
 TrainingResult Training::Finish()
 {
   TrainToTheEnd();
+  LearnDirections();
   result_.field = std::move(fitted_.field);
   SetBeam(result_.field);
   result_.log = std::move(fitted_.log);

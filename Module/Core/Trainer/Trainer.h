@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "Core/Inspection/Inspection.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Model/ViewDependence.h"
 #include "Core/Training/TrainerOptions.h"
 #include "Core/Training/TrainingProgress.h"
 
@@ -23,6 +25,7 @@ namespace bigus
 struct TrainingResult
 {
   GaussianField field;
+  std::optional<ViewDependence> view;  ///< of the field, where directions were found to matter
   std::vector<TrainingRecord> log;
   std::vector<Decision> decisions;
   /// The poses, of all frames of the sweep, that the field was trained at; as recorded where nothing was corrected, and for

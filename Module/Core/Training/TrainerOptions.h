@@ -66,7 +66,9 @@ struct TrainerOptions : TrainingSettings
   double price = 0.3;                         ///< dB at a plane at random that twice the Gaussians must gain, 0 to 100
   std::optional<double> elevationSigma;       ///< mm, 0 to 1000: Beam::elevationSigma
   std::optional<double> probeElevationSigma;  ///< mm, 0 to 1000: Beam::probeElevationSigma; measured where it can be
-  std::optional<int> virtualPlanes;           ///< planes added in every gap, 0 to 8; decided
+  /// Echoes that change with the direction they are seen from (Model/ViewDependence.md); decided by recorded frames
+  std::optional<bool> viewDependence;
+  std::optional<int> virtualPlanes;                 ///< planes added in every gap, 0 to 8; decided
   std::optional<FrameInterpolation> interpolation;  ///< what virtual planes show; decided. Its keepContrast is not read
   std::optional<int> iterations;                    ///< optimizer steps, 0 (seeding only) to 10^7; by geometry
 

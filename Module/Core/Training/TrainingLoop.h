@@ -95,6 +95,9 @@ public:
   /// From now on the state is kept.
   void SetKeeping(Keeping keeping) { keeping_ = std::move(keeping); }
 
+  /// What it trains on.
+  const Targets& targets() const { return targets_; }
+
   /// For what the caller renders afterwards.
   Engine& engine() { return *engine_; }
 

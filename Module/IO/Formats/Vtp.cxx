@@ -45,16 +45,15 @@ struct ArrayName
   const char* name;
   const char* ownType;
 };
-constexpr ArrayName kArrays[] = {{"PointData", "Scale", "Float64"},
-                                 {"PointData", "Rotation", "Float64"},
-                                 {"PointData", "Reflectivity", "Float64"},
-                                 {"FieldData", "Gamma", "Float64"},
-                                 {"FieldData", "ElevationSigma", "Float64"},
-                                 {"FieldData", "FormatVersion", "Int32"},
-                                 {"FieldData", "ProbeElevationSigma", "Float64"},
-                                 {"FieldData", "TrainedNormals", "Float64"},
-                                 {"FieldData", "Provenance", "String"},
-                                 {"FieldData", "StandardError", "UInt8"}};
+constexpr ArrayName kArrays[] = {
+    {"PointData", "Scale", "Float64"},          {"PointData", "Rotation", "Float64"},
+    {"PointData", "Reflectivity", "Float64"},   {"PointData", "ViewTerm", "Float64"},
+    {"FieldData", "ViewVersion", "Int32"},      {"FieldData", "ViewMean", "Float64"},
+    {"FieldData", "ViewSteps", "Float64"},      {"FieldData", "ViewPoses", "Float64"},
+    {"FieldData", "Gamma", "Float64"},          {"FieldData", "ElevationSigma", "Float64"},
+    {"FieldData", "FormatVersion", "Int32"},    {"FieldData", "ProbeElevationSigma", "Float64"},
+    {"FieldData", "TrainedNormals", "Float64"}, {"FieldData", "Provenance", "String"},
+    {"FieldData", "StandardError", "UInt8"}};
 
 bool IsOneOf(const std::string& text, std::initializer_list<const char*> known)
 {
@@ -150,13 +149,9 @@ public:
     Choose(chunks);
     GaussianField& field = stored.field;
     const bool required = points_ > 0;
-    if (const pugi::xml_node node = Node("FormatVersion"))
+    if (Node("FormatVersion"))
     {
-      const FoundArray version = Find(node, "FormatVersion", 1);
-      RequireArrayShape(kOwner, version.name, version.components, version.tuples, 1, 1);
-      std::int32_t number = 0;
-      Inflate(version, Whole(1), sizeof(number), &number);
-      RequireFieldFormatVersion(kOwner, number);
+      RequireFieldFormatVersion(kOwner, ReadVersion("FormatVersion"));
     }
     ReadScalar("Gamma", required, field.transfer.gamma);
     ReadScalar("ElevationSigma", required, field.beam.elevationSigma);
@@ -181,6 +176,10 @@ public:
       RequireArrayShape(kOwner, reflectivities.name, reflectivities.components, reflectivities.tuples, 1, points_);
       field.reflectivities.resize(Count(wanted_));
       ReadDoubles(reflectivities, wanted_, field.reflectivities.data());
+    }
+    if (!chunks && Node("ViewTerm"))
+    {
+      stored.view = ReadView();
     }
     if (const pugi::xml_node node = Node("Provenance"))
     {
@@ -418,6 +417,54 @@ private:
       throw MissingArray(kOwner, name, components, points_);
     }
     return Find(node, name, points_);
+  }
+
+  std::int32_t ReadVersion(const char* name)
+  {
+    const FoundArray version = FindRequired(name, 1);
+    RequireArrayShape(kOwner, version.name, version.components, version.tuples, 1, 1);
+    std::int32_t number = 0;
+    Inflate(version, Whole(1), sizeof(number), &number);
+    return number;
+  }
+
+  // An array of field data that must be there.
+  FoundArray FindRequired(const char* name, int components)
+  {
+    const pugi::xml_node node = Node(name);
+    if (!node)
+    {
+      throw MissingArray(kOwner, name, components, 1);
+    }
+    return Find(node, name, 1);
+  }
+
+  // As FindRequired, of so many tuples; negative: of any number.
+  std::vector<double> ReadNumbers(const char* name, int components, std::int64_t tuples)
+  {
+    const FoundArray found = FindRequired(name, components);
+    RequireArrayShape(kOwner, name, found.components, found.tuples, components, tuples < 0 ? found.tuples : tuples);
+    std::vector<double> numbers(static_cast<std::size_t>(found.tuples) * components);
+    ReadDoubles(found, Whole(found.tuples), numbers.data());
+    return numbers;
+  }
+
+  ViewDependence ReadView()
+  {
+    RequireViewVersion(kOwner, ReadVersion("ViewVersion"));
+    ViewDependence view;
+    ReadVectors(FindOfPoints("ViewTerm", 3), wanted_, view.terms);
+    const std::vector<double> mean = ReadNumbers("ViewMean", 9, 1), steps = ReadNumbers("ViewSteps", 3, 1);
+    view.views.mean = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mean.data());
+    view.views.unit = steps[0];
+    view.views.angleStep = steps[1];
+    view.views.elevationStep = steps[2];
+    const std::vector<double> poses = ReadNumbers("ViewPoses", 16, -1);
+    for (std::size_t k = 0; k < poses.size(); k += 16)
+    {
+      view.views.poses.emplace_back(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(&poses[k]));
+    }
+    return view;
   }
 
   void ReadScalar(const char* name, bool required, double& value)
@@ -709,6 +756,19 @@ const double* NumbersOf(const std::vector<Eigen::Matrix<double, Rows, 1>>& vecto
   return reinterpret_cast<const double*>(vectors.data());
 }
 
+void AddViews(const RecordedViews& views, VtpText& text)
+{
+  const std::int32_t version = kViewVersion;
+  text.AddArray("Int32", "ViewVersion", 1, &version, 1, 1);
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> mean = views.mean;
+  text.AddArray("Float64", "ViewMean", 9, mean.data(), 9, 1);
+  const double steps[3] = {views.unit, views.angleStep, views.elevationStep};
+  text.AddArray("Float64", "ViewSteps", 3, steps, 3, 1);
+  const std::vector<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> poses(views.poses.begin(), views.poses.end());
+  text.AddArray("Float64", "ViewPoses", 16, poses.empty() ? nullptr : poses[0].data(), 16 * poses.size(),
+                static_cast<std::int64_t>(poses.size()));
+}
+
 }  // namespace
 
 std::optional<StoredField> ReadVtp(const std::string& fileName, FieldChunks* chunks)
@@ -749,6 +809,10 @@ void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& sin
   }
   const std::int32_t version = kFieldFormatVersion;
   text.AddArray("Int32", "FormatVersion", 1, &version, 1, 1);
+  if (stored.view)
+  {
+    AddViews(stored.view->views, text);
+  }
   if (!stored.provenance.empty())
   {
     text.AddStrings("Provenance", stored.provenance);
@@ -765,6 +829,11 @@ void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& sin
   text.AddDoubles("Scale", 3, NumbersOf(field.scales), 3 * n, singles.scales);
   text.AddDoubles("Rotation", 4, NumbersOf(field.rotations), 4 * n, singles.rotations);
   text.AddDoubles("Reflectivity", 1, field.reflectivities.data(), n, singles.reflectivities);
+  if (stored.view)
+  {
+    const double* terms = NumbersOf(stored.view->terms);
+    text.AddDoubles("ViewTerm", 3, terms, 3 * n, FitFloats(terms, 3 * n));
+  }
   text.Line("</PointData>");
   text.Line("<CellData/>");
   text.Line("<Points>");

@@ -121,6 +121,13 @@ std::string Property(const OptionText& option, bool isAdvanced)
   switch (option.kind)
   {
     case OptionText::Kind::Switch:
+      if (option.mayBeOpen)
+      {
+        return "<IntVectorProperty " + attributes +
+               " default_values=\"-1\">\n  <EnumerationDomain name=\"enum\">\n    <Entry text=\"auto\" value=\"-1\"/>\n"
+               "    <Entry text=\"on\" value=\"1\"/>\n    <Entry text=\"off\" value=\"0\"/>\n  </EnumerationDomain>\n" +
+               meaning + "</IntVectorProperty>\n";
+      }
       return "<IntVectorProperty " + attributes + " default_values=\"" + (option.value == "on" ? "1" : "0") +
              "\">\n  <BooleanDomain name=\"bool\"/>\n" + meaning + "</IntVectorProperty>\n";
     case OptionText::Kind::Number:
