@@ -32,7 +32,7 @@ constexpr std::size_t kJudgedOfFew = 3, kJudgedOfMany = 5;  // every so many
 constexpr std::size_t kTogether = 8;                        // frames walked over at once
 constexpr int kConjugateGradients = 8;
 /// In units of what the mean Gaussian's own pixels weigh, so that nothing is refitted by what few pixels say.
-constexpr double kRidge = 3;
+constexpr double kRidge = 1;
 /// Radian: below it directions are the tracker's last digits.
 constexpr double kLeastUnit = 1e-3;
 /// Pixels of weights kept, of all frames; larger sweeps are judged at half the size.
@@ -238,6 +238,35 @@ std::optional<Numbers> Solve(const Refit& refit, const std::vector<int>& frames,
   return x;
 }
 
+/// dB that r and q, refitted to frames, gain over r alone on each of other frames. Null when `goOn` says stop.
+std::optional<Numbers> Gains(Refit& refit, const std::vector<int>& fitted, const std::vector<int>& judged,
+                             std::uint64_t seed, std::size_t gaussians, const std::function<bool()>& goOn)
+{
+  const Numbers both = refit.Residual(fitted);
+  const Numbers alone(both.begin(), both.begin() + static_cast<std::ptrdiff_t>(gaussians));
+  // The mean of the diagonal: z^T A z over the numbers of z, where each is 1 or -1 by chance.
+  RandomNumbers random(Mix(seed));
+  Numbers signs(gaussians);
+  for (double& sign : signs)
+  {
+    sign = random.Bits() >> 63 ? 1 : -1;
+  }
+  const double ridge = kRidge * Dot(signs, refit.Normal(fitted, signs)) / static_cast<double>(gaussians);
+  const std::optional<Numbers> without = Solve(refit, fitted, alone, ridge, goOn);
+  const std::optional<Numbers> with = without ? Solve(refit, fitted, both, ridge, goOn) : std::nullopt;
+  if (!with)
+  {
+    return std::nullopt;
+  }
+  Numbers gains = refit.Judge(judged, *with);
+  const Numbers before = refit.Judge(judged, *without);
+  for (std::size_t k = 0; k < gains.size(); ++k)
+  {
+    gains[k] -= before[k];
+  }
+  return gains;
+}
+
 // ---- how: training with q
 
 /// Steps: a quarter of the ordinary training's, between these; and never more than those.
@@ -438,37 +467,27 @@ std::optional<ViewEvidence> AskForViews(Engine& engine, const std::shared_ptr<co
   {
     return std::nullopt;
   }
-  const std::size_t every = frames.size() < kManyFrames ? kJudgedOfFew : kJudgedOfMany;
-  std::vector<int> fitted, judged;
-  for (std::size_t k = 0; k < frames.size(); ++k)
-  {
-    (k % every == every / 2 ? judged : fitted).push_back(frames[k]);
-  }
+  const bool isFew = frames.size() < kManyFrames;
+  const std::size_t every = isFew ? kJudgedOfFew : kJudgedOfMany;
   const bool isLarge =
       frames.size() * sweep->PixelsPerFrame() > kMostPixels && std::min(sweep->width, sweep->height) > 1;
   engine.SetAccuracy({plan.tolerance, true});
   Refit refit(engine, isLarge ? std::make_shared<const Sweep>(sweep->Reduced(2)) : sweep, field, views);
-  const Numbers both = refit.Residual(fitted);
-  const Numbers alone(both.begin(), both.begin() + static_cast<std::ptrdiff_t>(field.Size()));
-  // The mean of the diagonal: z^T A z over the numbers of z, where each is 1 or -1 by chance.
-  RandomNumbers random(Mix(plan.seed));
-  Numbers signs(field.Size());
-  for (double& sign : signs)
+  Numbers gains;
+  // A third of few frames is too few to judge by, so there each third is judged by the others.
+  for (std::size_t fold = 0; fold < (isFew ? every : 1); ++fold)
   {
-    sign = random.Bits() >> 63 ? 1 : -1;
-  }
-  const double ridge = kRidge * Dot(signs, refit.Normal(fitted, signs)) / static_cast<double>(signs.size());
-  const std::optional<Numbers> without = Solve(refit, fitted, alone, ridge, goOn);
-  const std::optional<Numbers> with = without ? Solve(refit, fitted, both, ridge, goOn) : std::nullopt;
-  if (!with)
-  {
-    return std::nullopt;
-  }
-  Numbers gains = refit.Judge(judged, *with);
-  const Numbers before = refit.Judge(judged, *without);
-  for (std::size_t k = 0; k < gains.size(); ++k)
-  {
-    gains[k] -= before[k];
+    std::vector<int> fitted, judged;
+    for (std::size_t k = 0; k < frames.size(); ++k)
+    {
+      (k % every == (every / 2 + fold) % every ? judged : fitted).push_back(frames[k]);
+    }
+    const std::optional<Numbers> some = Gains(refit, fitted, judged, plan.seed, field.Size(), goOn);
+    if (!some)
+    {
+      return std::nullopt;
+    }
+    gains.insert(gains.end(), some->begin(), some->end());
   }
   const double mean = Mean(gains);
   return ViewEvidence{mean, std::sqrt(MeanSquare(gains, mean) / static_cast<double>(gains.size() - 1))};
