@@ -28,9 +28,9 @@ struct ViewEvidence
   bool IsWorth() const { return gain > 0.02 && gain > 2 * error; }
 };
 
-/// Refits r, and r with q, to two thirds of the recorded frames (four fifths of 60 or more), the Gaussians' shapes as they
-/// are, and judges the others. Null where there are too few frames or one orientation, or `goOn` says stop. The engine has
-/// other frames and another field then. `engine` must be a ViewEngine.
+/// Refits r, and r with q, to a part of the recorded frames, the Gaussians' shapes as they are, and judges the others: every
+/// fifth of 60 frames or more, each third of fewer in turn. Null where there are too few frames or one orientation, or `goOn`
+/// says stop. The engine has other frames and another field then. `engine` must be a ViewEngine.
 std::optional<ViewEvidence> AskForViews(Engine& engine, const std::shared_ptr<const Sweep>& sweep,
                                         const std::vector<int>& frames, const GaussianField& field,
                                         const RecordedViews& views, const TrainingPlan& plan,
