@@ -10,8 +10,8 @@
 #include "Core/Metrics/Texture.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
-#include "Core/StandardError/StandardError.h"
 #include "Core/Model/ViewDependence.h"
+#include "Core/StandardError/StandardError.h"
 
 namespace bigus::command
 {
