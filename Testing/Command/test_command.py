@@ -200,7 +200,7 @@ class Help(CommandTest):
                 self.assertEqual(own.returncode, SUCCESS)
                 self.assertIn(f"  bigus {name} ", own.stdout, "an example")
         for code in ("1 wrong usage", "2 bad input", "3 output", "130 interrupted"):
-            self.assertIn(code, top.stdout)
+            self.assertIn(code, " ".join(top.stdout.split()))  # lines end where the terminal does
 
     def test_train_has_every_promised_option(self):
         text = run("train", "--help").stdout
