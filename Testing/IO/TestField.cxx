@@ -236,7 +236,7 @@ TEST(Field, RefusesUnsoundDirections)
       {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewMean")->SetComponent(0, 4, 3); }, "mean orientation"},
       {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewSteps")->SetComponent(0, 0, 0); }, "unit"},
       {[](vtkPolyData* f) { f->GetFieldData()->GetArray("ViewPoses")->SetComponent(2, 15, 2); }, "recorded pose 2"},
-      {[](vtkPolyData* f) { f->GetPointData()->GetArray("ViewTerm")->SetComponent(7, 1, HUGE_VAL); }, "Gaussian 7"},
+      {[](vtkPolyData* f) { f->GetPointData()->GetArray("ViewTerm")->SetComponent(7, 1, 1e100); }, "Gaussian 7"},
   };
   for (const auto& [spoil, word] : cases)
   {
