@@ -1325,7 +1325,7 @@ class Poses(CommandTest):
 
     def test_fields_know_of_directions_near_recorded_frames(self):
         sweep, field, plain = (self.folder / name for name in ("s.igs.mha", "f.vtp", "plain.vtp"))
-        self.expect(SUCCESS, "phantom", "-o", sweep, *PHANTOM, "--frames", 18, "--tilt", 8, "--passes", 2)
+        self.expect(SUCCESS, "phantom", "-o", sweep, *PHANTOM[2:], "--frames", 18, "--tilt", 8, "--passes", 2)
         training = ["train", sweep, *TINY, "--no-baselines", "-o"]
         answer = self.expect(SUCCESS, *training, field, "--view-dependence", "on")
         self.assertEqual(answer["decisions"][-1]["decision"], "view dependence")
@@ -1341,8 +1341,8 @@ class Poses(CommandTest):
         self.assertEqual(self.expect(SUCCESS, "slice", field, *across, out)["view_nearness"], [0])
         # Copied, it is the same; in a format that cannot keep it, planes across are the same.
         copy, ply = self.folder / "copy.vtp", self.folder / "f.ply"
-        self.expect(SUCCESS, "convert", field, "-o", copy)
-        self.expect(SUCCESS, "convert", field, "-o", ply, notes="directions is left out")
+        self.expect(SUCCESS, "convert", field, copy)
+        self.expect(SUCCESS, "convert", field, ply, notes="directions is left out")
         self.expect(SUCCESS, "slice", field, *at_frames, out)
         self.expect(SUCCESS, "slice", copy, *at_frames, again)
         self.assertEqual(read_sequence(out)[1], read_sequence(again)[1])
