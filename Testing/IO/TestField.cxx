@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <csignal>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -302,7 +303,7 @@ TEST(Field, WhatItsStandardErrorRestsOnIsKeptByVtpAlone)
   TemporaryFolder folder;
   const auto field = RandomField(3);
   std::string bytes;
-  for (int k = 0; k < 100000; ++k)  // more than one compressed block
+  for (std::uint32_t k = 0; k < 100000; ++k)  // more than one compressed block
   {
     bytes.push_back(static_cast<char>(k * k / 7));
   }
