@@ -149,6 +149,24 @@ TEST(QuasiNewton, ScalesAndSignsStayWithinTheirLimits)
   }
 }
 
+// So who counts passes to know the end counts every step as one at least.
+TEST(QuasiNewton, WhereNothingIsLeftToGainNoPassIsMadeAndTheFieldStays)
+{
+  Fit fit(Planes::Parallel, 0);
+  fit.sweep = BlackSweep(kPlanes, kSide, kSide, kPixel, kPixel);
+  std::fill(fit.start.reflectivities.begin(), fit.start.reflectivities.end(), 0.0);
+  const auto engine = fit.NewEngine(fit.start);
+  const GaussianField before = engine->GetField();
+  QuasiNewton training(*engine, *fit.sweep, fit.frames, fit.limits);
+  for (int step = 0; step < 3; ++step)
+  {
+    EXPECT_EQ(training.Step(kSquares), 0);
+  }
+  EXPECT_EQ(training.Passes(), 1);
+  EXPECT_EQ(engine->GetField().means, before.means);
+  EXPECT_EQ(engine->GetField().reflectivities, before.reflectivities);
+}
+
 TEST(QuasiNewton, TheBitsDoNotDependOnThreads)
 {
   const Fit fit(Planes::Oblique, 0.3);

@@ -166,7 +166,7 @@ Moment TrainingLoop::TakeCurvedStep(double fraction)
   const int before = curved_->Passes();
   course_.lossSum += curved_->Step(LossAt(plan_, fraction));
   ++course_.lossCount;
-  const int passes = curved_->Passes() - before;
+  const int passes = std::max(1, curved_->Passes() - before);  // none is made where nothing is left to gain
   course_.passes += passes;
   const Moment now = Now(fraction);
   const int steps = passes * static_cast<int>((frames + plan_.batch - 1) / plan_.batch);
