@@ -16,14 +16,14 @@ mkdir -p "$OUT/lib"
 cp -L "$WORK"/bigus/lib/*.so.1 "$OUT/lib"
 ln -sfn ../lib "$WORK/bigus/fuzz/lib"  # where the library path points to
 "$WORK/bigus/fuzz/fuzz-seeds" "$WORK/seeds"
-for program in "$WORK"/bigus/fuzz/fuzz-*; do
+for dictionary in "$WORK"/bigus/fuzz/fuzz-*.dict; do
+  program=${dictionary%.dict}
   target=${program##*/fuzz-}
-  [[ $target == seeds ]] && continue
   cp "$program" "$OUT"
   # The distribution's libraries are not in the image that runs the targets; the C library is.
   ldd "$program" | awk '$3 ~ /^\// && $1 !~ /^lib(c|m|dl|rt|pthread|resolv)\.so/ { print $3 }' |
     xargs -r -I{} cp -Ln {} "$OUT/lib"
-  cp "$SRC/bigus/Testing/Fuzz/Dictionaries/$target.dict" "$OUT/fuzz-$target.dict"
+  cp "$dictionary" "$OUT"
   printf '[libfuzzer]\nmax_len = 1048576\nentropic = 0\ntimeout = 10\n' > "$OUT/fuzz-$target.options"
   (cd "$WORK/seeds/$target" && zip -q "$OUT/fuzz-${target}_seed_corpus.zip" ./*)
 done

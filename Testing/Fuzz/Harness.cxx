@@ -15,7 +15,7 @@
 #include <sstream>
 
 #include "Command.h"
-#include "Inputs.h"
+#include "Fuzz/Structured.h"
 #include "Pipeline.h"
 #include "vtkBigusSequenceReader.h"
 
@@ -146,11 +146,12 @@ std::string RunInfo(const std::string& path, const std::vector<std::string>& arg
   return RunAsProgram([&job](command::Console&) { return job(); });
 }
 
-void ReadAsSequence(const std::string& path)
+void ReadAsSequence(const std::string& path, const std::string& config)
 {
-  const std::string info = RunInfo(path);
+  const std::string info = config.empty() ? RunInfo(path) : RunInfo(path, {"--config", config});
   command::SequenceOptions options;
   options.path = path;
+  options.chain.config = config;
   options.chain.assumeStatus = true;
   const std::string stack = RunAsProgram(
       [&options](command::Console& console)
@@ -167,7 +168,20 @@ void ReadAsSequence(const std::string& path)
   RunAsProgram(
       [&options](command::Console& console)
       {
-        command::ReadSweep(options, console);
+        Inspect(command::ReadSweep(options, console));
+        return command::Success;
+      });
+}
+
+void ReadAsPlanes(const command::PlaneOptions& options)
+{
+  RunAsProgram(
+      [&options](command::Console& console)
+      {
+        if (const std::string wrong = WrongSlices(command::ReadPlanes(options, console).planes); !wrong.empty())
+        {
+          Finding(wrong);
+        }
         return command::Success;
       });
 }

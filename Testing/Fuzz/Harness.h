@@ -10,6 +10,7 @@
 
 #include "Console.h"
 #include "Exit.h"
+#include "Inputs.h"
 
 namespace bigus::fuzz
 {
@@ -31,9 +32,13 @@ std::string RunAsProgram(const std::function<command::ExitCode(command::Console&
 /// The same for `bigus info PATH`, with further arguments.
 std::string RunInfo(const std::string& path, const std::vector<std::string>& arguments = {});
 
-/// `bigus info`, then all the pixels and poses as `metrics` and `train` read them. What the first two refuse with the same
-/// words is refused by the parser that all share, so the third is left out.
-void ReadAsSequence(const std::string& path);
+/// `bigus info`, then all the pixels as `metrics` and with their poses as `check` read them, which inspects the sweep. What
+/// the first two refuse with the same words is refused by the parser that all share, so the third is left out. `config`:
+/// a Plus configuration; empty: none.
+void ReadAsSequence(const std::string& path, const std::string& config = {});
+
+/// Reads planes as `slice` does, and renders a few of them.
+void ReadAsPlanes(const command::PlaneOptions& options);
 
 /// Says what is wrong and ends the process.
 [[noreturn]] void Finding(const std::string& what);

@@ -257,7 +257,7 @@ int main(int count, char** arguments)
   {
     Seed("Loss", std::to_string(std::string(text).size()), text);
   }
-  for (const char* target : {"Sweep", "Field"})
+  for (const char* target : {"Sweep", "Field", "Checkpoint"})
   {
     Seed(target, "usual", std::string(3000, '\x60'));  // as usual as numbers get, see Structured.h
   }

@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// What lies behind the parsers, from numbers in place of bytes: sweeps that are inspected, trained on for two steps and
-// seen at a plane, and fields that are rendered by every engine. They may be refused by an Error; what is not has finite
-// pixels.
+// What lies behind the parsers, from numbers in place of bytes: sweeps that are inspected, whose poses are corrected, that
+// are trained on for two steps and seen at a plane; fields that are moved and rendered by every engine; and checkpoints of a
+// training, forged in a few places, that go on. They may be refused by an Error; what is not has finite pixels.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -14,8 +16,11 @@
 #include <string>
 #include <vector>
 
+#include "Core/Deciding/PoseCorrection.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Error.h"
+#include "Core/Model/FieldTransform.h"
+#include "Core/Numerics/Checksum.h"
 #include "Core/Trainer/Trainer.h"
 
 namespace bigus::fuzz
@@ -47,6 +52,20 @@ private:
   std::size_t at_ = 0;
 };
 
+/// Three rows of an affine matrix.
+inline Eigen::Matrix4d MatrixOf(Numbers& numbers, const Eigen::Matrix4d& usual)
+{
+  Eigen::Matrix4d matrix = usual;
+  for (int row = 0; row < 3; ++row)
+  {
+    for (int column = 0; column < 4; ++column)
+    {
+      matrix(row, column) = numbers.Near(usual(row, column));
+    }
+  }
+  return matrix;
+}
+
 inline std::shared_ptr<Sweep> SweepOf(Numbers& numbers)
 {
   auto sweep = std::make_shared<Sweep>();
@@ -56,15 +75,9 @@ inline std::shared_ptr<Sweep> SweepOf(Numbers& numbers)
   const bool isTimed = numbers.Below(2) == 1, isFloat = numbers.Below(2) == 1;
   for (int frame = 0; frame < frames; ++frame)
   {
-    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
-    for (int row = 0; row < 3; ++row)
-    {
-      for (int column = 0; column < 4; ++column)
-      {
-        pose(row, column) = numbers.Near(row == column ? 0.4 : column == 3 && row == 2 ? 0.5 * frame : 0);
-      }
-    }
-    sweep->imageToReference.push_back(pose);
+    Eigen::Matrix4d usual = Eigen::Vector4d(0.4, 0.4, 0.4, 1).asDiagonal();
+    usual(2, 3) = 0.5 * frame;
+    sweep->imageToReference.push_back(MatrixOf(numbers, usual));
     if (isTimed)
     {
       sweep->timestamps.push_back(numbers.Near(0.05 * frame));
@@ -126,6 +139,17 @@ inline GaussianField FieldOf(Numbers& numbers)
   return field;
 }
 
+/// Twelve Gaussians in one place, at which parsers' planes and transforms are tried.
+inline const GaussianField& UsualField()
+{
+  static const GaussianField field = []
+  {
+    Numbers numbers(std::string("\x0c\0", 2) + std::string(3000, '\xff'));
+    return FieldOf(numbers);
+  }();
+  return field;
+}
+
 /// What is wrong with the pictures of a field by an engine; empty: nothing.
 inline std::string WrongPictures(const GaussianField& field, const SlicePlane& plane, const std::string& name)
 {
@@ -144,6 +168,19 @@ inline std::string WrongPictures(const GaussianField& field, const SlicePlane& p
   return {};
 }
 
+/// The same of the usual field at a few of the planes that a file gave, but for large ones.
+inline std::string WrongSlices(const std::vector<SlicePlane>& planes)
+{
+  constexpr std::size_t kMostPlanes = 4, kMostPixels = 4096;
+  std::string wrong;
+  for (std::size_t k = 0; k < std::min(planes.size(), kMostPlanes); ++k)
+  {
+    planes[k].Validate("plane");
+    wrong += planes[k].NumberOfPixels() <= kMostPixels ? WrongPictures(UsualField(), planes[k], "cpu") : "";
+  }
+  return wrong;
+}
+
 /// Calls `work`; false where it is refused.
 inline bool IsAccepted(const std::function<void()>& work)
 {
@@ -158,7 +195,7 @@ inline bool IsAccepted(const std::function<void()>& work)
   }
 }
 
-/// Inspects, trains for two steps and renders. What is wrong; nothing where the sweep is refused.
+/// Inspects, corrects poses, trains for two steps and renders. What is wrong; nothing where the sweep is refused.
 inline std::optional<std::string> TrySweep(const std::string& bytes)
 {
   Numbers numbers(bytes);
@@ -172,10 +209,16 @@ inline std::optional<std::string> TrySweep(const std::string& bytes)
   options.secondOrder = numbers.Below(2) == 1;
   options.holdOut = numbers.Below(2) == 1 ? 3 : 0;
   const SlicePlane plane = PlaneOf(numbers);
+  const bool isCorrected = numbers.Below(4) == 1;
   std::string wrong;
   const bool isAccepted = IsAccepted(
       [&]
       {
+        if (isCorrected)
+        {
+          sweep->Validate();
+          AtCorrectedPoses(*sweep, CorrectPoses(*sweep, AllFrames(*sweep))).Validate();
+        }
         const TrainingResult result = Train(sweep, options);
         result.field.Validate();
         wrong = WrongPictures(result.field, plane, options.engine);
@@ -183,22 +226,129 @@ inline std::optional<std::string> TrySweep(const std::string& bytes)
   return isAccepted ? std::optional<std::string>(wrong) : std::nullopt;
 }
 
-/// Renders by every engine. What is wrong; nothing where the field or the plane is refused.
+/// Moves, or not, and renders by every engine. What is wrong; nothing where the field, its transform or the plane is refused.
 inline std::optional<std::string> TryField(const std::string& bytes)
 {
   Numbers numbers(bytes);
-  const GaussianField field = FieldOf(numbers);
+  GaussianField field = FieldOf(numbers);
   const SlicePlane plane = PlaneOf(numbers);
+  const bool isMoved = numbers.Below(2) == 1;
   std::string wrong;
   const bool isAccepted = IsAccepted(
       [&]
       {
         field.Validate();
+        if (isMoved)
+        {
+          field = Transformed(std::move(field), MatrixOf(numbers, Eigen::Matrix4d::Identity()));
+          field.Validate();
+        }
         plane.Validate("plane");
         for (const char* const engine : {"cpu", "cpu-double", "reference"})
         {
           wrong += WrongPictures(field, plane, engine);
         }
+      });
+  return isAccepted ? std::optional<std::string>(wrong) : std::nullopt;
+}
+
+/// A small training and every state that it saved: in trials of what it decides, when all is decided, and in its own loop.
+struct SmallTraining
+{
+  std::shared_ptr<const Sweep> sweep;
+  TrainerOptions options;
+  std::vector<std::string> states;
+
+  static const SmallTraining& Get()
+  {
+    static const SmallTraining training = []
+    {
+      SmallTraining made;
+      // 12 x 10 pixels, 8 frames with times, bytes; usual poses.
+      std::string bytes("\x0b\0\x09\0\x07\0\x01\0\0\0", 10);
+      bytes += std::string(8 * 13, '\xff');
+      for (int pixel = 0; pixel < 12 * 10 * 8; ++pixel)
+      {
+        bytes += static_cast<char>(40 + 37 * pixel % 200);
+      }
+      Numbers numbers(bytes);
+      made.sweep = SweepOf(numbers);
+      made.options.engine = "cpu";
+      made.options.iterations = 6;
+      made.options.maximumGaussians = 60;
+      Checkpoints checkpoints;
+      checkpoints.interval = 0;
+      checkpoints.save = [&made](const std::string& state) { made.states.push_back(state); };
+      Train(made.sweep, made.options, nullptr, {}, checkpoints);
+      return made;
+    }();
+    return training;
+  }
+};
+
+/// A checkpoint with one to four places changed. Mostly its size and checksum are right, as who means harm would make them.
+inline std::string Forged(std::string state, Numbers& numbers)
+{
+  constexpr std::size_t kSizeAt = 16, kChecksumAt = 24, kBodyAt = 32;
+  constexpr std::uint64_t kCounts[] = {0, 1, 255, std::uint64_t(1) << 31, std::uint64_t(1) << 61, UINT64_MAX};
+  const bool isRight = numbers.Below(16) != 1;
+  for (int left = 1 + numbers.Below(4); left > 0; --left)
+  {
+    const int span = static_cast<int>(state.size() - kBodyAt - sizeof(double));
+    const std::size_t at = kBodyAt + static_cast<std::size_t>(numbers.Below(span));
+    const int kind = numbers.Below(5), length = 1 + numbers.Below(16);
+    const double number = numbers.Near(1);
+    const std::uint64_t count = kCounts[numbers.Below(6)];
+    if (kind == 0)
+    {
+      std::memcpy(&state[at], &number, sizeof(number));
+    }
+    else if (kind == 1)
+    {
+      std::memcpy(&state[at], &count, sizeof(count));
+    }
+    else if (kind == 2)
+    {
+      state.erase(at, static_cast<std::size_t>(length));
+    }
+    else if (kind == 3)
+    {
+      state.insert(at, state.substr(at, static_cast<std::size_t>(length)));
+    }
+    else
+    {
+      state[at] = static_cast<char>(numbers.Byte());
+    }
+  }
+  if (isRight)
+  {
+    const std::uint64_t size = state.size() - kBodyAt, sum = Checksum().Add(&state[kBodyAt], size).Value();
+    std::memcpy(&state[kSizeAt], &size, sizeof(size));
+    std::memcpy(&state[kChecksumAt], &sum, sizeof(sum));
+  }
+  return state;
+}
+
+/// Goes on from a forged checkpoint for a few steps. What is wrong; nothing where it is refused.
+inline std::optional<std::string> TryCheckpoint(const std::string& bytes)
+{
+  Numbers numbers(bytes);
+  const SmallTraining& training = SmallTraining::Get();
+  Checkpoints checkpoints;
+  checkpoints.resume = Forged(training.states[numbers.Below(static_cast<int>(training.states.size()))], numbers);
+  const SlicePlane plane = PlaneOf(numbers);
+  std::string wrong;
+  const bool isAccepted = IsAccepted(
+      [&]
+      {
+        int calls = 4;
+        const GaussianField field = Train(
+                                        training.sweep, training.options, nullptr,
+                                        [&calls](const TrainingProgress&) { return --calls > 0; }, checkpoints)
+                                        .field;
+        field.Validate();
+        plane.Validate("plane");
+        wrong = WrongPictures(field, plane, training.options.engine);
       });
   return isAccepted ? std::optional<std::string>(wrong) : std::nullopt;
 }

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Readers given thousands of small damaged files, the same ones in every run: they may refuse, with one
-// error, or read something sound, but neither crash nor allocate what the file cannot hold. Run it under the
-// sanitizers too.
+// error, or read something sound, but neither crash nor allocate what the file cannot hold. What was read is used: sweeps
+// are inspected, planes rendered, a field is moved. Run it under the sanitizers too.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -10,6 +10,10 @@
 #include <functional>
 #include <random>
 
+#include "Core/Inspection/Inspection.h"
+#include "Data/SweepData.h"
+#include "Fuzz/Structured.h"
+#include "IO/Formats/LinearTransform.h"
 #include "IO/SmallFiles.h"
 #include "Support/ErrorObserver.h"
 #include "Support/TestSupport.h"
@@ -146,6 +150,12 @@ void Torture(const TemporaryFolder& folder, vtkAlgorithm* reader, const std::str
   EXPECT_LT(refused, mutationsPerKind);       // ...but not total
 }
 
+/// A sweep may be refused, as one of a single black frame is.
+void InspectSweep(vtkImageData* image)
+{
+  fuzz::IsAccepted([image] { Inspect(SweepFromImage(image).sweep); });
+}
+
 void TortureSequence(const std::string& name, const std::string& bytes, std::uint64_t seed)
 {
   TemporaryFolder folder;
@@ -159,6 +169,7 @@ void TortureSequence(const std::string& name, const std::string& bytes, std::uin
         ASSERT_GT(image->GetNumberOfPoints(), 0);
         ASSERT_EQ(image->GetPointData()->GetScalars()->GetNumberOfTuples(), image->GetNumberOfPoints());
         ASSERT_EQ(image->GetFieldData()->GetArray("ImageToReference")->GetNumberOfTuples(), image->GetDimensions()[2]);
+        InspectSweep(image);
       });
 }
 
@@ -210,7 +221,22 @@ void TorturePoses(const std::string& name, const std::string& bytes, std::uint64
   vtkNew<vtkBigusPoseReader> reader;
   Torture(
       folder, reader, name, bytes, seed, [&](const std::string& file) { reader->SetFileName(file.c_str()); },
-      [&] { ASSERT_GT(reader->GetOutput()->GetNumberOfRows(), 0); });
+      [&]
+      {
+        vtkTable* const table = reader->GetOutput();
+        ASSERT_GT(table->GetNumberOfRows(), 0);
+        auto* const poses = vtkDataArray::SafeDownCast(table->GetColumnByName("ImageToReference"));
+        std::vector<SlicePlane> planes;
+        for (vtkIdType row = 0; row < table->GetNumberOfRows(); ++row)
+        {
+          Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+          poses->GetTuple(row, pose.data());
+          planes.push_back(SlicePlane::FromImageToReference(pose, 4, 3));
+        }
+        std::string wrong;
+        fuzz::IsAccepted([&] { wrong = fuzz::WrongSlices(planes); });
+        ASSERT_EQ(wrong, "");
+      });
 }
 
 TEST(Mutations, CsvPoses)
@@ -232,7 +258,29 @@ TEST(Mutations, Configuration)
   Torture(
       folder, reader, "plus.xml", SmallConfig(), 7,
       [&](const std::string& file) { reader->SetConfigFileName(file.c_str()); },
-      [&] { ASSERT_EQ(reader->GetOutput()->GetNumberOfPoints(), 36); });
+      [&]
+      {
+        ASSERT_EQ(reader->GetOutput()->GetNumberOfPoints(), 36);
+        InspectSweep(reader->GetOutput());
+      });
+}
+
+TEST(Mutations, Transforms)
+{
+  const TemporaryFolder folder;
+  const std::string path = folder / "t.tfm",
+                    sound =
+                        "#Insight Transform File V1.0\n#Transform 0\nTransform: Similarity3DTransform_double_3_3\n"
+                        "Parameters: 0.1 0.2 0.3 4 5 6 2\nFixedParameters: 0 0 0\n";
+  std::mt19937_64 random(15);
+  int moved = 0;
+  for (int i = 0; i < mutationsPerKind; ++i)
+  {
+    WriteBytes(path, Mutated(sound, random));
+    moved += fuzz::IsAccepted([&] { Transformed(fuzz::UsualField(), ReadObjectMatrix(path, i % 2 == 0)).Validate(); });
+  }
+  EXPECT_GT(moved, 50);  // most damage bends a line, a name or space itself, and is refused
+  EXPECT_LT(moved, mutationsPerKind * 9 / 10);
 }
 
 // A PNG's checksums stop nearly every mutation, so these are made of its chunks with the checksums set right.

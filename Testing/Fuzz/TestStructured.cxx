@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Thousands of sweeps and fields of odd numbers, the same ones in every run, go behind the parsers: they are refused with an
-// Error, or trained on and rendered with finite pixels. Run it under the sanitizers too.
+// Thousands of sweeps, fields and checkpoints of odd numbers, the same ones in every run, go behind the parsers: they are
+// refused with an Error, or trained on and rendered with finite pixels. Run it under the sanitizers too.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -39,12 +39,17 @@ void ExpectNothingWrong(int count, std::uint64_t seed, const Try& attempt)
 
 TEST(Structured, SweepsAreRefusedOrTrainedOn)
 {
-  ExpectNothingWrong(600, 41, TrySweep);
+  ExpectNothingWrong(400, 41, TrySweep);
 }
 
 TEST(Structured, FieldsAreRefusedOrRendered)
 {
   ExpectNothingWrong(4000, 42, TryField);
+}
+
+TEST(Structured, ForgedCheckpointsAreRefusedOrGoOn)
+{
+  ExpectNothingWrong(300, 43, TryCheckpoint);
 }
 
 }  // namespace

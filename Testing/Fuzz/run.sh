@@ -24,12 +24,11 @@ atOnce=2
 each=$((seconds * atOnce / ${#targets[@]}))
 
 run_target() {
-  local target=$1 dictionary
-  dictionary=$(ls {Testing/Fuzz/Dictionaries,Module/*/Testing/Fuzz}/"$target.dict" 2>/dev/null)
+  local target=$1
   mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/log"
   UBSAN_OPTIONS=print_stacktrace=1 \
     "$folder/fuzz/fuzz-$target" -max_total_time="$each" -max_len=1048576 -timeout=10 -rss_limit_mb=2048 -entropic=0 \
-    -dict="$dictionary" -artifact_prefix="$folder/findings/$target/" -print_final_stats=1 \
+    -dict="$folder/fuzz/fuzz-$target.dict" -artifact_prefix="$folder/findings/$target/" -print_final_stats=1 \
     "$folder/corpus/$target" "$folder/seeds/$target" >"$folder/log/$target.txt" 2>&1 || touch "$folder/log/$target.failed"
 }
 

@@ -3,7 +3,6 @@
 // CSVs of poses: as slice planes, and as a sweep of PNG images beside them.
 #include "Fuzz/Harness.h"
 #include "Fuzz/Png.h"
-#include "Inputs.h"
 
 namespace bigus::fuzz
 {
@@ -13,15 +12,10 @@ void TryInput(const std::string& bytes)
   static const std::string image = Write("frame_0.png", Png(4, 3));
   const std::string path = Write("input.csv", bytes);
   ReadAsSequence(path);
-  RunAsProgram(
-      [&path](command::Console& console)
-      {
-        command::PlaneOptions options;
-        options.poses = path;
-        options.size = {4, 3};
-        command::ReadPlanes(options, console);
-        return command::Success;
-      });
+  command::PlaneOptions options;
+  options.poses = path;
+  options.size = {4, 3};
+  ReadAsPlanes(options);
 }
 
 }  // namespace bigus::fuzz

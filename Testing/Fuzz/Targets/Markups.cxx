@@ -4,7 +4,6 @@
 #include "IO/Formats/Markups.h"
 
 #include "Fuzz/Harness.h"
-#include "Inputs.h"
 
 namespace bigus::fuzz
 {
@@ -12,14 +11,9 @@ namespace bigus::fuzz
 void TryInput(const std::string& bytes)
 {
   const std::string path = Write("plane.mrk.json", bytes);
-  RunAsProgram(
-      [&path](command::Console& console)
-      {
-        command::PlaneOptions options;
-        options.poses = path;
-        command::ReadPlanes(options, console);
-        return command::Success;
-      });
+  command::PlaneOptions options;
+  options.poses = path;
+  ReadAsPlanes(options);
   RunAsProgram(
       [&path](command::Console&)
       {

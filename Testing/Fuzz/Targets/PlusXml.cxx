@@ -28,7 +28,7 @@ void TryInput(const std::string& bytes)
 {
   static const std::string sequence = Write("small.mha", Sequence());
   const std::string path = Write("plus.xml", bytes);
-  RunInfo(sequence, {"--config", path});
+  ReadAsSequence(sequence, path);
   RunInfo(sequence, {"--image-from", "Probe", "--config", path});
 }
 

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Linear transforms of ITK and 3D Slicer.
+// Linear transforms of ITK and 3D Slicer, and a field that they move.
 #include "Fuzz/Harness.h"
+#include "Fuzz/Structured.h"
 #include "IO/Formats/LinearTransform.h"
 
 namespace bigus::fuzz
@@ -13,7 +14,10 @@ void TryInput(const std::string& bytes)
   RunAsProgram(
       [&path](command::Console&)
       {
-        ReadLinearTransform(path);
+        for (const bool isLps : {false, true})
+        {
+          Transformed(UsualField(), ReadObjectMatrix(path, isLps)).Validate();
+        }
         return command::Success;
       });
 }

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Messages of an OpenIGTLink server, one after another.
+// Messages of an OpenIGTLink server, one after another, and the field that grows with them.
 #include "Live/OpenIgtLink.h"
 
 #include <algorithm>
 
 #include "Fuzz/Harness.h"
+#include "Fuzz/Structured.h"
 #include "IO/Poses.h"
 #include "Live/LiveTraining.h"
 
@@ -65,8 +66,8 @@ void TryInput(const std::string& bytes)
         options.training.engine = "cpu";
         LiveTraining training(options);
         std::size_t at = 0;
-        // Seven frames are too few for a field, which other tests are for.
-        for (int messages = 0; messages < 7 && bytes.size() - at >= kIgtHeaderBytes; ++messages)
+        // A field begins with the eighth frame.
+        for (int messages = 0; messages < 10 && bytes.size() - at >= kIgtHeaderBytes; ++messages)
         {
           const auto* start = reinterpret_cast<const std::uint8_t*>(bytes.data()) + at;
           const IgtHeader header = ParseIgtHeader(start);
@@ -74,6 +75,16 @@ void TryInput(const std::string& bytes)
           const std::size_t count = std::min<std::size_t>(header.bodyBytes, bytes.size() - at);
           TryMessage(header, {start + kIgtHeaderBytes, start + kIgtHeaderBytes + count}, training);
           at += count;
+        }
+        if (training.Step())
+        {
+          training.Field().Validate();
+          SlicePlane plane = training.Frames().Plane(0);
+          plane.width = plane.height = 3;
+          if (const std::string wrong = WrongPictures(training.Field(), plane, "cpu"); !wrong.empty())
+          {
+            Finding(wrong);
+          }
         }
         return command::Success;
       });

@@ -40,6 +40,15 @@ void Messages()
   const std::map<std::string, std::string> fields = {
       {"ImageToReferenceTransform", identity}, {"ImageToReferenceTransformStatus", "OK"}, {"Operator", "A &lt;B&gt;"}};
   const std::string old = test::TrackedFrameMessage(fields, false), now = test::TrackedFrameMessage(fields, true);
+  std::string field;  // nine pictures, from which a field begins
+  for (int k = 0; k < 9; ++k)
+  {
+    image.imageToWorld(2, 3) = 0.5 * k;
+    const std::vector<std::uint8_t> next = PackIgtImage("Image", 1 + k, image);
+    field.append(next.begin(), next.end());
+    std::fill_n(field.end() - static_cast<std::ptrdiff_t>(next.size()) + kChecksumAt, 8, '\0');
+  }
+  Seed("OpenIgtLink", "field", field);
   Seed("OpenIgtLink", "tracked-old", old);
   Seed("OpenIgtLink", "tracked", now + now + both);
   Seed("OpenIgtLink", "tracked-chain",
