@@ -52,6 +52,7 @@ struct Options
   double finish = 10;   ///< s
   int holdOut = 0;
   LiveOptions live;
+  double memory = 0;  ///< GB of --memory; 0: as much as LiveOptions has
   std::string engine = "auto";
   double seed = 1;
 };
@@ -175,6 +176,7 @@ ExitCode Live(Console& console, Options options)
     RequireWritable(options.status);
   }
   RequireFieldName(options.output);
+  options.live.memory = options.memory > 0 ? options.memory * 1e9 : options.live.memory;
   options.live.training.engine = options.engine;
   options.live.training.seed = static_cast<std::uint64_t>(options.seed);
   const std::string& path = options.source.sequence.path;
@@ -230,6 +232,11 @@ ExitCode Live(Console& console, Options options)
   if (IsInterrupted() && state.frames == 0)
   {
     throw Interrupted();
+  }
+  const std::string& refusal = state.refused > 0 ? state.lastError : events.lastRefusal;
+  if (state.frames == 0 && !refusal.empty())
+  {
+    throw Error(path + ": no frame of it could be followed. The last refusal: " + refusal);
   }
 
   const LiveResult result = Finish(options.finish, session, slices, status, events, console);
@@ -355,7 +362,12 @@ void AddLive(Program& program)
       ->check(WholeNumberIn(0, 1e9))
       ->type_name("N")
       ->capture_default_str();
-  RunWhenChosen(app, program, [options](Console& console) { return Live(console, *options); });
+  RunWhenChosen(app, program,
+                [options, &program](Console& console)
+                {
+                  options->memory = program.options.memory;
+                  return Live(console, *options);
+                });
 }
 
 [[maybe_unused]] const std::size_t row =

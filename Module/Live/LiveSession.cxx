@@ -14,9 +14,6 @@ namespace bigus
 namespace
 {
 
-/// Frames that may wait: three seconds at 20 frames a second. A session that is further behind could not be called live.
-constexpr std::size_t kMostWaiting = 64;
-
 /// Times that the newest frames are trained on when no more come, after which the thread rests.
 constexpr int kPassesAtRest = 16;
 
@@ -27,10 +24,10 @@ using Clock = std::chrono::steady_clock;
 
 }  // namespace
 
-LiveSession::LiveSession(LiveOptions options)
+LiveSession::LiveSession(LiveOptions options) : options_(std::move(options))
 {
-  options.Validate();
-  thread_ = std::thread([this, options] { Run(options); });
+  options_.Validate();
+  thread_ = std::thread([this] { Run(); });
 }
 
 LiveSession::~LiveSession()
@@ -51,7 +48,7 @@ void LiveSession::Add(LiveFrame frame)
     {
       std::rethrow_exception(failure_);
     }
-    if (frames_.size() >= kMostWaiting)
+    if (frames_.size() >= kMostWaitingFrames)
     {
       frames_.pop_front();
       ++state_.dropped;
@@ -196,12 +193,12 @@ void LiveSession::TakeFrames(LiveTraining& training)
   state_.steps = training.NumberOfSteps();
 }
 
-void LiveSession::Run(LiveOptions options)
+void LiveSession::Run()
 {
   try
   {
-    const int restAfter = kPassesAtRest * options.window / options.batch;
-    LiveTraining training(std::move(options));
+    const int restAfter = kPassesAtRest * options_.window / options_.batch;
+    LiveTraining training(options_);
     training.SetInterlude([&] { Serve(training); });
     int sinceFrame = 0;
     Clock::time_point lastFrame = Clock::now();

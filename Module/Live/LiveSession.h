@@ -28,6 +28,9 @@ public:
   LiveSession(const LiveSession&) = delete;
   LiveSession& operator=(const LiveSession&) = delete;
 
+  /// Throws Error where LiveTraining would refuse frames of this size, before they are read.
+  void RequireRoom(int width, int height) const { options_.KeptFrames(width, height); }
+
   /// Hands a frame over and returns at once. When more than 64 frames wait, the oldest of them is dropped.
   void Add(LiveFrame frame);
 
@@ -59,11 +62,12 @@ public:
 
 private:
   using Task = std::function<void(LiveTraining&)>;
-  void Run(LiveOptions options);
+  void Run();
   void Ask(const Task& task, std::deque<Task>& queue);
   bool Serve(LiveTraining& training);
   void TakeFrames(LiveTraining& training);
 
+  const LiveOptions options_;
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<LiveFrame> frames_;

@@ -94,14 +94,16 @@ std::optional<Eigen::Matrix4d> PoseByFields(const PoseChain& chain, const std::s
   return table.frames[0].imageToReference;
 }
 
-/// A frame's size and pixels. Throws FileError when the file is not there or not whole.
-LiveFrame ReadPicture(const std::string& path)
+/// A frame's size and pixels. Throws FileError when the file is not there or not whole, and Error where the session has no
+/// room for it.
+LiveFrame ReadPicture(const std::string& path, const LiveSession& session)
 {
   const PngHeader header = ReadPngHeader(path);
   if (header.elementType != ElementType::UInt8)
   {
     throw Error(path + ": has 16 bits a pixel. Pictures that are followed have 8.");
   }
+  session.RequireRoom(header.width, header.height);
   LiveFrame frame;
   frame.width = header.width;
   frame.height = header.height;
@@ -140,10 +142,10 @@ protected:
   void Refuse(const std::string& why)
   {
     ++events_.refused;
-    if (why != lastError_)  // once, not for every frame
+    if (why != events_.lastRefusal)  // once, not for every frame
     {
       console_.Note("bigus: " + why);
-      lastError_ = why;
+      events_.lastRefusal = why;
     }
   }
 
@@ -170,7 +172,6 @@ protected:
 private:
   std::size_t frames_ = 0;
   Clock::time_point lastFrame_ = begin_, nextLook_ = begin_;
-  std::string lastError_;
 };
 
 class ServerFollower : public Follower
@@ -380,6 +381,7 @@ private:
 
   void TakeFrame(IgtImage image, const IgtHeader& header)
   {
+    session_.RequireRoom(image.width, image.height);
     if (device_ && header.device != *device_)
     {
       PassOver(header.device);
@@ -619,7 +621,7 @@ private:
     {
       try
       {
-        return ReadPicture(CompanionFile(path, folder, row.image));
+        return ReadPicture(CompanionFile(path, folder, row.image), session_);
       }
       catch (const FileError& error)  // it is not there, or not whole
       {

@@ -72,6 +72,7 @@ private:
 struct LiveEvents
 {
   std::size_t refused = 0;     ///< messages or rows that were no frame, pose or plane
+  std::string lastRefusal;     ///< why the last of those was refused
   std::size_t reconnects = 0;  ///< times that a server went away and was there again
 };
 

@@ -188,10 +188,32 @@ void LiveOptions::Validate() const
   RequireIn("batch", batch, 1, window);
   RequireIn("maximumFrames", static_cast<double>(maximumFrames), window, 1e6);
   RequireIn("maximumGaussians", static_cast<double>(maximumGaussians), 1000, std::size_t(1) << 26);
+  if (!(memory > 0))
+  {
+    throw Error("Live training: memory is " + std::to_string(memory) + " bytes; it must be above 0.");
+  }
   if (training.holdOut > 0 || training.validation > 0)
   {
     throw Error("Live training: no frames are held out or kept for validation while a probe moves; set both to 0.");
   }
+}
+
+std::size_t LiveOptions::KeptFrames(int width, int height) const
+{
+  constexpr double kMegabyte = 1e6;
+  const double bytes = static_cast<double>(width) * height;
+  // Twice the kept ones; and the window's planes by themselves, as a sweep, and both anew while frames come in.
+  const double others = 4.0 * static_cast<double>(kPlanesOfFrame) * window + static_cast<double>(kMostWaitingFrames);
+  const double room = 0.5 * (memory / bytes - others);
+  if (!(room >= window))
+  {
+    throw Error("Live frame: it has " + std::to_string(width) + " x " + std::to_string(height) + " pixels. The " +
+                std::to_string(window) + " newest frames, which are learned from, would take " +
+                std::to_string(std::llround((others + 2 * window) * bytes / kMegabyte)) + " MB, more than the " +
+                std::to_string(std::llround(memory / kMegabyte)) +
+                " MB that pictures may take. Have the sender make them smaller, or allow more (--memory GB).");
+  }
+  return static_cast<std::size_t>(std::min(room, static_cast<double>(maximumFrames)));
 }
 
 LiveTraining::LiveTraining(LiveOptions options) : options_(std::move(options)), random_(options_.training.seed)
@@ -219,6 +241,7 @@ bool LiveTraining::Add(LiveFrame frame)
                 " pixels, but the frames before have " + std::to_string(frames_.front().width) + " x " +
                 std::to_string(frames_.front().height) + ". Begin a new field where the scanner's image changes.");
   }
+  const std::size_t kept = frames_.empty() ? options_.KeptFrames(frame.width, frame.height) : kept_;
   if (!std::isfinite(frame.timestamp))
   {
     throw Error("Live frame: its time is not a finite number of seconds.");
@@ -228,6 +251,7 @@ bool LiveTraining::Add(LiveFrame frame)
   {
     return false;
   }
+  kept_ = kept;
   lastTime_ = frame.timestamp;
   moved_.push_back(frames_.empty() ? std::numeric_limits<double>::max() : CornerMotion(frames_.back(), frame));
   frames_.push_back(std::move(frame));
@@ -452,10 +476,10 @@ void LiveTraining::UploadWindow(const Sweep& chunk)
   ThinOut();
 }
 
-/// Keeps at most the maximum of frames. The window's are not touched.
+/// Keeps at most as many frames as it may. The window's are not touched.
 void LiveTraining::ThinOut()
 {
-  while (frames_.size() > options_.maximumFrames)
+  while (frames_.size() > kept_)
   {
     const auto end =
         moved_.end() - std::min<std::ptrdiff_t>(options_.window, static_cast<std::ptrdiff_t>(moved_.size()));

@@ -25,6 +25,10 @@
 namespace bigus
 {
 
+/// Frames that a LiveSession lets wait: three seconds at 20 frames a second. A session that is further behind could not be
+/// called live.
+constexpr std::size_t kMostWaitingFrames = 64;
+
 struct LiveOptions
 {
   /// Seed, engine, loss, rates and beam of the steps, and all that Finish uses. `gaussians`, if set, is the number for
@@ -34,9 +38,16 @@ struct LiveOptions
   int batch = 4;                           ///< frames of a step: 1 to the window
   std::size_t maximumFrames = 2000;        ///< that Finish trains on: from the window to 10^6
   std::size_t maximumGaussians = 1000000;  ///< 1000 to 2^26; then no more are added
+  /// Bytes, above 0, that pixels of frames may take together: of those kept, which Finish copies, of the window's and of those
+  /// that wait. What else training needs comes on top.
+  double memory = 4e9;
 
   /// Throws Error naming the option, its value and its range.
   void Validate() const;
+
+  /// How many frames of this size are kept: the maximum, or as many as the memory has room for. Throws Error where it has
+  /// none for the window's.
+  std::size_t KeptFrames(int width, int height) const;
 };
 
 /// A frame as the scanner and the tracker gave it.
@@ -70,7 +81,7 @@ public:
 
   /// Takes a frame. False when it is passed over, because it is black (the probe is not on the skin), or its time is not
   /// after the last frame's (it was repeated, or comes late). Throws Error, and takes nothing, for a frame of another size
-  /// than the first, or with a pose or time that is unsound.
+  /// than the first, one too large for the memory, or with a pose or time that is unsound.
   bool Add(LiveFrame frame);
 
   /// Seeds the frames that wait for more to be seeded with, at most seven. To be called when no frame comes for a while.
@@ -129,6 +140,7 @@ private:
   std::deque<LiveFrame> frames_;         // all that are kept
   std::deque<LiveFrame> targets_;        // the newest, with planes between them
   std::vector<double> moved_;            // [frames_] mm from the one before
+  std::size_t kept_ = 0;                 // most of frames_
   std::size_t waiting_ = 0;              // of frames_, the newest, that have no seeds yet
   std::shared_ptr<const Sweep> recent_;  // what steps learn from
   struct Shape;

@@ -286,7 +286,7 @@ IgtHeader ParseIgtHeader(const std::uint8_t* bytes)
   if (header.bodyBytes > kLargestBody)
   {
     throw Error(NameOf(header) + ": it has " + std::to_string(header.bodyBytes) + " bytes, more than " +
-                std::to_string(kLargestBody) + ".");
+                std::to_string(kLargestBody) + ". Have the sender make its pictures smaller.");
   }
   return header;
 }

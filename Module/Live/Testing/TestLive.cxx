@@ -13,6 +13,7 @@
 #include "Core/Model/Error.h"
 #include "Live/LiveSession.h"
 #include "Live/LiveTraining.h"
+#include "Support/Errors.h"
 #include "Support/Sweeps.h"
 
 namespace
@@ -189,6 +190,31 @@ TEST(Live, FramesAndGaussiansStayBelowTheirMaximum)
   }
 }
 
+// What pictures may take is counted in whole frames: two of each that is kept, four of each of the window's planes (a frame
+// and one midway to the next), and those that wait.
+TEST(Live, LargePicturesKeepFewerFramesOrAreRefused)
+{
+  const auto sweep = bigus::test::RenderedSweep();
+  constexpr int kWindow = 16, kKept = 18, kOthers = 4 * 2 * kWindow + 64;
+  const auto bytesFor = [&sweep](int kept) { return double(sweep->PixelsPerFrame()) * (2 * kept + kOthers); };
+  LiveOptions options = Small();
+  options.window = kWindow;
+  options.memory = bytesFor(kKept);
+  EXPECT_EQ(options.KeptFrames(sweep->width, sweep->height), std::size_t(kKept));
+  EXPECT_EQ(options.KeptFrames(1, 1), options.maximumFrames);
+  LiveTraining training(options);
+  Follow(training, *sweep, bigus::AllFrames(*sweep), 0);
+  EXPECT_EQ(training.NumberOfFrames(), std::size_t(kKept));
+
+  options.memory = bytesFor(kWindow) - 1;
+  LiveTraining without(options);
+  bigus::test::ExpectRefused([&] { without.Add(FrameOf(*sweep, 0, 1)); }, {"48 x 40 pixels", "--memory"});
+  EXPECT_EQ(without.NumberOfFrames(), 0u);
+  LiveSession session(options);
+  EXPECT_THROW(session.RequireRoom(sweep->width, sweep->height), bigus::Error);
+  EXPECT_NO_THROW(session.RequireRoom(sweep->width, sweep->height - 1));
+}
+
 TEST(Live, OptionsOutOfRangeAreNamed)
 {
   const auto fault = [](const std::function<void(LiveOptions&)>& spoil) -> std::string
@@ -209,6 +235,7 @@ TEST(Live, OptionsOutOfRangeAreNamed)
   EXPECT_NE(fault([](LiveOptions& o) { o.batch = 17; }).find("batch"), std::string::npos);
   EXPECT_NE(fault([](LiveOptions& o) { o.maximumFrames = 3; }).find("maximumFrames"), std::string::npos);
   EXPECT_NE(fault([](LiveOptions& o) { o.maximumGaussians = 0; }).find("maximumGaussians"), std::string::npos);
+  EXPECT_NE(fault([](LiveOptions& o) { o.memory = std::nan(""); }).find("memory"), std::string::npos);
   EXPECT_NE(fault([](LiveOptions& o) { o.training.holdOut = 4; }).find("held out"), std::string::npos);
   EXPECT_EQ(fault([](LiveOptions&) {}), "");
 }

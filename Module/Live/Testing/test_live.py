@@ -104,7 +104,9 @@ def read_sequence(path):
 
 
 def run(*arguments):
-    return subprocess.run([BIGUS, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+    result = subprocess.run([BIGUS, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+    assert "not foreseen" not in result.stderr, result.stderr
+    return result
 
 
 class InFolder(unittest.TestCase):
@@ -302,6 +304,27 @@ class Messages(InFolder):
                 result, answer = self.follow(send)
                 self.assertEqual(result.returncode, 0, result.stderr)
                 self.assertEqual(answer["frames"], FRAMES)
+
+    def test_pictures_larger_than_the_memory_are_refused_by_name(self):
+        def send(connection):
+            self.send_frames(connection)
+            time.sleep(0.2)
+
+        result, answer = self.follow(send, "--memory", 0.001)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn(f"it has {WIDTH} x {HEIGHT} pixels", answer["error"])
+        self.assertIn("(--memory GB)", answer["error"])
+        self.assertFalse((self.folder / "field.vtp").exists())
+
+        side = 16384
+
+        def announce(connection):
+            connection.sendall(struct.pack(">H12s20sQQQ", 1, b"IMAGE", b"Image", 0, 72 + side * side, 0))
+            connection.sendall(image_body(b"", self.poses[0], size=(side, side, 1)))
+
+        result, answer = self.follow(announce)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn(f"it has {72 + side * side} bytes, more than", answer["error"])
 
     def test_a_silent_server_ends_with_the_pause(self):
         done = threading.Event()
