@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Programs and libraries look for others in folders that are named in full or from their own.
 
-    check_runpaths.py FOLDER   a build or an installed tree; prints every wrong entry and fails when there is one
+    check_runpaths.py FOLDER   a build or an installed tree, or a wheel; prints every wrong entry and fails when there is one
 
 An empty or relative entry of a RUNPATH or RPATH is looked up in the working directory. So a library that somebody planted
 beside the data would be loaded.
@@ -12,6 +12,8 @@ import pathlib
 import re
 import subprocess
 import sys
+import tempfile
+import zipfile
 
 
 def is_elf(path):
@@ -29,6 +31,14 @@ def search_paths(path):
 
 def main():
     folder = pathlib.Path(sys.argv[1])
+    if folder.suffix == ".whl":
+        with tempfile.TemporaryDirectory() as name, zipfile.ZipFile(folder) as wheel:
+            wheel.extractall(name)
+            return check(pathlib.Path(name))
+    return check(folder)
+
+
+def check(folder):
     files = [path for path in sorted(folder.rglob("*")) if path.suffix not in {".o", ".a"} and is_elf(path)]
     wrong = [f"{path}: {search_path!r}" for path in files for search_path in search_paths(path)
              if not all(entry.startswith(("/", "$ORIGIN")) for entry in search_path.split(":"))]

@@ -93,6 +93,7 @@ for python in "${@:-python3}"; do
     rm -r "$scratch/raw"
   fi
   wheel=$(ls "$scratch"/picked/*.whl)
+  python3 Testing/Structure/check_runpaths.py "$wheel"
   rm -r "$environment"
 
   "$python" -m venv "$environment"
