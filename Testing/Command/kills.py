@@ -6,7 +6,8 @@
     kills.py BIGUS [--trials 10] [--seed 1]
 
 An output is there from before. Afterwards it must be as it was, or the new one, whole; a training that is told to end
-saves a sound field instead. A following run must leave nothing but its output. Fails where anything is lost.
+saves a sound field instead. A following run must leave nothing but its output. Fails where anything is lost, or ends for
+a reason that was not foreseen.
 """
 
 import argparse
@@ -32,10 +33,11 @@ def main():
     with tempfile.TemporaryDirectory(prefix="bigus-kills-") as name:
         folder = pathlib.Path(name)
         (folder / "out").mkdir()
+        said = (folder / "said").open("ab")
 
         def start(*words, **more):
             return subprocess.Popen([arguments.bigus, *map(str, words), "--threads", "2", "--no-progress"],
-                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **more)
+                                    stdout=subprocess.DEVNULL, stderr=said, **more)
 
         sweep, field = folder / "sweep.igs.mha", folder / "field.vtp"
         fast = ("--no-auto", "--gaussians", "20000", "--iterations", "60")
@@ -86,6 +88,10 @@ def main():
                 text = number if number == "full disk" else number.name
                 print(f"| `{job[0]}` `{output}` | {text} | {arguments.trials} | {ended} | {old} | {new} | {best} | {bad} "
                       f"| {left} |", flush=True)
+        said.close()
+        if b"not foreseen" in (folder / "said").read_bytes():
+            lost += 1
+            print("A message says that its reason was not foreseen.")
     return 1 if lost else 0
 
 

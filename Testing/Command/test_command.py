@@ -36,7 +36,9 @@ IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 
 def run(*arguments, threads=None):
     extra = ["--threads", str(threads)] if threads else []
-    return subprocess.run([BIGUS, *map(str, arguments), *extra], capture_output=True, text=True, timeout=120)
+    result = subprocess.run([BIGUS, *map(str, arguments), *extra], capture_output=True, text=True, timeout=120)
+    assert "not foreseen" not in result.stderr, f"{arguments}\n{result.stderr}"
+    return result
 
 
 def instruction_sets():

@@ -14,7 +14,6 @@ import io
 import itertools
 import pathlib
 import random
-import re
 import resource
 import sys
 import tempfile
@@ -24,11 +23,12 @@ import warnings
 
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "Module" / "Python" / "bigus"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "Module" / "Python" / "bigus"), str(ROOT / "Testing" / "Support")]
 import sources  # noqa: E402
+from damage import damaged  # noqa: E402
 
 FRAMES, HEIGHT, WIDTH = 5, 6, 8
-NUMBERS = [b"1e308", b"-1", b"nan", b"inf", b"9223372036854775808", b"-9223372036854775809", b"0", b"1e19", b"99999999", b""]
 SECONDS, BYTES = 10, 1 << 30
 
 
@@ -73,27 +73,6 @@ def poses_of_every_kind():
             "quaternions.csv": b"time;x;y;z;qx;qy;qz;qw\n" + quaternions.encode(),
             "poses.npy": arrays(lambda stream: np.save(stream, poses())),
             "poses.seq.mha": ("NDims = 3\n" + sequence + "ElementDataFile = LOCAL\n").encode()}
-
-
-def damaged(data, chance):
-    """Changed once to three times."""
-    for _ in range(chance.randint(1, 3)):
-        at = chance.randrange(len(data) + 1)
-        length = chance.randint(1, 16)
-        number = [*re.finditer(rb"[-+.\deE]*\d[-+.\deE]*", data[:20000])]
-        kind = chance.randrange(5)
-        if kind == 0 and number:
-            one = chance.choice(number)
-            data = data[:one.start()] + chance.choice(NUMBERS) + data[one.end():]
-        elif kind == 1:
-            data = data[:at] + chance.randbytes(length) + data[at + length:]
-        elif kind == 2:
-            data = data[:at] + data[at + length:]
-        elif kind == 3:
-            data = data[:at] + data[at:at + length] * chance.randint(2, 9) + data[at + length:]
-        else:
-            data = data[:at]
-    return data
 
 
 def answer(images, trajectory, name):
