@@ -188,7 +188,13 @@ TEST(Trajectory, TakesOutMostOfTheNoiseAndTellsHowMuchThereWas)
 TEST(Trajectory, StrongerSmoothingMovesFurther)
 {
   const auto recorded = Tracked(Motion(60, HandAt), 0.2, 0.3, 7);
-  const auto paths = bigus::SmoothTrajectories(PosesOnly(recorded), FrameClock::Times, {0, 0.5, 1, 2, 4});
+  const Sweep sweep = PosesOnly(recorded);
+  bigus::TrajectorySmoother smoother(sweep, FrameClock::Times);
+  std::vector<Trajectory> paths;
+  for (const double strength : {0.0, 0.5, 1.0, 2.0, 4.0})
+  {
+    paths.push_back(smoother.At(strength));
+  }
   EXPECT_FALSE(paths[0].IsChanged());
   double last = 0;
   for (std::size_t k = 1; k < paths.size(); ++k)
@@ -199,6 +205,8 @@ TEST(Trajectory, StrongerSmoothingMovesFurther)
   }
   const Trajectory alone = SmoothTrajectory(PosesOnly(recorded), {2, FrameClock::Times});
   EXPECT_EQ(alone.imageToReference, paths[3].imageToReference);
+  EXPECT_EQ(smoother.At(2).imageToReference, paths[3].imageToReference);
+  bigus::test::ExpectRefused([&] { smoother.At(-1); }, {"strength"});
 }
 
 TEST(Trajectory, DoesNotDependOnTheWorldNorOnItsUnitOfTime)

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -391,39 +392,50 @@ std::string ChoiceText(const Trajectory& trajectory, double strength)
   return Format("smoothed by %.3g", strength) + Format(" (%.2f mm)", Mean(trajectory.displacement));
 }
 
-/// Paths of every strength, one of them looked at.
-struct Paths
+/// Smooth paths by both clocks. What does not depend on the strength is found once.
+class Paths
 {
-  std::vector<Trajectory> ofStrength;
-  Candidate candidate;
+public:
+  explicit Paths(const Sweep& sweep) : sweep_(sweep), isTimed_(HasUsableTimes(sweep)) {}
+
+  Trajectory At(FrameClock clock, double strength)
+  {
+    std::optional<TrajectorySmoother>& smoother = clock == FrameClock::Times && isTimed_ ? byTimes_ : byNumbers_;
+    if (!smoother)
+    {
+      smoother.emplace(sweep_, clock);
+    }
+    return smoother->At(strength);
+  }
+
+private:
+  const Sweep& sweep_;
+  bool isTimed_;
+  std::optional<TrajectorySmoother> byTimes_, byNumbers_;
 };
 
 /// By recorded times, where there are any, unless frames' numbers predict frames better.
-Paths ChooseClock(const Sweep& sweep, const Evidence& evidence, const std::vector<double>& strengths, std::size_t which)
+Candidate ChooseClock(Paths& paths, const Evidence& evidence, double strength)
 {
-  const auto at = [&](std::vector<Trajectory> paths)
-  {
-    Candidate candidate = evidence.At(paths[which], strengths[which]);
-    return Paths{std::move(paths), std::move(candidate)};
-  };
-  Paths byTimes = at(SmoothTrajectories(sweep, FrameClock::Times, strengths));
-  if (byTimes.ofStrength[which].clock == FrameClock::Numbers)
+  Candidate byTimes = evidence.At(paths.At(FrameClock::Times, strength), strength);
+  if (byTimes.trajectory.clock == FrameClock::Numbers)
   {
     return byTimes;
   }
-  Paths byNumbers = at(SmoothTrajectories(sweep, FrameClock::Numbers, strengths));
-  const PoseStep step = evidence.Judge(byTimes.candidate, byNumbers.candidate);
+  Candidate byNumbers = evidence.At(paths.At(FrameClock::Numbers, strength), strength);
+  const PoseStep step = evidence.Judge(byTimes, byNumbers);
   return step.gain > std::max(kLeastGain, step.gainError) ? byNumbers : byTimes;
 }
 
 /// Steps up the ladder while pictures confirm them, from strength 1, or 1/2 where that is not confirmed. `steps` gets all that
 /// were asked for. Strength 0 where none is taken.
-Candidate Choose(const Sweep& sweep, const Evidence& evidence, std::vector<PoseStep>& steps)
+Candidate Choose(Paths& paths, const Evidence& evidence, std::vector<PoseStep>& steps)
 {
-  const std::vector<double> strengths(kLadder.begin(), kLadder.end());
   std::size_t rung = 1;
-  auto [paths, one] = ChooseClock(sweep, evidence, strengths, rung);
-  Candidate now = evidence.At(SmoothTrajectories(sweep, one.trajectory.clock, {0})[0], 0);
+  Candidate one = ChooseClock(paths, evidence, kLadder[rung]);
+  const FrameClock clock = one.trajectory.clock;
+  const auto at = [&](double strength) { return evidence.At(paths.At(clock, strength), strength); };
+  Candidate now = at(0);
   const auto take = [&](Candidate next, double least, double errors, double gain)
   {
     PoseStep step = evidence.Judge(now, next);
@@ -438,12 +450,12 @@ Candidate Choose(const Sweep& sweep, const Evidence& evidence, std::vector<PoseS
   const double anyGain = -std::numeric_limits<double>::infinity();
   if (!take(std::move(one), kLeastConfirmed, 1, anyGain))
   {
-    take(evidence.At(paths[0], strengths[0]), kLeastConfirmed, 1, anyGain);
+    take(at(kLadder[0]), kLeastConfirmed, 1, anyGain);
     return now;
   }
-  for (std::size_t next = rung + 1; next < std::min(strengths.size(), rung + 1 + kRungsAhead); ++next)
+  for (std::size_t next = rung + 1; next < std::min(kLadder.size(), rung + 1 + kRungsAhead); ++next)
   {
-    if (take(evidence.At(paths[next], strengths[next]), kMostOfAStep, kSureOfAStep, kLeastStepGain))
+    if (take(at(kLadder[next]), kMostOfAStep, kSureOfAStep, kLeastStepGain))
     {
       rung = next;
     }
@@ -588,9 +600,9 @@ try
   // What would change, and what is known of the tracker. A path that is smooth in time need not be so from frame to
   // frame.
   const double strength = options.strength.value_or(1);
-  correction.trajectory = SmoothTrajectory(sweep, {strength, FrameClock::Times});
-  const bool wouldChange =
-      correction.trajectory.IsChanged() || SmoothTrajectory(sweep, {strength, FrameClock::Numbers}).IsChanged();
+  Paths paths(sweep);
+  correction.trajectory = paths.At(FrameClock::Times, strength);
+  const bool wouldChange = correction.trajectory.IsChanged() || paths.At(FrameClock::Numbers, strength).IsChanged();
   const bool isStepped = correction.trajectory.isStepped;
   std::string evidence = isStepped ? "motion in equal steps" : NoiseText(correction.trajectory);
   if (options.strength)
@@ -602,11 +614,11 @@ try
     const Evidence pictures(sweep, frames, correction.trajectory.stroke, progress);
     if (options.strength)
     {
-      correction.trajectory = ChooseClock(sweep, pictures, {correction.strength}, 0).candidate.trajectory;
+      correction.trajectory = ChooseClock(paths, pictures, correction.strength).trajectory;
     }
     else if (pictures.NumberOfTests() > 0)
     {
-      Candidate best = Choose(sweep, pictures, correction.steps);
+      Candidate best = Choose(paths, pictures, correction.steps);
       evidence = NoiseText(best.trajectory) + "; " + EvidenceText(correction.steps, best.trajectory.clock);
       correction.strength = best.strength;
       correction.trajectory = std::move(best.trajectory);
@@ -618,7 +630,7 @@ try
   }
   if (correction.strength == 0)
   {
-    correction.trajectory = SmoothTrajectory(sweep, {0, correction.trajectory.clock});
+    correction.trajectory = paths.At(correction.trajectory.clock, 0);
   }
   std::string choice = ChoiceText(correction.trajectory, correction.strength);
   if (!options.strength || *options.strength > 0)

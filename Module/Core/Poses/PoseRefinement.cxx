@@ -217,7 +217,10 @@ PoseRefinement::PoseRefinement(const Sweep& sweep, const std::vector<int>& frame
     comparisons_.clear();
   }
   alignments_.resize(comparisons_.size());
-  Align();
+  if (!comparisons_.empty())
+  {
+    Align();
+  }
 }
 
 int PoseRefinement::NumberOfRevisits() const

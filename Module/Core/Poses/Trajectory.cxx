@@ -8,6 +8,8 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <map>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -125,7 +127,9 @@ bool IsStepped(const Path& path, const Sweep& sweep)
   const SlicePlane image = sweep.Plane(0);
   const Eigen::Vector3d across = image.columnStep.norm() * right * Eigen::Vector3d::UnitX();
   const Eigen::Vector3d along = path.poses[0].axes.transpose() * (image.rowStep * down);
-  std::vector<Points> different;
+  // By their first number: equal steps differ there by sqrt(3) kSameStep at the most.
+  std::multimap<double, Points> different;
+  constexpr double reach = 2 * kSameStep;
   const std::size_t steps = path.poses.size() - 1;
   for (std::size_t k = 0; k < steps; ++k)
   {
@@ -134,10 +138,10 @@ bool IsStepped(const Path& path, const Sweep& sweep)
     const Eigen::Vector3d shift = path.poses[k].axes.transpose() * (path.poses[k + 1].centre - path.poses[k].centre);
     Points step;
     step << shift, shift + turn * across - across, shift + turn * along - along;
-    if (std::none_of(different.begin(), different.end(),
-                     [&step](const Points& known) { return Distance(known, step) < kSameStep; }))
+    if (std::none_of(different.lower_bound(step[0] - reach), different.upper_bound(step[0] + reach),
+                     [&step](const auto& known) { return Distance(known.second, step) < kSameStep; }))
     {
-      different.push_back(step);
+      different.emplace(step[0], step);
       if (kStepsOfAMotor * static_cast<double>(different.size()) > static_cast<double>(steps))
       {
         return false;
@@ -669,24 +673,25 @@ double CornerDistance(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b, int wi
   return sum / 4;
 }
 
-Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options)
+struct TrajectorySmoother::State
 {
-  return SmoothTrajectories(sweep, options.clock, {options.strength})[0];
-}
+  const Sweep& sweep;
+  Trajectory found;  // noise and outliers, at the recorded poses
+  Path path;
+  std::optional<Motions> motions;  // none where poses are kept whatever the strength
+};
 
-std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock, const std::vector<double>& strengths)
+TrajectorySmoother::TrajectorySmoother(const Sweep& sweep, FrameClock clock)
+    : state_(new State{sweep, RecordedTrajectory(sweep, clock), {}, {}})
 {
-  for (const double strength : strengths)
-  {
-    TrajectoryOptions{strength, clock}.Validate();
-  }
   const int n = sweep.NumberOfFrames();
-  Trajectory found = RecordedTrajectory(sweep, clock);
+  Trajectory& found = state_->found;
   if (n < kFewestToEstimate)
   {
-    return std::vector<Trajectory>(strengths.size(), found);
+    return;
   }
-  Path path = PathOf(sweep, found.clock);
+  Path& path = state_->path;
+  path = PathOf(sweep, found.clock);
   UseLongStrokes(path, found.stroke);
   found.isStepped = IsStepped(path, sweep);
   if (found.isStepped)
@@ -695,10 +700,10 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
   }
   if (found.isStepped || path.usable < kFewestToEstimate)
   {
-    return std::vector<Trajectory>(strengths.size(), found);
+    return;
   }
   found.pivot = PivotOf(path);
-  Motions motions = MotionsOf(path, found.pivot);
+  Motions& motions = state_->motions.emplace(MotionsOf(path, found.pivot));
   const std::vector<double> deviations = EstimateRobustly(path, motions);
   SetNoise(path, motions, sweep, found);
 
@@ -710,12 +715,22 @@ std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock,
   {
     found.isOutlier[k] = deviations[k] > kOutlier && one.displacement[k] > kLeastOutlier * pixel;
   }
-  std::vector<Trajectory> all;
-  for (const double strength : strengths)
-  {
-    all.push_back(strength > 0 ? Smoothed(path, motions, sweep, found, strength) : found);
-  }
-  return all;
+}
+
+TrajectorySmoother::~TrajectorySmoother() = default;
+
+Trajectory TrajectorySmoother::At(double strength)
+{
+  TrajectoryOptions{strength, state_->found.clock}.Validate();
+  return strength > 0 && state_->motions
+             ? Smoothed(state_->path, *state_->motions, state_->sweep, state_->found, strength)
+             : state_->found;
+}
+
+Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options)
+{
+  options.Validate();
+  return TrajectorySmoother(sweep, options.clock).At(options.strength);
 }
 
 }  // namespace bigus

@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "Core/Model/Sweep.h"
@@ -64,8 +65,22 @@ struct Trajectory
 /// Throws Error for options out of range and poses that SlicePlane::Validate refuses.
 Trajectory SmoothTrajectory(const Sweep& sweep, const TrajectoryOptions& options = {});
 
-/// The same for several strengths: noise and smoothness are estimated once.
-std::vector<Trajectory> SmoothTrajectories(const Sweep& sweep, FrameClock clock, const std::vector<double>& strengths);
+/// The same at several strengths: noise and smoothness are estimated once, when this is made.
+class TrajectorySmoother
+{
+public:
+  /// The sweep must outlive this. Throws Error as SmoothTrajectory.
+  TrajectorySmoother(const Sweep& sweep, FrameClock clock);
+  ~TrajectorySmoother();
+  TrajectorySmoother(const TrajectorySmoother&) = delete;
+  TrajectorySmoother& operator=(const TrajectorySmoother&) = delete;
+
+  Trajectory At(double strength);
+
+private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 /// mm between the corners of images at two poses, mean of the four.
 double CornerDistance(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b, int width, int height);
