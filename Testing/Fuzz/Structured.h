@@ -41,8 +41,9 @@ public:
   double Near(double usual)
   {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    constexpr double kOdd[] = {0,    -1,    1,     1e-300, 1e-12,        1e-6,      1e6,        1e9,
-                               1e12, 1e300, -1e12, -1e300, 2147483648.0, kInfinity, -kInfinity, std::nan("")};
+    constexpr double kOdd[] = {
+        0,    -1,    1,     1e-300, 1e-12,        1e-6,      1e6,        1e9,
+        1e12, 1e300, -1e12, -1e300, 2147483648.0, kInfinity, -kInfinity, std::numeric_limits<double>::quiet_NaN()};
     const int kind = Byte();
     return kind < 6 ? kOdd[Byte() % 16] : kind < 64 ? usual + (Byte() - 128) / 64.0 : usual;
   }
