@@ -272,5 +272,9 @@ int main(int count, char** arguments)
            "Transform: Similarity3DTransform_float_3_3\nParameters: 0.1 0.2 0.3 4 5 6 2\nFixedParameters: 0 0 0\n"
            "Transform: TranslationTransform_double_3_3\nParameters: 1 2 3\nFixedParameters: \n");
   Seed("Transform", "matrix", "1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n");
+  for (void (*const write)() : Writers())
+  {
+    write();
+  }
   return 0;
 }

@@ -16,8 +16,9 @@ folder=$PWD/build-fuzz
 "$folder/fuzz/fuzz-seeds" "$folder/seeds"
 targets=("$@")
 if ((${#targets[@]} == 0)); then
-  for seeds in "$folder"/seeds/*/; do
-    targets+=("$(basename "$seeds")")
+  for dictionary in "$folder"/fuzz/fuzz-*.dict; do
+    target=${dictionary##*/fuzz-}
+    targets+=("${target%.dict}")
   done
 fi
 atOnce=2
