@@ -165,8 +165,7 @@ private:
       }
     }
     const SlicePlane& plane = kept_.frames_[k].plane;
-    std::vector<Beside> beside(frame.size());
-    kept_.Find(plane, {0, 0, plane.width, plane.height}, among, beside);
+    const std::vector<Beside> beside = kept_.Nearest(plane, among);
     const std::vector<double> turned = kept_.Turned(plane);
     std::vector<double> known(frame.size(), 0), apart(frame.size(), 0), squares(frame.size(), 0);
     FromBeside& sums = beside_[k];

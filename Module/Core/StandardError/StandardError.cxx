@@ -26,7 +26,7 @@ constexpr int kVersion = 1;
 constexpr double kLeft = 0.7;
 constexpr double kFloor = 0.5 / 255 * 0.5 / 255;  // half a grey level
 constexpr double kAligned = 0.05;                 // of speckle is another, where a frame looks as the slice does
-constexpr double kTile = 32;                      // pixels that share a search
+constexpr int kTile = 32;                         // pixels along a side that share a search
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -92,6 +92,17 @@ void StandardError::Derive()
 {
   frames_.clear();
   bySequence_.clear();
+  litSums_.assign(static_cast<std::size_t>(width_ + 1) * (height_ + 1), 0);
+  for (int row = 0; row < height_; ++row)
+  {
+    int sum = 0;
+    for (int column = 0; column < width_; ++column)
+    {
+      const std::size_t above = static_cast<std::size_t>(row) * (width_ + 1) + column + 1;
+      sum += lit_[static_cast<std::size_t>(row) * width_ + column] != 0 ? 1 : 0;
+      litSums_[above + width_ + 1] = litSums_[above] + sum;
+    }
+  }
   for (std::size_t k = 0; k < poses_.size(); ++k)
   {
     const SlicePlane plane = SlicePlane::FromImageToReference(poses_[k], width_, height_);
@@ -119,31 +130,51 @@ bool StandardError::IsLit(double column, double row) const
          lit_[static_cast<std::size_t>(row + 0.5) * width_ + static_cast<std::size_t>(column + 0.5)] != 0;
 }
 
+/// Whether IsLit may be true of a place in that rectangle, with a pixel to spare.
+bool StandardError::MayBeLit(double firstColumn, double lastColumn, double firstRow, double lastRow) const
+{
+  const auto place = [](double at, int size)
+  { return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(size))); };
+  const int left = place(firstColumn - 1, width_), right = place(lastColumn + 3, width_);
+  const int top = place(firstRow - 1, height_), bottom = place(lastRow + 3, height_);
+  const auto sum = [this](int column, int row)
+  { return litSums_[static_cast<std::size_t>(row) * (width_ + 1) + column]; };
+  return left < right && top < bottom && sum(right, bottom) - sum(left, bottom) - sum(right, top) + sum(left, top) > 0;
+}
+
 //------------------------------------------------------------------------------
 // The nearest frames
 
 namespace
 {
 
-/// A frame that may be nearest somewhere in a tile. Coordinates are affine in the slice's: at + i alongColumns + j alongRows.
-struct Candidate
-{
-  int frame;
-  double least;  // mm, bound of the distance from below
-  Eigen::Vector3d at, alongColumns, alongRows;
-
-  Eigen::Vector3d operator()(int i, int j) const { return at + i * alongColumns + j * alongRows; }
-};
-
 constexpr double kOnFrame = 1e-4;   // mm: on the frame itself
 constexpr double kRounding = 1e-6;  // mm, of a bound
 
 }  // namespace
 
-/// `found` has one element for each pixel of the window. What a pixel gets does not depend on tile or window: the smallest
-/// distance, of equals the first frame.
-void StandardError::Find(const SlicePlane& plane, const Engine::Window& window, const std::vector<int>& among,
-                         std::vector<Beside>& found) const
+/// A frame that may be nearest somewhere. Coordinates are affine in the slice's: at + i alongColumns + j alongRows.
+struct StandardError::Candidate
+{
+  int frame;
+  double least;  // mm, bound of the distance in a tile from below
+  Eigen::Vector3d at, alongColumns, alongRows;
+
+  Eigen::Vector3d operator()(int i, int j) const { return at + i * alongColumns + j * alongRows; }
+  /// One of them.
+  double operator()(int i, int j, int axis) const { return at[axis] + i * alongColumns[axis] + j * alongRows[axis]; }
+};
+
+/// Pixels that share a search.
+struct StandardError::Tile
+{
+  int left, top, right, bottom;  // the last ones belong to it
+
+  std::size_t Pixels() const { return static_cast<std::size_t>(right - left + 1) * (bottom - top + 1); }
+};
+
+std::vector<StandardError::Candidate> StandardError::Candidates(const SlicePlane& plane,
+                                                                const std::vector<int>& among) const
 {
   std::vector<Candidate> all;
   for (const int k : among)
@@ -152,91 +183,133 @@ void StandardError::Find(const SlicePlane& plane, const Engine::Window& window, 
     all.push_back({k, 0, frame.toFrame * (plane.origin - frame.plane.origin), frame.toFrame * plane.columnStep,
                    frame.toFrame * plane.rowStep});
   }
-  const int tile = static_cast<int>(kTile);
-  const int across = (window.columns + tile - 1) / tile, down = (window.rows + tile - 1) / tile;
-  const auto search = [&](int number)
+  return all;
+}
+
+/// Those that may be nearest on one side somewhere in the tile, by their bounds.
+std::vector<StandardError::Candidate> StandardError::Within(const Tile& tile, int side,
+                                                            const std::vector<Candidate>& all) const
+{
+  std::vector<Candidate> candidates;
+  for (const Candidate& one : all)
   {
-    const int left = window.firstColumn + number % across * tile, top = window.firstRow + number / across * tile;
-    const int right = std::min(left + tile, window.firstColumn + window.columns) - 1;
-    const int bottom = std::min(top + tile, window.firstRow + window.rows) - 1;
-    for (int side = 0; side < 2; ++side)
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(kInfinity), high = -low;
+    for (const auto& [i, j] :
+         {std::pair(tile.left, tile.top), {tile.right, tile.top}, {tile.left, tile.bottom}, {tile.right, tile.bottom}})
     {
-      const double sign = side == 0 ? 1 : -1;
-      std::vector<Candidate> candidates;
-      for (const Candidate& one : all)
+      low = low.cwiseMin(one(i, j));
+      high = high.cwiseMax(one(i, j));
+    }
+    const double farthest = side == 0 ? high[2] : -low[2];
+    if (farthest >= -kOnFrame - kRounding && MayBeLit(low[0], high[0], low[1], high[1]))
+    {
+      candidates.push_back(one);
+      candidates.back().least = (side == 0 ? low[2] : -high[2]) - kRounding;
+    }
+  }
+  std::sort(candidates.begin(), candidates.end(),
+            [](const Candidate& a, const Candidate& b)
+            { return std::pair(a.least, a.frame) < std::pair(b.least, b.frame); });
+  return candidates;
+}
+
+/// What is beside the pixels of a tile, row by row. What a pixel gets does not depend on the tile: the smallest distance, of
+/// equals the first frame.
+void StandardError::Find(const Tile& tile, const std::vector<Candidate>& all, std::vector<Beside>& found) const
+{
+  found.assign(tile.Pixels(), {});
+  for (int side = 0; side < 2; ++side)
+  {
+    const double sign = side == 0 ? 1 : -1, least = side == 0 ? -kOnFrame : kOnFrame;
+    const std::vector<Candidate> candidates = Within(tile, side, all);
+    Beside* beside = found.data();
+    for (int j = tile.top; j <= tile.bottom; ++j)
+    {
+      for (int i = tile.left; i <= tile.right; ++i, ++beside)
       {
-        Eigen::Vector3d low = Eigen::Vector3d::Constant(kInfinity), high = -low;
-        for (const auto& [i, j] : {std::pair(left, top), {right, top}, {left, bottom}, {right, bottom}})
+        for (const Candidate& one : candidates)
         {
-          low = low.cwiseMin(one(i, j));
-          high = high.cwiseMax(one(i, j));
-        }
-        const double farthest = side == 0 ? high[2] : -low[2];
-        if (farthest >= -kOnFrame - kRounding && high[0] >= 0 && high[1] >= 0 && low[0] <= width_ - 1 &&
-            low[1] <= height_ - 1)
-        {
-          candidates.push_back(one);
-          candidates.back().least = (side == 0 ? low[2] : -high[2]) - kRounding;
-        }
-      }
-      std::sort(candidates.begin(), candidates.end(),
-                [](const Candidate& a, const Candidate& b)
-                { return std::pair(a.least, a.frame) < std::pair(b.least, b.frame); });
-      for (int j = top; j <= bottom; ++j)
-      {
-        for (int i = left; i <= right; ++i)
-        {
-          Beside& beside =
-              found[static_cast<std::size_t>(j - window.firstRow) * window.columns + i - window.firstColumn];
-          for (const Candidate& one : candidates)
+          if (one.least > beside->distance[side])
           {
-            if (one.least > beside.distance[side])
-            {
-              break;
-            }
-            const Eigen::Vector3d place = one(i, j);
-            const double z = sign * place[2];
-            const double distance = z <= kOnFrame ? 0 : z;
-            if (z >= (side == 0 ? -kOnFrame : kOnFrame) &&
-                std::pair(distance, one.frame) < std::pair(beside.distance[side], beside.frame[side]) &&
-                IsLit(place[0], place[1]))
-            {
-              beside.frame[side] = one.frame;
-              beside.distance[side] = distance;
-              beside.column[side] = static_cast<float>(place[0]);
-              beside.row[side] = static_cast<float>(place[1]);
-            }
+            break;
+          }
+          const double z = sign * one(i, j, 2);
+          const double distance = z <= kOnFrame ? 0 : z;
+          if (z < least || distance > beside->distance[side] ||
+              (distance == beside->distance[side] && one.frame > beside->frame[side]))
+          {
+            continue;
+          }
+          const double column = one(i, j, 0), row = one(i, j, 1);
+          if (IsLit(column, row))
+          {
+            beside->frame[side] = one.frame;
+            beside->distance[side] = distance;
+            beside->column[side] = static_cast<float>(column);
+            beside->row[side] = static_cast<float>(row);
           }
         }
       }
     }
-  };
-  tbb::parallel_for(0, across * down, search);
+  }
 }
 
-/// Of several sequences the one whose frames lie nearest around the point.
-std::vector<StandardError::Beside> StandardError::Nearest(const SlicePlane& plane, const Engine::Window& window) const
+/// Calls at(tile) for all tiles of a window, in parallel.
+template <class At>
+void StandardError::ForTiles(const Engine::Window& window, const At& at)
 {
-  std::vector<Beside> nearest(static_cast<std::size_t>(window.columns) * window.rows);
-  for (const std::vector<int>& frames : bySequence_)
+  const int across = (window.columns + kTile - 1) / kTile, down = (window.rows + kTile - 1) / kTile;
+  tbb::parallel_for(0, across * down,
+                    [&](int number)
+                    {
+                      const int left = window.firstColumn + number % across * kTile;
+                      const int top = window.firstRow + number / across * kTile;
+                      at(Tile{left, top, std::min(left + kTile, window.firstColumn + window.columns) - 1,
+                              std::min(top + kTile, window.firstRow + window.rows) - 1});
+                    });
+}
+
+/// Calls with(index of the pixel in the window, index in the tile) for each pixel of a tile.
+template <class With>
+void StandardError::ForPixels(const Tile& tile, const Engine::Window& window, const With& with)
+{
+  std::size_t inTile = 0;
+  for (int j = tile.top - window.firstRow; j <= tile.bottom - window.firstRow; ++j)
   {
-    std::vector<Beside> found(nearest.size());
-    Find(plane, window, frames, found);
-    for (std::size_t p = 0; p < nearest.size(); ++p)
+    for (int i = tile.left - window.firstColumn; i <= tile.right - window.firstColumn; ++i)
     {
-      const bool isBetter = found[p].IsKnown() && (!nearest[p].IsKnown() || found[p].Apart() < nearest[p].Apart());
-      nearest[p] = isBetter ? found[p] : nearest[p];
+      with(static_cast<std::size_t>(j) * window.columns + i, inTile++);
     }
   }
+}
+
+std::vector<StandardError::Beside> StandardError::Nearest(const SlicePlane& plane, const std::vector<int>& among) const
+{
+  const Engine::Window whole{0, 0, plane.width, plane.height};
+  const std::vector<Candidate> candidates = Candidates(plane, among);
+  std::vector<Beside> nearest(static_cast<std::size_t>(plane.width) * plane.height);
+  ForTiles(whole,
+           [&](const Tile& tile)
+           {
+             std::vector<Beside> found;
+             Find(tile, candidates, found);
+             ForPixels(tile, whole, [&](std::size_t p, std::size_t inTile) { nearest[p] = found[inTile]; });
+           });
   return nearest;
 }
 
+/// Of several sequences by the one whose frames lie nearest around the point.
 std::vector<float> StandardError::Apart(const SlicePlane& plane) const
 {
-  std::vector<float> apart;
-  for (const Beside& beside : Nearest(plane, {0, 0, plane.width, plane.height}))
+  std::vector<float> apart(static_cast<std::size_t>(plane.width) * plane.height,
+                           std::numeric_limits<float>::quiet_NaN());
+  for (const std::vector<int>& frames : bySequence_)
   {
-    apart.push_back(beside.IsKnown() ? static_cast<float>(beside.Apart()) : std::numeric_limits<float>::quiet_NaN());
+    const std::vector<Beside> nearest = Nearest(plane, frames);
+    for (std::size_t p = 0; p < apart.size(); ++p)
+    {
+      apart[p] = nearest[p].IsKnown() ? std::fmin(apart[p], static_cast<float>(nearest[p].Apart())) : apart[p];
+    }
   }
   return apart;
 }
@@ -341,85 +414,143 @@ struct StandardError::Shown
   const SlicePlane& plane;
   const Engine::Window& window;
   const float* image;
-  std::vector<double> own;     // local variance of the image
   std::vector<double> turned;  // beyond each frame
 };
 
-/// sigma^2 by the frames beside pixel (i, j) of the window; NaN where they do not tell.
-double StandardError::Variance(const Shown& shown, const Beside& at, int i, int j) const
+/// sigma^2 = at + slope * the image's own variance around the pixel; NaN: not known.
+struct StandardError::Line
 {
-  if (!at.IsKnown())
+  float at = std::numeric_limits<float>::quiet_NaN(), slope = 0;
+};
+
+/// sigma^2 by the frames beside pixel p of the window.
+StandardError::Line StandardError::Variance(const Shown& shown, const Beside& beside, std::size_t p) const
+{
+  if (!beside.IsKnown())
   {
-    return std::numeric_limits<double>::quiet_NaN();
+    return {};
   }
-  const Terms terms = Read(at);
-  const double t = at.Nearness();
-  const int nearest = at.frame[t >= 0.5 ? 0 : 1];
+  const Terms terms = Read(beside);
+  const double t = beside.Nearness();
+  const int nearest = beside.frame[t >= 0.5 ? 0 : 1];
   const double w = shown.turned[nearest];
-  const double between = at.distance[0] == 0 ? 0 : kLeft * terms.rate * at.Apart();
+  const double between = beside.distance[0] == 0 ? 0 : kLeft * terms.rate * beside.Apart();
   const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
-  const double own = shown.own[static_cast<std::size_t>(j) * shown.window.columns + i];
-  const double across = w > 0 ? speckle_[nearest] * (own + terms.texture) : 0;
   const double moved = trackerNoise_ == 0
                            ? 0
                            : trackerNoise_ * trackerNoise_ *
-                                 SquaredGradient(shown.image, shown.window, i, j, shown.plane.columnStep.norm(),
-                                                 shown.plane.rowStep.norm());
-  const double variance = (1 - w) * along + w * across + moved;
-  return variance < kFloor ? kFloor : variance;
+                                 SquaredGradient(shown.image, shown.window, static_cast<int>(p % shown.window.columns),
+                                                 static_cast<int>(p / shown.window.columns),
+                                                 shown.plane.columnStep.norm(), shown.plane.rowStep.norm());
+  const double slope = w > 0 ? w * speckle_[nearest] : 0;
+  return {static_cast<float>((1 - w) * along + (w > 0 ? slope * terms.texture : 0) + moved), static_cast<float>(slope)};
+}
+
+/// The frames of each sequence, and of each those that look as the slice does, where others do not: where these lie farther
+/// off they may still tell more.
+std::vector<std::vector<StandardError::Candidate>> StandardError::Sets(const SlicePlane& plane,
+                                                                       const std::vector<double>& turned) const
+{
+  std::vector<std::vector<Candidate>> sets;
+  for (const std::vector<int>& frames : bySequence_)
+  {
+    sets.push_back(Candidates(plane, frames));
+    std::vector<int> aligned;
+    std::copy_if(frames.begin(), frames.end(), std::back_inserter(aligned),
+                 [&turned](int k) { return turned[k] < kAligned; });
+    if (!aligned.empty() && aligned.size() < frames.size())
+    {
+      sets.push_back(Candidates(plane, aligned));
+    }
+  }
+  return sets;
+}
+
+/// The image's own variance around the pixels of a tile, row by row: of what is known, within the margin and the window.
+std::vector<double> StandardError::OwnVariances(const Shown& shown, const Tile& tile,
+                                                const std::vector<Line>& lines) const
+{
+  const Engine::Window& window = shown.window;
+  const int margin = Margin(shown.plane);
+  const Tile around{std::max(tile.left - margin, window.firstColumn), std::max(tile.top - margin, window.firstRow),
+                    std::min(tile.right + margin, window.firstColumn + window.columns - 1),
+                    std::min(tile.bottom + margin, window.firstRow + window.rows - 1)};
+  const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
+  std::vector<double> values(around.Pixels()), known(around.Pixels(), 0);
+  ForPixels(around, window,
+            [&](std::size_t p, std::size_t inTile)
+            {
+              values[inTile] = shown.image[p];
+              for (std::size_t n = p; n < lines.size(); n += count)
+              {
+                known[inTile] = std::isnan(lines[n].at) ? known[inTile] : 1;
+              }
+            });
+  const int width = around.right - around.left + 1, height = around.bottom - around.top + 1;
+  const std::vector<double> all = WindowVariances(values, known, width, height, margin);
+  std::vector<double> own;
+  for (int j = tile.top; j <= tile.bottom; ++j)
+  {
+    const auto row = all.begin() + static_cast<std::ptrdiff_t>(j - around.top) * width - around.left;
+    own.insert(own.end(), row + tile.left, row + tile.right + 1);
+  }
+  return own;
+}
+
+/// The least sigma of all lines at the pixels of a tile.
+void StandardError::TakeLeast(const Shown& shown, const Tile& tile, const std::vector<Line>& lines, float* sigma) const
+{
+  const std::size_t count = static_cast<std::size_t>(shown.window.columns) * shown.window.rows;
+  bool slopes = false;
+  ForPixels(tile, shown.window,
+            [&](std::size_t p, std::size_t)
+            {
+              for (std::size_t n = p; n < lines.size(); n += count)
+              {
+                slopes = slopes || lines[n].slope > 0;
+              }
+            });
+  const std::vector<double> own = slopes ? OwnVariances(shown, tile, lines) : std::vector<double>(tile.Pixels(), 0);
+  ForPixels(tile, shown.window,
+            [&](std::size_t p, std::size_t inTile)
+            {
+              float least = std::numeric_limits<float>::quiet_NaN();
+              for (std::size_t n = p; n < lines.size(); n += count)
+              {
+                const float variance = lines[n].at + lines[n].slope * static_cast<float>(own[inTile]);
+                least = least <= variance || std::isnan(variance) ? least : variance;
+              }
+              sigma[p] = std::sqrt(least < kFloor ? kFloor : least);
+            });
 }
 
 void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image,
                              float* sigma) const
 {
   const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
-  std::vector<std::vector<Beside>> ofSequences;
-  std::vector<double> known(count, 0);
-  for (const std::vector<int>& frames : bySequence_)
-  {
-    std::vector<Beside> beside(count);
-    Find(plane, window, frames, beside);
-    for (std::size_t p = 0; p < count; ++p)
-    {
-      known[p] = beside[p].IsKnown() ? 1 : known[p];
-    }
-    ofSequences.push_back(std::move(beside));
-  }
-  Shown shown{plane, window, image, std::vector<double>(count, 0), TurnedFurther(plane)};
-  if (std::any_of(shown.turned.begin(), shown.turned.end(), [](double w) { return w > 0; }))
-  {
-    shown.own = WindowVariances({image, image + count}, known, window.columns, window.rows, Margin(plane));
-  }
-  std::fill(sigma, sigma + count, std::numeric_limits<float>::quiet_NaN());
-  const auto take = [&](const std::vector<Beside>& beside)
-  {
-    tbb::parallel_for(0, window.rows,
-                      [&](int j)
-                      {
-                        for (int i = 0; i < window.columns; ++i)
-                        {
-                          const std::size_t p = static_cast<std::size_t>(j) * window.columns + i;
-                          const auto found = static_cast<float>(std::sqrt(Variance(shown, beside[p], i, j)));
-                          sigma[p] = std::fmin(sigma[p], found);  // of a number and NaN the number
-                        }
-                      });
-  };
-  for (const std::vector<Beside>& beside : ofSequences)
-  {
-    take(beside);
-  }
-  for (const std::vector<int>& frames : bySequence_)
-  {
-    std::vector<int> aligned;
-    std::copy_if(frames.begin(), frames.end(), std::back_inserter(aligned),
-                 [&shown](int k) { return shown.turned[k] < kAligned; });
-    if (!aligned.empty() && aligned.size() < frames.size())
-    {
-      std::vector<Beside> beside(count);
-      Find(plane, window, aligned, beside);
-      take(beside);
-    }
-  }
+  const Shown shown{plane, window, image, TurnedFurther(plane)};
+  const std::vector<std::vector<Candidate>> sets = Sets(plane, shown.turned);
+  std::vector<Line> lines(sets.size() * count);
+  ForTiles(window,
+           [&](const Tile& tile)
+           {
+             std::vector<Beside> found, first;
+             for (std::size_t k = 0; k < sets.size(); ++k)
+             {
+               Find(tile, sets[k], found);
+               ForPixels(tile, window,
+                         [&](std::size_t p, std::size_t inTile)
+                         {
+                           const bool isNew = k == 0 || found[inTile].frame != first[inTile].frame;
+                           lines[k * count + p] = isNew ? Variance(shown, found[inTile], p) : lines[p];
+                         });
+               if (k == 0)
+               {
+                 first = found;
+               }
+             }
+           });
+  ForTiles(window, [&](const Tile& tile) { TakeLeast(shown, tile, lines, sigma); });
 }
 
 bool StandardError::IsMostlyGuessed(const SlicePlane& plane, const float* image) const

@@ -67,21 +67,33 @@ private:
     Eigen::Matrix3d toFrame;
   };
   struct Beside;
+  struct Candidate;
+  struct Tile;
   struct Terms;
   struct Shown;
+  struct Line;
   class Preparation;
 
   void Derive();
   std::size_t Cells() const;
   int CellColumns() const { return (width_ + cell_ - 1) / cell_; }
   bool IsLit(double column, double row) const;
+  bool MayBeLit(double firstColumn, double lastColumn, double firstRow, double lastRow) const;
   std::vector<double> Turned(const SlicePlane& plane) const;
   std::vector<double> TurnedFurther(const SlicePlane& plane) const;
-  void Find(const SlicePlane& plane, const Engine::Window& window, const std::vector<int>& among,
-            std::vector<Beside>& found) const;
-  std::vector<Beside> Nearest(const SlicePlane& plane, const Engine::Window& window) const;
+  std::vector<Candidate> Candidates(const SlicePlane& plane, const std::vector<int>& among) const;
+  std::vector<std::vector<Candidate>> Sets(const SlicePlane& plane, const std::vector<double>& turned) const;
+  std::vector<Candidate> Within(const Tile& tile, int side, const std::vector<Candidate>& all) const;
+  void Find(const Tile& tile, const std::vector<Candidate>& all, std::vector<Beside>& found) const;
+  template <class At>
+  static void ForTiles(const Engine::Window& window, const At& at);
+  template <class With>
+  static void ForPixels(const Tile& tile, const Engine::Window& window, const With& with);
+  std::vector<Beside> Nearest(const SlicePlane& plane, const std::vector<int>& among) const;
   Terms Read(const Beside& beside) const;
-  double Variance(const Shown& shown, const Beside& at, int i, int j) const;
+  std::vector<double> OwnVariances(const Shown& shown, const Tile& tile, const std::vector<Line>& lines) const;
+  void TakeLeast(const Shown& shown, const Tile& tile, const std::vector<Line>& lines, float* sigma) const;
+  Line Variance(const Shown& shown, const Beside& beside, std::size_t p) const;
 
   int width_ = 0, height_ = 0, cell_ = 4;
   double trackerNoise_ = 0;  // mm
@@ -93,6 +105,7 @@ private:
   std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
   std::vector<Frame> frames_;                            // what Derive makes of the above
   std::vector<std::vector<int>> bySequence_;
+  std::vector<int> litSums_;  // [height + 1][width + 1] lit pixels above and left
 };
 
 /// mm, standard deviation of the tracker's noise that is left in a place, when poses were smoothed by `strength`
