@@ -5,8 +5,10 @@
 #include <string>
 
 #include "Core/Deciding/PoseCorrection.h"
+#include "Core/Engine/Engine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Evaluation.h"
+#include "Core/Trainer/Trainer.h"
 #include "Data/SweepData.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusSequenceReader.h"
@@ -90,6 +92,32 @@ TEST(RealPoses, BrainIsLeftAsTrackedWhateverIsHeldOut)
     const PoseCorrection found = CorrectPoses(sweep, SplitHoldOut(sweep.NumberOfFrames(), holdOut).first);
     EXPECT_EQ(found.trajectory.imageToReference, sweep.imageToReference) << holdOut << ": " << found.decision.evidence;
   }
+}
+
+// The tracker errs, and the hand went on smoothly: what lies between two frames is met better at the same pixel than along
+// their normals. Planes across, where interpolation along the normals is all there is to compare with, say -0.15 dB.
+TEST(RealPoses, VirtualPlanesOfTheSpineFollowTheProbe)
+{
+  BIGUS_REQUIRE_DATA(path, "spine-phantom/SpinePhantomFreehand.igs.mha");
+  BIGUS_REQUIRE_DATA(config, "spine-phantom/PlusDeviceSet_SpinePhantomFreehandReconstructionOnly.xml");
+  const auto sweep = std::make_shared<const Sweep>(Read(path, config).Reduced(2));
+  TrainerOptions options;
+  options.holdOut = 4;
+  options.gaussians = 3000;
+  options.viewDependence = false;
+  const auto score = [&sweep](const TrainingResult& result)
+  {
+    const auto engine = Engine::Create("auto");
+    engine->SetField(result.field);
+    return ScoreFrames(*sweep, result.heldOutFrames,
+                       [&](int frame, float* image)
+                       { engine->Render(sweep->Plane(frame), ViewOutput::Intensity, image); })
+        .psnr;
+  };
+  const TrainingResult decided = Train(sweep, options);
+  EXPECT_EQ(decided.settled.interpolation->path, FrameInterpolation::Path::Probe);
+  options.interpolation = FrameInterpolation{FrameInterpolation::Path::Normals, true};
+  EXPECT_GT(score(decided), score(Train(sweep, options)) + 0.1);
 }
 
 }  // namespace

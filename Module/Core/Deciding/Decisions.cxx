@@ -133,7 +133,8 @@ Prediction PredictFrames(Trials& trials, bool keepContrast)
   return prediction;
 }
 
-/// A path that predicts frames worse is not tried.
+/// A path that predicts frames worse is not tried. Planes across have no say: what is held against them there is
+/// interpolation along the normals, which is the other path.
 Decision DecidePath(State& state)
 {
   if (state.asked.interpolation)
@@ -147,8 +148,7 @@ Decision DecidePath(State& state)
     TrainingPlan candidate = state.plan;
     candidate.interpolation = state.prediction.alongProbe;
     Try(state, candidate, "along the probe's path in a trial", evidence,
-        [](const Gain& gain)
-        { return Passes(gain) || (gain.mean - gain.error > -kPathMayLose && gain.across > -kAcrossMayLose); });
+        [](const Gain& gain) { return gain.mean - gain.error > -kPathMayLose; });
   }
   return Made(state, "interpolation", state.plan.interpolation.ToString(), evidence,
               state.prediction.seconds + watch.Seconds());
