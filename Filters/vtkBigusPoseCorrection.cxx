@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "Core/Deciding/PoseCorrection.h"
+#include "Core/Inspection/Inspection.h"
 #include "Core/Model/Sweep.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
@@ -177,6 +178,10 @@ int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** 
     vtkImageData* image = vtkImageData::GetData(inputs[0]);
     const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
     const bigus::Sweep& sweep = *imported.sweep;
+    for (const bigus::Finding& finding : bigus::Inspect(imported.sweep, bigus::KeptKinds::Parse("all")).findings)
+    {
+      vtkWarningMacro(<< bigus::Describe(finding, imported.frames));
+    }
     const auto [frames, heldOut] = bigus::SplitHoldOut(sweep.NumberOfFrames(), this->HoldOut);
     const bigus::PoseCorrection found =
         bigus::CorrectPoses(sweep, frames, {this->Strength < 0 ? std::nullopt : std::optional<double>(this->Strength)},

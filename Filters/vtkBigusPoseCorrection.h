@@ -11,7 +11,8 @@
  * The noise is estimated from the poses alone. Whether and how strongly it is taken out is chosen by how well frames
  * predict their neighbours at the changed poses. Where the probe comes back, frames are then aligned to others, if
  * frames that took no part in it are predicted better. Poses that are exact, move in equal steps, or are not confirmed by
- * pictures pass bit for bit, and so do frames that `Status` rejects. Core/Poses and Core/Deciding tell how.
+ * pictures pass bit for bit, and so do frames that `Status` rejects. Core/Poses and Core/Deciding tell how. What an
+ * inspection finds wrong with the sweep (vtkBigusSweepInspection) is a warning; nothing is done about it.
  *
  * The output's field data hold, besides all that the input's do:
  *

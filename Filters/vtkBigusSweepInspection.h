@@ -19,9 +19,9 @@
  *
  * | column | type | meaning |
  * |---|---|---|
- * | `Kind` | text | order, contact, repeat, rest, overlay, tracking; or a doubt: gain, depth, levels, ground, poses |
+ * | `Kind` | text | order, contact, repeat, rest, overlay, tracking, fan; or a doubt: gain, depth, levels, poses |
  * | `Frames` | int | how many frames it is about; of a doubt, from how many on it holds, or 0: all |
- * | `Pixels` | int | how many pixels of each, of an overlay; else 0 |
+ * | `Pixels` | int | how many pixels of each, of an overlay or a fan; else 0 |
  * | `Applied` | int | 1: training leaves them out, orders or fills them; 0: it is a doubt, or Keep names the kind |
  * | `Text` | text | what was found, the evidence, what is done, how to undo it |
  *
@@ -53,7 +53,7 @@ public:
   ///@{
   /**
    * Kinds that nothing is done about, as vtkBigusTrainer has them: none (default), all, order, contact, repeat, rest,
-   * overlay, tracking, or some of these joined by +.
+   * overlay, tracking, fan, or some of these joined by +.
    */
   vtkSetStdStringFromCharMacro(Keep);
   vtkGetCharFromStdStringMacro(Keep);

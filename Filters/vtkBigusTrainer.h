@@ -171,7 +171,7 @@ public:
   vtkBigusTextOptionMacro(Interpolation);
   /**
    * Findings of the inspection that nothing is done about; several are joined by +. Values: none, all, order, contact,
-   * repeat, rest, overlay, tracking. Default: none.
+   * repeat, rest, overlay, tracking, fan. Default: none.
    */
   vtkBigusTextOptionMacro(Keep);
   /**

@@ -44,6 +44,14 @@ Json LeftOut(const InspectedSweep& inspected, const std::vector<int>& numbers)
   return gone;
 }
 
+/// The share of a frame that a probe lights, by what is left of the sweep: a training and its scores look at that.
+double LitShare(const Sweep& sweep)
+{
+  const Sweep lit = sweep.LitBy(AllFrames(sweep));
+  const auto unlit = lit.mask ? std::count(lit.mask->begin(), lit.mask->end(), 0) : 0;
+  return 1 - static_cast<double>(unlit) / static_cast<double>(sweep.PixelsPerFrame());
+}
+
 ExitCode Check(Console& console, const CheckOptions& options)
 {
   if (!options.output.empty())
@@ -56,6 +64,7 @@ ExitCode Check(Console& console, const CheckOptions& options)
   const InspectedSweep inspected = Inspect(imported.sweep, KeptKinds::Parse(options.keep));
   const Json answer = {{"sequence", options.sequence.path},
                        {"frames", imported.sweep->NumberOfFrames()},
+                       {"lit", LitShare(*inspected.sweep)},
                        {"left_out", LeftOut(inspected, imported.frames)},
                        {"findings", FindingsJson(inspected.findings, imported.frames)}};
   const std::string outcome = answer["findings"].empty()
@@ -67,6 +76,11 @@ ExitCode Check(Console& console, const CheckOptions& options)
   }
   console.Print(options.sequence.path + ": " + std::to_string(imported.sweep->NumberOfFrames()) + " usable frames, " +
                 outcome);
+  if (answer["lit"] < 1)
+  {
+    console.Print("  The probe lights " + FormatNumber(100 * answer["lit"].get<double>(), 0) +
+                  " % of a frame; what lies beside has no part in a training");
+  }
   for (const Json& finding : answer["findings"])
   {
     console.Print("  " + finding["kind"].get<std::string>() + ": " + finding["text"].get<std::string>());

@@ -304,17 +304,6 @@ void NoteDoubts(vtkImageData* sequence, const std::string& path, Console& consol
   }
 }
 
-Json NoteFindings(vtkImageData* sequence, const std::string& path, Console& console)
-{
-  const ImportedSweep imported = SweepFromImage(sequence);
-  const InspectedSweep inspected = Inspect(imported.sweep, KeptKinds::Parse("all"));
-  for (const Finding& finding : inspected.findings)
-  {
-    console.Note("bigus: warning: " + path + ": " + Describe(finding, imported.frames));
-  }
-  return FindingsJson(inspected.findings, imported.frames);
-}
-
 Json FindingsJson(const std::vector<Finding>& findings, const std::vector<int>& numbers)
 {
   Json rows = Json::array();

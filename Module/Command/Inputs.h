@@ -68,9 +68,6 @@ vtkSmartPointer<vtkImageData> ReadSequence(const SequenceOptions& options, Conso
 /// Says what is doubtful about the poses of a sequence, for commands that do not inspect it.
 void NoteDoubts(vtkImageData* sequence, const std::string& path, Console& console);
 
-/// Says what an inspection finds wrong with a sequence and gives it back as FindingsJson does. Nothing is done about it.
-Json NoteFindings(vtkImageData* sequence, const std::string& path, Console& console);
-
 /// What an inspection found, a row a finding. `numbers` says how each frame of the sweep is called.
 Json FindingsJson(const std::vector<Finding>& findings, const std::vector<int>& numbers);
 

@@ -8,6 +8,7 @@
 
 #include "Command.h"
 #include "Core/Deciding/PosePage.h"
+#include "Core/Inspection/Inspection.h"
 #include "Core/Numerics/Statistics.h"
 #include "Data/SweepData.h"
 #include "Files.h"
@@ -287,7 +288,6 @@ ExitCode CorrectPoses(Console& console, const PosesOptions& options)
   }
   RequireWritable(options.output);
   const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.sequence, console);
-  const Json findings = NoteFindings(sequence, options.sequence.path, console);
   vtkNew<vtkBigusPoseCorrection> correction;
   correction->SetInputData(sequence);
   correction->SetStrength(StrengthOf(options.strength));
@@ -295,7 +295,8 @@ ExitCode CorrectPoses(Console& console, const PosesOptions& options)
   Update(correction, console, "Comparing");
   WriteCorrected(correction, options, console);
   Json answer = CorrectionJson(correction, options.output);
-  answer["findings"] = findings;
+  const ImportedSweep imported = SweepFromImage(sequence);  // the filter says the same in warnings
+  answer["findings"] = FindingsJson(Inspect(imported.sweep, KeptKinds::Parse("all")).findings, imported.frames);
   PrintCorrection(answer, console);
   console.Report(answer);
   return Success;

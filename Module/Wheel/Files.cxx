@@ -132,6 +132,10 @@ nb::dict ReadSequence(const std::string& path, const std::string& config, const 
   {
     warnings.push_back(MadeAxesWarning(path, poses));
   }
+  if (!file.timesNote.empty())
+  {
+    warnings.push_back(file.timesNote);
+  }
   const std::string spacingDoubt = SpacingDoubt(file, poses);
   if (!spacingDoubt.empty())
   {

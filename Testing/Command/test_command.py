@@ -171,6 +171,27 @@ class Check(CommandTest):
         self.assertEqual((head[:8], int.from_bytes(head[16:20], "big")), (b"\x89PNG\r\n\x1a\n", 1200))
         self.assertIn("nothing is wrong", run("check", self.sweep).stdout)
 
+    def test_what_the_probe_lights_is_said(self):
+        fan = self.folder / "fan.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", fan, "--probe", "convex", "--width", 96, "--height", 80, "--pixel-size", 0.7,
+                    "--frames", 12, "--scatterers", 4)
+        head, body = fan.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
+        pixels = zlib.decompress(body)
+        answer = self.expect(SUCCESS, "check", fan)
+        self.assertEqual(answer["findings"], [])
+        self.assertLess(answer["lit"], 0.8)
+        self.assertIn(f"lights {100 * answer['lit']:.0f} % of a frame", run("check", fan).stdout)
+        unlit = [place for place in range(96 * 80) if not any(pixels[place::96 * 80])]
+        grey = bytearray(pixels)
+        for place in unlit:
+            grey[place::96 * 80] = bytes([30]) * 12
+        damaged = self.folder / "grey.igs.mha"
+        damaged.write_bytes(re.sub(rb"CompressedData(Size)? = .*\n", b"", head) + b"ElementDataFile = LOCAL\n" + bytes(grey))
+        found = self.expect(SUCCESS, "check", damaged, "-o", self.folder / "grey.png")
+        self.assertEqual([one["kind"] for one in found["findings"]], ["fan"])
+        self.assertAlmostEqual(found["lit"], answer["lit"], delta=0.03)
+        self.assertEqual(self.expect(SUCCESS, "check", damaged, "--keep", "fan")["lit"], 1)
+
     def test_frames_without_tissue_are_named(self):
         head, body = self.sweep.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
         width, height, count = (int(n) for n in re.search(rb"DimSize = (\d+) (\d+) (\d+)", head).groups())

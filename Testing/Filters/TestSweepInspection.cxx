@@ -3,9 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
+#include <string>
+#include <utility>
 
 #include "FilterTestSupport.h"
+#include "Support/OutputWindow.h"
 #include "vtkBigusPhantomSource.h"
+#include "vtkBigusPoseCorrection.h"
 #include "vtkBigusSweepInspection.h"
 #include "vtkBigusTrainer.h"
 #include "vtkDataArray.h"
@@ -70,6 +75,54 @@ TEST(SweepInspection, TellsWhatTheTrainerLeavesOutByTheImagesNumbers)
   const std::vector<int> expected = {0, 2, 3, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
   vtkIntArray* frames = trainer->GetTrainingFrames();
   EXPECT_EQ(std::vector<int>(frames->GetPointer(0), frames->GetPointer(0) + frames->GetNumberOfValues()), expected);
+}
+
+/// The same without damage, whose poses are changed: [frame](matrix, row by row).
+vtkSmartPointer<vtkImageData> WithPoses(const std::function<void(int, double*)>& change)
+{
+  const vtkSmartPointer<vtkImageData> sweep = Damaged();
+  sweep->GetFieldData()->RemoveArray("Status");
+  vtkDataArray* poses = sweep->GetFieldData()->GetArray("ImageToReference");
+  for (int frame = 0; frame < 16; ++frame)
+  {
+    double pose[16];
+    poses->GetTuple(frame, pose);
+    change(frame, pose);
+    poses->SetTuple(frame, pose);
+  }
+  return sweep;
+}
+
+TEST(SweepInspection, FindingsComeToTheOutputWindow)
+{
+  const vtkSmartPointer<vtkImageData> metres = WithPoses(
+      [](int, double* pose) { std::transform(pose, pose + 12, pose, [](double value) { return value / 1000; }); });
+  const vtkSmartPointer<vtkImageData> coplanar = WithPoses(
+      [](int frame, double* pose)  // the probe is pushed along its rows
+      {
+        const double axes[] = {0.6, 0, 0, 0.5 * frame, 0, 0.6, 0, 0, 0, 0, 1, 0};
+        std::copy_n(axes, 12, pose);
+      });
+  for (const auto& [sweep, said] : {std::pair(Damaged(), "off the skin: 2 frames (4-5)"),
+                                    {metres, "matrices must be in millimetres, not in metres"},
+                                    {coplanar, "All frames lie in one plane"}})
+  {
+    bigus::test::OutputWindow window;
+    vtkNew<vtkBigusTrainer> trainer;
+    trainer->SetInputData(sweep);
+    trainer->SetAutomatic(0);
+    trainer->SetGaussians(50);
+    trainer->SetIterations(1);
+    trainer->Update();
+    EXPECT_NE(window.Take().find(said), std::string::npos) << said;
+    vtkNew<vtkBigusPoseCorrection> poses;
+    poses->SetInputData(sweep);
+    poses->SetStrength(0);
+    poses->Update();
+    const std::string text = window.Take();
+    EXPECT_NE(text.find(said), std::string::npos) << said;
+    EXPECT_NE(text.find("Nothing was done"), std::string::npos) << text;
+  }
 }
 
 TEST(SweepInspection, KeptKindsAreToldAndLeft)

@@ -21,7 +21,7 @@ except ImportError:
 import bigus
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkOutputWindow, vtkPoints, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
@@ -467,6 +467,23 @@ class Trainer(unittest.TestCase):
         with self.assertWarnsRegex(RuntimeWarning, "Nothing was done"):
             bigus.update(trainer)
         self.assertEqual(trainer.GetTrainingFrames().GetNumberOfValues(), 9)
+
+    def test_findings_come_to_the_output_window(self):
+        stack = sweep()
+        vtk_to_numpy(stack.GetPointData().GetScalars()).reshape(9, -1)[4] = 0
+        correction = bigus.vtkBigusPoseCorrection()
+        correction.SetStrength(0)
+        window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+        vtkOutputWindow.SetInstance(window)
+        try:
+            for algorithm in (self.trainer(), correction):
+                algorithm.SetInputDataObject(0, stack)
+                algorithm.Update()
+        finally:
+            vtkOutputWindow.SetInstance(before)
+        self.assertEqual(window.GetOutput().count("off the skin: 1 frame"), 2, window.GetOutput())
+        with self.assertWarnsRegex(RuntimeWarning, "off the skin: 1 frame.*Nothing was done"):
+            bigus.update(correction)
 
     def test_doubts_about_poses_are_said(self):
         for said in ("metres", "one plane"):

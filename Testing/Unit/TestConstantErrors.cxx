@@ -176,6 +176,27 @@ TEST(ConstantErrors, AProbeThatComesBackTellsTheDelay)
   EXPECT_EQ(WithoutConstantErrors(exact, found), exact.imageToReference);
 }
 
+TEST(ConstantErrors, AProbeThatLingersFirstTellsTheDelay)
+{
+  TrackerErrors errors;
+  errors.delay = 0.06;
+  const Sweep moving = Make({0}, 2, errors);
+  constexpr int kLingers = 120;  // more than moves, at a hundredth of the speed
+  std::vector<int> frames(kLingers, 0);
+  const std::vector<int> all = AllFrames(moving);
+  frames.insert(frames.end(), all.begin(), all.end());
+  Sweep sweep = moving.Subset(frames);
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    const double before = std::max(0, kLingers - k);
+    sweep.timestamps[k] -= 0.05 * before;
+    sweep.imageToReference[k](2, 3) -= 0.005 * before;
+  }
+  const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
+  EXPECT_TRUE(found.delay.isObservable) << found.evidence;
+  EXPECT_NEAR(found.delay.value, 0.06, 0.01);
+}
+
 TEST(ConstantErrors, OneStraightSweepTellsNothing)
 {
   TrackerErrors errors;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "Core/Training/GeometryDefaults.h"
+#include "Core/Training/VirtualPlanes.h"
 #include "Support/Sweeps.h"
 
 namespace bigus
@@ -36,8 +37,8 @@ TEST(GeometryDefaults, SparseIsFartherThanABeamAndThanTwoPixels)
   EXPECT_FALSE(Sparse(0, 0.2));  // one frame
 }
 
-/// The usual spacing of frames whose gaps are given, mm.
-double UsualSpacing(const std::vector<double>& gaps)
+/// Frames whose gaps are given, mm.
+std::shared_ptr<Sweep> SweepOf(const std::vector<double>& gaps)
 {
   const auto sweep = test::BlackSweep(static_cast<int>(gaps.size()) + 1, 16, 16, 0.3, 0.5);
   double z = 0;
@@ -46,6 +47,12 @@ double UsualSpacing(const std::vector<double>& gaps)
     sweep->imageToReference[k](2, 3) = z;
     z += k < gaps.size() ? gaps[k] : 0;
   }
+  return sweep;
+}
+
+double UsualSpacing(const std::vector<double>& gaps)
+{
+  const auto sweep = SweepOf(gaps);
   return MeasureGeometry(*sweep, AllFrames(*sweep)).usualSpacing;
 }
 
@@ -64,6 +71,23 @@ TEST(GeometryDefaults, AProbeThatLingersDoesNotMakeASweepDense)
   // Nor do the uneven gaps of a hand: the median, as it is.
   EXPECT_NEAR(UsualSpacing({0.1, 0.5, 0.3, 0.45, 0.05, 0.6, 0.35}), 0.35, 1e-9);
   EXPECT_NEAR(UsualSpacing({0.5, 0.5, 40, 0.5}), 0.5, 1e-9);
+}
+
+TEST(GeometryDefaults, AFastPartOfASlowSweepIsNoBreak)
+{
+  std::vector<double> gaps(60, 0.2);
+  gaps.insert(gaps.end(), 5, 1.0);
+  gaps.push_back(30);
+  gaps.insert(gaps.end(), 5, 1.0);
+  const auto sweep = SweepOf(gaps);
+  const std::vector<double> longest = LongestGaps(*sweep, AllFrames(*sweep));
+  ASSERT_EQ(longest.size(), gaps.size());
+  for (std::size_t k = 0; k < gaps.size(); ++k)
+  {
+    EXPECT_EQ(gaps[k] > longest[k], gaps[k] == 30) << k;
+  }
+  const auto planes = AddVirtualPlanes(*sweep, AllFrames(*sweep), 1);
+  EXPECT_EQ(planes->imageToReference.size(), 2 * gaps.size());  // a frame more than gaps, and one break
 }
 
 // Median spacing and pixel size of the sweeps that the defaults were found on, mm, in full and at half resolution.

@@ -79,6 +79,22 @@ struct Frames
   }
 };
 
+Frames FramesOf(const Sweep& sweep)
+{
+  Frames result{sweep.width, sweep.height, {}, sweep.imageToReference, sweep.timestamps};
+  std::vector<float> image(sweep.PixelsPerFrame());
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    sweep.CopyFrame(k, image.data());
+    result.images.emplace_back(image.begin(), image.end());
+    for (double& level : result.images.back())
+    {
+      level *= 255;
+    }
+  }
+  return result;
+}
+
 Frames PhantomFrames(std::uint64_t seed, double spacing = 0.5, int frames = 32)
 {
   static std::map<std::tuple<std::uint64_t, double, int>, Frames> made;
@@ -94,18 +110,7 @@ Frames PhantomFrames(std::uint64_t seed, double spacing = 0.5, int frames = 32)
   options.pixelSize = 0.5;
   options.frameSpacing = spacing;
   options.scattererDensity = 4;
-  const Sweep sweep = bigus::Phantom(options).MakeSweep();
-  Frames result{sweep.width, sweep.height, {}, sweep.imageToReference, sweep.timestamps};
-  std::vector<float> image(sweep.PixelsPerFrame());
-  for (int k = 0; k < frames; ++k)
-  {
-    sweep.CopyFrame(k, image.data());
-    result.images.emplace_back(image.begin(), image.end());
-    for (double& level : result.images.back())
-    {
-      level *= 255;
-    }
-  }
+  const Frames result = FramesOf(bigus::Phantom(options).MakeSweep());
   made[{seed, spacing, frames}] = result;
   return result;
 }
@@ -229,6 +234,15 @@ TEST(Inspection, FramesAreOrderedByTimeWhereThePathSaysSo)
   {
     EXPECT_EQ(order[inspected.frames[k]], k);
   }
+  // A sweep listed backwards has the same path either way; times tell.
+  Frames backwards = frames;
+  std::reverse(backwards.images.begin(), backwards.images.end());
+  std::reverse(backwards.poses.begin(), backwards.poses.end());
+  std::reverse(backwards.times.begin(), backwards.times.end());
+  const InspectedSweep forwards = Inspect(backwards.AsSweep());
+  ASSERT_EQ(KindsOf(forwards), Kinds{FindingKind::Order});
+  EXPECT_TRUE(forwards.findings[0].isApplied);
+  EXPECT_EQ(forwards.sweep->imageToReference, frames.poses);
   // Times that make the path longer are the worse witness.
   Frames wrong = frames;
   for (int k = 0; k < 32; ++k)
@@ -400,7 +414,7 @@ std::vector<Damage> Damages()
   }
   for (const int count : {1, 3, 9})
   {
-    all.insert(all.end(), {Repeated(count, 0), Repeated(count, 0.6), Repeated(count, 3)});
+    all.insert(all.end(), {Repeated(count, 0), Repeated(count, 0.6), Repeated(count, 1.5), Repeated(count, 3)});
   }
   all.insert(all.end(), {Jump(1, 3), Jump(1, 30), Jump(3, 10), Jump(3, 300), Stale(2), Stale(5)});
   all.insert(all.end(), {Gain(6), Gain(15), Gain(-20), Depth(0.7), Depth(0.9), Depth(1.1), Depth(1.4)});
@@ -456,6 +470,65 @@ TEST(Inspection, DamagedCopiesAreFoundFrameByFrame)
   EXPECT_GE(copies, 200);
 }
 
+// A jump near an end of the sweep is not taken for the path, nor what the path goes on with for a jump.
+TEST(Inspection, AJumpNearAnEndIsFoundWhereItIs)
+{
+  for (const int count : {1, 2})
+  {
+    for (const int first : {1, 2, 27, 29, 30 - count + 1})
+    {
+      Frames frames = PhantomFrames(3);
+      for (int k = first; k < first + count; ++k)
+      {
+        frames.poses[k](1, 3) += 9;
+      }
+      const InspectedSweep inspected = Inspect(frames.AsSweep());
+      ASSERT_EQ(KindsOf(inspected), Kinds{FindingKind::Tracking}) << first << " " << count;
+      EXPECT_EQ(inspected.findings[0].frames, From(first, count)) << first << " " << count;
+    }
+  }
+}
+
+// Where each pose stands for several frames most frames are wrong, and it is not known which are right: that is said.
+TEST(Inspection, ATrackerSlowerThanTheVideoIsSaid)
+{
+  for (const int held : {2, 3})
+  {
+    Frames frames = PhantomFrames(3, 0.5, 40);
+    for (int k = 0; k < 40; ++k)
+    {
+      frames.poses[k] = frames.poses[k - k % held];
+    }
+    const InspectedSweep inspected = Inspect(frames.AsSweep());
+    EXPECT_EQ(inspected.frames, From(0, 40)) << held;
+    ASSERT_FALSE(inspected.findings.empty()) << held;
+    EXPECT_EQ(inspected.findings[0].kind, FindingKind::Tracking) << held;
+    EXPECT_FALSE(inspected.findings[0].isApplied) << held;
+  }
+}
+
+TEST(Inspection, MirroredPicturesAreSaid)
+{
+  for (const bool isAcross : {true, false})
+  {
+    Frames frames = PhantomFrames(2);
+    for (std::size_t k = 12; k < 20; ++k)
+    {
+      const std::vector<double> image = frames.images[k];
+      for (int p = 0; p < 96 * 80; ++p)
+      {
+        const int x = p % 96, y = p / 96;
+        frames.images[k][p] = image[isAcross ? y * 96 + 95 - x : (79 - y) * 96 + x];
+      }
+    }
+    const InspectedSweep inspected = Inspect(frames.AsSweep());
+    ASSERT_EQ(KindsOf(inspected), Kinds{FindingKind::Depth}) << isAcross;
+    EXPECT_EQ(inspected.findings[0].frames, (std::vector<int>{12, 20})) << isAcross;
+    EXPECT_NE(inspected.findings[0].evidence.find("mirrored"), std::string::npos);
+    EXPECT_FALSE(inspected.findings[0].isApplied);
+  }
+}
+
 TEST(Inspection, TextOfTheScreenIsFilled)
 {
   for (const unsigned seed : {1, 2, 3})
@@ -509,6 +582,140 @@ TEST(Inspection, TextOfTheScreenIsFilled)
   }
 }
 
+/// A convex probe's sweep, or a linear probe's in the middle of a screen, and which pixels it lights.
+Frames FramesOnScreen(bool isFan, std::vector<std::uint8_t>& lit)
+{
+  if (!isFan)
+  {
+    Frames frames = PhantomFrames(1);
+    frames.width = 140;
+    frames.height = 110;
+    lit.assign(140 * 110, 0);
+    for (std::vector<double>& image : frames.images)
+    {
+      std::vector<double> screen(140 * 110, 0);
+      for (int y = 0; y < 80; ++y)
+      {
+        std::copy_n(image.begin() + 96 * y, 96, screen.begin() + 140 * (y + 20) + 30);
+        std::fill_n(lit.begin() + 140 * (y + 20) + 30, 96, std::uint8_t(1));
+      }
+      image = screen;
+    }
+    return frames;
+  }
+  bigus::PhantomOptions options;
+  options.probe = bigus::ProbeKind::Convex;
+  options.frames = 24;
+  options.width = 96;
+  options.height = 80;
+  options.pixelSize = 0.7;
+  options.scattererDensity = 4;
+  const Sweep sweep = bigus::Phantom(options).MakeSweep();
+  lit = *sweep.mask;
+  return FramesOf(sweep);
+}
+
+/// Of the pixels beside the picture the share that is black in every frame, and of those within the share that is as
+/// recorded.
+std::pair<double, double> BlackAndKept(const InspectedSweep& inspected, const std::vector<std::uint8_t>& lit)
+{
+  const std::size_t pixels = lit.size();
+  std::vector<float> before(pixels), after(pixels);
+  std::vector<std::uint8_t> isBlack(pixels, 1), isKept(pixels, 1);
+  for (int k = 0; k < inspected.sweep->NumberOfFrames(); ++k)
+  {
+    inspected.recorded->CopyFrame(inspected.frames[k], before.data());
+    inspected.sweep->CopyFrame(k, after.data());
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      isBlack[p] = isBlack[p] && after[p] == 0;
+      isKept[p] = isKept[p] && after[p] == before[p];
+    }
+  }
+  double beside = 0, black = 0, within = 0, kept = 0;
+  for (std::size_t p = 0; p < pixels; ++p)
+  {
+    (lit[p] ? within : beside) += 1;
+    black += !lit[p] && isBlack[p];
+    kept += lit[p] && isKept[p];
+  }
+  return {black / beside, kept / within};
+}
+
+// A hull of pixels may have either side of the rim, which is one pixel wide: 5 % of the corners here. The phantom's
+// pictures are dim at their edges.
+TEST(Inspection, WhatIsBesideAPictureBecomesBlack)
+{
+  for (const bool isFan : {true, false})
+  {
+    std::vector<std::uint8_t> lit;
+    const Frames clean = FramesOnScreen(isFan, lit);
+    EXPECT_EQ(KindsOf(Inspect(clean.AsSweep())), Kinds{}) << "black corners";
+    for (const auto& [ground, noise] :
+         {std::pair(0.0, 0.6), {0.0, 2.0}, {3.0, 1.0}, {20.0, 0.0}, {28.0, 2.0}, {60.0, 2.0}})
+    {
+      Random random(7);
+      Frames frames = clean;
+      for (std::vector<double>& image : frames.images)
+      {
+        for (std::size_t p = 0; p < image.size(); ++p)
+        {
+          image[p] = (lit[p] ? image[p] : ground) + noise * random.Normal();
+        }
+        for (int y = 2; y < 6; ++y)  // a number, beside the picture, that is another in every frame
+        {
+          image[static_cast<std::size_t>(y) * frames.width + 3 + random.Integer(0, 5)] = 235;
+        }
+      }
+      const auto sweep = frames.AsSweep();
+      const InspectedSweep inspected = Inspect(sweep);
+      ASSERT_EQ(KindsOf(inspected), Kinds{FindingKind::Fan}) << isFan << " " << ground << " " << noise;
+      const auto [black, kept] = BlackAndKept(inspected, lit);
+      EXPECT_GT(black, 0.95) << isFan << " " << ground << " " << noise;
+      EXPECT_GT(kept, 0.98) << isFan << " " << ground << " " << noise;
+      EXPECT_EQ(Inspect(sweep, KeptKinds::Parse("fan")).sweep, sweep);
+    }
+  }
+}
+
+// Few echoes amid the noise of a receiver, as wires in water give, are no picture: all of a frame was lit.
+TEST(Inspection, WiresInWaterAreNoFan)
+{
+  Random random(5);
+  Frames frames = PhantomFrames(1);
+  for (std::size_t k = 0; k < frames.images.size(); ++k)
+  {
+    for (std::size_t p = 0; p < frames.images[k].size(); ++p)
+    {
+      const int x = static_cast<int>(p) % 96, y = static_cast<int>(p) / 96, at = 20 + static_cast<int>(k) / 2;
+      const bool isWire = std::abs(x - at) < 3 && (y % 25 > 18);
+      frames.images[k][p] = (isWire ? random.Uniform(80, 250) : 1) + 1.5 * random.Normal();
+    }
+  }
+  const InspectedSweep inspected = Inspect(frames.AsSweep());
+  EXPECT_TRUE(std::none_of(inspected.findings.begin(), inspected.findings.end(),
+                           [](const bigus::Finding& finding) { return finding.kind == FindingKind::Fan; }));
+}
+
+TEST(Inspection, ADarkPictureIsNotBesideAFan)
+{
+  Frames frames = PhantomFrames(1);  // dark but for its middle, and there is noise everywhere
+  Random random(3);
+  for (std::vector<double>& image : frames.images)
+  {
+    for (std::size_t p = 0; p < image.size(); ++p)
+    {
+      const std::size_t x = p % 96;
+      image[p] = x < 24 ? 0.1 * image[p] + std::abs(4 * random.Normal()) : image[p];
+    }
+  }
+  const auto sweep = frames.AsSweep();
+  for (const bigus::Finding& finding : Inspect(sweep).findings)
+  {
+    EXPECT_NE(finding.kind, FindingKind::Fan);
+  }
+}
+
 TEST(Inspection, KeptKindsAreFoundAndLeft)
 {
   Frames frames = PhantomFrames(1);
@@ -521,7 +728,7 @@ TEST(Inspection, KeptKindsAreFoundAndLeft)
   EXPECT_EQ(kept.findings[0].frames, From(10, 1));
   EXPECT_EQ(Inspect(sweep).frames.size(), 31u);
   EXPECT_EQ(KeptKinds::Parse("contact+overlay").ToString(), "contact+overlay");
-  EXPECT_EQ(KeptKinds::Parse("overlay+contact+rest+tracking+order+repeat").ToString(), "all");
+  EXPECT_EQ(KeptKinds::Parse("overlay+contact+rest+tracking+order+repeat+fan").ToString(), "all");
   EXPECT_EQ(KeptKinds::Parse("none").ToString(), "none");
   const std::string message = bigus::test::Message([] { KeptKinds::Parse("contact+dust"); });
   EXPECT_NE(message.find("'dust'"), std::string::npos) << message;
@@ -558,48 +765,6 @@ TEST(Inspection, ASceneThatNeverChangesIsLeftAlone)
     image = frames.images[0];
   }
   EXPECT_EQ(Inspect(frames.AsSweep()).frames, From(0, 32));  // one picture alone would be left
-}
-
-TEST(Inspection, AGroundThatIsNotBlackIsSaid)
-{
-  const Frames plain = PhantomFrames(1);
-  const auto isGround = [](const bigus::Finding& finding) { return finding.kind == FindingKind::Ground; };
-  for (const double level : {0.0, 28.0})
-  {
-    Random random(3);
-    Frames frames = plain;
-    frames.width = 140;
-    frames.height = 110;
-    for (std::vector<double>& image : frames.images)
-    {
-      std::vector<double> screen(140 * 110, level);
-      for (double& pixel : screen)
-      {
-        pixel += level > 0 ? 0.5 * random.Normal() : 0;
-      }
-      for (int y = 0; y < 80; ++y)
-      {
-        std::copy_n(image.begin() + 96 * y, 96, screen.begin() + 140 * (y + 20) + 30);
-      }
-      image = screen;
-    }
-    const InspectedSweep inspected = Inspect(frames.AsSweep());
-    const auto found = std::find_if(inspected.findings.begin(), inspected.findings.end(), isGround);
-    ASSERT_EQ(found != inspected.findings.end(), level > 0);
-    if (level > 0)
-    {
-      EXPECT_FALSE(found->isApplied);
-      EXPECT_NE(found->evidence.find("grey level 28"), std::string::npos) << found->evidence;
-      int x = 0, y = 0, width = 0, height = 0;
-      const std::size_t at = found->evidence.find("--clip-rectangle ");
-      ASSERT_EQ(std::sscanf(found->evidence.c_str() + at, "--clip-rectangle %d %d %d %d", &x, &y, &width, &height), 4);
-      EXPECT_NEAR(x, 30, 3);  // edges of the phantom's picture are dim
-      EXPECT_NEAR(y, 20, 3);
-      EXPECT_NEAR(x + width, 126, 3);
-      EXPECT_NEAR(y + height, 100, 3);
-      EXPECT_EQ(inspected.sweep->pixels, inspected.recorded->pixels) << "it is only said";
-    }
-  }
 }
 
 TEST(Inspection, WhatHeldOutFramesShowHasNoPart)

@@ -58,7 +58,9 @@ TEST(PoseDoubts, WrongUnitsAreNamed)
   ExpectOne(Doubts([](int, Eigen::Matrix4d& pose) { pose.topRows<3>() *= 1e-3; }), "not in metres");
   ExpectOne(Doubts([](int, Eigen::Matrix4d& pose) { pose.topRows<3>() *= 1e3; }), "too large for ultrasound");
   ExpectOne(Doubts([](int, Eigen::Matrix4d& pose) { pose.topLeftCorner<3, 3>() *= 50; }), "too large");
+  ExpectOne(Doubts([](int, Eigen::Matrix4d& pose) { pose.topRows<3>() *= 10; }), "too large");
   ExpectOne(Doubts([](int, Eigen::Matrix4d& pose) { pose.block<3, 1>(0, 3) *= 1e4; }), "path");
+  ExpectOne(Doubts([](int, Eigen::Matrix4d& pose) { pose.block<3, 1>(0, 3) *= 1e-3; }), "short");
 }
 
 TEST(PoseDoubts, ShearAndScaleAreNamed)

@@ -386,6 +386,18 @@ TEST(Trajectory, NothingIsSmoothedAcrossAReversal)
   EXPECT_LT(ErrorOf(found.imageToReference, truth), 0.5 * ErrorOf(recorded, truth));
 }
 
+TEST(Trajectory, AProbeThatLingersCutsNothingOfWhatIsFaster)
+{
+  const auto truth = Motion(130,
+                            [](double k)
+                            {
+                              const double fast = std::max(0.0, k - 90);
+                              return PoseAt({2 * std::sin(0.15 * fast), 0, 0.02 * k + fast}, {0, 0, 0});
+                            });
+  const Trajectory found = SmoothTrajectory(PosesOnly(Tracked(truth, 0.002, 0.002, 3)));
+  EXPECT_EQ(found.stroke, std::vector<int>(130, 0));
+}
+
 // ---- time ----
 
 TEST(Trajectory, RecordedTimesTellOfDroppedFrames)

@@ -319,7 +319,14 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   Paste(sweep, training);
   // A break in the sweep is no gap. The nearest of 13 directions is at most 27.2 degrees from a gap's own: 1 / cos = 1.13.
   const SweepGeometry geometry = MeasureGeometry(sweep, training);
-  const double gap = std::min(geometry.largestSpacing, 4 * geometry.usualSpacing);
+  double gap = std::min(geometry.largestSpacing, kBreak * geometry.usualSpacing);
+  const std::vector<double> longest = LongestGaps(sweep, training);
+  for (std::size_t k = 0; k < longest.size(); ++k)
+  {
+    const double wide =
+        GapBetween(sweep, training[k], training[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    gap = wide <= longest[k] ? std::max(gap, wide) : gap;
+  }
   FillHoles(static_cast<int>(std::clamp(std::ceil(1.13 * gap / voxelSize_), 9.0, 64.0)));
 }
 

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What cannot be mended by leaving frames out, or is not sure enough: it is only said.
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <iterator>
 #include <opencv2/imgproc.hpp>
 
 #include "Core/Inspection/Rules.h"
@@ -17,7 +17,6 @@ namespace
 {
 
 // Gain.
-constexpr double kLevels = 255;
 constexpr float kLit = 8;               // grey levels, of blocks that are compared
 constexpr double kStep = 6;             // grey levels, and ...
 constexpr double kOverUsual = 5;        // ... so many times what nine steps of ten have
@@ -28,26 +27,17 @@ constexpr std::size_t kFewestLit = 20;  // blocks
 
 // Depth. Small pictures without their broad brightness are compared, one of them larger or smaller.
 constexpr int kBroad = 15;          // blocks
-constexpr double kUnlike = 0.5;     // of the usual correlation of neighbours
+constexpr double kUnlike = 0.75;    // of the usual correlation of neighbours, and ...
+constexpr double kBetter = 0.25;    // ... by so much of it they are alike again
 constexpr double kUsable = 0.3;     // correlation; else neighbours have too little in common
 constexpr double kLikeAgain = 0.6;  // of the usual correlation, at the best scale
+constexpr int kSides[] = {1, 0};    // of OpenCV's flip
 constexpr double kLeastScale = 1.06, kMostScale = 2, kScaleStep = 1.03;
 
 // Grey levels.
 constexpr std::size_t kLookedAt = 24;  // frames
 constexpr double kMostWhite = 0.1;     // of the pixels that are not black
 constexpr double kDimmest = 0.15;      // of white, that the brightest pixel of a hundred thousand reaches
-
-// The ground that a picture lies on: a screen's grey.
-constexpr int kCorners = 16;         // the upper corners are such a part of the width and of the height
-constexpr double kLeastGround = 4;   // grey levels: less is black that was compressed
-constexpr double kMostGround = 64;   // and more is tissue
-constexpr double kEven = 5;          // grey levels about a corner's median, in ...
-constexpr double kEvenShare = 0.75;  // ... so many of its pixels: there may be text
-constexpr double kAlike = 3;         // grey levels between the corners
-constexpr double kSteady =
-    2;  // grey levels by which a corner's pixels differ from the first frame's: water's differ more
-constexpr double kOtherThanGround = 6;  // grey levels by which rows and columns of the picture differ in the mean
 
 /// Median difference of what both frames show, grey levels; 0 where that is too little.
 double Brighter(const Pictures& pictures, std::size_t from, std::size_t to)
@@ -141,6 +131,18 @@ double LargerBy(const cv::Mat& from, const cv::Mat& to, double enough)
   return factor;
 }
 
+/// Whether one picture is the other mirrored from left to right, or from top to bottom.
+bool IsMirrored(const cv::Mat& from, const cv::Mat& to, double enough)
+{
+  return std::any_of(std::begin(kSides), std::end(kSides),
+                     [&](int side)
+                     {
+                       cv::Mat mirrored;
+                       cv::flip(from, mirrored, side);
+                       return Correlation(mirrored, to) > enough;
+                     });
+}
+
 std::optional<Finding> DoubtDepth(const Pictures& pictures, const std::vector<int>& frames)
 {
   if (std::min(pictures.width, pictures.height) < kBroad)  // there is no detail to compare
@@ -159,22 +161,38 @@ std::optional<Finding> DoubtDepth(const Pictures& pictures, const std::vector<in
   }
   const double usual = ShareBelow(alike, 0.5);
   std::vector<int> from;
-  std::string factors;
+  std::string factors, evidence;
+  bool isMirrored = false;
   for (std::size_t k = 1; k < frames.size() && usual >= kUsable; ++k)
   {
-    const double factor = alike[k - 1] < kUnlike * usual
-                              ? LargerBy(ImageOf(pictures, k - 1), ImageOf(pictures, k), kLikeAgain * usual)
-                              : 1;
-    if (factor != 1)
+    if (alike[k - 1] >= kUnlike * usual)
+    {
+      continue;
+    }
+    const double enough = std::max(kLikeAgain * usual, alike[k - 1] + kBetter * usual);
+    const double factor = LargerBy(ImageOf(pictures, k - 1), ImageOf(pictures, k), enough);
+    const bool turns = factor == 1 && IsMirrored(details[k - 1], details[k], enough);
+    isMirrored = isMirrored || turns;
+    if (factor != 1 || turns)
     {
       from.push_back(frames[k]);
+    }
+    if (factor != 1)
+    {
       factors += (factors.empty() ? "" : ", ") + Format("%.2f", factor);
     }
   }
-  return Found(FindingKind::Depth, from,
-               "pictures are larger by factors of " + factors +
-                   " from there on, so one size of pixels is not right for all frames; "
-                   "train on each part by itself");
+  if (!factors.empty())
+  {
+    evidence = "pictures are larger by factors of " + factors +
+               " from there on, so one size of pixels is not right for all frames";
+  }
+  if (isMirrored)
+  {
+    evidence +=
+        std::string(evidence.empty() ? "" : "; ") + "pictures are mirrored from there on, so poses are not right";
+  }
+  return Found(FindingKind::Depth, from, evidence + "; train on each part by itself");
 }
 
 std::optional<Finding> DoubtLevels(const Sweep& sweep, const std::vector<int>& frames)
@@ -220,80 +238,6 @@ std::optional<Finding> DoubtLevels(const Sweep& sweep, const std::vector<int>& f
   return Finding{FindingKind::Levels, {}, 0, false, evidence};
 }
 
-/// Grey level of a corner that is even and neither black nor tissue; nothing of another one.
-std::optional<double> GroundOf(const cv::Mat& corner)
-{
-  std::vector<double> levels;
-  for (int y = 0; y < corner.rows; ++y)
-  {
-    levels.insert(levels.end(), corner.ptr<float>(y), corner.ptr<float>(y) + corner.cols);
-  }
-  const double level = ShareBelow(levels, 0.5);
-  const auto even = static_cast<double>(
-      std::count_if(levels.begin(), levels.end(), [level](double value) { return std::abs(value - level) <= kEven; }));
-  return level < kLeastGround || level > kMostGround || even < kEvenShare * static_cast<double>(levels.size())
-             ? std::nullopt
-             : std::optional(level);
-}
-
-/// The first and one past the last place where a row or column of means differs from the ground; equal where none does.
-std::pair<int, int> PartBeside(const cv::Mat& means, double ground)
-{
-  int begin = 0, end = 0;
-  for (int k = 0; k < static_cast<int>(means.total()); ++k)
-  {
-    if (std::abs(means.ptr<float>()[k] - ground) > kOtherThanGround)
-    {
-      begin = end == 0 ? k : begin;
-      end = k + 1;
-    }
-  }
-  return {begin, end};
-}
-
-std::optional<Finding> DoubtGround(const Sweep& sweep, const std::vector<int>& frames)
-{
-  const int width = std::max(1, sweep.width / kCorners), height = std::max(1, sweep.height / kCorners);
-  const std::array<cv::Rect, 2> corners{cv::Rect(0, 0, width, height), cv::Rect(sweep.width - width, 0, width, height)};
-  cv::Mat mean = cv::Mat::zeros(sweep.height, sweep.width, CV_32F), first;
-  double ground = 0;
-  const std::vector<int> some = EvenlySpread(frames, kLookedAt);
-  for (const int frame : some)
-  {
-    cv::Mat image(sweep.height, sweep.width, CV_32F);
-    sweep.CopyFrame(frame, image.ptr<float>());
-    image *= kLevels;
-    first = first.empty() ? image : first;
-    const std::optional<double> left = GroundOf(image(corners[0])), right = GroundOf(image(corners[1]));
-    if (!left || !right || std::abs(*left - *right) > kAlike ||
-        cv::norm(image(corners[0]), first(corners[0]), cv::NORM_L1) > kSteady * width * height ||
-        cv::norm(image(corners[1]), first(corners[1]), cv::NORM_L1) > kSteady * width * height)
-    {
-      return std::nullopt;
-    }
-    ground += 0.5 * (*left + *right) / static_cast<double>(some.size());
-    mean += image / static_cast<double>(some.size());
-  }
-  cv::Mat columns, rows;
-  cv::reduce(mean, columns, 0, cv::REDUCE_AVG);
-  cv::reduce(mean, rows, 1, cv::REDUCE_AVG);
-  const auto [x, right] = PartBeside(columns, ground);
-  const auto [y, bottom] = PartBeside(rows, ground);
-  if (x == right || y == bottom)
-  {
-    return std::nullopt;
-  }
-  return Finding{FindingKind::Ground,
-                 {},
-                 0,
-                 false,
-                 "both upper corners have grey level " + Format("%.0f", ground) +
-                     " in all frames, which counts as lit; a clip makes it black: a fan (--clip-fan), or the "
-                     "rectangle that the picture fills (--clip-rectangle " +
-                     std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(right - x) + " " +
-                     std::to_string(bottom - y) + ")"};
-}
-
 }  // namespace
 
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames)
@@ -313,7 +257,6 @@ std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, c
     add(DoubtDepth(pictures, frames));
   }
   add(DoubtLevels(sweep, frames));
-  add(DoubtGround(sweep, frames));
   for (std::string& doubt : DoubtsAboutPoses(sweep, frames))
   {
     doubt.pop_back();  // its full stop

@@ -33,10 +33,10 @@ constexpr std::array<KindOfFinding, 11> kKinds{{
     {"rest", "The probe rests", "They are left out, but for one of each rest"},
     {"overlay", "The scanner's screen shows (text, rulers, logos)", "They are filled from what is around them"},
     {"tracking", "The tracker seems to have lost the probe", "They are left out"},
+    {"fan", "What lies beside the picture is not black", "They are made black, as beside other pictures"},
     {"gain", "The gain seems to change", nullptr},
-    {"depth", "Depth or zoom seem to change", nullptr},
+    {"depth", "Depth, zoom or side seem to change", nullptr},
     {"levels", "Grey levels are doubtful", nullptr},
-    {"ground", "Beside the picture the frames are not black", nullptr},
     {"poses", "Poses are doubtful", nullptr},
 }};
 constexpr std::size_t kActing = static_cast<std::size_t>(FindingKind::Gain);
@@ -52,7 +52,7 @@ struct Inspected
   std::vector<Finding> findings;
   std::vector<int> heldOut;
   std::vector<int> frames;            ///< that are left, in order
-  std::vector<std::uint8_t> covered;  ///< by an overlay; empty: there is none
+  std::vector<std::uint8_t> covered;  ///< what is done about each pixel (Rules.h); empty: nothing
 };
 
 std::vector<int> Without(const std::vector<int>& frames, std::vector<int> gone)
@@ -80,6 +80,29 @@ bool Add(std::optional<Finding> found, const KeptKinds& kept, std::vector<int>& 
   gone.insert(gone.end(), leftOut.begin(), leftOut.end());
   findings.push_back(*std::move(found));
   return true;
+}
+
+/// What is no tissue in every frame: beside the picture, and over it.
+void FindCovered(const Sweep& sweep, const std::vector<int>& looked, const KeptKinds& kept, Inspected& inspected)
+{
+  std::vector<std::uint8_t>& covered = inspected.covered;
+  for (std::optional<Finding> found : {FindFan(sweep, looked, covered), FindOverlay(sweep, looked, covered)})
+  {
+    if (found)
+    {
+      found->isApplied = !kept.Keeps(found->kind);
+      inspected.findings.push_back(*std::move(found));
+    }
+  }
+  // What is kept is left only now: a grey ground is no text, whatever is done about it.
+  for (const auto& [kind, mark] : {std::pair(FindingKind::Fan, kBlackened), {FindingKind::Overlay, kFilled}})
+  {
+    std::replace(covered.begin(), covered.end(), mark, kept.Keeps(kind) ? std::uint8_t(0) : mark);
+  }
+  if (std::count(covered.begin(), covered.end(), 0) == static_cast<std::ptrdiff_t>(covered.size()))
+  {
+    covered.clear();
+  }
 }
 
 Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut)
@@ -116,15 +139,7 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
   add(std::move(still.rest));
   add(std::move(still.repeat));
   add(FindRepeats(sweep, pictures, looked));
-  if (std::optional<Finding> overlay = FindOverlay(sweep, looked, inspected.covered))
-  {
-    overlay->isApplied = !kept.Keeps(FindingKind::Overlay);
-    if (!overlay->isApplied)
-    {
-      inspected.covered.clear();
-    }
-    inspected.findings.push_back(*std::move(overlay));
-  }
+  FindCovered(sweep, looked, kept, inspected);
   for (Finding& doubt : DoubtsAbout(sweep, pictures, looked))
   {
     inspected.findings.push_back(std::move(doubt));
@@ -170,7 +185,8 @@ const char* NameOf(FindingKind kind)
 
 std::vector<int> Finding::LeftOut() const
 {
-  const bool stay = kind == FindingKind::Order || kind == FindingKind::Overlay || !isApplied;
+  const bool stay =
+      kind == FindingKind::Order || kind == FindingKind::Overlay || kind == FindingKind::Fan || !isApplied;
   return stay ? std::vector<int>{} : frames;
 }
 
@@ -216,10 +232,9 @@ std::string Describe(const Finding& finding, const std::vector<int>& numbers)
   std::transform(finding.frames.begin(), finding.frames.end(), std::back_inserter(frames),
                  [&numbers](int frame) { return numbers[frame]; });
   const std::string count = std::to_string(frames.size()) + (frames.size() == 1 ? " frame (" : " frames (");
-  const std::string where = finding.kind == FindingKind::Overlay
-                                ? std::to_string(finding.pixels) + " pixels of every frame; "
-                            : frames.empty() ? ""
-                                             : count + Ranges(frames) + "); ";
+  const std::string where = finding.pixels > 0 ? std::to_string(finding.pixels) + " pixels of every frame; "
+                            : frames.empty()   ? ""
+                                               : count + Ranges(frames) + "); ";
   const KindOfFinding& words = Of(finding.kind);
   return std::string(words.what) + ": " + where + finding.evidence + ". " +
          (finding.isApplied ? std::string(words.done) + "; keep '" + words.name + "' to use them as they are."

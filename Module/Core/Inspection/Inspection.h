@@ -22,15 +22,15 @@ enum class FindingKind
   Rest,      ///< probe and picture stand still
   Overlay,   ///< pixels of the scanner's screen: text, rulers, logos
   Tracking,  ///< the tracker lost the probe: poses jump away and come back, or stay while pictures go on
+  Fan,       ///< what lies beside the picture is not black, so that it counts as lit: a screen's grey, or noise
   // What follows is only doubted: nothing is ever done about it.
   Gain,    ///< pictures get brighter or darker at once
-  Depth,   ///< pictures get larger or smaller at once: another depth or zoom
+  Depth,   ///< pictures get larger, smaller or mirrored at once: another depth, zoom or side
   Levels,  ///< white pixels hide what is there, or no pixel is bright
-  Ground,  ///< what lies beside the picture is not black, so that it counts as lit
   Poses    ///< sound as numbers, but hardly those of a probe (PoseDoubts.h)
 };
 
-/// "order", "contact", "repeat", "rest", "overlay", "tracking", "gain", "depth", "levels", "ground", "poses".
+/// "order", "contact", "repeat", "rest", "overlay", "tracking", "fan", "gain", "depth", "levels", "poses".
 const char* NameOf(FindingKind kind);
 
 /// Kinds of findings that something is done about unless they are kept.
@@ -38,7 +38,7 @@ class KeptKinds
 {
 public:
   /// What Parse takes: "none|all|order|contact|...".
-  static constexpr const char* kNames = "none|all|order|contact|repeat|rest|overlay|tracking";
+  static constexpr const char* kNames = "none|all|order|contact|repeat|rest|overlay|tracking|fan";
 
   bool Keeps(FindingKind kind) const { return kinds_ >> static_cast<int>(kind) & 1; }
 
@@ -55,13 +55,14 @@ struct Finding
 {
   FindingKind kind = FindingKind::Order;
   /// Of the sweep, in its order: those left out, or those that would be. Of a doubt those from which on it holds; none
-  /// where it is about the whole sweep. All for an overlay.
+  /// where it is about the whole sweep. All for an overlay or a fan.
   std::vector<int> frames;
-  std::size_t pixels = 0;  ///< of every frame, that are filled; 0 for other kinds
+  std::size_t pixels = 0;  ///< of every frame, that are filled or blackened; 0 for other kinds
   bool isApplied = false;  ///< something was done: false where the kind is kept, and for what is only a doubt
   std::string evidence;    ///< in numbers; a sentence without its full stop
 
-  /// The frames that something is done about by leaving them out: none of an order or an overlay, or where nothing is done.
+  /// The frames that something is done about by leaving them out: none of an order, an overlay or a fan, or where nothing
+  /// is done.
   std::vector<int> LeftOut() const;
 };
 

@@ -37,23 +37,14 @@ struct Behaviour
   cv::Mat same;    ///< CV_8U, 255 where kSameShare of the frames show what the first or the middle one shows
 };
 
-/// In grey levels, CV_8U.
-cv::Mat FrameOf(const Sweep& sweep, int frame)
-{
-  cv::Mat image(sweep.height, sweep.width, CV_32F), levels;
-  sweep.CopyFrame(frame, image.ptr<float>());
-  image.convertTo(levels, CV_8U, kLevels);
-  return levels;
-}
-
 Behaviour Behave(const Sweep& sweep, const std::vector<int>& frames)
 {
-  const cv::Mat first = FrameOf(sweep, frames.front()), middle = FrameOf(sweep, frames[frames.size() / 2]);
+  const cv::Mat first = LevelsOf(sweep, frames.front()), middle = LevelsOf(sweep, frames[frames.size() / 2]);
   cv::Mat change = cv::Mat::zeros(first.size(), CV_32F), difference;
   cv::Mat asFirst = cv::Mat::zeros(first.size(), CV_8U), asMiddle = asFirst.clone();  // counts, at most kLookedAt
   for (const int frame : frames)
   {
-    const cv::Mat image = FrameOf(sweep, frame);
+    const cv::Mat image = LevelsOf(sweep, frame);
     cv::absdiff(image, first, difference);
     asFirst += (difference <= kSame) & 1;
     cv::absdiff(image, middle, difference);
@@ -83,14 +74,14 @@ bool StandsOut(const Behaviour& behaviour, const cv::Mat& labels, int label, con
   return all > 0 && cv::countNonZero(differs & ring) >= kRingShare * all;
 }
 
-/// Replaces covered pixels by means of Gaussian windows over the others, of 1 pixel where that reaches some, else of twice as
-/// many, and so on.
+/// Replaces filled pixels by means of Gaussian windows over those that are not covered, of 1 pixel where that reaches some,
+/// else of twice as many, and so on. Blackened pixels become black.
 void Fill(cv::Mat& image, const cv::Mat& covered)
 {
   cv::Mat open = covered == 0, weights;
   open.convertTo(weights, CV_32F, 1.0 / 255);
   const cv::Mat weighted = image.mul(weights);
-  cv::Mat left = covered != 0;
+  cv::Mat left = covered == kFilled;
   for (double sigma = 1; cv::countNonZero(left) > 0 && sigma < std::max(image.cols, image.rows); sigma *= 2)
   {
     cv::Mat sums, shares;
@@ -100,6 +91,7 @@ void Fill(cv::Mat& image, const cv::Mat& covered)
     cv::Mat(sums / shares).copyTo(image, reached);
     left &= ~reached;
   }
+  image.setTo(0, covered == kBlackened);
 }
 
 }  // namespace
@@ -112,7 +104,9 @@ std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& f
     return std::nullopt;
   }
   const Behaviour behaviour = Behave(sweep, EvenlySpread(frames, kLookedAt));
-  const cv::Mat still = behaviour.same & (behaviour.value >= kDarkest);
+  covered.resize(sweep.PixelsPerFrame(), 0);
+  const cv::Mat still =
+      behaviour.same & (behaviour.value >= kDarkest) & (cv::Mat(covered).reshape(1, sweep.height) == 0);
   cv::Mat labels, boxes, middles;
   const int groups = cv::connectedComponentsWithStats(still, labels, boxes, middles, 8);
   cv::Mat overlay = cv::Mat::zeros(still.size(), CV_8U);
@@ -132,9 +126,8 @@ std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& f
     return std::nullopt;
   }
   cv::dilate(overlay, overlay, cv::Mat::ones(2 * kRim + 1, 2 * kRim + 1, CV_8U));
-  covered.assign(sweep.PixelsPerFrame(), 0);
-  std::transform(overlay.begin<std::uint8_t>(), overlay.end<std::uint8_t>(), covered.begin(),
-                 [](std::uint8_t isOverlay) { return isOverlay != 0; });
+  std::transform(covered.begin(), covered.end(), overlay.begin<std::uint8_t>(), covered.begin(),
+                 [](std::uint8_t now, std::uint8_t isOverlay) { return now == 0 && isOverlay ? kFilled : now; });
   Finding found{FindingKind::Overlay, frames, static_cast<std::size_t>(cv::countNonZero(overlay)), true, {}};
   found.evidence = std::to_string(pixels) + " bright pixels are the same in all frames and unlike those around them";
   return found;

@@ -35,6 +35,7 @@ cv::Scalar ColourOf(FindingKind kind)
     case FindingKind::Rest:
       return {225, 145, 30};
     case FindingKind::Overlay:
+    case FindingKind::Fan:
       return {200, 30, 130};
     case FindingKind::Tracking:
       return {20, 150, 160};
@@ -46,10 +47,8 @@ cv::Scalar ColourOf(FindingKind kind)
 /// A frame of the sweep, grey, in colours' form.
 cv::Mat FrameOf(const Sweep& sweep, int frame)
 {
-  cv::Mat image(sweep.height, sweep.width, CV_32F), levels, colours;
-  sweep.CopyFrame(frame, image.ptr<float>());
-  image.convertTo(levels, CV_8U, 255);
-  cv::cvtColor(levels, colours, cv::COLOR_GRAY2RGB);
+  cv::Mat colours;
+  cv::cvtColor(LevelsOf(sweep, frame), colours, cv::COLOR_GRAY2RGB);
   return colours;
 }
 
@@ -112,7 +111,7 @@ void DrawWay(cv::Mat& page, int top, const Sweep& sweep, const std::vector<cv::S
   }
 }
 
-/// A frame in the middle of what is left, with filled pixels tinted.
+/// A frame in the middle of what is left, with filled and blackened pixels tinted.
 cv::Mat FilledFrame(const InspectedSweep& inspected)
 {
   const int middle = inspected.sweep->NumberOfFrames() / 2;
@@ -132,9 +131,8 @@ cv::Mat FilledFrame(const InspectedSweep& inspected)
 Page DrawPage(const InspectedSweep& inspected, const std::vector<int>& numbers, const std::string& title)
 try
 {
-  const bool isFilled =
-      std::any_of(inspected.findings.begin(), inspected.findings.end(),
-                  [](const Finding& finding) { return finding.kind == FindingKind::Overlay && finding.isApplied; });
+  const bool isFilled = std::any_of(inspected.findings.begin(), inspected.findings.end(),
+                                    [](const Finding& finding) { return finding.pixels > 0 && finding.isApplied; });
   const cv::Mat picture = isFilled ? FilledFrame(inspected) : cv::Mat();
   std::vector<std::pair<std::string, cv::Scalar>> lines;
   for (const Finding& finding : inspected.findings)

@@ -18,6 +18,7 @@ namespace
 constexpr int kSmallSide = 48;
 
 constexpr float kLevels = 255;
+constexpr float kLit = 4;  // grey levels of a small picture: less is black that was compressed
 
 cv::Mat WithoutMean(const cv::Mat& image, int window)
 {
@@ -71,25 +72,65 @@ double Roughness(const cv::Mat& image)
              : 0;
 }
 
-/// The columns of a band, and rows from `first` to `last`, of an image with one column a band or more.
+/// The columns of a band, and rows from `first` to `last`, of an image with as many columns as halves of bands, or more.
 cv::Mat PartOf(const cv::Mat& image, std::size_t band, int first, int last)
 {
-  const int from = static_cast<int>(band) * image.cols / static_cast<int>(kBands);
-  const int to = static_cast<int>(band + 1) * image.cols / static_cast<int>(kBands);
+  const int half = static_cast<int>(kBands) + 1;
+  const int from = static_cast<int>(band) * image.cols / half, to = static_cast<int>(band + 2) * image.cols / half;
   return image(cv::Range(first, std::max(last, first + 1)), cv::Range(from, to));
 }
 
-/// `image` in full size, `small` as it is compared.
-std::array<Band, kBands> BandsOf(const cv::Mat& image, const cv::Mat& small)
+/// The first row of every column of small pictures in which some frame is lit; the height where none is.
+std::vector<int> TopsOf(const Pictures& pictures)
 {
-  std::array<Band, kBands> bands;
-  for (std::size_t b = 0; b < kBands && small.cols >= static_cast<int>(kBands); ++b)
+  std::vector<int> tops(pictures.width, pictures.height);
+  for (const std::vector<float>& small : pictures.small)
   {
-    bands[b].near = cv::mean(PartOf(small, b, small.rows / 8, small.rows / 4))[0];
-    bands[b].deep = cv::mean(PartOf(small, b, small.rows / 4, small.rows))[0];
-    bands[b].roughness = Roughness(PartOf(image, b, image.rows / 4, image.rows / 2));
+    for (int x = 0; x < pictures.width; ++x)
+    {
+      for (int y = 0; y < tops[x]; ++y)
+      {
+        if (small[static_cast<std::size_t>(y) * pictures.width + x] > kLit)
+        {
+          tops[x] = y;
+        }
+      }
+    }
   }
-  return bands;
+  return tops;
+}
+
+/// Mean of the pixels of a band that lie from `first` to `last` rows below the top of their column; 0 of none.
+double MeanBelow(const Pictures& pictures, const std::vector<int>& tops, std::size_t k, std::size_t band, int first,
+                 int last)
+{
+  const int half = static_cast<int>(kBands) + 1;
+  double sum = 0;
+  int count = 0;
+  for (int x = static_cast<int>(band) * pictures.width / half; x < static_cast<int>(band + 2) * pictures.width / half;
+       ++x)
+  {
+    for (int y = tops[x] + first; y < std::min(tops[x] + last, pictures.height); ++y, ++count)
+    {
+      sum += pictures.small[k][static_cast<std::size_t>(y) * pictures.width + x];
+    }
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+void MeasureBands(Pictures& pictures)
+{
+  const std::vector<int> tops = TopsOf(pictures);
+  const int height = pictures.height;
+  for (std::size_t k = 0; k < pictures.small.size() && pictures.width > static_cast<int>(kBands); ++k)
+  {
+    for (std::size_t b = 0; b < kBands; ++b)
+    {
+      Band& band = pictures.bands[k][b];
+      band.near = MeanBelow(pictures, tops, k, b, height / 8, std::max(height / 4, height / 8 + 1));
+      band.deep = MeanBelow(pictures, tops, k, b, height / 4, height);
+    }
+  }
 }
 
 }  // namespace
@@ -119,13 +160,25 @@ Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames)
                       pictures.brightness[k] = cv::mean(small.rowRange(pictures.height / 4, pictures.height))[0];
                       pictures.roughness[k] =
                           Roughness(image.rowRange(sweep.height / 4, std::max(sweep.height / 2, 1)));
-                      pictures.bands[k] = BandsOf(image, small);
+                      for (std::size_t b = 0; b < kBands && pictures.width > static_cast<int>(kBands); ++b)
+                      {
+                        pictures.bands[k][b].roughness = Roughness(PartOf(image, b, image.rows / 4, image.rows / 2));
+                      }
                       if (k > 0)
                       {
                         pictures.change[k] = ChangeBetween(sweep, frames[k - 1], frames[k]);
                       }
                     });
+  MeasureBands(pictures);
   return pictures;
+}
+
+cv::Mat LevelsOf(const Sweep& sweep, int frame)
+{
+  cv::Mat image(sweep.height, sweep.width, CV_32F), levels;
+  sweep.CopyFrame(frame, image.ptr<float>());
+  image.convertTo(levels, CV_8U, kLevels);
+  return levels;
 }
 
 double AlikeIn(std::size_t band, const Pictures& pictures, std::size_t a, std::size_t b)

@@ -12,14 +12,16 @@
 namespace bigus
 {
 
-/// A quarter of a picture's width, in which a probe may have lost the skin alone.
+/// A quarter of a picture's width, in which a probe may have lost the skin alone. Each overlaps the next by half. Depth begins
+/// where a column is lit in some frame.
 struct Band
 {
-  double near = 0;  ///< mean grey level from an eighth of the depth to a fourth: a shadow begins below what throws it
+  double near =
+      0;  ///< mean grey level from an eighth of the height down to a fourth: a shadow begins below what throws it
   double deep = 0;  ///< and from there on
   double roughness = 0;
 };
-constexpr std::size_t kBands = 4;
+constexpr std::size_t kBands = 7;
 
 /// Grey levels of 255 throughout.
 struct Pictures
@@ -37,6 +39,9 @@ struct Pictures
 
 /// `frames` in the order in which they are compared.
 Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames);
+
+/// A frame in full size, in grey levels; CV_8U.
+cv::Mat LevelsOf(const Sweep& sweep, int frame);
 
 /// A small picture, its pixels shared; CV_32F.
 cv::Mat ImageOf(const Pictures& pictures, std::size_t k);

@@ -20,13 +20,13 @@ constexpr double kDark = 0.15, kLit = 0.5;  // of the median brightness
 constexpr double kNoise = 1.5;              // roughness; white noise has 2, frames of the sweeps named 0.1 to 0.6
 constexpr double kRougher = 1.6;            // times the median roughness
 // A band has few pixels, so its roughness wavers; but noise is unlike what was there before and after, too.
-constexpr double kRougherBand = 1.15, kUnlikeBand = 0.5;
+constexpr double kRougherBand = 1.3, kUnlikeBand = 0.5;
 constexpr double kDarkestSweep = 2;  // grey levels: below that nothing is told from nothing
 constexpr double kDarkestBand = 8;   // grey levels: corners of a fan, and shadows, tell nothing
 
 // Repeated pictures.
 constexpr double kNoNews = 0.3;         // grey levels: what rounding to 8 bits alone makes
-constexpr double kNearly = 1.5;         // grey levels that another compression of the same picture changes
+constexpr double kNearly = 3;           // grey levels that another compression of the same picture changes
 constexpr double kLittleChange = 0.2;   // of what changes usually, for such a picture
 constexpr double kInFull = 0.5;         // of what changes usually, before or after
 constexpr double kUnlikeMotion = 0.25;  // times less change for the same motion than usually
@@ -40,6 +40,8 @@ constexpr double kAlike = 0.35;       // of the difference of unrelated pictures
 constexpr double kDrift = 2;          // spreads of the poses within a half by which the halves of a stretch lie apart
 constexpr double kLeastDrift = 0.3;   // mm
 constexpr double kLittleNoise = 0.5;  // of the usual change, in a frozen picture
+
+constexpr double kSameLength = 1e-9;  // share of a path's length: a sweep listed backwards has the same
 
 Eigen::Vector3d CentreOf(const Sweep& sweep, int frame)
 {
@@ -265,7 +267,7 @@ std::optional<Finding> FindOrder(const Sweep& sweep, std::vector<int>& sorted)
   std::optional<Finding> found = Found(FindingKind::Order, moved,
                                        "the probe's path is " + Format("%.0f", byTime) + " mm long by time and " +
                                            Format("%.0f", asListed) + " mm as listed");
-  found->isApplied = byTime < asListed;  // else times are the worse witness
+  found->isApplied = byTime <= (1 + kSameLength) * asListed;  // else times are the worse witness
   return found;
 }
 

@@ -3,6 +3,7 @@
 // The rules of Inspect, one for each kind of finding. Frames are those of one sequence, by their numbers in its sweep.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -46,16 +47,24 @@ std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures,
 /// go on.
 std::optional<Finding> FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
-/// What nothing is done about: gain, depth, grey levels, the ground, poses.
+/// What nothing is done about: gain, depth, grey levels, poses.
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
-/// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets 1
-/// there and 0 elsewhere.
+/// What is done about a pixel of every frame, in `covered` below. 0: nothing.
+constexpr std::uint8_t kFilled = 1;     ///< from what is around it
+constexpr std::uint8_t kBlackened = 2;  ///< made black, as a pixel that no probe lights
+
+/// Pixels beside the picture where they are not black, so that a training would take them for lit (Sweep::LitBy).
+/// `covered` gets kBlackened there.
+std::optional<Finding> FindFan(const Sweep& sweep, const std::vector<int>& frames, std::vector<std::uint8_t>& covered);
+
+/// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets
+/// kFilled there; pixels that have something else are not looked at.
 std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& frames,
                                    std::vector<std::uint8_t>& covered);
 
-/// The sweep with covered pixels of its frames replaced by a mean of what is around them, near pixels first. `covered` says
-/// which, [frames of the sweep]; null: none.
+/// The sweep with pixels of its frames blackened, or filled by a mean of what is around them, near pixels first. `covered`
+/// says which, [frames of the sweep]; null: none.
 Sweep WithoutOverlay(const Sweep& sweep, const std::vector<std::shared_ptr<const std::vector<std::uint8_t>>>& covered);
 
 }  // namespace bigus

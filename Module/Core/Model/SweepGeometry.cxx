@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "Core/Model/Sequences.h"
 
@@ -35,6 +36,12 @@ double Median(std::vector<double> values)
   return values.empty() ? 0 : values[values.size() / 2];
 }
 
+double MedianOfSome(std::vector<double> values)
+{
+  constexpr std::size_t kFewest = 3;
+  return values.size() < kFewest ? 0 : Median(std::move(values));
+}
+
 /// The gap below which half of the path lies, without gaps that are breaks.
 double MedianAlongPath(const std::vector<double>& gaps)
 {
@@ -60,6 +67,11 @@ double MedianAlongPath(const std::vector<double>& gaps)
     }
   }
   return 0;
+}
+
+double GapAtCentre(const Sweep& sweep, int from, int to)
+{
+  return GapBetween(sweep, from, to, 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
 }
 
 /// Whether the line in which two planes meet runs through both images, seen at the middle of what lies in the second.
@@ -90,6 +102,35 @@ bool Meet(const SlicePlane& a, const SlicePlane& b)
 
 }  // namespace
 
+double UsualStep(const std::vector<double>& steps)
+{
+  const double median = Median(steps), along = MedianAlongPath(steps);
+  return along > kTwoSpeeds * median ? along : median;
+}
+
+double UsualAround(const std::vector<double>& steps, std::size_t k)
+{
+  const auto step = steps.begin() + static_cast<std::ptrdiff_t>(k);
+  return std::max(MedianOfSome({step - std::min(kAround, step - steps.begin()), step}),
+                  MedianOfSome({step + 1, step + 1 + std::min(kAround, steps.end() - step - 1)}));
+}
+
+std::vector<double> LongestGaps(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const double usual = MeasureGeometry(sweep, frames).usualSpacing;
+  std::vector<double> gaps, longest;
+  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
+  {
+    gaps.push_back(GapAtCentre(sweep, frames[k], frames[k + 1]));
+  }
+  for (std::size_t k = 0; k < gaps.size(); ++k)
+  {
+    const bool goesOn = NeighboursOf(sweep, frames, frames[k]).after.has_value();
+    longest.push_back(goesOn ? kBreak * std::max(usual, UsualAround(gaps, k)) : -1);
+  }
+  return longest;
+}
+
 double GapBetween(const Sweep& sweep, int from, int to, double i, double j)
 {
   const SlicePlane plane = sweep.Plane(from);
@@ -104,8 +145,7 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   {
     if (NeighboursOf(sweep, frames, frames[k]).after)
     {
-      spacings.push_back(
-          GapBetween(sweep, frames[k], frames[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
+      spacings.push_back(GapAtCentre(sweep, frames[k], frames[k + 1]));
     }
   }
   for (const std::vector<int>& own : BySequence(sweep, frames))
@@ -115,8 +155,7 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   }
   if (!spacings.empty())
   {
-    const double median = Median(spacings), along = MedianAlongPath(spacings);
-    geometry.usualSpacing = along > kTwoSpeeds * median ? along : median;
+    geometry.usualSpacing = UsualStep(spacings);
     const auto [smallest, largest] = std::minmax_element(spacings.begin(), spacings.end());
     geometry.smallestSpacing = *smallest;
     geometry.largestSpacing = *largest;

@@ -23,6 +23,21 @@ struct SweepGeometry
 };
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames);
 
+/// Of steps of a probe, in their order, the one that is usual as `usualSpacing` says; 0 of none.
+double UsualStep(const std::vector<double>& steps);
+
+/// What is usual around step k: the longer of the medians of the five steps before it and of the five after it; of fewer
+/// than three steps 0. A part of a sweep that is faster than the rest is usual there.
+double UsualAround(const std::vector<double>& steps, std::size_t k);
+
+/// Frames further apart than this many usual gaps belong to different strokes of the probe: nothing is known of what lies
+/// between them, so it gets neither seeds nor virtual planes.
+constexpr double kBreak = 4.0;
+
+/// From frames[k] to frames[k + 1], measured as `usualSpacing` is, the longest gap that is no break, mm: kBreak times what is
+/// usual in the sweep, or around k if that is longer. Negative at the end of a sequence. [frames - 1]
+std::vector<double> LongestGaps(const Sweep& sweep, const std::vector<int>& frames);
+
 /// Distance along the normal of frame `from` between its pixel (i, j) and the same pixel of frame `to`, mm.
 double GapBetween(const Sweep& sweep, int from, int to, double i, double j);
 

@@ -18,6 +18,7 @@ namespace
 // mm. Probes of 1 to 60 MHz show 5 to 300 mm of depth on 200 to 2000 rows: 0.0025 to 1.5 mm. Matrices in metres give a
 // thousandth of that, those in micrometres a thousand times as much.
 constexpr double kSmallestPixel = 0.002, kLargestPixel = 5;
+constexpr double kCoarsePixel = 1.5, kLargestImage = 450;  // mm, of pixel and diagonal, that no probe has both
 // Of the image's diagonal. A sweep that moves less shows one slice; one that moves further left the patient.
 constexpr double kShortestPath = 0.003, kLongestPath = 100;
 constexpr double kCoplanar = 0.005;  // pixels: as near do no two frames of a hand come
@@ -50,6 +51,7 @@ struct Survey
   double angle = 90;                     // degrees between rows and columns, the worst
   double smallest = 1e300, largest = 0;  // pixel, mm
   double path = 0;                       // of the image's centre, mm
+  double corner = 0;                     // of pixel (0, 0)
 };
 
 Survey Look(const Sweep& sweep, const std::vector<int>& frames)
@@ -69,6 +71,7 @@ Survey Look(const Sweep& sweep, const std::vector<int>& frames)
     {
       const SlicePlane before = sweep.Plane(frames[k - 1]);
       seen.path += (CentreOf(plane) - CentreOf(before)).norm();
+      seen.corner += (plane.origin - before.origin).norm();
       seen.coplanar += LargestHeight(plane, before) < kCoplanar * plane.PixelSize() ? 1 : 0;
     }
   }
@@ -85,7 +88,7 @@ std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<
   {
     return doubts;
   }
-  const auto [sheared, coplanar, angle, smallest, largest, path] = Look(sweep, looked);
+  const auto [sheared, coplanar, angle, smallest, largest, path, corner] = Look(sweep, looked);
   const SlicePlane first = sweep.Plane(looked[0]);
   const double diagonal = (sweep.width * first.columnStep + sweep.height * first.rowStep).norm();
   if (smallest < kSmallestPixel)
@@ -93,14 +96,15 @@ std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<
     doubts.push_back("Pixels of " + Format("%.3g mm", smallest) +
                      " are too small for ultrasound: matrices must be in millimetres, not in metres.");
   }
-  else if (largest > kLargestPixel)
+  else if (largest > kLargestPixel || (largest > kCoarsePixel && diagonal > kLargestImage))
   {
     doubts.push_back("Pixels of " + Format("%.3g mm", largest) +
                      " are too large for ultrasound: matrices must be in millimetres, and contain the image's scale.");
   }
-  else if (frames > 1 && coplanar < frames - 1 && path < kShortestPath * diagonal)
+  else if (const double least = std::min(path, corner);  // a probe that turns moves the one by the other
+           frames > 1 && coplanar < frames - 1 && least < kShortestPath * diagonal)
   {
-    doubts.push_back("A path of " + Format("%.3g mm", path) + " is short beside an image of " +
+    doubts.push_back("A path of " + Format("%.3g mm", least) + " is short beside an image of " +
                      Format("%.3g mm", diagonal) + ": the probe hardly moved, or translations are in metres.");
   }
   else if (frames > 1 && path > kLongestPath * diagonal)

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/SmoothingSpline.h"
 #include "Core/Poses/Alignment.h"
@@ -44,8 +45,8 @@ constexpr double kStepsOfAMotor = 8;  // stepped: there are this many times more
 
 constexpr int kWindow = 5;            // poses before and after a gap from which lines are drawn to its middle
 constexpr double kJumpOverNoise = 8;  // a jump is as wide as so many times the median distance between those lines
-constexpr double kJumpOverStep = 4;   // and so many median steps
-constexpr double kSteadyTurn = 0.5;   // median steps a frame, before and after: slower turns are smooth by themselves
+constexpr double kJumpOverStep = 4;   // and so many steps, of those that are usual or of those beside it
+constexpr double kSteadyTurn = 0.5;   // usual steps a frame, before and after: slower turns are smooth by themselves
 
 // ---- noise and smoothness ----
 
@@ -189,7 +190,7 @@ std::vector<std::pair<int, int>> StrokesOf(const Path& path)
   std::vector<int> cuts = {0};
   if (n >= 2 * kWindow)
   {
-    std::vector<double> apart(n, 0.0), slower(n, 0.0), inner, steps;
+    std::vector<double> apart(n, 0.0), slower(n, 0.0), faster(n, 0.0), inner, steps;
     std::vector<char> turnsBack(n, 0);
     for (int k = kWindow; k + kWindow <= n; ++k)
     {
@@ -197,17 +198,18 @@ std::vector<std::pair<int, int>> StrokesOf(const Path& path)
       const Line before = LineThrough(path, k - kWindow, k, time), after = LineThrough(path, k, k + kWindow, time);
       apart[k] = Distance(before.at, after.at);
       slower[k] = std::min(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
+      faster[k] = std::max(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
       turnsBack[k] = before.slope.dot(after.slope) < 0;
       inner.push_back(apart[k]);
       steps.push_back(before.slope.norm() / std::sqrt(3.0));
     }
-    const double noise = Median(inner), step = Median(steps);
+    const double noise = Median(inner), step = UsualStep(steps);
     int turn = -1;  // of those that follow each other the one where lines meet best
     for (int k = kWindow; k + kWindow <= n; ++k)
     {
       const auto near = apart.begin() + k;
       const bool isWidest = *std::max_element(near - 2, near + 3) == apart[k];
-      if (isWidest && apart[k] > kJumpOverNoise * noise && apart[k] > kJumpOverStep * step)
+      if (isWidest && apart[k] > kJumpOverNoise * noise && apart[k] > kJumpOverStep * std::max(step, faster[k]))
       {
         cuts.push_back(k);
       }

@@ -19,6 +19,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Model/SlicePlane.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/LevenbergMarquardt.h"
@@ -85,8 +86,8 @@ double Median(std::vector<double> values)
 
 // ---- The path ----
 
-constexpr double kBreak = 5;   // times the median time or distance between frames: the path does not go on
-constexpr int kPathReach = 5;  // frames to each side that say how the path bends; a quarter of a second at 20 Hz
+constexpr double kPathBreak = 5;  // times the usual time or distance between frames: the path does not go on
+constexpr int kPathReach = 5;     // frames to each side that say how the path bends; a quarter of a second at 20 Hz
 
 /// The recorded poses and how they go on in time.
 class Path
@@ -106,10 +107,12 @@ public:
       }
     }
     const double wait = Median(waits), step = Median(steps);
+    const auto goesOn = [](const std::vector<double>& all, double usual, std::size_t k)
+    { return all[k] <= kPathBreak * std::max(usual, UsualAround(all, k)); };
     segment_.assign(frames, 0);
     for (int k = 1; k < frames; ++k)
     {
-      const bool breaks = !(waits[k - 1] > 0 && waits[k - 1] <= kBreak * wait) || steps[k - 1] > kBreak * step;
+      const bool breaks = !(waits[k - 1] > 0 && goesOn(waits, wait, k - 1)) || !goesOn(steps, step, k - 1);
       segment_[k] = segment_[k - 1] + (breaks ? 1 : 0);
     }
     bends_.assign(frames, Bend::Zero());

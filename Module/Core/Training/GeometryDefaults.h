@@ -12,10 +12,6 @@
 namespace bigus
 {
 
-/// Frames further apart than this many median spacings belong to different strokes of the probe: nothing is known of
-/// what lies between them, so it gets neither seeds nor virtual planes.
-constexpr double kBreak = 4.0;
-
 /// Whether planes lie so far apart that neighbours share little: farther than the beam is thick, and farther than two
 /// pixels. The beam is that of kUsualBeam, since a sweep does not tell its own.
 bool IsSparse(const SweepGeometry& geometry);

@@ -290,7 +290,8 @@ struct Seeder
   const DensityGrid& grid;
   const std::vector<int>& counts;  // of seeds, [frames][rows][columns]
   double seedsPerMass;
-  double usualGap;  // mm between frames
+  double usualGap;                  // mm between frames
+  std::vector<double> longestGaps;  // to the next frame, that are no breaks
   std::mt19937_64& random;
   GaussianField field = {};  // of the size asked for
   SeedPlaces places = {};
@@ -309,13 +310,14 @@ struct Seeder
 
   /// A place for pixel (i, j) of a frame, half a gap to either side along the sweep, on the way to the neighbour's pose;
   /// and the gap, mm.
-  std::pair<Eigen::Vector3d, double> PlaceAlong(int frame, const Neighbours& around, double i, double j)
+  std::pair<Eigen::Vector3d, double> PlaceAlong(std::size_t f, const Neighbours& around, double i, double j)
   {
+    const int frame = frames[f];
     const double along = Uniform(random) - 0.5;
     const std::optional<int> neighbour = along < 0 ? around.before : around.after;
     const Eigen::Vector3d inPlane = sweep.Plane(frame).Point(i, j);
     const double distance = neighbour ? GapBetween(sweep, frame, *neighbour, i, j) : 0.0;
-    if (!neighbour || !(distance <= kBreak * usualGap))
+    if (!neighbour || !(distance <= longestGaps[along < 0 ? f - 1 : f]))
     {
       return {inPlane, usualGap};
     }
@@ -353,7 +355,7 @@ struct Seeder
         const std::size_t seed = places.pixels.size();
         const Eigen::Vector2i pixel = LitPixel(cell);
         const double i = pixel.x() + Uniform(random) - 0.5, j = pixel.y() + Uniform(random) - 0.5;
-        const auto [mean, gap] = PlaceAlong(frames[f], around, i, j);
+        const auto [mean, gap] = PlaceAlong(f, around, i, j);
         const double volume = area * gap * grid.litPixels[cell] / (grid.mass[index] * seedsPerMass);
         field.means[seed] = mean;
         field.scales[seed] = ScalesOf(volume, gap);
@@ -392,7 +394,8 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   const std::vector<int> counts = isRandom ? Draw(grid, options.count, random)
                                            : DrawEvenly(grid, frames.size(), options.count, seedsPerMass, random);
 
-  Seeder seeder{sweep, frames, options, brightness.lit, grid, counts, seedsPerMass, usualGap, random};
+  Seeder seeder{
+      sweep, frames, options, brightness.lit, grid, counts, seedsPerMass, usualGap, LongestGaps(sweep, frames), random};
   seeder.field.beam = beam;
   seeder.field.transfer = TransferFunction::FromMeanIntensity(brightness.mean);
   seeder.field.Resize(options.count);

@@ -10,7 +10,7 @@
 #include <type_traits>
 
 #include "Core/Model/PixelMemory.h"
-#include "Core/Model/Sequences.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Poses/Alignment.h"
 #include "Core/Training/GeometryDefaults.h"
 
@@ -32,25 +32,25 @@ struct Gap
 /// Where the sweep breaks no plane is made, and what lies beyond a break says nothing.
 std::vector<Gap> GapsOf(const Sweep& sweep, const std::vector<int>& frames)
 {
-  const double widest = kBreak * MeasureGeometry(sweep, frames).usualSpacing;
-  const auto isBreak = [&](int before, int after)
+  const std::vector<double> longest = LongestGaps(sweep, frames);
+  const auto isBreak = [&](std::size_t k)
   {
-    const SlicePlane from = sweep.Plane(before);
-    return std::abs((CentreOf(sweep.Plane(after)) - CentreOf(from)).dot(from.Normal())) > widest;
+    const SlicePlane from = sweep.Plane(frames[k]);
+    return std::abs((CentreOf(sweep.Plane(frames[k + 1])) - CentreOf(from)).dot(from.Normal())) > longest[k];
   };
   std::vector<Gap> gaps;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    if (!NeighboursOf(sweep, frames, frames[k]).after || isBreak(frames[k], frames[k + 1]))
+    if (isBreak(k))
     {
       continue;
     }
     FramesAround around = FramesAround::Gap(sweep, frames, k);
-    if (around.before != FramesAround::kNone && isBreak(around.before, around.first))
+    if (around.before != FramesAround::kNone && isBreak(k - 1))
     {
       around.before = FramesAround::kNone;
     }
-    if (around.after != FramesAround::kNone && isBreak(around.second, around.after))
+    if (around.after != FramesAround::kNone && isBreak(k + 1))
     {
       around.after = FramesAround::kNone;
     }

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
@@ -507,10 +508,14 @@ class vtkBigusTrainer(Algorithm):
                 raise _core.Error(f"Sequence {number}: {error}") from error
             sweeps.append(sweep)
             frames.append(own)
-        try:
-            result = train(sweeps, self._go_on, field_of_polydata(data[1][0]) if data[1] else None, **self._options)
-        except TrainingInterrupted as interrupt:
-            result = interrupt.training
+        with warnings.catch_warnings(record=True) as cautions:
+            warnings.simplefilter("always")
+            try:
+                result = train(sweeps, self._go_on, field_of_polydata(data[1][0]) if data[1] else None, **self._options)
+            except TrainingInterrupted as interrupt:
+                result = interrupt.training
+        for caution in cautions:
+            self._report("WarningEvent", str(caution.message))
         self._about.update(vars(result))
         self._keep(result, images, frames)
         # Where the sweep came from, the filter, and how it was trained; each key once.

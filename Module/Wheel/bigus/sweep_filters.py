@@ -100,6 +100,8 @@ class vtkBigusPoseCorrection(Algorithm):
         self._chosen = 0.0
         image, output = inputs[0][0], outputs[0]
         sweep, frames = sweep_of_image(image)
+        for finding in _core.inspect(sweep, "all", [int(frame) for frame in frames])[0]:
+            self._report("WarningEvent", finding["text"])
         strength = self._values["Strength"]
         found = _core.correct_poses(sweep, None if strength < 0 else strength, self._values["HoldOut"], self._go_on)
         if found is None:

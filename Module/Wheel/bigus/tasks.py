@@ -172,6 +172,8 @@ def correct_poses(sweep: Sweep, **properties: Unpack[CorrectionOptions]) -> Pose
     require(sweep, Sweep, "correct_poses", "sweep")
     chosen = settings_of(settings.CORRECTION, dict(properties), "correct_poses")
     strength = None if chosen["Strength"] < 0 else chosen["Strength"]
+    for finding in check(sweep, "all"):
+        warnings.warn(finding["text"], RuntimeWarning, stacklevel=2)
     found = _core.correct_poses(sweep, strength, chosen["HoldOut"])
     found["outlier"] = found["outlier"] != 0
     return PoseCorrection(**{name: found[name] for name in PoseCorrection._fields})
