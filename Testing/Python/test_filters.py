@@ -482,6 +482,7 @@ class Trainer(unittest.TestCase):
         finally:
             vtkOutputWindow.SetInstance(before)
         self.assertEqual(window.GetOutput().count("off the skin: 1 frame"), 2, window.GetOutput())
+        correction.Modified()
         with self.assertWarnsRegex(RuntimeWarning, "off the skin: 1 frame.*Nothing was done"):
             bigus.update(correction)
 
