@@ -13,7 +13,7 @@
 
 #include "CollectiveExecutive.h"
 #include "Core/Model/Error.h"
-#include "Core/StandardError/StandardError.h"
+#include "Core/Trainer/KeptError.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
@@ -146,14 +146,6 @@ const bigus::OptionText* FindOption(const char* name)
 std::string ToText(vtkIntArray* list)
 {
   return bigus::FrameListText({list->GetPointer(0), list->GetPointer(0) + list->GetNumberOfValues()});
-}
-
-/// Whether measuring the standard error takes at most a tenth of the time limit, at 2 million pixels a second (one core of
-/// an AMD EPYC). The same for equal runs, however busy the machine is.
-bool IsInTime(const bigus::Sweep& sweep, double timeLimit)
-{
-  const double pixels = static_cast<double>(sweep.PixelsPerFrame()) * sweep.NumberOfFrames();
-  return timeLimit == 0 || pixels / 2e6 <= 0.1 * timeLimit;
 }
 
 }  // namespace
@@ -461,31 +453,25 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
   bigus::SetProvenanceLine(provenance, "validationFrames", ToText(this->ValidationFrames));
   bigus::SetProvenanceLine(provenance, "heldOutFrames", ToText(this->HeldOutFrames));
   bigus::ReplaceProvenance(output, provenance);
-  if (this->KeepStandardError && !result.aborted && IsInTime(*imported.sweep, options.timeLimit))
+  if (this->KeepStandardError)
   {
-    this->MeasureStandardError(result, *imported.sweep, output);
+    this->MeasureStandardError(result, *imported.sweep, options.timeLimit, output);
   }
   bigus::KeepOutput(this);
 }
 
 void vtkBigusTrainer::MeasureStandardError(const bigus::TrainingResult& result, const bigus::Sweep& recorded,
-                                           vtkPolyData* output)
+                                           double timeLimit, vtkPolyData* output)
 {
-  std::vector<int> shown = result.trainingFrames;
-  shown.insert(shown.end(), result.validationFrames.begin(), result.validationFrames.end());
-  std::sort(shown.begin(), shown.end());
-  // Where each sequence was smoothed by a strength of its own it is the one that noise itself tells.
-  const bool isCorrected = result.imageToReference != recorded.imageToReference;
-  const double strength = isCorrected ? result.settled.poseSmoothing.value_or(1) : 0;
   try
   {
     const auto start = std::chrono::steady_clock::now();
-    bigus::Sweep trained = recorded.LitBy(shown);  // held-out frames have no say in what the probe lights, either
-    trained.imageToReference = result.imageToReference;
-    const bigus::StandardError measured(result.field, trained, shown, bigus::TrackerNoise(recorded, strength),
-                                        result.settled.engine);
-    bigus::ReplaceStandardError(output, measured.ToBytes());
-    this->StandardErrorSeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const std::string kept = bigus::MeasureStandardError(result, recorded, timeLimit);
+    if (!kept.empty())
+    {
+      bigus::ReplaceStandardError(output, kept);
+      this->StandardErrorSeconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
   }
   catch (const std::exception& error)  // the field comes first
   {

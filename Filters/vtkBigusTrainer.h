@@ -382,7 +382,8 @@ private:
   vtkBigusTrainer(const vtkBigusTrainer&) = delete;
   void operator=(const vtkBigusTrainer&) = delete;
 
-  void MeasureStandardError(const bigus::TrainingResult& result, const bigus::Sweep& recorded, vtkPolyData* output);
+  void MeasureStandardError(const bigus::TrainingResult& result, const bigus::Sweep& recorded, double timeLimit,
+                            vtkPolyData* output);
   void Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange& exchange);
   /// Tells other processes, which wait for this one, that it has no input.
   void TellOfNoInput();

@@ -109,12 +109,13 @@ inline nb::list ToTexts(const std::vector<std::string>& lines)
 struct Field : GaussianField
 {
   Field() = default;
-  Field(GaussianField field, std::vector<std::string> lines = {})
-      : GaussianField(std::move(field)), provenance(std::move(lines))
+  Field(GaussianField field, std::vector<std::string> lines = {}, std::string kept = {})
+      : GaussianField(std::move(field)), provenance(std::move(lines)), standardError(std::move(kept))
   {
   }
 
   std::vector<std::string> provenance;  ///< where it comes from: key=value
+  std::string standardError;            ///< what its standard error rests on (Core/StandardError), as bytes
 };
 
 /// [n, 4, 4] of matrices.

@@ -108,6 +108,10 @@ void BindField(nb::module_& m)
           "provenance", [](const Field& f) { return ToTexts(f.provenance); },
           [](Field& f, std::vector<std::string> lines) { f.provenance = std::move(lines); },
           "Where the field comes from: a list of lines key=value, which files keep. Set it as a whole.")
+      .def_prop_rw(
+          "kept_error", [](const Field& f) { return nb::bytes(f.standardError.data(), f.standardError.size()); },
+          [](Field& f, const nb::bytes& kept) { f.standardError.assign(kept.c_str(), kept.size()); },
+          "What bigus.standard_error rests on, as training leaves it: bytes, which .vtp files keep; empty: nothing.")
       .def(
           "validate", [](const Field& field) { field.Validate(); },
           "Raises Error naming the array, the index and the value, unless all is sound.")

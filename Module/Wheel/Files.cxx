@@ -220,7 +220,9 @@ std::optional<Field> ReadStoredField(const std::string& path)
 {
   const nb::gil_scoped_release others;
   std::optional<StoredField> stored = ReadField(path);
-  return stored ? std::optional<Field>(Field(std::move(stored->field), std::move(stored->provenance))) : std::nullopt;
+  return stored ? std::optional<Field>(
+                      Field(std::move(stored->field), std::move(stored->provenance), std::move(stored->standardError)))
+                : std::nullopt;
 }
 
 void WriteStoredField(Field field, const std::string& path, bool isRounded)
@@ -232,7 +234,9 @@ void WriteStoredField(Field field, const std::string& path, bool isRounded)
   {
     RoundField(field);
   }
-  WriteField({std::move(static_cast<GaussianField&>(field)), std::move(field.provenance)}, path);
+  WriteField(
+      {std::move(static_cast<GaussianField&>(field)), std::move(field.provenance), {}, std::move(field.standardError)},
+      path);
 }
 
 nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const std::string& config,

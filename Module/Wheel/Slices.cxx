@@ -10,6 +10,7 @@
 #include "Core/Engine/Engine.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Slicing/Pixels.h"
+#include "Core/StandardError/StandardError.h"
 #include "Progress.h"
 
 namespace bigus
@@ -211,6 +212,22 @@ Array PlaceOfIndices(const InputDoubles& axes, const std::optional<InputDoubles>
   return Owned(std::vector<double>(matrix.data(), matrix.data() + 16), {4, 4});
 }
 
+/// [height, width], of an image [height, width] at a plane.
+Array StandardErrorAt(const nb::bytes& kept, const InputDoubles& plane, const InputFloats& image)
+{
+  RequireShape(image, {-1, -1}, "the image");
+  const std::size_t h = image.shape(0), w = image.shape(1);
+  const SlicePlane at = SlicePlane::FromImageToReference(ToMatrix(plane), static_cast<int>(w), static_cast<int>(h));
+  at.Validate("the plane");
+  const std::string bytes(kept.c_str(), kept.size());
+  std::vector<float> sigma(h * w);
+  {
+    const nb::gil_scoped_release others;
+    StandardError(bytes).Evaluate(at, image.data(), sigma.data());
+  }
+  return Owned(std::move(sigma), {h, w});
+}
+
 Array DistancesOfGrid(const Sweep& sweep, const InputDoubles& indexToWorld, const Extent& extent)
 {
   const Eigen::Matrix4d matrix = ToMatrix(indexToWorld);
@@ -252,6 +269,7 @@ void BindSlices(nb::module_& m)
   m.def("index_to_world", &PlaceOfIndices, nb::arg("axes"), nb::arg("transform").none(), nb::arg("spacing"),
         nb::arg("origin"));
   m.def("grid_distances", &DistancesOfGrid, nb::arg("sweep"), nb::arg("index_to_world"), nb::arg("extent"));
+  m.def("standard_error", &StandardErrorAt, nb::arg("kept"), nb::arg("plane"), nb::arg("image"));
   m.def("check_output_size", &CheckOutputSize, nb::arg("extent"), nb::arg("maximum"));
   m.def(
       "check_pixel_type",

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "Arrays.h"
+#include "Core/Trainer/KeptError.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
@@ -23,7 +24,7 @@ const char* NameOf(TrainingProgress::Phase phase)
 }
 
 /// What a training hands back, in Python's types.
-nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance)
+nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance, std::string keptError)
 {
   const std::size_t n = result.log.size();
   std::vector<double> iterations, seconds, losses, psnrs, gaussians, rates;
@@ -59,7 +60,7 @@ nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance)
     settled[option.info.name] = option.value;
   }
   nb::dict answer;
-  answer["field"] = nb::cast(Field(std::move(result.field), std::move(provenance)));
+  answer["field"] = nb::cast(Field(std::move(result.field), std::move(provenance), std::move(keptError)));
   answer["log"] = log;
   answer["decisions"] = decisions;
   answer["poses"] = PosesToArray(result.imageToReference);
@@ -94,7 +95,7 @@ nb::object ValueOf(nb::python_error& error)
 /// The triple of what came of it, what ended it (None, or the exception that Ctrl-C or `progress` raised) and warnings.
 /// The state is kept in the file `checkpoint`, unless that is empty, every `interval` seconds.
 nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values, const Field* start,
-                   nb::object progress, const std::string& checkpoint, double interval, bool resume)
+                   nb::object progress, const std::string& checkpoint, double interval, bool resume, bool keepsError)
 {
   TrainerOptions options;
   for (const auto& [name, value] : values)
@@ -132,6 +133,7 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
   };
   TrainingResult result;
   std::vector<std::string> provenance, warnings;
+  std::string keptError;
   {
     const nb::gil_scoped_release others;
     CheckpointFile file(checkpoint, [&warnings](const std::string& what) { warnings.push_back(what); });
@@ -159,8 +161,16 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
     SetProvenanceLine(provenance, "trainingFrames", FrameListText(result.trainingFrames));
     SetProvenanceLine(provenance, "validationFrames", FrameListText(result.validationFrames));
     SetProvenanceLine(provenance, "heldOutFrames", FrameListText(result.heldOutFrames));
+    try
+    {
+      keptError = keepsError ? MeasureStandardError(result, *sweep, options.timeLimit) : "";
+    }
+    catch (const Error& error)  // the field comes first
+    {
+      warnings.push_back(std::string("The field keeps no standard error: ") + error.what());
+    }
   }
-  return nb::make_tuple(ToPython(result, std::move(provenance)), exception, warnings);
+  return nb::make_tuple(ToPython(result, std::move(provenance), std::move(keptError)), exception, warnings);
 }
 
 nb::list Options()
@@ -191,7 +201,7 @@ nb::list Options()
 void BindTraining(nb::module_& m)
 {
   m.def("train", &TrainOn, nb::arg("sweep"), nb::arg("options"), nb::arg("start").none(), nb::arg("progress").none(),
-        nb::arg("checkpoint"), nb::arg("interval"), nb::arg("resume"));
+        nb::arg("checkpoint"), nb::arg("interval"), nb::arg("resume"), nb::arg("keeps_error"));
   m.def("options", &Options,
         "Every option of training: name, keyword, group, help, unit, values, type, default, open.");
   m.def(

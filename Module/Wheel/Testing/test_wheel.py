@@ -295,6 +295,27 @@ class Training(unittest.TestCase):
         truth = self.sweep.frames[held_out]
         self.assertGreater(bigus.metrics(images, truth)["psnr"], bigus.metrics(mean, truth)["psnr"] + 2)
 
+    def test_tells_how_far_slices_may_be_off(self):
+        field, held_out = self.training.field, self.training.held_out_frames
+        shares = []
+        for frame in held_out[1:-1]:
+            place = self.training.poses[frame]
+            image, sigma = (f(field, place, (64, 64)) for f in (bigus.reslice, bigus.standard_error))
+            errors = np.abs(image - self.sweep.frames[frame] / 255)[np.isfinite(sigma)]
+            shares.append(np.mean(errors <= 2 * sigma[np.isfinite(sigma)]))
+        self.assertTrue(0.85 < np.mean(shares) < 0.995, shares)
+        beyond = np.array(self.training.poses[-1])
+        beyond[:3, 3] += 5 * np.cross(beyond[:3, 0], beyond[:3, 1]) / np.linalg.norm(beyond[:3, 0]) ** 2
+        self.assertTrue(np.isnan(bigus.standard_error(field, beyond, (64, 64))).all())
+        self.assertEqual(pickle.loads(pickle.dumps(field)).kept_error, field.kept_error)
+        without = bigus.train(self.sweep, progress=False, keep_standard_error=False, **QUICK).field
+        self.assertEqual(without.kept_error, b"")
+        with self.assertRaisesRegex(bigus.Error, "keeps nothing"):
+            bigus.standard_error(without, beyond, (64, 64))
+        without.kept_error = field.kept_error[:-3]
+        with self.assertRaisesRegex(bigus.Error, "damaged"):
+            bigus.standard_error(without, beyond, (64, 64))
+
     def test_tells_how_it_went(self):
         field, log = self.training
         self.assertGreater(len(field), 500)
@@ -568,8 +589,16 @@ class SameBits(unittest.TestCase):
                     "p = d.GetPointData()\nnp.savez('f.npz', centers=a(d.GetPoints().GetData()), "
                     "scales=a(p.GetArray('Scale')), rotations=a(p.GetArray('Rotation')), "
                     "reflectivities=a(p.GetArray('Reflectivity')))\n")
-                field = bigus.train(sweep, False, **QUICK).field
-                field = field if exact else field.rounded()
+                trained = bigus.train(sweep, False, **QUICK)
+                field = trained.field if exact else trained.field.rounded()
+                np.save(os.path.join(folder, "p.npy"), trained.poses[7])
+                run(python, "-c", "import sys\nsys.path.insert(0, sys.argv[1])\nimport bigus, numpy as np\n"
+                    "np.save('e', bigus.standard_error(bigus.read_field('f.vtp'), np.load('p.npy'), (64, 64)))",
+                    os.environ["BIGUS_VTK_PACKAGE"])
+                stored = bigus.read_field(os.path.join(folder, "f.vtp"))
+                self.assertEqual(stored.kept_error, field.kept_error)
+                np.testing.assert_array_equal(np.load(os.path.join(folder, "e.npy")),
+                                              bigus.standard_error(stored, trained.poses[7], (64, 64)))
                 with np.load(os.path.join(folder, "f.npz")) as written:
                     for name in written.files:
                         np.testing.assert_array_equal(written[name], getattr(field, name).astype(written[name].dtype))

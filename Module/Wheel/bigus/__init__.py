@@ -30,6 +30,7 @@ from .files import read, read_field, read_planes, read_spacing, read_stack, read
 from .names import no_such
 from .sources import SourceError, from_files
 from .tasks import Phantom, Slicer, Training, check, correct_poses, distance_to_frames, metrics, options, plane, reslice
+from .tasks import standard_error
 from .tasks import train
 
 if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
@@ -42,7 +43,7 @@ __all__ = [
     "Error", "Field", "Phantom", "Planes", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
     "TrainingInterrupted", "__version__", "check", "correct_poses", "distance_to_frames", "engines", "field", "frames",
     "from_files", "instruction_sets", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_field",
-    "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "sweep", "train", "use_instruction_set", "write",
+    "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "standard_error", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
 
 _FILTERS = {  # by the module that they are in

@@ -111,9 +111,10 @@ def field(
 
 
 # Copies for pickle, by positional arguments of the functions above.
-def _field_with_provenance(provenance: list, *arguments: object) -> Field:
+def _field_with_more(provenance: list, kept_error: bytes, *arguments: object) -> Field:
     made = field(*arguments)
     made.provenance = provenance
+    made.kept_error = kept_error
     return made
 
 
@@ -121,7 +122,7 @@ def _reduce_field(data: Field) -> tuple:
     arrays = (data.centers, data.scales, data.reflectivities, data.rotations)
     sigmas = (data.elevation_sigma, data.probe_elevation_sigma)
     values = (*(np.array(a) for a in arrays), data.gamma, *sigmas, np.array(data.trained_normals))
-    return _field_with_provenance, (data.provenance, *values)
+    return _field_with_more, (data.provenance, data.kept_error, *values)
 
 
 def _reduce_sweep(data: Sweep) -> tuple:

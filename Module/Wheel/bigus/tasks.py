@@ -87,6 +87,7 @@ def train(
     checkpoint: Union[None, str, os.PathLike] = None,
     resume: bool = False,
     checkpoint_interval: float = 60,
+    keep_standard_error: bool = True,
     **properties: Unpack[TrainOptions],
 ) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
@@ -99,6 +100,8 @@ def train(
     {PROGRESS}
 
     {CHECKPOINTS}
+
+    keep_standard_error: leave in the field what standard_error needs, 0.1 to 4 MB, which is measured at the end.
 
     Raises TypeError for an option that there is not, and Error for a value out of range and for sweeps that teach
     nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
@@ -119,7 +122,8 @@ def train(
             return tell(fraction, f"{text}, {left:.0f} s left" if left > 0 else text)
 
     try:
-        found, failure, cautions = _core.train(_core.join(sweeps), texts, start, report, path, float(checkpoint_interval), bool(resume))
+        found, failure, cautions = _core.train(_core.join(sweeps), texts, start, report, path, float(checkpoint_interval), bool(resume),
+                                               bool(keep_standard_error))
         if bar and found["finished"]:
             bar(1.0, "finished")
     finally:
@@ -310,6 +314,25 @@ def reslice(
 
 spell_out(Slicer.__init__, settings.SLICER)
 spell_out(reslice, settings.SLICER)
+
+
+def standard_error(
+    field: Field,
+    plane: ArrayLike,
+    size: Optional[Sequence[int]] = None,
+    spacing: Union[None, float, Sequence[float]] = None,
+) -> np.ndarray:
+    """How far what a probe would show may be from ``reslice`` at the same plane: a standard deviation for every pixel.
+
+    float32 [height, width] in units of intensity (1 is white), nan where the training frames do not tell. The field must
+    keep what it rests on (``field.kept_error``), as ``train`` lets it and .vtp files have it; else Error says so.
+    """
+    require(field, Field, "standard_error", "field")
+    if not field.kept_error:
+        raise _core.Error("standard_error: the field keeps nothing that it could rest on; train lets a field keep it, in a .vtp.")
+    matrix = pixel_matrix(plane, spacing)
+    image = reslice(field, matrix, size if size is not None else common.size_of_view(field.centers, matrix))
+    return _core.standard_error(field.kept_error, matrix, image)
 
 
 def distance_to_frames(

@@ -208,6 +208,8 @@ def polydata_of_field(field: Field) -> vtkPolyData:
     data.AddArray(to_vtk(np.array([_core.format_version], dtype=np.int32), "FormatVersion"))
     if field.provenance:
         data.AddArray(texts_to_vtk(field.provenance, "Provenance"))
+    if field.kept_error:
+        data.AddArray(to_vtk(np.frombuffer(field.kept_error, np.uint8), "StandardError"))
     return polydata
 
 
@@ -242,4 +244,7 @@ def field_of_polydata(polydata: vtkPolyData) -> Field:
         reflectivities = _found(arrays, owner, "Reflectivity", 1, count, True)
     field = field_of_arrays(centers, scales, reflectivities, rotations, gamma, sigma, probe, normals)
     field.provenance = provenance_of(data)
+    kept = data.GetArray("StandardError")
+    if kept is not None:
+        field.kept_error = vtk_to_numpy(kept).astype(np.uint8).tobytes()
     return field
