@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
+#include <iterator>
 #include <limits>
 #include <ostream>
 #include <utility>
@@ -311,7 +313,15 @@ void WritePosesCsv(vtkDataArray* poses, int width, int height, const std::string
   WriteAtomically(path,
                   [&](std::ostream& file)
                   {
-                    file.precision(std::numeric_limits<double>::max_digits10);
+                    // As the stream would with so many digits, in a third of the time.
+                    const auto put = [&file](double number)
+                    {
+                      char text[32];
+                      const char* const end = std::to_chars(text, std::end(text), number, std::chars_format::general,
+                                                            std::numeric_limits<double>::max_digits10)
+                                                  .ptr;
+                      file.put(',').write(text, end - text);
+                    };
                     file << "width,height";
                     for (int n = 0; n < 16; ++n)
                     {
@@ -327,11 +337,11 @@ void WritePosesCsv(vtkDataArray* poses, int width, int height, const std::string
                       file << width << ',' << height;
                       for (int n = 0; n < 16; ++n)
                       {
-                        file << ',' << poses->GetComponent(k, n);
+                        put(poses->GetComponent(k, n));
                       }
                       for (const CsvColumn& column : columns)
                       {
-                        file << ',' << column.second[k];
+                        put(column.second[k]);
                       }
                       file << '\n';
                     }

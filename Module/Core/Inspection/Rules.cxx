@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Inspection/Rules.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -180,12 +182,14 @@ void AddBands(const Pictures& pictures, Lost& lost)
     {
       continue;
     }
-    std::vector<double> alike(pictures.small.size(), 0.0), before;  // the frame before or after it, whichever is more
-    for (std::size_t k = 1; k < sound.size(); ++k)
+    std::vector<double> alike(pictures.small.size(), 0.0);  // the frame before or after it, whichever is more
+    std::vector<double> before(sound.size() - 1);
+    tbb::parallel_for(std::size_t(0), before.size(),
+                      [&](std::size_t k) { before[k] = AlikeIn(b, pictures, sound[k], sound[k + 1]); });
+    for (std::size_t k = 0; k < before.size(); ++k)
     {
-      before.push_back(AlikeIn(b, pictures, sound[k - 1], sound[k]));
-      alike[sound[k - 1]] = std::max(alike[sound[k - 1]], before.back());
-      alike[sound[k]] = before.back();
+      alike[sound[k]] = std::max(alike[sound[k]], before[k]);
+      alike[sound[k + 1]] = before[k];
     }
     const double usual = ShareBelow(before, 0.5);
     const auto band = [&](std::size_t k) { return pictures.bands[k][b]; };

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Poses/Trajectory.h"
 
+#include <tbb/parallel_for.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -457,8 +459,14 @@ struct Motions
 
   void SmoothAll(double strength)
   {
-    bigus::SmoothAll(places, data, strength);
-    bigus::SmoothAll(turns, data, strength);
+    ForBoth([&](Motion& motion) { bigus::SmoothAll(motion, data, strength); });
+  }
+
+  /// At once: neither knows of the other.
+  template <class Work>
+  void ForBoth(const Work& work)
+  {
+    tbb::parallel_for(0, 2, [&](int k) { work(k == 0 ? places : turns); });
   }
 };
 
@@ -506,8 +514,7 @@ std::vector<double> EstimateRobustly(const Path& path, Motions& motions)
   std::vector<double> deviations(path.times.size(), 0.0);
   for (int round = 0; round < kRobustRounds; ++round)
   {
-    Estimate(motions.places, motions.data);
-    Estimate(motions.turns, motions.data);
+    motions.ForBoth([&motions](Motion& motion) { Estimate(motion, motions.data); });
     motions.SmoothAll(1);
     for (std::size_t s = 0; s < path.strokes.size(); ++s)
     {
