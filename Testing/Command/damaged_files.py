@@ -117,7 +117,8 @@ def wrong(code, said, seconds, memory, room, left):
         return "not foreseen"
     if seconds >= SECONDS:
         return f"took {seconds:.0f} s"
-    if code not in (0, 2):
+    # A field that is cut so short that it is taken for a sequence may not become a .ply.
+    if code not in (0, 2) and not (code == 3 and "the name must end in" in said):
         return f"exit code {code}"
     if memory > room:
         return f"took {memory / MEGABYTE:.0f} MB"
