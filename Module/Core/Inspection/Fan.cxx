@@ -20,6 +20,7 @@ namespace
 constexpr std::size_t kLookedAt = 48;  // frames, evenly spread
 constexpr std::size_t kFewestFrames = 8;
 constexpr int kCorners = 16;         // a corner is such a part of the width and of the height
+constexpr int kFewestPixels = 16;    // of a corner: fewer tell no level
 constexpr int kBrightest = 64;       // grey levels of the ground: beyond is tissue, or a scene
 constexpr int kAlike = 3;            // grey levels between both corners
 constexpr int kEven = 5;             // grey levels: noise of a video about the ground, in ...
@@ -161,7 +162,8 @@ std::optional<Finding> FindFan(const Sweep& sweep, const std::vector<int>& frame
 {
   const std::array<cv::Rect, 2> corners = CornersOf(sweep);
   // Of most sweeps no more than a frame is looked at.
-  if (frames.size() < kFewestFrames || !GroundOf(Behave(sweep, {frames[frames.size() / 2]}, corners)))
+  if (frames.size() < kFewestFrames || corners[0].area() < kFewestPixels ||
+      !GroundOf(Behave(sweep, {frames[frames.size() / 2]}, corners)))
   {
     return std::nullopt;
   }
