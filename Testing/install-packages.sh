@@ -12,7 +12,7 @@ packages=(
   libspng-dev zlib1g-dev libpugixml-dev              # PNG images of a sweep; compressed pixels and fields; XML
   libcli11-dev nlohmann-json3-dev                    # the bigus command
   python3 python3-numpy python3-matplotlib           # the Python package; panels and curves
-  libgtest-dev xvfb libgl1-mesa-dri                  # tests
+  libgtest-dev xvfb libgl1-mesa-dri libxtst6         # tests
   libbenchmark-dev                                   # benchmarks
 )
 [[ ${1:-} != --checks ]] || packages+=(

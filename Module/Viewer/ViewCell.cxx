@@ -36,11 +36,24 @@ void StyleText(vtkTextProperty* text, int fontSize)
   text->ShadowOff();
 }
 
+vtkPolyDataMapper2D* DrawInWorld(vtkActor2D* lines, const Color& color, double width)
+{
+  vtkNew<vtkPolyDataMapper2D> mapper;
+  vtkNew<vtkCoordinate> world;
+  world->SetCoordinateSystemToWorld();
+  mapper->SetTransformCoordinate(world);
+  lines->SetMapper(mapper);
+  lines->GetProperty()->SetColor(color.data());
+  lines->GetProperty()->SetLineWidth(width);
+  return mapper;
+}
+
 void ViewCell::Place(vtkRenderWindow* window, const Viewport& viewport, int fontSize)
 {
   this->renderer->SetViewport(viewport.left + kGap, viewport.bottom + kGap, viewport.right - kGap, viewport.top - kGap);
   this->renderer->SetBackground(kDark.data());
   StyleText(this->caption->GetTextProperty(), fontSize);
+  this->caption->GetTextProperty()->SetColor(this->color.data());
   this->caption->GetTextProperty()->SetVerticalJustificationToTop();
   this->caption->GetTextProperty()->SetShadow(1);
   this->caption->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
@@ -57,6 +70,13 @@ void ViewCell::Place(vtkRenderWindow* window, const Viewport& viewport, int font
   StyleText(this->rulerLength->GetTextProperty(), fontSize - 2);
   this->rulerLength->GetTextProperty()->SetShadow(1);
   this->rulerLength->GetTextProperty()->SetVerticalJustificationToCentered();
+  StyleText(this->mark->GetTextProperty(), fontSize - 2);
+  this->mark->GetTextProperty()->SetShadow(1);
+  this->mark->GetTextProperty()->SetJustificationToRight();
+  this->mark->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
+  this->mark->SetPosition(0.98, 0.02);
+  this->renderer->AddViewProp(this->mark);
+  this->measure.Place(this->renderer, fontSize);
   window->AddRenderer(this->renderer);
 }
 

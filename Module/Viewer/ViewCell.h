@@ -1,18 +1,20 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// One cell of the window of `bigus view`: a renderer, and a caption in its upper left corner.
+// One cell of the window of `bigus view`: a renderer, a caption in its upper left corner, and where it is flat what measures.
 #pragma once
 
 #include <Eigen/Dense>
 #include <array>
 #include <string>
 
+#include "ViewMeasure.h"
 #include "vtkActor2D.h"
 #include "vtkLineSource.h"
 #include "vtkNew.h"
 #include "vtkRenderer.h"
 #include "vtkTextActor.h"
 
+class vtkPolyDataMapper2D;
 class vtkRenderWindow;
 class vtkTextProperty;
 
@@ -36,7 +38,10 @@ struct ViewCell
   vtkNew<vtkLineSource> ruler;  ///< of a flat view, in its lower left corner: a round length
   vtkNew<vtkActor2D> rulerLine;
   vtkNew<vtkTextActor> rulerLength;
-  std::string text;  ///< of the caption, without a doubt
+  vtkNew<vtkTextActor> mark;  ///< of a flat view: what grows to the right and down
+  ViewMeasure measure;
+  Color color = kText;  ///< of the caption, from Place on
+  std::string text;     ///< of the caption, without a doubt
 
   void Place(vtkRenderWindow* window, const Viewport& viewport, int fontSize);
   void SetCaption(const std::string& text);
@@ -51,6 +56,9 @@ struct ViewCell
 private:
   void Rule();
 };
+
+/// What draws lines of the world over a picture, for an actor.
+vtkPolyDataMapper2D* DrawInWorld(vtkActor2D* lines, const Color& color, double width);
 
 /// Light on dark, plain.
 void StyleText(vtkTextProperty* text, int fontSize);

@@ -5,12 +5,16 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "Console.h"
 #include "Core/Metrics/Metrics.h"
+#include "Core/Model/FrameDistance.h"
+#include "Core/Numerics/Constants.h"
+#include "ViewDoubts.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkImageData.h"
@@ -26,6 +30,7 @@ namespace
 // Differences that may have the full colour, shares of white. The least is taken that kInRange of the pixels keep to.
 constexpr double kRanges[] = {0.02, 0.05, 0.1, 0.2, 0.5, 1};
 constexpr double kInRange = 0.95;
+constexpr int kAsked = 5;     // points along each side of a slice, to tell which frame is nearest
 constexpr int kShades = 255;  // odd, so that black is exactly no difference
 
 vtkSmartPointer<vtkImageData> FloatImage(int width, int height)
@@ -60,6 +65,26 @@ double RangeFor(std::vector<float>& sizes)
   return *range;
 }
 
+/// The frame from which a plane lies least far, in the mean over its points, and how far that is, mm.
+std::pair<int, double> NearestFrame(const Sweep& sweep, SlicePlane plane)
+{
+  plane.columnStep *= (plane.width - 1.0) / (kAsked - 1);
+  plane.rowStep *= (plane.height - 1.0) / (kAsked - 1);
+  plane.width = plane.height = kAsked;
+  std::pair<int, double> nearest(0, std::numeric_limits<double>::infinity());
+  std::array<float, kAsked * kAsked> distances;
+  for (int frame = 0; frame < sweep.NumberOfFrames(); ++frame)
+  {
+    DistanceToFrames(sweep, {frame}, plane, distances.data());
+    const double mean = std::accumulate(distances.begin(), distances.end(), 0.0) / distances.size();
+    if (mean < nearest.second)
+    {
+      nearest = {frame, mean};
+    }
+  }
+  return nearest;
+}
+
 }  // namespace
 
 ViewFrames::ViewFrames(std::shared_ptr<const Sweep> sweep, vtkBigusSliceProp* slice)
@@ -87,13 +112,23 @@ ViewFrames::ViewFrames(std::shared_ptr<const Sweep> sweep, vtkBigusSliceProp* sl
   difference.picture->GetProperty()->UseLookupTableScalarRangeOn();
 }
 
+void ViewFrames::Show(int frame)
+{
+  sweep_->CopyFrame(frame, static_cast<float*>(recordedImage_->GetScalarPointer()));
+  recordedImage_->Modified();
+  for (Cell* cell : Cells())
+  {
+    cell->measure.Clear();
+  }
+}
+
 void ViewFrames::ShowFrame(int frame)
 {
+  Show(frame);
   slice_->UpdateSlice();
   const auto* const predicted = static_cast<const float*>(slice_->GetReslice()->GetOutput()->GetScalarPointer());
-  auto* const seen = static_cast<float*>(recordedImage_->GetScalarPointer());
+  const auto* const seen = static_cast<const float*>(recordedImage_->GetScalarPointer());
   auto* const off = static_cast<float*>(differenceImage_->GetScalarPointer());
-  sweep_->CopyFrame(frame, seen);
   std::vector<float> litPredicted, litSeen, sizes;
   for (std::size_t pixel = 0; pixel < sweep_->PixelsPerFrame(); ++pixel)
   {
@@ -110,21 +145,23 @@ void ViewFrames::ShowFrame(int frame)
                           : bigus::Psnr(litPredicted.data(), litSeen.data(), litSeen.size());
   const double range = sizes.empty() ? kRanges[0] : RangeFor(sizes);
   differenceTable_->SetTableRange(-range, range);
-  recordedImage_->Modified();
   differenceImage_->Modified();
-  recorded.picture->VisibilityOn();
   difference.picture->VisibilityOn();
   recorded.SetCaption("recorded   frame " + std::to_string(frame));
   rendered.SetCaption("rendered   " + FormatNumber(psnr_, 1) + " dB");
   difference.SetCaption("rendered - recorded   +-" + FormatNumber(100 * range, 0) + " % of white");
 }
 
-void ViewFrames::ShowNoFrame()
+void ViewFrames::ShowNearest()
 {
+  const SlicePlane plane = PlaneOf(slice_);
+  const auto [frame, distance] = NearestFrame(*sweep_, plane);
+  Show(frame);
+  const double cosine = std::min(1.0, std::abs(plane.Normal().dot(sweep_->Plane(frame).Normal())));
   psnr_ = std::numeric_limits<double>::quiet_NaN();
-  recorded.picture->VisibilityOff();
   difference.picture->VisibilityOff();
-  recorded.SetCaption("no frame here   f: back");
+  recorded.SetCaption("nearest: frame " + std::to_string(frame) + ", " + FormatNumber(distance, 1) + " mm, " +
+                      FormatNumber(std::acos(cosine) / kRadiansPerDegree, 0) + " degrees   f: back");
   rendered.SetCaption("rendered");
   difference.SetCaption("");
 }

@@ -36,14 +36,16 @@ public:
 
   /// The slice has moved to the pose of this frame.
   void ShowFrame(int frame);
-  /// The slice has moved to where there is no frame.
-  void ShowNoFrame();
+  /// The slice has moved from the frames: shows the nearest one, and tells how far it is.
+  void ShowNearest();
   /// Of the frame shown: PSNR of the rendered image against the recorded one, over lit pixels, dB. NaN without one.
   double Psnr() const { return psnr_; }
   /// Fits the pictures into their cells.
   void Fit();
 
 private:
+  void Show(int frame);
+
   std::shared_ptr<const Sweep> sweep_;
   vtkBigusSliceProp* slice_;
   vtkSmartPointer<vtkImageData> recordedImage_, differenceImage_;

@@ -7,6 +7,7 @@
 
 #include "Console.h"
 #include "vtkPolyData.h"
+#include "vtkPolyDataMapper2D.h"
 
 namespace bigus::command
 {
@@ -15,11 +16,13 @@ namespace
 {
 
 constexpr int kPixels = 512;  // along a plane's longer side
+constexpr Color kColors[] = {{1, 0.55, 0.5}, {0.55, 0.9, 0.5}, {0.55, 0.7, 1}};
 
 }  // namespace
 
 void PlaneView::Move(double distance)
 {
+  this->measure.Clear();
   this->offset = std::clamp(this->offset + distance, -0.5 * this->depth, 0.5 * this->depth);
   this->Fit();
 }
@@ -54,6 +57,11 @@ ViewPlanes::ViewPlanes(vtkPolyData* field, const ViewBox& box, bool isSweep)
     view.across = box.axes.col(across[k]);
     view.down = box.axes.col(down[k]);
     view.normal = view.across.cross(view.down);
+    const auto& axes = isSweep ? sweptAxes : plainAxes;
+    view.mark->SetInput(("right: " + std::string(axes[across[k]]) + ", down: " + axes[down[k]]).c_str());
+    view.color = kColors[k];
+    view.crossings[0].other = &this->views[(k + 1) % 3];
+    view.crossings[1].other = &this->views[(k + 2) % 3];
     view.along = box.axes.col(through);
     view.origin = box.origin;
     view.centre = box.centre;
@@ -75,7 +83,43 @@ ViewPlanes::ViewPlanes(vtkPolyData* field, const ViewBox& box, bool isSweep)
     view.inScene->CoverageVisibilityOff();
     view.renderer->AddViewProp(view.slice);
     // The first plane begins as the middle frame itself.
+    for (PlaneView::Crossing& crossing : view.crossings)
+    {
+      DrawInWorld(crossing.actor, kColors[crossing.other - this->views.data()], 1)
+          ->SetInputConnection(crossing.line->GetOutputPort());
+      view.renderer->AddViewProp(crossing.actor);
+    }
     view.Move(isSweep && k == 0 ? view.normal.dot(box.origin - box.centre) : 0.0);
+  }
+}
+
+void ViewPlanes::Cross()
+{
+  for (PlaneView& view : this->views)
+  {
+    for (PlaneView::Crossing& crossing : view.crossings)
+    {
+      // The planes are at right angles, so what is on both is one offset along each normal.
+      const PlaneView& other = *crossing.other;
+      const Eigen::Vector3d at = view.centre + view.offset * view.normal + other.offset * other.normal;
+      const Eigen::Vector3d along = view.normal.cross(other.normal);
+      const double half =
+          0.5 * (std::abs(along.dot(view.across)) * view.width + std::abs(along.dot(view.down)) * view.height);
+      const Eigen::Vector3d from = at - half * along, to = at + half * along;
+      crossing.line->SetPoint1(from.data());
+      crossing.line->SetPoint2(to.data());
+    }
+  }
+}
+
+void ViewPlanes::ShowCrossings(bool isShown)
+{
+  for (PlaneView& view : this->views)
+  {
+    for (PlaneView::Crossing& crossing : view.crossings)
+    {
+      crossing.actor->SetVisibility(isShown);
+    }
   }
 }
 

@@ -27,7 +27,16 @@ struct PlaneView : ViewCell
   vtkNew<vtkBigusSliceProp> slice;          ///< in this cell
   vtkNew<vtkBigusSliceProp> inScene;        ///< the same for the 3-D scene
 
-  /// Moves by so many mm, and stays in the box.
+  /// Where another plane cuts this one.
+  struct Crossing
+  {
+    vtkNew<vtkLineSource> line;
+    vtkNew<vtkActor2D> actor;
+    const PlaneView* other = nullptr;
+  };
+  std::array<Crossing, 2> crossings;
+
+  /// Moves by so many mm, and stays in the box. What was measured goes.
   void Move(double distance);
   /// Fits the picture into the cell, after a change of either.
   void Fit();
@@ -43,6 +52,9 @@ public:
 
   /// The one in a renderer, or null.
   PlaneView* In(vtkRenderer* renderer);
+  /// Draws the crossings where the planes are now.
+  void Cross();
+  void ShowCrossings(bool isShown);
 };
 
 }  // namespace bigus::command

@@ -34,6 +34,7 @@ constexpr double kStillRate = 1e-4;                      // as VTK's interactor:
 constexpr auto kStill = std::chrono::milliseconds(400);  // after the last key a picture is drawn in full
 constexpr unsigned long kTick = 100;                     // ms between looks at what there is to do
 constexpr double kWheelStep = 1;                         // mm
+constexpr double kThickest = 5;                          // mm, one standard deviation of the beam
 // The slice's widget has its observers at 0.5, VTK's style at 0.
 constexpr float kBeforeWidgets = 1, kAfterWidgets = 0.25;
 
@@ -52,6 +53,10 @@ const char* const kHelp =
     "s             save a screenshot, .png\n"
     "w             save the slice under the\n"
     "              mouse, .igs.mha with its pose\n"
+    "k n           keep the slice's plane;\n"
+    "              to the next kept one\n"
+    "BackSpace     forget the kept one shown\n"
+    "l             lines where planes cross\n"
     "?             this help\n"
     "q             quit\n"
     "\n"
@@ -59,7 +64,24 @@ const char* const kHelp =
     "tilt; at a corner spin; its ball moves,\n"
     "its arrow turns it; right: window, level.\n"
     "Beside it: turn; middle: pan; right,\n"
-    "wheel: zoom. Wheel on a plane: move it.";
+    "wheel: zoom. On a plane: wheel moves it,\n"
+    "clicks and drags measure, right ends.";
+
+/// Sizes are shares of the cell.
+void StyleSlider(vtkSliderRepresentation2D* looks, int fontSize)
+{
+  looks->SetSliderLength(0.02);
+  looks->SetSliderWidth(0.025);
+  looks->SetTubeWidth(0.005);
+  looks->SetEndCapLength(0.004);
+  looks->SetEndCapWidth(0.012);
+  looks->SetLabelHeight(0.02);
+  looks->GetTubeProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
+  looks->GetCapProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
+  looks->GetSliderProperty()->SetColor(kAccent[0], kAccent[1], kAccent[2]);
+  looks->GetSelectedProperty()->SetColor(1, 1, 1);
+  StyleText(looks->GetLabelProperty(), fontSize);
+}
 
 /// The first name stem-1ending, stem-2ending, ... that no file has.
 std::string FreeName(const std::string& stem, const std::string& ending)
@@ -110,22 +132,18 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
   for (PlaneView& view : planes_.views)
   {
     scene_.AddPlane(view.inScene);
+    view.slice->SetProperty(slice->GetProperty());  // one window and level for all
+    view.inScene->SetProperty(slice->GetProperty());
   }
-  scene_.SetInteractor(interactor_,
-                       [this]
-                       {
-                         if (frames_)
-                         {
-                           frames_->ShowNoFrame();
-                         }
-                       });
+  scene_.SetInteractor(interactor_, [this] { ShowMoved(); });
   scene_.cell.SetCaption(settings_.name + "   " + std::to_string(field->GetNumberOfPoints()) +
                          " Gaussians\n? lists the keys");
   LayOut();
   AddHelp();
+  AddSliders();
+  planes_.Cross();
   if (sweep_)
   {
-    AddSlider();
     ShowFrame(0);
   }
   scene_.SetCut(true);
@@ -138,8 +156,8 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
   {
     interactor_->AddObserver(event, this, &ViewWindow::OnWheel, kAfterWidgets);
   }
-  for (const auto event :
-       {vtkCommand::LeftButtonPressEvent, vtkCommand::MiddleButtonPressEvent, vtkCommand::RightButtonPressEvent})
+  for (const auto event : {vtkCommand::LeftButtonPressEvent, vtkCommand::LeftButtonReleaseEvent,
+                           vtkCommand::MiddleButtonPressEvent, vtkCommand::RightButtonPressEvent})
   {
     interactor_->AddObserver(event, this, &ViewWindow::OnButton, kAfterWidgets);
   }
@@ -184,37 +202,42 @@ void ViewWindow::AddHelp()
   help_->SetPosition(0.03, 0.5);
   help_->VisibilityOff();
   scene_.cell.renderer->AddViewProp(help_);
+  StyleText(keptNames_->GetTextProperty(), fontSize_);
+  keptNames_->GetTextProperty()->SetVerticalJustificationToTop();
+  keptNames_->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
+  keptNames_->SetPosition(0.02, 0.9);
+  scene_.cell.renderer->AddViewProp(keptNames_);
 }
 
-void ViewWindow::AddSlider()
+void ViewWindow::AddSliders()
 {
-  vtkSliderRepresentation2D* looks = sliderLooks_;
-  looks->SetMinimumValue(0);
-  looks->SetMaximumValue(std::max(1, sweep_->NumberOfFrames() - 1));
-  looks->SetLabelFormat("frame %.0f");
-  looks->GetPoint1Coordinate()->SetCoordinateSystemToNormalizedViewport();
-  looks->GetPoint1Coordinate()->SetValue(0.08, 0.055);
-  looks->GetPoint2Coordinate()->SetCoordinateSystemToNormalizedViewport();
-  looks->GetPoint2Coordinate()->SetValue(0.92, 0.055);
-  // Sizes are shares of the cell.
-  looks->SetSliderLength(0.02);
-  looks->SetSliderWidth(0.025);
-  looks->SetTubeWidth(0.005);
-  looks->SetEndCapLength(0.004);
-  looks->SetEndCapWidth(0.012);
-  looks->SetLabelHeight(0.02);
-  looks->GetTubeProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
-  looks->GetCapProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
-  looks->GetSliderProperty()->SetColor(kAccent[0], kAccent[1], kAccent[2]);
-  looks->GetSelectedProperty()->SetColor(1, 1, 1);
-  StyleText(looks->GetLabelProperty(), fontSize_);
-  slider_->SetInteractor(interactor_);
-  slider_->SetRepresentation(looks);
-  slider_->SetDefaultRenderer(scene_.cell.renderer);
-  slider_->SetCurrentRenderer(scene_.cell.renderer);
-  slider_->SetAnimationModeToJump();
-  slider_->EnabledOn();
-  slider_->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnSlider);
+  const auto add = [this](vtkSliderWidget* slider, vtkSliderRepresentation2D* looks, double most, const char* label,
+                          double from, double to)
+  {
+    looks->SetMinimumValue(0);
+    looks->SetMaximumValue(most);
+    looks->SetLabelFormat(label);
+    looks->GetPoint1Coordinate()->SetCoordinateSystemToNormalizedViewport();
+    looks->GetPoint1Coordinate()->SetValue(from, 0.055);
+    looks->GetPoint2Coordinate()->SetCoordinateSystemToNormalizedViewport();
+    looks->GetPoint2Coordinate()->SetValue(to, 0.055);
+    StyleSlider(looks, fontSize_);
+    slider->SetInteractor(interactor_);
+    slider->SetRepresentation(looks);
+    slider->SetDefaultRenderer(scene_.cell.renderer);
+    slider->SetCurrentRenderer(scene_.cell.renderer);
+    slider->SetAnimationModeToJump();
+    slider->EnabledOn();
+  };
+  if (sweep_)
+  {
+    add(slider_, sliderLooks_, std::max(1, sweep_->NumberOfFrames() - 1), "frame %.0f", 0.06, 0.64);
+    slider_->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnSlider);
+  }
+  const double own = scene_.Slice()->GetBeamSigma();
+  add(thickness_, thicknessLooks_, std::max(kThickest, 2 * own), "beam %.1f mm", 0.72, 0.94);
+  thicknessLooks_->SetValue(own);
+  thickness_->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnThickness);
 }
 
 //------------------------------------------------------------------------------
@@ -226,6 +249,29 @@ void ViewWindow::ShowFrame(int frame)
   scene_.SetPlane(sweep_->Plane(frame_).ImageToReference());
   frames_->ShowFrame(frame_);
   sliderLooks_->SetValue(frame_);
+  isAtFrame_ = true;
+  thicknessLooks_->SetValue(scene_.Slice()->GetBeamSigma());
+}
+
+/// The slice lies elsewhere now.
+void ViewWindow::ShowMoved()
+{
+  isAtFrame_ = false;
+  if (frames_)
+  {
+    frames_->ShowNearest();
+  }
+}
+
+/// Names the kept planes, and marks the one shown.
+void ViewWindow::ListKept()
+{
+  std::string names = kept_.empty() ? "" : "kept   n: next";
+  for (std::size_t k = 1; k <= kept_.size(); ++k)
+  {
+    names += "\n" + std::string(k == shownKept_ ? "> " : "   ") + "plane " + std::to_string(k);
+  }
+  keptNames_->SetInput(names.c_str());
 }
 
 double ViewWindow::FramePsnr() const
@@ -323,6 +369,24 @@ bool ViewWindow::OnSlider(vtkObject*, unsigned long, void*)
   return false;
 }
 
+/// One thickness for every slice. While it is not touched each plane has the field's own there.
+bool ViewWindow::OnThickness(vtkObject*, unsigned long, void*)
+{
+  const double sigma = thicknessLooks_->GetValue();
+  scene_.Slice()->GetReslice()->SetElevationSigma(sigma);
+  for (PlaneView& view : planes_.views)
+  {
+    view.slice->GetReslice()->SetElevationSigma(sigma);
+    view.inScene->GetReslice()->SetElevationSigma(sigma);
+  }
+  if (isAtFrame_)
+  {
+    frames_->ShowFrame(frame_);
+  }
+  Render(true);
+  return false;
+}
+
 /// On a plane it moves the plane, on the scene VTK's style zooms.
 bool ViewWindow::OnWheel(vtkObject*, unsigned long event, void*)
 {
@@ -330,15 +394,81 @@ bool ViewWindow::OnWheel(vtkObject*, unsigned long event, void*)
   if (PlaneView* view = planes_.In(under))
   {
     view->Move(event == vtkCommand::MouseWheelForwardEvent ? kWheelStep : -kWheelStep);
+    planes_.Cross();
     Render(true);
   }
   return under != scene_.cell.renderer;
 }
 
-/// Only the scene turns.
-bool ViewWindow::OnButton(vtkObject*, unsigned long, void*)
+ViewCell* ViewWindow::FlatUnderMouse()
 {
-  return UnderMouse() != scene_.cell.renderer;
+  vtkRenderer* const under = UnderMouse();
+  if (PlaneView* view = planes_.In(under))
+  {
+    return view;
+  }
+  if (frames_)
+  {
+    for (ViewCell* cell : frames_->Cells())
+    {
+      if (cell->renderer == under)
+      {
+        return cell;
+      }
+    }
+  }
+  return nullptr;
+}
+
+/// Only the scene turns; on flat views the left button measures, and the right one ends that.
+bool ViewWindow::OnButton(vtkObject*, unsigned long event, void*)
+{
+  if (ViewCell* cell = FlatUnderMouse())
+  {
+    const int* at = interactor_->GetEventPosition();
+    const std::string words = event == vtkCommand::LeftButtonPressEvent     ? cell->measure.Add(at[0], at[1])
+                              : event == vtkCommand::LeftButtonReleaseEvent ? cell->measure.AddIfDragged(at[0], at[1])
+                                                                            : "";
+    if (event == vtkCommand::RightButtonPressEvent)
+    {
+      cell->measure.Clear();
+    }
+    if (!words.empty())
+    {
+      console_.Note(words);
+    }
+    Render(true);
+  }
+  return event != vtkCommand::LeftButtonReleaseEvent && UnderMouse() != scene_.cell.renderer;
+}
+
+/// Keys of kept planes; true where it was one.
+bool ViewWindow::OnPlaneKey(const std::string& key)
+{
+  if (key == "k")
+  {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> rows =
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(scene_.Slice()->GetPlane()->GetData());
+    kept_.push_back(rows);
+    shownKept_ = kept_.size();
+  }
+  else if (key == "n" && !kept_.empty())
+  {
+    shownKept_ = shownKept_ % kept_.size() + 1;
+    scene_.SetPlane(kept_[shownKept_ - 1]);
+    ShowMoved();
+  }
+  else if (key == "BackSpace" && shownKept_ > 0)
+  {
+    kept_.erase(kept_.begin() + static_cast<std::ptrdiff_t>(shownKept_ - 1));
+    shownKept_ = 0;
+  }
+  else
+  {
+    return false;
+  }
+  ListKept();
+  return true;
 }
 
 bool ViewWindow::OnKey(vtkObject*, unsigned long, void*)
@@ -377,6 +507,11 @@ bool ViewWindow::OnKey(vtkObject*, unsigned long, void*)
       view.slice->SetCoverageVisibility(!view.slice->GetCoverageVisibility());
     }
   }
+  else if (key == "l")
+  {
+    areCrossingsShown_ = !areCrossingsShown_;
+    planes_.ShowCrossings(areCrossingsShown_);
+  }
   else if (key == "r")
   {
     scene_.LookFromTheStart();
@@ -390,7 +525,7 @@ bool ViewWindow::OnKey(vtkObject*, unsigned long, void*)
     Save(key == "w");
     return true;
   }
-  else
+  else if (!OnPlaneKey(key))
   {
     isCoarse_ = true;  // the slice's widget may take it
     coarseSince_ = std::chrono::steady_clock::now();

@@ -54,17 +54,22 @@ public:
 private:
   void LayOut();
   void AddHelp();
-  void AddSlider();
+  void AddSliders();
   void Fit();
   void Render(bool isMoving);
   void Judge();
   bool OnKey(vtkObject*, unsigned long, void*);
   bool OnWheel(vtkObject*, unsigned long event, void*);
-  bool OnButton(vtkObject*, unsigned long, void*);
+  bool OnButton(vtkObject*, unsigned long event, void*);
   bool OnChar(vtkObject*, unsigned long, void*) { return true; }
   bool OnTimer(vtkObject*, unsigned long, void*);
   bool OnResize(vtkObject*, unsigned long, void*);
   bool OnSlider(vtkObject*, unsigned long, void*);
+  bool OnThickness(vtkObject*, unsigned long, void*);
+  bool OnPlaneKey(const std::string& key);
+  void ShowMoved();
+  void ListKept();
+  ViewCell* FlatUnderMouse();
   void Save(bool isSlice);
   void WriteSlice(const std::string& path);
   vtkRenderer* UnderMouse();
@@ -83,8 +88,13 @@ private:
   std::vector<std::string> guessed_;
   std::unique_ptr<ViewFrames> frames_;
   vtkNew<vtkTextActor> help_;
-  vtkNew<vtkSliderWidget> slider_;
-  vtkNew<vtkSliderRepresentation2D> sliderLooks_;
+  vtkNew<vtkSliderWidget> slider_, thickness_;
+  vtkNew<vtkSliderRepresentation2D> sliderLooks_, thicknessLooks_;
+  bool isAtFrame_ = false;  // the slice lies at frame_
+  bool areCrossingsShown_ = true;
+  std::vector<Eigen::Matrix4d> kept_;  // planes
+  std::size_t shownKept_ = 0;          // counted from 1; 0: none
+  vtkNew<vtkTextActor> keptNames_;
   bool isCoarse_ = false;  // the last picture was drawn in a hurry
   std::chrono::steady_clock::time_point coarseSince_;
 };

@@ -6,6 +6,7 @@
     test_view.py PATH_TO_BIGUS TESTING_DATA_FOLDER [unittest arguments]
 """
 import ctypes
+import math
 import os
 import pathlib
 import re
@@ -21,6 +22,7 @@ from test_command import BAD_INPUT, CANNOT_WRITE, SUCCESS, USAGE, CommandTest, r
 
 try:
     from vtkmodules.vtkImagingCore import vtkImageDifference
+    from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOImage import vtkPNGReader
 except ModuleNotFoundError:
     vtkPNGReader = None
@@ -276,6 +278,56 @@ class View(CommandTest):
         windows.press("question")
         windows.press("q")
         self.assertEqual(process.wait(20), SUCCESS)
+
+    def drag(self, windows, start, end):
+        windows.move(*start)
+        windows.button(1, 1)
+        windows.move(*end)
+        windows.button(1, 0)
+
+    @staticmethod
+    def pixels(path):
+        """[row][column][3] of a picture, from the top."""
+        reader = vtkPNGReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+        image = reader.GetOutput()
+        pixels = vtk_to_numpy(image.GetPointData().GetScalars())
+        return pixels.reshape(image.GetDimensions()[1], image.GetDimensions()[0], 3)[::-1]
+
+    @NEEDS_DISPLAY
+    @unittest.skipIf(XTest is None or vtkPNGReader is None, "libXtst presses the keys, VTK reads the pictures")
+    def test_measures_kept_planes_and_the_nearest_frame(self):
+        process, windows = self.open(self.trained_field, self.trained_sweep, "--frame", 7, *SIZE)
+        first = self.pixels(self.folder / "phantom-field-view-1.png")
+        # The ruler of the recorded frame: a bright line 10 pixels above the lower end of its cell, which is a third high.
+        ruler = max((first[row, 450:] > 180).all(axis=1).nonzero()[0].size for row in range(118, 128))
+        self.drag(windows, (480, 40), (480 + ruler, 40))
+        windows.move(480, 40 + ruler // 2)
+        windows.button(1, 1)
+        windows.button(1, 0)
+        windows.move(150, 390)
+        windows.press("k")
+        windows.press("Right")
+        other = self.saved(windows, "w", "phantom-field-slice-1.igs.mha")
+        windows.press("n")  # back to frame 7, by its plane
+        kept = self.saved(windows, "w", "phantom-field-slice-2.igs.mha")
+        moved = self.pixels(self.saved(windows, "s", "phantom-field-view-2.png"))
+        expected = self.folder / "expected.mha"
+        for frame, slice_ in ((7, kept), (8, other)):
+            self.expect(SUCCESS, "slice", self.trained_field, "--poses", self.trained_sweep, "--frames", frame, "--type",
+                        "float", "-o", expected)
+            self.assertEqual(read_sequence(slice_)[1], read_sequence(expected)[1])
+        # The frame there is shown as the nearest one.
+        self.assertLess(abs(moved[30:110, 460:590].astype(int) - first[30:110, 460:590]).mean(), 1)
+        windows.press("q")
+        self.assertEqual(process.wait(20), SUCCESS)
+        told = process.stderr.read()
+        length, path, area = map(float, re.search(r"([\d.]+) mm\n([\d.]+) mm, inside ([\d.]+) mm\^2", told).groups())
+        self.assertIn(str(round(length)), ("10", "20", "50"), told)  # what a ruler is long
+        self.assertAlmostEqual(length, round(length), delta=length / ruler)  # a pixel
+        self.assertAlmostEqual(path / length, 1 + math.hypot(1, 0.5), delta=2 / ruler)
+        self.assertAlmostEqual(area / length**2, 0.25, delta=2 / ruler)
 
     @NEEDS_DISPLAY
     @unittest.skipIf(XTest is None, "libXtst presses the keys")

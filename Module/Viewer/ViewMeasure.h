@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// A path clicked onto a flat view, with its length and the area inside.
+#pragma once
+
+#include <Eigen/Dense>
+#include <string>
+#include <vector>
+
+#include "vtkActor2D.h"
+#include "vtkNew.h"
+#include "vtkPolyData.h"
+#include "vtkTextActor.h"
+
+class vtkRenderer;
+
+namespace bigus::command
+{
+
+class ViewMeasure
+{
+public:
+  /// For a renderer whose camera has no perspective and whose world is in mm.
+  void Place(vtkRenderer* renderer, int fontSize);
+
+  /// The path goes on to the place under pixel (x, y) of the window. Empty but for one of at least two points, else its
+  /// words: the length along the points, mm, and from three points on the area that they enclose, mm^2.
+  std::string Add(int x, int y);
+  /// The same for the place where a button was released; nothing where that is where it was pressed.
+  std::string AddIfDragged(int x, int y);
+  void Clear();
+
+private:
+  void Draw();
+  std::string Words() const;
+
+  vtkRenderer* renderer_ = nullptr;
+  std::vector<Eigen::Vector3d> points_;  // mm
+  int pressedX_ = 0, pressedY_ = 0;      // pixels
+  vtkNew<vtkPolyData> path_;
+  vtkNew<vtkActor2D> line_;
+  vtkNew<vtkTextActor> label_;
+};
+
+}  // namespace bigus::command
