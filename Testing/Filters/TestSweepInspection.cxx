@@ -18,7 +18,9 @@
 #include "vtkImageData.h"
 #include "vtkIntArray.h"
 #include "vtkNew.h"
+#include "vtkPointData.h"
 #include "vtkTable.h"
+#include "vtkUnsignedShortArray.h"
 #include "vtkVariant.h"
 
 namespace
@@ -93,6 +95,20 @@ vtkSmartPointer<vtkImageData> WithPoses(const std::function<void(int, double*)>&
   return sweep;
 }
 
+/// The same without damage, 12 of 16 bits used, as a frame grabber hands them on.
+vtkSmartPointer<vtkImageData> OfTwelveBits()
+{
+  const vtkSmartPointer<vtkImageData> sweep = WithPoses([](int, double*) {});
+  vtkDataArray* bytes = sweep->GetPointData()->GetScalars();
+  vtkNew<vtkUnsignedShortArray> pixels;
+  for (vtkIdType pixel = 0; pixel < bytes->GetNumberOfTuples(); ++pixel)
+  {
+    pixels->InsertNextValue(static_cast<unsigned short>(16 * bytes->GetTuple1(pixel)));
+  }
+  sweep->GetPointData()->SetScalars(pixels);
+  return sweep;
+}
+
 TEST(SweepInspection, FindingsComeToTheOutputWindow)
 {
   const vtkSmartPointer<vtkImageData> metres = WithPoses(
@@ -105,7 +121,8 @@ TEST(SweepInspection, FindingsComeToTheOutputWindow)
       });
   for (const auto& [sweep, said] : {std::pair(Damaged(), "off the skin: 2 frames (4-5)"),
                                     {metres, "matrices must be in millimetres, not in metres"},
-                                    {coplanar, "All frames lie in one plane"}})
+                                    {coplanar, "All frames lie in one plane"},
+                                    {OfTwelveBits(), "pixels may have fewer bits than their type"}})
   {
     bigus::test::OutputWindow window;
     vtkNew<vtkBigusTrainer> trainer;

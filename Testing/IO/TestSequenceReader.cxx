@@ -11,6 +11,7 @@
 
 #include "SmallFiles.h"
 #include "Support/ErrorObserver.h"
+#include "Support/OutputWindow.h"
 #include "Support/TestSupport.h"
 #include "vtkBigusSequenceReader.h"
 #include "vtkDataArray.h"
@@ -265,6 +266,12 @@ TEST(SequenceReader, PixelsOfFewBitsAreScaledAndSaid)
     EXPECT_NE(read(add, 0).find("use " + std::to_string(bits) + " of 16 bits"), std::string::npos);
     EXPECT_EQ(reader->GetUsedPixelRange(), white);
     EXPECT_EQ(pixel(35), std::round((add + 35) * 65535 / white));
+  }
+  {
+    bigus::test::OutputWindow window;
+    reader->Modified();
+    reader->Update();  // nobody observes it
+    EXPECT_NE(window.Take().find("use 14 of 16 bits"), std::string::npos);
   }
   // All 16 bits; too dark to tell; the user's word.
   EXPECT_EQ(read(16349, 0), "");

@@ -159,22 +159,19 @@ using Kinds = std::vector<FindingKind>;
 
 TEST(Inspection, GoodSweepsAreTheSameObject)
 {
-  for (const std::uint64_t seed : {1, 2})
+  for (const auto& [seed, spacing] : {std::pair(1, 0.5), {1, 0.1}, {2, 1.0}})
   {
-    for (const double spacing : {0.1, 0.5, 1.0})
+    for (const double noise : {0.0, 2.0})
     {
-      for (const double noise : {0.0, 2.0})
-      {
-        Frames frames = PhantomFrames(seed, spacing);
-        Random random(static_cast<unsigned>(seed));
-        frames.AddNoise(random, noise);
-        const auto sweep = frames.AsSweep();
-        const InspectedSweep inspected = Inspect(sweep);
-        EXPECT_EQ(inspected.sweep, sweep) << "seed " << seed << ", spacing " << spacing << ", noise " << noise;
-        EXPECT_TRUE(inspected.findings.empty())
-            << bigus::Describe(inspected.findings.front(), From(0, sweep->NumberOfFrames()));
-        EXPECT_EQ(inspected.frames, From(0, 32));
-      }
+      Frames frames = PhantomFrames(seed, spacing);
+      Random random(static_cast<unsigned>(seed));
+      frames.AddNoise(random, noise);
+      const auto sweep = frames.AsSweep();
+      const InspectedSweep inspected = Inspect(sweep);
+      EXPECT_EQ(inspected.sweep, sweep) << "seed " << seed << ", spacing " << spacing << ", noise " << noise;
+      EXPECT_TRUE(inspected.findings.empty())
+          << bigus::Describe(inspected.findings.front(), From(0, sweep->NumberOfFrames()));
+      EXPECT_EQ(inspected.frames, From(0, 32));
     }
   }
 }
@@ -416,7 +413,8 @@ std::vector<Damage> Damages()
   {
     all.insert(all.end(), {Repeated(count, 0), Repeated(count, 0.6), Repeated(count, 1.5), Repeated(count, 3)});
   }
-  all.insert(all.end(), {Jump(1, 3), Jump(1, 30), Jump(3, 10), Jump(3, 300), Stale(2), Stale(5)});
+  all.insert(all.end(),
+             {Jump(1, 3), Jump(1, 30), Jump(3, 10), Jump(3, 300), Jump(6, 60), Jump(8, 40), Stale(2), Stale(5)});
   all.insert(all.end(), {Gain(6), Gain(15), Gain(-20), Depth(0.7), Depth(0.9), Depth(1.1), Depth(1.4)});
   return all;
 }
@@ -470,6 +468,92 @@ TEST(Inspection, DamagedCopiesAreFoundFrameByFrame)
   EXPECT_GE(copies, 200);
 }
 
+// The hand is quick beside a rest, and no tracker.
+TEST(Inspection, ARestAmidAShortSweepIsNoJump)
+{
+  for (const int at : {0, 2, 4, 9, 11})
+  {
+    Frames frames = PhantomFrames(4, 0.7, 12);
+    Random random(9);
+    frames.Repeat(at, 20);
+    for (int k = at; k <= at + 20; ++k)
+    {
+      frames.poses[k](2, 3) += 0.02 * random.Normal();
+    }
+    frames.AddNoise(random, 1);
+    EXPECT_EQ(KindsOf(Inspect(frames.AsSweep())), Kinds{FindingKind::Rest}) << at;
+  }
+}
+
+// Bits that are missing are said. What grey levels tell is asked as of any sweep.
+TEST(Inspection, ADimSweepIsLookedAtAsOthersAre)
+{
+  for (const double spacing : {0.1, 0.5})
+  {
+    const auto bytes = PhantomFrames(1, spacing).AsSweep();
+    for (const bool hasBlack : {false, true})
+    {
+      auto tenBits = std::make_shared<Sweep>(*bytes);  // of 16
+      auto pixels = std::make_shared<std::vector<float>>(32 * bytes->PixelsPerFrame());
+      for (int k = 0; k < 32; ++k)
+      {
+        bytes->CopyFrame(k, pixels->data() + k * bytes->PixelsPerFrame());
+      }
+      std::transform(pixels->begin(), pixels->end(), pixels->begin(),
+                     [](float value) { return std::round(1023 * value) / 65535; });
+      if (hasBlack)
+      {
+        std::fill_n(pixels->begin() + 20 * bytes->PixelsPerFrame(), bytes->PixelsPerFrame(), 0.0f);
+      }
+      tenBits->pixelType = Sweep::PixelType::Float32;
+      tenBits->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+      const InspectedSweep inspected = Inspect(tenBits);
+      EXPECT_EQ(KindsOf(inspected),
+                hasBlack ? (Kinds{FindingKind::Contact, FindingKind::Levels}) : Kinds{FindingKind::Levels});
+      EXPECT_EQ(inspected.frames.size(), hasBlack ? 31u : 32u);
+    }
+  }
+}
+
+// Speckle is as long along the path as across pictures, within a factor of three, so ten times less or more is doubted.
+TEST(Inspection, TranslationsInCentimetresAreDoubted)
+{
+  for (const double factor : {0.1, 1.0, 20.0})
+  {
+    Frames frames = PhantomFrames(1);
+    for (Eigen::Matrix4d& pose : frames.poses)
+    {
+      pose.block<3, 1>(0, 3) *= factor;
+    }
+    const auto sweep = frames.AsSweep();
+    const InspectedSweep inspected = Inspect(sweep);
+    EXPECT_EQ(inspected.sweep, sweep) << factor;
+    EXPECT_EQ(KindsOf(inspected), factor == 1 ? Kinds{} : Kinds{FindingKind::Poses}) << factor;
+    if (factor < 1)
+    {
+      EXPECT_NE(inspected.findings[0].evidence.find("centimetres"), std::string::npos);
+    }
+  }
+  // A probe that rocks about the skin: the first row moves little, and rightly so.
+  bigus::PhantomOptions options;
+  options.frames = 32;
+  options.width = 96;
+  options.height = 80;
+  options.pixelSize = 0.5;
+  options.scattererDensity = 4;
+  options.frameSpacing = 0.02;
+  options.tilt = 12;
+  options.speedVariation = 0;
+  EXPECT_EQ(KindsOf(Inspect(std::make_shared<const Sweep>(bigus::Phantom(options).MakeSweep()))), Kinds{});
+}
+
+TEST(Inspection, WhiteTissueIsNoText)
+{
+  Frames frames = PhantomFrames(1, 0.1);
+  Change(frames, 0, 32, 0, frames.width, [](double level) { return 2.5 * level + 20; });
+  EXPECT_EQ(KindsOf(Inspect(frames.AsSweep())), Kinds{FindingKind::Levels});
+}
+
 // A jump near an end of the sweep is not taken for the path, nor what the path goes on with for a jump.
 TEST(Inspection, AJumpNearAnEndIsFoundWhereItIs)
 {
@@ -489,21 +573,37 @@ TEST(Inspection, AJumpNearAnEndIsFoundWhereItIs)
   }
 }
 
-// Where each pose stands for several frames most frames are wrong, and it is not known which are right: that is said.
+// Where poses stand for two or three frames each it is not known which are right, and all pictures are news: that is said.
+// There and back, fewer than half of them stand, for the hand slows down where it turns.
 TEST(Inspection, ATrackerSlowerThanTheVideoIsSaid)
 {
-  for (const int held : {2, 3})
+  const Frames once = PhantomFrames(3, 0.5, 40);
+  Frames thereAndBack = once;
+  Random random(5);
+  for (int k = 38; k >= 0; --k)
   {
-    Frames frames = PhantomFrames(3, 0.5, 40);
-    for (int k = 0; k < 40; ++k)
+    thereAndBack.images.push_back(once.images[k]);
+    thereAndBack.poses.push_back(once.poses[k]);
+    thereAndBack.times.push_back(thereAndBack.times.back() + 0.05);
+  }
+  thereAndBack.AddNoise(random, 1);
+  for (const Frames* const recorded : {&once, static_cast<const Frames*>(&thereAndBack)})
+  {
+    for (const int held : {2, 3})
     {
-      frames.poses[k] = frames.poses[k - k % held];
+      Frames frames = *recorded;
+      const int all = static_cast<int>(frames.poses.size());
+      for (int k = 0; k < all; ++k)
+      {
+        frames.poses[k] = recorded->poses[k < 4 ? k : k - k % held];  // the first are as they should be
+      }
+      const InspectedSweep inspected = Inspect(frames.AsSweep());
+      EXPECT_EQ(inspected.frames, From(0, all)) << held;
+      ASSERT_FALSE(inspected.findings.empty()) << held;
+      EXPECT_EQ(inspected.findings[0].kind, FindingKind::Tracking) << held;
+      EXPECT_FALSE(inspected.findings[0].isApplied) << held;
+      EXPECT_NE(inspected.findings[0].evidence.find("slower than the pictures"), std::string::npos) << held;
     }
-    const InspectedSweep inspected = Inspect(frames.AsSweep());
-    EXPECT_EQ(inspected.frames, From(0, 40)) << held;
-    ASSERT_FALSE(inspected.findings.empty()) << held;
-    EXPECT_EQ(inspected.findings[0].kind, FindingKind::Tracking) << held;
-    EXPECT_FALSE(inspected.findings[0].isApplied) << held;
   }
 }
 
@@ -605,7 +705,7 @@ Frames FramesOnScreen(bool isFan, std::vector<std::uint8_t>& lit)
   }
   bigus::PhantomOptions options;
   options.probe = bigus::ProbeKind::Convex;
-  options.frames = 24;
+  options.frames = 12;
   options.width = 96;
   options.height = 80;
   options.pixelSize = 0.7;

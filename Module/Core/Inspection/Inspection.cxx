@@ -83,10 +83,11 @@ bool Add(std::optional<Finding> found, const KeptKinds& kept, std::vector<int>& 
 }
 
 /// What is no tissue in every frame: beside the picture, and over it.
-void FindCovered(const Sweep& sweep, const std::vector<int>& looked, const KeptKinds& kept, Inspected& inspected)
+void FindCovered(const Sweep& sweep, const GreyLevels& levels, const std::vector<int>& looked, const KeptKinds& kept,
+                 Inspected& inspected)
 {
   std::vector<std::uint8_t>& covered = inspected.covered;
-  for (std::optional<Finding> found : {FindFan(sweep, looked, covered), FindOverlay(sweep, looked, covered)})
+  for (std::optional<Finding> found : {FindFan(sweep, looked, covered), FindOverlay(sweep, levels, looked, covered)})
   {
     if (found)
     {
@@ -105,14 +106,14 @@ void FindCovered(const Sweep& sweep, const std::vector<int>& looked, const KeptK
   }
 }
 
-Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut)
+Inspected InspectSequence(const Sweep& recorded, const KeptKinds& kept, int holdOut)
 {
   Inspected inspected;
   std::vector<int> ordered;
-  if (std::optional<Finding> order = FindOrder(sweep, ordered))
+  if (std::optional<Finding> order = FindOrder(recorded, ordered))
   {
     order->isApplied = order->isApplied && !kept.Keeps(FindingKind::Order);
-    ordered = order->isApplied ? ordered : AllFrames(sweep);
+    ordered = order->isApplied ? ordered : AllFrames(recorded);
     inspected.findings.push_back(*std::move(order));
   }
   for (const int place : SplitHoldOut(static_cast<int>(ordered.size()), holdOut).second)
@@ -125,6 +126,8 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
   {
     return inspected;
   }
+  const GreyLevels levels = SurveyLevels(recorded, looked);
+  const Sweep sweep = levels.IsDim() ? Brightened(recorded, levels) : recorded;
   Pictures pictures = MakePictures(sweep, looked);
   const auto add = [&](std::optional<Finding> found)
   {
@@ -134,13 +137,15 @@ Inspected InspectSequence(const Sweep& sweep, const KeptKinds& kept, int holdOut
     }
   };
   add(FindLostContact(pictures, looked));
-  add(FindLostTracking(sweep, pictures, looked));
+  LostTracking tracking = FindLostTracking(sweep, pictures, looked);
+  add(std::move(tracking.lost));
+  add(std::move(tracking.slow));
   Still still = FindStill(sweep, pictures, looked);
   add(std::move(still.rest));
   add(std::move(still.repeat));
   add(FindRepeats(sweep, pictures, looked));
-  FindCovered(sweep, looked, kept, inspected);
-  for (Finding& doubt : DoubtsAbout(sweep, pictures, looked))
+  FindCovered(sweep, levels, looked, kept, inspected);
+  for (Finding& doubt : DoubtsAbout(sweep, pictures, levels, looked))
   {
     inspected.findings.push_back(std::move(doubt));
   }

@@ -20,6 +20,7 @@ constexpr std::size_t kFewestFrames = 8;
 constexpr float kSame = 2.5f;        // grey levels that compression and rounding leave between equal pixels
 constexpr double kSameShare = 0.95;  // of the frames
 constexpr float kDarkest = 12;       // grey levels: darker pixels that never change are the ground that text stands on
+constexpr float kWhite = 253;        // grey levels: of saturated tissue
 constexpr int kSmallest = 4;         // pixels that touch each other
 constexpr int kRing = 2, kRim = 2;   // pixels: what a group is compared with, and what is filled around it
 /// Grey levels, and changes from frame to frame, by which a pixel of the ring differs from the group; and the share of the
@@ -96,7 +97,7 @@ void Fill(cv::Mat& image, const cv::Mat& covered)
 
 }  // namespace
 
-std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& frames,
+std::optional<Finding> FindOverlay(const Sweep& sweep, const GreyLevels& levels, const std::vector<int>& frames,
                                    std::vector<std::uint8_t>& covered)
 {
   if (frames.size() < kFewestFrames)
@@ -105,8 +106,11 @@ std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& f
   }
   const Behaviour behaviour = Behave(sweep, EvenlySpread(frames, kLookedAt));
   covered.resize(sweep.PixelsPerFrame(), 0);
-  const cv::Mat still =
-      behaviour.same & (behaviour.value >= kDarkest) & (cv::Mat(covered).reshape(1, sweep.height) == 0);
+  cv::Mat still = behaviour.same & (behaviour.value >= kDarkest) & (cv::Mat(covered).reshape(1, sweep.height) == 0);
+  if (levels.IsSaturated())
+  {
+    still &= behaviour.value < kWhite;
+  }
   cv::Mat labels, boxes, middles;
   const int groups = cv::connectedComponentsWithStats(still, labels, boxes, middles, 8);
   cv::Mat overlay = cv::Mat::zeros(still.size(), CV_8U);

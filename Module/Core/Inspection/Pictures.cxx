@@ -6,7 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
+
+#include "Core/Model/PixelMemory.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -19,6 +23,10 @@ constexpr int kSmallSide = 48;
 
 constexpr float kLevels = 255;
 constexpr float kLit = 4;  // grey levels of a small picture: less is black that was compressed
+
+constexpr std::size_t kLookedAt = 24;  // frames
+constexpr double kMostWhite = 0.1;     // of the pixels that are not black
+constexpr double kDimmest = 0.15;      // of white
 
 cv::Mat WithoutMean(const cv::Mat& image, int window)
 {
@@ -171,6 +179,57 @@ Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames)
                     });
   MeasureBands(pictures);
   return pictures;
+}
+
+bool GreyLevels::IsDim() const
+{
+  return brightest > 0 && brightest < kDimmest * kLevels;
+}
+
+bool GreyLevels::IsSaturated() const
+{
+  return white > kMostWhite;
+}
+
+GreyLevels SurveyLevels(const Sweep& sweep, const std::vector<int>& frames)
+{
+  std::vector<float> image(sweep.PixelsPerFrame());
+  std::vector<std::size_t> counts(256, 0);
+  for (const int frame : EvenlySpread(frames, kLookedAt))
+  {
+    sweep.CopyFrame(frame, image.data());
+    for (const float value : image)
+    {
+      ++counts[static_cast<std::size_t>(std::lround(kLevels * value))];
+    }
+  }
+  const std::size_t all = std::accumulate(counts.begin(), counts.end(), std::size_t(0)), lit = all - counts[0];
+  GreyLevels levels;
+  std::size_t above = 0;
+  levels.brightest = 256;
+  while (levels.brightest > 0 && 100000 * above <= all)
+  {
+    above += counts[--levels.brightest];
+  }
+  levels.white = lit > 0 ? static_cast<double>(counts[254] + counts[255]) / static_cast<double>(lit) : 0;
+  return levels;
+}
+
+Sweep Brightened(const Sweep& sweep, const GreyLevels& levels)
+{
+  const std::size_t pixels = sweep.PixelsPerFrame();
+  const std::shared_ptr<float> bright = AllocatePixels<float>(pixels * sweep.NumberOfFrames());
+  const float factor = kLevels / static_cast<float>(levels.brightest);
+  for (int k = 0; k < sweep.NumberOfFrames(); ++k)
+  {
+    float* const frame = bright.get() + k * pixels;
+    sweep.CopyFrame(k, frame);
+    std::transform(frame, frame + pixels, frame, [factor](float value) { return std::min(factor * value, 1.0f); });
+  }
+  Sweep result = sweep;
+  result.pixelType = Sweep::PixelType::Float32;
+  result.pixels = bright;
+  return result;
 }
 
 cv::Mat LevelsOf(const Sweep& sweep, int frame)

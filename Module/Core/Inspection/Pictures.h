@@ -40,6 +40,20 @@ struct Pictures
 /// `frames` in the order in which they are compared.
 Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames);
 
+/// What grey levels a sweep has, by some of its frames.
+struct GreyLevels
+{
+  int brightest = 0;  ///< level of 255 that no more than one of a hundred thousand pixels exceeds; 0: all are black
+  double white = 0;   ///< share of 254 and 255 of what is not black
+
+  bool IsDim() const;        ///< pixels may have fewer bits than their type
+  bool IsSaturated() const;  ///< white hides what is there
+};
+GreyLevels SurveyLevels(const Sweep& sweep, const std::vector<int>& frames);
+
+/// The sweep with its brightest pixels white, so that grey levels are worth what they are in other sweeps.
+Sweep Brightened(const Sweep& sweep, const GreyLevels& levels);
+
 /// A frame in full size, in grey levels; CV_8U.
 cv::Mat LevelsOf(const Sweep& sweep, int frame);
 

@@ -43,12 +43,19 @@ Still FindStill(const Sweep& sweep, const Pictures& pictures, const std::vector<
 /// Frames that show what the one before showed, or nearly, though the probe moved as usual.
 std::optional<Finding> FindRepeats(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
-/// Frames whose poses leave the path at once and come back as quickly, or are those of the frame before though pictures
-/// go on.
-std::optional<Finding> FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+/// Frames whose poses are not theirs.
+struct LostTracking
+{
+  /// Poses leave the path at once and come back as quickly, or are those of the frame before though pictures go on.
+  std::optional<Finding> lost;
+  /// The latter again and again: only said, for the pictures are news, and their poses are a step or two behind.
+  std::optional<Finding> slow;
+};
+LostTracking FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
 /// What nothing is done about: gain, depth, grey levels, poses.
-std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const GreyLevels& levels,
+                                 const std::vector<int>& frames);
 
 /// What is done about a pixel of every frame, in `covered` below. 0: nothing.
 constexpr std::uint8_t kFilled = 1;     ///< from what is around it
@@ -59,8 +66,8 @@ constexpr std::uint8_t kBlackened = 2;  ///< made black, as a pixel that no prob
 std::optional<Finding> FindFan(const Sweep& sweep, const std::vector<int>& frames, std::vector<std::uint8_t>& covered);
 
 /// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets
-/// kFilled there; pixels that have something else are not looked at.
-std::optional<Finding> FindOverlay(const Sweep& sweep, const std::vector<int>& frames,
+/// kFilled there; pixels that have something else are not looked at, nor white ones where tissue is as white.
+std::optional<Finding> FindOverlay(const Sweep& sweep, const GreyLevels& levels, const std::vector<int>& frames,
                                    std::vector<std::uint8_t>& covered);
 
 /// The sweep with pixels of its frames blackened, or filled by a mean of what is around them, near pixels first. `covered`

@@ -22,9 +22,16 @@ constexpr std::size_t kAway = 8;     // frames that the tracker may be wrong in 
 constexpr double kBack = 2.5;        // usual ways a frame, for the way from before a jump to after it, ...
 constexpr double kShorter = 0.5;     // ... and jumps, if it does not come back by a jump of such a size itself
 constexpr std::size_t kAtAnEnd = 3;  // frames before the first jump, or after the last, that hardly are a stroke
-constexpr double kSame = 1e-6;       // mm
-constexpr std::size_t kFewestMoving = 4;  // steps that are longer
-constexpr double kGoesOn = 0.5;           // of what pictures change by where the probe moves
+// Where the pictures on both sides of a jump are neighbours, it is the tracker that jumps, for any number of frames.
+constexpr double kNeighbours = 1.5;  // of the median difference of neighbours, and ...
+constexpr double kRelated = 0.6;     // ... of that of unrelated pictures
+constexpr double kAwayLong = 0.25;   // of all frames that it may then be wrong in a row
+// Of these, a jump at an end among them, no more may be as long as an eighth of it: a hand that rests goes on so far.
+constexpr std::ptrdiff_t kMostAsLong = 3;
+constexpr double kSame = 1e-6;                               // mm
+constexpr std::size_t kFewestMoving = 4;                     // steps that are longer
+constexpr double kGoesOn = 0.5;                              // of what pictures change by where the probe moves
+constexpr double kSlowShare = 0.25, kSlowStretches = 0.125;  // of all frames, that a slow tracker's poses stand for
 
 struct Lies
 {
@@ -69,17 +76,38 @@ double UsualWay(const std::vector<double>& ways, std::size_t k)
                   median({at + 1, at + 1 + static_cast<std::ptrdiff_t>(std::min(ways.size() - k - 1, kAround))}));
 }
 
+/// [steps] whether pictures go on over a step as they do between neighbours.
+std::vector<bool> WhereTheyGoOn(const Pictures& pictures, const Path& path)
+{
+  std::vector<double> differences;
+  for (std::size_t k = 0; k < path.steps.size(); ++k)
+  {
+    differences.push_back(Difference(pictures, path.places[k], path.places[k + 1]));
+  }
+  const double usual = ShareBelow(differences, 0.5);
+  std::vector<bool> goOn;
+  for (std::size_t k = 0; k < path.steps.size(); ++k)
+  {
+    goOn.push_back(differences[k] <= kNeighbours * usual &&
+                   differences[k] < kRelated * UnrelatedDifference(pictures, path.places[k]));
+  }
+  return goOn;
+}
+
 /// The place in the path at which it goes on as if the jump of step k had not been; nothing where it does not.
 std::optional<std::size_t> BackAfter(const Sweep& sweep, const std::vector<int>& frames, const Path& path,
-                                     std::size_t k)
+                                     const std::vector<bool>& goOn, std::size_t k)
 {
   const double usual = UsualWay(path.ways, k), jump = path.steps[k];
-  for (std::size_t back = k + 2; back < std::min(path.places.size(), k + kAway + 2); ++back)
+  const std::size_t away =
+      goOn[k] ? std::max(kAway, static_cast<std::size_t>(kAwayLong * static_cast<double>(frames.size()))) : kAway;
+  for (std::size_t back = k + 2; back < std::min(path.places.size(), k + away + 2); ++back)
   {
     const double moved = Moved(sweep, frames[path.places[k]], frames[path.places[back]]);
-    // It comes back by a jump, or at least far enough.
+    const bool jumpsBack = path.steps[back - 1] > kShorter * jump;
+    // It comes back by a jump, or soon and far enough.
     if (moved <= kBack * usual * static_cast<double>(path.places[back] - path.places[k]) &&
-        (moved <= kShorter * jump || path.steps[back - 1] > kShorter * jump))
+        (back < k + kAway + 2 ? jumpsBack || moved <= kShorter * jump : jumpsBack && goOn[back - 1]))
     {
       return back;
     }
@@ -87,41 +115,62 @@ std::optional<std::size_t> BackAfter(const Sweep& sweep, const std::vector<int>&
   return std::nullopt;
 }
 
-/// Marks what lies between a jump and where the path goes on, and short ends from which it does not.
-void MarkAway(const Sweep& sweep, const std::vector<int>& frames, Lies& lies)
+/// Marks what lies between a jump and where the path goes on.
+void MarkExcursions(const Sweep& sweep, const std::vector<int>& frames, const Path& path, const std::vector<bool>& goOn,
+                    Lies& lies)
 {
-  const Path path = FreshPath(sweep, frames, lies.stale);
-  const std::size_t steps = path.steps.size();
-  const auto mark = [&](std::size_t first, std::size_t end, double jump)
-  {
-    for (std::size_t k = first; k < end; ++k)
-    {
-      lies.away[path.places[k]] = true;
-    }
-    lies.farthest = std::max(lies.farthest, jump);
-  };
-  for (std::size_t k = 0; k < steps; ++k)
+  for (std::size_t k = 0; k < path.steps.size(); ++k)
   {
     const double usual = UsualWay(path.ways, k), jump = path.steps[k];
     if (path.ways[k] <= kReturn * usual || jump <= kLeastJump)
     {
       continue;
     }
-    const bool isJump = path.ways[k] > kJump * usual;
-    if (const std::optional<std::size_t> back = BackAfter(sweep, frames, path, k);
-        back && (isJump || path.steps[*back - 1] > kReturn * usual))
+    if (const std::optional<std::size_t> back = BackAfter(sweep, frames, path, goOn, k);
+        back && (path.ways[k] > kJump * usual || path.steps[*back - 1] > kReturn * usual))
     {
-      mark(k + 1, *back, jump);
+      for (std::size_t away = k + 1; away < *back; ++away)
+      {
+        lies.away[path.places[away]] = true;
+      }
+      lies.farthest = std::max(lies.farthest, jump);
       k = *back - 1;
     }
-    else if (isJump && k < kAtAnEnd)
+  }
+}
+
+/// Marks short ends of the path that lie beyond a jump.
+void MarkEnds(const Path& path, const std::vector<bool>& goOn, std::size_t frames, Lies& lies)
+{
+  const std::size_t steps = path.steps.size();
+  const auto isSound = [&](std::size_t k) { return !lies.away[path.places[k]] && !lies.away[path.places[k + 1]]; };
+  std::vector<double> sound;
+  for (std::size_t k = 0; k < steps; ++k)
+  {
+    if (isSound(k) && path.ways[k] > kSame)
     {
-      mark(0, k + 1, jump);
+      sound.push_back(path.ways[k]);
     }
-    else if (isJump && k + kAtAnEnd >= steps)
+  }
+  std::size_t first = 0, last = path.places.size();  // of what stays
+  for (std::size_t k = 0; k < steps && sound.size() >= kFewestMoving; ++k)
+  {
+    // A hand that moves so far elsewhere, too, does not jump.
+    const auto asLong =
+        std::count_if(sound.begin(), sound.end(), [&](double way) { return kJump * way >= path.ways[k]; });
+    if (path.steps[k] <= kLeastJump || !isSound(k) || asLong > kMostAsLong)
     {
-      mark(k + 1, path.places.size(), jump);
+      continue;
     }
+    const std::size_t most =
+        goOn[k] ? std::max(kAtAnEnd, static_cast<std::size_t>(kAwayLong * static_cast<double>(frames))) : kAtAnEnd;
+    first = k < most ? k + 1 : first;
+    last = k >= most && k + most >= steps ? std::min(last, k + 1) : last;
+    lies.farthest = k < most || k + most >= steps ? std::max(lies.farthest, path.steps[k]) : lies.farthest;
+  }
+  for (std::size_t k = 0; k < path.places.size(); ++k)
+  {
+    lies.away[path.places[k]] = lies.away[path.places[k]] || k < first || k >= last;
   }
 }
 
@@ -143,42 +192,77 @@ void MarkStale(const Pictures& pictures, const std::vector<double>& steps, Lies&
   }
 }
 
+/// Whether poses stand again and again, as those of a tracker that is slower than the pictures do, not in a stretch or two.
+bool IsSlowTracker(const std::vector<bool>& stale)
+{
+  std::size_t frames = 0, stretches = 0;
+  for (std::size_t k = 1; k < stale.size(); ++k)
+  {
+    frames += stale[k];
+    stretches += stale[k] && !stale[k - 1];
+  }
+  return frames >= kSlowShare * static_cast<double>(stale.size()) &&
+         stretches >= kSlowStretches * static_cast<double>(stale.size());
+}
+
+std::vector<int> Chosen(const std::vector<int>& frames, const std::vector<bool>& which)
+{
+  std::vector<int> chosen;
+  for (std::size_t k = 0; k < frames.size(); ++k)
+  {
+    if (which[k])
+    {
+      chosen.push_back(frames[k]);
+    }
+  }
+  return chosen;
+}
+
 }  // namespace
 
-std::optional<Finding> FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames)
+LostTracking FindLostTracking(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames)
 {
+  LostTracking found;
   if (frames.size() < kFewest)
   {
-    return std::nullopt;
+    return found;
   }
   Lies lies{std::vector<bool>(frames.size()), std::vector<bool>(frames.size()), 0};
   MarkStale(pictures, StepsOf(sweep, frames), lies);
-  MarkAway(sweep, frames, lies);
-  std::vector<int> gone;
-  std::size_t away = 0;
-  for (std::size_t k = 0; k < frames.size(); ++k)
+  const Path path = FreshPath(sweep, frames, lies.stale);
+  const std::vector<bool> goOn = WhereTheyGoOn(pictures, path);
+  MarkExcursions(sweep, frames, path, goOn, lies);
+  MarkEnds(path, goOn, frames.size(), lies);
+  const std::vector<int> away = Chosen(frames, lies.away), stale = Chosen(frames, lies.stale);
+  std::vector<int> gone = away;
+  const std::string count = std::to_string(stale.size()) + " have the pose of the frame before, though pictures go on";
+  if (IsSlowTracker(lies.stale))
   {
-    away += lies.away[k];
-    if (lies.away[k] || lies.stale[k])
-    {
-      gone.push_back(frames[k]);
-    }
+    found.slow = Found(FindingKind::Tracking, stale,
+                       count +
+                           ", again and again: the tracker is slower than the pictures. A table of poses with the "
+                           "tracker's own times gives each frame its own");
+    found.slow->isApplied = false;
+  }
+  else
+  {
+    gone.insert(gone.end(), stale.begin(), stale.end());
+    std::sort(gone.begin(), gone.end());  // none is both
   }
   std::string evidence;
-  if (away > 0)
+  if (!away.empty())
   {
-    evidence = std::to_string(away) + " lie up to " + Format("%.3g", lies.farthest) +
+    evidence = std::to_string(away.size()) + " lie up to " + Format("%.3g", lies.farthest) +
                " mm off a path that goes on without them";
   }
-  if (gone.size() > away)
+  if (gone.size() > away.size())
   {
-    evidence += (away > 0 ? ", " : "") + std::to_string(gone.size() - away) +
-                " have the pose of the frame before, though pictures go on";
+    evidence += (away.empty() ? "" : ", ") + count;
   }
-  std::optional<Finding> found = Found(FindingKind::Tracking, gone, evidence);
-  if (found)
+  found.lost = Found(FindingKind::Tracking, gone, evidence);
+  if (found.lost)
   {
-    found->isApplied = 2 * gone.size() < frames.size();
+    found.lost->isApplied = 2 * gone.size() < frames.size();
   }
   return found;
 }
