@@ -29,6 +29,13 @@ def properties(proxy):
 
 
 class PluginXml(unittest.TestCase):
+    def test_filters_are_in_the_menu_of_filters(self):
+        """ParaView makes its menus from the two groups. What makes something from nothing is a reader or a phantom."""
+        groups = {group.get("name"): {proxy.get("name") for proxy in group.iter("SourceProxy")}
+                  for group in ElementTree.parse(XML).getroot().iter("ProxyGroup")}
+        self.assertEqual(groups["sources"], {"BIGUSFieldReader", "BIGUSPhantom", "BIGUSSweepReader"})
+        self.assertGreater(len(groups["filters"]), 8)
+
     def test_every_command_is_a_method(self):
         for name, kind, proxy in proxies():
             instance = kind()
@@ -43,7 +50,7 @@ class PluginXml(unittest.TestCase):
         options = {trainer.GetOptionName(k) for k in range(trainer.GetNumberOfOptions())}
         for name, kind, proxy in proxies():
             if kind is bigus.vtkBigusTrainer:
-                self.assertEqual({node.get("name") for node in properties(proxy)}, options)
+                self.assertEqual({node.get("name") for node in properties(proxy)}, options | {"KeepStandardError"})
 
     def test_choices_of_the_trainer_are_accepted(self):
         """The update refuses a value that the trainer does not know."""

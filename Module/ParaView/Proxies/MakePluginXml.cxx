@@ -189,9 +189,7 @@ std::string Filled(std::istream&& text, const std::string& indent, const std::fi
 void MakePluginXml(const std::string& output, const std::filesystem::path& shared,
                    const std::vector<std::filesystem::path>& proxies)
 {
-  std::string text =
-      "<!-- Made from the proxies and from Core/Training/OptionList.h: what is changed here is lost. -->\n"
-      "<ServerManagerConfiguration>\n  <ProxyGroup name=\"sources\">\n";
+  std::string sources, filters;
   for (const std::filesystem::path& path : proxies)
   {
     std::ifstream proxy(path);
@@ -199,9 +197,15 @@ void MakePluginXml(const std::string& output, const std::filesystem::path& share
     {
       throw bigus::Error("There is no file '" + path.string() + "'.");
     }
-    text += Filled(std::move(proxy), "    ", shared);
+    const std::string filled = Filled(std::move(proxy), "    ", shared);
+    (filled.find("<InputProperty") == std::string::npos ? sources : filters) += filled;
   }
-  text += "  </ProxyGroup>\n</ServerManagerConfiguration>\n";
+  // ParaView makes its menus Sources and Filters from the two groups.
+  const std::string text =
+      "<!-- Made from the proxies and from Core/Training/OptionList.h: what is changed here is lost. -->\n"
+      "<ServerManagerConfiguration>\n  <ProxyGroup name=\"sources\">\n" +
+      sources + "  </ProxyGroup>\n  <ProxyGroup name=\"filters\">\n" + filters +
+      "  </ProxyGroup>\n</ServerManagerConfiguration>\n";
   std::ofstream file(output);
   if (!(file << text << std::flush))
   {

@@ -418,6 +418,7 @@ _FRAMES = ("TrainingFrames", "ValidationFrames", "HeldOutFrames")
 
 @getters("_about", IterationsDone=("iterations", 0), Seconds=("seconds", 0.0), Device=("device", ""), Aborted=("aborted", False),
          Finished=("finished", False), **{name: (name, None) for name in (*_FRAMES, "CorrectedPoses", "Decisions")})
+@properties(KeepStandardError=True)
 class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
@@ -511,7 +512,8 @@ class vtkBigusTrainer(Algorithm):
         with warnings.catch_warnings(record=True) as cautions:
             warnings.simplefilter("always")
             try:
-                result = train(sweeps, self._go_on, field_of_polydata(data[1][0]) if data[1] else None, **self._options)
+                result = train(sweeps, self._go_on, field_of_polydata(data[1][0]) if data[1] else None,
+                               keep_standard_error=self._values["KeepStandardError"], **self._options)
             except TrainingInterrupted as interrupt:
                 result = interrupt.training
         for caution in cautions:
