@@ -20,6 +20,9 @@
 #include "vtkPointData.h"
 #include "vtkPoints.h"
 #include "vtkPolyData.h"
+#include "vtkSmartPointer.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+#include "vtkStructuredGrid.h"
 
 vtkStandardNewMacro(vtkBigusSweepOutline);
 
@@ -53,21 +56,28 @@ void AddFrameArrays(vtkFieldData* data, const bigus::ImportedSweep& imported, co
   }
 }
 
-void FillOutlines(const bigus::ImportedSweep& imported, int stride, vtkPolyData* output)
+std::vector<int> Chosen(const bigus::Sweep& sweep, int stride)
+{
+  std::vector<int> chosen;
+  const int last = sweep.NumberOfFrames() - 1;
+  for (int k = 0; k <= last; ++k)
+  {
+    if (k % stride == 0 || k == last)
+    {
+      chosen.push_back(k);
+    }
+  }
+  return chosen;
+}
+
+void FillOutlines(const bigus::ImportedSweep& imported, const std::vector<int>& chosen, vtkPolyData* output)
 {
   const bigus::Sweep& sweep = *imported.sweep;
   vtkNew<vtkPoints> points;
   points->SetDataTypeToDouble();
   vtkNew<vtkCellArray> lines;
-  std::vector<int> chosen;
-  const int last = sweep.NumberOfFrames() - 1;
-  for (int k = 0; k <= last; ++k)
+  for (const int k : chosen)
   {
-    if (k % stride != 0 && k != last)
-    {
-      continue;
-    }
-    chosen.push_back(k);
     const Eigen::Matrix4d& pose = sweep.imageToReference[k];
     const vtkIdType first = InsertPixel(points, pose, 0, 0);
     InsertPixel(points, pose, sweep.width - 1, 0);
@@ -78,6 +88,35 @@ void FillOutlines(const bigus::ImportedSweep& imported, int stride, vtkPolyData*
   output->SetPoints(points);
   output->SetLines(lines);
   AddFrameArrays(output->GetCellData(), imported, chosen);
+}
+
+void FillPixels(const bigus::ImportedSweep& imported, const std::vector<int>& chosen, vtkDataArray* recorded,
+                vtkStructuredGrid* output)
+{
+  const bigus::Sweep& sweep = *imported.sweep;
+  const vtkIdType count = static_cast<vtkIdType>(sweep.width) * sweep.height;
+  vtkNew<vtkPoints> points;
+  points->Allocate(count * static_cast<vtkIdType>(chosen.size()));
+  const auto pixels = vtkSmartPointer<vtkDataArray>::Take(recorded->NewInstance());
+  pixels->SetName("Recorded");
+  pixels->SetNumberOfTuples(count * static_cast<vtkIdType>(chosen.size()));
+  vtkIdType done = 0;
+  for (const int k : chosen)
+  {
+    for (int j = 0; j < sweep.height; ++j)
+    {
+      for (int i = 0; i < sweep.width; ++i)
+      {
+        InsertPixel(points, sweep.imageToReference[k], i, j);
+      }
+    }
+    pixels->InsertTuples(done, count, count * imported.frames[k], recorded);
+    done += count;
+  }
+  output->SetDimensions(sweep.width, sweep.height, static_cast<int>(chosen.size()));
+  output->SetPoints(points);
+  output->GetPointData()->SetScalars(pixels);
+  AddFrameArrays(output->GetFieldData(), imported, chosen);
 }
 
 void FillPath(const bigus::ImportedSweep& imported, vtkPolyData* output)
@@ -110,13 +149,19 @@ void FillPath(const bigus::ImportedSweep& imported, vtkPolyData* output)
 
 vtkBigusSweepOutline::vtkBigusSweepOutline()
 {
-  this->SetNumberOfOutputPorts(2);
+  this->SetNumberOfOutputPorts(3);
 }
 
 void vtkBigusSweepOutline::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "FrameStride: " << this->FrameStride << "\n";
+  os << indent << "GeneratePixels: " << (this->GeneratePixels ? "On\n" : "Off\n");
+}
+
+vtkStructuredGrid* vtkBigusSweepOutline::GetPixelsOutput()
+{
+  return vtkStructuredGrid::SafeDownCast(this->GetOutputDataObject(2));
 }
 
 vtkPolyData* vtkBigusSweepOutline::GetPathOutput()
@@ -127,6 +172,30 @@ vtkPolyData* vtkBigusSweepOutline::GetPathOutput()
 int vtkBigusSweepOutline::FillInputPortInformation(int, vtkInformation* info)
 {
   info->Set(vtkAlgorithm::INPUT_REQUIRED_DATA_TYPE(), "vtkImageData");
+  return 1;
+}
+
+int vtkBigusSweepOutline::FillOutputPortInformation(int port, vtkInformation* info)
+{
+  info->Set(vtkDataObject::DATA_TYPE_NAME(), port == 2 ? "vtkStructuredGrid" : "vtkPolyData");
+  return 1;
+}
+
+int vtkBigusSweepOutline::RequestInformation(vtkInformation*, vtkInformationVector** inputs,
+                                             vtkInformationVector* outputs)
+{
+  // A grid tells its size before its pixels are there; it has fewer frames where some turn out to be rejected.
+  int extent[6] = {0, -1, 0, -1, 0, -1};
+  if (this->GeneratePixels)
+  {
+    int whole[6];
+    inputs[0]->GetInformationObject(0)->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), whole);
+    const int last = whole[5] - whole[4];
+    extent[1] = whole[1] - whole[0];
+    extent[3] = whole[3] - whole[2];
+    extent[5] = last / this->FrameStride + (last % this->FrameStride != 0);
+  }
+  outputs->GetInformationObject(2)->Set(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), extent, 6);
   return 1;
 }
 
@@ -142,12 +211,20 @@ int vtkBigusSweepOutline::RequestData(vtkInformation*, vtkInformationVector** in
   vtkPolyData* path = vtkPolyData::GetData(outputs, 1);
   outlines->Initialize();
   path->Initialize();
+  vtkStructuredGrid* pixels = vtkStructuredGrid::GetData(outputs, 2);
+  pixels->Initialize();
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
-    const bigus::ImportedSweep imported = bigus::SweepFromImage(vtkImageData::GetData(inputs[0]));
-    FillOutlines(imported, this->FrameStride, outlines);
+    vtkImageData* image = vtkImageData::GetData(inputs[0]);
+    const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
+    const std::vector<int> chosen = Chosen(*imported.sweep, this->FrameStride);
+    FillOutlines(imported, chosen, outlines);
     FillPath(imported, path);
+    if (this->GeneratePixels)
+    {
+      FillPixels(imported, chosen, image->GetPointData()->GetScalars(), pixels);
+    }
     return 1;
   }
   catch (const std::exception& error)

@@ -1,6 +1,9 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// vtkBigusSweepOutline: lines lie where the poses put corner pixels and the probe.
+// vtkBigusSweepOutline: lines and pixels lie where the poses put them.
+
+#include <algorithm>
+#include <array>
 
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusPhantomSource.h"
@@ -8,6 +11,8 @@
 #include "vtkCell.h"
 #include "vtkCellData.h"
 #include "vtkFieldData.h"
+#include "vtkPointData.h"
+#include "vtkStructuredGrid.h"
 #include "vtkUnsignedCharArray.h"
 
 namespace bigus::test
@@ -86,6 +91,30 @@ TEST(SweepOutline, AStrideKeepsTheFirstAndTheLastFrame)
     EXPECT_EQ(frames->GetTuple1(n), expected[n]);
   }
   EXPECT_EQ(outline->GetPathOutput()->GetNumberOfPoints(), 9);
+}
+
+TEST(SweepOutline, PixelsLieWhereThePosesPutThem)
+{
+  const auto sweep = SmallSweep();
+  vtkNew<vtkBigusSweepOutline> outline;
+  outline->SetInputData(sweep);
+  outline->SetFrameStride(3);
+  outline->Update();
+  EXPECT_EQ(outline->GetPixelsOutput()->GetNumberOfPoints(), 0);
+  outline->GeneratePixelsOn();
+  outline->Update();
+  vtkStructuredGrid* grid = outline->GetPixelsOutput();
+  const std::array<int, 6> extent = {0, 23, 0, 15, 0, 3};
+  EXPECT_TRUE(std::equal(extent.begin(), extent.end(), grid->GetExtent()));
+  vtkDataArray* pixels = grid->GetPointData()->GetArray("Recorded");
+  ASSERT_NE(pixels, nullptr);
+  const int frames[] = {0, 3, 6, 8};
+  for (vtkIdType point = 0; point < grid->GetNumberOfPoints(); ++point)
+  {
+    const int i = static_cast<int>(point % 24), j = static_cast<int>(point / 24 % 16), k = frames[point / (24 * 16)];
+    EXPECT_LT((Eigen::Vector3d(grid->GetPoint(point)) - Pixel(sweep, k, i, j)).norm(), 1e-5);  // mm, of float
+    EXPECT_EQ(pixels->GetTuple1(point), sweep->GetScalarComponentAsDouble(i, j, k, 0));
+  }
 }
 
 TEST(SweepOutline, WithoutPosesThereIsOneError)

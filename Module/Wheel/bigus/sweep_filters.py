@@ -169,15 +169,24 @@ class vtkBigusSweepInspection(Algorithm):
         outputs[1].ShallowCopy(table_of({**columns, "Text": [row["text"] for row in rows]}))
 
 
-@properties(FrameStride=Clamped(1, 1, 2**31 - 1))
-@ports(PathOutput=1)
+@properties(FrameStride=Clamped(1, 1, 2**31 - 1), GeneratePixels=False)
+@ports(PathOutput=1, PixelsOutput=2)
 class vtkBigusSweepOutline(Algorithm):
-    """The outlines of a sweep's frames (output 0) and the probe's path (output 1), as lines."""
+    """The outlines of a sweep's frames (output 0) and the probe's path (output 1), as lines, and pixels (output 2)."""
 
-    _inputs, _outputs = ("vtkImageData",), ("vtkPolyData", "vtkPolyData")
+    _inputs, _outputs = ("vtkImageData",), ("vtkPolyData", "vtkPolyData", "vtkStructuredGrid")
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        extent = [0, -1, 0, -1, 0, -1]
+        if self._values["GeneratePixels"]:
+            info, stride = inputs[0].GetInformationObject(0), self._values["FrameStride"]
+            whole = [info.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), k) for k in range(6)]
+            extent[1::2] = [whole[1] - whole[0], whole[3] - whole[2], -((whole[4] - whole[5]) // stride)]
+        outputs.GetInformationObject(2).Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), extent, 6)
+        return 1
 
     def _fill(self, data: list, outputs: list) -> None:
-        outlines, path = outputs
+        outlines, path, grid = outputs
         sweep, frames = sweep_of_image(data[0][0])
         right, bottom, last = sweep.width - 1, sweep.height - 1, len(sweep) - 1
         chosen = [k for k in range(len(sweep)) if k % self._values["FrameStride"] == 0 or k == last]
@@ -189,6 +198,13 @@ class vtkBigusSweepOutline(Algorithm):
             attributes.AddArray(to_vtk(frames[list(numbers)].astype(np.int32), "Frame"))
             if sweep.timestamps is not None:
                 attributes.AddArray(to_vtk(np.array(sweep.timestamps)[list(numbers)], "Timestamp"))
+        if self._values["GeneratePixels"]:
+            pixels = vtk_to_numpy(data[0][0].GetPointData().GetScalars()).reshape(-1, sweep.height, sweep.width)
+            places, points = [(i, j) for j in range(sweep.height) for i in range(sweep.width)], vtkPoints()
+            points.SetData(to_vtk(self._pixels(sweep.poses[chosen], places).astype(np.float32), "Points"))
+            grid.SetDimensions(sweep.width, sweep.height, len(chosen))
+            grid.SetPoints(points)
+            grid.GetPointData().SetScalars(to_vtk(pixels[frames[chosen]].ravel(), "Recorded"))
 
     @staticmethod
     def _pixels(poses: np.ndarray, pixels: list) -> np.ndarray:
