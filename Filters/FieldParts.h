@@ -54,7 +54,8 @@ public:
   /// Whether all processes go on.
   bool All(bool here) const { return !others_->Any(!here); }
 
-  /// The smallest of each value over all processes.
+  /// The sum of each value, and the smallest, over all processes.
+  void Sum(double* values, std::size_t count) const { others_->Sum(values, count); }
   void Least(double* values, std::size_t count) const;
 
   /// Bands may be as large as this process's clock allows; several processes take the same.

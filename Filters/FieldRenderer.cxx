@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "Core/Slicing/Pixels.h"
 #include "Data/FieldData.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
@@ -41,6 +40,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
   {
     input_ = nullptr;  // should the next line throw, nothing valid is held
     field_ = FieldFromPolyData(input);
+    spread_ = SpreadOf(field_);
     view_ = ViewFromPolyData(input);
     uploadedSigma_.reset();
     bands_ = Bands(parts_->FollowsClock());
@@ -48,6 +48,19 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
     inputTime_ = input->GetMTime();
   }
   return field_;
+}
+
+double FieldRenderer::MeanCoverage() const
+{
+  FieldSpread whole = spread_;
+  Eigen::Matrix<double, 6, 1> ends;
+  ends << whole.centres.min(), -whole.centres.max();
+  parts_->Least(ends.data(), 6);
+  whole.centres = Eigen::AlignedBox3d(ends.head<3>(), -ends.tail<3>());
+  parts_->Sum(&whole.volume, 1);
+  parts_->Sum(&whole.count, 1);
+  parts_->Sum(whole.scales.data(), 3);
+  return whole.MeanCoverage();
 }
 
 void FieldRenderer::SetParts(std::unique_ptr<FieldParts> parts)

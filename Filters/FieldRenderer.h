@@ -13,6 +13,7 @@
 #include "Core/Engine/Engine.h"
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Slicing/Bands.h"
+#include "Core/Slicing/Pixels.h"
 #include "FieldParts.h"
 #include "vtkBigusFiltersModule.h"  // for the ABI namespace
 #include "vtkType.h"
@@ -47,6 +48,9 @@ public:
   /// The field of this input, read again only when it changed. Throws Error.
   const GaussianField& Load(vtkPolyData* input);
 
+  /// FieldSpread::MeanCoverage of the whole field that was loaded last.
+  double MeanCoverage() const;
+
   /// Makes the engine hold the field of this input. Uploads only what changed since the last call. Throws Error.
   void Upload(vtkPolyData* input, const ViewSettings& settings);
 
@@ -70,6 +74,7 @@ private:
   std::unique_ptr<FieldParts> parts_ = FieldParts::Of(nullptr);
   PartEngines whole_;
   GaussianField field_;
+  FieldSpread spread_;
   std::optional<ViewDependence> view_;
   std::optional<SeenField> seen_;  // where directions are seen
   bool seesDirections_ = false;

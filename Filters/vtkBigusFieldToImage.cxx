@@ -340,6 +340,11 @@ double vtkBigusFieldToImage::NearnessOfView() const
   return this->Renderer->ViewNearness();
 }
 
+double vtkBigusFieldToImage::MeanOfCoverage() const
+{
+  return this->Renderer->MeanCoverage();
+}
+
 bigus::Slab vtkBigusFieldToImage::ComputeSlab()
 {
   return {};

@@ -181,6 +181,8 @@ protected:
   virtual bool SeesDirections() { return false; }
   /// See vtkBigusReslice::GetViewNearness.
   double NearnessOfView() const;
+  /// See vtkBigusReslice::GetMeanCoverage.
+  double MeanOfCoverage() const;
 
   /// Whether bands must come with coverage.
   virtual bool NeedsCoverage() { return false; }

@@ -347,6 +347,12 @@ public:
    */
   double GetViewNearness() const { return this->NearnessOfView(); }
 
+  /**
+   * The mean coverage of the last update's field: of thin slices, averaged over the box of its Gaussians. Where slices are
+   * shown, pixels with less than a tenth of it count as unseen. Where the field lies on several processes all must call this.
+   */
+  double GetMeanCoverage() const { return this->MeanOfCoverage(); }
+
   /** Follows ResliceAxes, ResliceTransform, InformationInput and RecordedFrames. */
   vtkMTimeType GetMTime() override;
 

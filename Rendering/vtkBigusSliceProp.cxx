@@ -11,7 +11,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Model/GaussianField.h"
-#include "Core/Numerics/Constants.h"
+#include "Core/Slicing/Pixels.h"
 #include "Data/FieldData.h"
 #include "vtkActor.h"
 #include "vtkAlgorithmOutput.h"
@@ -285,22 +285,10 @@ const vtkBigusSliceProp::Known& vtkBigusSliceProp::KnownOfField()
   try
   {
     const bigus::GaussianField field = bigus::FieldFromPolyData(input);
+    const bigus::FieldSpread spread = bigus::SpreadOf(field);
     known.beam = field.beam;
-    double volume = 0;
-    Eigen::Vector3d scale = Eigen::Vector3d::Zero();
-    for (std::size_t i = 0; i < field.Size(); ++i)
-    {
-      known.box.extend(field.means[i]);
-      volume += field.scales[i].prod();
-      scale += field.scales[i];
-    }
-    if (field.Size() > 0)
-    {
-      const Eigen::Vector3d pad = Eigen::Vector3d::Constant(scale.mean() / field.Size());
-      known.box.min() -= pad;
-      known.box.max() += pad;
-      known.meanCoverage = std::pow(2 * bigus::kPi, 1.5) * volume / known.box.volume();
-    }
+    known.box = spread.Box();
+    known.meanCoverage = spread.MeanCoverage();
   }
   catch (const bigus::Error& error)
   {

@@ -4,7 +4,6 @@
 //   slice BIGUS.so PICTURE.png
 #include "vtkInitializationHelper.h"
 #include "vtkProcessModule.h"
-#include "vtkSMPVRepresentationProxy.h"
 #include "vtkSMParaViewPipelineControllerWithRendering.h"
 #include "vtkSMPluginManager.h"
 #include "vtkSMPropertyHelper.h"
@@ -13,7 +12,6 @@
 #include "vtkSMSession.h"
 #include "vtkSMSessionProxyManager.h"
 #include "vtkSMSourceProxy.h"
-#include "vtkSMTransferFunctionProxy.h"
 
 /// A source, filter or view with its defaults and these properties, each a name and its numbers.
 template <class Proxy>
@@ -50,8 +48,6 @@ int main(int, char* argv[])
   const auto view = Make<vtkSMRenderViewProxy>("views", "RenderView", nullptr,
                                                {{"CameraPosition", {0.8, -0.4, -1.6}}, {"CameraViewUp", {0, -1, 0}}});
   vtkSMProxy* shown = vtkNew<vtkSMParaViewPipelineControllerWithRendering>()->Show(slice, 0, view);
-  vtkSMPVRepresentationProxy::SetScalarColoring(shown, "Intensity", vtkDataObject::POINT);
-  vtkSMTransferFunctionProxy::ApplyPreset(vtkSMPropertyHelper(shown, "LookupTable").GetAsProxy(), "Grayscale", true);
   vtkSMPropertyHelper(shown, "Ambient").Set(0.4);
   shown->UpdateVTKObjects();
   view->ResetCamera();

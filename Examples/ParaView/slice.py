@@ -17,8 +17,6 @@ view = CreateRenderView(ViewSize=[400, 400])
 view.UseColorPaletteForBackground, view.Background = 0, [0, 0, 0]
 shown = Show(image, view)
 shown.Ambient = 0.4
-ColorBy(shown, ("POINTS", "Intensity"))
-GetColorTransferFunction("Intensity").ApplyPreset("Grayscale", True)
 view.CameraPosition, view.CameraFocalPoint, view.CameraViewUp = [0.8, -0.4, -1.6], [0, 0, 0], [0, -1, 0]
 ResetCamera(view)
 SaveScreenshot(sys.argv[2], view, ImageResolution=[400, 400])

@@ -342,8 +342,9 @@ class Scene:
         field = self.field
         centers = field.centers if len(field.centers) else np.zeros((1, 3))
         self.low, self.high = centers.min(axis=0), centers.max(axis=0)
-        sides = np.maximum(self.high - self.low, 1e-3)
-        # The field's mean coverage, to which that of a pixel is compared: its Gaussians' integrals over its box.
+        pad = float(np.mean(field.scales)) if len(field.scales) else 0.0
+        sides = np.maximum(self.high - self.low + 2 * pad, 1e-3)
+        # The field's mean coverage, to which that of a pixel is compared, as Core/Slicing's FieldSpread has it.
         volume = float(np.prod(sides))
         integrals = float(np.prod(field.scales, axis=1, dtype=np.float64).sum()) * field.weight
         self.mean_coverage = (2 * math.pi) ** 1.5 * integrals / volume or 1.0

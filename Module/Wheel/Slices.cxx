@@ -49,9 +49,11 @@ public:
     accuracy.tolerance = tolerance;
     engine_->SetAccuracy(accuracy);
     engine_->SetField(shown);
+    meanCoverage_ = SpreadOf(field).MeanCoverage();
   }
 
   std::string Device() const { return engine_->Device(); }
+  double MeanCoverage() const { return meanCoverage_; }
 
   nb::object Render(const InputDoubles& poses, int width, int height, bool isScattering, bool isCovered)
   {
@@ -141,6 +143,7 @@ private:
   Bands bands_;
   std::unique_ptr<Engine> engine_;
   std::mutex mutex_;
+  double meanCoverage_ = 0;
 };
 
 using Numbers = std::optional<std::array<double, 3>>;
@@ -248,6 +251,7 @@ void BindSlices(nb::module_& m)
       .def(nb::init<const Field&, const std::string&, double, double>(), nb::arg("field"), nb::arg("engine"),
            nb::arg("elevation_sigma"), nb::arg("tolerance"))
       .def_prop_ro("device", &Slicer::Device)
+      .def_prop_ro("mean_coverage", &Slicer::MeanCoverage)
       .def("render", &Slicer::Render, nb::arg("planes"), nb::arg("width"), nb::arg("height"), nb::arg("scattering"),
            nb::arg("coverage"))
       .def(

@@ -19,6 +19,7 @@ from bigus.algorithm import NO_ERROR, Algorithm, properties
 from bigus.settings import SLICER
 from bigus.vtkdata import axes_across, field_of_polydata, place_image, plane_on, shadow, shifted_to_first_pixel
 from bigus.vtkdata import sweep_of_image, to_vtk
+from paraview.modules.vtkRemotingServerManager import vtkSMSettings
 from paraview.util.vtkAlgorithm import smproperty, smproxy
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSetAttributes
@@ -31,7 +32,7 @@ LARGEST_SIDE = 16384  # pixels, as in the C++ class
 
 
 @properties(Origin=(0.0, 0.0, 0.0), Normal=(0.0, 0.0, 1.0), Down=(0.0, 1.0, 0.0), Frame=-1, Size=(512, 512), PixelSize=0.0,
-            OutputMode=0, HideUnseen=True, CoverageThreshold=0.0, **SLICER)
+            OutputMode=0, HideUnseen=True, CoverageThreshold=0.1, StandardError=False, **SLICER)
 class vtkBigusFieldSlice(Algorithm):
     """A slice of a field as one image at its place; the C++ class of this name tells what each property means."""
 
@@ -99,7 +100,8 @@ class vtkBigusFieldSlice(Algorithm):
         settings["Engine"] = settings["Engine"] or "auto"
         key = (polydata.GetMTime(), *settings.values())
         if self._slicer is None or self._slicer_key != key:  # kept while the plane moves
-            self._slicer, self._slicer_key = bigus.Slicer(field_of_polydata(polydata), **settings), key
+            self._field, self._slicer_key = field_of_polydata(polydata), key
+            self._slicer = bigus.Slicer(self._field, **settings)
         image, coverage = self._slicer.slice_and_coverage(matrix, (width, height), scattering=scattering)
 
         output.SetExtent(0, width - 1, 0, height - 1, 0, 0)
@@ -112,12 +114,14 @@ class vtkBigusFieldSlice(Algorithm):
                 self._sweep, self._sweep_time = sweep_of_image(recorded)[0], recorded.GetMTime()
             distance = bigus.distance_to_frames(self._sweep, matrix, (width, height))
             arrays.AddArray(to_vtk(distance.ravel(), "Distance"))
+        if self._values["StandardError"]:
+            arrays.AddArray(to_vtk(bigus.standard_error(self._field, matrix, (width, height)).ravel(), "StandardError"))
         if frame >= 0:
             count = width * height
             pixels = vtk_to_numpy(recorded.GetPointData().GetScalars())[frame * count:(frame + 1) * count]
             arrays.AddArray(to_vtk(pixels, "Recorded"))
         if self._values["HideUnseen"]:
-            unseen = coverage.ravel() <= np.float32(self._values["CoverageThreshold"])
+            unseen = coverage.ravel() <= max(0.0, self._values["CoverageThreshold"]) * self._slicer.mean_coverage
             arrays.AddArray(to_vtk((unseen * vtkDataSetAttributes.HIDDENPOINT).astype(np.uint8),
                                    vtkDataSetAttributes.GhostArrayName()))
 
@@ -138,3 +142,6 @@ def _expose() -> None:
 
 
 _expose()
+# Ultrasound is grey where the user's settings name no other preset, as in the compiled plugin.
+vtkSMSettings.GetInstance().AddCollectionFromString(
+    '{"standard_presets": {"Intensity": "Grayscale", "Recorded": "Grayscale"}}', 0.5)

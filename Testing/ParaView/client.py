@@ -62,12 +62,10 @@ try:
     SaveScreenshot({before!r}, view, ImageResolution=[800, 600])
 
     # The slice. It is the last source made, so that the panel has its properties and the view its plane widget.
-    image = BIGUSFieldSlice(Input=field, Sweep=sweep, Normal=normal, CoverageThreshold=0.1)
+    image = BIGUSFieldSlice(Input=field, Sweep=sweep, Normal=normal)
     shown = Show(image, view)
     shown.SetRepresentationType("Surface")
     shown.Ambient, shown.Diffuse = 1, 0  # the slice's own grey
-    ColorBy(shown, ("POINTS", "Intensity"))
-    GetColorTransferFunction("Intensity").ApplyPreset("Grayscale", True)
     shown.SetScalarBarVisibility(view, False)
     Render(view)
     SaveScreenshot({picture!r}, view, ImageResolution=[800, 600])

@@ -15,8 +15,11 @@ import sys
 
 import numpy as np
 from paraview import servermanager
-from paraview.simple import Delete, FindSource, GetSources, LoadPlugin, LoadState, SaveData, SaveState
+from paraview.simple import Delete, FindSource, GetColorTransferFunction, GetSources, LoadPlugin, LoadState, OpenDataFile
+from paraview.simple import SaveData, SaveState, Sphere, TrivialProducer
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkOutputWindow
+from vtkmodules.vtkCommonDataModel import vtkImageData
 
 IN_VTK = """
 import sys
@@ -25,17 +28,27 @@ import bigus
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 folder = sys.argv[1]
-reslice = bigus.vtkBigusReslice()
-reslice.SetInputData(bigus.read(folder + "/field.vtp"))
-reslice.SetOutputDimensionality(2)
-place = numpy.load(folder + "/place.npz")
-reslice.SetResliceAxesDirectionCosines(*place["direction"].T.ravel())
-reslice.SetResliceAxesOrigin(*place["origin"])
-reslice.SetOutputOrigin(0, 0, 0)
-reslice.SetOutputSpacing(*place["spacing"])
-reslice.SetOutputExtent(*[int(i) for i in place["extent"]])
-reslice.Update()
-numpy.save(folder + "/vtk.npy", vtk_to_numpy(reslice.GetOutput().GetPointData().GetScalars()))
+for name in sys.argv[2:]:
+    field = bigus.read(f"{folder}/{name}.vtp")
+    reslice = bigus.vtkBigusReslice()
+    reslice.SetInputData(field)
+    reslice.SetOutputDimensionality(2)
+    reslice.GenerateStandardErrorOutputOn()
+    place = numpy.load(f"{folder}/{name}.npz")
+    reslice.SetResliceAxesDirectionCosines(*place["direction"].T.ravel())
+    reslice.SetResliceAxesOrigin(*place["origin"])
+    reslice.SetOutputOrigin(0, 0, 0)
+    reslice.SetOutputSpacing(*place["spacing"])
+    reslice.SetOutputExtent(*[int(i) for i in place["extent"]])
+    reslice.Update()
+    found = {key: vtk_to_numpy(reslice.GetOutput(port).GetPointData().GetScalars()).copy()
+             for key, port in (("Intensity", 0), ("StandardError", 4))}
+    found["nearness"] = reslice.GetViewNearness()
+    field.GetPointData().RemoveArray("ViewTerm")
+    field.Modified()
+    reslice.Update()
+    found["plain"] = vtk_to_numpy(reslice.GetOutput().GetPointData().GetScalars())
+    numpy.savez(f"{folder}/{name}-vtk.npz", **found)
 """
 
 
@@ -44,6 +57,12 @@ def pixels(source):
     image = servermanager.Fetch(source)
     return image, {image.GetPointData().GetArrayName(i): vtk_to_numpy(image.GetPointData().GetArray(i)).copy()
                    for i in range(image.GetPointData().GetNumberOfArrays())}
+
+
+def place_of(image):
+    matrix = image.GetDirectionMatrix()
+    direction = np.array([[matrix.GetElement(row, column) for column in range(3)] for row in range(3)])
+    return {"direction": direction, "origin": image.GetOrigin(), "spacing": image.GetSpacing(), "extent": image.GetExtent()}
 
 
 def provenance(field):
@@ -68,6 +87,39 @@ def likeness_to_frames(field, sweep):
     return np.nanmean(np.nan_to_num(found))
 
 
+def mean_coverage(field):
+    """The Gaussians' integrals over the box of their centres, padded by their mean scale."""
+    data = servermanager.Fetch(field)
+    centres, scales = vtk_to_numpy(data.GetPoints().GetData()), vtk_to_numpy(data.GetPointData().GetArray("Scale"))
+    sides = np.ptp(centres.astype(float), axis=0) + 2 * scales.mean(dtype=float)
+    return (2 * np.pi) ** 1.5 * scales.prod(axis=1, dtype=float).sum() / sides.prod()
+
+
+def warnings_while(work):
+    """What ParaView's window of messages gets."""
+    said, window = [], vtkOutputWindow.GetInstance()
+
+    def listen(caller, event, text):
+        said.append(text)
+
+    listen.CallDataType = "string0"
+    tag = window.AddObserver("WarningEvent", listen)
+    work()
+    window.RemoveObserver(tag)
+    return " ".join(said)
+
+
+def frozen(sweep):
+    """The sweep with the fifth picture in the three frames behind it, too, as a source."""
+    image = vtkImageData()
+    image.DeepCopy(servermanager.Fetch(sweep))  # which is the source's own here
+    stack = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(17, -1)
+    stack[5:8] = stack[4]
+    source = TrivialProducer(registrationName="frozen")
+    source.GetClientSideObject().SetOutput(image)
+    return source
+
+
 def main(plugin, folder, package=None):
     # ParaView 5.11 imports inspect.getargspec for plugins in Python, which Debian's Python 3.11 no longer has.
     inspect.getargspec = inspect.getfullargspec
@@ -80,8 +132,9 @@ def main(plugin, folder, package=None):
     assert list(image.GetDimensions()) == [96, 80, 1], image.GetDimensions()
     assert {"Intensity", "Coverage", "Distance"} <= set(arrays), sorted(arrays)
     assert arrays["Intensity"].std() > 0.01 and (arrays["Coverage"] > 0).any()
-    matrix = image.GetDirectionMatrix()
-    direction = np.array([[matrix.GetElement(row, column) for column in range(3)] for row in range(3)])
+    hidden = arrays["vtkGhostType"] != 0
+    assert np.array_equal(hidden, arrays["Coverage"] <= 0.1 * mean_coverage(trainer)) and 0.05 < hidden.mean() < 0.95
+    direction = place_of(image)["direction"]
     normal = np.array([0.3, 0.5, 0.8]) / np.linalg.norm([0.3, 0.5, 0.8])
     assert np.allclose(direction[:, 2], normal, atol=1e-12) and np.isclose(np.linalg.det(direction), 1)
     middle = image.GetOrigin() + direction @ (np.array(image.GetSpacing()) * [95 / 2, 79 / 2, 0])
@@ -94,6 +147,43 @@ def main(plugin, folder, package=None):
     # A short training is blurred, but its picture is more like its own frame than like any other.
     likeness = [np.corrcoef(recorded, shown["Intensity"])[0, 1] for recorded in stack.reshape(17, -1)]
     assert np.argmax(likeness) == 4, likeness
+
+    points = list(GetColorTransferFunction("Intensity").RGBPoints)
+    assert points[1:4] == [0, 0, 0] and points[-3:] == [1, 1, 1] and len(points) == 8, points  # grey
+
+    # How far a slice may be off: at a training frame about as far as it is.
+    error = pixels(BIGUSFieldSlice(Input=trainer, Sweep=sweep, Frame=4, StandardError=1))[1]["StandardError"]
+    known = np.isfinite(error)
+    off = (shown["Recorded"] / 255.0 - shown["Intensity"])[known]
+    assert known.mean() > 0.5 and error[known].min() >= 0
+    predicted, measured = (np.sqrt(np.mean(values ** 2)) for values in (error[known], off))
+    print("root mean square of the standard error and of the error:", predicted, measured)
+    assert measured / 2 < predicted < 2 * measured
+    oblique.StandardError = 1
+    image, arrays = pixels(oblique)
+
+    # A picture that stands still is found, and the trainer says so.
+    stuck = frozen(sweep)
+    inspection = BIGUSSweepInspection(Input=stuck)
+    inspection.UpdatePipeline()
+    found = servermanager.Fetch(inspection, idx=1)
+    kinds = {found.GetColumnByName("Kind").GetValue(row): found.GetColumnByName("Frames").GetValue(row)
+             for row in range(found.GetNumberOfRows())}
+    assert kinds.get("repeat") == 3, kinds
+    warned = BIGUSTrainer(Input=stuck, Automatic=0, Gaussians=100, Iterations=2)
+    said = warnings_while(warned.UpdatePipeline)
+    for source in (warned, inspection, stuck):  # a saved state could not make it again
+        Delete(source)
+    assert found.GetColumnByName("Text").GetValue(list(kinds).index("repeat")) in said, said
+
+    # Every pixel of a sweep at its place.
+    outline = BIGUSSweepOutline(Input=sweep, FrameStride=4, Pixels=1)
+    outline.UpdatePipeline()
+    grid = servermanager.Fetch(outline, idx=2)
+    assert list(grid.GetExtent()) == [0, 63, 0, 47, 0, 4], grid.GetExtent()
+    poses = vtk_to_numpy(servermanager.Fetch(sweep).GetFieldData().GetArray("ImageToReference")).reshape(-1, 4, 4)
+    assert np.allclose(grid.GetPoint(64 * 48 + 64 * 3 + 5), (poses[4] @ [5, 3, 0, 1])[:3], atol=1e-5)
+    assert np.array_equal(vtk_to_numpy(grid.GetPointData().GetArray("Recorded")), stack.reshape(17, -1)[::4].ravel())
 
     for name, source in (("voxels", BIGUSVoxelizer(Input=trainer, MaximumDimension=32)),
                          ("poses", BIGUSPoseCorrection(Input=sweep)), ("outline", BIGUSSweepOutline(Input=sweep)),
@@ -168,6 +258,20 @@ def main(plugin, folder, package=None):
                                       Origin=list(oblique.Origin)))
     assert np.array_equal(again["Intensity"], arrays["Intensity"]), "a field read again shows other pixels"
 
+    # Files that hold no ultrasound go to ParaView's own readers.
+    for name, header in (("mha", "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n"),
+                         ("nrrd", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n")):
+        with open(f"{folder}/ordinary.{name}", "wb") as file:
+            file.write(header.encode() + bytes(8))
+    ball = Sphere()
+    for name in ("vtp", "ply"):
+        SaveData(f"{folder}/ordinary.{name}", proxy=ball)
+    Delete(ball)
+    for name in ("mha", "nrrd", "vtp", "ply"):
+        source = OpenDataFile(f"{folder}/ordinary.{name}")
+        assert not source.SMProxy.GetXMLName().startswith("BIGUS"), name
+        Delete(source)
+
     SaveState(folder + "/state.pvsm")
     for source in list(GetSources().values()):
         Delete(source)
@@ -181,13 +285,29 @@ def main(plugin, folder, package=None):
     if not package:
         print("skipped: comparison with VTK, because no folder of the package bigus was given")
         return
-    np.savez(folder + "/place.npz", direction=direction, origin=image.GetOrigin(), spacing=image.GetSpacing(),
-             extent=image.GetExtent())
-    subprocess.run(["/usr/bin/python3", "-c", IN_VTK, folder], check=True,
+    # A field that knows of directions, at a tilted plane near its frames; the package without VTK does not see them.
+    back = BIGUSPhantom(NumberOfFrames=32, FrameSize=[48, 48], PixelSize=0.5, Tilt=8, Passes=2)
+    seeing = BIGUSTrainer(Input=back, Automatic=0, Gaussians=1000, Iterations=60, ViewDependence="on")
+    SaveData(folder + "/seeing.vtp", proxy=seeing)
+    tilted = BIGUSFieldSlice(Input=BIGUSFieldReader(FileName=folder + "/seeing.vtp"), Sweep=back, Frame=7, StandardError=1)
+    views = {"field": (image, arrays)}
+    if plugin.endswith(".so"):
+        views["seeing"] = pixels(tilted)
+    for name, (at, _) in views.items():
+        np.savez(f"{folder}/{name}.npz", **place_of(at))
+    subprocess.run(["/usr/bin/python3", "-c", IN_VTK, folder, *views], check=True,
                    env={"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": package})
-    error = np.abs(np.load(folder + "/vtk.npy").ravel() - arrays["Intensity"]).max()
-    assert error <= 2e-4, error  # each side keeps to a tolerance of 1e-4
-    print("largest difference from VTK:", error)
+    for name, (_, here) in views.items():
+        there = np.load(f"{folder}/{name}-vtk.npz")
+        error = np.abs(there["Intensity"] - here["Intensity"]).max()
+        assert error <= 2e-4, (name, error)  # each side keeps to a tolerance of 1e-4
+        known = np.isfinite(here["StandardError"])
+        assert np.array_equal(known, np.isfinite(there["StandardError"])), name
+        spread = np.abs(there["StandardError"] - here["StandardError"])[known].max(initial=0)
+        print(name, "differs from VTK by at most", error, "its standard error by", spread)
+        assert spread <= 1e-3, (name, spread)
+        if name == "seeing":
+            assert there["nearness"] == 1 and np.abs(there["plain"] - here["Intensity"]).max() > 0.01
 
 
 if __name__ == "__main__":

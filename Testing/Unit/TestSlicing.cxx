@@ -6,10 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <vector>
 
+#include "Core/Engine/Engine.h"
 #include "Core/Slicing/Pixels.h"
 #include "Support/Errors.h"
+#include "Support/Fields.h"
 
 namespace
 {
@@ -356,4 +359,31 @@ TEST(Pixels, ThatAreNotSeenAreBackground)
   EXPECT_TRUE(seen.FillsBackground());
   EXPECT_FALSE(bigus::Seen{}.FillsBackground());
   EXPECT_EQ(Message([] { bigus::Seen{-1}.Validate(); }), "CoverageThreshold is -1.000000; it must be at least 0.");
+}
+
+TEST(FieldSpread, TellsWhatThinSlicesAverageInTheBox)
+{
+  bigus::test::Random random(5);
+  const bigus::GaussianField field = bigus::test::RandomField(random, 20, 3, 0.3, 0.8, 0);
+  // Planes 0.25 mm apart far beyond the field: a Gaussian's sum over such a lattice is its integral.
+  const int side = 96;
+  SlicePlane plane;
+  plane.width = plane.height = side;
+  plane.columnStep *= 0.25;
+  plane.rowStep *= 0.25;
+  const auto engine = bigus::Engine::Create("reference");
+  engine->SetField(field);
+  double sum = 0;
+  std::vector<float> image(plane.NumberOfPixels()), coverage(image.size());
+  for (int k = 0; k < side; ++k)
+  {
+    plane.origin = Eigen::Vector3d(0, 0, 0.25 * k) - Eigen::Vector3d::Constant(0.125 * side);
+    engine->Render(plane, bigus::ViewOutput::Scattering, image.data(), coverage.data());
+    sum += std::accumulate(coverage.begin(), coverage.end(), 0.0);
+  }
+  const bigus::FieldSpread spread = bigus::SpreadOf(field);
+  const double integral = sum * 0.25 * 0.25 * 0.25;
+  EXPECT_NEAR(spread.MeanCoverage() * spread.Box().volume(), integral, 1e-4 * integral);  // of floats
+  EXPECT_TRUE(spread.Box().contains(field.means[7]));
+  EXPECT_EQ(bigus::SpreadOf({}).MeanCoverage(), 0);
 }

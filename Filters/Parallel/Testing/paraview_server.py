@@ -27,8 +27,9 @@ def slice_of(path, **properties):
     plane = BIGUSFieldSlice(Input=reader, Normal=[0.3, 0.5, 0.8], Size=[96, 80], **properties)  # noqa: F821
     plane.UpdatePipeline()
     image = servermanager.Fetch(plane)
-    data = image.GetPointData().GetArray("Intensity")
-    answer = (image.GetDimensions(), image.GetOrigin(), image.GetSpacing(), None if data is None else vtk_to_numpy(data).copy())
+    arrays = [image.GetPointData().GetArray(array) for array in ("Intensity", "vtkGhostType")]
+    answer = (image.GetDimensions(), image.GetOrigin(), image.GetSpacing(),
+              *(None if array is None else vtk_to_numpy(array).copy() for array in arrays))
     read = reader.GetDataInformation().GetNumberOfPoints()
     Delete(plane)
     Delete(reader)
@@ -64,19 +65,21 @@ def client(port, plugin, folder):
     Connect("localhost", port)
     LoadPlugin(plugin, remote=True, ns=globals())
     for name in ("field.vtp", "field.pvtp"):
-        (dimensions, origin, spacing, pixels), read = slice_of(f"{folder}/{name}")
+        (dimensions, origin, spacing, pixels, hidden), read = slice_of(f"{folder}/{name}")
         # Over both processes: more would mean that each read all of it.
         assert read == gaussians, (name, read, gaussians)
         assert dimensions == wanted[0] and np.allclose(origin, wanted[1]) and np.allclose(spacing, wanted[2]), name
         error = np.abs(pixels - wanted[3]).max()
         assert error <= 2e-4, (name, error)  # each side keeps to a tolerance of 1e-4
+        # What counts as seen is a share of the whole field's mean coverage; pixels at the very border may differ.
+        assert np.mean(hidden != wanted[4]) < 0.005 and 0.05 < np.mean(hidden != 0) < 0.95, name
         print(f"{name}: {read} Gaussians on {PROCESSES} processes, largest difference from one process {error:.1e}")
     # A part that one process cannot read is an error, and the server goes on.
     with open(folder + "/field_3.vtp", "w") as piece:
         piece.write("damaged")
-    (_, _, _, pixels), _ = slice_of(folder + "/field.pvtp")
+    (_, _, _, pixels, _), _ = slice_of(folder + "/field.pvtp")
     assert pixels is None or not pixels.any(), "a slice was made of half a field"
-    (_, _, _, pixels), _ = slice_of(folder + "/field.vtp")
+    (_, _, _, pixels, _), _ = slice_of(folder + "/field.vtp")
     assert np.abs(pixels - wanted[3]).max() <= 2e-4
     print("a damaged piece was refused, and the next slice is whole")
     Disconnect()

@@ -3,11 +3,13 @@
 #include "Core/Slicing/Pixels.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/FrameDistance.h"
+#include "Core/Numerics/Constants.h"
 
 namespace bigus
 {
@@ -67,6 +69,36 @@ void Seen::ForEachRun(const PixelBand& band, const Extent& extent,
       }
     }
   }
+}
+
+Eigen::AlignedBox3d FieldSpread::Box() const
+{
+  Eigen::AlignedBox3d box = centres;
+  if (count > 0)
+  {
+    const Eigen::Vector3d pad = Eigen::Vector3d::Constant(scales.mean() / count);
+    box.min() -= pad;
+    box.max() += pad;
+  }
+  return box;
+}
+
+double FieldSpread::MeanCoverage() const
+{
+  return count > 0 ? std::pow(2 * kPi, 1.5) * volume / Box().volume() : 0;
+}
+
+FieldSpread SpreadOf(const GaussianField& field)
+{
+  FieldSpread spread;
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    spread.centres.extend(field.means[i]);
+    spread.volume += field.scales[i].prod();
+    spread.scales += field.scales[i];
+  }
+  spread.count = static_cast<double>(field.Size());
+  return spread;
 }
 
 void ToBytes(const float* values, std::int64_t count, unsigned char* bytes)

@@ -3,10 +3,12 @@
 // What becomes of rendered pixels: background where nothing was seen, grey levels, runs of seen pixels.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
 #include <string>
 
+#include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Slicing/Bands.h"
 
@@ -35,6 +37,23 @@ struct Seen
   void ForEachRun(const PixelBand& band, const Extent& extent,
                   const std::function<void(int, int, int, int)>& run) const;
 };
+
+/// Where a field's Gaussians lie and how large they are. Of the parts of a field, numbers add up and boxes unite.
+struct FieldSpread
+{
+  Eigen::AlignedBox3d centres;  ///< mm; empty without Gaussians
+  double volume = 0;            ///< sum of the products of their scales, mm^3
+  double count = 0;
+  Eigen::Vector3d scales = Eigen::Vector3d::Zero();  ///< sum, mm
+
+  /// The box of the centres, padded by the mean scale.
+  Eigen::AlignedBox3d Box() const;
+
+  /// Coverage of thin slices averaged over the box: (2 pi)^(3/2) volume / |box|. What a sweep saw has about that much, so a
+  /// pixel with less than a tenth of it counts as unseen wherever slices are shown. 0 without Gaussians.
+  double MeanCoverage() const;
+};
+FieldSpread SpreadOf(const GaussianField& field);
 
 /// round(255 v), clamped.
 void ToBytes(const float* values, std::int64_t count, unsigned char* bytes);

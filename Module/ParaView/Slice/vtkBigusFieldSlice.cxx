@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusFieldSlice.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <string>
 
@@ -20,7 +20,6 @@
 #include "vtkInformationIntegerKey.h"
 #include "vtkInformationVector.h"
 #include "vtkMath.h"
-#include "vtkMatrix3x3.h"
 #include "vtkMatrix4x4.h"
 #include "vtkMultiProcessController.h"
 #include "vtkObjectFactory.h"
@@ -37,30 +36,23 @@ namespace
 
 constexpr int kLargestSide = 16384;  // pixels; 2^28 of them are 1 GiB of float
 
-using Vector = std::array<double, 3>;
+using RowMajorMatrix = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 
-// The picture's axes, unit vectors: along its columns, along its rows, and the normal.
-struct Axes
+// The picture's axes, right-handed unit columns: along its rows' pixels, along `down` brought into the plane, and the normal.
+bool AxesOf(const double normal[3], const double down[3], Eigen::Matrix3d& axes)
 {
-  Vector x, y, z;
-};
-
-// Right-handed unit axes: z along the normal, y along `down` brought into the plane.
-bool AxesOf(const double normal[3], const double down[3], Axes& axes)
-{
-  std::copy_n(normal, 3, axes.z.begin());
-  if (!(vtkMath::Normalize(axes.z.data()) > 0) || !std::isfinite(axes.z[0] + axes.z[1] + axes.z[2]))
+  const Eigen::Vector3d z = Eigen::Vector3d(normal).stableNormalized();
+  if (!(z.norm() > 0.5))  // 0, or not a number
   {
     return false;
   }
-  for (const Vector& direction : {Vector{down[0], down[1], down[2]}, Vector{0, 0, 1}, Vector{1, 0, 0}})
+  for (const Eigen::Vector3d& direction : {Eigen::Vector3d(down), Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1, 0, 0)})
   {
-    const double length = vtkMath::Norm(direction.data());
-    vtkMath::Cross(direction.data(), axes.z.data(), axes.x.data());
+    const Eigen::Vector3d x = direction.cross(z);
     // Nearer to the normal than about a thousandth of a degree rounding errors would turn the picture.
-    if (vtkMath::Normalize(axes.x.data()) > 1e-5 * length)
+    if (x.norm() > 1e-5 * direction.norm())
     {
-      vtkMath::Cross(axes.z.data(), axes.x.data(), axes.y.data());
+      axes << x.normalized(), z.cross(x.normalized()), z;
       return true;
     }
   }
@@ -109,6 +101,8 @@ void vtkBigusFieldSlice::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "PixelSize: " << this->PixelSize << "\n";
   os << indent << "Frame: " << this->Frame << "\n";
   os << indent << "HideUnseen: " << (this->HideUnseen ? "On\n" : "Off\n");
+  os << indent << "CoverageThreshold: " << this->CoverageThreshold << "\n";
+  os << indent << "StandardError: " << (this->StandardError ? "On\n" : "Off\n");
   os << indent << "Reslice:\n";
   this->Reslice->PrintSelf(os, indent.GetNextIndent());
 }
@@ -128,7 +122,6 @@ void vtkBigusFieldSlice::PrintSelf(ostream& os, vtkIndent indent)
   {                                                        \
     return this->Reslice->Get##name();                     \
   }
-vtkBigusForwardMacro(CoverageThreshold, double);
 vtkBigusForwardMacro(OutputMode, int);
 vtkBigusForwardMacro(ElevationSigma, double);
 vtkBigusForwardMacro(Tolerance, double);
@@ -240,7 +233,7 @@ bool vtkBigusFieldSlice::MeasureField(vtkPolyData* field)
 
 bool vtkBigusFieldSlice::PlaceAtPlane()
 {
-  Axes axes;
+  Eigen::Matrix3d axes;
   if (!AxesOf(this->Normal, this->Down, axes))
   {
     return this->Fail("Normal is (" + std::to_string(this->Normal[0]) + ", " + std::to_string(this->Normal[1]) + ", " +
@@ -250,36 +243,22 @@ bool vtkBigusFieldSlice::PlaceAtPlane()
   {
     return this->Fail("PixelSize is " + std::to_string(this->PixelSize) + " mm; give 0 (automatic) or more.");
   }
-  const double middle[2] = {0.5 * (this->Size[0] - 1), 0.5 * (this->Size[1] - 1)};
   double pixel = this->PixelSize;
   double centre[2] = {0, 0};  // of the picture, mm from Origin along the axes
-  if (pixel == 0)
+  const Eigen::Map<const Eigen::Matrix<double, 3, 2, Eigen::RowMajor>> ends(this->FieldBounds);
+  for (int axis = 0; axis < 2 && this->PixelSize == 0 && ends(0, 0) <= ends(0, 1); ++axis)
   {
-    const double* bounds = this->FieldBounds;
-    const bool empty = bounds[0] > bounds[1];
-    const Vector* along[2] = {&axes.x, &axes.y};
-    for (int axis = 0; axis < 2 && !empty; ++axis)
-    {
-      double low = VTK_DOUBLE_MAX, high = -VTK_DOUBLE_MAX;
-      for (int corner = 0; corner < 8; ++corner)
-      {
-        double place = 0;
-        for (int i = 0; i < 3; ++i)
-        {
-          place += (bounds[2 * i + (corner >> i & 1)] - this->Origin[i]) * (*along[axis])[i];
-        }
-        low = std::min(low, place);
-        high = std::max(high, place);
-      }
-      centre[axis] = 0.5 * (low + high);
-      pixel = std::max(pixel, (high - low) / std::max(1, this->Size[axis] - 1));
-    }
-    pixel = pixel > 0 ? pixel : 1;  // a field of one point, or none
+    const Eigen::Vector3d direction = axes.col(axis), middle = ends.rowwise().mean();
+    const Eigen::Vector3d sizes = ends.col(1) - ends.col(0);
+    centre[axis] = direction.dot(middle - Eigen::Vector3d(this->Origin));
+    pixel = std::max(pixel, direction.cwiseAbs().dot(sizes) / std::max(1, this->Size[axis] - 1));
   }
-  this->Reslice->SetResliceAxesDirectionCosines(axes.x.data(), axes.y.data(), axes.z.data());
+  pixel = pixel > 0 ? pixel : 1;  // a field of one point, or none
+  this->Reslice->SetResliceAxesDirectionCosines(axes.data());
   this->Reslice->SetResliceAxesOrigin(this->Origin);
   this->Reslice->SetOutputSpacing(pixel, pixel, 1);
-  this->Reslice->SetOutputOrigin(centre[0] - middle[0] * pixel, centre[1] - middle[1] * pixel, 0);
+  this->Reslice->SetOutputOrigin(centre[0] - 0.5 * (this->Size[0] - 1) * pixel,
+                                 centre[1] - 0.5 * (this->Size[1] - 1) * pixel, 0);
   this->Reslice->SetOutputExtent(0, this->Size[0] - 1, 0, this->Size[1] - 1, 0, 0);
   return true;
 }
@@ -320,6 +299,7 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
   // The same data object at every update, so that the reslice keeps the field on its engine while the plane moves.
   this->Reslice->SetInputDataObject(field);
   this->Reslice->SetRecordedFrames(sweep);
+  this->Reslice->SetGenerateStandardErrorOutput(this->StandardError);
   this->Reslice->SetAbortExecute(0);
   vtkNew<vtkCallbackCommand> error;
   error->SetCallback(ForwardError);
@@ -340,34 +320,19 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
   }
 
   // Index (i, j) lies at axes (origin + spacing (i, j, 0)); the axes of a frame are as long as its pixels.
-  vtkMatrix4x4* axes = this->Reslice->GetResliceAxes();
-  double spacing[3], place[4] = {0, 0, 0, 1};
-  image->GetSpacing(spacing);
-  image->GetOrigin(place);
-  vtkNew<vtkMatrix3x3> direction;
-  Vector columns[3];
-  for (int axis = 0; axis < 2; ++axis)
-  {
-    for (int i = 0; i < 3; ++i)
-    {
-      columns[axis][i] = axes->GetElement(i, axis);
-    }
-    spacing[axis] *= vtkMath::Normalize(columns[axis].data());
-  }
-  vtkMath::Cross(columns[0].data(), columns[1].data(), columns[2].data());
+  const RowMajorMatrix axes = Eigen::Map<const RowMajorMatrix>(this->Reslice->GetResliceAxes()->GetData());
+  const Eigen::Vector3d place =
+      axes.leftCols<3>().topRows<3>() * Eigen::Vector3d(image->GetOrigin()) + axes.topRightCorner<3, 1>();
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> direction = axes.topLeftCorner<3, 3>();
+  Eigen::Vector3d spacing(image->GetSpacing());
+  spacing.array() *= direction.colwise().norm().transpose().array();
   spacing[2] = 1;
-  for (int axis = 0; axis < 3; ++axis)
-  {
-    for (int i = 0; i < 3; ++i)
-    {
-      direction->SetElement(i, axis, columns[axis][i]);
-    }
-  }
-  axes->MultiplyPoint(place, place);
+  direction.colwise().normalize();
+  direction.col(2) = direction.col(0).cross(direction.col(1));
   output->SetExtent(image->GetExtent());
-  output->SetOrigin(place);
-  output->SetSpacing(spacing);
-  output->SetDirectionMatrix(direction);
+  output->SetOrigin(place.data());
+  output->SetSpacing(spacing.data());
+  output->SetDirectionMatrix(direction.data());
 
   vtkPointData* arrays = output->GetPointData();
   const auto add = [arrays](vtkDataArray* array, const char* name)
@@ -386,6 +351,10 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
   {
     add(this->Reslice->GetDistanceOutput()->GetPointData()->GetScalars(), "Distance");
   }
+  if (this->StandardError)
+  {
+    add(this->Reslice->GetStandardErrorOutput()->GetPointData()->GetScalars(), "StandardError");
+  }
   const vtkIdType count = pixels->GetNumberOfTuples();
   if (this->Frame >= 0 && sweep->GetPointData()->GetScalars())
   {
@@ -401,9 +370,10 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
     vtkNew<vtkUnsignedCharArray> hidden;
     hidden->SetName(vtkDataSetAttributes::GhostArrayName());
     hidden->SetNumberOfValues(count);
+    const double least = this->CoverageThreshold * this->Reslice->GetMeanCoverage();
     for (vtkIdType pixel = 0; pixel < count; ++pixel)
     {
-      const bool seen = coverage->GetComponent(pixel, 0) > this->GetCoverageThreshold();
+      const bool seen = coverage->GetComponent(pixel, 0) > least;
       hidden->SetValue(pixel, seen ? 0 : vtkDataSetAttributes::HIDDENPOINT);
     }
     arrays->AddArray(hidden);

@@ -14,6 +14,7 @@
  * | `Coverage` | float | summed weight of all footprints: 0 where the sweep saw nothing |
  * | `Distance` | float | mm to the nearest recorded frame; with input 1 |
  * | `Recorded` | as the sweep | what the frame shows; with Frame |
+ * | `StandardError` | float | how far a recorded frame may be from the pixel (vtkBigusReslice, output 4); with StandardError |
  *
  * Input 1, optional, is the sweep that the field was trained on.
  *
@@ -106,20 +107,31 @@ public:
 
   ///@{
   /**
-   * Whether pixels with a coverage of at most CoverageThreshold are left out of what is drawn (they are marked as hidden
-   * points; their values are there). Default: on.
+   * Whether pixels that the sweep never saw are left out of what is drawn (they are marked as hidden points; their values
+   * are there): those whose coverage is at most CoverageThreshold times the field's mean coverage, as in vtkBigusSliceProp.
+   * Default: on, 0.1; the threshold is at least 0.
    */
   vtkSetMacro(HideUnseen, vtkTypeBool);
   vtkGetMacro(HideUnseen, vtkTypeBool);
   vtkBooleanMacro(HideUnseen, vtkTypeBool);
+  vtkSetClampMacro(CoverageThreshold, double, 0, VTK_DOUBLE_MAX);
+  vtkGetMacro(CoverageThreshold, double);
+  ///@}
+
+  ///@{
+  /**
+   * Whether the array StandardError is made, which takes about as long as the slice. An error where the field was trained
+   * without it, or lies on several processes. Default: off.
+   */
+  vtkSetMacro(StandardError, vtkTypeBool);
+  vtkGetMacro(StandardError, vtkTypeBool);
+  vtkBooleanMacro(StandardError, vtkTypeBool);
   ///@}
 
   ///@{
   /**
    * As in vtkBigusReslice, which holds them.
    */
-  void SetCoverageThreshold(double threshold);
-  double GetCoverageThreshold();
   void SetOutputMode(int mode);
   int GetOutputMode();
   void SetElevationSigma(double sigma);
@@ -146,6 +158,8 @@ protected:
   double PixelSize = 0;
   int Frame = -1;
   vtkTypeBool HideUnseen = 1;
+  double CoverageThreshold = 0.1;
+  vtkTypeBool StandardError = 0;
 
 private:
   vtkBigusFieldSlice(const vtkBigusFieldSlice&) = delete;

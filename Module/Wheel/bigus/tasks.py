@@ -255,6 +255,11 @@ class Slicer:
         """What computes, such as "CPU (AVX2, 2 threads)"."""
         return self._renderer.device
 
+    @property
+    def mean_coverage(self) -> float:
+        """The field's mean coverage; a pixel with less than a tenth of it counts as unseen."""
+        return self._renderer.mean_coverage
+
     def _render(self, planes: ArrayLike, size: Sequence[int], spacing: Any, scattering: bool, coverage: bool) -> Any:
         matrices = np.asarray(planes, dtype=np.float64)
         is_one = matrices.ndim == 2
