@@ -688,6 +688,12 @@ class SweepOutline(unittest.TestCase):
         self.assertEqual((path.GetNumberOfLines(), path.GetNumberOfPoints()), (1, len(usable)))
         for n, frame in enumerate(usable):
             np.testing.assert_allclose(path.GetPoint(n), (poses[frame] @ (11.5, 0, 0, 1))[:3], atol=1e-9)
+        outline.GeneratePixelsOn()
+        grid = bigus.update(outline).GetPixelsOutput()
+        self.assertEqual(tuple(grid.GetExtent()), (0, 23, 0, 23, 0, 3))
+        pixels = vtk_to_numpy(stack.GetPointData().GetScalars()).reshape(9, -1)
+        np.testing.assert_array_equal(numbers(grid.GetPointData(), "Recorded"), pixels[chosen].ravel())
+        np.testing.assert_allclose(grid.GetPoint(576 + 24 * 5 + 3), (poses[4] @ (3, 5, 0, 1))[:3], atol=1e-5)
 
 
 class Metrics(unittest.TestCase):
