@@ -456,7 +456,7 @@ class vtkBigusTrainer(Algorithm):
     def _get(self, name: str) -> Any:
         text, kind = self._options[name], self._known[name]["type"]
         if kind == "bool":
-            return int(text == "on")
+            return -1 if text == "auto" else int(text == "on")
         if kind == "str":
             return text
         number = -1.0 if text == "auto" else float(text)
