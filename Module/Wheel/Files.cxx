@@ -293,6 +293,7 @@ void BindFiles(nb::module_& m)
   m.def("is_sequence", &IsSequence, nb::arg("path"), nb::arg("plain"));
   m.def("write_sweep", &WriteSweep, nb::arg("sweep"), nb::arg("path"), nb::arg("FromFrame"), nb::arg("ToFrame"),
         nb::arg("Compression"));
+  m.def("is_field", &IsField, nb::arg("path"));
   m.def("read_field", &ReadStoredField, nb::arg("path"));
   m.def("write_field", &WriteStoredField, nb::arg("field"), nb::arg("path"), nb::arg("Rounding"));
   m.def("read_planes", &ReadSlicePlanes, nb::arg("path"), nb::arg("spacing"), nb::arg("world_is_lps"),

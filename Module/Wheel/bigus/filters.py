@@ -78,6 +78,9 @@ class vtkBigusFieldReader(_Source):
     def _read(self, name: str) -> vtkPolyData:
         return polydata_of_field(read_field(name))
 
+    def CanReadFile(self, name: str) -> int:
+        return int(_core.is_field(os.fspath(name)))
+
 
 @properties(FileName="", **{**SEQUENCE, "ClipMode": Choice(0, ("None", "Rectangle", "Fan"))}, KeepRejectedFrames=False,
             RequirePoses=True)
