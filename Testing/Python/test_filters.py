@@ -529,7 +529,10 @@ class Trainer(unittest.TestCase):
         bytes_ = vtk_to_numpy(stack.GetPointData().GetScalars())
         stack.GetPointData().SetScalars(numpy_to_vtk(16 * bytes_.astype(np.uint16), deep=True))
         said = r"no pixel is brighter than \d.\d % of white"  # 16 x 255 of 65535 at the most: 6.2 %
-        self.assertRegex(" ".join(found["text"] for found in bigus.check(stack)), said)
+        inspection = bigus.vtkBigusSweepInspection()
+        inspection.SetInputDataObject(stack)
+        texts = bigus.update(inspection).GetOutputDataObject(1).GetColumnByName("Text")
+        self.assertRegex(" ".join(texts.GetValue(row) for row in range(texts.GetNumberOfValues())), said)
         trainer = self.trainer()
         trainer.SetInputDataObject(0, stack)
         self.assertRegex(shown(trainer), said)
