@@ -413,8 +413,8 @@ std::vector<Damage> Damages()
   {
     all.insert(all.end(), {Repeated(count, 0), Repeated(count, 0.6), Repeated(count, 1.5), Repeated(count, 3)});
   }
-  all.insert(all.end(),
-             {Jump(1, 3), Jump(1, 30), Jump(3, 10), Jump(3, 300), Jump(6, 60), Jump(8, 40), Stale(2), Stale(5)});
+  all.insert(all.end(), {Jump(1, 3), Jump(1, 30), Jump(1, 10), Jump(3, 10), Jump(3, 300), Jump(6, 60), Jump(8, 40),
+                         Stale(2), Stale(5)});
   all.insert(all.end(), {Gain(6), Gain(15), Gain(-20), Depth(0.7), Depth(0.9), Depth(1.1), Depth(1.4)});
   return all;
 }

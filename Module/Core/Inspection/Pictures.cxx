@@ -193,15 +193,12 @@ bool GreyLevels::IsSaturated() const
 
 GreyLevels SurveyLevels(const Sweep& sweep, const std::vector<int>& frames)
 {
-  std::vector<float> image(sweep.PixelsPerFrame());
   std::vector<std::size_t> counts(256, 0);
   for (const int frame : EvenlySpread(frames, kLookedAt))
   {
-    sweep.CopyFrame(frame, image.data());
-    for (const float value : image)
-    {
-      ++counts[static_cast<std::size_t>(std::lround(kLevels * value))];
-    }
+    const cv::Mat image = LevelsOf(sweep, frame);
+    std::for_each(image.begin<std::uint8_t>(), image.end<std::uint8_t>(),
+                  [&counts](std::uint8_t level) { ++counts[level]; });
   }
   const std::size_t all = std::accumulate(counts.begin(), counts.end(), std::size_t(0)), lit = all - counts[0];
   GreyLevels levels;
@@ -234,6 +231,11 @@ Sweep Brightened(const Sweep& sweep, const GreyLevels& levels)
 
 cv::Mat LevelsOf(const Sweep& sweep, int frame)
 {
+  if (sweep.pixelType == Sweep::PixelType::UInt8)
+  {
+    const auto* pixels = static_cast<const std::uint8_t*>(sweep.pixels.get()) + frame * sweep.PixelsPerFrame();
+    return cv::Mat(sweep.height, sweep.width, CV_8U, const_cast<std::uint8_t*>(pixels)).clone();
+  }
   cv::Mat image(sweep.height, sweep.width, CV_32F), levels;
   sweep.CopyFrame(frame, image.ptr<float>());
   image.convertTo(levels, CV_8U, kLevels);

@@ -23,11 +23,11 @@ constexpr double kBack = 2.5;        // usual ways a frame, for the way from bef
 constexpr double kShorter = 0.5;     // ... and jumps, if it does not come back by a jump of such a size itself
 constexpr std::size_t kAtAnEnd = 3;  // frames before the first jump, or after the last, that hardly are a stroke
 // Where the pictures on both sides of a jump are neighbours, it is the tracker that jumps, for any number of frames.
-constexpr double kNeighbours = 1.5;  // of the median difference of neighbours, and ...
-constexpr double kRelated = 0.6;     // ... of that of unrelated pictures
-constexpr double kAwayLong = 0.25;   // of all frames that it may then be wrong in a row
-// Of these, a jump at an end among them, no more may be as long as an eighth of it: a hand that rests goes on so far.
-constexpr std::ptrdiff_t kMostAsLong = 3;
+constexpr double kNeighbours = 1.5;                          // of the median difference of neighbours, and ...
+constexpr double kRelated = 0.6;                             // ... of that of unrelated pictures
+constexpr double kAwayLong = 0.25;                           // of all frames that it may then be wrong in a row
+constexpr double kAsLong = 3;                                // of a jump at an end no more than ...
+constexpr std::ptrdiff_t kMostAsLong = 3;                    // ... so many steps, with itself, are such a part or more
 constexpr double kSame = 1e-6;                               // mm
 constexpr std::size_t kFewestMoving = 4;                     // steps that are longer
 constexpr double kGoesOn = 0.5;                              // of what pictures change by where the probe moves
@@ -155,10 +155,11 @@ void MarkEnds(const Path& path, const std::vector<bool>& goOn, std::size_t frame
   std::size_t first = 0, last = path.places.size();  // of what stays
   for (std::size_t k = 0; k < steps && sound.size() >= kFewestMoving; ++k)
   {
-    // A hand that moves so far elsewhere, too, does not jump.
+    // A hand that moves so far elsewhere, too, does not jump, were it beside a rest.
     const auto asLong =
-        std::count_if(sound.begin(), sound.end(), [&](double way) { return kJump * way >= path.ways[k]; });
-    if (path.steps[k] <= kLeastJump || !isSound(k) || asLong > kMostAsLong)
+        std::count_if(sound.begin(), sound.end(), [&](double way) { return kAsLong * way >= path.ways[k]; });
+    const bool isJump = path.ways[k] > kJump * UsualWay(path.ways, k) && asLong <= kMostAsLong;
+    if (path.steps[k] <= kLeastJump || !isSound(k) || !isJump)
     {
       continue;
     }
