@@ -485,34 +485,35 @@ TEST(Inspection, ARestAmidAShortSweepIsNoJump)
   }
 }
 
-// Bits that are missing are said. What grey levels tell is asked as of any sweep.
-TEST(Inspection, ADimSweepIsLookedAtAsOthersAre)
+// Bits that are missing, and white tissue, are said. What grey levels tell is asked as of any sweep.
+TEST(Inspection, ADimOrAWhiteSweepIsLookedAtAsOthersAre)
 {
-  for (const double spacing : {0.1, 0.5})
+  Frames white = PhantomFrames(1, 0.1);
+  const auto bytes = white.AsSweep();
+  const std::size_t size = bytes->PixelsPerFrame();
+  for (const bool hasBlack : {false, true})
   {
-    const auto bytes = PhantomFrames(1, spacing).AsSweep();
-    for (const bool hasBlack : {false, true})
+    auto tenBits = std::make_shared<Sweep>(*bytes);  // of 16
+    auto pixels = std::make_shared<std::vector<float>>(32 * size);
+    for (int k = 0; k < 32; ++k)
     {
-      auto tenBits = std::make_shared<Sweep>(*bytes);  // of 16
-      auto pixels = std::make_shared<std::vector<float>>(32 * bytes->PixelsPerFrame());
-      for (int k = 0; k < 32; ++k)
-      {
-        bytes->CopyFrame(k, pixels->data() + k * bytes->PixelsPerFrame());
-      }
-      std::transform(pixels->begin(), pixels->end(), pixels->begin(),
-                     [](float value) { return std::round(1023 * value) / 65535; });
-      if (hasBlack)
-      {
-        std::fill_n(pixels->begin() + 20 * bytes->PixelsPerFrame(), bytes->PixelsPerFrame(), 0.0f);
-      }
-      tenBits->pixelType = Sweep::PixelType::Float32;
-      tenBits->pixels = std::shared_ptr<const void>(pixels, pixels->data());
-      const InspectedSweep inspected = Inspect(tenBits);
-      EXPECT_EQ(KindsOf(inspected),
-                hasBlack ? (Kinds{FindingKind::Contact, FindingKind::Levels}) : Kinds{FindingKind::Levels});
-      EXPECT_EQ(inspected.frames.size(), hasBlack ? 31u : 32u);
+      bytes->CopyFrame(k, pixels->data() + k * size);
     }
+    std::transform(pixels->begin(), pixels->end(), pixels->begin(),
+                   [](float value) { return std::round(1023 * value) / 65535; });
+    if (hasBlack)
+    {
+      std::fill_n(pixels->begin() + 20 * size, size, 0.0f);
+    }
+    tenBits->pixelType = Sweep::PixelType::Float32;
+    tenBits->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+    const InspectedSweep inspected = Inspect(tenBits);
+    EXPECT_EQ(KindsOf(inspected),
+              hasBlack ? (Kinds{FindingKind::Contact, FindingKind::Levels}) : Kinds{FindingKind::Levels});
+    EXPECT_EQ(inspected.frames.size(), hasBlack ? 31u : 32u);
   }
+  Change(white, 0, 32, 0, white.width, [](double level) { return 2.5 * level + 20; });
+  EXPECT_EQ(KindsOf(Inspect(white.AsSweep())), Kinds{FindingKind::Levels});
 }
 
 // Speckle is as long along the path as across pictures, within a factor of three, so ten times less or more is doubted.
@@ -545,13 +546,6 @@ TEST(Inspection, TranslationsInCentimetresAreDoubted)
   options.tilt = 12;
   options.speedVariation = 0;
   EXPECT_EQ(KindsOf(Inspect(std::make_shared<const Sweep>(bigus::Phantom(options).MakeSweep()))), Kinds{});
-}
-
-TEST(Inspection, WhiteTissueIsNoText)
-{
-  Frames frames = PhantomFrames(1, 0.1);
-  Change(frames, 0, 32, 0, frames.width, [](double level) { return 2.5 * level + 20; });
-  EXPECT_EQ(KindsOf(Inspect(frames.AsSweep())), Kinds{FindingKind::Levels});
 }
 
 // A jump near an end of the sweep is not taken for the path, nor what the path goes on with for a jump.
