@@ -13,9 +13,11 @@
 #include "Outputs.h"
 #include "Pipeline.h"
 #include "RenderOptions.h"
+#include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkImageData.h"
 #include "vtkMatrix3x3.h"
+#include "vtkMatrix4x4.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 
@@ -30,7 +32,7 @@ constexpr int kMostVoxels = 32768;  // along an axis: as many as are read
 struct VoxelizeOptions
 {
   RenderOptions render;
-  std::string output;
+  std::string output, standardError;
   double spacing = 0, elevationSigma = 0;
   std::vector<double> origin;
   std::vector<int> size;
@@ -68,11 +70,41 @@ VolumeGrid GridOf(const MarkupBox& box, double spacing, int most)
   return grid;
 }
 
+/// How far what a probe would show may be from each voxel, seen along the volume's own slices.
+void WriteStandardError(vtkPolyData* field, vtkImageData* volume, const VoxelizeOptions& options, Console& console)
+{
+  const auto direction =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(volume->GetDirectionMatrix()->GetData());
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> axes = Eigen::Matrix4d::Identity();
+  axes.topLeftCorner<3, 3>() = direction;
+  axes.topRightCorner<3, 1>() = Eigen::Map<const Eigen::Vector3d>(volume->GetOrigin());
+  vtkNew<vtkMatrix4x4> matrix;
+  matrix->DeepCopy(axes.data());
+  vtkNew<vtkBigusReslice> reslice;
+  Configure(reslice, field, options.render);
+  reslice->SetResliceAxes(matrix);
+  reslice->SetOutputOrigin(0, 0, 0);
+  reslice->SetOutputSpacing(volume->GetSpacing());
+  reslice->SetOutputExtent(volume->GetExtent());
+  reslice->SetMaximumOutputPixels(VTK_ID_MAX);  // the voxelizer had its bound
+  reslice->GenerateStandardErrorOutputOn();
+  Update(reslice, console, "Standard error");
+  vtkImageData* sigma = reslice->GetStandardErrorOutput();
+  sigma->SetOrigin(volume->GetOrigin());
+  sigma->SetDirectionMatrix(volume->GetDirectionMatrix());
+  WriteVolume(sigma, options.standardError, options.world, console);
+}
+
 ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
 {
   RequireVolumeName(options.output);
-  RequireDistinct({options.render.field, options.like, options.region}, {options.output});
+  RequireDistinct({options.render.field, options.like, options.region}, {options.output, options.standardError});
   RequireWritable(options.output);
+  if (!options.standardError.empty())
+  {
+    RequireVolumeName(options.standardError);
+    RequireWritable(options.standardError);
+  }
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
 
   vtkNew<vtkBigusVoxelizer> voxelizer;
@@ -105,6 +137,10 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
   Update(voxelizer, console, "Sampling");
   const double seconds = SecondsSince(start);
   vtkImageData* volume = voxelizer->GetOutput();
+  if (!options.standardError.empty())  // first, so that a field without it leaves nothing behind
+  {
+    WriteStandardError(field, volume, options, console);
+  }
   WriteVolume(volume, options.output, options.world, console);
 
   const int* size = volume->GetDimensions();
@@ -172,6 +208,11 @@ void AddVoxelize(Program& program)
       ->check(NumberIn(0, 100))
       ->type_name("MM")
       ->capture_default_str();
+  app->add_option("--standard-error", options->standardError,
+                  "Also write how far what a probe would show may be from every voxel, a standard deviation in units of "
+                  "intensity, NaN where not known. It sees along the volume's slices: .mha, .nrrd or .vti")
+      ->check(VolumeToWrite(kVolumeEndings))
+      ->type_name("OUT");
   AddWorldSystemOption(*app, options->world);
   AddRenderOptions(*app, options->render, "Voxels");
   RunWhenChosen(app, program, [options](Console& console) { return Voxelize(console, *options); });

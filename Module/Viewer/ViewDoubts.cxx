@@ -3,16 +3,35 @@
 #include "ViewDoubts.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "Console.h"
 #include "Data/StandardErrorData.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkImageData.h"
-#include "vtkMatrix4x4.h"
+#include "vtkImageProperty.h"
+#include "vtkLookupTable.h"
 #include "vtkPolyData.h"
+#include "vtkRenderer.h"
 
 namespace bigus::command
 {
+
+namespace
+{
+
+constexpr double kSure = 0.1;                    // of white: a standard error up to this is not tinted
+constexpr double kTint[] = {1, 0.72, 0.2, 0.4};  // with its opacity
+constexpr double kAbove = 0.05;                  // mm, towards the viewer, so that it is drawn over the slice
+
+const float* ImageOf(vtkBigusSliceProp* slice)
+{
+  slice->UpdateSlice();
+  return static_cast<const float*>(slice->GetReslice()->GetOutput()->GetScalarPointer());
+}
+
+}  // namespace
 
 SlicePlane PlaneOf(vtkBigusSliceProp* slice)
 {
@@ -29,6 +48,12 @@ ViewDoubts::ViewDoubts(vtkPolyData* field)
 {
   const std::string bytes = StandardErrorOf(field);
   kept_ = bytes.empty() ? nullptr : std::make_unique<const StandardError>(bytes);
+  tints_ = vtkSmartPointer<vtkLookupTable>::New();
+  tints_->SetNumberOfTableValues(2);
+  tints_->SetTableRange(0, 2 * kSure);
+  tints_->SetTableValue(0, 0, 0, 0, 0);
+  tints_->SetTableValue(1, kTint[0], kTint[1], kTint[2], kTint[3]);
+  tints_->SetNanColor(kTint[0], kTint[1], kTint[2], kTint[3]);
 }
 
 std::string ViewDoubts::About(vtkBigusSliceProp* slice) const
@@ -37,9 +62,64 @@ std::string ViewDoubts::About(vtkBigusSliceProp* slice) const
   {
     return {};
   }
-  slice->UpdateSlice();
-  const auto* const image = static_cast<const float*>(slice->GetReslice()->GetOutput()->GetScalarPointer());
-  return kept_->IsMostlyGuessed(PlaneOf(slice), image) ? "mostly guessed" : "";
+  return kept_->IsMostlyGuessed(PlaneOf(slice), ImageOf(slice)) ? "mostly guessed" : "";
+}
+
+std::vector<float> ViewDoubts::Sigma(vtkBigusSliceProp* slice) const
+{
+  const SlicePlane plane = PlaneOf(slice);
+  std::vector<float> sigma(static_cast<std::size_t>(plane.width) * plane.height);
+  kept_->Evaluate(plane, ImageOf(slice), sigma.data());
+  return sigma;
+}
+
+std::string ViewDoubts::At(vtkBigusSliceProp* slice, double i, double j) const
+{
+  const int *size = slice->GetSliceSize(), column = static_cast<int>(std::lround(i)),
+            row = static_cast<int>(std::lround(j));
+  if (column < 0 || row < 0 || column >= size[0] || row >= size[1])
+  {
+    return {};
+  }
+  const std::size_t pixel = static_cast<std::size_t>(row) * size[0] + column;
+  const std::string intensity = "intensity " + FormatNumber(ImageOf(slice)[pixel], 3);
+  if (!kept_)
+  {
+    return intensity;
+  }
+  const float sigma = Sigma(slice)[pixel];
+  return intensity + (std::isnan(sigma) ? ", not known" : " +- " + FormatNumber(sigma, 3));
+}
+
+void ViewDoubts::AddTo(vtkRenderer* renderer, Overlay& overlay) const
+{
+  overlay.picture->SetMapper(overlay.mapper);
+  overlay.picture->SetUserMatrix(overlay.place);
+  overlay.picture->GetProperty()->SetLookupTable(tints_);
+  overlay.picture->GetProperty()->UseLookupTableScalarRangeOn();
+  overlay.picture->GetProperty()->SetInterpolationTypeToNearest();
+  overlay.picture->VisibilityOff();
+  renderer->AddViewProp(overlay.picture);
+}
+
+void ViewDoubts::Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, Overlay& overlay) const
+{
+  if (!kept_)
+  {
+    return;
+  }
+  const std::vector<float> sigma = Sigma(slice);
+  vtkNew<vtkImageData> image;
+  image->SetDimensions(slice->GetSliceSize()[0], slice->GetSliceSize()[1], 1);
+  image->AllocateScalars(VTK_FLOAT, 1);
+  std::copy(sigma.begin(), sigma.end(), static_cast<float*>(image->GetScalarPointer()));
+  overlay.mapper->SetInputData(image);
+  // A flat view looks along the normal, so towards the viewer is against it.
+  const Eigen::Vector3d across = place.block<3, 1>(0, 0), down = place.block<3, 1>(0, 1);
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> lifted = place;
+  lifted.block<3, 1>(0, 3) -= kAbove * across.cross(down).normalized();
+  overlay.place->DeepCopy(lifted.data());
+  overlay.picture->VisibilityOn();
 }
 
 }  // namespace bigus::command

@@ -1,15 +1,22 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Whether what a view shows was mostly guessed.
+// How far what a view shows may be wrong.
 #pragma once
 
 #include <memory>
 #include <string>
 
 #include "Core/StandardError/StandardError.h"
+#include "vtkImageSlice.h"
+#include "vtkImageSliceMapper.h"
+#include "vtkMatrix4x4.h"
+#include "vtkNew.h"
+#include "vtkSmartPointer.h"
 
 class vtkBigusSliceProp;
+class vtkLookupTable;
 class vtkPolyData;
+class vtkRenderer;
 
 namespace bigus::command
 {
@@ -25,9 +32,25 @@ public:
 
   /// "mostly guessed", or nothing. Renders the slice.
   std::string About(vtkBigusSliceProp* slice) const;
+  /// The slice's intensity at its pixel nearest to (i, j), 1 is white, and its standard error; empty beside the slice.
+  std::string At(vtkBigusSliceProp* slice, double i, double j) const;
+
+  /// Lies over what was drawn of a slice, tinted where its standard error is above 10 % of white or not known.
+  struct Overlay
+  {
+    vtkNew<vtkImageSliceMapper> mapper;
+    vtkNew<vtkImageSlice> picture;
+    vtkNew<vtkMatrix4x4> place;
+  };
+  void AddTo(vtkRenderer* renderer, Overlay& overlay) const;
+  /// Renders the slice. `place`: from its pixels to the renderer's world.
+  void Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, Overlay& overlay) const;
 
 private:
+  std::vector<float> Sigma(vtkBigusSliceProp* slice) const;
+
   std::unique_ptr<const StandardError> kept_;
+  vtkSmartPointer<vtkLookupTable> tints_;
 };
 
 }  // namespace bigus::command

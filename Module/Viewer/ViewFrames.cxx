@@ -14,7 +14,6 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/FrameDistance.h"
 #include "Core/Numerics/Constants.h"
-#include "ViewDoubts.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkImageData.h"

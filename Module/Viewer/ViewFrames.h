@@ -9,6 +9,7 @@
 
 #include "Core/Model/Sweep.h"
 #include "ViewCell.h"
+#include "ViewDoubts.h"
 #include "vtkImageSlice.h"
 #include "vtkImageSliceMapper.h"
 #include "vtkSmartPointer.h"
@@ -32,6 +33,9 @@ public:
     vtkNew<vtkImageSlice> picture;
   };
   Cell recorded, rendered, difference;
+  ViewDoubts::Overlay doubt;  ///< of the rendered one
+  /// The size of a pixel of the pictures, mm.
+  Eigen::Vector2d PixelSize() { return {recorded.picture->GetScale()[0], recorded.picture->GetScale()[1]}; }
   std::array<Cell*, 3> Cells() { return {&recorded, &rendered, &difference}; }
 
   /// The slice has moved to the pose of this frame.

@@ -46,11 +46,18 @@ void ViewMeasure::Place(vtkRenderer* renderer, int fontSize)
   renderer->AddViewProp(label_);
 }
 
-std::string ViewMeasure::Add(int x, int y)
+std::string ViewMeasure::Add(int x, int y, const std::function<std::string(const Eigen::Vector3d&)>& about)
 {
   pressedX_ = x;
   pressedY_ = y;
   points_.push_back(Under(renderer_, x, y));
+  if (points_.size() == 1)
+  {
+    aboutFirst_ = about ? about(points_[0]) : "";
+  }
+  // Words to the side that has room.
+  x < renderer_->GetOrigin()[0] + renderer_->GetSize()[0] / 2 ? label_->GetTextProperty()->SetJustificationToLeft()
+                                                              : label_->GetTextProperty()->SetJustificationToRight();
   Draw();
   return Words();
 }
@@ -93,6 +100,10 @@ void ViewMeasure::Draw()
 
 std::string ViewMeasure::Words() const
 {
+  if (points_.size() < 2)
+  {
+    return points_.empty() ? "" : aboutFirst_;
+  }
   double length = 0;
   Eigen::Vector3d twice = Eigen::Vector3d::Zero();  // the area, as a normal: sum (p_k - p_0) x (p_k+1 - p_0)
   for (std::size_t k = 1; k < points_.size(); ++k)
@@ -100,10 +111,8 @@ std::string ViewMeasure::Words() const
     length += (points_[k] - points_[k - 1]).norm();
     twice += (points_[k - 1] - points_[0]).cross(points_[k] - points_[0]);
   }
-  return points_.size() < 2
-             ? ""
-             : FormatNumber(length, 1) + " mm" +
-                   (points_.size() < 3 ? "" : ", inside " + FormatNumber(0.5 * twice.norm(), 1) + " mm^2");
+  return FormatNumber(length, 1) + " mm" +
+         (points_.size() < 3 ? "" : ", inside " + FormatNumber(0.5 * twice.norm(), 1) + " mm^2");
 }
 
 }  // namespace bigus::command

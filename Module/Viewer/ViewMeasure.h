@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,9 @@ public:
   /// For a renderer whose camera has no perspective and whose world is in mm.
   void Place(vtkRenderer* renderer, int fontSize);
 
-  /// The path goes on to the place under pixel (x, y) of the window. Empty but for one of at least two points, else its
-  /// words: the length along the points, mm, and from three points on the area that they enclose, mm^2.
-  std::string Add(int x, int y);
+  /// The path goes on to the place under pixel (x, y) of the window. Returns its words: of one point what `about` says of
+  /// the place, else the length along the points, mm, and from three points on the area that they enclose, mm^2.
+  std::string Add(int x, int y, const std::function<std::string(const Eigen::Vector3d&)>& about = {});
   /// The same for the place where a button was released; nothing where that is where it was pressed.
   std::string AddIfDragged(int x, int y);
   void Clear();
@@ -36,7 +37,8 @@ private:
 
   vtkRenderer* renderer_ = nullptr;
   std::vector<Eigen::Vector3d> points_;  // mm
-  int pressedX_ = 0, pressedY_ = 0;      // pixels
+  std::string aboutFirst_;
+  int pressedX_ = 0, pressedY_ = 0;  // pixels
   vtkNew<vtkPolyData> path_;
   vtkNew<vtkActor2D> line_;
   vtkNew<vtkTextActor> label_;

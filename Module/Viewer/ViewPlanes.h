@@ -8,6 +8,7 @@
 
 #include "ViewBox.h"
 #include "ViewCell.h"
+#include "ViewDoubts.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkMatrix4x4.h"
 
@@ -35,6 +36,7 @@ struct PlaneView : ViewCell
     const PlaneView* other = nullptr;
   };
   std::array<Crossing, 2> crossings;
+  ViewDoubts::Overlay doubt;
 
   /// Moves by so many mm, and stays in the box. What was measured goes.
   void Move(double distance);

@@ -57,6 +57,8 @@ const char* const kHelp =
     "              to the next kept one\n"
     "BackSpace     forget the kept one shown\n"
     "l             lines where planes cross\n"
+    "e             tint what may be off by over\n"
+    "              10 % of white, or is not known\n"
     "?             this help\n"
     "q             quit\n"
     "\n"
@@ -120,6 +122,7 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
   {
     slice->SetSliceSize(sweep_->width, sweep_->height);
     frames_ = std::make_unique<ViewFrames>(sweep_, slice);
+    doubts_.AddTo(frames_->rendered.renderer, frames_->doubt);
   }
   else
   {
@@ -132,6 +135,7 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
   for (PlaneView& view : planes_.views)
   {
     scene_.AddPlane(view.inScene);
+    doubts_.AddTo(view.renderer, view.doubt);
     view.slice->SetProperty(slice->GetProperty());  // one window and level for all
     view.inScene->SetProperty(slice->GetProperty());
   }
@@ -302,7 +306,52 @@ void ViewWindow::Render(bool isMoving)
   {
     Judge();
   }
+  ShowDoubts(areDoubtsShown_ && !isMoving);
   window_->Render();
+}
+
+/// Over every slice on a flat view.
+void ViewWindow::ShowDoubts(bool isShown)
+{
+  for (PlaneView& view : planes_.views)
+  {
+    view.doubt.picture->VisibilityOff();
+    if (isShown)
+    {
+      doubts_.Tint(view.slice, PlaneOf(view.slice).ImageToReference(), view.doubt);
+    }
+  }
+  if (frames_)
+  {
+    frames_->doubt.picture->VisibilityOff();
+    if (isShown)
+    {
+      const Eigen::Vector2d pixel = frames_->PixelSize();
+      const Eigen::Matrix4d place = Eigen::Vector4d(pixel[0], pixel[1], 1, 1).asDiagonal();
+      doubts_.Tint(scene_.Slice(), place, frames_->doubt);
+    }
+  }
+}
+
+/// The intensity at a point of a flat view that shows a slice.
+std::string ViewWindow::About(const ViewCell* cell, const Eigen::Vector3d& point)
+{
+  for (PlaneView& view : planes_.views)
+  {
+    if (&view == cell)
+    {
+      const SlicePlane plane = PlaneOf(view.slice);
+      const Eigen::Vector3d from = point - plane.origin;
+      return doubts_.At(view.slice, from.dot(plane.columnStep) / plane.columnStep.squaredNorm(),
+                        from.dot(plane.rowStep) / plane.rowStep.squaredNorm());
+    }
+  }
+  if (frames_ && cell == &frames_->rendered)
+  {
+    const Eigen::Vector2d pixel = frames_->PixelSize();
+    return doubts_.At(scene_.Slice(), point[0] / pixel[0], point[1] / pixel[1]);
+  }
+  return {};
 }
 
 void ViewWindow::Judge()
@@ -426,9 +475,11 @@ bool ViewWindow::OnButton(vtkObject*, unsigned long event, void*)
   if (ViewCell* cell = FlatUnderMouse())
   {
     const int* at = interactor_->GetEventPosition();
-    const std::string words = event == vtkCommand::LeftButtonPressEvent     ? cell->measure.Add(at[0], at[1])
-                              : event == vtkCommand::LeftButtonReleaseEvent ? cell->measure.AddIfDragged(at[0], at[1])
-                                                                            : "";
+    const std::string words =
+        event == vtkCommand::LeftButtonPressEvent
+            ? cell->measure.Add(at[0], at[1], [&](const Eigen::Vector3d& point) { return About(cell, point); })
+        : event == vtkCommand::LeftButtonReleaseEvent ? cell->measure.AddIfDragged(at[0], at[1])
+                                                      : "";
     if (event == vtkCommand::RightButtonPressEvent)
     {
       cell->measure.Clear();
@@ -511,6 +562,10 @@ bool ViewWindow::OnKey(vtkObject*, unsigned long, void*)
   {
     areCrossingsShown_ = !areCrossingsShown_;
     planes_.ShowCrossings(areCrossingsShown_);
+  }
+  else if (key == "e")
+  {
+    areDoubtsShown_ = !areDoubtsShown_;
   }
   else if (key == "r")
   {

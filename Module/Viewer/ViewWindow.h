@@ -58,6 +58,8 @@ private:
   void Fit();
   void Render(bool isMoving);
   void Judge();
+  void ShowDoubts(bool isShown);
+  std::string About(const ViewCell* cell, const Eigen::Vector3d& point);
   bool OnKey(vtkObject*, unsigned long, void*);
   bool OnWheel(vtkObject*, unsigned long event, void*);
   bool OnButton(vtkObject*, unsigned long event, void*);
@@ -91,7 +93,7 @@ private:
   vtkNew<vtkSliderWidget> slider_, thickness_;
   vtkNew<vtkSliderRepresentation2D> sliderLooks_, thicknessLooks_;
   bool isAtFrame_ = false;  // the slice lies at frame_
-  bool areCrossingsShown_ = true;
+  bool areCrossingsShown_ = true, areDoubtsShown_ = false;
   std::vector<Eigen::Matrix4d> kept_;  // planes
   std::size_t shownKept_ = 0;          // counted from 1; 0: none
   vtkNew<vtkTextActor> keptNames_;

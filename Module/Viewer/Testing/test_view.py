@@ -306,6 +306,9 @@ class View(CommandTest):
         windows.move(480, 40 + ruler // 2)
         windows.button(1, 1)
         windows.button(1, 0)
+        windows.move(525, 200)  # a click on the rendered slice
+        windows.button(1, 1)
+        windows.button(1, 0)
         windows.move(150, 390)
         windows.press("k")
         windows.press("Right")
@@ -324,6 +327,10 @@ class View(CommandTest):
         self.assertEqual(process.wait(20), SUCCESS)
         told = process.stderr.read()
         length, path, area = map(float, re.search(r"([\d.]+) mm\n([\d.]+) mm, inside ([\d.]+) mm\^2", told).groups())
+        value = float(re.search(r"intensity ([\d.]+)", told)[1])
+        row, column = 200 - 134, 525 - 450  # in its cell: the mean of the pixels about there
+        grey = first[134 + row - 1:134 + row + 2, 450 + column - 1:450 + column + 2].mean() / 255
+        self.assertAlmostEqual(value, grey, delta=0.25)
         self.assertIn(str(round(length)), ("10", "20", "50"), told)  # what a ruler is long
         self.assertAlmostEqual(length, round(length), delta=length / ruler)  # a pixel
         self.assertAlmostEqual(path / length, 1 + math.hypot(1, 0.5), delta=2 / ruler)
