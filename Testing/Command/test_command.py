@@ -733,6 +733,21 @@ class Train(CommandTest):
         self.assertIsNone(answer["standard_error"]["variance_ratio"])
         self.assertTrue(math.isfinite(answer["held_out"]["psnr"]))
 
+    def standard_error_of_a_volume_is_that_of_its_slices(self, field, origin):
+        volume, sigma = self.folder / "volume.mha", self.folder / "sigma.mha"
+        planes = [[0.6, 0, 0, origin[0], 0, 0.6, 0, origin[1], 0, 0, 0.6, origin[2] + 0.6 * k, 0, 0, 0, 1] for k in (0, 1)]
+        self.expect(SUCCESS, "voxelize", field, "-o", volume, "--standard-error", sigma, "--spacing", 0.6, "--origin", *origin,
+                    "--size", 40, 30, 2)
+        of_volume = struct.unpack("<2400f", sigma.read_bytes()[-9600:])
+        self.expect(SUCCESS, "slice", field, "--poses", self.poses_csv(*planes), "--size", 40, 30, "-o",
+                    self.folder / "s.mha", "--standard-error", sigma)
+        of_slices = struct.unpack("<2400f", read_sequence(sigma)[1])
+        self.assertGreater(sum(not math.isnan(value) for value in of_slices), 500)
+        # Places are the same but for rounding of matrices, and what is known is coded in a byte.
+        self.assertLess(sum(math.isnan(a) != math.isnan(b) for a, b in zip(of_volume, of_slices)), 24)
+        close = sum(abs(a - b) <= 1e-3 for a, b in zip(of_volume, of_slices) if not math.isnan(a + b))
+        self.assertGreater(close, 0.98 * sum(not math.isnan(a + b) for a, b in zip(of_volume, of_slices)))
+
     def test_slices_say_how_far_they_may_be_wrong(self):
         sure, sigma = self.folder / "sure.vtp", self.folder / "sigma.mha"
         self.expect(SUCCESS, "train", self.sweep, "-o", sure, *TINY)
@@ -747,6 +762,7 @@ class Train(CommandTest):
         self.assertGreater(sum(not math.isnan(value) for value in values[:1920]), 1000)
         self.assertTrue(all(math.isnan(value) for value in values[1920:]))
         self.assertEqual(answer["mostly_guessed"], [1])
+        self.standard_error_of_a_volume_is_that_of_its_slices(sure, [poses[4][k] for k in (3, 7, 11)])
         said = run("slice", sure, "--poses", self.poses_csv(far), "--size", 48, 40, "-o", self.folder / "s.mha")
         self.assertIn("mostly guessed: this slice", said.stdout)
 
