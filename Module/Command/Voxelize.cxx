@@ -208,9 +208,10 @@ void AddVoxelize(Program& program)
       ->check(NumberIn(0, 100))
       ->type_name("MM")
       ->capture_default_str();
-  app->add_option("--standard-error", options->standardError,
-                  "Also write how far what a probe would show may be from every voxel, a standard deviation in units of "
-                  "intensity, NaN where not known. It sees along the volume's slices: .mha, .nrrd or .vti")
+  app->add_option(
+         "--standard-error", options->standardError,
+         "Also write how far what a probe would show may be from every voxel, a standard deviation in units of "
+         "intensity, NaN where not known. It sees along the volume's slices: .mha, .nrrd or .vti")
       ->check(VolumeToWrite(kVolumeEndings))
       ->type_name("OUT");
   AddWorldSystemOption(*app, options->world);
