@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "Data/FieldData.h"
+#include "Data/StandardErrorData.h"
 #include "vtkBigusFieldToImage.h"
 #include "vtkPolyData.h"
 
@@ -66,6 +67,15 @@ void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOpt
   filter->SetOutputMode(options.IsScattering() ? vtkBigusFieldToImage::ScatteringField
                                                : vtkBigusFieldToImage::Intensity);
   filter->SetOutputScalarType(options.IsBytes() ? VTK_UNSIGNED_CHAR : VTK_FLOAT);
+}
+
+void RequireStandardError(vtkPolyData* field, const RenderOptions& options)
+{
+  if (StandardErrorOf(field).empty())
+  {
+    throw Error("--standard-error: " + options.field +
+                " does not hold what it rests on; train it again, into a .vtp and without --no-standard-error.");
+  }
 }
 
 bool NoteMisses(vtkPolyData* field, const std::vector<PointGrid>& grids, WorldSystem world, Console& console)

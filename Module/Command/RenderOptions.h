@@ -38,6 +38,9 @@ void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& 
 /// Sets input, mode, type and engine of a filter.
 void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOptions& options);
 
+/// Throws Error where the field does not hold what --standard-error rests on.
+void RequireStandardError(vtkPolyData* field, const RenderOptions& options);
+
 /// Points that are rendered: the first, the steps along each axis as columns, mm, and how many. A plane is one point deep.
 struct PointGrid
 {

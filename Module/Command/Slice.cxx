@@ -282,10 +282,9 @@ ExitCode Slice(Console& console, SliceOptions& options)
   Configure(reslice, field, options.render);
   reslice->SetElevationSigma(options.elevationSigma);
   const std::string bytes = StandardErrorOf(field);
-  if (!options.standardError.empty() && bytes.empty())
+  if (!options.standardError.empty())
   {
-    throw Error("--standard-error: " + options.render.field +
-                " does not hold what it rests on; train it again, into a .vtp and without --no-standard-error.");
+    RequireStandardError(field, options.render);
   }
   images.standardError = options.standardError.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
   reslice->SetGenerateStandardErrorOutput(images.standardError != nullptr);

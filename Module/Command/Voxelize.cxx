@@ -107,6 +107,10 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
   }
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
 
+  if (!options.standardError.empty())
+  {
+    RequireStandardError(field, options.render);
+  }
   vtkNew<vtkBigusVoxelizer> voxelizer;
   Configure(voxelizer, field, options.render);
   voxelizer->SetElevationSigma(options.elevationSigma);
@@ -137,11 +141,11 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
   Update(voxelizer, console, "Sampling");
   const double seconds = SecondsSince(start);
   vtkImageData* volume = voxelizer->GetOutput();
-  if (!options.standardError.empty())  // first, so that a field without it leaves nothing behind
+  WriteVolume(volume, options.output, options.world, console);
+  if (!options.standardError.empty())
   {
     WriteStandardError(field, volume, options, console);
   }
-  WriteVolume(volume, options.output, options.world, console);
 
   const int* size = volume->GetDimensions();
   const double* spacing = volume->GetSpacing();

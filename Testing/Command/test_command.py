@@ -722,8 +722,9 @@ class Train(CommandTest):
         kept = self.folder / "kept.vtp"
         self.expect(SUCCESS, "convert", sure, kept)
         self.assertIn(b"StandardError", kept.read_bytes())
-        self.expect(BAD_INPUT, "slice", plain, "--poses", self.sweep, "-o", images[0], "--standard-error",
-                    self.folder / "sigma.mha", says="--no-standard-error")
+        for verb in (("slice", plain, "--poses", self.sweep, "-o", images[0]), ("voxelize", plain, "-o", self.folder / "v.mha")):
+            self.expect(BAD_INPUT, *verb, "--standard-error", self.folder / "sigma.mha", says="--no-standard-error")
+        self.assertFalse((self.folder / "v.mha").exists())
 
     def test_a_standard_error_that_cannot_be_had_is_null_and_says_why(self):
         sweep = self.folder / "three.igs.mha"
