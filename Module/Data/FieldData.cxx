@@ -5,6 +5,7 @@
 #include "Core/Model/Error.h"
 #include "Data/Arrays.h"
 #include "Data/FieldShape.h"
+#include "Data/LabelData.h"
 #include "Data/Provenance.h"
 #include "vtkCellArray.h"
 #include "vtkDemandDrivenPipeline.h"
@@ -270,6 +271,7 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
   }
   const std::vector<std::string> provenance = ProvenanceOf(from);
   const std::optional<ViewDependence> view = ViewFromPolyData(from);
+  const std::optional<FieldLabels> labels = LabelsFromPolyData(from);
   if (arrays.size == 0)
   {
     FieldToPolyData(arrays.none, to);
@@ -285,6 +287,10 @@ void ShareField(vtkPolyData* from, vtkPolyData* to)
   if (view)
   {
     ViewToPolyData(*view, to);
+  }
+  if (labels)
+  {
+    LabelsToPolyData(*labels, to);
   }
   ReplaceProvenance(to, provenance);
 }

@@ -44,7 +44,7 @@ VTKBIGUSDATA_EXPORT std::optional<ViewDependence> ViewFromPolyData(vtkPolyData* 
 VTKBIGUSDATA_EXPORT void ViewToPolyData(const ViewDependence& view, vtkPolyData* polyData);
 
 /// Checks the field in `from` as FieldFromPolyData does and makes `to` that field as FieldToPolyData does, with its
-/// provenance, what it knows of directions and no other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
+/// provenance, what it knows of directions, its labels and no other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.
 VTKBIGUSDATA_EXPORT void ShareField(vtkPolyData* from, vtkPolyData* to);
 
 /// The field data array of a part of a field that says which chunks it has: total, first, sizes.

@@ -79,6 +79,10 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
       {
         stored->view->Validate(stored->field.Size());
       }
+      if (stored->labels)
+      {
+        stored->labels->Validate(stored->field.Size());
+      }
       if (isPly && wanted)
       {
         stored->field = PartOf(stored->field, chunks);
@@ -122,6 +126,10 @@ void RequireFieldName(const std::string& fileName)
 void WriteField(const StoredField& stored, const std::string& fileName, int pieces)
 {
   RequireFieldName(fileName);
+  if (stored.labels)
+  {
+    stored.labels->Validate(stored.field.Size());
+  }
   if (EndsIn(fileName, ".pvtp"))
   {
     RequireChunks(pieces, 0, 1);

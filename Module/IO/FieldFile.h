@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "Core/Labels/FieldLabels.h"
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/ViewDependence.h"
@@ -27,6 +28,7 @@ struct StoredField
   std::string standardError = {};
   /// What it knows of directions; of a whole .vtp alone. Other files, and parts, have none.
   std::optional<ViewDependence> view = std::nullopt;
+  std::optional<FieldLabels> labels = std::nullopt;  ///< of a whole .vtp alone, too
 };
 
 /// One of several parts of a field. A .pvtp is dealt file by file, each a chunk; other files are split into `chunks`.
@@ -63,7 +65,7 @@ void WriteField(const StoredField& stored, const std::string& fileName, int piec
 /// and Error for parts that are not of one field.
 void WriteFieldTogether(const StoredField& part, const std::string& fileName, Exchange& processes);
 
-/// Whether a file of this name keeps what a field knows of directions.
+/// Whether a file of this name keeps what a field knows of directions, and its labels.
 bool KeepsViews(const std::string& fileName);
 
 /// All files that WriteField writes under this name.

@@ -19,6 +19,7 @@ set(bigus_parsers
   Formats/VolumeGrid.cxx
   Formats/Vtp.cxx
   Formats/Xml.cxx
+  LabelFile.cxx
   PlaneFile.cxx
   Poses.cxx
   SequenceFile.cxx

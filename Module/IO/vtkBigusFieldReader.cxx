@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/Provenance.h"
 #include "Data/StandardErrorData.h"
 #include "IO/ErrorCode.h"
@@ -128,6 +129,10 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
       if (stored->view)
       {
         bigus::ViewToPolyData(*stored->view, output);
+      }
+      if (stored->labels)
+      {
+        bigus::LabelsToPolyData(*stored->labels, output);
       }
       bigus::ReplaceProvenance(output, stored->provenance);
       bigus::ReplaceStandardError(output, stored->standardError);

@@ -7,6 +7,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldRounding.h"
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/Processes.h"
 #include "Data/Provenance.h"
 #include "Data/StandardErrorData.h"
@@ -99,10 +100,18 @@ void vtkBigusFieldWriter::WriteFile()
         if (processes.IsAlone() && bigus::KeepsViews(fileName))
         {
           stored.view = bigus::ViewFromPolyData(input);
+          stored.labels = bigus::LabelsFromPolyData(input);
         }
-        else if (input->GetPointData()->GetArray("ViewTerm"))
+        else
         {
-          vtkWarningMacro(<< fileName << ": what the field knows of directions is left out; .vtp keeps it.");
+          for (const auto& [array, what] : {std::pair("ViewTerm", "what the field knows of directions is"),
+                                            std::pair("LabelWeight", "the field's labels are")})
+          {
+            if (input->GetPointData()->GetArray(array))
+            {
+              vtkWarningMacro(<< fileName << ": " << what << " left out; .vtp keeps it.");
+            }
+          }
         }
         if (this->Rounding)
         {

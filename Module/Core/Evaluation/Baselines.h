@@ -43,6 +43,10 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image, PixelInterpolation sampling = PixelInterpolation::Linear);
 
+/// The same at points, mm.
+std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
+                                       const std::vector<Eigen::Vector3d>& points);
+
 /// Cubic in all three directions: two training frames on each side of index `frame`, sampled by bicubic convolution
 /// where the line along the mean of the middle two's normals meets them, and between those two the cubic whose slope at
 /// either is that of the parabola through it and its neighbours (evenly spaced: Catmull-Rom); clamped to [0, 1]. Where

@@ -163,7 +163,6 @@ public:
   }
 
   const std::vector<FrameInSpace>& Frames() const { return frames_; }
-  const FramePair& Pair(int k) const { return pairs_[k]; }  ///< frames k and k + 1
   /// Frames k and k + 1 with those around them, of one sequence.
   CubicPair Cubic(std::size_t k) const
   {
@@ -216,6 +215,12 @@ public:
     return intensity;
   }
 
+  /// The mix of the two frames around a point.
+  double Linear(const Eigen::Vector3d& x) const
+  {
+    return At(x, [&](int k) { return pairs_[k].Mix(pairs_[k].Find(x)); });
+  }
+
 private:
   std::vector<FrameInSpace> frames_;
   std::vector<Neighbours> around_;  // of the frames
@@ -239,16 +244,17 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
                               float* image, PixelInterpolation sampling)
 {
   const FrameStack stack(sweep, training, sampling);
-  ForEachPixel(plane, image,
-               [&](const Eigen::Vector3d& x)
-               {
-                 return stack.At(x,
-                                 [&](int k)
-                                 {
-                                   const FramePair& pair = stack.Pair(k);
-                                   return pair.Mix(pair.Find(x));
-                                 });
-               });
+  ForEachPixel(plane, image, [&](const Eigen::Vector3d& x) { return stack.Linear(x); });
+}
+
+std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
+                                       const std::vector<Eigen::Vector3d>& points)
+{
+  const FrameStack stack(sweep, training, PixelInterpolation::Linear);
+  std::vector<float> values(points.size());
+  tbb::parallel_for(std::size_t(0), points.size(),
+                    [&](std::size_t i) { values[i] = static_cast<float>(stack.Linear(points[i])); });
+  return values;
 }
 
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, int frame, float* image)

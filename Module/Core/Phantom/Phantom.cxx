@@ -101,6 +101,27 @@ std::vector<std::uint8_t> Phantom::Mask(const SlicePlane& plane) const
   return mask;
 }
 
+std::vector<std::uint8_t> Phantom::Labels(const SlicePlane& plane) const
+{
+  std::vector<std::uint8_t> labels = Mask(plane);
+  tbb::parallel_for(0, plane.height,
+                    [&](int j)
+                    {
+                      for (int i = 0; i < plane.width; ++i)
+                      {
+                        std::uint8_t& label = labels[static_cast<std::size_t>(j) * plane.width + i];
+                        const Tissue tissue = TissueAt(plane.Point(i, j));
+                        const int value = tissue == Tissue::Vessel                               ? 1
+                                          : tissue == Tissue::Cyst                               ? 2
+                                          : tissue == Tissue::Bone || tissue == Tissue::Boundary ? 3
+                                          : tissue == Tissue::Tumour                             ? 4
+                                                                                                 : 0;
+                        label = static_cast<std::uint8_t>(label * value);
+                      }
+                    });
+  return labels;
+}
+
 Sweep Phantom::MakeSweep(const std::function<bool(double)>& progress) const
 {
   const std::size_t frameSize = static_cast<std::size_t>(options_.width) * options_.height;

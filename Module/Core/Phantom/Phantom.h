@@ -68,6 +68,9 @@ public:
   /// A sweep of the one frame at `plane`, with its pose and (convex, sector) mask.
   Sweep MakeTruth(const SlicePlane& plane) const;
 
+  /// width * height, what a person would draw on the plane's frame: 1 vessel, 2 cyst, 3 bone, 4 tumour; else 0.
+  std::vector<std::uint8_t> Labels(const SlicePlane& plane) const;
+
   /// What is at a point of the world.
   Tissue TissueAt(const Eigen::Vector3d& point) const;
 

@@ -28,7 +28,7 @@ namespace
 constexpr std::uint64_t largestVtp = std::uint64_t(256) << 30;
 constexpr std::uint64_t largestText = std::uint64_t(4) << 30;
 constexpr std::int64_t mostPoints = 1000000000;
-constexpr std::int64_t mostComponents = 16;
+constexpr std::int64_t mostComponents = 255;
 // Of the provenance. Every string costs 32 bytes in memory, however short it is, so their number needs a bound of its own.
 constexpr std::uint64_t mostTextBytes = 1u << 20;
 constexpr std::int64_t mostStrings = 10000;
@@ -50,6 +50,9 @@ constexpr ArrayName kArrays[] = {
     {"PointData", "Reflectivity", "Float64"},   {"PointData", "ViewTerm", "Float64"},
     {"FieldData", "ViewVersion", "Int32"},      {"FieldData", "ViewMean", "Float64"},
     {"FieldData", "ViewSteps", "Float64"},      {"FieldData", "ViewPoses", "Float64"},
+    {"PointData", "LabelWeight", "Float32"},    {"FieldData", "LabelNames", "String"},
+    {"FieldData", "LabelValues", "Int32"},      {"FieldData", "LabelColors", "Float64"},
+    {"FieldData", "LabelPoints", "Float64"},    {"FieldData", "LabelPointWeight", "Float32"},
     {"FieldData", "Gamma", "Float64"},          {"FieldData", "ElevationSigma", "Float64"},
     {"FieldData", "FormatVersion", "Int32"},    {"FieldData", "ProbeElevationSigma", "Float64"},
     {"FieldData", "TrainedNormals", "Float64"}, {"FieldData", "Provenance", "String"},
@@ -180,6 +183,10 @@ public:
     if (!chunks && Node("ViewTerm"))
     {
       stored.view = ReadView();
+    }
+    if (!chunks && Node("LabelWeight"))
+    {
+      stored.labels = ReadLabels();
     }
     if (const pugi::xml_node node = Node("Provenance"))
     {
@@ -465,6 +472,51 @@ private:
       view.views.poses.emplace_back(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(&poses[k]));
     }
     return view;
+  }
+
+  FieldLabels ReadLabels()
+  {
+    const FoundArray values = FindRequired("LabelValues", 1);
+    const std::vector<double> colors = ReadNumbers("LabelColors", 3, values.tuples);
+    std::vector<std::int32_t> numbers(static_cast<std::size_t>(values.tuples));
+    Inflate(values, Whole(values.tuples), sizeof(std::int32_t), numbers.data());
+    std::vector<std::string> names;
+    if (const pugi::xml_node node = Node("LabelNames"))
+    {
+      ReadStrings(node, "LabelNames", names);
+    }
+    names.resize(numbers.size());
+    FieldLabels labels;
+    for (std::size_t k = 0; k < numbers.size(); ++k)
+    {
+      labels.labels.push_back({numbers[k], names[k], {colors[3 * k], colors[3 * k + 1], colors[3 * k + 2]}});
+    }
+    const FoundArray weights = FindOfPoints("LabelWeight", static_cast<int>(values.tuples));
+    RequireArrayShape(kOwner, weights.name, weights.components, weights.tuples, static_cast<int>(values.tuples),
+                      points_);
+    labels.weights.resize(Count(wanted_) * numbers.size());
+    Inflate(weights, wanted_, numbers.size() * sizeof(float), labels.weights.data());
+    if (Node("LabelPoints"))
+    {
+      ReadLabelPoints(labels);
+    }
+    return labels;
+  }
+
+  void ReadLabelPoints(FieldLabels& labels)
+  {
+    const std::vector<double> points = ReadNumbers("LabelPoints", 4, -1);
+    const std::size_t count = points.size() / 4, before = labels.weights.size(), k = labels.labels.size();
+    const FoundArray weights = FindRequired("LabelPointWeight", static_cast<int>(k));
+    RequireArrayShape(kOwner, weights.name, weights.components, weights.tuples, static_cast<int>(k),
+                      static_cast<std::int64_t>(count));
+    labels.weights.resize(before + count * k);
+    Inflate(weights, Whole(weights.tuples), k * sizeof(float), labels.weights.data() + before);
+    for (std::size_t i = 0; i < count; ++i)
+    {
+      labels.points.emplace_back(points[4 * i], points[4 * i + 1], points[4 * i + 2]);
+      labels.scales.push_back(static_cast<float>(points[4 * i + 3]));
+    }
   }
 
   void ReadScalar(const char* name, bool required, double& value)
@@ -769,6 +821,31 @@ void AddViews(const RecordedViews& views, VtpText& text)
                 static_cast<std::int64_t>(poses.size()));
 }
 
+void AddLabels(const FieldLabels& all, std::size_t gaussians, VtpText& text)
+{
+  std::vector<std::string> names;
+  std::vector<std::int32_t> values;
+  std::vector<double> colors, points;
+  for (const Label& label : all.labels)
+  {
+    names.push_back(label.name);
+    values.push_back(label.value);
+    colors.insert(colors.end(), label.color.begin(), label.color.end());
+  }
+  const auto count = static_cast<std::int64_t>(values.size()), m = static_cast<std::int64_t>(all.points.size());
+  text.AddStrings("LabelNames", names);
+  text.AddArray("Int32", "LabelValues", 1, values.data(), values.size(), count);
+  text.AddArray("Float64", "LabelColors", 3, colors.data(), colors.size(), count);
+  for (std::size_t i = 0; i < all.points.size(); ++i)
+  {
+    points.insert(points.end(), all.points[i].data(), all.points[i].data() + 3);
+    points.push_back(all.scales[i]);
+  }
+  text.AddArray("Float64", "LabelPoints", 4, points.data(), points.size(), m);
+  text.AddArray("Float32", "LabelPointWeight", static_cast<int>(count), all.weights.data() + gaussians * values.size(),
+                all.points.size() * values.size(), m);
+}
+
 }  // namespace
 
 std::optional<StoredField> ReadVtp(const std::string& fileName, FieldChunks* chunks)
@@ -813,6 +890,10 @@ void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& sin
   {
     AddViews(stored.view->views, text);
   }
+  if (stored.labels)
+  {
+    AddLabels(*stored.labels, n, text);
+  }
   if (!stored.provenance.empty())
   {
     text.AddStrings("Provenance", stored.provenance);
@@ -833,6 +914,11 @@ void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& sin
   {
     const double* terms = NumbersOf(stored.view->terms);
     text.AddDoubles("ViewTerm", 3, terms, 3 * n, FitFloats(terms, 3 * n));
+  }
+  if (stored.labels)
+  {
+    text.AddArray("Float32", "LabelWeight", static_cast<int>(stored.labels->labels.size()),
+                  stored.labels->weights.data(), n * stored.labels->labels.size(), -1);
   }
   text.Line("</PointData>");
   text.Line("<CellData/>");

@@ -1,0 +1,110 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "Core/Labels/FieldLabels.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "Core/Model/Error.h"
+
+namespace bigus
+{
+
+void ValidateLabels(const std::vector<Label>& labels)
+{
+  int before = 0;
+  for (const Label& label : labels)
+  {
+    if (label.value <= before || label.value > kLargestLabel)
+    {
+      throw Error("Labels: the value " + std::to_string(label.value) + " after " + std::to_string(before) +
+                  "; values ascend from 1 to 255.");
+    }
+    before = label.value;
+    if (label.name.empty())
+    {
+      throw Error("Labels: the label of value " + std::to_string(label.value) + " has no name.");
+    }
+    for (const double part : label.color)
+    {
+      if (!(part >= 0 && part <= 1))
+      {
+        throw Error("Labels: the colour of '" + label.name + "' has the part " + std::to_string(part) +
+                    "; red, green and blue lie between 0 and 1.");
+      }
+    }
+  }
+}
+
+std::array<double, 3> UsualColor(int value)
+{
+  // Hues a golden section of the circle apart are never close to those of the next few.
+  const double hue = 6 * std::fmod(0.618034 * (value - 1), 1.0);
+  std::array<double, 3> color{};
+  for (int k = 0; k < 3; ++k)
+  {
+    const double at = std::fmod(hue + 6 - 2 * k, 6.0);  // 0 where this part is full
+    color[k] = 0.9 * std::clamp(2 - std::min(at, 6 - at), 0.0, 1.0);
+  }
+  return color;
+}
+
+void FieldLabels::Validate(std::size_t gaussians) const
+{
+  ValidateLabels(labels);
+  if (scales.size() != points.size() || weights.size() != (gaussians + points.size()) * labels.size())
+  {
+    throw Error("Labels: there are " + std::to_string(weights.size()) + " weights and " +
+                std::to_string(scales.size()) + " scales for " + std::to_string(gaussians) + " Gaussians, " +
+                std::to_string(points.size()) + " points and " + std::to_string(labels.size()) + " labels.");
+  }
+  for (std::size_t i = 0; i < weights.size(); ++i)
+  {
+    if (!(weights[i] >= 0 && weights[i] <= 1))
+    {
+      throw Error("Labels: weight " + std::to_string(i) + " is " + std::to_string(weights[i]) +
+                  "; it must lie between 0 and 1.");
+    }
+  }
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    ValidateGaussian(i, points[i], Eigen::Vector3d::Constant(scales[i]), {1, 0, 0, 0}, 1);
+  }
+}
+
+GaussianField FieldLabels::Carriers(const GaussianField& field) const
+{
+  GaussianField carriers = field;
+  carriers.Resize(field.Size() + points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    carriers.means[field.Size() + i] = points[i];
+    carriers.scales[field.Size() + i].setConstant(scales[i]);
+    carriers.rotations[field.Size() + i] = {1, 0, 0, 0};
+  }
+  std::fill(carriers.reflectivities.begin(), carriers.reflectivities.end(), 1.0);
+  return carriers;
+}
+
+std::vector<double> FieldLabels::Raised(std::size_t label) const
+{
+  std::vector<double> raised(weights.size() / labels.size());
+  for (std::size_t i = 0; i < raised.size(); ++i)
+  {
+    raised[i] = 1.0 + weights[i * labels.size() + label];
+  }
+  return raised;
+}
+
+FieldLabels Transformed(FieldLabels labels, const Eigen::Matrix4d& transform)
+{
+  const double scale = std::cbrt(std::abs(transform.topLeftCorner<3, 3>().determinant()));
+  for (std::size_t i = 0; i < labels.points.size(); ++i)
+  {
+    labels.points[i] = (transform * labels.points[i].homogeneous()).head<3>();
+    labels.scales[i] = static_cast<float>(scale * labels.scales[i]);
+  }
+  return labels;
+}
+
+}  // namespace bigus

@@ -1,0 +1,443 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Label weights of Gaussians, from label pictures of frames.
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "Core/Engine/ViewEngine.h"
+#include "Core/Evaluation/Baselines.h"
+#include "Core/Labels/Labels.h"
+#include "Core/Model/Error.h"
+#include "Core/Numerics/OpenCv.h"
+#include "Core/Numerics/Statistics.h"
+#include "Core/Slicing/Pixels.h"
+
+namespace bigus
+{
+namespace
+{
+
+constexpr std::size_t kTogether = 8;     // frames walked over at once
+constexpr double kMostCandidates = 1e6;  // a lattice with more becomes coarser
+/// Of the mean coverage: what footprints may leave out of it at a pixel. A share is off by at most twice that.
+constexpr double kTolerance = 1e-3;
+
+constexpr float kFade = 4;   // pixels on either side of a border over which a label fades
+constexpr float kReach = 8;  // pixels up to which distances count: a label that ends between frames does so as gently
+constexpr double kFine = 2;  // pixels between further carriers along borders
+constexpr double kFinest = 0.7;   // the same where drawn frames lie closer
+constexpr double kCoarse = 4;     // times that, inside
+constexpr double kOverlap = 0.7;  // a carrier's standard deviation, of the distance to the next
+
+float Soft(float distance)
+{
+  return std::clamp(0.5f + 0.5f * distance / kFade, 0.0f, 1.0f);
+}
+
+/// Pixels from each pixel to the border of what has this value, positive inside.
+cv::Mat SignedDistances(const std::uint8_t* pixels, int width, int height, int value)
+{
+  cv::Mat inside, outside, distances, away;
+  cv::compare(cv::Mat(height, width, CV_8U, const_cast<std::uint8_t*>(pixels)), value, inside, cv::CMP_EQ);
+  cv::bitwise_not(inside, outside);
+  cv::distanceTransform(inside, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  cv::distanceTransform(outside, away, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  // Distances count from centres of pixels, and the border lies half a pixel before the next one's.
+  distances -= away;
+  for (int j = 0; j < height; ++j)
+  {
+    float* const row = distances.ptr<float>(j);
+    std::transform(row, row + width, row, [](float d) { return d > 0 ? d - 0.5f : d + 0.5f; });
+  }
+  return distances;
+}
+
+/// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away. Behind the
+/// last drawn frame of a sequence, and before the first, one has no label.
+class Shapes
+{
+public:
+  Shapes(const Sweep& sweep, const LabelFrames& given) : sweep_(sweep), given_(given)
+  {
+    shapes_.width = sweep.width;
+    shapes_.height = sweep.height;
+    shapes_.pixelType = Sweep::PixelType::Float32;
+    for (const std::vector<int>& own : BySequence(sweep, given.frames))
+    {
+      AddEnd(own.front(), own[own.size() > 1 ? 1 : 0], -1);
+      for (const int frame : own)
+      {
+        const auto found = std::lower_bound(given.frames.begin(), given.frames.end(), frame);
+        Add(static_cast<int>(found - given.frames.begin()), frame, Eigen::Vector3d::Zero());
+      }
+      AddEnd(own.back(), own[own.size() > 1 ? own.size() - 2 : 0], 1);
+    }
+  }
+
+  /// Takes the shapes of one label. `soft` gets its soft pictures of the frames given, 0 to 255. False where no frame has it.
+  bool Take(int value, std::uint8_t* soft)
+  {
+    const std::size_t n = sweep_.PixelsPerFrame();
+    auto pixels = std::make_shared<std::vector<float>>(pictures_.size() * n);
+    std::vector<float> deepest(pictures_.size(), 0);
+    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    {
+      if (pictures_[f] != kNoPicture)
+      {
+        const std::size_t place = n * pictures_[f];
+        Measure(&given_.pixels[place], value, &(*pixels)[f * n], deepest[f]);
+        for (std::size_t p = 0; p < n && deepest[f] > 0; ++p)
+        {
+          soft[place + p] =
+              static_cast<std::uint8_t>(std::lround(255 * Soft(((*pixels)[f * n + p] - 0.5f) * 2 * kReach)));
+        }
+      }
+    }
+    if (std::all_of(deepest.begin(), deepest.end(), [](float depth) { return depth == 0; }))
+    {
+      return false;
+    }
+    FillAbsent(deepest, *pixels);
+    shapes_.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+    return true;
+  }
+
+  /// Signed distances of points, pixels, positive inside.
+  std::vector<float> DistancesAt(const std::vector<Eigen::Vector3d>& points) const
+  {
+    std::vector<float> distances = PoseInterpolationAt(shapes_, AllFrames(shapes_), points);
+    for (float& distance : distances)
+    {
+      distance = (distance - 0.5f) * 2 * kReach;
+    }
+    return distances;
+  }
+
+  /// Where the label was drawn, and as far as the frames beside.
+  Eigen::AlignedBox3d Box(int value) const
+  {
+    Eigen::AlignedBox3d box;
+    const std::size_t n = sweep_.PixelsPerFrame();
+    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    {
+      Eigen::AlignedBox2d here;
+      for (std::size_t p = 0; pictures_[f] != kNoPicture && p < n; ++p)
+      {
+        if (given_.pixels[n * pictures_[f] + p] == value)
+        {
+          here.extend(Eigen::Vector2d(p % sweep_.width, p / sweep_.width));
+        }
+      }
+      for (std::size_t near = f - (f > 0); !here.isEmpty() && near < std::min(f + 2, pictures_.size()); ++near)
+      {
+        const SlicePlane plane = shapes_.Plane(static_cast<int>(near));
+        for (int corner = 0; corner < 4; ++corner)
+        {
+          const Eigen::Vector2d at = here.corner(static_cast<Eigen::AlignedBox2d::CornerType>(corner));
+          box.extend(plane.Point(at[0], at[1]));
+        }
+      }
+    }
+    return box;
+  }
+
+  /// mm between neighbouring drawn frames, median.
+  double Gap() const
+  {
+    std::vector<double> gaps;
+    for (std::size_t f = 1; f < pictures_.size(); ++f)
+    {
+      const Eigen::Vector3d away =
+          Centre(shapes_.Plane(static_cast<int>(f))) - Centre(shapes_.Plane(static_cast<int>(f - 1)));
+      gaps.push_back(away.norm());
+    }
+    std::sort(gaps.begin(), gaps.end());
+    return Quantile(gaps, 0.5);
+  }
+
+private:
+  static constexpr int kNoPicture = -1;
+
+  static Eigen::Vector3d Centre(const SlicePlane& plane)
+  {
+    return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+  }
+
+  /// Behind the last frame (`side` 1) or before the first: one without a label, as far away as `next`, or as a label fades
+  /// where there is no such. Where the sweep itself ends, nothing says that the label does, so twice as far.
+  void AddEnd(int frame, int next, int side)
+  {
+    const SlicePlane plane = sweep_.Plane(frame);
+    const Eigen::Vector3d step = next == frame ? Eigen::Vector3d(side * kFade * plane.PixelSize() * plane.Normal())
+                                               : Eigen::Vector3d(Centre(plane) - Centre(sweep_.Plane(next)));
+    const int beyond = frame + side;
+    const bool goesOn =
+        beyond >= 0 && beyond < sweep_.NumberOfFrames() && sweep_.SequenceOf(beyond) == sweep_.SequenceOf(frame);
+    Add(kNoPicture, frame, (goesOn ? 1 : 2) * step);
+  }
+
+  void Add(int picture, int frame, const Eigen::Vector3d& shift)
+  {
+    pictures_.push_back(picture);
+    shapes_.imageToReference.push_back(sweep_.imageToReference[frame]);
+    shapes_.imageToReference.back().topRightCorner<3, 1>() += shift;
+    shapes_.sequences.push_back(sweep_.SequenceOf(frame));
+  }
+
+  void Measure(const std::uint8_t* picture, int value, float* levels, float& deepest) const
+  {
+    const std::size_t n = sweep_.PixelsPerFrame();
+    if (std::find(picture, picture + n, value) == picture + n)
+    {
+      return;
+    }
+    const cv::Mat distances = SignedDistances(picture, sweep_.width, sweep_.height, value);
+    const float* const first = distances.ptr<float>();
+    deepest = std::min(*std::max_element(first, first + n), kReach);  // a picture that is filled has no border
+    std::transform(first, first + n, levels, [](float d) { return 0.5f + 0.5f * std::clamp(d / kReach, -1.0f, 1.0f); });
+  }
+
+  /// Where a frame has no label it ends half way to it, where it is deepest.
+  void FillAbsent(const std::vector<float>& deepest, std::vector<float>& levels) const
+  {
+    const std::size_t n = sweep_.PixelsPerFrame();
+    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    {
+      if (deepest[f] > 0)
+      {
+        continue;
+      }
+      float depth = 0;
+      for (std::size_t away = 1; away < pictures_.size() && depth == 0; ++away)
+      {
+        depth = std::max(f >= away ? deepest[f - away] : 0, f + away < deepest.size() ? deepest[f + away] : 0);
+      }
+      std::fill_n(levels.begin() + f * n, n, 0.5f - 0.5f * depth / kReach);
+    }
+  }
+
+  const Sweep& sweep_;
+  const LabelFrames& given_;
+  std::vector<int> pictures_;  // [frames of shapes_] place in given_
+  Sweep shapes_;
+};
+
+/// The corners of a lattice over a box.
+std::vector<Eigen::Vector3d> LatticeOver(const Eigen::AlignedBox3d& box, double step)
+{
+  const Eigen::Array3d counts = (box.sizes().array() / step).floor();
+  std::vector<Eigen::Vector3d> points;
+  for (double k = 0; k <= counts[2]; ++k)
+  {
+    for (double j = 0; j <= counts[1]; ++j)
+    {
+      for (double i = 0; i <= counts[0]; ++i)
+      {
+        points.push_back(box.min() + step * Eigen::Vector3d(i, j, k));
+      }
+    }
+  }
+  return points;
+}
+
+/// Further carriers of a label, a fine lattice along its border and a coarse one inside it.
+void AddPoints(const Shapes& shapes, int value, double pixel, FieldLabels& labels)
+{
+  Eigen::AlignedBox3d box = shapes.Box(value);
+  const Eigen::Vector3d rim = Eigen::Vector3d::Constant(kFade * pixel);
+  box = Eigen::AlignedBox3d(box.min() - rim, box.max() + rim);
+  const double fine =
+      std::max({std::min(kFine * pixel, shapes.Gap()), kFinest * pixel, std::cbrt(box.volume() / kMostCandidates)});
+  for (const bool isFine : {true, false})
+  {
+    const double step = isFine ? fine : kCoarse * fine;
+    const std::vector<Eigen::Vector3d> candidates = LatticeOver(box, step);
+    const std::vector<float> distances = shapes.DistancesAt(candidates);
+    for (std::size_t i = 0; i < candidates.size(); ++i)
+    {
+      if (isFine ? std::abs(distances[i]) <= kFade : distances[i] >= kFade)
+      {
+        labels.points.push_back(candidates[i]);
+        labels.scales.push_back(static_cast<float>(kOverlap * step));
+      }
+    }
+  }
+}
+
+/// Carriers, with weights by what lies between the frames, and the soft pictures to fit them to,
+/// [labels][frames][height][width].
+FieldLabels Interpolated(const GaussianField& field, const Sweep& sweep, const LabelFrames& given,
+                         std::vector<std::uint8_t>& soft)
+{
+  const std::size_t labels = given.labels.size(), pixels = given.pixels.size();
+  FieldLabels start{given.labels, {}, {}, {}};
+  soft.assign(labels * pixels, 0);
+  std::vector<Shapes> shapes(labels, Shapes(sweep, given));
+  std::vector<bool> isThere;
+  for (std::size_t k = 0; k < labels; ++k)
+  {
+    isThere.push_back(shapes[k].Take(given.labels[k].value, &soft[k * pixels]));
+    if (isThere[k])
+    {
+      AddPoints(shapes[k], given.labels[k].value, sweep.Plane(given.frames[0]).PixelSize(), start);
+    }
+  }
+  std::vector<Eigen::Vector3d> places = field.means;
+  places.insert(places.end(), start.points.begin(), start.points.end());
+  start.weights.assign(places.size() * labels, 0.0f);
+  for (std::size_t k = 0; k < labels; ++k)
+  {
+    const std::vector<float> distances = isThere[k] ? shapes[k].DistancesAt(places) : std::vector<float>();
+    for (std::size_t i = 0; i < distances.size(); ++i)
+    {
+      start.weights[i * labels + k] = Soft(distances[i]);
+    }
+  }
+  return start;
+}
+
+/// Least squares of shares against label pictures, by simultaneous iterations:
+///   w_i += sum_p m_i(p) (y(p) - y'(p)) / C(p)  /  sum_p m_i(p) / C(p),   y' = sum_i w_i m_i / C,   C = sum_i m_i,
+/// which never go away from the solution, since the rows of diag(1/C) A sum to 1.
+class Fit
+{
+public:
+  Fit(const GaussianField& carriers, const Sweep& sweep, const LabelFrames& given,
+      const std::vector<std::uint8_t>& soft, const std::string& engine)
+      : sweep_(sweep), given_(given), soft_(soft), engine_(NewLabelEngine(engine)), walker_(ViewEngine::Of(*engine_))
+  {
+    engine_->SetFrames(std::make_shared<const Sweep>(sweep));
+    engine_->SetField(carriers);
+    // Of S, that is gamma times as much of I.
+    const double share = kTolerance * carriers.transfer.gamma * SpreadOf(carriers).MeanCoverage();
+    engine_->SetAccuracy({std::min(share, 1.0)});
+  }
+
+  /// One pass over all frames; false when `goOn`, told of every few, says stop.
+  bool Improve(FieldLabels& now, const std::function<bool(double)>& goOn)
+  {
+    const std::size_t labels = now.labels.size(), n = now.weights.size() / labels;
+    std::vector<double> changes(now.weights.size(), 0.0), seen(n, 0.0);
+    for (std::size_t first = 0; first < given_.frames.size(); first += kTogether)
+    {
+      const std::size_t last = std::min(first + kTogether, given_.frames.size());
+      const std::vector<int> frames(given_.frames.begin() + first, given_.frames.begin() + last);
+      Cover(frames, n, seen);
+      for (std::size_t k = 0; k < labels; ++k)
+      {
+        Compare(frames, first, now, k, changes);
+      }
+      if (!goOn(static_cast<double>(last) / given_.frames.size()))
+      {
+        return false;
+      }
+    }
+    for (std::size_t i = 0; i < n; ++i)
+    {
+      for (std::size_t k = 0; k < labels && seen[i] > 0; ++k)
+      {
+        float& w = now.weights[i * labels + k];
+        w = std::clamp(w + static_cast<float>(changes[i * labels + k] / seen[i]), 0.0f, 1.0f);
+      }
+    }
+    return true;
+  }
+
+private:
+  /// Notes 1 / C, and adds up what each Gaussian has of it.
+  void Cover(const std::vector<int>& frames, std::size_t n, std::vector<double>& seen)
+  {
+    inverse_.resize(frames.size() * sweep_.PixelsPerFrame());
+    walker_->Walk(
+        frames, std::vector<float>(frames.size() * n, 1.0f),
+        [&](std::size_t f, int row, float* line)
+        {
+          for (int i = 0; i < sweep_.width; ++i)
+          {
+            const std::size_t pixel = static_cast<std::size_t>(row) * sweep_.width + i;
+            line[i] = line[i] > 0 && sweep_.IsLit(pixel) ? 1 / line[i] : 0.0f;
+            inverse_[f * sweep_.PixelsPerFrame() + pixel] = line[i];
+          }
+        },
+        &sums_);
+    for (std::size_t at = 0; at < sums_.size(); ++at)
+    {
+      seen[at % n] += sums_[at];
+    }
+  }
+
+  void Compare(const std::vector<int>& frames, std::size_t first, const FieldLabels& now, std::size_t k,
+               std::vector<double>& changes)
+  {
+    const std::size_t labels = now.labels.size(), n = now.weights.size() / labels;
+    std::vector<float> weights(frames.size() * n);
+    for (std::size_t at = 0; at < weights.size(); ++at)
+    {
+      weights[at] = now.weights[at % n * labels + k];
+    }
+    walker_->Walk(
+        frames, weights,
+        [&](std::size_t f, int row, float* line)
+        {
+          const std::size_t begin = static_cast<std::size_t>(row) * sweep_.width;
+          const float* const inverse = &inverse_[f * sweep_.PixelsPerFrame() + begin];
+          const std::uint8_t* const drawn =
+              &soft_[k * given_.pixels.size() + (first + f) * sweep_.PixelsPerFrame() + begin];
+          for (int i = 0; i < sweep_.width; ++i)
+          {
+            line[i] = (drawn[i] / 255.0f - line[i] * inverse[i]) * inverse[i];
+          }
+        },
+        &sums_);
+    for (std::size_t at = 0; at < sums_.size(); ++at)
+    {
+      changes[at % n * labels + k] += sums_[at];
+    }
+  }
+
+  const Sweep& sweep_;
+  const LabelFrames& given_;
+  const std::vector<std::uint8_t>& soft_;
+  std::unique_ptr<Engine> engine_;
+  ViewEngine* walker_;
+  std::vector<float> inverse_, sums_;
+};
+
+}  // namespace
+
+FieldLabels FitLabels(const GaussianField& field, const Sweep& sweep, const LabelFrames& given, const LabelFit& fit)
+{
+  field.Validate();
+  given.Validate(sweep);
+  if (field.Size() == 0)
+  {
+    throw Error("Labels: the field has no Gaussian to carry them.");
+  }
+  if (fit.iterations < 0 || fit.iterations > 1000)
+  {
+    throw Error("Labels: " + std::to_string(fit.iterations) + " iterations; 0 to 1000 are possible.");
+  }
+  try
+  {
+    std::vector<std::uint8_t> soft;
+    FieldLabels labels = Interpolated(field, sweep, given, soft);
+    Fit fitting(labels.Carriers(field), sweep, given, soft, fit.engine);
+    for (int k = 0; k < fit.iterations; ++k)
+    {
+      const auto goOn = [&](double share) { return !fit.progress || fit.progress((k + share) / fit.iterations); };
+      if (!fitting.Improve(labels, goOn))
+      {
+        return {};
+      }
+    }
+    return labels;
+  }
+  catch (const cv::Exception& exception)
+  {
+    ThrowAsCores(exception);
+  }
+}
+
+}  // namespace bigus

@@ -1,0 +1,101 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Labels drawn on frames, carried by the Gaussians of a field to any plane. README.md has the equations.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Core/Engine/Engine.h"
+#include "Core/Labels/FieldLabels.h"
+#include "Core/Model/GaussianField.h"
+#include "Core/Model/SlicePlane.h"
+#include "Core/Model/Sweep.h"
+#include "Core/Slicing/Bands.h"
+
+namespace bigus
+{
+
+/// `names`, and "Label 3" and so on for values in the pixels that have none there; ascending.
+std::vector<Label> WithNames(std::vector<Label> names, const std::vector<std::uint8_t>& pixels);
+
+/// A label picture of some of a sweep's frames.
+struct LabelFrames
+{
+  std::vector<Label> labels;         ///< in ascending order of their values
+  std::vector<int> frames;           ///< of the sweep, ascending
+  std::vector<std::uint8_t> pixels;  ///< [frames][height][width] value of a label, or 0
+
+  /// Throws Error unless these are frames of `sweep`, there is a picture of its size for each, at least one label, and every
+  /// value in the pixels is one's.
+  void Validate(const Sweep& sweep) const;
+
+  /// The places of the pictures that count. Where most of those between the first and the last with a label have none, only
+  /// some frames were drawn on, and an empty picture says nothing; else it says that nothing is there.
+  std::vector<int> Drawn() const;
+
+  /// The frames at these places of `frames`.
+  LabelFrames Subset(const std::vector<int>& places) const;
+};
+
+/// How labels are fitted.
+struct LabelFit
+{
+  int iterations = 4;  ///< 0 to 1000; 0: what lies between the labelled frames, not fitted
+  std::string engine = "auto";
+  std::function<bool(double)> progress = {};  ///< gets the share done; false stops, and the result is empty
+};
+
+/// Fits weights to label pictures, shapes of Gaussians as they are. `sweep`: at the poses that the field was trained at.
+/// The same bits for any number of threads. Throws Error for frames that do not fit the sweep, and as
+/// NewLabelEngine.
+FieldLabels FitLabels(const GaussianField& field, const Sweep& sweep, const LabelFrames& given,
+                      const LabelFit& fit = {});
+
+/// What a field with reflectivities 1 + w shows of the label: S / coverage - 1, from 0 to 1, and 0 where hardly a Gaussian
+/// reaches. `render`: the scattering of that field.
+RenderPlanes ShareOf(const RenderPlanes& render);
+
+/// The label that has the largest share in each pixel, or 0 where what no label has is more. `shares` [K][pixels].
+void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_t pixels, std::uint8_t* map);
+
+/// An engine that can fit and show labels. Throws Error for a name of another.
+std::unique_ptr<Engine> NewLabelEngine(const std::string& name);
+
+/// The label pictures of a labelled field at planes, each rendered once a label.
+class LabelledField
+{
+public:
+  /// Throws Error where labels are not the field's, and as NewLabelEngine.
+  LabelledField(const GaussianField& field, const FieldLabels& labels, const std::string& engine = "auto");
+
+  /// `map` gets window.rows * window.columns values.
+  void Render(const SlicePlane& plane, const Engine::Window& window, std::uint8_t* map);
+  void Render(const SlicePlane& plane, std::uint8_t* map) { Render(plane, {0, 0, plane.width, plane.height}, map); }
+
+private:
+  FieldLabels labels_;
+  std::unique_ptr<Engine> engine_;
+};
+
+/// Dice 2 |A and B| / (|A| + |B|) of one label over all pictures; 1 where neither has it.
+double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b, int value);
+
+/// Of one label, what three ways reach at frames that had no part: the field, the label picture of the nearest labelled frame,
+/// and a volume compounded of label pictures.
+struct LabelScore
+{
+  Label label;
+  double field = 0, nearest = 0, compounding = 0;  ///< Dice
+};
+
+/// Scores `labels`, fitted to `training`, at the pictures `heldOut`.
+std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels, const Sweep& sweep,
+                                    const LabelFrames& training, const LabelFrames& heldOut,
+                                    const std::string& engine = "auto");
+
+}  // namespace bigus

@@ -1,0 +1,175 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+#include "IO/LabelFile.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <filesystem>
+#include <numeric>
+
+#include "IO/FileError.h"
+#include "IO/Formats/PngFile.h"
+#include "IO/SequenceFrames.h"
+#include "IO/Text.h"
+
+namespace bigus
+{
+namespace
+{
+
+/// The last number in a name; negative without one.
+int NumberIn(const std::string& name)
+{
+  const auto isDigit = [](unsigned char c) { return std::isdigit(c) != 0; };
+  const auto last = std::find_if(name.rbegin(), name.rend(), isDigit);
+  const auto first = std::find_if_not(last, name.rend(), isDigit);
+  std::int64_t number = -1;
+  return ParseNumber(std::string(first.base(), last.base()), number) && number <= mostFrames ? static_cast<int>(number)
+                                                                                             : -1;
+}
+
+/// A folder's PNG images as one sequence.
+SequenceFile FolderOfPictures(const std::string& path, std::vector<int>& numbers)
+{
+  SequenceFile file;
+  file.fileName = path;
+  file.encoding = Encoding::Png;
+  for (const auto& entry : std::filesystem::directory_iterator(path))
+  {
+    if (Lowercase(entry.path().extension().string()) == ".png")
+    {
+      file.images.push_back(entry.path().string());
+    }
+  }
+  if (file.images.empty())
+  {
+    throw FileError(FileFault::NotFound, path + ": has no PNG image; give a folder with one for each labelled frame");
+  }
+  std::sort(file.images.begin(), file.images.end(), InNaturalOrder);
+  const PngHeader first = ReadPngHeader(file.images[0]);
+  file.width = first.width;
+  file.height = first.height;
+  file.elementType = first.elementType;
+  file.numberOfFrames = static_cast<int>(file.images.size());
+  for (const std::string& image : file.images)
+  {
+    RequirePng(image, first);
+    numbers.push_back(NumberIn(std::filesystem::path(image).stem().string()));
+  }
+  return file;
+}
+
+std::string Field(const SequenceFile& file, const std::string& name)
+{
+  const auto found = file.fields.find(name);
+  return found == file.fields.end() ? std::string() : found->second;
+}
+
+/// Slicer's Segment0_LabelValue, _Name and _Color.
+std::vector<Label> SegmentsOf(const SequenceFile& file)
+{
+  std::vector<Label> labels;
+  for (int k = 0; k < kLargestLabel; ++k)
+  {
+    const std::string segment = "Segment" + std::to_string(k) + "_";
+    std::int64_t value = 0;
+    if (!ParseNumber(Field(file, segment + "LabelValue"), value))
+    {
+      continue;
+    }
+    std::int64_t layer = 0;
+    if (ParseNumber(Field(file, segment + "Layer"), layer) && layer != 0)
+    {
+      throw FormatError(file.fileName + ": the segment " + Quoted(Field(file, segment + "Name")) + " is in layer " +
+                        std::to_string(layer) +
+                        "; segments that overlap lie in layers, and one is read. Export them one by one");
+    }
+    Label label;
+    label.value = static_cast<int>(std::clamp<std::int64_t>(value, 0, kLargestLabel + 1));
+    label.name = Printable(Field(file, segment + "Name"));
+    label.name = label.name.empty() ? "Label " + std::to_string(value) : label.name;
+    if (!ParseNumbers(Field(file, segment + "Color"), 3, label.color.data()))
+    {
+      label.color = UsualColor(label.value);
+    }
+    labels.push_back(label);
+  }
+  std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
+  try
+  {
+    ValidateLabels(labels);
+  }
+  catch (const Error& error)
+  {
+    throw FormatError(file.fileName + ": " + error.what());
+  }
+  return labels;
+}
+
+/// A segmentation may be stored without its empty border.
+void RequireWholePictures(const SequenceFile& file)
+{
+  double offset[3] = {0, 0, 0};
+  if (ParseNumbers(Field(file, "Segmentation_ReferenceImageExtentOffset"), 3, offset) &&
+      (offset[0] != 0 || offset[1] != 0 || offset[2] != 0))
+  {
+    throw FormatError(file.fileName + ": holds a part of the pictures, from voxel " + ExactNumber(offset[0]) + " " +
+                      ExactNumber(offset[1]) + " " + ExactNumber(offset[2]) +
+                      " on; save it with 'Crop to minimum extent' switched off");
+  }
+}
+
+}  // namespace
+
+LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPictures)
+{
+  LabelPictures pictures;
+  std::vector<int> numbers;
+  const SequenceFile file = std::filesystem::is_directory(path) ? FolderOfPictures(path, numbers)
+                                                                : ReadSequenceFile(path, {true, true, {}, {}});
+  const auto count = static_cast<std::size_t>(file.numberOfFrames);
+  if (count > mostPictures)
+  {
+    throw FormatError(path + ": has " + std::to_string(count) + " pictures, and the sweep has " +
+                      std::to_string(mostPictures) + " frames; there is at most one for each");
+  }
+  if (file.elementType == ElementType::Float32)
+  {
+    throw FormatError(path + ": pixels are of type float; labels are whole numbers from 0 (none) to 255");
+  }
+  RequireWholePictures(file);
+  PoseTable poses;
+  poses.frames.resize(count);
+  std::vector<int> all(count);
+  std::iota(all.begin(), all.end(), 0);
+  const std::size_t pixels = count * file.width * file.height;
+  std::vector<unsigned char> bytes(pixels * BytesPerElement(file.elementType));
+  ReadPixels read;
+  // 65535: pixels stay as they are.
+  ReadFrames(
+      file, poses, all, {}, file.elementType == ElementType::UInt16 ? 65535 : 0, [](double) { return true; },
+      bytes.data(), read);
+  pictures.width = file.width;
+  pictures.height = file.height;
+  pictures.labels = SegmentsOf(file);
+  pictures.isNumbered = !numbers.empty() && *std::min_element(numbers.begin(), numbers.end()) >= 0;
+  pictures.numbers = pictures.isNumbered ? numbers : all;
+  pictures.pixels.resize(pixels);
+  for (std::size_t p = 0; p < pixels; ++p)
+  {
+    std::uint16_t value = bytes[p];
+    if (file.elementType == ElementType::UInt16)
+    {
+      std::memcpy(&value, &bytes[2 * p], 2);
+    }
+    if (value > kLargestLabel)
+    {
+      throw FormatError(path + ": has the label " + std::to_string(value) + "; labels from 1 to 255 are read");
+    }
+    pictures.pixels[p] = static_cast<std::uint8_t>(value);
+  }
+  return pictures;
+}
+
+}  // namespace bigus

@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: BIGUS authors
+// SPDX-License-Identifier: BSD-3-Clause
+// Label pictures as people save them, and labels in the files of fields.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "Core/Model/Error.h"
+#include "IO/FieldFile.h"
+#include "IO/LabelFile.h"
+#include "SmallFiles.h"
+#include "Support/TestSupport.h"
+#include "vtkDataArray.h"
+#include "vtkFieldData.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkPNGWriter.h"
+#include "vtkPointData.h"
+#include "vtkPolyData.h"
+#include "vtkXMLPolyDataReader.h"
+
+namespace bigus::test
+{
+namespace
+{
+
+/// As 3D Slicer 5 writes the segmentation of a stack of two pictures of 3 x 2 pixels.
+std::string Segmentation(const std::string& offset = "0 0 0", const std::string& layer = "0")
+{
+  return "NRRD0004\n# Complete NRRD file format specification at:\ntype: unsigned char\ndimension: 3\n"
+         "space: left-posterior-superior\nsizes: 3 2 2\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n"
+         "kinds: domain domain domain\nencoding: raw\nspace origin: (0,0,0)\n"
+         "Segment0_Color:=0.5 0.68 0.5\nSegment0_Extent:=0 2 0 1 0 1\nSegment0_ID:=Segment_1\nSegment0_LabelValue:=2\n"
+         "Segment0_Layer:=0\nSegment0_Name:=portal vein\nSegment1_Color:=1 0 0\nSegment1_LabelValue:=1\n"
+         "Segment1_Layer:=" +
+         layer + "\nSegment1_Name:=cyst\nSegmentation_ReferenceImageExtentOffset:=" + offset + "\n\n" +
+         std::string("\0\1\2\0\0\2\0\0\0\1\1\0", 12);
+}
+
+std::string ErrorOf(const std::string& path, std::size_t most = 10)
+{
+  try
+  {
+    ReadLabelPictures(path, most);
+  }
+  catch (const Error& error)
+  {
+    return error.what();
+  }
+  return "no error";
+}
+
+void WritePng(const std::string& path, int width, unsigned char value)
+{
+  vtkNew<vtkImageData> image;
+  image->SetDimensions(width, 2, 1);
+  image->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  image->GetPointData()->GetScalars()->Fill(value);
+  vtkNew<vtkPNGWriter> writer;
+  writer->SetFileName(path.c_str());
+  writer->SetInputData(image);
+  writer->Write();
+}
+
+TEST(LabelFile, ASegmentationOfSlicerNamesItsSegments)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "s.seg.nrrd", Segmentation());
+  const LabelPictures read = ReadLabelPictures(folder / "s.seg.nrrd", 2);
+  EXPECT_EQ(read.width, 3);
+  EXPECT_EQ(read.pixels, (std::vector<std::uint8_t>{0, 1, 2, 0, 0, 2, 0, 0, 0, 1, 1, 0}));
+  ASSERT_EQ(read.labels.size(), 2u);
+  EXPECT_EQ(read.labels[0].name, "cyst");
+  EXPECT_EQ(read.labels[1].name, "portal vein");
+  EXPECT_EQ(read.labels[1].color[1], 0.68);
+  EXPECT_EQ(read.numbers, (std::vector<int>{0, 1}));
+}
+
+TEST(LabelFile, WhatIsCutOrOverlapsIsToldHowToBeSaved)
+{
+  TemporaryFolder folder;
+  WriteBytes(folder / "cut.seg.nrrd", Segmentation("10 4 0"));
+  EXPECT_NE(ErrorOf(folder / "cut.seg.nrrd").find("Crop to minimum extent"), std::string::npos);
+  WriteBytes(folder / "layers.seg.nrrd", Segmentation("0 0 0", "1"));
+  EXPECT_NE(ErrorOf(folder / "layers.seg.nrrd").find("layer 1"), std::string::npos);
+  WriteBytes(folder / "many.seg.nrrd", Segmentation());
+  EXPECT_NE(ErrorOf(folder / "many.seg.nrrd", 1).find("has 2 pictures"), std::string::npos);
+  EXPECT_NE(ErrorOf(folder / "none").find("none"), std::string::npos);
+}
+
+TEST(LabelFile, PicturesOfAFolderAreNumberedByTheirNames)
+{
+  TemporaryFolder folder;
+  EXPECT_NE(ErrorOf(folder / "").find("no PNG"), std::string::npos);
+  WritePng(folder / "frame_10.png", 3, 4);
+  WritePng(folder / "frame_2.png", 3, 1);
+  const LabelPictures read = ReadLabelPictures(folder / "", 10);
+  EXPECT_TRUE(read.isNumbered);
+  EXPECT_EQ(read.numbers, (std::vector<int>{2, 10}));
+  EXPECT_EQ(read.pixels.front(), 1);
+  EXPECT_EQ(read.pixels.back(), 4);
+  WritePng(folder / "frame_3.png", 4, 1);
+  EXPECT_NE(ErrorOf(folder / "").find("frame_3.png"), std::string::npos);
+}
+
+StoredField Labelled()
+{
+  StoredField stored;
+  stored.field.Resize(3);
+  for (int i = 0; i < 3; ++i)
+  {
+    stored.field.means[i] = {1.0 * i, 2, 3};
+    stored.field.scales[i] = {1, 1, 1};
+    stored.field.rotations[i] = {1, 0, 0, 0};
+    stored.field.reflectivities[i] = 0.5;
+  }
+  stored.labels = FieldLabels{
+      {{1, "cyst", {1, 0, 0}}, {7, "vein", {0, 0, 0.1}}}, {0, 1, 0.3f, 0.7f, 1, 0, 0.2f, 0.4f}, {{0.1, 5, 6}}, {0.5f}};
+  return stored;
+}
+
+TEST(LabelsOfFields, AreKeptToTheBitAndSeenByVtksReader)
+{
+  TemporaryFolder folder;
+  WriteField(Labelled(), folder / "f.vtp");
+  const auto read = ReadField(folder / "f.vtp");
+  ASSERT_TRUE(read && read->labels);
+  EXPECT_EQ(read->labels->weights, Labelled().labels->weights);
+  EXPECT_EQ(read->labels->labels[1].name, "vein");
+  EXPECT_EQ(read->labels->labels[1].value, 7);
+  EXPECT_EQ(read->labels->labels[1].color[2], 0.1);
+  EXPECT_EQ(read->labels->points, Labelled().labels->points);
+  EXPECT_EQ(read->labels->scales, Labelled().labels->scales);
+
+  vtkNew<vtkXMLPolyDataReader> reader;
+  reader->SetFileName((folder / "f.vtp").c_str());
+  reader->Update();
+  vtkDataArray* weights = reader->GetOutput()->GetPointData()->GetArray("LabelWeight");
+  ASSERT_NE(weights, nullptr);
+  EXPECT_EQ(weights->GetNumberOfComponents(), 2);
+  EXPECT_EQ(static_cast<float>(weights->GetComponent(1, 1)), 0.7f);
+  EXPECT_NE(reader->GetOutput()->GetFieldData()->GetAbstractArray("LabelNames"), nullptr);
+}
+
+TEST(LabelsOfFields, DamageIsAnErrorThatNamesTheFile)
+{
+  TemporaryFolder folder;
+  StoredField stored = Labelled();
+  WriteField(stored, folder / "f.vtp");
+  const std::string good = ReadBytes(folder / "f.vtp");
+  const auto refused = [&](const std::string& from, const std::string& to)
+  {
+    std::string text = good;
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+    WriteBytes(folder / "bad.vtp", text);
+    try
+    {
+      ReadField(folder / "bad.vtp");
+      ADD_FAILURE() << "read: " << to;
+    }
+    catch (const Error&)
+    {
+    }
+  };
+  refused("Name=\"LabelValues\" NumberOfComponents=\"1\" NumberOfTuples=\"2\"",
+          "Name=\"LabelValues\" NumberOfComponents=\"1\" NumberOfTuples=\"3\"");
+  refused("Name=\"LabelValues\"", "Name=\"LabelWalues\"");
+  refused("Name=\"LabelWeight\" NumberOfComponents=\"2\"", "Name=\"LabelWeight\" NumberOfComponents=\"3\"");
+  stored.labels->weights[2] = 1.5f;
+  EXPECT_THROW(WriteField(stored, folder / "g.vtp"), Error);
+}
+
+}  // namespace
+}  // namespace bigus::test
