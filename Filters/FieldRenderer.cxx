@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "Core/Model/Error.h"
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
@@ -42,6 +44,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
     field_ = FieldFromPolyData(input);
     spread_ = SpreadOf(field_);
     view_ = ViewFromPolyData(input);
+    labels_ = LabelsFromPolyData(input);
     uploadedSigma_.reset();
     bands_ = Bands(parts_->FollowsClock());
     input_ = input;
@@ -100,29 +103,62 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
     uploadedSigma_.reset();
   }
   const double sigma = std::max(settings.elevationSigma, -1.0);  // every negative number is the field's beam
-  if (uploadedSigma_ != sigma)
+  if (uploadedSigma_ != sigma || uploadedLabel_ != label_)
   {
-    const Beam own = field_.beam;
-    if (sigma >= 0)
-    {
-      field_.beam = Beam{sigma};
-    }
-    seen_.reset();
-    if (view_ && seesDirections_ && parts_->FollowsClock() && whole_.chunks.total == 1)
-    {
-      seen_.emplace(*whole_.engines[0], field_, &*view_);
-    }
-    else
-    {
-      parts_->SetField(field_, whole_);
-    }
-    field_.beam = own;
+    label_ ? UploadLabel(sigma) : UploadField(sigma);
     uploadedSigma_ = sigma;
+    uploadedLabel_ = label_;
   }
   for (const auto& engine : whole_.engines)
   {
     engine->SetAccuracy({settings.tolerance / whole_.chunks.total});  // what chunks leave out adds up
   }
+}
+
+void FieldRenderer::UploadField(double sigma)
+{
+  const Beam own = field_.beam;
+  if (sigma >= 0)
+  {
+    field_.beam = Beam{sigma};
+  }
+  seen_.reset();
+  if (view_ && seesDirections_ && parts_->FollowsClock() && whole_.chunks.total == 1)
+  {
+    seen_.emplace(*whole_.engines[0], field_, &*view_);
+  }
+  else
+  {
+    parts_->SetField(field_, whole_);
+  }
+  field_.beam = own;
+}
+
+void FieldRenderer::UploadLabel(double sigma)
+{
+  std::size_t k = 0;
+  const std::size_t count = labels_ ? labels_->labels.size() : 0;
+  while (k < count && labels_->labels[k].value != *label_)
+  {
+    ++k;
+  }
+  if (k == count)
+  {
+    throw Error("LabelValue: the field has no label of the value " + std::to_string(*label_) +
+                "; vtkBigusFieldLabeler gives it labels.");
+  }
+  if (!parts_->FollowsClock() || whole_.engines.size() != 1)
+  {
+    throw Error("LabelValue: labels are of whole fields, and several processes have parts of one.");
+  }
+  GaussianField carriers = labels_->Carriers(field_);
+  carriers.reflectivities = labels_->Raised(k);
+  if (sigma >= 0)
+  {
+    carriers.beam = Beam{sigma};
+  }
+  seen_.reset();
+  whole_.engines[0]->SetField(carriers);
 }
 
 /// The same, plane by plane where directions are seen.
@@ -148,7 +184,9 @@ bool FieldRenderer::Render(const GridPart& grid, ViewOutput output, bool coverag
                            const std::function<bool(const PixelBand&)>& receive)
 {
   nearness_ = seen_ ? 0 : -1;
-  return bands_.Run(grid, coverage, slab, Seen(parts_->PlanesOf(whole_, output)),
+  const RenderPlanes render =
+      label_ ? ShareOf(PlanesOn(*whole_.engines[0], ViewOutput::Scattering)) : Seen(parts_->PlanesOf(whole_, output));
+  return bands_.Run(grid, coverage, slab, render,
                     [&](const PixelBand& band)
                     {
                       bool goesOn = true;

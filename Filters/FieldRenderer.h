@@ -12,6 +12,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Engine/ViewEngine.h"
+#include "Core/Labels/Labels.h"
 #include "Core/Slicing/Bands.h"
 #include "Core/Slicing/Pixels.h"
 #include "FieldParts.h"
@@ -57,6 +58,9 @@ public:
   /// Whether planes see the reflectivities of their directions; else each Gaussian is as it usually looks at its place. Off
   /// at first, and always where processes have parts.
   void SetSeesDirections(bool isOn) { seesDirections_ = isOn; }
+  /// The label whose share planes show, by its value; null: they show the field itself. Null at first.
+  void SetLabel(std::optional<int> value) { label_ = value; }
+
   /// The most that a plane of the last Render saw of what the field knows of directions, 0 to 1; negative where it knows
   /// nothing, or is not asked.
   double ViewNearness() const { return nearness_; }
@@ -69,6 +73,8 @@ public:
 
 private:
   void UploadHere(const ViewSettings& settings);
+  void UploadField(double sigma);
+  void UploadLabel(double sigma);
   RenderPlanes Seen(const RenderPlanes& render);
 
   std::unique_ptr<FieldParts> parts_ = FieldParts::Of(nullptr);
@@ -76,6 +82,8 @@ private:
   GaussianField field_;
   FieldSpread spread_;
   std::optional<ViewDependence> view_;
+  std::optional<FieldLabels> labels_;
+  std::optional<int> label_, uploadedLabel_;
   std::optional<SeenField> seen_;  // where directions are seen
   bool seesDirections_ = false;
   double nearness_ = -1;

@@ -3,6 +3,7 @@
 #include "vtkBigusFieldToImage.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 #include "CollectiveExecutive.h"
@@ -27,6 +28,12 @@ namespace
 bigus::ViewOutput ToViewOutput(int mode)
 {
   return mode == vtkBigusFieldToImage::ScatteringField ? bigus::ViewOutput::Scattering : bigus::ViewOutput::Intensity;
+}
+
+const char* NameOf(int mode)
+{
+  const char* const names[] = {"Intensity", "ScatteringField", "LabelShare"};
+  return names[mode];
 }
 
 bigus::Extent ToExtent(const int extent[6])
@@ -132,7 +139,8 @@ void vtkBigusFieldToImage::PrintSelf(ostream& os, vtkIndent indent)
      << this->OutputSpacing[2] << (this->ComputeOutputSpacing ? " (default)\n" : "\n");
   os << indent << "OutputOrigin: " << this->OutputOrigin[0] << " " << this->OutputOrigin[1] << " "
      << this->OutputOrigin[2] << (this->ComputeOutputOrigin ? " (default)\n" : "\n");
-  os << indent << "OutputMode: " << (this->OutputMode == Intensity ? "Intensity" : "ScatteringField") << "\n";
+  os << indent << "OutputMode: " << NameOf(this->OutputMode) << "\n";
+  os << indent << "LabelValue: " << this->LabelValue << "\n";
   os << indent << "OutputScalarType: " << vtkImageScalarTypeNameMacro(this->OutputScalarType) << "\n";
   os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
   os << indent << "Tolerance: " << this->Tolerance << "\n";
@@ -284,6 +292,7 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
           }
         });
     this->Renderer->SetSeesDirections(this->SeesDirections());
+    this->Renderer->SetLabel(this->OutputMode == LabelShare ? std::optional<int>(this->LabelValue) : std::nullopt);
     this->Renderer->Upload(vtkPolyData::GetData(inputs[0]), {this->Engine, this->ElevationSigma, this->Tolerance});
 
     Eigen::Matrix<double, 4, 4, Eigen::RowMajor> indexToWorld;
@@ -356,8 +365,7 @@ void vtkBigusFieldToImage::AllocateOutputs(vtkInformationVector* outputs, const 
   vtkImageData* image = vtkImageData::GetData(info);
   image->SetOrigin(info->Get(vtkDataObject::ORIGIN()));
   image->SetSpacing(info->Get(vtkDataObject::SPACING()));
-  bigus::AllocatePixels(image, extent, this->OutputScalarType,
-                        this->OutputMode == ScatteringField ? "ScatteringField" : "Intensity");
+  bigus::AllocatePixels(image, extent, this->OutputScalarType, NameOf(this->OutputMode));
 }
 
 void vtkBigusFieldToImage::StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs)

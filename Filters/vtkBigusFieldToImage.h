@@ -70,18 +70,29 @@ public:
   /** What a pixel holds. */
   enum
   {
-    Intensity = 0,       ///< displayed grey I in [0, 1); 0 to 255 for 8-bit output
-    ScatteringField = 1  ///< S before the transfer function: signed, linear in reflectivity
+    Intensity = 0,        ///< displayed grey I in [0, 1); 0 to 255 for 8-bit output
+    ScatteringField = 1,  ///< S before the transfer function: signed, linear in reflectivity
+    LabelShare = 2        ///< what of a pixel has the label LabelValue, 0 to 1; 0 to 255 for 8-bit output
   };
 
   ///@{
   /**
    * What a pixel holds, default Intensity. ScatteringField needs float output.
    */
-  vtkSetClampMacro(OutputMode, int, Intensity, ScatteringField);
+  vtkSetClampMacro(OutputMode, int, Intensity, LabelShare);
   vtkGetMacro(OutputMode, int);
   void SetOutputModeToIntensity() { this->SetOutputMode(Intensity); }
   void SetOutputModeToScatteringField() { this->SetOutputMode(ScatteringField); }
+  void SetOutputModeToLabelShare() { this->SetOutputMode(LabelShare); }
+  ///@}
+
+  ///@{
+  /**
+   * Which label LabelShare shows, by its value, 1 (default) to 255. vtkBigusFieldLabeler gives a field labels. The border of
+   * what has the label lies at 0.5.
+   */
+  vtkSetClampMacro(LabelValue, int, 1, 255);
+  vtkGetMacro(LabelValue, int);
   ///@}
 
   ///@{
@@ -200,6 +211,7 @@ protected:
   bool ComputeOutputSpacing = true;
   bool ComputeOutputOrigin = true;
   int OutputMode = Intensity;
+  int LabelValue = 1;
   int OutputScalarType = VTK_FLOAT;
   double ElevationSigma = -1;
   double Tolerance = 1e-4;

@@ -251,21 +251,22 @@ double vtkBigusPhantomSource::GetScatterersPerResolutionCell()
   }
 }
 
-bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* truth)
+template <class Make>
+bool vtkBigusPhantomSource::Compute(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* image,
+                                    const Make& make)
 {
-  if (!imageToReference || !truth)
+  if (!imageToReference || !image)
   {
-    vtkErrorMacro("ComputeTruth: the matrix and the image to write must both be given.");
+    vtkErrorMacro("The matrix and the image to write must both be given.");
     this->SetErrorCode(vtkErrorCode::UnknownError);
     return false;
   }
-  truth->Initialize();
+  image->Initialize();
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
     const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> pose(imageToReference->GetData());
-    const bigus::SlicePlane plane = bigus::SlicePlane::FromImageToReference(pose, width, height);
-    bigus::SweepToImage(bigus::Phantom(this->GetOptions()).MakeTruth(plane), truth);
+    make(bigus::Phantom(this->GetOptions()), bigus::SlicePlane::FromImageToReference(pose, width, height));
     return true;
   }
   catch (const bigus::Error& error)
@@ -274,4 +275,24 @@ bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int wid
     this->SetErrorCode(vtkErrorCode::UnknownError);
     return false;
   }
+}
+
+bool vtkBigusPhantomSource::ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* truth)
+{
+  return this->Compute(imageToReference, width, height, truth,
+                       [truth](const bigus::Phantom& phantom, const bigus::SlicePlane& plane)
+                       { bigus::SweepToImage(phantom.MakeTruth(plane), truth); });
+}
+
+bool vtkBigusPhantomSource::ComputeLabels(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* labels)
+{
+  return this->Compute(imageToReference, width, height, labels,
+                       [labels](const bigus::Phantom& phantom, const bigus::SlicePlane& plane)
+                       {
+                         const std::vector<std::uint8_t> values = phantom.Labels(plane);
+                         labels->SetDimensions(plane.width, plane.height, 1);
+                         labels->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+                         std::copy(values.begin(), values.end(),
+                                   static_cast<std::uint8_t*>(labels->GetScalarPointer()));
+                       });
 }

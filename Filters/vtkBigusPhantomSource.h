@@ -362,7 +362,18 @@ public:
    */
   bool ComputeTruth(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* truth);
 
+  /**
+   * Writes into `labels` which tissue lies at each pixel of such a plane, as a person would draw it: 1 vessel, 2 cyst, 3
+   * bone, 4 tumour, 0 anything else and beside the fan. vtkBigusFieldLabeler takes such pictures. Returns false after
+   * reporting an error.
+   */
+  bool ComputeLabels(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* labels);
+
 protected:
+  /// Writes into `image` what `make` makes of the plane.
+  template <class Make>
+  bool Compute(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* image, const Make& make);
+
   vtkBigusPhantomSource();
   ~vtkBigusPhantomSource() override;
 

@@ -4,12 +4,16 @@
 
 #include <algorithm>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "Core/Model/Error.h"
 #include "Core/Model/FieldTransform.h"
 #include "Core/Slicing/Pixels.h"
 #include "Core/StandardError/StandardError.h"
+#include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/StandardErrorData.h"
 #include "Data/SweepData.h"
 #include "FieldRenderer.h"
@@ -45,6 +49,16 @@ struct vtkBigusReslice::Errors
   std::unique_ptr<const bigus::StandardError> standardError;
   vtkPolyData* field = nullptr;  // what it was read from, and when
   vtkMTimeType time = 0;
+};
+
+struct vtkBigusReslice::Labelled
+{
+  std::unique_ptr<bigus::LabelledField> field;
+  std::vector<bigus::Label> labels;
+  vtkPolyData* input = nullptr;  // what it was read from, and when, and how it is seen
+  vtkMTimeType time = 0;
+  std::string engine = {};
+  double elevationSigma = -1;
 };
 
 namespace
@@ -89,9 +103,10 @@ vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
 
 }  // namespace
 
-vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>()), Kept(std::make_unique<Errors>())
+vtkBigusReslice::vtkBigusReslice()
+    : Sweep(std::make_unique<Recorded>()), Kept(std::make_unique<Errors>()), Named(std::make_unique<Labelled>())
 {
-  this->SetNumberOfOutputPorts(5);
+  this->SetNumberOfOutputPorts(6);
   // VTK's executive cannot make stencils by name.
   this->GetExecutive()->SetOutputData(2, vtkSmartPointer<vtkImageStencilData>::New());
 }
@@ -133,6 +148,7 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
   os << indent << "GenerateStencilOutput: " << (this->GenerateStencilOutput ? "On\n" : "Off\n");
   os << indent << "GenerateStandardErrorOutput: " << (this->GenerateStandardErrorOutput ? "On\n" : "Off\n");
+  os << indent << "GenerateLabelOutput: " << (this->GenerateLabelOutput ? "On\n" : "Off\n");
   os << indent << "InterpolationMode: " << this->GetInterpolationModeAsString() << "\n";
   os << indent << "Border: " << (this->Border ? "On\n" : "Off\n");
   os << indent << "BorderThickness: " << this->BorderThickness << "\n";
@@ -355,6 +371,11 @@ vtkImageData* vtkBigusReslice::GetStandardErrorOutput()
   return vtkImageData::SafeDownCast(this->GetOutputDataObject(4));
 }
 
+vtkImageData* vtkBigusReslice::GetLabelOutput()
+{
+  return vtkImageData::SafeDownCast(this->GetOutputDataObject(5));
+}
+
 vtkImageStencilData* vtkBigusReslice::GetStencilOutput()
 {
   return vtkImageStencilData::SafeDownCast(this->GetOutputDataObject(2));
@@ -386,6 +407,7 @@ int vtkBigusReslice::RequestInformation(vtkInformation* request, vtkInformationV
   {
     vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(port), VTK_FLOAT, 1);
   }
+  vtkDataObject::SetPointDataActiveScalarInfo(outputs->GetInformationObject(5), VTK_UNSIGNED_CHAR, 1);
   return this->Superclass::RequestInformation(request, inputs, outputs);
 }
 
@@ -451,14 +473,72 @@ void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int e
     sigma->SetSpacing(image->GetSpacing());
     bigus::AllocatePixels(sigma, extent, VTK_FLOAT, "StandardError");
   }
+  if (this->GenerateLabelOutput)
+  {
+    this->LoadLabels();
+    vtkImageData* labels = vtkImageData::GetData(outputs, 5);
+    labels->SetOrigin(image->GetOrigin());
+    labels->SetSpacing(image->GetSpacing());
+    bigus::AllocatePixels(labels, extent, VTK_UNSIGNED_CHAR, "Labels");
+    bigus::ReplaceLabelNames(labels, this->Named->labels);
+  }
+}
+
+vtkPolyData* vtkBigusReslice::WholeField(const char* output)
+{
+  if (this->GetController() && this->GetController()->GetNumberOfProcesses() > 1)
+  {
+    throw bigus::Error(std::string(output) + ": it is of whole fields, and several processes have parts of one.");
+  }
+  return vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
+}
+
+void vtkBigusReslice::LoadLabels()
+{
+  vtkPolyData* const input = this->WholeField("GenerateLabelOutput");
+  if (this->Named->input == input && this->Named->time == input->GetMTime() && this->Named->engine == this->Engine &&
+      this->Named->elevationSigma == this->ElevationSigma)
+  {
+    return;
+  }
+  *this->Named = {};
+  const auto labels = bigus::LabelsFromPolyData(input);
+  if (!labels)
+  {
+    throw bigus::Error(
+        "GenerateLabelOutput: the field has no labels; vtkBigusFieldLabeler or bigus label gives it some.");
+  }
+  bigus::GaussianField field = bigus::FieldFromPolyData(input);
+  if (this->ElevationSigma >= 0)
+  {
+    field.beam = bigus::Beam{this->ElevationSigma};
+  }
+  *this->Named = {std::make_unique<bigus::LabelledField>(field, *labels, this->Engine),
+                  labels->labels,
+                  input,
+                  input->GetMTime(),
+                  this->Engine,
+                  this->ElevationSigma};
+}
+
+void vtkBigusReslice::FillLabels(const bigus::GridPart& grid, vtkInformationVector* outputs)
+{
+  auto* out = static_cast<std::uint8_t*>(vtkImageData::GetData(outputs, 5)->GetScalarPointer());
+  const bigus::Engine::Window window{grid.extent[0] - grid.whole[0], grid.extent[2] - grid.whole[2],
+                                     grid.extent[1] - grid.extent[0] + 1, grid.extent[3] - grid.extent[2] + 1};
+  for (int k = grid.extent[4]; k <= grid.extent[5]; ++k)
+  {
+    this->Named->field->Render(grid.PlaneAt(k), window, out);
+    out += static_cast<std::ptrdiff_t>(window.columns) * window.rows;
+  }
 }
 
 void vtkBigusReslice::LoadStandardError()
 {
-  auto* const field = vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
-  if (this->GetController() && this->GetController()->GetNumberOfProcesses() > 1)
+  vtkPolyData* const field = this->WholeField("GenerateStandardErrorOutput");
+  if (this->OutputMode == LabelShare)
   {
-    throw bigus::Error("GenerateStandardErrorOutput: it is of whole fields, and several processes have parts of one.");
+    throw bigus::Error("GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.");
   }
   if (this->Kept->field == field && this->Kept->time == field->GetMTime())
   {
@@ -474,15 +554,25 @@ void vtkBigusReslice::LoadStandardError()
   *this->Kept = {std::make_unique<bigus::StandardError>(bytes), field, field->GetMTime()};
 }
 
-/// Pixels around the extent have a say in it, as far as the whole output goes: then parts are as the whole.
 void vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
                                       const std::function<void(const int*, float*)>& render,
                                       vtkInformationVector* outputs)
 {
-  if (!this->GenerateStandardErrorOutput || bigus::ExtentSize(grid.extent) == 0)
+  if (this->GenerateStandardErrorOutput && bigus::ExtentSize(grid.extent) > 0)
   {
-    return;
+    this->FillStandardError(grid, render, outputs);
   }
+  if (this->GenerateLabelOutput && bigus::ExtentSize(grid.extent) > 0)
+  {
+    this->FillLabels(grid, outputs);
+  }
+}
+
+/// Pixels around the extent have a say in it, as far as the whole output goes: then parts are as the whole.
+void vtkBigusReslice::FillStandardError(const bigus::GridPart& grid,
+                                        const std::function<void(const int*, float*)>& render,
+                                        vtkInformationVector* outputs)
+{
   const bigus::StandardError& standardError = *this->Kept->standardError;
   auto* out = static_cast<float*>(vtkImageData::GetData(outputs, 4)->GetScalarPointer());
   for (int k = grid.extent[4]; k <= grid.extent[5]; ++k)

@@ -21,6 +21,7 @@
  * GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds CoverageThreshold.
  * Output 3, filled when RecordedFrames is set, tells gaps: it holds how far every pixel lies from the nearest frame.
  * Output 4, filled when GenerateStandardErrorOutput is on, tells how far a recorded frame there may be from the image.
+ * Output 5, filled when GenerateLabelOutput is on, tells which label each pixel has.
  *
  * Any part of the output may be asked for, whole or streamed: each pixel comes out with the same bits.
  * A plane that misses the field, and a field without Gaussians, give a background image. The uploaded field
@@ -45,6 +46,7 @@ class vtkAbstractTransform;
 class vtkAlgorithmOutput;
 class vtkImageStencilData;
 class vtkMatrix4x4;
+class vtkPolyData;
 #ifdef VTK_ABI_NAMESPACE_END
 VTK_ABI_NAMESPACE_END
 #endif
@@ -256,6 +258,18 @@ public:
 
   ///@{
   /**
+   * Whether output 5 is filled: an unsigned char for every pixel, the value of the label that has the largest share there,
+   * or 0 where what has none is more. Names and colours are in its field data, as in the field (Data/LabelData.h). Of a slab
+   * it is that of its middle plane. The field must have labels (vtkBigusFieldLabeler), and must be whole. Each label takes
+   * as long as the image. Default off.
+   */
+  vtkSetMacro(GenerateLabelOutput, vtkTypeBool);
+  vtkGetMacro(GenerateLabelOutput, vtkTypeBool);
+  vtkBooleanMacro(GenerateLabelOutput, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
    * The coverage, float.
    */
   vtkAlgorithmOutput* GetCoverageOutputPort() { return this->GetOutputPort(1); }
@@ -286,6 +300,14 @@ public:
    */
   vtkAlgorithmOutput* GetStandardErrorOutputPort() { return this->GetOutputPort(4); }
   vtkImageData* GetStandardErrorOutput();
+  ///@}
+
+  ///@{
+  /**
+   * The labels, unsigned char.
+   */
+  vtkAlgorithmOutput* GetLabelOutputPort() { return this->GetOutputPort(5); }
+  vtkImageData* GetLabelOutput();
   ///@}
 
   ///@{
@@ -394,6 +416,7 @@ protected:
   vtkTypeBool GenerateCoverageOutput = 1;
   vtkTypeBool GenerateStencilOutput = 0;
   vtkTypeBool GenerateStandardErrorOutput = 0;
+  vtkTypeBool GenerateLabelOutput = 0;
 
 private:
   vtkBigusReslice(const vtkBigusReslice&) = delete;
@@ -405,9 +428,16 @@ private:
 
   struct Recorded;
   std::unique_ptr<Recorded> Sweep;  // RecordedFrames as read last
+  vtkPolyData* WholeField(const char* output);
   void LoadStandardError();
   struct Errors;
   std::unique_ptr<Errors> Kept;  // the input's standard error as read last
+  void LoadLabels();
+  void FillStandardError(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
+                         vtkInformationVector* outputs);
+  void FillLabels(const bigus::GridPart& grid, vtkInformationVector* outputs);
+  struct Labelled;
+  std::unique_ptr<Labelled> Named;  // the input's labels as read last
 };
 
 #endif

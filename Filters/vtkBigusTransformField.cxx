@@ -6,6 +6,7 @@
 
 #include "Core/Model/FieldTransform.h"
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/Provenance.h"
 #include "PipelineSupport.h"
 #include "vtkErrorCode.h"
@@ -73,6 +74,10 @@ int vtkBigusTransformField::RequestData(vtkInformation*, vtkInformationVector** 
     if (const auto view = bigus::ViewFromPolyData(input))
     {
       bigus::ViewToPolyData(bigus::Transformed(*view, matrix), output);
+    }
+    if (const auto labels = bigus::LabelsFromPolyData(input))
+    {
+      bigus::LabelsToPolyData(bigus::Transformed(*labels, matrix), output);
     }
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
     bigus::SetProvenance(output, "transform", bigus::TransformText(bigus::GetProvenance(input, "transform"), matrix));

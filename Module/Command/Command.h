@@ -50,6 +50,7 @@ void AddCheck(Program& program);
 void AddPoses(Program& program);
 void AddTrain(Program& program);
 void AddSlice(Program& program);
+void AddLabel(Program& program);
 void AddVoxelize(Program& program);
 void AddMetrics(Program& program);
 void AddConvert(Program& program);

@@ -12,6 +12,7 @@
 #include "Core/Poses/PoseDoubts.h"
 #include "Core/Poses/Trajectory.h"
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/StandardErrorData.h"
 #include "IO/FieldFile.h"
 #include "IO/Formats/VolumeGrid.h"
@@ -143,6 +144,13 @@ ExitCode ShowField(Console& console, const std::string& path)
   {
     data->GetBounds(bounds.data());
   }
+  Json labels = Json::array();
+  std::string names;
+  for (const Label& label : LabelNamesOf(data))
+  {
+    labels.push_back({{"value", label.value}, {"name", label.name}});
+    names += (names.empty() ? "" : ", ") + label.name + " (" + std::to_string(label.value) + ")";
+  }
   const Json answer = {{"kind", "field"},
                        {"gaussians", n},
                        {"bounds", bounds},
@@ -152,6 +160,7 @@ ExitCode ShowField(Console& console, const std::string& path)
                        {"elevation_sigma", field.beam.elevationSigma},
                        {"standard_error_bytes", StandardErrorOf(data).size()},
                        {"view_poses", view ? Json(view->views.poses.size()) : Json()},
+                       {"labels", labels},
                        {"provenance", ProvenanceJson(data)}};
 
   console.Print(Line("Field", path));
@@ -168,6 +177,10 @@ ExitCode ShowField(Console& console, const std::string& path)
   if (view)
   {
     console.Print(Line("Directions", "echoes depend on the direction, near {view_poses} recorded frames"), answer);
+  }
+  if (!names.empty())
+  {
+    console.Print(Line("Labels", names));
   }
   std::string name = "Made by";
   for (const auto& [key, value] : answer["provenance"].items())

@@ -19,8 +19,11 @@ namespace
 {
 
 // What each name stands for. Slicer finds programs by their files' names.
-constexpr std::array<std::pair<const char*, const char*>, 4> kModules{
-    {{"BigusTrain", "train"}, {"BigusSlice", "slice"}, {"BigusVoxelize", "voxelize"}, {"BigusPoses", "poses"}}};
+constexpr std::array<std::pair<const char*, const char*>, 5> kModules{{{"BigusTrain", "train"},
+                                                                       {"BigusSlice", "slice"},
+                                                                       {"BigusVoxelize", "voxelize"},
+                                                                       {"BigusLabel", "label"},
+                                                                       {"BigusPoses", "poses"}}};
 
 constexpr const char* kMainGroup = "Options";    // CLI11's name for options without a group
 constexpr const char* kShorthand = "Short for";  // begins the help of flags that repeat another option

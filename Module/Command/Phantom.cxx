@@ -33,20 +33,25 @@ struct PhantomArguments
   PlaneOptions truth;  ///< with poses: image these planes instead of making a sweep
   bool truePoses = false;
   std::string truePosesFile;  ///< CSV
+  std::string labels;         ///< what a person would draw on the frames
 };
 
-/// The truth at planes.
-vtkSmartPointer<vtkImageData> MakeTruth(vtkBigusPhantomSource* source, const Planes& planes, Console& console)
+using Compute = bool (vtkBigusPhantomSource::*)(vtkMatrix4x4*, int, int, vtkImageData*);
+
+/// What `compute` says of planes.
+vtkSmartPointer<vtkImageData> MakeTruth(vtkBigusPhantomSource* source, Compute compute,
+                                        const std::vector<SlicePlane>& planes, const std::vector<double>& timestamps,
+                                        Console& console)
 {
-  const auto stack = NewStack(planes.planes, planes.timestamps, true);
-  const int count = static_cast<int>(planes.planes.size());
+  const auto stack = NewStack(planes, timestamps, true);
+  const int count = static_cast<int>(planes.size());
   vtkNew<vtkMatrix4x4> pose;
   vtkNew<vtkImageData> truth;
   for (int k = 0; k < count; ++k)
   {
-    const SlicePlane& plane = planes.planes[k];
+    const SlicePlane& plane = planes[k];
     pose->DeepCopy(Eigen::Matrix<double, 4, 4, Eigen::RowMajor>(plane.ImageToReference()).data());
-    RequireDone(source->ComputeTruth(pose, plane.width, plane.height, truth));
+    RequireDone((source->*compute)(pose, plane.width, plane.height, truth));
     SetImage(stack, k, truth);
     console.Progress("Imaging", (k + 1.0) / count);
     if (IsInterrupted())
@@ -59,10 +64,17 @@ vtkSmartPointer<vtkImageData> MakeTruth(vtkBigusPhantomSource* source, const Pla
 
 /// The sweep, with the poses that the tracker recorded or with the true ones.
 vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool truePoses, const std::string& truePosesFile,
-                                        Console& console)
+                                        std::vector<SlicePlane>& truePlanes, Console& console)
 {
   Update(source, console, "Imaging");
   vtkImageData* sweep = source->GetOutput();
+  vtkDataArray* const poses = sweep->GetFieldData()->GetArray("TrueImageToReference");
+  for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
+  {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> pose;
+    poses->GetTuple(k, pose.data());
+    truePlanes.push_back(SlicePlane::FromImageToReference(pose, sweep->GetDimensions()[0], sweep->GetDimensions()[1]));
+  }
   if (!truePosesFile.empty())
   {
     const int* size = sweep->GetDimensions();
@@ -81,8 +93,14 @@ vtkSmartPointer<vtkImageData> MakeSweep(vtkBigusPhantomSource* source, bool true
 
 ExitCode MakePhantom(Console& console, const PhantomArguments& options)
 {
-  RequireDistinct({options.truth.poses, options.truth.chain.config}, {options.output, options.truePosesFile});
+  RequireDistinct({options.truth.poses, options.truth.chain.config},
+                  {options.output, options.truePosesFile, options.labels});
   RequireWritable(options.output);
+  if (!options.labels.empty())
+  {
+    RequireStackName(options.labels);
+    RequireWritable(options.labels);
+  }
   if (!options.truePosesFile.empty())
   {
     RequireWritable(options.truePosesFile);
@@ -91,24 +109,32 @@ ExitCode MakePhantom(Console& console, const PhantomArguments& options)
   const auto start = std::chrono::steady_clock::now();
   vtkSmartPointer<vtkImageData> stack;
   std::vector<int> numbers;  // of PNG files
+  std::vector<SlicePlane> truePlanes;
   if (!options.truth.poses.empty())
   {
     const Planes planes = ReadPlanes(options.truth, console);
-    stack = MakeTruth(options.source, planes, console);
+    stack = MakeTruth(options.source, &vtkBigusPhantomSource::ComputeTruth, planes.planes, planes.timestamps, console);
+    truePlanes = planes.planes;
     numbers = planes.numbers;
   }
   else
   {
-    stack = MakeSweep(options.source, options.truePoses, options.truePosesFile, console);
+    stack = MakeSweep(options.source, options.truePoses, options.truePosesFile, truePlanes, console);
     numbers.resize(stack->GetDimensions()[2]);
     std::iota(numbers.begin(), numbers.end(), 0);
   }
   const double seconds = SecondsSince(start);
   const std::vector<std::string> files = WriteStack(stack, options.output, numbers, console);
+  if (!options.labels.empty())
+  {
+    WriteStack(MakeTruth(options.source, &vtkBigusPhantomSource::ComputeLabels, truePlanes, {}, console),
+               options.labels, numbers, console);
+  }
 
   const int* size = stack->GetDimensions();
   const Json answer = {{"output", files},
                        {"true_poses", options.truePosesFile.empty() ? Json() : Json(options.truePosesFile)},
+                       {"labels", options.labels.empty() ? Json() : Json(options.labels)},
                        {"frames", size[2]},
                        {"width", size[0]},
                        {"height", size[1]},
@@ -262,6 +288,11 @@ void AddPhantom(Program& program)
       "world, so --truth with a sweep's options shows what that sweep's probe would see at other planes.");
   app->add_option("-o,--output", options->output, "Sequence to write: .igs.mha .mha .nrrd, or .png (numbered)")
       ->required()
+      ->type_name("OUT");
+
+  app->add_option("--labels", options->labels,
+                  "Also write what a person would draw on the frames, for 'bigus label': 1 vessel, 2 cyst, 3 bone, "
+                  "4 tumour. .mha, .nrrd or .png (numbered)")
       ->type_name("OUT");
 
   vtkBigusPhantomSource* source = options->source;

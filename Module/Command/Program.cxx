@@ -30,6 +30,7 @@ std::vector<Verb>& Verbs()
       {40, "bigus train sweep.igs.mha -o field.vtp --write-poses poses.csv", "frames to a Gaussian field", AddTrain},
       {60, "bigus slice field.vtp --poses poses.csv -o again.igs.mha", "the field at the sweep's planes", AddSlice},
       {70, "bigus metrics again.igs.mha sweep.igs.mha", "how alike they are", AddMetrics},
+      {90, "bigus label sweep.igs.mha labels.seg.nrrd field.vtp -o labelled.vtp", "labels at any plane", AddLabel},
       {100, "bigus voxelize field.vtp -o volume.mha --spacing 0.5", "a plain volume", AddVoxelize},
       {110, "bigus convert field.vtp field.ply", "for point cloud viewers", AddConvert},
   };

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/StandardErrorData.h"
 #include "vtkBigusFieldToImage.h"
 #include "vtkPolyData.h"
@@ -36,6 +37,22 @@ bool Meets(const GaussianField& field, const PointGrid& grid)
   return false;
 }
 
+/// Of the label that the field calls so, or whose value that is.
+int ValueOf(const std::string& name, const std::vector<Label>& labels)
+{
+  std::string known;
+  for (const Label& label : labels)
+  {
+    if (label.name == name || std::to_string(label.value) == name)
+    {
+      return label.value;
+    }
+    known += (known.empty() ? "" : ", ") + label.name + " (" + std::to_string(label.value) + ")";
+  }
+  throw Error("--label: the field has no label " + name + "; " +
+              (known.empty() ? "'bigus label' gives it some." : "it has " + known + "."));
+}
+
 }  // namespace
 
 void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& elements)
@@ -55,6 +72,12 @@ void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& 
   choice("--mode", options.mode, "What a pixel is; scattering: signed, before compression, float",
          {"intensity", "scattering"});
   choice("--type", options.type, elements + " of intensity: uchar (0 to 255) or float (0 to 1)", {"uchar", "float"});
+  app.add_option(
+         "--label", options.label,
+         "Show how much of each pixel has this label of the field, a name or a value, instead: 0 to 1, its border "
+         "at 0.5")
+      ->type_name("LABEL")
+      ->excludes("--mode");
   app.add_option("--engine", options.engine, "What computes: auto, or a name from 'bigus info --devices'")
       ->type_name("NAME")
       ->capture_default_str();
@@ -66,6 +89,11 @@ void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOpt
   filter->SetEngine(options.engine.c_str());
   filter->SetOutputMode(options.IsScattering() ? vtkBigusFieldToImage::ScatteringField
                                                : vtkBigusFieldToImage::Intensity);
+  if (!options.label.empty())
+  {
+    filter->SetLabelValue(ValueOf(options.label, LabelNamesOf(field)));
+    filter->SetOutputModeToLabelShare();
+  }
   filter->SetOutputScalarType(options.IsBytes() ? VTK_UNSIGNED_CHAR : VTK_FLOAT);
 }
 

@@ -26,6 +26,7 @@ struct RenderOptions
 {
   std::string field;  ///< path
   std::string mode = "intensity", type = "uchar", engine = "auto";
+  std::string label;  ///< name or value: its share is shown; empty: the field itself
 
   bool IsScattering() const { return mode == "scattering"; }
   /// Whether pixels are written as 8 bits; the scattering field never is.
@@ -35,7 +36,7 @@ struct RenderOptions
 /// Adds the positional argument FIELD and --mode, --type (of `elements`: "Pixels" or "Voxels") and --engine.
 void AddRenderOptions(CLI::App& app, RenderOptions& options, const std::string& elements);
 
-/// Sets input, mode, type and engine of a filter.
+/// Sets input, mode, type and engine of a filter. Throws Error where the field does not have the label.
 void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOptions& options);
 
 /// Throws Error where the field does not hold what --standard-error rests on.

@@ -33,7 +33,7 @@ namespace
 struct SliceOptions
 {
   RenderOptions render;
-  std::string output, volume, coverage, distance, standardError;
+  std::string output, volume, coverage, distance, standardError, labels;
   std::string recorded;  ///< sequence or CSV: the frames that `distance` is measured to
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
@@ -121,14 +121,16 @@ vtkSmartPointer<vtkImageData> Placed(vtkImageData* stack, const SlicePlane& plan
 /// Throws OutputError, before anything is rendered, where something could not be written.
 void RequireOutputs(const SliceOptions& options)
 {
-  RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
-                  {options.output, options.volume, options.coverage, options.distance, options.standardError});
+  RequireDistinct(
+      {options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
+      {options.output, options.volume, options.coverage, options.distance, options.standardError, options.labels});
   if (!options.volume.empty())
   {
     RequireVolumeName(options.volume);
     RequireWritable(options.volume);
   }
-  for (const std::string& path : {options.output, options.coverage, options.distance, options.standardError})
+  for (const std::string& path :
+       {options.output, options.coverage, options.distance, options.standardError, options.labels})
   {
     if (!path.empty())
     {
@@ -148,7 +150,7 @@ void RequireOutputs(const SliceOptions& options)
 /// Stacks of images, one a plane; null where they were not asked for.
 struct Images
 {
-  vtkSmartPointer<vtkImageData> slices, coverage, distance, standardError;
+  vtkSmartPointer<vtkImageData> slices, coverage, distance, standardError, labels;
 };
 
 /// At most so many of the planes, evenly chosen, as grids.
@@ -206,6 +208,10 @@ double Render(vtkBigusReslice* reslice, const Planes& planes, const Sweep& probe
     {
       SetImage(images.standardError, k, reslice->GetStandardErrorOutput());
     }
+    if (images.labels)
+    {
+      SetImage(images.labels, k, reslice->GetLabelOutput());
+    }
     Blacken(reslice->GetOutput(), probe);
     SetImage(images.slices, k, reslice->GetOutput());
     if (images.coverage)
@@ -241,6 +247,10 @@ std::vector<std::string> WriteImages(const Images& images, const Planes& planes,
   if (images.standardError)
   {
     WriteStack(images.standardError, options.standardError, planes.numbers, console);
+  }
+  if (images.labels)
+  {
+    WriteStack(images.labels, options.labels, planes.numbers, console);
   }
   return files;
 }
@@ -288,7 +298,11 @@ ExitCode Slice(Console& console, SliceOptions& options)
   }
   images.standardError = options.standardError.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
   reslice->SetGenerateStandardErrorOutput(images.standardError != nullptr);
-  const auto kept = bytes.empty() || options.render.IsScattering() ? nullptr : std::make_unique<StandardError>(bytes);
+  images.labels = options.labels.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, true);
+  reslice->SetGenerateLabelOutput(images.labels != nullptr);
+  const auto kept = bytes.empty() || options.render.IsScattering() || !options.render.label.empty()
+                        ? nullptr
+                        : std::make_unique<StandardError>(bytes);
   Json guessed = Json::array(), nearness = Json::array();
   const double seconds = Render(reslice, planes, probe, images, kept.get(), guessed, nearness, console);
   const std::vector<std::string> files = WriteImages(images, planes, options, console);
@@ -382,6 +396,11 @@ void AddSlice(Program& program)
          "Also write how far what a probe would show may be from every pixel, a standard deviation in units of "
          "intensity (1 is white), NaN where the training frames do not tell: .mha, .nrrd. The field must keep it, as 'train' "
          "lets it")
+      ->check(FileToWrite(".mha,.nrrd"))
+      ->type_name("OUT");
+  app->add_option(
+         "--labels", options->labels,
+         "Also write the value of the label that each pixel has, as 'bigus label' gave them to the field: .mha, .nrrd")
       ->check(FileToWrite(".mha,.nrrd"))
       ->type_name("OUT");
   AddRenderOptions(*app, options->render, "Pixels");

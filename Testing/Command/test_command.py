@@ -1929,6 +1929,74 @@ class Voxelize(CommandTest):
         self.assertIn("does not meet the field", result.stderr)
 
 
+class Label(CommandTest):
+    """Tissues of the phantom, carried by a field that was trained on its sweep."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.big, cls.drawn = cls.shared / "big.igs.mha", cls.shared / "drawn.mha"
+        made = run("phantom", "-o", cls.big, "--frames", 25, "--width", 64, "--height", 64, "--pixel-size", 0.8,
+                   "--labels", cls.drawn)
+        assert made.returncode == SUCCESS, made.stderr
+        cls.trained = cls.shared / "big.vtp"
+        made = run("train", cls.big, "-o", cls.trained, "--no-auto", "--gaussians", 4000, "--iterations", 30)
+        assert made.returncode == SUCCESS, made.stderr
+
+    def label(self, *arguments):
+        return self.expect(SUCCESS, "label", self.big, self.drawn, self.trained, "-o", self.folder / "labelled.vtp",
+                           "--names", "1=vessel,2=cyst,3=bone,4=tumour", *arguments)
+
+    def test_frames_held_out_are_met_better_than_by_the_other_ways(self):
+        answer = self.label("--hold-out", 3)
+        cyst = answer["labels"][1]
+        # 4 / 3 pi 6.5 x 5.5 x 7 mm^3, of which z < 6, 0.6 of it, was swept.
+        self.assertTrue(400 < cyst["volume"] < 900 and 0 < cyst["standard_error"] < 100, cyst)
+        self.assertEqual([label["name"] for label in answer["labels"]], ["vessel", "cyst", "bone", "tumour"])
+        self.assertEqual(answer["fitted_frames"] + answer["held_out_frames"], 25)
+        for way in ("nearest", "compounding"):
+            self.assertGreater(sum(row["field"] for row in answer["dice"]), sum(row[way] for row in answer["dice"]))
+
+    def test_slices_and_volumes_show_labels(self):
+        self.label()
+        labelled, maps = self.folder / "labelled.vtp", self.folder / "maps.mha"
+        self.expect(SUCCESS, "slice", labelled, "--poses", self.big, "-o", self.folder / "s.mha", "--labels", maps)
+        shown, drawn = read_sequence(maps)[1], read_sequence(self.drawn)[1]
+        self.assertEqual(len(shown), len(drawn))
+        same = sum(a == b for a, b in zip(shown, drawn)) / len(drawn)
+        self.assertGreater(same, 0.95)
+        volume = self.folder / "v.mha"
+        self.expect(SUCCESS, "voxelize", labelled, "--label", "tumour", "-o", volume, "--spacing", 1)
+        bright = sum(value > 127 for value in read_sequence(volume)[1])
+        # An ellipsoid of 7 x 6 x 8 mm half axes, of which the sweep sees the middle 12 mm.
+        self.assertTrue(700 < bright < 1500, bright)
+        self.expect(BAD_INPUT, "voxelize", labelled, "--label", "liver", "-o", volume, says="it has vessel (1), cyst (2)")
+        self.assertEqual([label["name"] for label in self.expect(SUCCESS, "info", labelled)["labels"]],
+                         ["vessel", "cyst", "bone", "tumour"])
+
+    def test_some_frames_only(self):
+        header, pixels, _ = read_sequence(self.drawn)
+        some = self.folder / "some.mha"
+        sparse = b"".join(pixels[64 * 64 * k:64 * 64 * (k + 1)] if k % 6 == 0 else bytes(64 * 64) for k in range(25))
+        write_sequence(some, header, sparse)
+        answer = self.expect(SUCCESS, "label", self.big, some, self.trained, "-o", self.folder / "l.vtp",
+                             notes="20 of 25 pictures hold no label")
+        self.assertEqual(answer["fitted_frames"], 5)
+        self.assertEqual(self.expect(SUCCESS, "label", self.big, some, self.trained, "-o", self.folder / "l.vtp",
+                                     "--keep-empty")["fitted_frames"], 25)
+
+    def test_errors(self):
+        out = self.folder / "l.vtp"
+        self.expect(BAD_INPUT, "label", self.big, self.sweep, self.trained, "-o", out, says="--frames")
+        self.expect(BAD_INPUT, "label", self.big, self.sweep, self.trained, "-o", out, "--frames", "0-3",
+                    says="9 pictures")
+        self.expect(BAD_INPUT, "label", self.sweep, self.drawn, self.trained, "-o", out, says="25 pictures")
+        self.expect(CANNOT_WRITE, "label", self.big, self.drawn, self.trained, "-o", self.folder / "l.ply", says=".vtp")
+        self.expect(BAD_INPUT, "label", self.big, self.drawn, self.trained, "-o", out, "--names", "vessel",
+                    says="VALUE=NAME")
+        self.assertNothingIn(self.folder)
+
+
 class Metrics(CommandTest):
     def test_chosen_frames_of_one_or_both(self):
         again, some = self.folder / "again.mha", self.folder / "some.mha"

@@ -21,7 +21,8 @@ import unittest
 import xml.etree.ElementTree as ET
 
 BIGUS, MODULES = sys.argv[1], pathlib.Path(sys.argv[2])
-COMMANDS = {"BigusTrain": "train", "BigusSlice": "slice", "BigusVoxelize": "voxelize", "BigusPoses": "poses"}
+COMMANDS = {"BigusTrain": "train", "BigusSlice": "slice", "BigusVoxelize": "voxelize", "BigusLabel": "label",
+            "BigusPoses": "poses"}
 PROGRAM_OPTIONS = {"threads", "simd", "memory"}  # of the whole program, which modules have, too
 
 
@@ -163,8 +164,8 @@ class Descriptions(unittest.TestCase):
             with self.assertNoLogs("ctk_cli") if hasattr(self, "assertNoLogs") else contextlib.nullcontext():
                 parsed = ctk_cli.CLIModule(str(MODULES / module))
             arguments, options, outputs = parsed.classifyParameters()
-            self.assertEqual((parsed.name, len(arguments), len(outputs)), (module, 1, 0))
-            self.assertEqual(len(options) + 1, len(list(parameters(describe(module)))))
+            self.assertEqual((parsed.name, len(arguments), len(outputs)), (module, 3 if module == "BigusLabel" else 1, 0))
+            self.assertEqual(len(options) + len(arguments), len(list(parameters(describe(module)))))
 
 
 class Runs(unittest.TestCase):

@@ -155,6 +155,16 @@ class TrainingInterrupted(KeyboardInterrupt):
         self.training = training
 
 
+def label_pixels(labels: Any) -> np.ndarray:
+    """Label pictures as uint8 [frames, height, width]."""
+    pixels = np.asarray(labels)
+    if pixels.ndim != 3 or pixels.dtype.kind not in "bui":
+        raise ValueError(f"labels are whole numbers [frames, height, width], not {pixels.dtype} of shape {pixels.shape}")
+    if pixels.size and (pixels.min() < 0 or pixels.max() > 255):
+        raise ValueError(f"labels lie between 0 (none) and 255, not between {pixels.min()} and {pixels.max()}")
+    return np.ascontiguousarray(pixels, dtype=np.uint8)
+
+
 def training_inputs(sweep: Any, start: Any, sweep_kind: type, field_kind: type) -> list:
     """The sweeps that train was called with; it was called with data of these kinds, or TypeError."""
     sweeps = list(sweep) if isinstance(sweep, (list, tuple)) else [sweep]

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
-from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkTable
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
@@ -17,11 +18,12 @@ from .arrays import _pixels, image
 from .common import FIELD_EXTENSIONS, Planes, PoseCorrection, TrainingInterrupted, path_text, require
 from .names import snake_case
 from .pipeline import set_properties, update, update_alone
-from .vtkBigusFilters import vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusSweepInspection
+from .vtkBigusFilters import vtkBigusFieldLabeler, vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusSweepInspection
 from .vtkBigusFilters import vtkBigusTrainer
 from .vtkBigusIO import (
     vtkBigusFieldReader,
     vtkBigusFieldWriter,
+    vtkBigusLabelReader,
     vtkBigusPoseReader,
     vtkBigusSequenceReader,
     vtkBigusSequenceWriter,
@@ -313,6 +315,64 @@ def standard_error(
     filter = _reslice(field, plane, size, spacing, "standard_error")
     filter.GenerateStandardErrorOutputOn()
     return _pixels(update_alone(filter).GetStandardErrorOutput())[0]
+
+
+def label(
+    field: vtkPolyData,
+    sweep: vtkImageData,
+    labels: Union[np.ndarray, vtkImageData, str, os.PathLike],
+    names: Optional[Mapping[int, str]] = None,
+    frames: Optional[Sequence[int]] = None,
+    **properties: Any,
+) -> vtkPolyData:
+    """The field with labels drawn on frames, which ``label_map`` and vtkBigusReslice show at any plane.
+
+    sweep: the one that the field was trained on, at the poses that it was trained at.
+    labels: whole numbers, 0 (none) to 255, [frames, height, width]; or what vtkBigusLabelReader reads: .seg.nrrd of 3D
+    Slicer, .nrrd, .mha, a folder of PNG images.
+    names: {1: "vessel"}. frames: numbers in the file of the frames that the pictures are of; by default all, in order.
+    properties: those of vtkBigusFieldLabeler, such as Iterations.
+    """
+    require(field, vtkPolyData, "label", "field")
+    require(sweep, vtkImageData, "label", "sweep")
+    if isinstance(labels, (str, os.PathLike)):
+        labels = _read(vtkBigusLabelReader(), labels, {})
+    elif not isinstance(labels, vtkImageData):
+        labels = image(common.label_pixels(labels))
+    pictures = vtkImageData()
+    pictures.ShallowCopy(labels)
+    if frames is not None:
+        numbers = numpy_to_vtk(np.asarray(frames, np.int32), deep=True)
+        numbers.SetName("SourceFrame")
+        pictures.GetFieldData().AddArray(numbers)
+    if names is not None:
+        values = numpy_to_vtk(np.array(sorted(names), np.int32), deep=True)
+        values.SetName("LabelValues")
+        words = vtkStringArray()
+        words.SetName("LabelNames")
+        for value in sorted(names):
+            words.InsertNextValue(names[value])
+        pictures.GetFieldData().AddArray(values)
+        pictures.GetFieldData().AddArray(words)
+        pictures.GetFieldData().RemoveArray("LabelColors")
+    labeler = vtkBigusFieldLabeler()
+    labeler.SetInputDataObject(0, field)
+    labeler.SetSweepData(sweep)
+    labeler.SetLabelData(pictures)
+    set_properties(labeler, properties)
+    return update_alone(labeler).GetOutput()
+
+
+def label_map(
+    field: vtkPolyData,
+    plane: Union[np.ndarray, vtkMatrix4x4],
+    size: Optional[Sequence[int]] = None,
+    spacing: Union[None, float, Sequence[float]] = None,
+) -> np.ndarray:
+    """Which label each pixel of a plane has, uint8 [height, width], 0 for none. Planes as in ``reslice``."""
+    filter = _reslice(field, plane, size, spacing, "label_map")
+    filter.GenerateLabelOutputOn()
+    return _pixels(update_alone(filter).GetLabelOutput())[0]
 
 
 def _compare(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> vtkBigusImageMetrics:
