@@ -10,10 +10,9 @@
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkImageData.h"
-#include "vtkImageProperty.h"
 #include "vtkLookupTable.h"
+#include "vtkMatrix4x4.h"
 #include "vtkPolyData.h"
-#include "vtkRenderer.h"
 
 namespace bigus::command
 {
@@ -23,7 +22,6 @@ namespace
 
 constexpr double kSure = 0.1;                    // of white: a standard error up to this is not tinted
 constexpr double kTint[] = {1, 0.72, 0.2, 0.4};  // with its opacity
-constexpr double kAbove = 0.05;                  // mm, towards the viewer, so that it is drawn over the slice
 
 const float* ImageOf(vtkBigusSliceProp* slice)
 {
@@ -91,18 +89,12 @@ std::string ViewDoubts::At(vtkBigusSliceProp* slice, double i, double j) const
   return intensity + (std::isnan(sigma) ? ", not known" : " +- " + FormatNumber(sigma, 3));
 }
 
-void ViewDoubts::AddTo(vtkRenderer* renderer, Overlay& overlay) const
+void ViewDoubts::AddTo(vtkRenderer* renderer, ViewOverlay& overlay) const
 {
-  overlay.picture->SetMapper(overlay.mapper);
-  overlay.picture->SetUserMatrix(overlay.place);
-  overlay.picture->GetProperty()->SetLookupTable(tints_);
-  overlay.picture->GetProperty()->UseLookupTableScalarRangeOn();
-  overlay.picture->GetProperty()->SetInterpolationTypeToNearest();
-  overlay.picture->VisibilityOff();
-  renderer->AddViewProp(overlay.picture);
+  overlay.AddTo(renderer, tints_);
 }
 
-void ViewDoubts::Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, Overlay& overlay) const
+void ViewDoubts::Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, ViewOverlay& overlay) const
 {
   if (!kept_)
   {
@@ -113,13 +105,7 @@ void ViewDoubts::Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, Ov
   image->SetDimensions(slice->GetSliceSize()[0], slice->GetSliceSize()[1], 1);
   image->AllocateScalars(VTK_FLOAT, 1);
   std::copy(sigma.begin(), sigma.end(), static_cast<float*>(image->GetScalarPointer()));
-  overlay.mapper->SetInputData(image);
-  // A flat view looks along the normal, so towards the viewer is against it.
-  const Eigen::Vector3d across = place.block<3, 1>(0, 0), down = place.block<3, 1>(0, 1);
-  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> lifted = place;
-  lifted.block<3, 1>(0, 3) -= kAbove * across.cross(down).normalized();
-  overlay.place->DeepCopy(lifted.data());
-  overlay.picture->VisibilityOn();
+  overlay.Show(image, place);
 }
 
 }  // namespace bigus::command

@@ -7,10 +7,7 @@
 #include <string>
 
 #include "Core/StandardError/StandardError.h"
-#include "vtkImageSlice.h"
-#include "vtkImageSliceMapper.h"
-#include "vtkMatrix4x4.h"
-#include "vtkNew.h"
+#include "ViewOverlay.h"
 #include "vtkSmartPointer.h"
 
 class vtkBigusSliceProp;
@@ -35,16 +32,10 @@ public:
   /// The slice's intensity at its pixel nearest to (i, j), 1 is white, and its standard error; empty beside the slice.
   std::string At(vtkBigusSliceProp* slice, double i, double j) const;
 
-  /// Lies over what was drawn of a slice, tinted where its standard error is above 10 % of white or not known.
-  struct Overlay
-  {
-    vtkNew<vtkImageSliceMapper> mapper;
-    vtkNew<vtkImageSlice> picture;
-    vtkNew<vtkMatrix4x4> place;
-  };
-  void AddTo(vtkRenderer* renderer, Overlay& overlay) const;
+  /// Of what is tinted: where the slice's standard error is above 10 % of white or not known.
+  void AddTo(vtkRenderer* renderer, ViewOverlay& overlay) const;
   /// Renders the slice. `place`: from its pixels to the renderer's world.
-  void Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, Overlay& overlay) const;
+  void Tint(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, ViewOverlay& overlay) const;
 
 private:
   std::vector<float> Sigma(vtkBigusSliceProp* slice) const;

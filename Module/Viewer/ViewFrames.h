@@ -9,7 +9,7 @@
 
 #include "Core/Model/Sweep.h"
 #include "ViewCell.h"
-#include "ViewDoubts.h"
+#include "ViewOverlay.h"
 #include "vtkImageSlice.h"
 #include "vtkImageSliceMapper.h"
 #include "vtkSmartPointer.h"
@@ -33,7 +33,7 @@ public:
     vtkNew<vtkImageSlice> picture;
   };
   Cell recorded, rendered, difference;
-  ViewDoubts::Overlay doubt;  ///< of the rendered one
+  ViewOverlay doubt, outlines;  ///< of the rendered one
   /// The size of a pixel of the pictures, mm.
   Eigen::Vector2d PixelSize() { return {recorded.picture->GetScale()[0], recorded.picture->GetScale()[1]}; }
   std::array<Cell*, 3> Cells() { return {&recorded, &rendered, &difference}; }

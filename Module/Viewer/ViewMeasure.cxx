@@ -8,6 +8,7 @@
 #include "ViewCell.h"
 #include "vtkCamera.h"
 #include "vtkCellArray.h"
+#include "vtkPolyDataMapper2D.h"
 #include "vtkRenderer.h"
 #include "vtkTextProperty.h"
 

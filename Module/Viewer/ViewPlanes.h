@@ -8,7 +8,7 @@
 
 #include "ViewBox.h"
 #include "ViewCell.h"
-#include "ViewDoubts.h"
+#include "ViewOverlay.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkMatrix4x4.h"
 
@@ -36,7 +36,7 @@ struct PlaneView : ViewCell
     const PlaneView* other = nullptr;
   };
   std::array<Crossing, 2> crossings;
-  ViewDoubts::Overlay doubt;
+  ViewOverlay doubt, outlines;
 
   /// Moves by so many mm, and stays in the box. What was measured goes.
   void Move(double distance);

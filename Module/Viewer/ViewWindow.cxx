@@ -15,8 +15,6 @@
 #include "vtkInteractorStyleTrackballCamera.h"
 #include "vtkPNGWriter.h"
 #include "vtkPolyData.h"
-#include "vtkProperty2D.h"
-#include "vtkTextProperty.h"
 #include "vtkUnsignedCharArray.h"
 #include "vtkWindowToImageFilter.h"
 
@@ -34,56 +32,8 @@ constexpr double kStillRate = 1e-4;                      // as VTK's interactor:
 constexpr auto kStill = std::chrono::milliseconds(400);  // after the last key a picture is drawn in full
 constexpr unsigned long kTick = 100;                     // ms between looks at what there is to do
 constexpr double kWheelStep = 1;                         // mm
-constexpr double kThickest = 5;                          // mm, one standard deviation of the beam
 // The slice's widget has its observers at 0.5, VTK's style at 0.
 constexpr float kBeforeWidgets = 1, kAfterWidgets = 0.25;
-
-const char* const kHelp =
-    "Left Right    previous, next frame\n"
-    "Home End      first, last frame\n"
-    "f             slice back to the frame\n"
-    "Up Down       push the slice by 0.5 mm\n"
-    "              arrows tilt it with Shift,\n"
-    "              move it with Ctrl\n"
-    "1 2 3         ellipsoids, volume, slice\n"
-    "4 5 6         frames and path, planes, beam\n"
-    "c             cut at the slice on, off\n"
-    "g             grey over what was never seen\n"
-    "r             look from the start again\n"
-    "s             save a screenshot, .png\n"
-    "w             save the slice under the\n"
-    "              mouse, .igs.mha with its pose\n"
-    "k n           keep the slice's plane;\n"
-    "              to the next kept one\n"
-    "BackSpace     forget the kept one shown\n"
-    "l             lines where planes cross\n"
-    "e             tint what may be off by over\n"
-    "              10 % of white, or is not known\n"
-    "?             this help\n"
-    "q             quit\n"
-    "\n"
-    "Mouse on the slice: push; at a margin\n"
-    "tilt; at a corner spin; its ball moves,\n"
-    "its arrow turns it; right: window, level.\n"
-    "Beside it: turn; middle: pan; right,\n"
-    "wheel: zoom. On a plane: wheel moves it,\n"
-    "clicks and drags measure, right ends.";
-
-/// Sizes are shares of the cell.
-void StyleSlider(vtkSliderRepresentation2D* looks, int fontSize)
-{
-  looks->SetSliderLength(0.02);
-  looks->SetSliderWidth(0.025);
-  looks->SetTubeWidth(0.005);
-  looks->SetEndCapLength(0.004);
-  looks->SetEndCapWidth(0.012);
-  looks->SetLabelHeight(0.02);
-  looks->GetTubeProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
-  looks->GetCapProperty()->SetColor(kBackdrop[0], kBackdrop[1], kBackdrop[2]);
-  looks->GetSliderProperty()->SetColor(kAccent[0], kAccent[1], kAccent[2]);
-  looks->GetSelectedProperty()->SetColor(1, 1, 1);
-  StyleText(looks->GetLabelProperty(), fontSize);
-}
 
 /// The first name stem-1ending, stem-2ending, ... that no file has.
 std::string FreeName(const std::string& stem, const std::string& ending)
@@ -110,7 +60,8 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
       fontSize_(std::max(kSmallestFont, settings.height / kRowsOfText)),
       scene_(field, sweep_.get(), BoxOfField(field, sweep_.get()), fontSize_),
       planes_(field, BoxOfField(field, sweep_.get()), sweep_ != nullptr),
-      doubts_(field)
+      doubts_(field),
+      labels_(field)
 {
   interactor_->SetRenderWindow(window_);
   vtkNew<vtkInteractorStyleTrackballCamera> style;
@@ -123,6 +74,7 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
     slice->SetSliceSize(sweep_->width, sweep_->height);
     frames_ = std::make_unique<ViewFrames>(sweep_, slice);
     doubts_.AddTo(frames_->rendered.renderer, frames_->doubt);
+    labels_.AddTo(frames_->rendered.renderer, frames_->outlines);
   }
   else
   {
@@ -136,6 +88,7 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
   {
     scene_.AddPlane(view.inScene);
     doubts_.AddTo(view.renderer, view.doubt);
+    labels_.AddTo(view.renderer, view.outlines);
     view.slice->SetProperty(slice->GetProperty());  // one window and level for all
     view.inScene->SetProperty(slice->GetProperty());
   }
@@ -143,8 +96,10 @@ ViewWindow::ViewWindow(vtkPolyData* field, std::shared_ptr<const Sweep> sweep, c
   scene_.cell.SetCaption(settings_.name + "   " + std::to_string(field->GetNumberOfPoints()) +
                          " Gaussians\n? lists the keys");
   LayOut();
-  AddHelp();
-  AddSliders();
+  controls_.Add(scene_.cell.renderer, interactor_, fontSize_, sweep_ ? sweep_->NumberOfFrames() : 0,
+                scene_.Slice()->GetBeamSigma());
+  controls_.slider->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnSlider);
+  controls_.thickness->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnThickness);
   planes_.Cross();
   if (sweep_)
   {
@@ -192,58 +147,6 @@ void ViewWindow::LayOut()
   }
 }
 
-void ViewWindow::AddHelp()
-{
-  help_->SetInput(kHelp);
-  vtkTextProperty* text = help_->GetTextProperty();
-  StyleText(text, fontSize_);
-  text->SetFontFamilyToCourier();  // columns
-  text->SetBackgroundColor(kDark.data());
-  text->SetBackgroundOpacity(0.9);
-  text->SetLineSpacing(1.3);
-  text->SetVerticalJustificationToCentered();
-  help_->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
-  help_->SetPosition(0.03, 0.5);
-  help_->VisibilityOff();
-  scene_.cell.renderer->AddViewProp(help_);
-  StyleText(keptNames_->GetTextProperty(), fontSize_);
-  keptNames_->GetTextProperty()->SetVerticalJustificationToTop();
-  keptNames_->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
-  keptNames_->SetPosition(0.02, 0.9);
-  scene_.cell.renderer->AddViewProp(keptNames_);
-}
-
-void ViewWindow::AddSliders()
-{
-  const auto add = [this](vtkSliderWidget* slider, vtkSliderRepresentation2D* looks, double most, const char* label,
-                          double from, double to)
-  {
-    looks->SetMinimumValue(0);
-    looks->SetMaximumValue(most);
-    looks->SetLabelFormat(label);
-    looks->GetPoint1Coordinate()->SetCoordinateSystemToNormalizedViewport();
-    looks->GetPoint1Coordinate()->SetValue(from, 0.055);
-    looks->GetPoint2Coordinate()->SetCoordinateSystemToNormalizedViewport();
-    looks->GetPoint2Coordinate()->SetValue(to, 0.055);
-    StyleSlider(looks, fontSize_);
-    slider->SetInteractor(interactor_);
-    slider->SetRepresentation(looks);
-    slider->SetDefaultRenderer(scene_.cell.renderer);
-    slider->SetCurrentRenderer(scene_.cell.renderer);
-    slider->SetAnimationModeToJump();
-    slider->EnabledOn();
-  };
-  if (sweep_)
-  {
-    add(slider_, sliderLooks_, std::max(1, sweep_->NumberOfFrames() - 1), "frame %.0f", 0.06, 0.64);
-    slider_->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnSlider);
-  }
-  const double own = scene_.Slice()->GetBeamSigma();
-  add(thickness_, thicknessLooks_, std::max(kThickest, 2 * own), "beam %.1f mm", 0.72, 0.94);
-  thicknessLooks_->SetValue(own);
-  thickness_->AddObserver(vtkCommand::InteractionEvent, this, &ViewWindow::OnThickness);
-}
-
 //------------------------------------------------------------------------------
 // Showing
 
@@ -252,9 +155,9 @@ void ViewWindow::ShowFrame(int frame)
   frame_ = std::clamp(frame, 0, sweep_->NumberOfFrames() - 1);
   scene_.SetPlane(sweep_->Plane(frame_).ImageToReference());
   frames_->ShowFrame(frame_);
-  sliderLooks_->SetValue(frame_);
+  controls_.sliderLooks->SetValue(frame_);
   isAtFrame_ = true;
-  thicknessLooks_->SetValue(scene_.Slice()->GetBeamSigma());
+  controls_.thicknessLooks->SetValue(scene_.Slice()->GetBeamSigma());
 }
 
 /// The slice lies elsewhere now.
@@ -265,17 +168,6 @@ void ViewWindow::ShowMoved()
   {
     frames_->ShowNearest();
   }
-}
-
-/// Names the kept planes, and marks the one shown.
-void ViewWindow::ListKept()
-{
-  std::string names = kept_.empty() ? "" : "kept   n: next";
-  for (std::size_t k = 1; k <= kept_.size(); ++k)
-  {
-    names += "\n" + std::string(k == shownKept_ ? "> " : "   ") + "plane " + std::to_string(k);
-  }
-  keptNames_->SetInput(names.c_str());
 }
 
 double ViewWindow::FramePsnr() const
@@ -306,50 +198,60 @@ void ViewWindow::Render(bool isMoving)
   {
     Judge();
   }
-  ShowDoubts(areDoubtsShown_ && !isMoving);
+  ShowOverlays(!isMoving);
   window_->Render();
 }
 
-/// Over every slice on a flat view.
-void ViewWindow::ShowDoubts(bool isShown)
+/// Over every slice on a flat view, while nothing moves.
+void ViewWindow::ShowOverlays(bool isStill)
 {
+  const auto show =
+      [&](vtkBigusSliceProp* slice, const Eigen::Matrix4d& place, ViewOverlay& doubt, ViewOverlay& outlines)
+  {
+    doubt.Hide();
+    outlines.Hide();
+    if (isStill && areDoubtsShown_)
+    {
+      doubts_.Tint(slice, place, doubt);
+    }
+    if (isStill && areOutlinesShown_)
+    {
+      labels_.Outline(slice, place, outlines);
+    }
+  };
   for (PlaneView& view : planes_.views)
   {
-    view.doubt.picture->VisibilityOff();
-    if (isShown)
-    {
-      doubts_.Tint(view.slice, PlaneOf(view.slice).ImageToReference(), view.doubt);
-    }
+    show(view.slice, PlaneOf(view.slice).ImageToReference(), view.doubt, view.outlines);
   }
   if (frames_)
   {
-    frames_->doubt.picture->VisibilityOff();
-    if (isShown)
-    {
-      const Eigen::Vector2d pixel = frames_->PixelSize();
-      const Eigen::Matrix4d place = Eigen::Vector4d(pixel[0], pixel[1], 1, 1).asDiagonal();
-      doubts_.Tint(scene_.Slice(), place, frames_->doubt);
-    }
+    const Eigen::Vector2d pixel = frames_->PixelSize();
+    show(scene_.Slice(), Eigen::Vector4d(pixel[0], pixel[1], 1, 1).asDiagonal(), frames_->doubt, frames_->outlines);
   }
 }
 
-/// The intensity at a point of a flat view that shows a slice.
+/// The intensity, and the label, at a point of a flat view that shows a slice.
 std::string ViewWindow::About(const ViewCell* cell, const Eigen::Vector3d& point)
 {
+  const auto tell = [this](vtkBigusSliceProp* slice, double i, double j)
+  {
+    const std::string label = labels_.At(slice, i, j);
+    return doubts_.At(slice, i, j) + (label.empty() ? "" : ", " + label);
+  };
   for (PlaneView& view : planes_.views)
   {
     if (&view == cell)
     {
       const SlicePlane plane = PlaneOf(view.slice);
       const Eigen::Vector3d from = point - plane.origin;
-      return doubts_.At(view.slice, from.dot(plane.columnStep) / plane.columnStep.squaredNorm(),
-                        from.dot(plane.rowStep) / plane.rowStep.squaredNorm());
+      return tell(view.slice, from.dot(plane.columnStep) / plane.columnStep.squaredNorm(),
+                  from.dot(plane.rowStep) / plane.rowStep.squaredNorm());
     }
   }
   if (frames_ && cell == &frames_->rendered)
   {
     const Eigen::Vector2d pixel = frames_->PixelSize();
-    return doubts_.At(scene_.Slice(), point[0] / pixel[0], point[1] / pixel[1]);
+    return tell(scene_.Slice(), point[0] / pixel[0], point[1] / pixel[1]);
   }
   return {};
 }
@@ -414,14 +316,14 @@ bool ViewWindow::OnResize(vtkObject*, unsigned long, void*)
 
 bool ViewWindow::OnSlider(vtkObject*, unsigned long, void*)
 {
-  ShowFrame(static_cast<int>(std::lround(sliderLooks_->GetValue())));
+  ShowFrame(static_cast<int>(std::lround(controls_.sliderLooks->GetValue())));
   return false;
 }
 
 /// One thickness for every slice. While it is not touched each plane has the field's own there.
 bool ViewWindow::OnThickness(vtkObject*, unsigned long, void*)
 {
-  const double sigma = thicknessLooks_->GetValue();
+  const double sigma = controls_.thicknessLooks->GetValue();
   scene_.Slice()->GetReslice()->SetElevationSigma(sigma);
   for (PlaneView& view : planes_.views)
   {
@@ -518,7 +420,7 @@ bool ViewWindow::OnPlaneKey(const std::string& key)
   {
     return false;
   }
-  ListKept();
+  controls_.ListKept(kept_.size(), shownKept_);
   return true;
 }
 
@@ -567,13 +469,17 @@ bool ViewWindow::OnKey(vtkObject*, unsigned long, void*)
   {
     areDoubtsShown_ = !areDoubtsShown_;
   }
+  else if (key == "o")
+  {
+    areOutlinesShown_ = !areOutlinesShown_;
+  }
   else if (key == "r")
   {
     scene_.LookFromTheStart();
   }
   else if (key == "question" || key == "h" || key == "F1")
   {
-    help_->SetVisibility(!help_->GetVisibility());
+    controls_.ToggleHelp();
   }
   else if (key == "s" || key == "w")
   {

@@ -9,16 +9,15 @@
 #include <vector>
 
 #include "Core/Model/Sweep.h"
+#include "ViewControls.h"
 #include "ViewDoubts.h"
 #include "ViewFrames.h"
+#include "ViewLabels.h"
 #include "ViewPlanes.h"
 #include "ViewScene.h"
 #include "vtkNew.h"
 #include "vtkRenderWindow.h"
 #include "vtkRenderWindowInteractor.h"
-#include "vtkSliderRepresentation2D.h"
-#include "vtkSliderWidget.h"
-#include "vtkTextActor.h"
 
 namespace bigus::command
 {
@@ -53,12 +52,10 @@ public:
 
 private:
   void LayOut();
-  void AddHelp();
-  void AddSliders();
   void Fit();
   void Render(bool isMoving);
   void Judge();
-  void ShowDoubts(bool isShown);
+  void ShowOverlays(bool isStill);
   std::string About(const ViewCell* cell, const Eigen::Vector3d& point);
   bool OnKey(vtkObject*, unsigned long, void*);
   bool OnWheel(vtkObject*, unsigned long event, void*);
@@ -70,7 +67,6 @@ private:
   bool OnThickness(vtkObject*, unsigned long, void*);
   bool OnPlaneKey(const std::string& key);
   void ShowMoved();
-  void ListKept();
   ViewCell* FlatUnderMouse();
   void Save(bool isSlice);
   void WriteSlice(const std::string& path);
@@ -87,17 +83,15 @@ private:
   ViewScene scene_;
   ViewPlanes planes_;
   ViewDoubts doubts_;
+  ViewLabels labels_;
   std::vector<std::string> guessed_;
   std::unique_ptr<ViewFrames> frames_;
-  vtkNew<vtkTextActor> help_;
-  vtkNew<vtkSliderWidget> slider_, thickness_;
-  vtkNew<vtkSliderRepresentation2D> sliderLooks_, thicknessLooks_;
+  ViewControls controls_;
   bool isAtFrame_ = false;  // the slice lies at frame_
-  bool areCrossingsShown_ = true, areDoubtsShown_ = false;
+  bool areCrossingsShown_ = true, areDoubtsShown_ = false, areOutlinesShown_ = true;
   std::vector<Eigen::Matrix4d> kept_;  // planes
   std::size_t shownKept_ = 0;          // counted from 1; 0: none
-  vtkNew<vtkTextActor> keptNames_;
-  bool isCoarse_ = false;  // the last picture was drawn in a hurry
+  bool isCoarse_ = false;              // the last picture was drawn in a hurry
   std::chrono::steady_clock::time_point coarseSince_;
 };
 
