@@ -4,12 +4,15 @@
 
 import ast
 import copy
+import gzip
+import importlib.util
 import math
 import os
 import pathlib
 import pickle
 import re
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -23,7 +26,7 @@ import unittest.mock
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkImagingCore import vtkImageCast, vtkImageReslice
@@ -408,6 +411,44 @@ class Environment(unittest.TestCase):
 
 
 class Train(unittest.TestCase):
+    def test_label_pictures_that_do_not_fit_are_refused(self):
+        with self.assertRaisesRegex(ValueError, "between 0"):
+            bigus.label(vtkPolyData(), vtkImageData(), np.full((2, 3, 3), 256))
+        with self.assertRaisesRegex(ValueError, "float64"):
+            bigus.label(vtkPolyData(), vtkImageData(), np.zeros((2, 3, 3)))
+        with self.assertRaises(TypeError):
+            bigus.label(None, vtkImageData(), np.zeros((2, 3, 3), int))
+
+    def test_volumes_are_read_back_where_they_lie(self):
+        """The example's NIfTI by its header, and both files by SimpleITK where it is installed."""
+        examples = pathlib.Path(__file__).parents[2] / "Examples"
+        spec = importlib.util.spec_from_file_location("volume_files", examples / "volume_files.py")
+        files = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(files)
+        volume = bigus.image(np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
+        volume.SetOrigin(-7, 5, 3)
+        volume.SetSpacing(0.5, 0.6, 0.7)
+        with tempfile.TemporaryDirectory() as folder:
+            nifti = os.path.join(folder, "v.nii.gz")
+            files.write_nifti(volume, nifti)
+            header = gzip.open(nifti).read()
+            self.assertEqual(struct.unpack("<3h", header[42:48]), (5, 4, 3))
+            np.testing.assert_allclose(struct.unpack("<3f", header[80:92]), (0.5, 0.6, 0.7), rtol=1e-6)
+            np.testing.assert_allclose(struct.unpack("<3f", header[268:280]), (-7, 5, 3), rtol=1e-6)  # RAS
+            try:
+                import pydicom  # noqa: F401
+                import SimpleITK
+            except ImportError as missing:
+                print(f"Skipped: a part of volumes: {missing}")
+                return
+            files.write_dicom(volume, os.path.join(folder, "dicom"))
+            names = SimpleITK.ImageSeriesReader.GetGDCMSeriesFileNames(os.path.join(folder, "dicom"))
+            for read in (SimpleITK.ReadImage(nifti), SimpleITK.ReadImage(names)):
+                for index in ((0, 0, 0), (4, 3, 2), (1, 2, 0)):
+                    x, y, z = read.TransformIndexToPhysicalPoint(index)  # LPS
+                    i, j, k = np.rint((np.array([-x, -y, z]) - (-7, 5, 3)) / (0.5, 0.6, 0.7)).astype(int)
+                    self.assertEqual(read.GetPixel(index), 20 * k + 5 * j + i)
+
     def test_several_sweeps_train_one_field(self):
         sweeps = [small_sweep(), small_sweep(count=7)]
         few = {"Automatic": False, "Gaussians": 600, "Iterations": 20, "HoldOut": 4}
