@@ -136,23 +136,15 @@ void FieldRenderer::UploadField(double sigma)
 
 void FieldRenderer::UploadLabel(double sigma)
 {
-  std::size_t k = 0;
-  const std::size_t count = labels_ ? labels_->labels.size() : 0;
-  while (k < count && labels_->labels[k].value != *label_)
+  if (!labels_)
   {
-    ++k;
-  }
-  if (k == count)
-  {
-    throw Error("LabelValue: the field has no label of the value " + std::to_string(*label_) +
-                "; vtkBigusFieldLabeler gives it labels.");
+    throw Error("LabelValue: the field has no labels; vtkBigusFieldLabeler gives it some.");
   }
   if (!parts_->FollowsClock() || whole_.engines.size() != 1)
   {
     throw Error("LabelValue: labels are of whole fields, and several processes have parts of one.");
   }
-  GaussianField carriers = labels_->Carriers(field_);
-  carriers.reflectivities = labels_->Raised(k);
+  GaussianField carriers = labels_->CarriersOf(field_, *label_);
   if (sigma >= 0)
   {
     carriers.beam = Beam{sigma};

@@ -17,12 +17,15 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "Core/Labels/FieldLabels.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
+#include "Core/Model/ViewDependence.h"
 
 namespace nb = nanobind;
 
@@ -116,7 +119,12 @@ struct Field : GaussianField
 
   std::vector<std::string> provenance;  ///< where it comes from: key=value
   std::string standardError;            ///< what its standard error rests on (Core/StandardError), as bytes
+  std::optional<ViewDependence> view;   ///< what it knows of directions
+  std::optional<FieldLabels> labels;
 };
+
+/// The field without digits that no picture shows.
+Field Rounded(Field field);
 
 /// [n, 4, 4] of matrices.
 Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses);

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Gaussian fields whose arrays numpy sees without copies.
+#include <array>
+
 #include "Arrays.h"
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/FieldRounding.h"
@@ -55,7 +57,126 @@ Field Make(const InputDoubles& centers, const InputDoubles& scales, const InputD
   return field;
 }
 
+template <class Rows>
+Array Stacked(const Rows& rows, std::size_t columns)
+{
+  std::vector<double> numbers;
+  for (const auto& row : rows)
+  {
+    numbers.insert(numbers.end(), row.data(), row.data() + columns);
+  }
+  return Owned(std::move(numbers), {rows.size(), columns});
+}
+
+/// ViewTerm [n, 3], ViewMean [1, 9], ViewSteps [1, 3] and ViewPoses [k, 16], as Data/FieldData.h has them.
+using ViewArrays = std::tuple<InputDoubles, InputDoubles, InputDoubles, InputDoubles>;
+
+nb::object ViewOf(const Field& field)
+{
+  if (!field.view)
+  {
+    return nb::none();
+  }
+  const RecordedViews& views = field.view->views;
+  const std::vector<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> mean = {views.mean};
+  const std::vector<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> poses(views.poses.begin(), views.poses.end());
+  const std::vector<Eigen::Vector3d> steps = {{views.unit, views.angleStep, views.elevationStep}};
+  return nb::make_tuple(Stacked(field.view->terms, 3), Stacked(mean, 9), Stacked(steps, 3), Stacked(poses, 16));
+}
+
+void SetView(Field& field, const std::optional<ViewArrays>& given)
+{
+  std::optional<ViewDependence> view;
+  if (given)
+  {
+    const auto& [terms, mean, steps, poses] = *given;
+    RequireShape(terms, {static_cast<std::int64_t>(field.Size()), 3}, "ViewTerm");
+    RequireShape(mean, {1, 9}, "ViewMean");
+    RequireShape(steps, {1, 3}, "ViewSteps");
+    RequireShape(poses, {-1, 16}, "ViewPoses");
+    const auto rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mean.data());
+    view = ViewDependence{{rotation, steps.data()[0], steps.data()[1], steps.data()[2], {}},
+                          std::vector<Eigen::Vector3d>(field.Size())};
+    Copy(terms, view->terms);
+    for (std::size_t k = 0; k < poses.shape(0); ++k)
+    {
+      view->views.poses.push_back(MatrixAt(poses.data() + 16 * k));
+    }
+    view->Validate(field.Size());
+  }
+  field.view = std::move(view);
+}
+
+/// LabelNames, LabelValues [k], LabelColors [k, 3], weights [n + m, k] and LabelPoints [m, 4], as Data/LabelData.h has them.
+using LabelArrays = std::tuple<std::vector<std::string>, InputDoubles, InputDoubles, InputDoubles, InputDoubles>;
+
+nb::object LabelsOf(const Field& field)
+{
+  if (!field.labels)
+  {
+    return nb::none();
+  }
+  const FieldLabels& all = *field.labels;
+  std::vector<std::string> names;
+  std::vector<double> values;
+  std::vector<std::array<double, 3>> colors;
+  std::vector<Eigen::Vector4d> points;
+  for (const Label& label : all.labels)
+  {
+    names.push_back(label.name);
+    values.push_back(label.value);
+    colors.push_back(label.color);
+  }
+  for (std::size_t i = 0; i < all.points.size(); ++i)
+  {
+    points.push_back(Eigen::Vector4d(all.points[i].x(), all.points[i].y(), all.points[i].z(), all.scales[i]));
+  }
+  const std::size_t count = names.size();
+  return nb::make_tuple(ToTexts(names), Owned(std::move(values), {count}), Stacked(colors, 3),
+                        Owned(all.weights, {field.Size() + points.size(), count}), Stacked(points, 4));
+}
+
+void SetLabels(Field& field, const std::optional<LabelArrays>& given)
+{
+  std::optional<FieldLabels> labels;
+  if (given)
+  {
+    const auto& [names, values, colors, weights, points] = *given;
+    const auto count = static_cast<std::int64_t>(names.size());
+    RequireShape(values, {count}, "LabelValues");
+    RequireShape(colors, {count, 3}, "LabelColors");
+    RequireShape(points, {-1, 4}, "LabelPoints");
+    RequireShape(weights, {static_cast<std::int64_t>(field.Size() + points.shape(0)), count}, "LabelWeight");
+    labels.emplace();
+    for (std::size_t k = 0; k < names.size(); ++k)
+    {
+      const double value = values.data()[k], *const c = colors.data() + 3 * k;
+      const bool isInt = value >= 0 && value <= kLargestLabel;
+      labels->labels.push_back({isInt ? static_cast<int>(value) : -1, names[k], {c[0], c[1], c[2]}});
+    }
+    labels->weights.assign(weights.data(), weights.data() + weights.size());
+    for (std::size_t i = 0; i < points.shape(0); ++i)
+    {
+      const double* const p = points.data() + 4 * i;
+      labels->points.emplace_back(p[0], p[1], p[2]);
+      labels->scales.push_back(static_cast<float>(p[3]));
+    }
+    labels->Validate(field.Size());
+  }
+  field.labels = std::move(labels);
+}
+
 }  // namespace
+
+Field Rounded(Field field)
+{
+  RoundField(field);
+  if (field.view)
+  {
+    RoundView(*field.view);
+  }
+  return field;
+}
 
 void BindField(nb::module_& m)
 {
@@ -112,6 +233,20 @@ void BindField(nb::module_& m)
           "kept_error", [](const Field& f) { return nb::bytes(f.standardError.data(), f.standardError.size()); },
           [](Field& f, const nb::bytes& kept) { f.standardError.assign(kept.c_str(), kept.size()); },
           "What bigus.standard_error rests on, as training leaves it: bytes, which .vtp files keep; empty: nothing.")
+      .def_prop_ro(
+          "labels",
+          [](const Field& f)
+          {
+            std::map<int, std::string> names;
+            for (const Label& label : f.labels ? f.labels->labels : std::vector<Label>())
+            {
+              names[label.value] = label.name;
+            }
+            return names;
+          },
+          "Names of the labels that bigus.label gave it, by their values; empty: none.")
+      .def_prop_rw("view_arrays", &ViewOf, &SetView, nb::arg().none())
+      .def_prop_rw("label_arrays", &LabelsOf, &SetLabels, nb::arg().none())
       .def(
           "validate", [](const Field& field) { field.Validate(); },
           "Raises Error naming the array, the index and the value, unless all is sound.")
@@ -120,7 +255,11 @@ void BindField(nb::module_& m)
           [](const Field& field, const InputDoubles& matrix)
           {
             RequireShape(matrix, {4, 4}, "the transform");
-            return Field(Transformed(field, MatrixAt(matrix.data())), field.provenance);
+            const Eigen::Matrix4d transform = MatrixAt(matrix.data());
+            Field moved(Transformed(field, transform), field.provenance);
+            moved.view = field.view ? std::optional(Transformed(*field.view, transform)) : std::nullopt;
+            moved.labels = field.labels ? std::optional(Transformed(*field.labels, transform)) : std::nullopt;
+            return moved;
           },
           nb::arg("matrix"),
           "The field in other coordinates: matrix, float64 [4, 4], turns, mirrors, scales evenly and moves (mm). Raises "
@@ -136,14 +275,7 @@ void BindField(nb::module_& m)
           },
           nb::arg("chunks"), nb::arg("piece"), nb::arg("pieces"),
           "One process's part of the field, split into so many chunks: (field, its first chunk, Gaussians of each chunk).")
-      .def(
-          "rounded",
-          [](Field field)
-          {
-            RoundField(field);
-            return field;
-          },
-          "The field without digits that no picture shows, as files have it.")
+      .def("rounded", &Rounded, "The field without digits that no picture shows, as files have it.")
       .def("__len__", [](const Field& field) { return field.Size(); })
       .def("__copy__", [](const Field& field) { return Field(field); })
       .def(
@@ -160,6 +292,8 @@ void BindField(nb::module_& m)
   using Shape = std::pair<int, std::int64_t>;
   m.attr("format_version") = kFieldFormatVersion;
   m.def("require_format_version", &RequireFieldFormatVersion, nb::arg("owner"), nb::arg("version"));
+  m.attr("view_version") = kViewVersion;
+  m.def("require_view_version", &RequireViewVersion, nb::arg("owner"), nb::arg("version"));
   m.def("require_few_normals", &RequireFewTrainedNormals, nb::arg("owner"), nb::arg("normals"));
   m.def(
       "require_array",

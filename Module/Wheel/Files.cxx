@@ -220,9 +220,14 @@ std::optional<Field> ReadStoredField(const std::string& path)
 {
   const nb::gil_scoped_release others;
   std::optional<StoredField> stored = ReadField(path);
-  return stored ? std::optional<Field>(
-                      Field(std::move(stored->field), std::move(stored->provenance), std::move(stored->standardError)))
-                : std::nullopt;
+  if (!stored)
+  {
+    return std::nullopt;
+  }
+  Field field(std::move(stored->field), std::move(stored->provenance), std::move(stored->standardError));
+  field.view = std::move(stored->view);
+  field.labels = std::move(stored->labels);
+  return field;
 }
 
 void WriteStoredField(Field field, const std::string& path, bool isRounded)
@@ -232,11 +237,16 @@ void WriteStoredField(Field field, const std::string& path, bool isRounded)
   field.Validate();
   if (isRounded)
   {
-    RoundField(field);
+    field = Rounded(std::move(field));
   }
-  WriteField(
-      {std::move(static_cast<GaussianField&>(field)), std::move(field.provenance), {}, std::move(field.standardError)},
-      path);
+  StoredField stored{
+      std::move(static_cast<GaussianField&>(field)), std::move(field.provenance), {}, std::move(field.standardError)};
+  if (KeepsViews(path))
+  {
+    stored.view = std::move(field.view);
+    stored.labels = std::move(field.labels);
+  }
+  WriteField(stored, path);
 }
 
 nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const std::string& config,

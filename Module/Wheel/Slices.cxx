@@ -2,12 +2,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A field on an engine, ready for many slices, and the grids that filters of VTK's pipelines render.
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <tuple>
 
 #include "Arrays.h"
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/ViewEngine.h"
+#include "Core/Labels/Labels.h"
+#include "Core/Model/Error.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Slicing/Pixels.h"
 #include "Core/StandardError/StandardError.h"
@@ -35,12 +40,19 @@ Eigen::Matrix4d ToMatrix(const InputDoubles& matrix)
 class Slicer
 {
 public:
-  Slicer(const Field& field, const std::string& engine, double elevationSigma, double tolerance)
+  /// `seesDirections`: whether each plane shows the field as it looks from there. `label`: by its value, to show its share.
+  Slicer(const Field& field, const std::string& engine, double elevationSigma, double tolerance, bool seesDirections,
+         std::optional<int> label)
+      : isShare_(label.has_value())
   {
     const nb::gil_scoped_release others;
     ViewSettings{engine, elevationSigma, tolerance}.Validate();
     engine_ = Engine::Create(engine);
-    GaussianField shown = field;
+    if (label && !field.labels)
+    {
+      throw Error("LabelValue: the field has no labels; bigus.label gives it some.");
+    }
+    GaussianField shown = label ? field.labels->CarriersOf(field, *label) : GaussianField(field);
     if (elevationSigma >= 0)
     {
       shown.beam = Beam{elevationSigma};
@@ -48,7 +60,8 @@ public:
     Accuracy accuracy;
     accuracy.tolerance = tolerance;
     engine_->SetAccuracy(accuracy);
-    engine_->SetField(shown);
+    isAlike_ = !field.view || !seesDirections || isShare_;
+    seen_.emplace(*engine_, shown, isAlike_ ? nullptr : &*field.view);
     meanCoverage_ = SpreadOf(field).MeanCoverage();
   }
 
@@ -75,7 +88,8 @@ public:
     {
       const nb::gil_scoped_release others;
       const std::lock_guard<std::mutex> alone(mutex_);
-      engine_->RenderStack(planes, OutputOf(isScattering), images.data(), isCovered ? coverage.data() : nullptr);
+      PlanesSeen(OutputOf(isScattering))(planes, {0, 0, width, height}, images.data(),
+                                         isCovered ? coverage.data() : nullptr);
     }
     const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
     const nb::object image = Owned(std::move(images), {n, h, w});
@@ -127,7 +141,7 @@ public:
     {
       const nb::gil_scoped_release others;
       const std::lock_guard<std::mutex> alone(mutex_);
-      isFinished = bands_.Run(grid, needsCoverage, joined, PlanesOn(*engine_, output), keep);
+      isFinished = bands_.Run(grid, needsCoverage, joined, PlanesSeen(output), keep);
     }
     tell.Rethrow();
     if (!isFinished)
@@ -140,8 +154,30 @@ public:
   }
 
 private:
+  /// Each plane as it looks from there.
+  RenderPlanes PlanesSeen(ViewOutput output)
+  {
+    const RenderPlanes render = PlanesOn(*engine_, isShare_ ? ViewOutput::Scattering : output);
+    if (isAlike_)
+    {
+      return isShare_ ? ShareOf(render) : render;
+    }
+    return [this, render](const std::vector<SlicePlane>& planes, const Engine::Window& window, float* image,
+                          float* coverage)
+    {
+      const std::size_t pixels = static_cast<std::size_t>(window.columns) * window.rows;
+      for (std::size_t k = 0; k < planes.size(); ++k)
+      {
+        seen_->LookFrom(planes[k]);
+        render({planes[k]}, window, image + k * pixels, coverage ? coverage + k * pixels : nullptr);
+      }
+    };
+  }
+
   Bands bands_;
   std::unique_ptr<Engine> engine_;
+  std::optional<SeenField> seen_;
+  bool isShare_, isAlike_ = true;  // from everywhere
   std::mutex mutex_;
   double meanCoverage_ = 0;
 };
@@ -215,6 +251,55 @@ Array PlaceOfIndices(const InputDoubles& axes, const std::optional<InputDoubles>
   return Owned(std::vector<double>(matrix.data(), matrix.data() + 16), {4, 4});
 }
 
+/// The field with labels, of pictures [n, height, width] of these frames.
+Field Labelled(Field field, const Sweep& sweep, const InputBytes& pictures, std::vector<int> frames,
+               const std::map<int, std::string>& names, int iterations, bool keepEmpty, const std::string& engine)
+{
+  RequireShape(pictures, {static_cast<std::int64_t>(frames.size()), sweep.height, sweep.width}, "label pictures");
+  const nb::gil_scoped_release others;
+  LabelFrames given{{}, std::move(frames), {pictures.data(), pictures.data() + pictures.size()}};
+  for (const auto& [value, name] : names)
+  {
+    given.labels.push_back({value, name, UsualColor(value)});
+  }
+  given.labels = WithNames(std::move(given.labels), given.pixels);
+  field.labels = FitLabels(field, sweep, keepEmpty ? given : given.Subset(given.Drawn()), {iterations, engine});
+  return field;
+}
+
+/// A field's labels on an engine, used by one thread at a time.
+class LabelSlicer
+{
+public:
+  LabelSlicer(const Field& field, const std::string& engine)
+  {
+    if (!field.labels)
+    {
+      throw Error("label_map: the field has no labels; bigus.label gives it some.");
+    }
+    const nb::gil_scoped_release others;
+    labelled_.emplace(field, *field.labels, engine);
+  }
+
+  /// [height, width]
+  Array Render(const InputDoubles& plane, int width, int height)
+  {
+    const SlicePlane at = SlicePlane::FromImageToReference(ToMatrix(plane), width, height);
+    at.Validate("the plane");
+    std::vector<std::uint8_t> map(at.NumberOfPixels());
+    {
+      const nb::gil_scoped_release others;
+      const std::lock_guard<std::mutex> alone(mutex_);
+      labelled_->Render(at, map.data());
+    }
+    return Owned(std::move(map), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+  }
+
+private:
+  std::optional<LabelledField> labelled_;
+  std::mutex mutex_;
+};
+
 /// [height, width], of an image [height, width] at a plane.
 Array StandardErrorAt(const nb::bytes& kept, const InputDoubles& plane, const InputFloats& image)
 {
@@ -248,8 +333,9 @@ Array DistancesOfGrid(const Sweep& sweep, const InputDoubles& indexToWorld, cons
 void BindSlices(nb::module_& m)
 {
   nb::class_<Slicer>(m, "Renderer")
-      .def(nb::init<const Field&, const std::string&, double, double>(), nb::arg("field"), nb::arg("engine"),
-           nb::arg("elevation_sigma"), nb::arg("tolerance"))
+      .def(nb::init<const Field&, const std::string&, double, double, bool, std::optional<int>>(), nb::arg("field"),
+           nb::arg("engine"), nb::arg("elevation_sigma"), nb::arg("tolerance"), nb::arg("sees_directions") = true,
+           nb::arg("label").none() = nb::none())
       .def_prop_ro("device", &Slicer::Device)
       .def_prop_ro("mean_coverage", &Slicer::MeanCoverage)
       .def("render", &Slicer::Render, nb::arg("planes"), nb::arg("width"), nb::arg("height"), nb::arg("scattering"),
@@ -273,6 +359,11 @@ void BindSlices(nb::module_& m)
   m.def("index_to_world", &PlaceOfIndices, nb::arg("axes"), nb::arg("transform").none(), nb::arg("spacing"),
         nb::arg("origin"));
   m.def("grid_distances", &DistancesOfGrid, nb::arg("sweep"), nb::arg("index_to_world"), nb::arg("extent"));
+  m.def("label", &Labelled, nb::arg("field"), nb::arg("sweep"), nb::arg("pictures"), nb::arg("frames"),
+        nb::arg("names"), nb::arg("iterations"), nb::arg("keep_empty"), nb::arg("engine"));
+  nb::class_<LabelSlicer>(m, "LabelRenderer")
+      .def(nb::init<const Field&, const std::string&>(), nb::arg("field"), nb::arg("engine"))
+      .def("render", &LabelSlicer::Render, nb::arg("plane"), nb::arg("width"), nb::arg("height"));
   m.def("standard_error", &StandardErrorAt, nb::arg("kept"), nb::arg("plane"), nb::arg("image"));
   m.def("check_output_size", &CheckOutputSize, nb::arg("extent"), nb::arg("maximum"));
   m.def(

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "Arrays.h"
+#include "Core/Model/Error.h"
 #include "Core/Trainer/KeptError.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
@@ -60,7 +61,9 @@ nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance, s
     settled[option.info.name] = option.value;
   }
   nb::dict answer;
-  answer["field"] = nb::cast(Field(std::move(result.field), std::move(provenance), std::move(keptError)));
+  Field field(std::move(result.field), std::move(provenance), std::move(keptError));
+  field.view = std::move(result.view);
+  answer["field"] = nb::cast(std::move(field));
   answer["log"] = log;
   answer["decisions"] = decisions;
   answer["poses"] = PosesToArray(result.imageToReference);

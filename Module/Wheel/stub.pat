@@ -5,3 +5,4 @@ _core.__suffix__:
     __version__: str
     added_filters: dict[str, str]
     format_version: int
+    view_version: int

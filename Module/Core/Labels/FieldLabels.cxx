@@ -86,6 +86,19 @@ GaussianField FieldLabels::Carriers(const GaussianField& field) const
   return carriers;
 }
 
+GaussianField FieldLabels::CarriersOf(const GaussianField& field, int value) const
+{
+  const auto found =
+      std::find_if(labels.begin(), labels.end(), [value](const Label& label) { return label.value == value; });
+  if (found == labels.end())
+  {
+    throw Error("LabelValue: the field has no label of the value " + std::to_string(value) + ".");
+  }
+  GaussianField carriers = Carriers(field);
+  carriers.reflectivities = Raised(static_cast<std::size_t>(found - labels.begin()));
+  return carriers;
+}
+
 std::vector<double> FieldLabels::Raised(std::size_t label) const
 {
   std::vector<double> raised(weights.size() / labels.size());

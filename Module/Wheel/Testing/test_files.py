@@ -6,9 +6,11 @@ BIGUS_VTK_PYTHON names a Python with VTK and BIGUS_VTK_PACKAGE the folder of the
 small file, good or bad, is read by both, and so are the real sweeps in BIGUS_DATA.
 """
 
+import copy
 import json
 import os
 import pathlib
+import pickle
 import struct
 import subprocess
 import sys
@@ -97,6 +99,21 @@ def field(count=700):
                        rng.normal(size=(count, 4)), gamma=0.3, elevation_sigma=1 / 3, probe_elevation_sigma=0.7,
                        trained_normals=[(0, 0, 1), (0.6, -0.8, 0)])
     made.provenance = ["seed=7", "sequence=a b.mha"]
+    poses = np.tile(np.eye(4), (3, 1, 1))  # recorded, of directions that lie 0.2 rad apart
+    poses[0, :2, :2] = [(np.cos(0.2), np.sin(0.2)), (-np.sin(0.2), np.cos(0.2))]
+    poses[2, :2, :2] = poses[0, :2, :2].T
+    poses[:, 2, 3] = -1, 0, 1
+    made.view_arrays = (rng.normal(size=(count, 3)), np.eye(3).reshape(1, 9), np.array([[0.1, 10.0, 1.0]]),
+                        poses.reshape(3, 16))  # fmt: skip
+    made.label_arrays = (["cyst", "vein"], np.array([1, 7]), np.array([(1, 0, 0), (0, 0, 0.1)]),
+                         rng.random((count + 2, 2), np.float32), np.array([(0.1, 5, 6, 0.5), (1, 2, 3, 1)]))  # fmt: skip
+    return made
+
+
+def plain(field):
+    """The same without what it knows of directions, and without labels."""
+    made = copy.copy(field)
+    made.view_arrays = made.label_arrays = None
     return made
 
 
@@ -220,7 +237,10 @@ class Fields(InAFolder):
     def same(self, a, b):
         for name, value in arrays_of(a).items():
             np.testing.assert_array_equal(value, arrays_of(b)[name], err_msg=name)
-        self.assertEqual(a.provenance, b.provenance)
+        self.assertEqual((a.provenance, a.labels), (b.provenance, b.labels))
+        for name in ("view_arrays", "label_arrays"):
+            for one, other in zip(getattr(a, name), getattr(b, name)):
+                np.testing.assert_array_equal(one, other, err_msg=name)
 
     def test_vtp_is_exact(self):
         bigus.write(field(), self.folder / "f.vtp")
@@ -228,6 +248,7 @@ class Fields(InAFolder):
         bigus.write(field(), self.folder / "r.vtp", Rounding=True)
         self.same(bigus.read(self.folder / "r.vtp"), field().rounded())
         self.assertLess(2 * (self.folder / "r.vtp").stat().st_size, (self.folder / "f.vtp").stat().st_size)
+        self.same(pickle.loads(pickle.dumps(field())), field())
         bigus.write(bigus.Field(), self.folder / "e.vtp")
         self.assertEqual(len(bigus.read(self.folder / "e.vtp")), 0)
 
@@ -238,6 +259,19 @@ class Fields(InAFolder):
         np.testing.assert_allclose(again.scales, field().scales, rtol=5e-7)
         np.testing.assert_array_equal(again.centers, field().centers.astype(np.float32))
         self.assertEqual(again.provenance, field().provenance)
+        self.assertEqual((again.view_arrays, again.labels), (None, {}))
+
+    def test_directions_and_labels_must_be_the_fields(self):
+        view, labels = list(field().view_arrays), list(field().label_arrays)
+        for name, arrays, place, value in (
+            ("view_arrays", view, 0, np.ones((9, 3))), ("view_arrays", view, 1, np.ones((1, 9))), ("view_arrays", view, 3, np.full((1, 16), np.nan)),
+            ("label_arrays", labels, 1, np.array([7, 1])), ("label_arrays", labels, 1, np.array([np.nan, 1e99])), ("label_arrays", labels, 0, ["cyst", ""]),
+            ("label_arrays", labels, 3, np.full((702, 2), 2.0)), ("label_arrays", labels, 4, np.zeros((3, 4))),
+        ):  # fmt: skip
+            made = field()
+            with self.subTest(name=name, place=place), self.assertRaises((bigus.Error, ValueError)):
+                setattr(made, name, (*arrays[:place], value, *arrays[place + 1:]))
+            self.same(made, field())
 
     def test_the_commands_field(self):
         found = bigus.read(DATA / "phantom-field.vtp")
@@ -425,6 +459,36 @@ class AsTheClassesOfVtk(InAFolder):
         for name in ("s.mha", "f.vtp"):
             self.assertEqual((self.folder / name).read_bytes(), (self.folder / f"their-{name}").read_bytes(), name)
         self.assertEqual((self.folder / "their-f.ply").stat().st_size, (self.folder / "f.ply").stat().st_size)
+
+    def test_slices_see_directions_and_labels(self):
+        bigus.write(field(), self.folder / "f.vtp")
+        np.save(self.folder / "p.npy", pose(0.1))
+        script = ("import bigus, numpy as np\nf, p = bigus.read('f.vtp'), np.load('p.npy')\n"
+                  "np.savez('out.npz', image=bigus.reslice(f, p, (40, 30)), labels=bigus.label_map(f, p, (40, 30)))")  # fmt: skip
+        environment = {**os.environ, "PYTHONPATH": os.environ["BIGUS_VTK_PACKAGE"]}
+        subprocess.run([os.environ["BIGUS_VTK_PYTHON"], "-c", script], check=True, cwd=self.folder, env=environment)
+        theirs = np.load(self.folder / "out.npz")
+        seen = bigus.reslice(field(), pose(0.1), (40, 30))
+        np.testing.assert_array_equal(seen, theirs["image"])
+        np.testing.assert_array_equal(bigus.label_map(field(), pose(0.1), (40, 30)), theirs["labels"])
+        self.assertEqual(set(np.unique(theirs["labels"])), {0, 1, 7})
+        self.assertGreater(np.abs(seen - bigus.reslice(plain(field()), pose(0.1), (40, 30))).max(), 0.01)
+        self.assertEqual(field().transformed(np.eye(4)).labels, {1: "cyst", 7: "vein"})
+        try:
+            from bigus.vtkdata import polydata_of_field
+        except ImportError:
+            return
+        reslice = bigus.vtkBigusReslice()
+        reslice.SetInputData(polydata_of_field(field()))
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+        from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+        axes = vtkMatrix4x4()
+        axes.DeepCopy(pose(0.1).ravel())
+        reslice.SetOutputToFrame(axes, 40, 30)
+        bigus.update(reslice)
+        pixels = vtk_to_numpy(reslice.GetOutput().GetPointData().GetScalars()).reshape(30, 40)
+        np.testing.assert_allclose(pixels, seen, atol=1e-6)
 
     def test_real_sweeps(self):
         folder = pathlib.Path(os.environ.get("BIGUS_DATA", "none"))

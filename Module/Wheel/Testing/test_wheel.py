@@ -263,6 +263,34 @@ class Slices(unittest.TestCase):
             image = bigus.reslice(two_blobs(), pose(z=1000), (9, 9), engine=engine)
             self.assertEqual((np.abs(image).max(), np.signbit(image).sum()), (0, 0), engine)
 
+    def test_labels_drawn_on_frames_are_shown_at_any_plane_and_kept_in_files(self):
+        sweep = bigus.sweep(np.full((6, 40, 40), 90, np.uint8), np.array([pose(z=0.5 * k) for k in range(6)]))
+        rng = np.random.default_rng(3)
+        centers = rng.uniform((0, 0, -1), (10, 10, 4), (2000, 3))
+        field = bigus.field(centers, np.full((2000, 3), 0.4), np.ones(2000), gamma=GAMMA)
+        pictures = np.zeros((3, 40, 40), int)
+        pictures[:, :, :20] = 7
+        labelled = bigus.label(field, sweep, pictures, {7: "left"}, frames=[0, 2, 4])
+        self.assertEqual((labelled.labels, field.labels), ({7: "left"}, {}))
+        across = np.array([[0, 0, -1, 1], [0, 0.25, 0, 1], [0.25, 0, 0, 1], [0, 0, 0, 1.0]])  # at x = 1, columns along z
+        self.assertTrue((bigus.label_map(labelled, across, (8, 20))[4:, 1:6] == 7).all())
+        shown = bigus.label_map(labelled, pose(z=1.5), (40, 40))
+        again = pickle.loads(pickle.dumps(labelled))
+        np.testing.assert_array_equal(bigus.label_map(again, pose(z=1.5), (40, 40)), shown)
+        self.assertGreater((shown == pictures[0]).mean(), 0.97)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "l.vtp")
+            bigus.write(labelled, path)
+            again = bigus.read_field(path)
+            self.assertEqual(again.labels, {7: "left"})
+            np.testing.assert_array_equal(bigus.label_map(again, pose(z=1.5), (40, 40)), shown)
+        with self.assertRaisesRegex(bigus.Error, "no labels"):
+            bigus.label_map(field, pose(), (40, 40))
+        with self.assertRaisesRegex(ValueError, "label pictures"):
+            bigus.label(field, sweep, pictures[:, :, 1:], frames=[0, 2, 4])
+        with self.assertRaisesRegex(bigus.Error, "frame 9"):
+            bigus.label(field, sweep, pictures, frames=[0, 2, 9])
+
     def test_distance_to_frames(self):
         sweep = bigus.sweep(np.zeros((2, 8, 8), np.uint8), np.array([pose(1.0, 0), pose(1.0, 3.0)]))
         np.testing.assert_allclose(bigus.distance_to_frames(sweep, pose(1.0, 1.0), (8, 8)), 1, atol=1e-6)

@@ -111,10 +111,10 @@ def field(
 
 
 # Copies for pickle, by positional arguments of the functions above.
-def _field_with_more(provenance: list, kept_error: bytes, *arguments: object) -> Field:
+def _field_with_more(more: dict, *arguments: object) -> Field:
     made = field(*arguments)
-    made.provenance = provenance
-    made.kept_error = kept_error
+    for name, value in more.items():
+        setattr(made, name, value)
     return made
 
 
@@ -122,7 +122,8 @@ def _reduce_field(data: Field) -> tuple:
     arrays = (data.centers, data.scales, data.reflectivities, data.rotations)
     sigmas = (data.elevation_sigma, data.probe_elevation_sigma)
     values = (*(np.array(a) for a in arrays), data.gamma, *sigmas, np.array(data.trained_normals))
-    return _field_with_more, (data.provenance, data.kept_error, *values)
+    more = {name: getattr(data, name) for name in ("provenance", "kept_error", "view_arrays", "label_arrays")}
+    return _field_with_more, (more, *values)
 
 
 def _reduce_sweep(data: Sweep) -> tuple:

@@ -201,14 +201,16 @@ class vtkBigusSequenceWriter(_Writer):
 # Images of a field
 
 
-@properties(OutputSpacing=Open((1.0,) * 3), OutputOrigin=Open((0.0,) * 3), OutputMode=Choice(0, ("Intensity", "ScatteringField")),
+@properties(OutputSpacing=Open((1.0,) * 3), OutputOrigin=Open((0.0,) * 3),
+            OutputMode=Choice(0, ("Intensity", "ScatteringField", "LabelShare")), LabelValue=Clamped(1, 1, 255),
             OutputScalarType=VTK_FLOAT, MaximumOutputPixels=1 << 29, **SLICER)
 class vtkBigusFieldToImage(Algorithm):
     """What filters share that render a field: OutputSpacing, OutputOrigin, OutputMode, Engine and more."""
 
-    Intensity, ScatteringField = 0, 1
+    Intensity, ScatteringField, LabelShare = 0, 1, 2
 
     _inputs: Sequence[str] = ("vtkPolyData",)
+    _sees_directions = True
 
     def _begin(self) -> None:
         self._field, self._field_time = None, 0
@@ -269,7 +271,8 @@ class vtkBigusFieldToImage(Algorithm):
             return
         _core.check_output_size(self._extent, self._values["MaximumOutputPixels"])
         self._load_field(data[0][0])
-        key = tuple(self._values[name] for name in SLICER)
+        label = self._values["LabelValue"] if self._values["OutputMode"] == self.LabelShare else None
+        key = (*(self._values[name] for name in SLICER), self._sees_directions, label)
         if self._slicer is None or self._slicer_key != key:
             self._slicer, self._slicer_key = _core.Renderer(self._field, *key), key
         self._draw(outputs)
@@ -289,7 +292,7 @@ class vtkBigusFieldToImage(Algorithm):
                                          stencil, self._go_on)
         if found is None:
             return None
-        self._image(output, found[0], "ScatteringField" if scattering else "Intensity")
+        self._image(output, found[0], self.GetOutputModeAsString())
         return found[1:]
 
 
@@ -297,6 +300,8 @@ class vtkBigusFieldToImage(Algorithm):
             MaximumDimension=Clamped(256, 2, 4096), ElevationSigma=0.0)
 class vtkBigusVoxelizer(vtkBigusFieldToImage):
     """A volume of a field: voxels along OutputDirection, by default over the whole field, thin (ElevationSigma 0)."""
+
+    _sees_directions = False
 
     _outputs = ("vtkImageData",)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
@@ -319,6 +319,45 @@ def reslice(
 
 spell_out(Slicer.__init__, settings.SLICER)
 spell_out(reslice, settings.SLICER)
+
+
+def label(
+    field: Field,
+    sweep: Sweep,
+    labels: ArrayLike,
+    names: Optional[Mapping[int, str]] = None,
+    frames: Optional[Sequence[int]] = None,
+    iterations: int = 4,
+    keep_empty_pictures: bool = False,
+    engine: str = "auto",
+) -> Field:
+    """The field with labels drawn on frames, which ``label_map`` shows at any plane.
+
+    sweep: the one that the field was trained on, at the poses that it was trained at.
+    labels: whole numbers, 0 (none) to 255, [frames, height, width]. names: {1: "vessel"}.
+    frames: the sweep's frames that the pictures are of, ascending; by default all.
+    keep_empty_pictures: also where most are empty between the first and the last with a label, they say that nothing is there.
+    Raises Error for what does not fit.
+    """
+    require(field, Field, "label", "field")
+    require(sweep, Sweep, "label", "sweep")
+    pictures = common.label_pixels(labels)
+    numbers = [int(k) for k in (range(len(sweep)) if frames is None else frames)]
+    return _core.label(field, sweep, pictures, numbers, dict(names or {}), iterations, keep_empty_pictures, engine)
+
+
+def label_map(
+    field: Field,
+    plane: ArrayLike,
+    size: Optional[Sequence[int]] = None,
+    spacing: Union[None, float, Sequence[float]] = None,
+    engine: str = "auto",
+) -> np.ndarray:
+    """Which label each pixel of a plane has, uint8 [height, width], 0 for none. Planes as in ``reslice``."""
+    require(field, Field, "label_map", "field")
+    matrix = pixel_matrix(plane, spacing)
+    width, height = common.checked_size(size if size is not None else common.size_of_view(field.centers, matrix))
+    return _core.LabelRenderer(field, engine).render(matrix, width, height)
 
 
 def standard_error(

@@ -210,7 +210,52 @@ def polydata_of_field(field: Field) -> vtkPolyData:
         data.AddArray(texts_to_vtk(field.provenance, "Provenance"))
     if field.kept_error:
         data.AddArray(to_vtk(np.frombuffer(field.kept_error, np.uint8), "StandardError"))
+    if field.view_arrays is not None:
+        terms, *others = field.view_arrays
+        arrays.AddArray(to_vtk(terms, "ViewTerm"))
+        data.AddArray(to_vtk(np.array([_core.view_version], np.int32), "ViewVersion"))
+        for name, values in zip(VIEW_NUMBERS, others):
+            data.AddArray(to_vtk(values, name))
+    if field.label_arrays is not None:
+        names, values, colors, weights, points = field.label_arrays
+        arrays.AddArray(to_vtk(weights[: len(field)], "LabelWeight"))
+        data.AddArray(texts_to_vtk(names, "LabelNames"))
+        data.AddArray(to_vtk(values.astype(np.int32), "LabelValues"))
+        data.AddArray(to_vtk(colors, "LabelColors"))
+        data.AddArray(to_vtk(points, "LabelPoints"))
+        data.AddArray(to_vtk(weights[len(field):], "LabelPointWeight"))
     return polydata
+
+
+VIEW_NUMBERS = {"ViewMean": 9, "ViewSteps": 3, "ViewPoses": 16}
+
+
+def _view_arrays(arrays: Any, data: Any, owner: str, count: int) -> Optional[tuple]:
+    """What Field.view_arrays is, or None."""
+    if arrays.GetAbstractArray("ViewTerm") is None:
+        return None
+    _core.require_view_version(owner, float(_found(data, owner, "ViewVersion", 1, 1, True)[0]))
+    poses = data.GetArray("ViewPoses")
+    counts = {"ViewPoses": 1 if poses is None else poses.GetNumberOfTuples()}
+    numbers = (_found(data, owner, name, size, counts.get(name, 1), True).reshape(-1, size) for name, size in VIEW_NUMBERS.items())
+    return (_found(arrays, owner, "ViewTerm", 3, count, True), *numbers)
+
+
+def _label_arrays(arrays: Any, data: Any, owner: str, count: int) -> Optional[tuple]:
+    """What Field.label_arrays is, or None."""
+    if arrays.GetAbstractArray("LabelWeight") is None:
+        return None
+    found = {name: data.GetArray(name) for name in ("LabelValues", "LabelPoints")}
+    labels, points = (0 if one is None else one.GetNumberOfTuples() for one in found.values())
+    names = data.GetAbstractArray("LabelNames")
+    if names is None or not names.IsA("vtkStringArray") or names.GetNumberOfValues() != labels:
+        raise Error(f"{owner}: LabelNames must be {labels} strings, one for each of LabelValues.")
+    weights = [_found(arrays, owner, "LabelWeight", labels, count, True).reshape(count, labels)]
+    if points:
+        weights.append(_found(data, owner, "LabelPointWeight", labels, points, True).reshape(points, labels))
+    return ([names.GetValue(k) for k in range(labels)], _found(data, owner, "LabelValues", 1, labels, True),
+            _found(data, owner, "LabelColors", 3, labels, True), np.concatenate(weights),
+            _found(data, owner, "LabelPoints", 4, points, True) if points else np.empty((0, 4)))  # fmt: skip
 
 
 def field_of_polydata(polydata: vtkPolyData) -> Field:
@@ -247,4 +292,6 @@ def field_of_polydata(polydata: vtkPolyData) -> Field:
     kept = data.GetArray("StandardError")
     if kept is not None:
         field.kept_error = vtk_to_numpy(kept).astype(np.uint8).tobytes()
+    field.view_arrays = _view_arrays(arrays, data, owner, count)
+    field.label_arrays = _label_arrays(arrays, data, owner, count)
     return field
