@@ -121,15 +121,21 @@ LabelFrames DrawnFrames(vtkImageData* pictures, vtkImageData* frames, const Impo
 Json HeldOut(vtkPolyData* labelled, const Sweep& sweep, const LabelFrames& training, const LabelFrames& heldOut,
              const std::string& engine)
 {
+  heldOut.Validate(sweep);
+  std::vector<SlicePlane> planes;
+  std::transform(heldOut.frames.begin(), heldOut.frames.end(), std::back_inserter(planes),
+                 [&](int frame) { return sweep.Plane(frame); });
   Json rows = Json::array();
-  for (const LabelScore& score :
-       ScoreLabels(FieldFromPolyData(labelled), *LabelsFromPolyData(labelled), sweep, training, heldOut, engine))
+  for (const LabelScore& score : ScoreLabels(FieldFromPolyData(labelled), *LabelsFromPolyData(labelled), sweep,
+                                             training, planes, heldOut.pixels, engine))
   {
     rows.push_back({{"value", score.label.value},
                     {"name", score.label.name},
                     {"field", score.field},
                     {"nearest", score.nearest},
-                    {"compounding", score.compounding}});
+                    {"compounding", score.compounding},
+                    {"length_error", score.length},
+                    {"area_error", score.area}});
   }
   return rows;
 }
@@ -162,10 +168,11 @@ void Tell(const std::string& output, const Json& volumes, std::size_t fitted, st
   }
   for (const Json& row : scores)
   {
-    console.Print(
-        "  {name}, Dice on frames held out: field {field:3}, nearest labelled frame {nearest:3}, compounded "
-        "volume {compounding:3}",
-        row);
+    const bool isKnown = std::isfinite(row["length_error"].get<double>());
+    console.Print(std::string("  {name}, Dice on frames held out: field {field:3}, nearest labelled frame {nearest:3}, "
+                              "compounded volume {compounding:3}") +
+                      (isKnown ? "; lengths are off by {length_error:2} mm, areas by {area_error:2} mm x outline" : ""),
+                  row);
   }
   console.Report(answer);
 }

@@ -14,8 +14,10 @@ namespace bigus
 namespace
 {
 
-/// Of systematic sections through shapes without edges along the sweep (Gundersen, Jensen, Kieu and Nielsen 1999, eq 13).
-constexpr double kSmooth = 1.0 / 240;
+/// Of systematic sections through shapes without edges along the sweep (Gundersen, Jensen, Kieu and Nielsen 1999, eq 13), where
+/// 3 C_0 - 4 C_1 + C_2 = 1/2 sum (A_(f+1) - 2 A_f + A_(f-1))^2.
+constexpr double kSmooth = 1.0 / 480;
+constexpr double kLeastGap = 1e-3;  // mm: frames of one place are as far apart
 constexpr double kMostVoxels = 4e6;
 /// Where sections tell so many times what voxels do, the probe came by twice.
 constexpr double kTwice = 1.3;
@@ -25,6 +27,7 @@ struct Section
 {
   double area = 0, noise = 0;  // mm^2; variance by its pixels, mm^4
   double column = 0, row = 0;  // of its centre
+  double gap = 0;              // mm to the next
 };
 
 /// A border pixel is in or out by chance: a twelfth of a pixel's squared area each.
@@ -55,23 +58,24 @@ Section SectionOf(const std::uint8_t* picture, const SlicePlane& plane, int valu
   return section;
 }
 
-/// Variance of the volume between sections of one sequence, mm^6.
-double VarianceOf(const std::vector<Section>& sections, double gap, double trackerNoise)
+/// Variance of the volume between sections of one sequence, mm^6; README.md has the equations.
+double VarianceOf(const std::vector<Section>& sections, double trackerNoise)
 {
-  const auto area = [&](std::ptrdiff_t f)
-  { return f < 0 || f >= static_cast<std::ptrdiff_t>(sections.size()) ? 0.0 : sections[f].area; };
-  double c0 = 0, c1 = 0, c2 = 0, noise = 0, moved = 0;
-  for (std::ptrdiff_t f = 0; f < static_cast<std::ptrdiff_t>(sections.size()); ++f)
+  double between = 0, uneven = 0, noise = 0, moved = 0;
+  for (std::size_t f = 1; f + 1 < sections.size(); ++f)
   {
-    c0 += area(f) * area(f);
-    c1 += area(f) * area(f + 1);
-    c2 += area(f) * area(f + 2);
-    noise += sections[f].noise;
-    const double change = 0.5 * (area(f + 1) - area(f - 1));
+    const Section &before = sections[f - 1], &here = sections[f], &after = sections[f + 1];
+    const double h = std::max(before.gap, kLeastGap), g = std::max(here.gap, kLeastGap), largest = std::max(h, g);
+    const double bend = (after.area - here.area) / g - (here.area - before.area) / h;
+    const double byChance =
+        after.noise / (g * g) + here.noise * (1 / g + 1 / h) * (1 / g + 1 / h) + before.noise / (h * h);
+    between += (bend * bend - byChance) * largest * largest * largest * largest;
+    uneven += bend * (h * h - h * g + g * g) / 12;
+    noise += (h + g) * (h + g) / 4 * here.noise;
+    const double change = 0.5 * (after.area - before.area);
     moved += change * change;
   }
-  const double between = std::max(0.0, kSmooth * (3 * (c0 - noise) - 4 * c1 + c2));
-  return gap * gap * (between + noise) + trackerNoise * trackerNoise * moved;
+  return std::max(0.0, kSmooth * between) + uneven * uneven + noise + trackerNoise * trackerNoise * moved;
 }
 
 /// Trapezoids between sections of all sequences, mm^3, and their standard error.
@@ -79,33 +83,33 @@ LabelVolume VolumeBySections(const Sweep& sweep, const LabelFrames& drawn, const
 {
   LabelVolume sum{label, 0, 0};
   std::size_t seen = 0;
+  bool isKnown = true;
   for (const std::vector<int>& own : BySequence(sweep, drawn.frames))
   {
     std::vector<Section> sections;
-    double path = 0;
+    std::size_t seenHere = 0;
     for (std::size_t f = 0; f < own.size(); ++f)
     {
       const SlicePlane plane = sweep.Plane(own[f]);
       const std::size_t place =
           std::lower_bound(drawn.frames.begin(), drawn.frames.end(), own[f]) - drawn.frames.begin();
       sections.push_back(SectionOf(&drawn.pixels[place * sweep.PixelsPerFrame()], plane, label.value));
-      seen += sections.back().area > 0;
+      seenHere += sections.back().area > 0;
       if (f == 0)
       {
         continue;
       }
       // Planes may be tilted, so they are as far apart as they are where the label is.
-      const Section &before = sections[f - 1], &now = sections[f];
+      Section &before = sections[f - 1], &now = sections[f];
       const Section& at = before.area > now.area ? before : now;
-      const double gap = GapBetween(sweep, own[f - 1], own[f], at.column, at.row);
-      sum.volume += 0.5 * gap * (before.area + now.area);
-      path += before.area + now.area > 0 ? gap : 0;
+      before.gap = GapBetween(sweep, own[f - 1], own[f], at.column, at.row);
+      sum.volume += 0.5 * before.gap * (before.area + now.area);
     }
-    const auto gaps = static_cast<double>(
-        std::count_if(sections.begin(), sections.end(), [](const Section& section) { return section.area > 0; }));
-    sum.standardError += VarianceOf(sections, path / std::max(1.0, gaps + 1), trackerNoise);
+    sum.standardError += VarianceOf(sections, trackerNoise);
+    seen += seenHere;
+    isKnown = isKnown && (seenHere == 0 || sections.size() > 2);
   }
-  sum.standardError = seen < 3 ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(sum.standardError);
+  sum.standardError = seen < 3 || !isKnown ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(sum.standardError);
   return sum;
 }
 

@@ -3,13 +3,15 @@
 #include "Core/Labels/Labels.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "Core/Engine/ViewEngine.h"
-#include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
 
 namespace bigus
 {
@@ -38,45 +40,147 @@ Sweep AsFrames(const Sweep& sweep, const LabelFrames& given, const Level& level)
   return frames;
 }
 
-/// What the nearest label picture shows at each plane of `heldOut`.
-std::vector<std::uint8_t> NearestMaps(const Sweep& sweep, const LabelFrames& training, const LabelFrames& heldOut)
+/// What the nearest label picture shows at a point, of those that it projects onto at right angles.
+std::uint8_t NearestLabel(const std::vector<SlicePlane>& frames, const std::vector<Eigen::Matrix3d>& toFrames,
+                          const LabelFrames& given, const Eigen::Vector3d& point)
 {
-  const Sweep frames = AsFrames(sweep, training, [](std::uint8_t value) { return value; });
-  std::vector<std::uint8_t> maps;
-  std::vector<float> image(sweep.PixelsPerFrame());
-  for (const int frame : heldOut.frames)
+  double smallest = std::numeric_limits<double>::infinity();
+  std::uint8_t value = 0;
+  for (std::size_t f = 0; f < frames.size(); ++f)
   {
-    PredictNearest(frames, AllFrames(frames), sweep.Plane(frame), image.data());
-    for (const float value : image)
+    const SlicePlane& frame = frames[f];
+    const Eigen::Vector3d ijz = toFrames[f] * (point - frame.origin);
+    const auto i = std::llround(ijz[0]), j = std::llround(ijz[1]);
+    if (std::abs(ijz[2]) < smallest && i >= 0 && j >= 0 && i < frame.width && j < frame.height)
     {
-      maps.push_back(static_cast<std::uint8_t>(std::lround(value * 255)));
+      smallest = std::abs(ijz[2]);
+      value = given.pixels[(f * frame.height + j) * frame.width + i];
+    }
+  }
+  return value;
+}
+
+std::vector<std::uint8_t> NearestMaps(const Sweep& sweep, const LabelFrames& training,
+                                      const std::vector<SlicePlane>& planes)
+{
+  std::vector<SlicePlane> frames;
+  std::vector<Eigen::Matrix3d> toFrames;
+  for (const int frame : training.frames)
+  {
+    frames.push_back(sweep.Plane(frame));
+    toFrames.push_back(frames.back().WorldToSlice());
+  }
+  std::vector<std::uint8_t> maps;
+  for (const SlicePlane& plane : planes)
+  {
+    for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
+    {
+      maps.push_back(NearestLabel(frames, toFrames, training, plane.Point(p % plane.width, p / plane.width)));
     }
   }
   return maps;
 }
 
 /// What a volume compounded of each label's pictures shows there.
-std::vector<std::uint8_t> CompoundedMaps(const Sweep& sweep, const LabelFrames& training, const LabelFrames& heldOut)
+std::vector<std::uint8_t> CompoundedMaps(const Sweep& sweep, const LabelFrames& training,
+                                         const std::vector<SlicePlane>& planes)
 {
-  const std::size_t n = sweep.PixelsPerFrame(), labels = training.labels.size();
-  std::vector<float> shares(heldOut.frames.size() * labels * n);
-  for (std::size_t k = 0; k < labels; ++k)
+  std::vector<Compounding> volumes;
+  for (const Label& label : training.labels)
   {
-    const int own = training.labels[k].value;
+    const int own = label.value;
     const Sweep frames =
         AsFrames(sweep, training, [own](std::uint8_t value) { return std::uint8_t(value == own ? 255 : 0); });
-    const Compounding volume(frames, AllFrames(frames));
-    for (std::size_t f = 0; f < heldOut.frames.size(); ++f)
-    {
-      volume.Predict(sweep.Plane(heldOut.frames[f]), &shares[(f * labels + k) * n]);
-    }
+    volumes.emplace_back(frames, AllFrames(frames));
   }
-  std::vector<std::uint8_t> maps(heldOut.frames.size() * n);
-  for (std::size_t f = 0; f < heldOut.frames.size(); ++f)
+  std::vector<std::uint8_t> maps;
+  for (const SlicePlane& plane : planes)
   {
-    MapLabels(training.labels, &shares[f * labels * n], n, &maps[f * n]);
+    const std::size_t n = plane.NumberOfPixels();
+    std::vector<float> shares(volumes.size() * n);
+    for (std::size_t k = 0; k < volumes.size(); ++k)
+    {
+      volumes[k].Predict(plane, &shares[k * n]);
+    }
+    maps.resize(maps.size() + n);
+    MapLabels(training.labels, shares.data(), n, &maps[maps.size() - n]);
   }
   return maps;
+}
+
+/// What is measured of a label on a picture, in pixels.
+struct Extent
+{
+  double area = 0, outline = 0, width = 0, height = 0;
+};
+
+/// The outline by Crofton's formula: pi / 4 of the pixels' sides that lie between in and out.
+Extent ExtentOf(const std::uint8_t* map, const SlicePlane& plane, int value)
+{
+  const auto isIn = [&](int i, int j)
+  {
+    return i >= 0 && j >= 0 && i < plane.width && j < plane.height &&
+           map[static_cast<std::size_t>(j) * plane.width + i] == value;
+  };
+  Extent extent;
+  Eigen::AlignedBox2d box;
+  for (int j = 0; j <= plane.height; ++j)
+  {
+    for (int i = 0; i <= plane.width; ++i)
+    {
+      const bool isHere = isIn(i, j);
+      extent.area += isHere;
+      extent.outline += kPi / 4 * ((isHere != isIn(i - 1, j)) + (isHere != isIn(i, j - 1)));
+      if (isHere)
+      {
+        box.extend(Eigen::Vector2d(i, j));
+      }
+    }
+  }
+  if (!box.isEmpty())
+  {
+    extent.width = box.sizes()[0] + 1;
+    extent.height = box.sizes()[1] + 1;
+  }
+  return extent;
+}
+
+std::vector<Extent> ExtentsOf(const std::vector<SlicePlane>& planes, const std::uint8_t* map, int value)
+{
+  std::vector<Extent> extents;
+  for (const SlicePlane& plane : planes)
+  {
+    extents.push_back(ExtentOf(map, plane, value));
+    map += plane.NumberOfPixels();
+  }
+  return extents;
+}
+
+/// Fills in how far lengths and areas are off.
+void Measure(const std::vector<SlicePlane>& planes, const std::uint8_t* shown, const std::uint8_t* truth,
+             LabelScore& score)
+{
+  const std::vector<Extent> is = ExtentsOf(planes, truth, score.label.value);
+  const std::vector<Extent> told = ExtentsOf(planes, shown, score.label.value);
+  double lengths = 0, areas = 0, count = 0, largest = 0;
+  for (const Extent& one : is)
+  {
+    largest = std::max(largest, one.area);
+  }
+  for (std::size_t k = 0; k < planes.size(); ++k)
+  {
+    if (is[k].area > 0 && is[k].area >= 0.5 * largest)
+    {
+      const double pixel = planes[k].PixelSize();
+      const double width = told[k].width - is[k].width, height = told[k].height - is[k].height;
+      const double off = pixel * (told[k].area - is[k].area) / is[k].outline;
+      lengths += pixel * pixel * (width * width + height * height) / 2;
+      areas += off * off;
+      ++count;
+    }
+  }
+  score.length = std::sqrt(lengths / count);
+  score.area = std::sqrt(areas / count);
 }
 
 }  // namespace
@@ -236,23 +340,30 @@ double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>&
 }
 
 std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels, const Sweep& sweep,
-                                    const LabelFrames& training, const LabelFrames& heldOut, const std::string& engine)
+                                    const LabelFrames& training, const std::vector<SlicePlane>& planes,
+                                    const std::vector<std::uint8_t>& truth, const std::string& engine)
 {
   training.Validate(sweep);
-  heldOut.Validate(sweep);
   LabelledField labelled(field, labels, engine);
-  std::vector<std::uint8_t> shown(heldOut.pixels.size());
-  for (std::size_t f = 0; f < heldOut.frames.size(); ++f)
+  std::vector<std::uint8_t> shown;
+  for (const SlicePlane& plane : planes)
   {
-    labelled.Render(sweep.Plane(heldOut.frames[f]), &shown[f * sweep.PixelsPerFrame()]);
+    shown.resize(shown.size() + plane.NumberOfPixels());
+    labelled.Render(plane, &shown[shown.size() - plane.NumberOfPixels()]);
   }
-  const std::vector<std::uint8_t> nearest = NearestMaps(sweep, training, heldOut);
-  const std::vector<std::uint8_t> compounded = CompoundedMaps(sweep, training, heldOut);
+  if (truth.size() != shown.size())
+  {
+    throw Error("Labels: there are " + std::to_string(truth.size()) + " pixels of truth for planes of " +
+                std::to_string(shown.size()) + ".");
+  }
+  const std::vector<std::uint8_t> nearest = NearestMaps(sweep, training, planes);
+  const std::vector<std::uint8_t> compounded = CompoundedMaps(sweep, training, planes);
   std::vector<LabelScore> scores;
   for (const Label& label : labels.labels)
   {
-    scores.push_back({label, Dice(shown, heldOut.pixels, label.value), Dice(nearest, heldOut.pixels, label.value),
-                      Dice(compounded, heldOut.pixels, label.value)});
+    scores.push_back({label, Dice(shown, truth, label.value), Dice(nearest, truth, label.value),
+                      Dice(compounded, truth, label.value)});
+    Measure(planes, shown.data(), truth.data(), scores.back());
   }
   return scores;
 }

@@ -85,17 +85,21 @@ private:
 /// Dice 2 |A and B| / (|A| + |B|) of one label over all pictures; 1 where neither has it.
 double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b, int value);
 
-/// Of one label, what three ways reach at frames that had no part: the field, the label picture of the nearest labelled frame,
-/// and a volume compounded of label pictures.
+/// Of one label, what three ways reach at planes that had no part: the field, at each point what the nearest labelled frame
+/// shows there, and a volume compounded of label pictures.
 struct LabelScore
 {
   Label label;
   double field = 0, nearest = 0, compounding = 0;  ///< Dice
+  /// How far what is measured on the field's pictures is off, root mean square over the planes that truly show the label: mm of
+  /// a length across it, along rows or columns, and mm by which an area is off for each mm of its outline. README.md tells how
+  /// they become standard errors. Not a number where no plane shows it.
+  double length = 0, area = 0;
 };
 
-/// Scores `labels`, fitted to `training`, at the pictures `heldOut`.
+/// Scores `labels`, fitted to `training`, at planes whose `truth` is [planes][height][width].
 std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels, const Sweep& sweep,
-                                    const LabelFrames& training, const LabelFrames& heldOut,
-                                    const std::string& engine = "auto");
+                                    const LabelFrames& training, const std::vector<SlicePlane>& planes,
+                                    const std::vector<std::uint8_t>& truth, const std::string& engine = "auto");
 
 }  // namespace bigus
