@@ -15,7 +15,7 @@ from typing import Any, Optional
 
 import bigus
 import numpy as np
-from bigus.algorithm import NO_ERROR, Algorithm, properties
+from bigus.algorithm import NO_ERROR, Algorithm, Clamped, properties
 from bigus.settings import SLICER
 from bigus.vtkdata import axes_across, field_of_polydata, place_image, plane_on, shadow, shifted_to_first_pixel
 from bigus.vtkdata import sweep_of_image, to_vtk
@@ -32,7 +32,8 @@ LARGEST_SIDE = 16384  # pixels, as in the C++ class
 
 
 @properties(Origin=(0.0, 0.0, 0.0), Normal=(0.0, 0.0, 1.0), Down=(0.0, 1.0, 0.0), Frame=-1, Size=(512, 512), PixelSize=0.0,
-            OutputMode=0, HideUnseen=True, CoverageThreshold=0.1, StandardError=False, **SLICER)
+            OutputMode=0, HideUnseen=True, CoverageThreshold=0.1, StandardError=False, Labels=False, LabelValue=Clamped(1, 1, 255),
+            **SLICER)
 class vtkBigusFieldSlice(Algorithm):
     """A slice of a field as one image at its place; the C++ class of this name tells what each property means."""
 
@@ -94,6 +95,8 @@ class vtkBigusFieldSlice(Algorithm):
     def _fill(self, data: list, outputs: list) -> None:
         output, polydata, recorded = outputs[0], data[0][0], data[1][0] if data[1] else None
         frame, scattering = self._values["Frame"], self._values["OutputMode"] == 1
+        if self._values["OutputMode"] == 2:
+            raise bigus.Error("OutputMode: a label's share is shown by the compiled plugin, and by BIGUS Voxelizer; Labels by both.")
         matrix = self._at_frame(recorded) if frame >= 0 else self._at_plane(polydata)
         width, height = recorded.GetDimensions()[:2] if frame >= 0 else self._values["Size"]
         settings = {name: self._values[name] for name in SLICER}
@@ -116,6 +119,8 @@ class vtkBigusFieldSlice(Algorithm):
             arrays.AddArray(to_vtk(distance.ravel(), "Distance"))
         if self._values["StandardError"]:
             arrays.AddArray(to_vtk(bigus.standard_error(self._field, matrix, (width, height)).ravel(), "StandardError"))
+        if self._values["Labels"]:
+            arrays.AddArray(to_vtk(bigus.label_map(self._field, matrix, (width, height)).ravel(), "Labels"))
         if frame >= 0:
             count = width * height
             pixels = vtk_to_numpy(recorded.GetPointData().GetScalars())[frame * count:(frame + 1) * count]
@@ -132,7 +137,9 @@ def _expose() -> None:
     for group in ElementTree.parse(path).getroot().iter("ProxyGroup"):
         for proxy in group.iter("SourceProxy"):
             name = proxy.get("class")
-            own = globals().get(name) or getattr(bigus, name)
+            own = globals().get(name) or getattr(bigus, name, None)
+            if own is None:
+                continue  # of the compiled plugin alone
             kind = type(name, (own,), {"__module__": __name__, "__doc__": own.__doc__})
             children = "".join(ElementTree.tostring(child, encoding="unicode") for child in proxy)
             declare = smproxy.source(name=proxy.get("name"), label=proxy.get("label"), group=group.get("name"),

@@ -33,7 +33,7 @@ class PluginXml(unittest.TestCase):
         """ParaView makes its menus from the two groups. What makes something from nothing is a reader or a phantom."""
         groups = {group.get("name"): {proxy.get("name") for proxy in group.iter("SourceProxy")}
                   for group in ElementTree.parse(XML).getroot().iter("ProxyGroup")}
-        self.assertEqual(groups["sources"], {"BIGUSFieldReader", "BIGUSPhantom", "BIGUSSweepReader"})
+        self.assertEqual(groups["sources"], {"BIGUSFieldReader", "BIGUSLabelReader", "BIGUSPhantom", "BIGUSSweepReader"})
         self.assertGreater(len(groups["filters"]), 8)
 
     def test_every_command_is_a_method(self):

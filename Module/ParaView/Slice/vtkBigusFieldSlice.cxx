@@ -8,6 +8,7 @@
 #include <string>
 
 #include "Data/FieldData.h"
+#include "Data/LabelData.h"
 #include "Data/Processes.h"
 #include "vtkBigusReslice.h"
 #include "vtkCallbackCommand.h"
@@ -103,6 +104,7 @@ void vtkBigusFieldSlice::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "HideUnseen: " << (this->HideUnseen ? "On\n" : "Off\n");
   os << indent << "CoverageThreshold: " << this->CoverageThreshold << "\n";
   os << indent << "StandardError: " << (this->StandardError ? "On\n" : "Off\n");
+  os << indent << "Labels: " << (this->Labels ? "On\n" : "Off\n");
   os << indent << "Reslice:\n";
   this->Reslice->PrintSelf(os, indent.GetNextIndent());
 }
@@ -123,6 +125,7 @@ void vtkBigusFieldSlice::PrintSelf(ostream& os, vtkIndent indent)
     return this->Reslice->Get##name();                     \
   }
 vtkBigusForwardMacro(OutputMode, int);
+vtkBigusForwardMacro(LabelValue, int);
 vtkBigusForwardMacro(ElevationSigma, double);
 vtkBigusForwardMacro(Tolerance, double);
 vtkBigusForwardMacro(Engine, const char*);
@@ -300,6 +303,7 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
   this->Reslice->SetInputDataObject(field);
   this->Reslice->SetRecordedFrames(sweep);
   this->Reslice->SetGenerateStandardErrorOutput(this->StandardError);
+  this->Reslice->SetGenerateLabelOutput(this->Labels);
   this->Reslice->SetAbortExecute(0);
   vtkNew<vtkCallbackCommand> error;
   error->SetCallback(ForwardError);
@@ -342,7 +346,8 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
     named->SetName(name);
     arrays->AddArray(named);
   };
-  const char* shown = this->GetOutputMode() == vtkBigusFieldToImage::Intensity ? "Intensity" : "Scattering";
+  const char* const names[] = {"Intensity", "Scattering", "LabelShare"};
+  const char* shown = names[this->GetOutputMode()];
   add(pixels, shown);
   arrays->SetActiveScalars(shown);
   vtkDataArray* coverage = this->Reslice->GetCoverageOutput()->GetPointData()->GetScalars();
@@ -354,6 +359,12 @@ int vtkBigusFieldSlice::RequestData(vtkInformation*, vtkInformationVector** inpu
   if (this->StandardError)
   {
     add(this->Reslice->GetStandardErrorOutput()->GetPointData()->GetScalars(), "StandardError");
+  }
+  if (this->Labels)
+  {
+    vtkImageData* labels = this->Reslice->GetLabelOutput();
+    add(labels->GetPointData()->GetScalars(), "Labels");
+    bigus::ReplaceLabelNames(output, bigus::LabelNamesOf(labels));
   }
   const vtkIdType count = pixels->GetNumberOfTuples();
   if (this->Frame >= 0 && sweep->GetPointData()->GetScalars())

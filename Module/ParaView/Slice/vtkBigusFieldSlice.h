@@ -10,10 +10,11 @@
  *
  * | array | type | meaning |
  * |---|---|---|
- * | `Intensity` or `Scattering` | float | the pixel, as OutputMode says; active scalars |
+ * | `Intensity`, `Scattering` or `LabelShare` | float | the pixel, as OutputMode says; active scalars |
  * | `Coverage` | float | summed weight of all footprints: 0 where the sweep saw nothing |
  * | `Distance` | float | mm to the nearest recorded frame; with input 1 |
  * | `Recorded` | as the sweep | what the frame shows; with Frame |
+ * | `Labels` | unsigned char | the value of the label that the pixel has, or 0; with Labels |
  * | `StandardError` | float | how far a recorded frame may be from the pixel (vtkBigusReslice, output 4); with StandardError |
  *
  * Input 1, optional, is the sweep that the field was trained on.
@@ -130,10 +131,22 @@ public:
 
   ///@{
   /**
+   * Whether the array Labels is made, with names and colours in the field data as in the field (Data/LabelData.h). An error
+   * where the field has no labels or lies on several processes. Each label takes about as long as the slice. Default: off.
+   */
+  vtkSetMacro(Labels, vtkTypeBool);
+  vtkGetMacro(Labels, vtkTypeBool);
+  vtkBooleanMacro(Labels, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
    * As in vtkBigusReslice, which holds them.
    */
   void SetOutputMode(int mode);
   int GetOutputMode();
+  void SetLabelValue(int value);
+  int GetLabelValue();
   void SetElevationSigma(double sigma);
   double GetElevationSigma();
   void SetTolerance(double tolerance);
@@ -160,6 +173,7 @@ protected:
   vtkTypeBool HideUnseen = 1;
   double CoverageThreshold = 0.1;
   vtkTypeBool StandardError = 0;
+  vtkTypeBool Labels = 0;
 
 private:
   vtkBigusFieldSlice(const vtkBigusFieldSlice&) = delete;
