@@ -65,6 +65,12 @@ MOST_LIVE_BYTES = 2**26  # of a message
 class Rendered(NamedTuple):
     image: np.ndarray  # float32 [height, width] in [0, 1)
     coverage: np.ndarray  # float32 [height, width]
+    labels: Optional[np.ndarray] = None  # uint8 [height, width], where they were asked for
+
+
+def _labels(values: Iterable, names: Iterable, colors: Iterable) -> list[dict[str, Any]]:
+    """Labels that a field has, as the page is told of them."""
+    return [{"value": int(v), "name": str(n), "color": [float(part) for part in c]} for v, n, c in zip(values, names, colors)]
 
 
 class FieldOfVtk:
@@ -85,8 +91,12 @@ class FieldOfVtk:
         self.elevation_sigma: Optional[float] = sigma.GetTuple1(0) if sigma else 0.0
         self._filter = bigus.vtkBigusReslice()
         self._filter.SetInputData(field)
+        self.labels: list[dict[str, Any]] = []
+        if data.GetArray("LabelWeight"):
+            values, names, colors = (field.GetFieldData().GetAbstractArray("Label" + kind) for kind in ("Values", "Names", "Colors"))
+            self.labels = _labels(vtk_to_numpy(values), map(names.GetValue, range(names.GetNumberOfValues())), vtk_to_numpy(colors))
 
-    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False) -> Rendered:
         from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
         from .arrays import _pixels
@@ -95,9 +105,11 @@ class FieldOfVtk:
         axes = vtkMatrix4x4()
         axes.DeepCopy(plane.ravel())
         self._filter.SetElevationSigma(sigma)
+        self._filter.SetGenerateLabelOutput(labels)
         self._filter.SetOutputToFrame(axes, width, height)
         update_alone(self._filter)
-        return Rendered(_pixels(self._filter.GetOutput())[0], _pixels(self._filter.GetCoverageOutput())[0])
+        map = _pixels(self._filter.GetLabelOutput())[0] if labels else None
+        return Rendered(_pixels(self._filter.GetOutput())[0], _pixels(self._filter.GetCoverageOutput())[0], map)
 
 
 class FieldOfWheel:
@@ -110,11 +122,17 @@ class FieldOfWheel:
         self.elevation_sigma: Optional[float] = field.elevation_sigma
         self._make, self._sigma = (lambda sigma: bigus.Slicer(field, ElevationSigma=sigma)), -1.0
         self._slicer = self._make(self._sigma)
+        self.labels: list[dict[str, Any]] = []
+        if field.label_arrays is not None:
+            names, values, colors, *_ = field.label_arrays
+            self.labels = _labels(values, names, colors)
+            self._label_slicer = bigus._core.LabelRenderer(field, "auto")
 
-    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False) -> Rendered:
         if sigma != self._sigma:
             self._slicer, self._sigma = self._make(sigma), sigma
-        return Rendered(*self._slicer.slice_and_coverage(plane, (width, height)))
+        map = self._label_slicer.render(plane, width, height) if labels else None
+        return Rendered(*self._slicer.slice_and_coverage(plane, (width, height)), map)
 
 
 class Away(Exception):
@@ -137,6 +155,7 @@ class FieldOfLive:
         self.elevation_sigma: Optional[float] = None  # it takes no thickness
         self.centers, self.scales, self.reflectivities = np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
         self.gaussians, self.weight = 0, 1.0  # of which each in `centers` stands for so many
+        self.labels: list[dict[str, Any]] = []
         self.state: dict[str, Any] = {}
         self._stream: Any = None
         try:
@@ -144,7 +163,7 @@ class FieldOfLive:
         except Away as error:
             raise ValueError(f"{error}. Start bigus live with --listen {self._place[1]} first.") from None
 
-    def render(self, plane: np.ndarray, width: int, height: int, _: float = -1.0) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, *_: Any) -> Rendered:
         pixels = self._ask({"plane": plane.ravel().tolist(), "width": width, "height": height}, 3)
         if pixels.shape != (2, height, width):
             self._leave(f"{self.address} gave a slice of another size")
@@ -327,6 +346,7 @@ class Request(NamedTuple):
     width: int
     height: int
     sigma: float  # mm, the slice's thickness; negative: the field's own
+    labels: bool  # whether to tell them, too
 
 
 class Scene:
@@ -404,7 +424,7 @@ class Scene:
             "frames": [] if sweep is None else [pose.ravel().tolist() for pose in sweep.poses],
             "numbers": [] if sweep is None else sweep.numbers.tolist(),
             "firstFrame": None if sweep is None else len(sweep) // 2,
-            "elevationSigma": self.field.elevation_sigma, "thickest": THICKEST,
+            "elevationSigma": self.field.elevation_sigma, "thickest": THICKEST, "labels": self.field.labels,
             "live": self.field.state if self.live else None,
         }  # fmt: skip
 
@@ -426,11 +446,14 @@ class Scene:
         id, sigma = whole("id", 0, 2**53), message.get("elevationSigma", -1)
         if "elevationSigma" in message and not (type(sigma) in (int, float) and 0 <= sigma <= THICKEST and not self.live):
             raise ValueError(f"elevationSigma is from 0 to {THICKEST:g} mm; a field that grows takes none")
+        labels = message.get("labels", False)
+        if type(labels) is not bool or labels and not self.field.labels:
+            raise ValueError("labels is true or false; true where the scene has labels")
         if message.get("frame") is not None:
             if not self.sweep:
                 raise ValueError("there are no frames")
             return Request(id, whole("frame", 0, len(self.sweep) - 1), None, self.sweep.width, self.sweep.height,
-                           sigma)  # fmt: skip
+                           sigma, labels)  # fmt: skip
         width, height = whole("width", 1, MOST_SIDE), whole("height", 1, MOST_SIDE)
         if width * height > MOST_PIXELS:
             raise ValueError(f"a slice has at most {MOST_PIXELS} pixels")
@@ -448,19 +471,21 @@ class Scene:
         if length < 1e-3:
             raise ValueError("the plane's first two columns must span a plane")
         plane[:3, 2], plane[3] = normal / length, (0, 0, 0, 1)
-        return Request(id, None, plane, width, height, sigma)
+        return Request(id, None, plane, width, height, sigma, labels)
 
     def render(self, request: Request) -> tuple[dict[str, Any], list[bytes]]:
-        """What is told of the slice, and its pixels, its coverage and whether the sweep saw them, as bytes."""
+        """What is told of the slice, and its pixels, its coverage, whether the sweep saw them and, where they were asked for,
+        their labels, as bytes."""
         self.refresh()
         begin = time.perf_counter()
         plane = self.sweep.poses[request.frame] if request.frame is not None else request.plane
-        image, coverage = self.field.render(plane, request.width, request.height, request.sigma)
+        image, coverage, labels = self.field.render(plane, request.width, request.height, request.sigma, request.labels)
         coverage = coverage / self.mean_coverage
         seen = coverage / SEEN_ABOVE
         if self.sweep:
             seen = np.maximum(seen, self.sweep.seen(plane, request.width, request.height))
-        head: dict[str, Any] = {"id": request.id, "width": request.width, "height": request.height, "frame": None}
+        head: dict[str, Any] = {"id": request.id, "width": request.width, "height": request.height, "frame": None,
+                                "labels": request.labels}  # fmt: skip
         if self.sweep:
             size = (request.width, request.height)
             frame, distance = (request.frame, 0.0) if request.frame is not None else self.sweep.nearest(plane, *size)
@@ -476,7 +501,7 @@ class Scene:
             if probe := self.probe():
                 head["live"]["probe"] = probe[0].ravel().tolist()
         head["seconds"] = time.perf_counter() - begin
-        return head, [_bytes(pixels).tobytes() for pixels in (image, coverage, seen)]
+        return head, [_bytes(pixels).tobytes() for pixels in (image, coverage, seen, labels) if pixels is not None]
 
 
 def read_scene(field: str, sweep: Optional[str], tell: Any) -> Scene:
@@ -775,7 +800,8 @@ class Server:
                     client.shown = head["frame"]
                     head["recorded"] = [sweep.width, sweep.height]
                     parts.append(sweep.pixels(client.shown).tobytes())
-                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, seen, recorded frame.
+                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, seen, labels, recorded
+                # frame.
                 text = json.dumps(head, allow_nan=False).encode()
                 text += b" " * (-len(text) % 4)
                 await self._send(socket, transport, b"".join([struct.pack("<I", len(text)), text, *parts]))

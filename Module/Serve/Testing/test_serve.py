@@ -53,6 +53,14 @@ def write_sweep(path: str) -> np.ndarray:
     return pixels
 
 
+def write_labelled(sweep: str, path: str) -> None:
+    """The field with two labels, one at each side of the frames, of which the right one is named as no HTML may be."""
+    pictures = np.zeros((3, HEIGHT, WIDTH), int)
+    pictures[:, 8:40, 6:26], pictures[:, 8:40, 38:58] = 1, 7
+    names = {1: "left", 7: "<b>right"}
+    bigus.write(bigus.label(bigus.read(FIELD), bigus.read(sweep), pictures, names, frames=[0, 2, 4]), path)
+
+
 def line(x: float, y: float, dx: float, dy: float, places: int = 9) -> list:
     return [(x + dx * k / (places - 1), y + dy * k / (places - 1)) for k in range(places)]
 
@@ -187,6 +195,25 @@ class Rules(unittest.TestCase):
             _, (image, *_) = self.scene.render(self.scene.parse(json.dumps(self.request(elevationSigma=sigma))))
             expected = bigus.reslice(bigus.read(FIELD), np.diag([0.4, 0.4, 1, 1]), size=(64, 48), ElevationSigma=sigma)
             np.testing.assert_allclose(np.frombuffer(image, np.uint8).reshape(48, 64), expected * 255, atol=0.51)
+
+    def test_labels_are_told_where_they_are_asked_for(self):
+        with tempfile.TemporaryDirectory() as folder:
+            write_sweep(folder + "/sweep.igs.mha")
+            write_labelled(folder + "/sweep.igs.mha", folder + "/labelled.vtp")
+            scene = serve.read_scene(folder + "/labelled.vtp", None, lambda *_, **__: None)
+            expected = bigus.label_map(bigus.read(folder + "/labelled.vtp"), poses()[1], size=(WIDTH, HEIGHT))
+        request = self.request(plane=poses()[1].ravel().tolist())
+        head, parts = scene.render(scene.parse(json.dumps({**request, "labels": True})))
+        self.assertEqual((head["labels"], len(parts)), (True, 4))
+        np.testing.assert_array_equal(np.frombuffer(parts[3], np.uint8).reshape(HEIGHT, WIDTH), expected)
+        self.assertEqual(set(np.unique(expected)), {0, 1, 7})
+        self.assertEqual([(one["value"], one["name"]) for one in scene.description()["labels"]], [(1, "left"), (7, "<b>right")])
+        self.assertEqual(len(scene.render(scene.parse(json.dumps(request)))[1]), 3)
+        for wrong in (1, "yes", None):
+            with self.assertRaisesRegex(ValueError, "labels"):
+                scene.parse(json.dumps({**request, "labels": wrong}))
+        with self.assertRaisesRegex(ValueError, "labels"):  # of a field without any
+            self.scene.parse(json.dumps({**request, "labels": True}))
 
     def test_where_other_machines_find_the_page(self):
         self.assertEqual(serve.address_for_others("192.0.2.7"), "192.0.2.7")
@@ -505,12 +532,15 @@ class Program(unittest.TestCase):
 @unittest.skipIf(aiohttp is None or chromium.program() is None, "aiohttp or Chromium is not installed")
 class Page(unittest.IsolatedAsyncioTestCase):
     @contextlib.asynccontextmanager
-    async def page(self, width, height, phone=False):
+    async def page(self, width, height, phone=False, labels=False):
         field, sweep = os.environ.get("BIGUS_SERVE_FIELD"), os.environ.get("BIGUS_SERVE_SWEEP")
         with tempfile.TemporaryDirectory() as folder:
             if field is None or sweep is None:
                 field, sweep = FIELD, folder + "/sweep.igs.mha"
                 write_sweep(sweep)
+                if labels:
+                    field = folder + "/labelled.vtp"
+                    write_labelled(sweep, field)
             server = await asyncio.to_thread(Running, field, sweep, "--threads", "2", "--token")
             try:
                 async with chromium.Browser() as browser:
@@ -713,6 +743,38 @@ class Page(unittest.IsolatedAsyncioTestCase):
         self.assertLessEqual(await values(), {0, 255})
         await browser.evaluate("(() => { level.value = 255; level.oninput(); })()")
         self.assertEqual(await values(), {0})
+
+    async def test_labels_are_outlined_and_named(self):
+        """On a desk and on a phone, and not where they are switched off."""
+        for width, height, phone in ((1440, 900, False), (390, 844, True)):
+            async with self.page(width, height, phone, labels=True) as browser:
+                self.assertLessEqual(await browser.evaluate("document.documentElement.scrollWidth"), width)
+                self.assertEqual(await browser.evaluate("last.outlines.map((one) => one.name)"), ["left", "<b>right"])
+                place, ratio = await browser.evaluate("placeOnScreen()"), await browser.evaluate("window.devicePixelRatio")
+                colour = (await browser.evaluate("last.outlines[0].color.map((part) => Math.round(part * 255))"))
+
+                async def outline():  # on the row of pixels in the middle, where the marks have the left label's colour
+                    row = round((place["top"] + HEIGHT / 2 * place["scale"]) * ratio)
+                    wide = 4 * await browser.evaluate("document.getElementById('marks').width")
+                    pixels = await self.bytes_of(browser, "marks", f"slice({row * wide}, {(row + 1) * wide})", "Array.from")
+                    pixels = np.array(pixels).reshape(-1, 4)
+                    found = np.flatnonzero((np.abs(pixels[:, :3] - colour).max(axis=1) < 40) & (pixels[:, 3] > 100))
+                    return (found / ratio - place["left"]) / place["scale"]
+
+                # The borders lie before pixels 6 and 26, but where carriers are as wide as that.
+                at = await outline()
+                for border in (6, 26):
+                    self.assertLess(np.abs(at - border).min(), 2, at)
+                await browser.evaluate("document.getElementById('labels').click()")
+                await self.moved(browser)
+                self.assertEqual(await browser.evaluate("last.outlines"), [])
+                self.assertEqual(len(await outline()), 0)
+                await browser.evaluate("document.getElementById('labels').click()")
+                await self.moved(browser)
+                if "BIGUS_SERVE_PICTURE" in os.environ:
+                    await browser.picture(f"{os.environ['BIGUS_SERVE_PICTURE']}.labels-{width}.png")
+        async with self.page(1440, 900) as browser:
+            self.assertTrue(await browser.evaluate("document.getElementById('labelBox').hidden"))
 
     async def test_a_drag_moves_the_slice(self):
         async with self.page(1400, 900) as browser:
