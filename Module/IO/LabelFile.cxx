@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <numeric>
 
 #include "IO/FileError.h"
@@ -66,35 +67,50 @@ std::string Field(const SequenceFile& file, const std::string& name)
   return found == file.fields.end() ? std::string() : found->second;
 }
 
-/// Slicer's Segment0_LabelValue, _Name and _Color.
-std::vector<Label> SegmentsOf(const SequenceFile& file)
+/// What Slicer calls a segment.
+struct Segment
 {
-  std::vector<Label> labels;
+  Label label;
+  std::int64_t value = 0, layer = 0;  // in the file
+};
+
+/// Segment0_LabelValue, _Name, _Color and _Layer. Values of several layers may be the same, so segments are counted there.
+std::vector<Segment> SegmentsOf(const SequenceFile& file)
+{
+  std::vector<Segment> segments;
   for (int k = 0; k < kLargestLabel; ++k)
   {
-    const std::string segment = "Segment" + std::to_string(k) + "_";
-    std::int64_t value = 0;
-    if (!ParseNumber(Field(file, segment + "LabelValue"), value))
+    const std::string name = "Segment" + std::to_string(k) + "_";
+    Segment segment;
+    if (!ParseNumber(Field(file, name + "LabelValue"), segment.value))
     {
       continue;
     }
-    std::int64_t layer = 0;
-    if (ParseNumber(Field(file, segment + "Layer"), layer) && layer != 0)
+    ParseNumber(Field(file, name + "Layer"), segment.layer);
+    Label& label = segment.label;
+    label.name = Printable(Field(file, name + "Name"));
+    label.name = label.name.empty() ? "Label " + std::to_string(segment.value) : label.name;
+    if (segment.layer < 0 || segment.layer >= file.layers)
     {
-      throw FormatError(file.fileName + ": the segment " + Quoted(Field(file, segment + "Name")) + " is in layer " +
-                        std::to_string(layer) +
-                        "; segments that overlap lie in layers, and one is read. Export them one by one");
+      throw FormatError(file.fileName + ": the segment " + Quoted(label.name) + " is in layer " +
+                        std::to_string(segment.layer) + ", and there are " + std::to_string(file.layers));
     }
-    Label label;
-    label.value = static_cast<int>(std::clamp<std::int64_t>(value, 0, kLargestLabel + 1));
-    label.name = Printable(Field(file, segment + "Name"));
-    label.name = label.name.empty() ? "Label " + std::to_string(value) : label.name;
-    if (!ParseNumbers(Field(file, segment + "Color"), 3, label.color.data()))
+    label.value = file.layers > 1 ? static_cast<int>(segments.size()) + 1
+                                  : static_cast<int>(std::clamp<std::int64_t>(segment.value, 0, kLargestLabel + 1));
+    if (!ParseNumbers(Field(file, name + "Color"), 3, label.color.data()))
     {
       label.color = UsualColor(label.value);
     }
-    labels.push_back(label);
+    segments.push_back(segment);
   }
+  return segments;
+}
+
+std::vector<Label> LabelsOf(const SequenceFile& file, const std::vector<Segment>& segments)
+{
+  std::vector<Label> labels;
+  std::transform(segments.begin(), segments.end(), std::back_inserter(labels),
+                 [](const Segment& segment) { return segment.label; });
   std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
   try
   {
@@ -105,6 +121,37 @@ std::vector<Label> SegmentsOf(const SequenceFile& file)
     throw FormatError(file.fileName + ": " + error.what());
   }
   return labels;
+}
+
+/// One picture of several layers, pixels [pictures][height][width][layers]: what lies in two is the later segment's, as Slicer
+/// draws it over the other.
+std::vector<std::uint8_t> Flattened(const SequenceFile& file, const std::vector<Segment>& segments,
+                                    const std::vector<std::uint8_t>& pixels)
+{
+  if (file.flipColumns)
+  {
+    throw FormatError(file.fileName +
+                      ": has layers of pictures that are not in marked-far order; save them as volumes");
+  }
+  const auto layers = static_cast<std::size_t>(file.layers);
+  std::vector<std::uint8_t> valueOf(layers * (kLargestLabel + 1), 0), flat(pixels.size() / layers, 0);
+  for (const Segment& segment : segments)
+  {
+    valueOf.at(static_cast<std::size_t>(segment.layer * (kLargestLabel + 1) +
+                                        std::clamp<std::int64_t>(segment.value, 0, kLargestLabel))) =
+        static_cast<std::uint8_t>(segment.label.value);
+  }
+  for (std::size_t at = 0; at < pixels.size(); ++at)
+  {
+    const std::uint8_t value = pixels[at] ? valueOf[at % layers * (kLargestLabel + 1) + pixels[at]] : 0;
+    if (pixels[at] && !value)
+    {
+      throw FormatError(file.fileName + ": layer " + std::to_string(at % layers) + " has the label " +
+                        std::to_string(pixels[at]) + ", which no segment names");
+    }
+    flat[at / layers] = std::max(flat[at / layers], value);
+  }
+  return flat;
 }
 
 /// A segmentation may be stored without its empty border.
@@ -127,7 +174,7 @@ LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPicture
   LabelPictures pictures;
   std::vector<int> numbers;
   const SequenceFile file = std::filesystem::is_directory(path) ? FolderOfPictures(path, numbers)
-                                                                : ReadSequenceFile(path, {true, true, {}, {}});
+                                                                : ReadSequenceFile(path, {true, true, true, {}, {}});
   const auto count = static_cast<std::size_t>(file.numberOfFrames);
   if (count > mostPictures)
   {
@@ -150,9 +197,10 @@ LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPicture
   ReadFrames(
       file, poses, all, {}, file.elementType == ElementType::UInt16 ? 65535 : 0, [](double) { return true; },
       bytes.data(), read);
-  pictures.width = file.width;
+  const std::vector<Segment> segments = SegmentsOf(file);
+  pictures.width = file.width / file.layers;
   pictures.height = file.height;
-  pictures.labels = SegmentsOf(file);
+  pictures.labels = LabelsOf(file, segments);
   pictures.isNumbered = !numbers.empty() && *std::min_element(numbers.begin(), numbers.end()) >= 0;
   pictures.numbers = pictures.isNumbered ? numbers : all;
   pictures.pixels.resize(pixels);
@@ -168,6 +216,10 @@ LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPicture
       throw FormatError(path + ": has the label " + std::to_string(value) + "; labels from 1 to 255 are read");
     }
     pictures.pixels[p] = static_cast<std::uint8_t>(value);
+  }
+  if (file.layers > 1)
+  {
+    pictures.pixels = Flattened(file, segments, pictures.pixels);
   }
   return pictures;
 }

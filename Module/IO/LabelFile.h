@@ -23,7 +23,8 @@ struct LabelPictures
 };
 
 /// Label pictures of a folder of PNG images, in natural order, or of a MetaImage or NRRD sequence or volume, a slice a picture:
-/// a segmentation of 3D Slicer (.seg.nrrd) of one layer names its segments. Colours that are grey will do. Throws FileError
+/// a segmentation of 3D Slicer (.seg.nrrd) names its segments. Where it has layers, a pixel is the later segment's, and segments
+/// are numbered from 1 in the file's order. Colours that are grey will do. Throws FileError
 /// for what is none, for a value above 255, and for more pictures than `mostPictures`.
 LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPictures);
 

@@ -141,7 +141,7 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
   const std::string beginning = FileBeginning(fileName, 4096);
   if (LooksLikeNrrd(beginning))
   {
-    ReadNrrdHeader(file, input, images.plain);
+    ReadNrrdHeader(file, input, images);
   }
   else if (LooksLikeMetaImage(beginning))
   {

@@ -52,6 +52,7 @@ struct SequenceFile
   int channels = 1;       ///< elements of a pixel in the file; 3 or 4 are red, green, blue, and what is ignored
   bool isSigned = false;  ///< UInt16 is short in the file, and no pixel may be negative
   bool bigEndian = false;
+  int layers = 1;              ///< of each pixel, which lie side by side: `width` counts them all
   bool framesFastest = false;  ///< the list axis comes first: a pixel's values in all frames lie side by side
 
   std::string orientation;   ///< the flag as in the file
@@ -90,10 +91,11 @@ struct SequenceFile
 /// Where a CSV of poses finds its images.
 struct ImageOptions
 {
-  bool wanted = true;   ///< false: poses only, images are looked at for their size at most
-  bool plain = false;   ///< true: a PNG image, and an NRRD volume as a stack of its slices, will do too
-  std::string folder;   ///< empty: the CSV's folder
-  std::string pattern;  ///< with one %d; empty: the `image` column, or all PNG files of `folder`
+  bool wanted = true;    ///< false: poses only, images are looked at for their size at most
+  bool plain = false;    ///< true: a PNG image, and an NRRD volume as a stack of its slices, will do too
+  bool layered = false;  ///< true: so will such a volume of several layers (SequenceFile::layers)
+  std::string folder;    ///< empty: the CSV's folder
+  std::string pattern;   ///< with one %d; empty: the `image` column, or all PNG files of `folder`
 };
 
 /// Whether a file says that it is a sequence: it looks like one and, unless it may be plain, its header has a transform of a

@@ -84,9 +84,38 @@ TEST(LabelFile, WhatIsCutOrOverlapsIsToldHowToBeSaved)
   EXPECT_NE(ErrorOf(folder / "cut.seg.nrrd").find("Crop to minimum extent"), std::string::npos);
   WriteBytes(folder / "layers.seg.nrrd", Segmentation("0 0 0", "1"));
   EXPECT_NE(ErrorOf(folder / "layers.seg.nrrd").find("layer 1"), std::string::npos);
+  EXPECT_NE(ErrorOf(folder / "layers.seg.nrrd").find("there are 1"), std::string::npos);
   WriteBytes(folder / "many.seg.nrrd", Segmentation());
   EXPECT_NE(ErrorOf(folder / "many.seg.nrrd", 1).find("has 2 pictures"), std::string::npos);
   EXPECT_NE(ErrorOf(folder / "none").find("none"), std::string::npos);
+}
+
+TEST(LabelFile, OfLayersALaterSegmentCoversAnEarlierOne)
+{
+  TemporaryFolder folder;
+  // Two layers of 3 x 2 pixels in two pictures; both segments have the value 1.
+  const std::string header =
+      "NRRD0004\ntype: unsigned char\ndimension: 4\nspace: left-posterior-superior\nsizes: 2 3 2 2\n"
+      "space directions: none (1,0,0) (0,1,0) (0,0,1)\nkinds: list domain domain domain\nencoding: raw\n"
+      "Segment0_LabelValue:=1\nSegment0_Layer:=0\nSegment0_Name:=liver\n"
+      "Segment1_LabelValue:=1\nSegment1_Layer:=1\nSegment1_Name:=vein\n\n";
+  const std::string pixels("\1\0\1\1\0\1\0\0\1\0\1\0\0\0\0\0\0\1\0\1\1\1\1\1", 24);
+  WriteBytes(folder / "l.seg.nrrd", header + pixels);
+  const LabelPictures read = ReadLabelPictures(folder / "l.seg.nrrd", 2);
+  EXPECT_EQ(read.width, 3);
+  EXPECT_EQ(read.pixels, (std::vector<std::uint8_t>{1, 2, 2, 0, 1, 1, 0, 0, 2, 2, 2, 2}));
+  ASSERT_EQ(read.labels.size(), 2u);
+  EXPECT_EQ(read.labels[1].name, "vein");
+  std::string other = pixels;
+  other[3] = 5;
+  WriteBytes(folder / "other.seg.nrrd", header + other);
+  EXPECT_NE(ErrorOf(folder / "other.seg.nrrd").find("layer 1 has the label 5"), std::string::npos);
+  WriteBytes(folder / "short.seg.nrrd", header + pixels.substr(1));
+  EXPECT_NE(ErrorOf(folder / "short.seg.nrrd").find("short.seg.nrrd"), std::string::npos);
+  std::string wide = header;
+  wide.replace(wide.find("2 3 2 2"), 7, "30000 30000 2 2");
+  WriteBytes(folder / "wide.seg.nrrd", wide + pixels);
+  EXPECT_NE(ErrorOf(folder / "wide.seg.nrrd").find("at most"), std::string::npos);
 }
 
 TEST(LabelFile, PicturesOfAFolderAreNumberedByTheirNames)

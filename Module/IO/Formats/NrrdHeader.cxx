@@ -144,7 +144,7 @@ std::vector<double> SpacingsOf(const Fields& nrrd, std::string& field)
 }
 
 /// Sets width, height and frames, and returns how many channels a pixel has.
-std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
+std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, const ImageOptions& options)
 {
   const std::vector<std::int64_t> sizes = SizesOf(file, nrrd);
   const std::vector<std::string> kinds = KindsOf(file, nrrd, sizes);
@@ -152,7 +152,7 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
   { return kind == "rgb-color" || kind == "rgba-color" || kind == "3-color" || kind == "vector"; };
   std::int64_t channels = 1;
   std::vector<std::int64_t> plane;
-  std::int64_t frames = 1;
+  std::int64_t frames = 1, layers = 1;
   int lists = 0;
   for (std::size_t axis = 0; axis < sizes.size(); ++axis)
   {
@@ -171,10 +171,16 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
       {
         plane.push_back(sizes[axis]);
       }
-      else if (plain && lists == 0 && sizes[axis] != 1)
+      else if (options.plain && lists == 0 && sizes[axis] != 1)
       {
         frames = sizes[axis];
         ++lists;
+      }
+      else if (options.layered && file.framesFastest && plane.size() == 2 && frames <= largestSide)
+      {
+        layers = frames;
+        frames = sizes[axis];
+        file.framesFastest = false;
       }
       else if (sizes[axis] != 1)
       {
@@ -195,7 +201,8 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, bool plain)
   {
     Refuse(file, "kinds: " + Quoted(nrrd["kinds"]) + "; two domain axes (width and height) are needed");
   }
-  SetSizes(file, plane[0], plane[1], frames);
+  SetSizes(file, std::min(plane[0], largestSide + 1) * layers, plane[1], frames);
+  file.layers = static_cast<int>(layers);
   return channels;
 }
 
@@ -331,14 +338,14 @@ bool LooksLikeNrrd(const std::string& beginning)
   return beginning.rfind("NRRD000", 0) == 0;
 }
 
-void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain)
+void ReadNrrdHeader(SequenceFile& file, InputFile& input, const ImageOptions& options)
 {
   file.format = "NRRD sequence";
   FieldCollector collected;
   bool isComplete = false;
   Fields nrrd = ReadFields(file, input, collected, isComplete);
   file.fields = std::move(collected.fields);
-  const std::int64_t channels = SetAxes(file, nrrd, plain);
+  const std::int64_t channels = SetAxes(file, nrrd, options);
   TakeSpacing(file, nrrd);
   SetType(file, nrrd);
   SetChannels(file, channels);

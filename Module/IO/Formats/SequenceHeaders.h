@@ -19,9 +19,8 @@ bool LooksLikePoseCsv(const std::string& beginning);
 /// https://itk.org/Wiki/ITK/MetaIO/Documentation, with the per-frame fields of Plus and IGSIO.
 void ReadMetaImageHeader(SequenceFile& file, InputFile& input);
 
-/// https://teem.sourceforge.net/nrrd/format.html, with the per-frame fields of IGSIO as key/value pairs. `plain`: a
-/// volume is read as a stack of its slices.
-void ReadNrrdHeader(SequenceFile& file, InputFile& input, bool plain);
+/// https://teem.sourceforge.net/nrrd/format.html, with the per-frame fields of IGSIO as key/value pairs.
+void ReadNrrdHeader(SequenceFile& file, InputFile& input, const ImageOptions& options);
 
 /// Poses as a table, with PNG images; README.md lists the columns.
 void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& options);
