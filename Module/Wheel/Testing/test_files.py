@@ -464,7 +464,8 @@ class AsTheClassesOfVtk(InAFolder):
         bigus.write(field(), self.folder / "f.vtp")
         np.save(self.folder / "p.npy", pose(0.1))
         script = ("import bigus, numpy as np\nf, p = bigus.read('f.vtp'), np.load('p.npy')\n"
-                  "np.savez('out.npz', image=bigus.reslice(f, p, (40, 30)), labels=bigus.label_map(f, p, (40, 30)))")  # fmt: skip
+                  "np.savez('out.npz', image=bigus.reslice(f, p, (40, 30)), labels=bigus.label_map(f, p, (40, 30)), "
+                  "share=bigus.reslice(f, p, (40, 30), OutputMode=2, LabelValue=7))")  # fmt: skip
         environment = {**os.environ, "PYTHONPATH": os.environ["BIGUS_VTK_PACKAGE"]}
         subprocess.run([os.environ["BIGUS_VTK_PYTHON"], "-c", script], check=True, cwd=self.folder, env=environment)
         theirs = np.load(self.folder / "out.npz")
@@ -489,6 +490,15 @@ class AsTheClassesOfVtk(InAFolder):
         bigus.update(reslice)
         pixels = vtk_to_numpy(reslice.GetOutput().GetPointData().GetScalars()).reshape(30, 40)
         np.testing.assert_allclose(pixels, seen, atol=1e-6)
+        reslice.SetOutputMode(reslice.LabelShare)
+        reslice.SetLabelValue(7)
+        bigus.update(reslice)
+        share = vtk_to_numpy(reslice.GetOutput().GetPointData().GetScalars()).reshape(30, 40)
+        self.assertGreater(np.ptp(share), 0.1)
+        np.testing.assert_allclose(share, theirs["share"], atol=1e-6)
+        reslice.SetLabelValue(3)
+        with self.assertRaisesRegex(RuntimeError, "no label of the value 3"):
+            bigus.update(reslice)
 
     def test_real_sweeps(self):
         folder = pathlib.Path(os.environ.get("BIGUS_DATA", "none"))
