@@ -25,7 +25,8 @@ constexpr std::size_t kAtAnEnd = 3;  // frames before the first jump, or after t
 // Where the pictures on both sides of a jump are neighbours, it is the tracker that jumps, for any number of frames.
 constexpr double kNeighbours = 1.5;                          // of the median difference of neighbours, and ...
 constexpr double kRelated = 0.6;                             // ... of that of unrelated pictures
-constexpr double kAwayLong = 0.25;                           // of all frames that it may then be wrong in a row
+constexpr double kAwayLong = 0.25;                           // of all frames that it may then be wrong in a row, ...
+constexpr std::size_t kMostAway = 2000;                      // ... and no more: each is looked at from each jump
 constexpr double kAsLong = 3;                                // of a jump at an end no more than ...
 constexpr std::ptrdiff_t kMostAsLong = 3;                    // ... so many steps, with itself, are such a part or more
 constexpr double kSame = 1e-6;                               // mm
@@ -94,13 +95,18 @@ std::vector<bool> WhereTheyGoOn(const Pictures& pictures, const Path& path)
   return goOn;
 }
 
+/// How many frames the tracker may be wrong in a row where pictures go on over a jump.
+std::size_t MostAway(std::size_t frames, std::size_t least)
+{
+  return std::clamp(static_cast<std::size_t>(kAwayLong * static_cast<double>(frames)), least, kMostAway);
+}
+
 /// The place in the path at which it goes on as if the jump of step k had not been; nothing where it does not.
 std::optional<std::size_t> BackAfter(const Sweep& sweep, const std::vector<int>& frames, const Path& path,
                                      const std::vector<bool>& goOn, std::size_t k)
 {
   const double usual = UsualWay(path.ways, k), jump = path.steps[k];
-  const std::size_t away =
-      goOn[k] ? std::max(kAway, static_cast<std::size_t>(kAwayLong * static_cast<double>(frames.size()))) : kAway;
+  const std::size_t away = goOn[k] ? MostAway(frames.size(), kAway) : kAway;
   for (std::size_t back = k + 2; back < std::min(path.places.size(), k + away + 2); ++back)
   {
     const double moved = Moved(sweep, frames[path.places[k]], frames[path.places[back]]);
@@ -152,19 +158,19 @@ void MarkEnds(const Path& path, const std::vector<bool>& goOn, std::size_t frame
       sound.push_back(path.ways[k]);
     }
   }
+  std::sort(sound.begin(), sound.end());
   std::size_t first = 0, last = path.places.size();  // of what stays
   for (std::size_t k = 0; k < steps && sound.size() >= kFewestMoving; ++k)
   {
     // A hand that moves so far elsewhere, too, does not jump, were it beside a rest.
-    const auto asLong =
-        std::count_if(sound.begin(), sound.end(), [&](double way) { return kAsLong * way >= path.ways[k]; });
+    const auto asLong = sound.end() - std::partition_point(sound.begin(), sound.end(),
+                                                           [&](double way) { return kAsLong * way < path.ways[k]; });
     const bool isJump = path.ways[k] > kJump * UsualWay(path.ways, k) && asLong <= kMostAsLong;
     if (path.steps[k] <= kLeastJump || !isSound(k) || !isJump)
     {
       continue;
     }
-    const std::size_t most =
-        goOn[k] ? std::max(kAtAnEnd, static_cast<std::size_t>(kAwayLong * static_cast<double>(frames))) : kAtAnEnd;
+    const std::size_t most = goOn[k] ? MostAway(frames, kAtAnEnd) : kAtAnEnd;
     first = k < most ? k + 1 : first;
     last = k >= most && k + most >= steps ? std::min(last, k + 1) : last;
     lies.farthest = k < most || k + most >= steps ? std::max(lies.farthest, path.steps[k]) : lies.farthest;
