@@ -207,11 +207,12 @@ std::size_t LiveOptions::KeptFrames(int width, int height) const
   const double room = 0.5 * (memory / bytes - others);
   if (!(room >= window))
   {
-    throw Error("Live frame: it has " + std::to_string(width) + " x " + std::to_string(height) + " pixels. The " +
-                std::to_string(window) + " newest frames, which are learned from, would take " +
-                std::to_string(std::llround((others + 2 * window) * bytes / kMegabyte)) + " MB, more than the " +
-                std::to_string(std::llround(memory / kMegabyte)) +
-                " MB that pictures may take. Have the sender make them smaller, or allow more (--memory GB).");
+    throw Error(
+        "Live frame: it has " + std::to_string(width) + " x " + std::to_string(height) + " pixels. The " +
+        std::to_string(window) + " newest frames, which are learned from, would take " +
+        std::to_string(std::llround((others + 2 * window) * bytes / kMegabyte)) + " MB, more than the " +
+        std::to_string(std::llround(memory / kMegabyte)) +
+        " MB that pictures may take. Have the sender make them smaller, or allow more (MemoryLimit, --memory GB).");
   }
   return static_cast<std::size_t>(std::min(room, static_cast<double>(maximumFrames)));
 }

@@ -110,6 +110,7 @@ void vtkBigusLiveTrainer::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "Window: " << this->Window << "\n";
   os << indent << "MaximumFrames: " << this->MaximumFrames << "\n";
   os << indent << "MaximumGaussians: " << this->MaximumGaussians << "\n";
+  os << indent << "MemoryLimit: " << this->MemoryLimit << "\n";
   os << indent << "NumberOfFrames: " << this->GetNumberOfFrames() << "\n";
   os << indent << "NumberOfGaussians: " << this->GetNumberOfGaussians() << "\n";
 }
@@ -124,6 +125,7 @@ bigus::LiveSession& vtkBigusLiveTrainer::Session()
     options.window = this->Window;
     options.maximumFrames = static_cast<std::size_t>(std::max(this->MaximumFrames, this->Window));
     options.maximumGaussians = static_cast<std::size_t>(this->MaximumGaussians);
+    options.memory = 1e9 * this->MemoryLimit;
     bigus::Engine::Create(options.training.engine);  // an unknown name is said here and now
     this->Live = std::make_unique<bigus::LiveSession>(options);
   }
@@ -284,8 +286,8 @@ bool vtkBigusLiveTrainer::FollowInput(vtkImageData* input, double until)
   const std::vector<double> times = TimesOf(*sweep, -1);
   const auto end = std::find_if(times.begin(), times.end(), [until](double time) { return time > until; });
   const int last = static_cast<int>(end - times.begin());
-  const Options options = {this->Engine ? this->Engine : "", this->Seed, this->Window, this->MaximumFrames,
-                           this->MaximumGaussians};
+  const Options options = {this->Engine ? this->Engine : "", this->Seed,       this->Window, this->MaximumFrames,
+                           this->MaximumGaussians,           this->MemoryLimit};
   if (last < this->HandedFrames || input->GetMTime() != this->InputTime || options != this->UsedOptions)
   {
     this->EndSession();

@@ -119,6 +119,12 @@ public:
   ///@}
 
   ///@{
+  /** GB that pixels of frames may take, 0.001 to 10^6, default 4: then fewer frames are kept, and too large ones refused. */
+  vtkSetClampMacro(MemoryLimit, double, 0.001, 1e6);
+  vtkGetMacro(MemoryLimit, double);
+  ///@}
+
+  ///@{
   /**
    * What became of the frames: kept to train on; passed over because they were black, repeated or late; dropped because
    * too many waited; refused as unsound, and why the last of those was; handed over and not yet looked at.
@@ -162,11 +168,12 @@ private:
   int Window = 64;
   int MaximumFrames = 2000;
   int MaximumGaussians = 1000000;
+  double MemoryLimit = 4;  // GB
   std::string LastRefusal;
   double LastTime = 0;  // s
 
   // What the session has had of the input.
-  using Options = std::tuple<std::string, int, int, int, int>;
+  using Options = std::tuple<std::string, int, int, int, int, double>;
   Options UsedOptions;
   vtkMTimeType InputTime = 0;
   int HandedFrames = 0;

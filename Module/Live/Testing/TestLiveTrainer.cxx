@@ -206,6 +206,17 @@ TEST(LiveTrainer, WhatIsNoFrameIsOneError)
   std::ostringstream text;
   live->Print(text);
   EXPECT_NE(text.str().find("MaximumGaussians: 1000000"), std::string::npos);
+
+  // A window of frames of 96 x 80 pixels takes 96 * 80 * (4 * 128 + 64) bytes, 4.4 MB.
+  vtkNew<vtkBigusLiveTrainer> small;
+  small->SetMemoryLimit(0.001);
+  EXPECT_TRUE(small->AddFrame(FrameOf(sweep, 0), PoseOf(sweep, 0), 0));
+  while (small->GetNumberOfRefusedFrames() == 0)
+  {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_NE(std::string(small->GetLastRefusal()).find("MB that pictures may take"), std::string::npos)
+      << small->GetLastRefusal();
 }
 
 TEST(LiveTrainer, AConnectedSweepIsHandedOverUpToTheTimeAskedFor)

@@ -25,7 +25,7 @@ namespace
 constexpr std::chrono::milliseconds kReport(50);
 
 std::unique_ptr<LiveSession> Start(const std::string& engine, std::uint64_t seed, int window, std::size_t maximumFrames,
-                                   std::size_t maximumGaussians)
+                                   std::size_t maximumGaussians, double memoryLimit)
 {
   LiveOptions options;
   options.training.engine = engine;
@@ -33,6 +33,7 @@ std::unique_ptr<LiveSession> Start(const std::string& engine, std::uint64_t seed
   options.window = window;
   options.maximumFrames = std::max(maximumFrames, static_cast<std::size_t>(std::max(window, 0)));
   options.maximumGaussians = maximumGaussians;
+  options.memory = 1e9 * memoryLimit;
   Engine::Create(engine);  // an unknown name is said here and now
   return std::make_unique<LiveSession>(options);
 }
@@ -115,7 +116,7 @@ void Bind(nb::module_& m)
 {
   nb::class_<LiveSession>(m, "LiveSession", "Trains on frames, on a thread of its own, from when it is made.")
       .def(nb::new_(&Start), nb::arg("engine"), nb::arg("seed"), nb::arg("window"), nb::arg("maximum_frames"),
-           nb::arg("maximum_gaussians"))
+           nb::arg("maximum_gaussians"), nb::arg("memory_limit"))
       .def("add", &Add, nb::arg("pixels"), nb::arg("pose"), nb::arg("seconds"))
       .def("wait", &LiveSession::Wait, nb::call_guard<nb::gil_scoped_release>(), "Returns when no frame waits.")
       .def("render", &Render, nb::arg("pose"), nb::arg("width"), nb::arg("height"))

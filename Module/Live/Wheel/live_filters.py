@@ -30,7 +30,8 @@ def _times(sweep: Any, last: float) -> np.ndarray:
 
 
 @properties(FinishTime=0.0, Engine="auto", Seed=Clamped(1, 0, MOST), Window=Clamped(64, 8, 1024),
-            MaximumFrames=Clamped(2000, 8, 10**6), MaximumGaussians=Clamped(10**6, 1000, 2**26))
+            MaximumFrames=Clamped(2000, 8, 10**6), MaximumGaussians=Clamped(10**6, 1000, 2**26),
+            MemoryLimit=Clamped(4.0, 0.001, 1e6))
 @getters("_state", LastRefusal=("last_error", ""), **{f"NumberOf{name}": (key, 0) for name, key in (
     ("Frames", "frames"), ("PassedOverFrames", "passed_over"), ("DroppedFrames", "dropped"), ("RefusedFrames", "refused"),
     ("WaitingFrames", "waiting"), ("Gaussians", "gaussians"), ("Steps", "steps"))})
@@ -48,7 +49,7 @@ class vtkBigusLiveTrainer(Algorithm):
 
     def _live(self) -> Any:
         if self._session is None:
-            numbers = (self._values[name] for name in ("Seed", "Window", "MaximumFrames", "MaximumGaussians"))
+            numbers = (self._values[name] for name in ("Seed", "Window", "MaximumFrames", "MaximumGaussians", "MemoryLimit"))
             self._session = _core.LiveSession(self._values["Engine"] or "auto", *numbers)
         return self._session
 

@@ -26,11 +26,11 @@ NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
 
 
 class Clamped(NamedTuple):
-    """The default of a whole number that stays between two others, as by vtkSetClampMacro."""
+    """The default of a number that stays between two others, as by vtkSetClampMacro; whole ones stay whole."""
 
-    value: int
-    low: int
-    high: int
+    value: float
+    low: float
+    high: float
 
 
 class Choice(NamedTuple):
@@ -52,7 +52,7 @@ def _converted(name: str, default: Any, values: tuple) -> Any:
     if isinstance(default, Choice):
         default = Clamped(default.value, 0, len(default.names) - 1)
     if isinstance(default, Clamped):
-        return min(max(int(value), default.low), default.high)
+        return min(max(type(default.value)(value), default.low), default.high)
     if isinstance(default, Open):
         default = default.value
     if isinstance(default, tuple):
