@@ -3,6 +3,7 @@
 #include "vtkBigusReslice.h"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -369,6 +370,29 @@ vtkImageData* vtkBigusReslice::GetDistanceOutput()
 vtkImageData* vtkBigusReslice::GetStandardErrorOutput()
 {
   return vtkImageData::SafeDownCast(this->GetOutputDataObject(4));
+}
+
+double vtkBigusReslice::GetStandardErrorOfMean(vtkImageData* where)
+{
+  vtkImageData* const sigma = this->GetStandardErrorOutput();
+  const int* const size = sigma->GetDimensions();
+  const bool fits =
+      !where || (where->GetScalarType() == VTK_UNSIGNED_CHAR && where->GetNumberOfScalarComponents() == 1 &&
+                 std::equal(size, size + 3, where->GetDimensions()));
+  if (!this->Kept->standardError || sigma->GetScalarType() != VTK_FLOAT || !sigma->GetScalarPointer() || size[2] != 1 ||
+      !fits)
+  {
+    vtkErrorMacro(
+        << "GetStandardErrorOfMean: output 4 must hold one slice, and the pixels to take be an image of unsigned "
+           "char of the same dimensions.");
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  RowMajorMatrix indexToWorld;
+  this->ComputeIndexToWorld(sigma->GetSpacing(), sigma->GetOrigin(), indexToWorld.data());
+  return this->Kept->standardError->OfMean(
+      bigus::SlicePlane::FromImageToReference(indexToWorld, size[0], size[1]),
+      static_cast<const float*>(sigma->GetScalarPointer()),
+      where ? static_cast<const unsigned char*>(where->GetScalarPointer()) : nullptr);
 }
 
 vtkImageData* vtkBigusReslice::GetLabelOutput()

@@ -281,6 +281,13 @@ void ScoreStandardError(const StandardError& standardError, const TrainedField& 
   print("distance alone*", json["peers"]["distance"]);
   print("local variance alone*", json["peers"]["local_variance"]);
   console.Print("  * scaled to these very frames");
+  json["means"] = Json::array();
+  for (const MeanErrorScore& score : report.means)
+  {
+    json["means"].push_back({{"side", score.side}, {"variance_ratio", score.varianceRatio}, {"squares", score.count}});
+    console.Print("  means over squares of {side:1} mm ({squares}): variance ratio {variance_ratio:2}",
+                  json["means"].back());
+  }
 }
 
 void ScoreCrossPlanes(const TrainedField& trained, Json& answer, Console& console)

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "Console.h"
+#include "Data/FieldData.h"
 #include "Data/StandardErrorData.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
@@ -46,6 +48,10 @@ ViewDoubts::ViewDoubts(vtkPolyData* field)
 {
   const std::string bytes = StandardErrorOf(field);
   kept_ = bytes.empty() ? nullptr : std::make_unique<const StandardError>(bytes);
+  if (std::optional<ViewDependence> view = ViewFromPolyData(field))
+  {
+    recorded_ = std::move(view->views);
+  }
   tints_ = vtkSmartPointer<vtkLookupTable>::New();
   tints_->SetNumberOfTableValues(2);
   tints_->SetTableRange(0, 2 * kSure);
@@ -54,13 +60,14 @@ ViewDoubts::ViewDoubts(vtkPolyData* field)
   tints_->SetNanColor(kTint[0], kTint[1], kTint[2], kTint[3]);
 }
 
-std::string ViewDoubts::About(vtkBigusSliceProp* slice) const
+bool ViewDoubts::IsMostlyGuessed(vtkBigusSliceProp* slice) const
 {
-  if (!kept_)
-  {
-    return {};
-  }
-  return kept_->IsMostlyGuessed(PlaneOf(slice), ImageOf(slice)) ? "mostly guessed" : "";
+  return kept_ && kept_->IsMostlyGuessed(PlaneOf(slice), ImageOf(slice));
+}
+
+std::string ViewDoubts::Direction(vtkBigusSliceProp* slice) const
+{
+  return recorded_ ? FormatNumber(recorded_->Turn(PlaneOf(slice)), 0) + " deg beside recorded frames" : "";
 }
 
 std::vector<float> ViewDoubts::Sigma(vtkBigusSliceProp* slice) const
@@ -87,6 +94,36 @@ std::string ViewDoubts::At(vtkBigusSliceProp* slice, double i, double j) const
   }
   const float sigma = Sigma(slice)[pixel];
   return intensity + (std::isnan(sigma) ? ", not known" : " +- " + FormatNumber(sigma, 3));
+}
+
+std::string ViewDoubts::Inside(vtkBigusSliceProp* slice, const std::vector<Eigen::Vector2d>& polygon) const
+{
+  const int *size = slice->GetSliceSize(), width = size[0];
+  std::vector<unsigned char> inside(static_cast<std::size_t>(width) * size[1], 0);
+  double sum = 0, count = 0;
+  const float* const image = ImageOf(slice);
+  for (std::size_t p = 0; p < inside.size(); ++p)
+  {
+    const Eigen::Vector2d pixel(static_cast<double>(p % width), static_cast<double>(p / width));
+    for (std::size_t k = 0; k < polygon.size(); ++k)  // a line to the right crosses its sides an odd number of times
+    {
+      const Eigen::Vector2d a = polygon[k] - pixel, b = polygon[(k + 1) % polygon.size()] - pixel;
+      inside[p] ^= (a[1] > 0) != (b[1] > 0) && a[0] - a[1] * (b[0] - a[0]) / (b[1] - a[1]) > 0 ? 1 : 0;
+    }
+    sum += inside[p] != 0 ? image[p] : 0;
+    count += inside[p];
+  }
+  if (count == 0)
+  {
+    return {};
+  }
+  const std::string mean = "mean " + FormatNumber(sum / count, 3);
+  if (!kept_)
+  {
+    return mean;
+  }
+  const double error = kept_->OfMean(PlaneOf(slice), Sigma(slice).data(), inside.data());
+  return mean + (std::isnan(error) ? ", error not known" : " +- " + FormatNumber(error, 3));
 }
 
 void ViewDoubts::AddTo(vtkRenderer* renderer, ViewOverlay& overlay) const

@@ -3,9 +3,13 @@
 // How far what a view shows may be wrong.
 #pragma once
 
+#include <Eigen/Dense>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "Core/Model/ViewDependence.h"
 #include "Core/StandardError/StandardError.h"
 #include "ViewOverlay.h"
 #include "vtkSmartPointer.h"
@@ -27,10 +31,15 @@ public:
   /// A field that keeps no standard error leaves no doubts. Throws Error where what it keeps is damaged.
   explicit ViewDoubts(vtkPolyData* field);
 
-  /// "mostly guessed", or nothing. Renders the slice.
-  std::string About(vtkBigusSliceProp* slice) const;
+  /// Whether the slice is mostly guessed. Renders it.
+  bool IsMostlyGuessed(vtkBigusSliceProp* slice) const;
+  /// "3 deg beside recorded frames", where echoes depend on the direction that they are seen from; else empty.
+  std::string Direction(vtkBigusSliceProp* slice) const;
   /// The slice's intensity at its pixel nearest to (i, j), 1 is white, and its standard error; empty beside the slice.
   std::string At(vtkBigusSliceProp* slice, double i, double j) const;
+
+  /// "mean 0.312 +- 0.004": of the slice inside a polygon of its pixels; empty where no pixel lies in it.
+  std::string Inside(vtkBigusSliceProp* slice, const std::vector<Eigen::Vector2d>& polygon) const;
 
   /// Of what is tinted: where the slice's standard error is above 10 % of white or not known.
   void AddTo(vtkRenderer* renderer, ViewOverlay& overlay) const;
@@ -41,6 +50,7 @@ private:
   std::vector<float> Sigma(vtkBigusSliceProp* slice) const;
 
   std::unique_ptr<const StandardError> kept_;
+  std::optional<RecordedViews> recorded_;
   vtkSmartPointer<vtkLookupTable> tints_;
 };
 

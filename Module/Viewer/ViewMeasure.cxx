@@ -47,15 +47,12 @@ void ViewMeasure::Place(vtkRenderer* renderer, int fontSize)
   renderer->AddViewProp(label_);
 }
 
-std::string ViewMeasure::Add(int x, int y, const std::function<std::string(const Eigen::Vector3d&)>& about)
+std::string ViewMeasure::Add(int x, int y, const About& about)
 {
   pressedX_ = x;
   pressedY_ = y;
   points_.push_back(Under(renderer_, x, y));
-  if (points_.size() == 1)
-  {
-    aboutFirst_ = about ? about(points_[0]) : "";
-  }
+  about_ = points_.size() == 2 ? "" : about(points_);
   // Words to the side that has room.
   x < renderer_->GetOrigin()[0] + renderer_->GetSize()[0] / 2 ? label_->GetTextProperty()->SetJustificationToLeft()
                                                               : label_->GetTextProperty()->SetJustificationToRight();
@@ -63,10 +60,10 @@ std::string ViewMeasure::Add(int x, int y, const std::function<std::string(const
   return Words();
 }
 
-std::string ViewMeasure::AddIfDragged(int x, int y)
+std::string ViewMeasure::AddIfDragged(int x, int y, const About& about)
 {
   const bool isDrag = std::abs(x - pressedX_) > kDrag || std::abs(y - pressedY_) > kDrag;
-  return points_.empty() || !isDrag ? "" : Add(x, y);
+  return points_.empty() || !isDrag ? "" : Add(x, y, about);
 }
 
 void ViewMeasure::Clear()
@@ -103,7 +100,7 @@ std::string ViewMeasure::Words() const
 {
   if (points_.size() < 2)
   {
-    return points_.empty() ? "" : aboutFirst_;
+    return points_.empty() ? "" : about_;
   }
   double length = 0;
   Eigen::Vector3d twice = Eigen::Vector3d::Zero();  // the area, as a normal: sum (p_k - p_0) x (p_k+1 - p_0)
@@ -113,7 +110,8 @@ std::string ViewMeasure::Words() const
     twice += (points_[k - 1] - points_[0]).cross(points_[k] - points_[0]);
   }
   return FormatNumber(length, 1) + " mm" +
-         (points_.size() < 3 ? "" : ", inside " + FormatNumber(0.5 * twice.norm(), 1) + " mm^2");
+         (points_.size() < 3 ? "" : ", inside " + FormatNumber(0.5 * twice.norm(), 1) + " mm^2") +
+         (about_.empty() ? "" : ", " + about_);
 }
 
 }  // namespace bigus::command

@@ -24,11 +24,15 @@ public:
   /// For a renderer whose camera has no perspective and whose world is in mm.
   void Place(vtkRenderer* renderer, int fontSize);
 
+  /// Says something of a place, or of what lies inside of three and more, mm.
+  using About = std::function<std::string(const std::vector<Eigen::Vector3d>&)>;
+
   /// The path goes on to the place under pixel (x, y) of the window. Returns its words: of one point what `about` says of
-  /// the place, else the length along the points, mm, and from three points on the area that they enclose, mm^2.
-  std::string Add(int x, int y, const std::function<std::string(const Eigen::Vector3d&)>& about = {});
+  /// it, else the length along the points, mm, and from three points on the area that they enclose, mm^2, and what `about`
+  /// says of that.
+  std::string Add(int x, int y, const About& about);
   /// The same for the place where a button was released; nothing where that is where it was pressed.
-  std::string AddIfDragged(int x, int y);
+  std::string AddIfDragged(int x, int y, const About& about);
   void Clear();
 
 private:
@@ -37,8 +41,8 @@ private:
 
   vtkRenderer* renderer_ = nullptr;
   std::vector<Eigen::Vector3d> points_;  // mm
-  std::string aboutFirst_;
-  int pressedX_ = 0, pressedY_ = 0;  // pixels
+  std::string about_;                    // the only one, or what lies inside
+  int pressedX_ = 0, pressedY_ = 0;      // pixels
   vtkNew<vtkPolyData> path_;
   vtkNew<vtkActor2D> line_;
   vtkNew<vtkTextActor> label_;

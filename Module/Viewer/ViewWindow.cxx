@@ -231,29 +231,42 @@ void ViewWindow::ShowOverlays(bool isStill)
 }
 
 /// The intensity, and the label, at a point of a flat view that shows a slice.
-std::string ViewWindow::About(const ViewCell* cell, const Eigen::Vector3d& point)
+std::string ViewWindow::About(const ViewCell* cell, const std::vector<Eigen::Vector3d>& points)
 {
-  const auto tell = [this](vtkBigusSliceProp* slice, double i, double j)
-  {
-    const std::string label = labels_.At(slice, i, j);
-    return doubts_.At(slice, i, j) + (label.empty() ? "" : ", " + label);
-  };
+  vtkBigusSliceProp* slice = nullptr;
+  std::vector<Eigen::Vector2d> pixels;
   for (PlaneView& view : planes_.views)
   {
     if (&view == cell)
     {
-      const SlicePlane plane = PlaneOf(view.slice);
-      const Eigen::Vector3d from = point - plane.origin;
-      return tell(view.slice, from.dot(plane.columnStep) / plane.columnStep.squaredNorm(),
-                  from.dot(plane.rowStep) / plane.rowStep.squaredNorm());
+      slice = view.slice;
+      const SlicePlane plane = PlaneOf(slice);
+      for (const Eigen::Vector3d& point : points)
+      {
+        const Eigen::Vector3d from = point - plane.origin;
+        pixels.emplace_back(from.dot(plane.columnStep) / plane.columnStep.squaredNorm(),
+                            from.dot(plane.rowStep) / plane.rowStep.squaredNorm());
+      }
     }
   }
   if (frames_ && cell == &frames_->rendered)
   {
-    const Eigen::Vector2d pixel = frames_->PixelSize();
-    return tell(scene_.Slice(), point[0] / pixel[0], point[1] / pixel[1]);
+    slice = scene_.Slice();
+    for (const Eigen::Vector3d& point : points)
+    {
+      pixels.emplace_back(point.head<2>().cwiseQuotient(frames_->PixelSize()));
+    }
   }
-  return {};
+  if (!slice)
+  {
+    return {};
+  }
+  if (pixels.size() > 1)
+  {
+    return doubts_.Inside(slice, pixels);
+  }
+  const std::string label = labels_.At(slice, pixels[0][0], pixels[0][1]);
+  return doubts_.At(slice, pixels[0][0], pixels[0][1]) + (label.empty() ? "" : ", " + label);
 }
 
 void ViewWindow::Judge()
@@ -261,11 +274,15 @@ void ViewWindow::Judge()
   guessed_.clear();
   const auto judge = [this](ViewCell& cell, vtkBigusSliceProp* slice, const std::string& name)
   {
-    const std::string doubt = doubts_.About(slice);
-    cell.SetDoubt(doubt);
-    if (!doubt.empty())
+    const std::string direction = doubts_.Direction(slice);
+    if (doubts_.IsMostlyGuessed(slice))
     {
+      cell.SetDoubt("mostly guessed" + (direction.empty() ? "" : ", " + direction));
       guessed_.push_back(name);
+    }
+    else
+    {
+      cell.SetDoubt(direction);
     }
   };
   for (PlaneView& view : planes_.views)
@@ -377,11 +394,11 @@ bool ViewWindow::OnButton(vtkObject*, unsigned long event, void*)
   if (ViewCell* cell = FlatUnderMouse())
   {
     const int* at = interactor_->GetEventPosition();
-    const std::string words =
-        event == vtkCommand::LeftButtonPressEvent
-            ? cell->measure.Add(at[0], at[1], [&](const Eigen::Vector3d& point) { return About(cell, point); })
-        : event == vtkCommand::LeftButtonReleaseEvent ? cell->measure.AddIfDragged(at[0], at[1])
-                                                      : "";
+    const auto about = [&](const std::vector<Eigen::Vector3d>& points) { return About(cell, points); };
+    const std::string words = event == vtkCommand::LeftButtonPressEvent ? cell->measure.Add(at[0], at[1], about)
+                              : event == vtkCommand::LeftButtonReleaseEvent
+                                  ? cell->measure.AddIfDragged(at[0], at[1], about)
+                                  : "";
     if (event == vtkCommand::RightButtonPressEvent)
     {
       cell->measure.Clear();

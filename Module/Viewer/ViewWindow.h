@@ -56,7 +56,7 @@ private:
   void Render(bool isMoving);
   void Judge();
   void ShowOverlays(bool isStill);
-  std::string About(const ViewCell* cell, const Eigen::Vector3d& point);
+  std::string About(const ViewCell* cell, const std::vector<Eigen::Vector3d>& points);
   bool OnKey(vtkObject*, unsigned long, void*);
   bool OnWheel(vtkObject*, unsigned long event, void*);
   bool OnButton(vtkObject*, unsigned long event, void*);

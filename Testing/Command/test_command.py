@@ -710,6 +710,10 @@ class Train(CommandTest):
         for peer in scores["peers"].values():
             self.assertEqual(set(peer), set(ranked))
             self.assertAlmostEqual(peer["variance_ratio"], 1, places=4)
+        for mean in scores["means"]:
+            self.assertEqual(set(mean), {"side", "variance_ratio", "squares"})
+            self.assertTrue(mean["side"] > 0 and mean["variance_ratio"] > 0 and mean["squares"] > 0)
+        self.assertTrue(scores["means"])
         self.assertNotIn(b"StandardError", plain.read_bytes())
         self.assertIn(b"StandardError", sure.read_bytes())
         images = [self.folder / "a.mha", self.folder / "b.mha"]

@@ -109,6 +109,37 @@ TEST(StandardErrorOutput, IsThatOfCore)
   EXPECT_GT(unknown, 100);
 }
 
+TEST(StandardErrorOutput, TellsThatOfTheMeanOfOneSlice)
+{
+  const auto reslice = SlicesThatLeaveTheFrames();
+  const ErrorObserver observer(reslice);
+  EXPECT_TRUE(std::isnan(reslice->GetStandardErrorOfMean()));  // nothing yet
+  reslice->Update();
+  EXPECT_TRUE(std::isnan(reslice->GetStandardErrorOfMean()));  // two slices
+  reslice->SetOutputExtent(0, 39, 0, 29, 0, 0);
+  reslice->Update();
+  vtkImageData* sigma = reslice->GetStandardErrorOutput();
+  vtkNew<vtkImageData> where;
+  where->SetDimensions(40, 30, 1);
+  where->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  SlicePlane plane;
+  plane.width = 40;
+  plane.height = 30;
+  plane.columnStep = 0.4 * Eigen::Vector3d::UnitX();
+  plane.rowStep = 0.4 * Eigen::Vector3d::UnitY();
+  auto* chosen = static_cast<unsigned char*>(where->GetScalarPointer());
+  for (int p = 0; p < 40 * 30; ++p)
+  {
+    chosen[p] = p % 40 < 25 ? 3 : 0;
+  }
+  const auto* values = static_cast<const float*>(sigma->GetScalarPointer());
+  EXPECT_NEAR(reslice->GetStandardErrorOfMean(), StandardErrorOfNoise().OfMean(plane, values), 1e-9);
+  EXPECT_NEAR(reslice->GetStandardErrorOfMean(where), StandardErrorOfNoise().OfMean(plane, values, chosen), 1e-9);
+  where->SetDimensions(30, 40, 1);
+  EXPECT_TRUE(std::isnan(reslice->GetStandardErrorOfMean(where)));
+  EXPECT_EQ(observer.Errors().size(), 3u);
+}
+
 TEST(StandardErrorOutput, InPartsIsThatOfTheWhole)
 {
   const auto whole = SlicesThatLeaveTheFrames();

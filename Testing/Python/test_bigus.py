@@ -192,6 +192,19 @@ class Reslice(unittest.TestCase):
         self.assertEqual((sigma.shape, sigma.dtype), ((28, 36), np.float32))
         self.assertGreater(np.isfinite(sigma).mean(), 0.5)
         self.assertTrue((sigma[np.isfinite(sigma)] > 0).all())
+        known = np.isfinite(sigma)
+        image = bigus.reslice(field, pose(1.1), (36, 28))
+        mean, error = bigus.mean(field, pose(1.1), (36, 28))
+        self.assertAlmostEqual(mean, image[known].mean(), 6)
+        self.assertLess(error, np.sqrt((sigma[known] ** 2).mean()))
+        self.assertGreater(error, np.sqrt((sigma[known] ** 2).mean() / known.sum()), "neighbours are alike")
+        few_pixels = known & (np.arange(36) < 18)
+        part, error_of_part = bigus.mean(field, pose(1.1), (36, 28), where=few_pixels)
+        self.assertAlmostEqual(part, image[few_pixels].mean(), 6)
+        self.assertGreater(error_of_part, 0)
+        for where, said in ((~known & False, "no pixel"), (np.ones((3, 3), bool), "shape")):
+            with self.assertRaisesRegex(ValueError, said):
+                bigus.mean(field, pose(1.1), (36, 28), where=where)
         self.assertTrue(np.isnan(bigus.standard_error(field, pose(4), (36, 28))).all(), "behind the last frame")
         with self.assertRaisesRegex(RuntimeError, "no array StandardError"):
             bigus.standard_error(two_blobs(), pose(), (36, 28))

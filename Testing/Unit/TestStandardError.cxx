@@ -7,7 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -311,11 +314,100 @@ TEST(StandardError, OfAPartIsThatOfTheWhole)
   }
 }
 
+/// Noise blurred over 4 x 4 pixels, another in each frame, whose mean over n x n pixels is known. Frames lie so far apart
+/// that each is another picture.
+TEST(StandardError, OfAMeanCountsThatNeighboursErrAlike)
+{
+  constexpr int kSide = 128, kBlur = 4, kFrames = 24;
+  Sweep sweep;
+  sweep.width = sweep.height = kSide;
+  sweep.pixelType = Sweep::PixelType::Float32;
+  auto pixels = std::make_shared<std::vector<float>>();
+  std::mt19937 random(11);
+  std::normal_distribution<double> noise(0, 0.2 / kBlur);
+  for (int k = 0; k < kFrames; ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose(0, 0) = pose(1, 1) = 0.5;
+    pose(2, 3) = k;
+    sweep.imageToReference.push_back(pose);
+    constexpr int kNoise = kSide + kBlur - 1;
+    std::vector<double> white(kNoise * kNoise);
+    std::generate(white.begin(), white.end(), [&] { return noise(random); });
+    for (int p = 0; p < kSide * kSide; ++p)
+    {
+      double sum = 0.5;
+      for (int at = 0; at < kBlur * kBlur; ++at)
+      {
+        sum += white[(p / kSide + at / kBlur) * kNoise + p % kSide + at % kBlur];
+      }
+      pixels->push_back(static_cast<float>(sum));
+    }
+  }
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const StandardError error(GaussianField(), sweep, AllFrames(sweep), 0);
+  const SlicePlane frame = sweep.Plane(0);
+  for (const int n : {2, 4, 8, 16, 32, 64})
+  {
+    // Along one axis pixels h < 4 apart correlate by 1 - h / 4.
+    double sum = n;
+    for (int h = 1; h < std::min(n, kBlur); ++h)
+    {
+      sum += 2 * (n - h) * (1 - static_cast<double>(h) / kBlur);
+    }
+    const double share = sum / (n * n);  // of the variance along one axis, and of the standard error along both
+    SlicePlane square = frame;
+    square.width = square.height = n;
+    const std::vector<float> sigma(square.NumberOfPixels(), 0.3f);
+    // Independent are squares of at least 4 x 4 pixels, and a third of the 22 frames, whose errors share neighbours.
+    const double known = 22.0 / 3 * std::pow(kSide / std::max(n, kBlur), 2);
+    const double all = std::pow(error.OfMean(square, sigma.data()), 2);
+    const double kept = std::sqrt(all - 0.5 * 0.5) / 0.3;  // black is too dark by 0.5 as a whole
+    EXPECT_NEAR(kept, share, 3 * share / std::sqrt(2 * known)) << n;
+  }
+  SlicePlane fine = frame;  // the same area in twice as many pixels along each axis
+  fine.columnStep /= 2;
+  fine.rowStep /= 2;
+  const std::vector<float> sigma(frame.NumberOfPixels(), 0.3f);
+  std::vector<unsigned char> corner(sigma.size(), 0);
+  for (int p = 0; p < 64 * 64; ++p)
+  {
+    corner[p / 64 * kSide + p % 64] = 1;
+  }
+  EXPECT_NEAR(error.OfMean(fine, sigma.data()), error.OfMean(frame, sigma.data(), corner.data()), 1e-12);
+}
+
+TEST(StandardError, OfAMeanIsThatOfAPixelWhereAllErrAlike)
+{
+  const StandardError error = OfBlack(0);
+  SlicePlane plane = Plane(0, 0, 0);
+  plane.width = plane.height = 8;
+  const std::vector<float> sigma(plane.NumberOfPixels(), 0.3f);
+  // Each frame errs by its own grey as a whole, and so does the black field.
+  double squares = 0;
+  for (const double grey : kGreys)
+  {
+    squares += grey * grey / static_cast<double>(kGreys.size());
+  }
+  EXPECT_NEAR(error.OfMean(plane, sigma.data()), std::sqrt(0.3 * 0.3 + squares), 1e-6);
+  const std::vector<float> unknown(sigma.size(), std::numeric_limits<float>::quiet_NaN());
+  EXPECT_TRUE(std::isnan(error.OfMean(plane, unknown.data())));
+}
+
 TEST(StandardError, ComesBackFromItsBytesAndNoOthers)
 {
   const StandardError error = OfBlack(0.1);
   const std::string bytes = error.ToBytes();
   EXPECT_EQ(StandardError(bytes).ToBytes(), bytes);
+  // Those of the first release had no squares, which follow the version, three sizes, the tracker's noise, and sequences,
+  // shares and turns of each frame.
+  const std::size_t squares =
+      4 * sizeof(std::uint32_t) + sizeof(double) + 3 * (sizeof(std::uint64_t) + kPlaces.size() * sizeof(float));
+  std::string first = bytes;
+  first[0] = 1;
+  first.erase(squares, sizeof(std::uint64_t) + (error.Squares().size() + 1) * sizeof(float));
+  EXPECT_EQ(Sigma(StandardError(first), Plane(0, 0, 0)), Sigma(error, Plane(0, 0, 0)));
+  EXPECT_TRUE(std::isnan(StandardError(first).OfMean(Plane(0, 0, 0), Sigma(error, Plane(0, 0, 0)).data())));
   const SlicePlane plane = Plane(0, 12, 0);
   const std::vector<float> a = Sigma(error, plane), b = Sigma(StandardError(bytes), plane);
   for (std::size_t p = 0; p < a.size(); ++p)
@@ -422,7 +514,18 @@ TEST(StandardError, IsThatOfAMadeUpSweep)
     across.push_back(plane);
   }
   const Sweep turned = Truth(phantom, across);
-  ExpectRight(ScoreStandardError(error, trained.field, turned, AllFrames(turned)).model, "at 90 degrees");
+  const auto atRightAngles = ScoreStandardError(error, trained.field, turned, AllFrames(turned));
+  ExpectRight(atRightAngles.model, "at 90 degrees");
+  for (const StandardErrorReport& report : {inGaps, atRightAngles})
+  {
+    ASSERT_GE(report.means.size(), 2u);
+    for (const MeanErrorScore& score : {report.means[0], report.means[1]})
+    {
+      // Were pixels independent, 64 and 1024 of them would be said to err by a tenth of that, and less.
+      EXPECT_GT(score.varianceRatio, 0.5) << score.side;
+      EXPECT_LT(score.varianceRatio, 2) << score.side;
+    }
+  }
 }
 
 }  // namespace

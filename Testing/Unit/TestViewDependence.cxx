@@ -122,6 +122,7 @@ TEST(ViewDependence, ReachesFourStepsFromRecordedFrames)
     TurnFrame(one, 8, {degrees * kDegree, 0, 0});
     SlicePlane plane = one.Plane(8);
     plane.origin += mm * plane.Normal();
+    EXPECT_NEAR(views.Turn(plane), degrees, 1e-6);
     return views.Nearness(plane);
   };
   EXPECT_EQ(at(0, 0), 1);

@@ -108,6 +108,17 @@ Eigen::Vector3d RecordedViews::Direction(const SlicePlane& plane) const
   return Logarithm(mean.transpose() * PlaneAxes(plane)) / unit;
 }
 
+double RecordedViews::Turn(const SlicePlane& plane) const
+{
+  const Eigen::Matrix3d axes = PlaneAxes(plane);
+  double least = std::numeric_limits<double>::infinity();
+  for (const Eigen::Matrix4d& pose : poses)
+  {
+    least = std::min(least, Angle(pose.topLeftCorner<3, 3>(), axes));
+  }
+  return least;
+}
+
 double RecordedViews::Distance(const SlicePlane& plane) const
 {
   const Eigen::Matrix3d axes = PlaneAxes(plane);

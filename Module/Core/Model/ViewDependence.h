@@ -31,6 +31,8 @@ struct RecordedViews
 
   /// delta = log(Rm^T R) / u, the plane's direction seen from the usual one.
   Eigen::Vector3d Direction(const SlicePlane& plane) const;
+  /// Degrees that a plane is turned by from the recorded one that looks most alike.
+  double Turn(const SlicePlane& plane) const;
   /// D, in steps: the least over recorded planes of the larger of angle and elevation, each in its step.
   double Distance(const SlicePlane& plane) const;
   /// a = clip(2 - D / 2, 0, 1): 1 near a recorded plane, 0 from four steps on, where what was learned of directions is no

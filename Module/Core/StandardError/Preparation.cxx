@@ -26,6 +26,62 @@ constexpr std::size_t kMostBytes = std::size_t(4) << 20;
 constexpr double kSpeckle = 0.8;
 constexpr int kNeighbours = 6;       // on either side, from which a frame is predicted
 constexpr std::size_t kAtOnce = 16;  // frames in memory
+constexpr int kFewestSquares = 20;   // of one size, whose means tell how alike errors are
+
+/// Errors as they are, and their means over squares with sides of 2, 4, 8, ... pixels.
+struct SquaresOfOneSize
+{
+  double means = 0, pixels = 0;  // sums over squares: of the squared mean, and of the mean square
+  double count = 0;
+
+  void operator+=(const SquaresOfOneSize& other)
+  {
+    means += other.means;
+    pixels += other.pixels;
+    count += other.count;
+  }
+};
+
+/// Of squares that are known (1, else 0) to their last pixel.
+std::vector<SquaresOfOneSize> MeansOverSquares(const std::vector<double>& errors, const std::vector<double>& known,
+                                               int width, int height)
+{
+  std::vector<SquaresOfOneSize> sizes;
+  std::vector<double> sum(errors.size()), square(errors.size()), count = known;
+  for (std::size_t p = 0; p < errors.size(); ++p)
+  {
+    sum[p] = known[p] * errors[p];
+    square[p] = sum[p] * errors[p];
+  }
+  for (double pixels = 4; width >= 2 && height >= 2; pixels *= 4, width /= 2, height /= 2)
+  {
+    const auto halve = [&](std::vector<double>& values)
+    {
+      for (std::size_t j = 0, p = 0; j < static_cast<std::size_t>(height / 2); ++j)
+      {
+        for (std::size_t i = 0; i < static_cast<std::size_t>(width / 2); ++i, ++p)
+        {
+          const double* const at = &values[2 * j * width + 2 * i];
+          values[p] = at[0] + at[1] + at[width] + at[width + 1];
+        }
+      }
+      values.resize(static_cast<std::size_t>(width / 2) * (height / 2));
+    };
+    halve(sum);
+    halve(square);
+    halve(count);
+    SquaresOfOneSize size;
+    for (std::size_t p = 0; p < sum.size(); ++p)
+    {
+      if (count[p] == pixels)
+      {
+        size += {sum[p] * sum[p] / (pixels * pixels), square[p] / pixels, 1};
+      }
+    }
+    sizes.push_back(size);
+  }
+  return sizes;
+}
 
 }  // namespace
 
@@ -49,18 +105,23 @@ public:
     kept.usualTurn_.assign(training.size(), 0);
     kept.speckle_.assign(training.size(), static_cast<float>(kSpeckle));
     beside_.resize(training.size());
+    squares_.resize(training.size());
+    residuals_.resize(training.size());
   }
 
   /// T and V of training frame k, of which the field shows `image`, and how well its neighbours predict it.
   void Measure(std::size_t k, const float* image)
   {
     const int width = kept_.width_;
-    std::vector<double> lit(kept_.lit_.begin(), kept_.lit_.end()), frame(lit.size()), squares(lit.size());
+    std::vector<double> lit(kept_.lit_.begin(), kept_.lit_.end()), frame(lit.size()), errors(lit.size()),
+        squares(lit.size());
     for (std::size_t p = 0; p < lit.size(); ++p)
     {
       frame[p] = Pixel(k, p);
-      squares[p] = (frame[p] - image[p]) * (frame[p] - image[p]);
+      errors[p] = frame[p] - image[p];
+      squares[p] = errors[p] * errors[p];
     }
+    residuals_[k] = MeansOverSquares(errors, lit, width, kept_.height_);
     const std::vector<double> texture = WindowVariances(frame, lit, width, kept_.height_, kHalfWindow);
     ForCells(k, WindowMeans(squares, lit), lit,
              [this](std::size_t cell, double mean) { kept_.residual_[cell] = CodeOfVariance(mean); });
@@ -86,9 +147,39 @@ public:
       kept_.rate_[cell] = apart_[cell] >= 0 ? CodeOfVariance(between_[cell] / std::max(apart_[cell], least)) : 0;
     }
     KeepTurns();
+    KeepSquares();
   }
 
 private:
+  static std::vector<SquaresOfOneSize> Sum(const std::vector<std::vector<SquaresOfOneSize>>& frames)
+  {
+    std::vector<SquaresOfOneSize> all(frames.front().size());
+    for (const std::vector<SquaresOfOneSize>& frame : frames)
+    {
+      for (std::size_t size = 0; size < all.size(); ++size)
+      {
+        all[size] += frame[size];
+      }
+    }
+    return all;
+  }
+
+  /// What means keep of errors between frames, and what the largest are of the field's own on frames.
+  void KeepSquares()
+  {
+    const std::vector<SquaresOfOneSize> between = Sum(squares_), own = Sum(residuals_);
+    for (std::size_t size = 0; size < between.size(); ++size)
+    {
+      if (between[size].count < kFewestSquares || own[size].count < kFewestSquares || !(between[size].means > 0))
+      {
+        break;
+      }
+      kept_.squares_.push_back(
+          static_cast<float>(std::sqrt(std::min(between[size].means / between[size].pixels, 1.0))));
+      kept_.bias_ = static_cast<float>(std::sqrt(own[size].means / own[size].count));
+    }
+  }
+
   /// How much speckle was another where R was measured, and how much speckle there can be at all: frames that are turned by
   /// w differ by 2 w of it.
   void KeepTurns()
@@ -167,7 +258,8 @@ private:
     const SlicePlane& plane = kept_.frames_[k].plane;
     const std::vector<Beside> beside = kept_.Nearest(plane, among);
     const std::vector<double> turned = kept_.Turned(plane);
-    std::vector<double> known(frame.size(), 0), apart(frame.size(), 0), squares(frame.size(), 0);
+    std::vector<double> known(frame.size(), 0), apart(frame.size(), 0), errors(frame.size(), 0),
+        squares(frame.size(), 0);
     FromBeside& sums = beside_[k];
     for (std::size_t p = 0; p < frame.size(); ++p)
     {
@@ -177,8 +269,8 @@ private:
         const double t = at.Nearness();
         const auto sample = [&](int side)
         { return frames_[at.frame[side]].Sample(Eigen::Vector3d(at.column[side], at.row[side], 0)); };
-        const double error = frame[p] - t * sample(0) - (1 - t) * sample(1);
-        squares[p] = error * error;
+        errors[p] = frame[p] - t * sample(0) - (1 - t) * sample(1);
+        squares[p] = errors[p] * errors[p];
         apart[p] = at.Apart();
         known[p] = 1;
         sums.turned += turned[at.frame[t >= 0.5 ? 0 : 1]];
@@ -187,6 +279,7 @@ private:
         sums.count += 1;
       }
     }
+    squares_[k] = MeansOverSquares(errors, known, kept_.width_, kept_.height_);
     ForCells(k, WindowMeans(squares, known), known, [this](std::size_t cell, double mean) { between_[cell] = mean; });
     ForCells(k, WindowMeans(apart, known), known, [this](std::size_t cell, double mean) { apart_[cell] = mean; });
   }
@@ -199,7 +292,8 @@ private:
   {
     double turned = 0, squares = 0, texture = 0, count = 0;
   };
-  std::vector<FromBeside> beside_;  // [frames]
+  std::vector<FromBeside> beside_;                                  // [frames]
+  std::vector<std::vector<SquaresOfOneSize>> squares_, residuals_;  // [frames][sizes]
 };
 
 StandardError::StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,

@@ -1,7 +1,9 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numeric>
 
@@ -42,6 +44,7 @@ struct Samples
 {
   std::vector<float> errors, model, distance, texture;
   std::size_t lit = 0;
+  std::vector<MeanErrorScore> means;
 };
 
 double MeanSquare(const std::vector<float>& values)
@@ -99,6 +102,67 @@ StandardErrorScores CompareScaled(std::vector<float> sigmas, const std::vector<f
   return Compare(sigmas, errors);
 }
 
+/// Errors of a slice's means over squares, and what they are said to be.
+class MeanScorer
+{
+public:
+  /// `error`: of every pixel; `sigma`: NaN where it does not count.
+  void Add(const StandardError& standardError, const SlicePlane& plane, const std::vector<float>& error,
+           const std::vector<float>& sigma)
+  {
+    for (Size& size : sizes_)
+    {
+      SlicePlane square = plane;
+      square.width = square.height = size.pixels;
+      size.side = size.pixels * std::sqrt(plane.columnStep.cross(plane.rowStep).norm());
+      std::vector<float> part(static_cast<std::size_t>(size.pixels) * size.pixels);
+      for (int top = 0; top + size.pixels <= plane.height; top += size.pixels)
+      {
+        for (int left = 0; left + size.pixels <= plane.width; left += size.pixels)
+        {
+          double sum = 0;
+          for (std::size_t p = 0; p < part.size(); ++p)
+          {
+            const std::size_t at = (top + p / size.pixels) * plane.width + left + p % size.pixels;
+            part[p] = sigma[at];
+            sum += error[at];
+          }
+          const double stated = standardError.OfMean(square, part.data());
+          if (std::none_of(part.begin(), part.end(), [](float value) { return std::isnan(value); }) &&
+              !std::isnan(stated))
+          {
+            size.stated += stated * stated;
+            size.squares += std::pow(sum / static_cast<double>(part.size()), 2);
+            ++size.count;
+          }
+        }
+      }
+    }
+  }
+
+  std::vector<MeanErrorScore> Scores() const
+  {
+    std::vector<MeanErrorScore> scores;
+    for (const Size& size : sizes_)
+    {
+      if (size.squares > 0)
+      {
+        scores.push_back({size.side, size.stated / size.squares, size.count});
+      }
+    }
+    return scores;
+  }
+
+private:
+  struct Size
+  {
+    int pixels;
+    double side = 0, stated = 0, squares = 0;
+    int count = 0;
+  };
+  std::array<Size, 3> sizes_{{{8}, {32}, {128}}};
+};
+
 Samples SampleFrames(const StandardError& standardError, const GaussianField& field, const Sweep& sweep,
                      const std::vector<int>& frames, const std::string& engineName)
 {
@@ -107,6 +171,7 @@ Samples SampleFrames(const StandardError& standardError, const GaussianField& fi
   const std::size_t pixels = sweep.PixelsPerFrame(), stride = 1 + pixels * frames.size() / kMostPixels;
   std::vector<float> truth(pixels), image(pixels), sigma(pixels);
   Samples samples;
+  MeanScorer means;
   std::size_t next = 0;
   for (const int frame : frames)
   {
@@ -131,7 +196,14 @@ Samples SampleFrames(const StandardError& standardError, const GaussianField& fi
       }
     }
     next -= pixels;
+    for (std::size_t p = 0; p < pixels; ++p)
+    {
+      truth[p] -= image[p];
+      sigma[p] = sweep.IsLit(p) ? sigma[p] : std::numeric_limits<float>::quiet_NaN();
+    }
+    means.Add(standardError, plane, truth, sigma);
   }
+  samples.means = means.Scores();
   return samples;
 }
 
@@ -153,6 +225,7 @@ StandardErrorReport ScoreStandardError(const StandardError& standardError, const
   report.constant = CompareScaled(std::vector<float>(samples.errors.size(), 1), samples.errors);
   report.distance = CompareScaled(samples.distance, samples.errors);
   report.texture = CompareScaled(samples.texture, samples.errors);
+  report.means = samples.means;
   report.rmse = std::sqrt(square);
   report.known = static_cast<double>(samples.errors.size()) / static_cast<double>(samples.lit);
   return report;

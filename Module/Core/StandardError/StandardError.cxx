@@ -20,7 +20,7 @@ namespace bigus
 namespace
 {
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;  // 1 had no squares
 
 /// What the field leaves of the error of linear interpolation: 0.49 to 0.79 in folds of seven sweeps (README.md).
 constexpr double kLeft = 0.7;
@@ -553,6 +553,65 @@ void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& wind
   ForTiles(window, [&](const Tile& tile) { TakeLeast(shown, tile, lines, sigma); });
 }
 
+std::vector<StandardError::Square> StandardError::Squares() const
+{
+  const SlicePlane& plane = frames_.front().plane;
+  double side = std::sqrt(plane.columnStep.norm() * plane.rowStep.norm());
+  std::vector<Square> squares;
+  for (const float share : squares_)
+  {
+    side *= 2;
+    squares.push_back({side, share});
+  }
+  return squares;
+}
+
+namespace
+{
+
+/// What a mean over a square keeps of the standard error of a pixel. Between known sides the logarithm follows that of the
+/// side; beyond the largest, squares are independent of each other.
+double ShareKept(const std::vector<StandardError::Square>& squares, double side)
+{
+  StandardError::Square smaller{squares.front().side / 2, 1};
+  if (side <= smaller.side)
+  {
+    return 1;
+  }
+  for (const StandardError::Square& larger : squares)
+  {
+    if (side <= larger.side)
+    {
+      const double part = std::log(side / smaller.side) / std::log(larger.side / smaller.side);
+      return smaller.share * std::pow(larger.share / smaller.share, part);
+    }
+    smaller = larger;
+  }
+  return smaller.share * smaller.side / side;
+}
+
+}  // namespace
+
+double StandardError::OfMean(const SlicePlane& plane, const float* sigma, const unsigned char* where) const
+{
+  double variance = 0, count = 0;
+  for (std::size_t p = 0; p < static_cast<std::size_t>(plane.width) * plane.height; ++p)
+  {
+    if ((!where || where[p]) && !std::isnan(sigma[p]))
+    {
+      variance += static_cast<double>(sigma[p]) * sigma[p];
+      count += 1;
+    }
+  }
+  if (count == 0 || squares_.empty())
+  {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  const double area = count * plane.columnStep.cross(plane.rowStep).norm();
+  const double share = ShareKept(Squares(), std::sqrt(area));
+  return std::sqrt(variance / count * share * share + static_cast<double>(bias_) * bias_);
+}
+
 bool StandardError::IsMostlyGuessed(const SlicePlane& plane, const float* image) const
 {
   constexpr double kJudged = 100;                          // pixels along a side
@@ -623,6 +682,8 @@ std::string StandardError::ToBytes() const
   out.Array(sequences_);
   out.Array(speckle_);
   out.Array(usualTurn_);
+  out.Array(squares_);
+  out.Number(bias_);
   for (const Eigen::Matrix4d& pose : poses_)
   {
     out.Numbers(pose.data(), 16);
@@ -643,7 +704,7 @@ StandardError::StandardError(std::string_view bytes)
 try
 {
   StateReader in(bytes);
-  in.NumberIn<std::uint32_t>(kVersion, kVersion);
+  const auto version = in.NumberIn<std::uint32_t>(1, kVersion);
   width_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
   height_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
   cell_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
@@ -659,6 +720,14 @@ try
                            std::all_of(usualTurn_.begin(), usualTurn_.end(),
                                        [](float w) { return w >= 0 && w <= static_cast<float>(kMostTurn); }),
                        "turns of another number");
+  if (version > 1)
+  {
+    squares_ = in.Array<float>();
+    bias_ = in.NumberIn<float>(0, 1);
+  }
+  StateReader::Require(
+      squares_.size() <= 15 && std::all_of(squares_.begin(), squares_.end(), [](float x) { return x > 0 && x <= 1; }),
+      "shares of squares");
   for (std::size_t k = 0; k < sequences_.size(); ++k)
   {
     Eigen::Matrix4d pose;

@@ -54,6 +54,21 @@ public:
   /// (and than two grey levels), or most of what it shows lies where the frames do not tell. Judged at some 10,000 pixels.
   bool IsMostlyGuessed(const SlicePlane& plane, const float* image) const;
 
+  /// The standard error of the mean of a slice over pixels (`where`: those that are not 0; null: all) of which `sigma`, that
+  /// of each of them (Evaluate), is known: errors of pixels beside each other are alike. It is what a mean over a square of
+  /// as much area keeps of them (README.md). NaN where none is known, and of fields that kept no squares.
+  double OfMean(const SlicePlane& plane, const float* sigma, const unsigned char* where = nullptr) const;
+
+  /// Of the standard error of one pixel, what that of a mean over a square with sides of so many mm is; empty for fields that
+  /// kept no squares.
+  struct Square
+  {
+    double side, share;
+    double
+        bias;  ///< of intensity: what such means of the field's residuals on training frames are, as a root mean square
+  };
+  std::vector<Square> Squares() const;
+
   /// For every pixel how far the frames before and behind it let a slice wander, mm: README.md's m. NaN where not known.
   std::vector<float> Apart(const SlicePlane& plane) const;
 
@@ -101,6 +116,8 @@ private:
   std::vector<int> sequences_;
   std::vector<float> speckle_;                           // [frames] share of local variance that is another when turned
   std::vector<float> usualTurn_;                         // [frames] how much speckle is another where R was measured
+  std::vector<float> squares_;                           // shares of sigma in means over 2, 4, 8, ... pixels a side
+  float bias_ = 0;                                       // of the field, in means over the largest of them
   std::vector<std::uint8_t> lit_;                        // [height][width]
   std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
   std::vector<Frame> frames_;                            // what Derive makes of the above
@@ -124,15 +141,24 @@ struct StandardErrorScores
       0;  ///< area under the curve of the error left when pixels go by sigma: 0 as if by the error, 1 by chance
 };
 
+/// The standard errors of means over squares of pixels beside their errors.
+struct MeanErrorScore
+{
+  double side = 0;           ///< of the squares, mm
+  double varianceRatio = 0;  ///< as above; 1 is right
+  int count = 0;             ///< of squares
+};
+
 /// The model beside plain ones, which get the scale that suits the scored frames best: their variance ratio is 1.
 struct StandardErrorReport
 {
   StandardErrorScores model;
   StandardErrorScores constant;
-  StandardErrorScores distance;  ///< a random walk between the frames, of one rate everywhere
-  StandardErrorScores texture;   ///< the slice's own 7 x 7 variance
-  double rmse = 0;               ///< of intensity
-  double known = 0;              ///< share of the lit pixels of which sigma is known, and which count
+  StandardErrorScores distance;       ///< a random walk between the frames, of one rate everywhere
+  StandardErrorScores texture;        ///< the slice's own 7 x 7 variance
+  std::vector<MeanErrorScore> means;  ///< over squares with sides of 8, 32 and 128 pixels, where there are some
+  double rmse = 0;                    ///< of intensity
+  double known = 0;                   ///< share of the lit pixels of which sigma is known, and which count
 };
 
 /// Of the field's slices at these frames of `sweep`, which had no part in it. Throws Error when nothing is known there.

@@ -41,12 +41,12 @@ from ._update import instruction_sets, use_instruction_set
 from .arrays import frames, image, poses, sweep
 from .pipeline import update
 from .sources import SourceError, from_files
-from .tasks import Planes, TrainingInterrupted, check, correct_poses, label, label_map, metrics, read, read_field, read_planes
+from .tasks import Planes, TrainingInterrupted, check, correct_poses, label, label_map, mean, metrics, read, read_field, read_planes
 from .tasks import read_spacing, read_stack, read_sweep, reslice, standard_error, texture, train, write
 
 from . import pickling  # noqa: F401,E402
 
-__all__ = ["Planes", "SourceError", "TrainingInterrupted", "check", "correct_poses", "frames", "from_files", "image", "label", "label_map", "metrics", "poses", "sweep", "texture", "train"]
+__all__ = ["Planes", "SourceError", "TrainingInterrupted", "check", "correct_poses", "frames", "from_files", "image", "label", "label_map", "mean", "metrics", "poses", "sweep", "texture", "train"]
 __all__ += ["instruction_sets", "read", "read_field", "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "standard_error", "update", "use_instruction_set", "write"]
 __all__ += [name for name in globals() if name.startswith("vtkBigus")]
 

@@ -306,9 +306,10 @@ class View(CommandTest):
         windows.move(480, 40 + ruler // 2)
         windows.button(1, 1)
         windows.button(1, 0)
-        windows.move(525, 200)  # a click on the rendered slice
-        windows.button(1, 1)
-        windows.button(1, 0)
+        for x, y in ((525, 200), (545, 200), (545, 220)):  # clicks on the rendered slice
+            windows.move(x, y)
+            windows.button(1, 1)
+            windows.button(1, 0)
         windows.move(150, 390)
         windows.press("k")
         windows.press("Right")
@@ -327,14 +328,33 @@ class View(CommandTest):
         self.assertEqual(process.wait(20), SUCCESS)
         told = process.stderr.read()
         length, path, area = map(float, re.search(r"([\d.]+) mm\n([\d.]+) mm, inside ([\d.]+) mm\^2", told).groups())
-        value = float(re.search(r"intensity ([\d.]+)", told)[1])
+        value, mean = map(float, re.search(r"intensity ([\d.]+)\n(?:.*\n)*?.*mm\^2, mean ([\d.]+)", told).groups())
         row, column = 200 - 134, 525 - 450  # in its cell: the mean of the pixels about there
         grey = first[134 + row - 1:134 + row + 2, 450 + column - 1:450 + column + 2].mean() / 255
         self.assertAlmostEqual(value, grey, delta=0.25)
+        inside = [first[200 + y, 525 + x].mean() / 255 for y in range(20) for x in range(y, 20)]
+        self.assertAlmostEqual(mean, sum(inside) / len(inside), delta=0.05)
         self.assertIn(str(round(length)), ("10", "20", "50"), told)  # what a ruler is long
         self.assertAlmostEqual(length, round(length), delta=length / ruler)  # a pixel
         self.assertAlmostEqual(path / length, 1 + math.hypot(1, 0.5), delta=2 / ruler)
         self.assertAlmostEqual(area / length**2, 0.25, delta=2 / ruler)
+
+    @NEEDS_DISPLAY
+    @unittest.skipIf(XTest is None, "libXtst presses the keys")
+    def test_a_mean_over_an_area_has_an_error_of_its_own(self):
+        field = self.folder / "phantom-field.vtp"  # the name that open() waits for
+        self.expect(SUCCESS, "train", self.trained_sweep, "-o", field, "--no-auto", "--gaussians", 500,
+                    "--iterations", 60)
+        process, windows = self.open(field, self.trained_sweep, "--frame", 7, *SIZE)
+        for x, y in ((525, 200), (545, 200), (545, 220)):
+            windows.move(x, y)
+            windows.button(1, 1)
+            windows.button(1, 0)
+        windows.press("q")
+        self.assertEqual(process.wait(20), SUCCESS)
+        told = process.stderr.read()
+        sigma = float(re.search(r"intensity [\d.]+ \+- ([\d.]+)", told)[1])
+        self.assertTrue(0 < float(re.search(r"mm\^2, mean [\d.]+ \+- ([\d.]+)", told)[1]) < sigma, told)
 
     @NEEDS_DISPLAY
     @unittest.skipIf(XTest is None, "libXtst presses the keys")
