@@ -600,6 +600,39 @@ Json PoseErrorOf(const std::vector<Eigen::Matrix4d>& poses, const std::vector<Ei
   return {{"distance", error.distance}, {"bending", error.bending}, {"angle", error.angle}};
 }
 
+/// What was done to poses and, where the truth is known, how far they were and are from it, and would be at best: smoothed
+/// by the strength that brings them closest, and by nothing else.
+Json PosesJson(const Sweep& recorded, const PoseCorrection& correction, const std::vector<Eigen::Matrix4d>& truth)
+{
+  Json smoothed, best;
+  if (!truth.empty())
+  {
+    bigus::TrajectorySmoother path(recorded, correction.trajectory.clock);
+    const auto at = [&](double strength)
+    {
+      Json error = PoseErrorOf(path.At(strength).imageToReference, truth, recorded);
+      error["strength"] = strength;
+      return error;
+    };
+    smoothed = at(correction.strength);
+    best = at(0);
+    for (double strength = 0.5; strength <= 128; strength *= 2)
+    {
+      const Json error = at(strength);
+      best = error["distance"] < best["distance"] ? error : best;
+    }
+  }
+  return {{"choice", correction.decision.choice},
+          {"evidence", correction.decision.evidence},
+          {"strength", correction.strength},
+          {"aligned", correction.isRefined ? 1 : 0},
+          {"seconds", correction.decision.seconds},
+          {"error_tracked", PoseErrorOf(recorded.imageToReference, truth, recorded)},
+          {"error_smoothed", smoothed},
+          {"error_best", best},
+          {"error", PoseErrorOf(correction.trajectory.imageToReference, truth, recorded)}};
+}
+
 Json Run(const Json& job, const SceneFolders& folders, const std::string& pictures)
 {
   JobFields fields(job, "job");
@@ -697,12 +730,7 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
           {"seconds", method.seconds},
           {"scoring_seconds", SecondsSince(start)},
           {"bytes", method.bytes},
-          {"poses",
-           {{"choice", correction.decision.choice},
-            {"evidence", correction.decision.evidence},
-            {"seconds", correction.decision.seconds},
-            {"error_tracked", PoseErrorOf(recorded.imageToReference, truth, recorded)},
-            {"error", PoseErrorOf(sweep->imageToReference, truth, recorded)}}},
+          {"poses", PosesJson(recorded, correction, truth)},
           {"facts", method.facts},
           {"width", sweep->width},
           {"height", sweep->height},

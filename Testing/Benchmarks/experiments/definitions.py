@@ -789,4 +789,57 @@ E12 = Experiment(
              {name: ({"scene": name}, "held-out PSNR") for name in TIMED}),
     split="scene")
 
-EXPERIMENTS = {experiment.name: experiment for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12)}
+# ---- E13: corrected poses of made-up sweeps ----
+
+SEEDS = (1, 2, 3, 4)
+MADE_UP = {"width": 96, "height": 96, "pixel_size": 0.3, "scatterer_density": 8}
+NOISE = {"tracking_noise": 0.2, "tracking_rotation_noise": 0.3}
+ROUNDED = {"tracking_quantum": 0.3, "tracking_rotation_quantum": 0.3}
+SHAKING = {"shake": 0.2, "shake_rotation": 0.3}
+DRIFT = {"tracking_noise": 0.5, "tracking_rotation_noise": 0.5, "noise_correlation": 40}
+BACK = {"passes": 2, "frames": 96}
+SPARSE = {"frames": 24, "frame_spacing": 1.5}
+HANDS = {
+    "exact": {},
+    "white 0.05 mm, 0.05°": {"tracking_noise": 0.05, "tracking_rotation_noise": 0.05},
+    "white 0.2 mm, 0.3°": NOISE,
+    "the same, 5 % outliers of 2 mm": {**NOISE, "outlier_share": 0.05},
+    **{f"the same, correlated over {n} frames": {**NOISE, "noise_correlation": n} for n in (3, 10, 30)},
+    "10 frames, and rounded to 0.3 mm, 0.3°": {**NOISE, **ROUNDED, "noise_correlation": 10},
+    "drift 0.5 mm, 0.5° (40 frames)": DRIFT,
+    "24 frames 1.5 mm apart, white": {**SPARSE, **NOISE},
+    "24 frames 1.5 mm apart, 8 frames": {**SPARSE, **NOISE, "noise_correlation": 8},
+    "there and back, white": {**BACK, **NOISE},
+    "there and back, white 0.5 mm, 0.5°": {**BACK, "tracking_noise": 0.5, "tracking_rotation_noise": 0.5},
+    "there and back, 10 frames": {**BACK, **NOISE, "noise_correlation": 10},
+    "there and back, drift": {**BACK, **DRIFT},
+    "straight there and back, 10 frames": {**BACK, **NOISE, "noise_correlation": 10, "tilt": 0, "wander": 0},
+    "probe shakes, white": SHAKING,
+    "probe shakes, 3 frames": {**SHAKING, "shake_correlation": 3},
+    "probe shakes, 10 frames": {**SHAKING, "shake_correlation": 10},
+    "probe shakes, tracker white": {**SHAKING, **NOISE}}
+
+
+def e13_jobs(scale):
+    size, seeds = ({}, SEEDS[:1]) if scale.is_quick else (MADE_UP, SEEDS)
+    return [scale.job(scale.phantom(**{**size, **hand, "seed": seed}), {"hold_out": 8}, {"name": "pose_any_plane"},
+                      {"sweep": name, "seed": seed}, 6, seed=seed)
+            for name, hand in HANDS.items() for seed in seeds]
+
+
+E13_ERRORS = {"tracked": "error_tracked", "smoothed": "error_smoothed", "corrected": "error", "best": "error_best"}
+E13 = Experiment(
+    "e13", "E13: how well are the poses of made-up sweeps corrected?", e13_jobs,
+    [("strengths", "poses.strength", None), ("best strengths", "poses.error_best.strength", None),
+     ("aligned", "poses.aligned", None)]
+    + [(f"{title}, mm", f"poses.{path}.distance", 3) for title, path in E13_ERRORS.items()]
+    + [(f"{title}, bent by mm", f"poses.{path}.bending", 3) for title, path in E13_ERRORS.items()]
+    + scored("held_out", "held-out")[:1] + [("seconds for poses", "poses.seconds", 2)],
+    lambda jobs: [dots(jobs, f"poses.{path}.distance", f"corner error (mm), {title}", lambda labels: labels["sweep"])
+                  for title, path in E13_ERRORS.items()],
+    summary=("made-up sweep", {name: {"sweep": name} for name in HANDS},
+             {column: ({}, column) for column in ("strengths", "best strengths", "aligned",
+                                                  *(f"{title}, mm" for title in E13_ERRORS))}))
+
+EXPERIMENTS = {experiment.name: experiment
+               for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, E13)}

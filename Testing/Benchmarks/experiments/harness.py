@@ -166,18 +166,20 @@ def mean(jobs, path):
 
 
 def cell(jobs, path, places):
-    """Mean, and the spread over seeds where there are several."""
+    """Mean, and the spread over seeds where there are several; without `places` each of them."""
     values = [value(job.result, path) for job in jobs if job.result]
     values = [v for v in values if v is not None]
     if not values:
         return "–"
+    if places is None:
+        return " ".join(f"{value:g}" for value in values)
     text = f"{statistics.fmean(values):.{places}f}"
     return text + (f" ± {statistics.stdev(values):.{places}f}" if len(values) > 1 else "")
 
 
 def table(jobs, columns):
     """One dictionary a row, {title of a column: text}, labels first. columns: [(title, path in the result, decimal
-    places)]. Rows that were not run say so in their first number's place."""
+    places, None for each seed's number)]. Rows that were not run say so in their first number's place."""
     rows = groups(jobs)
     names = list(dict.fromkeys(name for labels, _ in rows for name in labels))
     lines = []
