@@ -122,8 +122,14 @@ std::string ViewDoubts::Inside(vtkBigusSliceProp* slice, const std::vector<Eigen
   {
     return mean;
   }
-  const double error = kept_->OfMean(PlaneOf(slice), Sigma(slice).data(), inside.data());
-  return mean + (std::isnan(error) ? ", error not known" : " +- " + FormatNumber(error, 3));
+  const std::vector<float> sigma = Sigma(slice);
+  bool isKnown = true;  // of every pixel that the mean is of
+  for (std::size_t p = 0; p < sigma.size(); ++p)
+  {
+    isKnown = isKnown && (inside[p] == 0 || !std::isnan(sigma[p]));
+  }
+  const double error = kept_->OfMean(PlaneOf(slice), sigma.data(), inside.data());
+  return mean + (isKnown && !std::isnan(error) ? " +- " + FormatNumber(error, 3) : ", not known");
 }
 
 void ViewDoubts::AddTo(vtkRenderer* renderer, ViewOverlay& overlay) const

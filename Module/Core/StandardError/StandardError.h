@@ -64,8 +64,6 @@ public:
   struct Square
   {
     double side, share;
-    double
-        bias;  ///< of intensity: what such means of the field's residuals on training frames are, as a root mean square
   };
   std::vector<Square> Squares() const;
 
