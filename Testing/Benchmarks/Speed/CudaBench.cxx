@@ -13,6 +13,7 @@
 #include <iostream>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,13 +39,15 @@ struct Options
   std::vector<double> seconds;
   int holdOut = 0;
   double elevationSigma = 0;
+  bool secondOrder = false;
+  std::optional<int> virtualPlanes;
 };
 
 constexpr char kUsage[] =
     "bigus-cuda-bench [--engine NAME] [--quick] [--repeats N]\n"
     "    times slices and training passes on made-up fields\n"
     "bigus-cuda-bench --sweep FILE.txt --seconds S [--seconds S ...] [--gaussians N] [--hold-out K]\n"
-    "                 [--elevation-sigma MM] [--engine NAME]\n"
+    "                 [--elevation-sigma MM] [--second-order] [--virtual-planes N] [--engine NAME]\n"
     "    trains on a sweep for so many seconds each and scores the field; FILE is what export_sweep.py writes\n";
 
 double Number(const std::string& text, const std::string& option)
@@ -103,6 +106,14 @@ Options Parse(int argc, char** argv)
     else if (option == "--elevation-sigma")
     {
       options.elevationSigma = Number(value(), option);
+    }
+    else if (option == "--second-order")
+    {
+      options.secondOrder = true;
+    }
+    else if (option == "--virtual-planes")
+    {
+      options.virtualPlanes = static_cast<int>(Number(value(), option));
     }
     else if (option == "--help" || option == "-h")
     {
@@ -293,11 +304,14 @@ void MeasureTraining(const Options& options)
     trainer.timeLimit = seconds;
     trainer.iterations = 10000000;
     trainer.batch = 16;
+    trainer.secondOrder = options.secondOrder;
+    trainer.virtualPlanes = options.virtualPlanes;
     if (options.holdOut == 0)
     {
       trainer.loss = Loss::Parse("l2");
       trainer.tolerance = 1e-5;
-      trainer.reflectivityRate = 0.05;
+      trainer.meanRate = 0.15;
+      trainer.reflectivityRate = 0.025;
     }
     const TrainingResult result = Train(sweep, trainer);
     const FrameScores training = ScoreField(result.field, *sweep, result.trainingFrames, options.engine);
