@@ -1127,6 +1127,49 @@ class Train(CommandTest):
         self.assertEqual(self.expect(SUCCESS, "info", path)["gaussians"], answer["gaussians"])
         self.assertEqual(sorted(os.listdir(self.folder)), ["f.vtp", "long.igs.mha"])
 
+    def test_nohup_is_obeyed(self):
+        path = self.folder / "f.vtp"
+        process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--no-auto", "--gaussians", "500",
+                                    "--iterations", "300", "--progress"], stderr=subprocess.PIPE,
+                                   stdout=subprocess.DEVNULL, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+        self.await_bar(process, b"Training [")
+        process.send_signal(signal.SIGHUP)
+        process.communicate(timeout=60)
+        self.assertEqual(process.returncode, SUCCESS)
+
+    def test_messages_and_bar_keep_off_stdout(self):
+        result = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--progress", "--json")
+        json.loads(result.stdout)
+        self.assertIn("100 %", result.stderr)
+        quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
+        self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
+        self.assertRegex(quiet.stdout, r"\d+ Gaussians, .* MB, 12 iterations")
+
+    def test_the_bar_fits_the_terminal(self):
+        for columns in (40, 80, 120):
+            with self.subTest(columns):
+                ours, theirs = pty.openpty()
+                fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+                process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(self.folder / "f.vtp"), *TINY,
+                                            "--progress"], stdout=subprocess.DEVNULL, stderr=theirs)
+                os.close(theirs)
+                seen = b""
+                while True:
+                    try:
+                        chunk = os.read(ours, 4096)
+                    except OSError:  # the other side is closed
+                        break
+                    if not chunk:
+                        break
+                    seen += chunk
+                os.close(ours)
+                self.assertEqual(process.wait(timeout=60), SUCCESS)
+                drawn = [text.split(b"\x1b[K")[0] for text in seen.split(b"\r") if b"Training " in text and b"\x1b[K" in text]
+                self.assertTrue(drawn)
+                self.assertLess(max(map(len, drawn)), columns)
+
+
+class Resume(CommandTest):
     RESUMABLE = ("--no-auto", "--gaussians", "400", "--iterations", "3000")
 
     def interrupted_training(self, path, *options):
@@ -1182,47 +1225,6 @@ class Train(CommandTest):
         checkpoint.rmdir()
         self.interrupted_training(path, "--checkpoint-interval", "0")
         self.assertFalse(checkpoint.exists())
-
-    def test_nohup_is_obeyed(self):
-        path = self.folder / "f.vtp"
-        process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(path), "--no-auto", "--gaussians", "500",
-                                    "--iterations", "300", "--progress"], stderr=subprocess.PIPE,
-                                   stdout=subprocess.DEVNULL, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
-        self.await_bar(process, b"Training [")
-        process.send_signal(signal.SIGHUP)
-        process.communicate(timeout=60)
-        self.assertEqual(process.returncode, SUCCESS)
-
-    def test_messages_and_bar_keep_off_stdout(self):
-        result = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY, "--progress", "--json")
-        json.loads(result.stdout)
-        self.assertIn("100 %", result.stderr)
-        quiet = run("train", self.sweep, "-o", self.folder / "f.vtp", *TINY)
-        self.assertNotIn("%", quiet.stderr, "no bar unless stderr is a terminal")
-        self.assertRegex(quiet.stdout, r"\d+ Gaussians, .* MB, 12 iterations")
-
-    def test_the_bar_fits_the_terminal(self):
-        for columns in (40, 80, 120):
-            with self.subTest(columns):
-                ours, theirs = pty.openpty()
-                fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-                process = subprocess.Popen([BIGUS, "train", str(self.sweep), "-o", str(self.folder / "f.vtp"), *TINY,
-                                            "--progress"], stdout=subprocess.DEVNULL, stderr=theirs)
-                os.close(theirs)
-                seen = b""
-                while True:
-                    try:
-                        chunk = os.read(ours, 4096)
-                    except OSError:  # the other side is closed
-                        break
-                    if not chunk:
-                        break
-                    seen += chunk
-                os.close(ours)
-                self.assertEqual(process.wait(timeout=60), SUCCESS)
-                drawn = [text.split(b"\x1b[K")[0] for text in seen.split(b"\r") if b"Training " in text and b"\x1b[K" in text]
-                self.assertTrue(drawn)
-                self.assertLess(max(map(len, drawn)), columns)
 
 
 def centres(path):

@@ -505,7 +505,7 @@ class Train(unittest.TestCase):
             calls.append(fraction)
             return fraction < 0.05
 
-        field, _ = bigus.train(small_sweep(), progress, Automatic=False, Gaussians=300, Iterations=1000000)
+        field, _ = bigus.train(small_sweep(), progress, Automatic=False, Gaussians=300, Iterations=20000)
         self.assertGreater(field.GetNumberOfPoints(), 0)
         self.assertLess(calls[-1], 0.5)
 
