@@ -54,6 +54,7 @@ MOST_POINTS = 30000  # of the overview; more are not told apart in a picture of 
 SEND_SECONDS = 20.0  # a client that takes no bytes for so long is dropped
 SAME_POSE = 1e-6  # mm at the image's corners: the plane is the frame's own
 LIVE_SECONDS = 10.0  # a live field that does not answer for so long is away
+SURE_STEPS = 510  # of a byte in white: standard errors travel in half grey levels
 REFRESH_SECONDS = 2.0  # a live field's Gaussians are asked for at most so often
 MOST_LIVE_BYTES = 2**26  # of a message
 
@@ -66,11 +67,25 @@ class Rendered(NamedTuple):
     image: np.ndarray  # float32 [height, width] in [0, 1)
     coverage: np.ndarray  # float32 [height, width]
     labels: Optional[np.ndarray] = None  # uint8 [height, width], where they were asked for
+    error: Optional[np.ndarray] = None  # standard error, float32 [height, width], nan: not known; where it was asked for
 
 
 def _labels(values: Iterable, names: Iterable, colors: Iterable) -> list[dict[str, Any]]:
     """Labels that a field has, as the page is told of them."""
     return [{"value": int(v), "name": str(n), "color": [float(part) for part in c]} for v, n, c in zip(values, names, colors)]
+
+
+def _axes_of(poses: np.ndarray) -> np.ndarray:
+    """Of recorded frames whose echoes depend on the direction: the axes of each, [k, 3, 3]."""
+    return np.array(poses).reshape(-1, 4, 4)[:, :3, :3]
+
+
+def turn_from(views: np.ndarray, plane: np.ndarray) -> float:
+    """Degrees that a plane is turned by from the recorded frame that looks most alike."""
+    u, n = plane[:3, 0], np.cross(plane[:3, 0], plane[:3, 1])
+    axes = np.stack([a / np.linalg.norm(a) for a in (u, np.cross(n, u), n)], axis=1)
+    cosine = (np.einsum("kij,ij->k", views, axes).max() - 1) / 2
+    return math.degrees(math.acos(min(1.0, max(-1.0, float(cosine)))))
 
 
 class FieldOfVtk:
@@ -95,8 +110,12 @@ class FieldOfVtk:
         if data.GetArray("LabelWeight"):
             values, names, colors = (field.GetFieldData().GetAbstractArray("Label" + kind) for kind in ("Values", "Names", "Colors"))
             self.labels = _labels(vtk_to_numpy(values), map(names.GetValue, range(names.GetNumberOfValues())), vtk_to_numpy(colors))
+        self.keeps_error = field.GetFieldData().GetArray("StandardError") is not None
+        poses = field.GetFieldData().GetArray("ViewPoses") if data.GetArray("ViewTerm") else None
+        self.views = None if poses is None else _axes_of(vtk_to_numpy(poses))
 
-    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False,
+               error: bool = False) -> Rendered:  # fmt: skip
         from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
         from .arrays import _pixels
@@ -106,10 +125,12 @@ class FieldOfVtk:
         axes.DeepCopy(plane.ravel())
         self._filter.SetElevationSigma(sigma)
         self._filter.SetGenerateLabelOutput(labels)
+        self._filter.SetGenerateStandardErrorOutput(error)
         self._filter.SetOutputToFrame(axes, width, height)
         update_alone(self._filter)
-        map = _pixels(self._filter.GetLabelOutput())[0] if labels else None
-        return Rendered(_pixels(self._filter.GetOutput())[0], _pixels(self._filter.GetCoverageOutput())[0], map)
+        outputs = self._filter.GetOutput(), self._filter.GetCoverageOutput()
+        more = self._filter.GetLabelOutput() if labels else None, self._filter.GetStandardErrorOutput() if error else None
+        return Rendered(*(None if one is None else _pixels(one)[0] for one in (*outputs, *more)))
 
 
 class FieldOfWheel:
@@ -127,12 +148,17 @@ class FieldOfWheel:
             names, values, colors, *_ = field.label_arrays
             self.labels = _labels(values, names, colors)
             self._label_slicer = bigus._core.LabelRenderer(field, "auto")
+        self._kept, self._error_of = field.kept_error, bigus._core.standard_error
+        self.keeps_error = bool(self._kept)
+        self.views = None if field.view_arrays is None else _axes_of(field.view_arrays[3])
 
-    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False) -> Rendered:
+    def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False,
+               error: bool = False) -> Rendered:  # fmt: skip
         if sigma != self._sigma:
             self._slicer, self._sigma = self._make(sigma), sigma
         map = self._label_slicer.render(plane, width, height) if labels else None
-        return Rendered(*self._slicer.slice_and_coverage(plane, (width, height)), map)
+        image, coverage = self._slicer.slice_and_coverage(plane, (width, height))
+        return Rendered(image, coverage, map, self._error_of(self._kept, plane, image) if error else None)
 
 
 class Away(Exception):
@@ -156,6 +182,7 @@ class FieldOfLive:
         self.centers, self.scales, self.reflectivities = np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
         self.gaussians, self.weight = 0, 1.0  # of which each in `centers` stands for so many
         self.labels: list[dict[str, Any]] = []
+        self.keeps_error, self.views = False, None
         self.state: dict[str, Any] = {}
         self._stream: Any = None
         try:
@@ -347,6 +374,7 @@ class Request(NamedTuple):
     height: int
     sigma: float  # mm, the slice's thickness; negative: the field's own
     labels: bool  # whether to tell them, too
+    error: bool  # and the standard error
 
 
 class Scene:
@@ -425,6 +453,7 @@ class Scene:
             "numbers": [] if sweep is None else sweep.numbers.tolist(),
             "firstFrame": None if sweep is None else len(sweep) // 2,
             "elevationSigma": self.field.elevation_sigma, "thickest": THICKEST, "labels": self.field.labels,
+            "standardError": self.field.keeps_error,
             "live": self.field.state if self.live else None,
         }  # fmt: skip
 
@@ -446,14 +475,15 @@ class Scene:
         id, sigma = whole("id", 0, 2**53), message.get("elevationSigma", -1)
         if "elevationSigma" in message and not (type(sigma) in (int, float) and 0 <= sigma <= THICKEST and not self.live):
             raise ValueError(f"elevationSigma is from 0 to {THICKEST:g} mm; a field that grows takes none")
-        labels = message.get("labels", False)
-        if type(labels) is not bool or labels and not self.field.labels:
-            raise ValueError("labels is true or false; true where the scene has labels")
+        more = [message.get(name, False) for name in ("labels", "standardError")]
+        for name, value, has in zip(("labels", "standardError"), more, (self.field.labels, self.field.keeps_error)):
+            if type(value) is not bool or value and not has:
+                raise ValueError(f"{name} is true or false; true where the scene has it")
         if message.get("frame") is not None:
             if not self.sweep:
                 raise ValueError("there are no frames")
             return Request(id, whole("frame", 0, len(self.sweep) - 1), None, self.sweep.width, self.sweep.height,
-                           sigma, labels)  # fmt: skip
+                           sigma, *more)  # fmt: skip
         width, height = whole("width", 1, MOST_SIDE), whole("height", 1, MOST_SIDE)
         if width * height > MOST_PIXELS:
             raise ValueError(f"a slice has at most {MOST_PIXELS} pixels")
@@ -471,21 +501,25 @@ class Scene:
         if length < 1e-3:
             raise ValueError("the plane's first two columns must span a plane")
         plane[:3, 2], plane[3] = normal / length, (0, 0, 0, 1)
-        return Request(id, None, plane, width, height, sigma, labels)
+        return Request(id, None, plane, width, height, sigma, *more)
 
     def render(self, request: Request) -> tuple[dict[str, Any], list[bytes]]:
         """What is told of the slice, and its pixels, its coverage, whether the sweep saw them and, where they were asked for,
-        their labels, as bytes."""
+        their labels and their standard errors, as bytes."""
         self.refresh()
         begin = time.perf_counter()
         plane = self.sweep.poses[request.frame] if request.frame is not None else request.plane
-        image, coverage, labels = self.field.render(plane, request.width, request.height, request.sigma, request.labels)
+        image, coverage, labels, sigma = self.field.render(plane, *request[3:])
+        if sigma is not None:
+            steps = np.minimum(np.rint(SURE_STEPS * sigma), 254)
+            sigma = np.where(np.isnan(sigma), 255, steps).astype(np.uint8)
         coverage = coverage / self.mean_coverage
         seen = coverage / SEEN_ABOVE
         if self.sweep:
             seen = np.maximum(seen, self.sweep.seen(plane, request.width, request.height))
         head: dict[str, Any] = {"id": request.id, "width": request.width, "height": request.height, "frame": None,
-                                "labels": request.labels}  # fmt: skip
+                                "labels": request.labels, "standardError": request.error}  # fmt: skip
+        head["turn"] = None if self.field.views is None else turn_from(self.field.views, plane)
         if self.sweep:
             size = (request.width, request.height)
             frame, distance = (request.frame, 0.0) if request.frame is not None else self.sweep.nearest(plane, *size)
@@ -501,7 +535,7 @@ class Scene:
             if probe := self.probe():
                 head["live"]["probe"] = probe[0].ravel().tolist()
         head["seconds"] = time.perf_counter() - begin
-        return head, [_bytes(pixels).tobytes() for pixels in (image, coverage, seen, labels) if pixels is not None]
+        return head, [_bytes(pixels).tobytes() for pixels in (image, coverage, seen, labels, sigma) if pixels is not None]
 
 
 def read_scene(field: str, sweep: Optional[str], tell: Any) -> Scene:
@@ -800,8 +834,8 @@ class Server:
                     client.shown = head["frame"]
                     head["recorded"] = [sweep.width, sweep.height]
                     parts.append(sweep.pixels(client.shown).tobytes())
-                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, seen, labels, recorded
-                # frame.
+                # Length of the head, the head padded to a multiple of 4, and bytes of slice, coverage, seen, labels, standard
+                # error, recorded frame.
                 text = json.dumps(head, allow_nan=False).encode()
                 text += b" " * (-len(text) % 4)
                 await self._send(socket, transport, b"".join([struct.pack("<I", len(text)), text, *parts]))

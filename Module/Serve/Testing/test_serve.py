@@ -61,6 +61,12 @@ def write_labelled(sweep: str, path: str) -> None:
     bigus.write(bigus.label(bigus.read(FIELD), bigus.read(sweep), pictures, names, frames=[0, 2, 4]), path)
 
 
+def write_sure(sweep: str, path: str, **options) -> None:
+    """A field that keeps what its standard error rests on."""
+    few = {"Automatic": False, "Gaussians": 400, "Iterations": 30, "Batch": 4, **options}
+    bigus.write(bigus.train(bigus.read(sweep), progress=False, **few)[0], path)
+
+
 def line(x: float, y: float, dx: float, dy: float, places: int = 9) -> list:
     return [(x + dx * k / (places - 1), y + dy * k / (places - 1)) for k in range(places)]
 
@@ -214,6 +220,46 @@ class Rules(unittest.TestCase):
                 scene.parse(json.dumps({**request, "labels": wrong}))
         with self.assertRaisesRegex(ValueError, "labels"):  # of a field without any
             self.scene.parse(json.dumps({**request, "labels": True}))
+
+    def test_the_standard_error_is_told_where_it_is_asked_for(self):
+        with tempfile.TemporaryDirectory() as folder:
+            write_sweep(folder + "/sweep.igs.mha")
+            write_sure(folder + "/sweep.igs.mha", folder + "/sure.vtp")
+            scene = serve.read_scene(folder + "/sure.vtp", None, lambda *_, **__: None)
+            plane = poses()[2]
+            plane[2, 0] = -0.04  # it leaves the frames
+            expected = bigus.standard_error(bigus.read(folder + "/sure.vtp"), plane, size=(64, 48))
+        request = self.request(plane=plane.ravel().tolist())
+        head, parts = scene.render(scene.parse(json.dumps({**request, "standardError": True})))
+        self.assertEqual((head["standardError"], head["labels"], head["turn"], len(parts)), (True, False, None, 4))
+        told = np.frombuffer(parts[3], np.uint8).reshape(48, 64)
+        known = np.isfinite(expected)
+        self.assertTrue(100 < known.sum() < known.size - 100)
+        np.testing.assert_array_equal(told == 255, ~known)
+        self.assertLess(np.abs(told[known] / 510 - np.minimum(expected[known], 254 / 510)).max(), 0.51 / 510)
+        self.assertTrue(scene.description()["standardError"])
+        self.assertEqual(len(scene.render(scene.parse(json.dumps(request)))[1]), 3)
+        for asked, wrong in ((scene, 1), (scene, None), (self.scene, True)):  # the last field keeps none
+            with self.assertRaisesRegex(ValueError, "standardError"):
+                asked.parse(json.dumps({**request, "standardError": wrong}))
+
+    def test_how_far_a_plane_is_turned_from_recorded_frames(self):
+        def tilted(degrees):
+            c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+            turned = np.eye(4)
+            turned[1:3, 1:3] = [[c, -s], [s, c]]  # about x
+            return turned
+
+        tilts = (0, 3, 6, 10, 14)
+        with tempfile.TemporaryDirectory() as folder:
+            frames = np.array([tilted(degrees) @ pose for degrees, pose in zip(tilts, poses())])
+            pixels = np.random.default_rng(5).integers(0, 256, (FRAMES, HEIGHT, WIDTH), dtype=np.uint8)
+            bigus.write(bigus.sweep(pixels, frames, np.arange(FRAMES) / 20.0), folder + "/s.igs.mha")
+            write_sure(folder + "/s.igs.mha", folder + "/views.vtp", ViewDependence=True)
+            scene = serve.read_scene(folder + "/views.vtp", None, lambda *_, **__: None)
+        for plane, expected in ((tilted(4.2) @ poses()[2], 1.2), (tilted(12) @ poses()[0], 2), (tilted(-90) @ poses()[0], 90)):
+            head, _ = scene.render(scene.parse(json.dumps(self.request(plane=plane.ravel().tolist()))))
+            self.assertAlmostEqual(head["turn"], expected, places=2)
 
     def test_where_other_machines_find_the_page(self):
         self.assertEqual(serve.address_for_others("192.0.2.7"), "192.0.2.7")
@@ -532,7 +578,7 @@ class Program(unittest.TestCase):
 @unittest.skipIf(aiohttp is None or chromium.program() is None, "aiohttp or Chromium is not installed")
 class Page(unittest.IsolatedAsyncioTestCase):
     @contextlib.asynccontextmanager
-    async def page(self, width, height, phone=False, labels=False):
+    async def page(self, width, height, phone=False, labels=False, sure=False):
         field, sweep = os.environ.get("BIGUS_SERVE_FIELD"), os.environ.get("BIGUS_SERVE_SWEEP")
         with tempfile.TemporaryDirectory() as folder:
             if field is None or sweep is None:
@@ -541,6 +587,9 @@ class Page(unittest.IsolatedAsyncioTestCase):
                 if labels:
                     field = folder + "/labelled.vtp"
                     write_labelled(sweep, field)
+                if sure:
+                    field = folder + "/sure.vtp"
+                    write_sure(sweep, field)
             server = await asyncio.to_thread(Running, field, sweep, "--threads", "2", "--token")
             try:
                 async with chromium.Browser() as browser:
@@ -775,6 +824,50 @@ class Page(unittest.IsolatedAsyncioTestCase):
                     await browser.picture(f"{os.environ['BIGUS_SERVE_PICTURE']}.labels-{width}.png")
         async with self.page(1440, 900) as browser:
             self.assertTrue(await browser.evaluate("document.getElementById('labelBox').hidden"))
+
+    async def test_doubtful_pixels_are_amber_and_the_mouse_tells_numbers(self):
+        for width, height, phone in ((1440, 900, False), (390, 844, True)):
+            async with self.page(width, height, phone, sure=True) as browser:
+                self.assertLessEqual(await browser.evaluate("document.documentElement.scrollWidth"), width)
+                self.assertEqual(await browser.evaluate("[doubtBox.hidden, doubt.checked, last.errors]"), [False, False, None])
+                x, y, *_ = await self.box(browser, "slice")
+                place = await browser.evaluate("placeOnScreen()")
+
+                async def told(i, j):
+                    at = x + place["left"] + (i + 0.5) * place["scale"], y + place["top"] + (j + 0.5) * place["scale"]
+                    if phone:
+                        await browser.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": at[0], "y": at[1]}])
+                    else:
+                        await browser.mouse("mouseMoved", *at)
+                    text = await browser.evaluate("hereText(placeOnScreen())")
+                    if phone:
+                        await browser.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+                    return text
+
+                frame = await browser.evaluate("bigus.state().frame")
+                field = bigus.read(str(browser.folder / "sure.vtp"))
+                image, sigma = (f(field, poses()[frame], size=(WIDTH, HEIGHT)) for f in (bigus.reslice, bigus.standard_error))
+                self.assertAlmostEqual(float(await told(20, 30)), image[30, 20], delta=0.0026)  # told in 255 steps
+                await browser.evaluate("doubt.click()")
+                await self.moved(browser)
+                number, error = (await told(20, 30)).split(" ± ")
+                self.assertAlmostEqual(float(number), image[30, 20], delta=0.0026)
+                self.assertAlmostEqual(float(error), sigma[30, 20], delta=0.0016)
+                await browser.evaluate("(() => { greyOver.checked = false; draw(); })()")
+                pixels = np.array(await self.bytes_of(browser, "slice", "slice(0)", "Array.from")).reshape(HEIGHT, WIDTH, 4)
+                amber, clear = pixels[..., 0] > pixels[..., 2], np.abs(sigma - 0.1) > 0.0011  # but for rounding
+                np.testing.assert_array_equal(amber[clear], ~(sigma <= 0.1)[clear])
+                self.assertTrue(0 < amber.sum())
+                await browser.evaluate("(() => { moved.z = 3; changed(); })()")  # behind the last frame
+                await self.moved(browser)
+                self.assertIn(", not known", await told(20, 30))
+                if "BIGUS_SERVE_PICTURE" in os.environ:
+                    await browser.evaluate("(() => { moved.z = 0.4; moved.turn = 20; greyOver.checked = true; changed(); })()")
+                    await self.moved(browser)
+                    await told(20, 30) if not phone else None
+                    await browser.picture(f"{os.environ['BIGUS_SERVE_PICTURE']}.sure-{width}.png")
+        async with self.page(1440, 900) as browser:
+            self.assertTrue(await browser.evaluate("doubtBox.hidden"))
 
     async def test_a_drag_moves_the_slice(self):
         async with self.page(1400, 900) as browser:
