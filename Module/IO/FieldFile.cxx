@@ -137,7 +137,7 @@ void WriteField(const StoredField& stored, const std::string& fileName, int piec
     return;
   }
   AtomicFile file(fileName);
-  EndsIn(fileName, ".ply") ? WritePly(stored, file) : WriteVtp(stored, file, SinglesOf(stored.field));
+  EndsIn(fileName, ".ply") ? WritePly(stored, file) : WriteVtp(stored, file, SinglesOf(stored));
   file.Commit();
 }
 
@@ -153,6 +153,11 @@ void WriteFieldTogether(const StoredField& part, const std::string& fileName, Ex
 }
 
 bool KeepsViews(const std::string& fileName)
+{
+  return KeepsLabels(fileName) || EndsIn(fileName, ".pvtp");
+}
+
+bool KeepsLabels(const std::string& fileName)
 {
   return EndsIn(fileName, ".vtp");
 }

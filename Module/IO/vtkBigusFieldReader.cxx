@@ -121,7 +121,8 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     {
       vtkNew<vtkPolyData> part;
       ReadWithVtk(file, part);
-      return bigus::StoredField{bigus::FieldFromPolyData(part), bigus::ProvenanceOf(part), {}};
+      return bigus::StoredField{
+          bigus::FieldFromPolyData(part), bigus::ProvenanceOf(part), {}, {}, bigus::ViewFromPolyData(part)};
     };
     if (const auto stored = bigus::ReadField(fileName, piece, foreign))
     {

@@ -97,21 +97,28 @@ void vtkBigusFieldWriter::WriteFile()
         vtkPolyData* const input = this->GetInput();
         bigus::StoredField stored = {
             bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}, bigus::StandardErrorOf(input)};
+        const auto leaveOut = [&](const char* array, const char* what)
+        {
+          if (input->GetPointData()->GetArray(array))
+          {
+            vtkWarningMacro(<< fileName << ": " << what << " left out; .vtp keeps it.");
+          }
+        };
         if (processes.IsAlone() && bigus::KeepsViews(fileName))
         {
           stored.view = bigus::ViewFromPolyData(input);
+        }
+        else
+        {
+          leaveOut("ViewTerm", "what the field knows of directions is");
+        }
+        if (processes.IsAlone() && bigus::KeepsLabels(fileName))
+        {
           stored.labels = bigus::LabelsFromPolyData(input);
         }
         else
         {
-          for (const auto& [array, what] : {std::pair("ViewTerm", "what the field knows of directions is"),
-                                            std::pair("LabelWeight", "the field's labels are")})
-          {
-            if (input->GetPointData()->GetArray(array))
-            {
-              vtkWarningMacro(<< fileName << ": " << what << " left out; .vtp keeps it.");
-            }
-          }
+          leaveOut("LabelWeight", "the field's labels are");
         }
         if (this->Rounding)
         {

@@ -230,7 +230,8 @@ std::optional<Field> ReadStoredField(const std::string& path)
   return field;
 }
 
-void WriteStoredField(Field field, const std::string& path, bool isRounded)
+/// Returns what the file does not keep of the field.
+std::vector<std::string> WriteStoredField(Field field, const std::string& path, bool isRounded)
 {
   const nb::gil_scoped_release others;
   RequireFieldName(path);
@@ -241,12 +242,25 @@ void WriteStoredField(Field field, const std::string& path, bool isRounded)
   }
   StoredField stored{
       std::move(static_cast<GaussianField&>(field)), std::move(field.provenance), {}, std::move(field.standardError)};
+  std::vector<std::string> leftOut;
   if (KeepsViews(path))
   {
     stored.view = std::move(field.view);
+  }
+  else if (field.view)
+  {
+    leftOut.emplace_back("what the field knows of directions is");
+  }
+  if (KeepsLabels(path))
+  {
     stored.labels = std::move(field.labels);
   }
+  else if (field.labels)
+  {
+    leftOut.emplace_back("the field's labels are");
+  }
   WriteField(stored, path);
+  return leftOut;
 }
 
 nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const std::string& config,

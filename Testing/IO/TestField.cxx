@@ -193,7 +193,7 @@ void ExpectSameViews(vtkPolyData* a, vtkPolyData* b)
   EXPECT_EQ(first->views.poses, second->views.poses);
 }
 
-TEST(Field, WhatIsKnownOfDirectionsIsKeptByVtpExactlyAndSaidToBeLeftOutElsewhere)
+TEST(Field, WhatIsKnownOfDirectionsIsKeptExactlyAndSaidToBeLeftOutByPly)
 {
   TemporaryFolder folder;
   const auto field = DirectedField(50);
@@ -203,22 +203,20 @@ TEST(Field, WhatIsKnownOfDirectionsIsKeptByVtpExactlyAndSaidToBeLeftOutElsewhere
   foreign->SetFileName((folder / "foreign.vtp").c_str());
   foreign->SetDataModeToAscii();
   foreign->Write();
-  for (const char* name : {"field.vtp", "foreign.vtp"})
+  Write(field, folder / "field.pvtp");  // of fewer Gaussians than a block, so that they are in one piece
+  for (const char* name : {"field.vtp", "foreign.vtp", "field.pvtp"})
   {
     vtkNew<vtkBigusFieldReader> reader;
     ExpectSameViews(field, Read(reader, folder / name));
   }
-  for (const char* name : {"field.ply", "field.pvtp"})
-  {
-    vtkNew<vtkBigusFieldWriter> writer;
-    ErrorObserver said(writer);
-    writer->SetFileName((folder / name).c_str());
-    writer->SetInputData(field);
-    EXPECT_EQ(writer->Write(), 1);
-    EXPECT_NE(said.Text().find("directions is left out"), std::string::npos) << said.Text();
-    vtkNew<vtkBigusFieldReader> reader;
-    EXPECT_FALSE(ViewFromPolyData(Read(reader, folder / name))) << name;
-  }
+  vtkNew<vtkBigusFieldWriter> writer;
+  ErrorObserver said(writer);
+  writer->SetFileName((folder / "field.ply").c_str());
+  writer->SetInputData(field);
+  EXPECT_EQ(writer->Write(), 1);
+  EXPECT_NE(said.Text().find("directions is left out"), std::string::npos) << said.Text();
+  vtkNew<vtkBigusFieldReader> reader;
+  EXPECT_FALSE(ViewFromPolyData(Read(reader, folder / "field.ply")));
 }
 
 TEST(Field, RefusesUnsoundDirections)

@@ -229,6 +229,54 @@ TEST(Pieces, VtkReadsOursAndWeReadVtks)
   }
 }
 
+/// Two recorded frames, and of each Gaussian a q that tells which one it is.
+ViewDependence ViewOf(const GaussianField& field, double angleStep)
+{
+  ViewDependence view;
+  view.views.unit = 0.5;
+  view.views.angleStep = angleStep;
+  view.views.elevationStep = 2;
+  view.views.poses.assign(2, Eigen::Matrix4d::Identity());
+  view.views.poses[1](2, 3) = 3;
+  for (const Eigen::Vector3d& mean : field.means)
+  {
+    view.terms.emplace_back(mean[2], 2 * mean[0], -mean[1]);
+  }
+  return view;
+}
+
+TEST(Pieces, APvtpKeepsWhatEachGaussianKnowsOfDirections)
+{
+  TemporaryFolder folder;
+  const std::string path = folder / "field.pvtp";
+  StoredField stored = {Field(3000), {}, {}};
+  stored.view = ViewOf(stored.field, 1);
+  WriteField(stored, path, 4);
+  const StoredField whole = *ReadField(path);
+  ASSERT_TRUE(whole.view);
+  EXPECT_EQ(whole.view->terms, ViewOf(whole.field, 1).terms);
+  EXPECT_TRUE(whole.view->views == stored.view->views);
+  EXPECT_FALSE(ReadField(path, {1, 2, 16})->view);  // a part has none
+  vtkNew<vtkXMLPPolyDataReader> vtk;
+  vtk->SetFileName(path.c_str());
+  vtk->Update();
+  vtkDataArray* const terms = vtk->GetOutput()->GetPointData()->GetArray("ViewTerm");
+  ASSERT_TRUE(terms && terms->GetNumberOfTuples() == 3000);
+  EXPECT_EQ(terms->GetComponent(2999, 1), whole.view->terms[2999][1]);
+
+  StoredField other = {ChunkByHand(stored.field, 1, 4), {}, {}};
+  for (const double angleStep : {0.0, 2.0})  // 0: none
+  {
+    other.view = angleStep > 0 ? std::optional(ViewOf(other.field, angleStep)) : std::nullopt;
+    WriteField(other, folder / "field_1.vtp");
+    Refused(path, "recorded views");
+  }
+  other.view = ViewOf(other.field, 1);
+  other.view->terms[3][1] = 1e30;
+  WriteField(other, folder / "field_1.vtp");
+  Refused(path, "Gaussian 3");
+}
+
 TEST(Pieces, WhatIsWrongIsOneErrorThatNamesIt)
 {
   TemporaryFolder folder;

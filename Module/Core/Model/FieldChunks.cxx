@@ -6,6 +6,7 @@
 #include <string>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/ViewDependence.h"
 
 namespace bigus
 {
@@ -55,25 +56,51 @@ void CountChunks(std::size_t gaussians, FieldChunks& chunks)
   }
 }
 
+namespace
+{
+
+/// Their numbers in a field of `gaussians`.
+std::vector<std::size_t> GaussiansOf(std::size_t gaussians, FieldChunks& chunks)
+{
+  std::vector<std::size_t> numbers;
+  CountChunks(gaussians, chunks);
+  for (std::size_t k = 0; k < chunks.sizes.size(); ++k)
+  {
+    const std::size_t first = kChunkBlock * (static_cast<std::size_t>(chunks.first) + k);
+    for (std::size_t block = first; block < gaussians; block += kChunkBlock * static_cast<std::size_t>(chunks.total))
+    {
+      for (std::size_t i = block; i < std::min(block + kChunkBlock, gaussians); ++i)
+      {
+        numbers.push_back(i);
+      }
+    }
+  }
+  return numbers;
+}
+
+}  // namespace
+
 GaussianField PartOf(const GaussianField& field, FieldChunks& chunks)
 {
   GaussianField part;
   part.beam = field.beam;
   part.transfer = field.transfer;
-  CountChunks(field.Size(), chunks);
-  for (std::size_t k = 0; k < chunks.sizes.size(); ++k)
+  for (const std::size_t i : GaussiansOf(field.Size(), chunks))
   {
-    const std::size_t first = kChunkBlock * (static_cast<std::size_t>(chunks.first) + k);
-    for (std::size_t block = first; block < field.Size(); block += kChunkBlock * static_cast<std::size_t>(chunks.total))
-    {
-      for (std::size_t i = block; i < std::min(block + kChunkBlock, field.Size()); ++i)
-      {
-        part.means.push_back(field.means[i]);
-        part.scales.push_back(field.scales[i]);
-        part.rotations.push_back(field.rotations[i]);
-        part.reflectivities.push_back(field.reflectivities[i]);
-      }
-    }
+    part.means.push_back(field.means[i]);
+    part.scales.push_back(field.scales[i]);
+    part.rotations.push_back(field.rotations[i]);
+    part.reflectivities.push_back(field.reflectivities[i]);
+  }
+  return part;
+}
+
+ViewDependence PartOf(const ViewDependence& view, FieldChunks& chunks)
+{
+  ViewDependence part{view.views, {}};
+  for (const std::size_t i : GaussiansOf(view.terms.size(), chunks))
+  {
+    part.terms.push_back(view.terms[i]);
   }
   return part;
 }

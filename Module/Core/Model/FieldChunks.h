@@ -11,6 +11,8 @@
 namespace bigus
 {
 
+struct ViewDependence;
+
 /// Chunks that a whole field is split into, and those of them that one part of it has. S is linear in the Gaussians, so
 /// pictures of chunks add up to the field's.
 struct FieldChunks
@@ -41,5 +43,7 @@ void CountChunks(std::size_t gaussians, FieldChunks& chunks);
 
 /// The Gaussians of these chunks, one chunk after the other, and the sizes of the chunks.
 GaussianField PartOf(const GaussianField& field, FieldChunks& chunks);
+/// What the field knows of directions, of those Gaussians.
+ViewDependence PartOf(const ViewDependence& view, FieldChunks& chunks);
 
 }  // namespace bigus

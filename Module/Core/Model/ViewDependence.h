@@ -50,6 +50,12 @@ struct RecordedViews
 
   /// Throws Error naming the number unless all are finite, positive and rotations.
   void Validate() const;
+
+  bool operator==(const RecordedViews& other) const
+  {
+    return mean == other.mean && unit == other.unit && angleStep == other.angleStep &&
+           elevationStep == other.elevationStep && poses == other.poses;
+  }
 };
 
 /// What a field knows of directions: r_i(P) = r_i + a(P) q_i . (delta(P) - c_i).

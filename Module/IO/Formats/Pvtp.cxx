@@ -26,10 +26,12 @@ namespace
 constexpr std::uint64_t kLargestIndex = 4 << 20;
 
 /// What all pieces of a field have in common.
-bool IsOneField(const GaussianField& a, const GaussianField& b)
+bool IsOneField(const StoredField& one, const StoredField& other)
 {
+  const GaussianField &a = one.field, &b = other.field;
   return a.transfer.gamma == b.transfer.gamma && a.beam.elevationSigma == b.beam.elevationSigma &&
-         a.beam.probeElevationSigma == b.beam.probeElevationSigma && a.beam.trainedNormals == b.beam.trainedNormals;
+         a.beam.probeElevationSigma == b.beam.probeElevationSigma && a.beam.trainedNormals == b.beam.trainedNormals &&
+         one.view.has_value() == other.view.has_value() && (!one.view || one.view->views == other.view->views);
 }
 
 template <class T>
@@ -45,14 +47,15 @@ std::string Declared(const char* name, int components, bool isSingle)
 }
 
 /// The index, without what the names of its pieces may hold that XML does not.
-std::string IndexText(const std::string& fileName, int pieces, const VtpSingles& singles)
+std::string IndexText(const std::string& fileName, int pieces, const VtpSingles& singles, bool hasViews)
 {
   std::string text = std::string("<?xml version=\"1.0\"?>\n<VTKFile type=\"PPolyData\" version=\"1.0\" byte_order=\"") +
                      (kThisMachineIsBigEndian ? "BigEndian" : "LittleEndian") +
                      "\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n<PPolyData GhostLevel=\"0\">\n";
   text += "<PPointData Scalars=\"Reflectivity\">\n" + Declared("Scale", 3, singles.scales) +
           Declared("Rotation", 4, singles.rotations) + Declared("Reflectivity", 1, singles.reflectivities) +
-          "</PPointData>\n<PPoints>\n" + Declared("Points", 3, singles.means) + "</PPoints>\n";
+          (hasViews ? Declared("ViewTerm", 3, singles.viewTerms) : "") + "</PPointData>\n<PPoints>\n" +
+          Declared("Points", 3, singles.means) + "</PPoints>\n";
   for (int piece = 0; piece < pieces; ++piece)
   {
     std::string name;
@@ -131,7 +134,7 @@ void RequirePartsOfOneField(const GaussianField& part, Exchange& processes)
 }
 
 /// The arrays whose values are floats in all processes, because VTK wants them alike in all pieces.
-VtpSingles SinglesOfAll(const GaussianField& part, Exchange& processes)
+VtpSingles SinglesOfAll(const StoredField& part, Exchange& processes)
 {
   VtpSingles singles = SinglesOf(part);
   for (bool* const isSingle : {&singles.means, &singles.scales, &singles.rotations, &singles.reflectivities})
@@ -226,6 +229,10 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
     try
     {
       part->field.Validate();
+      if (part->view)
+      {
+        part->view->Validate(part->field.Size());
+      }
     }
     catch (const Error& error)
     {
@@ -245,16 +252,28 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
       first = file;
       all.field.transfer = part->field.transfer;
       all.field.beam = part->field.beam;
+      if (part->view)
+      {
+        all.view = ViewDependence{part->view->views, {}};
+      }
     }
-    else if (!IsOneField(all.field, part->field))
+    else if (!IsOneField(all, *part))
     {
-      throw FormatError(file + ": has another Gamma, elevation sigma or trained normals than " + first +
+      throw FormatError(file + ": has another Gamma, elevation sigma, trained normals or recorded views than " + first +
                         ", so they are not of one field. Write all pieces anew");
+    }
+    if (part->view)
+    {
+      Append(all.view->terms, part->view->terms);
     }
     Append(all.field.means, part->field.means);
     Append(all.field.scales, part->field.scales);
     Append(all.field.rotations, part->field.rotations);
     Append(all.field.reflectivities, part->field.reflectivities);
+  }
+  if (piece.pieces > 1)
+  {
+    all.view.reset();  // nothing looks at what a part knows of directions
   }
   // Pictures of chunks are added up along a binary tree over a power of two of them.
   if ((total & (total - 1)) == 0)
@@ -283,17 +302,22 @@ void WritePvtp(const StoredField& stored, const std::string& fileName, int piece
   RequireNoFolders(FilesOfField(fileName, pieces));
   const FileLock lock(fileName, FileLock::Mode::Wait);
   AtomicFile::PutEarlierBack(FilesOfField(fileName, FieldChunks::kMost));
-  const VtpSingles singles = SinglesOf(stored.field);  // VTK wants them alike in all pieces
+  const VtpSingles singles = SinglesOf(stored);  // VTK wants them alike in all pieces
   AtomicFile index(fileName);  // before the pieces, so that where one fails it is the last that comes back
   std::vector<std::unique_ptr<AtomicFile>> files;
   for (int piece = 0; piece < pieces; ++piece)
   {
     FieldChunks chunk{pieces, piece, {0}};
     files.push_back(std::make_unique<AtomicFile>(PieceFileOf(fileName, piece)));
-    WriteVtp({PartOf(stored.field, chunk), stored.provenance, {}}, *files.back(), singles);
+    StoredField part = {PartOf(stored.field, chunk), stored.provenance, {}};
+    if (stored.view)
+    {
+      part.view = PartOf(*stored.view, chunk);
+    }
+    WriteVtp(part, *files.back(), singles);
     files.back()->Finish();
   }
-  index.Write(IndexText(fileName, pieces, singles));
+  index.Write(IndexText(fileName, pieces, singles, stored.view.has_value()));
   index.Finish();
   index.SetEarlierAside();
   for (const auto& file : files)
@@ -313,7 +337,7 @@ void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exc
 {
   RequireOneName(fileName, processes);
   RequirePartsOfOneField(part.field, processes);
-  const VtpSingles singles = SinglesOfAll(part.field, processes);
+  const VtpSingles singles = SinglesOfAll(part, processes);
   const bool isFirst = processes.Rank() == 0;
   const std::string pieceName = PieceFileOf(fileName, processes.Rank());
   RequireNoFolders(isFirst ? std::vector<std::string>{pieceName, fileName} : std::vector<std::string>{pieceName});
@@ -324,7 +348,7 @@ void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exc
     lock.emplace(fileName, FileLock::Mode::Wait);
     AtomicFile::PutEarlierBack(FilesOfField(fileName, FieldChunks::kMost));
     index.emplace(fileName);
-    index->Write(IndexText(fileName, processes.Size(), singles));
+    index->Write(IndexText(fileName, processes.Size(), singles, false));
     index->Finish();
   }
   AtomicFile file(pieceName);

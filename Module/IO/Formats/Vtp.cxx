@@ -854,11 +854,13 @@ std::optional<StoredField> ReadVtp(const std::string& fileName, FieldChunks* chu
   return file.IsOurs() ? std::optional<StoredField>(file.Field(chunks)) : std::nullopt;
 }
 
-VtpSingles SinglesOf(const GaussianField& field)
+VtpSingles SinglesOf(const StoredField& stored)
 {
+  const GaussianField& field = stored.field;
   const std::size_t n = field.Size();
   return {FitFloats(NumbersOf(field.means), 3 * n), FitFloats(NumbersOf(field.scales), 3 * n),
-          FitFloats(NumbersOf(field.rotations), 4 * n), FitFloats(field.reflectivities.data(), n)};
+          FitFloats(NumbersOf(field.rotations), 4 * n), FitFloats(field.reflectivities.data(), n),
+          stored.view && FitFloats(NumbersOf(stored.view->terms), 3 * n)};
 }
 
 void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& singles)
@@ -912,8 +914,7 @@ void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& sin
   text.AddDoubles("Reflectivity", 1, field.reflectivities.data(), n, singles.reflectivities);
   if (stored.view)
   {
-    const double* terms = NumbersOf(stored.view->terms);
-    text.AddDoubles("ViewTerm", 3, terms, 3 * n, FitFloats(terms, 3 * n));
+    text.AddDoubles("ViewTerm", 3, NumbersOf(stored.view->terms), 3 * n, singles.viewTerms);
   }
   if (stored.labels)
   {

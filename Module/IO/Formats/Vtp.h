@@ -23,10 +23,10 @@ std::optional<StoredField> ReadVtp(const std::string& fileName, FieldChunks* chu
 /// The arrays that are written in 32 bits.
 struct VtpSingles
 {
-  bool means = false, scales = false, rotations = false, reflectivities = false;
+  bool means = false, scales = false, rotations = false, reflectivities = false, viewTerms = false;
 };
 /// Those whose values are all floats.
-VtpSingles SinglesOf(const GaussianField& field);
+VtpSingles SinglesOf(const StoredField& stored);
 
 /// Writes a valid field. Throws FileError.
 void WriteVtp(const StoredField& stored, AtomicFile& file, const VtpSingles& singles);

@@ -253,13 +253,25 @@ class Fields(InAFolder):
         self.assertEqual(len(bigus.read(self.folder / "e.vtp")), 0)
 
     def test_ply_has_float_precision(self):
-        bigus.write(field(), self.folder / "f.ply")
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            bigus.write(field(), self.folder / "f.ply")
+        self.assertEqual([str(one.message).split(": ")[1] for one in said],
+                         ["what the field knows of directions is left out; .vtp keeps it.", "the field's labels are left out; .vtp keeps it."])
         again = bigus.read(self.folder / "f.ply")
         np.testing.assert_array_equal(again.reflectivities, field().reflectivities)
         np.testing.assert_allclose(again.scales, field().scales, rtol=5e-7)
         np.testing.assert_array_equal(again.centers, field().centers.astype(np.float32))
         self.assertEqual(again.provenance, field().provenance)
         self.assertEqual((again.view_arrays, again.labels), (None, {}))
+
+    def test_pieces_keep_directions(self):
+        with self.assertWarnsRegex(RuntimeWarning, "labels are left out"):
+            bigus.write(field(), self.folder / "f.pvtp")
+        again = bigus.read_field(self.folder / "f.pvtp")
+        np.testing.assert_array_equal(again.centers, field().centers)  # of fewer blocks than pieces, in order
+        for one, other in zip(again.view_arrays, field().view_arrays):
+            np.testing.assert_array_equal(one, other)
 
     def test_directions_and_labels_must_be_the_fields(self):
         view, labels = list(field().view_arrays), list(field().label_arrays)

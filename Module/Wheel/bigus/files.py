@@ -131,7 +131,8 @@ def write(data: Union[Sweep, Field], path: Union[str, os.PathLike], **properties
     """
     name, given = path_text(path), dict(properties)
     if isinstance(data, Field):
-        _core.write_field(data, name, **settings_of(settings.FIELD_OUTPUT, given, "writing a field"))
+        for what in _core.write_field(data, name, **settings_of(settings.FIELD_OUTPUT, given, "writing a field")):
+            warnings.warn(f"{name}: {what} left out; .vtp keeps it.", RuntimeWarning, stacklevel=2)
     elif isinstance(data, Sweep):
         _core.write_sweep(data, name, **settings_of(settings.SEQUENCE_OUTPUT, given, "writing a sweep"))
     else:
