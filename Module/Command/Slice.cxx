@@ -33,7 +33,7 @@ namespace
 struct SliceOptions
 {
   RenderOptions render;
-  std::string output, volume, coverage, distance, standardError, labels;
+  std::string output, volume, coverage, distance, standardError, standardErrorVolume, labels;
   std::string recorded;  ///< sequence or CSV: the frames that `distance` is measured to
   PlaneOptions planes;
   double elevationSigma = -1;  ///< mm; negative = the field's
@@ -121,13 +121,16 @@ vtkSmartPointer<vtkImageData> Placed(vtkImageData* stack, const SlicePlane& plan
 /// Throws OutputError, before anything is rendered, where something could not be written.
 void RequireOutputs(const SliceOptions& options)
 {
-  RequireDistinct(
-      {options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
-      {options.output, options.volume, options.coverage, options.distance, options.standardError, options.labels});
-  if (!options.volume.empty())
+  RequireDistinct({options.render.field, options.planes.poses, options.planes.chain.config, options.recorded},
+                  {options.output, options.volume, options.coverage, options.distance, options.standardError,
+                   options.standardErrorVolume, options.labels});
+  for (const std::string& path : {options.volume, options.standardErrorVolume})
   {
-    RequireVolumeName(options.volume);
-    RequireWritable(options.volume);
+    if (!path.empty())
+    {
+      RequireVolumeName(path);
+      RequireWritable(path);
+    }
   }
   for (const std::string& path :
        {options.output, options.coverage, options.distance, options.standardError, options.labels})
@@ -244,9 +247,14 @@ std::vector<std::string> WriteImages(const Images& images, const Planes& planes,
   {
     WriteStack(images.distance, options.distance, planes.numbers, console);
   }
-  if (images.standardError)
+  if (!options.standardError.empty())
   {
     WriteStack(images.standardError, options.standardError, planes.numbers, console);
+  }
+  if (!options.standardErrorVolume.empty())
+  {
+    WriteVolume(Placed(images.standardError, planes.planes.front()), options.standardErrorVolume, options.planes.world,
+                console);
   }
   if (images.labels)
   {
@@ -277,10 +285,14 @@ ExitCode Slice(Console& console, SliceOptions& options)
   const Planes planes = ReadPlanes(options.planes, console);
   const SlicePlane& first = planes.planes.front();
   const std::size_t count = planes.planes.size();
-  if (!options.volume.empty() && count > 1)
+  for (const auto& [path, name] :
+       {std::pair(options.volume, "--volume"), std::pair(options.standardErrorVolume, "--standard-error-volume")})
   {
-    throw Error("--volume holds one slice, and " + options.planes.poses + " has " + std::to_string(count) +
-                " planes; choose one with --frames.");
+    if (!path.empty() && count > 1)
+    {
+      throw Error(std::string(name) + " holds one slice, and " + options.planes.poses + " has " +
+                  std::to_string(count) + " planes; choose one with --frames.");
+    }
   }
   const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
   Images images;
@@ -292,11 +304,11 @@ ExitCode Slice(Console& console, SliceOptions& options)
   Configure(reslice, field, options.render);
   reslice->SetElevationSigma(options.elevationSigma);
   const std::string bytes = StandardErrorOf(field);
-  if (!options.standardError.empty())
+  if (!options.standardError.empty() || !options.standardErrorVolume.empty())
   {
     RequireStandardError(field, options.render);
+    images.standardError = NewStack(planes.planes, planes.timestamps, false);
   }
-  images.standardError = options.standardError.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, false);
   reslice->SetGenerateStandardErrorOutput(images.standardError != nullptr);
   images.labels = options.labels.empty() ? nullptr : NewStack(planes.planes, planes.timestamps, true);
   reslice->SetGenerateLabelOutput(images.labels != nullptr);
@@ -397,6 +409,10 @@ void AddSlice(Program& program)
          "intensity (1 is white), NaN where the training frames do not tell: .mha, .nrrd. The field must keep it, as 'train' "
          "lets it")
       ->check(FileToWrite(".mha,.nrrd"))
+      ->type_name("OUT");
+  app->add_option("--standard-error-volume", options->standardErrorVolume,
+                  "The same of one slice, as --volume writes it: .nrrd, .mha or .vti")
+      ->check(VolumeToWrite(kVolumeEndings))
       ->type_name("OUT");
   app->add_option(
          "--labels", options->labels,

@@ -125,6 +125,9 @@ class Descriptions(unittest.TestCase):
         described = {element.findtext("name"): element for element in parameters(describe("BigusSlice"))}
         self.assertEqual(described["elevation_sigma"].findtext("label"), "Elevation sigma (mm)")
         self.assertEqual(described["memory"].findtext("label"), "Memory (GB)")
+        for module, name in (("BigusSlice", "standard_error_volume"), ("BigusVoxelize", "standard_error")):
+            element = next(one for one in parameters(describe(module)) if one.findtext("name") == name)
+            self.assertEqual((element.tag, element.findtext("channel")), ("image", "output"))
 
     def test_defaults_are_those_of_the_trainer(self):
         """Options.md holds the table that Core writes of its list."""
@@ -230,6 +233,20 @@ class Runs(unittest.TestCase):
         result = run(BIGUS, "slice", self.field, "--poses", place, "-o", plain, "--size", 40, 30)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(output.read_bytes(), plain.read_bytes())
+
+    def test_a_slice_and_its_standard_error_are_two_volumes_at_one_place(self):
+        slice, error, stack = (self.folder / name for name in ("slice.nrrd", "error.nrrd", "error.mha"))
+        self.module("BigusSlice", field=self.field, poses=self.sweep, frames="8", volume=slice, standard_error_volume=error)
+        result = run(BIGUS, "slice", self.field, "--poses", self.sweep, "--frames", 8, "-o", self.folder / "s.mha", "--standard-error", stack)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        headers, values = zip(*(path.read_bytes().split(b"\n\n", 1) for path in (slice, error)))
+        places = [re.findall(rb"\n(?:sizes|space directions|space origin):[^\n]*", header) for header in headers]
+        self.assertEqual(len(places[0]), 3)
+        self.assertEqual(places[0], places[1])
+        self.assertEqual(values[1], stack.read_bytes()[-4 * 64 * 48:])
+        result = run(BIGUS, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "s.mha", "--standard-error-volume", error)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("--standard-error-volume holds one slice", result.stderr)
 
     def test_voxelize_and_poses(self):
         volume, poses = self.folder / "volume.nrrd", self.folder / "poses.csv"
