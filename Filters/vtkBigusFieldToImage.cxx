@@ -9,7 +9,9 @@
 #include "CollectiveExecutive.h"
 #include "Core/Model/Error.h"
 #include "Core/Slicing/Pixels.h"
+#include "Core/StandardError/StandardError.h"
 #include "Data/Progress.h"
+#include "Data/StandardErrorData.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
 #include "vtkErrorCode.h"
@@ -21,6 +23,13 @@
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
+
+struct vtkBigusFieldToImage::Errors
+{
+  std::unique_ptr<const bigus::StandardError> standardError;
+  vtkPolyData* field = nullptr;  // what it was read from, and when
+  vtkMTimeType time = 0;
+};
 
 namespace
 {
@@ -76,7 +85,8 @@ void Clear(vtkInformationVector* outputs)
 
 }  // namespace
 
-vtkBigusFieldToImage::vtkBigusFieldToImage() : Renderer(std::make_unique<bigus::FieldRenderer>())
+vtkBigusFieldToImage::vtkBigusFieldToImage()
+    : Kept(std::make_unique<Errors>()), Renderer(std::make_unique<bigus::FieldRenderer>())
 {
   this->SetEngine("auto");
 }
@@ -145,6 +155,7 @@ void vtkBigusFieldToImage::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
   os << indent << "Tolerance: " << this->Tolerance << "\n";
   os << indent << "MaximumOutputPixels: " << this->MaximumOutputPixels << "\n";
+  os << indent << "GenerateStandardErrorOutput: " << (this->GenerateStandardErrorOutput ? "On\n" : "Off\n");
   os << indent << "Controller: " << this->Controller << "\n";
   os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
   os << indent << "Device: " << this->GetDevice() << "\n";
@@ -306,17 +317,13 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
           this->AllocateOutputs(outputs, extent);
         });
     const bigus::GridPart grid{indexToWorld, ToExtent(whole), ToExtent(extent)};
+    const double share = this->GenerateStandardErrorOutput ? 0.5 : 1;  // of the work
     const bool finished = this->Renderer->Render(grid, ToViewOutput(this->OutputMode), this->NeedsCoverage(), slab,
                                                  [&](const bigus::PixelBand& band)
                                                  {
                                                    this->StoreBand(band, outputs);
-                                                   return bigus::ReportProgress(this, band.fraction);
+                                                   return bigus::ReportProgress(this, share * band.fraction);
                                                  });
-    if (!finished)
-    {
-      Clear(outputs);
-      return 1;
-    }
     const auto render = [&](const int* part, float* image)
     {
       this->Renderer->Render({indexToWorld, grid.whole, ToExtent(part)}, bigus::ViewOutput::Intensity, false, {},
@@ -325,8 +332,12 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
                                std::copy_n(band.image, band.count, image + band.first);
                                return true;
                              });
+      return bigus::ReportProgress(this, share + (1 - share) * (part[4] - extent[4] + 1) / (extent[5] - extent[4] + 1));
     };
-    this->CompleteOutputs(grid, render, outputs);
+    if (!finished || !this->CompleteOutputs(grid, render, outputs))
+    {
+      Clear(outputs);
+    }
     return 1;
   }
   catch (const std::exception& error)
@@ -339,9 +350,57 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
   }
 }
 
-void vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart&, const std::function<void(const int*, float*)>&,
-                                           vtkInformationVector*)
+bool vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart& grid,
+                                           const std::function<bool(const int*, float*)>& render,
+                                           vtkInformationVector* outputs)
 {
+  if (!this->GenerateStandardErrorOutput || bigus::ExtentSize(grid.extent) <= 0)
+  {
+    return true;
+  }
+  auto* sigma = static_cast<float*>(vtkImageData::GetData(outputs, this->StandardErrorPort)->GetScalarPointer());
+  return this->Kept->standardError->Evaluate(
+      grid, [&](const bigus::Extent& part, float* image) { return render(part.data(), image); }, sigma);
+}
+
+vtkPolyData* vtkBigusFieldToImage::WholeField(const char* output)
+{
+  if (this->Controller && this->Controller->GetNumberOfProcesses() > 1)
+  {
+    throw bigus::Error(std::string(output) + ": it is of whole fields, and several processes have parts of one.");
+  }
+  return vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
+}
+
+void vtkBigusFieldToImage::LoadStandardError()
+{
+  vtkPolyData* const field = this->WholeField("GenerateStandardErrorOutput");
+  if (this->OutputMode == LabelShare)
+  {
+    throw bigus::Error("GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.");
+  }
+  if (this->Kept->field == field && this->Kept->time == field->GetMTime())
+  {
+    return;
+  }
+  *this->Kept = {};
+  const std::string bytes = bigus::StandardErrorOf(field);
+  if (bytes.empty())
+  {
+    throw bigus::Error(
+        "GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.");
+  }
+  *this->Kept = {std::make_unique<bigus::StandardError>(bytes), field, field->GetMTime()};
+}
+
+const bigus::StandardError* vtkBigusFieldToImage::KeptStandardError() const
+{
+  return this->Kept->standardError.get();
+}
+
+vtkImageData* vtkBigusFieldToImage::GetStandardErrorOutput()
+{
+  return vtkImageData::SafeDownCast(this->GetOutputDataObject(this->StandardErrorPort));
 }
 
 double vtkBigusFieldToImage::NearnessOfView() const
@@ -366,6 +425,14 @@ void vtkBigusFieldToImage::AllocateOutputs(vtkInformationVector* outputs, const 
   image->SetOrigin(info->Get(vtkDataObject::ORIGIN()));
   image->SetSpacing(info->Get(vtkDataObject::SPACING()));
   bigus::AllocatePixels(image, extent, this->OutputScalarType, NameOf(this->OutputMode));
+  if (this->GenerateStandardErrorOutput)
+  {
+    this->LoadStandardError();
+    vtkImageData* sigma = vtkImageData::GetData(outputs, this->StandardErrorPort);
+    sigma->SetOrigin(image->GetOrigin());
+    sigma->SetSpacing(image->GetSpacing());
+    bigus::AllocatePixels(sigma, extent, VTK_FLOAT, "StandardError");
+  }
 }
 
 void vtkBigusFieldToImage::StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs)

@@ -31,12 +31,14 @@ struct GridPart;
 struct OutputGrid;
 struct PixelBand;
 struct Slab;
+class StandardError;
 }  // namespace bigus
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
 VTK_ABI_NAMESPACE_BEGIN
 #endif
 class vtkMultiProcessController;
+class vtkPolyData;
 #ifdef VTK_ABI_NAMESPACE_END
 VTK_ABI_NAMESPACE_END
 #endif
@@ -156,6 +158,27 @@ public:
   vtkMultiProcessController* GetController() { return this->Controller; }
   ///@}
 
+  ///@{
+  /**
+   * Whether the output of standard errors is filled (4 of vtkBigusReslice, 1 of vtkBigusVoxelizer): a float for every pixel,
+   * the standard deviation of what a probe would show there about the intensity, in units of it (1 is white, whatever
+   * OutputScalarType and OutputMode are), and not a number where the training frames do not tell (Core/StandardError). It is
+   * that of the output's slices, one by one, as thick as they are. The field must have been trained with it, and must be
+   * whole. It takes about as long as the image. Default off.
+   */
+  vtkSetMacro(GenerateStandardErrorOutput, vtkTypeBool);
+  vtkGetMacro(GenerateStandardErrorOutput, vtkTypeBool);
+  vtkBooleanMacro(GenerateStandardErrorOutput, vtkTypeBool);
+  ///@}
+
+  ///@{
+  /**
+   * The standard error, float, in units of intensity.
+   */
+  vtkAlgorithmOutput* GetStandardErrorOutputPort() { return this->GetOutputPort(this->StandardErrorPort); }
+  vtkImageData* GetStandardErrorOutput();
+  ///@}
+
   /** What rendered the last output, for example "CPU (AVX2, 2 threads)"; empty before. */
   const char* GetDevice() const;
 
@@ -202,9 +225,14 @@ protected:
   virtual void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs);
 
   /// Fills outputs that need the whole rendered extent. `render` gives the intensities of single planes in another part of
-  /// the same grid, [depth][height][width], by its extent. Throws bigus::Error.
-  virtual void CompleteOutputs(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
+  /// the same grid, [depth][height][width], by its extent; false: stop, which is handed on. Throws bigus::Error.
+  virtual bool CompleteOutputs(const bigus::GridPart& grid, const std::function<bool(const int*, float*)>& render,
                                vtkInformationVector* outputs);
+
+  /// The input. Throws bigus::Error where processes have parts of one, in the name of what needs it whole.
+  vtkPolyData* WholeField(const char* output);
+  /// What the last standard error rested on; null: there was none.
+  const bigus::StandardError* KeptStandardError() const;
 
   double OutputSpacing[3] = {1, 1, 1};
   double OutputOrigin[3] = {0, 0, 0};
@@ -216,6 +244,8 @@ protected:
   double ElevationSigma = -1;
   double Tolerance = 1e-4;
   vtkIdType MaximumOutputPixels = vtkIdType(1) << 29;
+  vtkTypeBool GenerateStandardErrorOutput = 0;
+  int StandardErrorPort = 1;
   char* Engine = nullptr;
 
 private:
@@ -227,6 +257,10 @@ private:
   /// Tells other processes, which wait for this one, that it has no input.
   void TellOfNoInput();
 
+  void LoadStandardError();
+
+  struct Errors;
+  std::unique_ptr<Errors> Kept;  // the input's standard error as read last
   std::unique_ptr<bigus::FieldRenderer> Renderer;
   vtkMultiProcessController* Controller = nullptr;
   bool WaitsForInput = false;

@@ -15,7 +15,6 @@
 #include "Core/StandardError/StandardError.h"
 #include "Data/FieldData.h"
 #include "Data/LabelData.h"
-#include "Data/StandardErrorData.h"
 #include "Data/SweepData.h"
 #include "FieldRenderer.h"
 #include "PipelineSupport.h"
@@ -26,7 +25,6 @@
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkMatrix4x4.h"
-#include "vtkMultiProcessController.h"
 #include "vtkNew.h"
 #include "vtkObjectFactory.h"
 #include "vtkPolyData.h"
@@ -42,13 +40,6 @@ struct vtkBigusReslice::Recorded
 {
   std::shared_ptr<const bigus::Sweep> sweep;
   vtkImageData* image = nullptr;  // what it was read from, and when
-  vtkMTimeType time = 0;
-};
-
-struct vtkBigusReslice::Errors
-{
-  std::unique_ptr<const bigus::StandardError> standardError;
-  vtkPolyData* field = nullptr;  // what it was read from, and when
   vtkMTimeType time = 0;
 };
 
@@ -104,10 +95,10 @@ vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
 
 }  // namespace
 
-vtkBigusReslice::vtkBigusReslice()
-    : Sweep(std::make_unique<Recorded>()), Kept(std::make_unique<Errors>()), Named(std::make_unique<Labelled>())
+vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>()), Named(std::make_unique<Labelled>())
 {
   this->SetNumberOfOutputPorts(6);
+  this->StandardErrorPort = 4;
   // VTK's executive cannot make stencils by name.
   this->GetExecutive()->SetOutputData(2, vtkSmartPointer<vtkImageStencilData>::New());
 }
@@ -148,7 +139,6 @@ void vtkBigusReslice::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "BackgroundLevel: " << this->BackgroundLevel << "\n";
   os << indent << "GenerateCoverageOutput: " << (this->GenerateCoverageOutput ? "On\n" : "Off\n");
   os << indent << "GenerateStencilOutput: " << (this->GenerateStencilOutput ? "On\n" : "Off\n");
-  os << indent << "GenerateStandardErrorOutput: " << (this->GenerateStandardErrorOutput ? "On\n" : "Off\n");
   os << indent << "GenerateLabelOutput: " << (this->GenerateLabelOutput ? "On\n" : "Off\n");
   os << indent << "InterpolationMode: " << this->GetInterpolationModeAsString() << "\n";
   os << indent << "Border: " << (this->Border ? "On\n" : "Off\n");
@@ -367,11 +357,6 @@ vtkImageData* vtkBigusReslice::GetDistanceOutput()
   return vtkImageData::SafeDownCast(this->GetOutputDataObject(3));
 }
 
-vtkImageData* vtkBigusReslice::GetStandardErrorOutput()
-{
-  return vtkImageData::SafeDownCast(this->GetOutputDataObject(4));
-}
-
 double vtkBigusReslice::GetStandardErrorOfMean(vtkImageData* where)
 {
   vtkImageData* const sigma = this->GetStandardErrorOutput();
@@ -379,8 +364,8 @@ double vtkBigusReslice::GetStandardErrorOfMean(vtkImageData* where)
   const bool fits =
       !where || (where->GetScalarType() == VTK_UNSIGNED_CHAR && where->GetNumberOfScalarComponents() == 1 &&
                  std::equal(size, size + 3, where->GetDimensions()));
-  if (!this->Kept->standardError || sigma->GetScalarType() != VTK_FLOAT || !sigma->GetScalarPointer() || size[2] != 1 ||
-      !fits)
+  const bigus::StandardError* const kept = this->KeptStandardError();
+  if (!kept || sigma->GetScalarType() != VTK_FLOAT || !sigma->GetScalarPointer() || size[2] != 1 || !fits)
   {
     vtkErrorMacro(
         << "GetStandardErrorOfMean: output 4 must hold one slice, and the pixels to take be an image of unsigned "
@@ -389,10 +374,9 @@ double vtkBigusReslice::GetStandardErrorOfMean(vtkImageData* where)
   }
   RowMajorMatrix indexToWorld;
   this->ComputeIndexToWorld(sigma->GetSpacing(), sigma->GetOrigin(), indexToWorld.data());
-  return this->Kept->standardError->OfMean(
-      bigus::SlicePlane::FromImageToReference(indexToWorld, size[0], size[1]),
-      static_cast<const float*>(sigma->GetScalarPointer()),
-      where ? static_cast<const unsigned char*>(where->GetScalarPointer()) : nullptr);
+  return kept->OfMean(bigus::SlicePlane::FromImageToReference(indexToWorld, size[0], size[1]),
+                      static_cast<const float*>(sigma->GetScalarPointer()),
+                      where ? static_cast<const unsigned char*>(where->GetScalarPointer()) : nullptr);
 }
 
 vtkImageData* vtkBigusReslice::GetLabelOutput()
@@ -489,14 +473,6 @@ void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int e
   {
     this->FillDistance(outputs, extent);
   }
-  if (this->GenerateStandardErrorOutput)
-  {
-    this->LoadStandardError();
-    vtkImageData* sigma = vtkImageData::GetData(outputs, 4);
-    sigma->SetOrigin(image->GetOrigin());
-    sigma->SetSpacing(image->GetSpacing());
-    bigus::AllocatePixels(sigma, extent, VTK_FLOAT, "StandardError");
-  }
   if (this->GenerateLabelOutput)
   {
     this->LoadLabels();
@@ -506,15 +482,6 @@ void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int e
     bigus::AllocatePixels(labels, extent, VTK_UNSIGNED_CHAR, "Labels");
     bigus::ReplaceLabelNames(labels, this->Named->labels);
   }
-}
-
-vtkPolyData* vtkBigusReslice::WholeField(const char* output)
-{
-  if (this->GetController() && this->GetController()->GetNumberOfProcesses() > 1)
-  {
-    throw bigus::Error(std::string(output) + ": it is of whole fields, and several processes have parts of one.");
-  }
-  return vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
 }
 
 void vtkBigusReslice::LoadLabels()
@@ -557,69 +524,15 @@ void vtkBigusReslice::FillLabels(const bigus::GridPart& grid, vtkInformationVect
   }
 }
 
-void vtkBigusReslice::LoadStandardError()
-{
-  vtkPolyData* const field = this->WholeField("GenerateStandardErrorOutput");
-  if (this->OutputMode == LabelShare)
-  {
-    throw bigus::Error("GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.");
-  }
-  if (this->Kept->field == field && this->Kept->time == field->GetMTime())
-  {
-    return;
-  }
-  *this->Kept = {};
-  const std::string bytes = bigus::StandardErrorOf(field);
-  if (bytes.empty())
-  {
-    throw bigus::Error(
-        "GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.");
-  }
-  *this->Kept = {std::make_unique<bigus::StandardError>(bytes), field, field->GetMTime()};
-}
-
-void vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
-                                      const std::function<void(const int*, float*)>& render,
+bool vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
+                                      const std::function<bool(const int*, float*)>& render,
                                       vtkInformationVector* outputs)
 {
-  if (this->GenerateStandardErrorOutput && bigus::ExtentSize(grid.extent) > 0)
-  {
-    this->FillStandardError(grid, render, outputs);
-  }
   if (this->GenerateLabelOutput && bigus::ExtentSize(grid.extent) > 0)
   {
     this->FillLabels(grid, outputs);
   }
-}
-
-/// Pixels around the extent have a say in it, as far as the whole output goes: then parts are as the whole.
-void vtkBigusReslice::FillStandardError(const bigus::GridPart& grid,
-                                        const std::function<void(const int*, float*)>& render,
-                                        vtkInformationVector* outputs)
-{
-  const bigus::StandardError& standardError = *this->Kept->standardError;
-  auto* out = static_cast<float*>(vtkImageData::GetData(outputs, 4)->GetScalarPointer());
-  for (int k = grid.extent[4]; k <= grid.extent[5]; ++k)
-  {
-    const bigus::SlicePlane plane = grid.PlaneAt(k);
-    const int margin = standardError.Margin(plane);
-    int part[6] = {0, 0, 0, 0, k, k};
-    for (int axis = 0; axis < 2; ++axis)
-    {
-      part[2 * axis] = std::max(grid.whole[2 * axis], grid.extent[2 * axis] - margin);
-      part[2 * axis + 1] = std::min(grid.whole[2 * axis + 1], grid.extent[2 * axis + 1] + margin);
-    }
-    const bigus::Engine::Window window{part[0] - grid.whole[0], part[2] - grid.whole[2], part[1] - part[0] + 1,
-                                       part[3] - part[2] + 1};
-    std::vector<float> image(static_cast<std::size_t>(window.columns) * window.rows), sigma(image.size());
-    render(part, image.data());
-    standardError.Evaluate(plane, window, image.data(), sigma.data());
-    for (int j = grid.extent[2]; j <= grid.extent[3]; ++j)
-    {
-      const float* row = &sigma[static_cast<std::size_t>(j - part[2]) * window.columns + grid.extent[0] - part[0]];
-      out = std::copy_n(row, grid.extent[1] - grid.extent[0] + 1, out);
-    }
-  }
+  return this->Superclass::CompleteOutputs(grid, render, outputs);
 }
 
 void vtkBigusReslice::FillDistance(vtkInformationVector* outputs, const int extent[6])

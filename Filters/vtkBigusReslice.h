@@ -20,7 +20,8 @@
  * that out. It does not tell gaps between frames, because the trainer fills them. Output 2, filled when
  * GenerateStencilOutput is on, is a vtkImageStencilData of the pixels whose coverage exceeds CoverageThreshold.
  * Output 3, filled when RecordedFrames is set, tells gaps: it holds how far every pixel lies from the nearest frame.
- * Output 4, filled when GenerateStandardErrorOutput is on, tells how far a recorded frame there may be from the image.
+ * Output 4, filled when GenerateStandardErrorOutput is on, tells how far a recorded frame there may be from the image; of a
+ * slab it is that of its middle plane.
  * Output 5, filled when GenerateLabelOutput is on, tells which label each pixel has.
  *
  * Any part of the output may be asked for, whole or streamed: each pixel comes out with the same bits.
@@ -246,18 +247,6 @@ public:
 
   ///@{
   /**
-   * Whether output 4 is filled: a float for every pixel, the standard deviation of what a probe would show there about
-   * the intensity, in units of it (1 is white, whatever OutputScalarType and OutputMode are), and not a number where
-   * the training frames do not tell (Core/StandardError). Of a slab it is that of its middle plane. The field must have been
-   * trained with it, and must be whole. It takes about as long as the image. Default off.
-   */
-  vtkSetMacro(GenerateStandardErrorOutput, vtkTypeBool);
-  vtkGetMacro(GenerateStandardErrorOutput, vtkTypeBool);
-  vtkBooleanMacro(GenerateStandardErrorOutput, vtkTypeBool);
-  ///@}
-
-  ///@{
-  /**
    * Whether output 5 is filled: an unsigned char for every pixel, the value of the label that has the largest share there,
    * or 0 where what has none is more. Names and colours are in its field data, as in the field (Data/LabelData.h). Of a slab
    * it is that of its middle plane. The field must have labels (vtkBigusFieldLabeler), and must be whole. Each label takes
@@ -292,14 +281,6 @@ public:
    */
   vtkAlgorithmOutput* GetDistanceOutputPort() { return this->GetOutputPort(3); }
   vtkImageData* GetDistanceOutput();
-  ///@}
-
-  ///@{
-  /**
-   * The standard error, float, in units of intensity.
-   */
-  vtkAlgorithmOutput* GetStandardErrorOutputPort() { return this->GetOutputPort(4); }
-  vtkImageData* GetStandardErrorOutput();
   ///@}
 
   /**
@@ -399,7 +380,7 @@ protected:
   bool NeedsCoverage() override;
   bool SeesDirections() override { return true; }
   void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs) override;
-  void CompleteOutputs(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
+  bool CompleteOutputs(const bigus::GridPart& grid, const std::function<bool(const int*, float*)>& render,
                        vtkInformationVector* outputs) override;
 
   vtkMatrix4x4* ResliceAxes = nullptr;
@@ -423,7 +404,6 @@ protected:
   double BackgroundLevel = 0;
   vtkTypeBool GenerateCoverageOutput = 1;
   vtkTypeBool GenerateStencilOutput = 0;
-  vtkTypeBool GenerateStandardErrorOutput = 0;
   vtkTypeBool GenerateLabelOutput = 0;
 
 private:
@@ -436,13 +416,7 @@ private:
 
   struct Recorded;
   std::unique_ptr<Recorded> Sweep;  // RecordedFrames as read last
-  vtkPolyData* WholeField(const char* output);
-  void LoadStandardError();
-  struct Errors;
-  std::unique_ptr<Errors> Kept;  // the input's standard error as read last
   void LoadLabels();
-  void FillStandardError(const bigus::GridPart& grid, const std::function<void(const int*, float*)>& render,
-                         vtkInformationVector* outputs);
   void FillLabels(const bigus::GridPart& grid, vtkInformationVector* outputs);
   struct Labelled;
   std::unique_ptr<Labelled> Named;  // the input's labels as read last

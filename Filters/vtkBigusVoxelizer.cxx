@@ -20,6 +20,7 @@ using RowMajorMatrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 vtkBigusVoxelizer::vtkBigusVoxelizer()
 {
+  this->SetNumberOfOutputPorts(2);
   this->ElevationSigma = 0;
 }
 
@@ -62,7 +63,10 @@ void vtkBigusVoxelizer::SetOutputDimensionsToDefault()
 int vtkBigusVoxelizer::RequestInformation(vtkInformation* request, vtkInformationVector** inputs,
                                           vtkInformationVector* outputs)
 {
-  outputs->GetInformationObject(0)->Set(vtkDataObject::DIRECTION(), this->OutputDirection, 9);
+  for (int port = 0; port < 2; ++port)
+  {
+    outputs->GetInformationObject(port)->Set(vtkDataObject::DIRECTION(), this->OutputDirection, 9);
+  }
   return this->Superclass::RequestInformation(request, inputs, outputs);
 }
 
@@ -89,5 +93,8 @@ void vtkBigusVoxelizer::ComputeIndexToWorld(const double spacing[3], const doubl
 void vtkBigusVoxelizer::AllocateOutputs(vtkInformationVector* outputs, const int extent[6])
 {
   this->Superclass::AllocateOutputs(outputs, extent);
-  vtkImageData::GetData(outputs, 0)->SetDirectionMatrix(this->OutputDirection);
+  for (int port = 0; port < 2; ++port)
+  {
+    vtkImageData::GetData(outputs, port)->SetDirectionMatrix(this->OutputDirection);
+  }
 }

@@ -13,11 +13,9 @@
 #include "Outputs.h"
 #include "Pipeline.h"
 #include "RenderOptions.h"
-#include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"
 #include "vtkImageData.h"
 #include "vtkMatrix3x3.h"
-#include "vtkMatrix4x4.h"
 #include "vtkNew.h"
 #include "vtkPolyData.h"
 
@@ -70,31 +68,6 @@ VolumeGrid GridOf(const MarkupBox& box, double spacing, int most)
   return grid;
 }
 
-/// How far what a probe would show may be from each voxel, seen along the volume's own slices.
-void WriteStandardError(vtkPolyData* field, vtkImageData* volume, const VoxelizeOptions& options, Console& console)
-{
-  const auto direction =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(volume->GetDirectionMatrix()->GetData());
-  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> axes = Eigen::Matrix4d::Identity();
-  axes.topLeftCorner<3, 3>() = direction;
-  axes.topRightCorner<3, 1>() = Eigen::Map<const Eigen::Vector3d>(volume->GetOrigin());
-  vtkNew<vtkMatrix4x4> matrix;
-  matrix->DeepCopy(axes.data());
-  vtkNew<vtkBigusReslice> reslice;
-  Configure(reslice, field, options.render);
-  reslice->SetResliceAxes(matrix);
-  reslice->SetOutputOrigin(0, 0, 0);
-  reslice->SetOutputSpacing(volume->GetSpacing());
-  reslice->SetOutputExtent(volume->GetExtent());
-  reslice->SetMaximumOutputPixels(VTK_ID_MAX);  // the voxelizer had its bound
-  reslice->GenerateStandardErrorOutputOn();
-  Update(reslice, console, "Standard error");
-  vtkImageData* sigma = reslice->GetStandardErrorOutput();
-  sigma->SetOrigin(volume->GetOrigin());
-  sigma->SetDirectionMatrix(volume->GetDirectionMatrix());
-  WriteVolume(sigma, options.standardError, options.world, console);
-}
-
 ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
 {
   RequireVolumeName(options.output);
@@ -114,6 +87,7 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
   vtkNew<vtkBigusVoxelizer> voxelizer;
   Configure(voxelizer, field, options.render);
   voxelizer->SetElevationSigma(options.elevationSigma);
+  voxelizer->SetGenerateStandardErrorOutput(!options.standardError.empty());
   if (options.spacing > 0)
   {
     voxelizer->SetOutputSpacing(options.spacing, options.spacing, options.spacing);
@@ -144,7 +118,7 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
   WriteVolume(volume, options.output, options.world, console);
   if (!options.standardError.empty())
   {
-    WriteStandardError(field, volume, options, console);
+    WriteVolume(voxelizer->GetStandardErrorOutput(), options.standardError, options.world, console);
   }
 
   const int* size = volume->GetDimensions();
@@ -215,7 +189,7 @@ void AddVoxelize(Program& program)
   app->add_option(
          "--standard-error", options->standardError,
          "Also write how far what a probe would show may be from every voxel, a standard deviation in units of "
-         "intensity, NaN where not known. It sees along the volume's slices: .mha, .nrrd or .vti")
+         "intensity, NaN where not known. The probe sees along the volume's z slices: .mha, .nrrd or .vti")
       ->check(VolumeToWrite(kVolumeEndings))
       ->type_name("OUT");
   AddWorldSystemOption(*app, options->world);

@@ -153,6 +153,35 @@ public:
     return nb::make_tuple(image, Owned(std::move(coverage), {isCovered ? count : 0}), Owned(std::move(runs), {n, 4}));
   }
 
+  /// Standard errors of part of a grid; None when `progress` said stop.
+  nb::object StandardErrorPart(const nb::bytes& kept, const InputDoubles& indexToWorld, const Extent& whole,
+                               const Extent& extent, nb::object progress)
+  {
+    const GridPart grid{ToMatrix(indexToWorld), whole, extent};
+    const std::string bytes(kept.c_str(), kept.size());
+    std::vector<float> sigma(static_cast<std::size_t>(ExtentSize(extent)));
+    PythonProgress tell(std::move(progress));
+    const auto render = [&](const Extent& part, float* image)
+    {
+      const auto keep = [image](const PixelBand& band)
+      {
+        std::copy_n(band.image, band.count, image + band.first);
+        return true;
+      };
+      bands_.Run({grid.indexToWorld, whole, part}, false, {}, PlanesSeen(ViewOutput::Intensity), keep);
+      return tell((part[4] - extent[4] + 1.0) / (extent[5] - extent[4] + 1));
+    };
+    bool isFinished = false;
+    {
+      const nb::gil_scoped_release others;
+      const std::lock_guard<std::mutex> alone(mutex_);
+      isFinished = StandardError(bytes).Evaluate(grid, render, sigma.data());
+    }
+    tell.Rethrow();
+    const std::size_t count = sigma.size();
+    return isFinished ? nb::object(Owned(std::move(sigma), {count})) : nb::none();
+  }
+
 private:
   /// Each plane as it looks from there.
   RenderPlanes PlanesSeen(ViewOutput output)
@@ -316,6 +345,18 @@ Array StandardErrorAt(const nb::bytes& kept, const InputDoubles& plane, const In
   return Owned(std::move(sigma), {h, w});
 }
 
+/// Of pixels that are not 0 in `where`, [height, width].
+double StandardErrorOfMean(const nb::bytes& kept, const InputDoubles& plane, const InputFloats& sigma,
+                           const InputBytes& where)
+{
+  RequireShape(sigma, {-1, -1}, "the standard errors");
+  const auto h = static_cast<std::int64_t>(sigma.shape(0)), w = static_cast<std::int64_t>(sigma.shape(1));
+  RequireShape(where, {h, w}, "the pixels to take");
+  const SlicePlane at = SlicePlane::FromImageToReference(ToMatrix(plane), static_cast<int>(w), static_cast<int>(h));
+  at.Validate("the plane");
+  return StandardError(std::string(kept.c_str(), kept.size())).OfMean(at, sigma.data(), where.data());
+}
+
 Array DistancesOfGrid(const Sweep& sweep, const InputDoubles& indexToWorld, const Extent& extent)
 {
   const Eigen::Matrix4d matrix = ToMatrix(indexToWorld);
@@ -350,7 +391,9 @@ void BindSlices(nb::module_& m)
                                      {seen.first, seen.second}, isCovered, isStencil, std::move(progress));
           },
           nb::arg("index_to_world"), nb::arg("whole"), nb::arg("extent"), nb::arg("scattering"), nb::arg("bytes"),
-          nb::arg("slab"), nb::arg("seen"), nb::arg("coverage"), nb::arg("stencil"), nb::arg("progress"));
+          nb::arg("slab"), nb::arg("seen"), nb::arg("coverage"), nb::arg("stencil"), nb::arg("progress"))
+      .def("standard_error_part", &Slicer::StandardErrorPart, nb::arg("kept"), nb::arg("index_to_world"),
+           nb::arg("whole"), nb::arg("extent"), nb::arg("progress"));
   m.def("reslice_grid", &GridOfSlice, nb::arg("spacing").none(), nb::arg("origin").none(), nb::arg("extent").none(),
         nb::arg("axes"), nb::arg("transform").none(), nb::arg("turns_input"), nb::arg("crops"),
         nb::arg("dimensionality"), nb::arg("input"));
@@ -365,6 +408,8 @@ void BindSlices(nb::module_& m)
       .def(nb::init<const Field&, const std::string&>(), nb::arg("field"), nb::arg("engine"))
       .def("render", &LabelSlicer::Render, nb::arg("plane"), nb::arg("width"), nb::arg("height"));
   m.def("standard_error", &StandardErrorAt, nb::arg("kept"), nb::arg("plane"), nb::arg("image"));
+  m.def("standard_error_of_mean", &StandardErrorOfMean, nb::arg("kept"), nb::arg("plane"), nb::arg("sigma"),
+        nb::arg("where"));
   m.def("check_output_size", &CheckOutputSize, nb::arg("extent"), nb::arg("maximum"));
   m.def(
       "check_pixel_type",

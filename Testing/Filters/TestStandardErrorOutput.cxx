@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// vtkBigusReslice's standard error: Core's at the same plane, whole or in parts, and an error where a field has none.
+// The standard errors of slices and voxels: Core's at the same plane, whole or in parts, and an error where a field has none.
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "Data/StandardErrorData.h"
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusReslice.h"
+#include "vtkBigusVoxelizer.h"
 #include "vtkUnsignedCharArray.h"
 
 namespace bigus::test
@@ -69,36 +71,29 @@ bool IsSameSigma(float a, float b)
   return a == b || (std::isnan(a) && std::isnan(b));
 }
 
-TEST(StandardErrorOutput, IsThatOfCore)
+/// That `sigma` is what Core says of each slice, [height][width] of the field seen so, whose index (i, j, k) lies at `at`.
+void ExpectThatOfCore(vtkImageData* sigma, const GaussianField& field,
+                      const std::function<Eigen::Vector3d(int, int, int)>& at)
 {
-  const auto reslice = SlicesThatLeaveTheFrames();
-  reslice->Update();
-  vtkImageData* sigma = reslice->GetStandardErrorOutput();
-  ASSERT_EQ(sigma->GetNumberOfPoints(), 40 * 30 * 2);
+  int size[3];
+  sigma->GetDimensions(size);
   const std::unique_ptr<Engine> engine = Engine::Create("auto");
-  engine->SetField(RandomField(200, 5));
+  engine->SetField(field);
   int known = 0, unknown = 0;
-  for (int k = 0; k < 2; ++k)
+  for (int k = 0; k < size[2]; ++k)
   {
     SlicePlane plane;
-    plane.width = 40;
-    plane.height = 30;
-    const auto at = [&](double i, double j)
-    {
-      const double place[4] = {-8 + 0.4 * i, -7 + 0.4 * j, -1 + 1.5 * k, 1};
-      double world[4];
-      reslice->GetResliceAxes()->MultiplyPoint(place, world);
-      return Eigen::Vector3d(world[0], world[1], world[2]);
-    };
-    plane.origin = at(0, 0);
-    plane.columnStep = at(1, 0) - plane.origin;
-    plane.rowStep = at(0, 1) - plane.origin;
-    std::vector<float> image(40 * 30), expected(40 * 30);
+    plane.width = size[0];
+    plane.height = size[1];
+    plane.origin = at(0, 0, k);
+    plane.columnStep = at(1, 0, k) - plane.origin;
+    plane.rowStep = at(0, 1, k) - plane.origin;
+    std::vector<float> image(plane.NumberOfPixels()), expected(image.size());
     engine->Render(plane, ViewOutput::Intensity, image.data());
     StandardErrorOfNoise().Evaluate(plane, image.data(), expected.data());
-    for (int p = 0; p < 40 * 30; ++p)
+    for (int p = 0; p < size[0] * size[1]; ++p)
     {
-      const float found = static_cast<float*>(sigma->GetScalarPointer(p % 40, p / 40, k))[0];
+      const float found = static_cast<float*>(sigma->GetScalarPointer(p % size[0], p / size[0], k))[0];
       ASSERT_EQ(std::isnan(found), std::isnan(expected[p]));
       (std::isnan(found) ? unknown : known) += 1;
       // The image is right to the filter's tolerance, 1e-4, and its slopes to twice of it a pixel of 0.4 mm.
@@ -107,6 +102,48 @@ TEST(StandardErrorOutput, IsThatOfCore)
   }
   EXPECT_GT(known, 100);
   EXPECT_GT(unknown, 100);
+}
+
+TEST(StandardErrorOutput, IsThatOfCore)
+{
+  const auto reslice = SlicesThatLeaveTheFrames();
+  reslice->Update();
+  vtkImageData* sigma = reslice->GetStandardErrorOutput();
+  ASSERT_EQ(sigma->GetNumberOfPoints(), 40 * 30 * 2);
+  ExpectThatOfCore(sigma, RandomField(200, 5),
+                   [&](int i, int j, int k)
+                   {
+                     const double place[4] = {-8 + 0.4 * i, -7 + 0.4 * j, -1 + 1.5 * k, 1};
+                     double world[4];
+                     reslice->GetResliceAxes()->MultiplyPoint(place, world);
+                     return Eigen::Vector3d(world[0], world[1], world[2]);
+                   });
+}
+
+TEST(StandardErrorOutput, OfVoxelsIsThatOfCoreInTheVolumesThinSlices)
+{
+  const auto field = ToPolyData(RandomField(200, 5));
+  ReplaceStandardError(field, StandardErrorOfNoise().ToBytes());
+  vtkNew<vtkBigusVoxelizer> voxelizer;
+  voxelizer->SetInputDataObject(0, field);
+  const double direction[9] = {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8};
+  voxelizer->SetOutputDirection(direction);
+  voxelizer->SetOutputDimensions(30, 25, 4);
+  voxelizer->SetOutputOrigin(-6, -5, -3);
+  voxelizer->SetOutputSpacing(0.4, 0.4, 0.9);
+  voxelizer->GenerateStandardErrorOutputOn();
+  voxelizer->Update();
+  vtkImageData* sigma = voxelizer->GetStandardErrorOutput();
+  ASSERT_EQ(sigma->GetNumberOfPoints(), 30 * 25 * 4);
+  const auto at = [&](int i, int j, int k)
+  { return Eigen::Vector3d(-6 + 0.4 * i, -5 + 0.32 * j - 0.54 * k, -3 + 0.24 * j + 0.72 * k); };
+  GaussianField thin = RandomField(200, 5);
+  thin.beam = Beam{0};
+  ExpectThatOfCore(sigma, thin, at);
+  const int last[3] = {29, 24, 3};
+  double place[3];
+  sigma->TransformIndexToPhysicalPoint(last, place);
+  EXPECT_LT((Eigen::Map<Eigen::Vector3d>(place) - at(29, 24, 3)).norm(), 1e-9);
 }
 
 TEST(StandardErrorOutput, TellsThatOfTheMeanOfOneSlice)

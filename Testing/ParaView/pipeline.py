@@ -225,6 +225,12 @@ def main(plugin, folder, package=None):
     assert np.allclose(grid.GetPoint(64 * 48 + 64 * 3 + 5), (poses[4] @ [5, 3, 0, 1])[:3], atol=1e-5)
     assert np.array_equal(vtk_to_numpy(grid.GetPointData().GetArray("Recorded")), stack.reshape(17, -1)[::4].ravel())
 
+    voxels = BIGUSVoxelizer(Input=trainer, MaximumDimension=32, StandardError=1)
+    voxels.UpdatePipeline()
+    volume, sigma = (servermanager.Fetch(voxels, idx=port) for port in (0, 1))
+    assert sigma.GetDimensions() == volume.GetDimensions()
+    known = vtk_to_numpy(sigma.GetPointData().GetArray("StandardError"))
+    assert 0 < np.isfinite(known).sum() < known.size and (known[np.isfinite(known)] > 0).all()
     for name, source in (("voxels", BIGUSVoxelizer(Input=trainer, MaximumDimension=32)),
                          ("poses", BIGUSPoseCorrection(Input=sweep)), ("outline", BIGUSSweepOutline(Input=sweep)),
                          ("tensors", BIGUSFieldTensors(Input=trainer))):

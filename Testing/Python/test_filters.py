@@ -389,6 +389,80 @@ class Voxels(unittest.TestCase):
             bigus.update(filter)
 
 
+def sure_field():
+    """A field that keeps what its standard error rests on."""
+    trainer = bigus.vtkBigusTrainer()
+    trainer.SetInputDataObject(0, sweep())
+    for name, value in (("Automatic", False), ("Gaussians", 400), ("Iterations", 20)):
+        getattr(trainer, "Set" + name)(value)
+    return bigus.update(trainer).GetOutputDataObject(0)
+
+
+def sure_voxels(data):
+    """Of the frames and of what lies beside and behind them, on a turned grid."""
+    filter = bigus.vtkBigusVoxelizer()
+    filter.SetInputDataObject(data)
+    filter.SetOutputDirection((1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8))
+    filter.SetOutputDimensions(20, 16, 5)
+    filter.SetOutputOrigin(1, 1, -1)
+    filter.SetOutputSpacing(0.5, 0.5, 0.6)
+    filter.GenerateStandardErrorOutputOn()
+    return filter
+
+
+class StandardErrors(unittest.TestCase):
+    def test_of_voxels_are_those_of_the_volumes_slices(self):
+        data = sure_field()
+        filter = bigus.update(sure_voxels(data))
+        image, sigma = filter.GetOutputDataObject(0), filter.GetStandardErrorOutput()
+        self.assertEqual((sigma.GetExtent(), sigma.GetSpacing(), sigma.GetOrigin()), (image.GetExtent(), image.GetSpacing(), image.GetOrigin()))
+        last = [[0.0] * 3 for _ in range(2)]
+        for one, place in zip((image, sigma), last):
+            one.TransformIndexToPhysicalPoint((19, 15, 4), place)
+        self.assertEqual(*last)
+        found = pixels(sigma).copy()
+        self.assertTrue(300 < np.isnan(found).sum() < found.size - 300)
+        reslice = bigus.vtkBigusReslice()
+        reslice.SetInputDataObject(data)
+        reslice.SetElevationSigma(0)
+        reslice.GenerateStandardErrorOutputOn()
+        for k in range(5):
+            first = [0.0] * 3
+            image.TransformIndexToPhysicalPoint((0, 0, k), first)
+            frame = np.array([[0.5, 0, 0, first[0]], [0, 0.4, -0.6, first[1]], [0, 0.3, 0.8, first[2]], [0, 0, 0, 1]])
+            reslice.SetOutputToFrame(matrix(frame), 20, 16)
+            expected = pixels(bigus.update(reslice).GetStandardErrorOutput())[0]
+            # Places are the same but for rounding, the pictures to a tolerance of 1e-4; what is known is coded in a byte.
+            self.assertLess((np.isnan(found[k]) != np.isnan(expected)).sum(), 4)
+            self.assertGreater((np.abs(found[k] - expected)[~np.isnan(found[k] - expected)] < 1e-3).mean(), 0.98)
+
+    def test_in_parts_are_those_of_the_whole_and_stop_when_told(self):
+        data = sure_field()
+        whole = pixels(bigus.update(sure_voxels(data)).GetStandardErrorOutput())
+        filter = sure_voxels(data)
+        filter.UpdateInformation()
+        filter.UpdateExtent((3, 9, 5, 5, 1, 2))
+        np.testing.assert_array_equal(pixels(filter.GetStandardErrorOutput()), whole[1:3, 5:6, 3:10])
+        fractions = []
+        filter = sure_voxels(data)
+        filter.AddObserver("ProgressEvent", lambda *_: (fractions.append(filter.GetProgress()), filter.SetAbortExecute(filter.GetProgress() > 0.6)))
+        filter.Update()
+        self.assertEqual(fractions, sorted(fractions))
+        self.assertTrue(0.6 < fractions[-1] < 1, fractions)
+        self.assertEqual(filter.GetStandardErrorOutput().GetNumberOfPoints(), 0)
+
+    def test_need_a_field_that_keeps_them_and_an_intensity(self):
+        filter = sure_voxels(field())
+        with self.assertRaisesRegex(RuntimeError, "no array StandardError"):
+            bigus.update(filter)
+        filter.GenerateStandardErrorOutputOff()
+        self.assertEqual(bigus.update(filter).GetStandardErrorOutput().GetNumberOfPoints(), 0)
+        filter = sure_voxels(sure_field())
+        filter.SetOutputModeToLabelShare()
+        with self.assertRaisesRegex(RuntimeError, "OutputMode to Intensity|no labels"):
+            bigus.update(filter)
+
+
 class Files(unittest.TestCase):
     def test_fields_and_sweeps_come_back(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -838,6 +912,11 @@ def scenes():
         for name, image in images.items():
             found[f"{name} {number}"] = pixels(image)
             found[f"grid of {name} {number}"] = np.array([*image.GetExtent(), *image.GetSpacing(), *image.GetOrigin()])
+    sure = sure_field()
+    found["error of voxels"] = pixels(bigus.update(sure_voxels(sure)).GetStandardErrorOutput())
+    filter = slicer(extent=(0, 30, 0, 20, 0, 1), GenerateStandardErrorOutput=True)
+    filter.SetInputDataObject(sure)
+    found["error of slices"] = pixels(bigus.update(filter).GetStandardErrorOutput())
     correction = bigus.vtkBigusPoseCorrection()
     source = phantom(TrackingNoise=0.2, TrackingRotationNoise=0.3, Seed=3)
     correction.SetInputConnection(source.GetOutputPort())
@@ -870,7 +949,7 @@ class BothPackages(unittest.TestCase):
             ours = scenes()
             self.assertEqual(sorted(ours), sorted(theirs.files))
             for name, values in ours.items():
-                if name == "phantom":
+                if name == "phantom" or name.startswith("error"):
                     np.testing.assert_array_equal(values, theirs[name])
                     continue
                 atol = 1e-9 if name.startswith(("grid", "same numbers")) else 1 if values.dtype == np.uint8 else 2e-4 if "coverage" in name else 3e-5

@@ -612,6 +612,37 @@ double StandardError::OfMean(const SlicePlane& plane, const float* sigma, const 
   return std::sqrt(variance / count * share * share + static_cast<double>(bias_) * bias_);
 }
 
+bool StandardError::Evaluate(const GridPart& grid, const std::function<bool(const Extent&, float*)>& render,
+                             float* sigma) const
+{
+  const Extent &extent = grid.extent, &whole = grid.whole;
+  for (int k = extent[4]; k <= extent[5]; ++k)
+  {
+    // Pixels around the extent have a say in it, as far as the whole goes.
+    const SlicePlane plane = grid.PlaneAt(k);
+    const int margin = Margin(plane);
+    Extent part = {0, 0, 0, 0, k, k};
+    for (int axis = 0; axis < 2; ++axis)
+    {
+      part[2 * axis] = std::max(whole[2 * axis], extent[2 * axis] - margin);
+      part[2 * axis + 1] = std::min(whole[2 * axis + 1], extent[2 * axis + 1] + margin);
+    }
+    const Engine::Window window{part[0] - whole[0], part[2] - whole[2], part[1] - part[0] + 1, part[3] - part[2] + 1};
+    std::vector<float> image(static_cast<std::size_t>(window.columns) * window.rows), found(image.size());
+    if (!render(part, image.data()))
+    {
+      return false;
+    }
+    Evaluate(plane, window, image.data(), found.data());
+    for (int j = extent[2]; j <= extent[3]; ++j)
+    {
+      const float* row = &found[static_cast<std::size_t>(j - part[2]) * window.columns + extent[0] - part[0]];
+      sigma = std::copy_n(row, extent[1] - extent[0] + 1, sigma);
+    }
+  }
+  return true;
+}
+
 bool StandardError::IsMostlyGuessed(const SlicePlane& plane, const float* image) const
 {
   constexpr double kJudged = 100;                          // pixels along a side

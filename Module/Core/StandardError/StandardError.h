@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Slicing/OutputGrid.h"
 
 namespace bigus
 {
@@ -49,6 +51,10 @@ public:
   {
     Evaluate(plane, {0, 0, plane.width, plane.height}, image, sigma);
   }
+
+  /// Of part of a grid, slice by slice, with the bits that the whole has there. `render` fills the intensities of another
+  /// part of the grid, one slice deep, and returns false to stop; then this returns false, too.
+  bool Evaluate(const GridPart& grid, const std::function<bool(const Extent&, float*)>& render, float* sigma) const;
 
   /// Whether the slice `image` tells little of what a probe would show: its standard error is larger than it varies itself
   /// (and than two grey levels), or most of what it shows lies where the frames do not tell. Judged at some 10,000 pixels.

@@ -96,6 +96,18 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     return width, height
 
 
+def pixels_of_mean(sigma: np.ndarray, where: Any) -> np.ndarray:
+    """Which pixels a mean is of: those of which the standard error is known, of those that are chosen."""
+    known = ~np.isnan(sigma)
+    if where is not None:
+        if np.shape(where) != known.shape:
+            raise ValueError(f"mean: where has the shape {np.shape(where)}; the image has {known.shape}.")
+        known &= np.asarray(where, bool)
+    if not known.any():
+        raise ValueError("mean: no pixel was chosen of which the training frames tell.")
+    return known
+
+
 # ----------------------------------------------------------------------------------------------------------------------
 # Sweeps
 

@@ -334,13 +334,7 @@ def mean(
     filter.GenerateStandardErrorOutputOn()
     image = _pixels(update_alone(filter).GetOutput())[0]
     sigma = filter.GetStandardErrorOutput()
-    known = ~np.isnan(_pixels(sigma)[0])
-    if where is not None:
-        if np.shape(where) != known.shape:
-            raise ValueError(f"mean: where has the shape {np.shape(where)}; the image has {known.shape}.")
-        known &= np.asarray(where, bool)
-    if not known.any():
-        raise ValueError("mean: no pixel was chosen of which the training frames tell.")
+    known = common.pixels_of_mean(_pixels(sigma)[0], where)
     chosen = vtkImageData()
     chosen.SetDimensions(sigma.GetDimensions())
     chosen.GetPointData().SetScalars(numpy_to_vtk(known.astype(np.uint8).ravel(), deep=True))

@@ -332,6 +332,16 @@ class Training(unittest.TestCase):
             errors = np.abs(image - self.sweep.frames[frame] / 255)[np.isfinite(sigma)]
             shares.append(np.mean(errors <= 2 * sigma[np.isfinite(sigma)]))
         self.assertTrue(0.85 < np.mean(shares) < 0.995, shares)
+        known = np.isfinite(sigma)
+        mean, error = bigus.mean(field, place, (64, 64))
+        self.assertAlmostEqual(mean, image[known].mean(), 6)
+        largest = np.sqrt(np.square(sigma[known]).mean())  # were all errors alike
+        self.assertTrue(largest / np.sqrt(known.sum()) < error < largest, "neighbours are alike, but not all")
+        left = known & (np.arange(64) < 20)
+        self.assertAlmostEqual(bigus.mean(field, place, (64, 64), where=np.arange(64) < 20 + 0 * sigma)[0], image[left].mean(), 6)
+        for where, said in ((known & False, "no pixel"), (np.ones((3, 3)), r"shape \(3, 3\); the image has \(64, 64\)")):
+            with self.assertRaisesRegex(ValueError, said):
+                bigus.mean(field, place, (64, 64), where=where)
         beyond = np.array(self.training.poses[-1])
         beyond[:3, 3] += 5 * np.cross(beyond[:3, 0], beyond[:3, 1]) / np.linalg.norm(beyond[:3, 0]) ** 2
         self.assertTrue(np.isnan(bigus.standard_error(field, beyond, (64, 64))).all())
@@ -339,7 +349,7 @@ class Training(unittest.TestCase):
         without = bigus.train(self.sweep, progress=False, keep_standard_error=False, **QUICK).field
         self.assertEqual(without.kept_error, b"")
         with self.assertRaisesRegex(bigus.Error, "keeps nothing"):
-            bigus.standard_error(without, beyond, (64, 64))
+            bigus.mean(without, beyond, (64, 64))
         without.kept_error = field.kept_error[:-3]
         with self.assertRaisesRegex(bigus.Error, "damaged"):
             bigus.standard_error(without, beyond, (64, 64))
@@ -621,12 +631,16 @@ class SameBits(unittest.TestCase):
                 field = trained.field if exact else trained.field.rounded()
                 np.save(os.path.join(folder, "p.npy"), trained.poses[7])
                 run(python, "-c", "import sys\nsys.path.insert(0, sys.argv[1])\nimport bigus, numpy as np\n"
-                    "np.save('e', bigus.standard_error(bigus.read_field('f.vtp'), np.load('p.npy'), (64, 64)))",
+                    "f, p = bigus.read_field('f.vtp'), np.load('p.npy')\n"
+                    "np.save('e', bigus.standard_error(f, p, (64, 64)))\n"
+                    "np.save('m', [bigus.mean(f, p, (64, 64)), bigus.mean(f, p, (64, 64), where=np.tri(64))])",
                     os.environ["BIGUS_VTK_PACKAGE"])
                 stored = bigus.read_field(os.path.join(folder, "f.vtp"))
                 self.assertEqual(stored.kept_error, field.kept_error)
                 np.testing.assert_array_equal(np.load(os.path.join(folder, "e.npy")),
                                               bigus.standard_error(stored, trained.poses[7], (64, 64)))
+                means = [bigus.mean(stored, trained.poses[7], (64, 64), where=where) for where in (None, np.tri(64))]
+                np.testing.assert_array_equal(np.load(os.path.join(folder, "m.npy")), means)
                 with np.load(os.path.join(folder, "f.npz")) as written:
                     for name in written.files:
                         np.testing.assert_array_equal(written[name], getattr(field, name).astype(written[name].dtype))

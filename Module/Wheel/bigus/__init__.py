@@ -29,8 +29,8 @@ from .common import Planes, PoseCorrection, TrainingInterrupted
 from .files import read, read_field, read_planes, read_spacing, read_stack, read_sweep, write
 from .names import no_such
 from .sources import SourceError, from_files
-from .tasks import Phantom, Slicer, Training, check, correct_poses, distance_to_frames, label, label_map, metrics, options
-from .tasks import plane, reslice, standard_error, train
+from .tasks import Phantom, Slicer, Training, check, correct_poses, distance_to_frames, label, label_map, mean, metrics
+from .tasks import options, plane, reslice, standard_error, train
 
 if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
     from .field_filters import *
@@ -41,7 +41,7 @@ if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
 __all__ = [
     "Error", "Field", "Phantom", "Planes", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
     "TrainingInterrupted", "__version__", "check", "correct_poses", "distance_to_frames", "engines", "field", "frames",
-    "from_files", "instruction_sets", "label", "label_map", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_field",
+    "from_files", "instruction_sets", "label", "label_map", "mean", "metrics", "missing_engines", "options", "plane", "poses", "read", "read_field",
     "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "standard_error", "sweep", "train", "use_instruction_set", "write",
 ]  # fmt: skip
 

@@ -203,7 +203,7 @@ class vtkBigusSequenceWriter(_Writer):
 
 @properties(OutputSpacing=Open((1.0,) * 3), OutputOrigin=Open((0.0,) * 3),
             OutputMode=Choice(0, ("Intensity", "ScatteringField", "LabelShare")), LabelValue=Clamped(1, 1, 255),
-            OutputScalarType=VTK_FLOAT, MaximumOutputPixels=1 << 29, **SLICER)
+            OutputScalarType=VTK_FLOAT, MaximumOutputPixels=1 << 29, GenerateStandardErrorOutput=False, **SLICER)
 class vtkBigusFieldToImage(Algorithm):
     """What filters share that render a field: OutputSpacing, OutputOrigin, OutputMode, Engine and more."""
 
@@ -271,6 +271,10 @@ class vtkBigusFieldToImage(Algorithm):
             return
         _core.check_output_size(self._extent, self._values["MaximumOutputPixels"])
         self._load_field(data[0][0])
+        if self._values["GenerateStandardErrorOutput"] and self._values["OutputMode"] == self.LabelShare:
+            raise _core.Error("GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.")
+        if self._values["GenerateStandardErrorOutput"] and not self._field.kept_error:
+            raise _core.Error("GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.")
         label = self._values["LabelValue"] if self._values["OutputMode"] == self.LabelShare else None
         key = (*(self._values[name] for name in SLICER), self._sees_directions, label)
         if self._slicer is None or self._slicer_key != key:
@@ -288,29 +292,38 @@ class vtkBigusFieldToImage(Algorithm):
         """Fills the image; coverage and runs of seen pixels, or None when the algorithm was asked to stop."""
         scattering = self._values["OutputMode"] == self.ScatteringField
         is_bytes = self._values["OutputScalarType"] == VTK_UNSIGNED_CHAR
+        share = 0.5 if self._values["GenerateStandardErrorOutput"] else 1.0  # of the work
         found = self._slicer.render_part(index_to_world, self._whole, self._extent, scattering, is_bytes, slab, seen, coverage,
-                                         stencil, self._go_on)
+                                         stencil, lambda part: self._go_on(share * part))
         if found is None:
             return None
+        if share < 1:
+            sigma = self._slicer.standard_error_part(self._field.kept_error, index_to_world, self._whole, self._extent,
+                                                     lambda part: self._go_on(share * (1 + part)))
+            if sigma is None:
+                return None
+            self._image(self.GetStandardErrorOutput(), sigma, "StandardError")
         self._image(output, found[0], self.GetOutputModeAsString())
         return found[1:]
 
 
 @properties(OutputDimensions=Open((1, 1, 1)), OutputDirection=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
             MaximumDimension=Clamped(256, 2, 4096), ElevationSigma=0.0)
+@ports(StandardErrorOutput=1)
 class vtkBigusVoxelizer(vtkBigusFieldToImage):
     """A volume of a field: voxels along OutputDirection, by default over the whole field, thin (ElevationSigma 0)."""
 
     _sees_directions = False
 
-    _outputs = ("vtkImageData",)
+    _outputs = ("vtkImageData", "vtkImageData")
 
     def _grid(self, spacing: Any, origin: Any) -> tuple:
         return _core.voxel_grid(spacing, origin, *(self._values[name] for name in (
             "OutputDimensions", "OutputDirection", "MaximumDimension")), self._updated_field)
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
-        outputs.GetInformationObject(0).Set(vtkDataObject.DIRECTION(), self._values["OutputDirection"], 9)
+        for info in infos_of(outputs):
+            info.Set(vtkDataObject.DIRECTION(), self._values["OutputDirection"], 9)
         return super().RequestInformation(request, inputs, outputs)
 
     def _draw(self, outputs: list) -> None:
@@ -318,7 +331,8 @@ class vtkBigusVoxelizer(vtkBigusFieldToImage):
         index_to_world[:3, :3] = np.array(self._values["OutputDirection"]).reshape(3, 3) * self._place[0]
         index_to_world[:3, 3] = self._place[1]
         if self._draw_image(outputs[0], index_to_world) is not None:
-            outputs[0].SetDirectionMatrix(self._values["OutputDirection"])
+            for output in outputs:
+                output.SetDirectionMatrix(self._values["OutputDirection"])
 
 
 @properties(OutputExtent=Open((0,) * 6), OutputDimensionality=Clamped(3, 0, 3), TransformInputSampling=True,
@@ -326,7 +340,7 @@ class vtkBigusVoxelizer(vtkBigusFieldToImage):
             SlabSliceSpacingFraction=1.0, SlabTrapezoidIntegration=False, CoverageThreshold=0.0, BackgroundLevel=0.0,
             GenerateCoverageOutput=True, GenerateStencilOutput=False)
 @parts("ResliceAxes", "ResliceTransform", "InformationInput", "RecordedFrames")
-@ports(CoverageOutput=1, StencilOutput=2, DistanceOutput=3)
+@ports(CoverageOutput=1, StencilOutput=2, DistanceOutput=3, StandardErrorOutput=4)
 class vtkBigusReslice(vtkBigusFieldToImage):
     """The image that a field predicts at any plane, placed as in vtkImageReslice.
 
@@ -334,10 +348,11 @@ class vtkBigusReslice(vtkBigusFieldToImage):
     ResliceTransform(ResliceAxes (OutputOrigin + OutputSpacing (i, j, k))).
 
     Output 0 is the image, 1 the coverage, 2 a stencil of the pixels with coverage above CoverageThreshold (where
-    GenerateStencilOutput is on), 3 the distance to the nearest of RecordedFrames (where they are set), mm.
+    GenerateStencilOutput is on), 3 the distance to the nearest of RecordedFrames (where they are set), mm, 4 the standard
+    error (where GenerateStandardErrorOutput is on).
     """
 
-    _outputs = ("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData")
+    _outputs = ("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData", "vtkImageData")
 
     def _begin(self) -> None:
         super()._begin()
