@@ -154,7 +154,7 @@ std::string Describe(const CLI::Option& option, int& positionals)
     attributes = std::string(isList ? " multiple=\"true\"" : "") + " fileExtensions=\"" + kind[2] + "\"" +
                  (tag == "image" ? " type=\"scalar\"" : "");
   }
-  else if (option.get_expected_max() > 1)
+  else if (option.get_expected_max() > 1 && !kind.empty())  // a list of words is text
   {
     tag = kind.at(0) + "-vector";
   }

@@ -108,7 +108,7 @@ class Descriptions(unittest.TestCase):
                     listed.add(found.group(1))
             shorthand = {"auto", "preview", "signed", "positive"} if command == "train" else set()
             positional = {name.lower() for name in re.findall(r"\n  ([A-Z]+) ", text.split("\nOptions:")[0])}
-            self.assertEqual(len(positional), 2 if command == "train" else 1)
+            self.assertEqual(len(positional), {"train": 2, "label": 3}.get(command, 1))
             described = {element.findtext("name") for element in parameters(describe(module)) if element.tag != "transform"}
             self.assertEqual(described - PROGRAM_OPTIONS - positional,
                              {name.replace("-", "_") for name in listed - shorthand}, module)
@@ -235,7 +235,7 @@ class Runs(unittest.TestCase):
         self.assertEqual(output.read_bytes(), plain.read_bytes())
 
     def test_a_slice_and_its_standard_error_are_two_volumes_at_one_place(self):
-        slice, error, stack = (self.folder / name for name in ("slice.nrrd", "error.nrrd", "error.mha"))
+        slice, error, stack = (self.folder / name for name in ("slice.nrrd", "error.nrrd", "stack.nrrd"))
         self.module("BigusSlice", field=self.field, poses=self.sweep, frames="8", volume=slice, standard_error_volume=error)
         result = run(BIGUS, "slice", self.field, "--poses", self.sweep, "--frames", 8, "-o", self.folder / "s.mha", "--standard-error", stack)
         self.assertEqual(result.returncode, 0, result.stderr)
@@ -243,7 +243,8 @@ class Runs(unittest.TestCase):
         places = [re.findall(rb"\n(?:sizes|space directions|space origin):[^\n]*", header) for header in headers]
         self.assertEqual(len(places[0]), 3)
         self.assertEqual(places[0], places[1])
-        self.assertEqual(values[1], stack.read_bytes()[-4 * 64 * 48:])
+        self.assertEqual(len(values[1]), 4 * 64 * 48)
+        self.assertTrue(stack.read_bytes().endswith(values[1]))
         result = run(BIGUS, "slice", self.field, "--poses", self.sweep, "-o", self.folder / "s.mha", "--standard-error-volume", error)
         self.assertEqual(result.returncode, 2)
         self.assertIn("--standard-error-volume holds one slice", result.stderr)
