@@ -73,8 +73,26 @@ void AddConstantErrors(vtkImageData* image, const bigus::ConstantErrors& errors)
   image->GetFieldData()->AddArray(array);
   vtkNew<vtkUnsignedCharArray> applied;
   applied->SetName("ConstantErrorsApplied");
-  applied->InsertNextValue(errors.isSignificant ? 1 : 0);
+  applied->InsertNextValue(errors.IsSignificant() ? 1 : 0);
   image->GetFieldData()->AddArray(applied);
+}
+
+/// What frames that had no part say of the delay, of the calibration and of the alignment of frames to each other.
+void AddConfirmedSteps(vtkImageData* image, const bigus::PoseCorrection& correction)
+{
+  vtkNew<vtkDoubleArray> steps;
+  steps->SetName("ConfirmedSteps");
+  steps->SetNumberOfComponents(4);
+  for (const auto& [k, name] : {std::pair{0, "Share"}, {1, "ShareError"}, {2, "Gain"}, {3, "Taken"}})
+  {
+    steps->SetComponentName(k, name);
+  }
+  for (const bigus::ConfirmedStep* step :
+       {&correction.constant.delayStep, &correction.constant.calibrationStep, &correction.alignment})
+  {
+    steps->InsertNextTuple4(step->share, step->shareError, step->gain, step->isTaken ? 1 : 0);
+  }
+  image->GetFieldData()->AddArray(steps);
 }
 
 void FillSteps(const std::vector<bigus::PoseStep>& steps, vtkTable* table)
@@ -110,6 +128,7 @@ void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const 
   AddFrameArray<vtkIntArray>(image, "PoseStroke", path.stroke, frames, -1);
 
   AddConstantErrors(image, found.constant);
+  AddConfirmedSteps(image, found);
 
   vtkNew<vtkDoubleArray> noise;
   noise->SetName("TrackerNoise");

@@ -27,7 +27,8 @@
  * | `TrackerNoise` [3] | 1 | Translation (mm), Rotation (degrees): standard deviation on each axis; Corner (mm): see below |
  * | `PoseStrength` [1] | 1 | how strongly noise was taken out, in units of what was found; 0: not at all |
  * | `ConstantErrors` [7] | 3 | Delay (s), ShiftX, Y, Z (mm), RotationX, Y, Z (degrees): see below |
- * | `ConstantErrorsApplied` [1] | 1 | 1: the constant errors are significant and were taken out |
+ * | `ConfirmedSteps` [3] | 4 | of the delay, of the calibration, and of the alignment of frames to each other where the probe comes back: Share, ShareError, Gain (dB), Taken: see below |
+ * | `ConstantErrorsApplied` [1] | 1 | 1: one of these steps was taken |
  * | `PoseDecision` | 2 strings | what was chosen, and the evidence (it begins with "given" where Strength was set) |
  * | `Provenance` | strings | one more line, `sweep.poses` = what was chosen, which a field trained on the output keeps |
  *
@@ -37,6 +38,10 @@
  * own axes (along its rows, down, along its normal) and about its centre. They are known only where the sweep sees
  * places twice. The first tuple holds estimates, the second their standard errors (infinite: unknown), the third 1 where
  * pictures tell the number apart from the other six. Results are the same for every number of threads.
+ *
+ * Frames that had no part in finding the delay, the six numbers of the calibration or the alignment confirm a share of each,
+ * as of the steps below. It is not a number where nothing was asked: where no number differs from 0, or the probe never comes
+ * back.
  *
  * Output 1 is a vtkTable with a row for every step from one strength to another that was judged, in this order; it has none
  * where Strength is given:

@@ -3,6 +3,7 @@
 // bigus poses: a sequence without the tracker's noise.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -120,6 +121,16 @@ Json ConstantErrorJson(vtkImageData* sweep, int first, int last)
     observable.push_back(array->GetComponent(2, k) != 0);
   }
   return {{"value", values}, {"standard_error", errors}, {"observable", observable}};
+}
+
+/// What frames without part say of the delay (0), the calibration (1) or the alignment (2); null where nothing was asked.
+Json ConfirmedStepJson(vtkImageData* sweep, int kind)
+{
+  vtkDataArray* array = sweep->GetFieldData()->GetArray("ConfirmedSteps");
+  return {{"share", array->GetComponent(kind, 0)},
+          {"share_error", array->GetComponent(kind, 1)},
+          {"gain", array->GetComponent(kind, 2)},
+          {"taken", array->GetComponent(kind, 3) != 0}};
 }
 
 Json Summary(std::vector<double> values)
@@ -252,12 +263,38 @@ Json CorrectionJson(vtkBigusPoseCorrection* correction, const std::string& outpu
            {{"applied", Values(sweep, "ConstantErrorsApplied")[0] != 0},
             {"delay", ConstantErrorJson(sweep, 0, 1)},
             {"shift", ConstantErrorJson(sweep, 1, 4)},
-            {"rotation", ConstantErrorJson(sweep, 4, 7)}}},
+            {"rotation", ConstantErrorJson(sweep, 4, 7)},
+            {"steps", {{"delay", ConfirmedStepJson(sweep, 0)}, {"calibration", ConfirmedStepJson(sweep, 1)}}}}},
+          {"alignment", ConfirmedStepJson(sweep, 2)},
           {"outliers", Outliers(sweep)},
           {"strokes", 1 + static_cast<int>(*std::max_element(stroke.begin(), stroke.end()))},
           {"displacement", Summary(displacement)},
           {"rotation", Summary(Values(sweep, "PoseRotation"))},
           {"each_frame", EachFrame(sweep)}};
+}
+
+/// A line for everything that pictures were asked about.
+void PrintSteps(const Json& answer, Console& console)
+{
+  const auto print = [&console](std::string what, const Json& step)
+  {
+    if (std::isnan(step["share"].get<double>()))
+    {
+      return;
+    }
+    what.resize(22, ' ');  // "smooth 64.0 to 128.0"
+    console.Print("  " + what + "pictures confirm " + FormatNumber(step["share"].get<double>(), 2) + " +- " +
+                  FormatNumber(step["share_error"].get<double>(), 2) + ", gain " +
+                  FormatNumber(step["gain"].get<double>(), 2) + " dB, " + (step["taken"] ? "taken" : "not taken"));
+  };
+  for (const Json& step : answer["steps"])
+  {
+    print("smooth " + FormatNumber(step["from"].get<double>(), 1) + " to " + FormatNumber(step["to"].get<double>(), 1),
+          step);
+  }
+  print("delay", answer["constant_errors"]["steps"]["delay"]);
+  print("calibration", answer["constant_errors"]["steps"]["calibration"]);
+  print("alignment", answer["alignment"]);
 }
 
 void PrintCorrection(const Json& answer, Console& console)
@@ -267,6 +304,7 @@ void PrintCorrection(const Json& answer, Console& console)
       std::string("{output}: {frames}") + (answer["frames"] == 1 ? " frame" : " frames") + ", poses {decision/choice}",
       answer);
   console.Print("  evidence         {decision/evidence}", answer);
+  PrintSteps(answer, console);
   console.Print("  tracker's noise  " + NoiseText(noise["translation"], noise["rotation"], noise["corner"]));
   console.Print("  outliers         " + OutlierText(answer["outliers"]));
   console.Print(std::string("  path             {strokes}") +

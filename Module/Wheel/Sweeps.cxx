@@ -117,6 +117,18 @@ Array ConstantErrorsToArray(const ConstantErrors& errors)
   return Owned(std::move(numbers), {3, 7});
 }
 
+/// Of the delay, the calibration and the alignment: [share, standard error, dB, whether it is taken; 3 x 4]; not numbers where
+/// not asked.
+Array ConfirmedStepsToArray(const PoseCorrection& found)
+{
+  std::vector<double> numbers;
+  for (const ConfirmedStep* step : {&found.constant.delayStep, &found.constant.calibrationStep, &found.alignment})
+  {
+    numbers.insert(numbers.end(), {step->share, step->shareError, step->gain, step->isTaken ? 1.0 : 0.0});
+  }
+  return Owned(std::move(numbers), {3, 4});
+}
+
 nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut,
                    const nb::object& progress)
 {
@@ -152,7 +164,8 @@ nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> st
   result["stroke"] = Owned(path.stroke, {n});
   result["noise"] = noise;
   result["constant_errors"] = ConstantErrorsToArray(found.constant);
-  result["constant_errors_applied"] = found.constant.isSignificant;
+  result["constant_errors_applied"] = found.constant.IsSignificant();
+  result["confirmed_steps"] = ConfirmedStepsToArray(found);
   result["strength"] = found.strength;
   nb::list steps;
   for (const PoseStep& step : found.steps)

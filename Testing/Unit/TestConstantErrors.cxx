@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
 #include "Core/Phantom/Phantom.h"
 #include "Core/Poses/PoseError.h"
 #include "Core/Probe/ConstantErrors.h"
@@ -102,7 +103,7 @@ TEST(ConstantErrors, ExactCrossingSweepsAreLeftAlone)
 {
   const Sweep sweep = Make({0, 90}, 1, {});
   const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
-  EXPECT_FALSE(found.isSignificant) << found.evidence;
+  EXPECT_FALSE(found.IsSignificant()) << found.evidence;
   EXPECT_GT(found.comparisons, 1000);
   ExpectWithinErrors(found.delay, 0);
   int observable = 0;
@@ -127,7 +128,7 @@ TEST(ConstantErrors, CrossingSweepsTellTheCalibration)
     std::vector<Eigen::Matrix4d> truth;
     const Sweep sweep = Make({0, 90}, 1, errors, &truth);
     const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
-    EXPECT_TRUE(found.isSignificant) << found.evidence;
+    EXPECT_TRUE(found.IsSignificant()) << found.evidence;
     EXPECT_TRUE(found.rotation[axis].isObservable);
     EXPECT_NEAR(found.rotation[axis].value, -1, 0.3);
     EXPECT_LT(found.rotation[axis].standardError, 0.3);
@@ -137,7 +138,11 @@ TEST(ConstantErrors, CrossingSweepsTellTheCalibration)
       EXPECT_TRUE(found.rotation[other].isObservable || found.rotation[other].value == 0) << other;
     }
     EXPECT_TRUE(found.delay.isObservable || found.delay.value == 0);
-    EXPECT_LT(found.differenceAfter, found.differenceBefore);
+    EXPECT_TRUE(found.calibrationStep.isTaken);
+    EXPECT_GT(found.calibrationStep.share - 0.5, 2 * found.calibrationStep.shareError);
+    EXPECT_GT(found.calibrationStep.gain, 0);
+    EXPECT_FALSE(found.delayStep.isTaken);
+    EXPECT_NEAR(found.delay.value, 0, 2 * found.delay.standardError);
     const auto [before, after] = Bending(sweep, found, truth);
     EXPECT_LT(after, 0.5 * before);
   }
@@ -147,7 +152,7 @@ TEST(ConstantErrors, CrossingSweepsTellTheCalibration)
   std::vector<Eigen::Matrix4d> truth;
   const Sweep sweep = Make({0, 90}, 1, large, &truth);
   const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
-  EXPECT_TRUE(found.isSignificant) << found.evidence;
+  EXPECT_TRUE(found.IsSignificant()) << found.evidence;
   EXPECT_NEAR(found.rotation[0].value, -3, 0.5);
   EXPECT_NEAR(found.rotation[2].value, -3, 0.5);
   const auto [before, after] = Bending(sweep, found, truth);
@@ -163,7 +168,7 @@ TEST(ConstantErrors, AProbeThatComesBackTellsTheDelay)
     std::vector<Eigen::Matrix4d> truth;
     const Sweep sweep = Make({0}, 2, errors, &truth);
     const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
-    EXPECT_TRUE(found.isSignificant) << found.evidence;
+    EXPECT_TRUE(found.IsSignificant()) << found.evidence;
     EXPECT_TRUE(found.delay.isObservable);
     EXPECT_NEAR(found.delay.value, delay, 0.005);
     const auto [before, after] = Bending(sweep, found, truth);
@@ -171,7 +176,7 @@ TEST(ConstantErrors, AProbeThatComesBackTellsTheDelay)
   }
   const Sweep exact = Make({0}, 2, {});
   const ConstantErrors found = EstimateConstantErrors(exact, AllFrames(exact));
-  EXPECT_FALSE(found.isSignificant) << found.evidence;
+  EXPECT_FALSE(found.IsSignificant()) << found.evidence;
   EXPECT_NEAR(found.delay.value, 0, 0.005);
   EXPECT_EQ(WithoutConstantErrors(exact, found), exact.imageToReference);
 }
@@ -197,6 +202,35 @@ TEST(ConstantErrors, AProbeThatLingersFirstTellsTheDelay)
   EXPECT_NEAR(found.delay.value, 0.06, 0.01);
 }
 
+// Two frames late where the probe comes back, or 2 mm and 2 degrees off where sweeps cross: found within what is said of them.
+TEST(ConstantErrors, WhatIsFoundIsWithinItsStatedErrors)
+{
+  TrackerErrors late, off;
+  late.delay = 2 / PhantomOptions().frameRate;
+  off.shift = {2, 0, -2};
+  off.rotation = {2, -2, 2};
+  for (const TrackerErrors& errors : {late, off})
+  {
+    std::vector<Eigen::Matrix4d> truth;
+    const Sweep sweep = errors.delay > 0 ? Make({0}, 2, errors, &truth) : Make({0, 90}, 1, errors, &truth);
+    const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
+    EXPECT_EQ(found.delayStep.isTaken, errors.delay > 0) << found.evidence;
+    EXPECT_EQ(found.calibrationStep.isTaken, errors.delay == 0) << found.evidence;
+    ExpectWithinErrors(found.delay, errors.delay);
+    // What takes a motion about the centre out is its inverse.
+    const double degrees = errors.rotation.norm();
+    const Eigen::Vector3d axis = degrees > 0 ? errors.rotation.normalized() : Eigen::Vector3d::UnitX();
+    const Eigen::Vector3d shift = -(Eigen::AngleAxisd(-degrees * kRadiansPerDegree, axis) * errors.shift);
+    for (int k = 0; k < 3; ++k)
+    {
+      ExpectWithinErrors(found.shift[k], found.shift[k].isObservable ? shift[k] : 0);
+      ExpectWithinErrors(found.rotation[k], -errors.rotation[k]);
+    }
+    const auto [before, after] = Bending(sweep, found, truth);
+    EXPECT_LT(after, 0.2 * before) << found.evidence;
+  }
+}
+
 TEST(ConstantErrors, OneStraightSweepTellsNothing)
 {
   TrackerErrors errors;
@@ -205,7 +239,7 @@ TEST(ConstantErrors, OneStraightSweepTellsNothing)
   errors.rotation = {2, 2, 2};
   const Sweep sweep = Make({0}, 1, errors);
   const ConstantErrors found = EstimateConstantErrors(sweep, AllFrames(sweep));
-  EXPECT_FALSE(found.isSignificant);
+  EXPECT_FALSE(found.IsSignificant());
   EXPECT_EQ(found.comparisons, 0);
   EXPECT_FALSE(found.delay.isObservable);
   EXPECT_TRUE(std::isinf(found.delay.standardError));
@@ -231,7 +265,7 @@ TEST(ConstantErrors, PixelsOfOtherFramesAreNotRead)
     }
   }
   const ConstantErrors found = EstimateConstantErrors(sweep, training);
-  EXPECT_TRUE(found.isSignificant) << found.evidence;
+  EXPECT_TRUE(found.IsSignificant()) << found.evidence;
   const auto* first = static_cast<const std::uint8_t*>(sweep.pixels.get());
   auto changed =
       std::make_shared<std::vector<std::uint8_t>>(first, first + sweep.PixelsPerFrame() * sweep.NumberOfFrames());
@@ -261,7 +295,8 @@ TEST(ConstantErrors, SameBitsForAnyNumberOfThreads)
   EXPECT_EQ(found[0].rotation[2].value, found[1].rotation[2].value);
   EXPECT_EQ(found[0].shift[0].value, found[1].shift[0].value);
   EXPECT_EQ(found[0].rotation[2].standardError, found[1].rotation[2].standardError);
-  EXPECT_EQ(found[0].differenceAfter, found[1].differenceAfter);
+  EXPECT_EQ(found[0].calibrationStep.share, found[1].calibrationStep.share);
+  EXPECT_EQ(found[0].calibrationStep.shareError, found[1].calibrationStep.shareError);
 }
 
 TEST(ConstantErrors, WithoutTimesThereIsNoDelay)

@@ -97,7 +97,7 @@ TEST(PoseCorrection, ConstantErrorsAreTakenOutWhereSweepsCross)
   }
   sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
   const PoseCorrection found = CorrectPoses(sweep, bigus::AllFrames(sweep));
-  EXPECT_TRUE(found.constant.isSignificant) << found.constant.evidence;
+  EXPECT_TRUE(found.constant.IsSignificant()) << found.constant.evidence;
   EXPECT_NE(found.decision.choice.find("image moved on the probe"), std::string::npos) << found.decision.choice;
   EXPECT_NE(found.decision.evidence.find(found.constant.evidence), std::string::npos) << found.decision.evidence;
   EXPECT_TRUE(found.trajectory.IsChanged());
@@ -174,8 +174,8 @@ TEST(PoseCorrection, FramesAreAlignedWhereTheProbeComesBack)
   smoothOnly.isRefined = false;
   const std::vector<int> all = bigus::AllFrames(sweep);
   const PoseCorrection smooth = CorrectPoses(sweep, all, smoothOnly), aligned = CorrectPoses(sweep, all);
-  EXPECT_FALSE(smooth.isRefined);
-  ASSERT_TRUE(aligned.isRefined) << aligned.decision.evidence;
+  EXPECT_FALSE(smooth.alignment.isAsked);
+  ASSERT_TRUE(aligned.alignment.isTaken) << aligned.decision.evidence;
   EXPECT_EQ(aligned.strength, smooth.strength);
   EXPECT_NE(aligned.decision.choice.find("aligned"), std::string::npos) << aligned.decision.choice;
   EXPECT_LT(ErrorOf(sweep, aligned.trajectory.imageToReference, truth),
@@ -202,7 +202,7 @@ TEST(PoseCorrection, SlowErrorsAlongTheNormalAreFoundWhereTheProbeComesBack)
   smoothOnly.isRefined = false;
   const std::vector<int> all = bigus::AllFrames(sweep);
   const PoseCorrection smooth = CorrectPoses(sweep, all, smoothOnly), aligned = CorrectPoses(sweep, all);
-  ASSERT_TRUE(aligned.isRefined) << aligned.decision.evidence;
+  ASSERT_TRUE(aligned.alignment.isTaken) << aligned.decision.evidence;
   EXPECT_LT(ErrorOf(sweep, aligned.trajectory.imageToReference, truth),
             0.9 * ErrorOf(sweep, smooth.trajectory.imageToReference, truth))
       << aligned.decision.evidence;
@@ -344,7 +344,7 @@ TEST(PoseCorrection, HeldOutPixelsHaveNoPartAndThreadsDoNotMatter)
   };
   const PoseCorrection one = correct(sweep, 1), three = correct(sweep, 3), held = correct(poisoned, 2);
   ASSERT_GT(one.strength, 0) << one.decision.evidence;
-  ASSERT_TRUE(one.isRefined) << one.decision.evidence;
+  ASSERT_TRUE(one.alignment.isTaken) << one.decision.evidence;
   for (const PoseCorrection* other : {&three, &held})
   {
     EXPECT_EQ(other->trajectory.imageToReference, one.trajectory.imageToReference);

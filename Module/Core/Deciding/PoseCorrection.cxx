@@ -487,7 +487,7 @@ void TakeOutConstantErrors(const Sweep& sweep, const std::vector<int>& frames, P
 {
   const Sweep smooth = AtCorrectedPoses(sweep, correction);
   correction.constant = EstimateConstantErrors(smooth, frames);
-  if (!correction.constant.isSignificant)
+  if (!correction.constant.IsSignificant())
   {
     return;
   }
@@ -576,9 +576,10 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
   }
   const std::vector<Comparison> tests = JudgeInFolds(sweep, frames, refinement, now.imageToReference);
   const Estimate gain = GainOf(tests), share = ConfirmedShare(tests);
-  correction.isRefined = share.mean - kLeastConfirmed > kLeastStandardErrors * share.error &&
-                         gain.mean > std::max(kLeastRefinementGain, gain.error);
-  if (correction.isRefined)
+  const bool isTaken = share.mean - kLeastConfirmed > kLeastStandardErrors * share.error &&
+                       gain.mean > std::max(kLeastRefinementGain, gain.error);
+  correction.alignment = {true, share.mean, share.error, gain.mean, 0, isTaken};
+  if (isTaken)
   {
     trajectory.imageToReference = refinement.Poses({});
     MeasureChange(sweep, trajectory);
@@ -641,12 +642,13 @@ try
     }
     TakeOutConstantErrors(sweep, frames, correction);
     evidence += correction.constant.comparisons > 0 ? "; " + correction.constant.evidence : "";
-    choice += correction.constant.isSignificant ? "; " + Describe(correction.constant) : "";
+    choice += correction.constant.IsSignificant() ? "; " + Describe(correction.constant) : "";
     if (options.isRefined && wouldChange && frames.size() >= kFewestFrames)
     {
       const std::string said = Refine(sweep, frames, correction);
       evidence += said.empty() ? "" : "; " + said;
-      choice += correction.isRefined ? Format("; aligned (%.2f mm)", Mean(correction.trajectory.displacement)) : "";
+      choice +=
+          correction.alignment.isTaken ? Format("; aligned (%.2f mm)", Mean(correction.trajectory.displacement)) : "";
     }
   }
   correction.decision = {"poses", choice, evidence, watch.Seconds()};

@@ -41,7 +41,7 @@ struct PoseCorrection
   double strength = 0;          ///< that was chosen; 0: no noise is taken out
   std::vector<PoseStep> steps;  ///< that were asked for, in this order; none where a strength is given
   ConstantErrors constant;  ///< delay and calibration error, found at poses without noise; taken out where significant
-  bool isRefined = false;   ///< whether frames are aligned to each other
+  ConfirmedStep alignment;  ///< of frames to each other; asked for where the probe comes back
   Decision decision;        ///< the choice, what it rests on, and seconds
   bool aborted = false;     ///< `progress` said stop; every pose is the recorded one
 };

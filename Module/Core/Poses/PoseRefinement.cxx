@@ -267,12 +267,11 @@ void PoseRefinement::FindRevisits()
     const Eigen::Vector3d centre = centres[a], normal = planes_[a].Normal();
     for (const int side : {-1, 1})
     {
-      double away = 0;
+      double away = 0, heightC = a + side >= 0 && a + side < n ? normal.dot(centres[a + side] - centre) : 0;
       bool follows = true;
       for (int b = a + side, c = b + side; b >= 0 && c >= 0 && b < n && c < n; b = c, c += side)
       {
-        const Eigen::Vector3d toB = centres[b] - centre, toC = centres[c] - centre;
-        const double heightB = normal.dot(toB), heightC = normal.dot(toC);
+        const double heightB = std::exchange(heightC, normal.dot(centres[c] - centre));
         away = std::max(away, std::abs(heightB));
         follows = follows && stroke_[frames_[b]] == stroke_[frames_[a]];
         if (stroke_[frames_[b]] != stroke_[frames_[c]] || (heightB > 0) == (heightC > 0) || (follows && away < kAway))
@@ -284,7 +283,7 @@ void PoseRefinement::FindRevisits()
         {
           continue;
         }
-        found.emplace_back((toB - heightB * normal).norm(), std::min(b, c));
+        found.emplace_back((centres[b] - centre - heightB * normal).norm(), std::min(b, c));
       }
     }
     std::sort(found.begin(), found.end());

@@ -59,7 +59,7 @@ constexpr double kLeastKnown = 2;
 // the same, and that is the same in all of the overlap.
 constexpr double kSystematic = 2;
 constexpr double kLeastBending = 0.1;         // mm: a correction that bends the sweep less is not worth the change
-constexpr double kSure = 2;                   // standard errors by which corrected frames must agree better
+constexpr double kSure = 2;                   // standard errors by which frames must confirm more than half of a step
 constexpr std::size_t kFewestOverlaps = 500;  // some seventy for each of seven parameters
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& rotation)
@@ -257,11 +257,16 @@ public:
   std::vector<Overlap> FindOverlaps(const Vector& q) const
   {
     const std::vector<FramePose> poses = Poses(q);
+    Eigen::ArrayX4d normals(Count(), 4);
+    for (int b = 0; b < Count(); ++b)
+    {
+      normals.row(b) << poses[b].normal.transpose().array(), poses[b].offset;
+    }
     const int tries = static_cast<int>(std::min<double>(kTries, kLooks / Count()));
     const int step = (Count() + tries - 1) / tries;
     std::vector<std::vector<Overlap>> found((Count() + step - 1) / step);
     tbb::parallel_for(0, static_cast<int>(found.size()),
-                      [&](int k) { found[k] = OverlapsOf(k * step, poses, std::max(1, tries / Count())); });
+                      [&](int k) { found[k] = OverlapsOf(k * step, poses, normals, std::max(1, tries / Count())); });
     std::vector<Overlap> all;
     for (const std::vector<Overlap>& overlaps : found)
     {
@@ -277,21 +282,20 @@ public:
   }
 
 private:
-  std::vector<Overlap> OverlapsOf(int a, const std::vector<FramePose>& poses, int tries) const
+  /// Columns of `normals`: x, y, z and offset of every frame, since each place is held against all frames.
+  std::vector<Overlap> OverlapsOf(int a, const std::vector<FramePose>& poses, const Eigen::ArrayX4d& normals,
+                                  int tries) const
   {
     std::vector<Overlap> overlaps;
     RandomNumbers random(static_cast<std::uint64_t>(a));
     const SlicePlane& plane = poses[a].plane;
-    std::vector<double> height(poses.size());
+    Eigen::ArrayXd height(poses.size());
     for (int n = 0; n < tries; ++n)
     {
       Overlap overlap{a, random.Uniform(0, plane.width - 1), random.Uniform(0, plane.height - 1), 0};
       const std::uint64_t choice = random.Bits();
       const Eigen::Vector3d point = plane.Point(overlap.i, overlap.j);
-      for (std::size_t b = 0; b < poses.size(); ++b)
-      {
-        height[b] = poses[b].Height(point);
-      }
+      height = normals.col(0) * point[0] + (normals.col(1) * point[1] + normals.col(2) * point[2]) - normals.col(3);
       std::vector<int> pairs;
       AddPairs(a, -1, point, poses, height, pairs);
       AddPairs(a, 1, point, poses, height, pairs);
@@ -305,7 +309,7 @@ private:
   }
 
   void AddPairs(int a, int side, const Eigen::Vector3d& point, const std::vector<FramePose>& poses,
-                const std::vector<double>& height, std::vector<int>& pairs) const
+                const Eigen::ArrayXd& height, std::vector<int>& pairs) const
   {
     const double crossing = std::cos(kCrossing * kRadiansPerDegree);
     double away = 0;
@@ -566,6 +570,9 @@ public:
   /// Of one difference.
   double Cost(double r) const { return std::log1p(r * r / (scale_ * scale_)); }
 
+  /// Of two differences at one place: what the cost above counts their squares by, the same for both.
+  double Weight(double r, double s) const { return 1 / (scale_ * scale_ + 0.5 * (r * r + s * s)); }
+
   std::pair<Matrix, Vector> Linearise(const Vector& q, const State& state) const
   {
     Matrix hessian = Matrix::Zero();
@@ -795,6 +802,23 @@ private:
   double slope_ = 1, offset_ = 0;
 };
 
+/// What is taken out, or not, at a time.
+enum class Kind
+{
+  Delay,
+  Calibration
+};
+
+int FirstOf(Kind kind)
+{
+  return kind == Kind::Delay ? 0 : 1;
+}
+
+int LastOf(Kind kind)
+{
+  return kind == Kind::Delay ? 1 : kParameters;
+}
+
 struct Fit
 {
   Vector value = Vector::Zero();
@@ -807,6 +831,17 @@ struct Fit
   bool IsIdentified(int p) const
   {
     return free[p] && (standardError[p] <= kObservable[p] || std::abs(value[p]) >= kIdentified * standardError[p]);
+  }
+
+  /// Whether some number of a kind differs from 0.
+  bool Asks(Kind kind) const
+  {
+    bool asks = false;
+    for (int p = FirstOf(kind); p < LastOf(kind); ++p)
+    {
+      asks = asks || std::abs(value[p]) > kIdentified * standardError[p];
+    }
+    return asks;
   }
 };
 
@@ -834,45 +869,42 @@ public:
     return fit;
   }
 
-  /// How frames that a correction was not estimated from judge it.
-  struct Judgement
+  /// The fit with all numbers of a kind at 0, the others found anew.
+  Fit Without(Fit fit, Kind kind) const
   {
-    double before = 0, after = 0;  // root mean square differences without and with the correction
-    double sureness = 0;           // the gain, in its standard errors
-  };
+    for (int p = FirstOf(kind); p < LastOf(kind); ++p)
+    {
+      fit.free[p] = false;
+      fit.value[p] = 0;
+    }
+    fit.value = MinimumOf(fit, seenFrames_.FindOverlaps(fit.value));
+    return fit;
+  }
 
-  /// Each half of the frames judges what the other half says.
-  Judgement Judge(const Fit& fit) const
+  /// Steps from other fits to one: each half of the frames judges what the other half says, with the same places at both
+  /// ends. With r and s the differences at the two ends, weighing as in the cost, the share that is confirmed is that of
+  /// Deciding/PoseCorrection.md: h = 1/2 + sum w (r^2 - s^2) / (2 sum w (r - s)^2). A true step q that halves find with an
+  /// error of variance 2 v has h = q^2 / (q^2 + 2 v), so all frames together find q^2 / (q^2 + v) = 2 h / (1 + h) of it.
+  std::vector<ConfirmedStep> Judge(const std::vector<Fit>& froms, const Fit& to) const
   {
-    const std::vector<Overlap> all = seenFrames_.FindOverlaps(fit.value);
-    const std::vector<FramePose> poses = seenFrames_.Poses(fit.value);
-    Judgement out;
-    std::map<Cell, double> cells;
-    std::map<int, double> frames;
-    double count = 0;
+    const std::vector<Overlap> all = seenFrames_.FindOverlaps(to.value);
+    const std::vector<FramePose> poses = seenFrames_.Poses(to.value);
+    std::vector<Confirmed> sums(froms.size());
     for (const int half : {0, 1})
     {
-      const Vector estimate = Minimum(Problem(Half(all, half), finest_, fit.free, fit.value), fit.value).first;
-      // Both times the same overlaps, and a regression of their own.
-      const Vector none = Vector::Zero();
-      const Disagreement seenBefore = Problem(Half(all, 1 - half), finest_, fit.free, none);
-      const Disagreement after = Problem(seenBefore.Overlaps(), finest_, fit.free, estimate);
-      const Disagreement before = Problem(after.Overlaps(), finest_, fit.free, none);
-      for (std::size_t n = 0; n < before.Overlaps().size(); ++n)
+      const std::vector<Overlap> finds = Half(all, half), judges = Half(all, 1 - half);
+      const Vector end = MinimumOf(to, finds);
+      for (std::size_t k = 0; k < froms.size(); ++k)
       {
-        const Overlap& overlap = before.Overlaps()[n];
-        const double gain = before.Cost(before.Start()[n]) - before.Cost(after.Start()[n]);
-        cells[CellOf(poses[overlap.frame].plane.Point(overlap.i, overlap.j), kCell)] += gain;
-        frames[overlap.frame] += gain;
-        out.before += std::pow(before.Start()[n], 2);
-        out.after += std::pow(after.Start()[n], 2);
-        ++count;
+        AddConfirmed(judges, poses, MinimumOf(froms[k], finds), end, sums[k]);
       }
     }
-    out.before = std::sqrt(out.before / std::max(1.0, count));
-    out.after = std::sqrt(out.after / std::max(1.0, count));
-    out.sureness = std::min(Sureness(cells), Sureness(frames));
-    return out;
+    std::vector<ConfirmedStep> steps;
+    for (const Confirmed& sum : sums)
+    {
+      steps.push_back(sum.Step());
+    }
+    return steps;
   }
 
 private:
@@ -886,17 +918,68 @@ private:
     return Disagreement(seenFrames_, *pictures_, sigma, overlaps, free, q);
   }
 
-  /// A sum in standard errors. What is counted under one key is alike.
-  template <class Key>
-  static double Sureness(const std::map<Key, double>& gains)
+  /// Sums of what a step gains in squares of differences, and of squares of what it changes them by: all, and by cells of
+  /// space and frames, whose terms are alike.
+  struct Confirmed
   {
-    double sum = 0, squares = 0;
-    for (const auto& [key, gain] : gains)
+    using Sums = Eigen::Vector2d;
+    Sums all = Sums::Zero();
+    std::map<Cell, Sums> cells;
+    std::map<int, Sums> frames;
+    double before = 0, after = 0;  // sums of squares
+
+    ConfirmedStep Step() const
     {
-      sum += gain;
-      squares += gain * gain;
+      ConfirmedStep step;
+      step.isAsked = true;
+      const double half = all[1] > 0 ? 0.5 + 0.5 * all[0] / all[1] : 0;
+      const double halved = 1 + std::max(half, 0.0);
+      step.share = half > 0 ? 2 * half / halved : half;
+      step.shareError = 2 / (halved * halved) * std::max(ErrorBy(cells), ErrorBy(frames));
+      step.gain = before > 0 && after > 0 ? 10 * std::log10(before / after) : 0;
+      return step;
     }
-    return squares > 0 ? sum / std::sqrt(squares) : 0;
+
+    template <class Key>
+    double ErrorBy(const std::map<Key, Sums>& parts) const
+    {
+      double squares = 0;
+      for (const auto& [key, part] : parts)
+      {
+        squares += std::pow(part[0] - all[0] / all[1] * part[1], 2);
+      }
+      return all[1] > 0 ? 0.5 * std::sqrt(squares) / all[1] : std::numeric_limits<double>::infinity();
+    }
+  };
+
+  /// What places say of the step from `start` to `end`.
+  void AddConfirmed(const std::vector<Overlap>& places, const std::vector<FramePose>& poses, const Vector& start,
+                    const Vector& end, Confirmed& sum) const
+  {
+    const std::vector<bool> none(kParameters, false);
+    // Both times the same places, and a regression of their own.
+    const Disagreement seenAtStart = Problem(places, finest_, none, start);
+    const Disagreement atEnd = Problem(seenAtStart.Overlaps(), finest_, none, end);
+    const Disagreement atStart = Problem(atEnd.Overlaps(), finest_, none, start);
+    for (std::size_t n = 0; n < atStart.Overlaps().size(); ++n)
+    {
+      const Overlap& place = atStart.Overlaps()[n];
+      const double r = atStart.Start()[n], s = atEnd.Start()[n], weight = atStart.Weight(r, s);
+      const Eigen::Vector2d one(weight * (r * r - s * s), weight * (r - s) * (r - s));
+      sum.all += one;
+      const Cell cell = CellOf(poses[place.frame].plane.Point(place.i, place.j), kCell);
+      sum.cells.try_emplace(cell, Eigen::Vector2d::Zero()).first->second += one;
+      sum.frames.try_emplace(place.frame, Eigen::Vector2d::Zero()).first->second += one;
+      sum.before += weight * r * r;
+      sum.after += weight * s * s;
+    }
+  }
+
+  /// Of the free numbers, from where the fit is.
+  Vector MinimumOf(const Fit& fit, const std::vector<Overlap>& overlaps) const
+  {
+    const bool isAnyFree = std::count(fit.free.begin(), fit.free.end(), true) > 0;
+    return isAnyFree ? Minimum(Problem(overlaps, finest_, fit.free, fit.value), fit.value).first : fit.value;
   }
 
   static std::pair<Vector, Disagreement::State> Minimum(const Disagreement& problem, Vector q)
@@ -991,7 +1074,7 @@ private:
       }
       fit.free[worst] = false;
       fit.value[worst] = 0;
-      fit.value = Minimum(Problem(seenFrames_.FindOverlaps(fit.value), finest_, fit.free, fit.value), fit.value).first;
+      fit.value = MinimumOf(fit, seenFrames_.FindOverlaps(fit.value));
     }
   }
 
@@ -1001,11 +1084,19 @@ private:
   std::unique_ptr<Pictures> pictures_;
 };
 
+/// What steps that are taken take out.
 Vector ParametersOf(const ConstantErrors& errors)
 {
-  Vector q;
-  q << errors.delay.value, errors.shift[0].value, errors.shift[1].value, errors.shift[2].value,
-      errors.rotation[0].value, errors.rotation[1].value, errors.rotation[2].value;
+  Vector q = Vector::Zero();
+  if (errors.delayStep.isTaken)
+  {
+    q[0] = errors.delay.value;
+  }
+  for (int axis = 0; axis < 3 && errors.calibrationStep.isTaken; ++axis)
+  {
+    q[1 + axis] = errors.shift[axis].value;
+    q[4 + axis] = errors.rotation[axis].value;
+  }
   return q;
 }
 
@@ -1039,20 +1130,88 @@ ConstantErrors Unknown()
   return out;
 }
 
-/// Numbers of the fit. Returns whether any differs from 0.
-bool SetNumbers(const Fit& fit, ConstantErrors& out)
+/// Numbers of a kind, as the fit has them.
+void SetNumbers(const Fit& fit, Kind kind, ConstantErrors& out)
 {
   const std::array<ConstantError*, kParameters> numbers = {
       &out.delay, &out.shift[0], &out.shift[1], &out.shift[2], &out.rotation[0], &out.rotation[1], &out.rotation[2]};
-  bool isFound = false;
-  for (int p = 0; p < kParameters; ++p)
+  for (int p = FirstOf(kind); p < LastOf(kind); ++p)
   {
-    numbers[p]->value = fit.value[p];
-    numbers[p]->standardError = fit.standardError[p];
-    numbers[p]->isObservable = fit.IsIdentified(p);
-    isFound = isFound || std::abs(fit.value[p]) > kIdentified * fit.standardError[p];
+    *numbers[p] = {fit.value[p], fit.standardError[p], fit.IsIdentified(p)};
   }
-  return isFound;
+}
+
+/// In standard errors of its share. Where it bends poses too little it is never taken.
+double SurenessOf(const ConfirmedStep& step)
+{
+  return step.bending < kLeastBending ? -std::numeric_limits<double>::infinity() : (step.share - 0.5) / step.shareError;
+}
+
+/// Judges both kinds. Of those that are not confirmed the least goes first, and the other is found anew and judged by itself.
+void TakeConfirmedSteps(const Sweep& sweep, const Search& search, Fit fit, ConstantErrors& out)
+{
+  const auto stepOf = [&out](Kind kind) -> ConfirmedStep&
+  { return kind == Kind::Delay ? out.delayStep : out.calibrationStep; };
+  std::vector<Kind> asked;
+  for (const Kind kind : {Kind::Delay, Kind::Calibration})
+  {
+    SetNumbers(fit, kind, out);
+    if (fit.Asks(kind))
+    {
+      asked.push_back(kind);
+    }
+  }
+  if (asked.size() == 1)
+  {
+    fit = search.Without(fit, asked[0] == Kind::Delay ? Kind::Calibration : Kind::Delay);
+  }
+  while (!asked.empty())
+  {
+    std::vector<Fit> froms;
+    for (const Kind kind : asked)
+    {
+      froms.push_back(search.Without(fit, kind));
+    }
+    const std::vector<ConfirmedStep> steps = search.Judge(froms, fit);
+    const auto poses = CorrectedPoses(sweep, fit.value);
+    for (std::size_t k = 0; k < asked.size(); ++k)
+    {
+      ConfirmedStep& step = stepOf(asked[k]) = steps[k];
+      step.bending = MeasurePoseError(poses, CorrectedPoses(sweep, froms[k].value), sweep.width, sweep.height).bending;
+      step.isTaken = SurenessOf(step) > kSure;
+    }
+    const auto least = std::min_element(asked.begin(), asked.end(),
+                                        [&](Kind a, Kind b) { return SurenessOf(stepOf(a)) < SurenessOf(stepOf(b)); });
+    if (stepOf(*least).isTaken)
+    {
+      break;
+    }
+    fit = froms[least - asked.begin()];
+    asked.erase(least);
+  }
+  for (const Kind kind : asked)
+  {
+    SetNumbers(fit, kind, out);
+  }
+}
+
+std::string StepText(const char* what, const ConfirmedStep& step)
+{
+  return std::string(what) + ", frames that took no part confirm" + Format(" %.2f", step.share) +
+         Format(" +- %.2f of it", step.shareError) + Format(" (%+.2f dB)", step.gain) +
+         (step.bending < kLeastBending ? ", but it moves frames against each other by less than 0.1 mm" : "") +
+         (step.isTaken ? "" : ", not taken");
+}
+
+std::string EvidenceText(const ConstantErrors& errors)
+{
+  const std::string delay = errors.delayStep.isAsked ? StepText("a delay", errors.delayStep) : "";
+  const std::string calibration =
+      errors.calibrationStep.isAsked ? StepText("an error of calibration", errors.calibrationStep) : "";
+  const std::string both = delay + (delay.empty() || calibration.empty() ? "" : "; ") + calibration;
+  return !both.empty() ? both
+                       : "no delay and no error of calibration differs from 0 by more than " +
+                             std::to_string(static_cast<int>(kIdentified)) + " standard errors";
 }
 
 }  // namespace
@@ -1086,56 +1245,28 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     return out;
   }
 
-  const bool isFound = SetNumbers(fit, out);
-  const Search::Judgement judgement = search.Judge(fit);
-  out.differenceBefore = judgement.before;
-  out.differenceAfter = judgement.after;
-  const double change = std::pow(judgement.after / std::max(judgement.before, 1e-9), 2) - 1;
-  const std::string agreement = "the square of their difference " +
-                                std::string(change < 0 ? "falls by " : "grows by ") +
-                                Format("%.1f %%", 100 * std::abs(change)) + " where they did not tell the correction";
-  const double bending =
-      MeasurePoseError(CorrectedPoses(sweep, fit.value), sweep.imageToReference, sweep.width, sweep.height).bending;
-  if (!isFound)
-  {
-    out.evidence =
-        "nothing differs from 0 by more than " + std::to_string(static_cast<int>(kIdentified)) + " standard errors";
-  }
-  else if (judgement.sureness < kSure)
-  {
-    out.evidence = "frames that see the same place do not surely agree better once corrected: " + agreement;
-  }
-  else if (bending < kLeastBending)
-  {
-    out.evidence = "the correction would move frames against each other by less than 0.1 mm";
-  }
-  else
-  {
-    out.isSignificant = true;
-    out.evidence = "frames that see the same place agree better once corrected: " + agreement;
-  }
+  TakeConfirmedSteps(sweep, search, fit, out);
+  out.evidence = EvidenceText(out);
   return out;
 }
 
 std::string Describe(const ConstantErrors& errors)
 {
-  const auto three = [&](const std::array<ConstantError, 3>& numbers) {
-    return Format("%.2f, ", numbers[0].value) + Format("%.2f, ", numbers[1].value) + Format("%.2f", numbers[2].value);
-  };
-  const auto any = [](const std::array<ConstantError, 3>& numbers)
-  { return std::any_of(numbers.begin(), numbers.end(), [](const ConstantError& n) { return n.value != 0; }); };
-  std::string out = errors.delay.value != 0 ? "poses taken" + Format(" %.1f ms later", 1000 * errors.delay.value) : "";
-  if (any(errors.shift) || any(errors.rotation))
+  const Vector q = ParametersOf(errors);
+  const auto three = [&q](int first)
+  { return Format("%.2f, ", q[first]) + Format("%.2f, ", q[first + 1]) + Format("%.2f", q[first + 2]); };
+  std::string out = q[0] != 0 ? "poses taken" + Format(" %.1f ms later", 1000 * q[0]) : "";
+  if (!q.tail<6>().isZero(0))
   {
-    out += std::string(out.empty() ? "" : ", ") + "image moved on the probe by (" + three(errors.shift) + ") mm and (" +
-           three(errors.rotation) + ") degrees";
+    out += std::string(out.empty() ? "" : ", ") + "image moved on the probe by (" + three(1) + ") mm and (" + three(4) +
+           ") degrees";
   }
   return out.empty() ? "none" : out;
 }
 
 std::vector<Eigen::Matrix4d> WithoutConstantErrors(const Sweep& sweep, const ConstantErrors& errors)
 {
-  return errors.isSignificant ? CorrectedPoses(sweep, ParametersOf(errors)) : sweep.imageToReference;
+  return errors.IsSignificant() ? CorrectedPoses(sweep, ParametersOf(errors)) : sweep.imageToReference;
 }
 
 }  // namespace bigus

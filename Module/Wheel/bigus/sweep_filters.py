@@ -84,6 +84,7 @@ class vtkBigusPoseCorrection(Algorithm):
     """Takes the tracker's noise out of a sweep's poses; the C++ class lists the arrays that tell what was done."""
 
     CONSTANT_ERRORS = ("Delay", "ShiftX", "ShiftY", "ShiftZ", "RotationX", "RotationY", "RotationZ")
+    CONFIRMED_STEPS = ("Share", "ShareError", "Gain", "Taken")
 
     _inputs, _outputs = ("vtkImageData",), ("vtkImageData", "vtkTable")
     _chosen = 0.0
@@ -117,6 +118,7 @@ class vtkBigusPoseCorrection(Algorithm):
             every[frames] = found[key]
             data.AddArray(to_vtk(every, name))
         self._add_numbers(data, "ConstantErrors", found["constant_errors"], self.CONSTANT_ERRORS)
+        self._add_numbers(data, "ConfirmedSteps", found["confirmed_steps"], self.CONFIRMED_STEPS)
         data.AddArray(to_vtk(np.array([found["constant_errors_applied"]], dtype=np.uint8), "ConstantErrorsApplied"))
         noise = found["noise"]
         self._add_numbers(data, "TrackerNoise", np.array([list(noise.values())]), [name.capitalize() for name in noise])

@@ -625,7 +625,7 @@ Json PosesJson(const Sweep& recorded, const PoseCorrection& correction, const st
   return {{"choice", correction.decision.choice},
           {"evidence", correction.decision.evidence},
           {"strength", correction.strength},
-          {"aligned", correction.isRefined ? 1 : 0},
+          {"aligned", correction.alignment.isTaken ? 1 : 0},
           {"seconds", correction.decision.seconds},
           {"error_tracked", PoseErrorOf(recorded.imageToReference, truth, recorded)},
           {"error_smoothed", smoothed},
