@@ -1261,7 +1261,8 @@ class Poses(CommandTest):
         self.assertEqual(re.findall("Timestamp = .*", read_sequence(out)[0]),
                          re.findall("Timestamp = .*", read_sequence(sweep)[0]))
         self.assertEqual(set(answer), {"output", "frames", "changed", "strength", "decision", "noise", "constant_errors",
-                                       "findings", "steps", "outliers", "strokes", "displacement", "rotation", "each_frame"})
+                                       "findings", "steps", "outliers", "strokes", "displacement", "rotation", "each_frame",
+                                       "alignment"})
         self.assertEqual((answer["output"], answer["frames"], answer["changed"]), (str(out), 24, True))
         self.assertGreater(answer["strength"], 0)
         self.assertIn("smoothed by", answer["decision"]["choice"])
@@ -1270,6 +1271,8 @@ class Poses(CommandTest):
         constant = answer["constant_errors"]  # one sweep there and not back tells none
         self.assertEqual((constant["applied"], constant["delay"]), (False, {"value": [0], "standard_error": [None],
                                                                             "observable": [False]}))
+        nothing = {"share": None, "share_error": None, "gain": None, "taken": False}
+        self.assertEqual((constant["steps"], answer["alignment"]), ({"delay": nothing, "calibration": nothing}, nothing))
         page = self.folder / "poses.png"
         self.expect(SUCCESS, "poses", sweep, "-o", page)
         width, height = struct.unpack(">II", page.read_bytes()[16:24])
@@ -1311,6 +1314,18 @@ class Poses(CommandTest):
         for poses, out in zip((mha, table), slices):
             self.expect(SUCCESS, "slice", self.field, "--poses", poses, "-o", out)
         self.assertEqual(slices[0].read_bytes(), slices[1].read_bytes())
+
+    def test_a_delay_is_told_with_the_share_that_pictures_confirm(self):
+        late, out = self.folder / "late.igs.mha", self.folder / "out.igs.mha"
+        self.expect(SUCCESS, "phantom", "-o", late, "--width", 64, "--height", 64, "--pixel-size", 0.4, "--frames", 48,
+                    "--passes", 2, "--tracking-delay", 0.1)
+        constant = self.expect(SUCCESS, "poses", late, "-o", out)["constant_errors"]
+        step = constant["steps"]["delay"]
+        self.assertTrue(constant["applied"] and step["taken"])
+        self.assertGreater(step["share"] - 2 * step["share_error"], 0.5)
+        self.assertGreater(step["gain"], 0)
+        delay = constant["delay"]
+        self.assertAlmostEqual(delay["value"][0], 0.1, delta=2 * delay["standard_error"][0])
 
     def test_exact_poses_and_strength_off_are_kept_bit_for_bit(self):
         for sweep, strength in ((self.sweep, "auto"), (self.noisy(), "off"), (self.noisy(), "0")):
