@@ -3,9 +3,12 @@
 #include "vtkBigusPhantomSource.h"
 
 #include <algorithm>
+#include <cstring>
+#include <type_traits>
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Phantom/PhantomOptionList.h"
 #include "Data/Progress.h"
 #include "Data/SweepData.h"
 #include "PipelineSupport.h"
@@ -22,49 +25,18 @@
 
 vtkStandardNewMacro(vtkBigusPhantomSource);
 
+namespace
+{
+
+/// Whether an option is one number.
+template <class T>
+constexpr bool IsOne = std::is_arithmetic_v<std::decay_t<T>>;
+
+}  // namespace
+
 vtkBigusPhantomSource::vtkBigusPhantomSource()
 {
-  const bigus::PhantomOptions defaults;
-  this->Probe = static_cast<int>(defaults.probe);
-  this->Scene = static_cast<int>(defaults.scene);
-  this->Seed = defaults.seed;
-  this->NumberOfFrames = defaults.frames;
-  this->FrameSize[0] = defaults.width;
-  this->FrameSize[1] = defaults.height;
-  this->PixelSize = defaults.pixelSize;
-  this->ProbeRadius = defaults.probeRadius;
-  this->HalfAngle = defaults.halfAngle;
-  this->Frequency = defaults.frequency;
-  this->AxialSigma = defaults.axialSigma;
-  this->LateralSigma = defaults.lateralSigma;
-  this->ElevationSigma = defaults.elevationSigma;
-  this->ScattererDensity = defaults.scattererDensity;
-  this->Attenuation = defaults.attenuation;
-  this->DynamicRange = defaults.dynamicRange;
-  this->WhiteLevel = defaults.whiteLevel;
-  this->FrameSpacing = defaults.frameSpacing;
-  this->SpeedVariation = defaults.speedVariation;
-  this->Tilt = defaults.tilt;
-  this->Wander = defaults.wander;
-  this->SweepAngle = defaults.sweepAngle;
-  this->Shake = defaults.shake;
-  this->ShakeRotation = defaults.shakeRotation;
-  this->ShakeCorrelation = defaults.shakeCorrelation;
-  this->FrameRate = defaults.frameRate;
-  this->TrackingNoise = defaults.trackingNoise;
-  this->TrackingRotationNoise = defaults.trackingRotationNoise;
-  this->Passes = defaults.passes;
-  this->DroppedShare = defaults.droppedShare;
-  this->NoiseCorrelation = defaults.noiseCorrelation;
-  this->TrackingDrift = defaults.trackingDrift;
-  this->TrackingRotationDrift = defaults.trackingRotationDrift;
-  this->OutlierShare = defaults.outlierShare;
-  this->OutlierSize = defaults.outlierSize;
-  this->TrackingDelay = defaults.trackingDelay;
-  this->TrackingQuantum = defaults.trackingQuantum;
-  this->TrackingRotationQuantum = defaults.trackingRotationQuantum;
-  std::copy_n(defaults.calibrationShift.data(), 3, this->CalibrationShift);
-  std::copy_n(defaults.calibrationRotation.data(), 3, this->CalibrationRotation);
+  this->SetOptions({});
   this->SetNumberOfInputPorts(0);
 }
 
@@ -87,88 +59,73 @@ void vtkBigusPhantomSource::PrintSelf(ostream& os, vtkIndent indent)
   this->Superclass::PrintSelf(os, indent);
   os << indent << "Probe: " << this->GetProbeAsString() << "\n";
   os << indent << "Scene: " << this->GetSceneAsString() << "\n";
-  os << indent << "Seed: " << this->Seed << "\n";
   os << indent << "NumberOfFrames: " << this->NumberOfFrames << "\n";
   os << indent << "FrameSize: " << this->FrameSize[0] << " " << this->FrameSize[1] << "\n";
-  os << indent << "PixelSize: " << this->PixelSize << "\n";
-  os << indent << "ProbeRadius: " << this->ProbeRadius << "\n";
-  os << indent << "HalfAngle: " << this->HalfAngle << "\n";
-  os << indent << "Frequency: " << this->Frequency << "\n";
-  os << indent << "AxialSigma: " << this->AxialSigma << "\n";
-  os << indent << "LateralSigma: " << this->LateralSigma << "\n";
-  os << indent << "ElevationSigma: " << this->ElevationSigma << "\n";
-  os << indent << "ScattererDensity: " << this->ScattererDensity << "\n";
-  os << indent << "Attenuation: " << this->Attenuation << "\n";
-  os << indent << "DynamicRange: " << this->DynamicRange << "\n";
-  os << indent << "WhiteLevel: " << this->WhiteLevel << "\n";
-  os << indent << "FrameSpacing: " << this->FrameSpacing << "\n";
-  os << indent << "SpeedVariation: " << this->SpeedVariation << "\n";
-  os << indent << "Tilt: " << this->Tilt << "\n";
-  os << indent << "Wander: " << this->Wander << "\n";
-  os << indent << "SweepAngle: " << this->SweepAngle << "\n";
-  os << indent << "Shake: " << this->Shake << "\n";
-  os << indent << "ShakeRotation: " << this->ShakeRotation << "\n";
-  os << indent << "ShakeCorrelation: " << this->ShakeCorrelation << "\n";
-  os << indent << "FrameRate: " << this->FrameRate << "\n";
-  os << indent << "TrackingNoise: " << this->TrackingNoise << "\n";
-  os << indent << "TrackingRotationNoise: " << this->TrackingRotationNoise << "\n";
-  os << indent << "Passes: " << this->Passes << "\n";
-  os << indent << "DroppedShare: " << this->DroppedShare << "\n";
-  os << indent << "NoiseCorrelation: " << this->NoiseCorrelation << "\n";
-  os << indent << "TrackingDrift: " << this->TrackingDrift << "\n";
-  os << indent << "TrackingRotationDrift: " << this->TrackingRotationDrift << "\n";
-  os << indent << "OutlierShare: " << this->OutlierShare << "\n";
-  os << indent << "OutlierSize: " << this->OutlierSize << "\n";
-  os << indent << "TrackingDelay: " << this->TrackingDelay << "\n";
-  os << indent << "TrackingQuantum: " << this->TrackingQuantum << "\n";
-  os << indent << "TrackingRotationQuantum: " << this->TrackingRotationQuantum << "\n";
-  const double* shift = this->CalibrationShift;
+  bigus::ForEachPhantomNumber(*this->Options,
+                              [&](const bigus::PhantomNumber& number, const auto& value)
+                              {
+                                if constexpr (IsOne<decltype(value)>)
+                                {
+                                  os << indent << number.name << ": " << value << "\n";
+                                }
+                              });
+  const double *shift = this->CalibrationShift, *rotation = this->CalibrationRotation;
   os << indent << "CalibrationShift: " << shift[0] << " " << shift[1] << " " << shift[2] << "\n";
-  const double* rotation = this->CalibrationRotation;
   os << indent << "CalibrationRotation: " << rotation[0] << " " << rotation[1] << " " << rotation[2] << "\n";
+}
+
+void vtkBigusPhantomSource::SetNumber(const char* name, double value)
+{
+  bigus::ForEachPhantomNumber(*this->Options,
+                              [&](const bigus::PhantomNumber& number, auto& held)
+                              {
+                                using T = std::decay_t<decltype(held)>;
+                                if constexpr (IsOne<T>)
+                                {
+                                  if (std::strcmp(number.name, name) == 0 && static_cast<double>(held) != value)
+                                  {
+                                    held = static_cast<T>(value);
+                                    this->Modified();
+                                  }
+                                }
+                              });
+}
+
+double vtkBigusPhantomSource::GetNumber(const char* name)
+{
+  double found = 0;
+  bigus::ForEachPhantomNumber(*this->Options,
+                              [&](const bigus::PhantomNumber& number, const auto& held)
+                              {
+                                if constexpr (IsOne<decltype(held)>)
+                                {
+                                  found = std::strcmp(number.name, name) == 0 ? static_cast<double>(held) : found;
+                                }
+                              });
+  return found;
+}
+
+void vtkBigusPhantomSource::SetOptions(const bigus::PhantomOptions& options)
+{
+  this->Options = std::make_unique<bigus::PhantomOptions>(options);
+  this->Probe = static_cast<int>(options.probe);
+  this->Scene = static_cast<int>(options.scene);
+  this->NumberOfFrames = options.frames;
+  this->FrameSize[0] = options.width;
+  this->FrameSize[1] = options.height;
+  std::copy_n(options.calibrationShift.data(), 3, this->CalibrationShift);
+  std::copy_n(options.calibrationRotation.data(), 3, this->CalibrationRotation);
+  this->Modified();
 }
 
 bigus::PhantomOptions vtkBigusPhantomSource::GetOptions()
 {
-  bigus::PhantomOptions options;
+  bigus::PhantomOptions options = *this->Options;
   options.probe = static_cast<bigus::ProbeKind>(this->Probe);
   options.scene = static_cast<bigus::PhantomScene>(this->Scene);
-  options.seed = this->Seed;
   options.frames = this->NumberOfFrames;
   options.width = this->FrameSize[0];
   options.height = this->FrameSize[1];
-  options.pixelSize = this->PixelSize;
-  options.probeRadius = this->ProbeRadius;
-  options.halfAngle = this->HalfAngle;
-  options.frequency = this->Frequency;
-  options.axialSigma = this->AxialSigma;
-  options.lateralSigma = this->LateralSigma;
-  options.elevationSigma = this->ElevationSigma;
-  options.scattererDensity = this->ScattererDensity;
-  options.attenuation = this->Attenuation;
-  options.dynamicRange = this->DynamicRange;
-  options.whiteLevel = this->WhiteLevel;
-  options.frameSpacing = this->FrameSpacing;
-  options.speedVariation = this->SpeedVariation;
-  options.tilt = this->Tilt;
-  options.wander = this->Wander;
-  options.sweepAngle = this->SweepAngle;
-  options.shake = this->Shake;
-  options.shakeRotation = this->ShakeRotation;
-  options.shakeCorrelation = this->ShakeCorrelation;
-  options.frameRate = this->FrameRate;
-  options.trackingNoise = this->TrackingNoise;
-  options.trackingRotationNoise = this->TrackingRotationNoise;
-  options.passes = this->Passes;
-  options.droppedShare = this->DroppedShare;
-  options.noiseCorrelation = this->NoiseCorrelation;
-  options.trackingDrift = this->TrackingDrift;
-  options.trackingRotationDrift = this->TrackingRotationDrift;
-  options.outlierShare = this->OutlierShare;
-  options.outlierSize = this->OutlierSize;
-  options.trackingDelay = this->TrackingDelay;
-  options.trackingQuantum = this->TrackingQuantum;
-  options.trackingRotationQuantum = this->TrackingRotationQuantum;
   std::copy_n(this->CalibrationShift, 3, options.calibrationShift.data());
   std::copy_n(this->CalibrationRotation, 3, options.calibrationRotation.data());
   return options;

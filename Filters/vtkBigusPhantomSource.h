@@ -24,6 +24,8 @@
 #ifndef vtkBigusPhantomSource_h
 #define vtkBigusPhantomSource_h
 
+#include <memory>
+
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkImageAlgorithm.h"
 
@@ -40,6 +42,13 @@ namespace bigus
 {
 struct PhantomOptions;
 }
+
+// The property of a number, of Core/Phantom/PhantomOptionList.h.
+// clang-format off
+#define vtkBigusNumberOptionMacro(name, type)                                                \
+  virtual void Set##name(type value) { this->SetNumber(#name, static_cast<double>(value)); } \
+  virtual type Get##name() { return static_cast<type>(this->GetNumber(#name)); }
+// clang-format on
 
 class VTKBIGUSFILTERS_EXPORT vtkBigusPhantomSource : public vtkImageAlgorithm
 {
@@ -88,14 +97,11 @@ public:
   const char* GetSceneAsString();
   ///@}
 
-  ///@{
   /**
    * Places the scatterers, moves the hand and draws the tracker's errors; the anatomy stays. 0 to 2^53, as
    * vtkBigusTrainer's. Default: 1.
    */
-  vtkSetMacro(Seed, vtkTypeInt64);
-  vtkGetMacro(Seed, vtkTypeInt64);
-  ///@}
+  vtkBigusNumberOptionMacro(Seed, vtkTypeInt64);
 
   ///@{
   /**
@@ -114,130 +120,90 @@ public:
   vtkGetVector2Macro(FrameSize, int);
   ///@}
 
-  ///@{
   /**
    * Side of a (square) pixel in mm, 0.01 to 5. Default: 0.2.
    */
-  vtkSetMacro(PixelSize, double);
-  vtkGetMacro(PixelSize, double);
-  ///@}
+  vtkBigusNumberOptionMacro(PixelSize, double);
 
-  ///@{
   /**
    * Radius in mm of the arc from which the lines of a convex or sector probe start, 2 to 500; 0 means 25
    * (convex) or 4 (sector). Default: 0.
    */
-  vtkSetMacro(ProbeRadius, double);
-  vtkGetMacro(ProbeRadius, double);
-  ///@}
+  vtkBigusNumberOptionMacro(ProbeRadius, double);
 
-  ///@{
   /**
    * Degrees to each side that a convex or sector probe reaches, 1 to 80; 0 means 32 (convex) or 44 (sector).
    * Default: 0.
    */
-  vtkSetMacro(HalfAngle, double);
-  vtkGetMacro(HalfAngle, double);
-  ///@}
+  vtkBigusNumberOptionMacro(HalfAngle, double);
 
-  ///@{
   /**
    * Carrier frequency in MHz (at 1540 m/s), 0.5 to 50. Default: 5.
    */
-  vtkSetMacro(Frequency, double);
-  vtkGetMacro(Frequency, double);
-  ///@}
+  vtkBigusNumberOptionMacro(Frequency, double);
 
   ///@{
   /**
    * Standard deviations in mm of the two-way amplitude point-spread function along the beam and across it (in
    * the plane), the same at every depth; each 0.02 to 5. Default: 0.2 and 0.4.
    */
-  vtkSetMacro(AxialSigma, double);
-  vtkGetMacro(AxialSigma, double);
-  vtkSetMacro(LateralSigma, double);
-  vtkGetMacro(LateralSigma, double);
+  vtkBigusNumberOptionMacro(AxialSigma, double);
+  vtkBigusNumberOptionMacro(LateralSigma, double);
   ///@}
 
-  ///@{
   /**
    * The known slice thickness: standard deviation in mm of the two-way amplitude profile out of plane, the
    * same at every depth; 0.05 to 10. A point target's envelope fades as exp(-z^2 / (2 ElevationSigma^2)) when
    * the plane moves z away. Default: 0.8.
    */
-  vtkSetMacro(ElevationSigma, double);
-  vtkGetMacro(ElevationSigma, double);
-  ///@}
+  vtkBigusNumberOptionMacro(ElevationSigma, double);
 
-  ///@{
   /**
    * Scatterers in a cubic millimetre of parenchyma, 1 to 1000. Fully developed speckle needs 10 or more in a
    * resolution cell of (2 pi)^(3/2) AxialSigma LateralSigma ElevationSigma. Default: 40.
    */
-  vtkSetMacro(ScattererDensity, double);
-  vtkGetMacro(ScattererDensity, double);
-  ///@}
+  vtkBigusNumberOptionMacro(ScattererDensity, double);
 
-  ///@{
   /**
    * Attenuation of parenchyma in dB / (cm MHz), one way, 0 to 3. Time gain compensates parenchyma exactly, so
    * fluid brightens what lies behind it. Default: 0.5.
    */
-  vtkSetMacro(Attenuation, double);
-  vtkGetMacro(Attenuation, double);
-  ///@}
+  vtkBigusNumberOptionMacro(Attenuation, double);
 
-  ///@{
   /**
    * Decibels between black and white, 10 to 120. Default: 50.
    */
-  vtkSetMacro(DynamicRange, double);
-  vtkGetMacro(DynamicRange, double);
-  ///@}
+  vtkBigusNumberOptionMacro(DynamicRange, double);
 
-  ///@{
   /**
    * The echo shown white, in dB above the root-mean-square echo of parenchyma, -40 to 100. Default: 24.
    */
-  vtkSetMacro(WhiteLevel, double);
-  vtkGetMacro(WhiteLevel, double);
-  ///@}
+  vtkBigusNumberOptionMacro(WhiteLevel, double);
 
-  ///@{
   /**
    * Mean travel between frames in mm, 0 to 20. Default: 0.5.
    */
-  vtkSetMacro(FrameSpacing, double);
-  vtkGetMacro(FrameSpacing, double);
-  ///@}
+  vtkBigusNumberOptionMacro(FrameSpacing, double);
 
-  ///@{
   /**
    * Uneven speed: the spacing varies smoothly by at most this share of its mean, 0 to 0.95. Default: 0.4.
    */
-  vtkSetMacro(SpeedVariation, double);
-  vtkGetMacro(SpeedVariation, double);
-  ///@}
+  vtkBigusNumberOptionMacro(SpeedVariation, double);
 
   ///@{
   /**
    * Freehand motion: bound in degrees (0 to 45) within which each of the probe's three angles wanders, and
    * bound in mm (0 to 20) within which it wanders sideways and in depth. Default: 3 and 0.5.
    */
-  vtkSetMacro(Tilt, double);
-  vtkGetMacro(Tilt, double);
-  vtkSetMacro(Wander, double);
-  vtkGetMacro(Wander, double);
+  vtkBigusNumberOptionMacro(Tilt, double);
+  vtkBigusNumberOptionMacro(Wander, double);
   ///@}
 
-  ///@{
   /**
    * Turns probe and travel about the depth axis, in degrees, -360 to 360. Two sources that differ only in
    * this make crossing sweeps of one world. Default: 0.
    */
-  vtkSetMacro(SweepAngle, double);
-  vtkGetMacro(SweepAngle, double);
-  ///@}
+  vtkBigusNumberOptionMacro(SweepAngle, double);
 
   ///@{
   /**
@@ -245,39 +211,27 @@ public:
    * degrees (0 to 20), for each axis, about the middle of the image's first row; frames show it. ShakeCorrelation, in
    * pictures (0 to 1000), is as NoiseCorrelation. Default: 0, 0 and 0.
    */
-  vtkSetMacro(Shake, double);
-  vtkGetMacro(Shake, double);
-  vtkSetMacro(ShakeRotation, double);
-  vtkGetMacro(ShakeRotation, double);
-  vtkSetMacro(ShakeCorrelation, double);
-  vtkGetMacro(ShakeCorrelation, double);
+  vtkBigusNumberOptionMacro(Shake, double);
+  vtkBigusNumberOptionMacro(ShakeRotation, double);
+  vtkBigusNumberOptionMacro(ShakeCorrelation, double);
   ///@}
 
-  ///@{
   /**
    * Frames a second, 0.1 to 10000; sets the timestamps. Default: 20.
    */
-  vtkSetMacro(FrameRate, double);
-  vtkGetMacro(FrameRate, double);
-  ///@}
+  vtkBigusNumberOptionMacro(FrameRate, double);
 
-  ///@{
   /**
    * How often the hand goes over its path, there and back, 1 to 100; with several it slows down where it turns round.
    * Default: 1.
    */
-  vtkSetMacro(Passes, int);
-  vtkGetMacro(Passes, int);
-  ///@}
+  vtkBigusNumberOptionMacro(Passes, int);
 
-  ///@{
   /**
    * Share of the pictures taken that are lost, 0 to 0.9. NumberOfFrames are kept, and the timestamps show the gaps.
    * Default: 0.
    */
-  vtkSetMacro(DroppedShare, double);
-  vtkGetMacro(DroppedShare, double);
-  ///@}
+  vtkBigusNumberOptionMacro(DroppedShare, double);
 
   ///@{
   /**
@@ -285,13 +239,10 @@ public:
    * to 20), for each axis, about the middle of the image's first row. Frames stay where they truly were.
    * Default: 0 and 0.
    */
-  vtkSetMacro(TrackingNoise, double);
-  vtkGetMacro(TrackingNoise, double);
-  vtkSetMacro(TrackingRotationNoise, double);
-  vtkGetMacro(TrackingRotationNoise, double);
+  vtkBigusNumberOptionMacro(TrackingNoise, double);
+  vtkBigusNumberOptionMacro(TrackingRotationNoise, double);
   /** In frames (0 to 1000): noise of frames so far apart is correlated by 1/e; 0 (default): each frame errs by itself. */
-  vtkSetMacro(NoiseCorrelation, double);
-  vtkGetMacro(NoiseCorrelation, double);
+  vtkBigusNumberOptionMacro(NoiseCorrelation, double);
   ///@}
 
   ///@{
@@ -299,10 +250,8 @@ public:
    * Drift of the tracker: the recorded position wanders within this bound in mm (0 to 100) on each axis, the rotation
    * in degrees (0 to 20), more slowly than a sweep takes. Default: 0 and 0.
    */
-  vtkSetMacro(TrackingDrift, double);
-  vtkGetMacro(TrackingDrift, double);
-  vtkSetMacro(TrackingRotationDrift, double);
-  vtkGetMacro(TrackingRotationDrift, double);
+  vtkBigusNumberOptionMacro(TrackingDrift, double);
+  vtkBigusNumberOptionMacro(TrackingRotationDrift, double);
   ///@}
 
   ///@{
@@ -310,29 +259,22 @@ public:
    * Outliers of the tracker: this share of the frames (0 to 0.5) is recorded OutlierSize mm (0 to 100) away, in any
    * direction. Default: 0 and 2.
    */
-  vtkSetMacro(OutlierShare, double);
-  vtkGetMacro(OutlierShare, double);
-  vtkSetMacro(OutlierSize, double);
-  vtkGetMacro(OutlierSize, double);
+  vtkBigusNumberOptionMacro(OutlierShare, double);
+  vtkBigusNumberOptionMacro(OutlierSize, double);
   ///@}
 
-  ///@{
   /**
    * A frame is given the pose of so many seconds (-1 to 1) before it was taken. Default: 0.
    */
-  vtkSetMacro(TrackingDelay, double);
-  vtkGetMacro(TrackingDelay, double);
-  ///@}
+  vtkBigusNumberOptionMacro(TrackingDelay, double);
 
   ///@{
   /**
    * Recorded positions are rounded to multiples of so many mm (0 to 10), the components of the rotation vector to
    * multiples of so many degrees (0 to 20); 0 does not round. Default: 0 and 0.
    */
-  vtkSetMacro(TrackingQuantum, double);
-  vtkGetMacro(TrackingQuantum, double);
-  vtkSetMacro(TrackingRotationQuantum, double);
-  vtkGetMacro(TrackingRotationQuantum, double);
+  vtkBigusNumberOptionMacro(TrackingQuantum, double);
+  vtkBigusNumberOptionMacro(TrackingRotationQuantum, double);
   ///@}
 
   ///@{
@@ -369,6 +311,13 @@ public:
    */
   bool ComputeLabels(vtkMatrix4x4* imageToReference, int width, int height, vtkImageData* labels);
 
+#ifndef __VTK_WRAP__
+  /**
+   * Sets every property.
+   */
+  void SetOptions(const bigus::PhantomOptions& options);
+#endif
+
 protected:
   /// Writes into `image` what `make` makes of the plane.
   template <class Make>
@@ -382,44 +331,14 @@ protected:
   int RequestData(vtkInformation* request, vtkInformationVector** inputVector,
                   vtkInformationVector* outputVector) override;
 
-  // Defaults are those of bigus::PhantomOptions.
+  void SetNumber(const char* name, double value);
+  double GetNumber(const char* name);
+
+  std::unique_ptr<bigus::PhantomOptions> Options;  // what has no member below; defaults of all are its
   int Probe;
   int Scene;
-  vtkTypeInt64 Seed;
   int NumberOfFrames;
   int FrameSize[2];
-  double PixelSize;
-  double ProbeRadius;
-  double HalfAngle;
-  double Frequency;
-  double AxialSigma;
-  double LateralSigma;
-  double ElevationSigma;
-  double ScattererDensity;
-  double Attenuation;
-  double DynamicRange;
-  double WhiteLevel;
-  double FrameSpacing;
-  double SpeedVariation;
-  double Tilt;
-  double Wander;
-  double SweepAngle;
-  double Shake;
-  double ShakeRotation;
-  double ShakeCorrelation;
-  double FrameRate;
-  double TrackingNoise;
-  double TrackingRotationNoise;
-  int Passes;
-  double DroppedShare;
-  double NoiseCorrelation;
-  double TrackingDrift;
-  double TrackingRotationDrift;
-  double OutlierShare;
-  double OutlierSize;
-  double TrackingDelay;
-  double TrackingQuantum;
-  double TrackingRotationQuantum;
   double CalibrationShift[3];
   double CalibrationRotation[3];
 
@@ -429,5 +348,7 @@ private:
   vtkBigusPhantomSource(const vtkBigusPhantomSource&) = delete;
   void operator=(const vtkBigusPhantomSource&) = delete;
 };
+
+#undef vtkBigusNumberOptionMacro
 
 #endif

@@ -2,13 +2,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // bigus phantom: a made-up tracked sweep, and the exact truth at any other plane.
 #include <algorithm>
-#include <functional>
-#include <iomanip>
-#include <limits>
+#include <cctype>
+#include <map>
 #include <memory>
 #include <numeric>
+#include <type_traits>
 
 #include "Command.h"
+#include "Core/Phantom/PhantomOptionList.h"
+#include "Core/Training/OptionList.h"
 #include "Files.h"
 #include "Inputs.h"
 #include "Outputs.h"
@@ -28,7 +30,7 @@ namespace
 
 struct PhantomArguments
 {
-  vtkNew<vtkBigusPhantomSource> source;
+  PhantomOptions phantom;
   std::string output;
   PlaneOptions truth;  ///< with poses: image these planes instead of making a sweep
   bool truePoses = false;
@@ -107,19 +109,21 @@ ExitCode MakePhantom(Console& console, const PhantomArguments& options)
   }
   RequireStackName(options.output);
   const auto start = std::chrono::steady_clock::now();
+  vtkNew<vtkBigusPhantomSource> source;
+  source->SetOptions(options.phantom);
   vtkSmartPointer<vtkImageData> stack;
   std::vector<int> numbers;  // of PNG files
   std::vector<SlicePlane> truePlanes;
   if (!options.truth.poses.empty())
   {
     const Planes planes = ReadPlanes(options.truth, console);
-    stack = MakeTruth(options.source, &vtkBigusPhantomSource::ComputeTruth, planes.planes, planes.timestamps, console);
+    stack = MakeTruth(source, &vtkBigusPhantomSource::ComputeTruth, planes.planes, planes.timestamps, console);
     truePlanes = planes.planes;
     numbers = planes.numbers;
   }
   else
   {
-    stack = MakeSweep(options.source, options.truePoses, options.truePosesFile, truePlanes, console);
+    stack = MakeSweep(source, options.truePoses, options.truePosesFile, truePlanes, console);
     numbers.resize(stack->GetDimensions()[2]);
     std::iota(numbers.begin(), numbers.end(), 0);
   }
@@ -127,8 +131,8 @@ ExitCode MakePhantom(Console& console, const PhantomArguments& options)
   const std::vector<std::string> files = WriteStack(stack, options.output, numbers, console);
   if (!options.labels.empty())
   {
-    WriteStack(MakeTruth(options.source, &vtkBigusPhantomSource::ComputeLabels, truePlanes, {}, console),
-               options.labels, numbers, console);
+    WriteStack(MakeTruth(source, &vtkBigusPhantomSource::ComputeLabels, truePlanes, {}, console), options.labels,
+               numbers, console);
   }
 
   const int* size = stack->GetDimensions();
@@ -138,9 +142,9 @@ ExitCode MakePhantom(Console& console, const PhantomArguments& options)
                        {"frames", size[2]},
                        {"width", size[0]},
                        {"height", size[1]},
-                       {"elevation_sigma", options.source->GetElevationSigma()},
-                       {"scatterers_per_resolution_cell", options.source->GetScatterersPerResolutionCell()},
-                       {"seed", options.source->GetSeed()},
+                       {"elevation_sigma", options.phantom.elevationSigma},
+                       {"scatterers_per_resolution_cell", source->GetScatterersPerResolutionCell()},
+                       {"seed", options.phantom.seed},
                        {"seconds", seconds}};
   console.Print(NameOf(files) + ": " +
                 Words(std::string("{frames}") + (size[2] == 1 ? " frame" : " frames") +
@@ -150,129 +154,51 @@ ExitCode MakePhantom(Console& console, const PhantomArguments& options)
   return Success;
 }
 
-using Source = vtkBigusPhantomSource;
-
-/// Adds options of one group, each for a property of the source.
-struct Group
+/// A choice by the names of its values, counted from 0.
+template <class Choice>
+void AddChoice(CLI::App& app, const char* name, Choice& choice, const std::vector<std::string>& names,
+               const std::string& help, const char* type, const char* group)
 {
-  CLI::App* app;
-  Source* source;
-  const char* name;
-
-  /// Of the type of its default `value`.
-  template <class Set, class T>
-  void Number(const char* option, Set set, T value, const char* help, double low, double high, const char* unit) const
-  {
-    const auto apply = [source = source, set](const T& given) { std::invoke(set, source, given); };
-    app->add_option_function<T>(option, apply, help)
-        ->default_str(CLI::detail::to_string(value))
-        ->check(NumberIn(low, high))
-        ->type_name(unit)
-        ->group(name);
-  }
-
-  /// A property whose values are counted from 0 in the order of their names.
-  void Choice(const char* option, void (Source::*set)(int), const std::vector<std::string>& names, const char* help,
-              const char* type) const
-  {
-    const auto apply = [source = source, set, names](const std::string& given)
-    { (source->*set)(static_cast<int>(std::find(names.begin(), names.end(), given) - names.begin())); };
-    app->add_option_function<std::string>(option, apply, help)
-        ->transform(CLI::IsMember(names, CLI::ignore_case).description(""))
-        ->type_name(type)
-        ->group(name);
-  }
-
-  /// Three numbers.
-  void Vector(const char* option, void (Source::*set)(const double*), const char* help, double bound,
-              const char* unit) const
-  {
-    const auto apply = [source = source, set](const std::vector<double>& given) { (source->*set)(given.data()); };
-    app->add_option_function<std::vector<double>>(option, apply, help)
-        ->expected(3)
-        ->check(NumberIn(-bound, bound))
-        ->type_name(unit)
-        ->group(name);
-  }
-};
-
-// How a property of the source is set, and its default.
-#define PROPERTY(name) &Source::Set##name, add.source->Get##name()
-
-void AddWorld(const Group& add)
-{
-  add.Choice("--scene", &Source::SetScene, {"organ", "speckle", "points"},
-             "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE");
-  add.Number("--seed", PROPERTY(Seed), "Seed of scatterers, hand and tracker; the anatomy stays", 0, 9007199254740992.0,
-             "S");
-  add.Number("--scatterers", PROPERTY(ScattererDensity), "Scatterers per mm^3 of parenchyma", 1, 1000, "N");
-  add.Number("--attenuation", PROPERTY(Attenuation), "One way, in parenchyma, dB / (cm MHz)", 0, 3, "DB");
+  const auto apply = [&choice, names](const std::string& given)
+  { choice = static_cast<Choice>(std::find(names.begin(), names.end(), given) - names.begin()); };
+  app.add_option_function<std::string>(name, apply, help)
+      ->transform(CLI::IsMember(names, CLI::ignore_case).description(""))
+      ->type_name(type)
+      ->group(group);
 }
 
-void AddProbe(const Group& add)
+/// The options of a phantom by the list that Core keeps of them.
+void AddPhantomOptions(CLI::App& app, PhantomOptions& options)
 {
-  add.Choice("--probe", &Source::SetProbe, {"linear", "convex", "sector"}, "linear (default), convex or sector",
-             "KIND");
-  const int* size = add.source->GetFrameSize();
-  add.Number(
-      "--width", [](Source* s, int width) { s->SetFrameSize(width, s->GetFrameSize()[1]); }, size[0],
-      "Pixels across; 0: 256 (linear) or 384", 0, 8192, "N");
-  add.Number(
-      "--height", [](Source* s, int height) { s->SetFrameSize(s->GetFrameSize()[0], height); }, size[1],
-      "Pixels in depth", 8, 8192, "N");
-  add.Number("--pixel-size", PROPERTY(PixelSize), "Side of a pixel", 0.01, 5, "MM");
-  add.Number("--probe-radius", PROPERTY(ProbeRadius), "Radius of the fan's start; 0: 25 (convex) or 4", 0, 500, "MM");
-  add.Number("--half-angle", PROPERTY(HalfAngle), "The fan's reach to each side; 0: 32 (convex) or 44", 0, 80, "DEG");
-  add.Number("--frequency", PROPERTY(Frequency), "Of the axial carrier", 0.5, 50, "MHZ");
-  add.Number("--axial-sigma", PROPERTY(AxialSigma), "Resolution along the beam, standard deviation", 0.02, 5, "MM");
-  add.Number("--lateral-sigma", PROPERTY(LateralSigma), "Resolution across the beam", 0.02, 5, "MM");
-  add.Number("--elevation-sigma", PROPERTY(ElevationSigma), "Thickness of the beam out of plane", 0.05, 10, "MM");
-  add.Number("--dynamic-range", PROPERTY(DynamicRange), "Between black and white", 10, 120, "DB");
-  add.Number("--white-level", PROPERTY(WhiteLevel), "Above parenchyma, shown white", -40, 100, "DB");
+  // Other names that are shorter.
+  static const std::map<std::string, std::string> kShort = {{"ScattererDensity", "scatterers"},
+                                                            {"DroppedShare", "dropped"},
+                                                            {"TrackingRotationNoise", "rotation-noise"},
+                                                            {"TrackingRotationDrift", "rotation-drift"},
+                                                            {"TrackingRotationQuantum", "rotation-quantum"},
+                                                            {"OutlierShare", "outliers"}};
+  AddChoice(app, "--scene", options.scene, {"organ", "speckle", "points"},
+            "organ (default): vessels, cyst, tumour, bone; speckle; points", "SCENE", "World");
+  AddChoice(app, "--probe", options.probe, {"linear", "convex", "sector"}, "linear (default), convex or sector", "KIND",
+            "Probe and image");
+  ForEachPhantomOption(options,
+                       [&app](const PhantomNumber& number, auto& value)
+                       {
+                         const auto found = kShort.find(number.name);
+                         const std::string name = found == kShort.end() ? SpellOption(number.name, '-') : found->second;
+                         std::string unit = *number.unit ? number.unit : "n";
+                         std::transform(unit.begin(), unit.end(), unit.begin(), [](char c) { return std::toupper(c); });
+                         CLI::Option* option =
+                             app.add_option("--" + name, value, number.help)
+                                 ->check(NumberIn(number.zeroIsProbes ? 0 : number.least, number.most))
+                                 ->type_name(unit)
+                                 ->group(number.group);
+                         if constexpr (std::is_arithmetic_v<std::decay_t<decltype(value)>>)
+                         {
+                           option->capture_default_str();
+                         }
+                       });
 }
-
-void AddTrajectory(const Group& add)
-{
-  add.Number("--frames", PROPERTY(NumberOfFrames), "Frames of the sweep", 1, 100000, "N");
-  add.Number("--frame-spacing", PROPERTY(FrameSpacing), "Mean travel between frames", 0, 20, "MM");
-  add.Number("--speed-variation", PROPERTY(SpeedVariation), "Share by which the spacing varies", 0, 0.95, "SHARE");
-  add.Number("--tilt", PROPERTY(Tilt), "Bound of the probe's three angles", 0, 45, "DEG");
-  add.Number("--wander", PROPERTY(Wander), "Bound of motion sideways and in depth", 0, 20, "MM");
-  add.Number("--sweep-angle", PROPERTY(SweepAngle), "Turns the whole sweep about the depth axis", -360, 360, "DEG");
-  add.Number("--shake", PROPERTY(Shake), "Standard deviation by which the probe itself shakes, which frames show", 0,
-             10, "MM");
-  add.Number("--shake-rotation", PROPERTY(ShakeRotation), "The same of its angles", 0, 20, "DEG");
-  add.Number("--shake-correlation", PROPERTY(ShakeCorrelation),
-             "Pictures over which it is correlated by 1/e; 0: each by itself", 0, 1000, "N");
-  add.Number("--frame-rate", PROPERTY(FrameRate), "Frames a second", 0.1, 10000, "HZ");
-  add.Number("--passes", PROPERTY(Passes), "Goes over the path so often, there and back", 1, 100, "N");
-  add.Number("--dropped", PROPERTY(DroppedShare), "Share of the pictures taken that are lost", 0, 0.9, "SHARE");
-}
-
-void AddTracker(const Group& add)
-{
-  add.Number("--tracking-noise", PROPERTY(TrackingNoise), "Standard deviation of recorded positions", 0, 10, "MM");
-  add.Number("--rotation-noise", PROPERTY(TrackingRotationNoise), "Standard deviation of recorded angles", 0, 20,
-             "DEG");
-  add.Number("--noise-correlation", PROPERTY(NoiseCorrelation),
-             "Frames over which the tracker's noise is correlated by 1/e; 0: each frame errs by itself", 0, 1000,
-             "FRAMES");
-  add.Number("--tracking-drift", PROPERTY(TrackingDrift), "Bound of a slow drift of positions", 0, 100, "MM");
-  add.Number("--rotation-drift", PROPERTY(TrackingRotationDrift), "Bound of a slow drift of angles", 0, 20, "DEG");
-  add.Number("--outliers", PROPERTY(OutlierShare), "Share of frames recorded far off", 0, 0.5, "SHARE");
-  add.Number("--outlier-size", PROPERTY(OutlierSize), "How far off they are", 0, 100, "MM");
-  add.Number("--tracking-delay", PROPERTY(TrackingDelay), "A frame has the pose of so long before it was taken", -1, 1,
-             "S");
-  add.Number("--tracking-quantum", PROPERTY(TrackingQuantum), "Positions are rounded to multiples; 0: not", 0, 10,
-             "MM");
-  add.Number("--rotation-quantum", PROPERTY(TrackingRotationQuantum), "So are angles; 0: not", 0, 20, "DEG");
-  add.Vector("--calibration-shift", &Source::SetCalibrationShift,
-             "Error of the image on the probe: along its rows, down, along its normal", 100, "MM");
-  add.Vector("--calibration-rotation", &Source::SetCalibrationRotation,
-             "The same about the image's centre, axis times angle in these axes", 45, "DEG");
-}
-
-#undef PROPERTY
 
 }  // namespace
 
@@ -295,12 +221,8 @@ void AddPhantom(Program& program)
                   "4 tumour. .mha, .nrrd or .png (numbered)")
       ->type_name("OUT");
 
-  vtkBigusPhantomSource* source = options->source;
-  const char* tracker = "Errors of the tracker, which move recorded poses only";
-  AddWorld({app, source, "World"});
-  AddProbe({app, source, "Probe and image"});
-  AddTrajectory({app, source, "Trajectory and tracking"});
-  AddTracker({app, source, tracker});
+  AddPhantomOptions(*app, options->phantom);
+  const std::string tracker = app->get_option("--tracking-noise")->get_group();
   app->add_flag("--true-poses", options->truePoses, "Write where frames really were, not what the tracker said")
       ->group(tracker);
   CLI::Option* truePosesFile =

@@ -1,11 +1,16 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Sweeps whose truth is known at every plane.
+#include <algorithm>
+#include <array>
 #include <memory>
+#include <type_traits>
 
 #include "Arrays.h"
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Phantom/PhantomOptionList.h"
+#include "Core/Training/OptionList.h"
 #include "Progress.h"
 
 namespace bigus
@@ -13,57 +18,12 @@ namespace bigus
 namespace
 {
 
-struct Number
-{
-  const char* name;
-  double PhantomOptions::*member;
-};
-constexpr Number kNumbers[] = {
-    {"pixel_size", &PhantomOptions::pixelSize},
-    {"probe_radius", &PhantomOptions::probeRadius},
-    {"half_angle", &PhantomOptions::halfAngle},
-    {"frequency", &PhantomOptions::frequency},
-    {"axial_sigma", &PhantomOptions::axialSigma},
-    {"lateral_sigma", &PhantomOptions::lateralSigma},
-    {"elevation_sigma", &PhantomOptions::elevationSigma},
-    {"scatterer_density", &PhantomOptions::scattererDensity},
-    {"attenuation", &PhantomOptions::attenuation},
-    {"dynamic_range", &PhantomOptions::dynamicRange},
-    {"white_level", &PhantomOptions::whiteLevel},
-    {"frame_spacing", &PhantomOptions::frameSpacing},
-    {"speed_variation", &PhantomOptions::speedVariation},
-    {"tilt", &PhantomOptions::tilt},
-    {"wander", &PhantomOptions::wander},
-    {"sweep_angle", &PhantomOptions::sweepAngle},
-    {"frame_rate", &PhantomOptions::frameRate},
-    {"dropped_share", &PhantomOptions::droppedShare},
-    {"shake", &PhantomOptions::shake},
-    {"shake_rotation", &PhantomOptions::shakeRotation},
-    {"shake_correlation", &PhantomOptions::shakeCorrelation},
-    {"tracking_noise", &PhantomOptions::trackingNoise},
-    {"tracking_rotation_noise", &PhantomOptions::trackingRotationNoise},
-    {"noise_correlation", &PhantomOptions::noiseCorrelation},
-    {"tracking_drift", &PhantomOptions::trackingDrift},
-    {"tracking_rotation_drift", &PhantomOptions::trackingRotationDrift},
-    {"outlier_share", &PhantomOptions::outlierShare},
-    {"outlier_size", &PhantomOptions::outlierSize},
-    {"tracking_delay", &PhantomOptions::trackingDelay},
-    {"tracking_quantum", &PhantomOptions::trackingQuantum},
-    {"tracking_rotation_quantum", &PhantomOptions::trackingRotationQuantum},
-};
-
-struct Count
-{
-  const char* name;
-  int PhantomOptions::*member;
-};
-constexpr Count kCounts[] = {{"frames", &PhantomOptions::frames},
-                             {"width", &PhantomOptions::width},
-                             {"height", &PhantomOptions::height},
-                             {"passes", &PhantomOptions::passes}};
-
 const std::vector<std::string> kScenes = {"organ", "speckle", "points"};
 const std::vector<std::string> kProbes = {"linear", "convex", "sector"};
+
+/// Whether an option is one number.
+template <class T>
+constexpr bool IsOne = std::is_arithmetic_v<std::decay_t<T>>;
 
 /// Every option and its default.
 nb::dict Defaults()
@@ -73,16 +33,13 @@ nb::dict Defaults()
   defaults["probe"] = kProbes[static_cast<std::size_t>(options.probe)];
   defaults["scene"] = kScenes[static_cast<std::size_t>(options.scene)];
   defaults["seed"] = options.seed;
-  for (const Count& count : kCounts)
-  {
-    defaults[count.name] = options.*count.member;
-  }
-  for (const Number& number : kNumbers)
-  {
-    defaults[number.name] = options.*number.member;
-  }
-  defaults["calibration_shift"] = nb::tuple(nb::cast(options.calibrationShift));
-  defaults["calibration_rotation"] = nb::tuple(nb::cast(options.calibrationRotation));
+  ForEachPhantomOption(options,
+                       [&defaults](const PhantomNumber& number, const auto& value)
+                       {
+                         nb::object object = nb::cast(value);
+                         const std::string name = SpellOption(number.name, '_');
+                         defaults[name.c_str()] = IsOne<decltype(value)> ? object : nb::object(nb::tuple(object));
+                       });
   return defaults;
 }
 
@@ -102,29 +59,20 @@ Choice Chosen(const std::string& name, nb::handle value, const std::vector<std::
   throw nb::value_error((name + " is one of " + known + ", not " + text).c_str());
 }
 
+void SetVector(std::array<double, 3>& vector, const std::string& name, nb::handle value)
+{
+  const auto numbers = nb::cast<std::vector<double>>(value);
+  if (numbers.size() != vector.size())
+  {
+    throw nb::value_error((name + " has 3 numbers, not " + std::to_string(numbers.size())).c_str());
+  }
+  std::copy(numbers.begin(), numbers.end(), vector.begin());
+}
+
 void Set(PhantomOptions& options, const std::string& name, nb::handle value)
 {
-  for (const Number& number : kNumbers)
-  {
-    if (name == number.name)
-    {
-      options.*number.member = nb::cast<double>(value);
-      return;
-    }
-  }
-  for (const Count& count : kCounts)
-  {
-    if (name == count.name)
-    {
-      options.*count.member = nb::cast<int>(value);
-      return;
-    }
-  }
-  if (name == "seed")
-  {
-    options.seed = nb::cast<std::int64_t>(value);
-  }
-  else if (name == "scene")
+  bool found = name == "scene" || name == "probe";
+  if (name == "scene")
   {
     options.scene = Chosen<PhantomScene>(name, value, kScenes);
   }
@@ -132,17 +80,24 @@ void Set(PhantomOptions& options, const std::string& name, nb::handle value)
   {
     options.probe = Chosen<ProbeKind>(name, value, kProbes);
   }
-  else if (name == "calibration_shift" || name == "calibration_rotation")
-  {
-    const auto numbers = nb::cast<std::vector<double>>(value);
-    if (numbers.size() != 3)
-    {
-      throw nb::value_error((name + " has 3 numbers, not " + std::to_string(numbers.size())).c_str());
-    }
-    auto& to = name == "calibration_shift" ? options.calibrationShift : options.calibrationRotation;
-    std::copy(numbers.begin(), numbers.end(), to.begin());
-  }
-  else
+  ForEachPhantomOption(options,
+                       [&](const PhantomNumber& number, auto& member)
+                       {
+                         if (name != SpellOption(number.name, '_'))
+                         {
+                           return;
+                         }
+                         found = true;
+                         if constexpr (IsOne<decltype(member)>)
+                         {
+                           member = nb::cast<std::decay_t<decltype(member)>>(value);
+                         }
+                         else
+                         {
+                           SetVector(member, name, value);
+                         }
+                       });
+  if (!found)
   {
     throw nb::type_error(("a phantom has no option " + name).c_str());
   }

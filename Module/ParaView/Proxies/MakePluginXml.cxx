@@ -4,8 +4,8 @@
 //
 //     bigusMakePluginXml PLUGIN.xml SHARED PROXY.xml...
 //
-// A line @Name@ of a proxy stands for the lines of SHARED/Name.xml; @TrainerOptions@ stands for a property for each option
-// of Core/Training/OptionList.h.
+// A line @Name@ of a proxy stands for the lines of SHARED/Name.xml; @TrainerOptions@ and @PhantomOptions@ stand for a
+// property for each option of Core/Training/OptionList.h and each number of Core/Phantom/PhantomOptionList.h.
 #include <algorithm>
 #include <array>
 #include <filesystem>
@@ -13,9 +13,11 @@
 #include <iostream>
 #include <sstream>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "Core/Model/Error.h"
+#include "Core/Phantom/PhantomOptionList.h"
 #include "Core/Training/OptionList.h"
 
 namespace
@@ -112,11 +114,11 @@ std::string TextProperty(const OptionText& option, const std::string& attributes
   return text + meaning + "</StringVectorProperty>\n";
 }
 
-std::string Property(const OptionText& option, bool isAdvanced)
+std::string Property(const OptionText& option, bool isAdvanced, std::size_t elements = 1)
 {
   const std::string name = option.info.name;
-  const std::string attributes = "name=\"" + name + "\" command=\"Set" + name + "\" number_of_elements=\"1\"" +
-                                 (isAdvanced ? " panel_visibility=\"advanced\"" : "");
+  const std::string attributes = "name=\"" + name + "\" command=\"Set" + name + "\" number_of_elements=\"" +
+                                 std::to_string(elements) + "\"" + (isAdvanced ? " panel_visibility=\"advanced\"" : "");
   const std::string meaning = "  <Documentation>" + Escaped(Meaning(option)) + "</Documentation>\n";
   switch (option.kind)
   {
@@ -153,6 +155,43 @@ std::string TrainerOptions()
   return text;
 }
 
+std::string PhantomProperties()
+{
+  const bigus::PhantomOptions defaults;
+  constexpr std::array<const char*, 5> kShown = {"Seed", "PixelSize", "FrameSpacing", "TrackingNoise",
+                                                 "TrackingRotationNoise"};
+  std::string text;
+  bigus::ForEachPhantomNumber(
+      defaults,
+      [&](const bigus::PhantomNumber& number, const auto& value)
+      {
+        using T = std::decay_t<decltype(value)>;
+        OptionText option;
+        option.info = {number.name, number.group, number.help, number.least,
+                       number.most, number.unit,  "",          number.zeroIsProbes};
+        option.kind = OptionText::Kind::Number;
+        option.values = bigus::NumberText(number.least) + " to " + bigus::NumberText(number.most) +
+                        (*number.unit ? " " : "") + number.unit;
+        option.isWhole = std::is_integral_v<T>;
+        std::size_t elements = 1;
+        if constexpr (std::is_arithmetic_v<T>)
+        {
+          option.value = bigus::NumberText(static_cast<double>(value));
+        }
+        else
+        {
+          elements = value.size();
+          for (const double one : value)
+          {
+            option.value += (option.value.empty() ? "" : " ") + bigus::NumberText(one);
+          }
+        }
+        text += Property(option, std::find(kShown.begin(), kShown.end(), std::string(number.name)) == kShown.end(),
+                         elements);
+      });
+  return text;
+}
+
 /// The text with `indent` before every line, comments left out and every @Name@ replaced by what it stands for.
 std::string Filled(std::istream&& text, const std::string& indent, const std::filesystem::path& shared)
 {
@@ -171,9 +210,9 @@ std::string Filled(std::istream&& text, const std::string& indent, const std::fi
     }
     const std::string name = line.substr(begin + 1, line.find('@', begin + 1) - begin - 1);
     const std::string deeper = indent + line.substr(0, begin);
-    if (name == "TrainerOptions")
+    if (name == "TrainerOptions" || name == "PhantomOptions")
     {
-      filled += Filled(std::istringstream(TrainerOptions()), deeper, shared);
+      filled += Filled(std::istringstream(name[0] == 'T' ? TrainerOptions() : PhantomProperties()), deeper, shared);
       continue;
     }
     std::ifstream part(shared / (name + ".xml"));

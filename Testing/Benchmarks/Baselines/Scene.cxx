@@ -16,6 +16,8 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/Phantom/PhantomOptionList.h"
+#include "Core/Training/OptionList.h"
 #include "Data/SweepData.h"
 #include "JobFields.h"
 #include "vtkBigusSequenceReader.h"
@@ -105,40 +107,8 @@ PhantomOptions ReadPhantomOptions(const Json& object)
   }
   options.scene = scenes.at(scene);
   options.probe = probes.at(probe);
-  fields.Read("seed", options.seed);
-  fields.Read("frames", options.frames);
-  fields.Read("width", options.width);
-  fields.Read("height", options.height);
-  fields.Read("pixel_size", options.pixelSize);
-  fields.Read("frequency", options.frequency);
-  fields.Read("axial_sigma", options.axialSigma);
-  fields.Read("lateral_sigma", options.lateralSigma);
-  fields.Read("elevation_sigma", options.elevationSigma);
-  fields.Read("scatterer_density", options.scattererDensity);
-  fields.Read("attenuation", options.attenuation);
-  fields.Read("frame_spacing", options.frameSpacing);
-  fields.Read("speed_variation", options.speedVariation);
-  fields.Read("tilt", options.tilt);
-  fields.Read("wander", options.wander);
-  fields.Read("sweep_angle", options.sweepAngle);
-  fields.Read("shake", options.shake);
-  fields.Read("shake_rotation", options.shakeRotation);
-  fields.Read("shake_correlation", options.shakeCorrelation);
-  fields.Read("frame_rate", options.frameRate);
-  fields.Read("tracking_noise", options.trackingNoise);
-  fields.Read("tracking_rotation_noise", options.trackingRotationNoise);
-  fields.Read("passes", options.passes);
-  fields.Read("dropped_share", options.droppedShare);
-  fields.Read("noise_correlation", options.noiseCorrelation);
-  fields.Read("tracking_drift", options.trackingDrift);
-  fields.Read("tracking_rotation_drift", options.trackingRotationDrift);
-  fields.Read("outlier_share", options.outlierShare);
-  fields.Read("outlier_size", options.outlierSize);
-  fields.Read("tracking_delay", options.trackingDelay);
-  fields.Read("tracking_quantum", options.trackingQuantum);
-  fields.Read("tracking_rotation_quantum", options.trackingRotationQuantum);
-  fields.Read("calibration_shift", options.calibrationShift);
-  fields.Read("calibration_rotation", options.calibrationRotation);
+  bigus::ForEachPhantomOption(options, [&fields](const bigus::PhantomNumber& number, auto& value)
+                              { fields.Read(bigus::SpellOption(number.name, '_'), value); });
   fields.Done();
   return options;
 }
