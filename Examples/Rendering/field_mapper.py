@@ -7,11 +7,8 @@
 """
 import sys
 
-import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
-from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
-from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkActor, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow,
-                                         vtkRenderWindowInteractor, vtkWindowToImageFilter)
+from example_window import ExampleWindow, picture_named
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkRenderer
 
 import bigus
 
@@ -33,27 +30,6 @@ for port, colour, width in ((0, (0.6, 0.75, 0.9), 1), (1, (1, 0.85, 0.2), 4)):  
     actor.GetProperty().SetColor(colour)
     actor.GetProperty().SetLineWidth(width)
     renderer.AddActor(actor)
-renderer.SetBackground(0.1, 0.12, 0.15)
-camera = renderer.GetActiveCamera()
-camera.SetViewUp(0, -1, 0)  # depth points down
-camera.SetPosition(-0.8, -0.9, -1.1)
-renderer.ResetCamera()
-camera.Zoom(1.4)
-window = vtkRenderWindow()
-window.SetOffScreenRendering(len(sys.argv) > 3)
-window.SetSize(440, 330)
-window.AddRenderer(renderer)
-interactor = vtkRenderWindowInteractor()
-interactor.SetRenderWindow(window)
-interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
-window.Render()
-if len(sys.argv) > 3:
-    grab = vtkWindowToImageFilter()
-    grab.SetInput(window)
-    grab.ReadFrontBufferOff()
-    writer = vtkPNGWriter()
-    writer.SetInputConnection(grab.GetOutputPort())
-    writer.SetFileName(sys.argv[3])
-    writer.Write()
-else:
-    interactor.Start()
+window = ExampleWindow(picture_named(3), 440, 330)
+window.add(renderer, (-0.8, -0.9, -1.1), 1.4)
+window.show()

@@ -7,11 +7,8 @@
 """
 import sys
 
-import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
-from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
-from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor,
-                                         vtkWindowToImageFilter)
+from example_window import ExampleWindow, picture_named
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
 import bigus
 
@@ -20,28 +17,6 @@ volume.SetInputData(bigus.read(sys.argv[1]))
 
 renderer = vtkRenderer()
 renderer.AddVolume(volume)
-renderer.SetBackground(0.1, 0.12, 0.15)
-camera = renderer.GetActiveCamera()
-camera.SetViewUp(0, -1, 0)  # depth points down
-camera.SetPosition(-0.7, -0.5, -1.3)
-renderer.ResetCamera()
-camera.Zoom(1.5)
-
-window = vtkRenderWindow()
-window.SetOffScreenRendering(len(sys.argv) > 2)
-window.SetSize(520, 390)
-window.AddRenderer(renderer)
-interactor = vtkRenderWindowInteractor()
-interactor.SetRenderWindow(window)
-interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
-window.Render()
-if len(sys.argv) > 2:
-    grab = vtkWindowToImageFilter()
-    grab.SetInput(window)
-    grab.ReadFrontBufferOff()
-    writer = vtkPNGWriter()
-    writer.SetInputConnection(grab.GetOutputPort())
-    writer.SetFileName(sys.argv[2])
-    writer.Write()
-else:
-    interactor.Start()
+window = ExampleWindow(picture_named(2), 520, 390)
+window.add(renderer, (-0.7, -0.5, -1.3), 1.5)
+window.show()

@@ -7,20 +7,18 @@
 """
 import sys
 
-import vtkmodules.vtkInteractionStyle  # noqa: F401  what viewers need to be made
-import vtkmodules.vtkRenderingFreeType  # noqa: F401
-import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
+from example_window import picture_named, show
 from vtkmodules.vtkInteractionImage import vtkImageViewer2
-from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import vtkRenderWindowInteractor, vtkWindowToImageFilter
+from vtkmodules.vtkRenderingCore import vtkRenderWindowInteractor
 
 import bigus
 
+picture = picture_named(2)
 reslice = bigus.vtkBigusReslice()  # unless told otherwise a grid of voxels over the whole field
 reslice.SetInputData(bigus.read(sys.argv[1]))
 viewer = vtkImageViewer2()
 viewer.SetInputConnection(reslice.GetOutputPort())
-viewer.SetOffScreenRendering(len(sys.argv) > 2)
+viewer.SetOffScreenRendering(picture is not None)
 viewer.SetSize(480, 400)
 interactor = vtkRenderWindowInteractor()
 viewer.SetupInteractor(interactor)
@@ -36,13 +34,4 @@ viewer.GetRenderer().ResetCameraClippingRange()
 interactor.AddObserver("MouseWheelForwardEvent", lambda *_: viewer.SetSlice(viewer.GetSlice() + 1))
 interactor.AddObserver("MouseWheelBackwardEvent", lambda *_: viewer.SetSlice(viewer.GetSlice() - 1))
 viewer.Render()
-if len(sys.argv) > 2:
-    grab = vtkWindowToImageFilter()
-    grab.SetInput(viewer.GetRenderWindow())
-    grab.ReadFrontBufferOff()
-    writer = vtkPNGWriter()
-    writer.SetInputConnection(grab.GetOutputPort())
-    writer.SetFileName(sys.argv[2])
-    writer.Write()
-else:
-    interactor.Start()
+show(viewer.GetRenderWindow(), interactor, picture)

@@ -7,37 +7,30 @@
 """
 import sys
 
-import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
-import vtkmodules.vtkInteractionStyle  # noqa: F401  the window's mouse
+from example_window import ExampleWindow, picture_named
 from vtkmodules.vtkInteractionWidgets import vtkResliceCursor, vtkResliceCursorWidget
-from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor,
-                                         vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
 import bigus
 
 field = bigus.read(sys.argv[1])
-window = vtkRenderWindow()
-window.SetOffScreenRendering(len(sys.argv) > 2)
-window.SetSize(960, 320)
-window.SetMultiSamples(0)  # smooth edges take long where software draws
-interactor = vtkRenderWindowInteractor()
-interactor.SetRenderWindow(window)
+window = ExampleWindow(picture_named(2), 960, 320)
+window.window.SetMultiSamples(0)  # smooth edges take long where software draws
 
 cursor, widgets = vtkResliceCursor(), []
 cursor.SetXViewUp(0, -1, 0)  # depth points down, as it does in z from the start
 for axis in range(3):
     renderer = vtkRenderer()
     renderer.SetViewport(axis / 3, 0, (axis + 1) / 3, 1)
-    window.AddRenderer(renderer)
+    window.window.AddRenderer(renderer)
     view = bigus.vtkBigusResliceCursorRepresentation()
     view.SetInputData(field)
     view.PlaceCursor(cursor, axis, 320)
     widget = vtkResliceCursorWidget()
-    widget.SetInteractor(interactor)
+    widget.SetInteractor(window.interactor)
     widget.SetRepresentation(view)
     widget.SetDefaultRenderer(renderer)
-    widget.AddObserver("InteractionEvent", lambda *_: window.Render())
+    widget.AddObserver("InteractionEvent", lambda *_: window.window.Render())
     widget.On()
     widgets.append(widget)
     renderer.ResetCamera()
@@ -45,14 +38,4 @@ for axis in range(3):
     renderer.GetActiveCamera().Zoom(1.45)
 cursor.GetPlane(0).SetNormal(0.9, 0, 0.4)  # oblique
 cursor.GetPlane(2).SetNormal(0, 0, -1)  # seen as frames are, not from behind
-window.Render()
-if len(sys.argv) > 2:
-    grab = vtkWindowToImageFilter()
-    grab.SetInput(window)
-    grab.ReadFrontBufferOff()
-    writer = vtkPNGWriter()
-    writer.SetInputConnection(grab.GetOutputPort())
-    writer.SetFileName(sys.argv[2])
-    writer.Write()
-else:
-    interactor.Start()
+window.show()

@@ -7,12 +7,9 @@
 """
 import sys
 
-import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
+from example_window import ExampleWindow, picture_named
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
-from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
-from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkRenderer, vtkRenderWindow, vtkRenderWindowInteractor,
-                                         vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
 import bigus
 
@@ -32,28 +29,6 @@ across.GetOutlineProperty().SetColor(1, 0.6, 0.2)
 renderer = vtkRenderer()
 renderer.AddViewProp(frame)
 renderer.AddViewProp(across)
-renderer.SetBackground(0.1, 0.12, 0.15)
-camera = renderer.GetActiveCamera()
-camera.SetViewUp(0, -1, 0)  # depth points down
-camera.SetPosition(-1.4, -0.6, -1.2)
-renderer.ResetCamera()
-camera.Zoom(1.35)
-
-window = vtkRenderWindow()
-window.SetOffScreenRendering(len(sys.argv) > 3)
-window.SetSize(640, 480)
-window.AddRenderer(renderer)
-interactor = vtkRenderWindowInteractor()
-interactor.SetRenderWindow(window)
-interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
-window.Render()
-if len(sys.argv) > 3:
-    grab = vtkWindowToImageFilter()
-    grab.SetInput(window)
-    grab.ReadFrontBufferOff()
-    writer = vtkPNGWriter()
-    writer.SetInputConnection(grab.GetOutputPort())
-    writer.SetFileName(sys.argv[3])
-    writer.Write()
-else:
-    interactor.Start()
+window = ExampleWindow(picture_named(3), 640, 480)
+window.add(renderer, (-1.4, -0.6, -1.2), 1.35)
+window.show()

@@ -7,12 +7,9 @@
 """
 import sys
 
-import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what draws
+from example_window import ExampleWindow, picture_named
 from vtkmodules.vtkFiltersModeling import vtkOutlineFilter
-from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
-from vtkmodules.vtkIOImage import vtkPNGWriter
-from vtkmodules.vtkRenderingCore import (vtkActor, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow,
-                                         vtkRenderWindowInteractor, vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkRenderer
 
 import bigus
 
@@ -24,36 +21,14 @@ box = vtkActor()
 box.SetMapper(mapper)
 renderer = vtkRenderer()
 renderer.AddActor(box)
-renderer.SetBackground(0.1, 0.12, 0.15)
-camera = renderer.GetActiveCamera()
-camera.SetViewUp(0, -1, 0)  # depth points down
-camera.SetPosition(-1.2, -0.6, 1)
-renderer.ResetCamera()
-camera.Zoom(1.1)
-
-window = vtkRenderWindow()
-window.SetOffScreenRendering(len(sys.argv) > 2)
-window.SetSize(640, 480)
-window.AddRenderer(renderer)
-interactor = vtkRenderWindowInteractor()
-interactor.SetRenderWindow(window)
-interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
+window = ExampleWindow(picture_named(2), 640, 480)
+window.add(renderer, (-1.2, -0.6, 1), 1.1)
 
 widget = bigus.vtkBigusSliceWidget()
-widget.SetInteractor(interactor)
+widget.SetInteractor(window.interactor)
 moved = widget.GetSliceRepresentation()
 moved.GetSliceProp().SetInputData(outline.GetInput())
 moved.GetSliceProp().PlaceInField(2, 512)
 moved.Rotate((0, 1, 0), 12)  # degrees about the field's y
 widget.On()
-window.Render()
-if len(sys.argv) > 2:
-    grab = vtkWindowToImageFilter()
-    grab.SetInput(window)
-    grab.ReadFrontBufferOff()
-    writer = vtkPNGWriter()
-    writer.SetInputConnection(grab.GetOutputPort())
-    writer.SetFileName(sys.argv[2])
-    writer.Write()
-else:
-    interactor.Start()
+window.show()
