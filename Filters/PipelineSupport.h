@@ -28,32 +28,6 @@ void RequestWholeInput(vtkInformationVector* connections);
 /// Withdraws what was asked of a filter that failed: VTK keeps it otherwise, and adds it to every later request.
 void ForgetRequests(vtkInformationVector* outputs);
 
-/// Sets a property that is derived while `derived` is true. True when that changed something.
-template <class T, std::size_t N>
-bool GiveValues(const T* values, T (&property)[N], bool& derived)
-{
-  if (!derived && std::equal(values, values + N, property))
-  {
-    return false;
-  }
-  std::copy_n(values, N, property);
-  derived = false;
-  return true;
-}
-
-/// Makes the property derived again; it shows `value` until then. True when that changed something.
-template <class T, std::size_t N>
-bool TakeValuesBack(T value, T (&property)[N], bool& derived)
-{
-  if (derived)
-  {
-    return false;
-  }
-  std::fill_n(property, N, value);
-  derived = true;
-  return true;
-}
-
 /// A new column of a table, whose values are to be set.
 template <class Array>
 Array* AddColumn(vtkTable* table, const char* name, std::size_t rows)
@@ -66,5 +40,27 @@ Array* AddColumn(vtkTable* table, const char* name, std::size_t rows)
 }
 
 }  // namespace bigus
+
+// Set<name> and Set<name>ToDefault of a property of so many numbers, which is derived while Compute<name> is true, and shows
+// `value` until then.
+#define vtkBigusDerivedPropertyMacro(Class, name, type, count, value)             \
+  void Class::Set##name(const type values[count])                                 \
+  {                                                                               \
+    if (this->Compute##name || !std::equal(values, values + (count), this->name)) \
+    {                                                                             \
+      std::copy_n(values, count, this->name);                                     \
+      this->Compute##name = false;                                                \
+      this->Modified();                                                           \
+    }                                                                             \
+  }                                                                               \
+  void Class::Set##name##ToDefault()                                              \
+  {                                                                               \
+    if (!this->Compute##name)                                                     \
+    {                                                                             \
+      std::fill_n(this->name, count, value);                                      \
+      this->Compute##name = true;                                                 \
+      this->Modified();                                                           \
+    }                                                                             \
+  }
 
 #endif

@@ -167,21 +167,7 @@ void vtkBigusFieldToImage::SetOutputSpacing(double x, double y, double z)
   this->SetOutputSpacing(spacing);
 }
 
-void vtkBigusFieldToImage::SetOutputSpacing(const double spacing[3])
-{
-  if (bigus::GiveValues(spacing, this->OutputSpacing, this->ComputeOutputSpacing))
-  {
-    this->Modified();
-  }
-}
-
-void vtkBigusFieldToImage::SetOutputSpacingToDefault()
-{
-  if (bigus::TakeValuesBack(1.0, this->OutputSpacing, this->ComputeOutputSpacing))
-  {
-    this->Modified();
-  }
-}
+vtkBigusDerivedPropertyMacro(vtkBigusFieldToImage, OutputSpacing, double, 3, 1.0);
 
 void vtkBigusFieldToImage::SetOutputOrigin(double x, double y, double z)
 {
@@ -189,21 +175,7 @@ void vtkBigusFieldToImage::SetOutputOrigin(double x, double y, double z)
   this->SetOutputOrigin(origin);
 }
 
-void vtkBigusFieldToImage::SetOutputOrigin(const double origin[3])
-{
-  if (bigus::GiveValues(origin, this->OutputOrigin, this->ComputeOutputOrigin))
-  {
-    this->Modified();
-  }
-}
-
-void vtkBigusFieldToImage::SetOutputOriginToDefault()
-{
-  if (bigus::TakeValuesBack(0.0, this->OutputOrigin, this->ComputeOutputOrigin))
-  {
-    this->Modified();
-  }
-}
+vtkBigusDerivedPropertyMacro(vtkBigusFieldToImage, OutputOrigin, double, 3, 0.0);
 
 const char* vtkBigusFieldToImage::GetDevice() const
 {

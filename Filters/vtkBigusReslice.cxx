@@ -235,21 +235,7 @@ void vtkBigusReslice::SetOutputExtent(int x0, int x1, int y0, int y1, int z0, in
   this->SetOutputExtent(extent);
 }
 
-void vtkBigusReslice::SetOutputExtent(const int extent[6])
-{
-  if (bigus::GiveValues(extent, this->OutputExtent, this->ComputeOutputExtent))
-  {
-    this->Modified();
-  }
-}
-
-void vtkBigusReslice::SetOutputExtentToDefault()
-{
-  if (bigus::TakeValuesBack(0, this->OutputExtent, this->ComputeOutputExtent))
-  {
-    this->Modified();
-  }
-}
+vtkBigusDerivedPropertyMacro(vtkBigusReslice, OutputExtent, int, 6, 0);
 
 void vtkBigusReslice::SetOutputToFrame(vtkMatrix4x4* imageToReference, int width, int height)
 {

@@ -44,21 +44,7 @@ void vtkBigusVoxelizer::SetOutputDimensions(int x, int y, int z)
   this->SetOutputDimensions(dimensions);
 }
 
-void vtkBigusVoxelizer::SetOutputDimensions(const int dimensions[3])
-{
-  if (bigus::GiveValues(dimensions, this->OutputDimensions, this->ComputeOutputDimensions))
-  {
-    this->Modified();
-  }
-}
-
-void vtkBigusVoxelizer::SetOutputDimensionsToDefault()
-{
-  if (bigus::TakeValuesBack(1, this->OutputDimensions, this->ComputeOutputDimensions))
-  {
-    this->Modified();
-  }
-}
+vtkBigusDerivedPropertyMacro(vtkBigusVoxelizer, OutputDimensions, int, 3, 1);
 
 int vtkBigusVoxelizer::RequestInformation(vtkInformation* request, vtkInformationVector** inputs,
                                           vtkInformationVector* outputs)

@@ -310,15 +310,27 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
   return 1;
 }
 
-int vtkBigusSequenceReader::GetNumberOfFramesInFile()
-{
-  return this->Internals->file.numberOfFrames;
-}
-
-int vtkBigusSequenceReader::GetNumberOfAcceptedFrames()
-{
-  return this->Internals->poses.NumberOfAcceptedFrames();
-}
+// What is known of the file.
+#define vtkBigusFoundMacro(type, name, value) \
+  type vtkBigusSequenceReader::Get##name()    \
+  {                                           \
+    return this->Internals->value;            \
+  }
+vtkBigusFoundMacro(int, NumberOfFramesInFile, file.numberOfFrames);
+vtkBigusFoundMacro(int, NumberOfAcceptedFrames, poses.NumberOfAcceptedFrames());
+vtkBigusFoundMacro(const char*, RejectionSummary, summary.c_str());
+vtkBigusFoundMacro(const char*, CroppedFrame, croppedFrame.c_str());
+vtkBigusFoundMacro(int, NumberOfMadeAxes, poses.NumberOfMadeAxes());
+vtkBigusFoundMacro(const char*, SpacingDoubt, spacingDoubt.c_str());
+vtkBigusFoundMacro(double, UsedPixelRange, usedRange);
+vtkBigusFoundMacro(const char*, TransformChain, poses.chain.c_str());
+vtkBigusFoundMacro(const char*, Format, file.format.c_str());
+vtkBigusFoundMacro(const char*, ElementType, pixelType.c_str());
+vtkBigusFoundMacro(const char*, Orientation, file.orientation.c_str());
+vtkBigusFoundMacro(double, PathLength, geometry.pathLength);
+vtkBigusFoundMacro(bool, HasTimestamps, hasTimestamps);
+vtkBigusFoundMacro(double, Duration, duration);
+#undef vtkBigusFoundMacro
 
 int vtkBigusSequenceReader::GetNumberOfRejectedFrames()
 {
@@ -342,11 +354,6 @@ int vtkBigusSequenceReader::GetRejectionCount(int index)
   return index >= 0 && index < this->GetNumberOfRejectionReasons()
              ? static_cast<int>(this->Internals->poses.rejections[static_cast<std::size_t>(index)].frames.size())
              : 0;
-}
-
-const char* vtkBigusSequenceReader::GetRejectionSummary()
-{
-  return this->Internals->summary.c_str();
 }
 
 int vtkBigusSequenceReader::GetNumberOfTransforms()
@@ -394,54 +401,14 @@ int vtkBigusSequenceReader::GetUnusedFieldCount(int index)
              : 0;
 }
 
-const char* vtkBigusSequenceReader::GetCroppedFrame()
-{
-  return this->Internals->croppedFrame.c_str();
-}
-
-int vtkBigusSequenceReader::GetNumberOfMadeAxes()
-{
-  return this->Internals->poses.NumberOfMadeAxes();
-}
-
 void vtkBigusSequenceReader::GetHeaderSpacing(double spacing[2])
 {
   std::copy_n(this->Internals->file.spacing.begin(), 2, spacing);
 }
 
-const char* vtkBigusSequenceReader::GetSpacingDoubt()
-{
-  return this->Internals->spacingDoubt.c_str();
-}
-
-double vtkBigusSequenceReader::GetUsedPixelRange()
-{
-  return this->Internals->usedRange;
-}
-
-const char* vtkBigusSequenceReader::GetTransformChain()
-{
-  return this->Internals->poses.chain.c_str();
-}
-
-const char* vtkBigusSequenceReader::GetFormat()
-{
-  return this->Internals->file.format.c_str();
-}
-
 const char* vtkBigusSequenceReader::GetEncoding()
 {
   return bigus::NameOf(this->Internals->file.encoding);
-}
-
-const char* vtkBigusSequenceReader::GetElementType()
-{
-  return this->Internals->pixelType.c_str();
-}
-
-const char* vtkBigusSequenceReader::GetOrientation()
-{
-  return this->Internals->file.orientation.c_str();
 }
 
 void vtkBigusSequenceReader::GetFrameSize(int size[2])
@@ -463,24 +430,9 @@ void vtkBigusSequenceReader::GetPlaneSpacing(double spacing[3])
   spacing[2] = planes.largestSpacing;
 }
 
-double vtkBigusSequenceReader::GetPathLength()
-{
-  return this->Internals->geometry.pathLength;
-}
-
 void vtkBigusSequenceReader::GetBounds(double bounds[6])
 {
   std::copy_n(this->Internals->geometry.bounds, 6, bounds);
-}
-
-bool vtkBigusSequenceReader::GetHasTimestamps()
-{
-  return this->Internals->hasTimestamps;
-}
-
-double vtkBigusSequenceReader::GetDuration()
-{
-  return this->Internals->duration;
 }
 
 void vtkBigusSequenceReader::PrintSelf(ostream& os, vtkIndent indent)
