@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "PipelineSupport.h"
 
+#include "vtkAlgorithm.h"
+#include "vtkDataObject.h"
+#include "vtkErrorCode.h"
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
@@ -32,6 +35,38 @@ void ForgetRequests(vtkInformationVector* outputs)
   for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
   {
     outputs->GetInformationObject(port)->Set(vtkStreamingDemandDrivenPipeline::COMBINED_UPDATE_EXTENT(), nothing, 6);
+  }
+}
+
+void ClearOutputs(vtkInformationVector* outputs)
+{
+  for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
+  {
+    vtkDataObject::GetData(outputs, port)->Initialize();
+  }
+}
+
+int Execute(vtkAlgorithm* filter, vtkInformationVector* outputs, const std::function<void()>& work)
+{
+  // Filters alone may set their code.
+  struct Filter : vtkAlgorithm
+  {
+    static void SetCode(vtkAlgorithm* filter, unsigned long code) { (filter->*&Filter::SetErrorCode)(code); }
+  };
+  ClearOutputs(outputs);
+  Filter::SetCode(filter, vtkErrorCode::NoError);
+  try
+  {
+    work();
+    return 1;
+  }
+  catch (const std::exception& error)
+  {
+    ClearOutputs(outputs);
+    ForgetRequests(outputs);
+    vtkErrorWithObjectMacro(filter, << error.what());
+    Filter::SetCode(filter, vtkErrorCode::UserError);
+    return 0;
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 
 #include "vtkBigusFiltersModule.h"  // for the ABI namespace
 #include "vtkNew.h"
@@ -14,6 +15,7 @@
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
 VTK_ABI_NAMESPACE_BEGIN
 #endif
+class vtkAlgorithm;
 class vtkInformationVector;
 #ifdef VTK_ABI_NAMESPACE_END
 VTK_ABI_NAMESPACE_END
@@ -27,6 +29,13 @@ void RequestWholeInput(vtkInformationVector* connections);
 
 /// Withdraws what was asked of a filter that failed: VTK keeps it otherwise, and adds it to every later request.
 void ForgetRequests(vtkInformationVector* outputs);
+
+/// Makes what a filter has to give empty; it is made anew at the next update.
+void ClearOutputs(vtkInformationVector* outputs);
+
+/// Does the work of a filter's RequestData. Its outputs are empty before, and after the work has thrown: then what was thrown
+/// becomes the filter's error. Returns 1, or 0 after an error.
+int Execute(vtkAlgorithm* filter, vtkInformationVector* outputs, const std::function<void()>& work);
 
 /// A new column of a table, whose values are to be set.
 template <class Array>

@@ -67,9 +67,7 @@ int vtkBigusFieldLabeler::RequestUpdateExtent(vtkInformation*, vtkInformationVec
 int vtkBigusFieldLabeler::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkPolyData* const output = vtkPolyData::GetData(outputs);
-  output->Initialize();
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     if (!this->Engine)
     {
@@ -89,19 +87,11 @@ int vtkBigusFieldLabeler::RequestData(vtkInformation*, vtkInformationVector** in
         {this->Iterations, this->Engine, [this](double share) { return bigus::ReportProgress(this, share); }});
     if (labels.labels.empty())
     {
-      return 1;  // aborted
+      return;  // aborted
     }
     bigus::ShareField(input, output);
     bigus::ReplaceStandardError(output, bigus::StandardErrorOf(input));
     bigus::LabelsToPolyData(labels, output);
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

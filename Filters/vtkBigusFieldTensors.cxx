@@ -36,8 +36,7 @@ int vtkBigusFieldTensors::RequestUpdateExtent(vtkInformation*, vtkInformationVec
 int vtkBigusFieldTensors::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkPolyData* output = vtkPolyData::GetData(outputs);
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkPolyData* input = vtkPolyData::GetData(inputs[0]);
     const bigus::GaussianField field = bigus::FieldFromPolyData(input);
@@ -52,14 +51,6 @@ int vtkBigusFieldTensors::RequestData(vtkInformation*, vtkInformationVector** in
     }
     output->ShallowCopy(input);
     output->GetPointData()->SetTensors(tensors);
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

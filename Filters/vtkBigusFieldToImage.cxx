@@ -74,15 +74,6 @@ void CombineUpdateExtents(vtkInformation* request, vtkInformationVector* outputs
   }
 }
 
-// An empty output is made anew at the next update.
-void Clear(vtkInformationVector* outputs)
-{
-  for (int port = 0; port < outputs->GetNumberOfInformationObjects(); ++port)
-  {
-    vtkDataObject::GetData(outputs, port)->Initialize();
-  }
-}
-
 }  // namespace
 
 vtkBigusFieldToImage::vtkBigusFieldToImage()
@@ -256,10 +247,8 @@ int vtkBigusFieldToImage::RequestUpdateExtent(vtkInformation*, vtkInformationVec
 int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVector** inputs,
                                       vtkInformationVector* outputs)
 {
-  Clear(outputs);
-  this->SetErrorCode(vtkErrorCode::NoError);
   this->WaitsForInput = false;
-  try
+  const auto work = [&]
   {
     vtkInformation* info = outputs->GetInformationObject(0);
     int whole[6], extent[6];
@@ -308,18 +297,10 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
     };
     if (!finished || !this->CompleteOutputs(grid, render, outputs))
     {
-      Clear(outputs);
+      bigus::ClearOutputs(outputs);
     }
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    Clear(outputs);
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }
 
 bool vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart& grid,

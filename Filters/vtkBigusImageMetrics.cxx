@@ -181,13 +181,11 @@ int vtkBigusImageMetrics::RequestUpdateExtent(vtkInformation*, vtkInformationVec
 int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkTable* table = vtkTable::GetData(outputs);
-  table->Initialize();
   this->PSNR = this->PSNRStandardDeviation = this->SSIM = this->SSIMStandardDeviation = 0;
   this->BFS = this->MeanContrast = this->ContrastDistribution = this->Rayleigh = 0;
   this->ContrastRatio = this->ContrastDistance = this->IntensityDistance = 0;
   this->SpectrumDifference = this->HighFrequencyPower = 0;
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkImageData* image = vtkImageData::GetData(inputs[0]);
     vtkImageData* truth = vtkImageData::GetData(inputs[1]);
@@ -244,13 +242,6 @@ int vtkBigusImageMetrics::RequestData(vtkInformation*, vtkInformationVector** in
     this->IntensityDistance = texture.intensityDistance;
     this->SpectrumDifference = texture.spectrumDifference;
     this->HighFrequencyPower = texture.highFrequencyPower;
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    table->Initialize();
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

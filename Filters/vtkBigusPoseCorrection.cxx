@@ -188,11 +188,8 @@ int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** 
 {
   vtkImageData* output = vtkImageData::GetData(outputs);
   vtkTable* steps = vtkTable::GetData(outputs, 1);
-  output->Initialize();
-  steps->Initialize();
   this->ChosenStrength = 0;
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkImageData* image = vtkImageData::GetData(inputs[0]);
     const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
@@ -207,7 +204,7 @@ int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** 
                             [this](double fraction) { return bigus::ReportProgress(this, fraction); });
     if (found.aborted)
     {
-      return 1;  // the output stays empty, and the next update begins anew
+      return;  // the output stays empty, and the next update begins anew
     }
     vtkNew<vtkDoubleArray> poses, recorded;
     bigus::FillImagePoses({image}, imported, found.trajectory.imageToReference, poses);
@@ -219,14 +216,6 @@ int vtkBigusPoseCorrection::RequestData(vtkInformation*, vtkInformationVector** 
     AddFindings(output, found, imported.frames);
     FillSteps(found.steps, steps);
     this->ChosenStrength = found.strength;
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

@@ -95,10 +95,7 @@ int vtkBigusSweepInspection::RequestData(vtkInformation*, vtkInformationVector**
 {
   vtkImageData* output = vtkImageData::GetData(outputs, 0);
   vtkTable* table = vtkTable::GetData(outputs, 1);
-  output->Initialize();
-  table->Initialize();
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkImageData* image = vtkImageData::GetData(inputs[0]);
     const bigus::KeptKinds kept = bigus::KeptKinds::Parse(this->Keep);
@@ -107,14 +104,6 @@ int vtkBigusSweepInspection::RequestData(vtkInformation*, vtkInformationVector**
     output->ShallowCopy(image);
     AddReasons(inspected, imported.frames, output);
     FillFindings(inspected, imported.frames, table);
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

@@ -209,12 +209,8 @@ int vtkBigusSweepOutline::RequestData(vtkInformation*, vtkInformationVector** in
 {
   vtkPolyData* outlines = vtkPolyData::GetData(outputs, 0);
   vtkPolyData* path = vtkPolyData::GetData(outputs, 1);
-  outlines->Initialize();
-  path->Initialize();
   vtkStructuredGrid* pixels = vtkStructuredGrid::GetData(outputs, 2);
-  pixels->Initialize();
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkImageData* image = vtkImageData::GetData(inputs[0]);
     const bigus::ImportedSweep imported = bigus::SweepFromImage(image);
@@ -225,13 +221,6 @@ int vtkBigusSweepOutline::RequestData(vtkInformation*, vtkInformationVector** in
     {
       FillPixels(imported, chosen, image->GetPointData()->GetScalars(), pixels);
     }
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

@@ -334,10 +334,6 @@ int vtkBigusTrainer::RequestUpdateExtent(vtkInformation*, vtkInformationVector**
 
 int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
-  vtkPolyData* output = vtkPolyData::GetData(outputs, 0);
-  vtkTable* log = vtkTable::GetData(outputs, 1);
-  output->Initialize();
-  log->Initialize();
   this->SettledOptions.clear();
   this->IterationsDone = 0;
   this->Seconds = 0;
@@ -353,9 +349,8 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
   this->SentBytes = 0;
   this->WaitingSeconds = 0;
   this->SendingSeconds = 0;
-  this->SetErrorCode(vtkErrorCode::NoError);
   this->WasAsked = true;
-  try
+  const auto work = [&]
   {
     const std::unique_ptr<bigus::Exchange> exchange = bigus::ExchangeOf(this->Controller);
     exchange->Together([&] { this->Train(inputs, outputs, *exchange); });
@@ -364,16 +359,8 @@ int vtkBigusTrainer::RequestData(vtkInformation*, vtkInformationVector** inputs,
     this->WaitingSeconds = sent.waiting;
     this->SendingSeconds = sent.sending;
     this->WasAsked = false;
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    log->Initialize();
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }
 
 void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector* outputs, bigus::Exchange& exchange)

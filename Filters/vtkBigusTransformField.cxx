@@ -53,14 +53,13 @@ int vtkBigusTransformField::RequestUpdateExtent(vtkInformation*, vtkInformationV
 int vtkBigusTransformField::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkPolyData* output = vtkPolyData::GetData(outputs);
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkPolyData* input = vtkPolyData::GetData(inputs[0]);
     if (!this->Transform)
     {
       bigus::ShareField(input, output);
-      return 1;
+      return;
     }
     auto* homogeneous = vtkHomogeneousTransform::SafeDownCast(this->Transform);
     if (!homogeneous)
@@ -81,14 +80,6 @@ int vtkBigusTransformField::RequestData(vtkInformation*, vtkInformationVector** 
     }
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
     bigus::SetProvenance(output, "transform", bigus::TransformText(bigus::GetProvenance(input, "transform"), matrix));
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }

@@ -48,15 +48,14 @@ int vtkBigusPartitionField::RequestUpdateExtent(vtkInformation*, vtkInformationV
 int vtkBigusPartitionField::RequestData(vtkInformation*, vtkInformationVector** inputs, vtkInformationVector* outputs)
 {
   vtkPolyData* output = vtkPolyData::GetData(outputs);
-  this->SetErrorCode(vtkErrorCode::NoError);
-  try
+  const auto work = [&]
   {
     vtkPolyData* input = vtkPolyData::GetData(inputs[0]);
     bigus::RequirePartition(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
     if (this->IsInputAPart && input->GetFieldData()->GetArray(bigus::kChunksArray))
     {
       output->ShallowCopy(input);
-      return 1;
+      return;
     }
     if (this->IsInputAPart && this->NumberOfPieces > 1)
     {
@@ -67,14 +66,6 @@ int vtkBigusPartitionField::RequestData(vtkInformation*, vtkInformationVector** 
     bigus::FieldToPolyData(part, output);
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
     bigus::WriteChunks(chunks, output);
-    return 1;
-  }
-  catch (const std::exception& error)
-  {
-    output->Initialize();
-    bigus::ForgetRequests(outputs);
-    vtkErrorMacro(<< error.what());
-    this->SetErrorCode(vtkErrorCode::UserError);
-    return 0;
-  }
+  };
+  return bigus::Execute(this, outputs, work);
 }
