@@ -37,15 +37,18 @@ void ClearOutputs(vtkInformationVector* outputs);
 /// becomes the filter's error. Returns 1, or 0 after an error.
 int Execute(vtkAlgorithm* filter, vtkInformationVector* outputs, const std::function<void()>& work);
 
-/// A new column of a table, whose values are to be set.
-template <class Array>
-Array* AddColumn(vtkTable* table, const char* name, std::size_t rows)
+/// A new column of a table with a value of every row: a member, or what a function gives of a row.
+template <class Array, class Rows, class Value>
+void AddColumn(vtkTable* table, const char* name, const Rows& rows, const Value& value)
 {
   vtkNew<Array> column;
   column->SetName(name);
-  column->SetNumberOfValues(static_cast<vtkIdType>(rows));
+  column->SetNumberOfValues(static_cast<vtkIdType>(rows.size()));
+  for (std::size_t k = 0; k < rows.size(); ++k)
+  {
+    column->SetValue(static_cast<vtkIdType>(k), std::invoke(value, rows[k]));
+  }
   table->AddColumn(column);
-  return column;
 }
 
 }  // namespace bigus

@@ -97,26 +97,14 @@ void AddConfirmedSteps(vtkImageData* image, const bigus::PoseCorrection& correct
 
 void FillSteps(const std::vector<bigus::PoseStep>& steps, vtkTable* table)
 {
-  const std::array<std::pair<const char*, double bigus::PoseStep::*>, 6> columns = {
-      {{"From", &bigus::PoseStep::from},
-       {"To", &bigus::PoseStep::to},
-       {"Share", &bigus::PoseStep::share},
-       {"ShareError", &bigus::PoseStep::shareError},
-       {"Gain", &bigus::PoseStep::gain},
-       {"GainError", &bigus::PoseStep::gainError}}};
-  for (const auto& [name, member] : columns)
-  {
-    auto* column = bigus::AddColumn<vtkDoubleArray>(table, name, steps.size());
-    for (std::size_t k = 0; k < steps.size(); ++k)
-    {
-      column->SetValue(static_cast<vtkIdType>(k), steps[k].*member);
-    }
-  }
-  auto* taken = bigus::AddColumn<vtkIntArray>(table, "Taken", steps.size());
-  for (std::size_t k = 0; k < steps.size(); ++k)
-  {
-    taken->SetValue(static_cast<vtkIdType>(k), steps[k].isTaken ? 1 : 0);
-  }
+  using Step = bigus::PoseStep;
+  bigus::AddColumn<vtkDoubleArray>(table, "From", steps, &Step::from);
+  bigus::AddColumn<vtkDoubleArray>(table, "To", steps, &Step::to);
+  bigus::AddColumn<vtkDoubleArray>(table, "Share", steps, &Step::share);
+  bigus::AddColumn<vtkDoubleArray>(table, "ShareError", steps, &Step::shareError);
+  bigus::AddColumn<vtkDoubleArray>(table, "Gain", steps, &Step::gain);
+  bigus::AddColumn<vtkDoubleArray>(table, "GainError", steps, &Step::gainError);
+  bigus::AddColumn<vtkIntArray>(table, "Taken", steps, &Step::isTaken);
 }
 
 void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const std::vector<int>& frames)

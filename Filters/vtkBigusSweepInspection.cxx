@@ -25,22 +25,14 @@ namespace
 
 void FillFindings(const bigus::InspectedSweep& inspected, const std::vector<int>& numbers, vtkTable* table)
 {
-  const std::size_t rows = inspected.findings.size();
-  auto* kinds = bigus::AddColumn<vtkStringArray>(table, "Kind", rows);
-  auto* frames = bigus::AddColumn<vtkIntArray>(table, "Frames", rows);
-  auto* pixels = bigus::AddColumn<vtkIntArray>(table, "Pixels", rows);
-  auto* applied = bigus::AddColumn<vtkIntArray>(table, "Applied", rows);
-  auto* texts = bigus::AddColumn<vtkStringArray>(table, "Text", rows);
-  for (std::size_t i = 0; i < rows; ++i)
-  {
-    const bigus::Finding& finding = inspected.findings[i];
-    const vtkIdType row = static_cast<vtkIdType>(i);
-    kinds->SetValue(row, bigus::NameOf(finding.kind));
-    frames->SetValue(row, static_cast<int>(finding.frames.size()));
-    pixels->SetValue(row, static_cast<int>(finding.pixels));
-    applied->SetValue(row, finding.isApplied ? 1 : 0);
-    texts->SetValue(row, bigus::Describe(finding, numbers));
-  }
+  using bigus::Finding;
+  const std::vector<Finding>& found = inspected.findings;
+  bigus::AddColumn<vtkStringArray>(table, "Kind", found, [](const Finding& one) { return bigus::NameOf(one.kind); });
+  bigus::AddColumn<vtkIntArray>(table, "Frames", found, [](const Finding& one) { return one.frames.size(); });
+  bigus::AddColumn<vtkIntArray>(table, "Pixels", found, &Finding::pixels);
+  bigus::AddColumn<vtkIntArray>(table, "Applied", found, &Finding::isApplied);
+  bigus::AddColumn<vtkStringArray>(table, "Text", found,
+                                   [&numbers](const Finding& one) { return bigus::Describe(one, numbers); });
 }
 
 /// Why each frame of the image is left out.

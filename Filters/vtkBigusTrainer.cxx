@@ -92,40 +92,25 @@ std::string ProgressLine(const bigus::TrainingProgress& progress)
 
 void FillLog(const std::vector<bigus::TrainingRecord>& log, vtkTable* table)
 {
+  using Record = bigus::TrainingRecord;
+  const auto validation = [](const Record& record)
+  { return record.validationPsnr.value_or(std::numeric_limits<double>::quiet_NaN()); };
   table->Initialize();
-  auto* iterations = bigus::AddColumn<vtkIntArray>(table, "Iteration", log.size());
-  auto* seconds = bigus::AddColumn<vtkDoubleArray>(table, "Seconds", log.size());
-  auto* losses = bigus::AddColumn<vtkDoubleArray>(table, "Loss", log.size());
-  auto* validations = bigus::AddColumn<vtkDoubleArray>(table, "ValidationPSNR", log.size());
-  auto* gaussians = bigus::AddColumn<vtkIdTypeArray>(table, "Gaussians", log.size());
-  auto* rates = bigus::AddColumn<vtkDoubleArray>(table, "Rate", log.size());
-  for (std::size_t i = 0; i < log.size(); ++i)
-  {
-    const vtkIdType row = static_cast<vtkIdType>(i);
-    iterations->SetValue(row, log[i].iteration);
-    seconds->SetValue(row, log[i].seconds);
-    losses->SetValue(row, log[i].loss);
-    validations->SetValue(row, log[i].validationPsnr.value_or(std::numeric_limits<double>::quiet_NaN()));
-    gaussians->SetValue(row, static_cast<vtkIdType>(log[i].gaussians));
-    rates->SetValue(row, log[i].rate);
-  }
+  bigus::AddColumn<vtkIntArray>(table, "Iteration", log, &Record::iteration);
+  bigus::AddColumn<vtkDoubleArray>(table, "Seconds", log, &Record::seconds);
+  bigus::AddColumn<vtkDoubleArray>(table, "Loss", log, &Record::loss);
+  bigus::AddColumn<vtkDoubleArray>(table, "ValidationPSNR", log, validation);
+  bigus::AddColumn<vtkIdTypeArray>(table, "Gaussians", log, &Record::gaussians);
+  bigus::AddColumn<vtkDoubleArray>(table, "Rate", log, &Record::rate);
 }
 
 void FillDecisions(const std::vector<bigus::Decision>& decisions, vtkTable* table)
 {
   table->Initialize();
-  auto* whats = bigus::AddColumn<vtkStringArray>(table, "Decision", decisions.size());
-  auto* choices = bigus::AddColumn<vtkStringArray>(table, "Choice", decisions.size());
-  auto* evidences = bigus::AddColumn<vtkStringArray>(table, "Evidence", decisions.size());
-  auto* seconds = bigus::AddColumn<vtkDoubleArray>(table, "Seconds", decisions.size());
-  for (std::size_t i = 0; i < decisions.size(); ++i)
-  {
-    const vtkIdType row = static_cast<vtkIdType>(i);
-    whats->SetValue(row, decisions[i].what);
-    choices->SetValue(row, decisions[i].choice);
-    evidences->SetValue(row, decisions[i].evidence);
-    seconds->SetValue(row, decisions[i].seconds);
-  }
+  bigus::AddColumn<vtkStringArray>(table, "Decision", decisions, &bigus::Decision::what);
+  bigus::AddColumn<vtkStringArray>(table, "Choice", decisions, &bigus::Decision::choice);
+  bigus::AddColumn<vtkStringArray>(table, "Evidence", decisions, &bigus::Decision::evidence);
+  bigus::AddColumn<vtkDoubleArray>(table, "Seconds", decisions, &bigus::Decision::seconds);
 }
 
 const std::vector<bigus::OptionText>& Defaults()
