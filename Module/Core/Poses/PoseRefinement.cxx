@@ -33,7 +33,7 @@ constexpr double kAway = 3;                // mm: a place that the probe left so
 constexpr double kWidestGap = 2;           // mm between the two frames that a third is predicted from
 constexpr std::size_t kMostRevisits = 2;   // of a frame: the nearest in the plane
 constexpr double kMostLooks =
-    1e8;  // frames times those among which each looks for its place: of 10,000 frames all, of more some
+    2.5e7;  // frames times those among which each looks for its place: of 5,000 frames all, of more some
 
 /// Degrees that frames of a revisit may be turned against each other in their plane. Speckle and shadows turn with the
 /// beam, so pictures that are turned by 4 degrees seem to fit best where they are turned by 1: at exact poses of a
