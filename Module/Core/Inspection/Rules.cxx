@@ -85,20 +85,24 @@ std::vector<std::pair<std::size_t, std::size_t>> StillStretches(const Pictures& 
                                                                 const std::vector<double>& steps)
 {
   std::vector<std::pair<std::size_t, std::size_t>> stretches;
+  const std::size_t last = steps.size() + 1 - std::min(kWindow, steps.size() + 1);  // where no window begins any more
+  std::vector<char> isStillFrom(last + 1);
+  tbb::parallel_for(std::size_t(0), last,
+                    [&](std::size_t k)
+                    {
+                      double squares = 0;
+                      for (std::size_t j = 0; j < kWindow; ++j)
+                      {
+                        squares += steps[k + j] * steps[k + j];
+                      }
+                      const double all = Difference(pictures, k, k + kWindow);
+                      isStillFrom[k] = all <= kGrowth * std::sqrt(squares / kWindow) &&
+                                       all < kAlike * UnrelatedDifference(pictures, k);
+                    });
   std::size_t windows = 0;
-  for (std::size_t k = 0; k + kWindow <= steps.size() + 1; ++k)
+  for (std::size_t k = 0; k <= last; ++k)
   {
-    bool isStill = false;
-    if (k + kWindow <= steps.size())
-    {
-      double squares = 0;
-      for (std::size_t j = 0; j < kWindow; ++j)
-      {
-        squares += steps[k + j] * steps[k + j];
-      }
-      const double all = Difference(pictures, k, k + kWindow);
-      isStill = all <= kGrowth * std::sqrt(squares / kWindow) && all < kAlike * UnrelatedDifference(pictures, k);
-    }
+    const bool isStill = isStillFrom[k];
     windows = isStill ? windows + 1 : windows;
     if (!isStill && windows > 0)
     {

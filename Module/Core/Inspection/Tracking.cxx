@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Poses that a tracker calls good and that are not.
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <optional>
 
@@ -78,20 +80,20 @@ double UsualWay(const std::vector<double>& ways, std::size_t k)
 }
 
 /// [steps] whether pictures go on over a step as they do between neighbours.
-std::vector<bool> WhereTheyGoOn(const Pictures& pictures, const Path& path)
+std::vector<char> WhereTheyGoOn(const Pictures& pictures, const Path& path)
 {
-  std::vector<double> differences;
-  for (std::size_t k = 0; k < path.steps.size(); ++k)
-  {
-    differences.push_back(Difference(pictures, path.places[k], path.places[k + 1]));
-  }
+  const std::size_t steps = path.steps.size();
+  std::vector<double> differences(steps);
+  tbb::parallel_for(std::size_t(0), steps,
+                    [&](std::size_t k) { differences[k] = Difference(pictures, path.places[k], path.places[k + 1]); });
   const double usual = ShareBelow(differences, 0.5);
-  std::vector<bool> goOn;
-  for (std::size_t k = 0; k < path.steps.size(); ++k)
-  {
-    goOn.push_back(differences[k] <= kNeighbours * usual &&
-                   differences[k] < kRelated * UnrelatedDifference(pictures, path.places[k]));
-  }
+  std::vector<char> goOn(steps);
+  tbb::parallel_for(std::size_t(0), steps,
+                    [&](std::size_t k)
+                    {
+                      goOn[k] = differences[k] <= kNeighbours * usual &&
+                                differences[k] < kRelated * UnrelatedDifference(pictures, path.places[k]);
+                    });
   return goOn;
 }
 
@@ -103,7 +105,7 @@ std::size_t MostAway(std::size_t frames, std::size_t least)
 
 /// The place in the path at which it goes on as if the jump of step k had not been; nothing where it does not.
 std::optional<std::size_t> BackAfter(const Sweep& sweep, const std::vector<int>& frames, const Path& path,
-                                     const std::vector<bool>& goOn, std::size_t k)
+                                     const std::vector<char>& goOn, std::size_t k)
 {
   const double usual = UsualWay(path.ways, k), jump = path.steps[k];
   const std::size_t away = goOn[k] ? MostAway(frames.size(), kAway) : kAway;
@@ -122,7 +124,7 @@ std::optional<std::size_t> BackAfter(const Sweep& sweep, const std::vector<int>&
 }
 
 /// Marks what lies between a jump and where the path goes on.
-void MarkExcursions(const Sweep& sweep, const std::vector<int>& frames, const Path& path, const std::vector<bool>& goOn,
+void MarkExcursions(const Sweep& sweep, const std::vector<int>& frames, const Path& path, const std::vector<char>& goOn,
                     Lies& lies)
 {
   for (std::size_t k = 0; k < path.steps.size(); ++k)
@@ -146,7 +148,7 @@ void MarkExcursions(const Sweep& sweep, const std::vector<int>& frames, const Pa
 }
 
 /// Marks short ends of the path that lie beyond a jump.
-void MarkEnds(const Path& path, const std::vector<bool>& goOn, std::size_t frames, Lies& lies)
+void MarkEnds(const Path& path, const std::vector<char>& goOn, std::size_t frames, Lies& lies)
 {
   const std::size_t steps = path.steps.size();
   const auto isSound = [&](std::size_t k) { return !lies.away[path.places[k]] && !lies.away[path.places[k + 1]]; };
@@ -237,7 +239,7 @@ LostTracking FindLostTracking(const Sweep& sweep, const Pictures& pictures, cons
   Lies lies{std::vector<bool>(frames.size()), std::vector<bool>(frames.size()), 0};
   MarkStale(pictures, StepsOf(sweep, frames), lies);
   const Path path = FreshPath(sweep, frames, lies.stale);
-  const std::vector<bool> goOn = WhereTheyGoOn(pictures, path);
+  const std::vector<char> goOn = WhereTheyGoOn(pictures, path);
   MarkExcursions(sweep, frames, path, goOn, lies);
   MarkEnds(path, goOn, frames.size(), lies);
   const std::vector<int> away = Chosen(frames, lies.away), stale = Chosen(frames, lies.stale);

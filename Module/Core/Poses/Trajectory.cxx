@@ -192,19 +192,21 @@ std::vector<std::pair<int, int>> StrokesOf(const Path& path)
   std::vector<int> cuts = {0};
   if (n >= 2 * kWindow)
   {
-    std::vector<double> apart(n, 0.0), slower(n, 0.0), faster(n, 0.0), inner, steps;
+    std::vector<double> apart(n, 0.0), slower(n, 0.0), faster(n, 0.0), steps(n - 2 * kWindow + 1);
     std::vector<char> turnsBack(n, 0);
-    for (int k = kWindow; k + kWindow <= n; ++k)
-    {
-      const double time = 0.5 * (path.times[k - 1] + path.times[k]);
-      const Line before = LineThrough(path, k - kWindow, k, time), after = LineThrough(path, k, k + kWindow, time);
-      apart[k] = Distance(before.at, after.at);
-      slower[k] = std::min(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
-      faster[k] = std::max(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
-      turnsBack[k] = before.slope.dot(after.slope) < 0;
-      inner.push_back(apart[k]);
-      steps.push_back(before.slope.norm() / std::sqrt(3.0));
-    }
+    tbb::parallel_for(kWindow, n - kWindow + 1,
+                      [&](int k)
+                      {
+                        const double time = 0.5 * (path.times[k - 1] + path.times[k]);
+                        const Line before = LineThrough(path, k - kWindow, k, time),
+                                   after = LineThrough(path, k, k + kWindow, time);
+                        apart[k] = Distance(before.at, after.at);
+                        slower[k] = std::min(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
+                        faster[k] = std::max(before.slope.norm(), after.slope.norm()) / std::sqrt(3.0);
+                        turnsBack[k] = before.slope.dot(after.slope) < 0;
+                        steps[k - kWindow] = before.slope.norm() / std::sqrt(3.0);
+                      });
+    const std::vector<double> inner(apart.begin() + kWindow, apart.end() - kWindow + 1);
     const double noise = Median(inner), step = UsualStep(steps);
     int turn = -1;  // of those that follow each other the one where lines meet best
     for (int k = kWindow; k + kWindow <= n; ++k)
