@@ -8,6 +8,8 @@ file(GLOB bigus_shared_xml CONFIGURE_DEPENDS "${CMAKE_CURRENT_LIST_DIR}/Shared/*
 
 add_executable(bigusMakePluginXml "${CMAKE_CURRENT_LIST_DIR}/MakePluginXml.cxx")
 target_link_libraries(bigusMakePluginXml PRIVATE BIGUS::Core)
+# It runs in the build tree alone, where a wheel's Core lies beside the package.
+set_target_properties(bigusMakePluginXml PROPERTIES INSTALL_RPATH "$<TARGET_FILE_DIR:BIGUS::Core>")
 target_compile_options(bigusMakePluginXml PRIVATE ${BIGUS_WARNINGS})
 file(MAKE_DIRECTORY "${CMAKE_BINARY_DIR}/paraview")
 add_custom_command(OUTPUT "${bigus_plugin_xml}"
