@@ -793,6 +793,7 @@ class Server:
             self.clients.pop(socket, None)
             if worker is not None:
                 worker.cancel()
+                await asyncio.wait([worker])  # a loop that ends before its task would complain of it
         return socket
 
     async def _send(self, socket: Any, transport: Any, data: Any) -> None:
