@@ -122,6 +122,29 @@ TEST_P(Fields, PlanesThatMissTheFieldAreBlack)
   EXPECT_EQ(lit, 0u);
 }
 
+// Offsets, times the precision of a thin Gaussian, leave the range of double, one way along rows and the other along columns.
+TEST(Reference, APlaneBeyondAnyReachIsBlack)
+{
+  GaussianField field;
+  field.Resize(1);
+  field.means[0] = {2, 2, 2};
+  field.scales[0] = {1e-12, 1.5, 1.5};
+  field.rotations[0] = {1, 0, 0, 0};
+  field.reflectivities[0] = 0.5;
+  field.beam.elevationSigma = 0;
+  SlicePlane plane;
+  plane.width = 15;
+  plane.height = 13;
+  plane.columnStep = {-0.63125, -1.03125, -1.03125};
+  plane.rowStep = {-1.03125, -0.63125, -1.03125};
+  plane.origin = {-1.03125, -1e300, 1.609375};
+  const auto engine = Engine::Create("reference");
+  engine->SetField(field);
+  const RenderedPlane image = RenderWhole(*engine, plane, ViewOutput::Intensity);
+  EXPECT_EQ(CountNonFinite(image.values) + CountNonFinite(image.coverage), 0u);
+  EXPECT_TRUE(std::all_of(image.values.begin(), image.values.end(), [](float v) { return v == 0; }));
+}
+
 // Two Gaussians as far on either side keep their block's middle at the plane, so no block is left out as a whole.
 TEST_P(Fields, PairsFarOnEitherSideOfThePlaneAreNotSeen)
 {

@@ -16,6 +16,7 @@
 #include "Core/Engine/Packing.h"
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/Adam.h"
+#include "Core/Formula/GaussianBlock.h"
 #include "Core/Formula/PixelLoss.h"
 
 namespace bigus
@@ -331,7 +332,12 @@ private:
     std::vector<Projection<double>> projections(gaussians_.size());
     for (std::size_t i = 0; i < gaussians_.size(); ++i)
     {
-      projections[i] = Project(gaussians_[i], view);
+      const Projection<double> projection = Project(gaussians_[i], view);
+      // Not where either is not a number: a projection of zeros has no footprint.
+      if (std::abs(projection.splat.mu) < kFarthestPixel && std::abs(projection.splat.mv) < kFarthestPixel)
+      {
+        projections[i] = projection;
+      }
     }
     return projections;
   }

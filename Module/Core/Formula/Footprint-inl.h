@@ -42,8 +42,8 @@ BIGUS_FORMULA Footprint<Real> FootprintOf(const Splat<Real>& s, Real magnitude, 
   using std::log;
   using std::sqrt;
   Footprint<Real> out;
-  const Real zero = Real(T(0)), one = Real(T(1)), far = Real(T(1e9));
-  const auto bounded = [far](Real value) { return min(max(value, Real(T(-1e9))), far); };
+  const Real zero = Real(T(0)), one = Real(T(1)), far = Real(T(kFarthestPixel));
+  const auto bounded = [far](Real value) { return min(max(value, Real(T(-kFarthestPixel))), far); };
   out.cut = CutFor(magnitude * s.amplitude, tolerance);
   out.logAmplitude = log(s.amplitude);
   const Real k = sqrt(out.cut);

@@ -76,6 +76,9 @@ constexpr T kLowestExponent = sizeof(T) == 4 ? T(-85) : T(-700);
 template <class T>
 constexpr T kWholeCut = sizeof(T) == 4 ? T(180) : T(1480);
 
+/// Pixels: a footprint whose centre lies further away than it can be counted from has no pixel.
+constexpr double kFarthestPixel = 1e9;
+
 /// A recurrence along a column serves only where the column's curvature is at most this times -kLowestExponent: see
 /// RatiosHold in Footprint-inl.h.
 constexpr double kSteepestRecurrence = 0.32;
