@@ -615,7 +615,7 @@ ExitCode Train(Console& console, const TrainOptions& options)
   WriteTrainedPoses(trainer, frames.images, posesFiles, console);
 
   GaussianField field = FieldFromPolyData(output);
-  std::optional<ViewDependence> view = KeepsViews(options.output) ? ViewFromPolyData(output) : std::nullopt;
+  std::optional<ViewDependence> view = ViewFromPolyData(output);
   if (!options.exact)  // what is scored is what was written
   {
     RoundField(field);

@@ -86,6 +86,7 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
       if (isPly && wanted)
       {
         stored->field = PartOf(stored->field, chunks);
+        stored->view.reset();
       }
       if (wanted)
       {
@@ -150,11 +151,6 @@ void WriteFieldTogether(const StoredField& part, const std::string& fileName, Ex
   }
   RequireChunks(processes.Size(), processes.Rank(), processes.Size());
   WritePvtpTogether(part, fileName, processes);
-}
-
-bool KeepsViews(const std::string& fileName)
-{
-  return KeepsLabels(fileName) || EndsIn(fileName, ".pvtp");
 }
 
 bool KeepsLabels(const std::string& fileName)

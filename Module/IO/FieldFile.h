@@ -26,7 +26,7 @@ struct StoredField
   std::optional<FieldChunks> chunks;    ///< that it has, where it is a part of a field
   /// What its standard error rests on (Core/StandardError), as bytes; only .vtp files have it.
   std::string standardError = {};
-  /// What it knows of directions; of a whole .vtp or .pvtp. Other files, and parts, have none.
+  /// What it knows of directions; of a whole file. Parts have none.
   std::optional<ViewDependence> view = std::nullopt;
   std::optional<FieldLabels> labels = std::nullopt;  ///< of a whole .vtp alone
 };
@@ -65,8 +65,7 @@ void WriteField(const StoredField& stored, const std::string& fileName, int piec
 /// and Error for parts that are not of one field.
 void WriteFieldTogether(const StoredField& part, const std::string& fileName, Exchange& processes);
 
-/// Whether a file of this name keeps what a whole field knows of directions, and its labels.
-bool KeepsViews(const std::string& fileName);
+/// Whether a file of this name keeps a field's labels.
 bool KeepsLabels(const std::string& fileName);
 
 /// All files that WriteField writes under this name.

@@ -104,7 +104,7 @@ void vtkBigusFieldWriter::WriteFile()
             vtkWarningMacro(<< fileName << ": " << what << " left out; .vtp keeps it.");
           }
         };
-        if (processes.IsAlone() && bigus::KeepsViews(fileName))
+        if (processes.IsAlone())
         {
           stored.view = bigus::ViewFromPolyData(input);
         }

@@ -242,15 +242,8 @@ std::vector<std::string> WriteStoredField(Field field, const std::string& path, 
   }
   StoredField stored{
       std::move(static_cast<GaussianField&>(field)), std::move(field.provenance), {}, std::move(field.standardError)};
+  stored.view = std::move(field.view);
   std::vector<std::string> leftOut;
-  if (KeepsViews(path))
-  {
-    stored.view = std::move(field.view);
-  }
-  else if (field.view)
-  {
-    leftOut.emplace_back("what the field knows of directions is");
-  }
   if (KeepsLabels(path))
   {
     stored.labels = std::move(field.labels);

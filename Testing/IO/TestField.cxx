@@ -193,7 +193,7 @@ void ExpectSameViews(vtkPolyData* a, vtkPolyData* b)
   EXPECT_EQ(first->views.poses, second->views.poses);
 }
 
-TEST(Field, WhatIsKnownOfDirectionsIsKeptExactlyAndSaidToBeLeftOutByPly)
+TEST(Field, WhatIsKnownOfDirectionsIsKeptExactly)
 {
   TemporaryFolder folder;
   const auto field = DirectedField(50);
@@ -204,19 +204,46 @@ TEST(Field, WhatIsKnownOfDirectionsIsKeptExactlyAndSaidToBeLeftOutByPly)
   foreign->SetDataModeToAscii();
   foreign->Write();
   Write(field, folder / "field.pvtp");  // of fewer Gaussians than a block, so that they are in one piece
-  for (const char* name : {"field.vtp", "foreign.vtp", "field.pvtp"})
+  Write(field, folder / "field.ply");
+  for (const char* name : {"field.vtp", "foreign.vtp", "field.pvtp", "field.ply"})
   {
     vtkNew<vtkBigusFieldReader> reader;
     ExpectSameViews(field, Read(reader, folder / name));
   }
-  vtkNew<vtkBigusFieldWriter> writer;
-  ErrorObserver said(writer);
-  writer->SetFileName((folder / "field.ply").c_str());
-  writer->SetInputData(field);
-  EXPECT_EQ(writer->Write(), 1);
-  EXPECT_NE(said.Text().find("directions is left out"), std::string::npos) << said.Text();
-  vtkNew<vtkBigusFieldReader> reader;
-  EXPECT_FALSE(ViewFromPolyData(Read(reader, folder / "field.ply")));
+}
+
+TEST(Field, RefusesUnsoundDirectionsOfPly)
+{
+  TemporaryFolder folder;
+  const std::string path = folder / "field.ply";
+  Write(DirectedField(50), path);
+  const std::string sound = ReadBytes(path);
+  const auto replaced = [&](const std::string& what, const std::string& by)
+  {
+    std::string bytes = sound;
+    const std::size_t at = bytes.find(what);
+    EXPECT_NE(at, std::string::npos) << what;
+    return at == std::string::npos ? "" : bytes.replace(at, what.size(), by);
+  };
+  const std::pair<std::string, const char*> faults[] = {
+      {replaced("view_version 1", "view_version 2"), "newer BIGUS"},
+      {replaced("element view_pose", "element other_one"), "element view_pose"},
+      {replaced("property double m23\n", ""), "element view_pose"},
+      {replaced("element view_pose", "element other 0\nelement view_pose"), "does not follow vertex"},
+      {replaced("property double view_1", "property double view_9"), "view_1"},
+      {replaced("view_steps ", "view_steps 1 "), "3 numbers"},
+      {sound.substr(0, sound.size() - 8), "recorded poses"},
+  };
+  for (const auto& [bytes, expected] : faults)
+  {
+    WriteBytes(path, bytes);
+    vtkNew<vtkBigusFieldReader> reader;
+    ErrorObserver observer(reader);
+    reader->SetFileName(path.c_str());
+    reader->Update();
+    EXPECT_NE(observer.Text().find(expected), std::string::npos) << expected << ": " << observer.Text();
+    EXPECT_EQ(reader->GetOutput()->GetNumberOfPoints(), 0);
+  }
 }
 
 TEST(Field, RefusesUnsoundDirections)

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <map>
 
+#include "Data/FieldShape.h"
 #include "IO/Bytes.h"
 #include "IO/FileError.h"
 #include "IO/Text.h"
@@ -20,7 +21,9 @@ namespace
 constexpr double sphericalHarmonic0 = 0.28209479177387814;  // 1 / (2 sqrt(pi)): colour = 0.5 + this * f_dc
 constexpr std::uint64_t longestPlyHeader = 1u << 20;
 constexpr std::size_t kMostProperties = 1000;
-constexpr std::int64_t mostVertices = 1000000000;
+constexpr std::int64_t kMostVertices = 1000000000;
+constexpr const char* kPoseElement = "view_pose";
+constexpr std::size_t kPoseNumbers = 12;  // of the upper three rows
 
 enum class Layout
 {
@@ -36,13 +39,19 @@ struct Property
   std::size_t bytes;
 };
 
+struct Element
+{
+  std::int64_t count = -1;  // -1: not there
+  std::vector<Property> properties;
+  std::size_t stride = 0;  // bytes of a binary one
+};
+
 struct PlyHeader
 {
   Layout layout = Layout::Ascii;
-  std::int64_t vertices = -1;
   bool hasFormat = false;
-  std::vector<Property> properties;  // of a vertex
-  std::size_t stride = 0;            // bytes of a binary vertex
+  Element vertices, poses;  // poses: of recorded planes (ViewDependence), right behind the vertices
+  std::vector<std::string> elements;
   std::vector<std::string> comments;
 };
 
@@ -62,8 +71,39 @@ bool ParseType(const std::string& text, Property& property)
   return found != types.end();
 }
 
-/// Takes one line of a header. `inVertex`: it belongs to the element vertex.
-void TakeHeaderLine(const InputFile& input, const std::string& line, PlyHeader& header, bool& inVertex)
+/// The element that a header line begins: vertex, ours behind it, or null where nothing is read of it.
+Element* BeginElement(const InputFile& input, const std::string& line, PlyHeader& header)
+{
+  const auto refuse = [&](const std::string& message) { return FormatError(input.Name() + ": " + message); };
+  const auto words = Words(line);
+  const bool isVertex = words[1] == "vertex", isPose = words[1] == kPoseElement;
+  header.elements.emplace_back(words[1]);
+  if (!isVertex && header.vertices.count < 0)
+  {
+    throw refuse("element " + Quoted(words[1]) + " comes before vertex; vertex must be the first element");
+  }
+  if (!isVertex && !isPose)
+  {
+    return nullptr;
+  }
+  Element& element = isVertex ? header.vertices : header.poses;
+  const std::int64_t most = isVertex ? kMostVertices : static_cast<std::int64_t>(RecordedViews::kMostPoses);
+  std::int64_t count = -1;
+  if (!ParseNumber(words[2], count) || count < 0 || count > most || element.count >= 0)
+  {
+    throw refuse("header line " + Quoted(line) + "; one " + std::string(words[1]) + " element with 0 to " +
+                 std::to_string(most) + (isVertex ? " vertices" : "") + " is expected");
+  }
+  if (isPose && header.elements.size() != 2)
+  {
+    throw refuse("element " + Quoted(words[1]) + " does not follow vertex");
+  }
+  element.count = count;
+  return &element;
+}
+
+/// Takes one line of a header. `element`: that it belongs to, or null.
+void TakeHeaderLine(const InputFile& input, const std::string& line, PlyHeader& header, Element*& element)
 {
   const auto refuse = [&](const std::string& message) { return FormatError(input.Name() + ": " + message); };
   const auto words = Words(line);
@@ -82,33 +122,22 @@ void TakeHeaderLine(const InputFile& input, const std::string& line, PlyHeader& 
   }
   else if (keyword == "element" && words.size() == 3)
   {
-    inVertex = words[1] == "vertex";
-    if (!inVertex && header.vertices < 0)
-    {
-      throw refuse("element " + Quoted(words[1]) + " comes before vertex; vertex must be the first element");
-    }
-    std::int64_t count = -1;
-    if (inVertex && (!ParseNumber(words[2], count) || count < 0 || count > mostVertices || header.vertices >= 0))
-    {
-      throw refuse("header line " + Quoted(line) + "; one vertex element with 0 to " + std::to_string(mostVertices) +
-                   " vertices is expected");
-    }
-    header.vertices = inVertex ? count : header.vertices;
+    element = BeginElement(input, line, header);
   }
   else if (keyword == "property")
   {
     Property property;
-    if (inVertex && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
-                     header.properties.size() >= kMostProperties))
+    if (element && (words.size() != 3 || !ParseType(std::string(words[1]), property) ||
+                    element->properties.size() >= kMostProperties))
     {
-      throw refuse("header line " + Quoted(line) + "; a vertex has up to " + std::to_string(kMostProperties) +
-                   " properties of a number type and no lists");
+      throw refuse("header line " + Quoted(line) + "; a " + header.elements.back() + " has up to " +
+                   std::to_string(kMostProperties) + " properties of a number type and no lists");
     }
-    if (inVertex)
+    if (element)
     {
       property.name = words[2];
-      header.stride += property.bytes;
-      header.properties.push_back(property);
+      element->stride += property.bytes;
+      element->properties.push_back(property);
     }
   }
   else
@@ -125,7 +154,7 @@ PlyHeader ReadHeader(InputFile& input)
   {
     throw FormatError(input.Name() + ": does not begin with the line \"ply\"");
   }
-  bool inVertex = false;
+  Element* element = nullptr;
   while (input.ReadLine(line))
   {
     if (input.Position() > longestPlyHeader)
@@ -135,13 +164,13 @@ PlyHeader ReadHeader(InputFile& input)
     const auto words = Words(line);
     if (!words.empty() && words[0] == "end_header")
     {
-      if (!header.hasFormat || header.vertices < 0)
+      if (!header.hasFormat || header.vertices.count < 0)
       {
         throw FormatError(input.Name() + ": the header has no format or no vertex element");
       }
       return header;
     }
-    TakeHeaderLine(input, line, header, inVertex);
+    TakeHeaderLine(input, line, header, element);
   }
   throw TruncationError(input.Name() + ": the header ends before end_header; the file is truncated");
 }
@@ -154,7 +183,7 @@ double As(const unsigned char* bytes)
   return static_cast<double>(number);
 }
 
-// A number of a binary vertex, its bytes already in this machine's order.
+// A number of a binary element, its bytes already in this machine's order.
 double Decode(const Property& property, const unsigned char* bytes)
 {
   switch (property.kind)
@@ -172,34 +201,36 @@ double Decode(const Property& property, const unsigned char* bytes)
   }
 }
 
-// Reads vertex after vertex into `values`, [properties].
-class VertexReader
+// Reads one element after the other into `values`, [properties].
+class ElementReader
 {
 public:
-  VertexReader(InputFile& input, const PlyHeader& header) : input_(input), header_(header), bytes_(header.stride)
+  /// `name`, `plural`: what one is called, and several.
+  ElementReader(InputFile& input, Layout layout, const Element& element, const char* name, const char* plural)
+      : input_(input), layout_(layout), element_(element), name_(name), plural_(plural), bytes_(element.stride)
   {
-    // The least room a vertex takes: its bytes, or a digit and a blank for each number.
-    const std::uint64_t least = header.layout == Layout::Ascii ? 2 * header.properties.size() : header.stride;
-    const auto vertices = static_cast<std::uint64_t>(header.vertices);
-    if (vertices > 0 && (least == 0 || (input.Remaining() + 1) / least < vertices))
+    // The least room one takes: its bytes, or a digit and a blank for each number.
+    const std::uint64_t least = layout == Layout::Ascii ? 2 * element.properties.size() : element.stride;
+    const auto count = static_cast<std::uint64_t>(element.count);
+    if (count > 0 && (least == 0 || (input.Remaining() + 1) / least < count))
     {
-      throw TruncationError(input.Name() + ": claims " + std::to_string(header.vertices) + " vertices, but only " +
+      throw TruncationError(input.Name() + ": claims " + std::to_string(element.count) + " " + plural + ", but only " +
                             std::to_string(input.Remaining()) + " bytes follow; the file is truncated");
     }
   }
 
   void Read(std::vector<double>& values)
   {
-    values.resize(header_.properties.size());
-    if (header_.layout == Layout::Ascii)
+    values.resize(element_.properties.size());
+    if (layout_ == Layout::Ascii)
     {
       if (!input_.ReadLine(line_))
       {
-        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) + " vertices; it is truncated");
+        throw Truncated();
       }
       if (!ParseNumbers(line_, values.size(), values.data()))
       {
-        throw FormatError(input_.Name() + ": vertex " + std::to_string(done_) + " is not " +
+        throw FormatError(input_.Name() + ": " + name_ + " " + std::to_string(done_) + " is not " +
                           std::to_string(values.size()) + " numbers");
       }
     }
@@ -207,13 +238,13 @@ public:
     {
       if (input_.Read(bytes_.data(), bytes_.size()) != bytes_.size())
       {
-        throw TruncationError(input_.Name() + ": ends after " + std::to_string(done_) + " vertices; it is truncated");
+        throw Truncated();
       }
-      const bool swap = kThisMachineIsBigEndian != (header_.layout == Layout::Big);
+      const bool swap = kThisMachineIsBigEndian != (layout_ == Layout::Big);
       unsigned char* at = bytes_.data();
       for (std::size_t p = 0; p < values.size(); ++p)
       {
-        const Property& property = header_.properties[p];
+        const Property& property = element_.properties[p];
         if (swap)
         {
           SwapBytes(at, property.bytes, property.bytes);
@@ -226,8 +257,16 @@ public:
   }
 
 private:
+  FileError Truncated() const
+  {
+    return TruncationError(input_.Name() + ": ends after " + std::to_string(done_) + " " + plural_ +
+                           "; it is truncated");
+  }
+
   InputFile& input_;
-  const PlyHeader& header_;
+  Layout layout_;
+  const Element& element_;
+  std::string name_, plural_;
   std::vector<unsigned char> bytes_;
   std::string line_;
   std::int64_t done_ = 0;
@@ -245,14 +284,18 @@ bool OwnComment(const std::string& comment, const std::string& key, std::string&
   return true;
 }
 
-Eigen::Vector3d ParseNormal(const std::string& fileName, const std::string& comment, const std::string& value)
+/// The numbers in which a comment ends.
+template <int kCount>
+Eigen::Matrix<double, kCount, 1> ParseVector(const std::string& fileName, const std::string& comment,
+                                             const std::string& value)
 {
-  Eigen::Vector3d normal;
-  if (!ParseNumbers(value, 3, normal.data()))
+  Eigen::Matrix<double, kCount, 1> numbers;
+  if (!ParseNumbers(value, kCount, numbers.data()))
   {
-    throw FormatError(fileName + ": the comment " + Quoted(comment) + " does not end in three numbers");
+    throw FormatError(fileName + ": the comment " + Quoted(comment) + " does not end in " + std::to_string(kCount) +
+                      " numbers");
   }
-  return normal;
+  return numbers;
 }
 
 void ReadComments(const std::string& fileName, const PlyHeader& header, StoredField& ply)
@@ -287,7 +330,24 @@ void ReadComments(const std::string& fileName, const PlyHeader& header, StoredFi
     }
     if (OwnComment(comment, "trained_normal", value))
     {
-      ply.field.beam.trainedNormals.push_back(ParseNormal(fileName, comment, value));
+      ply.field.beam.trainedNormals.emplace_back(ParseVector<3>(fileName, comment, value));
+    }
+    if (OwnComment(comment, "view_version", value))
+    {
+      RequireViewVersion("Gaussian field", number());
+      ply.view.emplace();
+    }
+    if (OwnComment(comment, "view_mean", value) && ply.view)
+    {
+      const Eigen::Matrix<double, 9, 1> rows = ParseVector<9>(fileName, comment, value);
+      ply.view->views.mean = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data());
+    }
+    if (OwnComment(comment, "view_steps", value) && ply.view)
+    {
+      const Eigen::Vector3d steps = ParseVector<3>(fileName, comment, value);
+      ply.view->views.unit = steps[0];
+      ply.view->views.angleStep = steps[1];
+      ply.view->views.elevationStep = steps[2];
     }
     if (OwnComment(comment, "provenance", value))
     {
@@ -301,15 +361,16 @@ struct Columns
 {
   std::array<std::size_t, 3> mean, scale, colour = {0, 0, 0};
   std::array<std::size_t, 4> rotation;
+  std::array<std::size_t, 3> view = {0, 0, 0};
   bool isOwn;  // has the reflectivity; else it follows from colour and opacity
   std::size_t reflectivity;
 
-  Columns(const std::string& fileName, const PlyHeader& header)
+  Columns(const std::string& fileName, const PlyHeader& header, bool hasView)
   {
     std::map<std::string, std::size_t> columns;
-    for (std::size_t p = 0; p < header.properties.size(); ++p)
+    for (std::size_t p = 0; p < header.vertices.properties.size(); ++p)
     {
-      columns.emplace(header.properties[p].name, p);
+      columns.emplace(header.vertices.properties[p].name, p);
     }
     const auto column = [&](const char* name)
     {
@@ -329,6 +390,10 @@ struct Columns
     {
       colour = {column("f_dc_0"), column("f_dc_1"), column("f_dc_2")};
     }
+    if (hasView)
+    {
+      view = {column("view_0"), column("view_1"), column("view_2")};
+    }
   }
 
   double Reflectivity(const std::vector<double>& values) const
@@ -345,6 +410,16 @@ struct Columns
   }
 };
 
+std::string Joined(const double* numbers, std::size_t count)
+{
+  std::string text;
+  for (std::size_t k = 0; k < count; ++k)
+  {
+    text += " " + ExactNumber(numbers[k]);
+  }
+  return text;
+}
+
 std::string HeaderOf(const StoredField& ply)
 {
   const GaussianField& field = ply.field;
@@ -359,8 +434,15 @@ std::string HeaderOf(const StoredField& ply)
   }
   for (const Eigen::Vector3d& normal : field.beam.trainedNormals)
   {
-    header += "comment bigus.trained_normal " + ExactNumber(normal[0]) + " " + ExactNumber(normal[1]) + " " +
-              ExactNumber(normal[2]) + "\n";
+    header += "comment bigus.trained_normal" + Joined(normal.data(), 3) + "\n";
+  }
+  if (ply.view)
+  {
+    const RecordedViews& views = ply.view->views;
+    const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> mean = views.mean;
+    const Eigen::Vector3d steps(views.unit, views.angleStep, views.elevationStep);
+    header += "comment bigus.view_version " + std::to_string(kViewVersion) + "\ncomment bigus.view_mean" +
+              Joined(mean.data(), 9) + "\ncomment bigus.view_steps" + Joined(steps.data(), 3) + "\n";
   }
   for (std::string line : ply.provenance)
   {
@@ -374,66 +456,99 @@ std::string HeaderOf(const StoredField& ply)
   {
     header += std::string("property float ") + name + "\n";
   }
-  return header + "property double reflectivity\nend_header\n";
+  header += "property double reflectivity\n";
+  if (ply.view)
+  {
+    header += "property double view_0\nproperty double view_1\nproperty double view_2\n";
+    header += std::string("element ") + kPoseElement + " " + std::to_string(ply.view->views.poses.size()) + "\n";
+    for (std::size_t k = 0; k < kPoseNumbers; ++k)
+    {
+      header += "property double m" + std::to_string(k / 4) + std::to_string(k % 4) + "\n";
+    }
+  }
+  return header + "end_header\n";
 }
 
-/// A vertex in the file's order of bytes. What viewers show grows with |r|: grey and opacity, the strongest being white
-/// and nearly opaque.
-class VertexBytes
+/// Appends numbers to bytes in the file's order.
+class Numbers
 {
 public:
-  VertexBytes(const GaussianField& field, std::size_t i, double strongest)
-  {
-    const double grey = strongest > 0 ? std::abs(field.reflectivities[i]) / strongest : 0;
-    const double alpha = std::min(std::max(grey, 0.01), 0.99);
-    const Eigen::Vector4d rotation = field.rotations[i].stableNormalized();
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      const auto position = static_cast<float>(field.means[i][axis]);
-      if (!std::isfinite(position))
-      {
-        throw FileError(FileFault::User, "point " + std::to_string(i) + " lies at " +
-                                             ExactNumber(field.means[i][axis]) +
-                                             " mm, which is more than a PLY file for viewers can hold");
-      }
-      Put(position);
-    }
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      Put(0.0f);  // the normal
-    }
-    for (int c = 0; c < 3; ++c)
-    {
-      Put(static_cast<float>((grey - 0.5) / sphericalHarmonic0));
-    }
-    Put(static_cast<float>(std::log(alpha / (1 - alpha))));
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      Put(static_cast<float>(std::log(field.scales[i][axis])));
-    }
-    for (int c = 0; c < 4; ++c)
-    {
-      Put(static_cast<float>(rotation[c]));
-    }
-    Put(field.reflectivities[i]);
-  }
-
-  unsigned char bytes[17 * sizeof(float) + sizeof(double)];
-
-private:
   template <class Number>
   void Put(Number number)
   {
-    std::memcpy(at_, &number, sizeof(number));
+    unsigned char raw[sizeof(number)];
+    std::memcpy(raw, &number, sizeof(number));
     if (kThisMachineIsBigEndian)
     {
-      SwapBytes(at_, sizeof(number), sizeof(number));
+      SwapBytes(raw, sizeof(number), sizeof(number));
     }
-    at_ += sizeof(number);
+    bytes_.insert(bytes_.end(), raw, raw + sizeof(number));
   }
 
-  unsigned char* at_ = bytes;
+  void WriteTo(AtomicFile& file)
+  {
+    file.Write(bytes_.data(), bytes_.size());
+    bytes_.clear();
+  }
+
+private:
+  std::vector<unsigned char> bytes_;
 };
+
+/// A vertex. What viewers show grows with |r|: grey and opacity, the strongest being white and nearly opaque.
+void PutVertex(const GaussianField& field, std::size_t i, double strongest, Numbers& to)
+{
+  const double grey = strongest > 0 ? std::abs(field.reflectivities[i]) / strongest : 0;
+  const double alpha = std::min(std::max(grey, 0.01), 0.99);
+  const Eigen::Vector4d rotation = field.rotations[i].stableNormalized();
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    const auto position = static_cast<float>(field.means[i][axis]);
+    if (!std::isfinite(position))
+    {
+      throw FileError(FileFault::User, "point " + std::to_string(i) + " lies at " + ExactNumber(field.means[i][axis]) +
+                                           " mm, which is more than a PLY file for viewers can hold");
+    }
+    to.Put(position);
+  }
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    to.Put(0.0f);  // the normal
+  }
+  for (int c = 0; c < 3; ++c)
+  {
+    to.Put(static_cast<float>((grey - 0.5) / sphericalHarmonic0));
+  }
+  to.Put(static_cast<float>(std::log(alpha / (1 - alpha))));
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    to.Put(static_cast<float>(std::log(field.scales[i][axis])));
+  }
+  for (int c = 0; c < 4; ++c)
+  {
+    to.Put(static_cast<float>(rotation[c]));
+  }
+  to.Put(field.reflectivities[i]);
+}
+
+/// Of recorded planes, behind the vertices.
+std::vector<Eigen::Matrix4d> ReadPoses(InputFile& input, const PlyHeader& header)
+{
+  if (header.poses.count < 0 || header.poses.properties.size() != kPoseNumbers)
+  {
+    throw FormatError(input.Name() + ": the comment \"bigus.view_version\" needs an element " + kPoseElement +
+                      " with " + std::to_string(kPoseNumbers) + " properties behind the vertices");
+  }
+  ElementReader reader(input, header.layout, header.poses, "recorded pose", "recorded poses");
+  std::vector<Eigen::Matrix4d> poses(static_cast<std::size_t>(header.poses.count), Eigen::Matrix4d::Identity());
+  std::vector<double> values;
+  for (Eigen::Matrix4d& pose : poses)
+  {
+    reader.Read(values);
+    pose.topRows<3>() = Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(values.data());
+  }
+  return poses;
+}
 
 }  // namespace
 
@@ -446,13 +561,18 @@ StoredField ReadPly(const std::string& fileName)
   field.transfer.gamma = 1.0;
   field.beam.elevationSigma = 0.0;
   ReadComments(fileName, header, ply);
-  if (header.vertices == 0)
+  if (header.vertices.count == 0)
   {
+    ply.view.reset();
     return ply;
   }
-  const Columns columns(fileName, header);
-  VertexReader reader(input, header);
-  field.Resize(static_cast<std::size_t>(header.vertices));
+  const Columns columns(fileName, header, ply.view.has_value());
+  ElementReader reader(input, header.layout, header.vertices, "vertex", "vertices");
+  field.Resize(static_cast<std::size_t>(header.vertices.count));
+  if (ply.view)
+  {
+    ply.view->terms.resize(field.Size());
+  }
   std::vector<double> values;
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
@@ -467,6 +587,14 @@ StoredField ReadPly(const std::string& fileName)
       field.rotations[i][c] = values[columns.rotation[c]];
     }
     field.reflectivities[i] = columns.Reflectivity(values);
+    for (int axis = 0; axis < 3 && ply.view; ++axis)
+    {
+      ply.view->terms[i][axis] = values[columns.view[axis]];
+    }
+  }
+  if (ply.view)
+  {
+    ply.view->views.poses = ReadPoses(input, header);
   }
   return ply;
 }
@@ -475,6 +603,7 @@ void WritePly(const StoredField& ply, AtomicFile& file)
 {
   const GaussianField& field = ply.field;
   file.Write(HeaderOf(ply));
+  Numbers numbers;
   double strongest = 0;
   for (const double r : field.reflectivities)
   {
@@ -482,8 +611,18 @@ void WritePly(const StoredField& ply, AtomicFile& file)
   }
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
-    const VertexBytes vertex(field, i, strongest);
-    file.Write(vertex.bytes, sizeof(vertex.bytes));
+    PutVertex(field, i, strongest, numbers);
+    for (int axis = 0; axis < 3 && ply.view; ++axis)
+    {
+      numbers.Put(ply.view->terms[i][axis]);
+    }
+    numbers.WriteTo(file);
+  }
+  for (std::size_t k = 0; ply.view && k < ply.view->views.poses.size(); ++k)
+  {
+    const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> pose = ply.view->views.poses[k].topRows<3>();
+    std::for_each(pose.data(), pose.data() + pose.size(), [&](double number) { numbers.Put(number); });
+    numbers.WriteTo(file);
   }
 }
 
