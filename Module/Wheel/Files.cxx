@@ -5,11 +5,14 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "Arrays.h"
 #include "Core/Model/FieldRounding.h"
 #include "Core/Model/PixelMemory.h"
+#include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
 #include "IO/FieldFile.h"
 #include "IO/FrameGeometry.h"
@@ -215,6 +218,32 @@ void WriteSweep(const Sweep& sweep, const std::string& path, const std::string& 
   WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
 }
 
+/// Images [n, height, width] of any values, NaN too, at their planes [n, 4, 4].
+void WriteImages(const InputFloats& images, const InputDoubles& planes, std::optional<std::vector<double>> timestamps,
+                 const std::string& path)
+{
+  RequireShape(images, {-1, -1, -1}, "images");
+  const auto count = static_cast<std::int64_t>(images.shape(0));
+  RequireShape(planes, {count, 4, 4}, "planes");
+  SequenceToWrite sequence;
+  sequence.height = static_cast<int>(images.shape(1));
+  sequence.width = static_cast<int>(images.shape(2));
+  sequence.elementType = ElementType::Float32;
+  sequence.pixels = images.data();
+  sequence.timestamps = std::move(timestamps).value_or(std::vector<double>());
+  for (std::int64_t k = 0; k < count; ++k)
+  {
+    const Eigen::Matrix4d pose =
+        SlicePlane::FromImageToReference(MatrixAt(planes.data() + 16 * k), sequence.width, sequence.height)
+            .ImageToReference();  // with the third column, bit for bit, that 'bigus slice' writes
+    for (int e = 0; e < 16; ++e)
+    {
+      sequence.imageToReference.push_back(pose(e / 4, e % 4));
+    }
+  }
+  WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
+}
+
 /// Nothing for a .vtp in another encoding than ours.
 std::optional<Field> ReadStoredField(const std::string& path)
 {
@@ -310,6 +339,8 @@ void BindFiles(nb::module_& m)
   m.def("is_sequence", &IsSequence, nb::arg("path"), nb::arg("plain"));
   m.def("write_sweep", &WriteSweep, nb::arg("sweep"), nb::arg("path"), nb::arg("FromFrame"), nb::arg("ToFrame"),
         nb::arg("Compression"));
+  m.def("write_images", &WriteImages, nb::arg("images"), nb::arg("planes"), nb::arg("timestamps").none(),
+        nb::arg("path"));
   m.def("is_field", &IsField, nb::arg("path"));
   m.def("read_field", &ReadStoredField, nb::arg("path"));
   m.def("write_field", &WriteStoredField, nb::arg("field"), nb::arg("path"), nb::arg("Rounding"));

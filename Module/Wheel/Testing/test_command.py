@@ -91,6 +91,31 @@ class Command(unittest.TestCase):
         self.assertEqual(run.returncode, 0)
         self.assertIn("do not meet the field", run.stderr)
 
+    def test_slices_have_their_standard_error(self):
+        field = bigus.read_field(self.folder / "f.vtp")
+        words = ("slice", "f.vtp", "--poses", "s.igs.mha", "-o", "i.mha", "--elevation-sigma", "0.6", "--standard-error")
+        self.assertEqual(self.run_words(*words, "e.mha").returncode, 0)
+        sigma, _ = bigus.read_stack(self.folder / "e.mha")
+        self.assertEqual((sigma.dtype, sigma.shape), (np.float32, (24, 64, 64)))
+        # A frame that was not trained on is as far from the slice as it says.
+        errors = (bigus.reslice(field, self.sweep.poses[6], (64, 64), elevation_sigma=0.6) - self.sweep.frames[6] / 255)
+        known = np.isfinite(sigma[6])
+        self.assertGreater(known.mean(), 0.9)
+        self.assertTrue(0.85 < np.mean(np.abs(errors)[known] <= 2 * sigma[6][known]) < 0.995)
+        self.assertTrue(np.isnan(sigma[-1]).any(), "before the first frame and behind the last nothing is known")
+        self.fails(3, ".mha", *words, "e.png")
+        self.fails(3, "the other output", *words, "./i.mha")
+        self.run_words("train", "s.igs.mha", "-o", "unsure.vtp", *QUICK, "--no-standard-error")
+        unsure = ("slice", "unsure.vtp", *words[2:], "e.mha")
+        self.fails(2, "--standard-error: unsure.vtp does not hold what it rests on; train it again", *unsure)
+        if not os.environ.get("BIGUS_PROGRAM"):
+            return
+        program = [os.environ["BIGUS_PROGRAM"]]
+        self.assertEqual(self.run_words(*words, "p.mha", program=program).returncode, 0)
+        self.assertEqual((self.folder / "p.mha").read_bytes(), (self.folder / "e.mha").read_bytes())
+        said = [self.run_words(*unsure, **how).stderr.split("--standard-error")[1] for how in ({}, {"program": program})]
+        self.assertEqual(*said)
+
     def test_converts_fields_and_files_of_your_own(self):
         self.assertEqual(self.run_words("convert", "f.vtp", "f.ply").returncode, 0)
         self.assertEqual(len(bigus.read_field(self.folder / "f.ply")), self.trained["gaussians"])

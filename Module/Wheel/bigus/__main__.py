@@ -23,7 +23,7 @@ import numpy as np
 
 import bigus
 
-from ._core import check_option
+from ._core import check_option, standard_error, write_images
 from .common import FIELD_EXTENSIONS, pixel_matrix
 from .settings import POSES
 from .tasks import option_text
@@ -107,7 +107,7 @@ def train(options: Any) -> int:
     sweeps = [bigus.read_sweep(name, **options.reading) for name in options.sequence]
     stopped = False
     try:
-        training = bigus.train(sweeps, **given)
+        training = bigus.train(sweeps, keep_standard_error=not options.no_standard_error, **given)
     except bigus.TrainingInterrupted as stop:
         training, stopped = stop.training, True
     attempted(3, bigus.write, training.field if options.exact else training.field.rounded(), options.output)
@@ -132,11 +132,18 @@ def score(training: Any, sweeps: Sequence[Any]) -> dict[str, float]:
 
 def slice_field(options: Any) -> int:
     check_output(options.output, (".png", ".mha"), options.field, options.poses)
+    if options.standard_error:
+        check_output(options.standard_error, (".mha",), options.field, options.poses)
+        if pathlib.Path(options.standard_error).resolve() == pathlib.Path(options.output).resolve():
+            raise Failure(3, f"{options.standard_error}: it is the other output, too; give another name")
     field = bigus.read_field(options.field)
     planes = bigus.read_planes(options.poses, options.spacing or 0.5, options.world_system.upper(), **options.reading)
     sizes = np.broadcast_to(options.size or planes.sizes, planes.sizes.shape)
     if sizes.min() < 1 or np.ptp(sizes, axis=0).any():
         raise Failure(2, f"{options.poses}: planes have no size, or several; give --size W H")
+    if options.standard_error and not field.kept_error:
+        raise Failure(2, f"--standard-error: {options.field} does not hold what it rests on; train it again, into a .vtp and "
+                         "without --no-standard-error.")
     poses = np.array([pixel_matrix(pose, options.spacing) for pose in planes.poses])
     images = bigus.Slicer(field, elevation_sigma=options.elevation_sigma).slice(poses, sizes[0])
     grey = np.floor(255 * images + np.float32(0.5)).astype(np.uint8)
@@ -148,6 +155,9 @@ def slice_field(options: Any) -> int:
         stem, one = options.output[:-4], len(grey) == 1
         for number, image in enumerate(grey):
             attempted(3, pathlib.Path(f"{stem}.png" if one else f"{stem}_{number:03d}.png").write_bytes, png(image))
+    if options.standard_error:
+        sigmas = np.array([standard_error(field.kept_error, pose, image) for pose, image in zip(poses, images)])
+        attempted(3, write_images, sigmas, poses, planes.timestamps, options.standard_error)
     return say(options, {"images": len(grey), "meets_field": bool(grey.any())}, [f"{options.output}: {len(grey)} slices"])
 
 
@@ -198,6 +208,7 @@ def make_parser() -> Parser:
     own.add_argument("sequence", metavar="SEQUENCE", nargs="+", help="several, of one patient in one world, train one field")
     own.add_argument("-o", "--output", metavar="FIELD", required=True, help="field to write: .vtp or .ply")
     own.add_argument("--exact", action="store_true", help="write every digit, also those that no picture shows")
+    own.add_argument("--no-standard-error", action="store_true", help="leave out of the field what 'slice --standard-error' needs")
     add_reading(own)
     own.add_argument("--no-auto", dest="Automatic", action="store_const", const="off", help="the same as --automatic off")
     for title, options in itertools.groupby(bigus.options(), lambda option: option["group"]):
@@ -212,6 +223,8 @@ def make_parser() -> Parser:
     own.add_argument("--size", nargs=2, type=int, metavar="N", help="pixels across and down; needed where the file does not say")
     own.add_argument("--spacing", type=float, metavar="MM", help="side of a pixel, mm (default: the file's, 0.5 for markups)")
     own.add_argument("--elevation-sigma", type=float, metavar="MM", help="beam's standard deviation, mm (default: the field's)")
+    own.add_argument("--standard-error", metavar="OUT", help="also write how far what a probe would show may be from every pixel, "
+                     "a standard deviation in units of intensity (1 is white), nan where that is not known: .mha of floats")
     own.add_argument("--world-system", choices=("ras", "lps"), default="ras", help="the field's world (default: ras)")
     add_reading(own)
     own = verb("convert", "a field to another format, or files of your own to a sequence: 'bigus convert --help'", convert_field)
