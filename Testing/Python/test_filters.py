@@ -6,6 +6,7 @@ BIGUS_OTHER_PYTHON and BIGUS_OTHER_PACKAGE name a Python and the folder of the o
 images on the same grids. `test_filters.py --scenes FILE` writes what this package gives, for that comparison.
 """
 
+import math
 import os
 import subprocess
 import sys
@@ -410,6 +411,22 @@ def sure_voxels(data):
     return filter
 
 
+def sure_slice(data):
+    """Across its frames, with its standard error."""
+    filter = bigus.vtkBigusReslice()
+    filter.SetInputDataObject(data)
+    filter.SetOutputToFrame(matrix(np.array([[0.5, 0, 0, 1], [0, 0.4, -0.6, 1], [0, 0.3, 0.8, 0], [0, 0, 0, 1]])), 20, 16)
+    filter.GenerateStandardErrorOutputOn()
+    return filter
+
+
+def byte_image(values):
+    image = vtkImageData()
+    image.SetDimensions(values.shape[1], values.shape[0], 1)
+    image.GetPointData().SetScalars(numpy_to_vtk(np.ascontiguousarray(values, np.uint8).ravel(), deep=True))
+    return image
+
+
 class StandardErrors(unittest.TestCase):
     def test_of_voxels_are_those_of_the_volumes_slices(self):
         data = sure_field()
@@ -450,6 +467,27 @@ class StandardErrors(unittest.TestCase):
         self.assertEqual(fractions, sorted(fractions))
         self.assertTrue(0.6 < fractions[-1] < 1, fractions)
         self.assertEqual(filter.GetStandardErrorOutput().GetNumberOfPoints(), 0)
+
+    def test_of_means_are_more_than_of_independent_pixels_and_less_than_of_one(self):
+        filter = sure_slice(sure_field())
+        complaints = []
+        filter.AddObserver("ErrorEvent", lambda *_: complaints.append(1))
+        self.assertTrue(math.isnan(filter.GetStandardErrorOfMean()), "nothing yet")
+        sigma = pixels(bigus.update(filter).GetStandardErrorOutput())[0]
+        where = np.arange(sigma.size).reshape(sigma.shape) % sigma.shape[1] < 9
+        self.assertEqual(len(complaints), 1)
+        for chosen, error in ((where == where, filter.GetStandardErrorOfMean()),
+                              (where, filter.GetStandardErrorOfMean(byte_image(where)))):
+            known = sigma[chosen & ~np.isnan(sigma)]
+            largest = np.sqrt(np.square(known).mean())
+            self.assertTrue(largest / np.sqrt(known.size) < error < largest, (largest, error))
+        self.assertTrue(math.isnan(filter.GetStandardErrorOfMean(byte_image(where & False))), "of no pixel")
+        self.assertEqual(len(complaints), 1)
+        self.assertTrue(math.isnan(filter.GetStandardErrorOfMean(byte_image(where[1:]))), "of another size")
+        filter.SetOutputDimensionality(3)
+        filter.SetOutputExtent(0, 19, 0, 15, 0, 1)
+        self.assertTrue(math.isnan(bigus.update(filter).GetStandardErrorOfMean()), "two slices")
+        self.assertEqual(len(complaints), 3)
 
     def test_need_a_field_that_keeps_them_and_an_intensity(self):
         filter = sure_voxels(field())
@@ -917,6 +955,9 @@ def scenes():
     filter = slicer(extent=(0, 30, 0, 20, 0, 1), GenerateStandardErrorOutput=True)
     filter.SetInputDataObject(sure)
     found["error of slices"] = pixels(bigus.update(filter).GetStandardErrorOutput())
+    filter = bigus.update(sure_slice(sure))
+    chosen = byte_image(np.tri(16, 20))
+    found["errors of means"] = np.array([filter.GetStandardErrorOfMean(), filter.GetStandardErrorOfMean(chosen)])
     correction = bigus.vtkBigusPoseCorrection()
     source = phantom(TrackingNoise=0.2, TrackingRotationNoise=0.3, Seed=3)
     correction.SetInputConnection(source.GetOutputPort())

@@ -14,6 +14,7 @@ import warnings
 from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.util.vtkConstants import vtkImageScalarTypeNameMacro
 from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, vtkDoubleArray, vtkIntArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData, vtkTable
@@ -391,6 +392,21 @@ class vtkBigusReslice(vtkBigusFieldToImage):
         self.SetOutputOrigin(0, 0, 0)
         self.SetOutputExtent(0, width - 1, 0, height - 1, 0, 0)
         self.SetOutputDimensionality(2)
+
+    def GetStandardErrorOfMean(self, where: Optional[vtkImageData] = None) -> float:
+        sigma = self.GetStandardErrorOutput()
+        size = sigma.GetDimensions()
+        values = sigma.GetPointData().GetScalars()
+        fits = where is None or (where.GetPointData().GetScalars() is not None and where.GetScalarType() == VTK_UNSIGNED_CHAR
+                                 and where.GetNumberOfScalarComponents() == 1 and where.GetDimensions() == size)
+        if self._field is None or not self._field.kept_error or values is None or size[2] != 1 or not fits:
+            self._report("ErrorEvent", "GetStandardErrorOfMean: output 4 must hold one slice, and the pixels to take be an image of "
+                                       "unsigned char of the same dimensions.")
+            return math.nan
+        shape = (size[1], size[0])
+        chosen = np.ones(shape, np.uint8) if where is None else vtk_to_numpy(where.GetPointData().GetScalars()).reshape(shape)
+        place = _core.index_to_world(matrix_of(self.GetResliceAxes()), self._transform(), sigma.GetSpacing(), sigma.GetOrigin())
+        return _core.standard_error_of_mean(self._field.kept_error, place, vtk_to_numpy(values).reshape(shape), chosen)
 
     def _transform(self) -> Optional[np.ndarray]:
         return transform_matrix(self.GetResliceTransform(), "ResliceTransform", "planes")
