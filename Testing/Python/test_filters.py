@@ -465,7 +465,8 @@ class StandardErrors(unittest.TestCase):
         filter.AddObserver("ProgressEvent", lambda *_: (fractions.append(filter.GetProgress()), filter.SetAbortExecute(filter.GetProgress() > 0.6)))
         filter.Update()
         self.assertEqual(fractions, sorted(fractions))
-        self.assertTrue(0.6 < fractions[-1] < 1, fractions)
+        told = [fraction for fraction in fractions if fraction > 0.6]
+        self.assertTrue(told[0] < 1 and told[1:] in ([], [1]), fractions)  # newer VTKs end what was stopped with 1, too
         self.assertEqual(filter.GetStandardErrorOutput().GetNumberOfPoints(), 0)
 
     def test_of_means_are_more_than_of_independent_pixels_and_less_than_of_one(self):
