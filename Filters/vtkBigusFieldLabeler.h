@@ -6,7 +6,9 @@
  *
  * Input 0 is a field, input 1 the sweep at the poses that the field was trained at, as vtkBigusTrainer takes it, and input 2
  * label pictures: an image of whole numbers from 0 (no label) to 255, one slice for each frame. Fewer slices are possible
- * where the field data of both images have `SourceFrame`, which says which frames they are of. Where most pictures between
+ * where the field data of both images have `SourceFrame`, which says which frames they are of. Without it, an image whose
+ * extent begins elsewhere than at 0, or is smaller than the frames, is a part of such a stack, of the frames that its third
+ * axis counts in the sweep's file, and nothing is labelled outside. Where most pictures between
  * the first and the last that has a label have none, these are taken for frames that nobody drew on (KeepEmptyPictures).
  * `LabelNames`, `LabelValues` and `LabelColors` in the field data of input 2 name labels (Data/LabelData.h); others are
  * called "Label 3".

@@ -10,6 +10,7 @@
 #include "Core/Labels/LabelVolumes.h"
 #include "Core/Labels/Labels.h"
 #include "Core/StandardError/StandardError.h"
+#include "Data/Arrays.h"
 #include "Data/FieldData.h"
 #include "Data/LabelData.h"
 #include "Data/SweepData.h"
@@ -61,11 +62,10 @@ std::vector<Label> Named(std::vector<Label> labels, const std::vector<std::strin
   return labels;
 }
 
-/// Says which frames of the file the pictures are of.
+/// Says which frames of the file the pictures are of, unless their extent does.
 void Number(vtkImageData* pictures, bool isNumbered, const LabelOptions& options, int framesInFile)
 {
   const int count = pictures->GetDimensions()[2];
-  auto* const numbers = vtkIntArray::SafeDownCast(pictures->GetFieldData()->GetArray("SourceFrame"));
   if (!options.frames.empty())
   {
     const std::vector<int> given = ParseFrames(options.frames, framesInFile);
@@ -74,7 +74,9 @@ void Number(vtkImageData* pictures, bool isNumbered, const LabelOptions& options
       throw Error("--frames: names " + std::to_string(given.size()) + " frames, and " + options.labels + " has " +
                   std::to_string(count) + " pictures; name one frame for each.");
     }
+    const auto numbers = NewArray<vtkIntArray>("SourceFrame", 1, count);
     std::copy(given.begin(), given.end(), numbers->GetPointer(0));
+    pictures->GetFieldData()->AddArray(numbers);
   }
   else if (!isNumbered && count != framesInFile)
   {
@@ -94,7 +96,23 @@ vtkSmartPointer<vtkImageData> ReadLabels(const LabelOptions& options, vtkImageDa
   reader->SetMaximumPictures(framesInFile);
   Update(reader, console, "Reading labels");
   const vtkSmartPointer<vtkImageData> pictures = reader->GetOutput();
-  Number(pictures, reader->GetNumbered(), options, framesInFile);
+  const int *size = pictures->GetDimensions(), *extent = pictures->GetExtent();
+  const bool isPart = IsPartOfPictures(pictures, frames);
+  if (isPart && !options.frames.empty())
+  {
+    throw Error("--frames: " + options.labels +
+                " is cropped, which says where its pictures lie in those of all frames; " +
+                "save it without 'Crop to minimum extent'.");
+  }
+  if (isPart)
+  {
+    console.Note("bigus: " + options.labels + " is cropped: taken for frames " + std::to_string(extent[4]) + " to " +
+                 std::to_string(extent[5]) + ", and others show none.");
+  }
+  else if (size[0] == frames->GetDimensions()[0] && size[1] == frames->GetDimensions()[1])  // others are refused later
+  {
+    Number(pictures, reader->GetNumbered(), options, framesInFile);
+  }
   ReplaceLabelNames(pictures, Named(LabelNamesOf(pictures), options.names));
   return pictures;
 }

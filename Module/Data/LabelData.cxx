@@ -41,12 +41,12 @@ void AddWeights(vtkDataArray* array, std::vector<float>& weights)
   }
 }
 
-/// The number in the file of each frame, [frames]; those that are not told are counted from 0.
-std::vector<int> SourceFrames(vtkImageData* stack)
+/// The number in the file of each frame, [frames]; those that are not told are counted from `first`.
+std::vector<int> SourceFrames(vtkImageData* stack, int first = 0)
 {
   const int count = stack->GetDimensions()[2];
   std::vector<int> numbers(static_cast<std::size_t>(count));
-  std::iota(numbers.begin(), numbers.end(), 0);
+  std::iota(numbers.begin(), numbers.end(), first);
   if (vtkDataArray* const source = FindArray(stack->GetFieldData(), kOwner, "SourceFrame", 1, count, false))
   {
     for (int k = 0; k < count; ++k)
@@ -70,11 +70,26 @@ void RequirePictures(vtkImageData* pictures, vtkImageData* sweep)
                 " components; they hold one whole number from 0 to 255 a pixel.");
   }
   const int *size = pictures->GetDimensions(), *frames = sweep->GetDimensions();
-  if (size[0] != frames[0] || size[1] != frames[1])
+  if (!IsPartOfPictures(pictures, sweep) && (size[0] != frames[0] || size[1] != frames[1]))
   {
     throw Error("Labels: the pictures have " + std::to_string(size[0]) + " x " + std::to_string(size[1]) +
                 " pixels and the sweep's frames " + std::to_string(frames[0]) + " x " + std::to_string(frames[1]) +
-                "; label pictures have the size of the frames.");
+                "; label pictures have the size of the frames, or say where they were cropped from "
+                "(Segmentation_ReferenceImageExtentOffset).");
+  }
+}
+
+/// Throws Error where a part of the pictures reaches beyond the frames of the sweep's file, as far as these numbers tell.
+void RequireWithin(const int part[6], const int frames[6], int lastNumber)
+{
+  const auto range = [](int first, int last) { return std::to_string(first) + " to " + std::to_string(last); };
+  if (part[0] < frames[0] || part[1] > frames[1] || part[2] < frames[2] || part[3] > frames[3] || part[4] < 0 ||
+      part[5] > lastNumber)
+  {
+    throw Error("Labels: the pictures were cropped to columns " + range(part[0], part[1]) + ", rows " +
+                range(part[2], part[3]) + " and frames " + range(part[4], part[5]) + ", and the sweep has columns " +
+                range(frames[0], frames[1]) + ", rows " + range(frames[2], frames[3]) + " and frames up to " +
+                std::to_string(lastNumber) + "; give labels that were drawn on this sweep.");
   }
 }
 
@@ -181,36 +196,56 @@ void LabelsToPolyData(const FieldLabels& labels, vtkPolyData* polyData)
   ReplaceLabelNames(polyData, labels.labels);
 }
 
+bool IsPartOfPictures(vtkImageData* pictures, vtkImageData* sweep)
+{
+  const int *size = pictures->GetDimensions(), *frames = sweep->GetDimensions();
+  const int *own = pictures->GetExtent(), *theirs = sweep->GetExtent();
+  const bool isAtCorner = (own[0] == 0 && own[2] == 0 && own[4] == 0) ||
+                          (own[0] == theirs[0] && own[2] == theirs[2] && own[4] == theirs[4]);
+  return !pictures->GetFieldData()->GetArray("SourceFrame") &&
+         !(isAtCorner && size[0] == frames[0] && size[1] == frames[1]);
+}
+
 LabelFrames LabelFramesFromImage(vtkImageData* pictures, vtkImageData* sweep, const std::vector<int>& frames)
 {
   RequirePictures(pictures, sweep);
+  const bool isPart = IsPartOfPictures(pictures, sweep);
   const std::vector<int> theirs = SourceFrames(sweep);
-  std::vector<int> own = SourceFrames(pictures);
-  if (own.size() == theirs.size() && std::find(own.begin(), own.end(), theirs.front()) == own.end())
+  const int *extent = pictures->GetExtent(), *whole = sweep->GetExtent();
+  std::vector<int> own = SourceFrames(pictures, isPart ? extent[4] : 0);
+  if (isPart)
+  {
+    RequireWithin(extent, whole, *std::max_element(theirs.begin(), theirs.end()));
+  }
+  else if (own.size() == theirs.size() && std::find(own.begin(), own.end(), theirs.front()) == own.end())
   {
     own = theirs;  // counted from 1
   }
-  const auto n = static_cast<vtkIdType>(sweep->GetDimensions()[0]) * sweep->GetDimensions()[1];
+  const int *size = pictures->GetDimensions(), width = sweep->GetDimensions()[0], height = sweep->GetDimensions()[1];
+  const std::size_t n = static_cast<std::size_t>(width) * height;
+  const std::size_t corner = isPart ? static_cast<std::size_t>(extent[2] - whole[2]) * width + extent[0] - whole[0] : 0;
   vtkDataArray* const scalars = pictures->GetPointData()->GetScalars();
   LabelFrames given;
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
     const auto at = std::find(own.begin(), own.end(), theirs[frames[f]]);
-    if (at == own.end())
+    if (at == own.end() && !isPart)
     {
       continue;
     }
     given.frames.push_back(static_cast<int>(f));
-    const vtkIdType first = n * (at - own.begin());
-    for (vtkIdType p = first; p < first + n; ++p)
+    given.pixels.resize(given.pixels.size() + n, 0);
+    std::uint8_t* const picture = &given.pixels[given.pixels.size() - n + corner];
+    const vtkIdType first = static_cast<vtkIdType>(at - own.begin()) * size[0] * size[1];
+    for (vtkIdType p = 0; at != own.end() && p < static_cast<vtkIdType>(size[0]) * size[1]; ++p)
     {
-      const double value = scalars->GetTuple1(p);
+      const double value = scalars->GetTuple1(first + p);
       if (!(value >= 0 && value <= kLargestLabel && value == std::floor(value)))
       {
         throw Error("Labels: the picture of frame " + std::to_string(theirs[frames[f]]) + " has the pixel " +
                     std::to_string(value) + "; labels are whole numbers from 0 (none) to 255.");
       }
-      given.pixels.push_back(static_cast<std::uint8_t>(value));
+      picture[p / size[0] * width + p % size[0]] = static_cast<std::uint8_t>(value);
     }
   }
   given.labels = WithNames(LabelNamesOf(pictures), given.pixels);

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <iterator>
 #include <numeric>
+#include <string_view>
 
 #include "IO/FileError.h"
 #include "IO/Formats/PngFile.h"
@@ -154,17 +155,40 @@ std::vector<std::uint8_t> Flattened(const SequenceFile& file, const std::vector<
   return flat;
 }
 
-/// A segmentation may be stored without its empty border.
-void RequireWholePictures(const SequenceFile& file)
+/// A segmentation may be stored without its empty border; then it says where its first voxel lies in the reference volume.
+std::optional<std::array<int, 3>> PlaceOf(const SequenceFile& file, std::size_t mostPictures)
 {
-  double offset[3] = {0, 0, 0};
-  if (ParseNumbers(Field(file, "Segmentation_ReferenceImageExtentOffset"), 3, offset) &&
-      (offset[0] != 0 || offset[1] != 0 || offset[2] != 0))
+  const std::string name = "Segmentation_ReferenceImageExtentOffset";
+  if (file.fields.count(name) == 0)
   {
-    throw FormatError(file.fileName + ": holds a part of the pictures, from voxel " + ExactNumber(offset[0]) + " " +
-                      ExactNumber(offset[1]) + " " + ExactNumber(offset[2]) +
-                      " on; save it with 'Crop to minimum extent' switched off");
+    return std::nullopt;
   }
+  const std::string text = Field(file, name);
+  const std::vector<std::string_view> words = Words(text);
+  const std::int64_t sizes[3] = {file.width / file.layers, file.height, file.numberOfFrames};
+  const std::int64_t most[3] = {largestSide, largestSide, static_cast<std::int64_t>(mostPictures)};
+  std::array<int, 3> place{};
+  for (std::size_t k = 0; k < 3; ++k)
+  {
+    std::int64_t first = 0;
+    if (words.size() != 3 || !ParseNumber(words[k], first))
+    {
+      throw FormatError(file.fileName + ": " + name + ": " + Quoted(text) + " is not three whole numbers");
+    }
+    if (first < 0 || first > most[k] - sizes[k])
+    {
+      throw FormatError(file.fileName + ": " + name + ": " + Quoted(text) + " puts " + std::to_string(sizes[0]) +
+                        " x " + std::to_string(sizes[1]) + " x " + std::to_string(sizes[2]) + " voxels outside of " +
+                        std::to_string(most[2]) + " pictures; save labels that were drawn on this sweep");
+    }
+    place[k] = static_cast<int>(first);
+  }
+  if (file.flipColumns || file.flipRows)
+  {
+    throw FormatError(file.fileName + ": " + name + " is not read of pictures in the orientation " +
+                      Quoted(file.orientation) + "; save them in marked-far order (MF)");
+  }
+  return place;
 }
 
 }  // namespace
@@ -185,7 +209,7 @@ LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPicture
   {
     throw FormatError(path + ": pixels are of type float; labels are whole numbers from 0 (none) to 255");
   }
-  RequireWholePictures(file);
+  pictures.place = PlaceOf(file, mostPictures);
   PoseTable poses;
   poses.frames.resize(count);
   std::vector<int> all(count);

@@ -44,12 +44,17 @@ int vtkBigusLabelReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     const bigus::LabelPictures pictures =
         bigus::ReadLabelPictures(this->RequireFileName(), static_cast<std::size_t>(this->MaximumPictures));
     const auto count = static_cast<int>(pictures.numbers.size());
-    output->SetDimensions(pictures.width, pictures.height, count);
+    const std::array<int, 3> first = pictures.place.value_or(std::array<int, 3>{});
+    output->SetExtent(first[0], first[0] + pictures.width - 1, first[1], first[1] + pictures.height - 1, first[2],
+                      first[2] + count - 1);
     output->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
     std::copy(pictures.pixels.begin(), pictures.pixels.end(), static_cast<unsigned char*>(output->GetScalarPointer()));
-    const auto source = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
-    std::copy(pictures.numbers.begin(), pictures.numbers.end(), source->GetPointer(0));
-    output->GetFieldData()->AddArray(source);
+    if (!pictures.place)
+    {
+      const auto source = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
+      std::copy(pictures.numbers.begin(), pictures.numbers.end(), source->GetPointer(0));
+      output->GetFieldData()->AddArray(source);
+    }
     if (!pictures.labels.empty())
     {
       bigus::ReplaceLabelNames(output, pictures.labels);

@@ -4,13 +4,13 @@
  * @class   vtkBigusLabelReader
  * @brief   reads label pictures of a sweep's frames
  *
- * FileName is a segmentation of 3D Slicer (`.seg.nrrd`, not cropped; of layers as one picture in which later
- * segments cover earlier ones), another `.nrrd` or `.mha` with a slice a
- * picture, or a folder of PNG images, in which frame_2 comes before frame_10. The output is a stack of unsigned char, values
- * 0 (no label) to 255, with the field data `SourceFrame`, int: the frame that each picture is of, counted from 0, which for
- * PNG images is the number in the name; and of a segmentation `LabelNames`, `LabelValues` and `LabelColors`
- * (Data/LabelData.h). Pixels are in marked-far order, as those of vtkBigusSequenceReader are. Options of transforms mean
- * nothing here.
+ * FileName is a segmentation of 3D Slicer (`.seg.nrrd`; of layers as one picture in which later segments cover earlier
+ * ones), another `.nrrd` or `.mha` with a slice a picture, or a folder of PNG images, in which frame_2 comes before frame_10.
+ * The output is a stack of unsigned char, values 0 (no label) to 255, with the field data `SourceFrame`, int: the frame that
+ * each picture is of, counted from 0, which for PNG images is the number in the name; and of a segmentation `LabelNames`,
+ * `LabelValues` and `LabelColors` (Data/LabelData.h). A segmentation that says where it was cropped from has no
+ * `SourceFrame`: its extent begins there, and vtkBigusFieldLabeler takes all else for unlabelled. Pixels are in marked-far
+ * order, as those of vtkBigusSequenceReader are. Options of transforms mean nothing here.
  *
  * @sa vtkBigusFieldLabeler
  */

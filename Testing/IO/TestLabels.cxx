@@ -3,6 +3,7 @@
 // Label pictures as people save them, and labels in the files of fields.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "IO/LabelFile.h"
 #include "SmallFiles.h"
 #include "Support/TestSupport.h"
+#include "vtkBigusLabelReader.h"
 #include "vtkDataArray.h"
 #include "vtkFieldData.h"
 #include "vtkImageData.h"
@@ -77,11 +79,33 @@ TEST(LabelFile, ASegmentationOfSlicerNamesItsSegments)
   EXPECT_EQ(read.numbers, (std::vector<int>{0, 1}));
 }
 
-TEST(LabelFile, WhatIsCutOrOverlapsIsToldHowToBeSaved)
+TEST(LabelFile, WhatWasCroppedSaysFromWhere)
 {
   TemporaryFolder folder;
-  WriteBytes(folder / "cut.seg.nrrd", Segmentation("10 4 0"));
-  EXPECT_NE(ErrorOf(folder / "cut.seg.nrrd").find("Crop to minimum extent"), std::string::npos);
+  WriteBytes(folder / "cut.seg.nrrd", Segmentation("10 4 8"));
+  EXPECT_EQ(ReadLabelPictures(folder / "cut.seg.nrrd", 10).place, (std::array<int, 3>{10, 4, 8}));
+  vtkNew<vtkBigusLabelReader> reader;
+  reader->SetFileName((folder / "cut.seg.nrrd").c_str());
+  reader->Update();
+  const int* const extent = reader->GetOutput()->GetExtent();
+  EXPECT_EQ(std::vector<int>(extent, extent + 6), (std::vector<int>{10, 12, 4, 5, 8, 9}));
+  EXPECT_EQ(reader->GetOutput()->GetScalarComponentAsDouble(12, 5, 8, 0), 2);
+  EXPECT_EQ(reader->GetOutput()->GetFieldData()->GetArray("SourceFrame"), nullptr);
+  EXPECT_NE(ErrorOf(folder / "cut.seg.nrrd", 9).find("\"10 4 8\" puts 3 x 2 x 2 voxels outside of 9"),
+            std::string::npos);
+  for (const std::string wrong :
+       {"0 0 -1", "32766 0 0", "0 0 9223372036854775807", "1 2", "0 0 0 0", "0 0 1.5", "a b c", ""})
+  {
+    WriteBytes(folder / "wrong.seg.nrrd", Segmentation(wrong));
+    EXPECT_NE(ErrorOf(folder / "wrong.seg.nrrd").find("ReferenceImageExtentOffset: \"" + wrong + "\""),
+              std::string::npos)
+        << wrong << ": " << ErrorOf(folder / "wrong.seg.nrrd");
+  }
+}
+
+TEST(LabelFile, WhatOverlapsIsToldHowToBeSaved)
+{
+  TemporaryFolder folder;
   WriteBytes(folder / "layers.seg.nrrd", Segmentation("0 0 0", "1"));
   EXPECT_NE(ErrorOf(folder / "layers.seg.nrrd").find("layer 1"), std::string::npos);
   EXPECT_NE(ErrorOf(folder / "layers.seg.nrrd").find("there are 1"), std::string::npos);
