@@ -249,8 +249,8 @@ public:
   /**
    * Whether output 5 is filled: an unsigned char for every pixel, the value of the label that has the largest share there,
    * or 0 where what has none is more. Names and colours are in its field data, as in the field (Data/LabelData.h). Of a slab
-   * it is that of its middle plane. The field must have labels (vtkBigusFieldLabeler), and must be whole. Each label takes
-   * as long as the image. Default off.
+   * it is that of its middle plane. The field must have labels (vtkBigusFieldLabeler), and must be whole. Four labels
+   * take one or two times as long as the image. Default off.
    */
   vtkSetMacro(GenerateLabelOutput, vtkTypeBool);
   vtkGetMacro(GenerateLabelOutput, vtkTypeBool);

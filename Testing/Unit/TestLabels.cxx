@@ -148,6 +148,16 @@ TEST(Labels, AShareIsTheRatioOfTwoSums)
   std::vector<float> share(plane.NumberOfPixels());
   ShareOf(PlanesOn(*engine, ViewOutput::Scattering))({plane}, {0, 0, 14, 14}, share.data(), nullptr);
 
+  FieldLabels two{{{7, "left"}, {9, "nowhere"}}, {}, {}, {}};
+  for (const float weight : labels.weights)
+  {
+    two.weights.insert(two.weights.end(), {weight, 0.0f});
+  }
+  LabelledField shows(field, two, "cpu");
+  std::vector<std::uint8_t> map(plane.NumberOfPixels()), part(5 * 9);
+  shows.Render(plane, map.data());
+  shows.Render(plane, {6, 3, 5, 9}, part.data());
+
   // A round Gaussian of scale s at distance z through a beam of sigma b, rho away in the plane, weighs
   // exp(-z^2 / (2 (s^2 + b^2)) - rho^2 / (2 s^2)), up to what all have in common.
   const double thick = kScale * kScale + 0.25;
@@ -164,6 +174,17 @@ TEST(Labels, AShareIsTheRatioOfTwoSums)
     }
     // Sums of floats of some 500 terms: 1e-5 is ten times what they lose.
     EXPECT_NEAR(share[p], sum / all, 1e-5) << "pixel " << p;
+    // Footprints of pictures end where they are not seen, at 1e-4 of white.
+    if (std::abs(sum / all - 0.5) > 1e-3)
+    {
+      EXPECT_EQ(map[p], sum / all > 0.5 ? 7 : 0) << "pixel " << p;
+    }
+  }
+  EXPECT_EQ(std::count(map.begin(), map.end(), 9), 0);
+  EXPECT_GT(std::count(map.begin(), map.end(), 7), 14);
+  for (int p = 0; p < 5 * 9; ++p)
+  {
+    EXPECT_EQ(part[p], map[(3 + p / 5) * 14 + 6 + p % 5]) << "pixel " << p << " of a window";
   }
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 
@@ -106,6 +107,43 @@ std::vector<std::uint8_t> CompoundedMaps(const Sweep& sweep, const LabelFrames& 
     MapLabels(training.labels, shares.data(), n, &maps[maps.size() - n]);
   }
   return maps;
+}
+
+/// The carriers that have some of a label, of that reflectivity.
+GaussianField SomeOf(const GaussianField& carriers, const FieldLabels& labels, std::size_t label)
+{
+  GaussianField some;
+  some.beam = carriers.beam;
+  some.transfer = carriers.transfer;
+  for (std::size_t i = 0; i < carriers.Size(); ++i)
+  {
+    const float weight = labels.weights[i * labels.labels.size() + label];
+    if (weight > 0)
+    {
+      some.means.push_back(carriers.means[i]);
+      some.scales.push_back(carriers.scales[i]);
+      some.rotations.push_back(carriers.rotations[i]);
+      some.reflectivities.push_back(weight);
+    }
+  }
+  return some;
+}
+
+/// Extends a box by pixels above 0.
+void ExtendByLit(const float* image, int columns, int rows, Eigen::AlignedBox2i& box)
+{
+  for (int row = 0; row < rows; ++row, image += columns)
+  {
+    const auto isLit = [](float value) { return value > 0; };
+    const float* const first = std::find_if(image, image + columns, isLit);
+    if (first != image + columns)
+    {
+      const auto last =
+          std::find_if(std::make_reverse_iterator(image + columns), std::make_reverse_iterator(image), isLit);
+      box.extend(Eigen::Vector2i(first - image, row));
+      box.extend(Eigen::Vector2i(last.base() - image - 1, row));
+    }
+  }
 }
 
 /// What is measured of a label on a picture, in pixels.
@@ -303,29 +341,59 @@ std::unique_ptr<Engine> NewLabelEngine(const std::string& name)
   std::unique_ptr<Engine> engine = Engine::Create(name);
   if (!ViewEngine::Of(*engine))
   {
-    throw Error("Labels: the engine '" + name + "' cannot fit and show them; take cpu.");
+    throw Error("Labels: the engine '" + name + "' cannot fit them; take cpu.");
   }
   return engine;
 }
 
 LabelledField::LabelledField(const GaussianField& field, const FieldLabels& labels, const std::string& engine)
-    : labels_(labels), engine_(NewLabelEngine(engine))
+    : labels_(labels.labels), all_(Engine::Create(engine))
 {
   labels.Validate(field.Size());
-  engine_->SetField(labels.Carriers(field));
+  const GaussianField carriers = labels.Carriers(field);
+  all_->SetField(carriers);
+  for (std::size_t k = 0; k < labels_.size(); ++k)
+  {
+    const GaussianField some = SomeOf(carriers, labels, k);
+    own_.push_back(some.Size() > 0 ? Engine::Create(engine) : nullptr);
+    if (own_.back())
+    {
+      own_.back()->SetField(some);
+    }
+  }
 }
 
 void LabelledField::Render(const SlicePlane& plane, const Engine::Window& window, std::uint8_t* map)
 {
-  const std::size_t pixels = static_cast<std::size_t>(window.columns) * window.rows;
-  std::vector<float> shares(labels_.labels.size() * pixels);
-  const RenderPlanes render = ShareOf(PlanesOn(*engine_, ViewOutput::Scattering));
-  for (std::size_t k = 0; k < labels_.labels.size(); ++k)
+  const auto columns = static_cast<std::size_t>(window.columns), pixels = columns * window.rows;
+  std::vector<float> shares(own_.size() * pixels, 0.0f);
+  Eigen::AlignedBox2i seen;
+  for (std::size_t k = 0; k < own_.size(); ++k)
   {
-    ViewEngine::Of(*engine_)->SetReflectivities(labels_.Raised(k));
-    render({plane}, window, &shares[k * pixels], nullptr);
+    float* const share = &shares[k * pixels];
+    if (own_[k])
+    {
+      own_[k]->Render(plane, window, ViewOutput::Scattering, share, nullptr);
+    }
+    ExtendByLit(share, window.columns, window.rows, seen);
   }
-  MapLabels(labels_.labels, shares.data(), pixels, map);
+  if (!seen.isEmpty())
+  {
+    const Eigen::Vector2i first = seen.min(), size = seen.sizes() + Eigen::Vector2i::Ones();
+    std::vector<float> covered(static_cast<std::size_t>(size.x()) * size.y());
+    all_->Render(plane, {window.firstColumn + first.x(), window.firstRow + first.y(), size.x(), size.y()},
+                 ViewOutput::Scattering, covered.data(), nullptr);
+    for (std::size_t p = 0; p < covered.size(); ++p)
+    {
+      const std::size_t at = (first.y() + p / size.x()) * columns + first.x() + p % size.x();
+      for (std::size_t k = 0; k < own_.size(); ++k)
+      {
+        float& share = shares[k * pixels + at];
+        share = covered[p] > kSeen ? std::clamp(share / covered[p], 0.0f, 1.0f) : 0.0f;
+      }
+    }
+  }
+  MapLabels(labels_, shares.data(), pixels, map);
 }
 
 double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b, int value)

@@ -63,14 +63,14 @@ RenderPlanes ShareOf(const RenderPlanes& render);
 /// The label that has the largest share in each pixel, or 0 where what no label has is more. `shares` [K][pixels].
 void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_t pixels, std::uint8_t* map);
 
-/// An engine that can fit and show labels. Throws Error for a name of another.
+/// An engine that can fit labels. Throws Error for a name of another.
 std::unique_ptr<Engine> NewLabelEngine(const std::string& name);
 
-/// The label pictures of a labelled field at planes, each rendered once a label.
+/// The label pictures of a labelled field at planes: sums over all carriers where a label is, and over those of each.
 class LabelledField
 {
 public:
-  /// Throws Error where labels are not the field's, and as NewLabelEngine.
+  /// Throws Error where labels are not the field's, and as Engine::Create.
   LabelledField(const GaussianField& field, const FieldLabels& labels, const std::string& engine = "auto");
 
   /// `map` gets window.rows * window.columns values.
@@ -78,8 +78,10 @@ public:
   void Render(const SlicePlane& plane, std::uint8_t* map) { Render(plane, {0, 0, plane.width, plane.height}, map); }
 
 private:
-  FieldLabels labels_;
-  std::unique_ptr<Engine> engine_;
+  std::vector<Label> labels_;
+  std::unique_ptr<Engine> all_;  // of reflectivity 1
+  std::vector<std::unique_ptr<Engine>>
+      own_;  // [labels] the carriers that have some of it, of that reflectivity; null: none
 };
 
 /// Dice 2 |A and B| / (|A| + |B|) of one label over all pictures; 1 where neither has it.

@@ -132,7 +132,7 @@ public:
   ///@{
   /**
    * Whether the array Labels is made, with names and colours in the field data as in the field (Data/LabelData.h). An error
-   * where the field has no labels or lies on several processes. Each label takes about as long as the slice. Default: off.
+   * where the field has no labels or lies on several processes. Four labels take as long as one or two slices. Default: off.
    */
   vtkSetMacro(Labels, vtkTypeBool);
   vtkGetMacro(Labels, vtkTypeBool);
