@@ -518,6 +518,18 @@ TEST(StandardError, IsThatOfAMadeUpSweep)
   ExpectRight(atRightAngles.model, "at 90 degrees");
   for (const StandardErrorReport& report : {inGaps, atRightAngles})
   {
+    double stated = 0, squares = 0, count = 0, last = 0;
+    for (const StandardErrorBin& bin : report.reliability)
+    {
+      EXPECT_GT(bin.sigma, last);
+      last = bin.sigma;
+      stated += bin.count * bin.sigma * bin.sigma;
+      squares += bin.count * bin.error * bin.error;
+      count += bin.count;
+    }
+    EXPECT_NEAR(stated / squares, report.model.varianceRatio, 1e-9);  // all pixels, each in one bin
+    EXPECT_NEAR(std::sqrt(squares / count), report.rmse, 1e-9);
+    ASSERT_GE(report.reliability.size(), 3u);
     ASSERT_GE(report.means.size(), 2u);
     for (const MeanErrorScore& score : {report.means[0], report.means[1]})
     {

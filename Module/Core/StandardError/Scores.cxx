@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 
@@ -90,7 +91,25 @@ StandardErrorScores Compare(const std::vector<float>& sigmas, const std::vector<
   return scores;
 }
 
-/// The same for a plain model that knows its variances but for one factor.
+std::vector<StandardErrorBin> Bins(const std::vector<float>& sigmas, const std::vector<float>& errors)
+{
+  std::map<int, StandardErrorBin> bins;  // sums of squares at first
+  for (std::size_t k = 0; k < errors.size(); ++k)
+  {
+    StandardErrorBin& bin = bins[static_cast<int>(std::floor(2 * std::log2(sigmas[k])))];
+    bin.sigma += static_cast<double>(sigmas[k]) * sigmas[k];
+    bin.error += static_cast<double>(errors[k]) * errors[k];
+    ++bin.count;
+  }
+  std::vector<StandardErrorBin> all;
+  for (const auto& [key, bin] : bins)
+  {
+    all.push_back({std::sqrt(bin.sigma / bin.count), std::sqrt(bin.error / bin.count), bin.count});
+  }
+  return all;
+}
+
+/// Compare for a plain model that knows its variances but for one factor.
 StandardErrorScores CompareScaled(std::vector<float> sigmas, const std::vector<float>& errors)
 {
   const double square = MeanSquare(sigmas);
@@ -225,6 +244,7 @@ StandardErrorReport ScoreStandardError(const StandardError& standardError, const
   report.constant = CompareScaled(std::vector<float>(samples.errors.size(), 1), samples.errors);
   report.distance = CompareScaled(samples.distance, samples.errors);
   report.texture = CompareScaled(samples.texture, samples.errors);
+  report.reliability = Bins(samples.model, samples.errors);
   report.means = samples.means;
   report.rmse = std::sqrt(square);
   report.known = static_cast<double>(samples.errors.size()) / static_cast<double>(samples.lit);

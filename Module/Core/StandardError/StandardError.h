@@ -145,6 +145,14 @@ struct StandardErrorScores
       0;  ///< area under the curve of the error left when pixels go by sigma: 0 as if by the error, 1 by chance
 };
 
+/// Pixels whose sigma differs by less than a factor of the root of 2: root mean squares of what is said and of errors.
+struct StandardErrorBin
+{
+  double sigma = 0;
+  double error = 0;
+  int count = 0;  ///< of pixels
+};
+
 /// The standard errors of means over squares of pixels beside their errors.
 struct MeanErrorScore
 {
@@ -158,11 +166,12 @@ struct StandardErrorReport
 {
   StandardErrorScores model;
   StandardErrorScores constant;
-  StandardErrorScores distance;       ///< a random walk between the frames, of one rate everywhere
-  StandardErrorScores texture;        ///< the slice's own 7 x 7 variance
-  std::vector<MeanErrorScore> means;  ///< over squares with sides of 8, 32 and 128 pixels, where there are some
-  double rmse = 0;                    ///< of intensity
-  double known = 0;                   ///< share of the lit pixels of which sigma is known, and which count
+  StandardErrorScores distance;               ///< a random walk between the frames, of one rate everywhere
+  StandardErrorScores texture;                ///< the slice's own 7 x 7 variance
+  std::vector<StandardErrorBin> reliability;  ///< of the model, by growing sigma; none is empty
+  std::vector<MeanErrorScore> means;          ///< over squares with sides of 8, 32 and 128 pixels, where there are some
+  double rmse = 0;                            ///< of intensity
+  double known = 0;                           ///< share of the lit pixels of which sigma is known, and which count
 };
 
 /// Of the field's slices at these frames of `sweep`, which had no part in it. Throws Error when nothing is known there.

@@ -32,6 +32,8 @@
 #include "Core/Model/Error.h"
 #include "Core/Poses/PoseError.h"
 #include "Core/Probe/ElevationEstimate.h"
+#include "Core/StandardError/StandardError.h"
+#include "Core/Trainer/KeptError.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
@@ -50,6 +52,7 @@ using Json = nlohmann::json;
 namespace
 {
 
+constexpr int LeastSquares = 50;  // over which means are taken; fewer tell of these squares only
 constexpr std::size_t GaussianBytes = 11 * sizeof(float);  // mean, scales, rotation, reflectivity
 
 double SecondsSince(std::chrono::steady_clock::time_point start)
@@ -155,6 +158,7 @@ struct Method
   std::function<void(const SlicePlane&, float*)> predictPlane;  ///< any plane; empty: frames of the sweep only
   std::string engine;                                           ///< that renders it
   std::optional<GaussianField> field;                           ///< of trained methods, which alone can be aligned to
+  std::shared_ptr<const TrainingResult> training;               ///< of those that this job trains
   bool seesItsOwnFrame = true;  ///< false: knows frames by their neighbours only, so training frames have no score
   double seconds = 0;           ///< to prepare
   double bytes = 0;             ///< of what must be kept to render
@@ -229,8 +233,9 @@ Method Trained(const TrainerOptions& options, std::optional<double> renderedSigm
   {
     start = UltraGaussSeeds(options, *seen);
   }
-  const TrainingResult result = Train(seen, options, start ? &*start : nullptr);
   Method method;
+  method.training = std::make_shared<const TrainingResult>(Train(seen, options, start ? &*start : nullptr));
+  const TrainingResult& result = *method.training;
   method.seconds = SecondsSince(begin);
   const std::shared_ptr<Engine> engine = Engine::Create(options.engine);
   GaussianField rendered = result.field;
@@ -528,6 +533,59 @@ Json ToJson(const PlaneScores& scores)
           {"structure_std", Number(scores.structureStd)}};
 }
 
+Json ToJson(const StandardErrorScores& scores)
+{
+  return {{"variance_ratio", scores.varianceRatio},
+          {"within_1", scores.within1},
+          {"within_2", scores.within2},
+          {"correlation", scores.correlation},
+          {"sparsification", scores.sparsification}};
+}
+
+/// `side`: of a pixel, mm.
+Json ToJson(const StandardErrorReport& report, double side)
+{
+  Json json = ToJson(report.model);
+  json.update({{"rmse", report.rmse},
+               {"known", report.known},
+               {"constant", ToJson(report.constant)},
+               {"distance", ToJson(report.distance)},
+               {"local_variance", ToJson(report.texture)}});
+  for (const MeanErrorScore& mean : report.means)
+  {
+    if (mean.count < LeastSquares)
+    {
+      continue;
+    }
+    json["means"][std::to_string(std::lround(mean.side / side))] = {{"variance_ratio", mean.varianceRatio},
+                                                                    {"squares", mean.count}};
+  }
+  for (const StandardErrorBin& bin : report.reliability)
+  {
+    json["reliability"].push_back({bin.sigma, bin.error, bin.count});
+  }
+  return json;
+}
+
+/// What the standard error says of the held-out frames (0 degrees), or of frames of the same world swept in a direction
+/// turned by so much. `recorded`: the sweep before its poses were corrected, by `strength`.
+Json StandardErrorJson(double degrees, const Json& scene, const SceneFolders& folders, const Method& method,
+                       const Sweep& recorded, const Sweep& sweep, const Split& split, double strength)
+{
+  // As 'bigus train' keeps it, which corrects poses itself.
+  TrainingResult result = *method.training;
+  result.imageToReference = sweep.Subset(split.training).imageToReference;
+  result.settled.poseSmoothing = strength;
+  const StandardError error(MeasureStandardError(result, recorded.Subset(split.training), 0));
+  const std::shared_ptr<const Sweep> turned = degrees != 0 ? MakeTurnedScene(degrees, scene, folders) : nullptr;
+  std::vector<int> all(turned ? turned->NumberOfFrames() : 0);
+  std::iota(all.begin(), all.end(), 0);
+  const SlicePlane plane = sweep.Plane(0);
+  return ToJson(turned ? ScoreStandardError(error, *method.field, *turned, all, method.engine)
+                       : ScoreStandardError(error, *method.field, sweep, split.heldOut, method.engine),
+                std::sqrt(plane.columnStep.cross(plane.rowStep).norm()));
+}
+
 /// The field at poses that the held-out frames chose for themselves: a diagnostic of the tracking.
 Json AlignedScores(const Method& method, const Sweep& sweep, const std::vector<int>& frames)
 {
@@ -695,6 +753,14 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
       }
       continue;
     }
+    if (const std::optional<double> degrees = NumberAfter(set, "standard_error_"))
+    {
+      if (method.training)
+      {
+        scores[set] = StandardErrorJson(*degrees, scene, folders, method, recorded, *sweep, split, correction.strength);
+      }
+      continue;
+    }
     if (IsSetOfOtherPlanes(set))
     {
       if (method.predictPlane)
@@ -708,7 +774,8 @@ Json Run(const Json& job, const SceneFolders& folders, const std::string& pictur
     if (sets.count(set) == 0)
     {
       throw Error(
-          "job: 'score' knows held_out, held_out_tracked, training, all, aligned, cross, planes_* and turned_*, not '" +
+          "job: 'score' knows held_out, held_out_tracked, training, all, aligned, cross, planes_*, turned_* and "
+          "standard_error_*, not '" +
           set + "'.");
     }
     const std::vector<int> chosen = Spread(*sets.at(set), scoredFrames);

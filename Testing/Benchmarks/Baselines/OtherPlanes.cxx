@@ -26,17 +26,6 @@ constexpr double kLeastScoredShare = 0.25;   // of a turned frame; one that is h
 constexpr double kCentralShare = 0.6;        // of a volume's side, over which centres of oblique planes are spread
 constexpr double kSmallestDeviation = 1e-6;  // mm, of a stack's frames from their even grid
 
-/// The number behind a prefix: degrees of "turned_30".
-std::optional<double> NumberAfter(const std::string& name, const std::string& prefix)
-{
-  if (name.rfind(prefix, 0) != 0 || name.size() == prefix.size() ||
-      name.find_first_not_of("0123456789.", prefix.size()) != std::string::npos)
-  {
-    return std::nullopt;
-  }
-  return std::stod(name.substr(prefix.size()));
-}
-
 /// A volume: frames above one another, pixel for pixel, at one spacing. Steps from voxel to voxel are in mm.
 struct Stack
 {
@@ -161,17 +150,10 @@ std::vector<KnownPlane> CutVolume(const std::string& name, const Sweep& sweep, c
 }
 
 /// Frames of the same world, swept in a direction turned by so many degrees.
-std::vector<KnownPlane> TurnedSweep(double degrees, Json scene, const SceneFolders& folders, const Sweep& sweep,
+std::vector<KnownPlane> TurnedSweep(double degrees, const Json& scene, const SceneFolders& folders, const Sweep& sweep,
                                     const std::vector<int>& training, int count)
 {
-  if (!scene.contains("phantoms") || scene["phantoms"].size() != 1)
-  {
-    throw Error("score: turned frames need the sweep of one phantom, whose world is known from any side.");
-  }
-  Json& phantom = scene["phantoms"][0];
-  phantom = WithoutTracker(phantom);  // the truth is where the probe was
-  phantom["sweep_angle"] = phantom.value("sweep_angle", 0.0) + degrees;
-  const std::shared_ptr<const Sweep> turned = MakeScene(scene, folders);
+  const std::shared_ptr<const Sweep> turned = MakeTurnedScene(degrees, scene, folders);
   std::vector<KnownPlane> seen;
   for (int frame = 0; frame < turned->NumberOfFrames(); ++frame)
   {
@@ -205,6 +187,28 @@ std::vector<KnownPlane> TurnedSweep(double degrees, Json scene, const SceneFolde
 }
 
 }  // namespace
+
+std::optional<double> NumberAfter(const std::string& name, const std::string& prefix)
+{
+  if (name.rfind(prefix, 0) != 0 || name.size() == prefix.size() ||
+      name.find_first_not_of("0123456789.", prefix.size()) != std::string::npos)
+  {
+    return std::nullopt;
+  }
+  return std::stod(name.substr(prefix.size()));
+}
+
+std::shared_ptr<const Sweep> MakeTurnedScene(double degrees, Json scene, const SceneFolders& folders)
+{
+  if (!scene.contains("phantoms") || scene["phantoms"].size() != 1)
+  {
+    throw Error("score: turned frames need the sweep of one phantom, whose world is known from any side.");
+  }
+  Json& phantom = scene["phantoms"][0];
+  phantom = WithoutTracker(phantom);  // the truth is where the probe was
+  phantom["sweep_angle"] = phantom.value("sweep_angle", 0.0) + degrees;
+  return MakeScene(scene, folders);
+}
 
 bool IsSetOfOtherPlanes(const std::string& name)
 {

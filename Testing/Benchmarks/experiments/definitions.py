@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Callable
 
 from harness import Job, mean
-from plots import curves, dots, frontier, gains, spread
+from plots import curves, dots, frontier, gains, reliability, spread
 
 LIVER = {"file": "liver-sweep/liver_sweep.igs.mha"}
 BRAIN = {"file": "brain-sweep/us_brain_sweep.igs.mha"}
@@ -841,5 +841,67 @@ E13 = Experiment(
              {column: ({}, column) for column in ("strengths", "best strengths", "aligned",
                                                   *(f"{title}, mm" for title in E13_ERRORS))}))
 
+# ---- E14: standard errors ----
+
+WIRES = {name: {"file": f"nwire-fcal/fCal_Test_{name.capitalize()}_3NWires_fCal2.0.igs.mha",
+                "config": "nwire-fcal/PlusDeviceSet_fCal_Sim_VolumeReconstruction.xml"}
+         for name in ("validation", "calibration")}
+UNSEEN = {"width": 128, "height": 128, "pixel_size": 0.3, "frames": 48}
+WORLDS = {"phantom, linear": {}, "phantom, linear, noise": NOISE, "phantom, convex": {"probe": "convex"},
+          "phantom, sector": {"probe": "sector"}}
+TURNS = (0, 30, 60, 90)
+
+
+def e14_jobs(scale):
+    jobs = []
+    for name in ("brain, half", "spine, half", "liver, half"):
+        scene, frames, counts = sweeps(scale)[name]
+        jobs.append((name.split(",")[0], scene, frames, counts[None] + 10, 1, (0,)))
+    jobs[2:2] = [(f"wires, {name}", scale.real(scene, 2), {"hold_out": 8}, 90, 1, (0,)) for name, scene in WIRES.items()]
+    size, seeds = ({}, (1,)) if scale.is_quick else (UNSEEN, (1, 2))
+    jobs += [(name, scale.phantom(**{**size, **world, "seed": seed}), {"hold_out": 4}, 80, seed, TURNS)
+             for name, world in WORLDS.items() for seed in seeds]
+    # One training has a row for each direction.
+    return [scale.job(scene, frames, auto(), {"sweep": name, "degrees": degrees, "seed": seed}, seconds, seed=seed,
+                      score=["held_out", *(f"standard_error_{turn}" for turn in turns)])
+            for name, scene, frames, seconds, seed, turns in jobs for degrees in turns]
+
+
+def e14_columns():
+    under = "scores.standard_error_{degrees}"
+    kinds = {"": "", "distance ": ".distance", "local variance ": ".local_variance"}
+    return ([("error", f"{under}.rmse", 4), ("known", f"{under}.known", 2), ("ratio", f"{under}.variance_ratio", 2)]
+            + [(f"{kind}{title}", f"{under}{of}.{path}", 2) for kind, of in kinds.items()
+               for title, path in (("within 1", "within_1"), ("within 2", "within_2"), ("AUSE", "sparsification"),
+                                   ("correlation", "correlation"))]
+            + [(f"constant {title}", f"{under}.constant.{path}", 2)
+               for title, path in (("within 1", "within_1"), ("within 2", "within_2"))]
+            + [(f"means of {n} x {n}", f"{under}.means.{n}.variance_ratio", 2) for n in (8, 32, 128)] + COST)
+
+
+def e14_panels(jobs):
+    def of(has):
+        return [job for job in jobs if has(job.labels["sweep"], job.labels["degrees"])]
+
+    path = "scores.standard_error_{degrees}.reliability"
+    return [reliability(of(lambda name, _: "phantom" not in name), path, lambda labels: labels["sweep"], "recorded sweeps"),
+            reliability(of(lambda name, turn: "phantom" in name and turn == 0), path, lambda labels: labels["sweep"],
+                        "made-up sweeps, frames held out"),
+            reliability(of(lambda name, _: name == "phantom, linear"), path,
+                        lambda labels: f"turned by {labels['degrees']}°", "made-up sweep, linear probe, other planes"),
+            dots(jobs, "scores.standard_error_{degrees}.variance_ratio", "mean variance said / mean squared error",
+                 lambda labels: f"{labels['sweep']}, {labels['degrees']}°")]
+
+
+E14 = Experiment(
+    "e14", "E14: are standard errors right?", e14_jobs, e14_columns(), e14_panels,
+    summary=("held-out frames; turned planes",
+             {name if degrees == 0 else f"{name}, turned by {degrees}°": {"sweep": name, "degrees": degrees}
+              for name in ("brain", "spine", *(f"wires, {name}" for name in WIRES), "liver", *WORLDS)
+              for degrees in (TURNS if name in WORLDS else (0,))},
+             {column: ({}, column) for column in ("error", "ratio", "within 1", "within 2", "correlation", "AUSE",
+                                                  "distance AUSE", "local variance AUSE", "means of 8 x 8",
+                                                  "means of 32 x 32")}))
+
 EXPERIMENTS = {experiment.name: experiment
-               for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, E13)}
+               for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, E13, E14)}

@@ -149,6 +149,11 @@ def value(result, path):
     return result
 
 
+def number(job, path):
+    """The number of a job's result under a path; in it {degrees} stands for the job's label of that name."""
+    return value(job.result, path.format(**job.labels))
+
+
 def groups(jobs):
     """Jobs that differ by nothing but the seed: [(labels, [results])], in order; results may be empty."""
     found = {}
@@ -160,14 +165,14 @@ def groups(jobs):
 
 def mean(jobs, path):
     """Over the jobs that are done; None when none is."""
-    values = [value(job.result, path) for job in jobs if job.result]
+    values = [number(job, path) for job in jobs if job.result]
     values = [v for v in values if v is not None]
     return statistics.fmean(values) if values else None
 
 
 def cell(jobs, path, places):
     """Mean, and the spread over seeds where there are several; without `places` each of them."""
-    values = [value(job.result, path) for job in jobs if job.result]
+    values = [number(job, path) for job in jobs if job.result]
     values = [v for v in values if v is not None]
     if not values:
         return "–"

@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.ticker import LogLocator, NullLocator  # noqa: E402
 
-from harness import groups, mean, value  # noqa: E402
+from harness import groups, mean, number  # noqa: E402
 
 
 def draw(experiment, jobs, path):
@@ -46,7 +46,7 @@ def dots(jobs, path, title, label):
     def panel(axis):
         rows = [(label(labels), members) for labels, members in groups(jobs) if mean(members, path) is not None]
         for k, (_, members) in enumerate(rows):
-            values = [v for v in (value(job.result, path) for job in members if job.result) if v is not None]
+            values = [v for v in (number(job, path) for job in members if job.result) if v is not None]
             middle = sum(values) / len(values)
             axis.errorbar(middle, k, xerr=[[middle - min(values)], [max(values) - middle]], fmt="o", capsize=2,
                           color=OURS if is_ours(members) else OTHERS)
@@ -61,7 +61,7 @@ def spread(jobs, path, title, label):
     def panel(axis):
         rows = []
         for labels, members in groups(jobs):
-            values = [v for v in (value(job.result, path) for job in members if job.result) if v is not None]
+            values = [v for v in (number(job, path) for job in members if job.result) if v is not None]
             if len(values) > 1:
                 rows.append((label(labels), [v - sum(values) / len(values) for v in values]))
         for k, (_, offsets) in enumerate(rows):
@@ -157,4 +157,33 @@ def frontier(jobs, x, y, label, is_joined, titles):
         axis.set_ylabel(titles[1])
         axis.set_title(titles[2], fontsize=10)
         axis.legend(fontsize=6, frameon=False, handlelength=1, loc="upper left", bbox_to_anchor=(1.03, 1.0))
+    return panel
+
+
+LEAST_ERROR = 1e-3  # a quarter of a grey level: where a logarithmic axis shows what has no error
+
+
+def reliability(jobs, path, series, title):
+    """What errors are over what they are said to be, root mean squares over pixels of about one standard error and all
+    seeds; a line for each series(labels). A mark's area is its share of pixels; those of less than 0.1 % are left out."""
+    def panel(axis):
+        for line, (labels, members) in enumerate(groups(jobs)):
+            bins = {}
+            for sigma, error, count in (one for job in members if job.result for one in number(job, path) or []):
+                squares = bins.setdefault(math.floor(2 * math.log2(sigma)), [0, 0, 0])
+                for k, term in enumerate((sigma**2, error**2, 1)):
+                    squares[k] += count * term
+            total = sum(count for *_, count in bins.values())
+            points = [(math.sqrt(sigma / count), max(math.sqrt(error / count), LEAST_ERROR), count / total)
+                      for _, (sigma, error, count) in sorted(bins.items()) if count >= 1e-3 * total]
+            if points:
+                said, found, shares = zip(*points)
+                axis.plot(said, found, color=f"C{line % 10}", linewidth=1.2, label=series(labels))
+                axis.scatter(said, found, [8 + 150 * share for share in shares], color=f"C{line % 10}")
+        axis.axline((0.01, 0.01), slope=1, color="#444444", linewidth=0.8)
+        around = (0.8 * LEAST_ERROR, 0.5)
+        axis.set(xscale="log", yscale="log", xlim=around, ylim=around, xlabel="standard error, as said",
+                 ylabel="root mean square error")
+        axis.set_title(title, fontsize=10)
+        axis.legend(fontsize=7, frameon=False)
     return panel

@@ -20,6 +20,7 @@ from unittest import mock
 
 import experiments
 from definitions import EXPERIMENTS, Scale
+from harness import Job, table
 
 PROGRAM = sys.argv.pop(1) if len(sys.argv) > 1 else "build/bin/bigusExperiment"
 
@@ -109,6 +110,47 @@ class OtherPlanes(unittest.TestCase):
             answer = self.score({}, 2, {"name": "pose_any_plane"}, sets)
             self.assertEqual(answer.returncode, 1)
             self.assertIn(says, answer.stderr)
+
+
+class StandardErrors(unittest.TestCase):
+    def test_of_held_out_frames_are_those_of_the_command_and_of_turned_ones_larger(self):
+        phantom = {**OtherPlanes.PHANTOM, "frames": 24}
+        method = {"name": "bigus", "automatic": False, "gaussians": 1500, "iterations": 60}
+        job = {"sweep": {"phantoms": [phantom]}, "frames": {"hold_out": 4}, "method": method,
+               "score": ["standard_error_0", "standard_error_90"]}
+        answer = subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+        across = json.loads(answer.stdout)["scores"]
+        held_out = across["standard_error_0"]
+        for scores in across.values():
+            bins = scores["reliability"]
+            squares = [sum(one[k] ** 2 * one[2] for one in bins) / sum(one[2] for one in bins) for k in (0, 1)]
+            self.assertAlmostEqual(squares[1] ** 0.5, scores["rmse"], 6)
+            self.assertAlmostEqual(squares[0] / squares[1], scores["variance_ratio"], 5)
+            self.assertTrue(0.85 < scores["within_2"] < 1, scores)
+        self.assertGreater(across["standard_error_90"]["rmse"], 1.2 * held_out["rmse"], "speckle from another side")
+        self.assertLess(across["standard_error_90"]["known"], held_out["known"], "they reach beyond the sweep")
+        if not (command := Path(PROGRAM).resolve().with_name("bigus")).is_file():
+            self.skipTest("there is no command beside the program")
+        with tempfile.TemporaryDirectory() as folder:
+            words = [text for name, value in phantom.items() for text in ("--" + name.replace("_", "-").replace("r-density", "rs"), str(value))]
+            subprocess.run([command, "phantom", "-o", "s.igs.mha", *words], cwd=folder, check=True, capture_output=True)
+            said = subprocess.run([command, "train", "s.igs.mha", "-o", "f.vtp", "--no-auto", "--gaussians", "1500",
+                                   "--iterations", "60", "--hold-out", "4", "--json"], cwd=folder, check=True,
+                                  capture_output=True, text=True)
+        theirs = json.loads(said.stdout)["standard_error"]
+        for name in ("variance_ratio", "within_1", "within_2", "sparsification", "rmse", "known"):
+            self.assertAlmostEqual(held_out[name], theirs[name], 3, name)
+
+    def test_other_methods_have_none_and_recorded_sweeps_no_other_planes(self):
+        job = {"sweep": {"phantoms": [OtherPlanes.PHANTOM]}, "frames": {"hold_out": 4}, "method": {"name": "nearest"},
+               "score": ["standard_error_0"]}
+        answer = subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+        self.assertEqual(json.loads(answer.stdout)["scores"], {})
+        job["sweep"]["phantoms"] *= 2
+        job |= {"method": {"name": "bigus", "automatic": False, "gaussians": 100, "iterations": 2}, "score": ["standard_error_30"]}
+        answer = subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+        self.assertEqual(answer.returncode, 1)
+        self.assertIn("need the sweep of one phantom", answer.stderr)
 
 
 class Harness(unittest.TestCase):
@@ -221,6 +263,14 @@ class Harness(unittest.TestCase):
             with mock.patch.object(experiments, "HERE", Path(folder)):
                 call("publish", "--output", Path(folder) / "nothing")
             self.assertEqual((Path(folder) / "README.md").read_text(), (experiments.HERE / "README.md").read_text())
+
+
+class Labels(unittest.TestCase):
+    def test_rows_of_one_job_take_what_their_label_names(self):
+        request, result = {"score": []}, {"scores": {"turned_0": {"psnr": 3}, "turned_30": {"psnr": 2}}}
+        jobs = [Job(request, {"sweep": "a", "degrees": degrees}, 1, result=result) for degrees in (0, 30)]
+        rows = table(jobs, [("PSNR", "scores.turned_{degrees}.psnr", 1)])
+        self.assertEqual([row["PSNR"] for row in rows], ["3.0", "2.0"])
 
 
 class Definitions(unittest.TestCase):
