@@ -498,25 +498,13 @@ void vtkBigusReslice::LoadLabels()
                   this->ElevationSigma};
 }
 
-void vtkBigusReslice::FillLabels(const bigus::GridPart& grid, vtkInformationVector* outputs)
-{
-  auto* out = static_cast<std::uint8_t*>(vtkImageData::GetData(outputs, 5)->GetScalarPointer());
-  const bigus::Engine::Window window{grid.extent[0] - grid.whole[0], grid.extent[2] - grid.whole[2],
-                                     grid.extent[1] - grid.extent[0] + 1, grid.extent[3] - grid.extent[2] + 1};
-  for (int k = grid.extent[4]; k <= grid.extent[5]; ++k)
-  {
-    this->Named->field->Render(grid.PlaneAt(k), window, out);
-    out += static_cast<std::ptrdiff_t>(window.columns) * window.rows;
-  }
-}
-
 bool vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
                                       const std::function<bool(const int*, float*)>& render,
                                       vtkInformationVector* outputs)
 {
   if (this->GenerateLabelOutput && bigus::ExtentSize(grid.extent) > 0)
   {
-    this->FillLabels(grid, outputs);
+    this->Named->field->Render(grid, static_cast<std::uint8_t*>(vtkImageData::GetData(outputs, 5)->GetScalarPointer()));
   }
   return this->Superclass::CompleteOutputs(grid, render, outputs);
 }

@@ -417,7 +417,6 @@ private:
   struct Recorded;
   std::unique_ptr<Recorded> Sweep;  // RecordedFrames as read last
   void LoadLabels();
-  void FillLabels(const bigus::GridPart& grid, vtkInformationVector* outputs);
   struct Labelled;
   std::unique_ptr<Labelled> Named;  // the input's labels as read last
 };

@@ -147,7 +147,8 @@ class FieldOfWheel:
         if field.label_arrays is not None:
             names, values, colors, *_ = field.label_arrays
             self.labels = _labels(values, names, colors)
-            self._label_slicer = bigus._core.LabelRenderer(field, "auto")
+        self._label_slicer: Any = None  # made when labels are asked for
+        self._make_labels = lambda sigma: bigus._core.LabelRenderer(field, "auto", sigma)
         self._kept, self._error_of = field.kept_error, bigus._core.standard_error
         self.keeps_error = bool(self._kept)
         self.views = None if field.view_arrays is None else _axes_of(field.view_arrays[3])
@@ -155,7 +156,9 @@ class FieldOfWheel:
     def render(self, plane: np.ndarray, width: int, height: int, sigma: float = -1.0, labels: bool = False,
                error: bool = False) -> Rendered:  # fmt: skip
         if sigma != self._sigma:
-            self._slicer, self._sigma = self._make(sigma), sigma
+            self._slicer, self._sigma, self._label_slicer = self._make(sigma), sigma, None
+        if labels and self._label_slicer is None:
+            self._label_slicer = self._make_labels(sigma)
         map = self._label_slicer.render(plane, width, height) if labels else None
         image, coverage = self._slicer.slice_and_coverage(plane, (width, height))
         return Rendered(image, coverage, map, self._error_of(self._kept, plane, image) if error else None)

@@ -300,14 +300,16 @@ Field Labelled(Field field, const Sweep& sweep, const InputBytes& pictures, std:
 class LabelSlicer
 {
 public:
-  LabelSlicer(const Field& field, const std::string& engine)
+  LabelSlicer(const Field& field, const std::string& engine, double elevationSigma)
   {
     if (!field.labels)
     {
-      throw Error("label_map: the field has no labels; bigus.label gives it some.");
+      throw Error("Labels: the field has no labels; bigus.label gives it some.");
     }
     const nb::gil_scoped_release others;
-    labelled_.emplace(field, *field.labels, engine);
+    GaussianField shown = field;
+    shown.beam = elevationSigma >= 0 ? Beam{elevationSigma} : field.beam;
+    labelled_.emplace(shown, *field.labels, engine);
   }
 
   /// [height, width]
@@ -322,6 +324,21 @@ public:
       labelled_->Render(at, map.data());
     }
     return Owned(std::move(map), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+  }
+
+  /// [pixels] of part of a grid
+  Array RenderPart(const InputDoubles& indexToWorld, const Extent& whole, const Extent& extent)
+  {
+    const GridPart grid{ToMatrix(indexToWorld), whole, extent};
+    const auto count = static_cast<std::size_t>(ExtentSize(extent));
+    std::vector<std::uint8_t> map(count);
+    if (count > 0)
+    {
+      const nb::gil_scoped_release others;
+      const std::lock_guard<std::mutex> alone(mutex_);
+      labelled_->Render(grid, map.data());
+    }
+    return Owned(std::move(map), {count});
   }
 
 private:
@@ -405,8 +422,10 @@ void BindSlices(nb::module_& m)
   m.def("label", &Labelled, nb::arg("field"), nb::arg("sweep"), nb::arg("pictures"), nb::arg("frames"),
         nb::arg("names"), nb::arg("iterations"), nb::arg("keep_empty"), nb::arg("engine"));
   nb::class_<LabelSlicer>(m, "LabelRenderer")
-      .def(nb::init<const Field&, const std::string&>(), nb::arg("field"), nb::arg("engine"))
-      .def("render", &LabelSlicer::Render, nb::arg("plane"), nb::arg("width"), nb::arg("height"));
+      .def(nb::init<const Field&, const std::string&, double>(), nb::arg("field"), nb::arg("engine"),
+           nb::arg("elevation_sigma") = -1.0)
+      .def("render", &LabelSlicer::Render, nb::arg("plane"), nb::arg("width"), nb::arg("height"))
+      .def("render_part", &LabelSlicer::RenderPart, nb::arg("index_to_world"), nb::arg("whole"), nb::arg("extent"));
   m.def("standard_error", &StandardErrorAt, nb::arg("kept"), nb::arg("plane"), nb::arg("image"));
   m.def("standard_error_of_mean", &StandardErrorOfMean, nb::arg("kept"), nb::arg("plane"), nb::arg("sigma"),
         nb::arg("where"));

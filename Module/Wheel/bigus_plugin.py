@@ -15,10 +15,11 @@ from typing import Any, Optional
 
 import bigus
 import numpy as np
+from bigus import _core
 from bigus.algorithm import NO_ERROR, Algorithm, Clamped, properties
 from bigus.settings import SLICER
-from bigus.vtkdata import axes_across, field_of_polydata, place_image, plane_on, shadow, shifted_to_first_pixel
-from bigus.vtkdata import sweep_of_image, to_vtk
+from bigus.vtkdata import axes_across, field_of_polydata, place_image, plane_on, shadow, share_label_names
+from bigus.vtkdata import shifted_to_first_pixel, sweep_of_image, to_vtk
 from paraview.modules.vtkRemotingServerManager import vtkSMSettings
 from paraview.util.vtkAlgorithm import smproperty, smproxy
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -40,7 +41,7 @@ class vtkBigusFieldSlice(Algorithm):
     _inputs, _outputs = ("vtkPolyData", "vtkImageData"), ("vtkImageData",)
 
     def _begin(self) -> None:
-        self._slicer, self._slicer_key = None, None
+        self._slicer, self._slicer_key, self._labelled = None, None, None
         self._sweep, self._sweep_time = None, 0
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
@@ -95,22 +96,21 @@ class vtkBigusFieldSlice(Algorithm):
     def _fill(self, data: list, outputs: list) -> None:
         output, polydata, recorded = outputs[0], data[0][0], data[1][0] if data[1] else None
         frame, scattering = self._values["Frame"], self._values["OutputMode"] == 1
-        if self._values["OutputMode"] == 2:
-            raise bigus.Error("OutputMode: a label's share is shown by the compiled plugin, and by BIGUS Voxelizer; Labels by both.")
         matrix = self._at_frame(recorded) if frame >= 0 else self._at_plane(polydata)
         width, height = recorded.GetDimensions()[:2] if frame >= 0 else self._values["Size"]
         settings = {name: self._values[name] for name in SLICER}
         settings["Engine"] = settings["Engine"] or "auto"
-        key = (polydata.GetMTime(), *settings.values())
+        label = self._values["LabelValue"] if self._values["OutputMode"] == 2 else None
+        key = (polydata.GetMTime(), *settings.values(), label)
         if self._slicer is None or self._slicer_key != key:  # kept while the plane moves
-            self._field, self._slicer_key = field_of_polydata(polydata), key
-            self._slicer = bigus.Slicer(self._field, **settings)
-        image, coverage = self._slicer.slice_and_coverage(matrix, (width, height), scattering=scattering)
+            self._field, self._slicer_key, self._labelled = field_of_polydata(polydata), key, None
+            self._slicer = _core.Renderer(self._field, *settings.values(), True, label)
+        image, coverage = self._slicer.render(matrix[None], width, height, scattering, True)
 
         output.SetExtent(0, width - 1, 0, height - 1, 0, 0)
         place_image(output, matrix)
         arrays = output.GetPointData()
-        arrays.SetScalars(to_vtk(image.ravel(), "Scattering" if scattering else "Intensity"))
+        arrays.SetScalars(to_vtk(image.ravel(), ("Intensity", "Scattering", "LabelShare")[self._values["OutputMode"]]))
         arrays.AddArray(to_vtk(coverage.ravel(), "Coverage"))
         if recorded is not None:
             if self._sweep is None or self._sweep_time != recorded.GetMTime():
@@ -120,7 +120,10 @@ class vtkBigusFieldSlice(Algorithm):
         if self._values["StandardError"]:
             arrays.AddArray(to_vtk(bigus.standard_error(self._field, matrix, (width, height)).ravel(), "StandardError"))
         if self._values["Labels"]:
-            arrays.AddArray(to_vtk(bigus.label_map(self._field, matrix, (width, height)).ravel(), "Labels"))
+            if self._labelled is None:
+                self._labelled = _core.LabelRenderer(self._field, settings["Engine"], settings["ElevationSigma"])
+            arrays.AddArray(to_vtk(self._labelled.render(matrix, width, height).ravel(), "Labels"))
+            share_label_names(polydata, output)
         if frame >= 0:
             count = width * height
             pixels = vtk_to_numpy(recorded.GetPointData().GetScalars())[frame * count:(frame + 1) * count]

@@ -22,7 +22,7 @@ except ImportError:
 import bigus
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkOutputWindow, vtkPoints, vtkStringOutputWindow
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkOutputWindow, vtkPoints, vtkStringArray, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
@@ -502,6 +502,51 @@ class StandardErrors(unittest.TestCase):
             bigus.update(filter)
 
 
+def labelled_field():
+    """The first Gaussian is label 3, the second label 8."""
+    data = field()
+    names = vtkStringArray()
+    names.SetName("LabelNames")
+    for name in ("cyst", "vein"):
+        names.InsertNextValue(name)
+    data.GetFieldData().AddArray(names)
+    add(data.GetFieldData(), "LabelValues", (3, 8), np.int32)
+    add(data.GetFieldData(), "LabelColors", ((1, 0, 0), (0, 0.5, 1)))
+    add(data.GetPointData(), "LabelWeight", ((1, 0), (0, 1)), np.float32)
+    return data
+
+
+class Labels(unittest.TestCase):
+    def test_of_two_gaussians_lie_where_each_is_the_stronger(self):
+        filter = slicer(tilted(), extent=(2, 35, 1, 27, 0, 1), GenerateLabelOutput=True, OutputDimensionality=3)
+        filter.SetInputDataObject(labelled_field())
+        shown = bigus.update(filter).GetLabelOutput()
+        self.assertEqual((shown.GetScalarType(), shown.GetPointData().GetScalars().GetName()), (VTK_UNSIGNED_CHAR, "Labels"))
+        for what in ("GetExtent", "GetSpacing", "GetOrigin"):
+            self.assertEqual(getattr(shown, what)(), getattr(filter.GetOutput(), what)())
+        points = (grid(shown) @ tilted().T)[..., :3]
+        first, second = expected(points, (1, 0)), expected(points, (0, 1))
+        clear = (np.abs(first + second - 0.54) > 0.01) & (np.abs(first - second) > 0.01)
+        truth = np.where(first + second < 0.54, 0, np.where(first > second, 3, 8))
+        self.assertEqual(set(np.unique(truth[clear])), {0, 3, 8})
+        np.testing.assert_array_equal(pixels(shown)[clear], truth[clear])
+        self.assertEqual(shown.GetFieldData().GetAbstractArray("LabelNames").GetValue(1), "vein")
+        np.testing.assert_array_equal(vtk_to_numpy(shown.GetFieldData().GetArray("LabelValues")), (3, 8))
+        self.assertEqual(shown.GetFieldData().GetArray("LabelColors").GetTuple(1), (0, 0.5, 1))
+
+    def test_follow_thickness_and_need_a_field_that_has_them(self):
+        filter = slicer(matrix_of_shift(1), GenerateLabelOutput=True)
+        filter.SetInputDataObject(labelled_field())
+        self.assertTrue(pixels(bigus.update(filter).GetLabelOutput()).any())
+        filter.SetElevationSigma(4)  # mm: a quarter of each is left, less than what counts as seen
+        self.assertFalse(pixels(bigus.update(filter).GetLabelOutput()).any())
+        filter.SetInputDataObject(field())
+        with self.assertRaisesRegex(RuntimeError, "no labels"):
+            bigus.update(filter)
+        filter.GenerateLabelOutputOff()
+        self.assertEqual(bigus.update(filter).GetLabelOutput().GetNumberOfPoints(), 0)
+
+
 class Files(unittest.TestCase):
     def test_fields_and_sweeps_come_back(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -955,6 +1000,9 @@ def scenes():
     found["error of voxels"] = pixels(bigus.update(sure_voxels(sure)).GetStandardErrorOutput())
     filter = slicer(extent=(0, 30, 0, 20, 0, 1), GenerateStandardErrorOutput=True)
     filter.SetInputDataObject(sure)
+    shown = slicer(tilted(), extent=(0, 35, 0, 27, 0, 1), GenerateLabelOutput=True, OutputDimensionality=3)
+    shown.SetInputDataObject(labelled_field())
+    found["labels"] = pixels(bigus.update(shown).GetLabelOutput())
     found["error of slices"] = pixels(bigus.update(filter).GetStandardErrorOutput())
     filter = bigus.update(sure_slice(sure))
     chosen = byte_image(np.tri(16, 20))
@@ -991,7 +1039,7 @@ class BothPackages(unittest.TestCase):
             ours = scenes()
             self.assertEqual(sorted(ours), sorted(theirs.files))
             for name, values in ours.items():
-                if name == "phantom" or name.startswith("error"):
+                if name in ("phantom", "labels") or name.startswith("error"):
                     np.testing.assert_array_equal(values, theirs[name])
                     continue
                 atol = 1e-9 if name.startswith(("grid", "same numbers")) else 1 if values.dtype == np.uint8 else 2e-4 if "coverage" in name else 3e-5

@@ -396,6 +396,17 @@ void LabelledField::Render(const SlicePlane& plane, const Engine::Window& window
   MapLabels(labels_, shares.data(), pixels, map);
 }
 
+void LabelledField::Render(const GridPart& grid, std::uint8_t* map)
+{
+  const Engine::Window window{grid.extent[0] - grid.whole[0], grid.extent[2] - grid.whole[2],
+                              grid.extent[1] - grid.extent[0] + 1, grid.extent[3] - grid.extent[2] + 1};
+  for (int k = grid.extent[4]; k <= grid.extent[5]; ++k)
+  {
+    Render(grid.PlaneAt(k), window, map);
+    map += static_cast<std::ptrdiff_t>(window.columns) * window.rows;
+  }
+}
+
 double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b, int value)
 {
   std::size_t both = 0, sum = 0;

@@ -76,6 +76,8 @@ public:
   /// `map` gets window.rows * window.columns values.
   void Render(const SlicePlane& plane, const Engine::Window& window, std::uint8_t* map);
   void Render(const SlicePlane& plane, std::uint8_t* map) { Render(plane, {0, 0, plane.width, plane.height}, map); }
+  /// Every slice of a part of a grid, one after the other.
+  void Render(const GridPart& grid, std::uint8_t* map);
 
 private:
   std::vector<Label> labels_;

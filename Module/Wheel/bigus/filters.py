@@ -29,7 +29,8 @@ from .files import read_field, write
 from .names import snake_case
 from .settings import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, SLICER
 from .tasks import TrainingInterrupted, train
-from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, sweep_of_image, to_vtk
+from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, share_label_names
+from .vtkdata import sweep_of_image, to_vtk
 
 __all__ = [
     "vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice", "vtkBigusSequenceReader",
@@ -339,9 +340,9 @@ class vtkBigusVoxelizer(vtkBigusFieldToImage):
 @properties(OutputExtent=Open((0,) * 6), OutputDimensionality=Clamped(3, 0, 3), TransformInputSampling=True,
             AutoCropOutput=False, SlabNumberOfSlices=Clamped(1, 1, 4096), SlabMode=Choice(2, ("Min", "Max", "Mean", "Sum")),
             SlabSliceSpacingFraction=1.0, SlabTrapezoidIntegration=False, CoverageThreshold=0.0, BackgroundLevel=0.0,
-            GenerateCoverageOutput=True, GenerateStencilOutput=False)
+            GenerateCoverageOutput=True, GenerateStencilOutput=False, GenerateLabelOutput=False)
 @parts("ResliceAxes", "ResliceTransform", "InformationInput", "RecordedFrames")
-@ports(CoverageOutput=1, StencilOutput=2, DistanceOutput=3, StandardErrorOutput=4)
+@ports(CoverageOutput=1, StencilOutput=2, DistanceOutput=3, StandardErrorOutput=4, LabelOutput=5)
 class vtkBigusReslice(vtkBigusFieldToImage):
     """The image that a field predicts at any plane, placed as in vtkImageReslice.
 
@@ -350,15 +351,21 @@ class vtkBigusReslice(vtkBigusFieldToImage):
 
     Output 0 is the image, 1 the coverage, 2 a stencil of the pixels with coverage above CoverageThreshold (where
     GenerateStencilOutput is on), 3 the distance to the nearest of RecordedFrames (where they are set), mm, 4 the standard
-    error (where GenerateStandardErrorOutput is on).
+    error (where GenerateStandardErrorOutput is on), 5 which label each pixel has (where GenerateLabelOutput is on).
     """
 
-    _outputs = ("vtkImageData", "vtkImageData", "vtkImageStencilData", "vtkImageData", "vtkImageData")
+    _outputs = ("vtkImageData", "vtkImageData", "vtkImageStencilData", *("vtkImageData",) * 3)
 
     def _begin(self) -> None:
         super()._begin()
         self.GetExecutive().SetOutputData(2, vtkImageStencilData())  # VTK's executive cannot make stencils by name
         self._recorded, self._recorded_time = None, 0
+        self._labelled, self._labelled_key = None, None
+
+    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+        found = super().RequestInformation(request, inputs, outputs)
+        vtkDataObject.SetPointDataActiveScalarInfo(outputs.GetInformationObject(5), VTK_UNSIGNED_CHAR, 1)
+        return found
 
     def _own_axes(self) -> vtkMatrix4x4:
         if self.GetResliceAxes() is None:
@@ -446,6 +453,12 @@ class vtkBigusReslice(vtkBigusFieldToImage):
             if self._recorded is None or self._recorded_time != frames.GetMTime():
                 self._recorded, self._recorded_time = sweep_of_image(frames)[0], frames.GetMTime()
             self._image(outputs[3], _core.grid_distances(self._recorded, index_to_world, self._extent), "Distance")
+        if values["GenerateLabelOutput"]:
+            key = (self._field_time, values["Engine"] or "auto", values["ElevationSigma"])
+            if self._labelled is None or self._labelled_key != key:  # kept while the plane moves
+                self._labelled, self._labelled_key = _core.LabelRenderer(self._field, *key[1:]), key
+            self._image(outputs[5], self._labelled.render_part(index_to_world, self._whole, self._extent), "Labels")
+            share_label_names(self.GetInput(), outputs[5])
 
 
 # ----------------------------------------------------------------------------------------------------------------------

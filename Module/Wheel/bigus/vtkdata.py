@@ -241,6 +241,12 @@ def _view_arrays(arrays: Any, data: Any, owner: str, count: int) -> Optional[tup
     return (_found(arrays, owner, "ViewTerm", 3, count, True), *numbers)
 
 
+def share_label_names(field: Any, image: vtkImageData) -> None:
+    """Names, values and colours of a field's labels for an image that shows them."""
+    for kind in ("Names", "Values", "Colors"):
+        image.GetFieldData().AddArray(field.GetFieldData().GetAbstractArray("Label" + kind))
+
+
 def _label_arrays(arrays: Any, data: Any, owner: str, count: int) -> Optional[tuple]:
     """What Field.label_arrays is, or None."""
     if arrays.GetAbstractArray("LabelWeight") is None:
