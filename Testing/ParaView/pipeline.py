@@ -123,9 +123,10 @@ def frozen(sweep):
 def labelled_by_package(trainer, sweep, pictures, folder):
     """The field with labels of every fourth frame, which the package without VTK gives it."""
     import bigus
-    from bigus.vtkdata import field_of_polydata, sweep_of_image
 
-    field, frames = field_of_polydata(servermanager.Fetch(trainer)), sweep_of_image(servermanager.Fetch(sweep))[0]
+    SaveData(folder + "/plain.vtp", proxy=trainer)
+    poses = vtk_to_numpy(servermanager.Fetch(sweep).GetFieldData().GetArray("ImageToReference")).reshape(-1, 4, 4)
+    field, frames = bigus.read(folder + "/plain.vtp"), bigus.sweep(pictures, poses)
     bigus.write(bigus.label(field, frames, pictures[::4], {7: "rod"}, frames=range(0, 17, 4)), folder + "/labelled.vtp")
     return BIGUSFieldReader(FileName=folder + "/labelled.vtp")
 
