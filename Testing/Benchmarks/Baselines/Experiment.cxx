@@ -572,11 +572,15 @@ Json ToJson(const StandardErrorReport& report, double side)
 Json StandardErrorJson(double degrees, const Json& scene, const SceneFolders& folders, const Method& method,
                        const Sweep& recorded, const Sweep& sweep, const Split& split, double strength)
 {
-  // As 'bigus train' keeps it, which corrects poses itself.
+  // As 'bigus train' keeps it, which corrects poses itself and numbers frames as recorded.
   TrainingResult result = *method.training;
-  result.imageToReference = sweep.Subset(split.training).imageToReference;
+  for (std::vector<int>* frames : {&result.trainingFrames, &result.validationFrames})
+  {
+    std::transform(frames->begin(), frames->end(), frames->begin(), [&](int k) { return split.training[k]; });
+  }
+  result.imageToReference = sweep.imageToReference;
   result.settled.poseSmoothing = strength;
-  const StandardError error(MeasureStandardError(result, recorded.Subset(split.training), 0));
+  const StandardError error(MeasureStandardError(result, recorded, 0));
   const std::shared_ptr<const Sweep> turned = degrees != 0 ? MakeTurnedScene(degrees, scene, folders) : nullptr;
   std::vector<int> all(turned ? turned->NumberOfFrames() : 0);
   std::iota(all.begin(), all.end(), 0);

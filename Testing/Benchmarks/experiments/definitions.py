@@ -862,7 +862,8 @@ def e14_jobs(scale):
     jobs += [(name, scale.phantom(**{**size, **world, "seed": seed}), {"hold_out": 4}, 80, seed, TURNS)
              for name, world in WORLDS.items() for seed in seeds]
     # One training has a row for each direction.
-    return [scale.job(scene, frames, auto(), {"sweep": name, "degrees": degrees, "seed": seed}, seconds, seed=seed,
+    return [scale.job(scene, frames, auto(), {"sweep": name, "degrees": degrees, "seed": seed}, seconds,
+                      2 if name == "liver" else 1, seed=seed,
                       score=["held_out", *(f"standard_error_{turn}" for turn in turns)])
             for name, scene, frames, seconds, seed, turns in jobs for degrees in turns]
 

@@ -114,10 +114,10 @@ class OtherPlanes(unittest.TestCase):
 
 class StandardErrors(unittest.TestCase):
     def test_of_held_out_frames_are_those_of_the_command_and_of_turned_ones_larger(self):
-        phantom = {**OtherPlanes.PHANTOM, "frames": 24}
+        phantom = {**OtherPlanes.PHANTOM, "frames": 24, "tracking_noise": 0.2, "tracking_rotation_noise": 0.3}
         method = {"name": "bigus", "automatic": False, "gaussians": 1500, "iterations": 60}
         job = {"sweep": {"phantoms": [phantom]}, "frames": {"hold_out": 4}, "method": method,
-               "score": ["standard_error_0", "standard_error_90"]}
+               "poses": "tracked", "score": ["standard_error_0", "standard_error_90"]}
         answer = subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
         across = json.loads(answer.stdout)["scores"]
         held_out = across["standard_error_0"]
@@ -132,10 +132,12 @@ class StandardErrors(unittest.TestCase):
         if not (command := Path(PROGRAM).resolve().with_name("bigus")).is_file():
             self.skipTest("there is no command beside the program")
         with tempfile.TemporaryDirectory() as folder:
-            words = [text for name, value in phantom.items() for text in ("--" + name.replace("_", "-").replace("r-density", "rs"), str(value))]
+            flags = {"scatterer_density": "--scatterers", "tracking_rotation_noise": "--rotation-noise"}
+            words = [text for name, value in phantom.items()
+                     for text in (flags.get(name, "--" + name.replace("_", "-")), str(value))]
             subprocess.run([command, "phantom", "-o", "s.igs.mha", *words], cwd=folder, check=True, capture_output=True)
             said = subprocess.run([command, "train", "s.igs.mha", "-o", "f.vtp", "--no-auto", "--gaussians", "1500",
-                                   "--iterations", "60", "--hold-out", "4", "--json"], cwd=folder, check=True,
+                                   "--iterations", "60", "--pose-smoothing", "0", "--hold-out", "4", "--json"], cwd=folder, check=True,
                                   capture_output=True, text=True)
         theirs = json.loads(said.stdout)["standard_error"]
         for name in ("variance_ratio", "within_1", "within_2", "sparsification", "rmse", "known"):
