@@ -43,9 +43,19 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                               float* image, PixelInterpolation sampling = PixelInterpolation::Linear);
 
-/// The same at points, mm.
+/// By how many pixels what a training frame shows lies elsewhere on the next one than the mean of their normals leads to. In a
+/// box of the frame; outside of it as at the box's rim, and nowhere where it is empty.
+struct PixelMoves
+{
+  int column = 0, row = 0, width = 0, height = 0;
+  std::vector<float> moves;  ///< [height][width][2] along columns and rows
+};
+
+/// The same at points, mm. With `moves`, of each training frame but the last, what lies between two frames is what moves
+/// evenly from where it is on one to where it is on the other.
 std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
-                                       const std::vector<Eigen::Vector3d>& points);
+                                       const std::vector<Eigen::Vector3d>& points,
+                                       const std::vector<PixelMoves>& moves = {});
 
 /// Cubic in all three directions: two training frames on each side of index `frame`, sampled by bicubic convolution
 /// where the line along the mean of the middle two's normals meets them, and between those two the cubic whose slope at

@@ -15,6 +15,8 @@ namespace bigus
 namespace
 {
 
+constexpr int kSearches = 3;  // for where on the first frame what comes through a point is from
+
 /// Linear interpolation between two frames, along the mean of their normals: exact where intensity is linear in space,
 /// however the frames are tilted.
 class FramePair
@@ -38,6 +40,7 @@ public:
     double toA, toB;       // mm along the line, signed
     bool inA, inB;         // whether that is inside the image
     double Gap() const { return std::abs(toA) + std::abs(toB); }
+    double Share() const { return Gap() > 0 ? std::abs(toA) / Gap() : 0.5; }
   };
 
   Feet Find(const Eigen::Vector3d& point) const
@@ -59,8 +62,25 @@ public:
     {
       return feet.inA ? a_.Sample(feet.a) : feet.inB ? b_.Sample(feet.b) : 0.0;
     }
-    const double share = feet.Gap() > 0 ? std::abs(feet.toA) / feet.Gap() : 0.5;
+    const double share = feet.Share();
     return (1 - share) * a_.Sample(feet.a) + share * b_.Sample(feet.b);
+  }
+
+  /// Of what comes through the point on its way from one frame to the other; both must be met.
+  double MixMoved(const Feet& feet, const PixelMoves& moves) const
+  {
+    const double share = feet.Share();
+    Eigen::Vector3d move = Eigen::Vector3d::Zero();
+    for (int k = 0; k < kSearches; ++k)
+    {
+      const Eigen::Vector3d from = feet.a - share * move;
+      const auto i = std::clamp<std::ptrdiff_t>(std::lround(from[0]) - moves.column, 0, moves.width - 1);
+      const auto j = std::clamp<std::ptrdiff_t>(std::lround(from[1]) - moves.row, 0, moves.height - 1);
+      const float* const here = &moves.moves[2 * (j * moves.width + i)];
+      move = {here[0], here[1], 0};
+    }
+    const Eigen::Vector3d to = feet.a + (1 - share) * move;
+    return (1 - share) * a_.Sample(feet.a - share * move) + share * b_.Sample(Find(a_.Plane().Point(to[0], to[1])).b);
   }
 
 private:
@@ -216,9 +236,15 @@ public:
   }
 
   /// The mix of the two frames around a point.
-  double Linear(const Eigen::Vector3d& x) const
+  double Linear(const Eigen::Vector3d& x, const std::vector<PixelMoves>& moves = {}) const
   {
-    return At(x, [&](int k) { return pairs_[k].Mix(pairs_[k].Find(x)); });
+    return At(x,
+              [&](int k)
+              {
+                const FramePair::Feet feet = pairs_[k].Find(x);
+                const bool isMoved = !moves.empty() && !moves[k].moves.empty() && feet.inA && feet.inB;
+                return isMoved ? pairs_[k].MixMoved(feet, moves[k]) : pairs_[k].Mix(feet);
+              });
   }
 
 private:
@@ -248,12 +274,12 @@ void PredictPoseInterpolation(const Sweep& sweep, const std::vector<int>& traini
 }
 
 std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
-                                       const std::vector<Eigen::Vector3d>& points)
+                                       const std::vector<Eigen::Vector3d>& points, const std::vector<PixelMoves>& moves)
 {
   const FrameStack stack(sweep, training, PixelInterpolation::Linear);
   std::vector<float> values(points.size());
   tbb::parallel_for(std::size_t(0), points.size(),
-                    [&](std::size_t i) { values[i] = static_cast<float>(stack.Linear(points[i])); });
+                    [&](std::size_t i) { values[i] = static_cast<float>(stack.Linear(points[i], moves)); });
   return values;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
 #include <utility>
 
 #include "Core/Engine/ViewEngine.h"
@@ -26,7 +27,15 @@ constexpr double kTolerance = 1e-3;
 
 constexpr float kFade = 4;   // pixels on either side of a border over which a label fades
 constexpr float kReach = 8;  // pixels up to which distances count: a label that ends between frames does so as gently
-constexpr double kFine = 2;  // pixels between further carriers along borders
+constexpr double kFollowed = 16;        // pixels up to which distances tell how a shape has moved from frame to frame
+constexpr double kFollowPyramid = 0.5;  // a level of the pyramid over the one before
+constexpr int kFollowLevels = 4;
+constexpr int kFollowWindow = 31;  // pixels
+constexpr int kFollowIterations = 5;
+constexpr int kFollowPolynomialSize = 7;  // pixels; with the next the pair that OpenCV recommends
+constexpr double kFollowPolynomialWidth = 1.5;
+
+constexpr double kFine = 2;       // pixels between further carriers along borders
 constexpr double kFinest = 0.7;   // the same where drawn frames lie closer
 constexpr double kCoarse = 4;     // times that, inside
 constexpr double kOverlap = 0.7;  // a carrier's standard deviation, of the distance to the next
@@ -52,6 +61,50 @@ cv::Mat SignedDistances(const std::uint8_t* pixels, int width, int height, int v
     std::transform(row, row + width, row, [](float d) { return d > 0 ? d - 0.5f : d + 0.5f; });
   }
   return distances;
+}
+
+/// Where the pixels of one plane meet another along the mean of their normals: (i, j, 1) to (i, j).
+Eigen::Matrix<double, 2, 3, Eigen::RowMajor> AlongNormals(const SlicePlane& from, const SlicePlane& to)
+{
+  const double side = from.Normal().dot(to.Normal()) < 0 ? -1 : 1;
+  const Eigen::Vector3d along = from.Normal() + side * to.Normal();
+  const Eigen::Matrix3d toSlice = to.WorldToSlice();
+  const auto meet = [&](double i, double j) -> Eigen::Vector2d
+  {
+    const Eigen::Vector3d p = toSlice * (from.Point(i, j) - to.origin), step = toSlice * along;
+    return (p - p[2] / step[2] * step).head<2>();
+  };
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> affine;
+  affine << meet(1, 0) - meet(0, 0), meet(0, 1) - meet(0, 0), meet(0, 0);
+  return affine;
+}
+
+/// How a shape has moved from one plane to another, by optical flow of its signed distances.
+PixelMoves MovesOf(const SlicePlane& from, const cv::Mat& distances, const SlicePlane& to, const cv::Mat& next)
+{
+  auto affine = AlongNormals(from, to);
+  PixelMoves found;
+  if (!affine.allFinite())
+  {
+    return found;
+  }
+  const auto bytesOf = [](const cv::Mat& all)
+  {
+    cv::Mat bytes = cv::min(cv::max(all, -kFollowed), kFollowed);  // a picture that is filled has no border
+    bytes.convertTo(bytes, CV_8U, 127.5 / kFollowed, 127.5);
+    return bytes;
+  };
+  cv::Mat warped, flow;
+  cv::warpAffine(bytesOf(next), warped, cv::Mat(2, 3, CV_64F, affine.data()), distances.size(),
+                 cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+  const cv::Mat here = bytesOf(distances);
+  const cv::Rect box = cv::boundingRect(here | warped);
+  cv::calcOpticalFlowFarneback(here(box), warped(box), flow, kFollowPyramid, kFollowLevels, kFollowWindow,
+                               kFollowIterations, kFollowPolynomialSize, kFollowPolynomialWidth,
+                               cv::OPTFLOW_FARNEBACK_GAUSSIAN);
+  found = {box.x, box.y, box.width, box.height, {}};
+  found.moves.assign(flow.ptr<float>(), flow.ptr<float>() + 2 * box.area());
+  return found;
 }
 
 /// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away. Behind the
@@ -82,17 +135,25 @@ public:
     const std::size_t n = sweep_.PixelsPerFrame();
     auto pixels = std::make_shared<std::vector<float>>(pictures_.size() * n);
     std::vector<float> deepest(pictures_.size(), 0);
-    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    cv::Mat before, here;
+    for (std::size_t f = 0; f < pictures_.size(); ++f, before = here)
     {
+      here = cv::Mat();
       if (pictures_[f] != kNoPicture)
       {
         const std::size_t place = n * pictures_[f];
-        Measure(&given_.pixels[place], value, &(*pixels)[f * n], deepest[f]);
+        here = Measure(&given_.pixels[place], value, &(*pixels)[f * n], deepest[f]);
         for (std::size_t p = 0; p < n && deepest[f] > 0; ++p)
         {
           soft[place + p] =
               static_cast<std::uint8_t>(std::lround(255 * Soft(((*pixels)[f * n + p] - 0.5f) * 2 * kReach)));
         }
+      }
+      if (f > 0)
+      {
+        const int k = static_cast<int>(f);
+        const bool isFollowed = !before.empty() && !here.empty();
+        moves_.push_back(isFollowed ? MovesOf(shapes_.Plane(k - 1), before, shapes_.Plane(k), here) : PixelMoves());
       }
     }
     if (std::all_of(deepest.begin(), deepest.end(), [](float depth) { return depth == 0; }))
@@ -107,7 +168,7 @@ public:
   /// Signed distances of points, pixels, positive inside.
   std::vector<float> DistancesAt(const std::vector<Eigen::Vector3d>& points) const
   {
-    std::vector<float> distances = PoseInterpolationAt(shapes_, AllFrames(shapes_), points);
+    std::vector<float> distances = PoseInterpolationAt(shapes_, AllFrames(shapes_), points, moves_);
     for (float& distance : distances)
     {
       distance = (distance - 0.5f) * 2 * kReach;
@@ -186,17 +247,19 @@ private:
     shapes_.sequences.push_back(sweep_.SequenceOf(frame));
   }
 
-  void Measure(const std::uint8_t* picture, int value, float* levels, float& deepest) const
+  /// Signed distances, also as levels; empty where the picture does not show the label.
+  cv::Mat Measure(const std::uint8_t* picture, int value, float* levels, float& deepest) const
   {
     const std::size_t n = sweep_.PixelsPerFrame();
     if (std::find(picture, picture + n, value) == picture + n)
     {
-      return;
+      return {};
     }
     const cv::Mat distances = SignedDistances(picture, sweep_.width, sweep_.height, value);
     const float* const first = distances.ptr<float>();
     deepest = std::min(*std::max_element(first, first + n), kReach);  // a picture that is filled has no border
     std::transform(first, first + n, levels, [](float d) { return 0.5f + 0.5f * std::clamp(d / kReach, -1.0f, 1.0f); });
+    return distances;
   }
 
   /// Where a frame has no label it ends half way to it, where it is deepest.
@@ -220,7 +283,8 @@ private:
 
   const Sweep& sweep_;
   const LabelFrames& given_;
-  std::vector<int> pictures_;  // [frames of shapes_] place in given_
+  std::vector<int> pictures_;      // [frames of shapes_] place in given_
+  std::vector<PixelMoves> moves_;  // [frames of shapes_ but the last]
   Sweep shapes_;
 };
 
