@@ -104,6 +104,8 @@ void FillSteps(const std::vector<bigus::PoseStep>& steps, vtkTable* table)
   bigus::AddColumn<vtkDoubleArray>(table, "ShareError", steps, &Step::shareError);
   bigus::AddColumn<vtkDoubleArray>(table, "Gain", steps, &Step::gain);
   bigus::AddColumn<vtkDoubleArray>(table, "GainError", steps, &Step::gainError);
+  bigus::AddColumn<vtkDoubleArray>(table, "RevisitShare", steps, &Step::revisitShare);
+  bigus::AddColumn<vtkDoubleArray>(table, "RevisitError", steps, &Step::revisitError);
   bigus::AddColumn<vtkIntArray>(table, "Taken", steps, &Step::isTaken);
 }
 

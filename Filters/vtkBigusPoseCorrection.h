@@ -51,6 +51,7 @@
  * | `From`, `To` | double | strengths; 0: as recorded |
  * | `Share`, `ShareError` | double | of what the step changes in poses, that pictures confirm, and its standard error |
  * | `Gain`, `GainError` | double | dB by which frames predict their neighbours better |
+ * | `RevisitShare`, `RevisitError` | double | of the step, what frames of other times at the same places confirm; NaN for few |
  * | `Taken` | int | 1: it was taken |
  */
 #ifndef vtkBigusPoseCorrection_h

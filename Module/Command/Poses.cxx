@@ -170,7 +170,7 @@ std::vector<PoseStep> StepsOf(vtkTable* table)
   {
     const auto value = [&](const char* name) { return table->GetValueByName(row, name).ToDouble(); };
     steps.push_back({value("From"), value("To"), value("Share"), value("ShareError"), value("Gain"), value("GainError"),
-                     value("Taken") != 0});
+                     value("Taken") != 0, value("RevisitShare"), value("RevisitError")});
   }
   return steps;
 }
@@ -228,6 +228,8 @@ Json StepsJson(const std::vector<PoseStep>& steps)
                     {"share_error", step.shareError},
                     {"gain", step.gain},
                     {"gain_error", step.gainError},
+                    {"revisit_share", step.revisitShare},
+                    {"revisit_error", step.revisitError},
                     {"taken", step.isTaken}});
   }
   return rows;

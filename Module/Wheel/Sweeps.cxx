@@ -177,6 +177,8 @@ nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> st
     row["share_error"] = step.shareError;
     row["gain"] = step.gain;
     row["gain_error"] = step.gainError;
+    row["revisit_share"] = step.revisitShare;
+    row["revisit_error"] = step.revisitError;
     row["taken"] = step.isTaken;
     steps.append(row);
   }

@@ -245,6 +245,25 @@ TEST(PoseCorrection, CorrelatedNoiseIsSmoothedMoreThanPosesAskFor)
   }
 }
 
+// Neighbours do not see that the turn is rounded off; frames of the other way do.
+TEST(PoseCorrection, AStraightPathThereAndBackIsNotSmoothedAway)
+{
+  for (const double correlation : {0.0, 10.0})
+  {
+    PhantomOptions world = SmallWorld(96);
+    world.passes = 2;
+    world.scattererDensity = 8;
+    world.tilt = world.wander = 0;
+    world.trackingNoise = 0.2;
+    world.trackingRotationNoise = 0.3;
+    world.seed = 4;
+    const auto [found, error] = Corrected(world, correlation, std::nullopt);
+    EXPECT_LT(error, 0.3) << found.decision.evidence;  // by neighbours alone 0.9; as tracked 0.36, 0.32
+    const bigus::PoseStep& last = found.steps.back();
+    EXPECT_TRUE(!last.isTaken && last.revisitShare + last.revisitError < 0.5) << found.decision.evidence;
+  }
+}
+
 // A probe that really shakes: to the poses alone that is noise, and only pictures tell.
 TEST(PoseCorrection, AShakingProbeIsLeftAsTracked)
 {

@@ -23,6 +23,7 @@
 #include "Core/Numerics/Statistics.h"
 #include "Core/Poses/FramePrediction.h"
 #include "Core/Poses/PoseRefinement.h"
+#include "Core/Poses/Revisits.h"
 #include "Core/Training/Stopwatch.h"
 
 namespace bigus
@@ -114,11 +115,11 @@ struct Comparison
   int count = 0;        // of bands and lags that say something
 };
 
-/// From residuals at both, of pictures with so many lit pixels.
-Comparison Compare(const Residuals& recorded, const Residuals& corrected, double pixels)
+/// From residuals at both, of pictures with so many lit pixels, by lags from `first` to before `end`.
+Comparison Compare(const Residuals& recorded, const Residuals& corrected, double pixels, int first, int end)
 {
   Comparison sum;
-  for (int lag = 0; lag < kLags; ++lag)
+  for (int lag = first; lag < end; ++lag)
   {
     if (recorded[lag].empty())
     {
@@ -126,9 +127,10 @@ Comparison Compare(const Residuals& recorded, const Residuals& corrected, double
     }
     cv::Mat before = recorded[lag].clone(), after = corrected[lag].clone();
     int seen = 0;
-    for (std::size_t p = 0; p < before.total(); ++p)
+    float *const residuals = before.ptr<float>(), *const corrections = after.ptr<float>();
+    for (std::size_t p = 0, count = before.total(); p < count; ++p)
     {
-      float &r = before.ptr<float>()[p], &s = after.ptr<float>()[p];
+      float &r = residuals[p], &s = corrections[p];
       const bool both = !std::isnan(r) && !std::isnan(s);
       seen += both ? 1 : 0;
       r = both ? r : 0.0f;
@@ -263,6 +265,30 @@ std::vector<std::array<Test, kLags>> TestsOf(const std::vector<int>& frames, con
   return some;
 }
 
+/// Predicts frames also from those of another time that lie nearest around them.
+void AddRevisits(const Sweep& sweep, const std::vector<int>& frames, const std::vector<int>& stroke,
+                 std::vector<std::array<Test, kLags>>& tests)
+{
+  std::vector<SlicePlane> planes;
+  for (const int frame : frames)
+  {
+    planes.push_back(sweep.Plane(frame));
+  }
+  std::vector<int> before(frames.size(), -1);
+  for (const Revisit& revisit : FindRevisits(planes, frames, stroke).found)
+  {
+    int& nearest = before[revisit.frame];
+    nearest = nearest < 0 ? revisit.before : nearest;
+  }
+  for (auto& test : tests)
+  {
+    if (const int k = test[0].frame; before[k] >= 0)
+    {
+      test[kNeighbourLags] = {k, before[k], before[k] + 1};
+    }
+  }
+}
+
 /// Thrown where the caller's progress function says stop.
 struct Stopped
 {
@@ -276,6 +302,7 @@ public:
            const std::function<bool(double)>& progress)
       : sweep_(sweep), tests_(TestsOf(frames, stroke)), progress_(progress)
   {
+    AddRevisits(sweep, frames, stroke, tests_);
     // Only frames that a test needs are looked at.
     std::vector<int> place(frames.size(), -1);
     for (const auto& tests : tests_)
@@ -339,14 +366,30 @@ public:
   /// What pictures say of the step from one candidate to another.
   PoseStep Judge(const Candidate& from, const Candidate& to) const
   {
-    std::vector<Comparison> tests(tests_.size());
-    tbb::parallel_for(std::size_t(0), tests_.size(),
-                      [&](std::size_t t) { tests[t] = Compare(from.residuals[t], to.residuals[t], pictures_.pixels); });
+    const std::vector<Comparison> tests = Compared(from, to, 0, kNeighbourLags);
     const Estimate share = ConfirmedShare(tests), gain = GainOf(tests);
-    return {from.strength, to.strength, share.mean, share.error, gain.mean, gain.error, false};
+    PoseStep step{from.strength, to.strength, share.mean, share.error, gain.mean, gain.error};
+    const std::vector<Comparison> again = Compared(from, to, kNeighbourLags, kLags);
+    if (static_cast<std::size_t>(std::count_if(again.begin(), again.end(),
+                                               [](const Comparison& c) { return c.count > 0; })) >= kFewestFrames)
+    {
+      const Estimate sharesAgain = ConfirmedShare(again);
+      step.revisitShare = sharesAgain.mean;
+      step.revisitError = sharesAgain.error;
+    }
+    return step;
   }
 
 private:
+  std::vector<Comparison> Compared(const Candidate& from, const Candidate& to, int firstLag, int endLag) const
+  {
+    std::vector<Comparison> tests(tests_.size());
+    tbb::parallel_for(std::size_t(0), tests_.size(),
+                      [&](std::size_t t)
+                      { tests[t] = Compare(from.residuals[t], to.residuals[t], pictures_.pixels, firstLag, endLag); });
+    return tests;
+  }
+
   const Sweep& sweep_;
   std::vector<std::array<Test, kLags>> tests_;
   std::vector<int> frames_;
@@ -367,10 +410,20 @@ std::string NoiseText(const Trajectory& trajectory)
          (outliers > 0 ? ", " + std::to_string(outliers) + (outliers == 1 ? " outlier" : " outliers") : "");
 }
 
+/// Beyond strength 1: whether frames of other times at the same places confirm less than half of a step, by one standard error.
+/// Neighbours see little of what bends slowly, those more; so neither such a step nor a larger one is taken.
+bool AreRevisitsAgainst(const PoseStep& step)
+{
+  return step.from > 0 && step.revisitShare + step.revisitError < kLeastConfirmed;
+}
+
 std::string StepText(const PoseStep& step)
 {
   return Format("pictures confirm %.2f", step.share) + Format(" +- %.2f of the step", step.shareError) +
-         Format(" from strength %g", step.from) + Format(" to %g", step.to) + Format(" (%+.2f dB)", step.gain);
+         Format(" from strength %g", step.from) + Format(" to %g", step.to) + Format(" (%+.2f dB)", step.gain) +
+         (AreRevisitsAgainst(step) ? Format(", those of other times at its places %.2f", step.revisitShare) +
+                                         Format(" +- %.2f", step.revisitError)
+                                   : "");
 }
 
 /// The last step that was taken and the first that was not.
@@ -427,8 +480,8 @@ Candidate ChooseClock(Paths& paths, const Evidence& evidence, double strength)
   return step.gain > std::max(kLeastGain, step.gainError) ? byNumbers : byTimes;
 }
 
-/// Steps up the ladder while pictures confirm them, from strength 1, or 1/2 where that is not confirmed. `steps` gets all that
-/// were asked for. Strength 0 where none is taken.
+/// Steps up the ladder while pictures confirm them, from strength 1, or 1/2 where that is not confirmed, and to where frames
+/// of other times are against it. `steps` gets all that were asked for. Strength 0 where none is taken.
 Candidate Choose(Paths& paths, const Evidence& evidence, std::vector<PoseStep>& steps)
 {
   std::size_t rung = 1;
@@ -436,10 +489,13 @@ Candidate Choose(Paths& paths, const Evidence& evidence, std::vector<PoseStep>& 
   const FrameClock clock = one.trajectory.clock;
   const auto at = [&](double strength) { return evidence.At(paths.At(clock, strength), strength); };
   Candidate now = at(0);
+  bool isEnd = false;
   const auto take = [&](Candidate next, double least, double errors, double gain)
   {
     PoseStep step = evidence.Judge(now, next);
-    step.isTaken = step.share > least && step.share - kLeastConfirmed > errors * step.shareError && step.gain > gain;
+    isEnd = AreRevisitsAgainst(step);
+    step.isTaken =
+        step.share > least && step.share - kLeastConfirmed > errors * step.shareError && step.gain > gain && !isEnd;
     steps.push_back(step);
     if (step.isTaken)
     {
@@ -453,7 +509,7 @@ Candidate Choose(Paths& paths, const Evidence& evidence, std::vector<PoseStep>& 
     take(at(kLadder[0]), kLeastConfirmed, 1, anyGain);
     return now;
   }
-  for (std::size_t next = rung + 1; next < std::min(kLadder.size(), rung + 1 + kRungsAhead); ++next)
+  for (std::size_t next = rung + 1; !isEnd && next < std::min(kLadder.size(), rung + 1 + kRungsAhead); ++next)
   {
     if (take(at(kLadder[next]), kMostOfAStep, kSureOfAStep, kLeastStepGain))
     {
@@ -556,7 +612,7 @@ std::vector<Comparison> JudgeInFolds(const Sweep& sweep, const std::vector<int>&
                         if (isLeftOut[k])
                         {
                           findings[k] = Compare(ResidualsOf(pictures, tests[k], before),
-                                                ResidualsOf(pictures, tests[k], after), pictures.pixels);
+                                                ResidualsOf(pictures, tests[k], after), pictures.pixels, 0, kLags);
                         }
                       });
   }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -33,6 +34,9 @@ struct PoseStep
          shareError = 0;           ///< of what the step changes in poses, that pictures confirm, and its standard error
   double gain = 0, gainError = 0;  ///< dB by which neighbours are predicted better
   bool isTaken = false;
+  /// The share that frames of other times at the same places confirm, and its standard error; NaN where fewer than 8 do.
+  double revisitShare = std::numeric_limits<double>::quiet_NaN();
+  double revisitError = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct PoseCorrection

@@ -3,10 +3,10 @@
 #include "Core/Poses/FramePrediction.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 namespace bigus
 {
@@ -15,13 +15,14 @@ namespace
 
 constexpr int kEdge = 3;  // pixels inside the lit area that a picture's edge must not reach
 
-/// What a frame's plane meets along a direction: pixel i, j of the other plane and the distance to it, all of them
-/// linear in the frame's own pixel.
+/// What a plane meets along a direction in a picture: its pixel i, j and the distance to it, linear in the plane's own pixel.
 struct Meeting
 {
-  Eigen::Vector3d first, perColumn, perRow;
+  std::vector<Eigen::Vector3d> columns;  // of the plane's first row
+  Eigen::Vector3d perRow;
+  const cv::Mat& picture;
 };
-Meeting Meet(const SlicePlane& plane, const Eigen::Vector3d& direction, const SlicePlane& other)
+Meeting Meet(const SlicePlane& plane, const Eigen::Vector3d& direction, const SlicePlane& other, const cv::Mat& picture)
 {
   const Eigen::Matrix3d t = other.WorldToSlice();
   const Eigen::Vector3d d = t * direction;
@@ -30,7 +31,36 @@ Meeting Meet(const SlicePlane& plane, const Eigen::Vector3d& direction, const Sl
     const double steps = -v[2] / d[2];
     return {v[0] + steps * d[0], v[1] + steps * d[1], steps};
   };
-  return {along(t * (plane.origin - other.origin)), along(t * plane.columnStep), along(t * plane.rowStep)};
+  const Eigen::Vector3d first = along(t * (plane.origin - other.origin)), perColumn = along(t * plane.columnStep);
+  std::vector<Eigen::Vector3d> columns;
+  for (int x = 0; x < picture.cols; ++x)
+  {
+    columns.emplace_back(first + x * perColumn);
+  }
+  return {std::move(columns), along(t * plane.rowStep), picture};
+}
+
+/// What the picture shows where pixel (x, y) meets it, and how far that is; false where it shows nothing or the edge is near.
+/// `reach`: the largest pixel numbers.
+bool Look(const Meeting& meeting, const cv::Mat& inner, int x, const Eigen::Vector3d& row, const Eigen::Vector2d& reach,
+          double& value, double& distance)
+{
+  const Eigen::Vector3d at = meeting.columns[x] + row;
+  if (!(at[0] >= 0 && at[1] >= 0 && at[0] < reach[0] && at[1] < reach[1]))
+  {
+    return false;
+  }
+  const int i = static_cast<int>(at[0]), j = static_cast<int>(at[1]);
+  if (!inner.ptr(j)[i] || !inner.ptr(j + 1)[i + 1])
+  {
+    return false;
+  }
+  const double u = at[0] - i, v = at[1] - j;
+  const float* upper = meeting.picture.ptr<float>(j) + i;
+  const float* lower = meeting.picture.ptr<float>(j + 1) + i;
+  value = (1 - v) * ((1 - u) * upper[0] + u * upper[1]) + v * ((1 - u) * lower[0] + u * lower[1]);
+  distance = std::abs(at[2]);
+  return true;
 }
 
 }  // namespace
@@ -80,39 +110,22 @@ cv::Mat PredictPicture(const cv::Mat& inner, const SlicePlane& plane, const Slic
     direction = beforePlane.Normal();
   }
   direction.normalize();
-  const std::array<Meeting, 2> meetings = {Meet(plane, direction, beforePlane), Meet(plane, direction, afterPlane)};
-  const std::array<const cv::Mat*, 2> sources = {&before, &after};
+  const Meeting one = Meet(plane, direction, beforePlane, before), other = Meet(plane, direction, afterPlane, after);
+  const Eigen::Vector2d reach(inner.cols - 1, inner.rows - 1);
   cv::Mat predicted(inner.size(), CV_32F, cv::Scalar(std::numeric_limits<float>::quiet_NaN()));
   for (int y = 0; y < inner.rows; ++y)
   {
+    const unsigned char* const isInner = inner.ptr(y);
+    float* const out = predicted.ptr<float>(y);
+    const Eigen::Vector3d rowOfOne = y * one.perRow, rowOfOther = y * other.perRow;
     for (int x = 0; x < inner.cols; ++x)
     {
-      if (!inner.at<unsigned char>(y, x))
+      double a = 0, b = 0, farA = 0, farB = 0;
+      if (isInner[x] && Look(one, inner, x, rowOfOne, reach, a, farA) &&
+          Look(other, inner, x, rowOfOther, reach, b, farB))
       {
-        continue;
-      }
-      std::array<double, 2> value{}, distance{};
-      bool seen = true;
-      for (int side = 0; side < 2 && seen; ++side)
-      {
-        const Eigen::Vector3d at = meetings[side].first + x * meetings[side].perColumn + y * meetings[side].perRow;
-        seen = at[0] >= 0 && at[1] >= 0 && at[0] < inner.cols - 1 && at[1] < inner.rows - 1;
-        if (!seen)
-        {
-          break;
-        }
-        const int i = static_cast<int>(at[0]), j = static_cast<int>(at[1]);
-        const double u = at[0] - i, v = at[1] - j;
-        seen = inner.at<unsigned char>(j, i) != 0 && inner.at<unsigned char>(j + 1, i + 1) != 0;
-        const float* upper = sources[side]->ptr<float>(j) + i;
-        const float* lower = sources[side]->ptr<float>(j + 1) + i;
-        value[side] = (1 - v) * ((1 - u) * upper[0] + u * upper[1]) + v * ((1 - u) * lower[0] + u * lower[1]);
-        distance[side] = std::abs(at[2]);
-      }
-      if (seen)
-      {
-        const double sum = distance[0] + distance[1], share = sum > 0 ? distance[0] / sum : 0.5;
-        predicted.at<float>(y, x) = static_cast<float>((1 - share) * value[0] + share * value[1]);
+        const double sum = farA + farB, share = sum > 0 ? farA / sum : 0.5;
+        out[x] = static_cast<float>((1 - share) * a + share * b);
       }
     }
   }

@@ -16,6 +16,7 @@
 #include "Core/Numerics/Constants.h"
 #include "Core/Poses/Alignment.h"
 #include "Core/Poses/FramePrediction.h"
+#include "Core/Poses/Revisits.h"
 
 namespace bigus
 {
@@ -29,17 +30,6 @@ constexpr int kNumbers = PoseRefinement::kNumbers;
 // ---- which frames are compared ----
 
 constexpr std::array<int, 2> kLags{1, 2};  // frames on each side on the path that predict one
-constexpr double kAway = 3;                // mm: a place that the probe left so far and came back to is seen anew
-constexpr double kWidestGap = 2;           // mm between the two frames that a third is predicted from
-constexpr std::size_t kMostRevisits = 2;   // of a frame: the nearest in the plane
-constexpr double kMostLooks =
-    2.5e7;  // frames times those among which each looks for its place: of 5,000 frames all, of more some
-
-/// Degrees that frames of a revisit may be turned against each other in their plane. Speckle and shadows turn with the
-/// beam, so pictures that are turned by 4 degrees seem to fit best where they are turned by 1: at exact poses of a
-/// phantom there and back alignment is wrong by 3 degrees there, and by 0.1 degrees where they are turned by 1.
-constexpr double kMostTurned = 1;
-constexpr double kMostTilted = 20;  // degrees between their normals
 
 // ---- how they are aligned ----
 
@@ -118,6 +108,7 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const cv::Mat&
                     double lever)
 {
   const double dx = plane.columnStep.norm(), dy = plane.rowStep.norm();
+  const bool hasAcross = !across.empty();
   const auto forEach = [&](auto use)
   {
     for (int y = 1; y + 1 < own.rows; ++y)
@@ -125,14 +116,15 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const cv::Mat&
       const float* above = predicted.ptr<float>(y - 1);
       const float* row = predicted.ptr<float>(y);
       const float* below = predicted.ptr<float>(y + 1);
+      const float* truth = own.ptr<float>(y);
+      const float* slopes = hasAcross ? across.ptr<float>(y) : nullptr;
       for (int x = 1; x + 1 < own.cols; ++x)
       {
-        const double gx = (row[x + 1] - row[x - 1]) / (2 * dx), gy = (below[x] - above[x]) / (2 * dy);
-        const double gz = across.empty() ? 0.0 : across.at<float>(y, x);
-        if (!std::isnan(gx) && !std::isnan(gy) && !std::isnan(gz) && !std::isnan(row[x]))
+        const double alongRow = row[x + 1] - row[x - 1], alongColumn = below[x] - above[x],
+                     gz = hasAcross ? slopes[x] : 0.0;
+        if (!std::isnan(alongRow) && !std::isnan(alongColumn) && !std::isnan(gz) && !std::isnan(row[x]))
         {
-          const double right = (x - 0.5 * (own.cols - 1)) * dx, down = (y - 0.5 * (own.rows - 1)) * dy;
-          use(row[x], own.at<float>(y, x), FrameMotion(gx, gy, (right * gy - down * gx) / lever, gz));
+          use(x, y, row[x], truth[x], alongRow, alongColumn, gz);
         }
       }
     }
@@ -140,7 +132,7 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const cv::Mat&
   Equations found;
   double squares = 0, pp = 0, qq = 0, pq = 0;
   forEach(
-      [&](double p, double q, const FrameMotion&)
+      [&](int, int, double p, double q, double, double, double)
       {
         squares += (p - q) * (p - q);
         pp += p * p;
@@ -152,8 +144,11 @@ Equations Linearise(const cv::Mat& own, const cv::Mat& predicted, const cv::Mat&
   const double scale = kRobust * kRobust * squares / std::max(found.count, 1) + kLeastSquare;
   double weights = 0;
   forEach(
-      [&](double p, double q, const FrameMotion& gradient)
+      [&](int x, int y, double p, double q, double alongRow, double alongColumn, double gz)
       {
+        const double gx = alongRow / (2 * dx), gy = alongColumn / (2 * dy);
+        const double right = (x - 0.5 * (own.cols - 1)) * dx, down = (y - 0.5 * (own.rows - 1)) * dy;
+        const FrameMotion gradient(gx, gy, (right * gy - down * gx) / lever, gz);
         const double weight = 1 / (1 + (p - q) * (p - q) / scale);
         found.hessian += weight * gradient * gradient.transpose();
         found.pull += weight * (q - p) * gradient;
@@ -209,8 +204,12 @@ PoseRefinement::PoseRefinement(const Sweep& sweep, const std::vector<int>& frame
     lever_ = 0.5 * (plane.Point(plane.width - 1, plane.height - 1) - plane.origin).norm();
   }
   FindNeighbours();
-  FindRevisits();
-  if (!comesBack_)
+  const Revisits revisits = FindRevisits(planes_, frames_, stroke_);
+  for (const Revisit& revisit : revisits.found)
+  {
+    comparisons_.push_back({revisit.frame, revisit.before, revisit.before + 1, true});
+  }
+  if (!revisits.comesBack)
   {
     // Neighbours alone tell how three frames lie to each other. Small errors of that add up along the path, so poses of
     // a single pass do not become better.
@@ -240,56 +239,6 @@ void PoseRefinement::FindNeighbours()
       {
         comparisons_.push_back({k, k - lag, k + lag, false});
       }
-    }
-  }
-}
-
-void PoseRefinement::FindRevisits()
-{
-  const int n = static_cast<int>(frames_.size());
-  const double parallel = std::cos(kMostTilted * kRadiansPerDegree);
-  const double straight = std::cos(kMostTurned * kRadiansPerDegree);
-  const auto isAlike = [&](int a, int b)
-  {
-    const Eigen::Vector3d normal = planes_[a].Normal(), along = planes_[b].columnStep;
-    const Eigen::Vector3d seen = (along - along.dot(normal) * normal).normalized();
-    return normal.dot(planes_[b].Normal()) >= parallel && planes_[a].columnStep.normalized().dot(seen) >= straight;
-  };
-  std::vector<Eigen::Vector3d> centres;
-  for (const SlicePlane& plane : planes_)
-  {
-    centres.push_back(CentreOf(plane));
-  }
-  const int step = 1 + static_cast<int>(static_cast<double>(n) * n / kMostLooks);
-  for (int a = 0; a < n; a += step)
-  {
-    std::vector<std::pair<double, int>> found;  // distance of the centre, frame before
-    const Eigen::Vector3d centre = centres[a], normal = planes_[a].Normal();
-    for (const int side : {-1, 1})
-    {
-      double away = 0, heightC = a + side >= 0 && a + side < n ? normal.dot(centres[a + side] - centre) : 0;
-      bool follows = true;
-      for (int b = a + side, c = b + side; b >= 0 && c >= 0 && b < n && c < n; b = c, c += side)
-      {
-        const double heightB = std::exchange(heightC, normal.dot(centres[c] - centre));
-        away = std::max(away, std::abs(heightB));
-        follows = follows && stroke_[frames_[b]] == stroke_[frames_[a]];
-        if (stroke_[frames_[b]] != stroke_[frames_[c]] || (heightB > 0) == (heightC > 0) || (follows && away < kAway))
-        {
-          continue;
-        }
-        comesBack_ = true;
-        if (std::abs(heightB - heightC) > kWidestGap || !isAlike(a, b) || !isAlike(a, c))
-        {
-          continue;
-        }
-        found.emplace_back((centres[b] - centre - heightB * normal).norm(), std::min(b, c));
-      }
-    }
-    std::sort(found.begin(), found.end());
-    for (std::size_t k = 0; k < std::min(found.size(), kMostRevisits); ++k)
-    {
-      comparisons_.push_back({a, found[k].second, found[k].second + 1, true});
     }
   }
 }

@@ -59,7 +59,6 @@ private:
     double share = 0.5;  ///< of the frame after in the prediction
   };
   void FindNeighbours();
-  void FindRevisits();
   void Align();
   /// One comparison at one blur, going on from the motion that is known. `own` is the frame's picture at `at`.
   void AlignOne(const Comparison& comparison, const cv::Mat& own, const SlicePlane& at,
@@ -78,7 +77,6 @@ private:
   std::vector<int> frames_, stroke_;
   std::vector<SlicePlane> planes_;  // of frames_
   double lever_ = 1;                // mm
-  bool comesBack_ = false;          // also where pictures are turned too far to be compared
   std::vector<Comparison> comparisons_;
   std::vector<Alignment> alignments_;
 };

@@ -133,12 +133,13 @@ class PoseCorrection(NamedTuple):
     noise: dict[str, float]  # the tracker's: translation (mm), rotation (degrees), corner (mm at the image's corners)
     strength: float  # in units of the noise found; 0: no noise is taken out
     decision: dict[str, str]  # choice and evidence
-    steps: list[dict[str, Any]]  # that were judged: from, to, share, share_error, gain (dB), gain_error, taken
+    steps: list[dict[str, Any]]  # that were judged: from, to, share, share_error, gain (dB), gain_error, revisit_share and _error, taken
 
 
 # The columns of vtkBigusPoseCorrection's table of steps.
 STEP_COLUMNS = {"from": "From", "to": "To", "share": "Share", "share_error": "ShareError", "gain": "Gain",
-                "gain_error": "GainError", "taken": "Taken"}  # fmt: skip
+                "gain_error": "GainError", "revisit_share": "RevisitShare",
+                "revisit_error": "RevisitError", "taken": "Taken"}  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------------------------
