@@ -68,6 +68,7 @@ class Experiment:
     split: str = ""  # a table for each value of this label
     summary: tuple = ()  # of the table, for README.md: corner, down, across as harness.summary takes them
     shows_decisions: bool = False
+    is_long: bool = False  # the summary stands on the page in results/, not in README.md
 
     def tables(self, jobs):
         if not self.split:
@@ -902,7 +903,8 @@ E14 = Experiment(
               for degrees in (TURNS if name in WORLDS else (0,))},
              {column: ({}, column) for column in ("error", "ratio", "within 1", "within 2", "correlation", "AUSE",
                                                   "distance AUSE", "local variance AUSE", "means of 8 x 8",
-                                                  "means of 32 x 32")}))
+                                                  "means of 32 x 32")}),
+    is_long=True)
 
 EXPERIMENTS = {experiment.name: experiment
                for experiment in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, E13, E14)}

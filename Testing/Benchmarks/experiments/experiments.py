@@ -86,12 +86,15 @@ def publish(runner, scale):
             if (runner.output / kept).is_file():
                 (results / published).write_bytes((runner.output / kept).read_bytes())
         decided = (results / f"{name}-decisions.csv").is_file()
-        write_whole(results / f"{name}.md", page(experiment, (runner.output / f"{name}.md").read_text(), decided))
+        text = page(experiment, (runner.output / f"{name}.md").read_text(), decided)
+        if experiment.is_long:
+            text += "\n" + summary(read_rows(results / f"{name}.csv"), *experiment.summary)
+        write_whole(results / f"{name}.md", text)
     readme = HERE / "README.md"
     text = readme.read_text()
     for name, experiment in EXPERIMENTS.items():
         rows = results / f"{name}.csv"
-        if experiment.summary and rows.is_file():
+        if experiment.summary and not experiment.is_long and rows.is_file():
             # The first table below the experiment's heading.
             body = summary(read_rows(rows), *experiment.summary)
             text = re.sub(rf"(\n## {name.upper()}:(?:(?!\n#|\n\|).)*\n)(?:\|[^\n]*\n)+", lambda m: m.group(1) + body, text,

@@ -20,7 +20,7 @@ from unittest import mock
 
 import experiments
 from definitions import EXPERIMENTS, Scale
-from harness import Job, table
+from harness import Job, table, write_rows
 
 PROGRAM = sys.argv.pop(1) if len(sys.argv) > 1 else "build/bin/bigusExperiment"
 
@@ -258,6 +258,22 @@ class Harness(unittest.TestCase):
         self.assertNotIn("old", text)
         self.assertIn("| field, 100k | 40.32 | 37.71 | – | – |", text)
         self.assertIn("| compounding | – | 34.22 | – | – |", text)
+
+    def test_a_long_summary_stands_on_the_page_of_its_results(self):
+        quick = self.folder / "quick"
+        quick.mkdir()
+        (quick / "e14.md").write_text("| new |\n\nSeeds: 1.\n")
+        columns = [column for _, column in EXPERIMENTS["e14"].summary[2].values()]
+        write_rows([{"sweep": "brain", "degrees": "0", **dict.fromkeys(columns, "0.88")}], quick / "e14-table.csv")
+        readme = self.folder / "README.md"
+        readme.write_text("## E14: sure\n\n| kept |\n")
+        with mock.patch.object(experiments, "HERE", self.folder):
+            call("publish", "--quick", "--output", self.folder)
+        self.assertEqual(readme.read_text(), "## E14: sure\n\n| kept |\n")
+        text = (self.folder / "results/e14.md").read_text()
+        self.assertIn("| brain | 0.88 |", text)
+        self.assertIn("Seeds: 1.\n\n|", text)
+        self.assertNotIn("new", text)
 
     def test_what_is_published_is_what_the_page_says(self):
         with tempfile.TemporaryDirectory() as folder:
