@@ -4,6 +4,7 @@
 
 from harness import mean
 
+EXPERIMENTS = {"e1", "e2", "e3", "e4"}  # that have rows here
 TRAINING, HELD_OUT = "scores.training.psnr", "scores.held_out.psnr"
 
 

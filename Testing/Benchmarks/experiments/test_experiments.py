@@ -275,6 +275,16 @@ class Harness(unittest.TestCase):
         self.assertIn("Seeds: 1.\n\n|", text)
         self.assertNotIn("new", text)
 
+    def test_an_experiment_that_the_paper_lacks_leaves_its_figures_alone(self):
+        self.run_e5("--only", "'gap': 1, 'method': 'nearest frame'")
+        self.assertTrue(list((self.folder / "quick/jobs").glob("*.json")))
+        (self.folder / "README.md").write_text("## E5: gap\n")
+        (self.folder / "results").mkdir()
+        (self.folder / "results/paper.md").write_text("figures")
+        with mock.patch.object(experiments, "HERE", self.folder):
+            call("publish", "--quick", "--output", self.folder)
+        self.assertEqual((self.folder / "results/paper.md").read_text(), "figures")
+
     def test_what_is_published_is_what_the_page_says(self):
         with tempfile.TemporaryDirectory() as folder:
             shutil.copytree(experiments.HERE, folder, dirs_exist_ok=True)
