@@ -12,6 +12,7 @@
 #include <memory>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Core/Model/Error.h"
@@ -249,6 +250,99 @@ TEST(StandardError, DoesNotCountTwiceHowTheProbeRocked)
   // Frame 8 was predicted from frames turned by just as much.
   EXPECT_NEAR(atMiddle(8.4, 1), atMiddle(8.4, -1), 1e-4);
   EXPECT_GT(atMiddle(8.4, 4), 1.01 * atMiddle(8.4, -1));
+}
+
+/// Frames of one grey that light a fan, whose apex is at (0, kApex) mm; the middle of the first row is at (0, 0).
+constexpr double kApex = -15, kGrey = 0.5;
+
+bool IsInFan(double x, double y)
+{
+  const double range = std::hypot(x, y - kApex);
+  return range >= 20 && range <= 70 && std::abs(std::atan2(x, y - kApex)) <= 35 * kDegree && y >= 0;
+}
+
+Sweep FanSweep()
+{
+  Sweep sweep;
+  sweep.width = 161;
+  sweep.height = 121;
+  sweep.pixelType = Sweep::PixelType::Float32;
+  auto pixels = std::make_shared<std::vector<float>>();
+  auto mask = std::make_shared<std::vector<std::uint8_t>>();
+  for (std::size_t p = 0; p < sweep.PixelsPerFrame(); ++p)
+  {
+    mask->push_back(IsInFan(0.5 * (p % 161) - 40, 0.5 * (p / 161)) ? 1 : 0);
+  }
+  for (int k = 0; k < 41; ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose(0, 0) = pose(1, 1) = 0.5;
+    pose(0, 3) = -40;
+    pose(2, 3) = k - 20;
+    sweep.imageToReference.push_back(pose);
+    pixels->insert(pixels->end(), sweep.PixelsPerFrame(), static_cast<float>(kGrey));
+  }
+  sweep.mask = mask;
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return sweep;
+}
+
+/// The angle between the beams of a fan that is turned by `degrees` about the depth, its middle at (across, 0, 0), and of a
+/// frame, at a point; and the sine of the turn about the beam.
+std::pair<double, double> BetweenBeams(const Eigen::Vector3d& at, double across, double degrees)
+{
+  const double ownSide = std::hypot(at[0] - across, at[2]), frameSide = std::abs(at[0]), depth = at[1] - kApex;
+  const double own = std::atan2(ownSide, depth), frame = std::atan2(frameSide, depth);
+  const double azimuth = std::atan2(at[2], at[0] - across) - std::atan2(0, at[0]);
+  const double cosine = std::cos(own) * std::cos(frame) + std::sin(own) * std::sin(frame) * std::cos(azimuth);
+  // The frame's normal splits into parts along the plane's normal, along its beam, and across both.
+  const double turn = degrees * kDegree;
+  const Eigen::Vector3d beam = (at - Eigen::Vector3d(across, kApex, 0)).normalized();
+  const Eigen::Vector3d aside = beam.cross(Eigen::Vector3d(-std::sin(turn), 0, std::cos(turn)));
+  return {std::acos(std::min(1.0, cosine)), std::abs(aside[2])};
+}
+
+TEST(StandardError, GoesByTheBeamsOfAFan)
+{
+  const Sweep sweep = FanSweep();
+  const StandardError error(GaussianField(), sweep, AllFrames(sweep), 0);
+  const std::pair<double, double> planes[] = {{0, 45}, {18, 45}, {0, 10}, {1, 0}, {12, 0}};  // mm across, degrees
+  for (const auto& [across, degrees] : planes)
+  {
+    SlicePlane plane = sweep.Plane(20);
+    plane.columnStep = 0.5 * Eigen::Vector3d(std::cos(degrees * kDegree), 0, std::sin(degrees * kDegree));
+    plane.width = 201;  // the probe is where the middle of the first row is
+    plane.origin = Eigen::Vector3d(across, 0, 0) - 100 * plane.columnStep;
+    std::vector<float> image, sigma(plane.NumberOfPixels());
+    for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
+    {
+      image.push_back(p % plane.width % 2 ? 0.2f : 0.4f);
+    }
+    error.Evaluate(plane, image.data(), sigma.data());
+    int aligned = 0, other = 0;
+    for (int j = 3; j < plane.height - 3; ++j)
+    {
+      for (int i = 3; i < plane.width - 3; ++i)
+      {
+        const Eigen::Vector3d at = plane.Point(i, j);
+        const double z = at[2] - std::floor(at[2]);
+        if (!IsInFan(at[0] - 3, at[1] - 3) || !IsInFan(at[0] + 3, at[1] - 3) || !IsInFan(at[0] - 3, at[1] + 3) ||
+            !IsInFan(at[0] + 3, at[1] + 3) || std::abs(at[2]) > 18)
+        {
+          continue;  // the window of 7 x 7 pixels may end there
+        }
+        const auto [angle, sine] = BetweenBeams(at, across, degrees);
+        const double w = 1 - (1 - sine) * std::exp(-std::pow(angle / (2.5 * kDegree), 2));
+        const double own = 0.04 * 3 * 4 / 49;  // 3 or 4 columns of 7 are 0.2 brighter
+        const double expected = (1 - w) * (1 - 2 * z * (1 - z)) * kGrey * kGrey + 0.8 * w * own;
+        const double said = static_cast<double>(sigma[j * plane.width + i]) * sigma[j * plane.width + i];
+        ASSERT_NEAR(said, expected, 0.04 * expected + 0.003) << across << ' ' << degrees << " at " << at.transpose();
+        aligned += w < 0.2 ? 1 : 0;
+        other += w > 0.9 ? 1 : 0;
+      }
+    }
+    EXPECT_GT(aligned + other, 200) << across << ' ' << degrees;
+  }
 }
 
 TEST(StandardError, TellsWhatIsMostlyGuessed)

@@ -459,4 +459,34 @@ TEST(Trajectory, RefusesWhatMakesNoSense)
   bigus::test::ExpectRefused([&] { SmoothTrajectory(sweep); }, {"frame 4"});
 }
 
+/// A straight path, whose smoothing by any strength is a line of least squares, which keeps 2 of its n records: white noise
+/// s is left as s sqrt(2 / n).
+TEST(Trajectory, TellsWhatSmoothingLeavesOfWhiteNoise)
+{
+  constexpr int kFrames = 40, kSeeds = 30;
+  constexpr double kNoise = 0.2;
+  const std::vector<Eigen::Matrix4d> truth = Motion(kFrames,
+                                                    [](double frame) {
+                                                      return PoseAt({0.03 * frame, 0, 0.5 * frame}, {0, 0, 0});
+                                                    });
+  for (const double strength : {1.0, 4.0, 16.0})
+  {
+    double told = 0, left = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed)
+    {
+      const Trajectory smooth = SmoothTrajectory(PosesOnly(Tracked(truth, kNoise, 0, seed)), {strength});
+      told += smooth.translationLeft * smooth.translationLeft / kSeeds;
+      for (int k = 0; k < kFrames; ++k)
+      {
+        const Eigen::Vector3d error = (smooth.imageToReference[k] - truth[k]).topRightCorner<3, 1>();
+        left += error.squaredNorm() / 3 / kFrames / kSeeds;
+      }
+    }
+    const double expected = kNoise * std::sqrt(2.0 / kFrames);
+    // 3 axes of 2 numbers in every seed are known: a twentieth of the root, with its standard error.
+    EXPECT_NEAR(std::sqrt(left), expected, 0.25 * expected) << strength;
+    EXPECT_NEAR(std::sqrt(told), std::sqrt(left), 0.2 * std::sqrt(left)) << strength;
+  }
+}
+
 }  // namespace

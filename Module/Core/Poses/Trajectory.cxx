@@ -552,16 +552,20 @@ void SetNoise(const Path& path, const Motions& motions, const Sweep& sweep, Traj
   trajectory.cornerNoise = std::sqrt(3 * place * place + 2 * turned * turned * lever);
 }
 
-/// Of the noise that a strength assumes, what is left in smoothed places: the share of its own that a place keeps.
-double TranslationLeft(const Motion& places, double strength)
+/// What is left in smoothed places of noise s^2: the variance s^2 h, h the share that a place keeps of its own record, and
+/// s^2 the likeliest of poses about a path of that smoothness. It exceeds the tracker's where the path is smoother than
+/// the sweep says.
+double TranslationLeft(const Motion& places)
 {
-  double leverage = 0, count = 0;
+  double leverage = 0, squares = 0, count = 0;
   for (const SmoothedCurve& curve : places.curves)
   {
     leverage += curve.leverage.sum();
+    squares += curve.squares;
     count += static_cast<double>(curve.leverage.size());
   }
-  return strength * places.noise * std::sqrt(leverage / count);
+  const double strokes = static_cast<double>(places.curves.size());
+  return std::sqrt(squares / (places.freedoms * (count - 2 * strokes)) * leverage / count);
 }
 
 /// Moves every pose to the smoothed one.
@@ -592,7 +596,7 @@ Trajectory Smoothed(const Path& path, Motions& motions, const Sweep& sweep, cons
   motions.SmoothAll(strength);
   PutBack(path, motions, sweep, smooth);
   const bool isExact = found.cornerNoise < kLeastNoise * sweep.Plane(0).PixelSize();
-  smooth.translationLeft = isExact ? found.translationNoise : TranslationLeft(motions.places, strength);
+  smooth.translationLeft = isExact ? found.translationNoise : TranslationLeft(motions.places);
   for (std::size_t k = 0; isExact && k < found.isOutlier.size(); ++k)
   {
     if (!found.isOutlier[k])

@@ -45,7 +45,7 @@ struct Trajectory
   std::vector<int> stroke;              ///< number, from 0, of the continuous motion that the frame belongs to
   /// The tracker's noise. Not a number where it is unknown: fewer than 8 poses lie in strokes of 5 and more.
   double translationNoise = 0;  ///< mm, standard deviation on each axis of the recorded place of `pivot`, but outliers'
-  double translationLeft = 0;   ///< mm: what of it is left in imageToReference
+  double translationLeft = 0;   ///< mm: the standard deviation left in imageToReference
   double rotationNoise = 0;     ///< degrees, the same of the recorded orientation
   double cornerNoise = 0;       ///< mm: what both make at the image's corners, root mean square of the distance
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< mm, in the image's axes (along its rows, across them in the

@@ -258,6 +258,7 @@ private:
     const SlicePlane& plane = kept_.frames_[k].plane;
     const std::vector<Beside> beside = kept_.Nearest(plane, among);
     const std::vector<double> turned = kept_.Turned(plane);
+    const Eigen::Vector3d normal = plane.Normal(), apex = kept_.ApexOf(plane);
     std::vector<double> known(frame.size(), 0), apart(frame.size(), 0), errors(frame.size(), 0),
         squares(frame.size(), 0);
     FromBeside& sums = beside_[k];
@@ -273,7 +274,9 @@ private:
         squares[p] = errors[p] * errors[p];
         apart[p] = at.Apart();
         known[p] = 1;
-        sums.turned += turned[at.frame[t >= 0.5 ? 0 : 1]];
+        const int side = t >= 0.5 ? 0 : 1;
+        const int i = static_cast<int>(p % kept_.width_), j = static_cast<int>(p / kept_.width_);
+        sums.turned += kept_.apex_ ? kept_.Turned(plane, normal, apex, i, j, at, side) : turned[at.frame[side]];
         sums.squares += squares[p];
         sums.texture += texture[p];
         sums.count += 1;

@@ -12,7 +12,9 @@
 #include <utility>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Constants.h"
 #include "Core/Numerics/StateBytes.h"
+#include "Core/Probe/Fan.h"
 #include "Core/StandardError/Inside.h"
 
 namespace bigus
@@ -103,6 +105,12 @@ void StandardError::Derive()
       litSums_[above + width_ + 1] = litSums_[above] + sum;
     }
   }
+  const SlicePlane image = SlicePlane::FromImageToReference(poses_.front(), width_, height_);
+  const Eigen::Vector2d pixel(image.columnStep.norm(), image.rowStep.norm());
+  if (const auto apex = FindApex(lit_, width_, height_, pixel[0], pixel[1]))
+  {
+    apex_ = (*apex - Eigen::Vector2d(0.5 * (width_ - 1), 0)).cwiseProduct(pixel);
+  }
   for (std::size_t k = 0; k < poses_.size(); ++k)
   {
     const SlicePlane plane = SlicePlane::FromImageToReference(poses_[k], width_, height_);
@@ -110,7 +118,7 @@ void StandardError::Derive()
     const double sign = !isFirst && plane.Normal().dot(frames_.back().normal) < 0 ? -1 : 1;
     Eigen::Matrix3d toFrame = plane.WorldToSlice();
     toFrame.row(2) *= sign;
-    frames_.push_back({plane, sign * plane.Normal(), toFrame});
+    frames_.push_back({plane, sign * plane.Normal(), toFrame, ApexOf(plane)});
     if (isFirst)
     {
       bySequence_.emplace_back();
@@ -317,32 +325,51 @@ std::vector<float> StandardError::Apart(const SlicePlane& plane) const
 //------------------------------------------------------------------------------
 // Any plane
 
-/// 1 - (1 - sin turn) exp(-(direction / angle)^2) for each frame: `direction` between the beams, the columns of plane and
-/// frame, and `turn` about them.
+/// Where the beams of a plane of any size meet: its probe is at the middle of its first row.
+Eigen::Vector3d StandardError::ApexOf(const SlicePlane& plane) const
+{
+  const Eigen::Vector3d middle = plane.Point(0.5 * (plane.width - 1), 0);
+  return apex_ ? middle + (*apex_)[0] * plane.columnStep.normalized() + (*apex_)[1] * plane.rowStep.normalized()
+               : middle;
+}
+
+/// 1 - (1 - sin turn) exp(-(direction / angle)^2): `direction` between the beams of a plane and of a frame, of length 1, and
+/// `turn` about the plane's.
+double StandardError::Turned(const Frame& frame, const Eigen::Vector3d& frameBeam, const Eigen::Vector3d& normal,
+                             const Eigen::Vector3d& beam) const
+{
+  constexpr double kAngle = 2.5 * kRadiansPerDegree;  // sqrt 2 / (2 k sigma_E): 5 MHz, beam of 0.8 mm
+  const double direction = std::acos(std::clamp(beam.dot(frameBeam), -1.0, 1.0)) / kAngle;
+  const double cosine = normal.dot(frame.normal), along = beam.dot(frame.normal);
+  const double sine = std::sqrt(std::clamp(1 - cosine * cosine - along * along, 0.0, 1.0));
+  return 1 - (1 - sine) * std::exp(-direction * direction);
+}
+
+/// For each frame, by its columns and the plane's: a fan's middle beams.
 std::vector<double> StandardError::Turned(const SlicePlane& plane) const
 {
-  constexpr double kAngle = 2.5 * 3.14159265358979323846 / 180;  // sqrt 2 / (2 k sigma_E): 5 MHz, beam of 0.8 mm
   const Eigen::Vector3d beam = plane.rowStep.normalized(), normal = plane.Normal();
   std::vector<double> turned;
   for (const Frame& frame : frames_)
   {
-    const double direction = std::acos(std::clamp(beam.dot(frame.plane.rowStep.normalized()), -1.0, 1.0)) / kAngle;
-    const double cosine = normal.dot(frame.normal), along = beam.dot(frame.normal);
-    const double sine = std::sqrt(std::clamp(1 - cosine * cosine - along * along, 0.0, 1.0));
-    turned.push_back(1 - (1 - sine) * std::exp(-direction * direction));
+    turned.push_back(Turned(frame, frame.plane.rowStep.normalized(), normal, beam));
   }
   return turned;
 }
 
-/// The same beyond what R has: how much was another where it was measured, at that frame.
-std::vector<double> StandardError::TurnedFurther(const SlicePlane& plane) const
+/// At pixel (i, j), of a fan that hangs from `apex`, against the beam of the frame on a side of it.
+double StandardError::Turned(const SlicePlane& plane, const Eigen::Vector3d& normal, const Eigen::Vector3d& apex, int i,
+                             int j, const Beside& beside, int side) const
 {
-  std::vector<double> turned = Turned(plane);
-  for (std::size_t k = 0; k < turned.size(); ++k)
-  {
-    turned[k] = std::clamp((turned[k] - usualTurn_[k]) / (1 - usualTurn_[k]), 0.0, 1.0);
-  }
-  return turned;
+  const Frame& frame = frames_[beside.frame[side]];
+  const Eigen::Vector3d foot = frame.plane.Point(beside.column[side], beside.row[side]);
+  return Turned(frame, (foot - frame.apex).normalized(), normal, (plane.Point(i, j) - apex).normalized());
+}
+
+/// The same beyond what R has: how much was another where it was measured, at that frame.
+double StandardError::Further(double turned, int frame) const
+{
+  return std::clamp((turned - usualTurn_[frame]) / (1 - usualTurn_[frame]), 0.0, 1.0);
 }
 
 StandardError::Terms StandardError::Read(const Beside& beside) const
@@ -414,7 +441,8 @@ struct StandardError::Shown
   const SlicePlane& plane;
   const Engine::Window& window;
   const float* image;
-  std::vector<double> turned;  // beyond each frame
+  std::vector<double> turned;  // beyond each frame, by its columns
+  Eigen::Vector3d normal, apex;
 };
 
 /// sigma^2 = at + slope * the image's own variance around the pixel; NaN: not known.
@@ -432,16 +460,19 @@ StandardError::Line StandardError::Variance(const Shown& shown, const Beside& be
   }
   const Terms terms = Read(beside);
   const double t = beside.Nearness();
-  const int nearest = beside.frame[t >= 0.5 ? 0 : 1];
-  const double w = shown.turned[nearest];
+  const int side = t >= 0.5 ? 0 : 1, nearest = beside.frame[side];
+  const int i = static_cast<int>(p % shown.window.columns), j = static_cast<int>(p / shown.window.columns);
+  const double w = apex_ ? Further(Turned(shown.plane, shown.normal, shown.apex, i + shown.window.firstColumn,
+                                          j + shown.window.firstRow, beside, side),
+                                   nearest)
+                         : shown.turned[nearest];
   const double between = beside.distance[0] == 0 ? 0 : kLeft * terms.rate * beside.Apart();
   const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
   const double moved = trackerNoise_ == 0
                            ? 0
                            : trackerNoise_ * trackerNoise_ *
-                                 SquaredGradient(shown.image, shown.window, static_cast<int>(p % shown.window.columns),
-                                                 static_cast<int>(p / shown.window.columns),
-                                                 shown.plane.columnStep.norm(), shown.plane.rowStep.norm());
+                                 SquaredGradient(shown.image, shown.window, i, j, shown.plane.columnStep.norm(),
+                                                 shown.plane.rowStep.norm());
   const double slope = w > 0 ? w * speckle_[nearest] : 0;
   return {static_cast<float>((1 - w) * along + (w > 0 ? slope * terms.texture : 0) + moved), static_cast<float>(slope)};
 }
@@ -528,7 +559,11 @@ void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& wind
                              float* sigma) const
 {
   const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
-  const Shown shown{plane, window, image, TurnedFurther(plane)};
+  Shown shown{plane, window, image, Turned(plane), plane.Normal(), ApexOf(plane)};
+  for (std::size_t k = 0; k < shown.turned.size(); ++k)
+  {
+    shown.turned[k] = Further(shown.turned[k], static_cast<int>(k));
+  }
   const std::vector<std::vector<Candidate>> sets = Sets(plane, shown.turned);
   std::vector<Line> lines(sets.size() * count);
   ForTiles(window,

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,7 +22,8 @@ namespace bigus
 
 /// What a training knows of its field's errors, and what follows for any plane: for each pixel the standard deviation of
 /// a recorded frame there about the slice, in units of intensity (1 is white). Planes rolled in themselves by
-/// more than 4 degrees, and a probe of another frequency than 5 MHz, are not covered.
+/// more than 4 degrees, and a probe of another frequency than 5 MHz, are not covered. Beams run down the columns, or where
+/// the frames show a fan (FindApex) from its apex; a slice's fan hangs from the middle of its first row as the frames' does.
 class StandardError
 {
 public:
@@ -84,6 +86,7 @@ private:
     SlicePlane plane;
     Eigen::Vector3d normal;
     Eigen::Matrix3d toFrame;
+    Eigen::Vector3d apex;  // of a fan
   };
   struct Beside;
   struct Candidate;
@@ -98,8 +101,13 @@ private:
   int CellColumns() const { return (width_ + cell_ - 1) / cell_; }
   bool IsLit(double column, double row) const;
   bool MayBeLit(double firstColumn, double lastColumn, double firstRow, double lastRow) const;
+  Eigen::Vector3d ApexOf(const SlicePlane& plane) const;
+  double Turned(const Frame& frame, const Eigen::Vector3d& frameBeam, const Eigen::Vector3d& normal,
+                const Eigen::Vector3d& beam) const;
   std::vector<double> Turned(const SlicePlane& plane) const;
-  std::vector<double> TurnedFurther(const SlicePlane& plane) const;
+  double Turned(const SlicePlane& plane, const Eigen::Vector3d& normal, const Eigen::Vector3d& apex, int i, int j,
+                const Beside& beside, int side) const;
+  double Further(double turned, int frame) const;
   std::vector<Candidate> Candidates(const SlicePlane& plane, const std::vector<int>& among) const;
   std::vector<std::vector<Candidate>> Sets(const SlicePlane& plane, const std::vector<double>& turned) const;
   std::vector<Candidate> Within(const Tile& tile, int side, const std::vector<Candidate>& all) const;
@@ -126,7 +134,8 @@ private:
   std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
   std::vector<Frame> frames_;                            // what Derive makes of the above
   std::vector<std::vector<int>> bySequence_;
-  std::vector<int> litSums_;  // [height + 1][width + 1] lit pixels above and left
+  std::vector<int> litSums_;             // [height + 1][width + 1] lit pixels above and left
+  std::optional<Eigen::Vector2d> apex_;  // of a fan: mm right of the middle of the first row, and below it
 };
 
 /// mm, standard deviation of the tracker's noise that is left in a place, when poses were smoothed by `strength`
