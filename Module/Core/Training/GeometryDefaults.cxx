@@ -53,9 +53,10 @@ constexpr double kSparsePasses = 60, kDensePasses = 80;
 /// Optimizer steps at the least, so that a few frames are learned too.
 constexpr int kFewestIterations = 200;
 
-/// Pixels: limits of a Gaussian's scales. Below a quarter of a pixel nothing is seen of it; above 48 its footprint
-/// takes as long as hundreds of others.
-constexpr double kSmallestScale = 0.25, kLargestScale = 48;
+/// Pixels: limits of a Gaussian's scales. A Gaussian of scale s has exp(-pi^2 s^2 / 2) of its amplitude left at the highest
+/// frequency that pixels hold: 0.29 for half a pixel, 0.73 for a quarter. Of a narrower one pixels do not tell what
+/// lies between them (Measured.md). Above 48 its footprint takes as long as hundreds of others.
+constexpr double kSmallestScale = 0.5, kLargestScale = 48;
 
 std::size_t LitPixels(const Sweep& sweep)
 {
