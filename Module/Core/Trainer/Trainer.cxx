@@ -469,15 +469,11 @@ void Training::LearnDirections()
   const double begun = budget_.Seconds();
   const auto goOn = [this] { return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}}); };
   const RecordedViews views = RecordedViews::Of(*sweep_, result_.trainingFrames);
-  const bool isThere = ViewEngine::Of(loop_->engine()) != nullptr;
-  const std::unique_ptr<Engine> other = isThere ? nullptr : Engine::Create("cpu");
-  Engine& engine = isThere ? loop_->engine() : *other;
   std::string evidence = "given";
   bool isWorth = asked_.viewDependence.has_value() && views.unit > 0;
   if (!asked_.viewDependence)
   {
-    const std::optional<ViewEvidence> found =
-        AskForViews(engine, sweep_, result_.trainingFrames, fitted_.field, views, plan_, goOn);
+    const std::optional<ViewEvidence> found = AskForViews(sweep_, result_.trainingFrames, plan_, goOn);
     if (!found)
     {
       return;
@@ -488,10 +484,13 @@ void Training::LearnDirections()
   }
   if (isWorth)
   {
+    const bool isThere = ViewEngine::Of(loop_->engine()) != nullptr;
+    const std::unique_ptr<Engine> other = isThere ? nullptr : Engine::Create("cpu");
     const Targets& targets = loop_->targets();
     const ViewTargets of = {WithCountedPixels(targets.Images(), plan_.ignoreMasked), targets.Frames(),
                             targets.Limits()};
-    if (std::optional<ViewedField> viewed = TrainViews(engine, of, plan_, fitted_.field, views, goOn))
+    if (std::optional<ViewedField> viewed =
+            TrainViews(isThere ? loop_->engine() : *other, of, plan_, fitted_.field, views, goOn))
     {
       fitted_.field = std::move(viewed->field);
       result_.view = std::move(viewed->view);

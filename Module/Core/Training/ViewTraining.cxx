@@ -9,27 +9,31 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <utility>
 
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/Adam.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Random.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Training/Batches.h"
 #include "Core/Training/FieldAverage.h"
+#include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Schedule.h"
+#include "Core/Training/TrainingLoop.h"
 
 namespace bigus
 {
 namespace
 {
 
-// ---- whether: a refit of r, and of r with q, at fixed shapes
+// ---- whether: a refit of r, and of r with q, to a coarse field
 
 constexpr std::size_t kFewestFrames = 12;
 constexpr std::size_t kManyFrames = 60;
-constexpr std::size_t kJudgedOfFew = 3, kJudgedOfMany = 5;  // every so many
-constexpr std::size_t kTogether = 8;                        // frames walked over at once
+constexpr std::size_t kJudged = 3;    // every so many frames
+constexpr std::size_t kTogether = 8;  // frames walked over at once
 constexpr int kConjugateGradients = 8;
 /// In units of what the mean Gaussian's own pixels weigh, so that nothing is refitted by what few pixels say.
 constexpr double kRidge = 1;
@@ -37,6 +41,13 @@ constexpr double kRidge = 1;
 constexpr double kLeastUnit = 1e-3;
 /// Pixels of weights kept, of all frames; larger sweeps are judged at half the size.
 constexpr std::size_t kMostPixels = std::size_t(1) << 26;
+
+/// The coarse field has this share of the plan's Gaussians. So each is seen by several frames, and none is fitted to one
+/// frame alone, of which a refit could tell nothing.
+constexpr double kCoarse = 0.25;
+/// Its training: a full one takes 60 to 80 passes.
+constexpr double kCoarsePasses = 10;
+constexpr int kFewestCoarseSteps = 40;
 
 using Numbers = std::vector<double>;
 
@@ -238,20 +249,41 @@ std::optional<Numbers> Solve(const Refit& refit, const std::vector<int>& frames,
   return x;
 }
 
-/// dB that r and q, refitted to frames, gain over r alone on each of other frames. Null when `goOn` says stop.
-std::optional<Numbers> Gains(Refit& refit, const std::vector<int>& fitted, const std::vector<int>& judged,
-                             std::uint64_t seed, std::size_t gaussians, const std::function<bool()>& goOn)
+/// What a short training makes of these frames alone. Null when `goOn` says stop.
+std::optional<GaussianField> CoarseField(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
+                                         TrainingPlan plan, const std::function<bool()>& goOn)
 {
+  plan.gaussians = std::max<std::size_t>(1, static_cast<std::size_t>(kCoarse * static_cast<double>(plan.gaussians)));
+  plan.virtualPlanes = 0;
+  plan.iterations = std::min(plan.iterations,
+                             std::max(kFewestCoarseSteps, StepsForPasses(kCoarsePasses, frames.size(), 0, plan.batch)));
+  plan.timeLimit = 0;
+  plan.densification.interval = 0;
+  ScaleToPixels(MeasureGeometry(*sweep, frames).pixelSize, plan);
+  TrainingLoop loop(sweep, frames, plan, [&goOn](const TrainingProgress&) { return goOn(); });
+  loop.Begin(loop.SeedStart());
+  const Fitted fitted = loop.Run({});
+  return fitted.aborted || fitted.field.Size() == 0 ? std::nullopt : std::optional<GaussianField>(fitted.field);
+}
+
+/// dB that r and q, refitted to frames, gain over r alone on each of other frames. Null when `goOn` says stop.
+std::optional<Numbers> Gains(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& fitted,
+                             const std::vector<int>& judged, const GaussianField& field, const TrainingPlan& plan,
+                             const std::function<bool()>& goOn)
+{
+  const std::unique_ptr<Engine> engine = Engine::Create("cpu");
+  engine->SetAccuracy({plan.tolerance, true});
+  Refit refit(*engine, sweep, field, RecordedViews::Of(*sweep, fitted));
   const Numbers both = refit.Residual(fitted);
-  const Numbers alone(both.begin(), both.begin() + static_cast<std::ptrdiff_t>(gaussians));
+  const Numbers alone(both.begin(), both.begin() + static_cast<std::ptrdiff_t>(field.Size()));
   // The mean of the diagonal: z^T A z over the numbers of z, where each is 1 or -1 by chance.
-  RandomNumbers random(Mix(seed));
-  Numbers signs(gaussians);
+  RandomNumbers random(Mix(plan.seed));
+  Numbers signs(field.Size());
   for (double& sign : signs)
   {
     sign = random.Bits() >> 63 ? 1 : -1;
   }
-  const double ridge = kRidge * Dot(signs, refit.Normal(fitted, signs)) / static_cast<double>(gaussians);
+  const double ridge = kRidge * Dot(signs, refit.Normal(fitted, signs)) / static_cast<double>(field.Size());
   const std::optional<Numbers> without = Solve(refit, fitted, alone, ridge, goOn);
   const std::optional<Numbers> with = without ? Solve(refit, fitted, both, ridge, goOn) : std::nullopt;
   if (!with)
@@ -458,31 +490,27 @@ private:
 
 }  // namespace
 
-std::optional<ViewEvidence> AskForViews(Engine& engine, const std::shared_ptr<const Sweep>& sweep,
-                                        const std::vector<int>& frames, const GaussianField& field,
-                                        const RecordedViews& views, const TrainingPlan& plan,
-                                        const std::function<bool()>& goOn)
+std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
+                                        const TrainingPlan& plan, const std::function<bool()>& goOn)
 {
-  if (frames.size() < kFewestFrames || !(views.unit >= kLeastUnit) || field.Size() == 0)
+  if (frames.size() < kFewestFrames || !(RecordedViews::Of(*sweep, frames).unit >= kLeastUnit))
   {
     return std::nullopt;
   }
-  const bool isFew = frames.size() < kManyFrames;
-  const std::size_t every = isFew ? kJudgedOfFew : kJudgedOfMany;
   const bool isLarge =
       frames.size() * sweep->PixelsPerFrame() > kMostPixels && std::min(sweep->width, sweep->height) > 1;
-  engine.SetAccuracy({plan.tolerance, true});
-  Refit refit(engine, isLarge ? std::make_shared<const Sweep>(sweep->Reduced(2)) : sweep, field, views);
+  const std::shared_ptr<const Sweep> asked = isLarge ? std::make_shared<const Sweep>(sweep->Reduced(2)) : sweep;
   Numbers gains;
   // A third of few frames is too few to judge by, so there each third is judged by the others.
-  for (std::size_t fold = 0; fold < (isFew ? every : 1); ++fold)
+  for (std::size_t fold = 0; fold < (frames.size() < kManyFrames ? kJudged : 1); ++fold)
   {
     std::vector<int> fitted, judged;
     for (std::size_t k = 0; k < frames.size(); ++k)
     {
-      (k % every == (every / 2 + fold) % every ? judged : fitted).push_back(frames[k]);
+      (k % kJudged == (kJudged / 2 + fold) % kJudged ? judged : fitted).push_back(frames[k]);
     }
-    const std::optional<Numbers> some = Gains(refit, fitted, judged, plan.seed, field.Size(), goOn);
+    const std::optional<GaussianField> coarse = CoarseField(asked, fitted, plan, goOn);
+    const std::optional<Numbers> some = coarse ? Gains(asked, fitted, judged, *coarse, plan, goOn) : std::nullopt;
     if (!some)
     {
       return std::nullopt;

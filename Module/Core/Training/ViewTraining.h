@@ -28,13 +28,11 @@ struct ViewEvidence
   bool IsWorth() const { return gain > 0.02 && gain > 2 * error; }
 };
 
-/// Refits r, and r with q, to a part of the recorded frames, the Gaussians' shapes as they are, and judges the others: every
-/// fifth of 60 frames or more, each third of fewer in turn. Null where there are too few frames or one orientation, or `goOn`
-/// says stop. The engine has other frames and another field then. `engine` must be a ViewEngine.
-std::optional<ViewEvidence> AskForViews(Engine& engine, const std::shared_ptr<const Sweep>& sweep,
-                                        const std::vector<int>& frames, const GaussianField& field,
-                                        const RecordedViews& views, const TrainingPlan& plan,
-                                        const std::function<bool()>& goOn);
+/// Asks frames that nothing has seen: two thirds of `frames` train a coarse field in a short training, to which r, and r
+/// with q, are refitted; the other third judges. Of fewer than 60 frames each third judges in turn. Null where there are
+/// too few frames or one orientation, or `goOn` says stop.
+std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
+                                        const TrainingPlan& plan, const std::function<bool()>& goOn);
 
 /// What a training with view dependence trains on: recorded frames and virtual planes.
 struct ViewTargets
