@@ -333,43 +333,91 @@ Eigen::Vector3d StandardError::ApexOf(const SlicePlane& plane) const
                : middle;
 }
 
-/// 1 - (1 - sin turn) exp(-(direction / angle)^2): `direction` between the beams of a plane and of a frame, of length 1, and
-/// `turn` about the plane's.
-double StandardError::Turned(const Frame& frame, const Eigen::Vector3d& frameBeam, const Eigen::Vector3d& normal,
-                             const Eigen::Vector3d& beam) const
+namespace
+{
+
+/// The correlation of speckle on a logarithmic scale by that of its intensities, 0 to 1: 6 / pi^2 times the sum of x^n / n^2.
+double OfLogarithms(double x)
+{
+  constexpr int kSteps = 512;
+  static const std::vector<double> table = []
+  {
+    std::vector<double> values;
+    for (int k = 0; k <= kSteps; ++k)
+    {
+      const double at = static_cast<double>(k) / kSteps, low = std::min(at, 1 - at);
+      double sum = 0, power = 1;
+      for (int n = 1; n <= 50; ++n)
+      {
+        power *= low;
+        sum += power / (n * n);
+      }
+      // Near 1 the sum is slow: those of x and of 1 - x make pi^2 / 6 - ln x ln(1 - x).
+      const double mixed = low > 0 ? std::log(low) * std::log1p(-low) : 0;
+      values.push_back(at <= 0.5 ? 6 / (kPi * kPi) * sum : 1 - 6 / (kPi * kPi) * (mixed + sum));
+    }
+    return values;
+  }();
+  const int k = std::min(static_cast<int>(x * kSteps), kSteps - 1);
+  return table[k] + (x * kSteps - k) * (table[k + 1] - table[k]);
+}
+
+}  // namespace
+
+/// How much speckle is another when seen along a plane's beam, not a frame's. Echoes of scatterers in a
+/// beam, which is kAspect times as thick as wide, add up to it. In units of the thickness their profiles are
+/// exp(-x^T P x / 2) across the frame's beam and exp(-x^T Q x / 2) across the plane's, and a place d aside of the beam has
+/// another phase. With S = P + Q the intensities correlate by 4 sqrt(|P| |Q|) / |S| exp(-2 d^T S^-1 d).
+double StandardError::Another(const View& frame, const View& plane)
 {
   constexpr double kAngle = 2.5 * kRadiansPerDegree;  // sqrt 2 / (2 k sigma_E): 5 MHz, beam of 0.8 mm
-  const double direction = std::acos(std::clamp(beam.dot(frameBeam), -1.0, 1.0)) / kAngle;
-  const double cosine = normal.dot(frame.normal), along = beam.dot(frame.normal);
-  const double sine = std::sqrt(std::clamp(1 - cosine * cosine - along * along, 0.0, 1.0));
-  return 1 - (1 - sine) * std::exp(-direction * direction);
+  constexpr double kAspect = 2, kThin = kAspect * kAspect;
+  const Eigen::Vector3d width = frame.normal.cross(frame.beam);
+  const double across = plane.beam.dot(width) / kAngle, beside = plane.beam.dot(frame.normal) / kAngle;
+  const double sine = plane.normal.dot(width), cosine = plane.normal.dot(frame.normal);
+  const double sine2 = sine * sine / std::max(sine * sine + cosine * cosine, 1e-18), cosine2 = 1 - sine2;
+  const double mixed = (1 - kThin) * sine * cosine / std::max(sine * sine + cosine * cosine, 1e-18);
+  const double alongWidth = kThin + kThin * cosine2 + sine2, alongThickness = 1 + cosine2 + kThin * sine2;
+  const double determinant = alongWidth * alongThickness - mixed * mixed;
+  const double phase =
+      2 * (alongThickness * across * across - 2 * mixed * across * beside + alongWidth * beside * beside) / determinant;
+  return plane.beam.dot(frame.beam) > 0 ? 1 - OfLogarithms(4 * kThin / determinant * std::exp(-phase)) : 1;
 }
 
 /// For each frame, by its columns and the plane's: a fan's middle beams.
 std::vector<double> StandardError::Turned(const SlicePlane& plane) const
 {
-  const Eigen::Vector3d beam = plane.rowStep.normalized(), normal = plane.Normal();
+  const View view{plane.Normal(), plane.rowStep.normalized()};
   std::vector<double> turned;
   for (const Frame& frame : frames_)
   {
-    turned.push_back(Turned(frame, frame.plane.rowStep.normalized(), normal, beam));
+    turned.push_back(Another({frame.normal, frame.plane.rowStep.normalized()}, view));
   }
   return turned;
 }
 
-/// At pixel (i, j), of a fan that hangs from `apex`, against the beam of the frame on a side of it.
-double StandardError::Turned(const SlicePlane& plane, const Eigen::Vector3d& normal, const Eigen::Vector3d& apex, int i,
-                             int j, const Beside& beside, int side) const
+/// Of the frame on a side of a place, in a fan.
+StandardError::View StandardError::ViewOf(const Beside& beside, int side) const
 {
   const Frame& frame = frames_[beside.frame[side]];
-  const Eigen::Vector3d foot = frame.plane.Point(beside.column[side], beside.row[side]);
-  return Turned(frame, (foot - frame.apex).normalized(), normal, (plane.Point(i, j) - apex).normalized());
+  return {frame.normal, (frame.plane.Point(beside.column[side], beside.row[side]) - frame.apex).normalized()};
 }
 
-/// The same beyond what R has: how much was another where it was measured, at that frame.
-double StandardError::Further(double turned, int frame) const
+/// What is another at a place of a fan, beyond what R of the frame on a side has. R of neighbours has what is another between
+/// them, which differs from beam to beam; where the place lies between others, the frame's mean must do.
+double StandardError::Further(const View& view, const Beside& beside, int side) const
 {
-  return std::clamp((turned - usualTurn_[frame]) / (1 - usualTurn_[frame]), 0.0, 1.0);
+  const int here = beside.frame[side], there = beside.frame[1 - side];
+  const View frame = ViewOf(beside, side);
+  const bool areNeighbours = there >= 0 && std::abs(there - here) == 1;
+  const double usual = areNeighbours ? std::min(Another(frame, ViewOf(beside, 1 - side)), kMostTurn) : usualTurn_[here];
+  return Further(Another(frame, view), usual);
+}
+
+/// How much is another beyond what R has.
+double StandardError::Further(double turned, double usual)
+{
+  return std::clamp((turned - usual) / (1 - usual), 0.0, 1.0);
 }
 
 StandardError::Terms StandardError::Read(const Beside& beside) const
@@ -462,10 +510,9 @@ StandardError::Line StandardError::Variance(const Shown& shown, const Beside& be
   const double t = beside.Nearness();
   const int side = t >= 0.5 ? 0 : 1, nearest = beside.frame[side];
   const int i = static_cast<int>(p % shown.window.columns), j = static_cast<int>(p / shown.window.columns);
-  const double w = apex_ ? Further(Turned(shown.plane, shown.normal, shown.apex, i + shown.window.firstColumn,
-                                          j + shown.window.firstRow, beside, side),
-                                   nearest)
-                         : shown.turned[nearest];
+  const Eigen::Vector3d at = shown.plane.Point(i + shown.window.firstColumn, j + shown.window.firstRow);
+  const double w =
+      apex_ ? Further({shown.normal, (at - shown.apex).normalized()}, beside, side) : shown.turned[nearest];
   const double between = beside.distance[0] == 0 ? 0 : kLeft * terms.rate * beside.Apart();
   const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
   const double moved = trackerNoise_ == 0
@@ -562,7 +609,7 @@ void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& wind
   Shown shown{plane, window, image, Turned(plane), plane.Normal(), ApexOf(plane)};
   for (std::size_t k = 0; k < shown.turned.size(); ++k)
   {
-    shown.turned[k] = Further(shown.turned[k], static_cast<int>(k));
+    shown.turned[k] = Further(shown.turned[k], usualTurn_[k]);
   }
   const std::vector<std::vector<Candidate>> sets = Sets(plane, shown.turned);
   std::vector<Line> lines(sets.size() * count);

@@ -88,6 +88,11 @@ private:
     Eigen::Matrix3d toFrame;
     Eigen::Vector3d apex;  // of a fan
   };
+  /// How a place is seen; of length 1.
+  struct View
+  {
+    Eigen::Vector3d normal, beam;
+  };
   struct Beside;
   struct Candidate;
   struct Tile;
@@ -102,12 +107,11 @@ private:
   bool IsLit(double column, double row) const;
   bool MayBeLit(double firstColumn, double lastColumn, double firstRow, double lastRow) const;
   Eigen::Vector3d ApexOf(const SlicePlane& plane) const;
-  double Turned(const Frame& frame, const Eigen::Vector3d& frameBeam, const Eigen::Vector3d& normal,
-                const Eigen::Vector3d& beam) const;
+  static double Another(const View& frame, const View& plane);
   std::vector<double> Turned(const SlicePlane& plane) const;
-  double Turned(const SlicePlane& plane, const Eigen::Vector3d& normal, const Eigen::Vector3d& apex, int i, int j,
-                const Beside& beside, int side) const;
-  double Further(double turned, int frame) const;
+  View ViewOf(const Beside& beside, int side) const;
+  double Further(const View& view, const Beside& beside, int side) const;
+  static double Further(double turned, double usual);
   std::vector<Candidate> Candidates(const SlicePlane& plane, const std::vector<int>& among) const;
   std::vector<std::vector<Candidate>> Sets(const SlicePlane& plane, const std::vector<double>& turned) const;
   std::vector<Candidate> Within(const Tile& tile, int side, const std::vector<Candidate>& all) const;
