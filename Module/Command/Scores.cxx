@@ -290,10 +290,14 @@ void ScoreStandardError(const StandardError& standardError, const TrainedField& 
   }
 }
 
+/// Without the probe's beam, which is no blur of the field's and which interpolation does not have: whether the beam is known
+/// must not change what is said of the same Gaussians.
 void ScoreCrossPlanes(const TrainedField& trained, Json& answer, Console& console)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(trained.engine);
-  engine->SetField(trained.field);
+  GaussianField field = trained.field;
+  field.beam = Beam{field.beam.elevationSigma};
+  engine->SetField(field);
   const auto render = [&engine](const SlicePlane& plane, float* image)
   { engine->Render(plane, ViewOutput::Intensity, image); };
   if (const std::optional<CrossScores> scores = CrossPlaneScorer(trained.corrected, trained.training).Score(render))

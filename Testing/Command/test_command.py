@@ -695,6 +695,10 @@ class Train(CommandTest):
             cross = self.expect(SUCCESS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, *more)["cross_planes"]
             self.assertGreater(cross["detail"], 0)
             self.assertGreater(cross["scratches"], 0)
+        # A beam is set after the training: the Gaussians are the same, and so is what is said of them.
+        thick = self.expect(SUCCESS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 4,
+                            "--probe-elevation-sigma", 1.5)["cross_planes"]
+        self.assertEqual(thick, cross)
 
     def test_a_standard_error_is_kept_unless_left_out_and_nothing_else_changes(self):
         plain, sure = self.folder / "plain.vtp", self.folder / "sure.vtp"
