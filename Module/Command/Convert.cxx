@@ -32,6 +32,7 @@ struct ConvertOptions
 {
   SequenceOptions input;
   std::string output;
+  std::string frames;     ///< of a sequence, as in "0,4,10-20"; empty: all
   std::string transform;  ///< file; empty: none
   bool inverse = false;
   WorldSystem world = WorldSystem::Ras;
@@ -88,6 +89,10 @@ ExitCode Convert(Console& console, const ConvertOptions& options)
 
   if (IsPolyData(input))
   {
+    if (!options.frames.empty())
+    {
+      throw Error("--frames chooses frames of a sequence, and '" + input + "' is a field.");
+    }
     RequireFieldName(output, true);
     vtkSmartPointer<vtkPolyData> field = ReadFieldData(input, console);
     if (!options.transform.empty())
@@ -115,15 +120,20 @@ ExitCode Convert(Console& console, const ConvertOptions& options)
                 input + "' is none.");
   }
   RequireStackName(output);
-  const vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
+  vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
   NoteDoubts(sequence, options.input.path, console);
+  std::vector<int> numbers(sequence->GetDimensions()[2]);
+  std::iota(numbers.begin(), numbers.end(), 0);
+  if (!options.frames.empty())
+  {
+    numbers = ParseFrames(options.frames, static_cast<int>(numbers.size()));
+    sequence = ChosenFrames(sequence, numbers);
+  }
   if (options.strip)
   {
     BeginTimesAtZero(sequence);
   }
-  const int frames = sequence->GetDimensions()[2];
-  std::vector<int> numbers(frames);
-  std::iota(numbers.begin(), numbers.end(), 0);
+  const std::size_t frames = numbers.size();
   if (HasSuffix(output, ".png") && sequence->GetScalarType() != VTK_UNSIGNED_CHAR)
   {
     throw OutputError("Cannot write '" + output + "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
@@ -144,6 +154,7 @@ void AddConvert(Program& program)
       "Rewrite a field or a sequence in another format\n"
       "  bigus convert field.vtp field.ply                           for viewers of Gaussian splats\n"
       "  bigus convert plus.mha sweep.igs.mha --config Plus.xml      poses resolved to ImageToReference\n"
+      "  bigus convert sweep.igs.mha middle.igs.mha --frames 20-59   a part of a sweep\n"
       "  bigus convert field.vtp placed.vtp --transform patient.tfm  moved as 3D Slicer would move it\n"
       "  bigus convert field.vtp stranger.vtp --strip                nothing but what shows it\n"
       "  bigus convert field.vtp field.pvtp --pieces 16              an index and 16 files, for several processes\n"
@@ -157,6 +168,11 @@ void AddConvert(Program& program)
       ->check(WholeNumberIn(1, FieldChunks::kMost))
       ->type_name("N")
       ->capture_default_str();
+  app->add_option(
+         "--frames", options->frames,
+         "Of a sequence: only these frames, such as 0,4,10-20, counted from 0 without those that are rejected, in the "
+         "order given")
+      ->type_name("LIST");
   app->add_flag("--round", options->round,
                 "Of a field: drop the digits that no picture shows (by less than 0.01 dB), as 'train' does");
   app->add_flag(

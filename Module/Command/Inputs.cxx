@@ -25,6 +25,7 @@
 #include "IO/Poses.h"
 #include "IO/SequenceFile.h"
 #include "Pipeline.h"
+#include "vtkAbstractArray.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkBigusPoseReader.h"
@@ -33,6 +34,7 @@
 #include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
+#include "vtkPointData.h"
 #include "vtkPolyData.h"
 #include "vtkTable.h"
 
@@ -185,6 +187,40 @@ std::vector<int> ParseFrames(const std::string& list, int count)
     }
     at = stop + 1;
   }
+}
+
+vtkSmartPointer<vtkImageData> ChosenFrames(vtkImageData* stack, const std::vector<int>& frames)
+{
+  const int* size = stack->GetDimensions();
+  const vtkIdType pixels = vtkIdType(size[0]) * size[1], count = size[2];
+  auto chosen = vtkSmartPointer<vtkImageData>::New();
+  chosen->SetDimensions(size[0], size[1], static_cast<int>(frames.size()));
+  chosen->AllocateScalars(stack->GetScalarType(), 1);
+  for (std::size_t k = 0; k < frames.size(); ++k)
+  {
+    chosen->GetPointData()->GetScalars()->InsertTuples(static_cast<vtkIdType>(k) * pixels, pixels, frames[k] * pixels,
+                                                       stack->GetPointData()->GetScalars());
+  }
+  vtkFieldData* all = stack->GetFieldData();
+  for (int a = 0; a < all->GetNumberOfArrays(); ++a)
+  {
+    vtkAbstractArray* array = all->GetAbstractArray(a);
+    if (array->GetNumberOfTuples() != count || std::string(array->GetName()) == "Mask")  // which has a value a pixel
+    {
+      chosen->GetFieldData()->AddArray(array);
+      continue;
+    }
+    vtkSmartPointer<vtkAbstractArray> part;
+    part.TakeReference(array->NewInstance());
+    part->SetName(array->GetName());
+    part->SetNumberOfComponents(array->GetNumberOfComponents());
+    for (const int frame : frames)
+    {
+      part->InsertNextTuple(frame, array);
+    }
+    chosen->GetFieldData()->AddArray(part);
+  }
+  return chosen;
 }
 
 std::string FileName(const std::string& path)

@@ -32,6 +32,8 @@ namespace bigus::command
 
 /// "0,4,10-20" to indices below `count`, in the order given. Throws Error.
 std::vector<int> ParseFrames(const std::string& list, int count);
+/// These frames of a stack of images, in that order, with what its field data say of each: poses, times, sequences.
+vtkSmartPointer<vtkImageData> ChosenFrames(vtkImageData* stack, const std::vector<int>& frames);
 
 /// The last part of a path.
 std::string FileName(const std::string& path);

@@ -67,24 +67,6 @@ vtkSmartPointer<vtkImageData> ReadImage(const std::string& path, double& range, 
   return image;
 }
 
-/// The images with these numbers.
-vtkSmartPointer<vtkImageData> Chosen(vtkImageData* images, const std::vector<int>& numbers)
-{
-  int size[3];
-  images->GetDimensions(size);
-  const vtkIdType pixels = vtkIdType(size[0]) * size[1];
-  vtkDataArray* all = images->GetPointData()->GetScalars();
-  auto chosen = vtkSmartPointer<vtkImageData>::New();
-  chosen->SetDimensions(size[0], size[1], static_cast<int>(numbers.size()));
-  chosen->AllocateScalars(images->GetScalarType(), 1);
-  for (std::size_t k = 0; k < numbers.size(); ++k)
-  {
-    chosen->GetPointData()->GetScalars()->InsertTuples(static_cast<vtkIdType>(k) * pixels, pixels, numbers[k] * pixels,
-                                                       all);
-  }
-  return chosen;
-}
-
 /// Means of n x n pixels, in [0, 1], as `train --reduce` makes them.
 vtkSmartPointer<vtkImageData> Reduced(vtkImageData* images, int n)
 {
@@ -179,9 +161,9 @@ ExitCode Measure(Console& console, const MetricsOptions& options)
     const std::vector<int> numbers = ParseFrames(options.frames, truth->GetDimensions()[2]);
     if (image->GetDimensions()[2] == truth->GetDimensions()[2])
     {
-      image = Chosen(image, numbers);
+      image = ChosenFrames(image, numbers);
     }
-    truth = Chosen(truth, numbers);
+    truth = ChosenFrames(truth, numbers);
   }
   if (options.reduce > 1)
   {

@@ -57,6 +57,15 @@ std::string HowToBring(const std::string& fileName)
   {
     return ". " + convert + " makes a sequence of images and poses";
   }
+  if (endsWith({".mrb", ".mrml"}))
+  {
+    return ". A scene of 3D Slicer holds many things: save the sequence of images alone, as .seq.nrrd";
+  }
+  if (endsWith({".tfm"}))
+  {
+    return ". A transform alone has no images; it places a plane ('bigus slice --poses') or a field ('bigus convert "
+           "--transform')";
+  }
   if (endsWith({".csv", ".txt", ".tsv"}))
   {
     return " in its first line, separated by commas. Poses as positions and quaternions, and of other column names, are "

@@ -630,7 +630,7 @@ class Info(CommandTest):
 
     def test_other_kinds_of_files_are_told_how_to_come_in(self):
         for name, says in (("a.mp4", "bigus.convert"), ("a.DCM", "bigus.convert"), ("a.h5", "bigus.convert"), ("a.nii.gz", "nibabel"),
-                           ("a.jpg", "bigus.convert")):
+                           ("a.jpg", "bigus.convert"), ("a.mrb", ".seq.nrrd"), ("a.tfm", "--poses")):
             path = self.folder / name
             path.write_bytes(bytes(range(256)))
             self.expect(BAD_INPUT, "info", path, says=says)
@@ -2175,6 +2175,21 @@ class Convert(CommandTest):
         stamps = [re.findall(r"_Timestamp = (.*)", read_sequence(path)[0]) for path in (self.sweep, again)]
         self.assertEqual([list(map(float, all_stamps)) for all_stamps in stamps], [times, times])
         self.assertNotIn("labels", run("info", images).stdout)
+
+    def test_a_part_of_a_sequence_keeps_what_belongs_to_its_frames(self):
+        part = self.folder / "part.igs.mha"
+        chosen = [7, 2, 3, 4]
+        self.assertEqual(self.expect(SUCCESS, "convert", self.sweep, part, "--frames", "7,2-4")["frames"], 4)
+        whole_header, whole, _ = read_sequence(self.sweep)
+        header, pixels, _ = read_sequence(part)
+        per_frame = len(whole) // 9
+        self.assertEqual(pixels, b"".join(whole[k * per_frame:(k + 1) * per_frame] for k in chosen))
+        for field in ("ImageToReferenceTransform", "Timestamp"):
+            of_all = re.findall(rf"Frame\d+_{field} = (.*)", whole_header)
+            self.assertEqual([list(map(float, value.split())) for value in re.findall(rf"Frame\d+_{field} = (.*)", header)],
+                             [list(map(float, of_all[k].split())) for k in chosen])
+        self.expect(BAD_INPUT, "convert", self.sweep, part, "--frames", "9", says="from 0 to 8")
+        self.expect(BAD_INPUT, "convert", self.field, self.folder / "f.ply", "--frames", "1", says="is a field")
 
     def sequence(self, name, pixels, pixel_type="MET_USHORT", cropped=False):
         """Eight frames of 12 x 12 pixels, 1 mm apart; the 32 pixels again and again."""
