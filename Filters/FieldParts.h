@@ -51,6 +51,9 @@ public:
   /// Each process does its share. When one throws, all do: that one what it threw, the others an Error with its words.
   void Agree(const std::function<void()>& share) const { others_->Together(share); }
 
+  /// Of the processes that have the parts.
+  Exchange& Others() const { return *others_; }
+
   /// Whether all processes go on.
   bool All(bool here) const { return !others_->Any(!here); }
 

@@ -185,12 +185,9 @@ bigus::OutputGrid vtkBigusFieldToImage::GridOverInput(const double axes[9], int 
       [&]
       {
         const auto& field = this->Renderer->Load(vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0)));
-        bounds = bigus::BoundsAlong(field, Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(axes));
+        bounds = bigus::BoundsAlong(field, Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(axes),
+                                    this->Renderer->Parts().Others());
       });
-  Eigen::Matrix<double, 6, 1> values;
-  values << bounds.min(), -bounds.max();
-  this->Renderer->Parts().Least(values.data(), 6);
-  bounds = Eigen::AlignedBox3d(values.head<3>(), -values.tail<3>());
   return bigus::GridOver(bounds, maximumDimension);
 }
 

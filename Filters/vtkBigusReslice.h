@@ -119,7 +119,7 @@ public:
    * An image from which the default OutputSpacing, OutputOrigin and OutputExtent are derived, turned to the
    * output's axes as in vtkImageReslice. Null (default): a grid over the field's bounds stands in for it,
    * with cubic voxels, 256 along the longest side. The field's bounds hold every Gaussian to 3 standard
-   * deviations. Using that grid updates the input when the output information is asked for.
+   * deviations, but for one in 1000 that reach farthest on each side. Using that grid updates the input when the output information is asked for.
    */
   virtual void SetInformationInput(vtkImageData* image);
   vtkImageData* GetInformationInput() const { return this->InformationInput; }

@@ -16,8 +16,8 @@
  * Output 1, filled when GenerateStandardErrorOutput is on, holds for each voxel how far the picture of a probe may be from
  * it whose plane is the voxel's z slice.
  *
- * What is not set is derived from the field's bounds, which hold every Gaussian to 3 standard deviations:
- * cubic voxels, MaximumDimension of them along the longest side. For that the input is updated when the
+ * What is not set is derived from the field's bounds, which hold every Gaussian to 3 standard deviations, but
+ * for one in 1000 that reach farthest on each side: cubic voxels, MaximumDimension of them along the longest side. For that the input is updated when the
  * output information is asked for.
  *
  * @sa vtkBigusReslice

@@ -188,6 +188,25 @@ TEST(OutputGrid, OverOneGaussianReachesThreeStandardDeviations)
   EXPECT_LT((grid.origin - box.min()).norm(), 1e-12);
 }
 
+/// Of 3000 Gaussians three may be outside on each side, whichever processes have them.
+TEST(OutputGrid, AFewThatAreAstrayDoNotMakeTheGridLarge)
+{
+  bigus::GaussianField field;
+  field.Resize(3000);
+  for (std::size_t i = 0; i < field.Size(); ++i)
+  {
+    field.means[i] = {0.01 * static_cast<double>(i % 1000), 0, 0};
+    field.scales[i].setConstant(1);
+  }
+  field.means[7] = {-500, 0, 0};
+  field.scales[1500].setConstant(100);
+  field.means[2999] = {0, 900, 0};
+  const Eigen::AlignedBox3d box = bigus::BoundsAlong(field, Eigen::Matrix3d::Identity());
+  EXPECT_LT((box.min() - Eigen::Vector3d(-3, -3, -3)).norm(), 1e-12);
+  // Beyond it along x: the wide one and both at 9.99.
+  EXPECT_LT((box.max() - Eigen::Vector3d(9.98 + 3, 3, 3)).norm(), 1e-12);
+}
+
 TEST(OutputGrid, VoxelsThatAreGivenKeepToTheFieldsBounds)
 {
   const auto over = [] { return OutputGrid{{1, 1, 1}, {-2, -4, -9}, {0, 6, 0, 12, 0, 24}}; };

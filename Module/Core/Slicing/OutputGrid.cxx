@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "Core/Model/Error.h"
 
@@ -15,6 +17,7 @@ namespace
 {
 
 constexpr double kMinimumSpacing = 1e-6, kMaximumSpacing = 1e6;  // mm
+constexpr double kOneAstrayIn = 1000;                            // Gaussians, on each side of the bounds
 constexpr double kLargestIndex = 1e9;                            // fits an int; so large an output is refused later
 constexpr double kAffine = 1e-12;     // by which a matrix's last row may differ from 0 0 0 1, as a share of its last
 constexpr double kUnitLength = 1e-6;  // by which a unit vector's length may differ from 1
@@ -144,9 +147,10 @@ void CheckOutputSize(const Extent& extent, long long maximum)
   }
 }
 
-Eigen::AlignedBox3d BoundsAlong(const GaussianField& field, const Eigen::Matrix3d& axes)
+Eigen::AlignedBox3d BoundsAlong(const GaussianField& field, const Eigen::Matrix3d& axes, Exchange& exchange)
 {
-  Eigen::AlignedBox3d box;
+  // Where Gaussians begin along each axis and, with the other sign, where they end: outermost are the smallest.
+  std::array<std::vector<double>, 6> ends;
   const Eigen::Matrix3d toGrid = axes.inverse();
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
@@ -154,9 +158,39 @@ Eigen::AlignedBox3d BoundsAlong(const GaussianField& field, const Eigen::Matrix3
     // Row norms of R diag(s) are the standard deviations along the axes.
     const Eigen::Matrix3d spread = toGrid * RotationMatrix(field.rotations[i]) * field.scales[i].asDiagonal();
     const Eigen::Vector3d reach = 3 * spread.rowwise().norm();
-    box.extend(Eigen::AlignedBox3d(centre - reach, centre + reach));
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      ends[axis].push_back(centre[axis] - reach[axis]);
+      ends[3 + axis].push_back(-(centre[axis] + reach[axis]));
+    }
   }
-  return box;
+  double count = static_cast<double>(field.Size());
+  exchange.Sum(&count, 1);
+  if (!(count > 0))
+  {
+    return {};
+  }
+  const auto out = static_cast<std::size_t>(count / kOneAstrayIn);
+  Eigen::Matrix<double, 6, 1> bounds;
+  for (int side = 0; side < 6; ++side)
+  {
+    // The outermost of all are among each part's outermost.
+    std::vector<double>& here = ends[side];
+    std::partial_sort(here.begin(), here.begin() + static_cast<std::ptrdiff_t>(std::min(out + 1, here.size())),
+                      here.end());
+    here.resize(std::min(out + 1, here.size()));
+    std::vector<double> all;
+    for (const std::string& bytes :
+         exchange.Gather({reinterpret_cast<const char*>(here.data()), here.size() * sizeof(double)}))
+    {
+      const std::size_t before = all.size();
+      all.resize(before + bytes.size() / sizeof(double));
+      std::memcpy(all.data() + before, bytes.data(), bytes.size());
+    }
+    std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(out), all.end());
+    bounds[side] = all[out];
+  }
+  return {bounds.head<3>(), -bounds.tail<3>()};
 }
 
 OutputGrid GridOver(const Eigen::AlignedBox3d& bounds, int maximumDimension)

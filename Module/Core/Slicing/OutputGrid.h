@@ -8,6 +8,7 @@
 #include <functional>
 #include <optional>
 
+#include "Core/Engine/Exchange.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
 
@@ -44,9 +45,11 @@ double ExtentSize(const Extent& extent);
 /// Throws Error when the extent asked for has more indices than `maximum`.
 void CheckOutputSize(const Extent& extent, long long maximum);
 
-/// The box along the columns of `axes` (unit vectors) that holds every Gaussian to three standard deviations, mm. That of
-/// the empty field is empty.
-Eigen::AlignedBox3d BoundsAlong(const GaussianField& field, const Eigen::Matrix3d& axes);
+/// The box along the columns of `axes` (unit vectors) that holds every Gaussian to three standard deviations, mm, but for one
+/// in 1000 that reach farthest on each side: training leaves a few that are large or astray. That of the empty field is
+/// empty. With an `exchange`, of a field whose parts its processes have; all of them get the same box.
+Eigen::AlignedBox3d BoundsAlong(const GaussianField& field, const Eigen::Matrix3d& axes,
+                                Exchange& exchange = Exchange::Alone());
 
 /// The grid of cubic voxels in a box, with `maximumDimension` of them along its longest side. An empty box gets one at 0.
 OutputGrid GridOver(const Eigen::AlignedBox3d& bounds, int maximumDimension);
