@@ -10,9 +10,7 @@
 
 #include "Forward.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 constexpr int kGatherThreads = 128;
@@ -451,5 +449,4 @@ __global__ void __launch_bounds__(kBlock) TakeStep(BackwardTask task)
   Spend(gaussian, gradient, visited, task.field, task.adam, task.parameters->adam, task.guarded);
 }
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

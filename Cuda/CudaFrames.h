@@ -15,9 +15,7 @@
 #include "Core/Engine/ImageLoss.h"
 #include "Workspace.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 class CudaFrames
@@ -97,5 +95,4 @@ private:
   DeviceArray<Camera> cameras_;
 };
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -13,9 +13,7 @@
 #include "Windows.h"
 #include "Workspace.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 class CudaImageLosses
@@ -154,5 +152,4 @@ private:
   std::unique_ptr<Fourier> fourier_;  // of the last batch's size
 };
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -12,9 +12,7 @@
 #include "Core/Formula/PixelLoss.h"
 #include "FindSplats.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 /// What FindSplats found.
@@ -505,5 +503,4 @@ __global__ void __launch_bounds__(kSumThreads) SumInOrder(const double* in, std:
   }
 }
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -6,9 +6,7 @@
 
 #include "FourierLibrary.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 const FourierLibrary* FourierLibrary::Find()
@@ -42,5 +40,4 @@ const FourierLibrary* FourierLibrary::Find()
   return library.get();
 }
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

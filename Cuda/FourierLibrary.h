@@ -5,9 +5,7 @@
 
 #include <CudaRuntime.h>
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 /// The functions of cuFFT used here. It is loaded when first wanted: everything else works without it, and a library
@@ -25,5 +23,4 @@ struct FourierLibrary
   static const FourierLibrary* Find();
 };
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

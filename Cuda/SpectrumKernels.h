@@ -8,9 +8,7 @@
 #include "Forward.h"
 #include "FourierLibrary.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 /// Transforms of stacks of images of one size, [views][height][width] to [views][height][width / 2 + 1] complex
@@ -148,5 +146,4 @@ __global__ void __launch_bounds__(kPixelThreads) AddSpectrum(SpectrumTask task)
   }
 }
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -9,9 +9,7 @@
 #include "Core/Formula/WindowLoss.h"
 #include "Forward.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 constexpr int kWindowSide = 16;
@@ -171,5 +169,4 @@ __global__ void __launch_bounds__(kWindowThreads) SpreadSlopes(WindowTask task)
   }
 }
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -6,9 +6,7 @@
 #include "Device.h"
 #include "Forward.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 constexpr char kFewerGaussians[] = "Use fewer Gaussians";
@@ -89,5 +87,4 @@ private:
   DeviceArray<Results> results_;
 };
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -8,9 +8,7 @@
 
 #define BIGUS_APART __noinline__
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 template <class... Parameters>
@@ -19,5 +17,4 @@ void LaunchKernel(void (*kernel)(Parameters...), dim3 grid, int threads, cudaStr
   kernel<<<grid, dim3(threads, 1, 1), 0, stream>>>(arguments...);
 }
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

@@ -16,9 +16,7 @@
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
@@ -63,8 +61,7 @@ static BlockBounds<T> BoundsOf(const GaussianBlock<T>& block, int count)
   return bounds;
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_BOUNDS_INL_H

@@ -15,9 +15,7 @@
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
@@ -131,8 +129,7 @@ static int UpdateBlock(GaussianBlock<T>& block, AdamBlock<T>& state, const Gradi
   return static_cast<int>(guarded);
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_CHAINRULE_INL_H

@@ -19,9 +19,7 @@
 #include "Core/Engine/Cpu/Project-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
@@ -39,8 +37,7 @@ Kernels<double> DoubleTable()
   return Table<double>();
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE

@@ -13,9 +13,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -72,8 +70,7 @@ static HWY_INLINE hn::Vec<D> BoundedExpm1(D d, hn::Vec<D> x)
   }
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_EXP_INL_H

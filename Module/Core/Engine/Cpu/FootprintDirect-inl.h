@@ -16,9 +16,7 @@
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 /// A row of a footprint: the pixels inside |U (p - m)|^2 <= cut, and w there. The ridge, where eta1 = 0, is found in
@@ -124,8 +122,7 @@ static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& de
   }
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_DIRECT_INL_H

@@ -30,9 +30,7 @@
 #include "Core/Engine/Cpu/Project-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
@@ -364,8 +362,7 @@ static HWY_NOINLINE void GatherStretches(const bigus::VisibleSplat<T>& s, const 
                });
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_RECURRENCE_INL_H

@@ -17,9 +17,7 @@
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
@@ -112,8 +110,7 @@ static void GatherMoments(const bigus::VisibleSplat<T>* splats, int count, const
             : GatherAll<T, false>(splats, count, derivative, moments);
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_FOOTPRINTS_INL_H

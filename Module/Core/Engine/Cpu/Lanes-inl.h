@@ -17,9 +17,7 @@
 #include "Core/Engine/Cpu/CpuKernels.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -163,8 +161,7 @@ static HWY_INLINE auto GaussianOf(At&& at) -> Gaussian<decltype(at(0))>
   return {{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}, at(10)};
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_LANES_INL_H

@@ -14,9 +14,7 @@
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
@@ -49,8 +47,7 @@ static double ToDerivative(T l1, T l2, T gamma, const T* truth, const T* weights
   return static_cast<double>(hn::GetLane(hn::SumOfLanes(d, sum.v)));
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_PIXELS_INL_H

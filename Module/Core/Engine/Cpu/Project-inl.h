@@ -13,9 +13,7 @@
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace bigus
-{
-namespace HWY_NAMESPACE
+namespace bigus::HWY_NAMESPACE
 {
 
 /// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is still large
@@ -152,8 +150,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   return kept;
 }
 
-}  // namespace HWY_NAMESPACE
-}  // namespace bigus
+}  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #endif  // BIGUS_CPU_PROJECT_INL_H
