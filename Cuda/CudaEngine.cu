@@ -4,9 +4,7 @@
 // kernels, and what comes back from it is one small structure.
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
-#include <optional>
 #include <utility>
 
 #include "Backward.h"

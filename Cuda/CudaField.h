@@ -18,9 +18,7 @@
 #include "Core/Engine/MortonOrder.h"
 #include "Workspace.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 /// The optimizer's averages for a restructured field. Launched as (blocks, 1) of kBlock threads.
@@ -49,10 +47,8 @@ public:
   void Set(const GaussianField& field, const std::vector<int>* parents)
   {
     field.Validate();
-    if (field.Size() > std::numeric_limits<std::uint32_t>::max())
-    {
-      throw Error("CUDA engine: " + std::to_string(field.Size()) + " Gaussians are more than 2^32 - 1.");
-    }
+    Require(field.Size() <= std::numeric_limits<std::uint32_t>::max(), "CUDA engine: ", field.Size(),
+            " Gaussians are more than 2^32 - 1.");
     std::vector<std::uint32_t> order = MortonOrder(field.means);
     const std::size_t blocks = NumberOfBlocks(field.Size());
     InheritAdam(order, blocks, parents);
@@ -270,5 +266,4 @@ private:
   DeviceArray<AdamBlock<float>> adam_;
 };
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

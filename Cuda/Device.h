@@ -17,9 +17,7 @@
 
 #include "Core/Model/Error.h"
 
-namespace bigus
-{
-namespace cuda
+namespace bigus::cuda
 {
 
 inline std::string Megabytes(std::size_t bytes)
@@ -47,11 +45,8 @@ void Launch(const char* name, void (*kernel)(Parameters...), std::size_t blocks,
   {
     return;
   }
-  if (blocks > 0x7fffffffu || rows > 0xffffu)
-  {
-    throw Error("CUDA engine: " + std::to_string(blocks) + " x " + std::to_string(rows) +
-                " thread blocks are more than a device takes; render fewer pixels or frames at a time.");
-  }
+  Require(blocks <= 0x7fffffffu && rows <= 0xffffu, "CUDA engine: ", blocks, " x ", rows,
+          " thread blocks are more than a device takes; render fewer pixels or frames at a time.");
   const dim3 grid(static_cast<unsigned int>(blocks), static_cast<unsigned int>(rows), 1);
   LaunchKernel<Parameters...>(kernel, grid, threads, stream, static_cast<Parameters>(arguments)...);
   Check(cudaGetLastError(), name);
@@ -193,5 +188,4 @@ private:
   cudaGraphExec_t graph_ = nullptr;
 };
 
-}  // namespace cuda
-}  // namespace bigus
+}  // namespace bigus::cuda

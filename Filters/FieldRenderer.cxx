@@ -136,14 +136,9 @@ void FieldRenderer::UploadField(double sigma)
 
 void FieldRenderer::UploadLabel(double sigma)
 {
-  if (!labels_)
-  {
-    throw Error("LabelValue: the field has no labels; vtkBigusFieldLabeler gives it some.");
-  }
-  if (!parts_->FollowsClock() || whole_.engines.size() != 1)
-  {
-    throw Error("LabelValue: labels are of whole fields, and several processes have parts of one.");
-  }
+  Require(labels_.has_value(), "LabelValue: the field has no labels; vtkBigusFieldLabeler gives it some.");
+  Require(parts_->FollowsClock() && whole_.engines.size() == 1,
+          "LabelValue: labels are of whole fields, and several processes have parts of one.");
   GaussianField carriers = labels_->CarriersOf(field_, *label_);
   if (sigma >= 0)
   {

@@ -69,10 +69,7 @@ int vtkBigusFieldLabeler::RequestData(vtkInformation*, vtkInformationVector** in
   vtkPolyData* const output = vtkPolyData::GetData(outputs);
   const auto work = [&]
   {
-    if (!this->Engine)
-    {
-      throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
-    }
+    bigus::Require(this->Engine, "No Engine is set; \"auto\" takes the fastest.");
     vtkPolyData* const input = vtkPolyData::GetData(inputs[0]);
     vtkImageData* const frames = vtkImageData::GetData(inputs[1]);
     const bigus::ImportedSweep imported = bigus::SweepFromImage(frames);

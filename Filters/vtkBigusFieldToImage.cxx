@@ -255,10 +255,7 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
         {
           CombineUpdateExtents(request, outputs, whole, extent);
           bigus::CheckOutputSize(ToExtent(extent), this->MaximumOutputPixels);
-          if (!this->Engine)
-          {
-            throw bigus::Error("No Engine is set; \"auto\" takes the fastest.");
-          }
+          bigus::Require(this->Engine, "No Engine is set; \"auto\" takes the fastest.");
         });
     this->Renderer->SetSeesDirections(this->SeesDirections());
     this->Renderer->SetLabel(this->OutputMode == LabelShare ? std::optional<int>(this->LabelValue) : std::nullopt);
@@ -315,31 +312,24 @@ bool vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart& grid,
 
 vtkPolyData* vtkBigusFieldToImage::WholeField(const char* output)
 {
-  if (this->Controller && this->Controller->GetNumberOfProcesses() > 1)
-  {
-    throw bigus::Error(std::string(output) + ": it is of whole fields, and several processes have parts of one.");
-  }
+  bigus::Require(!this->Controller || this->Controller->GetNumberOfProcesses() <= 1, output,
+                 ": it is of whole fields, and several processes have parts of one.");
   return vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
 }
 
 void vtkBigusFieldToImage::LoadStandardError()
 {
   vtkPolyData* const field = this->WholeField("GenerateStandardErrorOutput");
-  if (this->OutputMode == LabelShare)
-  {
-    throw bigus::Error("GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.");
-  }
+  bigus::Require(this->OutputMode != LabelShare,
+                 "GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.");
   if (this->Kept->field == field && this->Kept->time == field->GetMTime())
   {
     return;
   }
   *this->Kept = {};
   const std::string bytes = bigus::StandardErrorOf(field);
-  if (bytes.empty())
-  {
-    throw bigus::Error(
-        "GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.");
-  }
+  bigus::Require(!bytes.empty(),
+                 "GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.");
   *this->Kept = {std::make_unique<bigus::StandardError>(bytes), field, field->GetMTime()};
 }
 

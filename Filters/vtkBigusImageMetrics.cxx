@@ -37,20 +37,13 @@ namespace
 vtkDataArray* Pixels(vtkImageData* image, const std::string& name)
 {
   vtkDataArray* scalars = image ? image->GetPointData()->GetScalars() : nullptr;
-  if (!scalars || image->GetNumberOfPoints() == 0 || scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
-  {
-    throw bigus::Error(name + " has no pixels.");
-  }
-  if (scalars->GetNumberOfComponents() != 1)
-  {
-    throw bigus::Error(name + " has " + std::to_string(scalars->GetNumberOfComponents()) +
-                       " components; grey images with one are compared. Convert colour to grey first.");
-  }
-  if (!vtkUnsignedCharArray::SafeDownCast(scalars) && !vtkFloatArray::SafeDownCast(scalars))
-  {
-    throw bigus::Error(name + " holds " + scalars->GetDataTypeAsString() +
-                       "; unsigned char, or float in [0, 1], is expected.");
-  }
+  bigus::Require(
+      scalars && image->GetNumberOfPoints() != 0 && scalars->GetNumberOfTuples() == image->GetNumberOfPoints(), name,
+      " has no pixels.");
+  bigus::Require(scalars->GetNumberOfComponents() == 1, name, " has ", scalars->GetNumberOfComponents(),
+                 " components; grey images with one are compared. Convert colour to grey first.");
+  bigus::Require(vtkUnsignedCharArray::SafeDownCast(scalars) || vtkFloatArray::SafeDownCast(scalars), name, " holds ",
+                 scalars->GetDataTypeAsString(), "; unsigned char, or float in [0, 1], is expected.");
   return scalars;
 }
 
@@ -132,12 +125,9 @@ void RequireOneSize(vtkImageData* image, vtkImageData* truth)
   int size[3], truthSize[3];
   image->GetDimensions(size);
   truth->GetDimensions(truthSize);
-  if (!std::equal(size, size + 3, truthSize))
-  {
-    throw bigus::Error("The image is " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
-                       std::to_string(size[2]) + " pixels, the truth " + std::to_string(truthSize[0]) + " x " +
-                       std::to_string(truthSize[1]) + " x " + std::to_string(truthSize[2]) + "; they must be equal.");
-  }
+  bigus::Require(std::equal(size, size + 3, truthSize), "The image is ", size[0], " x ", size[1], " x ", size[2],
+                 " pixels, the truth ", truthSize[0], " x ", truthSize[1], " x ", truthSize[2],
+                 "; they must be equal.");
 }
 
 }  // namespace

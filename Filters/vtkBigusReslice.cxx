@@ -6,7 +6,6 @@
 #include <limits>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "Core/Model/Error.h"
@@ -480,11 +479,8 @@ void vtkBigusReslice::LoadLabels()
   }
   *this->Named = {};
   const auto labels = bigus::LabelsFromPolyData(input);
-  if (!labels)
-  {
-    throw bigus::Error(
-        "GenerateLabelOutput: the field has no labels; vtkBigusFieldLabeler or bigus label gives it some.");
-  }
+  bigus::Require(labels.has_value(),
+                 "GenerateLabelOutput: the field has no labels; vtkBigusFieldLabeler or bigus label gives it some.");
   bigus::GaussianField field = bigus::FieldFromPolyData(input);
   if (this->ElevationSigma >= 0)
   {

@@ -24,10 +24,8 @@ ExitCode RunJob(Console& console, const std::function<ExitCode()>& job)
   try
   {
     const ExitCode code = job();
-    if (!std::cout.flush() && !IsInterrupted())
-    {
-      throw OutputError("Cannot write to stdout: the disk is full or the reader is gone.");
-    }
+    RequireOutput(std::cout.flush() || IsInterrupted(),
+                  "Cannot write to stdout: the disk is full or the reader is gone.");
     return code;
   }
   catch (const Interrupted&)

@@ -51,10 +51,7 @@ vtkSmartPointer<vtkTransform> FieldTransform(const ConvertOptions& options)
   transform->SetMatrix(matrix.data());
   if (options.inverse)
   {
-    if (!(std::abs(matrix.determinant()) > 0))
-    {
-      throw Error(options.transform + ": the transform has no inverse.");
-    }
+    Require(std::abs(matrix.determinant()) > 0, options.transform, ": the transform has no inverse.");
     transform->Inverse();
   }
   return transform;
@@ -114,11 +111,8 @@ ExitCode Convert(Console& console, const ConvertOptions& options)
     return Success;
   }
 
-  if (!options.transform.empty() || options.round)
-  {
-    throw Error(std::string(options.round ? "--round rounds" : "--transform moves") + " fields (.vtp, .ply), and '" +
-                input + "' is none.");
-  }
+  Require(options.transform.empty() && !options.round, options.round ? "--round rounds" : "--transform moves",
+          " fields (.vtp, .ply), and '", input, "' is none.");
   RequireStackName(output);
   vtkSmartPointer<vtkImageData> sequence = ReadSequence(options.input, console);
   NoteDoubts(sequence, options.input.path, console);
@@ -134,10 +128,8 @@ ExitCode Convert(Console& console, const ConvertOptions& options)
     BeginTimesAtZero(sequence);
   }
   const std::size_t frames = numbers.size();
-  if (HasSuffix(output, ".png") && sequence->GetScalarType() != VTK_UNSIGNED_CHAR)
-  {
-    throw OutputError("Cannot write '" + output + "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
-  }
+  RequireOutput(!HasSuffix(output, ".png") || sequence->GetScalarType() == VTK_UNSIGNED_CHAR, "Cannot write '", output,
+                "': PNG holds 8-bit intensities; name it .igs.mha or .nrrd.");
   const std::vector<std::string> files = WriteStack(sequence, output, numbers, console);
   console.Print(NameOf(files) + ": " + std::to_string(frames) + (frames == 1 ? " frame" : " frames"));
   console.Report({{"output", files}, {"kind", "sequence"}, {"frames", frames}});

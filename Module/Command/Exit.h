@@ -32,6 +32,16 @@ public:
   using Error::Error;
 };
 
+/// Throws OutputError unless `holds`, as Require of Core/Model/Error.h does.
+template <class... Parts>
+void RequireOutput(bool holds, const Parts&... message)
+{
+  if (!holds)
+  {
+    throw OutputError(MessageText(message...));
+  }
+}
+
 /// Thrown where a job stops because it was interrupted and has nothing to save.
 class Interrupted : public std::exception
 {

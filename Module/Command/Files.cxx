@@ -69,11 +69,8 @@ void RequireDistinct(const std::vector<std::string>& inputs, const std::vector<s
   {
     const auto refuse = [&output](const std::string& other, const char* role)
     {
-      if (!output->empty() && !other.empty() && AreSame(*output, other))
-      {
-        throw OutputError("Cannot write '" + *output + "': it is the same file as '" + other + "', which is " + role +
-                          ". Give another name.");
-      }
+      RequireOutput(output->empty() || other.empty() || !AreSame(*output, other), "Cannot write '", *output,
+                    "': it is the same file as '", other, "', which is ", role, ". Give another name.");
     };
     for (const std::string& input : inputs)
     {

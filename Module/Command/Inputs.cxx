@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
-#include <limits>
 #include <map>
 #include <numeric>
 #include <sstream>
@@ -231,14 +230,8 @@ std::string FileName(const std::string& path)
 void RequireFile(const std::string& path)
 {
   std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored))
-  {
-    throw Error("There is no file '" + path + "'.");
-  }
-  if (std::filesystem::is_directory(path, ignored))
-  {
-    throw Error("'" + path + "' is a folder; name a file.");
-  }
+  Require(std::filesystem::exists(path, ignored), "There is no file '", path, "'.");
+  Require(!std::filesystem::is_directory(path, ignored), "'", path, "' is a folder; name a file.");
 }
 
 void AddSequenceOptions(CLI::App& app, SequenceOptions& options, const std::string& name, const std::string& help)
@@ -459,10 +452,7 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
   {
     chosen = ParseFrames(options.frames, static_cast<int>(chosen.size()));
   }
-  if (chosen.empty())
-  {
-    throw Error(options.poses + " holds no plane.");
-  }
+  Require(!chosen.empty(), options.poses, " holds no plane.");
   Planes result;
   result.rejected = reader->GetNumberOfRejectedPoses();
   if (result.rejected > 0)
@@ -485,10 +475,8 @@ Planes ReadPlanes(const PlaneOptions& options, Console& console)
                   " differ in size; give --size WIDTH HEIGHT, or pick some with --frames.");
     }
     pixels += plane.NumberOfPixels();
-    if (pixels > (std::size_t(1) << 31))
-    {
-      throw Error("The planes have more than 2^31 pixels: choose fewer with --frames, or a smaller --size.");
-    }
+    Require(pixels <= (std::size_t(1) << 31),
+            "The planes have more than 2^31 pixels: choose fewer with --frames, or a smaller --size.");
     result.planes.push_back(plane);
     result.numbers.push_back(i);
     if (times)

@@ -47,10 +47,8 @@ std::vector<Label> Named(std::vector<Label> labels, const std::vector<std::strin
   {
     const std::size_t sign = text.find('=');
     Label named;
-    if (sign == std::string::npos || !CLI::detail::lexical_cast(text.substr(0, sign), named.value))
-    {
-      throw Error("--names: '" + text + "' is not VALUE=NAME, such as 1=vessel.");
-    }
+    Require(sign != std::string::npos && CLI::detail::lexical_cast(text.substr(0, sign), named.value), "--names: '",
+            text, "' is not VALUE=NAME, such as 1=vessel.");
     const auto known =
         std::find_if(labels.begin(), labels.end(), [&named](const Label& label) { return label.value == named.value; });
     named.name = text.substr(sign + 1);
@@ -69,11 +67,8 @@ void Number(vtkImageData* pictures, bool isNumbered, const LabelOptions& options
   if (!options.frames.empty())
   {
     const std::vector<int> given = ParseFrames(options.frames, framesInFile);
-    if (static_cast<int>(given.size()) != count)
-    {
-      throw Error("--frames: names " + std::to_string(given.size()) + " frames, and " + options.labels + " has " +
-                  std::to_string(count) + " pictures; name one frame for each.");
-    }
+    Require(static_cast<int>(given.size()) == count, "--frames: names ", given.size(), " frames, and ", options.labels,
+            " has ", count, " pictures; name one frame for each.");
     const auto numbers = NewArray<vtkIntArray>("SourceFrame", 1, count);
     std::copy(given.begin(), given.end(), numbers->GetPointer(0));
     pictures->GetFieldData()->AddArray(numbers);
@@ -98,12 +93,9 @@ vtkSmartPointer<vtkImageData> ReadLabels(const LabelOptions& options, vtkImageDa
   const vtkSmartPointer<vtkImageData> pictures = reader->GetOutput();
   const int *size = pictures->GetDimensions(), *extent = pictures->GetExtent();
   const bool isPart = IsPartOfPictures(pictures, frames);
-  if (isPart && !options.frames.empty())
-  {
-    throw Error("--frames: " + options.labels +
-                " is cropped, which says where its pictures lie in those of all frames; " +
-                "save it without 'Crop to minimum extent'.");
-  }
+  Require(!isPart || options.frames.empty(), "--frames: ", options.labels,
+          " is cropped, which says where its pictures lie in those of all frames; "
+          "save it without 'Crop to minimum extent'.");
   if (isPart)
   {
     console.Note("bigus: " + options.labels + " is cropped: taken for frames " + std::to_string(extent[4]) + " to " +
@@ -199,10 +191,7 @@ ExitCode LabelField(Console& console, const LabelOptions& options)
 {
   RequireDistinct({options.sequence.path, options.labels, options.field}, {options.output});
   RequireWritable(options.output);
-  if (!HasSuffix(options.output, ".vtp"))
-  {
-    throw OutputError("Cannot write '" + options.output + "': labels are kept in .vtp.");
-  }
+  RequireOutput(HasSuffix(options.output, ".vtp"), "Cannot write '", options.output, "': labels are kept in .vtp.");
   const vtkSmartPointer<vtkImageData> frames = ReadSequence(options.sequence, console);
   NoteDoubts(frames, options.sequence.path, console);
   const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.field, console);

@@ -73,11 +73,7 @@ vtkSmartPointer<vtkImageData> Reduced(vtkImageData* images, int n)
   int size[3];
   images->GetDimensions(size);
   const int width = size[0] / n, height = size[1] / n;
-  if (width < 1 || height < 1)
-  {
-    throw Error("--reduce " + std::to_string(n) + " leaves no pixel of images of " + std::to_string(size[0]) + " x " +
-                std::to_string(size[1]) + ".");
-  }
+  Require(width >= 1 && height >= 1, "--reduce ", n, " leaves no pixel of images of ", size[0], " x ", size[1], ".");
   vtkDataArray* all = images->GetPointData()->GetScalars();
   const double one = images->GetScalarType() == VTK_UNSIGNED_CHAR ? 255 : 1;
   auto reduced = vtkSmartPointer<vtkImageData>::New();

@@ -9,7 +9,6 @@
 #include <iterator>
 #include <limits>
 #include <ostream>
-#include <utility>
 
 #include "Console.h"
 #include "Exit.h"
@@ -256,10 +255,8 @@ void SetImage(vtkImageData* stack, int k, vtkImageData* image)
 
 void RequireStackName(const std::string& path)
 {
-  if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".png"))
-  {
-    throw OutputError("Cannot write '" + path + "': the name must end in .mha (.igs.mha), .nrrd or .png.");
-  }
+  RequireOutput(HasSuffix(path, ".mha") || HasSuffix(path, ".nrrd") || HasSuffix(path, ".png"), "Cannot write '", path,
+                "': the name must end in .mha (.igs.mha), .nrrd or .png.");
 }
 
 std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path, const std::vector<int>& numbers,
@@ -301,10 +298,8 @@ std::vector<std::string> WriteStack(vtkImageData* stack, const std::string& path
 
 void RequirePosesName(const std::string& path)
 {
-  if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".csv"))
-  {
-    throw OutputError("Cannot write '" + path + "': the name must end in .mha (.igs.mha), .nrrd or .csv.");
-  }
+  RequireOutput(HasSuffix(path, ".mha") || HasSuffix(path, ".nrrd") || HasSuffix(path, ".csv"), "Cannot write '", path,
+                "': the name must end in .mha (.igs.mha), .nrrd or .csv.");
 }
 
 void WritePosesCsv(vtkDataArray* poses, int width, int height, const std::string& path,
@@ -376,10 +371,8 @@ std::string NameOf(const std::vector<std::string>& files)
 
 void RequireVolumeName(const std::string& path)
 {
-  if (!HasSuffix(path, ".mha") && !HasSuffix(path, ".nrrd") && !HasSuffix(path, ".vti"))
-  {
-    throw OutputError("Cannot write '" + path + "': the name of a volume must end in .mha, .nrrd or .vti.");
-  }
+  RequireOutput(HasSuffix(path, ".mha") || HasSuffix(path, ".nrrd") || HasSuffix(path, ".vti"), "Cannot write '", path,
+                "': the name of a volume must end in .mha, .nrrd or .vti.");
 }
 
 void WritePage(const Page& page, const std::string& path)

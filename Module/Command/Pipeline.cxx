@@ -180,10 +180,7 @@ void UpdateUntilInterrupted(vtkAlgorithm* algorithm, Console& console, const std
 
 void RequireDone(bool done)
 {
-  if (!done)
-  {
-    throw Error(Messages()->errors.empty() ? "The job failed without saying why." : Messages()->errors.front());
-  }
+  Require(done, Messages()->errors.empty() ? "The job failed without saying why." : Messages()->errors.front());
 }
 
 void UpdateInformation(vtkAlgorithm* algorithm)

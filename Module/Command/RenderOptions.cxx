@@ -99,11 +99,8 @@ void Configure(vtkBigusFieldToImage* filter, vtkPolyData* field, const RenderOpt
 
 void RequireStandardError(vtkPolyData* field, const RenderOptions& options)
 {
-  if (StandardErrorOf(field).empty())
-  {
-    throw Error("--standard-error: " + options.field +
-                " does not hold what it rests on; train it again, into a .vtp and without --no-standard-error.");
-  }
+  Require(!StandardErrorOf(field).empty(), "--standard-error: ", options.field,
+          " does not hold what it rests on; train it again, into a .vtp and without --no-standard-error.");
 }
 
 bool NoteMisses(vtkPolyData* field, const std::vector<PointGrid>& grids, WorldSystem world, Console& console)

@@ -3,7 +3,6 @@
 #include "Scores.h"
 
 #include <algorithm>
-#include <array>
 #include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>

@@ -7,7 +7,6 @@
 #include "Command.h"
 #include "Core/Model/FrameDistance.h"
 #include "Core/StandardError/StandardError.h"
-#include "Data/Provenance.h"
 #include "Data/StandardErrorData.h"
 #include "Exit.h"
 #include "Files.h"
@@ -48,12 +47,9 @@ Sweep LitSweep(const PlaneOptions& options, const SlicePlane& plane, Console& co
   sequence.chain = options.chain;
   sequence.reduce = options.reduce;
   const std::shared_ptr<const Sweep> sweep = ReadSweep(sequence, console);
-  if (sweep->width != plane.width || sweep->height != plane.height)
-  {
-    throw Error("--lit: slices are " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
-                " pixels, but the images of " + options.poses + " " + std::to_string(sweep->width) + " x " +
-                std::to_string(sweep->height) + "; their sizes must agree.");
-  }
+  Require(sweep->width == plane.width && sweep->height == plane.height, "--lit: slices are ", plane.width, " x ",
+          plane.height, " pixels, but the images of ", options.poses, " ", sweep->width, " x ", sweep->height,
+          "; their sizes must agree.");
   return sweep->LitBy(AllFrames(*sweep));
 }
 
@@ -288,11 +284,8 @@ ExitCode Slice(Console& console, SliceOptions& options)
   for (const auto& [path, name] :
        {std::pair(options.volume, "--volume"), std::pair(options.standardErrorVolume, "--standard-error-volume")})
   {
-    if (!path.empty() && count > 1)
-    {
-      throw Error(std::string(name) + " holds one slice, and " + options.planes.poses + " has " +
-                  std::to_string(count) + " planes; choose one with --frames.");
-    }
+    Require(path.empty() || count <= 1, name, " holds one slice, and ", options.planes.poses, " has ", count,
+            " planes; choose one with --frames.");
   }
   const Sweep probe = options.lit ? LitSweep(options.planes, first, console) : Sweep();
   Images images;

@@ -12,7 +12,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <tuple>
 
 #include "Command.h"
 #include "Core/Engine/Engine.h"
@@ -352,16 +351,10 @@ Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOp
   const ImportedSweep recorded = SweepFromImages(images);
   Inspect(recorded, options, frames);
   const Sweep& sweep = *frames.imported.sweep;
-  if (holdOut > 0 && frames.heldOut.empty())
-  {
-    throw Error("--hold-out " + std::to_string(holdOut) + " keeps none of the " +
-                std::to_string(sweep.NumberOfFrames()) + " usable frames; use a smaller number.");
-  }
-  if (holdOut > 0 && std::min(sweep.width, sweep.height) < 11)
-  {
-    throw Error("Frames of " + std::to_string(sweep.width) + " x " + std::to_string(sweep.height) +
-                " pixels cannot be scored (11 x 11 are needed); use a smaller --reduce.");
-  }
+  Require(holdOut <= 0 || !frames.heldOut.empty(), "--hold-out ", holdOut, " keeps none of the ",
+          sweep.NumberOfFrames(), " usable frames; use a smaller number.");
+  Require(holdOut <= 0 || std::min(sweep.width, sweep.height) >= 11, "Frames of ", sweep.width, " x ", sweep.height,
+          " pixels cannot be scored (11 x 11 are needed); use a smaller --reduce.");
   return frames;
 }
 

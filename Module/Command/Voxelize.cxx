@@ -58,10 +58,8 @@ VolumeGrid GridOf(const MarkupBox& box, double spacing, int most)
   for (int k = 0; k < 3; ++k)
   {
     const double voxels = std::max(1.0, std::round(box.size[k] / spacing));
-    if (voxels > kMostVoxels)
-    {
-      throw Error("--spacing: the region would be " + FormatNumber(voxels, 0) + " voxels long; use a larger spacing.");
-    }
+    Require(voxels <= kMostVoxels, "--spacing: the region would be ", FormatNumber(voxels, 0),
+            " voxels long; use a larger spacing.");
     grid.size[k] = static_cast<int>(voxels);
     grid.origin -= 0.5 * (grid.size[k] - 1) * grid.steps.col(k);
   }

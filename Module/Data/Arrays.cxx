@@ -21,10 +21,7 @@ vtkDataArray* FindArray(vtkFieldData* data, const std::string& owner, const char
     return nullptr;
   }
   vtkDataArray* array = vtkDataArray::SafeDownCast(found);
-  if (!array)
-  {
-    throw Error(owner + ": the array " + name + " holds " + found->GetDataTypeAsString() + "; it must be numeric.");
-  }
+  Require(array, owner, ": the array ", name, " holds ", found->GetDataTypeAsString(), "; it must be numeric.");
   RequireArrayShape(owner, name, array->GetNumberOfComponents(), array->GetNumberOfTuples(), components, tuples);
   return array;
 }

@@ -62,10 +62,7 @@ void ReadProbeBeam(vtkFieldData* data, const std::string& owner, Beam& beam)
 FieldArrays FindArrays(vtkPolyData* polyData)
 {
   const std::string owner = "Gaussian field";
-  if (!polyData)
-  {
-    throw Error(owner + ": there is no input; connect a field (vtkPolyData).");
-  }
+  Require(polyData, owner, ": there is no input; connect a field (vtkPolyData).");
   FieldArrays found;
   found.size = polyData->GetNumberOfPoints();
   const bool required = found.size > 0;

@@ -32,12 +32,8 @@ inline Error MissingArray(const std::string& owner, const std::string& name, int
 inline void RequireArrayShape(const std::string& owner, const std::string& name, std::int64_t foundComponents,
                               std::int64_t foundTuples, int components, std::int64_t tuples)
 {
-  if (foundComponents != components || foundTuples != tuples)
-  {
-    throw Error(owner + ": the array " + name + " has " + std::to_string(foundTuples) + " tuples of " +
-                std::to_string(foundComponents) + "; expected " + std::to_string(tuples) + " of " +
-                std::to_string(components) + ".");
-  }
+  Require(foundComponents == components && foundTuples == tuples, owner, ": the array ", name, " has ", foundTuples,
+          " tuples of ", foundComponents, "; expected ", tuples, " of ", components, ".");
 }
 
 /// Throws Error unless this program reads fields of that version.
@@ -67,11 +63,8 @@ inline void RequireViewVersion(const std::string& owner, double version)
 /// Throws Error where a field has more trained normals than are read.
 inline void RequireFewTrainedNormals(const std::string& owner, std::int64_t normals)
 {
-  if (normals > kMostTrainedNormals)
-  {
-    throw Error(owner + ": TrainedNormals holds " + std::to_string(normals) + " normals; at most " +
-                std::to_string(kMostTrainedNormals) + " are read.");
-  }
+  Require(normals <= kMostTrainedNormals, owner, ": TrainedNormals holds ", normals, " normals; at most ",
+          kMostTrainedNormals, " are read.");
 }
 
 }  // namespace bigus

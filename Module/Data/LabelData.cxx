@@ -60,15 +60,10 @@ std::vector<int> SourceFrames(vtkImageData* stack, int first = 0)
 void RequirePictures(vtkImageData* pictures, vtkImageData* sweep)
 {
   vtkDataArray* const scalars = pictures ? pictures->GetPointData()->GetScalars() : nullptr;
-  if (!scalars || !sweep)
-  {
-    throw Error("Labels: there is no picture; connect the sweep and an image with one slice of labels a frame.");
-  }
-  if (scalars->GetNumberOfComponents() != 1)
-  {
-    throw Error("Labels: the pictures have " + std::to_string(scalars->GetNumberOfComponents()) +
-                " components; they hold one whole number from 0 to 255 a pixel.");
-  }
+  Require(scalars && sweep,
+          "Labels: there is no picture; connect the sweep and an image with one slice of labels a frame.");
+  Require(scalars->GetNumberOfComponents() == 1, "Labels: the pictures have ", scalars->GetNumberOfComponents(),
+          " components; they hold one whole number from 0 to 255 a pixel.");
   const int *size = pictures->GetDimensions(), *frames = sweep->GetDimensions();
   if (!IsPartOfPictures(pictures, sweep) && (size[0] != frames[0] || size[1] != frames[1]))
   {
@@ -83,14 +78,12 @@ void RequirePictures(vtkImageData* pictures, vtkImageData* sweep)
 void RequireWithin(const int part[6], const int frames[6], int lastNumber)
 {
   const auto range = [](int first, int last) { return std::to_string(first) + " to " + std::to_string(last); };
-  if (part[0] < frames[0] || part[1] > frames[1] || part[2] < frames[2] || part[3] > frames[3] || part[4] < 0 ||
-      part[5] > lastNumber)
-  {
-    throw Error("Labels: the pictures were cropped to columns " + range(part[0], part[1]) + ", rows " +
-                range(part[2], part[3]) + " and frames " + range(part[4], part[5]) + ", and the sweep has columns " +
-                range(frames[0], frames[1]) + ", rows " + range(frames[2], frames[3]) + " and frames up to " +
-                std::to_string(lastNumber) + "; give labels that were drawn on this sweep.");
-  }
+  Require(part[0] >= frames[0] && part[1] <= frames[1] && part[2] >= frames[2] && part[3] <= frames[3] &&
+              part[4] >= 0 && part[5] <= lastNumber,
+          "Labels: the pictures were cropped to columns ", range(part[0], part[1]), ", rows ", range(part[2], part[3]),
+          " and frames ", range(part[4], part[5]), ", and the sweep has columns ", range(frames[0], frames[1]),
+          ", rows ", range(frames[2], frames[3]), " and frames up to ", lastNumber,
+          "; give labels that were drawn on this sweep.");
 }
 
 }  // namespace
@@ -105,10 +98,7 @@ std::vector<Label> LabelNamesOf(vtkDataObject* data)
     return labels;
   }
   const vtkIdType count = values->GetNumberOfTuples();
-  if (count > kLargestLabel)
-  {
-    throw Error("Labels: LabelValues holds " + std::to_string(count) + " values; at most 255 are read.");
-  }
+  Require(count <= kLargestLabel, "Labels: LabelValues holds ", count, " values; at most 255 are read.");
   FindArray(arrays, kOwner, kValues, 1, count, true);
   auto* const names = vtkStringArray::SafeDownCast(arrays->GetAbstractArray(kNames));
   vtkDataArray* const colors = FindArray(arrays, kOwner, kColors, 3, count, false);

@@ -57,25 +57,13 @@ std::shared_ptr<const std::vector<std::uint8_t>> MaskOf(vtkDataArray* array)
 /// The image's grey values. Throws Error where it has none.
 vtkDataArray* PixelsOf(vtkImageData* image, const std::string& owner)
 {
-  if (!image || image->GetNumberOfPoints() == 0)
-  {
-    throw Error(owner + ": the image has no pixels; connect a tracked sequence.");
-  }
+  Require(image && image->GetNumberOfPoints() != 0, owner, ": the image has no pixels; connect a tracked sequence.");
   vtkDataArray* scalars = image->GetPointData()->GetScalars();
-  if (!scalars)
-  {
-    throw Error(owner + ": the image has no active scalars, so there are no pixels.");
-  }
-  if (scalars->GetNumberOfComponents() != 1)
-  {
-    throw Error(owner + ": pixels have " + std::to_string(scalars->GetNumberOfComponents()) +
-                " components; one grey value each is expected. Convert colour to grey first.");
-  }
-  if (scalars->GetNumberOfTuples() != image->GetNumberOfPoints())
-  {
-    throw Error(owner + ": the scalars have " + std::to_string(scalars->GetNumberOfTuples()) + " values for " +
-                std::to_string(image->GetNumberOfPoints()) + " pixels.");
-  }
+  Require(scalars, owner, ": the image has no active scalars, so there are no pixels.");
+  Require(scalars->GetNumberOfComponents() == 1, owner, ": pixels have ", scalars->GetNumberOfComponents(),
+          " components; one grey value each is expected. Convert colour to grey first.");
+  Require(scalars->GetNumberOfTuples() == image->GetNumberOfPoints(), owner, ": the scalars have ",
+          scalars->GetNumberOfTuples(), " values for ", image->GetNumberOfPoints(), " pixels.");
   return scalars;
 }
 
@@ -153,11 +141,8 @@ ImportedSweep SweepFromImage(vtkImageData* image)
       imported.frames.push_back(k);
     }
   }
-  if (imported.frames.empty())
-  {
-    throw Error(owner + ": all " + std::to_string(size[2]) +
-                " frames are marked as rejected (Status 0); no frame has a usable pose.");
-  }
+  Require(!imported.frames.empty(), owner, ": all ", size[2],
+          " frames are marked as rejected (Status 0); no frame has a usable pose.");
   if (static_cast<int>(imported.frames.size()) < size[2])
   {
     sweep = sweep.Subset(imported.frames);

@@ -143,15 +143,9 @@ AtomicFile::AtomicFile(const std::string& fileName) : fileName_(fileName), final
       break;
     }
   }
-  if (!file_)
-  {
-    throw FileError(
-        FileFault::CannotOpen,
-        fileName + ": cannot be written: " +
-            (errno == EEXIST
-                 ? "other programs are writing it, or " + finalName_ + kSuffix + " is not theirs"
-                 : std::string(std::strerror(errno)) + "; check that the folder exists and can be written to"));
-  }
+  Require(FileFault::CannotOpen, file_, fileName, ": cannot be written: ",
+          errno == EEXIST ? "other programs are writing it, or " + finalName_ + kSuffix + " is not theirs"
+                          : std::string(std::strerror(errno)) + "; check that the folder exists and can be written to");
   struct stat earlier;
   if (stat(finalName_.c_str(), &earlier) == 0)
   {
@@ -262,11 +256,8 @@ void AtomicFile::SetEarlierAside()
 {
   earlierName_ = temporaryName_ + kEarlier;
   hasEarlier_ = rename(finalName_.c_str(), earlierName_.c_str()) == 0;
-  if (!hasEarlier_ && errno != ENOENT)
-  {
-    throw FileError(FileFault::CannotOpen,
-                    fileName_ + ": cannot be replaced: " + std::strerror(errno) + "; nothing was written");
-  }
+  Require(FileFault::CannotOpen, hasEarlier_ || errno == ENOENT, fileName_,
+          ": cannot be replaced: ", std::strerror(errno), "; nothing was written");
   isUndone_ = true;
 }
 

@@ -22,11 +22,8 @@ CheckpointFile::~CheckpointFile() = default;
 void CheckpointFile::Lock()
 {
   lock_ = std::make_unique<FileLock>(path_, FileLock::Mode::Try);
-  if (!lock_->IsHeld())
-  {
-    throw FileError(FileFault::CannotOpen, path_ + ": another training keeps its state there (its lock is " +
-                                               lock_->Name() + "). Wait for it, or write to another name");
-  }
+  Require(FileFault::CannotOpen, lock_->IsHeld(), path_, ": another training keeps its state there (its lock is ",
+          lock_->Name(), "). Wait for it, or write to another name");
 }
 
 void CheckpointFile::Unlock()
@@ -45,10 +42,7 @@ std::string CheckpointFile::Read() const
   InputFile file(path_);
   std::string state(file.Size(), '\0');
   state.resize(file.Read(state.data(), state.size()));
-  if (state.empty())
-  {
-    throw Error(path_ + ": the file is empty, so there is nothing to resume. Begin anew without it.");
-  }
+  Require(!state.empty(), path_, ": the file is empty, so there is nothing to resume. Begin anew without it.");
   return state;
 }
 

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "IO/FieldFile.h"
 
-#include <algorithm>
-
 #include "Core/Engine/Exchange.h"
 #include "IO/AtomicFile.h"
 #include "IO/FileError.h"
@@ -52,16 +50,10 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
 {
   RequireChunks(piece.chunks, piece.piece, piece.pieces);
   PutEarlierPvtpBack(fileName);
-  if (InputFile(fileName).Size() == 0)
-  {
-    throw TruncationError(fileName + ": the file is empty");
-  }
+  Require(FileFault::Truncated, InputFile(fileName).Size() != 0, fileName, ": the file is empty");
   const std::string beginning = FileBeginning(fileName, 4096);
-  if (!LooksLikePly(beginning) && !LooksLikeVtp(beginning))
-  {
-    throw FileError(FileFault::Unrecognized,
-                    fileName + ": neither a VTK XML PolyData file (.vtp, .pvtp) nor a PLY file (.ply)");
-  }
+  Require(FileFault::Unrecognized, LooksLikePly(beginning) || LooksLikeVtp(beginning), fileName,
+          ": neither a VTK XML PolyData file (.vtp, .pvtp) nor a PLY file (.ply)");
   try
   {
     if (LooksLikePvtp(beginning))
@@ -117,11 +109,8 @@ int ChunksOfFile(const std::string& fileName, int chunks)
 
 void RequireFieldName(const std::string& fileName)
 {
-  if (!EndsIn(fileName, ".vtp") && !EndsIn(fileName, ".pvtp") && !EndsIn(fileName, ".ply"))
-  {
-    throw FileError(FileFault::Unrecognized,
-                    fileName + ": fields are written as .vtp, .pvtp or .ply; name the file so");
-  }
+  Require(FileFault::Unrecognized, EndsIn(fileName, ".vtp") || EndsIn(fileName, ".pvtp") || EndsIn(fileName, ".ply"),
+          fileName, ": fields are written as .vtp, .pvtp or .ply; name the file so");
 }
 
 void WriteField(const StoredField& stored, const std::string& fileName, int pieces)
@@ -144,11 +133,8 @@ void WriteField(const StoredField& stored, const std::string& fileName, int piec
 
 void WriteFieldTogether(const StoredField& part, const std::string& fileName, Exchange& processes)
 {
-  if (!EndsIn(fileName, ".pvtp"))
-  {
-    throw FileError(FileFault::Unrecognized,
-                    fileName + ": several processes write a field in pieces, as .pvtp; name the file so");
-  }
+  Require(FileFault::Unrecognized, EndsIn(fileName, ".pvtp"), fileName,
+          ": several processes write a field in pieces, as .pvtp; name the file so");
   RequireChunks(processes.Size(), processes.Rank(), processes.Size());
   WritePvtpTogether(part, fileName, processes);
 }

@@ -47,6 +47,23 @@ inline FileError TruncationError(const std::string& message)
   return FileError(FileFault::Truncated, message);
 }
 
+/// Throws FileError unless `holds`, as Require of Core/Model/Error.h does.
+template <class... Parts>
+void Require(FileFault fault, bool holds, const Parts&... message)
+{
+  if (!holds)
+  {
+    throw FileError(fault, MessageText(message...));
+  }
+}
+
+/// The same for a file that holds something it should not.
+template <class... Parts>
+void RequireFormat(bool holds, const Parts&... message)
+{
+  Require(FileFault::Format, holds, message...);
+}
+
 /// The text to report an exception by, whatever it is.
 inline std::string MessageOf(const std::exception& error)
 {

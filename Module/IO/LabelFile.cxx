@@ -44,10 +44,8 @@ SequenceFile FolderOfPictures(const std::string& path, std::vector<int>& numbers
       file.images.push_back(entry.path().string());
     }
   }
-  if (file.images.empty())
-  {
-    throw FileError(FileFault::NotFound, path + ": has no PNG image; give a folder with one for each labelled frame");
-  }
+  Require(FileFault::NotFound, !file.images.empty(), path,
+          ": has no PNG image; give a folder with one for each labelled frame");
   std::sort(file.images.begin(), file.images.end(), InNaturalOrder);
   const PngHeader first = ReadPngHeader(file.images[0]);
   file.width = first.width;
@@ -129,11 +127,8 @@ std::vector<Label> LabelsOf(const SequenceFile& file, const std::vector<Segment>
 std::vector<std::uint8_t> Flattened(const SequenceFile& file, const std::vector<Segment>& segments,
                                     const std::vector<std::uint8_t>& pixels)
 {
-  if (file.flipColumns)
-  {
-    throw FormatError(file.fileName +
-                      ": has layers of pictures that are not in marked-far order; save them as volumes");
-  }
+  RequireFormat(!file.flipColumns, file.fileName,
+                ": has layers of pictures that are not in marked-far order; save them as volumes");
   const auto layers = static_cast<std::size_t>(file.layers);
   std::vector<std::uint8_t> valueOf(layers * (kLargestLabel + 1), 0), flat(pixels.size() / layers, 0);
   for (const Segment& segment : segments)
@@ -171,23 +166,16 @@ std::optional<std::array<int, 3>> PlaceOf(const SequenceFile& file, std::size_t 
   for (std::size_t k = 0; k < 3; ++k)
   {
     std::int64_t first = 0;
-    if (words.size() != 3 || !ParseNumber(words[k], first))
-    {
-      throw FormatError(file.fileName + ": " + name + ": " + Quoted(text) + " is not three whole numbers");
-    }
-    if (first < 0 || first > most[k] - sizes[k])
-    {
-      throw FormatError(file.fileName + ": " + name + ": " + Quoted(text) + " puts " + std::to_string(sizes[0]) +
-                        " x " + std::to_string(sizes[1]) + " x " + std::to_string(sizes[2]) + " voxels outside of " +
-                        std::to_string(most[2]) + " pictures; save labels that were drawn on this sweep");
-    }
+    RequireFormat(words.size() == 3 && ParseNumber(words[k], first), file.fileName, ": ", name, ": ", Quoted(text),
+                  " is not three whole numbers");
+    RequireFormat(first >= 0 && first <= most[k] - sizes[k], file.fileName, ": ", name, ": ", Quoted(text), " puts ",
+                  sizes[0], " x ", sizes[1], " x ", sizes[2], " voxels outside of ", most[2],
+                  " pictures; save labels that were drawn on this sweep");
     place[k] = static_cast<int>(first);
   }
-  if (file.flipColumns || file.flipRows)
-  {
-    throw FormatError(file.fileName + ": " + name + " is not read of pictures in the orientation " +
-                      Quoted(file.orientation) + "; save them in marked-far order (MF)");
-  }
+  RequireFormat(!file.flipColumns && !file.flipRows, file.fileName, ": ", name,
+                " is not read of pictures in the orientation ", Quoted(file.orientation),
+                "; save them in marked-far order (MF)");
   return place;
 }
 
@@ -200,15 +188,10 @@ LabelPictures ReadLabelPictures(const std::string& path, std::size_t mostPicture
   const SequenceFile file = std::filesystem::is_directory(path) ? FolderOfPictures(path, numbers)
                                                                 : ReadSequenceFile(path, {true, true, true, {}, {}});
   const auto count = static_cast<std::size_t>(file.numberOfFrames);
-  if (count > mostPictures)
-  {
-    throw FormatError(path + ": has " + std::to_string(count) + " pictures, and the sweep has " +
-                      std::to_string(mostPictures) + " frames; there is at most one for each");
-  }
-  if (file.elementType == ElementType::Float32)
-  {
-    throw FormatError(path + ": pixels are of type float; labels are whole numbers from 0 (none) to 255");
-  }
+  RequireFormat(count <= mostPictures, path, ": has ", count, " pictures, and the sweep has ", mostPictures,
+                " frames; there is at most one for each");
+  RequireFormat(file.elementType != ElementType::Float32, path,
+                ": pixels are of type float; labels are whole numbers from 0 (none) to 255");
   pictures.place = PlaceOf(file, mostPictures);
   PoseTable poses;
   poses.frames.resize(count);

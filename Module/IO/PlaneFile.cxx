@@ -37,18 +37,13 @@ void PlanesOfSequence(const std::string& fileName, const PoseOptions& options, P
           {table.frames[i].imageToReference, width, height, static_cast<int>(i), table.timestamps[i]});
     }
   }
-  if (found.planes.empty())
-  {
-    throw FormatError(fileName + ": no pose is left: " + found.rejections);
-  }
+  RequireFormat(!found.planes.empty(), fileName, ": no pose is left: ", found.rejections);
 }
 
 void PlanesOfMarkups(const std::string& fileName, double spacing, bool worldIsLps, PlaneFile& found)
 {
-  if (!(spacing > 0 && std::isfinite(spacing)))
-  {
-    throw FileError(FileFault::User, "PixelSpacing is " + ExactNumber(spacing) + " mm; it must be positive");
-  }
+  Require(FileFault::User, spacing > 0 && std::isfinite(spacing), "PixelSpacing is ", ExactNumber(spacing),
+          " mm; it must be positive");
   for (const MarkupPlane& plane : ReadMarkupPlanes(fileName, spacing, worldIsLps))
   {
     found.planes.push_back(

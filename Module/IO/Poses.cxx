@@ -153,12 +153,9 @@ std::vector<Link> ReadConfig(const std::string& fileName)
   pugi::xml_document document = ParseXml(text, fileName + ": not a Plus configuration");
   DefinedTransforms definitions;
   document.traverse(definitions);
-  if (!definitions.areThere)
-  {
-    throw FormatError(fileName +
-                      ": has no element CoordinateDefinitions; a Plus configuration with its transforms is "
-                      "expected");
-  }
+  RequireFormat(definitions.areThere, fileName,
+                ": has no element CoordinateDefinitions; a Plus configuration with its transforms is "
+                "expected");
   std::vector<Link> links;
   for (const pugi::xml_node& element : definitions.transforms)
   {
@@ -167,10 +164,8 @@ std::vector<Link> ReadConfig(const std::string& fileName)
     link.name.to = element.attribute("To").value();
     link.name.source = "config";
     const pugi::xml_attribute matrix = element.attribute("Matrix");
-    if (link.name.from.empty() || link.name.to.empty() || !matrix)
-    {
-      throw FormatError(fileName + ": a Transform lacks From, To or Matrix");
-    }
+    RequireFormat(!link.name.from.empty() && !link.name.to.empty() && matrix, fileName,
+                  ": a Transform lacks From, To or Matrix");
     link.problem = ParseMatrix(matrix.value(), link.matrix);
     links.push_back(std::move(link));
   }
@@ -310,12 +305,9 @@ std::string CheckPose(const PoseOptions& options, const SequenceFile& file, Fram
 void RequireSpacing(const SequenceFile& file, const PoseOptions& options)
 {
   const auto [i, j] = options.imageSpacing;
-  if (!std::isfinite(i) || !std::isfinite(j) || std::min(i, j) < 0 || (i > 0) != (j > 0))
-  {
-    throw FileError(FileFault::User,
-                    file.fileName + ": the image spacing is " + ExactNumber(i) + " x " + ExactNumber(j) +
-                        " mm; two lengths above 0 are expected, or 0 and 0 for those of the transforms");
-  }
+  Require(FileFault::User, std::isfinite(i) && std::isfinite(j) && std::min(i, j) >= 0 && (i > 0) == (j > 0),
+          file.fileName, ": the image spacing is ", ExactNumber(i), " x ", ExactNumber(j),
+          " mm; two lengths above 0 are expected, or 0 and 0 for those of the transforms");
 }
 
 // Gives pixels the size that the caller wants. Pixel (0, 0) stays where it is.
@@ -428,10 +420,7 @@ std::string PoseTable::RejectionSummary() const
 
 void PoseTable::RequireFrames(const std::string& fileName) const
 {
-  if (NumberOfAcceptedFrames() == 0)
-  {
-    throw FormatError(fileName + ": no frame is left: " + RejectionSummary());
-  }
+  RequireFormat(NumberOfAcceptedFrames() != 0, fileName, ": no frame is left: ", RejectionSummary());
 }
 
 std::string PoseTable::CroppedFrame(const std::string& fromFrame) const
@@ -505,11 +494,10 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
     names.push_back(link.name.Name());
   }
 
-  if (options.fromFrame.empty() || options.toFrame.empty() || options.fromFrame == options.toFrame)
-  {
-    throw FileError(FileFault::User, file.fileName + ": poses lead from " + Quoted(options.fromFrame) + " to " +
-                                         Quoted(options.toFrame) + "; name two different coordinate frames");
-  }
+  Require(FileFault::User,
+          !options.fromFrame.empty() && !options.toFrame.empty() && options.fromFrame != options.toFrame, file.fileName,
+          ": poses lead from ", Quoted(options.fromFrame), " to ", Quoted(options.toFrame),
+          "; name two different coordinate frames");
   RequireSpacing(file, options);
   std::vector<std::string> reached;
   const std::vector<Step> chain = FindChain(links, options.fromFrame, options.toFrame, reached);

@@ -141,10 +141,7 @@ bool IsSequence(const std::string& fileName, bool plain)
 SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& images)
 {
   InputFile input(fileName);
-  if (input.Size() == 0)
-  {
-    throw TruncationError(fileName + ": the file is empty");
-  }
+  Require(FileFault::Truncated, input.Size() != 0, fileName, ": the file is empty");
   SequenceFile file;
   file.fileName = fileName;
   const std::string beginning = FileBeginning(fileName, 4096);

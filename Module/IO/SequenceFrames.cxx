@@ -225,19 +225,14 @@ std::vector<unsigned char> ClipMask(const SequenceFile& file, const Clip& clip)
   }
   else if (clip.shape == Clip::Shape::Fan)
   {
-    if (!(clip.radii[0] >= 0 && clip.radii[0] < clip.radii[1] && clip.angles[0] >= -180 &&
-          clip.angles[0] < clip.angles[1] && clip.angles[1] <= 180))
-    {
-      throw FileError(FileFault::User,
-                      "the clip fan needs 0 <= inner < outer radius and -180 <= first < last <= 180 degrees");
-    }
+    Require(FileFault::User,
+            clip.radii[0] >= 0 && clip.radii[0] < clip.radii[1] && clip.angles[0] >= -180 &&
+                clip.angles[0] < clip.angles[1] && clip.angles[1] <= 180,
+            "the clip fan needs 0 <= inner < outer radius and -180 <= first < last <= 180 degrees");
     mask = FanMask(file.width, file.height, clip);
   }
-  if (!mask.empty() && std::find(mask.begin(), mask.end(), 1) == mask.end())
-  {
-    throw FileError(FileFault::User, "the clip shape leaves no pixel of the " + std::to_string(file.width) + " x " +
-                                         std::to_string(file.height) + " image");
-  }
+  Require(FileFault::User, mask.empty() || std::find(mask.begin(), mask.end(), 1) != mask.end(),
+          "the clip shape leaves no pixel of the ", file.width, " x ", file.height, " image");
   return mask;
 }
 

@@ -28,11 +28,8 @@ void CheckFrameName(const std::string& text)
       !text.empty() &&
       std::all_of(text.begin(), text.end(),
                   [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9'); });
-  if (!plain || text[0] < 'A' || text[0] > 'Z')
-  {
-    throw FileError(FileFault::User, "coordinate frame name " + Quoted(text) +
-                                         "; letters and digits, with a capital first, are expected");
-  }
+  Require(FileFault::User, plain && text[0] >= 'A' && text[0] <= 'Z', "coordinate frame name ", Quoted(text),
+          "; letters and digits, with a capital first, are expected");
 }
 
 // Compresses what it is given into a file.
@@ -41,10 +38,7 @@ class Deflater
 public:
   explicit Deflater(AtomicFile& file) : file_(file)
   {
-    if (deflateInit(&zlib_, Z_DEFAULT_COMPRESSION) != Z_OK)
-    {
-      throw FileError(FileFault::Unknown, "zlib cannot be started");
-    }
+    Require(FileFault::Unknown, deflateInit(&zlib_, Z_DEFAULT_COMPRESSION) == Z_OK, "zlib cannot be started");
   }
   ~Deflater() { deflateEnd(&zlib_); }
   Deflater(const Deflater&) = delete;
@@ -129,10 +123,8 @@ std::string HeaderOf(const SequenceToWrite& sequence, int frames, std::size_t& s
 
 void RequireSequenceNames(const std::string& fileName, const std::string& fromFrame, const std::string& toFrame)
 {
-  if (fileName.size() < 4 || Lowercase(fileName.substr(fileName.size() - 4)) != ".mha")
-  {
-    throw FileError(FileFault::Unrecognized, fileName + ": sequences are written as .mha (or .igs.mha) only");
-  }
+  Require(FileFault::Unrecognized, fileName.size() >= 4 && Lowercase(fileName.substr(fileName.size() - 4)) == ".mha",
+          fileName, ": sequences are written as .mha (or .igs.mha) only");
   CheckFrameName(fromFrame);
   CheckFrameName(toFrame);
 }

@@ -21,10 +21,8 @@ public:
   {
     input_.Seek(file.dataOffset);
     // 15 + 32: the largest window, and zlib or gzip as the first bytes say.
-    if (compressed_ && inflateInit2(&zlib_, 15 + 32) != Z_OK)
-    {
-      throw FileError(FileFault::Unknown, name_ + ": zlib cannot be started");
-    }
+    Require(FileFault::Unknown, !compressed_ || inflateInit2(&zlib_, 15 + 32) == Z_OK, name_,
+            ": zlib cannot be started");
   }
 
   ~Decoder()
@@ -148,10 +146,8 @@ void PixelStream::ReadColours(unsigned char* greys, std::size_t count)
 
 void PixelStream::ReadElements(unsigned char* out, std::size_t count)
 {
-  if (decoder_->Read(out, count) != count)
-  {
-    throw TruncationError(file_.fileName + ": the pixels end early; the file is truncated or its sizes are wrong");
-  }
+  Require(FileFault::Truncated, decoder_->Read(out, count) == count, file_.fileName,
+          ": the pixels end early; the file is truncated or its sizes are wrong");
   const std::size_t elementBytes = BytesPerElement(file_.elementType);
   if (elementBytes > 1 && file_.bigEndian != kThisMachineIsBigEndian)
   {
@@ -161,11 +157,8 @@ void PixelStream::ReadElements(unsigned char* out, std::size_t count)
 
 void PixelStream::Finish()
 {
-  if (!decoder_->AtEnd())
-  {
-    throw FormatError(file_.fileName +
-                      ": the pixel data do not end where the header says; they are damaged or the sizes are wrong");
-  }
+  RequireFormat(decoder_->AtEnd(), file_.fileName,
+                ": the pixel data do not end where the header says; they are damaged or the sizes are wrong");
 }
 
 }  // namespace bigus

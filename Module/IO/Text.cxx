@@ -3,7 +3,6 @@
 #include "IO/Text.h"
 
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <filesystem>
 #include <system_error>
@@ -238,20 +237,11 @@ InputFile::InputFile(const std::string& fileName) : name_(fileName)
 {
   std::error_code error;
   const auto status = std::filesystem::status(fileName, error);
-  if (!std::filesystem::exists(status))
-  {
-    throw FileError(FileFault::NotFound, fileName + ": there is no such file");
-  }
-  if (!std::filesystem::is_regular_file(status))
-  {
-    throw FileError(FileFault::CannotOpen, fileName + ": not a regular file");
-  }
+  Require(FileFault::NotFound, std::filesystem::exists(status), fileName, ": there is no such file");
+  Require(FileFault::CannotOpen, std::filesystem::is_regular_file(status), fileName, ": not a regular file");
   size_ = std::filesystem::file_size(fileName, error);
   stream_.open(fileName, std::ios::binary);
-  if (error || !stream_)
-  {
-    throw FileError(FileFault::CannotOpen, fileName + ": cannot be opened for reading");
-  }
+  Require(FileFault::CannotOpen, !error && stream_, fileName, ": cannot be opened for reading");
 }
 
 void InputFile::Seek(std::uint64_t position)
@@ -345,11 +335,8 @@ bool HasBefore(const std::string& fileName, std::string_view text, std::string_v
 std::string ReadTextFile(const std::string& fileName, std::uint64_t limit)
 {
   InputFile file(fileName);
-  if (file.Size() > limit)
-  {
-    throw FormatError(fileName + ": " + std::to_string(file.Size()) + " bytes, more than the " + std::to_string(limit) +
-                      " such a file may have");
-  }
+  RequireFormat(file.Size() <= limit, fileName, ": ", file.Size(), " bytes, more than the ", limit,
+                " such a file may have");
   std::string text(file.Size(), '\0');
   text.resize(file.Read(text.data(), text.size()));
   return text;
@@ -380,11 +367,8 @@ std::string CompanionFile(const std::string& owner, const std::string& folder, c
     throw refuse("which leads out of its folder");
   }
   const std::string path = (fs::path(folder) / name).string();
-  if (!fs::is_regular_file(path, error))
-  {
-    throw FileError(FileFault::NotFound,
-                    owner + ": names the file " + Quoted(relative) + ", but there is none in " + folder);
-  }
+  Require(FileFault::NotFound, fs::is_regular_file(path, error), owner, ": names the file ", Quoted(relative),
+          ", but there is none in ", folder);
   return path;
 }
 

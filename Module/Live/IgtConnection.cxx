@@ -65,10 +65,8 @@ IgtAddress IgtAddress::Parse(const std::string& text)
   const bool isNumber =
       !address.port.empty() && address.port.size() <= 5 &&
       std::all_of(address.port.begin(), address.port.end(), [](char c) { return c >= '0' && c <= '9'; });
-  if (address.host.empty() || !isNumber || std::stoi(address.port) < 1 || std::stoi(address.port) > 65535)
-  {
-    throw Error("'" + text + "' is no address of an OpenIGTLink server. It looks like igtl://localhost:18944.");
-  }
+  Require(!address.host.empty() && isNumber && std::stoi(address.port) >= 1 && std::stoi(address.port) <= 65535, "'",
+          text, "' is no address of an OpenIGTLink server. It looks like igtl://localhost:18944.");
   return address;
 }
 
@@ -79,10 +77,7 @@ IgtConnection::IgtConnection(const IgtAddress& address, double seconds)
   wanted.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
   const int fault = getaddrinfo(address.host.c_str(), address.port.c_str(), &wanted, &found);
-  if (fault != 0)
-  {
-    throw Error("igtl://" + address.host + ":" + address.port + ": " + gai_strerror(fault) + ".");
-  }
+  Require(fault == 0, "igtl://", address.host, ":", address.port, ": ", gai_strerror(fault), ".");
   int reason = 0;
   for (const addrinfo* one = found; one && socket_ < 0; one = one->ai_next)
   {
@@ -95,11 +90,8 @@ IgtConnection::IgtConnection(const IgtAddress& address, double seconds)
     }
   }
   freeaddrinfo(found);
-  if (socket_ < 0)
-  {
-    throw Error("igtl://" + address.host + ":" + address.port + ": " + std::strerror(reason) +
-                ". Start the OpenIGTLink server first, and look at its port.");
-  }
+  Require(socket_ >= 0, "igtl://", address.host, ":", address.port, ": ", std::strerror(reason),
+          ". Start the OpenIGTLink server first, and look at its port.");
 }
 
 IgtConnection::~IgtConnection()
@@ -142,11 +134,8 @@ IgtConnection::Event IgtConnection::Receive(double seconds, Message& message)
     if (Fill(kIgtHeaderBytes))
     {
       message.header = ParseIgtHeader(received_.data());
-      if (message.header.bodyBytes > largestBody_)
-      {
-        throw Error("OpenIGTLink: a message of " + std::to_string(message.header.bodyBytes) +
-                    " bytes is not expected.");
-      }
+      Require(message.header.bodyBytes <= largestBody_, "OpenIGTLink: a message of ", message.header.bodyBytes,
+              " bytes is not expected.");
       if (Fill(kIgtHeaderBytes + message.header.bodyBytes))
       {
         message.body.assign(received_.begin() + kIgtHeaderBytes, received_.end());

@@ -5,19 +5,15 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <future>
 #include <memory>
-#include <optional>
 #include <string>
 #include <tuple>
 #include <vector>
 
 #include "Command.h"
 #include "Core/Evaluation/Evaluation.h"
-#include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
-#include "Core/Model/FieldRounding.h"
 #include "Core/Trainer/Provenance.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
@@ -74,13 +70,10 @@ void RequireTimes(const Sweep& sweep, const Options& options)
   {
     return;
   }
-  if (sweep.timestamps.empty() || !std::is_sorted(sweep.timestamps.begin(), sweep.timestamps.end()))
-  {
-    throw Error(
-        options.source.sequence.path +
-        ": its frames have no times, or these do not increase, so they cannot be replayed as recorded. Set --rate "
-        "to a number of frames a second.");
-  }
+  Require(!sweep.timestamps.empty() && std::is_sorted(sweep.timestamps.begin(), sweep.timestamps.end()),
+          options.source.sequence.path,
+          ": its frames have no times, or these do not increase, so they cannot be replayed as recorded. Set --rate "
+          "to a number of frames a second.");
 }
 
 LiveFrame FrameOf(const Sweep& sweep, int frame, double time)
@@ -183,10 +176,8 @@ ExitCode Live(Console& console, Options options)
   const bool isServer = IgtAddress::IsOne(path), isReplayed = !isServer && !options.follow;
   std::shared_ptr<const Sweep> sweep;
   std::vector<int> frames, heldOut;
-  if (!isReplayed && options.holdOut > 0)
-  {
-    throw Error("--hold-out needs a sequence that is replayed; frames that arrive are all followed.");
-  }
+  Require(isReplayed || options.holdOut <= 0,
+          "--hold-out needs a sequence that is replayed; frames that arrive are all followed.");
   const SequenceOptions& sequence = options.source.sequence;
   if (!isReplayed && (sequence.reduce > 1 || !sequence.clipRectangle.empty() || !sequence.clipFan.empty()))
   {
@@ -234,10 +225,8 @@ ExitCode Live(Console& console, Options options)
     throw Interrupted();
   }
   const std::string& refusal = state.refused > 0 ? state.lastError : events.lastRefusal;
-  if (state.frames == 0 && !refusal.empty())
-  {
-    throw Error(path + ": no frame of it could be followed. The last refusal: " + refusal);
-  }
+  Require(state.frames != 0 || refusal.empty(), path,
+          ": no frame of it could be followed. The last refusal: ", refusal);
 
   const LiveResult result = Finish(options.finish, session, slices, status, events, console);
   console.EndProgress();

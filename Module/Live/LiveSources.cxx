@@ -99,10 +99,7 @@ std::optional<Eigen::Matrix4d> PoseByFields(const PoseChain& chain, const std::s
 LiveFrame ReadPicture(const std::string& path, const LiveSession& session)
 {
   const PngHeader header = ReadPngHeader(path);
-  if (header.elementType != ElementType::UInt8)
-  {
-    throw Error(path + ": has 16 bits a pixel. Pictures that are followed have 8.");
-  }
+  Require(header.elementType == ElementType::UInt8, path, ": has 16 bits a pixel. Pictures that are followed have 8.");
   session.RequireRoom(header.width, header.height);
   LiveFrame frame;
   frame.width = header.width;
@@ -198,11 +195,8 @@ public:
       BeginSilence();
       console_.Note("Connected to " + source_.sequence.path + " again. Following goes on.");
     }
-    if (!device_ && !heard_.empty())
-    {
-      throw Error(source_.sequence.path + ": no picture came of the device '" + source_.device +
-                  "' (--device), but of " + HeardDevices() + ". Name one of these.");
-    }
+    Require(device_ || heard_.empty(), source_.sequence.path, ": no picture came of the device '", source_.device,
+            "' (--device), but of ", HeardDevices(), ". Name one of these.");
   }
 
 private:
@@ -367,11 +361,8 @@ private:
     {
       return;
     }
-    if (heard_.size() > 1)
-    {
-      throw Error(source_.sequence.path + ": " + std::to_string(heard_.size()) + " devices send pictures, " +
-                  HeardDevices() + ". Name the one to follow (--device).");
-    }
+    Require(heard_.size() <= 1, source_.sequence.path, ": ", heard_.size(), " devices send pictures, ", HeardDevices(),
+            ". Name the one to follow (--device).");
     device_ = heard_.front();
     for (Held& held : std::exchange(held_, {}))
     {
@@ -464,10 +455,7 @@ class GrowingFile
 public:
   explicit GrowingFile(const std::string& path) : path_(path), stream_(path, std::ios::binary)
   {
-    if (!stream_)
-    {
-      throw Error(path + ": the file cannot be opened.");
-    }
+    Require(!stream_.fail(), path, ": the file cannot be opened.");
   }
 
   /// False when no whole line is there yet. Throws Error when the file became shorter, or a line is too long.
@@ -480,10 +468,7 @@ public:
     }
     if (end == std::string::npos)
     {
-      if (rest_.size() > kLongestLine)
-      {
-        throw Error(path_ + ": a line is longer than " + std::to_string(kLongestLine) + " bytes.");
-      }
+      Require(rest_.size() <= kLongestLine, path_, ": a line is longer than ", kLongestLine, " bytes.");
       return false;
     }
     line = rest_.substr(0, end);
@@ -502,10 +487,7 @@ private:
   {
     std::error_code failure;
     const std::uintmax_t size = std::filesystem::file_size(path_, failure);
-    if (failure || size < read_)
-    {
-      throw Error(path_ + ": the file became shorter or went away. What came so far is kept.");
-    }
+    Require(!failure && size >= read_, path_, ": the file became shorter or went away. What came so far is kept.");
     if (size == read_)
     {
       return false;
@@ -567,10 +549,8 @@ public:
       if (!table)
       {
         table.emplace(path, line);
-        if (!table->HasColumn("image"))
-        {
-          throw Error(path + ": has no column image. A table that is followed names the PNG of every row.");
-        }
+        Require(table->HasColumn("image"), path,
+                ": has no column image. A table that is followed names the PNG of every row.");
         continue;
       }
       if (PoseCsv::IsBlank(line) || PoseCsv::IsComment(line))
@@ -595,11 +575,8 @@ private:
     const std::string& path = source_.sequence.path;
     const std::string name = path + ": row " + std::to_string(rows_ - 1);
     const auto pose = PoseByFields(source_.sequence.chain, name, row.fields, 1, 1);
-    if (!pose)
-    {
-      throw Error(name + ": its pose leads from Image to Reference, not from " + source_.sequence.chain.from + " to " +
-                  source_.sequence.chain.to + ".");
-    }
+    Require(pose.has_value(), name, ": its pose leads from Image to Reference, not from ", source_.sequence.chain.from,
+            " to ", source_.sequence.chain.to, ".");
     LiveFrame frame = Picture(row, name);
     frame.imageToReference = *pose;
     frame.timestamp = SecondsSince(begin_);

@@ -59,11 +59,8 @@ constexpr std::size_t kScaledFrames = 2;
 
 void RequireIn(const char* name, double value, double least, double most)
 {
-  if (!(value >= least && value <= most))
-  {
-    throw Error("Live training: " + std::string(name) + " is " + std::to_string(value) + "; it must be from " +
-                std::to_string(least) + " to " + std::to_string(most) + ".");
-  }
+  Require(value >= least && value <= most, "Live training: ", name, " is ", value, "; it must be from ", least, " to ",
+          most, ".");
 }
 
 /// The furthest that a corner of the image moved, mm.
@@ -188,14 +185,9 @@ void LiveOptions::Validate() const
   RequireIn("batch", batch, 1, window);
   RequireIn("maximumFrames", static_cast<double>(maximumFrames), window, 1e6);
   RequireIn("maximumGaussians", static_cast<double>(maximumGaussians), 1000, std::size_t(1) << 26);
-  if (!(memory > 0))
-  {
-    throw Error("Live training: memory is " + std::to_string(memory) + " bytes; it must be above 0.");
-  }
-  if (training.holdOut > 0 || training.validation > 0)
-  {
-    throw Error("Live training: no frames are held out or kept for validation while a probe moves; set both to 0.");
-  }
+  Require(memory > 0, "Live training: memory is ", memory, " bytes; it must be above 0.");
+  Require(training.holdOut <= 0 && training.validation <= 0,
+          "Live training: no frames are held out or kept for validation while a probe moves; set both to 0.");
 }
 
 std::size_t LiveOptions::KeptFrames(int width, int height) const
@@ -205,15 +197,11 @@ std::size_t LiveOptions::KeptFrames(int width, int height) const
   // Twice the kept ones; and the window's planes by themselves, as a sweep, and both anew while frames come in.
   const double others = 4.0 * static_cast<double>(kPlanesOfFrame) * window + static_cast<double>(kMostWaitingFrames);
   const double room = 0.5 * (memory / bytes - others);
-  if (!(room >= window))
-  {
-    throw Error(
-        "Live frame: it has " + std::to_string(width) + " x " + std::to_string(height) + " pixels. The " +
-        std::to_string(window) + " newest frames, which are learned from, would take " +
-        std::to_string(std::llround((others + 2 * window) * bytes / kMegabyte)) + " MB, more than the " +
-        std::to_string(std::llround(memory / kMegabyte)) +
-        " MB that pictures may take. Have the sender make them smaller, or allow more (MemoryLimit, --memory GB).");
-  }
+  Require(room >= window, "Live frame: it has ", width, " x ", height, " pixels. The ", window,
+          " newest frames, which are learned from, would take ",
+          std::llround((others + 2 * window) * bytes / kMegabyte), " MB, more than the ",
+          std::llround(memory / kMegabyte),
+          " MB that pictures may take. Have the sender make them smaller, or allow more (MemoryLimit, --memory GB).");
   return static_cast<std::size_t>(std::min(room, static_cast<double>(maximumFrames)));
 }
 
@@ -230,12 +218,10 @@ LiveTraining::~LiveTraining() = default;
 
 bool LiveTraining::Add(LiveFrame frame)
 {
-  if (frame.width < 1 || frame.height < 1 ||
-      frame.pixels.size() != static_cast<std::size_t>(frame.width) * frame.height)
-  {
-    throw Error("Live frame: " + std::to_string(frame.pixels.size()) + " pixels were given for an image of " +
-                std::to_string(frame.width) + " x " + std::to_string(frame.height) + ".");
-  }
+  Require(frame.width >= 1 && frame.height >= 1 &&
+              frame.pixels.size() == static_cast<std::size_t>(frame.width) * frame.height,
+          "Live frame: ", frame.pixels.size(), " pixels were given for an image of ", frame.width, " x ", frame.height,
+          ".");
   if (!frames_.empty() && (frame.width != frames_.front().width || frame.height != frames_.front().height))
   {
     throw Error("Live frame: it has " + std::to_string(frame.width) + " x " + std::to_string(frame.height) +
@@ -243,10 +229,7 @@ bool LiveTraining::Add(LiveFrame frame)
                 std::to_string(frames_.front().height) + ". Begin a new field where the scanner's image changes.");
   }
   const std::size_t kept = frames_.empty() ? options_.KeptFrames(frame.width, frame.height) : kept_;
-  if (!std::isfinite(frame.timestamp))
-  {
-    throw Error("Live frame: its time is not a finite number of seconds.");
-  }
+  Require(std::isfinite(frame.timestamp), "Live frame: its time is not a finite number of seconds.");
   SlicePlane::FromImageToReference(frame.imageToReference, frame.width, frame.height).Validate("live frame");
   if ((!frames_.empty() && frame.timestamp <= lastTime_) || IsBlack(frame))
   {
@@ -551,16 +534,10 @@ Sweep LiveTraining::Frames() const
 
 LiveResult LiveTraining::Finish(double seconds, const ProgressCallback& progress)
 {
-  if (!HasField())
-  {
-    throw Error(
-        "Live training: there is no field yet. It begins with the eighth frame that shows anything; there are " +
-        std::to_string(frames_.size()) + ".");
-  }
-  if (!(seconds > 0))
-  {
-    throw Error("Live training: finishing takes a time above 0 s.");
-  }
+  Require(HasField(),
+          "Live training: there is no field yet. It begins with the eighth frame that shows anything; there are ",
+          frames_.size(), ".");
+  Require(seconds > 0, "Live training: finishing takes a time above 0 s.");
   SeedWaiting();
   TrainerOptions options = options_.training;
   options.timeLimit = seconds;

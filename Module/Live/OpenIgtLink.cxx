@@ -64,10 +64,7 @@ public:
     const auto bits = Next<std::uint32_t>();
     float value;
     std::memcpy(&value, &bits, sizeof(value));
-    if (!std::isfinite(value))
-    {
-      throw Error(what_ + ": a number is not finite.");
-    }
+    bigus::Require(std::isfinite(value), what_, ": a number is not finite.");
     return value;
   }
 
@@ -92,10 +89,7 @@ public:
 private:
   void Require(std::size_t bytes) const
   {
-    if (Left() < bytes)
-    {
-      throw Error(what_ + ": it ends " + std::to_string(bytes - Left()) + " bytes too early.");
-    }
+    bigus::Require(Left() >= bytes, what_, ": it ends ", bytes - Left(), " bytes too early.");
   }
 
   const std::uint8_t* at_;
@@ -186,11 +180,8 @@ std::string NameOf(const IgtHeader& header)
 /// The content of a whole body, without what version 3 of the protocol puts before and after it.
 Reader ContentOf(const IgtHeader& header, const std::vector<std::uint8_t>& body)
 {
-  if (body.size() != header.bodyBytes)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(body.size()) + " of " + std::to_string(header.bodyBytes) +
-                " bytes.");
-  }
+  Require(body.size() == header.bodyBytes, NameOf(header), ": it has ", body.size(), " of ", header.bodyBytes,
+          " bytes.");
   if (header.checksum != 0 && header.checksum != Checksum(body.data(), body.size()))  // 0: the sender made none
   {
     throw Error(NameOf(header) + ": its checksum is another, so it was damaged on its way.");
@@ -202,11 +193,8 @@ Reader ContentOf(const IgtHeader& header, const std::vector<std::uint8_t>& body)
     const auto extendedBytes = extended.Next<std::uint16_t>(), metadataHeaderBytes = extended.Next<std::uint16_t>();
     const auto metadataBytes = extended.Next<std::uint32_t>();
     const std::uint64_t around = std::uint64_t(extendedBytes) + metadataHeaderBytes + metadataBytes;
-    if (around > body.size())
-    {
-      throw Error(NameOf(header) + ": " + std::to_string(around) +
-                  " bytes are said to surround its content, but it has " + std::to_string(body.size()) + ".");
-    }
+    Require(around <= body.size(), NameOf(header), ": ", around, " bytes are said to surround its content, but it has ",
+            body.size(), ".");
     begin += extendedBytes;
     end -= metadataHeaderBytes + std::uint64_t(metadataBytes);
   }
@@ -271,23 +259,18 @@ IgtHeader ParseIgtHeader(const std::uint8_t* bytes)
   header.type = reader.NextText(kTypeBytes);
   header.device = reader.NextText(kDeviceBytes);
   const auto isPlain = [](char c) { return c >= ' ' && c <= '~'; };
-  if (header.version < 1 || header.version > 3 || header.type.empty() ||
-      !std::all_of(header.type.begin(), header.type.end(), isPlain))
-  {
-    throw Error("OpenIGTLink header: version " + std::to_string(header.version) +
-                " and a type that is no word. What sends here does not speak OpenIGTLink.");
-  }
+  Require(header.version >= 1 && header.version <= 3 && !header.type.empty() &&
+              std::all_of(header.type.begin(), header.type.end(), isPlain),
+          "OpenIGTLink header: version ", header.version,
+          " and a type that is no word. What sends here does not speak OpenIGTLink.");
   std::replace_if(
       header.device.begin(), header.device.end(), [&](char c) { return !isPlain(c); }, '?');
   const auto seconds = reader.Next<std::uint32_t>(), fraction = reader.Next<std::uint32_t>();
   header.timestamp = seconds + std::ldexp(fraction, -32);
   header.bodyBytes = reader.Next<std::uint64_t>();
   header.checksum = reader.Next<std::uint64_t>();
-  if (header.bodyBytes > kLargestBody)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(header.bodyBytes) + " bytes, more than " +
-                std::to_string(kLargestBody) + ". Have the sender make its pictures smaller.");
-  }
+  Require(header.bodyBytes <= kLargestBody, NameOf(header), ": it has ", header.bodyBytes, " bytes, more than ",
+          kLargestBody, ". Have the sender make its pictures smaller.");
   return header;
 }
 
@@ -388,10 +371,8 @@ std::map<std::string, std::string> FieldsOf(std::string_view text, const std::st
       fields[key.value()] = value.value();
     }
   }
-  if (root.attribute("ImageDataValid").value() == std::string_view("false"))
-  {
-    throw Error(name + ": it holds no picture (ImageDataValid is false).");
-  }
+  Require(root.attribute("ImageDataValid").value() != std::string_view("false"), name,
+          ": it holds no picture (ImageDataValid is false).");
   return fields;
 }
 
@@ -418,36 +399,23 @@ IgtImage ParseIgtImage(const IgtHeader& header, const std::vector<std::uint8_t>&
   {
     side = content.Next<std::uint16_t>();
   }
-  if (!AreComponents(components) || type != kUnsigned8)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(components) + " components of type " +
-                std::to_string(type) +
-                "; grey (1) and colours (3, 4) of unsigned 8 bits (3) are followed. Set the sender to grey pictures.");
-  }
-  if (size[2] != 1 || size[0] < 1 || size[1] < 1)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " +
-                std::to_string(size[2]) + " pixels; a frame has one slice.");
-  }
+  Require(AreComponents(components) && type == kUnsigned8, NameOf(header), ": it has ", components,
+          " components of type ", type,
+          "; grey (1) and colours (3, 4) of unsigned 8 bits (3) are followed. Set the sender to grey pictures.");
+  Require(size[2] == 1 && size[0] >= 1 && size[1] >= 1, NameOf(header), ": it has ", size[0], " x ", size[1], " x ",
+          size[2], " pixels; a frame has one slice.");
   if (!std::equal(size, size + 3, part) || std::any_of(offset, offset + 3, [](int first) { return first != 0; }))
   {
     throw Error(NameOf(header) + ": it is part of a picture; whole ones are followed.");
   }
-  if (coordinates != kRas && coordinates != kLps)
-  {
-    throw Error(NameOf(header) + ": its coordinates are " + std::to_string(coordinates) +
-                ", neither RAS (1) nor LPS (2).");
-  }
+  Require(coordinates == kRas || coordinates == kLps, NameOf(header), ": its coordinates are ", coordinates,
+          ", neither RAS (1) nor LPS (2).");
   IgtImage image;
   image.width = size[0];
   image.height = size[1];
   const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
-  if (content.Left() != pixels * components)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes of pixels for " +
-                std::to_string(image.width) + " x " + std::to_string(image.height) + " of " +
-                std::to_string(components) + ".");
-  }
+  Require(content.Left() == pixels * components, NameOf(header), ": it has ", content.Left(), " bytes of pixels for ",
+          image.width, " x ", image.height, " of ", components, ".");
   image.pixels = GreyPixels(content.at(), pixels, components);
   image.imageToWorld = matrix;
   image.imageToWorld.col(3) -= ToMiddle(matrix, image.width, image.height);
@@ -462,10 +430,7 @@ Eigen::Matrix4d ParseIgtTransform(const IgtHeader& header, const std::vector<std
 {
   Reader content = ContentOf(header, body);
   const Eigen::Matrix4d matrix = NextMatrix(content);
-  if (content.Left() != 0)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes too many.");
-  }
+  Require(content.Left() == 0, NameOf(header), ": it has ", content.Left(), " bytes too many.");
   return matrix;
 }
 
@@ -476,10 +441,7 @@ std::string ParseIgtString(const IgtHeader& header, const std::vector<std::uint8
   const auto bytes = content.Next<std::uint16_t>();
   const char* text = reinterpret_cast<const char*>(content.at());
   content.Skip(bytes);
-  if (content.Left() != 0)
-  {
-    throw Error(NameOf(header) + ": it has " + std::to_string(content.Left()) + " bytes too many.");
-  }
+  Require(content.Left() == 0, NameOf(header), ": it has ", content.Left(), " bytes too many.");
   return {text, bytes};
 }
 
@@ -497,31 +459,18 @@ IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<
   }
   const std::size_t imageBytes = content.Next<std::uint32_t>(), textBytes = content.Next<std::uint32_t>();
   const bool isKind = kind == kUnknownKind || kind == (components == 1 ? kBrightness : kColours);
-  if (!AreComponents(components) || type != kUnsigned8 || !isKind)
-  {
-    throw Error(name + ": it has " + std::to_string(components) + " components of type " + std::to_string(type) +
-                " and kind " + std::to_string(kind) +
-                "; one of B-mode (1), or 3 or 4 of colours (5), of unsigned 8 bits (3) are followed. Set the sender to "
-                "grey pictures.");
-  }
+  Require(AreComponents(components) && type == kUnsigned8 && isKind, name, ": it has ", components,
+          " components of type ", type, " and kind ", kind,
+          "; one of B-mode (1), or 3 or 4 of colours (5), of unsigned 8 bits (3) are followed. Set the sender to "
+          "grey pictures.");
   const std::size_t pixels = static_cast<std::size_t>(sides[0]) * static_cast<std::size_t>(sides[1]);
-  if (sides[2] != 1 || sides[0] < 1 || sides[1] < 1 || imageBytes != pixels * components)
-  {
-    throw Error(name + ": it has " + std::to_string(sides[0]) + " x " + std::to_string(sides[1]) + " x " +
-                std::to_string(sides[2]) + " pixels in " + std::to_string(imageBytes) +
-                " bytes; a frame has one slice, and a byte a pixel and component.");
-  }
-  if (textBytes > kLargestText)
-  {
-    throw Error(name + ": its text has " + std::to_string(textBytes) + " bytes, more than " +
-                std::to_string(kLargestText) + ".");
-  }
+  Require(sides[2] == 1 && sides[0] >= 1 && sides[1] >= 1 && imageBytes == pixels * components, name, ": it has ",
+          sides[0], " x ", sides[1], " x ", sides[2], " pixels in ", imageBytes,
+          " bytes; a frame has one slice, and a byte a pixel and component.");
+  Require(textBytes <= kLargestText, name, ": its text has ", textBytes, " bytes, more than ", kLargestText, ".");
   const bool isLong = size == kFrameHeader + imageBytes + textBytes;
-  if (!isLong && size != kShortFrameHeader + imageBytes + textBytes)
-  {
-    throw Error(name + ": it has " + std::to_string(size) + " bytes for a picture of " + std::to_string(imageBytes) +
-                " and a text of " + std::to_string(textBytes) + ".");
-  }
+  Require(isLong || size == kShortFrameHeader + imageBytes + textBytes, name, ": it has ", size,
+          " bytes for a picture of ", imageBytes, " and a text of ", textBytes, ".");
 
   IgtTrackedFrame frame;
   Turn turn = {false, false};
@@ -560,11 +509,9 @@ IgtTrackedFrame ParseIgtTrackedFrame(const IgtHeader& header, const std::vector<
 
 std::vector<std::uint8_t> PackIgtImage(const std::string& device, double timestamp, const IgtImage& image)
 {
-  if (image.width < 1 || image.height < 1 || image.width > kLargestSide || image.height > kLargestSide)
-  {
-    throw Error("OpenIGTLink: a picture of " + std::to_string(image.width) + " x " + std::to_string(image.height) +
-                " pixels cannot be sent; sides go up to 65535.");
-  }
+  Require(image.width >= 1 && image.height >= 1 && image.width <= kLargestSide && image.height <= kLargestSide,
+          "OpenIGTLink: a picture of ", image.width, " x ", image.height,
+          " pixels cannot be sent; sides go up to 65535.");
   Writer body;
   body.Put<std::uint16_t>(1);
   for (const int code : {1, kUnsigned8, kLittleEndian, kRas})
@@ -600,10 +547,7 @@ std::vector<std::uint8_t> PackIgtTransform(const std::string& device, double tim
 
 std::vector<std::uint8_t> PackIgtString(const std::string& device, double timestamp, const std::string& text)
 {
-  if (text.size() > UINT16_MAX)
-  {
-    throw Error("OpenIGTLink: a text of " + std::to_string(text.size()) + " bytes cannot be sent; 65535 can.");
-  }
+  Require(text.size() <= UINT16_MAX, "OpenIGTLink: a text of ", text.size(), " bytes cannot be sent; 65535 can.");
   Writer body;
   body.Put<std::uint16_t>(kAscii);
   body.Put(static_cast<std::uint16_t>(text.size()));
@@ -620,18 +564,12 @@ std::vector<std::uint8_t> PackIgtArray(const std::string& device, double timesta
   std::size_t count = 1;
   for (const int side : sides)
   {
-    if (side < 0 || side > kLargestSide)
-    {
-      throw Error("OpenIGTLink: an array with a side of " + std::to_string(side) + " cannot be sent; 0 to 65535 can.");
-    }
+    Require(side >= 0 && side <= kLargestSide, "OpenIGTLink: an array with a side of ", side,
+            " cannot be sent; 0 to 65535 can.");
     count *= static_cast<std::size_t>(side);
     body.Put(static_cast<std::uint16_t>(side));
   }
-  if (count != values.size())
-  {
-    throw Error("OpenIGTLink: an array has " + std::to_string(values.size()) + " values and room for " +
-                std::to_string(count) + ".");
-  }
+  Require(count == values.size(), "OpenIGTLink: an array has ", values.size(), " values and room for ", count, ".");
   body.bytes.reserve(body.bytes.size() + sizeof(float) * count);
   for (const float value : values)
   {

@@ -45,10 +45,8 @@ constexpr int kLargestSide = 4096, kMostPixels = 2 * 1024 * 1024, kMostPoints = 
 int WholeOf(const Json& question, const std::string& name, int largest)
 {
   const auto found = question.find(name);
-  if (found == question.end() || !found->is_number_integer() || *found < 1 || *found > largest)
-  {
-    throw Error(name + " is a whole number from 1 to " + std::to_string(largest) + ".");
-  }
+  Require(found != question.end() && found->is_number_integer() && *found >= 1 && *found <= largest, name,
+          " is a whole number from 1 to ", largest, ".");
   return found->get<int>();
 }
 
@@ -72,10 +70,7 @@ Eigen::Matrix4d PlaneOf(const Json& question)
 /// The array that a question asks for, as a message; empty where it asks for none. Throws Error for what is no question.
 std::vector<std::uint8_t> ArrayFor(const Json& question, double timestamp, Looker& looker)
 {
-  if (!question.is_object())
-  {
-    throw Error("a question is an object of JSON.");
-  }
+  Require(question.is_object(), "a question is an object of JSON.");
   if (question.contains("points"))
   {
     const std::vector<float> points = looker.Gaussians(WholeOf(question, "points", kMostPoints));
@@ -85,10 +80,7 @@ std::vector<std::uint8_t> ArrayFor(const Json& question, double timestamp, Looke
   if (question.contains("plane"))
   {
     const int width = WholeOf(question, "width", kLargestSide), height = WholeOf(question, "height", kLargestSide);
-    if (width > kMostPixels / height)
-    {
-      throw Error("a slice has at most " + std::to_string(kMostPixels) + " pixels.");
-    }
+    Require(width <= kMostPixels / height, "a slice has at most ", kMostPixels, " pixels.");
     return PackIgtArray(kView, timestamp, {2, height, width},
                         looker.LookWithCoverage(PlaneOf(question), width, height));
   }

@@ -19,10 +19,7 @@ void RequireDisplay()
 #if defined(__linux__) && VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 4, 0)
   const char* const remedy = " Run it on a desktop or with ssh -X; --screenshot also works under xvfb-run.";
   const char* const name = std::getenv("DISPLAY");
-  if (!name || !*name)
-  {
-    throw OutputError(std::string("There is no X server to draw on: DISPLAY is not set.") + remedy);
-  }
+  RequireOutput(name && *name, "There is no X server to draw on: DISPLAY is not set.", remedy);
   // Asked of the library that VTK uses. It is loaded here because its headers are not needed for anything else. Where it
   // is missing, VTK cannot have been loaded either.
   void* const library = dlopen("libX11.so.6", RTLD_NOW);
@@ -38,17 +35,11 @@ void RequireDisplay()
     return;
   }
   void* const display = open(nullptr);
-  if (!display)
-  {
-    throw OutputError("The X server of DISPLAY=" + std::string(name) + " does not answer." + remedy);
-  }
+  RequireOutput(display, "The X server of DISPLAY=", name, " does not answer.", remedy);
   int opcode = 0, event = 0, error = 0;
   const bool hasOpenGl = query(display, "GLX", &opcode, &event, &error) != 0;
   close(display);
-  if (!hasOpenGl)
-  {
-    throw OutputError("The X server of DISPLAY=" + std::string(name) + " cannot draw with OpenGL (GLX)." + remedy);
-  }
+  RequireOutput(hasOpenGl, "The X server of DISPLAY=", name, " cannot draw with OpenGL (GLX).", remedy);
 #endif
 }
 

@@ -48,16 +48,11 @@ std::shared_ptr<const Sweep> ReadLitSweep(const SequenceOptions& options, Consol
 /// The frame to show first.
 int FirstFrame(const Options& options, const Sweep* sweep)
 {
-  if (options.frame >= 0 && !sweep)
-  {
-    throw Error("--frame " + std::to_string(options.frame) + ": there are no frames; name a sequence after the field.");
-  }
+  Require(options.frame < 0 || sweep, "--frame ", options.frame,
+          ": there are no frames; name a sequence after the field.");
   const int count = sweep ? sweep->NumberOfFrames() : 0;
-  if (options.frame >= count && sweep)
-  {
-    throw Error("--frame " + std::to_string(options.frame) + ": '" + options.sequence.path + "' has " +
-                std::to_string(count) + " usable frames, counted from 0.");
-  }
+  Require(options.frame < count || !sweep, "--frame ", options.frame, ": '", options.sequence.path, "' has ", count,
+          " usable frames, counted from 0.");
   return options.frame >= 0 ? options.frame : count / 2;
 }
 
@@ -76,10 +71,8 @@ ExitCode View(Console& console, const Options& options)
 {
   if (!options.screenshot.empty())
   {
-    if (!HasSuffix(options.screenshot, ".png"))
-    {
-      throw OutputError("'" + options.screenshot + "': a screenshot's name must end in .png.");
-    }
+    RequireOutput(HasSuffix(options.screenshot, ".png"), "'", options.screenshot,
+                  "': a screenshot's name must end in .png.");
     RequireDistinct({options.field, options.sequence.path, options.sequence.chain.config}, {options.screenshot});
     RequireWritable(options.screenshot);
   }

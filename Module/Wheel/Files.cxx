@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "Arrays.h"
-#include "Core/Model/FieldRounding.h"
 #include "Core/Model/PixelMemory.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"

@@ -48,10 +48,7 @@ public:
     const nb::gil_scoped_release others;
     ViewSettings{engine, elevationSigma, tolerance}.Validate();
     engine_ = Engine::Create(engine);
-    if (label && !field.labels)
-    {
-      throw Error("LabelValue: the field has no labels; bigus.label gives it some.");
-    }
+    Require(!label || field.labels, "LabelValue: the field has no labels; bigus.label gives it some.");
     GaussianField shown = label ? field.labels->CarriersOf(field, *label) : GaussianField(field);
     if (elevationSigma >= 0)
     {
@@ -302,10 +299,7 @@ class LabelSlicer
 public:
   LabelSlicer(const Field& field, const std::string& engine, double elevationSigma)
   {
-    if (!field.labels)
-    {
-      throw Error("Labels: the field has no labels; bigus.label gives it some.");
-    }
+    Require(field.labels.has_value(), "Labels: the field has no labels; bigus.label gives it some.");
     const nb::gil_scoped_release others;
     GaussianField shown = field;
     shown.beam = elevationSigma >= 0 ? Beam{elevationSigma} : field.beam;

@@ -243,10 +243,8 @@ Array Distances(const Sweep& sweep, const std::vector<int>& frames, const InputD
     const nb::gil_scoped_release others;
     for (const int frame : frames)
     {
-      if (frame < 0 || frame >= sweep.NumberOfFrames())
-      {
-        throw Error("there is no frame " + std::to_string(frame) + " among " + std::to_string(sweep.NumberOfFrames()));
-      }
+      Require(frame >= 0 && frame < sweep.NumberOfFrames(), "there is no frame ", frame, " among ",
+              sweep.NumberOfFrames());
     }
     DistanceToFrames(sweep, frames, plane, distances.data());
   }
@@ -259,11 +257,8 @@ nb::tuple Inspected(const std::shared_ptr<Sweep>& sweep, const std::string& keep
   InspectedSweep found;
   {
     const nb::gil_scoped_release others;
-    if (numbers.size() != sweep->imageToReference.size())
-    {
-      throw Error("inspect: " + std::to_string(numbers.size()) + " numbers for " +
-                  std::to_string(sweep->NumberOfFrames()) + " frames; give one a frame.");
-    }
+    Require(numbers.size() == sweep->imageToReference.size(), "inspect: ", numbers.size(), " numbers for ",
+            sweep->NumberOfFrames(), " frames; give one a frame.");
     found = Inspect(sweep, KeptKinds::Parse(keep));
   }
   std::vector<int> reasons(numbers.size(), 0);

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
 // Training with every option of Core's list, while other Python threads run.
-#include <cmath>
 #include <limits>
 #include <memory>
 

@@ -131,11 +131,8 @@ public:
 
   void SetPart(const GaussianField& part) override
   {
-    if (part.Size() != places_.size())
-    {
-      throw Error("Engine: a part of " + std::to_string(part.Size()) + " Gaussians instead of " +
-                  std::to_string(places_.size()) + ".");
-    }
+    Require(part.Size() == places_.size(), "Engine: a part of ", part.Size(), " Gaussians instead of ", places_.size(),
+            ".");
     own_->SetField(part);
   }
 

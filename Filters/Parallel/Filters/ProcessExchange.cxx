@@ -14,10 +14,7 @@ constexpr int kSwapTag = 7103;  // beside those of ProcessParts.cxx
 
 void Require(int done)
 {
-  if (!done)
-  {
-    throw Error("The processes that have one field together could not exchange what they have.");
-  }
+  bigus::Require(done, "The processes that have one field together could not exchange what they have.");
 }
 
 }  // namespace

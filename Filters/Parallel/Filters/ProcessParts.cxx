@@ -99,13 +99,11 @@ FieldChunks ProcessParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) con
           chunks.sizes.push_back(static_cast<std::size_t>(std::clamp(value(k), 0.0, 1e12)));
           sum += value(k);
         }
-        if (!IsPowerOfTwo(chunks.total) || chunks.total > FieldChunks::kMost || chunks.first < 0 ||
-            chunks.first + chunks.sizes.size() > static_cast<std::size_t>(chunks.total) ||
-            sum != static_cast<double>(gaussians))
-        {
-          throw Error("The field data array Chunks does not fit the " + std::to_string(gaussians) +
-                      " Gaussians of this part; make parts with vtkBigusPartitionField.");
-        }
+        Require(IsPowerOfTwo(chunks.total) && chunks.total <= FieldChunks::kMost && chunks.first >= 0 &&
+                    chunks.first + chunks.sizes.size() <= static_cast<std::size_t>(chunks.total) &&
+                    sum == static_cast<double>(gaussians),
+                "The field data array Chunks does not fit the ", gaussians,
+                " Gaussians of this part; make parts with vtkBigusPartitionField.");
       });
   // Each chunk on one process: begins and ends, in the order of the processes.
   std::vector<int> all(3 * static_cast<std::size_t>(processes));
@@ -125,11 +123,8 @@ FieldChunks ProcessParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) con
     }
     next += count;
   }
-  if (next != all[0])
-  {
-    throw Error("The parts of the field end with chunk " + std::to_string(next) + " of " + std::to_string(all[0]) +
-                "; make parts with vtkBigusPartitionField, one piece for each process.");
-  }
+  Require(next == all[0], "The parts of the field end with chunk ", next, " of ", all[0],
+          "; make parts with vtkBigusPartitionField, one piece for each process.");
   return chunks;
 }
 
@@ -150,11 +145,9 @@ void ProcessParts::RequireOneField(const GaussianField& part, TransferFunction& 
   static const char* const kNames[] = {"Gamma", "ElevationSigma", "ProbeElevationSigma", "TrainedNormals"};
   for (int k = 0; k < kCount; ++k)
   {
-    if (least[k] != -least[kCount + k] && least[k] < std::numeric_limits<double>::infinity())
-    {
-      throw Error(std::string("The processes hold parts of different fields: ") + kNames[k] + " is " +
-                  std::to_string(least[k]) + " and " + std::to_string(-least[kCount + k]) + ".");
-    }
+    Require(least[k] == -least[kCount + k] || !(least[k] < std::numeric_limits<double>::infinity()),
+            "The processes hold parts of different fields: ", kNames[k], " is ", least[k], " and ", -least[kCount + k],
+            ".");
   }
   transfer = part.transfer;
   if (least[0] < std::numeric_limits<double>::infinity())

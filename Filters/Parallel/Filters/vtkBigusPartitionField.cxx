@@ -57,10 +57,8 @@ int vtkBigusPartitionField::RequestData(vtkInformation*, vtkInformationVector** 
       output->ShallowCopy(input);
       return;
     }
-    if (this->IsInputAPart && this->NumberOfPieces > 1)
-    {
-      throw bigus::Error("The reader could not read this part of the field.");
-    }
+    bigus::Require(!this->IsInputAPart || this->NumberOfPieces <= 1,
+                   "The reader could not read this part of the field.");
     bigus::FieldChunks chunks = bigus::ChunksOfPiece(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
     const bigus::GaussianField part = bigus::PartOf(bigus::FieldFromPolyData(input), chunks);
     bigus::FieldToPolyData(part, output);

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Deciding/Decisions.h"
 
-#include <algorithm>
 #include <array>
 #include <optional>
 
@@ -11,7 +10,6 @@
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Probe/ElevationEstimate.h"
-#include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Stopwatch.h"
 
 namespace bigus

@@ -154,11 +154,7 @@ inline std::vector<std::int64_t> InheritedSlots(const std::vector<std::uint32_t>
                                                 const std::vector<std::uint32_t>& order,
                                                 const std::vector<int>& parents)
 {
-  if (parents.size() != order.size())
-  {
-    throw Error("Engine: " + std::to_string(parents.size()) + " parents for " + std::to_string(order.size()) +
-                " Gaussians.");
-  }
+  Require(parents.size() == order.size(), "Engine: ", parents.size(), " parents for ", order.size(), " Gaussians.");
   std::vector<std::uint32_t> slotOf(oldOrder.size());
   for (std::size_t slot = 0; slot < oldOrder.size(); ++slot)
   {

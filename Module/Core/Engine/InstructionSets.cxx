@@ -53,10 +53,7 @@ void UseInstructionSet(const std::string& name)
   {
     targets &= ~bit;
   }
-  if (targets == 0)
-  {
-    throw Error("There is no instruction set '" + name + "' here. Available: " + known + ".");
-  }
+  Require(targets != 0, "There is no instruction set '", name, "' here. Available: ", known, ".");
   hwy::SetSupportedTargetsForTest(targets);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }

@@ -5,7 +5,6 @@
 #include <array>
 #include <cctype>
 #include <charconv>
-#include <cmath>
 #include <string_view>
 
 #include "Core/Model/Error.h"
@@ -108,17 +107,11 @@ void Loss::Validate() const
   for (const Term& term : terms)
   {
     const double weight = this->*term.weight;
-    if (!(weight >= 0 && weight <= kLargestWeight))
-    {
-      throw Error(std::string("Loss: the weight of ") + term.name + " is " + Shortest(weight) +
-                  "; it must lie in [0, 1e6].");
-    }
+    Require(weight >= 0 && weight <= kLargestWeight, "Loss: the weight of ", term.name, " is ", Shortest(weight),
+            "; it must lie in [0, 1e6].");
     sum += weight;
   }
-  if (sum == 0)
-  {
-    throw Error("Loss: all weights are 0; one of l1, l2, dssim, ffl and contrast must not be.");
-  }
+  Require(sum != 0, "Loss: all weights are 0; one of l1, l2, dssim, ffl and contrast must not be.");
 }
 
 Loss Loss::Parse(const std::string& text)
@@ -135,12 +128,9 @@ Loss Loss::Parse(const std::string& text)
     {
       found = name == term.name ? &term : found;
     }
-    if (!sound || !found)
-    {
-      throw Error("Loss: " + Quoted(text) +
-                  " is not a sum of l1, l2, dssim, ffl and contrast, each with a factor if wanted, as in "
-                  "\"0.8*l1+0.2*dssim\".");
-    }
+    Require(sound && found, "Loss: ", Quoted(text),
+            " is not a sum of l1, l2, dssim, ffl and contrast, each with a factor if wanted, as in "
+            "\"0.8*l1+0.2*dssim\".");
     if (!(factor >= 0))  // a second naming must not hide it
     {
       throw Error("Loss: in " + Quoted(text) + " the factor of " + name + " is " + Shortest(factor) +
@@ -148,10 +138,7 @@ Loss Loss::Parse(const std::string& text)
     }
     loss.*found->weight += factor;
   } while (reader.Take('+'));
-  if (!reader.AtEnd())
-  {
-    throw Error("Loss: in " + Quoted(text) + " something follows the last term; terms are added with \"+\".");
-  }
+  Require(reader.AtEnd(), "Loss: in ", Quoted(text), " something follows the last term; terms are added with \"+\".");
   loss.Validate();
   return loss;
 }

@@ -131,11 +131,7 @@ std::vector<State> InheritState(const std::vector<State>& old, std::size_t size,
   std::vector<State> state(size);
   if (parents)
   {
-    if (parents->size() != size)
-    {
-      throw Error("Engine: " + std::to_string(parents->size()) + " parents for " + std::to_string(size) +
-                  " Gaussians.");
-    }
+    Require(parents->size() == size, "Engine: ", parents->size(), " parents for ", size, " Gaussians.");
     for (std::size_t i = 0; i < size; ++i)
     {
       const int parent = (*parents)[i];

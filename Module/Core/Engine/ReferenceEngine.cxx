@@ -17,7 +17,6 @@
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/GaussianBlock.h"
-#include "Core/Formula/PixelLoss.h"
 
 namespace bigus
 {

@@ -16,12 +16,9 @@ namespace bigus
 void PredictNearest(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane, float* image)
 {
   CheckTraining(sweep, training);
-  if (plane.width != sweep.width || plane.height != sweep.height)
-  {
-    throw Error("Nearest frame: the plane has " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
-                " pixels, but the frames have " + std::to_string(sweep.width) + " x " + std::to_string(sweep.height) +
-                "; a frame can only be copied pixel for pixel.");
-  }
+  Require(plane.width == sweep.width && plane.height == sweep.height, "Nearest frame: the plane has ", plane.width,
+          " x ", plane.height, " pixels, but the frames have ", sweep.width, " x ", sweep.height,
+          "; a frame can only be copied pixel for pixel.");
   int nearest = kNoFrame;
   double smallest = std::numeric_limits<double>::infinity();
   for (int frame : training)

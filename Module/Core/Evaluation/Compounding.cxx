@@ -281,10 +281,7 @@ double Compounding::VoxelSizeForMemory(const Sweep& sweep, const std::vector<int
   CheckTraining(sweep, training);
   const Box box(sweep, training);
   const double limit = static_cast<double>(bytes / sizeof(Voxel));
-  if (limit < 8)
-  {
-    throw Error("Compounding: " + std::to_string(bytes) + " bytes hold no grid; the coarsest takes 16 (8 voxels).");
-  }
+  Require(limit >= 8, "Compounding: ", bytes, " bytes hold no grid; the coarsest takes 16 (8 voxels).");
   double low = 0, high = 1.01 * (box.highest - box.lowest).maxCoeff() + 1e-6;  // 8 voxels
   while (high - low > 1e-3 * high)
   {
@@ -298,21 +295,15 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
                          std::size_t maximumVoxels)
 {
   CheckTraining(sweep, training);
-  if (!(voxelSize >= 0 && std::isfinite(voxelSize)))
-  {
-    throw Error("Compounding: the voxel size is " + std::to_string(voxelSize) +
-                " mm; it must be positive, or 0 to choose one.");
-  }
+  Require(voxelSize >= 0 && std::isfinite(voxelSize), "Compounding: the voxel size is ", voxelSize,
+          " mm; it must be positive, or 0 to choose one.");
   const Box box(sweep, training);
   const double limit = static_cast<double>(maximumVoxels);
   voxelSize_ = voxelSize > 0 ? voxelSize : ChooseVoxelSize(sweep, training, maximumVoxels);
   const Eigen::Vector3d size = box.Voxels(voxelSize_);
-  if (!(size.prod() <= limit) || size.maxCoeff() > std::numeric_limits<int>::max())
-  {
-    throw Error("Compounding: voxels of " + std::to_string(voxelSize_) + " mm make a grid of " +
-                std::to_string(size.prod()) + " voxels, but " + std::to_string(maximumVoxels) +
-                " are allowed; choose larger voxels.");
-  }
+  Require(size.prod() <= limit && size.maxCoeff() <= std::numeric_limits<int>::max(), "Compounding: voxels of ",
+          voxelSize_, " mm make a grid of ", size.prod(), " voxels, but ", maximumVoxels,
+          " are allowed; choose larger voxels.");
   origin_ = box.lowest;
   size_ = size.cast<int>();
   voxels_.assign(static_cast<std::size_t>(size.prod()), 0);

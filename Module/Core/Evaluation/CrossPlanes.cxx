@@ -124,11 +124,8 @@ std::optional<PowerAlong> MeanPower(const std::vector<CrossPlane>& planes,
 std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step,
                                         int stride)
 {
-  if (frames.size() < 2 || each < 1 || !(step > 0) || stride < 1)
-  {
-    throw Error("Cross-planes: " + std::to_string(frames.size()) + " frames, " + std::to_string(each) + " planes and " +
-                std::to_string(step) + " mm were given; two frames, one plane and a positive step are the least.");
-  }
+  Require(frames.size() >= 2 && each >= 1 && step > 0 && stride >= 1, "Cross-planes: ", frames.size(), " frames, ",
+          each, " planes and ", step, " mm were given; two frames, one plane and a positive step are the least.");
   const SlicePlane middle = sweep.Plane(frames[frames.size() / 2]);
   const Eigen::Vector3d normal = middle.Normal();
   double first = 0, last = 0;  // mm along the normal

@@ -19,10 +19,7 @@ namespace bigus
 FrameScores ScoreFrames(const Sweep& sweep, const std::vector<int>& frames,
                         const std::function<void(int, float*)>& predict)
 {
-  if (frames.empty())
-  {
-    throw Error("Scores: there is no frame to score; hold out at least one.");
-  }
+  Require(!frames.empty(), "Scores: there is no frame to score; hold out at least one.");
   std::vector<float> image(sweep.PixelsPerFrame()), truth(sweep.PixelsPerFrame());
   std::vector<double> psnr, ssim;
   std::vector<TextureComparison> textures;

@@ -25,10 +25,7 @@ constexpr int kNoFrame = -1;
 /// Checks what every predictor relies on.
 inline void CheckTraining(const Sweep& sweep, const std::vector<int>& training)
 {
-  if (training.empty())
-  {
-    throw Error("Baselines: there is no training frame to predict from.");
-  }
+  Require(!training.empty(), "Baselines: there is no training frame to predict from.");
   for (std::size_t k = 0; k < training.size(); ++k)
   {
     if (training[k] < 0 || training[k] >= sweep.NumberOfFrames() || (k > 0 && training[k] <= training[k - 1]))

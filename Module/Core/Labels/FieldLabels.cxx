@@ -15,23 +15,14 @@ void ValidateLabels(const std::vector<Label>& labels)
   int before = 0;
   for (const Label& label : labels)
   {
-    if (label.value <= before || label.value > kLargestLabel)
-    {
-      throw Error("Labels: the value " + std::to_string(label.value) + " after " + std::to_string(before) +
-                  "; values ascend from 1 to 255.");
-    }
+    Require(label.value > before && label.value <= kLargestLabel, "Labels: the value ", label.value, " after ", before,
+            "; values ascend from 1 to 255.");
     before = label.value;
-    if (label.name.empty())
-    {
-      throw Error("Labels: the label of value " + std::to_string(label.value) + " has no name.");
-    }
+    Require(!label.name.empty(), "Labels: the label of value ", label.value, " has no name.");
     for (const double part : label.color)
     {
-      if (!(part >= 0 && part <= 1))
-      {
-        throw Error("Labels: the colour of '" + label.name + "' has the part " + std::to_string(part) +
-                    "; red, green and blue lie between 0 and 1.");
-      }
+      Require(part >= 0 && part <= 1, "Labels: the colour of '", label.name, "' has the part ", part,
+              "; red, green and blue lie between 0 and 1.");
     }
   }
 }
@@ -52,12 +43,9 @@ std::array<double, 3> UsualColor(int value)
 void FieldLabels::Validate(std::size_t gaussians) const
 {
   ValidateLabels(labels);
-  if (scales.size() != points.size() || weights.size() != (gaussians + points.size()) * labels.size())
-  {
-    throw Error("Labels: there are " + std::to_string(weights.size()) + " weights and " +
-                std::to_string(scales.size()) + " scales for " + std::to_string(gaussians) + " Gaussians, " +
-                std::to_string(points.size()) + " points and " + std::to_string(labels.size()) + " labels.");
-  }
+  Require(scales.size() == points.size() && weights.size() == (gaussians + points.size()) * labels.size(),
+          "Labels: there are ", weights.size(), " weights and ", scales.size(), " scales for ", gaussians,
+          " Gaussians, ", points.size(), " points and ", labels.size(), " labels.");
   for (std::size_t i = 0; i < weights.size(); ++i)
   {
     if (!(weights[i] >= 0 && weights[i] <= 1))
@@ -90,10 +78,7 @@ GaussianField FieldLabels::CarriersOf(const GaussianField& field, int value) con
 {
   const auto found =
       std::find_if(labels.begin(), labels.end(), [value](const Label& label) { return label.value == value; });
-  if (found == labels.end())
-  {
-    throw Error("LabelValue: the field has no label of the value " + std::to_string(value) + ".");
-  }
+  Require(found != labels.end(), "LabelValue: the field has no label of the value ", value, ".");
   GaussianField carriers = Carriers(field);
   carriers.reflectivities = Raised(static_cast<std::size_t>(found - labels.begin()));
   return carriers;

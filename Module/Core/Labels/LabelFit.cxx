@@ -5,7 +5,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
-#include <utility>
 
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/Baselines.h"
@@ -475,14 +474,9 @@ FieldLabels FitLabels(const GaussianField& field, const Sweep& sweep, const Labe
 {
   field.Validate();
   given.Validate(sweep);
-  if (field.Size() == 0)
-  {
-    throw Error("Labels: the field has no Gaussian to carry them.");
-  }
-  if (fit.iterations < 0 || fit.iterations > 1000)
-  {
-    throw Error("Labels: " + std::to_string(fit.iterations) + " iterations; 0 to 1000 are possible.");
-  }
+  Require(field.Size() != 0, "Labels: the field has no Gaussian to carry them.");
+  Require(fit.iterations >= 0 && fit.iterations <= 1000, "Labels: ", fit.iterations,
+          " iterations; 0 to 1000 are possible.");
   try
   {
     std::vector<std::uint8_t> soft;

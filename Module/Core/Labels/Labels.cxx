@@ -248,16 +248,11 @@ std::vector<Label> WithNames(std::vector<Label> names, const std::vector<std::ui
 void LabelFrames::Validate(const Sweep& sweep) const
 {
   ValidateLabels(labels);
-  if (labels.empty() || frames.empty())
-  {
-    throw Error("Labels: there is no label in any frame; draw one, or say which frames hold labels.");
-  }
-  if (pixels.size() != frames.size() * sweep.PixelsPerFrame())
-  {
-    throw Error("Labels: there are " + std::to_string(pixels.size()) + " pixels for " + std::to_string(frames.size()) +
-                " frames of " + std::to_string(sweep.width) + " x " + std::to_string(sweep.height) +
-                "; label pictures have the size of the sweep's.");
-  }
+  Require(!labels.empty() && !frames.empty(),
+          "Labels: there is no label in any frame; draw one, or say which frames hold labels.");
+  Require(pixels.size() == frames.size() * sweep.PixelsPerFrame(), "Labels: there are ", pixels.size(), " pixels for ",
+          frames.size(), " frames of ", sweep.width, " x ", sweep.height,
+          "; label pictures have the size of the sweep's.");
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
     if (frames[f] < 0 || frames[f] >= sweep.NumberOfFrames() || (f > 0 && frames[f] <= frames[f - 1]))
@@ -266,10 +261,7 @@ void LabelFrames::Validate(const Sweep& sweep) const
                   std::to_string(sweep.NumberOfFrames()) + " frames of the sweep.");
     }
   }
-  if (WithNames(labels, pixels).size() != labels.size())
-  {
-    throw Error("Labels: the pixels have a value that no label has.");
-  }
+  Require(WithNames(labels, pixels).size() == labels.size(), "Labels: the pixels have a value that no label has.");
 }
 
 std::vector<int> LabelFrames::Drawn() const
@@ -339,10 +331,7 @@ void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_
 std::unique_ptr<Engine> NewLabelEngine(const std::string& name)
 {
   std::unique_ptr<Engine> engine = Engine::Create(name);
-  if (!ViewEngine::Of(*engine))
-  {
-    throw Error("Labels: the engine '" + name + "' cannot fit them; take cpu.");
-  }
+  Require(ViewEngine::Of(*engine), "Labels: the engine '", name, "' cannot fit them; take cpu.");
   return engine;
 }
 
@@ -430,11 +419,8 @@ std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabel
     shown.resize(shown.size() + plane.NumberOfPixels());
     labelled.Render(plane, &shown[shown.size() - plane.NumberOfPixels()]);
   }
-  if (truth.size() != shown.size())
-  {
-    throw Error("Labels: there are " + std::to_string(truth.size()) + " pixels of truth for planes of " +
-                std::to_string(shown.size()) + ".");
-  }
+  Require(truth.size() == shown.size(), "Labels: there are ", truth.size(), " pixels of truth for planes of ",
+          shown.size(), ".");
   const std::vector<std::uint8_t> nearest = NearestMaps(sweep, training, planes);
   const std::vector<std::uint8_t> compounded = CompoundedMaps(sweep, training, planes);
   std::vector<LabelScore> scores;

@@ -18,10 +18,7 @@ namespace bigus
 {
 double Psnr(const float* image, const float* truth, std::size_t numberOfPixels)
 {
-  if (numberOfPixels == 0)
-  {
-    throw Error("PSNR: the images have no pixels.");
-  }
+  Require(numberOfPixels != 0, "PSNR: the images have no pixels.");
   constexpr std::size_t kBlock = 4096;  // pixels summed by one task
   std::vector<double> parts((numberOfPixels + kBlock - 1) / kBlock);
   tbb::parallel_for(std::size_t(0), parts.size(),
@@ -102,11 +99,8 @@ double SumSsim(const ImagePair& pair, const std::array<double, kSsimTaps>& kerne
 
 double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows)
 {
-  if (width < 1 || height < 1)
-  {
-    throw Error("SSIM: the images are " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels; both sides must be at least 1.");
-  }
+  Require(width >= 1 && height >= 1, "SSIM: the images are ", width, " x ", height,
+          " pixels; both sides must be at least 1.");
   const bool valid = windows == SsimWindows::Valid;
   if (valid && (width < kSsimTaps || height < kSsimTaps))
   {

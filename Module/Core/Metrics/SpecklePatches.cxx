@@ -50,11 +50,8 @@ PatchStatistics MeasurePatch(const float* image, int width, int x, int y)
 
 SpecklePatches MeasurePatches(const float* image, const float* truth, int width, int height)
 {
-  if (width < 1 || height < 1)
-  {
-    throw Error("Texture: the images are " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels; both sides must be at least 1.");
-  }
+  Require(width >= 1 && height >= 1, "Texture: the images are ", width, " x ", height,
+          " pixels; both sides must be at least 1.");
   const int down = height < kPatchSide ? 0 : (height - kPatchSide) / kPatchStride + 1;
   const int across = width < kPatchSide ? 0 : (width - kPatchSide) / kPatchStride + 1;
   std::vector<SpecklePatches> rows(down);

@@ -13,25 +13,16 @@ namespace bigus
 
 void RequireChunks(int total, int piece, int pieces)
 {
-  if (total < 1 || total > FieldChunks::kMost)
-  {
-    throw Error("A field of " + std::to_string(total) + " chunks was asked for; 1 to " +
-                std::to_string(FieldChunks::kMost) + " are possible.");
-  }
-  if (pieces < 1 || piece < 0 || piece >= pieces)
-  {
-    throw Error("Piece is " + std::to_string(piece) + " of NumberOfPieces " + std::to_string(pieces) +
-                "; pieces are counted from 0.");
-  }
+  Require(total >= 1 && total <= FieldChunks::kMost, "A field of ", total, " chunks was asked for; 1 to ",
+          FieldChunks::kMost, " are possible.");
+  Require(pieces >= 1 && piece >= 0 && piece < pieces, "Piece is ", piece, " of NumberOfPieces ", pieces,
+          "; pieces are counted from 0.");
 }
 
 void RequirePartition(int total, int piece, int pieces)
 {
-  if (total < 1 || total > FieldChunks::kMost || (total & (total - 1)) != 0)
-  {
-    throw Error("NumberOfChunks is " + std::to_string(total) + "; it must be a power of two from 1 to " +
-                std::to_string(FieldChunks::kMost) + ".");
-  }
+  Require(total >= 1 && total <= FieldChunks::kMost && (total & (total - 1)) == 0, "NumberOfChunks is ", total,
+          "; it must be a power of two from 1 to ", FieldChunks::kMost, ".");
   RequireChunks(total, piece, pieces);
 }
 

@@ -15,10 +15,7 @@ namespace bigus
 
 void DistanceToFrames(const Sweep& sweep, const std::vector<int>& frames, const SlicePlane& plane, float* distances)
 {
-  if (frames.empty())
-  {
-    throw Error("Distances to recorded frames need at least one frame.");
-  }
+  Require(!frames.empty(), "Distances to recorded frames need at least one frame.");
   // A frame's coordinates (i, j, z) are affine along a row of the slice: start + u step.
   struct Frame
   {

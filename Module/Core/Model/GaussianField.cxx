@@ -33,33 +33,21 @@ void GaussianField::Resize(std::size_t n)
 void GaussianField::Validate() const
 {
   const std::size_t n = means.size();
-  if (scales.size() != n || rotations.size() != n || reflectivities.size() != n)
-  {
-    throw Error("Gaussian field: " + std::to_string(n) + " means, " + std::to_string(scales.size()) + " scales, " +
-                std::to_string(rotations.size()) + " rotations and " + std::to_string(reflectivities.size()) +
-                " reflectivities; all four arrays must have the same length.");
-  }
-  if (!(std::isfinite(transfer.gamma) && transfer.gamma > 0))
-  {
-    throw Error("Gaussian field: gamma is " + std::to_string(transfer.gamma) + "; it must be positive and finite.");
-  }
-  if (!(beam.elevationSigma >= 0 && beam.elevationSigma <= kLargestScale))
-  {
-    throw Error("Gaussian field: the elevation sigma is " + std::to_string(beam.elevationSigma) +
-                " mm; it must lie between 0 and 1e12.");
-  }
-  if (!(beam.probeElevationSigma >= 0 && beam.probeElevationSigma <= kLargestScale))
-  {
-    throw Error("Gaussian field: the probe's elevation sigma is " + std::to_string(beam.probeElevationSigma) +
-                " mm; it must lie between 0 and 1e12.");
-  }
+  Require(scales.size() == n && rotations.size() == n && reflectivities.size() == n, "Gaussian field: ", n, " means, ",
+          scales.size(), " scales, ", rotations.size(), " rotations and ", reflectivities.size(),
+          " reflectivities; all four arrays must have the same length.");
+  Require(std::isfinite(transfer.gamma) && transfer.gamma > 0, "Gaussian field: gamma is ", transfer.gamma,
+          "; it must be positive and finite.");
+  Require(beam.elevationSigma >= 0 && beam.elevationSigma <= kLargestScale, "Gaussian field: the elevation sigma is ",
+          beam.elevationSigma, " mm; it must lie between 0 and 1e12.");
+  Require(beam.probeElevationSigma >= 0 && beam.probeElevationSigma <= kLargestScale,
+          "Gaussian field: the probe's elevation sigma is ", beam.probeElevationSigma,
+          " mm; it must lie between 0 and 1e12.");
   for (const Eigen::Vector3d& normal : beam.trainedNormals)
   {
-    if (!(std::abs(normal.squaredNorm() - 1) <= kUnitLength))
-    {
-      throw Error("Gaussian field: a normal of the planes trained on has the length " + std::to_string(normal.norm()) +
-                  "; it must have length 1.");
-    }
+    Require(std::abs(normal.squaredNorm() - 1) <= kUnitLength,
+            "Gaussian field: a normal of the planes trained on has the length ", normal.norm(),
+            "; it must have length 1.");
   }
   for (std::size_t i = 0; i < n; ++i)
   {

@@ -44,11 +44,9 @@ std::uint64_t LimitOfEnvironment()
   double gigabytes = -1;
   const char* const end = text + std::strlen(text);
   const auto [rest, error] = std::from_chars(text, end, gigabytes);
-  if (error != std::errc() || rest != end || !(gigabytes >= 0 && gigabytes <= 1e6))
-  {
-    throw Error(std::string("The environment variable BIGUS_MEMORY is '") + text +
-                "'; it is a number of GB, 0 to 1000000, and 0 sets no limit.");
-  }
+  Require(error == std::errc() && rest == end && gigabytes >= 0 && gigabytes <= 1e6,
+          "The environment variable BIGUS_MEMORY is '", text,
+          "'; it is a number of GB, 0 to 1000000, and 0 sets no limit.");
   return static_cast<std::uint64_t>(gigabytes * kGigabyte);
 }
 

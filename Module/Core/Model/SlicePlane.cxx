@@ -37,26 +37,16 @@ Eigen::Matrix3d SlicePlane::WorldToSlice() const
 
 void SlicePlane::Validate(const std::string& what) const
 {
-  if (width < 1 || height < 1)
-  {
-    throw Error(what + ": the image is " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels; both sides must be at least 1.");
-  }
-  if (!origin.allFinite() || !columnStep.allFinite() || !rowStep.allFinite())
-  {
-    throw Error(what + ": the pose holds a value that is not finite; check the tracker's transforms.");
-  }
+  Require(width >= 1 && height >= 1, what, ": the image is ", width, " x ", height,
+          " pixels; both sides must be at least 1.");
+  Require(origin.allFinite() && columnStep.allFinite() && rowStep.allFinite(), what,
+          ": the pose holds a value that is not finite; check the tracker's transforms.");
   const double a = columnStep.norm();
   const double b = rowStep.norm();
-  if (!(a >= 1e-6 && a <= 1e6 && b >= 1e-6 && b <= 1e6))
-  {
-    throw Error(what + ": a pixel measures " + std::to_string(a) + " x " + std::to_string(b) +
-                " mm; each side must lie between 1e-6 and 1e6 mm. Is the pose singular or in other units?");
-  }
-  if (columnStep.cross(rowStep).norm() < 1e-3 * a * b)
-  {
-    throw Error(what + ": the image's rows and columns are parallel, so the pose is singular.");
-  }
+  Require(a >= 1e-6 && a <= 1e6 && b >= 1e-6 && b <= 1e6, what, ": a pixel measures ", a, " x ", b,
+          " mm; each side must lie between 1e-6 and 1e6 mm. Is the pose singular or in other units?");
+  Require(columnStep.cross(rowStep).norm() >= 1e-3 * a * b, what,
+          ": the image's rows and columns are parallel, so the pose is singular.");
 }
 
 }  // namespace bigus

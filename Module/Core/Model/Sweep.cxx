@@ -31,22 +31,16 @@ std::size_t BytesPerPixel(Sweep::PixelType type)
 
 void CheckFrame(const Sweep& sweep, int frame)
 {
-  if (frame < 0 || frame >= sweep.NumberOfFrames())
-  {
-    throw Error("Sweep: frame " + std::to_string(frame) + " was asked for, but the frames are 0 to " +
-                std::to_string(sweep.NumberOfFrames() - 1) + ".");
-  }
+  Require(frame >= 0 && frame < sweep.NumberOfFrames(), "Sweep: frame ", frame,
+          " was asked for, but the frames are 0 to ", sweep.NumberOfFrames() - 1, ".");
 }
 
 /// An array of one entry a frame may be left out, but not be of another length.
 template <class T>
 void CheckLength(const std::vector<T>& array, const char* name, int frames)
 {
-  if (!array.empty() && array.size() != static_cast<std::size_t>(frames))
-  {
-    throw Error("Sweep: " + std::to_string(array.size()) + " " + name + " for " + std::to_string(frames) +
-                " frames; give one a frame, or none.");
-  }
+  Require(array.empty() || array.size() == static_cast<std::size_t>(frames), "Sweep: ", array.size(), " ", name,
+          " for ", frames, " frames; give one a frame, or none.");
 }
 
 /// Averages the n x n blocks of one frame; `scale` takes a pixel to [0, 1].
@@ -188,12 +182,8 @@ Sweep Sweep::Reduced(int n) const
 
 Sweep Sweep::ReducedOf(const std::vector<int>& frames, int n) const
 {
-  if (n < 1 || n > width || n > height)
-  {
-    throw Error("Sweep: cannot average blocks of " + std::to_string(n) + " x " + std::to_string(n) +
-                " pixels in frames of " + std::to_string(width) + " x " + std::to_string(height) +
-                "; the block's side must be at least 1 and fit the frame.");
-  }
+  Require(n >= 1 && n <= width && n <= height, "Sweep: cannot average blocks of ", n, " x ", n, " pixels in frames of ",
+          width, " x ", height, "; the block's side must be at least 1 and fit the frame.");
   if (n == 1)
   {
     return Subset(frames);
@@ -246,12 +236,8 @@ Sweep Sweep::ReducedOf(const std::vector<int>& frames, int n) const
 
 Sweep Sweep::Interleaved(const std::vector<int>& frames, int n) const
 {
-  if (n < 1 || n > width || n > height)
-  {
-    throw Error("Sweep: cannot take pixels that lie " + std::to_string(n) + " apart from frames of " +
-                std::to_string(width) + " x " + std::to_string(height) +
-                "; the step must be at least 1 and fit the frame.");
-  }
+  Require(n >= 1 && n <= width && n <= height, "Sweep: cannot take pixels that lie ", n, " apart from frames of ",
+          width, " x ", height, "; the step must be at least 1 and fit the frame.");
   Sweep out;
   out.width = width / n;
   out.height = height / n;
@@ -409,30 +395,16 @@ void Sweep::BlackenUnlit(float* image) const
 void Sweep::ValidateLayout() const
 {
   const int frames = NumberOfFrames();
-  if (frames == 0)
-  {
-    throw Error("Sweep: there is no frame; at least one tracked frame is needed.");
-  }
-  if (width < 1 || height < 1)
-  {
-    throw Error("Sweep: frames are " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels; both sides must be at least 1.");
-  }
-  if (PixelsPerFrame() > std::numeric_limits<std::ptrdiff_t>::max() / sizeof(float) / frames)
-  {
-    throw Error("Sweep: " + std::to_string(frames) + " frames of " + std::to_string(width) + " x " +
-                std::to_string(height) + " pixels are more than this machine can address.");
-  }
-  if (!pixels)
-  {
-    throw Error("Sweep: the frames have poses but no pixels.");
-  }
+  Require(frames != 0, "Sweep: there is no frame; at least one tracked frame is needed.");
+  Require(width >= 1 && height >= 1, "Sweep: frames are ", width, " x ", height,
+          " pixels; both sides must be at least 1.");
+  Require(PixelsPerFrame() <= std::numeric_limits<std::ptrdiff_t>::max() / sizeof(float) / frames, "Sweep: ", frames,
+          " frames of ", width, " x ", height, " pixels are more than this machine can address.");
+  Require(pixels != nullptr, "Sweep: the frames have poses but no pixels.");
   CheckLength(timestamps, "timestamps", frames);
   CheckLength(sequences, "numbers of sequences", frames);
-  if (!std::is_sorted(sequences.begin(), sequences.end()))
-  {
-    throw Error("Sweep: frames of one sequence must follow each other, but their numbers of sequences fall.");
-  }
+  Require(std::is_sorted(sequences.begin(), sequences.end()),
+          "Sweep: frames of one sequence must follow each other, but their numbers of sequences fall.");
   if (mask && mask->size() != PixelsPerFrame())
   {
     throw Error("Sweep: the mask has " + std::to_string(mask->size()) + " pixels, but frames are " +
@@ -442,21 +414,12 @@ void Sweep::ValidateLayout() const
   {
     const std::string what = "frame " + std::to_string(frame);
     const Eigen::Matrix4d& pose = imageToReference[frame];
-    if (!pose.allFinite())
-    {
-      throw Error(what + ": the pose holds a value that is not finite; check the tracker's transforms.");
-    }
-    if ((pose.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-6)
-    {
-      throw Error(what +
-                  ": the pose's last row is not 0 0 0 1, so it is not an affine transform to mm; is the "
-                  "matrix stored column by column?");
-    }
+    Require(pose.allFinite(), what, ": the pose holds a value that is not finite; check the tracker's transforms.");
+    Require((pose.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() <= 1e-6, what,
+            ": the pose's last row is not 0 0 0 1, so it is not an affine transform to mm; is the "
+            "matrix stored column by column?");
     Plane(frame).Validate(what);
-    if (!timestamps.empty() && !std::isfinite(timestamps[frame]))
-    {
-      throw Error(what + ": the timestamp is not finite.");
-    }
+    Require(timestamps.empty() || std::isfinite(timestamps[frame]), what, ": the timestamp is not finite.");
   }
 }
 
@@ -498,11 +461,8 @@ void Sweep::Validate() const
 
 std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(int numberOfFrames, int k)
 {
-  if (k < 0 || k == 1)
-  {
-    throw Error("Hold-out: K is " + std::to_string(k) +
-                "; it must be 0 (keep every frame for training) or at least 2 (hold out one frame in K).");
-  }
+  Require(k >= 0 && k != 1, "Hold-out: K is ", k,
+          "; it must be 0 (keep every frame for training) or at least 2 (hold out one frame in K).");
   std::pair<std::vector<int>, std::vector<int>> split;
   for (int frame = 0; frame < numberOfFrames; ++frame)
   {
@@ -559,22 +519,15 @@ std::vector<int> LongestSequence(const Sweep& sweep, const std::vector<int>& fra
 void RequireOneSize(int width, int height, const std::string& name, int otherWidth, int otherHeight,
                     const std::string& otherName)
 {
-  if (otherWidth != width || otherHeight != height)
-  {
-    throw Error("Frames of " + name + " are " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels, those of " + otherName + " " + std::to_string(otherWidth) + " x " +
-                std::to_string(otherHeight) +
-                "; sequences that are trained together need frames of one size. Crop or pad them to it. (Their pixels "
-                "may differ in mm.)");
-  }
+  Require(otherWidth == width && otherHeight == height, "Frames of ", name, " are ", width, " x ", height,
+          " pixels, those of ", otherName, " ", otherWidth, " x ", otherHeight,
+          "; sequences that are trained together need frames of one size. Crop or pad them to it. (Their pixels "
+          "may differ in mm.)");
 }
 
 std::shared_ptr<const Sweep> Join(const std::vector<std::shared_ptr<const Sweep>>& sequences)
 {
-  if (sequences.empty())
-  {
-    throw Error("Sweep: there is no sequence to train on; give at least one.");
-  }
+  Require(!sequences.empty(), "Sweep: there is no sequence to train on; give at least one.");
   if (sequences.size() == 1)
   {
     return sequences[0];

@@ -62,12 +62,10 @@ double MedianAngle(std::vector<double> values)
 
 void RequireRotation(const Eigen::Matrix3d& matrix, const std::string& what)
 {
-  if (!matrix.allFinite() ||
-      !((matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= kRotation) ||
-      matrix.determinant() < 0)
-  {
-    throw Error("View dependence: " + what + " is not a rotation.");
-  }
+  Require(matrix.allFinite() &&
+              (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= kRotation &&
+              matrix.determinant() >= 0,
+          "View dependence: ", what, " is not a rotation.");
 }
 
 }  // namespace
@@ -186,41 +184,30 @@ void RecordedViews::Validate() const
   RequireRotation(mean, "the mean orientation");
   const auto require = [](double value, double most, const char* what)
   {
-    if (!(value > 0 && value <= most))
-    {
-      throw Error("View dependence: the " + std::string(what) + " is " + std::to_string(value) +
-                  "; it must be above 0 and at most " + std::to_string(most) + ".");
-    }
+    Require(value > 0 && value <= most, "View dependence: the ", what, " is ", value,
+            "; it must be above 0 and at most ", most, ".");
   };
   require(unit, 4, "unit of directions (radian)");
   require(angleStep, 180, "step of angles (degrees)");
   require(elevationStep, GaussianField::kLargestCoordinate, "step between planes (mm)");
-  if (poses.empty() || poses.size() > kMostPoses)
-  {
-    throw Error("View dependence: there are " + std::to_string(poses.size()) + " recorded poses; 1 to " +
-                std::to_string(kMostPoses) + " are needed.");
-  }
+  Require(!poses.empty() && poses.size() <= kMostPoses, "View dependence: there are ", poses.size(),
+          " recorded poses; 1 to ", kMostPoses, " are needed.");
   for (std::size_t k = 0; k < poses.size(); ++k)
   {
     const std::string what = "recorded pose " + std::to_string(k);
     RequireRotation(poses[k].topLeftCorner<3, 3>(), what);
     const Eigen::Vector3d place = poses[k].topRightCorner<3, 1>();
-    if (!(place.cwiseAbs().maxCoeff() <= GaussianField::kLargestCoordinate) || !place.allFinite() ||
-        poses[k].row(3) != Eigen::RowVector4d(0, 0, 0, 1))
-    {
-      throw Error("View dependence: " + what + " is not a rigid place in space within 1e12 mm.");
-    }
+    Require(place.cwiseAbs().maxCoeff() <= GaussianField::kLargestCoordinate && place.allFinite() &&
+                poses[k].row(3) == Eigen::RowVector4d(0, 0, 0, 1),
+            "View dependence: ", what, " is not a rigid place in space within 1e12 mm.");
   }
 }
 
 void ViewDependence::Validate(std::size_t gaussians) const
 {
   views.Validate();
-  if (terms.size() != gaussians)
-  {
-    throw Error("View dependence: there are " + std::to_string(terms.size()) + " terms for " +
-                std::to_string(gaussians) + " Gaussians.");
-  }
+  Require(terms.size() == gaussians, "View dependence: there are ", terms.size(), " terms for ", gaussians,
+          " Gaussians.");
   for (std::size_t i = 0; i < terms.size(); ++i)
   {
     if (!terms[i].allFinite() || !(terms[i].cwiseAbs().maxCoeff() <= GaussianField::kLargestReflectivity))

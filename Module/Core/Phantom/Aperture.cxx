@@ -29,14 +29,12 @@ void RequireRightAngles(const SlicePlane& plane)
 /// That the image can be simulated: echo samples and scatterers as they are expected, in double since they may be too many.
 void RequireSmall(const SlicePlane& plane, double samples, double scatterers)
 {
-  if (!(plane.NumberOfPixels() <= (std::size_t(1) << 28) && samples <= std::ldexp(1.0, 26) &&
-        scatterers <= std::ldexp(1.0, 30)))
-  {
-    throw Error("phantom plane: " + std::to_string(plane.width) + " x " + std::to_string(plane.height) + " pixels of " +
-                std::to_string(plane.columnStep.norm()) + " x " + std::to_string(plane.rowStep.norm()) +
-                " mm are too large an image to simulate (at most 2^28 pixels, 2^26 echo samples and 2^30 "
-                "scatterers); ask for a smaller plane.");
-  }
+  Require(plane.NumberOfPixels() <= (std::size_t(1) << 28) && samples <= std::ldexp(1.0, 26) &&
+              scatterers <= std::ldexp(1.0, 30),
+          "phantom plane: ", plane.width, " x ", plane.height, " pixels of ", plane.columnStep.norm(), " x ",
+          plane.rowStep.norm(),
+          " mm are too large an image to simulate (at most 2^28 pixels, 2^26 echo samples and 2^30 "
+          "scatterers); ask for a smaller plane.");
 }
 
 }  // namespace
@@ -86,10 +84,8 @@ Aperture::Aperture(const PhantomOptions& options, const SlicePlane& plane)
                       ((fan ? 2 * lastLine * lastRange : 2 * lastLine) + 2 * kReach * options.lateralSigma);
   const double scatterers = area * 2 * kReach * options.elevationSigma * options.scattererDensity;
   RequireSmall(plane, samples, scatterers);
-  if (!(face.cwiseAbs().maxCoeff() <= 1e6))
-  {
-    throw Error("phantom plane: it lies more than 1e6 mm from the phantom's origin; are the pose's units mm?");
-  }
+  Require(face.cwiseAbs().maxCoeff() <= 1e6,
+          "phantom plane: it lies more than 1e6 mm from the phantom's origin; are the pose's units mm?");
   lines = static_cast<int>(2 * half) + 1;
   ranges = static_cast<int>(deep + 2 * padding) + 1;
   gridLine = -half * lineStep;

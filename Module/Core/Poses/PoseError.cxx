@@ -47,11 +47,8 @@ Eigen::Matrix3d AxesOf(const Eigen::Matrix4d& pose)
 PoseError MeasurePoseError(const std::vector<Eigen::Matrix4d>& poses, const std::vector<Eigen::Matrix4d>& truth,
                            int width, int height)
 {
-  if (poses.empty() || poses.size() != truth.size())
-  {
-    throw Error("pose error: there are " + std::to_string(poses.size()) + " poses and " + std::to_string(truth.size()) +
-                " true ones; it takes as many of each, and at least one.");
-  }
+  Require(!poses.empty() && poses.size() == truth.size(), "pose error: there are ", poses.size(), " poses and ",
+          truth.size(), " true ones; it takes as many of each, and at least one.");
   PoseError error;
   for (std::size_t k = 0; k < poses.size(); ++k)
   {

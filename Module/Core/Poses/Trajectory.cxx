@@ -6,7 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -665,10 +664,8 @@ bool HasUsableTimes(const Sweep& sweep)
 
 void TrajectoryOptions::Validate() const
 {
-  if (!(strength >= 0 && strength <= 1000))
-  {
-    throw Error("Trajectory: the strength is " + std::to_string(strength) + "; it must lie between 0 and 1000.");
-  }
+  Require(strength >= 0 && strength <= 1000, "Trajectory: the strength is ", strength,
+          "; it must lie between 0 and 1000.");
 }
 
 bool Trajectory::IsChanged() const

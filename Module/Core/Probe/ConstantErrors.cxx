@@ -1225,11 +1225,8 @@ ConstantErrors EstimateConstantErrors(const Sweep& sweep, const std::vector<int>
     return out;
   }
   const auto [least, most] = std::minmax_element(frames.begin(), frames.end());
-  if (*least < 0 || *most >= sweep.NumberOfFrames())
-  {
-    throw Error("ConstantErrors: there is no frame " + std::to_string(*least < 0 ? *least : *most) + " among " +
-                std::to_string(sweep.NumberOfFrames()) + ".");
-  }
+  Require(*least >= 0 && *most < sweep.NumberOfFrames(), "ConstantErrors: there is no frame ",
+          *least < 0 ? *least : *most, " among ", sweep.NumberOfFrames(), ".");
   const SeenFrames seenFrames(sweep, frames);
   if (seenFrames.FindOverlaps(Vector::Zero()).size() < kFewestOverlaps)
   {

@@ -928,11 +928,8 @@ std::vector<int> ChooseFrames(const Sweep& sweep, const std::vector<int>& given)
 {
   for (const int frame : given)
   {
-    if (frame < 0 || frame >= sweep.NumberOfFrames())
-    {
-      throw Error("Elevation estimate: frame " + std::to_string(frame) + " was asked for, but the frames are 0 to " +
-                  std::to_string(sweep.NumberOfFrames() - 1) + ".");
-    }
+    Require(frame >= 0 && frame < sweep.NumberOfFrames(), "Elevation estimate: frame ", frame,
+            " was asked for, but the frames are 0 to ", sweep.NumberOfFrames() - 1, ".");
   }
   const std::size_t left = given.size() > kMostFrames ? (given.size() - kMostFrames) / 2 : 0;
   return {given.begin() + left, given.end() - left};

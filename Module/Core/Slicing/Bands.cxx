@@ -45,23 +45,15 @@ void JoinPlane(const Slab& slab, int i, const float* plane, float* joined, std::
 
 void ViewSettings::Validate() const
 {
-  if (!(tolerance >= 0 && tolerance <= 1))
-  {
-    throw Error("The tolerance is " + std::to_string(tolerance) + "; it must lie between 0 and 1.");
-  }
-  if (!(elevationSigma <= GaussianField::kLargestScale && std::isfinite(elevationSigma)))
-  {
-    throw Error("The elevation sigma is " + std::to_string(elevationSigma) +
-                "; give mm up to 1e12, 0 for a thin plane, or a negative number for the field's.");
-  }
+  Require(tolerance >= 0 && tolerance <= 1, "The tolerance is ", tolerance, "; it must lie between 0 and 1.");
+  Require(elevationSigma <= GaussianField::kLargestScale && std::isfinite(elevationSigma), "The elevation sigma is ",
+          elevationSigma, "; give mm up to 1e12, 0 for a thin plane, or a negative number for the field's.");
 }
 
 void Slab::Validate() const
 {
-  if (!std::isfinite(spacing))
-  {
-    throw Error("SlabSliceSpacingFraction is not finite; 1 puts a slab's planes one OutputSpacing apart.");
-  }
+  Require(std::isfinite(spacing),
+          "SlabSliceSpacingFraction is not finite; 1 puts a slab's planes one OutputSpacing apart.");
 }
 
 RenderPlanes PlanesOn(Engine& engine, ViewOutput output)

@@ -73,12 +73,9 @@ OutputGrid DerivedGrid(const GivenGrid& given, const ResliceSettings& settings, 
 {
   const Eigen::Matrix4d turn = settings.turnsInput ? settings.axes : Eigen::Matrix4d::Identity();
   const Eigen::Vector4d centre = turn.inverse() * CentreOf(in).homogeneous();
-  if (!centre.allFinite() || !settings.axes.inverse().allFinite())
-  {
-    throw Error(
-        "ResliceAxes cannot be inverted, so there is no default output geometry; set "
-        "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
-  }
+  Require(centre.allFinite() && settings.axes.inverse().allFinite(),
+          "ResliceAxes cannot be inverted, so there is no default output geometry; set "
+          "OutputSpacing, OutputOrigin and OutputExtent, or mend the axes.");
   const Eigen::AlignedBox3d crop = settings.crops
                                        ? BoundsFrom(in, OutputToWorld(settings.axes, settings.transform).inverse())
                                        : Eigen::AlignedBox3d();
@@ -114,15 +111,9 @@ void CheckGiven(const GivenGrid& given)
   for (int axis = 0; axis < 3; ++axis)
   {
     const double size = given.spacing ? std::abs((*given.spacing)[axis]) : 1;
-    if (!(size >= kMinimumSpacing && size <= kMaximumSpacing))
-    {
-      throw Error("OutputSpacing along axis " + std::to_string(axis) + " is " + std::to_string((*given.spacing)[axis]) +
-                  " mm; it must lie between 1e-6 and 1e6 mm.");
-    }
-    if (given.origin && !std::isfinite((*given.origin)[axis]))
-    {
-      throw Error("OutputOrigin along axis " + std::to_string(axis) + " is not finite.");
-    }
+    Require(size >= kMinimumSpacing && size <= kMaximumSpacing, "OutputSpacing along axis ", axis, " is ",
+            (*given.spacing)[axis], " mm; it must lie between 1e-6 and 1e6 mm.");
+    Require(!given.origin || std::isfinite((*given.origin)[axis]), "OutputOrigin along axis ", axis, " is not finite.");
   }
 }
 
@@ -225,12 +216,9 @@ OutputGrid ResliceGrid(const GivenGrid& given, const ResliceSettings& settings, 
   }
   for (int axis = 0; axis < 3; ++axis)
   {
-    if (Steps(grid.extent, axis) + 1 > std::numeric_limits<int>::max())
-    {
-      throw Error("OutputExtent runs from " + std::to_string(grid.extent[2 * axis]) + " to " +
-                  std::to_string(grid.extent[2 * axis + 1]) + " along axis " + std::to_string(axis) +
-                  "; an axis can have at most 2^31 - 1 pixels.");
-    }
+    Require(Steps(grid.extent, axis) + 1 <= std::numeric_limits<int>::max(), "OutputExtent runs from ",
+            grid.extent[2 * axis], " to ", grid.extent[2 * axis + 1], " along axis ", axis,
+            "; an axis can have at most 2^31 - 1 pixels.");
   }
   return grid;
 }
@@ -238,17 +226,11 @@ OutputGrid ResliceGrid(const GivenGrid& given, const ResliceSettings& settings, 
 Eigen::Matrix4d OutputToWorld(const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform)
 {
   const Eigen::Matrix4d matrix = transform ? Eigen::Matrix4d(*transform * axes) : axes;
-  if (!matrix.allFinite())
-  {
-    throw Error("ResliceAxes or ResliceTransform holds a value that is not finite.");
-  }
+  Require(matrix.allFinite(), "ResliceAxes or ResliceTransform holds a value that is not finite.");
   const Eigen::RowVector4d last = matrix.row(3);
-  if (last[3] == 0 || last.head<3>().cwiseAbs().maxCoeff() > kAffine * std::abs(last[3]))
-  {
-    throw Error(
-        "ResliceAxes and ResliceTransform together are perspective (their last row is not 0 0 0 1); "
-        "a slice must stay evenly spaced.");
-  }
+  Require(last[3] != 0 && last.head<3>().cwiseAbs().maxCoeff() <= kAffine * std::abs(last[3]),
+          "ResliceAxes and ResliceTransform together are perspective (their last row is not 0 0 0 1); "
+          "a slice must stay evenly spaced.");
   return matrix / last[3];
 }
 
@@ -263,11 +245,9 @@ Eigen::Matrix4d IndexToWorld(const Eigen::Matrix4d& outputToWorld, const Eigen::
 
 OutputGrid VoxelGrid(const GivenGrid& given, const Eigen::Matrix3d& direction, const InputGrid& field)
 {
-  if (!((direction.colwise().norm().array() - 1).abs().maxCoeff() < kUnitLength) ||
-      !(std::abs(direction.determinant()) > kFlat))
-  {
-    throw Error("OutputDirection must be a 3 x 3 matrix whose columns are unit vectors that span space.");
-  }
+  Require((direction.colwise().norm().array() - 1).abs().maxCoeff() < kUnitLength &&
+              std::abs(direction.determinant()) > kFlat,
+          "OutputDirection must be a 3 x 3 matrix whose columns are unit vectors that span space.");
   OutputGrid grid{given.spacing.value_or(Eigen::Vector3d::Ones()), given.origin.value_or(Eigen::Vector3d::Zero()),
                   given.extent.value_or(Extent{})};
   if (!given.IsWhole())

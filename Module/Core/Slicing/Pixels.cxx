@@ -16,22 +16,15 @@ namespace bigus
 
 void CheckPixelType(const std::string& type, ViewOutput output)
 {
-  if (type != "float" && type != "unsigned char")
-  {
-    throw Error("OutputScalarType is " + type + "; float and unsigned char are possible.");
-  }
-  if (output == ViewOutput::Scattering && type != "float")
-  {
-    throw Error("The scattering field is signed and unbounded; set OutputScalarType to float.");
-  }
+  Require(type == "float" || type == "unsigned char", "OutputScalarType is ", type,
+          "; float and unsigned char are possible.");
+  Require(output != ViewOutput::Scattering || type == "float",
+          "The scattering field is signed and unbounded; set OutputScalarType to float.");
 }
 
 void Seen::Validate() const
 {
-  if (!(threshold >= 0))
-  {
-    throw Error("CoverageThreshold is " + std::to_string(threshold) + "; it must be at least 0.");
-  }
+  Require(threshold >= 0, "CoverageThreshold is ", threshold, "; it must be at least 0.");
 }
 
 void Seen::FillBackground(const PixelBand& band, bool isBytes) const

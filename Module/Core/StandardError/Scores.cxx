@@ -233,12 +233,10 @@ StandardErrorReport ScoreStandardError(const StandardError& standardError, const
 {
   const Samples samples = SampleFrames(standardError, field, sweep, frames, engine);
   const double square = samples.errors.empty() ? 0 : MeanSquare(samples.errors);
-  if (!(square > 0))
-  {
-    throw Error(samples.errors.empty() ? "The standard error is known at no pixel of the frames to score: none lies "
-                                         "between training frames."
-                                       : "The frames to score are as the field shows them: there is no error to tell.");
-  }
+  Require(square > 0, samples.errors.empty()
+                          ? "The standard error is known at no pixel of the frames to score: none lies "
+                            "between training frames."
+                          : "The frames to score are as the field shows them: there is no error to tell.");
   StandardErrorReport report;
   report.model = Compare(samples.model, samples.errors);
   report.constant = CompareScaled(std::vector<float>(samples.errors.size(), 1), samples.errors);

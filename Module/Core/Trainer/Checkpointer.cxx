@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cinttypes>
 #include <cstdio>
-#include <cstring>
 
 #include "Core/Engine/Exchange.h"
 #include "Core/Engine/FieldState.h"
@@ -54,33 +53,19 @@ void SetHeader(std::string& bytes)
 /// What follows the header. Throws Error unless the bytes are whole.
 std::string_view BodyOf(std::string_view bytes)
 {
-  if (bytes.substr(0, sizeof(kMagic)) != std::string_view(kMagic, sizeof(kMagic)))
-  {
-    throw Error(std::string("This is no checkpoint of a training.") + kBegin);
-  }
-  if (bytes.size() < kHeaderBytes)
-  {
-    throw Error("The checkpoint ends after " + std::to_string(bytes.size()) + " bytes: it was cut off." + kBegin);
-  }
+  Require(bytes.substr(0, sizeof(kMagic)) == std::string_view(kMagic, sizeof(kMagic)),
+          "This is no checkpoint of a training.", kBegin);
+  Require(bytes.size() >= kHeaderBytes, "The checkpoint ends after ", bytes.size(), " bytes: it was cut off.", kBegin);
   StateReader header(bytes.substr(sizeof(kMagic), kHeaderBytes - sizeof(kMagic)));
   const auto format = header.Number<std::uint32_t>(), order = header.Number<std::uint32_t>();
   const auto size = header.Number<std::uint64_t>(), checksum = header.Number<std::uint64_t>();
   const std::string_view body = bytes.substr(kHeaderBytes);
-  if (format != kFormat || order != kByteOrder)
-  {
-    throw Error("The checkpoint has format " + std::to_string(format) +
-                (order != kByteOrder ? ", of another machine" : "") + "; this program reads format " +
-                std::to_string(kFormat) + "." + kBegin);
-  }
-  if (body.size() != size)
-  {
-    throw Error("The checkpoint holds " + std::to_string(body.size()) + " bytes and says " + std::to_string(size) +
-                (body.size() < size ? ": it was cut off." : ".") + kBegin);
-  }
-  if (Checksum().Add(body.data(), body.size()).Value() != checksum)
-  {
-    throw Error(std::string("The checkpoint was damaged: its checksum is wrong.") + kBegin);
-  }
+  Require(format == kFormat && order == kByteOrder, "The checkpoint has format ", format,
+          order != kByteOrder ? ", of another machine" : "", "; this program reads format ", kFormat, ".", kBegin);
+  Require(body.size() == size, "The checkpoint holds ", body.size(), " bytes and says ", size,
+          body.size() < size ? ": it was cut off." : ".", kBegin);
+  Require(Checksum().Add(body.data(), body.size()).Value() == checksum,
+          "The checkpoint was damaged: its checksum is wrong.", kBegin);
   return body;
 }
 
@@ -400,11 +385,8 @@ void Checkpointer::RequireSameTraining(const NamedTexts& then) const
                      now.substr(0, kQuoted);
     }
   }
-  if (!differences.empty())
-  {
-    throw Error("The checkpoint is of another training: " + differences +
-                ". Give the sequence and the options of then, or begin anew, without the checkpoint.");
-  }
+  Require(differences.empty(), "The checkpoint is of another training: ", differences,
+          ". Give the sequence and the options of then, or begin anew, without the checkpoint.");
 }
 
 }  // namespace bigus

@@ -45,12 +45,9 @@ const std::string kTimeLimit = "TimeLimit";
 /// Refuses what no field can be seeded from: a single plane says nothing about space, equal pixels nothing at all.
 void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
 {
-  if (frames.size() < 2)
-  {
-    throw Error(
-        "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field that "
-        "exists already can be continued with one.)");
-  }
+  Require(frames.size() >= 2,
+          "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field that "
+          "exists already can be continued with one.)");
   std::vector<float> image(sweep.PixelsPerFrame());
   sweep.CopyFrame(frames[0], image.data());
   const float level = image[0];
@@ -147,12 +144,9 @@ std::shared_ptr<const Sweep> Restore(const Settlement& settled, const std::share
   options.Validate();
   decisions = settled.decisions;
   auto posed = std::make_shared<Sweep>(*sweep);
-  if (settled.imageToReference.size() != posed->imageToReference.size())
-  {
-    throw Error("The checkpoint has poses of " + std::to_string(settled.imageToReference.size()) +
-                " frames; there are " + std::to_string(posed->imageToReference.size()) +
-                ". Begin anew, without the checkpoint.");
-  }
+  Require(settled.imageToReference.size() == posed->imageToReference.size(), "The checkpoint has poses of ",
+          settled.imageToReference.size(), " frames; there are ", posed->imageToReference.size(),
+          ". Begin anew, without the checkpoint.");
   posed->imageToReference = settled.imageToReference;
   posed->ValidateLayout();
   return posed;
@@ -258,12 +252,8 @@ void Training::SetApart()
   {
     std::tie(frames, validation) = SplitHoldOut(*sweep_, frames, options_.validation);
   }
-  if (frames.empty())
-  {
-    throw Error("Trainer: with a hold-out of " + std::to_string(options_.holdOut) + " and validation of " +
-                std::to_string(options_.validation) + ", none of the " + std::to_string(sweep_->NumberOfFrames()) +
-                " frames is left to train on.");
-  }
+  Require(!frames.empty(), "Trainer: with a hold-out of ", options_.holdOut, " and validation of ", options_.validation,
+          ", none of the ", sweep_->NumberOfFrames(), " frames is left to train on.");
   if (!start_)
   {
     RequireSomethingToLearn(*sweep_, frames);

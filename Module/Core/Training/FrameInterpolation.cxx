@@ -705,11 +705,8 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
       inner.push_back(k);
     }
   }
-  if (inner.empty())
-  {
-    throw Error("Interpolation: a score needs three frames of one sequence; of " + std::to_string(frames.size()) +
-                " no three follow each other.");
-  }
+  Require(!inner.empty(), "Interpolation: a score needs three frames of one sequence; of ", frames.size(),
+          " no three follow each other.");
   const std::size_t scored = std::min(kScored, inner.size());
   std::vector<double> psnr(scored);
   const auto predict = [&](std::size_t n)

@@ -253,10 +253,7 @@ void SetOption(TrainerOptions& options, const std::string& name, const std::stri
                     value = Parse<T>(info, text, false);
                   }
                 });
-  if (!found)
-  {
-    throw Error("There is no option '" + name.substr(0, 60) + "' of the trainer.");
-  }
+  Require(found, "There is no option '", name.substr(0, 60), "' of the trainer.");
 }
 
 std::string SpellOption(const std::string& name, char separator)

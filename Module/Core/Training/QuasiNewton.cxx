@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "Core/Engine/Packing.h"
-#include "Core/Formula/Splat.h"
 #include "Core/Numerics/Constants.h"
 
 namespace bigus

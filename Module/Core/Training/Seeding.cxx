@@ -17,7 +17,6 @@
 #include "Core/Model/Sequences.h"
 #include "Core/Numerics/Statistics.h"
 #include "Core/Poses/Alignment.h"
-#include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/SeedShapes.h"
 
 namespace bigus
@@ -100,11 +99,8 @@ Brightness MeasureBrightness(const Sweep& sweep, const std::vector<int>& frames)
   {
     found.mean += sum / static_cast<double>(pixels * frames.size());
   }
-  if (std::count(found.lit.begin(), found.lit.end(), 1) == 0)
-  {
-    throw Error("Seeding: all " + std::to_string(frames.size()) +
-                " frames are black inside the mask, so there is nothing to learn. Check the clip region and the file.");
-  }
+  Require(std::count(found.lit.begin(), found.lit.end(), 1) != 0, "Seeding: all ", frames.size(),
+          " frames are black inside the mask, so there is nothing to learn. Check the clip region and the file.");
   return found;
 }
 
@@ -372,14 +368,9 @@ struct Seeder
 
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
 {
-  if (options.count < 1 || options.count > (std::size_t(1) << 26))
-  {
-    throw Error("Seeding: " + std::to_string(options.count) + " Gaussians were asked for; give 1 to 67108864.");
-  }
-  if (frames.empty())
-  {
-    throw Error("Seeding: there is no frame to seed from.");
-  }
+  Require(options.count >= 1 && options.count <= (std::size_t(1) << 26), "Seeding: ", options.count,
+          " Gaussians were asked for; give 1 to 67108864.");
+  Require(!frames.empty(), "Seeding: there is no frame to seed from.");
   const Brightness brightness = MeasureBrightness(sweep, frames);
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
   // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.

@@ -12,7 +12,6 @@
 #include "Core/Model/PixelMemory.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Poses/Alignment.h"
-#include "Core/Training/GeometryDefaults.h"
 
 namespace bigus
 {

@@ -47,14 +47,8 @@ public:
   explicit File(const std::string& fileName) : name_(fileName), bytes_(ReadTextFile(fileName, largestHdf5Transform))
   {
     const std::uint64_t version = Number(8, 1);  // II.B
-    if (version != 2 && version != 3)
-    {
-      Refuse("its superblock has version " + std::to_string(version));
-    }
-    if (Number(9, 1) != 8 || Number(10, 1) != 8)
-    {
-      Refuse("its addresses have not 8 bytes");
-    }
+    RequireKind(version == 2 || version == 3, "its superblock has version ", version);
+    RequireKind(Number(9, 1) == 8 && Number(10, 1) == 8, "its addresses have not 8 bytes");
     if (Number(12, 8) != 0)  // the base address
     {
       Refuse("it does not begin at its first byte");
@@ -67,6 +61,15 @@ public:
   [[noreturn]] void Refuse(const std::string& what) const
   {
     throw FormatError(name_ + ": an HDF5 file that is not read: " + what + "; save the transform as .tfm");
+  }
+
+  template <class... Parts>
+  void RequireKind(bool holds, const Parts&... what) const
+  {
+    if (!holds)
+    {
+      Refuse(MessageText(what...));
+    }
   }
 
   /// A little-endian number of `size` bytes.
@@ -90,10 +93,7 @@ public:
   /// The messages of the object whose header is at `address` (IV.A.1.b).
   std::vector<Message> Messages(std::uint64_t address) const
   {
-    if (Text(address, 4) != "OHDR" || Number(address + 4, 1) != 2)
-    {
-      Refuse("an object's header is of an older kind");
-    }
+    RequireKind(Text(address, 4) == "OHDR" && Number(address + 4, 1) == 2, "an object's header is of an older kind");
     const std::uint64_t flags = Number(address + 5, 1);
     std::uint64_t at = address + 6 + (flags & 0x20 ? 16 : 0) + (flags & 0x10 ? 4 : 0);
     const std::uint64_t sizeBytes = std::uint64_t(1) << (flags & 3);
@@ -118,10 +118,8 @@ public:
         }
         const std::uint64_t start = Number(message.at, 8), length = Number(message.at + 8, 8);
         Require(start, length);
-        if (length < 8 || Text(start, 4) != "OCHK" || blocks.size() >= mostBlocks)
-        {
-          Refuse("an object's header goes on at a place that is none");
-        }
+        RequireKind(length >= 8 && Text(start, 4) == "OCHK" && blocks.size() < mostBlocks,
+                    "an object's header goes on at a place that is none");
         blocks.emplace_back(start + 4, start + length - 4);  // without its name and its checksum
       }
     }
@@ -154,16 +152,10 @@ public:
       {
         continue;
       }
-      if (type != 0)
-      {
-        Refuse("'" + name + "' is a link to elsewhere");
-      }
+      RequireKind(type == 0, "'", name, "' is a link to elsewhere");
       return Number(at + length, 8);
     }
-    if (isDense)
-    {
-      Refuse("a group has more links than its header holds");
-    }
+    RequireKind(!isDense, "a group has more links than its header holds");
     return kUndefined;
   }
 
@@ -212,11 +204,9 @@ public:
         Refuse("its arrays are compressed");
       }
     }
-    if (data.count > mostNumbers || data.elementSize > largestHdf5Transform ||
-        data.size < data.count * data.elementSize)
-    {
-      Refuse("an array has a size that is none");
-    }
+    RequireKind(data.count <= mostNumbers && data.elementSize <= largestHdf5Transform &&
+                    data.size >= data.count * data.elementSize,
+                "an array has a size that is none");
     return data;
   }
 
@@ -263,10 +253,7 @@ public:
       return text.substr(0, text.find('\0'));
     }
     const std::uint64_t length = Number(data.at, 4), heap = Number(data.at + 4, 8), wanted = Number(data.at + 12, 4);
-    if (Text(heap, 4) != "GCOL")
-    {
-      Refuse("a text is not where it should be");
-    }
+    RequireKind(Text(heap, 4) == "GCOL", "a text is not where it should be");
     const std::uint64_t heapSize = Number(heap + 8, 8);
     Require(heap, heapSize);
     for (std::uint64_t at = heap + 16; at + 16 <= heap + heapSize;)
@@ -290,10 +277,8 @@ public:
 private:
   void Require(std::uint64_t at, std::uint64_t size) const
   {
-    if (at > bytes_.size() || size > bytes_.size() - at)
-    {
-      throw TruncationError(name_ + ": the HDF5 file ends before what it refers to; it is truncated or damaged");
-    }
+    bigus::Require(FileFault::Truncated, at <= bytes_.size() && size <= bytes_.size() - at, name_,
+                   ": the HDF5 file ends before what it refers to; it is truncated or damaged");
   }
 
   const std::string& name_;
@@ -312,10 +297,7 @@ std::vector<TransformEntry> ReadHdf5Transforms(const std::string& fileName)
 {
   const File file(fileName);
   const std::uint64_t group = file.Find(file.Root(), "TransformGroup");
-  if (group == kUndefined)
-  {
-    file.Refuse("it has no TransformGroup");
-  }
+  file.RequireKind(group != kUndefined, "it has no TransformGroup");
   std::vector<TransformEntry> entries;
   for (std::size_t k = 0;; ++k)
   {
@@ -324,10 +306,7 @@ std::vector<TransformEntry> ReadHdf5Transforms(const std::string& fileName)
     {
       return entries;
     }
-    if (k == mostTransforms)
-    {
-      file.Refuse("it has more than " + std::to_string(mostTransforms) + " transforms");
-    }
+    file.RequireKind(k != mostTransforms, "it has more than ", mostTransforms, " transforms");
     const auto numbers = [&](const std::string& name)
     {
       std::uint64_t found = file.Find(transform, "Transform" + name);
@@ -335,10 +314,7 @@ std::vector<TransformEntry> ReadHdf5Transforms(const std::string& fileName)
       return found == kUndefined ? std::vector<double>() : file.Numbers(found);
     };
     const std::uint64_t type = file.Find(transform, "TransformType");
-    if (type == kUndefined)
-    {
-      file.Refuse("TransformGroup/" + std::to_string(k) + " has no TransformType");
-    }
+    file.RequireKind(type != kUndefined, "TransformGroup/", k, " has no TransformType");
     entries.push_back({file.Word(type), numbers("Parameters"), numbers("FixedParameters")});
   }
 }

@@ -39,12 +39,9 @@ void SetOrientation(SequenceFile& file)
   const std::string& o = file.orientation;
   const bool known = (o.size() == 2 || (o.size() == 3 && (o[2] == 'A' || o[2] == 'D'))) &&
                      (o[0] == 'M' || o[0] == 'U') && (o[1] == 'F' || o[1] == 'N');
-  if (!known)
-  {
-    Refuse(file, "UltrasoundImageOrientation = " + Quoted(o) +
-                     "; MF, MN, UF and UN, with A or D after them, are read. Scan-line orders such as FM are not: "
-                     "convert to a B-mode image first");
-  }
+  RequireHeader(file, known, "UltrasoundImageOrientation = ", Quoted(o),
+                "; MF, MN, UF and UN, with A or D after them, are read. Scan-line orders such as FM are not: "
+                "convert to a B-mode image first");
   file.flipColumns = o[0] == 'U';
   file.flipRows = o[1] == 'N';
 }
@@ -63,37 +60,24 @@ void CheckDataSize(SequenceFile& file)
 {
   const std::uint64_t size = InputFile(file.dataFile).Size();
   const std::uint64_t available = size > file.dataOffset ? size - file.dataOffset : 0;
-  if (file.dataBytes > available)
-  {
-    throw TruncationError(file.fileName + ": states CompressedDataSize = " + std::to_string(file.dataBytes) +
-                          ", but only " + std::to_string(available) +
-                          " bytes of pixels follow; the file is truncated or that number is wrong");
-  }
+  Require(FileFault::Truncated, file.dataBytes <= available, file.fileName,
+          ": states CompressedDataSize = ", file.dataBytes, ", but only ", available,
+          " bytes of pixels follow; the file is truncated or that number is wrong");
   file.dataBytes = file.dataBytes == 0 ? available : file.dataBytes;
 
   const std::uint64_t needed = file.PixelBytesInFile();
   const bool compressed = file.encoding != Encoding::Raw;
   // What is kept of a frame takes some hundred bytes, so a few bytes must not stand for a million frames of a pixel.
   const auto frames = static_cast<std::uint64_t>(file.numberOfFrames);
-  if (frames > std::max<std::uint64_t>(kFramesOfAnyFile, file.dataBytes))
-  {
-    Refuse(file, "claims " + std::to_string(frames) + " frames in " + std::to_string(file.dataBytes) +
-                     " bytes of pixels; where there are more than " + std::to_string(kFramesOfAnyFile) +
-                     " frames, each takes a byte at least");
-  }
-  if (compressed ? needed / deflateLimit > file.dataBytes : needed > file.dataBytes)
-  {
-    throw TruncationError(file.fileName + ": claims " + std::to_string(file.numberOfFrames) + " frames of " +
-                          std::to_string(file.width) + " x " + std::to_string(file.height) + " " + file.PixelType() +
-                          " (" + std::to_string(needed) + " bytes), but only " + std::to_string(file.dataBytes) +
-                          (compressed ? " compressed" : "") +
-                          " bytes of pixels follow; the file is truncated or its sizes are wrong");
-  }
-  if (!compressed && needed < file.dataBytes)
-  {
-    Refuse(file, "the header accounts for " + std::to_string(needed) + " bytes of pixels, but there are " +
-                     std::to_string(file.dataBytes) + "; its sizes or element type are wrong");
-  }
+  RequireHeader(file, frames <= std::max<std::uint64_t>(kFramesOfAnyFile, file.dataBytes), "claims ", frames,
+                " frames in ", file.dataBytes, " bytes of pixels; where there are more than ", kFramesOfAnyFile,
+                " frames, each takes a byte at least");
+  Require(FileFault::Truncated, !(compressed ? needed / deflateLimit > file.dataBytes : needed > file.dataBytes),
+          file.fileName, ": claims ", file.numberOfFrames, " frames of ", file.width, " x ", file.height, " ",
+          file.PixelType(), " (", needed, " bytes), but only ", file.dataBytes, compressed ? " compressed" : "",
+          " bytes of pixels follow; the file is truncated or its sizes are wrong");
+  RequireHeader(file, compressed || needed >= file.dataBytes, "the header accounts for ", needed,
+                " bytes of pixels, but there are ", file.dataBytes, "; its sizes or element type are wrong");
 }
 
 }  // namespace
@@ -112,10 +96,7 @@ const std::string* Find(const Fields& fields, const std::string& name)
 const std::string& Require(const SequenceFile& file, const Fields& fields, const std::string& name)
 {
   const std::string* value = Find(fields, name);
-  if (!value)
-  {
-    Refuse(file, "the header has no field " + name + "; it is incomplete or not a tracked sequence");
-  }
+  RequireHeader(file, value, "the header has no field ", name, "; it is incomplete or not a tracked sequence");
   return *value;
 }
 
@@ -139,25 +120,18 @@ std::vector<std::int64_t> RequireSizes(const SequenceFile& file, const std::stri
 
 void SetChannels(SequenceFile& file, std::int64_t channels)
 {
-  if (channels != 1 && channels != 3 && channels != 4)
-  {
-    Refuse(file, "has " + std::to_string(channels) + " channels a pixel; grey images (1) and colours (3, 4) are read");
-  }
-  if (channels > 1 && file.elementType != ElementType::UInt8)
-  {
-    Refuse(file, std::string("has colours of type ") + file.PixelType() + "; those of unsigned char are read");
-  }
+  RequireHeader(file, channels == 1 || channels == 3 || channels == 4, "has ", channels,
+                " channels a pixel; grey images (1) and colours (3, 4) are read");
+  RequireHeader(file, channels <= 1 || file.elementType == ElementType::UInt8, "has colours of type ", file.PixelType(),
+                "; those of unsigned char are read");
   file.channels = static_cast<int>(channels);
 }
 
 void SetSizes(SequenceFile& file, std::int64_t width, std::int64_t height, std::int64_t frames)
 {
-  if (width > largestSide || height > largestSide || frames > mostFrames)
-  {
-    Refuse(file, "claims " + std::to_string(frames) + " frames of " + std::to_string(width) + " x " +
-                     std::to_string(height) + " pixels; at most " + std::to_string(mostFrames) + " frames of " +
-                     std::to_string(largestSide) + " x " + std::to_string(largestSide) + " are read");
-  }
+  RequireHeader(file, width <= largestSide && height <= largestSide && frames <= mostFrames, "claims ", frames,
+                " frames of ", width, " x ", height, " pixels; at most ", mostFrames, " frames of ", largestSide, " x ",
+                largestSide, " are read");
   file.width = static_cast<int>(width);
   file.height = static_cast<int>(height);
   file.numberOfFrames = static_cast<int>(frames);

@@ -20,6 +20,16 @@ constexpr std::uint64_t longestHeader = 256u << 20;
 /// Throws FileError: the file's name, then `message`.
 [[noreturn]] void Refuse(const SequenceFile& file, const std::string& message);
 
+/// Refuses the file unless `holds`, as Require of Core/Model/Error.h does.
+template <class... Parts>
+void RequireHeader(const SequenceFile& file, bool holds, const Parts&... message)
+{
+  if (!holds)
+  {
+    Refuse(file, MessageText(message...));
+  }
+}
+
 /// The field of that name; null when there is none.
 const std::string* Find(const Fields& fields, const std::string& name);
 

@@ -26,10 +26,8 @@ std::vector<double> Numbers(const std::string& where, std::string_view text)
   std::vector<double> numbers(words.size());
   for (std::size_t i = 0; i < words.size(); ++i)
   {
-    if (!ParseNumber(words[i], numbers[i]) || !std::isfinite(numbers[i]))
-    {
-      throw FormatError(where + ": " + Quoted(words[i]) + " is not a number");
-    }
+    RequireFormat(ParseNumber(words[i], numbers[i]) && std::isfinite(numbers[i]), where, ": ", Quoted(words[i]),
+                  " is not a number");
   }
   return numbers;
 }
@@ -92,10 +90,7 @@ using Vector = Eigen::Map<const Eigen::Vector3d>;
 Eigen::Matrix3d Versor(const std::string& where, const double* p)
 {
   const double rest = 1 - p[0] * p[0] - p[1] * p[1] - p[2] * p[2];
-  if (rest < -1e-6)
-  {
-    throw FormatError(where + ": the versor is longer than 1");
-  }
+  RequireFormat(rest >= -1e-6, where, ": the versor is longer than 1");
   return Eigen::Quaterniond(std::sqrt(std::max(rest, 0.0)), p[0], p[1], p[2]).normalized().toRotationMatrix();
 }
 
@@ -191,21 +186,14 @@ Eigen::Matrix4d MatrixOf(const std::string& fileName, const TransformEntry& entr
 {
   const auto kind =
       std::find_if(std::begin(kKinds), std::end(kKinds), [&entry](const Kind& one) { return entry.type == one.type; });
-  if (kind == std::end(kKinds))
-  {
-    throw FormatError(
-        fileName + ": " + Quoted(entry.type) +
-        " is not read; Identity, Translation, Scale, Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D, "
-        "Versor, VersorRigid3D, Similarity3D, ScaleVersor3D, ScaleSkewVersor3D, ComposeScaleSkewVersor3D and a "
-        "Composite of them are");
-  }
+  RequireFormat(kind != std::end(kKinds), fileName, ": ", Quoted(entry.type),
+                " is not read; Identity, Translation, Scale, Affine, MatrixOffsetTransformBase, Rigid3D, Euler3D, "
+                "Versor, VersorRigid3D, Similarity3D, ScaleVersor3D, ScaleSkewVersor3D, ComposeScaleSkewVersor3D and a "
+                "Composite of them are");
   const std::size_t fixed = entry.fixedParameters.size();
-  if (entry.parameters.size() != kind->parameters || fixed < kind->fewestFixed || fixed > kind->mostFixed)
-  {
-    throw FormatError(fileName + ": " + entry.type + " has " + std::to_string(entry.parameters.size()) +
-                      " Parameters and " + std::to_string(fixed) + " FixedParameters; " +
-                      std::to_string(kind->parameters) + " and " + std::to_string(kind->fewestFixed) + " are expected");
-  }
+  RequireFormat(entry.parameters.size() == kind->parameters && fixed >= kind->fewestFixed && fixed <= kind->mostFixed,
+                fileName, ": ", entry.type, " has ", entry.parameters.size(), " Parameters and ", fixed,
+                " FixedParameters; ", kind->parameters, " and ", kind->fewestFixed, " are expected");
   auto [linear, translation] = kind->read(fileName + ": " + entry.type, entry.parameters.data(), entry.fixedParameters);
   if (!entry.fixedParameters.empty())
   {
@@ -227,12 +215,9 @@ LinearTransform ReadLinearTransform(const std::string& fileName)
   if (!isHdf5 && text.rfind(itkMagic, 0) != 0)
   {
     double numbers[16];
-    if (!ParseNumbers(text, 16, numbers))
-    {
-      throw FormatError(fileName +
-                        ": neither a linear transform of ITK (.tfm, .txt, .h5) nor 16 numbers, a 4 x 4 matrix "
-                        "row by row");
-    }
+    RequireFormat(ParseNumbers(text, 16, numbers), fileName,
+                  ": neither a linear transform of ITK (.tfm, .txt, .h5) nor 16 numbers, a 4 x 4 matrix "
+                  "row by row");
     return {Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers), false};
   }
   std::vector<TransformEntry> entries = isHdf5 ? ReadHdf5Transforms(fileName) : TextEntries(fileName, text);
@@ -241,10 +226,7 @@ LinearTransform ReadLinearTransform(const std::string& fileName)
     entry.type = TypeOf(fileName, entry.type);
     for (const double number : entry.parameters)
     {
-      if (!std::isfinite(number))
-      {
-        throw FormatError(fileName + ": " + entry.type + " has a parameter that is not finite");
-      }
+      RequireFormat(std::isfinite(number), fileName, ": ", entry.type, " has a parameter that is not finite");
     }
   }
   const bool composite = !entries.empty() && entries.front().type == "CompositeTransform";
@@ -272,10 +254,7 @@ Eigen::Matrix4d ReadObjectMatrix(const std::string& fileName, bool worldIsLps)
   {
     return file.matrix;
   }
-  if (!(std::abs(file.matrix.determinant()) > 0))
-  {
-    throw FormatError(fileName + ": the transform has no inverse");
-  }
+  RequireFormat(std::abs(file.matrix.determinant()) > 0, fileName, ": the transform has no inverse");
   const Eigen::Vector4d signs = worldIsLps ? Eigen::Vector4d(1, 1, 1, 1) : Eigen::Vector4d(-1, -1, 1, 1);
   return signs.asDiagonal() * file.matrix.inverse() * signs.asDiagonal();
 }

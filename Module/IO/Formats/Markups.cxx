@@ -25,19 +25,13 @@ using Json = nlohmann::json;
 Eigen::VectorXd Numbers(const std::string& what, const Json& markup, const char* name, Eigen::Index count)
 {
   const auto found = markup.find(name);
-  if (found == markup.end() || !found->is_array() || found->size() < static_cast<std::size_t>(count))
-  {
-    throw FormatError(what + " has no " + name + " of " + std::to_string(count) +
-                      " numbers; save it with 3D Slicer 5 or later");
-  }
+  RequireFormat(found != markup.end() && found->is_array() && found->size() >= static_cast<std::size_t>(count), what,
+                " has no ", name, " of ", count, " numbers; save it with 3D Slicer 5 or later");
   Eigen::VectorXd numbers(count);
   for (Eigen::Index i = 0; i < count; ++i)
   {
     const Json& number = (*found)[static_cast<std::size_t>(i)];
-    if (!number.is_number())
-    {
-      throw FormatError(what + ": " + name + "[" + std::to_string(i) + "] is not a number");
-    }
+    RequireFormat(number.is_number(), what, ": ", name, "[", i, "] is not a number");
     numbers[i] = number.get<double>();
   }
   return numbers;
@@ -77,10 +71,8 @@ public:
   Placement(const std::string& what, const Json& markup, bool worldIsLps)
   {
     const std::string system = TextMember(markup, "coordinateSystem", "LPS");
-    if (system != "LPS" && system != "RAS")
-    {
-      throw FormatError(what + ": coordinateSystem " + Quoted(system) + "; LPS and RAS are read");
-    }
+    RequireFormat(system == "LPS" || system == "RAS", what, ": coordinateSystem ", Quoted(system),
+                  "; LPS and RAS are read");
     unit_ = UnitOf(what, markup);
     sign_ = (system == "LPS") != worldIsLps ? -1 : 1;
   }
@@ -100,12 +92,9 @@ private:
 MarkupPlane Grid(const std::string& what, const Eigen::Vector3d& centre, const Eigen::Vector3d& x,
                  const Eigen::Vector3d& y, double width, double height, double spacing)
 {
-  if (!(std::min(width, height) > 0 && std::max(width, height) / spacing <= largestSide))
-  {
-    throw FormatError(what + ": size " + ExactNumber(width) + " x " + ExactNumber(height) + " mm at " +
-                      ExactNumber(spacing) + " mm a pixel; up to " + std::to_string(largestSide) +
-                      " pixels a side are possible");
-  }
+  RequireFormat(std::min(width, height) > 0 && std::max(width, height) / spacing <= largestSide, what, ": size ",
+                ExactNumber(width), " x ", ExactNumber(height), " mm at ", ExactNumber(spacing), " mm a pixel; up to ",
+                largestSide, " pixels a side are possible");
   SlicePlane plane;
   plane.width = std::max(1, static_cast<int>(std::lround(width / spacing)));
   plane.height = std::max(1, static_cast<int>(std::lround(height / spacing)));
@@ -155,11 +144,8 @@ MarkupPlane ReadLine(const std::string& what, const Json& markup, double spacing
   constexpr double kAlongTheBody = 0.9;  // cosine; nearer to it a right angle leaves less than half of "down"
   const Placement place(what, markup, worldIsLps);
   const auto points = markup.find("controlPoints");
-  if (points == markup.end() || !points->is_array() || points->size() != 2)
-  {
-    throw FormatError(what + ": a line has two controlPoints, this one " +
-                      std::to_string(points == markup.end() ? 0 : points->size()));
-  }
+  RequireFormat(points != markup.end() && points->is_array() && points->size() == 2, what,
+                ": a line has two controlPoints, this one ", points == markup.end() ? 0 : points->size());
   std::array<Eigen::Vector3d, 2> ends;
   for (std::size_t k = 0; k < 2; ++k)
   {
@@ -178,15 +164,10 @@ MarkupPlane ReadLine(const std::string& what, const Json& markup, double spacing
 std::vector<std::pair<std::string, Json>> ReadMarkups(const std::string& fileName)
 {
   const Json document = Json::parse(ReadTextFile(fileName, largestMarkups), nullptr, false);
-  if (document.is_discarded())
-  {
-    throw FormatError(fileName + ": not valid JSON; it is damaged or truncated");
-  }
+  RequireFormat(!document.is_discarded(), fileName, ": not valid JSON; it is damaged or truncated");
   const auto markups = document.is_object() ? document.find("markups") : document.end();
-  if (!document.is_object() || markups == document.end() || !markups->is_array())
-  {
-    throw FormatError(fileName + ": has no list \"markups\"; a 3D Slicer markup file (.mrk.json) is expected");
-  }
+  RequireFormat(document.is_object() && markups != document.end() && markups->is_array(), fileName,
+                ": has no list \"markups\"; a 3D Slicer markup file (.mrk.json) is expected");
   std::vector<std::pair<std::string, Json>> named;
   for (std::size_t i = 0; i < markups->size(); ++i)
   {
@@ -211,10 +192,7 @@ std::vector<MarkupPlane> ReadMarkupPlanes(const std::string& fileName, double sp
       planes.push_back((type == "Plane" ? ReadPlane : ReadLine)(what, markup, spacing, worldIsLps));
     }
   }
-  if (planes.empty())
-  {
-    throw FormatError(fileName + ": has no markup of type Plane or Line");
-  }
+  RequireFormat(!planes.empty(), fileName, ": has no markup of type Plane or Line");
   return planes;
 }
 
@@ -236,18 +214,13 @@ MarkupBox ReadMarkupBox(const std::string& fileName, bool worldIsLps)
     {
       box.axes.col(k) = place.InWorld(axes[k], axes[3 + k], axes[6 + k]).normalized();
     }
-    if (!(size.minCoeff() > 0) || !((box.axes.transpose() * box.axes - Eigen::Matrix3d::Identity()).norm() < 1e-6))
-    {
-      throw FormatError(what +
-                        ": size and orientation must be those of a box: three lengths above 0, and axes at right "
-                        "angles");
-    }
+    RequireFormat(size.minCoeff() > 0 && (box.axes.transpose() * box.axes - Eigen::Matrix3d::Identity()).norm() < 1e-6,
+                  what,
+                  ": size and orientation must be those of a box: three lengths above 0, and axes at right "
+                  "angles");
     boxes.push_back(box);
   }
-  if (boxes.size() != 1)
-  {
-    throw FormatError(fileName + ": has " + std::to_string(boxes.size()) + " markups of type ROI; one is expected");
-  }
+  RequireFormat(boxes.size() == 1, fileName, ": has ", boxes.size(), " markups of type ROI; one is expected");
   return boxes.front();
 }
 

@@ -32,10 +32,7 @@ void ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collected)
   bool complete = false;
   while (!complete && input.ReadLine(line))
   {
-    if (input.Position() > longestHeader)
-    {
-      Refuse(file, "the header is longer than 256 MiB");
-    }
+    RequireHeader(file, input.Position() <= longestHeader, "the header is longer than 256 MiB");
     const auto equals = line.find('=');
     if (equals == std::string::npos)
     {
@@ -49,10 +46,8 @@ void ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collected)
     collected.Add(file, key, Trimmed(std::string_view(line).substr(equals + 1)));
     complete = key == "ElementDataFile";
   }
-  if (!complete)
-  {
-    throw TruncationError(file.fileName + ": the header ends before ElementDataFile; the file is truncated");
-  }
+  Require(FileFault::Truncated, complete, file.fileName,
+          ": the header ends before ElementDataFile; the file is truncated");
   file.fields = std::move(collected.fields);
 }
 
@@ -62,10 +57,8 @@ void SetAxes(SequenceFile& file)
   auto sizes = RequireSizes(file, "DimSize", Require(file, file.fields, "DimSize"));
   std::int64_t dimensions = 0;
   const std::string& nDims = Require(file, file.fields, "NDims");
-  if (!ParseNumber(nDims, dimensions) || dimensions != static_cast<std::int64_t>(sizes.size()))
-  {
-    Refuse(file, "NDims = " + Quoted(nDims) + ", but DimSize has " + std::to_string(sizes.size()) + " numbers");
-  }
+  RequireHeader(file, ParseNumber(nDims, dimensions) && dimensions == static_cast<std::int64_t>(sizes.size()),
+                "NDims = ", Quoted(nDims), ", but DimSize has ", sizes.size(), " numbers");
   if (sizes.size() == 4 && sizes[2] == 1)
   {
     sizes.erase(sizes.begin() + 2);
@@ -74,11 +67,8 @@ void SetAxes(SequenceFile& file)
   {
     sizes.push_back(1);
   }
-  if (sizes.size() != 3)
-  {
-    Refuse(file, "DimSize = " + Quoted(file.fields["DimSize"]) +
-                     "; a sequence of single-slice frames (width height frames) is expected");
-  }
+  RequireHeader(file, sizes.size() == 3, "DimSize = ", Quoted(file.fields["DimSize"]),
+                "; a sequence of single-slice frames (width height frames) is expected");
   SetSizes(file, sizes[0], sizes[1], sizes[2]);
 }
 
@@ -106,10 +96,8 @@ void SetType(SequenceFile& file)
   if (const std::string* text = Find(file.fields, "ElementNumberOfChannels"))
   {
     std::int64_t channels = 0;
-    if (!ParseNumber(*text, channels))
-    {
-      Refuse(file, "ElementNumberOfChannels = " + Quoted(*text) + "; a whole number is expected");
-    }
+    RequireHeader(file, ParseNumber(*text, channels), "ElementNumberOfChannels = ", Quoted(*text),
+                  "; a whole number is expected");
     SetChannels(file, channels);
   }
 }
@@ -154,10 +142,8 @@ void SetData(SequenceFile& file, std::uint64_t end)
   if (const std::string* text = Find(file.fields, "CompressedDataSize"); text && file.encoding == Encoding::Zlib)
   {
     std::int64_t bytes = 0;
-    if (!ParseNumber(*text, bytes) || bytes < 1)
-    {
-      Refuse(file, "CompressedDataSize = " + Quoted(*text) + "; a positive whole number is expected");
-    }
+    RequireHeader(file, ParseNumber(*text, bytes) && bytes >= 1, "CompressedDataSize = ", Quoted(*text),
+                  "; a positive whole number is expected");
     file.dataBytes = static_cast<std::uint64_t>(bytes);
   }
   if (const std::string* text = Find(file.fields, "HeaderSize"); text && dataFile != "LOCAL")

@@ -26,10 +26,7 @@ Fields ReadFields(SequenceFile& file, InputFile& input, FieldCollector& collecte
   input.ReadLine(line);  // the magic
   while (!isComplete && input.ReadLine(line, kLongestLine))
   {
-    if (input.Position() > longestHeader)
-    {
-      Refuse(file, "the header is longer than 256 MiB");
-    }
+    RequireHeader(file, input.Position() <= longestHeader, "the header is longer than 256 MiB");
     if (line.empty())
     {
       isComplete = true;
@@ -66,10 +63,8 @@ std::vector<std::int64_t> SizesOf(const SequenceFile& file, const Fields& nrrd)
   if (const std::string* dimension = Find(nrrd, "dimension"))
   {
     std::int64_t count = 0;
-    if (!ParseNumber(*dimension, count) || count != static_cast<std::int64_t>(sizes.size()))
-    {
-      Refuse(file, "dimension: " + Quoted(*dimension) + ", but sizes has " + std::to_string(sizes.size()) + " numbers");
-    }
+    RequireHeader(file, ParseNumber(*dimension, count) && count == static_cast<std::int64_t>(sizes.size()),
+                  "dimension: ", Quoted(*dimension), ", but sizes has ", sizes.size(), " numbers");
   }
   return sizes;
 }
@@ -107,10 +102,8 @@ std::vector<std::string> KindsOf(const SequenceFile& file, const Fields& nrrd, c
   {
     kinds = {"domain", "domain"};
   }
-  if (kinds.size() != axes)
-  {
-    Refuse(file, "kinds must name each of the " + std::to_string(axes) + " axes, such as \"domain domain list\"");
-  }
+  RequireHeader(file, kinds.size() == axes, "kinds must name each of the ", axes,
+                " axes, such as \"domain domain list\"");
   return kinds;
 }
 
@@ -278,10 +271,8 @@ void SetEndian(SequenceFile& file, const Fields& nrrd)
 {
   if (const std::string* endian = Find(nrrd, "endian"))
   {
-    if (Lowercase(*endian) != "little" && Lowercase(*endian) != "big")
-    {
-      Refuse(file, "endian: " + Quoted(*endian) + "; little or big is expected");
-    }
+    RequireHeader(file, Lowercase(*endian) == "little" || Lowercase(*endian) == "big", "endian: ", Quoted(*endian),
+                  "; little or big is expected");
     file.bigEndian = Lowercase(*endian) == "big";
   }
   else if (BytesPerElement(file.elementType) > 1)
@@ -306,10 +297,8 @@ void SetData(SequenceFile& file, const Fields& nrrd, std::uint64_t end, bool isC
   dataFile = dataFile ? dataFile : Find(nrrd, "datafile");
   if (dataFile)
   {
-    if (Lowercase(*dataFile).rfind("list", 0) == 0 || dataFile->find('%') != std::string::npos)
-    {
-      Refuse(file, "data file: " + Quoted(*dataFile) + "; one file is read, lists and patterns not");
-    }
+    RequireHeader(file, Lowercase(*dataFile).rfind("list", 0) != 0 && dataFile->find('%') == std::string::npos,
+                  "data file: ", Quoted(*dataFile), "; one file is read, lists and patterns not");
     file.dataFile = CompanionFile(file.fileName, FolderOf(file.fileName), *dataFile);
   }
   else if (isComplete)

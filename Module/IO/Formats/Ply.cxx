@@ -150,24 +150,16 @@ PlyHeader ReadHeader(InputFile& input)
 {
   PlyHeader header;
   std::string line;
-  if (!input.ReadLine(line) || line != "ply")
-  {
-    throw FormatError(input.Name() + ": does not begin with the line \"ply\"");
-  }
+  RequireFormat(input.ReadLine(line) && line == "ply", input.Name(), ": does not begin with the line \"ply\"");
   Element* element = nullptr;
   while (input.ReadLine(line))
   {
-    if (input.Position() > longestPlyHeader)
-    {
-      throw FormatError(input.Name() + ": the header is longer than 1 MiB");
-    }
+    RequireFormat(input.Position() <= longestPlyHeader, input.Name(), ": the header is longer than 1 MiB");
     const auto words = Words(line);
     if (!words.empty() && words[0] == "end_header")
     {
-      if (!header.hasFormat || header.vertices.count < 0)
-      {
-        throw FormatError(input.Name() + ": the header has no format or no vertex element");
-      }
+      RequireFormat(header.hasFormat && header.vertices.count >= 0, input.Name(),
+                    ": the header has no format or no vertex element");
       return header;
     }
     TakeHeaderLine(input, line, header, element);
@@ -228,11 +220,8 @@ public:
       {
         throw Truncated();
       }
-      if (!ParseNumbers(line_, values.size(), values.data()))
-      {
-        throw FormatError(input_.Name() + ": " + name_ + " " + std::to_string(done_) + " is not " +
-                          std::to_string(values.size()) + " numbers");
-      }
+      RequireFormat(ParseNumbers(line_, values.size(), values.data()), input_.Name(), ": ", name_, " ", done_,
+                    " is not ", values.size(), " numbers");
     }
     else
     {
@@ -290,11 +279,8 @@ Eigen::Matrix<double, kCount, 1> ParseVector(const std::string& fileName, const 
                                              const std::string& value)
 {
   Eigen::Matrix<double, kCount, 1> numbers;
-  if (!ParseNumbers(value, kCount, numbers.data()))
-  {
-    throw FormatError(fileName + ": the comment " + Quoted(comment) + " does not end in " + std::to_string(kCount) +
-                      " numbers");
-  }
+  RequireFormat(ParseNumbers(value, kCount, numbers.data()), fileName, ": the comment ", Quoted(comment),
+                " does not end in ", kCount, " numbers");
   return numbers;
 }
 
@@ -306,10 +292,8 @@ void ReadComments(const std::string& fileName, const PlyHeader& header, StoredFi
     const auto number = [&]
     {
       double parsed = 0;
-      if (!ParseNumber(value, parsed))
-      {
-        throw FormatError(fileName + ": the comment " + Quoted(comment) + " does not end in a number");
-      }
+      RequireFormat(ParseNumber(value, parsed), fileName, ": the comment ", Quoted(comment),
+                    " does not end in a number");
       return parsed;
     };
     if (OwnComment(comment, "format_version", value) && number() != 1)
@@ -375,10 +359,8 @@ struct Columns
     const auto column = [&](const char* name)
     {
       const auto found = columns.find(name);
-      if (found == columns.end())
-      {
-        throw FormatError(fileName + ": the vertex property " + name + " is missing; this is not a Gaussian field");
-      }
+      RequireFormat(found != columns.end(), fileName, ": the vertex property ", name,
+                    " is missing; this is not a Gaussian field");
       return found->second;
     };
     mean = {column("x"), column("y"), column("z")};
@@ -534,11 +516,9 @@ void PutVertex(const GaussianField& field, std::size_t i, double strongest, Numb
 /// Of recorded planes, behind the vertices.
 std::vector<Eigen::Matrix4d> ReadPoses(InputFile& input, const PlyHeader& header)
 {
-  if (header.poses.count < 0 || header.poses.properties.size() != kPoseNumbers)
-  {
-    throw FormatError(input.Name() + ": the comment \"bigus.view_version\" needs an element " + kPoseElement +
-                      " with " + std::to_string(kPoseNumbers) + " properties behind the vertices");
-  }
+  RequireFormat(header.poses.count >= 0 && header.poses.properties.size() == kPoseNumbers, input.Name(),
+                ": the comment \"bigus.view_version\" needs an element ", kPoseElement, " with ", kPoseNumbers,
+                " properties behind the vertices");
   ElementReader reader(input, header.layout, header.poses, "recorded pose", "recorded poses");
   std::vector<Eigen::Matrix4d> poses(static_cast<std::size_t>(header.poses.count), Eigen::Matrix4d::Identity());
   std::vector<double> values;

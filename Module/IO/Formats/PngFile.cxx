@@ -37,12 +37,8 @@ public:
   {
     spng_ihdr header;
     Require(spng_get_ihdr(png_.get(), &header));
-    if (header.width > largestSide || header.height > largestSide)
-    {
-      throw FormatError(input_.Name() + ": has " + std::to_string(header.width) + " x " +
-                        std::to_string(header.height) + " pixels; at most " + std::to_string(largestSide) +
-                        " a side are read");
-    }
+    RequireFormat(header.width <= largestSide && header.height <= largestSide, input_.Name(), ": has ", header.width,
+                  " x ", header.height, " pixels; at most ", largestSide, " a side are read");
     if ((header.bit_depth != 8 && header.bit_depth != 16) || header.interlace_method != SPNG_INTERLACE_NONE)
     {
       throw FormatError(input_.Name() + ": not an image of 8 or 16 bits without interlacing (PNG colour type " +
@@ -59,12 +55,8 @@ public:
     width_ = header.width;
     height_ = header.height;
     bytes_ = pixels * static_cast<unsigned>(channels) * (header.bit_depth / 8u);
-    if (bytes_ / deflateLimit > input_.Size())
-    {
-      throw TruncationError(input_.Name() + ": claims " + std::to_string(header.width) + " x " +
-                            std::to_string(header.height) + " pixels, more than its " + std::to_string(input_.Size()) +
-                            " bytes can hold");
-    }
+    bigus::Require(FileFault::Truncated, bytes_ / deflateLimit <= input_.Size(), input_.Name(), ": claims ",
+                   header.width, " x ", header.height, " pixels, more than its ", input_.Size(), " bytes can hold");
     return {static_cast<int>(header.width), static_cast<int>(header.height),
             isGrey_ && header.bit_depth == 16 ? ElementType::UInt16 : ElementType::UInt8, channels};
   }
@@ -104,10 +96,7 @@ private:
 
   void Require(int result) const
   {
-    if (result != SPNG_OK)
-    {
-      throw FormatError(input_.Name() + ": not a PNG image, damaged or truncated: " + spng_strerror(result));
-    }
+    RequireFormat(result == SPNG_OK, input_.Name(), ": not a PNG image, damaged or truncated: ", spng_strerror(result));
   }
 
   InputFile input_;
@@ -119,12 +108,10 @@ private:
 
 void RequireLike(const std::string& fileName, const PngHeader& header, const PngHeader& expected)
 {
-  if (header.width != expected.width || header.height != expected.height || header.elementType != expected.elementType)
-  {
-    throw FormatError(fileName + ": " + std::to_string(header.width) + " x " + std::to_string(header.height) + " " +
-                      NameOf(header.elementType) + ", unlike the first image (" + std::to_string(expected.width) +
-                      " x " + std::to_string(expected.height) + " " + NameOf(expected.elementType) + ")");
-  }
+  RequireFormat(
+      header.width == expected.width && header.height == expected.height && header.elementType == expected.elementType,
+      fileName, ": ", header.width, " x ", header.height, " ", NameOf(header.elementType), ", unlike the first image (",
+      expected.width, " x ", expected.height, " ", NameOf(expected.elementType), ")");
 }
 
 }  // namespace

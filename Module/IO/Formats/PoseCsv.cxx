@@ -45,10 +45,7 @@ std::vector<std::string> CsvCells(const std::string& fileName, const std::string
     }
     else if (c == separator && !quoted)
     {
-      if (cells.size() >= kMostCsvColumns)
-      {
-        throw FormatError(fileName + ": has more than " + std::to_string(kMostCsvColumns) + " columns");
-      }
+      RequireFormat(cells.size() < kMostCsvColumns, fileName, ": has more than ", kMostCsvColumns, " columns");
       cells.emplace_back();
     }
     else
@@ -206,10 +203,7 @@ std::vector<std::string> PngFilesOf(const std::string& folder)
       files.push_back(entry->path().string());
     }
   }
-  if (error)
-  {
-    throw FileError(FileFault::CannotOpen, folder + ": the folder cannot be read: " + error.message());
-  }
+  Require(FileFault::CannotOpen, !error, folder, ": the folder cannot be read: ", error.message());
   std::sort(files.begin(), files.end(), InNaturalOrder);
   return files;
 }
@@ -236,11 +230,8 @@ void SetImages(SequenceFile& file, const PoseCsv& table, const std::vector<std::
   else if (options.wanted && !options.folder.empty())
   {
     file.images = PngFilesOf(folder);
-    if (file.images.size() != file.frames.size())
-    {
-      Refuse(file, "has " + std::to_string(file.frames.size()) + " poses, but " + folder + " has " +
-                       std::to_string(file.images.size()) + " PNG files");
-    }
+    RequireHeader(file, file.images.size() == file.frames.size(), "has ", file.frames.size(), " poses, but ", folder,
+                  " has ", file.images.size(), " PNG files");
   }
   else if (options.wanted)
   {
@@ -306,11 +297,8 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
   {
     const std::string name = "m" + std::to_string(i / 4) + std::to_string(i % 4);
     const auto found = columns_.find(name);
-    if (found == columns_.end())
-    {
-      throw FormatError(fileName_ + ": has no column " + name +
-                        "; a pose takes m00 to m33, or m00 to m23 without the last row");
-    }
+    RequireFormat(found != columns_.end(), fileName_, ": has no column ", name,
+                  "; a pose takes m00 to m33, or m00 to m23 without the last row");
     matrix_.push_back(found->second);
   }
 }
@@ -333,11 +321,8 @@ PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
 {
   Row row;
   row.cells = CsvCells(fileName_, line, separator_);
-  if (row.cells.size() != names_.size())
-  {
-    throw FormatError(fileName_ + ": row " + std::to_string(number) + " has " + std::to_string(row.cells.size()) +
-                      " cells, the header " + std::to_string(names_.size()));
-  }
+  RequireFormat(row.cells.size() == names_.size(), fileName_, ": row ", number, " has ", row.cells.size(),
+                " cells, the header ", names_.size());
   const auto cell = [&](const char* name) -> const std::string*
   {
     const auto found = columns_.find(name);
@@ -455,18 +440,13 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
     {
       file.otherColumns = table.OtherColumns(row);
     }
-    if (static_cast<std::int64_t>(number) >= mostFrames || input.Position() > longestHeader)
-    {
-      Refuse(file, "has more than " + std::to_string(mostFrames) + " rows or 256 MiB");
-    }
+    RequireHeader(file, static_cast<std::int64_t>(number) < mostFrames && input.Position() <= longestHeader,
+                  "has more than ", mostFrames, " rows or 256 MiB");
     file.sizes.push_back(row.size);
     named.push_back(std::move(row.image));
     file.frames.push_back(std::move(row.fields));
   }
-  if (file.frames.empty())
-  {
-    throw TruncationError(file.fileName + ": has a header line but no poses");
-  }
+  Require(FileFault::Truncated, !file.frames.empty(), file.fileName, ": has a header line but no poses");
   file.numberOfFrames = static_cast<int>(file.frames.size());
   if (table.TimeUnit() == 0)
   {

@@ -73,10 +73,8 @@ void RequireNoFolders(const std::vector<std::string>& files)
   for (const std::string& file : files)
   {
     std::error_code ignored;
-    if (std::filesystem::is_directory(file, ignored))
-    {
-      throw FileError(FileFault::CannotOpen, file + ": is a folder, so no file can be written there");
-    }
+    Require(FileFault::CannotOpen, !std::filesystem::is_directory(file, ignored), file,
+            ": is a folder, so no file can be written there");
   }
 }
 
@@ -86,12 +84,8 @@ void RequireOneName(const std::string& fileName, Exchange& processes)
   const std::vector<std::string> names = processes.Gather(fileName);
   for (std::size_t rank = 1; rank < names.size(); ++rank)
   {
-    if (names[rank] != names[0])
-    {
-      throw FileError(FileFault::NoName, names[0] + ": process " + std::to_string(rank) +
-                                             " was told to write its piece of " + names[rank] +
-                                             "; all need one file name");
-    }
+    Require(FileFault::NoName, names[rank] == names[0], names[0], ": process ", rank,
+            " was told to write its piece of ", names[rank], "; all need one file name");
   }
 }
 
@@ -119,11 +113,8 @@ void RequirePartsOfOneField(const GaussianField& part, Exchange& processes)
       continue;
     }
     first = std::min(first, rank);
-    if (kinds[rank] != kinds[first])
-    {
-      throw Error("The processes " + std::to_string(first) + " and " + std::to_string(rank) +
-                  " have parts with another Gamma, elevation sigma or trained normals, so they are not of one field.");
-    }
+    Require(kinds[rank] == kinds[first], "The processes ", first, " and ", rank,
+            " have parts with another Gamma, elevation sigma or trained normals, so they are not of one field.");
     if (const auto [other, isNew] = known.emplace(sums[rank], rank); !isNew)
     {
       throw Error("The processes " + std::to_string(other->second) + " and " + std::to_string(rank) +
@@ -150,12 +141,9 @@ void RequireOneFolder(const std::vector<std::string>& files)
   for (std::size_t rank = 0; rank < files.size(); ++rank)
   {
     std::error_code ignored;
-    if (!std::filesystem::exists(files[rank], ignored))
-    {
-      throw FileError(FileFault::CannotOpen, files[rank] + ": process " + std::to_string(rank) +
-                                                 " has written its piece where process 0 does not find it; all need "
-                                                 "a folder that they share. Nothing was written");
-    }
+    Require(FileFault::CannotOpen, std::filesystem::exists(files[rank], ignored), files[rank], ": process ", rank,
+            " has written its piece where process 0 does not find it; all need "
+            "a folder that they share. Nothing was written");
   }
 }
 
@@ -169,17 +157,13 @@ bool LooksLikePvtp(const std::string& beginning)
 std::vector<std::string> PieceFilesOf(const std::string& fileName)
 {
   const std::string text = ReadTextFile(fileName, kLargestIndex);
-  if (text.find("</VTKFile>") == std::string::npos)
-  {
-    throw TruncationError(fileName + ": does not end with </VTKFile>; the file is truncated");
-  }
+  Require(FileFault::Truncated, text.find("</VTKFile>") != std::string::npos, fileName,
+          ": does not end with </VTKFile>; the file is truncated");
   const pugi::xml_document document = ParseXml(text, fileName + ": not valid XML");
   const pugi::xml_node root = document.document_element(), index = root.child("PPolyData");
-  if (root.name() != std::string_view("VTKFile") || root.attribute("type").value() != std::string_view("PPolyData") ||
-      !index)
-  {
-    throw FormatError(fileName + ": not a VTK XML index of PolyData pieces");
-  }
+  RequireFormat(root.name() == std::string_view("VTKFile") &&
+                    root.attribute("type").value() == std::string_view("PPolyData") && index,
+                fileName, ": not a VTK XML index of PolyData pieces");
   if (const std::string ghosts = index.attribute("GhostLevel").value(); !ghosts.empty() && ghosts != "0")
   {
     throw FormatError(fileName + ": GhostLevel is " + Quoted(ghosts) +
@@ -190,22 +174,13 @@ std::vector<std::string> PieceFilesOf(const std::string& fileName)
   for (const pugi::xml_node& piece : index.children("Piece"))
   {
     const std::string source = piece.attribute("Source").value();
-    if (files.size() == FieldChunks::kMost)
-    {
-      throw FormatError(fileName + ": names more than " + std::to_string(FieldChunks::kMost) + " pieces");
-    }
+    RequireFormat(files.size() != FieldChunks::kMost, fileName, ": names more than ", FieldChunks::kMost, " pieces");
     files.push_back(CompanionFile(fileName, FolderOf(fileName), source));
     std::error_code ignored;
-    if (!known.insert(std::filesystem::weakly_canonical(files.back(), ignored).string()).second)
-    {
-      throw FormatError(fileName + ": names the piece " + Quoted(source) +
-                        " twice, so its Gaussians would count twice");
-    }
+    RequireFormat(known.insert(std::filesystem::weakly_canonical(files.back(), ignored).string()).second, fileName,
+                  ": names the piece ", Quoted(source), " twice, so its Gaussians would count twice");
   }
-  if (files.empty())
-  {
-    throw FormatError(fileName + ": names no piece");
-  }
+  RequireFormat(!files.empty(), fileName, ": names no piece");
   return files;
 }
 

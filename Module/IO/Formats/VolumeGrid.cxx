@@ -190,17 +190,13 @@ VolumeGrid ReadVolumeGrid(const std::string& fileName, bool worldIsLps)
   InputFile input(fileName);
   const std::string beginning = FileBeginning(fileName, 256);
   const bool isNrrd = beginning.rfind("NRRD000", 0) == 0;
-  if (!isNrrd && beginning.substr(0, beginning.find('\n')).find('=') == std::string::npos)
-  {
-    throw FormatError(fileName + ": not a volume that is read; save it as .nrrd or .mha");
-  }
+  RequireFormat(isNrrd || beginning.substr(0, beginning.find('\n')).find('=') != std::string::npos, fileName,
+                ": not a volume that is read; save it as .nrrd or .mha");
   const Header header{fileName, isNrrd ? ReadHeader(input, ':', "") : ReadHeader(input, '=', "elementdatafile")};
   VolumeGrid grid = isNrrd ? GridOfNrrd(header) : GridOfMetaImage(header);
   const Eigen::Matrix3d axes = grid.steps.colwise().normalized();
-  if (!(grid.steps.colwise().norm().minCoeff() > 0) || !(std::abs(axes.determinant()) > kFlattest))
-  {
-    throw FormatError(fileName + ": the axes of its voxels do not span space");
-  }
+  RequireFormat(grid.steps.colwise().norm().minCoeff() > 0 && std::abs(axes.determinant()) > kFlattest, fileName,
+                ": the axes of its voxels do not span space");
   if (!worldIsLps)
   {
     grid.origin.head<2>() *= -1;

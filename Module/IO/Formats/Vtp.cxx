@@ -68,26 +68,19 @@ class VtpFile
 public:
   explicit VtpFile(const std::string& fileName) : name_(fileName), file_(fileName)
   {
-    if (file_.Size() > largestVtp)
-    {
-      throw FormatError(name_ + ": has " + std::to_string(file_.Size()) + " bytes; " + std::to_string(largestVtp) +
-                        " are read. Split it into the pieces of a .pvtp");
-    }
+    RequireFormat(file_.Size() <= largestVtp, name_, ": has ", file_.Size(), " bytes; ", largestVtp,
+                  " are read. Split it into the pieces of a .pvtp");
     const std::uint64_t tailBegin = file_.Size() - std::min<std::uint64_t>(file_.Size(), kTail);
     const std::string tail = BytesAt(tailBegin, kTail);
-    if (tail.find("</VTKFile>", tail.size() - std::min<std::size_t>(tail.size(), 64)) == std::string::npos)
-    {
-      throw TruncationError(name_ + ": does not end with </VTKFile>; the file is truncated");
-    }
+    Require(FileFault::Truncated,
+            tail.find("</VTKFile>", tail.size() - std::min<std::size_t>(tail.size(), 64)) != std::string::npos, name_,
+            ": does not end with </VTKFile>; the file is truncated");
     // What follows <AppendedData ...> _ is not XML, and is not read before it is needed.
     std::string text;
     std::size_t appended = std::string::npos, begin = std::string::npos;
     while (begin == std::string::npos && text.size() < file_.Size())
     {
-      if (text.size() > largestText)
-      {
-        throw FormatError(name_ + ": has more than " + std::to_string(largestText) + " bytes of XML");
-      }
+      RequireFormat(text.size() <= largestText, name_, ": has more than ", largestText, " bytes of XML");
       const std::size_t known = text.size() - std::min<std::size_t>(text.size(), 16);  // the tag may be cut in two
       text += BytesAt(text.size(), kTextAtOnce);
       appended = appended == std::string::npos ? text.find("<AppendedData", known) : appended;
@@ -101,10 +94,8 @@ public:
     if (appended != std::string::npos)
     {
       const std::size_t endInTail = tail.rfind("</AppendedData>");
-      if (begin == std::string::npos || endInTail == std::string::npos || tailBegin + endInTail <= begin)
-      {
-        throw Damaged("the appended data");
-      }
+      RequireSound(begin != std::string::npos && endInTail != std::string::npos && tailBegin + endInTail > begin,
+                   "the appended data");
       const std::string tag = text.substr(appended, begin - appended);
       raw = tag.find("encoding=\"raw\"") != std::string::npos;
       if (!raw && tag.find("encoding=\"base64\"") == std::string::npos)
@@ -118,23 +109,17 @@ public:
     }
     document_ = ParseXml(text, name_ + ": not valid XML");
     root_ = document_.document_element();
-    if (root_.name() != std::string_view("VTKFile") || root_.attribute("type").value() != std::string_view("PolyData"))
-    {
-      throw FormatError(name_ + ": not a VTK XML PolyData file");
-    }
+    RequireFormat(
+        root_.name() == std::string_view("VTKFile") && root_.attribute("type").value() == std::string_view("PolyData"),
+        name_, ": not a VTK XML PolyData file");
     polyData_ = root_.child("PolyData");
     piece_ = polyData_.child("Piece");
-    if (!piece_ || piece_.next_sibling("Piece"))
-    {
-      throw FormatError(name_ + ": must have one Piece");
-    }
+    RequireFormat(piece_ && !piece_.next_sibling("Piece"), name_, ": must have one Piece");
     const std::string points = piece_.attribute("NumberOfPoints").value();
-    if (!ParseNumber(points, points_) || points_ < 0 || points_ > mostPoints ||
-        static_cast<std::uint64_t>(points_) > file_.Size() * deflateLimit)
-    {
-      throw FormatError(name_ + ": NumberOfPoints is " + Quoted(points) + "; 0 to " + std::to_string(mostPoints) +
-                        " are read, and no more than the file can hold");
-    }
+    RequireFormat(ParseNumber(points, points_) && points_ >= 0 && points_ <= mostPoints &&
+                      static_cast<std::uint64_t>(points_) <= file_.Size() * deflateLimit,
+                  name_, ": NumberOfPoints is ", Quoted(points), "; 0 to ", mostPoints,
+                  " are read, and no more than the file can hold");
     FindEncoding(raw);
     if (!ours_)
     {
@@ -168,10 +153,8 @@ public:
     if (required)
     {
       const FoundArray points = Find(PointsNode(), "Points", points_);
-      if (points.components != 3 || points.tuples != points_)
-      {
-        throw FormatError(name_ + ": Points must have 3 components and " + std::to_string(points_) + " tuples");
-      }
+      RequireFormat(points.components == 3 && points.tuples == points_, name_, ": Points must have 3 components and ",
+                    points_, " tuples");
       ReadVectors(points, wanted_, field.means);
       ReadVectors(FindOfPoints("Scale", 3), wanted_, field.scales);
       ReadVectors(FindOfPoints("Rotation", 4), wanted_, field.rotations);
@@ -195,11 +178,8 @@ public:
     if (const pugi::xml_node node = Node("StandardError"))
     {
       const FoundArray found = {"StandardError", 0, 1, false, FindBlocks(node, "StandardError")};
-      if (found.blocks.total > mostStandardError)
-      {
-        throw FormatError(name_ + ": StandardError has " + std::to_string(found.blocks.total) + " bytes; " +
-                          std::to_string(mostStandardError) + " are read");
-      }
+      RequireFormat(found.blocks.total <= mostStandardError, name_, ": StandardError has ", found.blocks.total,
+                    " bytes; ", mostStandardError, " are read");
       stored.standardError.resize(static_cast<std::size_t>(found.blocks.total));
       Inflate(found, Whole(static_cast<std::int64_t>(found.blocks.total)), 1, stored.standardError.data());
     }
@@ -283,6 +263,14 @@ private:
     return FormatError(name_ + ": " + what + " is damaged, truncated or of another size than stated");
   }
 
+  void RequireSound(bool isSound, const std::string& what) const
+  {
+    if (!isSound)
+    {
+      throw Damaged(what);
+    }
+  }
+
   FileError TooMuchText(const std::string& what) const
   {
     return FormatError(name_ + ": " + what + " has more than " + std::to_string(mostTextBytes) + " bytes or " +
@@ -347,10 +335,7 @@ private:
     };
     if (points_ > 0)
     {
-      if (!PointsNode())
-      {
-        throw FormatError(name_ + ": the array Points is missing");
-      }
+      RequireFormat(PointsNode(), name_, ": the array Points is missing");
       look(PointsNode(), "Points", "Float64");
     }
     for (const ArrayName& wanted : kArrays)
@@ -409,10 +394,7 @@ private:
     const bool isDouble = type == "Float64";
     FoundArray found = {name, tuples, components, type == "Float32", FindBlocks(node, name)};
     const std::uint64_t bytes = isDouble ? sizeof(double) : sizeof(float);  // Int32 is as large as Float32
-    if (found.blocks.total != static_cast<std::uint64_t>(tuples * components) * bytes)
-    {
-      throw Damaged(name);
-    }
+    RequireSound(found.blocks.total == static_cast<std::uint64_t>(tuples * components) * bytes, name);
     return found;
   }
 
@@ -585,20 +567,15 @@ private:
   {
     constexpr std::uint64_t number = sizeof(std::uint64_t);
     std::int64_t offset = -1;
-    if (!ParseNumber(node.attribute("offset").value(), offset) || offset < 0 ||
-        static_cast<std::uint64_t>(offset) > appendedSize_)
-    {
-      throw Damaged(what);
-    }
+    RequireSound(ParseNumber(node.attribute("offset").value(), offset) && offset >= 0 &&
+                     static_cast<std::uint64_t>(offset) <= appendedSize_,
+                 what);
     std::uint64_t at = appendedBegin_ + static_cast<std::uint64_t>(offset);
     const std::uint64_t end = appendedBegin_ + appendedSize_;
     const auto take = [&](std::uint64_t* numbers, std::uint64_t count)
     {
       file_.Seek(at);
-      if (count > (end - at) / number || file_.Read(numbers, count * number) != count * number)
-      {
-        throw Damaged(what);
-      }
+      RequireSound(count <= (end - at) / number && file_.Read(numbers, count * number) == count * number, what);
       at += count * number;
     };
     Blocks blocks;
@@ -618,19 +595,13 @@ private:
       throw Damaged(what);
     }
     blocks.total = (count - (lastSize ? 1 : 0)) * blocks.blockSize + lastSize;
-    if (blocks.total / deflateLimit > end - at)
-    {
-      throw Damaged(what);
-    }
+    RequireSound(blocks.total / deflateLimit <= end - at, what);
     blocks.sizes.resize(static_cast<std::size_t>(count));
     take(blocks.sizes.data(), count);
     blocks.begin = at;
     for (const std::uint64_t size : blocks.sizes)
     {
-      if (size > end - at)
-      {
-        throw Damaged(what);
-      }
+      RequireSound(size <= end - at, what);
       at += size;
     }
     return blocks;

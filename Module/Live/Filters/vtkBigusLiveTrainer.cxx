@@ -52,30 +52,21 @@ std::vector<double> TimesOf(const bigus::Sweep& sweep, double last)
 
 Eigen::Matrix4d ToEigen(vtkMatrix4x4* matrix)
 {
-  if (!matrix)
-  {
-    throw bigus::Error("There is no matrix.");
-  }
+  bigus::Require(matrix, "There is no matrix.");
   return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(matrix->GetData());
 }
 
 bigus::LiveFrame ToFrame(vtkImageData* image, const Eigen::Matrix4d& imageToReference, double seconds)
 {
-  if (!image || image->GetNumberOfPoints() == 0)
-  {
-    throw bigus::Error("Live frame: there is no image.");
-  }
+  bigus::Require(image && image->GetNumberOfPoints() != 0, "Live frame: there is no image.");
   int extent[6];
   image->GetExtent(extent);
-  if (image->GetScalarType() != VTK_UNSIGNED_CHAR || image->GetNumberOfScalarComponents() != 1 ||
-      extent[4] != extent[5])
-  {
-    throw bigus::Error("Live frame: the image has " + std::to_string(image->GetNumberOfScalarComponents()) +
-                       " components of " + image->GetScalarTypeAsString() + " and " +
-                       std::to_string(extent[5] - extent[4] + 1) +
-                       " slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
-                       "vtkImageShiftScale for other types.");
-  }
+  bigus::Require(image->GetScalarType() == VTK_UNSIGNED_CHAR && image->GetNumberOfScalarComponents() == 1 &&
+                     extent[4] == extent[5],
+                 "Live frame: the image has ", image->GetNumberOfScalarComponents(), " components of ",
+                 image->GetScalarTypeAsString(), " and ", extent[5] - extent[4] + 1,
+                 " slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
+                 "vtkImageShiftScale for other types.");
   bigus::LiveFrame frame;
   frame.width = extent[1] - extent[0] + 1;
   frame.height = extent[3] - extent[2] + 1;
@@ -200,10 +191,7 @@ bool vtkBigusLiveTrainer::RenderSlice(vtkMatrix4x4* imageToReference, int width,
     const Eigen::Matrix4d matrix = ToEigen(imageToReference);
     const bigus::SlicePlane plane = bigus::SlicePlane::FromImageToReference(matrix, width, height);
     plane.Validate("slice plane");
-    if (!slice)
-    {
-      throw bigus::Error("There is no image to render into.");
-    }
+    bigus::Require(slice, "There is no image to render into.");
     slice->Initialize();
     slice->SetDimensions(width, height, 1);
     slice->SetSpacing(plane.columnStep.norm(), plane.rowStep.norm(), 1);

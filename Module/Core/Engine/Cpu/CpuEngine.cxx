@@ -68,11 +68,8 @@ public:
   {
     plane.Validate("slice plane");
     CheckWindow(plane, window.firstColumn, window.firstRow, window.columns, window.rows);
-    if (std::max(plane.width, plane.height) > kLargestImage)
-    {
-      throw Error("CPU engine: a plane of " + std::to_string(plane.width) + " x " + std::to_string(plane.height) +
-                  " pixels is larger than 16777216 along a side.");
-    }
+    Require(std::max(plane.width, plane.height) <= kLargestImage, "CPU engine: a plane of ", plane.width, " x ",
+            plane.height, " pixels is larger than 16777216 along a side.");
     const std::vector<Camera> cameras{CameraOf(plane, field_.GetBeam())};
     visible_.Find(field_, cameras, plane.width, plane.height, window, accuracy_, FootprintsFor::Rendering);
     const std::size_t stride = static_cast<std::size_t>(window.columns) + kRowPadding;
@@ -180,10 +177,8 @@ public:
 
   void Step(const LearningRates& rates, const ParameterLimits& limits) override
   {
-    if (gradient_.size() != field_.NumberOfBlocks())
-    {
-      throw Error("CPU engine: Step needs the gradient of a Backpropagate with the present field.");
-    }
+    Require(gradient_.size() == field_.NumberOfBlocks(),
+            "CPU engine: Step needs the gradient of a Backpropagate with the present field.");
     field_.PrepareStep();
     const AdamStep step(rates, limits);
     tbb::parallel_for(std::size_t(0), field_.NumberOfBlocks(),

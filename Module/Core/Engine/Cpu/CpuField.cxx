@@ -21,10 +21,8 @@ template <class T>
 void CpuField<T>::Set(const GaussianField& field, const std::vector<int>* parents)
 {
   field.Validate();
-  if (field.Size() > std::numeric_limits<std::uint32_t>::max())
-  {
-    throw Error("CPU engine: " + std::to_string(field.Size()) + " Gaussians are more than 2^32 - 1.");
-  }
+  Require(field.Size() <= std::numeric_limits<std::uint32_t>::max(), "CPU engine: ", field.Size(),
+          " Gaussians are more than 2^32 - 1.");
   std::vector<std::uint32_t> order = MortonOrder(field.means);
   const std::size_t blocks = bigus::NumberOfBlocks(field.Size());
   InheritAdam(order, blocks, parents);
