@@ -112,10 +112,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
   }
   try
   {
-    if (!this->FileName || !*this->FileName)
-    {
-      throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
-    }
+    bigus::Require(bigus::FileFault::NoName, this->FileName && *this->FileName, "FileName is not set");
     const std::string fileName = this->FileName;
     const auto foreign = [](const std::string& file)
     {

@@ -88,10 +88,7 @@ void vtkBigusFieldWriter::WriteFile()
   this->Together(
       [this](bigus::Exchange& processes)
       {
-        if (!this->FileName || !*this->FileName)
-        {
-          throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
-        }
+        bigus::Require(bigus::FileFault::NoName, this->FileName && *this->FileName, "FileName is not set");
         const std::string fileName = this->FileName;
         bigus::RequireFieldName(fileName);
         vtkPolyData* const input = this->GetInput();

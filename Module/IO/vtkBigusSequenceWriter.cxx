@@ -84,10 +84,7 @@ void vtkBigusSequenceWriter::WriteFile()
 {
   try
   {
-    if (!this->FileName || !*this->FileName)
-    {
-      throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
-    }
+    bigus::Require(bigus::FileFault::NoName, this->FileName && *this->FileName, "FileName is not set");
     const std::string fileName = this->FileName;
     bigus::SequenceToWrite sequence;
     sequence.fromFrame = this->FromFrame ? this->FromFrame : "";

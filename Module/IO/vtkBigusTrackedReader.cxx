@@ -39,10 +39,7 @@ vtkTypeBool vtkBigusTrackedReader::ProcessRequest(vtkInformation* request, vtkIn
 
 std::string vtkBigusTrackedReader::RequireFileName() const
 {
-  if (!this->FileName || !*this->FileName)
-  {
-    throw bigus::FileError(bigus::FileFault::NoName, "FileName is not set");
-  }
+  bigus::Require(bigus::FileFault::NoName, this->FileName && *this->FileName, "FileName is not set");
   return this->FileName;
 }
 

@@ -19,23 +19,15 @@ constexpr double kEven = 1e-6;  // share by which lengths may differ; matrices i
 
 GaussianField Transformed(GaussianField field, const Eigen::Matrix4d& transform)
 {
-  if (!transform.allFinite())
-  {
-    throw Error("The transform of a field holds a value that is not finite.");
-  }
-  if ((transform.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-12)
-  {
-    throw Error("The transform of a field is perspective: its last row must be 0 0 0 1.");
-  }
+  Require(transform.allFinite(), "The transform of a field holds a value that is not finite.");
+  Require((transform.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() <= 1e-12,
+          "The transform of a field is perspective: its last row must be 0 0 0 1.");
   const Eigen::Matrix3d linear = transform.topLeftCorner<3, 3>();
   const Eigen::JacobiSVD<Eigen::Matrix3d> parts(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Vector3d& stretch = parts.singularValues();  // largest first
-  if (!(stretch[2] > 0) || !(stretch[0] - stretch[2] <= kEven * stretch[0]))
-  {
-    throw Error("The transform of a field stretches space by " + std::to_string(stretch[0]) +
-                " in one direction and by " + std::to_string(stretch[2]) +
-                " in another; give one that turns, moves, mirrors and scales evenly.");
-  }
+  Require(stretch[2] > 0 && stretch[0] - stretch[2] <= kEven * stretch[0],
+          "The transform of a field stretches space by ", stretch[0], " in one direction and by ", stretch[2],
+          " in another; give one that turns, moves, mirrors and scales evenly.");
   const double scale = stretch[1];
   const Eigen::Matrix3d turn = parts.matrixU() * parts.matrixV().transpose();  // Q, exact to rounding
   // A Gaussian is its own mirror image through its centre, so -Q turns it as Q does.
