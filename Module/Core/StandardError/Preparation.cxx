@@ -23,7 +23,8 @@ namespace
 
 constexpr std::size_t kMostBytes = std::size_t(4) << 20;
 /// Of the local variance that is speckle, which is another from another direction; the rest is structure.
-constexpr double kSpeckle = 0.8;
+constexpr double kSpeckle = 0.8;     // where the sweep does not tell
+constexpr std::size_t kShares = 16;  // frames that tell how much is speckle, at most; more tell little more
 constexpr double kOther = 4;         // mm between frames, five of the beam's 0.8 mm: their speckle is another
 constexpr int kNeighbours = 6;       // on either side, from which a frame is predicted
 constexpr std::size_t kAtOnce = 16;  // frames in memory
@@ -129,7 +130,10 @@ public:
              [this](std::size_t cell, double mean) { kept_.residual_[cell] = CodeOfVariance(mean); });
     ForCells(k, texture, lit, [this](std::size_t cell, double mean) { kept_.texture_[cell] = CodeOfVariance(mean); });
     Predict(k, frame, texture);
-    share_[k] = Share(k, frame);
+    if (k % (1 + frames_.size() / kShares) == 0)
+    {
+      share_[k] = Share(k, frame, texture);
+    }
   }
 
   /// R, when all frames are measured: errors of interpolation by what m is there, but not less than half the usual m, since
@@ -201,9 +205,9 @@ private:
       shares += share >= 0 ? share : 0;
       known += share >= 0 ? 1 : 0;
     }
+    const double speckle = known > 0 ? shares / known : kSpeckle;
     for (std::size_t k = 0; k < beside_.size(); ++k)
     {
-      const double speckle = share_[k] >= 0 ? share_[k] : known > 0 ? shares / known : kSpeckle;
       const FromBeside& one = beside_[k].count > 0 ? beside_[k] : all;  // the first and the last lie between no others
       kept_.usualTurn_[k] = static_cast<float>(std::min(one.turned / one.count, kMostTurn));
       const double most = 2 * one.turned / one.count * one.texture;
@@ -252,13 +256,18 @@ private:
     }
   }
 
+  const std::vector<int>& SequenceOf(std::size_t k) const
+  {
+    return *std::find_if(kept_.bySequence_.begin(), kept_.bySequence_.end(),
+                         [k](const std::vector<int>& s) { return s.back() >= static_cast<int>(k); });
+  }
+
   /// Of the local variance of frame k how much is another in a frame so far off that its speckle is; -1: not known.
-  double Share(std::size_t k, const std::vector<double>& frame) const
+  double Share(std::size_t k, const std::vector<double>& frame, const std::vector<double>& texture) const
   {
     const auto middle = [this](std::size_t frame)
     { return kept_.frames_[frame].plane.Point(0.5 * (kept_.width_ - 1), 0.5 * (kept_.height_ - 1)); };
-    const auto& sequence = *std::find_if(kept_.bySequence_.begin(), kept_.bySequence_.end(),
-                                         [k](const std::vector<int>& s) { return s.back() >= static_cast<int>(k); });
+    const std::vector<int>& sequence = SequenceOf(k);
     int other = -1;
     double least = 2 * kOther;
     for (const int j : sequence)
@@ -275,25 +284,25 @@ private:
       return -1;
     }
     const std::vector<Beside> beside = kept_.Nearest(kept_.frames_[k].plane, {other});
-    std::vector<double> known(frame.size(), 0), there(frame.size(), 0), difference(frame.size(), 0);
+    std::vector<double> known(frame.size(), 0), sample(frame.size(), 0), difference(frame.size(), 0);
     for (std::size_t p = 0; p < frame.size(); ++p)
     {
       const int side = beside[p].frame[0] >= 0 ? 0 : 1;
       if (kept_.lit_[p] && beside[p].frame[side] >= 0)
       {
         known[p] = 1;
-        there[p] = frames_[other].Sample(Eigen::Vector3d(beside[p].column[side], beside[p].row[side], 0));
-        difference[p] = frame[p] - there[p];
+        sample[p] = frames_[other].Sample(Eigen::Vector3d(beside[p].column[side], beside[p].row[side], 0));
+        difference[p] = frame[p] - sample[p];
       }
     }
-    double sum = 0, squares = 0;
     const auto variances = [&](const std::vector<double>& values)
     { return WindowVariances(values, known, kept_.width_, kept_.height_, kHalfWindow); };
-    const std::vector<double> d = variances(difference), a = variances(frame), b = variances(there);
+    const std::vector<double> differences = variances(difference), there = variances(sample);
+    double sum = 0, squares = 0;
     for (std::size_t p = 0; p < frame.size(); ++p)
     {
-      sum += known[p] * (a[p] + b[p]);
-      squares += known[p] * d[p];
+      sum += known[p] * (texture[p] + there[p]);
+      squares += known[p] * differences[p];
     }
     return sum > 0 ? std::min(squares / sum, 1.0) : -1;
   }
@@ -302,9 +311,7 @@ private:
   void Predict(std::size_t k, const std::vector<double>& frame, const std::vector<double>& texture)
   {
     std::vector<int> among;
-    const auto& sequence = *std::find_if(kept_.bySequence_.begin(), kept_.bySequence_.end(),
-                                         [k](const std::vector<int>& s) { return s.back() >= static_cast<int>(k); });
-    for (const int other : sequence)
+    for (const int other : SequenceOf(k))
     {
       if (other != static_cast<int>(k) && std::abs(other - static_cast<int>(k)) <= kNeighbours)
       {
@@ -331,8 +338,9 @@ private:
         apart[p] = at.Apart();
         known[p] = 1;
         const int side = t >= 0.5 ? 0 : 1;
-        const View here{normal, (plane.Point(p % kept_.width_, p / kept_.width_) - apex).normalized()};
-        sums.turned += kept_.apex_ ? Another(kept_.ViewOf(at, side), here) : turned[at.frame[side]];
+        const auto beam = [&]
+        { return Eigen::Vector3d((plane.Point(p % kept_.width_, p / kept_.width_) - apex).normalized()); };
+        sums.turned += kept_.apex_ ? Another(kept_.ViewOf(at, side), {normal, beam()}) : turned[at.frame[side]];
         sums.squares += squares[p];
         sums.texture += texture[p];
         sums.count += 1;
@@ -351,8 +359,8 @@ private:
   {
     double turned = 0, squares = 0, texture = 0, count = 0;
   };
-  std::vector<double> share_;
-  std::vector<FromBeside> beside_;                                  // [frames]
+  std::vector<double> share_;       // [frames] of texture that is speckle, -1: not known
+  std::vector<FromBeside> beside_;  // [frames]
   std::vector<std::vector<SquaresOfOneSize>> squares_, residuals_;  // [frames][sizes]
 };
 

@@ -509,10 +509,13 @@ StandardError::Line StandardError::Variance(const Shown& shown, const Beside& be
   const Terms terms = Read(beside);
   const double t = beside.Nearness();
   const int side = t >= 0.5 ? 0 : 1, nearest = beside.frame[side];
-  const int i = static_cast<int>(p % shown.window.columns), j = static_cast<int>(p / shown.window.columns);
-  const Eigen::Vector3d at = shown.plane.Point(i + shown.window.firstColumn, j + shown.window.firstRow);
-  const double w =
-      apex_ ? Further({shown.normal, (at - shown.apex).normalized()}, beside, side) : shown.turned[nearest];
+  const int i = static_cast<int>(p) % shown.window.columns, j = static_cast<int>(p) / shown.window.columns;
+  const auto beam = [&]
+  {
+    const Eigen::Vector3d at = shown.plane.Point(i + shown.window.firstColumn, j + shown.window.firstRow);
+    return Eigen::Vector3d((at - shown.apex).normalized());
+  };
+  const double w = apex_ ? Further({shown.normal, beam()}, beside, side) : shown.turned[nearest];
   const double between = beside.distance[0] == 0 ? 0 : kLeft * terms.rate * beside.Apart();
   const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
   const double moved = trackerNoise_ == 0
