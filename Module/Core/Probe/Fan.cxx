@@ -91,14 +91,6 @@ Outline OutlineOf(const std::vector<std::uint8_t>& lit, int width, int height, d
   return outline;
 }
 
-Points Near(const Points& points, const Side& side, double reach)
-{
-  Points near;
-  std::copy_if(points.begin(), points.end(), std::back_inserter(near),
-               [&](const Eigen::Vector2d& p) { return std::abs(p[0] - side.X(p[1])) <= reach; });
-  return near;
-}
-
 /// Least squares.
 Side Through(const Points& points)
 {
@@ -121,9 +113,11 @@ Side Through(const Points& points)
 /// how many these are.
 std::pair<Side, std::size_t> SideOf(const Points& points, double sign, double onLine)
 {
-  Points best;
+  Side best;
+  std::size_t most = 0;
   // A slanted edge is rounded along its rows by its step.
-  const auto reach = [onLine](double slope) { return onLine * std::max(1.0, std::abs(slope)); };
+  const auto isOn = [onLine](const Side& side, const Eigen::Vector2d& p)
+  { return std::abs(p[0] - side.X(p[1])) <= onLine * std::max(1.0, std::abs(side.slope)); };
   const std::size_t step = std::max<std::size_t>(1, points.size() / kTried);
   for (std::size_t a = 0; a < points.size(); a += step)
   {
@@ -132,15 +126,18 @@ std::pair<Side, std::size_t> SideOf(const Points& points, double sign, double on
       const double slope = (points[b][0] - points[a][0]) / (points[b][1] - points[a][1]);
       if (sign * slope >= kLeastSlant && sign * slope <= kMostSlant)
       {
-        Points near = Near(points, {points[a][0] - slope * points[a][1], slope}, reach(slope));
-        if (near.size() > best.size())
-        {
-          best.swap(near);
-        }
+        const Side side{points[a][0] - slope * points[a][1], slope};
+        const std::size_t count =
+            std::count_if(points.begin(), points.end(), [&](const Eigen::Vector2d& p) { return isOn(side, p); });
+        best = count > most ? side : best;
+        most = std::max(most, count);
       }
     }
   }
-  return {best.size() < 2 ? Side() : Through(best), best.size()};
+  Points on;
+  std::copy_if(points.begin(), points.end(), std::back_inserter(on),
+               [&](const Eigen::Vector2d& p) { return isOn(best, p); });
+  return {most < 2 ? Side() : Through(on), most};
 }
 
 /// Whether an end of the fan lies on a circle about the apex, and not as well on a line.
