@@ -122,6 +122,10 @@ void OnProgress(vtkObject* caller, unsigned long, void* clientData, void*)
                            text ? text : "");
   if (watch->stoppable && IsInterrupted())
   {
+    if (!algorithm->GetAbortExecute())  // a step may take seconds, in which nothing else would be seen
+    {
+      watch->console->Note("bigus: stopping at the end of this step; a second Ctrl-C ends at once and saves nothing.");
+    }
     algorithm->SetAbortExecute(1);
   }
 }
