@@ -196,10 +196,14 @@ E1 = Experiment(
              {title: {"scene": "liver volume", "method": method, "limit": limit}
               for title, method, limit in (("BIGUS 140k, 5 minutes", "BIGUS 140k", "300 s"),
                                            ("BIGUS 140k, 1 minute", "BIGUS 140k", "60 s"),
+                                           ("second order, 5 minutes", "BIGUS 140k, second order", "300 s"),
+                                           ("second order, 1 minute", "BIGUS 140k, second order", "60 s"),
                                            ("like UltraGauss 100k, 1 minute", "UltraGauss preset 100k", "60 s"),
                                            ("cubic", "cubic", ""))},
-             {"160 slices, all": ({"slices": 160}, "all 160 PSNR"), "80 slices, unseen": ({"slices": 80}, "unseen PSNR"),
-              "80, at right angles": ({"slices": 80}, "x PSNR"), "40 slices, unseen": ({"slices": 40}, "unseen PSNR"),
+             {"160 slices, all": ({"slices": 160}, "all 160 PSNR"), "160, at 45°": ({"slices": 160}, "45° PSNR"),
+              "80 slices, unseen": ({"slices": 80}, "unseen PSNR"),
+              "80, at right angles": ({"slices": 80}, "x PSNR"), "80, at 45°": ({"slices": 80}, "45° PSNR"),
+              "40 slices, unseen": ({"slices": 40}, "unseen PSNR"),
               "40, at right angles": ({"slices": 40}, "x PSNR")}),
     split="scene")
 
