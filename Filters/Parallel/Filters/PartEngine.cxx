@@ -9,6 +9,7 @@
 #include "Core/Engine/Exchange.h"
 #include "Core/Engine/FieldState.h"
 #include "Core/Engine/MortonOrder.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/GaussianBlock.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/StateBytes.h"
@@ -81,7 +82,7 @@ GaussianField Pick(const GaussianField& field, const Places& places)
   return part;
 }
 
-class PartEngine final : public Engine
+class PartEngine final : public Engine, public ViewEngine
 {
 public:
   PartEngine(const std::string& name, Exchange& exchange) : exchange_(exchange), own_(Engine::Create(name))
@@ -244,7 +245,69 @@ public:
 
   void ResetScores() override { own_->ResetScores(); }
 
+  std::vector<double> Reflectivities() const override
+  {
+    return GatherInPlace(exchange_, OwnViews().Reflectivities(), GatherValues(exchange_, places_));
+  }
+
+  void SetReflectivities(const std::vector<double>& reflectivities) override
+  {
+    OwnViews().SetReflectivities(Own(reflectivities));
+  }
+
+  double Backpropagate(const std::vector<int>& frames, const Loss& loss, const std::vector<float>& reflectivities,
+                       std::vector<float>& derivatives) override
+  {
+    std::vector<float> own;
+    const double value = OwnViews().Backpropagate(frames, loss, Own(reflectivities), own);
+    derivatives = OfAll(own, frames.size());
+    return value;
+  }
+
+  void Walk(const std::vector<int>& frames, const std::vector<float>& reflectivities, const ChangeRow& change,
+            std::vector<float>* sums) override
+  {
+    std::vector<float> own;
+    OwnViews().Walk(frames, Own(reflectivities), change, sums ? &own : nullptr);
+    if (sums)
+    {
+      *sums = OfAll(own, frames.size());
+    }
+  }
+
 private:
+  ViewEngine& OwnViews() const { return *ViewEngine::Of(*own_); }
+
+  /// Of [frames][size_] the numbers of this process's Gaussians.
+  template <class Value>
+  std::vector<Value> Own(const std::vector<Value>& all) const
+  {
+    std::vector<Value> own;
+    for (std::size_t first = 0; first < all.size(); first += size_)
+    {
+      for (const std::uint32_t place : places_)
+      {
+        own.push_back(all[first + place]);
+      }
+    }
+    return own;
+  }
+
+  /// [frames][size_] of what each process has of its own Gaussians.
+  std::vector<float> OfAll(const std::vector<float>& own, std::size_t frames) const
+  {
+    const Places places = GatherValues(exchange_, places_);
+    std::vector<float> all;
+    for (std::size_t f = 0; f < frames; ++f)
+    {
+      const auto first = own.begin() + static_cast<std::ptrdiff_t>(f * places_.size());
+      const std::vector<float> one =
+          GatherInPlace(exchange_, {first, first + static_cast<std::ptrdiff_t>(places_.size())}, places);
+      all.insert(all.end(), one.begin(), one.end());
+    }
+    return all;
+  }
+
   /// For every Gaussian the process whose optimizer state it inherits, or -1.
   std::vector<int> OwnersOfParents(const std::vector<int>& parents) const
   {

@@ -448,11 +448,11 @@ void Training::LearnDirections()
   {
     return;
   }
-  if (budget_.IsLimited() || !exchange_.IsAlone())
+  if (budget_.IsLimited())
   {
     if (asked_.viewDependence)
     {
-      result_.decisions.push_back({"view dependence", "off", "not with a time limit, nor in several processes", 0});
+      result_.decisions.push_back({"view dependence", "off", "not with a time limit", 0});
     }
     return;
   }
