@@ -54,9 +54,10 @@ void FieldParts::Join(vtkPolyData*, const GaussianField& field, PartEngines& who
   whole.transfer = field.transfer;
 }
 
-void FieldParts::SetField(const GaussianField& part, PartEngines& whole) const
+void FieldParts::SetField(const GaussianField& part, const ViewDependence* view, PartEngines& whole) const
 {
-  whole.engines[0]->SetField(part);
+  whole.seen.clear();
+  whole.seen.emplace_back(*whole.engines[0], part, view);
 }
 
 RenderPlanes FieldParts::PlanesOf(const PartEngines& whole, ViewOutput output) const

@@ -11,6 +11,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/Engine/Exchange.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
 #include "Core/Slicing/Bands.h"
@@ -34,6 +35,7 @@ struct PartEngines
   FieldChunks chunks;
   TransferFunction transfer;  ///< of the whole field
   std::vector<std::unique_ptr<Engine>> engines;
+  std::vector<SeenField> seen;  ///< of each engine
 };
 
 /// Each member function is to be called by all processes.
@@ -68,8 +70,8 @@ public:
   /// unless the parts are those of one field.
   virtual void Join(vtkPolyData* part, const GaussianField& field, PartEngines& whole) const;
 
-  /// Makes the engines hold their chunks of the part.
-  virtual void SetField(const GaussianField& part, PartEngines& whole) const;
+  /// Makes the engines hold their chunks of the part, seen as `view` says, unless that is null.
+  virtual void SetField(const GaussianField& part, const ViewDependence* view, PartEngines& whole) const;
 
   /// Renders planes as they are, or a slab of them, of the whole field.
   virtual RenderPlanes PlanesOf(const PartEngines& whole, ViewOutput output) const;

@@ -69,7 +69,6 @@ double FieldRenderer::MeanCoverage() const
 void FieldRenderer::SetParts(std::unique_ptr<FieldParts> parts)
 {
   parts_ = std::move(parts);
-  seen_.reset();
   whole_ = {};
   uploadedSigma_.reset();
   bands_ = Bands(parts_->FollowsClock());
@@ -92,7 +91,7 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
   const std::size_t engines = whole_.chunks.sizes.size();
   if (whole_.engines.size() != engines || engineName_ != settings.engine)
   {
-    seen_.reset();
+    whole_.seen.clear();
     whole_.engines.clear();
     for (std::size_t k = 0; k < engines; ++k)
     {
@@ -122,15 +121,7 @@ void FieldRenderer::UploadField(double sigma)
   {
     field_.beam = Beam{sigma};
   }
-  seen_.reset();
-  if (view_ && seesDirections_ && parts_->FollowsClock() && whole_.chunks.total == 1)
-  {
-    seen_.emplace(*whole_.engines[0], field_, &*view_);
-  }
-  else
-  {
-    parts_->SetField(field_, whole_);
-  }
+  parts_->SetField(field_, SeesDirections() ? &*view_ : nullptr, whole_);
   field_.beam = own;
 }
 
@@ -144,14 +135,14 @@ void FieldRenderer::UploadLabel(double sigma)
   {
     carriers.beam = Beam{sigma};
   }
-  seen_.reset();
+  whole_.seen.clear();
   whole_.engines[0]->SetField(carriers);
 }
 
 /// The same, plane by plane where directions are seen.
 RenderPlanes FieldRenderer::Seen(const RenderPlanes& render)
 {
-  if (!seen_)
+  if (!SeesDirections())
   {
     return render;
   }
@@ -161,7 +152,10 @@ RenderPlanes FieldRenderer::Seen(const RenderPlanes& render)
     const std::size_t pixels = static_cast<std::size_t>(window.columns) * window.rows;
     for (std::size_t k = 0; k < planes.size(); ++k)
     {
-      nearness_ = std::max(nearness_, seen_->LookFrom(planes[k]));
+      for (SeenField& seen : whole_.seen)
+      {
+        nearness_ = std::max(nearness_, seen.LookFrom(planes[k]));
+      }
       render({planes[k]}, window, image + k * pixels, coverage ? coverage + k * pixels : nullptr);
     }
   };
@@ -170,7 +164,7 @@ RenderPlanes FieldRenderer::Seen(const RenderPlanes& render)
 bool FieldRenderer::Render(const GridPart& grid, ViewOutput output, bool coverage, const Slab& slab,
                            const std::function<bool(const PixelBand&)>& receive)
 {
-  nearness_ = seen_ ? 0 : -1;
+  nearness_ = SeesDirections() && !label_ ? 0 : -1;
   const RenderPlanes render =
       label_ ? ShareOf(PlanesOn(*whole_.engines[0], ViewOutput::Scattering)) : Seen(parts_->PlanesOf(whole_, output));
   return bands_.Run(grid, coverage, slab, render,

@@ -56,7 +56,7 @@ public:
   void Upload(vtkPolyData* input, const ViewSettings& settings);
 
   /// Whether planes see the reflectivities of their directions; else each Gaussian is as it usually looks at its place. Off
-  /// at first, and always where processes have parts.
+  /// at first.
   void SetSeesDirections(bool isOn) { seesDirections_ = isOn; }
   /// The label whose share planes show, by its value; null: they show the field itself. Null at first.
   void SetLabel(std::optional<int> value) { label_ = value; }
@@ -72,6 +72,7 @@ public:
   const std::string& Device() const { return device_; }
 
 private:
+  bool SeesDirections() const { return view_ && seesDirections_; }
   void UploadHere(const ViewSettings& settings);
   void UploadField(double sigma);
   void UploadLabel(double sigma);
@@ -84,7 +85,6 @@ private:
   std::optional<ViewDependence> view_;
   std::optional<FieldLabels> labels_;
   std::optional<int> label_, uploadedLabel_;
-  std::optional<SeenField> seen_;  // where directions are seen
   bool seesDirections_ = false;
   double nearness_ = -1;
   vtkPolyData* input_ = nullptr;  // compared, never followed

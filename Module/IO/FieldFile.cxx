@@ -78,7 +78,10 @@ std::optional<StoredField> ReadField(const std::string& fileName, const FieldPie
       if (isPly && wanted)
       {
         stored->field = PartOf(stored->field, chunks);
-        stored->view.reset();
+        if (stored->view)
+        {
+          stored->view = PartOf(*stored->view, chunks);
+        }
       }
       if (wanted)
       {

@@ -149,7 +149,12 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
       {
         const std::vector<std::string> provenance = bigus::ProvenanceOf(output);
         bigus::FieldChunks chunks = bigus::ChunksOfPiece(piece.chunks, piece.piece, piece.pieces);
+        const std::optional<bigus::ViewDependence> view = bigus::ViewFromPolyData(output);
         bigus::FieldToPolyData(bigus::PartOf(bigus::FieldFromPolyData(output), chunks), output);
+        if (view)
+        {
+          bigus::ViewToPolyData(bigus::PartOf(*view, chunks), output);
+        }
         bigus::ReplaceProvenance(output, provenance);
         bigus::WriteChunks(chunks, output);
       }

@@ -94,28 +94,14 @@ void vtkBigusFieldWriter::WriteFile()
         vtkPolyData* const input = this->GetInput();
         bigus::StoredField stored = {
             bigus::FieldFromPolyData(input), bigus::ProvenanceOf(input), {}, bigus::StandardErrorOf(input)};
-        const auto leaveOut = [&](const char* array, const char* what)
-        {
-          if (input->GetPointData()->GetArray(array))
-          {
-            vtkWarningMacro(<< fileName << ": " << what << " left out; .vtp keeps it.");
-          }
-        };
-        if (processes.IsAlone())
-        {
-          stored.view = bigus::ViewFromPolyData(input);
-        }
-        else
-        {
-          leaveOut("ViewTerm", "what the field knows of directions is");
-        }
+        stored.view = bigus::ViewFromPolyData(input);
         if (processes.IsAlone() && bigus::KeepsLabels(fileName))
         {
           stored.labels = bigus::LabelsFromPolyData(input);
         }
-        else
+        else if (input->GetPointData()->GetArray("LabelWeight"))
         {
-          leaveOut("LabelWeight", "the field's labels are");
+          vtkWarningMacro(<< fileName << ": the field's labels are left out; .vtp keeps it.");
         }
         if (this->Rounding)
         {

@@ -271,6 +271,7 @@ void BindField(nb::module_& m)
             RequirePartition(total, piece, pieces);
             FieldChunks chunks = ChunksOfPiece(total, piece, pieces);
             Field part(PartOf(field, chunks), field.provenance);
+            part.view = field.view ? std::optional(PartOf(*field.view, chunks)) : std::nullopt;
             return nb::make_tuple(std::move(part), chunks.first, chunks.sizes);
           },
           nb::arg("chunks"), nb::arg("piece"), nb::arg("pieces"),

@@ -300,9 +300,9 @@ private:
     std::vector<float> all;
     for (std::size_t f = 0; f < frames; ++f)
     {
-      const auto first = own.begin() + static_cast<std::ptrdiff_t>(f * places_.size());
+      const float* first = own.data() + f * places_.size();
       const std::vector<float> one =
-          GatherInPlace(exchange_, {first, first + static_cast<std::ptrdiff_t>(places_.size())}, places);
+          GatherInPlace(exchange_, std::vector<float>(first, first + places_.size()), places);
       all.insert(all.end(), one.begin(), one.end());
     }
     return all;

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <limits>
 #include <string>
-#include <type_traits>
 
 #include "Core/Model/Error.h"
 #include "Data/FieldData.h"
@@ -51,14 +50,17 @@ void Push(std::vector<Node>& nodes, Node node)
   nodes.push_back(std::move(node));
 }
 
+template <class Value>
+std::vector<Value> Slice(const std::vector<Value>& values, std::size_t first, std::size_t count)
+{
+  const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
+  return std::vector<Value>(begin, begin + static_cast<std::ptrdiff_t>(count));
+}
+
 /// Gaussians from `first` on.
 GaussianField Slice(const GaussianField& field, std::size_t first, std::size_t count)
 {
-  const auto part = [first, count](const auto& values)
-  {
-    const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
-    return std::decay_t<decltype(values)>(begin, begin + static_cast<std::ptrdiff_t>(count));
-  };
+  const auto part = [first, count](const auto& values) { return Slice(values, first, count); };
   return {part(field.means),          part(field.scales), part(field.rotations),
           part(field.reflectivities), field.beam,         field.transfer};
 }
@@ -128,12 +130,14 @@ FieldChunks ProcessParts::ChunksOf(vtkPolyData* part, std::size_t gaussians) con
   return chunks;
 }
 
-void ProcessParts::RequireOneField(const GaussianField& part, TransferFunction& transfer) const
+void ProcessParts::RequireOneField(vtkPolyData* data, const GaussianField& part, TransferFunction& transfer) const
 {
+  vtkDataArray* const views = data->GetFieldData()->GetArray("ViewPoses");
   const Beam& beam = part.beam;
   const double says[] = {part.transfer.gamma, beam.elevationSigma, beam.probeElevationSigma,
-                         static_cast<double>(beam.trainedNormals.size())};
-  constexpr int kCount = 4;
+                         static_cast<double>(beam.trainedNormals.size()),
+                         static_cast<double>(views ? views->GetNumberOfTuples() : 0)};
+  constexpr int kCount = 5;
   double least[2 * kCount];  // the values, and their negatives
   for (int k = 0; k < kCount; ++k)
   {
@@ -142,7 +146,8 @@ void ProcessParts::RequireOneField(const GaussianField& part, TransferFunction& 
     least[kCount + k] = isEmpty ? std::numeric_limits<double>::infinity() : -says[k];
   }
   Least(least, 2 * kCount);
-  static const char* const kNames[] = {"Gamma", "ElevationSigma", "ProbeElevationSigma", "TrainedNormals"};
+  static const char* const kNames[] = {"Gamma", "ElevationSigma", "ProbeElevationSigma", "TrainedNormals",
+                                       "number of ViewPoses"};
   for (int k = 0; k < kCount; ++k)
   {
     Require(least[k] == -least[kCount + k] || !(least[k] < std::numeric_limits<double>::infinity()),
@@ -211,16 +216,23 @@ void ProcessParts::Sum(const FieldChunks& chunks, std::size_t count, const std::
 void ProcessParts::Join(vtkPolyData* part, const GaussianField& field, PartEngines& whole) const
 {
   whole.chunks = ChunksOf(part, field.Size());
-  RequireOneField(field, whole.transfer);
+  RequireOneField(part, field, whole.transfer);
 }
 
-void ProcessParts::SetField(const GaussianField& part, PartEngines& whole) const
+void ProcessParts::SetField(const GaussianField& part, const ViewDependence* view, PartEngines& whole) const
 {
   std::size_t first = 0;
+  whole.seen.clear();
   for (std::size_t k = 0; k < whole.engines.size(); ++k)
   {
-    whole.engines[k]->SetField(Slice(part, first, whole.chunks.sizes[k]));
-    first += whole.chunks.sizes[k];
+    const std::size_t count = whole.chunks.sizes[k];
+    ViewDependence ofChunk;
+    if (view)
+    {
+      ofChunk = {view->views, Slice(view->terms, first, count)};
+    }
+    whole.seen.emplace_back(*whole.engines[k], Slice(part, first, count), view ? &ofChunk : nullptr);
+    first += count;
   }
 }
 

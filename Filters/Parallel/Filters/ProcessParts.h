@@ -18,7 +18,7 @@ public:
   explicit ProcessParts(vtkMultiProcessController* controller);
 
   void Join(vtkPolyData* part, const GaussianField& field, PartEngines& whole) const override;
-  void SetField(const GaussianField& part, PartEngines& whole) const override;
+  void SetField(const GaussianField& part, const ViewDependence* view, PartEngines& whole) const override;
   RenderPlanes PlanesOf(const PartEngines& whole, ViewOutput output) const override;
 
 private:
@@ -27,7 +27,7 @@ private:
   FieldChunks ChunksOf(vtkPolyData* part, std::size_t gaussians) const;
 
   /// Throws Error on every process unless all parts have one transfer function and one beam. An empty part has any.
-  void RequireOneField(const GaussianField& part, TransferFunction& transfer) const;
+  void RequireOneField(vtkPolyData* data, const GaussianField& part, TransferFunction& transfer) const;
 
   /// Adds up pictures of `count` floats. `render(k, picture)` makes that of chunk k of this process, counted from 0. All
   /// processes get the sum.

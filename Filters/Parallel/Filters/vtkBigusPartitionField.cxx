@@ -62,6 +62,10 @@ int vtkBigusPartitionField::RequestData(vtkInformation*, vtkInformationVector** 
     bigus::FieldChunks chunks = bigus::ChunksOfPiece(this->NumberOfChunks, this->Piece, this->NumberOfPieces);
     const bigus::GaussianField part = bigus::PartOf(bigus::FieldFromPolyData(input), chunks);
     bigus::FieldToPolyData(part, output);
+    if (const auto view = bigus::ViewFromPolyData(input))
+    {
+      bigus::ViewToPolyData(bigus::PartOf(*view, chunks), output);
+    }
     bigus::ReplaceProvenance(output, bigus::ProvenanceOf(input));
     bigus::WriteChunks(chunks, output);
   };

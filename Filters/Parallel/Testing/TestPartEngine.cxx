@@ -6,7 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "Core/Engine/ViewEngine.h"
+#include "Core/Evaluation/Evaluation.h"
 #include "Core/Model/Error.h"
+#include "Core/Phantom/Phantom.h"
 #include "Core/Trainer/Trainer.h"
 #include "Support/Fields.h"
 #include "Support/Psnr.h"
@@ -215,6 +218,46 @@ TEST(PartEngine, GradientsAndScoresAreThoseOfTheWholeField)
   }
 }
 
+TEST(PartEngine, WhatEachFrameReflectsIsThatOfTheWholeField)
+{
+  const Problem problem = RandomProblem(11, 700, 6, 3, 0.3, 30, 26);
+  const std::vector<int> frames = {0, 2};
+  Random random(12);
+  std::vector<float> viewed(frames.size() * problem.field.Size());
+  std::generate(viewed.begin(), viewed.end(), [&random] { return static_cast<float>(random.Uniform(-0.5, 0.5)); });
+  const auto find = [&](Engine& engine)
+  {
+    ViewEngine& views = *ViewEngine::Of(engine);
+    engine.SetAccuracy({1e-4, true});
+    engine.SetFrames(problem.sweep);
+    engine.SetField(problem.field);
+    std::vector<float> derivatives, sums;
+    std::vector<double> numbers = {views.Backpropagate(frames, Loss::Parse("l2"), viewed, derivatives)};
+    const std::vector<double> gradient = Flat(engine.GetGradient());
+    const auto square = [](std::size_t, int, float* line)
+    { std::transform(line, line + 30, line, [](float s) { return s * s; }); };
+    views.Walk(frames, viewed, square, &sums);
+    std::vector<double> changed = views.Reflectivities();
+    std::reverse(changed.begin(), changed.end());
+    views.SetReflectivities(changed);
+    const std::vector<double> now = engine.GetField().reflectivities;
+    numbers.insert(numbers.end(), gradient.begin(), gradient.end());
+    numbers.insert(numbers.end(), derivatives.begin(), derivatives.end());
+    numbers.insert(numbers.end(), sums.begin(), sums.end());
+    numbers.insert(numbers.end(), now.begin(), now.end());
+    return numbers;
+  };
+  const std::vector<double> truth = find(*Engine::Create("cpu-double"));
+  for (const int processes : kProcesses)
+  {
+    const auto found = Answers<std::vector<double>>(processes, "cpu-double", find);
+    ASSERT_EQ(found[0].size(), truth.size());
+    // Derivatives and sums are handed on as float, which rounds each by at most 6e-8 of itself.
+    EXPECT_LT(RelativeError(truth, found[0]), 1e-7) << processes << " processes";
+    EXPECT_EQ(found.front(), found.back());
+  }
+}
+
 TEST(PartEngine, EnginesThatCannotSaySo)
 {
   const auto errors = InThreads(2, [](Exchange& exchange) { exchange.CreateEngine("reference"); });
@@ -246,6 +289,8 @@ TrainingResult TrainTogether(int processes, const std::shared_ptr<const Sweep>& 
   for (const TrainingResult& result : results)
   {
     EXPECT_TRUE(SameField(result.field, results[0].field));
+    EXPECT_EQ(result.view.has_value(), results[0].view.has_value());
+    EXPECT_TRUE(!result.view || result.view->terms == results[0].view->terms);
     EXPECT_EQ(result.processes, processes);
   }
   return results[0];
@@ -290,6 +335,33 @@ TEST(TrainingInParts, DecidesTogether)
   options.gaussians.reset();
   const TrainingResult result = TrainTogether(2, RenderedSweep(), options);
   EXPECT_GT(result.decisions.size(), 2u);
+}
+
+TEST(TrainingInParts, LearnsDirectionsAsOneProcessDoes)
+{
+  PhantomOptions made;
+  made.width = 32;
+  made.height = 28;
+  made.pixelSize = 0.4;
+  made.frames = 24;
+  made.tilt = 8;
+  made.passes = 2;
+  const auto sweep = std::make_shared<const Sweep>(Phantom(made).MakeSweep());
+  TrainerOptions options = QuickOptions();
+  options.engine = "cpu-double";
+  options.loss = Loss::Parse("l2");
+  options.gaussians = 300;
+  options.viewDependence = true;
+  const TrainingResult alone = Train(sweep, options);
+  ASSERT_TRUE(alone.view);
+  const double truth = ScoreField(alone.field, *sweep, alone.heldOutFrames, "cpu", &*alone.view).psnr;
+  for (const int processes : {1, 2, 3})
+  {
+    const TrainingResult result = TrainTogether(processes, sweep, options);
+    ASSERT_TRUE(result.view) << processes << " processes";
+    EXPECT_TRUE(result.view->views == alone.view->views);
+    EXPECT_NEAR(ScoreField(result.field, *sweep, result.heldOutFrames, "cpu", &*result.view).psnr, truth, 0.01);
+  }
 }
 
 TEST(TrainingInParts, GoesByTheClockOfTheFirst)

@@ -21,6 +21,7 @@
 #include "Support/ErrorObserver.h"
 #include "Support/Fields.h"
 #include "Support/Random.h"
+#include "Support/Sweeps.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
 #include "vtkBigusPartitionField.h"
@@ -49,6 +50,33 @@ vtkSmartPointer<vtkPolyData> Field(std::size_t count = 9000, double gamma = 0.5)
   field.transfer.gamma = gamma;
   const auto data = vtkSmartPointer<vtkPolyData>::New();
   bigus::FieldToPolyData(field, data);
+  return data;
+}
+
+/// The same, and what it knows of directions: recorded planes like that of Slice, one of them the same.
+vtkSmartPointer<vtkPolyData> ViewedField()
+{
+  const auto data = Field();
+  const auto sweep = bigus::test::BlackSweep(3, 90, 70, 0.25, 0.25);
+  Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+  pose.topLeftCorner<3, 2>() << 0.6, 0, 0.8, 0, 0, 1;
+  pose.col(2).head<3>() = pose.col(0).head<3>().cross(pose.col(1).head<3>());
+  const Eigen::Vector3d corner = Eigen::Vector3d(1, -2, 0.5) + pose.topLeftCorner<3, 2>() * Eigen::Vector2d(-11, -9);
+  for (int k = 0; k < 3; ++k)
+  {
+    Eigen::Matrix4d turned = pose;
+    turned.topLeftCorner<3, 3>() = Eigen::AngleAxisd(0.1 * k, Eigen::Vector3d::UnitZ()) * pose.topLeftCorner<3, 3>();
+    turned.col(3).head<3>() = corner;
+    turned.topLeftCorner<3, 2>() *= 0.25;
+    sweep->imageToReference[k] = turned;
+  }
+  bigus::test::Random random(12);
+  bigus::ViewDependence view{bigus::RecordedViews::Of(*sweep, {0, 1, 2}), {}};
+  for (vtkIdType i = 0; i < data->GetNumberOfPoints(); ++i)
+  {
+    view.terms.push_back(random.Vector(0.3));
+  }
+  bigus::ViewToPolyData(view, data);
   return data;
 }
 
@@ -170,8 +198,8 @@ private:
 
 TEST(Parts, SameBitsForAnyNumberOfProcesses)
 {
-  const auto field = Field();
-  for (const int chunks : {1, 2, 16})
+  for (const auto& [field, chunks] :
+       {std::pair(Field(), 1), std::pair(Field(), 2), std::pair(Field(), 16), std::pair(ViewedField(), 16)})
   {
     vtkNew<vtkDummyController> alone;
     const std::vector<float> truth = Answer(Slice(Part(field, alone, chunks), alone));
@@ -186,7 +214,7 @@ TEST(Parts, SameBitsForAnyNumberOfProcesses)
 
 TEST(Parts, EveryProcessReadsItsPartAlone)
 {
-  const auto field = Field();
+  const auto field = ViewedField();
   const SharedFolder folder("parts");
   if (World()->GetLocalProcessId() == 0)
   {
@@ -220,10 +248,13 @@ TEST(Parts, EveryProcessReadsItsPartAlone)
 
 TEST(Parts, ShowWhatTheWholeFieldShows)
 {
-  const auto field = Field();
+  const auto field = ViewedField();
   vtkNew<vtkBigusPartitionField> whole;
   whole->SetInputData(field);
   const std::vector<float> truth = Answer(Slice(whole, nullptr));
+  vtkNew<vtkBigusPartitionField> usual;
+  usual->SetInputData(Field());
+  EXPECT_NE(truth, Answer(Slice(usual, nullptr))) << "directions count";
   WithGroups(
       [&](vtkMultiProcessController* controller)
       {

@@ -34,6 +34,12 @@ bool IsOneField(const StoredField& one, const StoredField& other)
          one.view.has_value() == other.view.has_value() && (!one.view || one.view->views == other.view->views);
 }
 
+/// What the field knows of directions, without that of any Gaussian.
+std::optional<ViewDependence> ViewsOf(const StoredField& part)
+{
+  return part.view ? std::optional(ViewDependence{part.view->views, {}}) : std::nullopt;
+}
+
 template <class T>
 void Append(std::vector<T>& to, const std::vector<T>& more)
 {
@@ -90,12 +96,19 @@ void RequireOneName(const std::string& fileName, Exchange& processes)
 }
 
 /// Throws unless the parts, of which some may be empty, can be pieces of one field.
-void RequirePartsOfOneField(const GaussianField& part, Exchange& processes)
+void RequirePartsOfOneField(const StoredField& stored, Exchange& processes)
 {
+  const GaussianField& part = stored.field;
   StateWriter shared;
   shared.Number(part.transfer.gamma);
   SaveBeam(part.beam, shared);
-  Checksum own;
+  Checksum views, own;
+  if (stored.view)
+  {
+    views.Add(stored.view->views.poses.data(), stored.view->views.poses.size() * sizeof(Eigen::Matrix4d));
+  }
+  shared.Number(stored.view.has_value());
+  shared.Number(views.Value());
   const auto add = [&own](const auto& values) { own.Add(values.data(), values.size() * sizeof(values[0])); };
   add(part.means);
   add(part.scales);
@@ -113,8 +126,10 @@ void RequirePartsOfOneField(const GaussianField& part, Exchange& processes)
       continue;
     }
     first = std::min(first, rank);
-    Require(kinds[rank] == kinds[first], "The processes ", first, " and ", rank,
-            " have parts with another Gamma, elevation sigma or trained normals, so they are not of one field.");
+    Require(
+        kinds[rank] == kinds[first], "The processes ", first, " and ", rank,
+        " have parts with another Gamma, elevation sigma, trained normals or recorded views, so they are not of one "
+        "field.");
     if (const auto [other, isNew] = known.emplace(sums[rank], rank); !isNew)
     {
       throw Error("The processes " + std::to_string(other->second) + " and " + std::to_string(rank) +
@@ -128,7 +143,8 @@ void RequirePartsOfOneField(const GaussianField& part, Exchange& processes)
 VtpSingles SinglesOfAll(const StoredField& part, Exchange& processes)
 {
   VtpSingles singles = SinglesOf(part);
-  for (bool* const isSingle : {&singles.means, &singles.scales, &singles.rotations, &singles.reflectivities})
+  for (bool* const isSingle :
+       {&singles.means, &singles.scales, &singles.rotations, &singles.reflectivities, &singles.viewTerms})
   {
     *isSingle = !processes.Any(!*isSingle);
   }
@@ -220,17 +236,15 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
     }
     if (part->field.Size() == 0)
     {
-      continue;  // of a foreign program it has no field data either
+      all.view = all.view ? all.view : ViewsOf(*part);  // should all be empty
+      continue;                                         // of a foreign program it has no field data either
     }
     if (first.empty())
     {
       first = file;
       all.field.transfer = part->field.transfer;
       all.field.beam = part->field.beam;
-      if (part->view)
-      {
-        all.view = ViewDependence{part->view->views, {}};
-      }
+      all.view = ViewsOf(*part);
     }
     else if (!IsOneField(all, *part))
     {
@@ -245,10 +259,6 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
     Append(all.field.scales, part->field.scales);
     Append(all.field.rotations, part->field.rotations);
     Append(all.field.reflectivities, part->field.reflectivities);
-  }
-  if (piece.pieces > 1)
-  {
-    all.view.reset();  // nothing looks at what a part knows of directions
   }
   // Pictures of chunks are added up along a binary tree over a power of two of them.
   if ((total & (total - 1)) == 0)
@@ -311,9 +321,9 @@ void WritePvtp(const StoredField& stored, const std::string& fileName, int piece
 void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exchange& processes)
 {
   RequireOneName(fileName, processes);
-  RequirePartsOfOneField(part.field, processes);
+  RequirePartsOfOneField(part, processes);
   const VtpSingles singles = SinglesOfAll(part, processes);
-  const bool isFirst = processes.Rank() == 0;
+  const bool isFirst = processes.Rank() == 0, hasViews = processes.Any(part.view.has_value());
   const std::string pieceName = PieceFileOf(fileName, processes.Rank());
   RequireNoFolders(isFirst ? std::vector<std::string>{pieceName, fileName} : std::vector<std::string>{pieceName});
   std::optional<FileLock> lock;
@@ -323,7 +333,7 @@ void WritePvtpTogether(const StoredField& part, const std::string& fileName, Exc
     lock.emplace(fileName, FileLock::Mode::Wait);
     AtomicFile::PutEarlierBack(FilesOfField(fileName, FieldChunks::kMost));
     index.emplace(fileName);
-    index->Write(IndexText(fileName, processes.Size(), singles, false));
+    index->Write(IndexText(fileName, processes.Size(), singles, hasViews));
     index->Finish();
   }
   AtomicFile file(pieceName);

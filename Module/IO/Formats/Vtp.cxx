@@ -163,7 +163,7 @@ public:
       field.reflectivities.resize(Count(wanted_));
       ReadDoubles(reflectivities, wanted_, field.reflectivities.data());
     }
-    if (!chunks && Node("ViewTerm"))
+    if (Node("ViewTerm"))
     {
       stored.view = ReadView();
     }
