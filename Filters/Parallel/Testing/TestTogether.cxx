@@ -12,6 +12,7 @@
 #include "Support/TestSupport.h"
 #include "ThreadExchange.h"
 #include "vtkNew.h"
+#include "vtkPointData.h"
 #include "vtkPolyData.h"
 #include "vtkXMLPPolyDataReader.h"
 
@@ -46,16 +47,38 @@ GaussianField Quarter(GaussianField field, int rank)
   return field;
 }
 
+/// One recorded frame, and of each Gaussian a q that tells which one it is.
+ViewDependence ViewOf(const GaussianField& field)
+{
+  ViewDependence view;
+  view.views.unit = 0.5;
+  view.views.angleStep = 1;
+  view.views.elevationStep = 2;
+  view.views.poses.assign(1, Eigen::Matrix4d::Identity());
+  for (const Eigen::Vector3d& mean : field.means)
+  {
+    view.terms.emplace_back(mean[2], 2 * mean[0], -mean[1]);
+  }
+  return view;
+}
+
 TEST(Together, ProcessesWriteTheirParts)
 {
   const TemporaryFolder folder;
   const GaussianField field = Field(kGaussians);
   const std::string index = folder / "field.pvtp";
-  const auto write = [&](Exchange& processes) {
-    WriteFieldTogether({Quarter(field, processes.Rank()), {}, {}}, index, processes);
+  const auto write = [&](Exchange& processes)
+  {
+    StoredField part = {Quarter(field, processes.Rank()), {}, {}};
+    part.view = ViewOf(part.field);
+    WriteFieldTogether(part, index, processes);
   };
   EXPECT_EQ(InThreads(4, write), std::vector<std::string>(4));
-  const GaussianField read = ReadField(index)->field;
+  const StoredField stored = *ReadField(index);
+  ASSERT_TRUE(stored.view);
+  EXPECT_EQ(stored.view->terms, ViewOf(field).terms);
+  EXPECT_TRUE(stored.view->views == ViewOf(field).views);
+  const GaussianField& read = stored.field;
   EXPECT_TRUE(SameField(read, field));
   EXPECT_EQ(read.transfer.gamma, field.transfer.gamma);
   EXPECT_EQ(read.beam.elevationSigma, field.beam.elevationSigma);
@@ -65,6 +88,7 @@ TEST(Together, ProcessesWriteTheirParts)
   vtk->SetFileName(index.c_str());
   vtk->Update();
   EXPECT_EQ(vtk->GetOutput()->GetNumberOfPoints(), static_cast<vtkIdType>(kGaussians));
+  ASSERT_TRUE(vtk->GetOutput()->GetPointData()->GetArray("ViewTerm"));
 }
 
 TEST(Together, AFailedWriteLeavesWhatWas)
@@ -73,9 +97,20 @@ TEST(Together, AFailedWriteLeavesWhatWas)
   WriteField({Field(600), {}, {}}, folder / "field.pvtp", 2);
   const StoredField other = {Field(700), {}, {}};
   for (const auto& [name, words] :
-       {std::pair("field.vtp", "name the file so"), std::pair("field.pvtp", "same Gaussians")})
+       {std::pair("field.vtp", "name the file so"), std::pair("field.pvtp", "same Gaussians"),
+        std::pair("field.pvtp", "recorded views")})
   {
-    const auto errors = InThreads(2, [&](Exchange& processes) { WriteFieldTogether(other, folder / name, processes); });
+    const bool knowsMore = std::string(words) == "recorded views";
+    const auto errors = InThreads(2,
+                                  [&](Exchange& processes)
+                                  {
+                                    StoredField part = other;
+                                    if (knowsMore && processes.Rank() == 1)
+                                    {
+                                      part.view = ViewOf(part.field);
+                                    }
+                                    WriteFieldTogether(part, folder / name, processes);
+                                  });
     EXPECT_NE(errors[0].find(words), std::string::npos) << errors[0];
     EXPECT_NE(errors[1].find(words), std::string::npos) << errors[1];
   }
