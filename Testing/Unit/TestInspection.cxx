@@ -548,6 +548,66 @@ TEST(Inspection, TranslationsInCentimetresAreDoubted)
   EXPECT_EQ(KindsOf(Inspect(std::make_shared<const Sweep>(bigus::Phantom(options).MakeSweep()))), Kinds{});
 }
 
+/// Whether only poses are doubted, because pictures do not slide as they say.
+bool IsDirectionDoubted(const Frames& frames)
+{
+  const InspectedSweep inspected = Inspect(frames.AsSweep());
+  return KindsOf(inspected) == Kinds{FindingKind::Poses} &&
+         inspected.findings[0].evidence.find("pictures slide") != std::string::npos;
+}
+
+// Where the probe moves out of its picture, a transform that leads the other way says that it moves within.
+TEST(Inspection, TransformsThatLeadTheOtherWayAreDoubted)
+{
+  const Frames made = PhantomFrames(1, 0.5, 48);
+  Eigen::Isometry3d world = Eigen::Isometry3d::Identity();
+  world.linear() = Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  world.translation() = Eigen::Vector3d(30, -80, 120);
+  Frames right = made, inverse = made, transposed = made;
+  for (std::size_t k = 0; k < made.poses.size(); ++k)
+  {
+    const Eigen::Matrix4d pixels = Eigen::Vector4d(0.5, 0.5, 1, 1).asDiagonal();  // mm a pixel
+    Eigen::Isometry3d pose(Eigen::Matrix4d(world.matrix() * made.poses[k] * pixels.inverse()));
+    right.poses[k] = pose.matrix() * pixels;
+    inverse.poses[k] = pose.inverse().matrix() * pixels;
+    pose.linear().transposeInPlace();
+    transposed.poses[k] = pose.matrix() * pixels;
+  }
+  EXPECT_EQ(KindsOf(Inspect(right.AsSweep())), Kinds{});
+  EXPECT_TRUE(IsDirectionDoubted(inverse));
+  EXPECT_TRUE(IsDirectionDoubted(transposed));
+}
+
+// A window that slides along wider pictures, as a probe does that is moved sideways.
+TEST(Inspection, PicturesThatSlideMustSlideAsPosesSay)
+{
+  const Frames wide = PhantomFrames(2);
+  const int width = 64;
+  for (const double side : {1.0, -1.0})
+  {
+    Frames frames = wide;
+    frames.width = width;
+    for (std::size_t k = 0; k < wide.images.size(); ++k)
+    {
+      frames.images[k].clear();
+      for (int row = 0; row < wide.height; ++row)
+      {
+        const auto first = wide.images[k].begin() + row * wide.width + static_cast<std::ptrdiff_t>(k);
+        frames.images[k].insert(frames.images[k].end(), first, first + width);
+      }
+      frames.poses[k].col(3) += side * static_cast<double>(k) * frames.poses[k].col(0);
+    }
+    if (side > 0)
+    {
+      EXPECT_EQ(KindsOf(Inspect(frames.AsSweep())), Kinds{});
+    }
+    else
+    {
+      EXPECT_TRUE(IsDirectionDoubted(frames));
+    }
+  }
+}
+
 // A jump near an end of the sweep is not taken for the path, nor what the path goes on with for a jump.
 TEST(Inspection, AJumpNearAnEndIsFoundWhereItIs)
 {

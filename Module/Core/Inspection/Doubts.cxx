@@ -9,7 +9,6 @@
 #include "Core/Inspection/Rules.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/Statistics.h"
-#include "Core/Poses/Alignment.h"
 #include "Core/Poses/PoseDoubts.h"
 
 namespace bigus
@@ -34,17 +33,6 @@ constexpr double kUsable = 0.3;     // correlation; else neighbours have too lit
 constexpr double kLikeAgain = 0.6;  // of the usual correlation, at the best scale
 constexpr int kSides[] = {1, 0};    // of OpenCV's flip
 constexpr double kLeastScale = 1.06, kMostScale = 2, kScaleStep = 1.03;
-
-// Scale.
-constexpr std::size_t kRun = 512;     // frames in a row, in the middle of the sweep
-constexpr int kFine = 7;              // blocks
-constexpr double kAlikeEnough = 0.2;  // correlation of neighbours
-// How many times as far as across a picture its detail reaches along the path. Sweeps that are right have 0.6 to 3.5 (liver,
-// brain, spine, wires: 1.1 to 2.2), for a beam is as thick as it is wide, or somewhat thicker.
-constexpr double kShort = 0.3, kLong = 10;
-constexpr double kShortAtCentre =
-    0.6;  // where the probe rocks about the skin, the centre moves and the corner does not
-constexpr int kLags[] = {1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64};  // frames
 
 /// Median difference of what both frames show, grey levels; 0 where that is too little.
 double Brighter(const Pictures& pictures, std::size_t from, std::size_t to)
@@ -223,133 +211,6 @@ std::optional<Finding> DoubtLevels(const GreyLevels& levels)
   return Finding{FindingKind::Levels, {}, 0, false, evidence};
 }
 
-/// The way at which a correlation has fallen to `half`, between the ways that are given; nothing where it has not.
-std::optional<double> WayTo(double half, const std::vector<double>& ways, const std::vector<double>& alike)
-{
-  for (std::size_t k = 1; k < ways.size(); ++k)
-  {
-    if (alike[k] < half)
-    {
-      return ways[k - 1] + (ways[k] - ways[k - 1]) * (alike[k - 1] - half) / (alike[k - 1] - alike[k]);
-    }
-  }
-  return std::nullopt;
-}
-
-/// What changes along the sweep, without its broad brightness.
-std::vector<cv::Mat> ChangingDetail(const Pictures& pictures, std::size_t first, std::size_t count)
-{
-  cv::Mat mean = cv::Mat::zeros(pictures.height, pictures.width, CV_32F);
-  for (std::size_t k = first; k < first + count; ++k)
-  {
-    mean += ImageOf(pictures, k) / static_cast<double>(count);
-  }
-  std::vector<cv::Mat> details;
-  for (std::size_t k = first; k < first + count; ++k)
-  {
-    const cv::Mat change = ImageOf(pictures, k) - mean;
-    cv::Mat broad;
-    cv::blur(change, broad, {kFine, kFine}, {-1, -1}, cv::BORDER_REFLECT_101);
-    details.emplace_back(change - broad);
-  }
-  return details;
-}
-
-/// How far detail reaches across pictures, in blocks along columns or rows: the way to a correlation of a half.
-double ReachAcross(const std::vector<cv::Mat>& details, double square, bool alongRows)
-{
-  std::vector<double> ways, alike;
-  for (int shift = 0; shift < kFine; ++shift)
-  {
-    double sum = 0, count = 0;
-    for (const cv::Mat& detail : details)
-    {
-      const int length = alongRows ? detail.cols : detail.rows;
-      const auto part = [&](int from, int to)
-      { return alongRows ? detail.colRange(from, to) : detail.rowRange(from, to); };
-      sum += part(shift, length).dot(part(0, length - shift));
-      count += static_cast<double>(part(shift, length).total());
-    }
-    ways.push_back(shift);
-    alike.push_back(sum / (count * square));
-  }
-  return WayTo(0.5, ways, alike).value_or(kFine);
-}
-
-/// How alike pictures are some frames apart, and the median ways between, mm.
-struct Along
-{
-  std::vector<double> centre, corner;  // of the image, and of its pixel (0, 0), which no rotation of the matrix moves
-  std::vector<double> alike;           // correlation
-};
-
-/// `details` are those of the frames from `first` on, with a mean square of `square`.
-Along CompareAlong(const Sweep& sweep, const std::vector<int>& frames, std::size_t first,
-                   const std::vector<cv::Mat>& details, double square)
-{
-  Along along;
-  for (std::size_t lag : kLags)
-  {
-    std::vector<double> centre, corner;
-    double sum = 0;
-    for (std::size_t k = 0; k + lag < details.size(); ++k)
-    {
-      const SlicePlane one = sweep.Plane(frames[first + k]), other = sweep.Plane(frames[first + k + lag]);
-      centre.push_back((CentreOf(other) - CentreOf(one)).norm());
-      corner.push_back((other.origin - one.origin).norm());
-      sum += details[k].dot(details[k + lag]) / static_cast<double>(details[k].total());
-    }
-    if (!centre.empty())
-    {
-      along.alike.push_back(sum / (static_cast<double>(centre.size()) * square));
-      along.centre.push_back(ShareBelow(std::move(centre), 0.5));
-      along.corner.push_back(ShareBelow(std::move(corner), 0.5));
-    }
-  }
-  return along;
-}
-
-/// Speckle reaches about as far out of the plane as across it, whatever the probe.
-std::optional<Finding> DoubtScale(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames)
-{
-  const std::size_t count = std::min(frames.size(), kRun), first = (frames.size() - count) / 2;
-  if (std::min(pictures.width, pictures.height) < 2 * kFine)
-  {
-    return std::nullopt;
-  }
-  const std::vector<cv::Mat> details = ChangingDetail(pictures, first, count);
-  double square = 0;
-  for (const cv::Mat& detail : details)
-  {
-    square += detail.dot(detail) / static_cast<double>(count * detail.total());
-  }
-  const Along along = square > 0 ? CompareAlong(sweep, frames, first, details, square) : Along();
-  if (along.alike.empty() || along.alike[0] < kAlikeEnough)
-  {
-    return std::nullopt;
-  }
-  const SlicePlane plane = sweep.Plane(frames[first]);
-  const double across =
-      std::sqrt(ReachAcross(details, square, true) * plane.columnStep.norm() * sweep.width / pictures.width *
-                ReachAcross(details, square, false) * plane.rowStep.norm() * sweep.height / pictures.height);
-  // Noise makes neighbours less alike, so that pictures seem to change too soon: their own correlation is the measure.
-  const double half = 0.5 * along.alike[0];
-  const std::optional<double> corner = WayTo(half, along.corner, along.alike),
-                              centre = WayTo(half, along.centre, along.alike);
-  const double late = along.alike[0] < 0.5 ? 0 : WayTo(0.5, along.centre, along.alike).value_or(along.centre.back());
-  const bool isShort = corner && *corner < kShort * across && *centre < kShortAtCentre * across;
-  if (!isShort && late <= kLong * across)
-  {
-    return std::nullopt;
-  }
-  const std::string said = Format("%.2g mm along the path change pictures as much as ", isShort ? *corner : late) +
-                           Format("%.2g mm across them: translations may be ", across) +
-                           (isShort ? "in centimetres, and must be in millimetres (--units cm of bigus.convert); or "
-                                      "pixels are given too large, or tissue moves by itself"
-                                    : "ten times too long, or pixels are given too small");
-  return Finding{FindingKind::Poses, {}, 0, false, said};
-}
-
 }  // namespace
 
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const GreyLevels& levels,
@@ -368,7 +229,7 @@ std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, c
   {
     add(DoubtGain(pictures, frames));
     add(DoubtDepth(pictures, frames));
-    add(DoubtScale(sweep, pictures, frames));
+    add(DoubtMotion(sweep, pictures, frames));
   }
   add(DoubtLevels(levels));
   for (std::string& doubt : DoubtsAboutPoses(sweep, frames))

@@ -57,6 +57,9 @@ LostTracking FindLostTracking(const Sweep& sweep, const Pictures& pictures, cons
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const GreyLevels& levels,
                                  const std::vector<int>& frames);
 
+/// Of these: pictures do not change as poses say, as much as the way is long or in its direction.
+std::optional<Finding> DoubtMotion(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
+
 /// What is done about a pixel of every frame, in `covered` below. 0: nothing.
 constexpr std::uint8_t kFilled = 1;     ///< from what is around it
 constexpr std::uint8_t kBlackened = 2;  ///< made black, as a pixel that no probe lights
