@@ -416,7 +416,7 @@ struct KernelRun::Data
   Kernels<float> kernels = KernelsOfThisMachine<float>();
   struct Block
   {
-    VisibleSplat<float> splats[kBlock];
+    SplatBuffer<float> splats;
     int count;
     float reflectivity[kBlock];
   };
@@ -480,9 +480,7 @@ KernelRun::KernelRun(double sigma, std::size_t splats) : data_(new Data)
       data_->pairs += static_cast<std::size_t>(pixels(u, halfU, plane.width) * pixels(v, halfV, plane.height));
     }
     auto out = std::make_unique<Data::Block>();
-    SplatBuffer<float> found;
-    out->count = data_->kernels.projectBlock(*block, count, task, found);
-    found.Store(out->count, out->splats);
+    out->count = data_->kernels.projectBlock(*block, count, task, out->splats);
     std::copy_n(block->reflectivity, kBlock, out->reflectivity);
     data_->splats += static_cast<std::size_t>(out->count);
     data_->blocks.push_back(std::move(out));
@@ -496,7 +494,7 @@ void KernelRun::Run()
   const PixelRows<float> rows{data_->image.data(), 0, 0, std::size_t(Data::kWidth + kRowPadding)};
   for (const auto& block : data_->blocks)
   {
-    data_->kernels.addFootprints(block->splats, block->count, block->reflectivity, 0, Data::kHeight, rows);
+    data_->kernels.addFootprints(block->splats.Rows(block->count), block->reflectivity, 0, Data::kHeight, rows);
   }
 }
 

@@ -18,34 +18,71 @@ HWY_BEFORE_NAMESPACE();
 namespace bigus::HWY_NAMESPACE
 {
 
+/// Which Gaussians of a block the splats are of, vector by vector.
 template <class T>
-static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& scalarView,
-                        const bigus::VisibleSplat<T>* splats, int count, const MomentBlock<T>& moments,
-                        GradientBlock<T>& gradient, ScoreBlock<T>* scores)
+struct SplatsInBlock
 {
-  using L = Lanes<T>;
-  const int lanes = L::Count();
-  const View<L> view = Broadcast(scalarView);
-  const T(*rows)[kBlock] = RowsOf(block);
-  for (int first = 0; first < count; first += lanes)
+  alignas(64) T seen[kBlock] = {};          // 1 where a Gaussian has a splat
+  alignas(64) Whole<T> place[kBlock] = {};  // which splat, among those of its vector
+
+  explicit SplatsInBlock(const SplatRows<T>& splats)
   {
-    int indices[16] = {};
-    const int active = std::min(lanes, count - first);
-    for (int i = 0; i < active; ++i)
+    const Whole<T>* gaussian = splats[kGaussian];
+    const int lanes = Lanes<T>::Count();
+    int vector = -1, first = 0;
+    for (int i = 0; i < splats.count; ++i)
     {
-      indices[i] = static_cast<int>(splats[first + i].gaussian);
-    }
-    // Number by number, because GatherIndex takes a fifth more time for the whole function (AVX2 on Zen 4).
-    alignas(64) T chosen[kRows][16];
-    for (int row = 0; row < kRows; ++row)
-    {
-      for (int i = 0; i < lanes; ++i)
+      const int k = static_cast<int>(gaussian[i]);
+      if (k / lanes != vector)
       {
-        chosen[row][i] = rows[row][indices[i]];
+        vector = k / lanes;
+        first = i;
+      }
+      seen[k] = T(1);
+      place[k] = i - first;
+    }
+  }
+  /// body(first Gaussian, mask of those seen, first splat) for every vector of Gaussians.
+  template <class Body>
+  HWY_INLINE void ForVectors(Body&& body) const
+  {
+    const hn::ScalableTag<T> d;
+    int splat = 0;
+    for (int first = 0; first < kBlock; first += Lanes<T>::Count())
+    {
+      const auto mask = hn::Gt(hn::Load(d, seen + first), hn::Zero(d));
+      if (const int count = static_cast<int>(hn::CountTrue(d, mask)))
+      {
+        body(first, mask, splat);
+        splat += count;
       }
     }
-    const auto at = [&](int row) { return L::Load(chosen[row]); };
-    const Gaussian<L> gaussian = GaussianOf(at);
+  }
+};
+
+template <class T>
+static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& scalarView, const SplatRows<T>& splats,
+                        const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores)
+{
+  using L = Lanes<T>;
+  const hn::ScalableTag<T> d;
+  const View<L> view = Broadcast(scalarView);
+  const T(*rows)[kBlock] = RowsOf(block);
+  const SplatsInBlock<T> where(splats);
+  // The Gaussians moved together, one for each splat; then their gradients.
+  alignas(64) T lane[kRows][SplatBuffer<T>::kStride];
+  where.ForVectors(
+      [&](int first, auto seen, int splat) HWY_ATTR
+      {
+        const ChosenLanes<T> chosen(seen);
+        for (int row = 0; row < kRows; ++row)
+        {
+          chosen.Store(hn::Load(d, rows[row] + first), lane[row] + splat);
+        }
+      });
+  for (int first = 0; first < splats.count; first += L::Count())
+  {
+    const Gaussian<L> gaussian = GaussianOf([&](int row) { return L::Load(lane[row] + first); });
     Moments<L> m;
     const auto moment = [&](int row) { return L::Load(moments.values[row] + first); };
     m.m0 = moment(kMoment0);
@@ -54,32 +91,37 @@ static void AddAdjoints(const GaussianBlock<T>& block, const bigus::View<T>& sca
     m.m11 = moment(kMoment11);
     m.m12 = moment(kMoment12);
     m.m22 = moment(kMoment22);
-    const GaussianGradient<L> g = ProjectAdjoint(gaussian, Project(gaussian, view), m);
-    alignas(64) T lane[kParametersPerGaussian][16];
     L values[kParametersPerGaussian];
-    ToArray(g, values);
+    ToArray(ProjectAdjoint(gaussian, Project(gaussian, view), m), values);
     for (int k = 0; k < kParametersPerGaussian; ++k)
     {
-      values[k].Store(lane[k]);
-    }
-    for (int i = 0; i < active; ++i)
-    {
-      for (int k = 0; k < kParametersPerGaussian; ++k)
-      {
-        gradient.values[k][indices[i]] += lane[k][i];
-      }
-      gradient.visits[indices[i]] += 1;
-      if (scores)
-      {
-        scores->error[indices[i]] += moments.values[kMomentError][first + i];
-        scores->visits[indices[i]] += 1;
-        for (int k = 0; k < 3; ++k)
-        {
-          scores->descent[k][indices[i]] -= lane[kMeanAt + k][i];
-        }
-      }
+      values[k].Store(lane[k] + first);
     }
   }
+  // And apart again.
+  where.ForVectors(
+      [&](int first, auto seen, int splat) HWY_ATTR
+      {
+        const auto indices = hn::IndicesFromVec(d, hn::Load(hn::RebindToSigned<decltype(d)>(), where.place + first));
+        const auto of = [&](const T* row) HWY_ATTR
+        { return hn::IfThenElseZero(seen, hn::TableLookupLanes(hn::LoadU(d, row + splat), indices)); };
+        const auto add = [&](auto value, T* to) HWY_ATTR { hn::Store(hn::Add(hn::Load(d, to), value), d, to); };
+        const auto one = hn::IfThenElseZero(seen, hn::Set(d, T(1)));
+        for (int k = 0; k < kParametersPerGaussian; ++k)
+        {
+          add(of(lane[k]), gradient.values[k] + first);
+        }
+        add(one, gradient.visits + first);
+        if (scores)
+        {
+          add(of(moments.values[kMomentError]), scores->error + first);
+          add(one, scores->visits + first);
+          for (int k = 0; k < 3; ++k)
+          {
+            add(hn::Neg(of(lane[kMeanAt + k])), scores->descent[k] + first);
+          }
+        }
+      });
 }
 
 template <class T>

@@ -488,11 +488,11 @@ private:
             {
               continue;
             }
-            const VisibleSplat<T>* splats = visible_.Splats(list);
-            kernels_.gatherMoments(splats, list.count, FrameRows(f), keepScores_, moments);
+            const SplatRows<T> splats = visible_.Splats(list);
+            kernels_.gatherMoments(splats, FrameRows(f), keepScores_, moments);
             std::int32_t column, row;
             const View<T> view = LocalView<T>(cameras_[f], field_.Place(b), column, row);
-            kernels_.addAdjoints(field_.Block(b), view, splats, list.count, moments, gradient, scores);
+            kernels_.addAdjoints(field_.Block(b), view, splats, moments, gradient, scores);
           }
           spend(b, gradient);
         });
@@ -517,15 +517,15 @@ private:
             {
               continue;
             }
-            const VisibleSplat<T>* splats = visible_.Splats(list);
-            kernels_.gatherMoments(splats, list.count, FrameRows(f), false, moments);
+            const SplatRows<T> splats = visible_.Splats(list);
+            kernels_.gatherMoments(splats, FrameRows(f), false, moments);
             std::copy_n(ReflectivitiesOf(b, f), kBlock, block.reflectivity);
             std::int32_t column, row;
             const View<T> view = LocalView<T>(cameras_[f], field_.Place(b), column, row);
-            kernels_.addAdjoints(block, view, splats, list.count, moments, gradient, nullptr);
+            kernels_.addAdjoints(block, view, splats, moments, gradient, nullptr);
             for (int i = 0; i < list.count; ++i)
             {
-              const std::size_t gaussian = order[b * kBlock + static_cast<std::size_t>(splats[i].gaussian)];
+              const std::size_t gaussian = order[b * kBlock + static_cast<std::size_t>(splats[kGaussian][i])];
               derivatives[f * order.size() + gaussian] = static_cast<float>(moments.values[kMoment0][i]);
             }
           }

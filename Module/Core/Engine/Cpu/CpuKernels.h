@@ -6,7 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
+#include <type_traits>
 
 #include "Core/Formula/GaussianBlock.h"
 #include "Core/Formula/PixelLoss.h"
@@ -23,25 +23,14 @@ struct BlockBounds
   T logScale, magnitude, logAspect;
 };
 
+/// Whole numbers that lie in lanes beside T.
+template <class T>
+using Whole = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
+
 /// A footprint in an image, w(p) = exp(logAmplitude - |U (p - m)|^2 / 2), clipped to the pixels to be computed. Its
 /// centre m = (column + mu, row + mv) is kept as a pixel and a fraction, |mu| <= 1/2 and -1 < mv <= 0: so float loses
-/// nothing in a large image. Whole numbers are kept as T, which holds them exactly up to 2^24.
-template <class T>
-struct VisibleSplat
-{
-  T u11, u12, u22;
-  T mu, mv;
-  T logAmplitude;
-  T cut;        // k^2: pixels with |U (p - m)|^2 <= k^2 are evaluated, others may be
-  T rowFactor;  // exp(-(u12^2 + u22^2)); see FootprintRecurrence-inl.h
-  T column, row;
-  T columnBegin, columnEnd, rowBegin, rowEnd;  // half-open, in pixels of the plane
-  T reach;                                     // rows a recurrence may run from its start; 0: direct
-  T gaussian;                                  // index in its block
-};
-
-/// The members of a VisibleSplat in their order: rows of a SplatBuffer.
-enum SplatField
+/// nothing in a large image.
+enum SplatReal
 {
   kU11,
   kU12,
@@ -49,42 +38,53 @@ enum SplatField
   kMu,
   kMv,
   kLogAmplitude,
-  kCut,
-  kRowFactor,
+  kCut,        // k^2: pixels with |U (p - m)|^2 <= k^2 are evaluated, others may be
+  kRowFactor,  // exp(-(u12^2 + u22^2))
+  kShift,      // of the recurrence that starts at the centre: see RecurrenceStart
+  kConstant,
+  kSlope,
+  kSplatReals
+};
+enum SplatWhole
+{
   kColumn,
   kRow,
-  kColumnBegin,
+  kColumnBegin,  // half-open, in pixels of the plane
   kColumnEnd,
   kRowBegin,
   kRowEnd,
-  kReach,
-  kGaussian,
-  kSplatFields
+  kReach,     // rows a recurrence may run from its start, kOneStretch where that is the whole footprint; 0: direct
+  kGaussian,  // index in its block
+  kSplatWholes
 };
-static_assert(sizeof(VisibleSplat<float>) == kSplatFields * sizeof(float));
-static_assert(offsetof(VisibleSplat<float>, cut) == kCut * sizeof(float));
-static_assert(offsetof(VisibleSplat<float>, rowEnd) == kRowEnd * sizeof(float));
+constexpr int kOneStretch = 1;
 
-/// The splats of a block as they come out of vectors: structure of arrays, with room for what vectors write beyond.
+/// Footprints in memory: number `field` of splat i is reals[field * stride + i], or wholes[...]. Vectors are read beyond
+/// `count`, so there is room for one behind the last.
+template <class T>
+struct SplatRows
+{
+  const T* reals;
+  const Whole<T>* wholes;
+  std::ptrdiff_t stride;
+  int count;
+
+  const T* operator[](SplatReal field) const { return reals + field * stride; }
+  const Whole<T>* operator[](SplatWhole field) const { return wholes + field * stride; }
+  T At(SplatReal field, int i) const { return (*this)[field][i]; }
+  int At(SplatWhole field, int i) const { return static_cast<int>((*this)[field][i]); }
+};
+
+/// The splats of a block as they come out of vectors, with room for what vectors write beyond.
 template <class T>
 struct alignas(64) SplatBuffer
 {
   static constexpr int kStride = kBlock + 16;
-  T fields[kSplatFields][kStride];
+  T reals[kSplatReals][kStride];
+  Whole<T> wholes[kSplatWholes][kStride];
+  int rowBegin, rowEnd;  // of all of them
 
-  /// One splat after the other, as the walks over footprints want them: a cache line each.
-  void Store(int count, VisibleSplat<T>* out) const
-  {
-    for (int i = 0; i < count; ++i)
-    {
-      T record[kSplatFields];
-      for (int field = 0; field < kSplatFields; ++field)
-      {
-        record[field] = fields[field][i];
-      }
-      std::memcpy(out + i, record, sizeof(record));
-    }
-  }
+  SplatRows<T> Rows(int count) const { return {reals[0], wholes[0], kStride, count}; }
 };
 
 /// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column - firstColumn]. Each row
@@ -134,17 +134,17 @@ struct Kernels
   int (*projectBlock)(const GaussianBlock<T>& block, int count, const ProjectionTask<T>& task, SplatBuffer<T>& out);
 
   /// image += value * w over rows [rowBegin, rowEnd); values[kBlock] by Gaussian, null for 1.
-  void (*addFootprints)(const VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
+  void (*addFootprints)(const SplatRows<T>& splats, const T* values, int rowBegin, int rowEnd,
                         const PixelRows<T>& image);
 
   /// moments[m][i]: sums over splat i's footprint of derivative * w * powers of eta. The last, sum
   /// |derivative| w, only withError.
-  void (*gatherMoments)(const VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative, bool withError,
+  void (*gatherMoments)(const SplatRows<T>& splats, const PixelRows<T>& derivative, bool withError,
                         MomentBlock<T>& moments);
 
   /// Chain rule: adds what the splats of one view give to the gradient of their Gaussians, and to the scores if not
   /// null.
-  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const VisibleSplat<T>* splats, int count,
+  void (*addAdjoints)(const GaussianBlock<T>& block, const View<T>& view, const SplatRows<T>& splats,
                       const MomentBlock<T>& moments, GradientBlock<T>& gradient, ScoreBlock<T>* scores);
 
   /// One Adam step for the Gaussians with gradient.visits > 0. Returns how many of them were guarded.

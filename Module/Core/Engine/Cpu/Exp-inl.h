@@ -70,6 +70,69 @@ static HWY_INLINE hn::Vec<D> BoundedExpm1(D d, hn::Vec<D> x)
   }
 }
 
+/// What exponents of footprints are multiplied by: in float they are powers of 2, which are reduced by a subtraction.
+template <class T>
+constexpr T kExponentUnit = sizeof(T) == 4 ? T(1.44269504088896341) : T(1);
+
+/// x = whole + rest, |rest| <= 1/2, in float; `whole` where an exponent of two has its bits.
+template <class D>
+static HWY_INLINE hn::Vec<D> RestOf(D d, hn::Vec<D> x, hn::Vec<hn::RebindToSigned<D>>& whole)
+{
+  const auto shifter = hn::Set(d, 12582912.0f);  // see SplitExp
+  const auto shifted = hn::Add(x, shifter);
+  whole = hn::ShiftLeft<23>(hn::BitCast(hn::RebindToSigned<D>(), shifted));
+  return hn::Sub(x, hn::Sub(shifted, shifter));
+}
+
+/// e^(x / kExponentUnit) for |x| <= -kLowestExponent kExponentUnit, relative error below 1.2e-7. In float 2^rest is the
+/// polynomial of least relative error, 2e-9.
+template <class D>
+static HWY_INLINE hn::Vec<D> FootprintExp(D d, hn::Vec<D> x)
+{
+  if constexpr (sizeof(hn::TFromD<D>) == 8)
+  {
+    return hn::Exp(d, x);
+  }
+  else
+  {
+    const hn::RebindToSigned<D> di;
+    hn::Vec<decltype(di)> whole;
+    const auto r = RestOf(d, x, whole);
+    auto p = hn::Set(d, 0.00015353362f);
+    p = hn::MulAdd(p, r, hn::Set(d, 0.00133988739f));
+    p = hn::MulAdd(p, r, hn::Set(d, 0.00961843692f));
+    p = hn::MulAdd(p, r, hn::Set(d, 0.0555033237f));
+    p = hn::MulAdd(p, r, hn::Set(d, 0.240226477f));
+    p = hn::MulAdd(p, r, hn::Set(d, 0.693147182f));
+    p = hn::MulAdd(p, r, hn::Set(d, 1.0f));
+    return hn::BitCast(d, hn::Add(hn::BitCast(di, p), whole));
+  }
+}
+
+/// The same of x and of -x. In float they share the even and the odd part of a polynomial of relative error 1e-8.
+template <class D>
+static HWY_INLINE void FootprintExps(D d, hn::Vec<D> x, hn::Vec<D>& ofPlus, hn::Vec<D>& ofMinus)
+{
+  if constexpr (sizeof(hn::TFromD<D>) == 8)
+  {
+    ofPlus = hn::Exp(d, x);
+    ofMinus = hn::Exp(d, hn::Neg(x));
+  }
+  else
+  {
+    const hn::RebindToSigned<D> di;
+    hn::Vec<decltype(di)> whole;
+    const auto r = RestOf(d, x, whole), rr = hn::Mul(r, r);
+    auto even = hn::MulAdd(hn::Set(d, 0.000154668887f), rr, hn::Set(d, 0.00961803738f));
+    even = hn::MulAdd(even, rr, hn::Set(d, 0.240226507f));
+    even = hn::MulAdd(even, rr, hn::Set(d, 1.0f));
+    auto odd = hn::MulAdd(hn::Set(d, 0.00133907772f), rr, hn::Set(d, 0.0555035733f));
+    odd = hn::MulAdd(odd, rr, hn::Set(d, 0.693147182f));
+    ofPlus = hn::BitCast(d, hn::Add(hn::BitCast(di, hn::MulAdd(odd, r, even)), whole));
+    ofMinus = hn::BitCast(d, hn::Sub(hn::BitCast(di, hn::NegMulAdd(odd, r, even)), whole));
+  }
+}
+
 }  // namespace bigus::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -30,25 +30,25 @@ struct DirectRow
   std::int64_t ridge = 0;  // pixel
   T fraction = 0, eta2, u11, constant;
 
-  HWY_INLINE DirectRow(const bigus::VisibleSplat<T>& s, int row) : u11(s.u11)
+  HWY_INLINE DirectRow(const SplatRows<T>& s, int i, int row) : u11(s.At(kU11, i))
   {
-    const double dv = static_cast<double>(row) - s.row - s.mv;
-    eta2 = static_cast<T>(s.u22 * dv);
-    constant = s.logAmplitude - T(0.5) * eta2 * eta2;
-    const T rest = s.cut - eta2 * eta2;
+    const double dv = static_cast<double>(row - s.At(kRow, i)) - s.At(kMv, i);
+    eta2 = static_cast<T>(s.At(kU22, i) * dv);
+    constant = s.At(kLogAmplitude, i) - T(0.5) * eta2 * eta2;
+    const T rest = s.At(kCut, i) - eta2 * eta2;
     if (!(rest > 0))
     {
       return;
     }
-    const double centre = static_cast<double>(s.column) + (s.mu - s.u12 / static_cast<double>(s.u11) * dv);
+    const double centre = s.At(kColumn, i) + (s.At(kMu, i) - s.At(kU12, i) / static_cast<double>(u11) * dv);
     const double bounded = std::min(std::max(centre, -1e15), 1e15);
     ridge = static_cast<std::int64_t>(std::floor(bounded + 0.5));
     fraction = static_cast<T>(bounded - static_cast<double>(ridge));
     // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless;
     // what is no number, of a footprint far away, becomes the first column.
-    const double half = std::sqrt(static_cast<double>(rest)) / s.u11;
-    const auto clip = [&s](double column)
-    { return static_cast<int>(std::min<double>(s.columnEnd, std::max<double>(s.columnBegin, column))); };
+    const double half = std::sqrt(static_cast<double>(rest)) / u11;
+    const auto clip = [&s, i](double column)
+    { return static_cast<int>(std::min<double>(s.At(kColumnEnd, i), std::max<double>(s.At(kColumnBegin, i), column))); };
     begin = clip(std::ceil(centre - half));
     end = std::max(begin, clip(std::floor(centre + half) + 1));
   }
@@ -68,13 +68,14 @@ struct DirectRow
 };
 
 template <class T>
-static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd, const PixelRows<T>& image, T value)
+static HWY_NOINLINE void AddDirect(const SplatRows<T>& s, int i, int rowBegin, int rowEnd, const PixelRows<T>& image,
+                                   T value)
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();
   for (int row = rowBegin; row < rowEnd; ++row)
   {
-    const DirectRow<T> line(s, row);
+    const DirectRow<T> line(s, i, row);
     T* out = image.Row(row);
     for (int column = line.begin; column < line.end; column += lanes)
     {
@@ -86,15 +87,16 @@ static void AddDirect(const bigus::VisibleSplat<T>& s, int rowBegin, int rowEnd,
 
 /// Moments by an exponential a pixel. Sums are of powers of eta from the start.
 template <class T>
-static void GatherDirect(const bigus::VisibleSplat<T>& s, const PixelRows<T>& derivative, T* HWY_RESTRICT out)
+static HWY_NOINLINE void GatherDirect(const SplatRows<T>& s, int i, const PixelRows<T>& derivative,
+                                      T* HWY_RESTRICT out)
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();
   auto m0 = hn::Zero(d), m1 = hn::Zero(d), m2 = hn::Zero(d), m11 = hn::Zero(d), m12 = hn::Zero(d), m22 = hn::Zero(d),
        error = hn::Zero(d);
-  for (int row = static_cast<int>(s.rowBegin); row < static_cast<int>(s.rowEnd); ++row)
+  for (int row = s.At(kRowBegin, i); row < s.At(kRowEnd, i); ++row)
   {
-    const DirectRow<T> line(s, row);
+    const DirectRow<T> line(s, i, row);
     const T* in = derivative.Row(row);
     auto row0 = hn::Zero(d), row1 = hn::Zero(d);
     for (int column = line.begin; column < line.end; column += lanes)

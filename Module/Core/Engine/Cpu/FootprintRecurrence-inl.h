@@ -4,14 +4,18 @@
 //
 // Along a column, one row further down,
 //
-//     w <- w q,   q <- q c,   q = exp(ln w(v + 1) - ln w(v)),   c = exp(-(u12^2 + u22^2)),
+//     w <- w q,   q <- q c,   c = exp(-(u12^2 + u22^2)):
 //
-// and upwards with c / q instead of q: two multiplications a pixel instead of an exponential. w and q are computed at a
-// start row; from there it runs `reach` rows up and as many down, both at once, since each step waits for the one
-// before. A footprint taller than that has several starts, 2 reach rows apart, counted from its own centre: so what a
-// pixel gets does not depend on which pixels are computed. After n rows the relative error is about n^2 / 2 + n |ln q|
-// roundings, 1e-5 at worst after 16; a footprint that ends within 32, at k standard deviations, has fallen so far by
-// then that no error exceeds 0.4 (32 / k)^2 roundings of its peak.
+// two multiplications a pixel instead of an exponential, and as much upwards. It starts between two rows, half a row
+// from each, with the weight W there and the slope b = -d ln w / dv of a column. With E = exp(-b / 2) the two rows have
+//
+//     w = W E^(+-1) exp(-c' / 8),   q = E^(+-2) c,   c' = u12^2 + u22^2,
+//
+// so E and 1 / E, which are one exponential, give all four. From there it runs `reach` rows up and as many down, both at
+// once, since each step waits for the one before. A footprint taller than that has several starts, 2 reach rows apart,
+// counted from its own centre: so what a pixel gets does not depend on which pixels are computed. After n rows the
+// relative error is about n^2 / 2 + n |ln q| roundings, 1e-5 at worst after 16; a footprint that ends within 32, at k
+// standard deviations, has fallen so far by then that no error exceeds 0.4 (32 / k)^2 roundings of its peak.
 //
 // Compiled once for every instruction set, hence the guard that foreach_target.h turns over.
 #if defined(BIGUS_CPU_RECURRENCE_INL_H) == defined(HWY_TARGET_TOGGLE)
@@ -36,47 +40,73 @@ namespace bigus::HWY_NAMESPACE
 template <class T>
 struct Stretch
 {
-  int start;       // w and q are computed at this row
+  int start;       // w and q are computed between this row and the one above
   int begin, end;  // rows wanted
   int columnBegin, columnEnd;
 };
 
-/// Whether one stretch holds the whole footprint.
+/// What a recurrence between two rows begins with, exponents in units of kExponentUnit. With du the offset of a column
+/// from the centre, eta1 = u11 du + shift, and ln w = constant - eta1^2 / 2, -b / 2 = slope - u12 eta1 / 2.
 template <class T>
-static HWY_INLINE bool IsShort(const bigus::VisibleSplat<T>& s)
+struct RecurrenceStart
 {
-  const T eta2 = s.u22 * (s.reach - 1);
-  return s.cut < eta2 * eta2;
-}
+  T u11, mu, column, shift, constant, slope, tilt, rowFactor;
+
+  /// Of a footprint of one stretch: it was found with the footprint.
+  HWY_INLINE RecurrenceStart(const SplatRows<T>& s, int i)
+      : u11(s.At(kU11, i)),
+        mu(s.At(kMu, i)),
+        column(static_cast<T>(s.At(kColumn, i))),
+        shift(s.At(kShift, i)),
+        constant(s.At(kConstant, i)),
+        slope(s.At(kSlope, i)),
+        tilt(T(-0.5) * kExponentUnit<T> * s.At(kU12, i)),
+        rowFactor(s.At(kRowFactor, i))
+  {
+  }
+  /// Above some row.
+  HWY_INLINE RecurrenceStart(const SplatRows<T>& s, int i, int row) : RecurrenceStart(s, i)
+  {
+    SetRow<T>(s.At(kU12, i), s.At(kU22, i), s.At(kLogAmplitude, i), RowOffset(s, i, row), shift, constant, slope);
+  }
+  /// From the centre to the line above a row.
+  static HWY_INLINE T RowOffset(const SplatRows<T>& s, int i, int row)
+  {
+    return static_cast<T>(row - s.At(kRow, i)) - s.At(kMv, i) - T(0.5);
+  }
+};
 
 /// The stretch that starts at `start`, of the rows [begin, end). Its columns are those of the footprint in all rows
 /// that it might have, so that they too do not depend on which are wanted.
 template <class T>
-static HWY_INLINE Stretch<T> StretchAt(const bigus::VisibleSplat<T>& s, int start, int begin, int end)
+static HWY_INLINE Stretch<T> StretchAt(const SplatRows<T>& s, int i, int start, int begin, int end)
 {
-  const int columnBegin = static_cast<int>(s.columnBegin), columnEnd = static_cast<int>(s.columnEnd);
-  if (IsShort(s))
+  const int columnBegin = s.At(kColumnBegin, i), columnEnd = s.At(kColumnEnd, i), reach = s.At(kReach, i);
+  if (reach == kOneStretch)
   {
     return {start, begin, end, columnBegin, columnEnd};
   }
-  const T middle = static_cast<T>(start) - s.row;
-  const T top = middle - s.reach - s.mv, bottom = middle + s.reach - 1 - s.mv;
-  const T nearest = s.u22 * (top > 0 ? top : (bottom < 0 ? -bottom : T(0)));
-  const T half = std::sqrt(std::max(s.cut - nearest * nearest, T(0))) / s.u11;
-  const T slope = -s.u12 / s.u11;
+  const T middle = static_cast<T>(start - s.At(kRow, i)), mv = s.At(kMv, i), u11 = s.At(kU11, i);
+  const T top = middle - static_cast<T>(reach) - mv, bottom = middle + static_cast<T>(reach - 1) - mv;
+  const T nearest = s.At(kU22, i) * (top > 0 ? top : (bottom < 0 ? -bottom : T(0)));
+  const T half = std::sqrt(std::max(s.At(kCut, i) - nearest * nearest, T(0))) / u11;
+  const T slope = -s.At(kU12, i) / u11;
   // What is no number, of a footprint far away, becomes the first column.
   const auto column = [&](T offset)
-  { return static_cast<int>(std::min(s.columnEnd, std::max(s.columnBegin, s.column + offset))); };
-  const T low = s.mu + std::min(slope * top, slope * bottom) - half;
-  const T high = s.mu + std::max(slope * top, slope * bottom) + half;
+  {
+    return static_cast<int>(std::min(static_cast<T>(columnEnd),
+                                     std::max(static_cast<T>(columnBegin), static_cast<T>(s.At(kColumn, i)) + offset)));
+  };
+  const T low = s.At(kMu, i) + std::min(slope * top, slope * bottom) - half;
+  const T high = s.At(kMu, i) + std::max(slope * top, slope * bottom) + half;
   return {start, begin, end, column(std::floor(low)), column(std::ceil(high) + 1)};
 }
 
 /// walk(stretch) for every stretch of the footprint in rows [begin, end).
 template <class T, class Walk>
-static HWY_INLINE void ForStretches(const bigus::VisibleSplat<T>& s, int begin, int end, Walk&& walk)
+static HWY_INLINE void ForStretches(const SplatRows<T>& s, int i, int begin, int end, Walk&& walk)
 {
-  const int centre = static_cast<int>(s.row), reach = static_cast<int>(s.reach);
+  const int centre = s.At(kRow, i), reach = s.At(kReach, i) == kOneStretch ? kLongestReach : s.At(kReach, i);
   int start = centre;
   if (begin < centre - reach || end > centre + reach)
   {
@@ -87,7 +117,7 @@ static HWY_INLINE void ForStretches(const bigus::VisibleSplat<T>& s, int begin, 
   for (int row = begin; row < end; start += 2 * reach)
   {
     const int last = std::min(start + reach, end);
-    walk(StretchAt(s, start, row, last));
+    walk(StretchAt(s, i, start, row, last));
     row = last;
   }
 }
@@ -101,46 +131,33 @@ struct Columns
   using V = hn::Vec<D>;
   V du[C], down[C], downRatio[C], up[C], upRatio[C];
 
-  HWY_INLINE Columns(const bigus::VisibleSplat<T>& s, const Stretch<T>& stretch, int column, T value)
+  HWY_INLINE Columns(const RecurrenceStart<T>& s, int columnEnd, int column, T value)
   {
     const D d;
     const int lanes = Lanes<T>::Count();
-    const T dv = static_cast<T>(stretch.start) - s.row - s.mv;
-    const T eta2 = s.u22 * dv;
-    const T curvature = s.u12 * s.u12 + s.u22 * s.u22;
     const T dx = static_cast<T>(column) - s.column;
-    const V shift = hn::Set(d, s.u12 * dv), constant = hn::Set(d, s.logAmplitude - T(0.5) * eta2 * eta2);
-    const V step = hn::Set(d, -s.u22 * eta2 - T(0.5) * curvature);
-    const V c = hn::Set(d, s.rowFactor), one = hn::Set(d, T(1));
-    const V lowest = hn::Set(d, kLowestExponent<T>);
+    const V c = hn::Set(d, s.rowFactor), lowest = hn::Set(d, kLowestExponent<T> * kExponentUnit<T>);
     for (int k = 0; k < C; ++k)
     {
       // Whole numbers first: what a pixel gets must not depend on its lane.
-      du[k] = hn::Sub(hn::Iota(d, dx + static_cast<T>(k * lanes)), hn::Set(d, s.mu));
-      const V eta1 = hn::MulAdd(hn::Set(d, s.u11), du[k], shift);
-      const V exponent = hn::MulAdd(hn::Mul(hn::Set(d, T(-0.5)), eta1), eta1, constant);
-      const V logRatio = hn::NegMulAdd(hn::Set(d, s.u12), eta1, step);
+      du[k] = hn::Sub(hn::Add(hn::Iota(d, static_cast<T>(k * lanes)), hn::Set(d, dx)), hn::Set(d, s.mu));
+      const V eta1 = hn::MulAdd(hn::Set(d, s.u11), du[k], hn::Set(d, s.shift));
+      const V exponent =
+          hn::MulAdd(hn::Mul(hn::Set(d, T(-0.5) * kExponentUnit<T>), eta1), eta1, hn::Set(d, s.constant));
       auto inside = hn::Gt(exponent, lowest);
       if (k == C - 1)
       {
-        const int left = stretch.columnEnd - column - k * lanes;
+        const int left = columnEnd - column - k * lanes;
         inside = hn::And(inside, hn::FirstN(d, static_cast<std::size_t>(left)));
       }
-      const V w = hn::IfThenElseZero(inside, hn::Mul(hn::Set(d, value), BoundedExp(d, exponent)));
-      downRatio[k] = hn::IfThenElse(inside, BoundedExp(d, logRatio), one);
-      V ratio;
-      if constexpr (sizeof(T) == 4)
-      {
-        // c / q, but an exponential is faster than a division.
-        ratio = hn::IfThenElse(inside, BoundedExp(d, hn::Sub(hn::Set(d, -curvature), logRatio)), one);
-      }
-      else
-      {
-        ratio = hn::Div(c, downRatio[k]);
-      }
-      down[k] = w;
-      up[k] = hn::Mul(w, ratio);
-      upRatio[k] = hn::Mul(ratio, c);
+      V more, less;
+      FootprintExps(d, hn::IfThenElseZero(inside, hn::MulAdd(hn::Set(d, s.tilt), eta1, hn::Set(d, s.slope))), more,
+                    less);
+      const V w = hn::IfThenElseZero(inside, hn::Mul(hn::Set(d, value), FootprintExp(d, exponent)));
+      down[k] = hn::Mul(w, more);
+      up[k] = hn::Mul(w, less);
+      downRatio[k] = hn::Mul(hn::Mul(more, more), c);
+      upRatio[k] = hn::Mul(hn::Mul(less, less), c);
     }
   }
   HWY_INLINE void StepDown(V c)
@@ -162,13 +179,13 @@ struct Columns
 };
 
 template <class T, int C>
-static HWY_INLINE void AddColumns(const bigus::VisibleSplat<T>& s, const Stretch<T>& stretch, int column,
+static HWY_INLINE void AddColumns(const RecurrenceStart<T>& s, const Stretch<T>& stretch, int column,
                                   const PixelRows<T>& image, T value)
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();
   const auto c = hn::Set(d, s.rowFactor);
-  Columns<T, C> columns(s, stretch, column, value);
+  Columns<T, C> columns(s, stretch.columnEnd, column, value);
   const auto add = [&](const auto* w, T* out)
   {
     for (int k = 0; k < C; ++k)
@@ -212,13 +229,14 @@ static HWY_INLINE void AddColumns(const bigus::VisibleSplat<T>& s, const Stretch
 
 /// Any footprint. Vectors of columns side by side hide each other's latency.
 template <class T>
-static HWY_NOINLINE void AddStretches(const bigus::VisibleSplat<T>& s, int begin, int end, const PixelRows<T>& image,
+static HWY_NOINLINE void AddStretches(const SplatRows<T>& splats, int i, int begin, int end, const PixelRows<T>& image,
                                       T value)
 {
   const int lanes = Lanes<T>::Count();
-  ForStretches(s, begin, end,
+  ForStretches(splats, i, begin, end,
                [&](const Stretch<T>& stretch) HWY_ATTR
                {
+                 const RecurrenceStart<T> s(splats, i, stretch.start);
                  for (int column = stretch.columnBegin; column < stretch.columnEnd;)
                  {
                    const int left = stretch.columnEnd - column;
@@ -275,13 +293,13 @@ template <class T>
 constexpr RowOffsets<T> kRowOffsets{};
 
 template <class T, bool WithError>
-static HWY_INLINE void GatherColumns(const bigus::VisibleSplat<T>& s, const Stretch<T>& stretch, int column,
+static HWY_INLINE void GatherColumns(const RecurrenceStart<T>& s, T startOffset, const Stretch<T>& stretch, int column,
                                      const PixelRows<T>& derivative, OffsetSums<T>& sums)
 {
   using V = hn::Vec<hn::ScalableTag<T>>;
   const hn::ScalableTag<T> d;
   const V c = hn::Set(d, s.rowFactor);
-  Columns<T, 1> columns(s, stretch, column, T(1));
+  Columns<T, 1> columns(s, stretch.columnEnd, column, T(1));
   V column0 = hn::Zero(d), column1 = hn::Zero(d), column2 = hn::Zero(d);
   const int rowsDown = stretch.end - stretch.start, rowsUp = stretch.start - stretch.begin;
   if (rowsDown == rowsUp)
@@ -337,7 +355,7 @@ static HWY_INLINE void GatherColumns(const bigus::VisibleSplat<T>& s, const Stre
       columns.StepUp(c);
     }
   }
-  const V middle = hn::Set(d, static_cast<T>(stretch.start) - s.row - s.mv - T(0.5)), du = columns.du[0];
+  const V middle = hn::Set(d, startOffset), du = columns.du[0];
   const V columnV = hn::MulAdd(middle, column0, column1);
   const V columnU = hn::Mul(du, column0);
   sums.one = hn::Add(sums.one, column0);
@@ -349,15 +367,17 @@ static HWY_INLINE void GatherColumns(const bigus::VisibleSplat<T>& s, const Stre
 }
 
 template <class T, bool WithError>
-static HWY_NOINLINE void GatherStretches(const bigus::VisibleSplat<T>& s, const PixelRows<T>& derivative,
+static HWY_NOINLINE void GatherStretches(const SplatRows<T>& splats, int i, const PixelRows<T>& derivative,
                                          OffsetSums<T>& sums)
 {
-  ForStretches(s, static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
+  ForStretches(splats, i, splats.At(kRowBegin, i), splats.At(kRowEnd, i),
                [&](const Stretch<T>& stretch) HWY_ATTR
                {
+                 const RecurrenceStart<T> s(splats, i, stretch.start);
+                 const T offset = RecurrenceStart<T>::RowOffset(splats, i, stretch.start);
                  for (int column = stretch.columnBegin; column < stretch.columnEnd; column += Lanes<T>::Count())
                  {
-                   GatherColumns<T, WithError>(s, stretch, column, derivative, sums);
+                   GatherColumns<T, WithError>(s, offset, stretch, column, derivative, sums);
                  }
                });
 }

@@ -21,93 +21,143 @@ namespace bigus::HWY_NAMESPACE
 {
 
 template <class T>
-static void AddFootprints(const bigus::VisibleSplat<T>* splats, int count, const T* values, int rowBegin, int rowEnd,
+static void AddFootprints(const SplatRows<T>& splats, const T* values, int rowBegin, int rowEnd,
                           const PixelRows<T>& image)
 {
   const int lanes = Lanes<T>::Count();
-  for (int i = 0; i < count; ++i)
+  for (int i = 0; i < splats.count; ++i)
   {
-    const bigus::VisibleSplat<T>& s = splats[i];
-    const int begin = std::max(rowBegin, static_cast<int>(s.rowBegin));
-    const int end = std::min(rowEnd, static_cast<int>(s.rowEnd));
+    const int begin = std::max(rowBegin, splats.At(kRowBegin, i)), end = std::min(rowEnd, splats.At(kRowEnd, i));
     if (begin >= end)
     {
       continue;
     }
-    const T value = values ? values[static_cast<int>(s.gaussian)] : T(1);
-    const Stretch<T> stretch{static_cast<int>(s.row), begin, end, static_cast<int>(s.columnBegin),
-                             static_cast<int>(s.columnEnd)};
-    if (s.reach == 0)
-    {
-      AddDirect(s, begin, end, image, value);
-    }
-    else if (stretch.columnEnd - stretch.columnBegin <= 2 * lanes && IsShort(s))
+    const T value = values ? values[splats.At(kGaussian, i)] : T(1);
+    const Stretch<T> stretch{splats.At(kRow, i), begin, end, splats.At(kColumnBegin, i), splats.At(kColumnEnd, i)};
+    const int reach = splats.At(kReach, i), columns = stretch.columnEnd - stretch.columnBegin;
+    if (reach == kOneStretch && columns <= 2 * lanes)
     {
       // Most of them: kept free of all else.
-      if (stretch.columnEnd - stretch.columnBegin <= lanes)
+      const RecurrenceStart<T> start(splats, i);
+      if (columns <= lanes)
       {
-        AddColumns<T, 1>(s, stretch, stretch.columnBegin, image, value);
+        AddColumns<T, 1>(start, stretch, stretch.columnBegin, image, value);
       }
       else
       {
-        AddColumns<T, 2>(s, stretch, stretch.columnBegin, image, value);
+        AddColumns<T, 2>(start, stretch, stretch.columnBegin, image, value);
       }
+    }
+    else if (reach == 0)
+    {
+      AddDirect(splats, i, begin, end, image, value);
     }
     else
     {
-      AddStretches(s, begin, end, image, value);
+      AddStretches(splats, i, begin, end, image, value);
     }
   }
 }
 
-template <class T, bool WithError>
-static void GatherAll(const bigus::VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
-                      MomentBlock<T>& moments)
+/// Lane j: the sum of the lanes of vector j of as many vectors as lanes that lie one after the other. (N: of the first N
+/// vectors, so many neighbouring lanes for each.)
+template <class T, int N = static_cast<int>(hn::MaxLanes(hn::ScalableTag<T>()))>
+static HWY_INLINE hn::Vec<hn::ScalableTag<T>> SumsOf(const T* vectors)
 {
   const hn::ScalableTag<T> d;
-  const int lanes = Lanes<T>::Count();
-  for (int i = 0; i < count; ++i)
+  if constexpr (N == 1)
   {
-    const bigus::VisibleSplat<T>& s = splats[i];
-    T* HWY_RESTRICT out = moments.values[0] + i;
-    const Stretch<T> stretch{static_cast<int>(s.row), static_cast<int>(s.rowBegin), static_cast<int>(s.rowEnd),
-                             static_cast<int>(s.columnBegin), static_cast<int>(s.columnEnd)};
-    if (s.reach == 0)
-    {
-      GatherDirect(s, derivative, out);
-      continue;
-    }
+    return hn::Load(d, vectors);
+  }
+  else
+  {
+#if HWY_TARGET != HWY_SCALAR
+    const auto low = SumsOf<T, N / 2>(vectors);
+    const auto high = SumsOf<T, N / 2>(vectors + N / 2 * Lanes<T>::Count());
+    return hn::Add(hn::ConcatEven(d, high, low), hn::ConcatOdd(d, high, low));
+#endif
+  }
+}
+
+/// Moments of as many splats as a vector has lanes, from those at `first` on.
+template <class T, bool WithError>
+static HWY_INLINE void GatherSome(const SplatRows<T>& splats, int first, const PixelRows<T>& derivative,
+                                  MomentBlock<T>& moments)
+{
+  using L = Lanes<T>;
+  const hn::ScalableTag<T> d;
+  constexpr int kMost = static_cast<int>(hn::MaxLanes(d));
+  const int lanes = L::Count(), last = std::min(first + lanes, splats.count);
+  alignas(64) T parts[kMomentRows][kMost * kMost];
+  bool direct = false;
+  for (int i = first; i < last; ++i)
+  {
+    const Stretch<T> stretch{splats.At(kRow, i), splats.At(kRowBegin, i), splats.At(kRowEnd, i),
+                             splats.At(kColumnBegin, i), splats.At(kColumnEnd, i)};
+    const int reach = splats.At(kReach, i);
     OffsetSums<T> sums = NoSums<T>();
-    if (IsShort(s))
+    if (reach == kOneStretch)
     {
+      const RecurrenceStart<T> start(splats, i);
+      const T offset = T(-0.5) - splats.At(kMv, i);
       for (int column = stretch.columnBegin; column < stretch.columnEnd; column += lanes)
       {
-        GatherColumns<T, WithError>(s, stretch, column, derivative, sums);
+        GatherColumns<T, WithError>(start, offset, stretch, column, derivative, sums);
       }
+    }
+    else if (reach == 0)
+    {
+      direct = true;
     }
     else
     {
-      GatherStretches<T, WithError>(s, derivative, sums);
+      GatherStretches<T, WithError>(splats, i, derivative, sums);
     }
-    const auto sum = [&d](auto v) HWY_ATTR { return hn::GetLane(hn::SumOfLanes(d, v)); };
-    const T u = sum(sums.u), v = sum(sums.v), uu = sum(sums.uu), uv = sum(sums.uv), vv = sum(sums.vv);
-    const T a = s.u11, b = s.u12, e = s.u22;  // U, applied to the sums: eta1 = a u + b v, eta2 = e v
-    out[kMoment0 * kBlock] = sum(sums.one);
-    out[kMoment1 * kBlock] = a * u + b * v;
-    out[kMoment2 * kBlock] = e * v;
-    out[kMoment11 * kBlock] = a * a * uu + 2 * a * b * uv + b * b * vv;
-    out[kMoment12 * kBlock] = e * (a * uv + b * vv);
-    out[kMoment22 * kBlock] = e * e * vv;
-    out[kMomentError * kBlock] = WithError ? sum(sums.error) : T(0);
+    const auto keep = [&](int row, auto sum) HWY_ATTR { hn::StoreU(sum, d, parts[row] + (i - first) * lanes); };
+    keep(kMoment0, sums.one);
+    keep(kMoment1, sums.u);
+    keep(kMoment2, sums.v);
+    keep(kMoment11, sums.uu);
+    keep(kMoment12, sums.uv);
+    keep(kMoment22, sums.vv);
+    if (WithError)
+    {
+      keep(kMomentError, sums.error);
+    }
+  }
+  const auto sum = [&](int row) HWY_ATTR { return L(SumsOf<T>(parts[row])); };
+  const auto at = [&](SplatReal field) HWY_ATTR { return L::Load(splats[field] + first); };
+  const L a = at(kU11), b = at(kU12), e = at(kU22);  // U, applied to the sums: eta1 = a u + b v, eta2 = e v
+  const L u = sum(kMoment1), v = sum(kMoment2), uu = sum(kMoment11), uv = sum(kMoment12), vv = sum(kMoment22);
+  const auto store = [&](int row, L value) HWY_ATTR { value.Store(moments.values[row] + first); };
+  store(kMoment0, sum(kMoment0));
+  store(kMoment1, a * u + b * v);
+  store(kMoment2, e * v);
+  store(kMoment11, a * a * uu + L(T(2)) * a * b * uv + b * b * vv);
+  store(kMoment12, e * (a * uv + b * vv));
+  store(kMoment22, e * e * vv);
+  if (WithError)
+  {
+    store(kMomentError, sum(kMomentError));
+  }
+  for (int i = first; i < last && direct; ++i)
+  {
+    if (splats.At(kReach, i) == 0)
+    {
+      GatherDirect(splats, i, derivative, moments.values[0] + i);
+    }
   }
 }
 
 template <class T>
-static void GatherMoments(const bigus::VisibleSplat<T>* splats, int count, const PixelRows<T>& derivative,
-                          bool withError, MomentBlock<T>& moments)
+static void GatherMoments(const SplatRows<T>& splats, const PixelRows<T>& derivative, bool withError,
+                          MomentBlock<T>& moments)
 {
-  withError ? GatherAll<T, true>(splats, count, derivative, moments)
-            : GatherAll<T, false>(splats, count, derivative, moments);
+  for (int first = 0; first < splats.count; first += Lanes<T>::Count())
+  {
+    withError ? GatherSome<T, true>(splats, first, derivative, moments)
+              : GatherSome<T, false>(splats, first, derivative, moments);
+  }
 }
 
 }  // namespace bigus::HWY_NAMESPACE

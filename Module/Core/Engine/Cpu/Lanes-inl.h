@@ -97,10 +97,13 @@ public:
   {
   }
   HWY_INLINE int Count() const { return count_; }
-  /// Writes a whole vector, of which the first Count() numbers have a meaning.
-  HWY_INLINE void Store(hn::Vec<hn::ScalableTag<T>> v, T* p) const
+  /// Writes a whole vector of numbers of the size of T, of which the first Count() have a meaning.
+  template <class V, class P>
+  HWY_INLINE void Store(V v, P* p) const
   {
-    hn::StoreU(hn::TableLookupLanes(v, indices_), D(), p);
+    const D d;
+    const hn::Rebind<P, D> dp;
+    hn::StoreU(hn::BitCast(dp, hn::TableLookupLanes(hn::BitCast(d, v), indices_)), dp, p);
   }
 
 private:

@@ -10,6 +10,7 @@
 #endif
 
 #include "Core/Engine/Cpu/CpuKernels.h"
+#include "Core/Engine/Cpu/Exp-inl.h"
 #include "Core/Engine/Cpu/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -19,6 +20,17 @@ namespace bigus::HWY_NAMESPACE
 /// Rows that a recurrence runs from its start: as many as hold a whole footprint, or else fewer, where w is still large
 /// at the end and so is the error (see FootprintRecurrence-inl.h).
 constexpr int kLongestReach = 32, kReachInside = 16;
+
+/// How a recurrence starts between two rows, dv rows from the centre: see FootprintRecurrence-inl.h. Real is T or a
+/// vector of it.
+template <class T, class Real>
+static HWY_INLINE void SetRow(Real u12, Real u22, Real logAmplitude, Real dv, Real& shift, Real& constant, Real& slope)
+{
+  const Real eta2 = u22 * dv, curvature = u12 * u12 + u22 * u22;
+  shift = u12 * dv;
+  constant = Real(kExponentUnit<T>) * (logAmplitude - Real(T(0.5)) * eta2 * eta2 - Real(T(0.125)) * curvature);
+  slope = Real(T(-0.5) * kExponentUnit<T>) * u22 * eta2;
+}
 
 /// mu_z^2, mm^2.
 template <class T>
@@ -96,6 +108,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   const L firstColumn(static_cast<T>(task.columnBegin)), lastColumn(static_cast<T>(task.columnEnd));
   const L firstRow(static_cast<T>(task.rowBegin)), lastRow(static_cast<T>(task.rowEnd));
   const L zero(T(0)), one(T(1)), lowest(task.lowestExponent);
+  L smallestRow = lastRow, largestRow = firstRow;
   int kept = 0;
   for (int first = 0; first < found; first += lanes)
   {
@@ -110,7 +123,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     const L rowBegin = clip(originRow + (f.row - f.half), firstRow, lastRow);
     const L rowEnd = clip(originRow + (f.row + f.half), firstRow, lastRow);
 
-    // How many rows a recurrence (see there) may run.
+    // How many rows a recurrence (see there) may run, and how it starts at the centre where one stretch is enough.
     L reach = zero;
     for (const T rows : {T(kReachInside / 4), T(kReachInside / 2), T(kReachInside)})
     {
@@ -118,35 +131,44 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     }
     const auto whole = hn::And(f.half <= L(T(kLongestReach)), WeightsHold(f, f.half));
     reach = Select(whole, L(T(kLongestReach)), reach);
+    const L last = s.u22 * (reach - one);
+    reach = Select(f.cut < last * last, L(T(kOneStretch)), reach);
     reach = task.direct ? zero : Select(RatiosHold(f, task.lowestExponent), reach, zero);
+    L shift, constant, slope;
+    SetRow<T>(s.u12, s.u22, f.logAmplitude, L(T(-0.5)) - f.mv, shift, constant, slope);
 
     auto visible = hn::And(columnBegin < columnEnd, rowBegin < rowEnd);
     visible = hn::And(visible, hn::And(f.cut > zero, f.logAmplitude > lowest));
     visible = hn::And(visible, hn::FirstN(d, static_cast<std::size_t>(found - first)));
-    L fields[kSplatFields];
-    fields[kU11] = s.u11;
-    fields[kU12] = s.u12;
-    fields[kU22] = s.u22;
-    fields[kMu] = f.mu;
-    fields[kMv] = f.mv;
-    fields[kLogAmplitude] = f.logAmplitude;
-    fields[kCut] = f.cut;
-    fields[kRowFactor] = exp(max(-f.curvature, lowest));
-    fields[kColumn] = originColumn + f.column;
-    fields[kRow] = originRow + f.row;
-    fields[kColumnBegin] = columnBegin;
-    fields[kColumnEnd] = columnEnd;
-    fields[kRowBegin] = rowBegin;
-    fields[kRowEnd] = rowEnd;
-    fields[kReach] = reach;
-    fields[kGaussian] = at(kRows);
+    smallestRow = Select(visible, min(smallestRow, rowBegin), smallestRow);
+    largestRow = Select(visible, max(largestRow, rowEnd), largestRow);
     const ChosenLanes<T> chosen(visible);
-    for (int k = 0; k < kSplatFields; ++k)
-    {
-      chosen.Store(fields[k].v, out.fields[k] + kept);
-    }
+    const auto store = [&](SplatReal field, L value) HWY_ATTR { chosen.Store(value.v, out.reals[field] + kept); };
+    store(kU11, s.u11);
+    store(kU12, s.u12);
+    store(kU22, s.u22);
+    store(kMu, f.mu);
+    store(kMv, f.mv);
+    store(kLogAmplitude, f.logAmplitude);
+    store(kCut, f.cut);
+    store(kRowFactor, exp(max(-f.curvature, lowest)));
+    store(kShift, shift);
+    store(kConstant, constant);
+    store(kSlope, slope);
+    const auto storeWhole = [&](SplatWhole field, L value) HWY_ATTR
+    { chosen.Store(hn::ConvertTo(hn::RebindToSigned<decltype(d)>(), value.v), out.wholes[field] + kept); };
+    storeWhole(kColumn, originColumn + f.column);
+    storeWhole(kRow, originRow + f.row);
+    storeWhole(kColumnBegin, columnBegin);
+    storeWhole(kColumnEnd, columnEnd);
+    storeWhole(kRowBegin, rowBegin);
+    storeWhole(kRowEnd, rowEnd);
+    storeWhole(kReach, reach);
+    storeWhole(kGaussian, at(kRows));
     kept += chosen.Count();
   }
+  out.rowBegin = static_cast<int>(hn::GetLane(hn::MinOfLanes(d, smallestRow.v)));
+  out.rowEnd = static_cast<int>(hn::GetLane(hn::MaxOfLanes(d, largestRow.v)));
   return kept;
 }
 

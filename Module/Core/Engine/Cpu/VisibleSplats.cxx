@@ -139,10 +139,16 @@ int VisibleSplats<T>::Project(const CpuField<T>& field, std::size_t b, const Cam
   }
   SplatBuffer<double> exact;
   const int count = doubleKernels_.projectBlock(*field.Sharp(b), place.count, task(double()), exact);
-  for (int f = 0; f < kSplatFields; ++f)
+  for (int f = 0; f < kSplatReals; ++f)
   {
-    std::copy_n(exact.fields[f], count, found.fields[f]);
+    std::copy_n(exact.reals[f], count, found.reals[f]);
   }
+  for (int f = 0; f < kSplatWholes; ++f)
+  {
+    std::copy_n(exact.wholes[f], count, found.wholes[f]);
+  }
+  found.rowBegin = exact.rowBegin;
+  found.rowEnd = exact.rowEnd;
   return count;
 }
 
@@ -165,8 +171,11 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
     if (used = 0; needed_ > capacity_)
     {
       capacity_ = needed_ + needed_ / 32;
-      splats_.reset();
-      splats_.reset(new VisibleSplat<T>[capacity_]);
+      reals_.reset();
+      wholes_.reset();
+      constexpr std::size_t kVector = 16;  // numbers that may be read behind the last
+      reals_.reset(new T[kSplatReals * capacity_ + kVector]);
+      wholes_.reset(new Whole<T>[kSplatWholes * capacity_ + kVector]);
     }
     ForBlocks(
         [&](std::size_t slot)
@@ -198,13 +207,19 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
             {
               continue;
             }
-            const T *rowBegin = found.fields[kRowBegin], *rowEnd = found.fields[kRowEnd];
-            list.rowBegin = static_cast<int>(*std::min_element(rowBegin, rowBegin + list.count));
-            list.rowEnd = static_cast<int>(*std::max_element(rowEnd, rowEnd + list.count));
+            list.rowBegin = found.rowBegin;
+            list.rowEnd = found.rowEnd;
             list.offset = used.fetch_add(list.count, std::memory_order_relaxed);
             if (list.offset + list.count <= capacity_)
             {
-              found.Store(list.count, splats_.get() + list.offset);
+              for (int k = 0; k < kSplatReals; ++k)
+              {
+                std::copy_n(found.reals[k], list.count, reals_.get() + kSplatReals * list.offset + k * list.count);
+              }
+              for (int k = 0; k < kSplatWholes; ++k)
+              {
+                std::copy_n(found.wholes[k], list.count, wholes_.get() + kSplatWholes * list.offset + k * list.count);
+              }
             }
           }
         });
@@ -216,7 +231,7 @@ template <class T>
 std::size_t VisibleSplats<T>::Bytes() const
 {
   return blocks_.capacity() * sizeof(blocks_[0]) + lists_.capacity() * sizeof(lists_[0]) +
-         capacity_ * sizeof(VisibleSplat<T>);
+         capacity_ * (kSplatReals * sizeof(T) + kSplatWholes * sizeof(Whole<T>));
 }
 
 template class VisibleSplats<float>;

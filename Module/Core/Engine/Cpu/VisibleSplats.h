@@ -41,7 +41,10 @@ public:
   /// The block that a slot of the seen blocks stands for.
   std::size_t Block(std::size_t slot) const { return blocks_[slot]; }
   const List& ListOf(std::size_t slot, std::size_t view) const { return lists_[slot * views_ + view]; }
-  const VisibleSplat<T>* Splats(const List& list) const { return splats_.get() + list.offset; }
+  SplatRows<T> Splats(const List& list) const
+  {
+    return {reals_.get() + kSplatReals * list.offset, wholes_.get() + kSplatWholes * list.offset, list.count, list.count};
+  }
 
   /// body(slot) for every block that was seen, on all threads.
   template <class Body>
@@ -65,7 +68,7 @@ public:
       const List& list = ListOf(slot, view);
       if (list.count > 0 && list.rowBegin < rowEnd && list.rowEnd > rowBegin)
       {
-        kernels_.addFootprints(Splats(list), list.count, valuesOf(blocks_[slot]), rowBegin, rowEnd, rows);
+        kernels_.addFootprints(Splats(list), valuesOf(blocks_[slot]), rowBegin, rowEnd, rows);
       }
     }
   }
@@ -86,7 +89,8 @@ private:
   std::vector<std::uint32_t> blocks_;
   std::vector<List> lists_;  // [blocks_][views_]
   std::size_t views_ = 0;
-  std::unique_ptr<VisibleSplat<T>[]> splats_;
+  std::unique_ptr<T[]> reals_;  // of lists, see SplatRows
+  std::unique_ptr<Whole<T>[]> wholes_;
   std::size_t capacity_ = 0, needed_ = 0;
 };
 
