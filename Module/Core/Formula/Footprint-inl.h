@@ -33,19 +33,19 @@ BIGUS_FORMULA Real CutFor(Real magnitude, T tolerance)
   return min(cut, everything);
 }
 
-/// T is the scalar type of Real. Beyond `lowestExponent` exp underflows in the type that evaluates footprints.
+/// `cut` is CutFor the Gaussian's magnitude, T the scalar type of Real. Beyond `lowestExponent` exp underflows in the
+/// type that evaluates footprints.
 template <class Real, class T>
-BIGUS_FORMULA Footprint<Real> FootprintOf(const Splat<Real>& s, Real magnitude, T tolerance, T lowestExponent)
+BIGUS_FORMULA Footprint<Real> FootprintOf(const Splat<Real>& s, Real cut, T lowestExponent)
 {
   using std::ceil;
   using std::floor;
-  using std::log;
   using std::sqrt;
   Footprint<Real> out;
   const Real zero = Real(T(0)), one = Real(T(1)), far = Real(T(kFarthestPixel));
   const auto bounded = [far](Real value) { return min(max(value, Real(T(-kFarthestPixel))), far); };
-  out.cut = CutFor(magnitude * s.amplitude, tolerance);
-  out.logAmplitude = log(s.amplitude);
+  out.cut = max(cut + (s.logAmplitude + s.logAmplitude), zero);
+  out.logAmplitude = s.logAmplitude;
   const Real k = sqrt(out.cut);
   out.curvature = s.u12 * s.u12 + s.u22 * s.u22;
   out.rootCurvature = sqrt(out.curvature);

@@ -92,7 +92,7 @@ struct Splat
 {
   Real u11, u12, u22;
   Real mu, mv;
-  Real amplitude;
+  Real amplitude, logAmplitude;
 };
 
 /// A splat with what its adjoint needs. All vectors are in the Gaussian's own axes.
@@ -134,6 +134,7 @@ template <class Real>
 BIGUS_FORMULA Projection<Real> Project(const Gaussian<Real>& gaussian, const View<Real>& view)
 {
   using std::exp;
+  using std::log;
   using std::sqrt;
   Projection<Real> out;
   const Axes<Real> axes = AxesOf(gaussian.rotation);
@@ -177,7 +178,9 @@ BIGUS_FORMULA Projection<Real> Project(const Gaussian<Real>& gaussian, const Vie
   splat.mu = Dot(view.dualA, offset) - Dot(ToLocal(axes, view.dualA), ssn) * parallax;
   splat.mv = Dot(view.dualB, offset) - Dot(ToLocal(axes, view.dualB), ssn) * parallax;
   out.rho = -muZ * inverseRootT;
-  splat.amplitude = exp(Real(-0.5) * out.rho * out.rho) * inverseRootN;
+  const Real fall = Real(-0.5) * out.rho * out.rho;
+  splat.amplitude = exp(fall) * inverseRootN;
+  splat.logAmplitude = fall + log(inverseRootN);
   out.e = e;
   out.scale = s;
   out.inverseScale = inverse;

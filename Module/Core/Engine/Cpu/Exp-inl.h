@@ -70,6 +70,47 @@ static HWY_INLINE hn::Vec<D> BoundedExpm1(D d, hn::Vec<D> x)
   }
 }
 
+/// e^x, in float as if x were within [-87, 88], where e^x is a normal number.
+template <class D>
+static HWY_INLINE hn::Vec<D> QuickExp(D d, hn::Vec<D> x)
+{
+  if constexpr (sizeof(hn::TFromD<D>) == 8)
+  {
+    return hn::Exp(d, x);
+  }
+  else
+  {
+    return BoundedExp(d, hn::Min(hn::Max(x, hn::Set(d, -87.0f)), hn::Set(d, 88.0f)));
+  }
+}
+
+/// ln x of a normal number; infinity counts as the largest. In float x = 2^k (1 + t) with |t| <= 0.42, and ln(1 + t) is
+/// the polynomial of least relative error, 4e-9.
+template <class D>
+static HWY_INLINE hn::Vec<D> QuickLog(D d, hn::Vec<D> x)
+{
+  if constexpr (sizeof(hn::TFromD<D>) == 8)
+  {
+    return hn::Log(d, x);
+  }
+  else
+  {
+    const hn::RebindToSigned<D> di;
+    const auto bits = hn::BitCast(di, x);
+    const auto power = hn::ShiftRight<23>(hn::Sub(bits, hn::Set(di, 0x3f3504f3)));  // from the root of 1/2
+    const auto k = hn::ConvertTo(d, power);
+    const auto t = hn::Sub(hn::BitCast(d, hn::Sub(bits, hn::ShiftLeft<23>(power))), hn::Set(d, 1.0f));
+    auto p = hn::Set(d, -0.0762179345f);
+    for (const float c : {0.129044458f, -0.132429868f, 0.141818225f, -0.166090816f, 0.200019747f, -0.250015825f,
+                          0.333333254f, -0.499999881f})
+    {
+      p = hn::MulAdd(p, t, hn::Set(d, c));
+    }
+    const auto ofRest = hn::MulAdd(hn::Mul(p, t), t, hn::Mul(k, hn::Set(d, -2.12194440e-4f)));
+    return hn::MulAdd(k, hn::Set(d, 0.693359375f), hn::Add(t, ofRest));
+  }
+}
+
 /// What exponents of footprints are multiplied by: in float they are powers of 2, which are reduced by a subtraction.
 template <class T>
 constexpr T kExponentUnit = sizeof(T) == 4 ? T(1.44269504088896341) : T(1);

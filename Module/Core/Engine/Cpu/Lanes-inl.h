@@ -15,6 +15,7 @@
 #include <cstdint>
 
 #include "Core/Engine/Cpu/CpuKernels.h"
+#include "Core/Engine/Cpu/Exp-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace bigus::HWY_NAMESPACE
@@ -47,8 +48,8 @@ struct Lanes
   friend HWY_INLINE auto operator>=(Lanes a, Lanes b) { return hn::Ge(a.v, b.v); }
   friend HWY_INLINE auto operator==(Lanes a, Lanes b) { return hn::Eq(a.v, b.v); }
   friend HWY_INLINE Lanes sqrt(Lanes a) { return hn::Sqrt(a.v); }
-  friend HWY_INLINE Lanes exp(Lanes a) { return hn::Exp(D(), a.v); }
-  friend HWY_INLINE Lanes log(Lanes a) { return hn::Log(D(), a.v); }
+  friend HWY_INLINE Lanes exp(Lanes a) { return QuickExp(D(), a.v); }
+  friend HWY_INLINE Lanes log(Lanes a) { return QuickLog(D(), a.v); }
   friend HWY_INLINE Lanes abs(Lanes a) { return hn::Abs(a.v); }
   friend HWY_INLINE Lanes floor(Lanes a) { return hn::Floor(a.v); }
   friend HWY_INLINE Lanes ceil(Lanes a) { return hn::Ceil(a.v); }

@@ -45,14 +45,13 @@ static HWY_INLINE Lanes<T> SquaredDistance(const GaussianBlock<T>& block, int fi
 /// The slab test: a Gaussian matters on a plane only if mu_z^2 <= k^2 t, and t <= s_max^2 + sigma_E^2.
 template <class T>
 static HWY_INLINE auto InSlab(const GaussianBlock<T>& block, int first, Lanes<T> squaredDistance, T elevationVariance,
-                              Lanes<T> magnitude, T tolerance)
+                              Lanes<T> cut)
 {
   const Lanes<T> scale =
       exp(max(max(Lanes<T>::Load(block.logScale[0] + first), Lanes<T>::Load(block.logScale[1] + first)),
               Lanes<T>::Load(block.logScale[2] + first)));
   // A thousandth more than the bound, so that its own rounding drops nothing.
-  const Lanes<T> reach =
-      CutFor(magnitude, tolerance) * (scale * scale + Lanes<T>(elevationVariance)) * Lanes<T>(T(1.001));
+  const Lanes<T> reach = cut * (scale * scale + Lanes<T>(elevationVariance)) * Lanes<T>(T(1.001));
   return hn::And(squaredDistance <= reach, reach > Lanes<T>(T(0)));
 }
 
@@ -80,7 +79,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   // Those near the plane, moved together so that no lane is projected in vain. Whole vectors are written at `found` and
   // at `kept`, which never exceed `first`: so none ends beyond kBlock.
   static_assert(kBlock % hn::MaxLanes(d) == 0);
-  alignas(64) T near[kRows + 1][SplatBuffer<T>::kStride];
+  alignas(64) T near[kRows + 1][SplatBuffer<T>::kStride];  // k^2 in place of the reflectivity; index in the block
   int found = 0;
   for (int first = 0; first < count; first += lanes)
   {
@@ -92,13 +91,14 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
       continue;
     }
     const L magnitude = max(abs(L::Load(block.reflectivity + first)), L(task.leastMagnitude));
-    inside =
-        hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, magnitude, task.tolerance));
+    const L cut = CutFor(magnitude, task.tolerance);
+    inside = hn::And(inside, InSlab(block, first, squaredDistance, task.view.elevationVariance, cut));
     const ChosenLanes<T> chosen(inside);
-    for (int row = 0; row < kRows; ++row)
+    for (int row = 0; row < kRows - 1; ++row)
     {
       chosen.Store(hn::LoadU(d, rows[row] + first), near[row] + found);
     }
+    chosen.Store(cut.v, near[kRows - 1] + found);
     chosen.Store(hn::Iota(d, static_cast<T>(first)), near[kRows] + found);
     found += chosen.Count();
   }
@@ -113,10 +113,8 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
   for (int first = 0; first < found; first += lanes)
   {
     const auto at = [&](int row) { return L::Load(near[row] + first); };
-    const Gaussian<L> gaussian = GaussianOf(at);
-    const Splat<L> s = Project(gaussian, view).splat;
-    const L magnitude = max(abs(gaussian.reflectivity), L(task.leastMagnitude));
-    const Footprint<L> f = FootprintOf(s, magnitude, task.tolerance, task.lowestExponent);
+    const Splat<L> s = Project(GaussianOf(at), view).splat;
+    const Footprint<L> f = FootprintOf(s, at(kRows - 1), task.lowestExponent);
     const auto clip = [](L value, L low, L high) { return min(max(value, low), high); };
     const L columnBegin = clip(originColumn + f.columnBegin, firstColumn, lastColumn);
     const L columnEnd = clip(originColumn + f.columnEnd, firstColumn, lastColumn);
