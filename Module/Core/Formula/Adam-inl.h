@@ -74,7 +74,7 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
     state.first[k] = state.first[k] + firstShare * (value - state.first[k]);
     state.second[k] = state.second[k] + Real(kSecondShare) * (value * value - state.second[k]);
     // The tiny floor only keeps 0 / 0 away: Adam is meant to be blind to the gradient's unit.
-    move[k] = zero - correction * state.first[k] / (sqrt(state.second[k]) + Real(1e-18));
+    move[k] = zero - correction * state.first[k] * InverseRoot(state.second[k] + Real(1e-36));
   }
   gaussian.mean = MultiplyAdd(Real(step.mean), {move[kMeanAt], move[kMeanAt + 1], move[kMeanAt + 2]}, gaussian.mean);
   const Real farthest = Real(0.5 * GaussianField::kLargestCoordinate);  // from the engine's or block's own origin
@@ -91,11 +91,11 @@ BIGUS_FORMULA Real UpdateGaussian(Gaussian<Real>& gaussian, AdamState<Real>& sta
   const Real* q = gaussian.rotation;
   const Real turned[4] = {q[0] - q[1] * x - q[2] * y - q[3] * z, q[1] + q[0] * x + q[2] * z - q[3] * y,
                           q[2] + q[0] * y + q[3] * x - q[1] * z, q[3] + q[0] * z + q[1] * y - q[2] * x};
-  const Real length =
-      sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2] + turned[3] * turned[3]);
+  const Real inverseLength =
+      InverseRoot(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2] + turned[3] * turned[3]);
   for (int k = 0; k < 4; ++k)
   {
-    gaussian.rotation[k] = turned[k] / length;
+    gaussian.rotation[k] = turned[k] * inverseLength;
   }
   gaussian.reflectivity = Clamp(gaussian.reflectivity + Real(step.reflectivity) * move[kReflectivityAt],
                                 Real(step.minimumReflectivity), Real(step.maximumReflectivity));

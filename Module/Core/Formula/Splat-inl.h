@@ -135,20 +135,19 @@ BIGUS_FORMULA Projection<Real> Project(const Gaussian<Real>& gaussian, const Vie
 {
   using std::exp;
   using std::log;
-  using std::sqrt;
   Projection<Real> out;
   const Axes<Real> axes = AxesOf(gaussian.rotation);
   const Vector3<Real> s{exp(gaussian.logScale.x), exp(gaussian.logScale.y), exp(gaussian.logScale.z)};
   const Vector3<Real> a = ToLocal(axes, view.a), b = ToLocal(axes, view.b), n = ToLocal(axes, view.n);
-  // Divisions are what takes longest here: one for each number divided by.
+  // Divisions and roots are what takes longest here: one for each number divided by.
   const Real one = Real(1);
   const Vector3<Real> inverse{one / s.x, one / s.y, one / s.z};
   const Vector3<Real> cu = Times(a, inverse), cv = Times(b, inverse), cz = Times(n, inverse);
 
-  const Real length = sqrt(Dot(cz, cz)), inverseLength = one / length;
+  const Real squaredLength = Dot(cz, cz), inverseLength = InverseRoot(squaredLength);
   const Vector3<Real> e = Scaled(inverseLength, cz);
-  const Real g = view.elevationVariance * length * length;  // N - 1
-  const Real rootN = sqrt(1 + g), inverseRootN = one / rootN;
+  const Real g = view.elevationVariance * squaredLength;  // N - 1
+  const Real inverseRootN = InverseRoot(one + g), rootN = (one + g) * inverseRootN;
   const Real excess = g / (rootN + 1);  // sqrt(N) - 1, free of cancellation
   out.kappa = excess * inverseRootN;
   out.spread = g * inverseRootN * inverseRootN;
@@ -159,13 +158,13 @@ BIGUS_FORMULA Projection<Real> Project(const Gaussian<Real>& gaussian, const Vie
   // The normal of the whitened slice is D^-1 S n / sqrt(t), since cu x cv = |a x b| S n / det S.
   const Vector3<Real> sn = Times(s, n);
   const Real t = Dot(sn, sn) + view.elevationVariance;
-  const Real rootT = sqrt(t), inverseRootT = one / rootT;
+  const Real inverseRootT = InverseRoot(t), rootT = t * inverseRootT;
   const Vector3<Real> normal = MultiplyAdd(excess * inverseLength, e, sn);
   out.q3 = Scaled(inverseRootT, normal);
 
   Splat<Real>& splat = out.splat;
-  splat.u11 = sqrt(Dot(du, du));
-  const Real inverseU11 = one / splat.u11;
+  const Real squaredU11 = Dot(du, du), inverseU11 = InverseRoot(squaredU11);
+  splat.u11 = squaredU11 * inverseU11;
   out.q1 = Scaled(inverseU11, du);
   out.q2 = Cross(out.q3, out.q1);
   splat.u12 = Dot(out.q1, dv);

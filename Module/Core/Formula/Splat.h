@@ -16,6 +16,14 @@
 namespace bigus
 {
 
+/// 1 / sqrt(value) of a positive number.
+template <class Real>
+BIGUS_FORMULA Real InverseRoot(Real value)
+{
+  using std::sqrt;
+  return Real(1) / sqrt(value);
+}
+
 #include "Core/Formula/Splat-inl.h"
 
 }  // namespace bigus

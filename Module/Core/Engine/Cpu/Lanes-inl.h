@@ -50,6 +50,7 @@ struct Lanes
   friend HWY_INLINE Lanes sqrt(Lanes a) { return hn::Sqrt(a.v); }
   friend HWY_INLINE Lanes exp(Lanes a) { return QuickExp(D(), a.v); }
   friend HWY_INLINE Lanes log(Lanes a) { return QuickLog(D(), a.v); }
+  friend HWY_INLINE Lanes InverseRoot(Lanes a) { return QuickInverseRoot(D(), a.v); }
   friend HWY_INLINE Lanes abs(Lanes a) { return hn::Abs(a.v); }
   friend HWY_INLINE Lanes floor(Lanes a) { return hn::Floor(a.v); }
   friend HWY_INLINE Lanes ceil(Lanes a) { return hn::Ceil(a.v); }
