@@ -85,11 +85,19 @@ public:
                for (int row = begin; row < end; ++row)
                {
                  T* line = buffer.data() + (row - begin) * stride;
+                 float* pixels = image + static_cast<std::size_t>(row) * window.columns;
+                 std::size_t done = 0;
                  if (output == ViewOutput::Intensity)
                  {
-                   kernels_.toIntensity(line, window.columns, static_cast<T>(field_.Transfer().gamma), line);
+                   const T gamma = static_cast<T>(field_.Transfer().gamma);
+                   if constexpr (std::is_same_v<T, float>)
+                   {
+                     done = static_cast<std::size_t>(window.columns) / kRowPadding * kRowPadding;  // whole vectors
+                     kernels_.toIntensity(line, done, gamma, pixels);
+                   }
+                   kernels_.toIntensity(line + done, window.columns - done, gamma, line + done);
                  }
-                 std::copy_n(line, window.columns, image + static_cast<std::size_t>(row) * window.columns);
+                 std::copy(line + done, line + window.columns, pixels + done);
                }
                if (coverage)
                {
@@ -478,6 +486,7 @@ private:
         [&](std::size_t slot)
         {
           const std::size_t b = visible_.Block(slot);
+          field_.PrefetchAverages(b);
           GradientBlock<T> gradient{};
           MomentBlock<T> moments;
           ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;

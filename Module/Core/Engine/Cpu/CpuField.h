@@ -41,6 +41,15 @@ public:
 
   const GaussianBlock<T>& Block(std::size_t b) const { return blocks_[b]; }
   const BlockPlace& Place(std::size_t b) const { return places_[b]; }
+  /// Begins to fetch a block that will be used next: fields are larger than caches.
+  void Prefetch(std::size_t b) const { PrefetchBytes(&blocks_[b], sizeof(blocks_[b])); }
+  void PrefetchAverages(std::size_t b) const
+  {
+    if (!adam_.empty())
+    {
+      PrefetchBytes(&adam_[b], sizeof(adam_[b]));
+    }
+  }
   /// The block in double where it holds needles, which are projected in double; else null.
   const GaussianBlock<double>* Sharp(std::size_t b) const { return sharp_[b].get(); }
   /// Places of kGroup blocks each, brought up to date with those of their blocks.
@@ -60,6 +69,15 @@ public:
   std::size_t Bytes() const;
 
 private:
+  static void PrefetchBytes(const void* begin, std::size_t size)
+  {
+    constexpr std::size_t kCacheLine = 64;
+    for (std::size_t at = 0; at < size; at += kCacheLine)
+    {
+      __builtin_prefetch(static_cast<const char*>(begin) + at);
+    }
+  }
+
   void FillBlock(const GaussianField& field, std::size_t b);
   /// Brings a block's place, and its parameters in double if it has needles, up to date with its Gaussians.
   void Measure(std::size_t b);

@@ -89,7 +89,7 @@ struct alignas(64) SplatBuffer
 
 /// Rows in memory: pixel (column, row) of the plane is data[(row - firstRow) * stride + column - firstColumn]. Each row
 /// is followed by kRowPadding numbers that kernels may read and write.
-constexpr int kRowPadding = 16;  // a vector less one
+constexpr int kRowPadding = 16;  // as many as the longest vector
 template <class T>
 struct PixelRows
 {

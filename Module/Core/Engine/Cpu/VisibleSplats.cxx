@@ -181,6 +181,10 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
         [&](std::size_t slot)
         {
           const std::size_t b = blocks_[slot];
+          if (slot + 1 < blocks_.size())
+          {
+            field.Prefetch(blocks_[slot + 1]);
+          }
           const BlockPlace& place = field.Place(b);
           const double logMagnitude = truncation.LogMagnitude(place);
           Reach reach;
