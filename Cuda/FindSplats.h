@@ -138,7 +138,8 @@ __device__ bool FindSplat(const FindTask& task, const Gaussian<T>& gaussian, con
 {
   const T lowest = static_cast<T>(kLowestExponent<float>);
   const Splat<T> s = Project(gaussian, view).splat;
-  const Footprint<T> f = FootprintOf(s, CutFor(MagnitudeOf(task.truncation, gaussian), static_cast<T>(tolerance)), lowest);
+  const Footprint<T> f =
+      FootprintOf(s, CutFor(MagnitudeOf(task.truncation, gaussian), static_cast<T>(tolerance)), lowest);
   const int column = originColumn + static_cast<int>(f.column), row = originRow + static_cast<int>(f.row);
   const int half = static_cast<int>(f.half);
   out.box = {max(originColumn + static_cast<int>(f.columnBegin), task.window.columnBegin),

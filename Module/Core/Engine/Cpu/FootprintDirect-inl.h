@@ -47,8 +47,9 @@ struct DirectRow
     // eta1^2 <= rest  <=>  |column - centre| <= half. Limits are clamped as floating point, where infinity is harmless;
     // what is no number, of a footprint far away, becomes the first column.
     const double half = std::sqrt(static_cast<double>(rest)) / u11;
-    const auto clip = [&s, i](double column)
-    { return static_cast<int>(std::min<double>(s.At(kColumnEnd, i), std::max<double>(s.At(kColumnBegin, i), column))); };
+    const auto clip = [&s, i](double column) {
+      return static_cast<int>(std::min<double>(s.At(kColumnEnd, i), std::max<double>(s.At(kColumnBegin, i), column)));
+    };
     begin = clip(std::ceil(centre - half));
     end = std::max(begin, clip(std::floor(centre + half) + 1));
   }
@@ -87,8 +88,7 @@ static HWY_NOINLINE void AddDirect(const SplatRows<T>& s, int i, int rowBegin, i
 
 /// Moments by an exponential a pixel. Sums are of powers of eta from the start.
 template <class T>
-static HWY_NOINLINE void GatherDirect(const SplatRows<T>& s, int i, const PixelRows<T>& derivative,
-                                      T* HWY_RESTRICT out)
+static HWY_NOINLINE void GatherDirect(const SplatRows<T>& s, int i, const PixelRows<T>& derivative, T* HWY_RESTRICT out)
 {
   const hn::ScalableTag<T> d;
   const int lanes = Lanes<T>::Count();

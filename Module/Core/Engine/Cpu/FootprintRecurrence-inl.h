@@ -308,14 +308,14 @@ static HWY_INLINE void GatherColumns(const RecurrenceStart<T>& s, T startOffset,
     const T *below = derivative.Row(stretch.start) + column, *above = below - stride;
     for (int n = 0; n < rowsDown; ++n)
     {
-      const V down = columns.down[0], g = hn::LoadU(d, below), above0 = hn::Mul(columns.up[0], hn::LoadU(d, above));
-      const V sum = hn::MulAdd(down, g, above0), difference = hn::MulSub(down, g, above0);
+      const V down = columns.down[0], g = hn::LoadU(d, below), ofAbove = hn::Mul(columns.up[0], hn::LoadU(d, above));
+      const V sum = hn::MulAdd(down, g, ofAbove), difference = hn::MulSub(down, g, ofAbove);
       column0 = hn::Add(column0, sum);
       column1 = hn::MulAdd(difference, hn::Set(d, kRowOffsets<T>.t[n]), column1);
       column2 = hn::MulAdd(sum, hn::Set(d, kRowOffsets<T>.squared[n]), column2);
       if (WithError)
       {
-        sums.error = hn::Add(sums.error, hn::Add(hn::Abs(hn::Mul(down, g)), hn::Abs(above0)));
+        sums.error = hn::Add(sums.error, hn::Add(hn::Abs(hn::Mul(down, g)), hn::Abs(ofAbove)));
       }
       columns.StepDown(c);
       columns.StepUp(c);

@@ -43,7 +43,8 @@ public:
   const List& ListOf(std::size_t slot, std::size_t view) const { return lists_[slot * views_ + view]; }
   SplatRows<T> Splats(const List& list) const
   {
-    return {reals_.get() + kSplatReals * list.offset, wholes_.get() + kSplatWholes * list.offset, list.count, list.count};
+    return {reals_.get() + kSplatReals * list.offset, wholes_.get() + kSplatWholes * list.offset, list.count,
+            list.count};
   }
 
   /// body(slot) for every block that was seen, on all threads.
