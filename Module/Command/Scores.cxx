@@ -280,6 +280,11 @@ void ScoreStandardError(const StandardError& standardError, const TrainedField& 
   print("distance alone*", json["peers"]["distance"]);
   print("local variance alone*", json["peers"]["local_variance"]);
   console.Print("  * scaled to these very frames");
+  json["reliability"] = Json::array();
+  for (const StandardErrorBin& bin : report.reliability)
+  {
+    json["reliability"].push_back({{"sigma", bin.sigma}, {"error", bin.error}, {"pixels", bin.count}});
+  }
   json["means"] = Json::array();
   for (const MeanErrorScore& score : report.means)
   {

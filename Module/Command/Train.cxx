@@ -486,6 +486,7 @@ Json Summary(vtkBigusTrainer* trainer, const TrainOptions& options, const Gaussi
             {"rmse", nullptr},
             {"known", nullptr},
             {"peers", nullptr},
+            {"reliability", nullptr},
             {"means", nullptr}}},
           {"sequences", sequences},
           {"findings", frames.findings},

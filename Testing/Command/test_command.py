@@ -718,6 +718,7 @@ class Train(CommandTest):
             self.assertEqual(set(mean), {"side", "variance_ratio", "squares"})
             self.assertTrue(mean["side"] > 0 and mean["variance_ratio"] > 0 and mean["squares"] > 0)
         self.assertTrue(scores["means"])
+        self.bins_say_what_the_scores_do(scores)
         self.assertNotIn(b"StandardError", plain.read_bytes())
         self.assertIn(b"StandardError", sure.read_bytes())
         images = [self.folder / "a.mha", self.folder / "b.mha"]
@@ -734,12 +735,24 @@ class Train(CommandTest):
             self.expect(BAD_INPUT, *verb, "--standard-error", self.folder / "sigma.mha", says="--no-standard-error")
         self.assertFalse((self.folder / "v.mha").exists())
 
+    def bins_say_what_the_scores_do(self, scores):
+        bins = scores["reliability"]
+        self.assertTrue(all(set(one) == {"sigma", "error", "pixels"} and one["pixels"] > 0 for one in bins))
+        self.assertGreater(len(bins), 1)
+        sigmas = [one["sigma"] for one in bins]
+        self.assertEqual(sigmas, sorted(set(sigmas)))
+        pixels = sum(one["pixels"] for one in bins)
+        said, found = (sum(one["pixels"] * one[key] ** 2 for one in bins) / pixels for key in ("sigma", "error"))
+        self.assertAlmostEqual(found, scores["rmse"] ** 2, places=7)
+        self.assertAlmostEqual(said / found, scores["variance_ratio"], places=5)
+
     def test_a_standard_error_that_cannot_be_had_is_null_and_says_why(self):
         sweep = self.folder / "three.igs.mha"
         self.expect(SUCCESS, "phantom", "-o", sweep, "--frames", 3, *PHANTOM[2:])
         answer = self.expect(SUCCESS, "train", sweep, "-o", self.folder / "f.vtp", *TINY, "--hold-out", 2,
                              notes="the standard error could not be scored: The standard error is known at no pixel")
         self.assertIsNone(answer["standard_error"]["variance_ratio"])
+        self.assertIsNone(answer["standard_error"]["reliability"])
         self.assertTrue(math.isfinite(answer["held_out"]["psnr"]))
 
     def standard_error_of_a_volume_is_that_of_its_slices(self, field, origin):
