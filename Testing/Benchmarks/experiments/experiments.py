@@ -5,7 +5,8 @@
 
     experiments.py e1 [e2 ...|all] [--quick] [--output FOLDER] [--data FOLDER] [--budget MINUTES]
     experiments.py list              what would run, in which order, and how long it should take
-    experiments.py publish           put tables and plots of --output into results/, and a few rows into README.md
+    experiments.py publish           put tables and plots of --output into results/, and a few rows into README.md;
+                                     rows that were not run stay as published, with the machine that they are of
 
 For each experiment writes NAME.csv (all that is known), NAME.md and NAME-table.csv (the table), NAME-decisions.csv (what
 the trainer decided) and NAME.png (the plot). Jobs run in the
@@ -24,7 +25,8 @@ from pathlib import Path
 import paper
 import plots
 from definitions import EXPERIMENTS, Scale
-from harness import PROJECT, Runner, decisions, markdown, read_rows, summary, table, write_csv, write_rows, write_whole
+from harness import (PROJECT, Runner, decisions, groups, markdown, origin, read_rows, restore, summary, table, write_csv,
+                     write_rows, write_whole)
 
 HERE = Path(__file__).resolve().parent
 
@@ -34,7 +36,14 @@ def report(experiment, jobs, scale, folder):
     folder.mkdir(parents=True, exist_ok=True)
     name = experiment.name
     write_csv(jobs, folder / f"{name}.csv")
+    done = [job for job in jobs if job.result]
+    origins = sorted({origin(job.result) for job in done})
     tables = [(title, table(part, experiment.columns)) for title, part in experiment.tables(jobs)]
+    if len(origins) > 1:
+        for (_, part), (_, rows) in zip(experiment.tables(jobs), tables):
+            for row, (_, members) in zip(rows, groups(part)):
+                of = {origins.index(origin(job.result)) + 1 for job in members if job.result}
+                row["measured"] = " ".join(map(str, sorted(of)))
     write_rows([row for _, rows in tables for row in rows], folder / f"{name}-table.csv")
     text = "".join((f"**{title}**\n\n" if title else "") + markdown(rows, experiment.split) + "\n"
                    for title, rows in tables)
@@ -43,17 +52,14 @@ def report(experiment, jobs, scale, folder):
         write_rows(made, folder / f"{name}-decisions.csv")
     if scale.is_quick:
         text += "Quick: pictures a quarter the size, 2 % of the Gaussians and of the time limits; no result.\n\n"
-    done = [job for job in jobs if job.result]
     left = [job for job in jobs if not job.result]
     if left:
         text += f"{len(left)} of {len(jobs)} jobs have no result: " + "; ".join(
             sorted({job.state for job in left})) + ".\n\n"
-    machines = {}
-    for job in done:
-        machines.setdefault((job.result["machine"], job.result["device"], job.result["version"]),
-                            set()).add(job.result["commit"])
-    text += "".join(f"Machine: {machine}; {device}; version {version} ({', '.join(sorted(commits))}).\n"
-                    for (machine, device, version), commits in sorted(machines.items()))
+    measured = [row.get("measured", "").split() for _, rows in tables for row in rows]
+    for k, text_of in enumerate(origins, 1):
+        count = sum(str(k) in of for of in measured)
+        text += f"Machine{f' {k} ({count} rows)' if len(origins) > 1 else ''}: {text_of}.\n"
     seeds = sorted({job.request.get("seed", 1) for job in done})
     text += f"Seeds: {', '.join(map(str, seeds))}.\n" if seeds else ""
     write_whole(folder / f"{name}.md", text)
@@ -70,26 +76,38 @@ def page(experiment, text, decided):
     return "\n".join([f"# {experiment.title}", "", rows, "", *said]) + "\n"
 
 
-def publish(runner, scale):
-    """Tables and plots of what has been run into results/, and a few rows of each into README.md. Runs nothing. What
-    --output does not have stays as it was published before."""
+def published(results, name):
+    """Rows, decisions and page of an experiment, empty where it has none."""
+    rows, decided, said = (results / f"{name}{end}" for end in (".csv", "-decisions.csv", ".md"))
+    return (read_rows(rows) if rows.is_file() else [], read_rows(decided) if decided.is_file() else [],
+            said.read_text() if said.is_file() else "")
+
+
+def publish(runner, scale, priority):
+    """Tables and plots of what has been run into results/, and a few rows of each into README.md. Runs nothing. Rows that
+    --output does not have stay as they were published before, and say so."""
     results = HERE / "results"
     results.mkdir(exist_ok=True)
     jobs = {name: experiment.jobs(scale) for name, experiment in EXPERIMENTS.items()}
-    if {name for name, group in jobs.items() if any([runner.recall(job) for job in group])} & paper.EXPERIMENTS:
-        write_whole(results / "paper.md", "# The paper's figures and ours\n\n" + paper.table(jobs))
+    new = {name: [job for job in group if runner.recall(job)] for name, group in jobs.items()}
     for name, experiment in EXPERIMENTS.items():
-        if not (runner.output / f"{name}.md").is_file():
+        restore(jobs[name], experiment.columns, *published(results, name))
+        if not new[name]:
             continue
-        for kept, published in ((f"{name}-table.csv", f"{name}.csv"), (f"{name}-decisions.csv", f"{name}-decisions.csv"),
-                                (f"{name}.png", f"{name}.png")):
-            if (runner.output / kept).is_file():
-                (results / published).write_bytes((runner.output / kept).read_bytes())
-        decided = (results / f"{name}-decisions.csv").is_file()
-        text = page(experiment, (runner.output / f"{name}.md").read_text(), decided)
+        jobs[name] = [job for job in jobs[name] if job.priority <= priority or job.result]
+        staged = runner.output / "published"
+        made = report(experiment, jobs[name], scale, staged)
+        for kept, at in ((f"{name}-table.csv", f"{name}.csv"), (f"{name}-decisions.csv", f"{name}-decisions.csv"),
+                         (f"{name}.png", f"{name}.png")):
+            if (staged / kept).is_file():
+                (results / at).write_bytes((staged / kept).read_bytes())
+        text = page(experiment, made, (results / f"{name}-decisions.csv").is_file())
         if experiment.is_long:
             text += "\n" + summary(read_rows(results / f"{name}.csv"), *experiment.summary)
         write_whole(results / f"{name}.md", text)
+    # Published numbers are rounded, so gains are not told anew from these alone.
+    if any(job.request["method"]["name"] in ("bigus", "ultragauss") for name in paper.EXPERIMENTS for job in new[name]):
+        write_whole(results / "paper.md", "# The paper's figures and ours\n\n" + paper.table(jobs))
     readme = HERE / "README.md"
     text = readme.read_text()
     for name, experiment in EXPERIMENTS.items():
@@ -124,7 +142,7 @@ def main():
     others = dict(other.split("=", 1) for other in options.other)
     runner = Runner(options.program, Path(options.data), output, 60 * options.budget, others)
     if "publish" in options.what:
-        publish(runner, scale)
+        publish(runner, scale, options.priority)
         return 0
     jobs = {experiment.name: [job for job in experiment.jobs(scale)
                               if job.priority <= options.priority or runner.recall(job)]

@@ -12,6 +12,7 @@ import json
 import math
 import os
 import platform
+import re
 import statistics
 import subprocess
 import sys
@@ -138,6 +139,43 @@ class Runner:
         self.ran += 1
 
 
+def origin(result):
+    """Which processor and program a result is of."""
+    return result.get("origin") or "{machine}; {device}; version {version} ({commit})".format_map(result)
+
+
+def restore(jobs, columns, rows, decided, page):
+    """Jobs that were not run take what was published of them before: the numbers of their row, rounded as there, what
+    was decided, and the origin that the page names. A row with any new result is left to that."""
+    origins = dict(re.findall(r"^Machine(?: (\d+) \(\d+ rows?\))?: (.*)\.$", page, re.MULTILINE))
+    origins[""] = " or ".join(text for _, text in re.findall(r"^(Machine)[^:]*: (.*)\.$", page, re.MULTILINE))
+    for labels, members in groups(jobs):
+        found = [row for row in rows if all(row.get(name, "") == str(label) for name, label in labels.items())]
+        if not found or found[0][columns[0][0]][:1].isalpha() or any(job.result for job in members):
+            continue
+        for job in members:
+            job.state, job.result = "done", {"published": found[0], "origin": " or ".join(
+                origins.get(number, "") for number in found[0].get("measured", "").split() or [""])}
+            for title, path, _ in columns:
+                put(job.result, path.format(**job.labels), found[0].get(title, ""))
+            made = [entry for entry in decided if entry["row"] == row_name(labels)]
+            if made:
+                job.result.setdefault("facts", {})["decisions"] = [
+                    {"what": entry["decided"], **entry, "seconds": float(entry["seconds"])} for entry in made]
+
+
+def put(result, path, text):
+    """The number of a table's cell under its path; of several seeds their mean."""
+    *parts, last = path.split(".")
+    try:
+        number = float(text.split(" ±")[0])
+    except ValueError:
+        return
+    for part in parts:
+        result = result.setdefault(part, {})
+    result[last] = number
+
+
 # ---- tables ----
 
 def value(result, path):
@@ -190,7 +228,9 @@ def table(jobs, columns):
     lines = []
     for labels, members in rows:
         row = {name: str(labels.get(name, "")) for name in names}
-        if any(job.result for job in members):
+        if (kept := members[0].result or {}).get("published"):
+            row |= {title: kept["published"].get(title, "–") for title, _, _ in columns}
+        elif any(job.result for job in members):
             row |= {title: cell(members, path, places) for title, path, places in columns}
         else:
             row |= {title: "" for title, _, _ in columns} | {columns[0][0]: members[0].state.split(":")[0]}
@@ -238,14 +278,17 @@ def summary(rows, corner, down, across):
     return "\n".join(lines) + "\n"
 
 
+def row_name(labels):
+    return ", ".join(str(label) for label in labels.values() if label != "")
+
+
 def decisions(jobs):
     """What the trainer decided by itself, and why: rows, none where it did not."""
     rows = []
     for labels, members in groups(jobs):
         made = value(members[0].result, "facts.decisions") if members[0].result else None
         open_ones = [entry for entry in made or [] if entry["evidence"] != "given"]
-        name = ", ".join(str(label) for label in labels.values() if label != "")
-        rows += [{"row": name, "decided": entry["what"], "choice": entry["choice"], "evidence": entry["evidence"],
+        rows += [{"row": row_name(labels), "decided": entry["what"], "choice": entry["choice"], "evidence": entry["evidence"],
                   "seconds": f"{entry['seconds']:.1f}"} for entry in open_ones]
     return rows
 
@@ -263,7 +306,7 @@ def write_csv(jobs, path):
     """Everything known about every job, one a line."""
     rows = []
     for job in jobs:
-        known = dict(flat({k: v for k, v in job.result.items() if k != "job"})) if job.result else {}
+        known = dict(flat({k: v for k, v in job.result.items() if k not in ("job", "published")})) if job.result else {}
         rows.append({**job.labels, "seed": job.request.get("seed", 1), "state": job.state, **known,
                      "job": json.dumps(job.request, sort_keys=True)})
     names = list(dict.fromkeys(name for row in rows for name in row))

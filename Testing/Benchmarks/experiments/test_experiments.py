@@ -20,7 +20,7 @@ from unittest import mock
 
 import experiments
 from definitions import EXPERIMENTS, Scale
-from harness import Job, table, write_rows
+from harness import Job, table
 
 PROGRAM = sys.argv.pop(1) if len(sys.argv) > 1 else "build/bin/bigusExperiment"
 
@@ -239,41 +239,98 @@ class Harness(unittest.TestCase):
         self.assertIn("failed: out of luck", said)
         self.assertEqual(list(self.folder.rglob("*.json")), [])
 
-    def test_publishes_tables_beside_and_a_summary_below_the_heading(self):
-        quick = self.folder / "quick"
-        quick.mkdir()
-        (quick / "e5.md").write_text("**liver**\n\n| new |\n\nSeeds: 1.\n")
-        (quick / "e5-table.csv").write_text("scene,gap,method,held-out PSNR\nliver,1,BIGUS 100k,40.32\nliver,2,BIGUS 100k,"
-                                            "37.71\nliver,2,compounding,34.22\nliver,4,compounding,not run\n")
-        readme = self.folder / "README.md"
-        readme.write_text("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| old |\n|---|\n\n## E6: after\n| kept |\n")
+    def has_run(self, name, numbers, machine="here", **labels):
+        """As if the quick jobs with these labels had been run, with these numbers by their path."""
+        jobs = [job for job in EXPERIMENTS[name].jobs(Scale.quick())
+                if all(job.labels[label] == wanted for label, wanted in labels.items())]
+        self.assertTrue(jobs)
+        for job in jobs:
+            result = {"job": job.request, "machine": machine, "device": "CPU", "version": "1", "commit": "abc"}
+            for path, number in numbers.items():
+                *parts, last = path.format(**job.labels).split(".")
+                scores = result
+                for part in parts:
+                    scores = scores.setdefault(part, {})
+                scores[last] = number
+            path = self.folder / "quick/jobs" / f"{job.key}.json"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(result))
+
+    def publish(self):
         with mock.patch.object(experiments, "HERE", self.folder):
             call("publish", "--quick", "--output", self.folder)
-        self.assertEqual((self.folder / "results/e5.md").read_text(),
-                         f"# {EXPERIMENTS['e5'].title}\n\nRows: [e5.csv](e5.csv).\n\nSeeds: 1.\n")
-        self.assertEqual((self.folder / "results/e5.csv").read_text(), (quick / "e5-table.csv").read_text())
+        return {path.name: path.read_bytes() for path in (self.folder / "results").iterdir()}
+
+    def test_publishes_tables_beside_and_a_summary_below_the_heading(self):
+        self.has_run("e5", {"scores.held_out.psnr": 40.321}, scene="liver", gap=1, method="BIGUS 100k")
+        self.has_run("e5", {"scores.held_out.psnr": 34.219}, scene="liver", gap=2, method="compounding")
+        readme = self.folder / "README.md"
+        readme.write_text("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| old |\n|---|\n\n## E6: after\n| kept |\n")
+        results = self.publish()
+        left = len(EXPERIMENTS["e5"].jobs(Scale.quick())) - 2
+        self.assertEqual(results["e5.md"].decode(),
+                         f"# {EXPERIMENTS['e5'].title}\n\nRows: [e5.csv](e5.csv).\n\nQuick: pictures a quarter the size, 2 % of "
+                         f"the Gaussians and of the time limits; no result.\n{left} of {left + 2} jobs have no result: not run.\n"
+                         "Machine: here; CPU; version 1 (abc).\nSeeds: 1.\n")
         text = readme.read_text()
         self.assertTrue(text.startswith("## E4: other\n\n| kept |\n\n## E5: gap\n\nbefore\n\n| liver"), text)
         self.assertTrue(text.endswith(" |\n\n## E6: after\n| kept |\n"), text)
         self.assertNotIn("old", text)
-        self.assertIn("| field, 100k | 40.32 | 37.71 | – | – |", text)
+        self.assertIn("| field, 100k | 40.32 | – | – | – |", text)
         self.assertIn("| compounding | – | 34.22 | – | – |", text)
 
+    def test_rows_that_were_not_run_anew_stay_and_say_of_which_machine_they_are(self):
+        def row(method):
+            return next(row for row in csv.DictReader(io.StringIO(results["e9.csv"].decode()))
+                        if row["scene"] == "spine" and row["method"] == method)
+
+        (self.folder / "README.md").write_text("# All\n\n## E9: short\n\n| old |\n")
+        decision = [{"what": "sigma", "choice": "1", "evidence": "by hand", "seconds": 2.0}]
+        self.has_run("e9", {"scores.held_out.psnr": 22.734, "scores.held_out.ssim": 0.70004, "facts.decisions": decision},
+                     scene="spine", method="BIGUS auto")
+        self.has_run("e9", {"scores.held_out.psnr": 21.5}, scene="spine", method="compounding, 0.3 mm")
+        results = self.publish()
+        first, decided = row("BIGUS auto"), results["e9-decisions.csv"]
+        self.assertNotIn("measured", first)  # all of one machine
+        before = results["e9.png"]
+        for machine, psnr in (("there", 25.1), ("elsewhere", 26.1)):
+            shutil.rmtree(self.folder / "quick")
+            self.has_run("e9", {"scores.held_out.psnr": psnr}, machine, scene="spine", method="compounding, 0.3 mm")
+            results = self.publish()
+            kept = row("BIGUS auto")
+            self.assertEqual(row("compounding, 0.3 mm")["held-out PSNR"], f"{psnr:.2f}")
+            self.assertNotEqual(kept.pop("measured"), row("compounding, 0.3 mm")["measured"])
+            self.assertEqual(kept, first)
+            self.assertEqual(results["e9-decisions.csv"], decided)
+            page = results["e9.md"].decode()
+            numbers = {"here": row("BIGUS auto")["measured"], machine: row("compounding, 0.3 mm")["measured"]}
+            for name, number in numbers.items():
+                self.assertIn(f"Machine {number} (1 rows): {name}; CPU; version 1 (abc).\n", page)
+            self.assertEqual(page.count("Machine"), 2)  # what was replaced is gone
+            self.assertNotEqual(results["e9.png"], before)
+            before = results["e9.png"]
+            self.assertIn("| spine | 22.73 | – | ", (self.folder / "README.md").read_text())
+            self.assertIn(f"| {psnr:.2f} |", (self.folder / "README.md").read_text())
+
+    def test_rows_of_several_seeds_stay_whole(self):
+        for seed, psnr in ((1, 30), (2, 31), (3, 32)):
+            self.has_run("e7", {"scores.held_out.psnr": psnr}, scene="brain, half", method="BIGUS 100k", seed=seed)
+        (self.folder / "README.md").write_text("")
+        self.publish()
+        shutil.rmtree(self.folder / "quick")
+        self.has_run("e7", {"scores.held_out.psnr": 33.0}, scene="liver, half", method="BIGUS 100k", seed=1)
+        rows = self.publish()["e7.csv"].decode()
+        self.assertIn('"brain, half",BIGUS 100k,31.00 ± 1.00,', rows)
+        self.assertIn('"liver, half",BIGUS 100k,33.00,', rows)
+
     def test_a_long_summary_stands_on_the_page_of_its_results(self):
-        quick = self.folder / "quick"
-        quick.mkdir()
-        (quick / "e14.md").write_text("| new |\n\nSeeds: 1.\n")
-        columns = [column for _, column in EXPERIMENTS["e14"].summary[2].values()]
-        write_rows([{"sweep": "brain", "degrees": "0", **dict.fromkeys(columns, "0.88")}], quick / "e14-table.csv")
+        self.has_run("e14", {"scores.standard_error_{degrees}.variance_ratio": 0.88}, sweep="brain")
         readme = self.folder / "README.md"
         readme.write_text("## E14: sure\n\n| kept |\n")
-        with mock.patch.object(experiments, "HERE", self.folder):
-            call("publish", "--quick", "--output", self.folder)
+        text = self.publish()["e14.md"].decode()
         self.assertEqual(readme.read_text(), "## E14: sure\n\n| kept |\n")
-        text = (self.folder / "results/e14.md").read_text()
-        self.assertIn("| brain | 0.88 |", text)
+        self.assertIn("| brain | – | 0.88 |", text)
         self.assertIn("Seeds: 1.\n\n|", text)
-        self.assertNotIn("new", text)
 
     def test_an_experiment_that_the_paper_lacks_leaves_its_figures_alone(self):
         self.run_e5("--only", "'gap': 1, 'method': 'nearest frame'")
@@ -281,9 +338,7 @@ class Harness(unittest.TestCase):
         (self.folder / "README.md").write_text("## E5: gap\n")
         (self.folder / "results").mkdir()
         (self.folder / "results/paper.md").write_text("figures")
-        with mock.patch.object(experiments, "HERE", self.folder):
-            call("publish", "--quick", "--output", self.folder)
-        self.assertEqual((self.folder / "results/paper.md").read_text(), "figures")
+        self.assertEqual(self.publish()["paper.md"], b"figures")
 
     def test_what_is_published_is_what_the_page_says(self):
         with tempfile.TemporaryDirectory() as folder:
