@@ -42,6 +42,7 @@
 #include "JobFields.h"
 #include "KnownPlanes.h"
 #include "OtherPlanes.h"
+#include "Outside.h"
 #include "Scene.h"
 #include "UltraGaussEngine.h"
 #include "vtkBigusFieldReader.h"
@@ -420,6 +421,16 @@ Method VirtualPlane(JobFields& fields, const Sweep& sweep, const Split& split)
   return method;
 }
 
+/// What another program predicts; see Outside.
+Method FromOutside(JobFields& fields, const Sweep& sweep, const Split& split)
+{
+  const auto outside = std::make_shared<Outside>(fields.Required<std::string>("folder"), sweep, split.training);
+  Method method;
+  method.predictPlane = [outside](const SlicePlane& plane, float* image) { outside->Predict(plane, image); };
+  method.facts = {{"predicted", outside->IsPredicted()}};
+  return method;
+}
+
 /// A method that serves any plane serves those of the sweep's frames.
 Method ServingFrames(Method method, const Sweep& sweep)
 {
@@ -461,6 +472,10 @@ Method MakeMethod(const Json& description, std::uint64_t seed, const Sweep& swee
   else if (name == "virtual")
   {
     method = VirtualPlane(fields, sweep, split);
+  }
+  else if (name == "outside")
+  {
+    method = FromOutside(fields, sweep, split);
   }
   else if (name == "nearest")
   {

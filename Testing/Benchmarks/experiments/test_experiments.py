@@ -18,7 +18,10 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
+import numpy as np
+
 import experiments
+import hash_grid
 from definitions import EXPERIMENTS, Scale
 from harness import Job, table
 
@@ -110,6 +113,70 @@ class OtherPlanes(unittest.TestCase):
             answer = self.score({}, 2, {"name": "pose_any_plane"}, sets)
             self.assertEqual(answer.returncode, 1)
             self.assertIn(says, answer.stderr)
+
+
+class Outside(unittest.TestCase):
+    JOB = {"sweep": {"phantoms": [OtherPlanes.PHANTOM]}, "frames": {"hold_out": 4}, "poses": "tracked"}
+    SCORE = {"score": ["held_out", "turned_90"]}
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def run_job(self, method, **more):
+        job = {**self.JOB, "method": method, **more}
+        return subprocess.run([PROGRAM], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+
+    def test_another_program_predicts_what_a_method_does(self):
+        # The average of the frames before and after, made here of what the first run wrote.
+        outside = {"name": "outside", "folder": str(self.folder / "there")}
+        self.assertFalse(json.loads(self.run_job(outside).stdout)["facts"]["predicted"])
+        frames, asked = (list(hash_grid.Plane.read(self.folder / "there" / name)) for name in ("training.txt", "asked.txt"))
+        pixels = np.fromfile(self.folder / "there/training.f32", np.float32).reshape(len(frames), -1)
+        self.assertEqual((len(frames), len(asked)), (30, 10))
+        predicted = []
+        for plane in asked:
+            apart = [np.linalg.norm(frame.points().mean(0) - plane.points().mean(0)) for frame in frames]
+            predicted.append(pixels[np.argsort(apart)[:2]].mean(0, dtype=np.float32))
+        file = self.folder / "there/predicted.f32"
+        file.write_bytes(np.nan_to_num(predicted).astype(np.float32).tobytes())
+        scores = json.loads(self.run_job(outside).stdout)["scores"]["held_out"]
+        expected = json.loads(self.run_job({"name": "neighbour_average"}).stdout)["scores"]["held_out"]
+        for name in ("psnr", "ssim", "bfs"):
+            self.assertAlmostEqual(scores[name], expected[name], 4, name)
+        whole = file.read_bytes()
+        for job, bytes_, says in (({}, whole[:-1], "ends within picture 10"), ({"frames": {"every": 2}}, whole, "plane 1"),
+                                  ({}, np.float32("nan").tobytes() + whole[4:], "picture 1 that is no number")):
+            file.write_bytes(bytes_)
+            answer = self.run_job(outside, **job)
+            self.assertEqual(answer.returncode, 1)
+            self.assertIn(says, answer.stderr)
+
+    def train(self, method):
+        job = {**self.JOB, "method": {"name": "hash_grid", **method}, **self.SCORE}
+        command = [sys.executable, Path(hash_grid.__file__), "--program", PROGRAM, "--cache", self.folder]
+        return subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, timeout=120)
+
+    def test_a_hash_grid_network_learns(self):
+        if hash_grid.torch is None:
+            self.assertIn("PyTorch is missing", self.train({}).stderr)
+            self.skipTest("there is no PyTorch")
+        few = {"batch": 2048, "levels": 6, "table_bits": 12, "coarsest": 10}
+        first, again = (json.loads(self.train({"batch": 2048, "levels": 6, "table_bits": 12, "coarsest": 10, "steps": 80}).stdout)
+                        for _ in range(2))
+        self.assertEqual(first["scores"], again["scores"])
+        black = json.loads(self.run_job({"name": "outside", "folder": str(self.folder / "black")}, **self.SCORE).stdout)
+        for planes in ("held_out", "turned_90"):
+            self.assertGreater(first["scores"][planes]["psnr"], black["scores"][planes]["psnr"] + 3)
+        self.assertEqual(first["facts"]["steps"], 80)
+
+    def test_options_of_the_network_are_checked(self):
+        self.assertEqual(hash_grid.read_options({"name": "hash_grid", "rate": 1}).rate, 1)
+        for method, says in (({"leaves": 3}, "no 'leaves'"), ({"table_bits": 25}, "4 to 24"), ({"rate": "fast"}, '"fast"'),
+                             ({"steps": 1.5}, "'steps' is 1.5"), ({"width": True}, "true")):
+            with self.assertRaisesRegex(ValueError, says):
+                hash_grid.read_options(method)
 
 
 class StandardErrors(unittest.TestCase):
