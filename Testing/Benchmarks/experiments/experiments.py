@@ -129,7 +129,7 @@ def main():
                         default=os.environ.get("BIGUS_DATA") or PROJECT.parent / "shared" / "data")
     parser.add_argument("--program", type=Path, default=PROJECT / "build/bin/bigusExperiment")
     parser.add_argument("--other", default=[], action="append", metavar="COMMIT=PROGRAM",
-                        help="the program of another commit, for rows that ask for it (e12: 92a5706)")
+                        help="the program of rows that ask for another (e12: 92a5706; e11: hash-grid=hash_grid.py, in full)")
     parser.add_argument("--budget", type=float, default=math.inf, metavar="MINUTES")
     parser.add_argument("--priority", type=int, default=2, choices=[1, 2, 3],
                         help="leave out jobs above it that were not run before; 3 runs everything (default: 2)")
