@@ -26,7 +26,8 @@ private:
   /// processes. Throws Error on every process unless each chunk is on one process.
   FieldChunks ChunksOf(vtkPolyData* part, std::size_t gaussians) const;
 
-  /// Throws Error on every process unless all parts have one transfer function and one beam. An empty part has any.
+  /// Throws Error on every process unless all parts have one transfer function, one beam and as many recorded
+  /// views. An empty part has any.
   void RequireOneField(vtkPolyData* data, const GaussianField& part, TransferFunction& transfer) const;
 
   /// Adds up pictures of `count` floats. `render(k, picture)` makes that of chunk k of this process, counted from 0. All
