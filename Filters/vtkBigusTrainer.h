@@ -153,7 +153,7 @@ public:
   vtkBigusSwitchOptionMacro(SignedReflectivity);
   /**
    * Let reflectivities change with the direction they are seen from, near recorded frames. Values: on, off. Default: auto,
-   * where recorded frames that a refit has not seen gain by it; off without Automatic, with a time limit, or when
+   * where recorded frames that a short training has not seen gain by it; off without Automatic, with a time limit, or when
    * continuing.
    */
   vtkBigusSwitchOptionMacro(ViewDependence);

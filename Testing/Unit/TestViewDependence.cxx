@@ -436,9 +436,11 @@ TEST(ViewTraining, FramesThatCrossSaySoAndFramesSideBySideDoNot)
     const auto sweep =
         degrees > 0 ? bigus::Join({one, std::make_shared<const Sweep>(bigus::Phantom(made).MakeSweep())}) : one;
     const std::vector<int> frames = AllFrames(*sweep);
-    return bigus::AskForViews(sweep, frames, PlanByGeometry({}, *sweep, frames), [] { return true; });
+    bigus::TrainingPlan plan = PlanByGeometry({}, *sweep, frames);
+    plan.gaussians *= 4;  // as many are chosen on such sweeps
+    return bigus::AskForViews(sweep, frames, plan, [] { return true; });
   };
-  for (const double degrees : {60.0, 90.0})
+  for (const double degrees : {15.0, 45.0, 90.0})
   {
     const std::optional<bigus::ViewEvidence> crossing = ask(degrees);
     ASSERT_TRUE(crossing);

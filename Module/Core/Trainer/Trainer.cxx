@@ -469,7 +469,7 @@ void Training::LearnDirections()
       return;
     }
     isWorth = found->IsWorth();
-    evidence = "a refit with it gains " + FormatNumber(found->gain, 2) + " (" + FormatNumber(found->error, 2) +
+    evidence = "a short training with it gains " + FormatNumber(found->gain, 2) + " (" + FormatNumber(found->error, 2) +
                ") on frames that it has not seen";
   }
   if (isWorth)

@@ -69,7 +69,7 @@ void ForEachOption(Options& options, const Visit& visit)
         options.signedReflectivity);
   visit(OptionInfo{"ViewDependence", field,
                    "Let reflectivities change with the direction they are seen from, near recorded frames", 0, 0, "",
-                   "where recorded frames that a refit has not seen gain by it; off without Automatic, with a time "
+                   "where recorded frames that a short training has not seen gain by it; off without Automatic, with a time "
                    "limit, or when continuing"},
         options.viewDependence);
   visit(

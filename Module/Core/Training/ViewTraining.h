@@ -19,17 +19,19 @@
 namespace bigus
 {
 
-/// What frames that a refit has not seen say of view dependence.
+/// What frames that short trainings have not seen say of view dependence.
 struct ViewEvidence
 {
-  double gain = 0;   ///< dB, mean over those frames of a refit with q over one without
+  static constexpr double kLeastGain = 0.02;  ///< dB
+
+  double gain = 0;   ///< dB, mean over those frames of a training with q over one without
   double error = 0;  ///< dB, standard error of the mean
 
-  bool IsWorth() const { return gain > 0.02 && gain > 2 * error; }
+  bool IsWorth() const { return gain > kLeastGain && gain > 2 * error; }
 };
 
-/// Asks frames that nothing has seen: two thirds of `frames` train a coarse field in a short training, to which r, and r
-/// with q, are refitted; the other third judges. Of fewer than 60 frames each third judges in turn. Null where there are
+/// Asks frames that nothing has seen: two thirds of `frames` train a field in a short training, which is trained on with q
+/// and without; the other third judges. Of fewer than 60 frames each third judges in turn, unless the first says no. Null where there are
 /// too few frames or one orientation, or `goOn` says stop.
 std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                         const TrainingPlan& plan, const std::function<bool()>& goOn);
