@@ -93,13 +93,19 @@ Eigen::Vector3d Peak(vtkImageData* image, Eigen::Vector3d start, const Eigen::Ve
   const int* extent = image->GetExtent();
   for (int pass = 0; pass < 20; ++pass)
   {
+    Eigen::Vector3i first, last;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      first[axis] = std::max(extent[2 * axis], static_cast<int>(std::ceil(start[axis] - 3 * reach[axis])));
+      last[axis] = std::min(extent[2 * axis + 1], static_cast<int>(std::floor(start[axis] + 3 * reach[axis])));
+    }
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     double weights = 0;
-    for (int k = extent[4]; k <= extent[5]; ++k)
+    for (int k = first[2]; k <= last[2]; ++k)
     {
-      for (int j = extent[2]; j <= extent[3]; ++j)
+      for (int j = first[1]; j <= last[1]; ++j)
       {
-        for (int i = extent[0]; i <= extent[1]; ++i)
+        for (int i = first[0]; i <= last[0]; ++i)
         {
           // A smooth window, so that a pixel on its border does not decide.
           const Eigen::Vector3d index(i, j, k);
