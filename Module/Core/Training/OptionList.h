@@ -67,11 +67,13 @@ void ForEachOption(Options& options, const Visit& visit)
       options.probeElevationSigma);
   visit(OptionInfo{"SignedReflectivity", field, "Allow negative reflectivity, which darkens"},
         options.signedReflectivity);
-  visit(OptionInfo{"ViewDependence", field,
-                   "Let reflectivities change with the direction they are seen from, near recorded frames", 0, 0, "",
-                   "where recorded frames that a short training has not seen gain by it; off without Automatic, with a time "
-                   "limit, or when continuing"},
-        options.viewDependence);
+  visit(
+      OptionInfo{
+          "ViewDependence", field,
+          "Let reflectivities change with the direction they are seen from, near recorded frames", 0, 0, "",
+          "where recorded frames that a short training has not seen gain by it; off without Automatic, with a time "
+          "limit, or when continuing"},
+      options.viewDependence);
   visit(
       OptionInfo{"VirtualPlanes", field, "Interpolated planes added in every gap between neighbouring training frames",
                  0, 8, "", "so many that planes lie about a pixel apart, 2 to 7"},
