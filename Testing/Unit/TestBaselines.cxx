@@ -643,6 +643,19 @@ TEST(Compounding, KeepsToItsMemory)
   EXPECT_EQ(Message([&] { Compounding(strayed, AllFrames(strayed), size, 100000); }), "");
 }
 
+TEST(Compounding, KeepsToWhatTheFramesHold)
+{
+  const Sweep sweep = Parallel(Linear);
+  const std::size_t most = 512 * 7 * sweep.PixelsPerFrame();  // bytes
+  for (const Eigen::Vector3d& away :
+       {Eigen::Vector3d(0, 0, 1e4), Eigen::Vector3d(0, 0, 1e8), Eigen::Vector3d(1e6, 1e6, 0)})
+  {
+    Sweep strayed = sweep;
+    strayed.imageToReference[6].block<3, 1>(0, 3) += away;
+    EXPECT_LE(Compounding(strayed, AllFrames(strayed)).MemoryUse(), most) << away.transpose();
+  }
+}
+
 TEST(Compounding, DoesNotDependOnTheNumberOfThreads)
 {
   const Sweep sweep = Fan([](const Eigen::Vector3d& x) { return 0.5 + 0.4 * std::sin(7 * x.sum()); }, 81, 65);

@@ -550,6 +550,8 @@ TEST(StandardError, ComesBackFromItsBytesAndNoOthers)
   const StandardError error = OfBlack(0.1);
   const std::string bytes = error.ToBytes();
   EXPECT_EQ(StandardError(bytes).ToBytes(), bytes);
+  const std::string leaping = OfBlack(1e10).ToBytes();  // a path on which the tracker leapt
+  EXPECT_EQ(StandardError(leaping).ToBytes(), leaping);
   // Those of the first release had no squares, which follow the version, three sizes, the tracker's noise, and sequences,
   // shares and turns of each frame.
   const std::size_t squares =

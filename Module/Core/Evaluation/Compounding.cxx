@@ -47,6 +47,25 @@ struct Box
   Eigen::Vector3d Voxels(double size) const { return ((highest - lowest) / size).array().floor() + 2; }
 };
 
+/// Voxels of a pixel's size in the space that frames sweep, times kRoom, because a box holds more: 5 times as much at most of
+/// the sweeps that were looked at, and without end where one pose strays. A gap counts up to kWidest pixels, so that what is
+/// kept stays in proportion to what was recorded.
+std::size_t MostVoxels(const Sweep& sweep, const std::vector<int>& training)
+{
+  constexpr double kRoom = 16, kWidest = 16;
+  constexpr std::size_t kAlways = std::size_t(1) << 18;
+  const double pixel = MeasureGeometry(sweep, training).pixelSize;
+  const std::vector<double> longest = LongestGaps(sweep, training);
+  double layers = 1;
+  for (std::size_t k = 0; k < longest.size(); ++k)
+  {
+    const double gap =
+        GapBetween(sweep, training[k], training[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    layers += std::clamp(std::min(gap, longest[k]) / pixel, 1.0, kWidest);
+  }
+  return std::max(kAlways, static_cast<std::size_t>(kRoom * layers * static_cast<double>(sweep.PixelsPerFrame())));
+}
+
 struct FrameInVoxels
 {
   FrameInSpace pixels;
@@ -538,7 +557,8 @@ struct Judged
 double Compounding::ChooseVoxelSize(const Sweep& sweep, const std::vector<int>& training, std::size_t maximumVoxels)
 {
   const double pixel = MeasureGeometry(sweep, training).pixelSize;
-  const double fits = VoxelSizeForMemory(sweep, training, maximumVoxels * sizeof(Voxel));
+  const std::size_t most = std::min(maximumVoxels, MostVoxels(sweep, training));
+  const double fits = VoxelSizeForMemory(sweep, training, most * sizeof(Voxel));
   if (training.size() < 3)
   {
     return std::max(pixel, fits);

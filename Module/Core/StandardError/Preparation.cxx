@@ -366,7 +366,7 @@ private:
 
 StandardError::StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
                              double trackerNoise, const std::string& engineName)
-    : width_(sweep.width), height_(sweep.height), trackerNoise_(trackerNoise)
+    : width_(sweep.width), height_(sweep.height), trackerNoise_(std::min(trackerNoise, kMostNoise))
 {
   CheckTraining(sweep, training);
   for (const int frame : training)

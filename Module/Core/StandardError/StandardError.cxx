@@ -824,7 +824,7 @@ try
   width_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
   height_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
   cell_ = static_cast<int>(in.NumberIn<std::uint32_t>(1, 1 << 15));
-  trackerNoise_ = in.NumberIn<double>(0, 1e6);
+  trackerNoise_ = in.NumberIn<double>(0, kMostNoise);
   sequences_ = in.Array<int>();
   StateReader::Require(!sequences_.empty() && std::is_sorted(sequences_.begin(), sequences_.end()), "no frame");
   speckle_ = in.Array<float>();

@@ -127,7 +127,8 @@ private:
   Line Variance(const Shown& shown, const Beside& beside, std::size_t p) const;
 
   int width_ = 0, height_ = 0, cell_ = 4;
-  double trackerNoise_ = 0;  // mm
+  static constexpr double kMostNoise = 1e6;  // mm; a path that leaps by more tells no more
+  double trackerNoise_ = 0;                  // mm
   std::vector<Eigen::Matrix4d> poses_;
   std::vector<int> sequences_;
   std::vector<float> speckle_;                           // [frames] share of local variance that is another when turned
