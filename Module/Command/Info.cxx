@@ -437,6 +437,8 @@ ExitCode ShowSequence(Console& console, const SequenceOptions& options)
   std::string fault = ReadHeader(reader);
   if (reader->GetNumberOfFramesInFile() > 0 && reader->GetNumberOfTransforms() == 0)
   {
+    // Poses were asked for: a configuration that gives none, or cannot be read, is the fault.
+    Require(fault.empty() || options.chain.config.empty(), fault);
     return ShowImages(console, options.path, reader);
   }
   Json answer = HeaderJson(reader);

@@ -527,6 +527,17 @@ class Info(CommandTest):
         self.assertEqual(answer["rejected"][0]["frames"], 9)
         self.expect(BAD_INPUT, "train", none, "-o", self.folder / "x.vtp")
 
+    def test_a_damaged_configuration_is_the_fault(self):
+        """Of a sweep with transforms of its own, and of one without any."""
+        header, pixels, _ = read_sequence(self.sweep)
+        bare, config = self.folder / "bare.mha", self.folder / "plus.xml"
+        write_sequence(bare, re.sub(r"Seq_Frame.*Transform.*\n", "", header), pixels)
+        for text in ("<PlusConfiguration><CoordinateDefinitions>", "<a/>", ""):
+            config.write_text(text)
+            for sequence in (self.sweep, bare):
+                self.expect(BAD_INPUT, "info", sequence, "--config", config, says=str(config))
+        self.assertEqual(self.expect(SUCCESS, "info", bare)["kind"], "images")
+
     def test_tracker_and_doubtful_poses(self):
         answer = self.expect(SUCCESS, "info", self.sweep)
         self.assertLess(answer["tracker"]["corner_noise"], 0.01)
