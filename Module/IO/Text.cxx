@@ -44,8 +44,11 @@ std::size_t Utf8Bytes(std::string_view text)
 {
   const auto byte = [text](std::size_t k) { return static_cast<unsigned char>(text[k]); };
   const unsigned char lead = text.empty() ? 0xFF : byte(0);
-  const std::size_t bytes = lead < 0x80                   ? 1
-                            : lead >= 0xC2 && lead < 0xE0 ? 2
+  if (lead < 0x80)
+  {
+    return 1;
+  }
+  const std::size_t bytes = lead >= 0xC2 && lead < 0xE0   ? 2
                             : lead >= 0xE0 && lead < 0xF0 ? 3
                             : lead >= 0xF0 && lead < 0xF5 ? 4
                                                           : 0;
@@ -139,11 +142,19 @@ std::vector<std::string_view> Words(std::string_view text)
 std::string Printable(std::string_view text)
 {
   std::string printable;
+  printable.reserve(text.size());
   std::size_t bytes = 0;
   for (std::size_t at = 0; at < text.size(); at += std::max<std::size_t>(bytes, 1))
   {
     bytes = Utf8Bytes(text.substr(at));
-    printable += bytes > 0 && !IsControl(text.substr(at, bytes)) ? std::string(text.substr(at, bytes)) : "?";
+    if (bytes > 0 && !IsControl(text.substr(at, bytes)))
+    {
+      printable.append(text, at, bytes);
+    }
+    else
+    {
+      printable += '?';
+    }
   }
   return printable;
 }

@@ -68,8 +68,12 @@ std::vector<UnusedField> UnusedFieldsOf(const SequenceFile& file, const std::vec
       {
         continue;
       }
-      const auto [place, isNew] = byName.try_emplace(name, UnusedField{Shortened(name), Shortened(value), 1});
-      place->second.count += isNew ? 0 : 1;
+      if (const auto known = byName.find(name); known != byName.end())
+      {
+        ++known->second.count;
+        continue;
+      }
+      byName.emplace(name, UnusedField{Shortened(name), Shortened(value), 1});
     }
   };
   add(file.fields);
