@@ -9,6 +9,7 @@ of poses that grows.
 import json
 import os
 import pathlib
+import random
 import re
 import shutil
 import signal
@@ -655,6 +656,60 @@ class Slices(InFolder):
             result = run("live", self.sweep, "-o", self.folder / "none.vtp", "--rate", 100, "--listen", taken.getsockname()[1])
         self.assertEqual(result.returncode, 2, result.stderr)
         self.assertIn("--listen", result.stderr)
+
+
+class Budget(InFolder):
+    """Memory at most 64 MB and 40 times the bytes that came, as SECURITY.md promises of every command."""
+
+    MEGABYTE = 1 << 20
+    SIZES = ((30, 48), (300, 48), (30, 160), (30, 512))  # frames, pixels of a side
+    noise = random.Random(7)
+
+    def pose(self, k):
+        return [[0.2, 0, 0, 0], [0, 0.2, 0, 0], [0, 0, 0.2, 0.2 * k], [0, 0, 0, 1]]
+
+    def expect_within(self, received, *arguments):
+        process = subprocess.Popen([BIGUS, "live", *map(str, arguments), "-o", str(self.folder / "field.vtp"), "--finish", "1"],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        said = process.stderr.read()
+        process.stderr.close()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        self.assertEqual(process.returncode, 0, said)
+        self.assertLess(usage.ru_maxrss * 1024, 64 * self.MEGABYTE + 40 * received())
+
+    def test_frames_of_a_server(self):
+        for frames, side in self.SIZES:
+            sent = []
+
+            def send(server):
+                connection, _ = server.accept()
+                with connection:
+                    for k in range(frames):
+                        # Nobody waits for a checksum of so much.
+                        body = struct.pack(">HBBBB3H", 1, 1, 3, 2, 1, side, side, 1) + matrix_bytes(self.pose(k))
+                        body += struct.pack(">6H", 0, 0, 0, side, side, 1) + self.noise.randbytes(side * side)
+                        sent.append(message("IMAGE", "Image", 100 + k / RATE, body, crc=0))
+                        connection.sendall(sent[-1])
+
+            with self.subTest(frames=frames, side=side), socket.create_server(("127.0.0.1", 0)) as server:
+                thread = threading.Thread(target=send, args=(server,), daemon=True)
+                thread.start()
+                self.expect_within(lambda: sum(map(len, sent)), f"igtl://127.0.0.1:{server.getsockname()[1]}",
+                                   "--reconnect", 0)
+                thread.join(10)
+
+    def test_a_sequence(self):
+        path = self.folder / "speckle.igs.mha"
+        for frames, side in self.SIZES:
+            lines = ["ObjectType = Image", "NDims = 3", f"DimSize = {side} {side} {frames}", "ElementType = MET_UCHAR"]
+            for k in range(frames):
+                lines += [f"Seq_Frame{k:04}_ImageToReferenceTransform = {text_of(self.pose(k))}",
+                          f"Seq_Frame{k:04}_ImageToReferenceTransformStatus = OK", f"Seq_Frame{k:04}_Timestamp = {k / RATE}"]
+            path.write_bytes("\n".join(lines + ["ElementDataFile = LOCAL\n"]).encode()
+                             + self.noise.randbytes(frames * side * side))
+            with self.subTest(frames=frames, side=side):
+                self.expect_within(lambda: path.stat().st_size, path, "--rate", 1000)
 
 
 class Tables(InFolder):
