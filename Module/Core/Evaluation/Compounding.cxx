@@ -52,7 +52,7 @@ struct Box
 /// kept stays in proportion to what was recorded.
 std::size_t MostVoxels(const Sweep& sweep, const std::vector<int>& training)
 {
-  constexpr double kRoom = 16, kWidest = 16;
+  constexpr double kRoom = 6, kWidest = 32;
   constexpr std::size_t kAlways = std::size_t(1) << 18;
   const double pixel = MeasureGeometry(sweep, training).pixelSize;
   const std::vector<double> longest = LongestGaps(sweep, training);
@@ -72,7 +72,7 @@ struct FrameInVoxels
   Eigen::Vector3d origin, columnStep, rowStep;  // in voxels
 };
 
-/// Layers [begin, end) of a grid, and what pixels added up to in its voxels.
+/// Rows [begin, end) of a grid, counted through its layers, and what pixels added up to in their voxels.
 struct Slab
 {
   struct Accumulator
@@ -82,7 +82,7 @@ struct Slab
 
   Eigen::Vector3i size;  // of the grid
   int begin, end;
-  std::vector<Accumulator> voxels;  // [end - begin][rows][columns]
+  std::vector<Accumulator> voxels;  // [end - begin][columns]
 
   /// Adds pixel (i, j), which lies at p (voxels), to the eight voxels around it, those of other slabs left out.
   void Add(const Eigen::Vector3d& p, const FrameInSpace& pixels, int i, int j)
@@ -90,42 +90,39 @@ struct Slab
     const int x = std::min(static_cast<int>(p[0]), size[0] - 2);
     const int y = std::min(static_cast<int>(p[1]), size[1] - 2);
     const int z = std::min(static_cast<int>(p[2]), size[2] - 2);
-    if (z + 1 < begin || z >= end)
-    {
-      return;
-    }
     const double value = pixels.Pixel(i, j);
     const double fx = p[0] - x, fy = p[1] - y, fz = p[2] - z;
-    for (int layer = std::max(z, begin); layer < std::min(z + 2, end); ++layer)
+    for (int corner = 0; corner < 4; ++corner)
     {
-      const double wz = layer > z ? fz : 1 - fz;
-      Accumulator* row = &voxels[(static_cast<std::size_t>(layer - begin) * size[1] + y) * size[0] + x];
-      const auto add = [value](Accumulator& to, double weight)
+      const int row = (z + corner / 2) * size[1] + y + corner % 2;
+      if (row < begin || row >= end)
       {
-        to.sum += weight * value;
-        to.weight += weight;
-      };
-      add(row[0], wz * (1 - fy) * (1 - fx));
-      add(row[1], wz * (1 - fy) * fx);
-      add(row[size[0]], wz * fy * (1 - fx));
-      add(row[size[0] + 1], wz * fy * fx);
+        continue;
+      }
+      const double weight = (corner / 2 ? fz : 1 - fz) * (corner % 2 ? fy : 1 - fy);
+      Accumulator* const at = &voxels[static_cast<std::size_t>(row - begin) * size[0] + x];
+      at[0].sum += weight * (1 - fx) * value;
+      at[0].weight += weight * (1 - fx);
+      at[1].sum += weight * fx * value;
+      at[1].weight += weight * fx;
     }
   }
 
-  /// Adds what is lit (null: all) of row j of a frame. Pixels that touch the slab are those with begin - 1 < z < end: an interval of the row, found
-  /// a pixel too wide on either side.
+  /// Adds what is lit (null: all) of row j of a frame. Pixels that touch its layers are those with
+  /// first - 1 < z < last + 1: an interval of the row, found a pixel too wide on either side.
   void AddRow(const FrameInVoxels& frame, int j, int width, const std::uint8_t* lit)
   {
     const Eigen::Vector3d start = frame.origin + j * frame.rowStep;
     double first = 0, last = width - 1.0;
     const double dz = frame.columnStep[2];
+    const int below = begin / size[1] - 1, above = (end - 1) / size[1] + 1;
     if (dz != 0)
     {
-      const double low = (begin - 1 - start[2]) / dz, high = (end - start[2]) / dz;
+      const double low = (below - start[2]) / dz, high = (above - start[2]) / dz;
       first = std::max(first, std::floor(std::min(low, high)) - 1);
       last = std::min(last, std::ceil(std::max(low, high)) + 1);
     }
-    else if (start[2] <= begin - 1 || start[2] >= end)
+    else if (start[2] <= below || start[2] >= above)
     {
       return;
     }
@@ -340,7 +337,8 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   FillHoles(static_cast<int>(std::clamp(std::ceil(1.13 * gap / voxelSize_), 9.0, 64.0)));
 }
 
-/// Each thread owns a slab of layers, whose voxels add up pixels in order of frame and row.
+/// Each thread owns a slab of rows, of whole layers where they are small, whose voxels add up pixels in order of frame and
+/// row.
 void Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
 {
   std::vector<FrameInVoxels> frames;
@@ -351,30 +349,35 @@ void Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
                       plane.rowStep / voxelSize_});
   }
   const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
-  const int layers = static_cast<int>(std::clamp<std::size_t>((std::size_t(1) << 20) / layer, 1, size_[2]));
-  tbb::parallel_for(0, (size_[2] + layers - 1) / layers,
-                    [&](int number)
-                    {
-                      const int begin = number * layers, end = std::min(begin + layers, size_[2]);
-                      Slab slab{size_, begin, end, std::vector<Slab::Accumulator>(layer * (end - begin))};
-                      for (const FrameInVoxels& frame : frames)
-                      {
-                        for (int j = 0; j < sweep.height; ++j)
-                        {
-                          slab.AddRow(
-                              frame, j, sweep.width,
-                              sweep.mask ? sweep.mask->data() + static_cast<std::size_t>(j) * sweep.width : nullptr);
-                        }
-                      }
-                      for (std::size_t k = 0; k < slab.voxels.size(); ++k)
-                      {
-                        const auto& [sum, weight] = slab.voxels[k];
-                        if (weight > 1e-6)
-                        {
-                          voxels_[layer * begin + k] = static_cast<Voxel>(1 + std::lround(kLevels * sum / weight));
-                        }
-                      }
-                    });
+  constexpr std::size_t kVoxels = std::size_t(1) << 20;
+  const int all = size_[1] * size_[2];
+  const int rows = static_cast<int>(layer <= kVoxels ? std::min<std::size_t>(kVoxels / layer * size_[1], all)
+                                                     : std::max<std::size_t>(kVoxels / size_[0], 1));
+  tbb::parallel_for(
+      0, (all + rows - 1) / rows,
+      [&](int number)
+      {
+        const int begin = number * rows,
+                  end = static_cast<int>(std::min<std::int64_t>(std::int64_t(begin) + rows, all));
+        Slab slab{size_, begin, end, std::vector<Slab::Accumulator>(static_cast<std::size_t>(end - begin) * size_[0])};
+        for (const FrameInVoxels& frame : frames)
+        {
+          for (int j = 0; j < sweep.height; ++j)
+          {
+            slab.AddRow(frame, j, sweep.width,
+                        sweep.mask ? sweep.mask->data() + static_cast<std::size_t>(j) * sweep.width : nullptr);
+          }
+        }
+        for (std::size_t k = 0; k < slab.voxels.size(); ++k)
+        {
+          const auto& [sum, weight] = slab.voxels[k];
+          if (weight > 1e-6)
+          {
+            voxels_[static_cast<std::size_t>(begin) * size_[0] + k] =
+                static_cast<Voxel>(1 + std::lround(kLevels * sum / weight));
+          }
+        }
+      });
 }
 
 /// A stick has pasted voxels at its ends, never filled ones: a slab of layers is filled into a copy, which takes its place
