@@ -23,13 +23,13 @@ LONGER, CAPRICE = 25, 0.25  # times, s
 
 
 def write_sequence(path, frames, width, height, stray=(0, 0, 0)):
-    """Speckle at poses that a tracker made noisy, one of them, which is not held out below, so many mm away."""
+    """Speckle at poses that a tracker made noisy, one of them so many mm away."""
     noise = random.Random(7)
     lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False",
              "CompressedData = False", f"DimSize = {width} {height} {frames}", "ElementSpacing = 1 1 1",
              "ElementType = MET_UCHAR"]
     for k in range(frames):
-        x, y, z = (noise.gauss(0, 0.02) + (far if k == 71 else 0) for far in stray)
+        x, y, z = (noise.gauss(0, 0.02) + (far if k == 70 else 0) for far in stray)
         pose = f"0.2 0 0 {x:.5f} 0 0.2 0 {y:.5f} 0 0 0.2 {0.2 * k + z:.5f} 0 0 0 1"
         frame = f"Seq_Frame{k:04}_"
         lines += [f"{frame}ImageToReferenceTransform = {pose}", f"{frame}ImageToReferenceTransformStatus = OK",

@@ -155,6 +155,10 @@ public:
   /// Fills holes of layers [begin, end), which lie in this part, in `filled`, a copy of them.
   void Fill(int begin, int end, std::vector<std::uint16_t>& filled)
   {
+    if (count_[0] == 0)
+    {
+      return;  // a gap: its layers are many where one pose strays
+    }
     const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
     std::vector<std::uint16_t> shortest(filled.size(), std::numeric_limits<std::uint16_t>::max());  // squared, voxels
     for (int d = 14; d < 27; ++d)  // half of the 26 neighbours: a stick has two ends
