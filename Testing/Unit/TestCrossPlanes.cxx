@@ -130,6 +130,21 @@ TEST(CrossPlanes, LieAlongTheSweepWithinItsFrames)
   EXPECT_THROW(bigus::MakeCrossPlanes(*sweep, {3}, 2, 0.2), bigus::Error);
 }
 
+TEST(CrossPlanes, DoNotReachForAFrameThatStrays)
+{
+  for (const int stray : {0, 4, 12})
+  {
+    auto sweep = std::make_shared<Sweep>(*NoisySweep());
+    sweep->imageToReference[stray](2, 3) += 1e9;
+    const std::vector<CrossPlane> planes = bigus::MakeCrossPlanes(*sweep, AllFrames(*sweep), 1, 0.2);
+    EXPECT_EQ(planes[0].plane.height, stray == 0 ? 73 : 77) << stray;
+    EXPECT_TRUE(bigus::CrossPlaneScorer(*sweep, AllFrames(*sweep)).Score([](const SlicePlane&, float*) {})) << stray;
+  }
+  auto sweep = std::make_shared<Sweep>(*NoisySweep());
+  sweep->imageToReference[10](2, 3) += 1e9;  // the middle one, which planes start from
+  EXPECT_EQ(bigus::MakeCrossPlanes(*sweep, AllFrames(*sweep), 1, 0.2)[0].plane.height, 1);
+}
+
 TEST(CrossPlanes, AreScoredBesideLinearInterpolation)
 {
   const auto sweep = NoisySweep();

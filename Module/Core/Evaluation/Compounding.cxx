@@ -352,11 +352,12 @@ void Compounding::Paste(const Sweep& sweep, const std::vector<int>& training)
     frames.push_back({FrameInSpace(sweep, frame), (plane.origin - origin_) / voxelSize_, plane.columnStep / voxelSize_,
                       plane.rowStep / voxelSize_});
   }
+  // Sixteen slabs at least, whose sums take the less memory; of a large grid more, because each walks all frames.
   const std::size_t layer = static_cast<std::size_t>(size_[0]) * size_[1];
-  constexpr std::size_t kVoxels = std::size_t(1) << 20;
+  const std::size_t voxels = std::clamp(voxels_.size() / 16, std::size_t(1) << 16, std::size_t(1) << 20);
   const int all = size_[1] * size_[2];
-  const int rows = static_cast<int>(layer <= kVoxels ? std::min<std::size_t>(kVoxels / layer * size_[1], all)
-                                                     : std::max<std::size_t>(kVoxels / size_[0], 1));
+  const int rows = static_cast<int>(layer <= voxels ? std::min<std::size_t>(voxels / layer * size_[1], all)
+                                                    : std::max<std::size_t>(voxels / size_[0], 1));
   tbb::parallel_for(
       0, (all + rows - 1) / rows,
       [&](int number)

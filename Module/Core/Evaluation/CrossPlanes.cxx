@@ -126,15 +126,20 @@ std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<in
 {
   Require(frames.size() >= 2 && each >= 1 && step > 0 && stride >= 1, "Cross-planes: ", frames.size(), " frames, ",
           each, " planes and ", step, " mm were given; two frames, one plane and a positive step are the least.");
-  const SlicePlane middle = sweep.Plane(frames[frames.size() / 2]);
+  const auto half = static_cast<std::ptrdiff_t>(frames.size() / 2);
+  const SlicePlane middle = sweep.Plane(frames[half]);
   const Eigen::Vector3d normal = middle.Normal();
+  const double longest = kBreak * MeasureGeometry(sweep, frames).usualSpacing;
   double first = 0, last = 0;  // mm along the normal
-  for (int frame : frames)
+  for (std::ptrdiff_t k = 0; k < static_cast<std::ptrdiff_t>(frames.size()); ++k)
   {
-    const Eigen::Vector3d centre = sweep.Plane(frame).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    const Eigen::Vector3d centre = sweep.Plane(frames[k]).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
     const double z = normal.dot(centre - middle.origin);
-    first = std::min(first, z);
-    last = std::max(last, z);
+    if (std::abs(z) <= longest * static_cast<double>(std::abs(k - half)))
+    {
+      first = std::min(first, z);
+      last = std::max(last, z);
+    }
   }
   const int height = static_cast<int>(std::floor((last - first) / step + kStepRounding)) + 1;
   std::vector<CrossPlane> planes;
