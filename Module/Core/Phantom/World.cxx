@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace bigus
 {
@@ -44,8 +45,18 @@ constexpr double kCystRadii[3] = {6.5, 5.5, 7};
 constexpr double kTumourCentre[3] = {14, 31, -2};
 constexpr double kTumourRadii[3] = {7, 6, 8};
 
+/// Infinity beyond the box around a tube, where most points lie and no more is asked of them.
 double SquaredDistanceToAxis(const Tube& tube, const Eigen::Vector3d& p)
 {
+  const double* at = p.data();
+  for (int k = 0; k < 3; ++k)
+  {
+    const auto [low, high] = std::minmax(tube.from[k], tube.to[k]);
+    if (at[k] < low - tube.radius || at[k] > high + tube.radius)
+    {
+      return std::numeric_limits<double>::infinity();
+    }
+  }
   const Eigen::Vector3d from(tube.from), axis = Eigen::Vector3d(tube.to) - from;
   const double along = std::clamp((p - from).dot(axis) / axis.squaredNorm(), 0.0, 1.0);
   return (p - from - along * axis).squaredNorm();
