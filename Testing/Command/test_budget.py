@@ -12,6 +12,7 @@ machine; what takes the square of the size takes 100 times as long.
 import os
 import pathlib
 import random
+import resource
 import subprocess
 import sys
 import tempfile
@@ -20,17 +21,19 @@ import unittest
 BIGUS = None
 MEGABYTE = 1 << 20
 LONGER, CAPRICE = 25, 0.25  # times, s
+MOST_SECONDS = 120  # of the processor, of one command: what runs away ends
 
 
-def write_sequence(path, frames, width, height, stray=(0, 0, 0), which=()):
-    """Speckle at poses that a tracker made noisy, some of them so many mm away."""
+def write_sequence(path, frames, width, height, stray=(0, 0, 0), which=(), place=None, pixel=0.2):
+    """Speckle at poses that a tracker made noisy, some of them so many mm away. place(k, noise): x, y, z of frame k."""
     noise = random.Random(7)
     lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False",
              "CompressedData = False", f"DimSize = {width} {height} {frames}", "ElementSpacing = 1 1 1",
              "ElementType = MET_UCHAR"]
     for k in range(frames):
         x, y, z = (noise.gauss(0, 0.02) + (far if k in which else 0) for far in stray)
-        pose = f"0.2 0 0 {x:.5f} 0 0.2 0 {y:.5f} 0 0 0.2 {0.2 * k + z:.5f} 0 0 0 1"
+        x, y, z = place(k, noise) if place else (x, y, 0.2 * k + z)
+        pose = f"{pixel} 0 0 {x:.5f} 0 {pixel} 0 {y:.5f} 0 0 {pixel} {z:.5f} 0 0 0 1"
         frame = f"Seq_Frame{k:04}_"
         lines += [f"{frame}ImageToReferenceTransform = {pose}", f"{frame}ImageToReferenceTransformStatus = OK",
                   f"{frame}Timestamp = {0.03 * k:.3f}"]
@@ -40,7 +43,8 @@ def write_sequence(path, frames, width, height, stray=(0, 0, 0), which=()):
 
 def cost(*arguments):
     """Seconds of the processor, and bytes of memory at the peak."""
-    process = subprocess.Popen([BIGUS, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = subprocess.Popen([BIGUS, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                               preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (MOST_SECONDS, MOST_SECONDS)))
     said = process.stderr.read()
     process.stderr.close()
     _, status, usage = os.wait4(process.pid, 0)
@@ -69,13 +73,13 @@ class Budget(unittest.TestCase):
     def tearDownClass(cls):
         cls._folder.cleanup()
 
-    def compare(self, inputs, larger, make, one="one"):
-        """`make` gives the arguments for an input; what it writes lies in self.folder."""
+    def compare(self, inputs, larger, make, one="one", further=0):
+        """`make` gives the arguments for an input; what it writes lies in self.folder. further: bytes that are allowed."""
         seconds = {}
         for name in (one, larger):
             path = inputs[name]
             seconds[name], memory = cost(*make(path))
-            self.assertLess(memory, 64 * MEGABYTE + 40 * path.stat().st_size, f"{make(path)}")
+            self.assertLess(memory, 64 * MEGABYTE + 40 * path.stat().st_size + further, f"{make(path)}")
         self.assertLess(seconds[larger], LONGER * seconds[one] + CAPRICE, f"{make(path)}: {seconds}")
 
     def test_sequences(self):
@@ -113,6 +117,30 @@ class Budget(unittest.TestCase):
                     self.compare(sequences, name,
                                  lambda path: ("train", path, "-o", self.folder / "out.vtp", "--no-auto", "--gaussians",
                                                2000, "--iterations", 20, "--hold-out", 4, "--keep", "tracking"))
+
+    def test_odd_paths(self):
+        far = [0.0, 0.0, 0.0]
+
+        def walk(_, noise):
+            far[:] = (at + noise.gauss(0, 1) * 10 ** noise.uniform(-2, 4) for at in far)
+            return far
+
+        places = {"every other frame far away": lambda k, _: (0, 0, 0.2 * k + (1e4 if k % 2 else 0)),
+                  "half of them": lambda k, _: (0 if k < 75 else 1e5, 0, 0.2 * k),
+                  "ever longer steps": lambda k, _: (0, 0, 1e-3 * 1.2 ** k),
+                  "a walk of all lengths": walk,
+                  "two places in turn": lambda k, _: (0, 0, 30 * (k % 2)),
+                  "jumps": lambda k, noise: (0, 0, 0.2 * k + (10 ** noise.uniform(1, 8) if noise.random() < 0.2 else 0)),
+                  "far from zero": lambda k, _: (1e7, 1e7, 1e7 + 0.2 * k)}
+        sequence = self.folder / "odd.igs.mha"
+        for name, place in places.items():
+            for pixel in (1e-4, 0.2):
+                write_sequence(sequence, 150, 48, 48, place=place, pixel=pixel)
+                with self.subTest(place=name, pixel=pixel):
+                    for option, bytes_a_pixel in (("--auto", 0), ("--hold-out=4", 512)):
+                        self.compare({"one": self.sequences["one"], "odd": sequence}, "odd",
+                                     lambda path: ("train", path, "-o", self.folder / "out.vtp", "--gaussians", 500,
+                                                   "--iterations", 20, option), further=bytes_a_pixel * 150 * 48 * 48)
 
     def test_fields(self):
         out, sweep = self.folder / "out", self.sequences["one"]

@@ -52,7 +52,7 @@ struct Box
 /// kept stays in proportion to what was recorded.
 std::size_t MostVoxels(const Sweep& sweep, const std::vector<int>& training)
 {
-  constexpr double kRoom = 6, kWidest = 32;
+  constexpr double kRoom = 6, kWidest = 16;
   constexpr std::size_t kAlways = std::size_t(1) << 18;
   const double pixel = MeasureGeometry(sweep, training).pixelSize;
   const std::vector<double> longest = LongestGaps(sweep, training);

@@ -39,7 +39,7 @@ public:
 
   /// 4, 2 sqrt 2, 2, sqrt 2 or once the pixel size, mm, in this order as long as the next predicts training frames better:
   /// a sixteenth of five of them, evenly spread, each from the four before and after it. At least so large that the grid of all frames has
-  /// at most maximumVoxels, and 6 for each that the frames sweep (a gap of more than 32 pixels counts as 32): a pose that
+  /// at most maximumVoxels, and 6 for each that the frames sweep (a gap of more than 16 pixels counts as 16): a pose that
   /// strays makes the box around all, not the work. With fewer than three frames the smallest.
   static double ChooseVoxelSize(const Sweep& sweep, const std::vector<int>& training, std::size_t maximumVoxels);
 

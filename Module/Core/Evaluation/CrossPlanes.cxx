@@ -26,6 +26,7 @@ constexpr int kNyquist = kWindowGaps / 2;  // index of the frequency 1 / (2 d)
 constexpr int kPlanesEach = 3;
 constexpr int kMostColumns = 128;         // columns are measured one by one; more of them say little more
 constexpr std::size_t kMostFrames = 400;  // in a path of metres, planes along all of it would take hours
+constexpr double kMostRows = 16;          // of a cross-plane, for each frame: work in proportion to what was recorded
 constexpr double kStepRounding = 1e-6;    // steps: a last pixel on the last frame stays
 
 /// Hann's taper over a window, of mean square 1.
@@ -141,6 +142,9 @@ std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<in
       last = std::max(last, z);
     }
   }
+  const double most = 0.5 * kMostRows * static_cast<double>(frames.size()) * step;
+  first = std::max(first, -most);
+  last = std::min(last, most);
   const int height = static_cast<int>(std::floor((last - first) / step + kStepRounding)) + 1;
   std::vector<CrossPlane> planes;
   for (int k = 0; k < 2 * each; ++k)

@@ -26,6 +26,7 @@ struct CrossPlane
 /// (lateral), evenly spread over the frame. Along i there is a pixel for every `stride` pixels of the frame, along j one
 /// for every `step` mm. They reach as far along the middle frame's normal as the frames' centres, where a frame that is
 /// further away than kBreak usual gaps for each frame between has no part: one that strays makes no planes of metres.
+/// Of more than 16 rows for each frame those in the middle are made.
 /// Throws Error for fewer than two frames, and unless the other numbers are positive.
 std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step,
                                         int stride = 1);

@@ -395,9 +395,11 @@ public:
   }
 
 private:
+  /// What is wider than the picture is no wider: pixels of a micrometre would ask for kernels of a million.
   static cv::Mat Blurred(const cv::Mat& image, double sigma)
   {
     cv::Mat out;
+    sigma = std::min<double>(sigma, std::max(image.rows, image.cols));
     cv::GaussianBlur(image, out, {}, sigma, sigma, cv::BORDER_CONSTANT);
     return out;
   }
