@@ -24,6 +24,6 @@ for dictionary in "$WORK"/bigus/fuzz/fuzz-*.dict; do
   ldd "$program" | awk '$3 ~ /^\// && $1 !~ /^lib(c|m|dl|rt|pthread|resolv)\.so/ { print $3 }' |
     xargs -r -I{} cp -Ln {} "$OUT/lib"
   cp "$dictionary" "$OUT"
-  printf '[libfuzzer]\nmax_len = 1048576\nentropic = 0\ntimeout = 10\n' > "$OUT/fuzz-$target.options"
+  printf '[libfuzzer]\nmax_len = 65536\nentropic = 0\ntimeout = 10\n' > "$OUT/fuzz-$target.options"
   (cd "$WORK/seeds/$target" && zip -q "$OUT/fuzz-${target}_seed_corpus.zip" ./*)
 done

@@ -24,18 +24,23 @@ std::string PathOf(const std::string& name);
 /// Writes `bytes` to PathOf(name) and returns the path.
 std::string Write(const std::string& name, const std::string& bytes);
 
+/// What a job said on stdout, and why it refused its input; empty: it did not.
+struct Said
+{
+  std::string answer, refusal;
+};
+
 /// Runs the job as main does, its output caught. Ends the process, which the fuzzer takes for a finding, unless the job
-/// succeeds or is refused as bad input with one message of bounded length and valid JSON. Returns the message; empty: it
-/// succeeded.
-std::string RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job);
+/// succeeds or is refused as bad input with one message of bounded length and valid JSON.
+Said RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job);
 
 /// The same for `bigus info PATH`, with further arguments.
-std::string RunInfo(const std::string& path, const std::vector<std::string>& arguments = {});
+Said RunInfo(const std::string& path, const std::vector<std::string>& arguments = {});
 
-/// `bigus info`, then all the pixels as `metrics` and with their poses as `check` read them, which inspects the sweep. What
-/// the first two refuse with the same words is refused by the parser that all share, so the third is left out. `config`:
-/// a Plus configuration; empty: none.
-void ReadAsSequence(const std::string& path, const std::string& config = {});
+/// `bigus info`, then what has poses with its pixels as `check` reads it, which inspects the sweep; what has none, or whose
+/// poses are refused, as `metrics` reads it. Where there is no answer at all the header was refused by the parser that all
+/// share, with and without poses. `config`: a Plus configuration; empty: none. Returns what `bigus info` said.
+Said ReadAsSequence(const std::string& path, const std::string& config = {});
 
 /// Reads planes as `slice` does, and renders a few of them.
 void ReadAsPlanes(const command::PlaneOptions& options);

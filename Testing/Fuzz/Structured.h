@@ -30,12 +30,23 @@ namespace bigus::fuzz
 class Numbers
 {
 public:
-  explicit Numbers(std::string bytes) : bytes_(std::move(bytes)) {}
+  explicit Numbers(std::string bytes)
+      : bytes_(std::move(bytes)), draw_(Checksum().Add(bytes_.data(), bytes_.size()).Value())
+  {
+  }
 
   int Byte() { return at_ < bytes_.size() ? static_cast<unsigned char>(bytes_[at_++]) : 0; }
 
   /// From 0 to `count` - 1.
   int Below(int count) { return (Byte() + 256 * Byte()) % count; }
+
+  /// True for one input of so many, by a checksum of all the bytes: what takes long. A byte of its own would be copied into
+  /// nearly every input, because who comes there sees more.
+  bool Rarely(int inputs)
+  {
+    draw_ = draw_ * 6364136223846793005u + 1442695040888963407u;
+    return (draw_ >> 33) % static_cast<unsigned>(inputs) == 0;
+  }
 
   /// Most are `usual` and near it; some are what programs stumble over.
   double Near(double usual)
@@ -50,6 +61,7 @@ public:
 
 private:
   std::string bytes_;
+  std::uint64_t draw_;
   std::size_t at_ = 0;
 };
 
@@ -70,9 +82,11 @@ inline Eigen::Matrix4d MatrixOf(Numbers& numbers, const Eigen::Matrix4d& usual)
 inline std::shared_ptr<Sweep> SweepOf(Numbers& numbers)
 {
   auto sweep = std::make_shared<Sweep>();
-  sweep->width = 1 + numbers.Below(24);
-  sweep->height = 1 + numbers.Below(24);
-  const int frames = 1 + numbers.Below(10);
+  const bool isLarge = numbers.Rarely(32);
+  const int side = isLarge ? 24 : 6;
+  sweep->width = 1 + numbers.Below(side);
+  sweep->height = 1 + numbers.Below(side);
+  const int frames = 1 + numbers.Below(isLarge ? 10 : 5);
   const bool isTimed = numbers.Below(2) == 1, isFloat = numbers.Below(2) == 1;
   for (int frame = 0; frame < frames; ++frame)
   {
@@ -203,14 +217,18 @@ inline std::optional<std::string> TrySweep(const std::string& bytes)
   const std::shared_ptr<const Sweep> sweep = SweepOf(numbers);
   TrainerOptions options;
   options.engine = numbers.Below(2) == 1 ? "cpu" : "cpu-double";
-  options.automatic = numbers.Below(4) == 1;
-  options.poseSmoothing = numbers.Below(2);
-  options.gaussians = 40;
+  options.automatic = numbers.Rarely(32);
+  options.poseSmoothing = numbers.Rarely(32);
+  options.gaussians = numbers.Rarely(16) ? 40 : 6;
+  if (!numbers.Rarely(4))
+  {
+    options.virtualPlanes = 0;
+  }
   options.iterations = 2;
   options.secondOrder = numbers.Below(2) == 1;
   options.holdOut = numbers.Below(2) == 1 ? 3 : 0;
   const SlicePlane plane = PlaneOf(numbers);
-  const bool isCorrected = numbers.Below(4) == 1;
+  const bool isCorrected = numbers.Rarely(64);
   std::string wrong;
   const bool isAccepted = IsAccepted(
       [&]
@@ -265,10 +283,10 @@ struct SmallTraining
     static const SmallTraining training = []
     {
       SmallTraining made;
-      // 12 x 10 pixels, 8 frames with times, bytes; usual poses.
-      std::string bytes("\x0b\0\x09\0\x07\0\x01\0\0\0", 10);
-      bytes += std::string(8 * 13, '\xff');
-      for (int pixel = 0; pixel < 12 * 10 * 8; ++pixel)
+      // 6 x 5 pixels, 5 frames with times, bytes; usual poses.
+      std::string bytes("\x05\0\x04\0\x04\0\x01\0\0\0", 10);
+      bytes += std::string(5 * 13, '\xff');
+      for (int pixel = 0; pixel < 6 * 5 * 5; ++pixel)
       {
         bytes += static_cast<char>(40 + 37 * pixel % 200);
       }
@@ -276,7 +294,7 @@ struct SmallTraining
       made.sweep = SweepOf(numbers);
       made.options.engine = "cpu";
       made.options.iterations = 6;
-      made.options.maximumGaussians = 60;
+      made.options.maximumGaussians = 16;
       Checkpoints checkpoints;
       checkpoints.interval = 0;
       checkpoints.save = [&made](const std::string& state) { made.states.push_back(state); };
@@ -338,6 +356,7 @@ inline std::optional<std::string> TryCheckpoint(const std::string& bytes)
   Checkpoints checkpoints;
   checkpoints.resume = Forged(training.states[numbers.Below(static_cast<int>(training.states.size()))], numbers);
   const SlicePlane plane = PlaneOf(numbers);
+  const bool isStopped = numbers.Rarely(8);  // which takes more steps than going on
   std::string wrong;
   const bool isAccepted = IsAccepted(
       [&]
@@ -345,7 +364,7 @@ inline std::optional<std::string> TryCheckpoint(const std::string& bytes)
         int calls = 4;
         const GaussianField field = Train(
                                         training.sweep, training.options, nullptr,
-                                        [&calls](const TrainingProgress&) { return --calls > 0; }, checkpoints)
+                                        [&](const TrainingProgress&) { return !isStopped || --calls > 0; }, checkpoints)
                                         .field;
         field.Validate();
         plane.Validate("plane");

@@ -28,8 +28,10 @@ void TryInput(const std::string& bytes)
 {
   static const std::string sequence = Write("small.mha", Sequence());
   const std::string path = Write("plus.xml", bytes);
-  ReadAsSequence(sequence, path);
-  RunInfo(sequence, {"--image-from", "Probe", "--config", path});
+  if (!ReadAsSequence(sequence, path).answer.empty())
+  {
+    RunInfo(sequence, {"--image-from", "Probe", "--config", path});
+  }
 }
 
 }  // namespace bigus::fuzz
