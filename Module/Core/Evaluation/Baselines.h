@@ -3,6 +3,8 @@
 // What one can do without a field: plain ways to predict a plane from other tracked frames.
 #pragma once
 
+#include <Eigen/Dense>
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -49,13 +51,15 @@ struct PixelMoves
 {
   int column = 0, row = 0, width = 0, height = 0;
   std::vector<float> moves;  ///< [height][width][2] along columns and rows
-};
 
-/// The same at points, mm. With `moves`, of each training frame but the last, what lies between two frames is what moves
-/// evenly from where it is on one to where it is on the other.
-std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
-                                       const std::vector<Eigen::Vector3d>& points,
-                                       const std::vector<PixelMoves>& moves = {});
+  /// There must be some.
+  Eigen::Vector2d At(int i, int j) const
+  {
+    i = std::clamp(i - column, 0, width - 1);
+    j = std::clamp(j - row, 0, height - 1);
+    return Eigen::Map<const Eigen::Vector2f>(&moves[2 * (static_cast<std::size_t>(j) * width + i)]).cast<double>();
+  }
+};
 
 /// Cubic in all three directions: two training frames on each side of index `frame`, sampled by bicubic convolution
 /// where the line along the mean of the middle two's normals meets them, and between those two the cubic whose slope at
@@ -68,6 +72,12 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
 /// before and after them in `training`. A point between no two frames gets what PredictPoseInterpolation gives.
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                                float* image);
+
+/// At points, mm, bilinear on the frames and between them the same cubic, along lines on which what lies there goes evenly from
+/// where it is on one frame to where it is on the other: `moves` of each training frame but the last.
+std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
+                                       const std::vector<Eigen::Vector3d>& points,
+                                       const std::vector<PixelMoves>& moves);
 
 /// What the training frames enclose: 1 for each pixel of the plane that lies between two consecutive frames, with both
 /// feet of the line along the mean of their normals within the images' outermost pixel centres and lit; else 0. There a plane is predicted from

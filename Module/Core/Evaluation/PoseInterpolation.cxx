@@ -66,21 +66,23 @@ public:
     return (1 - share) * a_.Sample(feet.a) + share * b_.Sample(feet.b);
   }
 
-  /// Of what comes through the point on its way from one frame to the other; both must be met.
-  double MixMoved(const Feet& feet, const PixelMoves& moves) const
+  /// The way from one frame to the other of what comes through the point; both must be met.
+  Eigen::Vector3d Way(const Feet& feet, const PixelMoves& moves) const
   {
+    if (moves.moves.empty())
+    {
+      return direction_;
+    }
     const double share = feet.Share();
     Eigen::Vector3d move = Eigen::Vector3d::Zero();
     for (int k = 0; k < kSearches; ++k)
     {
       const Eigen::Vector3d from = feet.a - share * move;
-      const auto i = std::clamp<std::ptrdiff_t>(std::lround(from[0]) - moves.column, 0, moves.width - 1);
-      const auto j = std::clamp<std::ptrdiff_t>(std::lround(from[1]) - moves.row, 0, moves.height - 1);
-      const float* const here = &moves.moves[2 * (j * moves.width + i)];
-      move = {here[0], here[1], 0};
+      move << moves.At(static_cast<int>(std::lround(from[0])), static_cast<int>(std::lround(from[1]))), 0;
     }
-    const Eigen::Vector3d to = feet.a + (1 - share) * move;
-    return (1 - share) * a_.Sample(feet.a - share * move) + share * b_.Sample(Find(a_.Plane().Point(to[0], to[1])).b);
+    const Eigen::Vector3d from = feet.a - share * move, to = from + move;
+    const Eigen::Vector3d end = Find(a_.Plane().Point(to[0], to[1])).b;
+    return b_.Plane().Point(end[0], end[1]) - a_.Plane().Point(from[0], from[1]);
   }
 
 private:
@@ -104,25 +106,28 @@ public:
   {
   }
 
-  double At(const Eigen::Vector3d& x) const
+  double At(const Eigen::Vector3d& x, const PixelMoves& moves = {}) const
   {
-    const Knot a = Meet(a_, x), b = Meet(b_, x);
+    const FramePair::Feet feet = pair_.Find(x);
+    const bool isMet = feet.inA && feet.inB;
+    const Eigen::Vector3d way = isMet ? pair_.Way(feet, moves) : pair_.Direction();
+    const Knot a = Meet(a_, x, way), b = Meet(b_, x, way);
     const double gap = b.t - a.t;
     const double share = -a.t / gap;  // of the way from a to b
-    if (!a.seen || !b.seen || !(share >= 0 && share <= 1))
+    if (!isMet || !(share >= 0 && share <= 1))
     {
-      return pair_.Mix(pair_.Find(x));
+      return pair_.Mix(feet);
     }
     const double chord = (b.value - a.value) / gap;
     double slopeA = chord, slopeB = chord;
     if (outerA_)
     {
-      const Knot outer = Meet(*outerA_, x);
+      const Knot outer = Meet(*outerA_, x, way);
       slopeA = outer.seen && (a.t - outer.t) * gap > 0 ? Slope(outer, a, b) : chord;
     }
     if (outerB_)
     {
-      const Knot outer = Meet(*outerB_, x);
+      const Knot outer = Meet(*outerB_, x, way);
       slopeB = outer.seen && (outer.t - b.t) * gap > 0 ? Slope(a, b, outer) : chord;
     }
     // Cubic Hermite.
@@ -133,20 +138,20 @@ public:
   }
 
 private:
-  /// Where the line through a point along the mean normal meets a frame.
+  /// Where a line through a point meets a frame.
   struct Knot
   {
-    double t = 0, value = 0;  // mm along the line; intensity there
-    bool seen = false;
+    double t, value;  // lengths of `way` along the line; intensity there, or at the edge
+    bool seen;
   };
 
-  Knot Meet(const FrameInSpace& plane, const Eigen::Vector3d& x) const
+  static Knot Meet(const FrameInSpace& plane, const Eigen::Vector3d& x, const Eigen::Vector3d& way)
   {
-    const Eigen::Vector3d along = plane.Direction(pair_.Direction());
+    const Eigen::Vector3d along = plane.Direction(way);
     const Eigen::Vector3d p = plane.Project(x);
     const double t = -p[2] / along[2];
     const Eigen::Vector3d foot = p + t * along;
-    return plane.Contains(foot) ? Knot{t, plane.Sample(foot), true} : Knot{};
+    return {t, plane.Sample(foot), plane.Contains(foot)};
   }
 
   /// The derivative at `at` of the parabola through three knots; the middle one's neighbours lie on its two sides.
@@ -183,12 +188,6 @@ public:
   }
 
   const std::vector<FrameInSpace>& Frames() const { return frames_; }
-  /// Frames k and k + 1 with those around them, of one sequence.
-  CubicPair Cubic(std::size_t k) const
-  {
-    return CubicPair(frames_, k, around_[k].before.has_value(), around_[k + 1].after.has_value());
-  }
-
   /// Of the pairs that have the point between them and for which `accept(feet)` holds, the one with the smallest sum of
   /// distances; kNoFrame when there is none.
   template <class Accept>
@@ -236,15 +235,20 @@ public:
   }
 
   /// The mix of the two frames around a point.
-  double Linear(const Eigen::Vector3d& x, const std::vector<PixelMoves>& moves = {}) const
+  double Linear(const Eigen::Vector3d& x) const
   {
-    return At(x,
-              [&](int k)
-              {
-                const FramePair::Feet feet = pairs_[k].Find(x);
-                const bool isMoved = !moves.empty() && !moves[k].moves.empty() && feet.inA && feet.inB;
-                return isMoved ? pairs_[k].MixMoved(feet, moves[k]) : pairs_[k].Mix(feet);
-              });
+    return At(x, [&](int k) { return pairs_[k].Mix(pairs_[k].Find(x)); });
+  }
+
+  /// Consecutive frames with those around them.
+  std::vector<CubicPair> Cubics() const
+  {
+    std::vector<CubicPair> cubics;
+    for (std::size_t k = 0; k + 1 < frames_.size(); ++k)
+    {
+      cubics.emplace_back(frames_, k, around_[k].before.has_value(), around_[k + 1].after.has_value());
+    }
+    return cubics;
   }
 
 private:
@@ -277,9 +281,13 @@ std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int
                                        const std::vector<Eigen::Vector3d>& points, const std::vector<PixelMoves>& moves)
 {
   const FrameStack stack(sweep, training, PixelInterpolation::Linear);
+  const std::vector<CubicPair> pairs = stack.Cubics();
   std::vector<float> values(points.size());
-  tbb::parallel_for(std::size_t(0), points.size(),
-                    [&](std::size_t i) { values[i] = static_cast<float>(stack.Linear(points[i], moves)); });
+  tbb::parallel_for(
+      std::size_t(0), points.size(),
+      [&](std::size_t i) {
+        values[i] = static_cast<float>(stack.At(points[i], [&](int k) { return pairs[k].At(points[i], moves[k]); }));
+      });
   return values;
 }
 
@@ -309,11 +317,7 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
                                float* image)
 {
   const FrameStack stack(sweep, training, PixelInterpolation::Cubic);
-  std::vector<CubicPair> pairs;
-  for (std::size_t k = 0; k + 1 < training.size(); ++k)
-  {
-    pairs.push_back(stack.Cubic(k));
-  }
+  const std::vector<CubicPair> pairs = stack.Cubics();
   ForEachPixel(plane, image,
                [&](const Eigen::Vector3d& x) { return stack.At(x, [&](int k) { return pairs[k].At(x); }); });
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Label weights of Gaussians, from label pictures of frames.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
@@ -106,8 +107,36 @@ PixelMoves MovesOf(const SlicePlane& from, const cv::Mat& distances, const Slice
   return found;
 }
 
+/// Where a shape goes that is `here` now and was `before`, as far away on the other side: along its moves, and thinner by as much
+/// as it has become since; it does not grow. `moves` gets those from `here` to `before`.
+cv::Mat GoneOn(const SlicePlane& plane, const cv::Mat& here, const SlicePlane& last, const cv::Mat& before,
+               PixelMoves& moves)
+{
+  moves = MovesOf(plane, here, last, before);
+  if (moves.moves.empty())
+  {
+    return here;
+  }
+  const auto affine = AlongNormals(plane, last);
+  cv::Mat once(here.size(), CV_32FC2), twice(here.size(), CV_32FC2), moved, was;
+  for (int j = 0; j < here.rows; ++j)
+  {
+    for (int i = 0; i < here.cols; ++i)
+    {
+      const Eigen::Vector2d move = moves.At(i, j), from = Eigen::Vector2d(i, j) + move;
+      const Eigen::Vector2f source = (affine * (from + move).homogeneous()).cast<float>();
+      once.at<cv::Point2f>(j, i) = {static_cast<float>(from[0]), static_cast<float>(from[1])};
+      twice.at<cv::Point2f>(j, i) = {source[0], source[1]};
+    }
+  }
+  cv::remap(here, moved, once, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  cv::remap(before, was, twice, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return cv::min(moved, 2 * moved - was);
+}
+
 /// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away. Behind the
-/// last drawn frame of a sequence, and before the first, one has no label.
+/// last drawn frame of a sequence, and before the first, one has no label, and where the sweep ends there, too, what is as far
+/// away as the frame before goes on as it came.
 class Shapes
 {
 public:
@@ -138,7 +167,7 @@ public:
     for (std::size_t f = 0; f < pictures_.size(); ++f, before = here)
     {
       here = cv::Mat();
-      if (pictures_[f] != kNoPicture)
+      if (pictures_[f] >= 0)
       {
         const std::size_t place = n * pictures_[f];
         here = Measure(&given_.pixels[place], value, &(*pixels)[f * n], deepest[f]);
@@ -160,6 +189,13 @@ public:
       return false;
     }
     FillAbsent(deepest, *pixels);
+    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    {
+      if (pictures_[f] == kGoesOn)
+      {
+        FillEnd(value, deepest, f, *pixels);
+      }
+    }
     shapes_.pixels = std::shared_ptr<const void>(pixels, pixels->data());
     return true;
   }
@@ -183,7 +219,7 @@ public:
     for (std::size_t f = 0; f < pictures_.size(); ++f)
     {
       Eigen::AlignedBox2d here;
-      for (std::size_t p = 0; pictures_[f] != kNoPicture && p < n; ++p)
+      for (std::size_t p = 0; pictures_[f] >= 0 && p < n; ++p)
       {
         if (given_.pixels[n * pictures_[f] + p] == value)
         {
@@ -218,7 +254,7 @@ public:
   }
 
 private:
-  static constexpr int kNoPicture = -1;
+  static constexpr int kNoPicture = -1, kGoesOn = -2;
 
   static Eigen::Vector3d Centre(const SlicePlane& plane)
   {
@@ -226,16 +262,29 @@ private:
   }
 
   /// Behind the last frame (`side` 1) or before the first: one without a label, as far away as `next`, or as a label fades
-  /// where there is no such. Where the sweep itself ends, nothing says that the label does, so twice as far.
+  /// where there is no such. Where the sweep ends before another could have been drawn, nothing says that the label does, so
+  /// twice as far, behind one on which it goes on.
   void AddEnd(int frame, int next, int side)
   {
     const SlicePlane plane = sweep_.Plane(frame);
+    const int beyond = frame + (next == frame ? side : frame - next);
     const Eigen::Vector3d step = next == frame ? Eigen::Vector3d(side * kFade * plane.PixelSize() * plane.Normal())
                                                : Eigen::Vector3d(Centre(plane) - Centre(sweep_.Plane(next)));
-    const int beyond = frame + side;
-    const bool goesOn =
-        beyond >= 0 && beyond < sweep_.NumberOfFrames() && sweep_.SequenceOf(beyond) == sweep_.SequenceOf(frame);
-    Add(kNoPicture, frame, (goesOn ? 1 : 2) * step);
+    if (beyond >= 0 && beyond < sweep_.NumberOfFrames() && sweep_.SequenceOf(beyond) == sweep_.SequenceOf(frame))
+    {
+      Add(kNoPicture, frame, step);
+      return;
+    }
+    std::array ends = {std::pair(kGoesOn, Eigen::Vector3d(step.dot(plane.Normal()) * plane.Normal())),
+                       std::pair(kNoPicture, Eigen::Vector3d(2 * step))};
+    if (side < 0)
+    {
+      std::swap(ends[0], ends[1]);
+    }
+    for (const auto& [picture, shift] : ends)
+    {
+      Add(picture, frame, shift);
+    }
   }
 
   void Add(int picture, int frame, const Eigen::Vector3d& shift)
@@ -257,8 +306,15 @@ private:
     const cv::Mat distances = SignedDistances(picture, sweep_.width, sweep_.height, value);
     const float* const first = distances.ptr<float>();
     deepest = std::min(*std::max_element(first, first + n), kReach);  // a picture that is filled has no border
-    std::transform(first, first + n, levels, [](float d) { return 0.5f + 0.5f * std::clamp(d / kReach, -1.0f, 1.0f); });
+    ToLevels(distances, levels);
     return distances;
+  }
+
+  static void ToLevels(const cv::Mat& distances, float* levels)
+  {
+    const float* const first = distances.ptr<float>();
+    std::transform(first, first + distances.total(), levels,
+                   [](float d) { return 0.5f + 0.5f * std::clamp(d / kReach, -1.0f, 1.0f); });
   }
 
   /// Where a frame has no label it ends half way to it, where it is deepest.
@@ -278,6 +334,30 @@ private:
       }
       std::fill_n(levels.begin() + f * n, n, 0.5f - 0.5f * depth / kReach);
     }
+  }
+
+  /// Where a label goes on behind the end `f` of a sweep as it came; half way to none where only the last frame has it.
+  void FillEnd(int value, const std::vector<float>& deepest, std::size_t f, std::vector<float>& levels)
+  {
+    const std::size_t n = sweep_.PixelsPerFrame();
+    const bool isAfter = f > 0 && pictures_[f - 1] >= 0;
+    const std::size_t last = isAfter ? f - 1 : f + 1, before = isAfter ? f - 2 : f + 2, none = isAfter ? f + 1 : f - 1;
+    const auto levelsOf = [&](std::size_t of) { return Eigen::Map<Eigen::ArrayXf>(&levels[of * n], n); };
+    if (deepest[last] == 0 || deepest[before] == 0)
+    {
+      levelsOf(f) = 0.5f * (levelsOf(last) + levelsOf(none));
+      return;
+    }
+    const auto distances = [&](std::size_t of)
+    { return SignedDistances(&given_.pixels[n * pictures_[of]], sweep_.width, sweep_.height, value); };
+    PixelMoves moves;
+    ToLevels(GoneOn(shapes_.Plane(last), distances(last), shapes_.Plane(before), distances(before), moves),
+             &levels[f * n]);
+    for (float& move : moves.moves)
+    {
+      move = isAfter ? -move : move;
+    }
+    moves_[std::min(f, last)] = moves;
   }
 
   const Sweep& sweep_;
