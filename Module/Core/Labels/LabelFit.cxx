@@ -48,19 +48,14 @@ float Soft(float distance)
 /// Pixels from each pixel to the border of what has this value, positive inside.
 cv::Mat SignedDistances(const std::uint8_t* pixels, int width, int height, int value)
 {
-  cv::Mat inside, outside, distances, away;
-  cv::compare(cv::Mat(height, width, CV_8U, const_cast<std::uint8_t*>(pixels)), value, inside, cv::CMP_EQ);
-  cv::bitwise_not(inside, outside);
+  const cv::Mat inside = MaskOf(pixels, width, height, value);
+  cv::Mat distances, away;
   cv::distanceTransform(inside, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  cv::distanceTransform(outside, away, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  cv::distanceTransform(~inside, away, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   // Distances count from centres of pixels, and the border lies half a pixel before the next one's.
-  distances -= away;
-  for (int j = 0; j < height; ++j)
-  {
-    float* const row = distances.ptr<float>(j);
-    std::transform(row, row + width, row, [](float d) { return d > 0 ? d - 0.5f : d + 0.5f; });
-  }
-  return distances;
+  cv::subtract(distances, 0.5, distances, inside);
+  cv::subtract(away, 0.5, away, ~inside);
+  return distances - away;
 }
 
 /// Where the pixels of one plane meet another along the mean of their normals: (i, j, 1) to (i, j).
@@ -218,21 +213,16 @@ public:
     const std::size_t n = sweep_.PixelsPerFrame();
     for (std::size_t f = 0; f < pictures_.size(); ++f)
     {
-      Eigen::AlignedBox2d here;
-      for (std::size_t p = 0; pictures_[f] >= 0 && p < n; ++p)
-      {
-        if (given_.pixels[n * pictures_[f] + p] == value)
-        {
-          here.extend(Eigen::Vector2d(p % sweep_.width, p / sweep_.width));
-        }
-      }
-      for (std::size_t near = f - (f > 0); !here.isEmpty() && near < std::min(f + 2, pictures_.size()); ++near)
+      const cv::Rect own =
+          pictures_[f] < 0
+              ? cv::Rect()
+              : cv::boundingRect(MaskOf(&given_.pixels[n * pictures_[f]], sweep_.width, sweep_.height, value));
+      for (std::size_t near = f - (f > 0); !own.empty() && near < std::min(f + 2, pictures_.size()); ++near)
       {
         const SlicePlane plane = shapes_.Plane(static_cast<int>(near));
         for (int corner = 0; corner < 4; ++corner)
         {
-          const Eigen::Vector2d at = here.corner(static_cast<Eigen::AlignedBox2d::CornerType>(corner));
-          box.extend(plane.Point(at[0], at[1]));
+          box.extend(plane.Point(own.x + corner % 2 * (own.width - 1), own.y + corner / 2 * (own.height - 1)));
         }
       }
     }

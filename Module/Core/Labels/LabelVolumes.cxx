@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/OpenCv.h"
 
 namespace bigus
 {
@@ -25,37 +27,22 @@ constexpr double kTwice = 1.3;
 /// What one frame shows of a label.
 struct Section
 {
-  double area = 0, noise = 0;  // mm^2; variance by its pixels, mm^4
-  double column = 0, row = 0;  // of its centre
-  double gap = 0;              // mm to the next
+  double area, noise;  // mm^2; variance by its pixels, mm^4
+  double column, row;  // of its centre
+  double gap;          // mm to the next
 };
 
 /// A border pixel is in or out by chance: a twelfth of a pixel's squared area each.
 Section SectionOf(const std::uint8_t* picture, const SlicePlane& plane, int value)
 {
   const double pixel = plane.PixelSize() * plane.PixelSize();
-  Section section;
-  for (int j = 0; j < plane.height; ++j)
-  {
-    for (int i = 0; i < plane.width; ++i)
-    {
-      const std::size_t at = static_cast<std::size_t>(j) * plane.width + i;
-      if (picture[at] != value)
-      {
-        continue;
-      }
-      section.area += pixel;
-      section.column += pixel * i;
-      section.row += pixel * j;
-      const bool isBorder = i == 0 || j == 0 || i + 1 == plane.width || j + 1 == plane.height ||
-                            picture[at - 1] != value || picture[at + 1] != value ||
-                            picture[at - plane.width] != value || picture[at + plane.width] != value;
-      section.noise += isBorder ? pixel * pixel / 12 : 0;
-    }
-  }
-  section.column /= std::max(section.area, pixel);
-  section.row /= std::max(section.area, pixel);
-  return section;
+  const cv::Mat inside = MaskOf(picture, plane.width, plane.height, value);
+  cv::Mat inner;
+  cv::erode(inside, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, 1, cv::BORDER_CONSTANT, 0);
+  const cv::Moments sums = cv::moments(inside, true);
+  const double some = std::max(sums.m00, 1.0);
+  return {pixel * sums.m00, pixel * pixel / 12 * (sums.m00 - cv::countNonZero(inner)), sums.m10 / some, sums.m01 / some,
+          0};
 }
 
 /// Variance of the volume between sections of one sequence, mm^6; README.md has the equations.

@@ -5,14 +5,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <numeric>
+#include <opencv2/imgproc.hpp>
 
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/Compounding.h"
+#include "Core/Evaluation/FrameInSpace.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Constants.h"
+#include "Core/Numerics/OpenCv.h"
 
 namespace bigus
 {
@@ -23,16 +25,15 @@ namespace
 /// behind the ends of a sweep, and their ratio tells nothing.
 constexpr float kSeen = 0.54f;
 
-/// Label pictures as frames to interpolate: `level` of every pixel's value.
-template <class Level>
-Sweep AsFrames(const Sweep& sweep, const LabelFrames& given, const Level& level)
+/// Where label pictures have a value, as frames to interpolate.
+Sweep FramesOf(const Sweep& sweep, const LabelFrames& given, int value)
 {
   Sweep frames;
   frames.width = sweep.width;
   frames.height = sweep.height;
-  auto pixels = std::make_shared<std::vector<std::uint8_t>>(given.pixels.size());
-  std::transform(given.pixels.begin(), given.pixels.end(), pixels->begin(), level);
-  frames.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const auto rows = static_cast<int>(given.frames.size()) * sweep.height;
+  const auto mask = std::make_shared<cv::Mat>(MaskOf(given.pixels.data(), sweep.width, rows, value));
+  frames.pixels = std::shared_ptr<const void>(mask, mask->data);
   for (const int frame : given.frames)
   {
     frames.imageToReference.push_back(sweep.imageToReference[frame]);
@@ -41,42 +42,33 @@ Sweep AsFrames(const Sweep& sweep, const LabelFrames& given, const Level& level)
   return frames;
 }
 
-/// What the nearest label picture shows at a point, of those that it projects onto at right angles.
-std::uint8_t NearestLabel(const std::vector<SlicePlane>& frames, const std::vector<Eigen::Matrix3d>& toFrames,
-                          const LabelFrames& given, const Eigen::Vector3d& point)
-{
-  double smallest = std::numeric_limits<double>::infinity();
-  std::uint8_t value = 0;
-  for (std::size_t f = 0; f < frames.size(); ++f)
-  {
-    const SlicePlane& frame = frames[f];
-    const Eigen::Vector3d ijz = toFrames[f] * (point - frame.origin);
-    const auto i = std::llround(ijz[0]), j = std::llround(ijz[1]);
-    if (std::abs(ijz[2]) < smallest && i >= 0 && j >= 0 && i < frame.width && j < frame.height)
-    {
-      smallest = std::abs(ijz[2]);
-      value = given.pixels[(f * frame.height + j) * frame.width + i];
-    }
-  }
-  return value;
-}
-
+/// At each point what the nearest label picture shows, of those that it projects onto at right angles.
 std::vector<std::uint8_t> NearestMaps(const Sweep& sweep, const LabelFrames& training,
                                       const std::vector<SlicePlane>& planes)
 {
-  std::vector<SlicePlane> frames;
-  std::vector<Eigen::Matrix3d> toFrames;
+  std::vector<FrameInSpace> frames;
   for (const int frame : training.frames)
   {
-    frames.push_back(sweep.Plane(frame));
-    toFrames.push_back(frames.back().WorldToSlice());
+    frames.emplace_back(sweep, frame);
   }
   std::vector<std::uint8_t> maps;
   for (const SlicePlane& plane : planes)
   {
     for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
     {
-      maps.push_back(NearestLabel(frames, toFrames, training, plane.Point(p % plane.width, p / plane.width)));
+      double smallest = std::numeric_limits<double>::infinity();
+      maps.push_back(0);
+      for (std::size_t f = 0; f < frames.size(); ++f)
+      {
+        const Eigen::Vector3d ijz = frames[f].Project(plane.Point(p % plane.width, p / plane.width));
+        if (std::abs(ijz[2]) < smallest && frames[f].Contains(ijz))
+        {
+          const int i = std::clamp(static_cast<int>(std::lround(ijz[0])), 0, sweep.width - 1),
+                    j = std::clamp(static_cast<int>(std::lround(ijz[1])), 0, sweep.height - 1);
+          smallest = std::abs(ijz[2]);
+          maps.back() = training.pixels[(f * sweep.height + j) * sweep.width + i];
+        }
+      }
     }
   }
   return maps;
@@ -89,9 +81,7 @@ std::vector<std::uint8_t> CompoundedMaps(const Sweep& sweep, const LabelFrames& 
   std::vector<Compounding> volumes;
   for (const Label& label : training.labels)
   {
-    const int own = label.value;
-    const Sweep frames =
-        AsFrames(sweep, training, [own](std::uint8_t value) { return std::uint8_t(value == own ? 255 : 0); });
+    const Sweep frames = FramesOf(sweep, training, label.value);
     volumes.emplace_back(frames, AllFrames(frames));
   }
   std::vector<std::uint8_t> maps;
@@ -129,23 +119,6 @@ GaussianField SomeOf(const GaussianField& carriers, const FieldLabels& labels, s
   return some;
 }
 
-/// Extends a box by pixels above 0.
-void ExtendByLit(const float* image, int columns, int rows, Eigen::AlignedBox2i& box)
-{
-  for (int row = 0; row < rows; ++row, image += columns)
-  {
-    const auto isLit = [](float value) { return value > 0; };
-    const float* const first = std::find_if(image, image + columns, isLit);
-    if (first != image + columns)
-    {
-      const auto last =
-          std::find_if(std::make_reverse_iterator(image + columns), std::make_reverse_iterator(image), isLit);
-      box.extend(Eigen::Vector2i(first - image, row));
-      box.extend(Eigen::Vector2i(last.base() - image - 1, row));
-    }
-  }
-}
-
 /// What is measured of a label on a picture, in pixels.
 struct Extent
 {
@@ -153,42 +126,18 @@ struct Extent
 };
 
 /// The outline by Crofton's formula: pi / 4 of the pixels' sides that lie between in and out.
-Extent ExtentOf(const std::uint8_t* map, const SlicePlane& plane, int value)
-{
-  const auto isIn = [&](int i, int j)
-  {
-    return i >= 0 && j >= 0 && i < plane.width && j < plane.height &&
-           map[static_cast<std::size_t>(j) * plane.width + i] == value;
-  };
-  Extent extent;
-  Eigen::AlignedBox2d box;
-  for (int j = 0; j <= plane.height; ++j)
-  {
-    for (int i = 0; i <= plane.width; ++i)
-    {
-      const bool isHere = isIn(i, j);
-      extent.area += isHere;
-      extent.outline += kPi / 4 * ((isHere != isIn(i - 1, j)) + (isHere != isIn(i, j - 1)));
-      if (isHere)
-      {
-        box.extend(Eigen::Vector2d(i, j));
-      }
-    }
-  }
-  if (!box.isEmpty())
-  {
-    extent.width = box.sizes()[0] + 1;
-    extent.height = box.sizes()[1] + 1;
-  }
-  return extent;
-}
-
 std::vector<Extent> ExtentsOf(const std::vector<SlicePlane>& planes, const std::uint8_t* map, int value)
 {
   std::vector<Extent> extents;
   for (const SlicePlane& plane : planes)
   {
-    extents.push_back(ExtentOf(map, plane, value));
+    const cv::Mat inside = MaskOf(map, plane.width, plane.height, value);
+    const cv::Rect box = cv::boundingRect(inside);
+    cv::Mat all;
+    cv::copyMakeBorder(inside, all, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);
+    const int sides = cv::countNonZero(all.rowRange(1, all.rows) != all.rowRange(0, all.rows - 1)) +
+                      cv::countNonZero(all.colRange(1, all.cols) != all.colRange(0, all.cols - 1));
+    extents.push_back({double(cv::countNonZero(inside)), kPi / 4 * sides, double(box.width), double(box.height)});
     map += plane.NumberOfPixels();
   }
   return extents;
@@ -356,25 +305,23 @@ void LabelledField::Render(const SlicePlane& plane, const Engine::Window& window
 {
   const auto columns = static_cast<std::size_t>(window.columns), pixels = columns * window.rows;
   std::vector<float> shares(own_.size() * pixels, 0.0f);
-  Eigen::AlignedBox2i seen;
+  cv::Rect seen;
   for (std::size_t k = 0; k < own_.size(); ++k)
   {
-    float* const share = &shares[k * pixels];
     if (own_[k])
     {
-      own_[k]->Render(plane, window, ViewOutput::Scattering, share, nullptr);
+      own_[k]->Render(plane, window, ViewOutput::Scattering, &shares[k * pixels], nullptr);
+      seen |= cv::boundingRect(cv::Mat(window.rows, window.columns, CV_32F, &shares[k * pixels]) > 0);
     }
-    ExtendByLit(share, window.columns, window.rows, seen);
   }
-  if (!seen.isEmpty())
+  if (!seen.empty())
   {
-    const Eigen::Vector2i first = seen.min(), size = seen.sizes() + Eigen::Vector2i::Ones();
-    std::vector<float> covered(static_cast<std::size_t>(size.x()) * size.y());
-    all_->Render(plane, {window.firstColumn + first.x(), window.firstRow + first.y(), size.x(), size.y()},
+    std::vector<float> covered(static_cast<std::size_t>(seen.area()));
+    all_->Render(plane, {window.firstColumn + seen.x, window.firstRow + seen.y, seen.width, seen.height},
                  ViewOutput::Scattering, covered.data(), nullptr);
     for (std::size_t p = 0; p < covered.size(); ++p)
     {
-      const std::size_t at = (first.y() + p / size.x()) * columns + first.x() + p % size.x();
+      const std::size_t at = (seen.y + p / seen.width) * columns + seen.x + p % seen.width;
       for (std::size_t k = 0; k < own_.size(); ++k)
       {
         float& share = shares[k * pixels + at];
