@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numeric>
 
 #include "Command.h"
 #include "Core/Labels/LabelVolumes.h"
@@ -128,16 +127,10 @@ LabelFrames DrawnFrames(vtkImageData* pictures, vtkImageData* frames, const Impo
 }
 
 /// Of the labels in the pictures, what three ways reach on pictures that had no part.
-Json HeldOut(vtkPolyData* labelled, const Sweep& sweep, const LabelFrames& training, const LabelFrames& heldOut,
-             const std::string& engine)
+Json ToldOfScores(const std::vector<LabelScore>& scores, Console& console)
 {
-  heldOut.Validate(sweep);
-  std::vector<SlicePlane> planes;
-  std::transform(heldOut.frames.begin(), heldOut.frames.end(), std::back_inserter(planes),
-                 [&](int frame) { return sweep.Plane(frame); });
   Json rows = Json::array();
-  for (const LabelScore& score : ScoreLabels(FieldFromPolyData(labelled), *LabelsFromPolyData(labelled), sweep,
-                                             training, planes, heldOut.pixels, engine))
+  for (const LabelScore& score : scores)
   {
     rows.push_back({{"value", score.label.value},
                     {"name", score.label.name},
@@ -146,45 +139,30 @@ Json HeldOut(vtkPolyData* labelled, const Sweep& sweep, const LabelFrames& train
                     {"compounding", score.compounding},
                     {"length_error", score.length},
                     {"area_error", score.area}});
+    console.Print(std::string("  {name}, Dice on frames held out: field {field:3}, nearest labelled frame {nearest:3}, "
+                              "compounded volume {compounding:3}") +
+                      (std::isfinite(score.length)
+                           ? "; lengths are off by {length_error:2} mm, areas by {area_error:2} mm x outline"
+                           : ""),
+                  rows.back());
   }
   return rows;
 }
 
-Json Volumes(vtkPolyData* labelled, const FieldLabels& labels, const Sweep& sweep, const LabelFrames& drawn,
-             const std::string& engine)
+Json ToldOfVolumes(const std::vector<LabelVolume>& volumes, Console& console)
 {
   Json rows = Json::array();
-  for (const LabelVolume& found :
-       MeasureLabels(FieldFromPolyData(labelled), labels, sweep, drawn, TrackerNoise(sweep, 0), engine))
+  for (const LabelVolume& found : volumes)
   {
     rows.push_back({{"value", found.label.value},
                     {"name", found.label.name},
                     {"volume", found.volume},
                     {"standard_error", found.standardError}});
+    const bool isKnown = std::isfinite(found.standardError);
+    console.Print(std::string("  {name} ({value}): {volume:0} mm^3") + (isKnown ? " +- {standard_error:0}" : ""),
+                  rows.back());
   }
   return rows;
-}
-
-void Tell(const std::string& output, const Json& volumes, std::size_t fitted, std::size_t heldOut, const Json& scores,
-          double seconds, Console& console)
-{
-  const Json answer = {{"output", output},           {"labels", volumes}, {"fitted_frames", fitted},
-                       {"held_out_frames", heldOut}, {"dice", scores},    {"seconds", seconds}};
-  console.Print("{output}: labels of {fitted_frames} frames in {seconds:1} s", answer);
-  for (const Json& row : volumes)
-  {
-    const bool isKnown = row["standard_error"].is_number() && std::isfinite(row["standard_error"].get<double>());
-    console.Print(std::string("  {name} ({value}): {volume:0} mm^3") + (isKnown ? " +- {standard_error:0}" : ""), row);
-  }
-  for (const Json& row : scores)
-  {
-    const bool isKnown = std::isfinite(row["length_error"].get<double>());
-    console.Print(std::string("  {name}, Dice on frames held out: field {field:3}, nearest labelled frame {nearest:3}, "
-                              "compounded volume {compounding:3}") +
-                      (isKnown ? "; lengths are off by {length_error:2} mm, areas by {area_error:2} mm x outline" : ""),
-                  row);
-  }
-  console.Report(answer);
 }
 
 ExitCode LabelField(Console& console, const LabelOptions& options)
@@ -200,10 +178,9 @@ ExitCode LabelField(Console& console, const LabelOptions& options)
   const ImportedSweep imported = SweepFromImage(frames);
   const LabelFrames given =
       DrawnFrames(ReadLabels(options, frames, console), frames, imported, options.keepEmpty, console);
-  std::vector<int> places(given.frames.size());
-  std::iota(places.begin(), places.end(), 0);
-  const auto [fitted, heldOut] = SplitHoldOut(static_cast<int>(places.size()), options.holdOut);
-  const LabelFrames training = given.Subset(fitted);
+  const auto [fitted, others] = SplitHoldOut(static_cast<int>(given.frames.size()), options.holdOut);
+  const LabelFrames training = given.Subset(fitted), heldOut = given.Subset(others);
+  const GaussianField plain = FieldFromPolyData(field);
 
   const auto start = std::chrono::steady_clock::now();
   const auto progress = [&console](double share)
@@ -211,20 +188,34 @@ ExitCode LabelField(Console& console, const LabelOptions& options)
     console.Progress("Labelling", share);
     return !IsInterrupted();
   };
-  const FieldLabels found =
-      FitLabels(FieldFromPolyData(field), *imported.sweep, training, {options.iterations, options.engine, progress});
+  const FieldLabels found = FitLabels(plain, *imported.sweep, training, {options.iterations, options.engine, progress});
   if (found.labels.empty())
   {
     throw Interrupted();
   }
-  const double seconds = SecondsSince(start);
+  Json answer = {{"output", options.output},         {"labels", {}}, {"fitted_frames", fitted.size()},
+                 {"held_out_frames", others.size()}, {"dice", {}},   {"seconds", SecondsSince(start)}};
   LabelsToPolyData(found, field);
   WriteFieldData(field, options.output, false, console);
 
-  const Json scores =
-      heldOut.empty() ? Json() : HeldOut(field, *imported.sweep, training, given.Subset(heldOut), options.engine);
-  const Json volumes = Volumes(field, found, *imported.sweep, training, options.engine);
-  Tell(options.output, volumes, training.frames.size(), heldOut.size(), scores, seconds, console);
+  const double noise = TrackerNoise(*imported.sweep, 0);
+  const auto volumes = MeasureLabels(plain, found, *imported.sweep, training, noise, options.engine);
+  std::vector<LabelScore> scores;
+  if (!others.empty())
+  {
+    heldOut.Validate(*imported.sweep);
+    std::vector<SlicePlane> planes;
+    std::transform(heldOut.frames.begin(), heldOut.frames.end(), std::back_inserter(planes),
+                   [&](int frame) { return imported.sweep->Plane(frame); });
+    scores = ScoreLabels(plain, found, *imported.sweep, training, planes, heldOut.pixels, options.engine);
+  }
+  console.Print("{output}: labels of {fitted_frames} frames in {seconds:1} s", answer);
+  answer["labels"] = ToldOfVolumes(volumes, console);
+  if (!others.empty())
+  {
+    answer["dice"] = ToldOfScores(scores, console);
+  }
+  console.Report(answer);
   return Success;
 }
 

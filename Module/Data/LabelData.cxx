@@ -9,6 +9,7 @@
 
 #include "Core/Model/Error.h"
 #include "Data/Arrays.h"
+#include "vtkDataArrayRange.h"
 #include "vtkDoubleArray.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
@@ -32,12 +33,9 @@ const std::string kOwner = "Labels";
 
 void AddWeights(vtkDataArray* array, std::vector<float>& weights)
 {
-  for (vtkIdType i = 0; i < array->GetNumberOfTuples(); ++i)
+  for (const double weight : vtk::DataArrayValueRange(array))
   {
-    for (int k = 0; k < array->GetNumberOfComponents(); ++k)
-    {
-      weights.push_back(static_cast<float>(array->GetComponent(i, k)));
-    }
+    weights.push_back(static_cast<float>(weight));
   }
 }
 

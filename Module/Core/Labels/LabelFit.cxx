@@ -45,10 +45,9 @@ float Soft(float distance)
   return std::clamp(0.5f + 0.5f * distance / kFade, 0.0f, 1.0f);
 }
 
-/// Pixels from each pixel to the border of what has this value, positive inside.
-cv::Mat SignedDistances(const std::uint8_t* pixels, int width, int height, int value)
+/// Pixels from each pixel to the border of a mask, positive inside.
+cv::Mat SignedDistances(const cv::Mat& inside)
 {
-  const cv::Mat inside = MaskOf(pixels, width, height, value);
   cv::Mat distances, away;
   cv::distanceTransform(inside, distances, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   cv::distanceTransform(~inside, away, cv::DIST_L2, cv::DIST_MASK_PRECISE);
@@ -140,13 +139,13 @@ public:
     shapes_.width = sweep.width;
     shapes_.height = sweep.height;
     shapes_.pixelType = Sweep::PixelType::Float32;
+    int place = 0;
     for (const std::vector<int>& own : BySequence(sweep, given.frames))
     {
       AddEnd(own.front(), own[own.size() > 1 ? 1 : 0], -1);
       for (const int frame : own)
       {
-        const auto found = std::lower_bound(given.frames.begin(), given.frames.end(), frame);
-        Add(static_cast<int>(found - given.frames.begin()), frame, Eigen::Vector3d::Zero());
+        Add(place++, frame, Eigen::Vector3d::Zero());
       }
       AddEnd(own.back(), own[own.size() > 1 ? own.size() - 2 : 0], 1);
     }
@@ -155,43 +154,41 @@ public:
   /// Takes the shapes of one label. `soft` gets its soft pictures of the frames given, 0 to 255. False where no frame has it.
   bool Take(int value, std::uint8_t* soft)
   {
-    const std::size_t n = sweep_.PixelsPerFrame();
-    auto pixels = std::make_shared<std::vector<float>>(pictures_.size() * n);
-    std::vector<float> deepest(pictures_.size(), 0);
+    const auto count = static_cast<int>(pictures_.size());
+    levels_.create(count * sweep_.height, sweep_.width, CV_32F);
+    deepest_.assign(pictures_.size(), 0);
     cv::Mat before, here;
-    for (std::size_t f = 0; f < pictures_.size(); ++f, before = here)
+    for (int f = 0; f < count; ++f, before = here)
     {
-      here = cv::Mat();
-      if (pictures_[f] >= 0)
+      here = DistancesOf(f, value);
+      if (!here.empty())
       {
-        const std::size_t place = n * pictures_[f];
-        here = Measure(&given_.pixels[place], value, &(*pixels)[f * n], deepest[f]);
-        for (std::size_t p = 0; p < n && deepest[f] > 0; ++p)
-        {
-          soft[place + p] =
-              static_cast<std::uint8_t>(std::lround(255 * Soft(((*pixels)[f * n + p] - 0.5f) * 2 * kReach)));
-        }
+        double depth = 0;
+        cv::minMaxLoc(here, nullptr, &depth);
+        deepest_[f] = std::min(static_cast<float>(depth), kReach);  // a picture that is filled has no border
+        SetLevels(f, here);
+        cv::Mat bytes(here.size(), CV_8U, soft + sweep_.PixelsPerFrame() * pictures_[f]);
+        here.convertTo(bytes, CV_8U, 127.5 / kFade, 127.5);
       }
       if (f > 0)
       {
-        const int k = static_cast<int>(f);
         const bool isFollowed = !before.empty() && !here.empty();
-        moves_.push_back(isFollowed ? MovesOf(shapes_.Plane(k - 1), before, shapes_.Plane(k), here) : PixelMoves());
+        moves_.push_back(isFollowed ? MovesOf(shapes_.Plane(f - 1), before, shapes_.Plane(f), here) : PixelMoves());
       }
     }
-    if (std::all_of(deepest.begin(), deepest.end(), [](float depth) { return depth == 0; }))
+    if (*std::max_element(deepest_.begin(), deepest_.end()) == 0)
     {
       return false;
     }
-    FillAbsent(deepest, *pixels);
-    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    FillAbsent();
+    for (int f = 0; f < count; ++f)
     {
       if (pictures_[f] == kGoesOn)
       {
-        FillEnd(value, deepest, f, *pixels);
+        FillEnd(value, f);
       }
     }
-    shapes_.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+    shapes_.pixels = std::shared_ptr<const void>(std::make_shared<cv::Mat>(levels_), levels_.data);
     return true;
   }
 
@@ -210,13 +207,9 @@ public:
   Eigen::AlignedBox3d Box(int value) const
   {
     Eigen::AlignedBox3d box;
-    const std::size_t n = sweep_.PixelsPerFrame();
     for (std::size_t f = 0; f < pictures_.size(); ++f)
     {
-      const cv::Rect own =
-          pictures_[f] < 0
-              ? cv::Rect()
-              : cv::boundingRect(MaskOf(&given_.pixels[n * pictures_[f]], sweep_.width, sweep_.height, value));
+      const cv::Rect own = pictures_[f] < 0 ? cv::Rect() : cv::boundingRect(ShownOn(f, value));
       for (std::size_t near = f - (f > 0); !own.empty() && near < std::min(f + 2, pictures_.size()); ++near)
       {
         const SlicePlane plane = shapes_.Plane(static_cast<int>(near));
@@ -285,74 +278,71 @@ private:
     shapes_.sequences.push_back(sweep_.SequenceOf(frame));
   }
 
-  /// Signed distances, also as levels; empty where the picture does not show the label.
-  cv::Mat Measure(const std::uint8_t* picture, int value, float* levels, float& deepest) const
+  /// Where the picture shows a label.
+  cv::Mat ShownOn(std::size_t f, int value) const
   {
-    const std::size_t n = sweep_.PixelsPerFrame();
-    if (std::find(picture, picture + n, value) == picture + n)
-    {
-      return {};
-    }
-    const cv::Mat distances = SignedDistances(picture, sweep_.width, sweep_.height, value);
-    const float* const first = distances.ptr<float>();
-    deepest = std::min(*std::max_element(first, first + n), kReach);  // a picture that is filled has no border
-    ToLevels(distances, levels);
-    return distances;
+    return MaskOf(&given_.pixels[sweep_.PixelsPerFrame() * pictures_[f]], sweep_.width, sweep_.height, value);
   }
 
-  static void ToLevels(const cv::Mat& distances, float* levels)
+  /// Empty where no picture shows the label.
+  cv::Mat DistancesOf(std::size_t f, int value) const
   {
-    const float* const first = distances.ptr<float>();
-    std::transform(first, first + distances.total(), levels,
-                   [](float d) { return 0.5f + 0.5f * std::clamp(d / kReach, -1.0f, 1.0f); });
+    const cv::Mat inside = pictures_[f] < 0 ? cv::Mat() : ShownOn(f, value);
+    return cv::countNonZero(inside) > 0 ? SignedDistances(inside) : cv::Mat();
+  }
+
+  cv::Mat LevelsOf(int f) { return levels_.rowRange(f * sweep_.height, (f + 1) * sweep_.height); }
+
+  void SetLevels(int f, const cv::Mat& distances)
+  {
+    cv::Mat levels = LevelsOf(f);
+    distances.convertTo(levels, CV_32F, 0.5 / kReach, 0.5);
+    cv::min(levels, 1, levels);
+    cv::max(levels, 0, levels);
   }
 
   /// Where a frame has no label it ends half way to it, where it is deepest.
-  void FillAbsent(const std::vector<float>& deepest, std::vector<float>& levels) const
+  void FillAbsent()
   {
-    const std::size_t n = sweep_.PixelsPerFrame();
+    const auto depthOf = [this](std::size_t f) { return f < deepest_.size() ? deepest_[f] : 0; };
     for (std::size_t f = 0; f < pictures_.size(); ++f)
     {
-      if (deepest[f] > 0)
-      {
-        continue;
-      }
       float depth = 0;
       for (std::size_t away = 1; away < pictures_.size() && depth == 0; ++away)
       {
-        depth = std::max(f >= away ? deepest[f - away] : 0, f + away < deepest.size() ? deepest[f + away] : 0);
+        depth = std::max(depthOf(f - away), depthOf(f + away));  // none before the first, where f - away wraps
       }
-      std::fill_n(levels.begin() + f * n, n, 0.5f - 0.5f * depth / kReach);
+      if (deepest_[f] == 0)
+      {
+        LevelsOf(static_cast<int>(f)).setTo(0.5f - 0.5f * depth / kReach);
+      }
     }
   }
 
   /// Where a label goes on behind the end `f` of a sweep as it came; half way to none where only the last frame has it.
-  void FillEnd(int value, const std::vector<float>& deepest, std::size_t f, std::vector<float>& levels)
+  void FillEnd(int value, int f)
   {
-    const std::size_t n = sweep_.PixelsPerFrame();
-    const bool isAfter = f > 0 && pictures_[f - 1] >= 0;
-    const std::size_t last = isAfter ? f - 1 : f + 1, before = isAfter ? f - 2 : f + 2, none = isAfter ? f + 1 : f - 1;
-    const auto levelsOf = [&](std::size_t of) { return Eigen::Map<Eigen::ArrayXf>(&levels[of * n], n); };
-    if (deepest[last] == 0 || deepest[before] == 0)
+    const int side = f > 0 && pictures_[f - 1] >= 0 ? -1 : 1, last = f + side, before = last + side;
+    if (deepest_[last] == 0 || deepest_[before] == 0)
     {
-      levelsOf(f) = 0.5f * (levelsOf(last) + levelsOf(none));
+      cv::Mat levels = LevelsOf(f);
+      cv::addWeighted(LevelsOf(last), 0.5, LevelsOf(f - side), 0.5, 0, levels);
       return;
     }
-    const auto distances = [&](std::size_t of)
-    { return SignedDistances(&given_.pixels[n * pictures_[of]], sweep_.width, sweep_.height, value); };
-    PixelMoves moves;
-    ToLevels(GoneOn(shapes_.Plane(last), distances(last), shapes_.Plane(before), distances(before), moves),
-             &levels[f * n]);
+    PixelMoves& moves = moves_[std::min(f, last)];
+    SetLevels(f, GoneOn(shapes_.Plane(last), DistancesOf(last, value), shapes_.Plane(before),
+                        DistancesOf(before, value), moves));
     for (float& move : moves.moves)
     {
-      move = isAfter ? -move : move;
+      move *= static_cast<float>(side);
     }
-    moves_[std::min(f, last)] = moves;
   }
 
   const Sweep& sweep_;
   const LabelFrames& given_;
   std::vector<int> pictures_;      // [frames of shapes_] place in given_
+  std::vector<float> deepest_;     // [frames of shapes_] pixels inside, up to kReach; 0: does not show it
+  cv::Mat levels_;                 // [frames of shapes_ * height][width]
   std::vector<PixelMoves> moves_;  // [frames of shapes_ but the last]
   Sweep shapes_;
 };

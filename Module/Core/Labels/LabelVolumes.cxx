@@ -69,6 +69,7 @@ double VarianceOf(const std::vector<Section>& sections, double trackerNoise)
 LabelVolume VolumeBySections(const Sweep& sweep, const LabelFrames& drawn, const Label& label, double trackerNoise)
 {
   LabelVolume sum{label, 0, 0};
+  const std::uint8_t* picture = drawn.pixels.data();
   std::size_t seen = 0;
   bool isKnown = true;
   for (const std::vector<int>& own : BySequence(sweep, drawn.frames))
@@ -78,9 +79,8 @@ LabelVolume VolumeBySections(const Sweep& sweep, const LabelFrames& drawn, const
     for (std::size_t f = 0; f < own.size(); ++f)
     {
       const SlicePlane plane = sweep.Plane(own[f]);
-      const std::size_t place =
-          std::lower_bound(drawn.frames.begin(), drawn.frames.end(), own[f]) - drawn.frames.begin();
-      sections.push_back(SectionOf(&drawn.pixels[place * sweep.PixelsPerFrame()], plane, label.value));
+      sections.push_back(SectionOf(picture, plane, label.value));
+      picture += sweep.PixelsPerFrame();
       seenHere += sections.back().area > 0;
       if (f == 0)
       {
